@@ -1,0 +1,95 @@
+//! Axis-aligned boxes of triangles at their current positions.
+//!
+//! Every box is grown by half of the distance at which a pair matters, so that two triangles within that distance have
+//! boxes that overlap. The boxes follow the triangles, never the offset spheres. Feeds the broad phase.
+
+use glam::Vec3;
+
+/// Boxes are grown by this many units in the last place of their largest coordinate besides, so that f32 rounding of
+/// their planes never loses a pair.
+const ROUNDING_GROWTH: f32 = 2.0 * f32::EPSILON;
+
+/// An axis-aligned box. Empty where a minimum exceeds its maximum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// Smallest coordinates.
+    pub min: Vec3,
+    /// Largest coordinates.
+    pub max: Vec3,
+}
+
+impl Aabb {
+    /// The box of nothing: overlaps nothing, and joins as the neutral element.
+    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// The smallest box around some points.
+    #[must_use]
+    pub fn from_points(points: impl IntoIterator<Item = Vec3>) -> Self {
+        points
+            .into_iter()
+            .fold(Self::EMPTY, |bounds, point| Self { min: bounds.min.min(point), max: bounds.max.max(point) })
+    }
+
+    /// The smallest box around both.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// Whether the closed boxes share a point.
+    #[must_use]
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
+    }
+
+    /// The box with every side moved outward by `distance` and by what rounding may take.
+    #[must_use]
+    pub fn grown(&self, distance: f32) -> Self {
+        let largest = self.min.abs().max(self.max.abs()).max_element();
+        let growth = Vec3::splat(distance + ROUNDING_GROWTH * (largest + distance));
+        Self { min: self.min - growth, max: self.max + growth }
+    }
+
+    /// Sum of the products of two side lengths: half the surface area.
+    #[must_use]
+    pub fn half_area(&self) -> f32 {
+        let size = (self.max - self.min).max(Vec3::ZERO);
+        size.x * size.y + size.y * size.z + size.z * size.x
+    }
+}
+
+/// Writes the box of every triangle, grown by `growth`, into `bounds` and returns the box around all of them.
+pub fn triangle_bounds(positions: &[Vec3], triangles: &[[u32; 3]], growth: f32, bounds: &mut Vec<Aabb>) -> Aabb {
+    bounds.clear();
+    bounds.reserve(triangles.len());
+    let mut whole = Aabb::EMPTY;
+    for corners in triangles {
+        let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
+        let grown = Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }.grown(growth);
+        whole = whole.union(&grown);
+        bounds.push(grown);
+    }
+    whole
+}
+
+/// Writes every pair of overlapping boxes of one list, lower index first, sorted, by comparing all of them.
+pub fn self_pairs_brute_force(bounds: &[Aabb], pairs: &mut Vec<[u32; 2]>) {
+    for (first, own) in bounds.iter().enumerate() {
+        for (second, other) in bounds.iter().enumerate().skip(first + 1) {
+            if own.overlaps(other) {
+                pairs.push([first as u32, second as u32]);
+            }
+        }
+    }
+}
+
+/// Writes every pair of overlapping boxes of two lists, sorted, by comparing all of them.
+pub fn pairs_between_brute_force(bounds_a: &[Aabb], bounds_b: &[Aabb], pairs: &mut Vec<[u32; 2]>) {
+    for (first, own) in bounds_a.iter().enumerate() {
+        for (second, other) in bounds_b.iter().enumerate() {
+            if own.overlaps(other) {
+                pairs.push([first as u32, second as u32]);
+            }
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Safety cones: from which directions a sphere's cap is the real surface.
+//!
+//! Two offset spheres touch as surfaces only where the line between their centers leaves both through their caps.
+//! Reads the spheres of `circumsphere`; the cone stage keeps the pairs that pass. The test alone misses contacts, so
+//! only the `Circumsphere` method rejects by it. The signed gap is the source paper's, put in terms of plane heights.
+
+use glam::Vec3;
+
+/// Slack of the cone comparison, as a cosine: a direction that the crease clamp puts exactly on the cone's boundary
+/// passes in spite of rounding.
+const BOUNDARY_SLACK: f32 = 1.0e-4;
+
+/// The cones of a surface's triangles, structure of arrays.
+#[derive(Clone, Debug, Default)]
+pub struct SafetyCones {
+    /// Unit normals of the triangles; of a triangle without area the last normal it had, or zero.
+    pub axes: Vec<Vec3>,
+    /// Cosines of the half-angles; [`EVERYWHERE`](Self::EVERYWHERE) where a triangle has no area.
+    pub cosines: Vec<f32>,
+}
+
+impl SafetyCones {
+    /// The cosine of a cone that holds every direction.
+    pub const EVERYWHERE: f32 = -1.0;
+
+    pub(super) fn resize(&mut self, count: usize) {
+        self.axes.resize(count, Vec3::ZERO);
+        self.cosines.resize(count, Self::EVERYWHERE);
+    }
+}
+
+/// One triangle's sphere and cone, as the pair test needs them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cap {
+    /// Center of the offset sphere.
+    pub center: Vec3,
+    /// Radius of the offset sphere.
+    pub radius: f32,
+    /// Height of the triangle's plane above the center.
+    pub height: f32,
+    /// Unit normal of the triangle.
+    pub axis: Vec3,
+    /// Cosine of the cone's half-angle.
+    pub cosine: f32,
+}
+
+/// Where the line between two caps' centers crosses their triangles' planes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CapContact {
+    /// The crossing with the first triangle's plane.
+    pub point_a: Vec3,
+    /// The crossing with the second triangle's plane.
+    pub point_b: Vec3,
+    /// Unit direction from the first center to the second.
+    pub direction: Vec3,
+    /// Distance from `point_a` to `point_b` along `direction`; negative where the planes have passed each other.
+    pub gap: f32,
+}
+
+/// Whether two spheres come within `reach` (0 or more) of each other.
+#[must_use]
+pub fn spheres_overlap(center_a: Vec3, radius_a: f32, center_b: Vec3, radius_b: f32, reach: f32) -> bool {
+    let sum = radius_a + radius_b + reach;
+    center_a.distance_squared(center_b) <= sum * sum
+}
+
+/// The cone test: the contact of two caps along the line between their centers, or `None` where that line leaves a
+/// sphere outside its cone. Concentric caps have no line; they are in contact, along the first one's normal.
+#[must_use]
+pub fn cap_contact(a: &Cap, b: &Cap) -> Option<CapContact> {
+    let between = b.center - a.center;
+    let length = between.length();
+    if length <= f32::EPSILON * (a.radius + b.radius) {
+        let (point_a, point_b) = (a.center + a.axis * a.height, b.center + b.axis * b.height);
+        return Some(CapContact { point_a, point_b, direction: a.axis, gap: (point_b - point_a).dot(a.axis) });
+    }
+    let direction = between / length;
+    let (toward_b, toward_a) = (direction.dot(a.axis), -direction.dot(b.axis));
+    if toward_b < a.cosine - BOUNDARY_SLACK || toward_a < b.cosine - BOUNDARY_SLACK {
+        return None;
+    }
+    // A direction that passed meets the plane within the sphere; the bound keeps the slack from reaching past it.
+    let to_plane = |cap: &Cap, toward: f32| {
+        if cap.height > 0.0 { (cap.height / toward.max(f32::MIN_POSITIVE)).min(cap.radius) } else { 0.0 }
+    };
+    let (from_a, from_b) = (to_plane(a, toward_b), to_plane(b, toward_a));
+    Some(CapContact {
+        point_a: a.center + direction * from_a,
+        point_b: b.center - direction * from_b,
+        direction,
+        gap: length - from_a - from_b,
+    })
+}

@@ -1,0 +1,166 @@
+//! The compact record of one contact, and the key that names it from tick to tick.
+//!
+//! Written by `refine` and the sphere stages, sorted and stored by the `contacts` room.
+
+use glam::{DVec3, Vec3};
+
+use super::{
+    exact::{Feature, FeaturePair, rigid_shape::ShapeProximity},
+    topology::SurfaceTopology,
+};
+
+/// Bits of a feature's number within a key.
+const FEATURE_BITS: u32 = 28;
+
+/// Names a contact within its pair of surfaces: the kind of both features and their welded vertex, edge or triangle
+/// numbers. The same two features have the same key in every tick, so a solver can keep what it knows about them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ContactKey(pub u64);
+
+impl ContactKey {
+    fn new(features: FeaturePair, number_a: u32, number_b: u32) -> Self {
+        let rank = |feature: Feature| match feature {
+            Feature::Vertex(_) => 0u64,
+            Feature::Edge(_) => 1,
+            Feature::Face => 2,
+        };
+        let kinds = rank(features.a) * 3 + rank(features.b);
+        Self((kinds << (2 * FEATURE_BITS)) | (u64::from(number_a) << FEATURE_BITS) | u64::from(number_b))
+    }
+}
+
+/// The number of a triangle's feature: its welded vertex, its edge, or the triangle itself.
+#[must_use]
+pub fn feature_number(topology: &SurfaceTopology, triangle: u32, feature: Feature) -> u32 {
+    match feature {
+        Feature::Vertex(corner) => topology.welded_triangles()[triangle as usize][corner as usize],
+        Feature::Edge(edge) => topology.triangle_edges()[triangle as usize][edge as usize],
+        Feature::Face => triangle,
+    }
+}
+
+/// One feature pair in contact. Positions and directions are in the frame of the pair; distances in world units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CompactContact {
+    /// Names the feature pair within its pair of surfaces.
+    pub key: ContactKey,
+    /// Triangle of the first surface, as the caller numbered it.
+    pub triangle_a: u32,
+    /// Triangle of the second surface; of a rigid shape the number of its part.
+    pub triangle_b: u32,
+    /// Which parts of the two triangles. A rigid shape is a face.
+    pub features: FeaturePair,
+    /// Weights of the first two corners of triangle a; the third is what is left of 1.
+    pub barycentric_a: [f32; 2],
+    /// Weights of the first two corners of triangle b; without meaning for a rigid shape.
+    pub barycentric_b: [f32; 2],
+    /// The contact point on the second side, in the frame of the pair.
+    pub point_b: Vec3,
+    /// Unit vector from the second side to the first, in the frame of the pair: moving the first side along it parts
+    /// the two.
+    pub normal: Vec3,
+    /// Signed distance of the two contact points in world units: negative where the sides have passed each other.
+    pub distance: f32,
+}
+
+/// A pair of triangles that touch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TouchingPair {
+    /// Triangle of the first surface.
+    pub triangle_a: u32,
+    /// Triangle of the second surface; the higher one of a self-collision.
+    pub triangle_b: u32,
+    /// Their distance in world units, at least 0; 0 where they cross.
+    pub distance: f64,
+}
+
+impl CompactContact {
+    /// Names a contact and rounds it to storage precision. In a self-collision (`same_surface`) a feature pair is the
+    /// same from either side, so its key does not depend on which triangle came first.
+    #[expect(clippy::too_many_arguments, reason = "one argument per field of the record")]
+    pub(crate) fn between_triangles(
+        topologies: [&SurfaceTopology; 2],
+        triangles: [u32; 2],
+        same_surface: bool,
+        features: FeaturePair,
+        barycentric_a: [f64; 3],
+        barycentric_b: [f64; 3],
+        point_b: DVec3,
+        normal: DVec3,
+        distance: f64,
+    ) -> Self {
+        Self {
+            key: triangle_key(topologies, triangles, same_surface, features),
+            triangle_a: triangles[0],
+            triangle_b: triangles[1],
+            features,
+            barycentric_a: [barycentric_a[0] as f32, barycentric_a[1] as f32],
+            barycentric_b: [barycentric_b[0] as f32, barycentric_b[1] as f32],
+            point_b: point_b.as_vec3(),
+            normal: normal.as_vec3(),
+            distance: distance as f32,
+        }
+    }
+
+    /// A contact with a rigid shape. `scale` is the world length of a unit of the shape's frame.
+    #[must_use]
+    pub fn with_shape(topology: &SurfaceTopology, triangle: u32, proximity: &ShapeProximity, scale: f64) -> Self {
+        let features = FeaturePair {
+            a: proximity.feature,
+            // The pair's kind tells a crossing apart: an edge of the triangle or of the shape pierces a face.
+            b: match (proximity.crossing, proximity.feature) {
+                (true, Feature::Face) => Feature::Edge(0),
+                _ => Feature::Face,
+            },
+        };
+        let number = feature_number(topology, triangle, proximity.feature);
+        Self {
+            key: ContactKey::new(features, number, proximity.shape_feature),
+            triangle_a: triangle,
+            triangle_b: proximity.shape_feature,
+            features,
+            barycentric_a: [proximity.barycentric[0] as f32, proximity.barycentric[1] as f32],
+            barycentric_b: [0.0; 2],
+            point_b: proximity.shape_point.as_vec3(),
+            normal: proximity.normal.as_vec3(),
+            distance: (proximity.distance * scale) as f32,
+        }
+    }
+}
+
+/// Puts the features of a self-collision into the order that its key uses: vertex before edge before face, and of two
+/// of a kind the lower number first.
+pub(crate) fn canonical_order(
+    topologies: [&SurfaceTopology; 2],
+    triangles: [u32; 2],
+    same_surface: bool,
+    features: FeaturePair,
+) -> (FeaturePair, [u32; 2]) {
+    let name = |side: usize, feature: Feature| {
+        let rank = match feature {
+            Feature::Vertex(_) => 0,
+            Feature::Edge(_) => 1,
+            Feature::Face => 2,
+        };
+        (rank, feature_number(topologies[side], triangles[side], feature))
+    };
+    if same_surface && name(1, features.b) < name(0, features.a) {
+        (features.swapped(), [triangles[1], triangles[0]])
+    } else {
+        (features, triangles)
+    }
+}
+
+fn triangle_key(
+    topologies: [&SurfaceTopology; 2],
+    triangles: [u32; 2],
+    same_surface: bool,
+    features: FeaturePair,
+) -> ContactKey {
+    let (ordered, [first, second]) = canonical_order(topologies, triangles, same_surface, features);
+    ContactKey::new(
+        ordered,
+        feature_number(topologies[0], first, ordered.a),
+        feature_number(topologies[1], second, ordered.b),
+    )
+}

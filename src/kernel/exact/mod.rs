@@ -1,0 +1,13 @@
+//! Exact proximity of two triangles, and of a triangle and a rigid shape, in f64.
+//!
+//! Last geometric stage: candidate pairs come in, distances and feature pairs go out. Input positions are f32 and
+//! taken as exact; every difference is formed in f64 relative to a corner of the pair.
+
+pub mod cull;
+pub mod feature;
+pub mod rigid_shape;
+pub mod side;
+pub mod triangle_pair;
+
+pub use feature::{Feature, FeatureKind, FeaturePair};
+pub use triangle_pair::{PairProximity, Proximity, examine_pair};

@@ -1,0 +1,266 @@
+//! Distance of two triangles and the feature pairs that realize it.
+//!
+//! The distance of two triangles that do not cross is attained between a vertex and the inside of a face, between the
+//! insides of two edges, or between a vertex and an edge (its ends included); those 6 + 9 + 18 cases are examined. A
+//! crossing shows itself by an edge that pierces a face, wherever the features lie: of deeply crossing triangles no
+//! feature need be near another. Coplanar crossings have edges that cross or a vertex inside the other face.
+
+use arrayvec::ArrayVec;
+use glam::DVec3;
+
+use super::feature::{Feature, FeaturePair};
+
+/// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, 1 closest on the boundary.
+pub const MAX_PROXIMITIES: usize = 22;
+
+/// Two edges whose angle has a smaller sine are parallel: their closest points are then at an end of one of them. In
+/// f64, products of differences of f32 numbers resolve sines far below this.
+const PARALLEL_SINE: f64 = 1.0e-12;
+
+/// A pair of features that are close to each other, or that cross.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Proximity {
+    /// Which parts of the two triangles.
+    pub features: FeaturePair,
+    /// Weights of the first triangle's corners; they sum to 1.
+    pub barycentric_a: [f64; 3],
+    /// Weights of the second triangle's corners; they sum to 1.
+    pub barycentric_b: [f64; 3],
+    /// From the point on the second triangle to the point on the first; zero where an edge pierces a face.
+    pub separation: DVec3,
+    /// Length of `separation`, at least 0.
+    pub distance: f64,
+}
+
+/// What is known about a pair of triangles.
+#[derive(Clone, Debug, Default)]
+pub struct PairProximity {
+    /// Distance of the two triangles, 0 where an edge of one pierces the other. Exact up to the range that was asked
+    /// for; a pair farther apart has some value above the range.
+    pub distance: f64,
+    /// Vertex–face and edge–edge pairs within range that face each other, every piercing edge–face pair, and the
+    /// closest vertex–edge or vertex–vertex pair where no other is as close.
+    pub proximities: ArrayVec<Proximity, MAX_PROXIMITIES>,
+}
+
+/// A triangle with what every case needs.
+struct Sides {
+    corners: [DVec3; 3],
+    edges: [DVec3; 3],
+    inverse_lengths_squared: [f64; 3],
+    normal: DVec3,
+    normal_length_squared: f64,
+}
+
+impl Sides {
+    fn new(corners: [DVec3; 3]) -> Self {
+        let edges = [0, 1, 2].map(|k| corners[(k + 1) % 3] - corners[k]);
+        let inverse_lengths_squared = edges.map(|edge| {
+            let squared = edge.length_squared();
+            if squared > 0.0 { squared.recip() } else { 0.0 }
+        });
+        let normal = edges[0].cross(edges[1]);
+        Self { corners, edges, inverse_lengths_squared, normal, normal_length_squared: normal.length_squared() }
+    }
+}
+
+/// Where along the boundary of `face` a vertex is closest to edge `k`.
+#[derive(Clone, Copy)]
+struct BoundaryCandidate {
+    distance_squared: f64,
+    vertex: usize,
+    edge: usize,
+    /// Position along the edge, 0–1.
+    along: f64,
+    /// Whether the vertex is one of the first triangle's.
+    vertex_of_a: bool,
+}
+
+fn corner_weights(corner: usize) -> [f64; 3] {
+    let mut weights = [0.0; 3];
+    weights[corner] = 1.0;
+    weights
+}
+
+fn edge_weights(edge: usize, along: f64) -> [f64; 3] {
+    let mut weights = [0.0; 3];
+    weights[edge] = 1.0 - along;
+    weights[(edge + 1) % 3] = along;
+    weights
+}
+
+/// Weights from three values of the same sign that are proportional to the areas opposite the corners.
+fn normalized(areas: [f64; 3]) -> [f64; 3] {
+    let sum = areas[0] + areas[1] + areas[2];
+    let mut weights = areas.map(|area| area / sum);
+    weights[0] = 1.0 - weights[1] - weights[2];
+    weights
+}
+
+fn point(corners: &[DVec3; 3], weights: &[f64; 3]) -> DVec3 {
+    corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]
+}
+
+/// Examines two triangles: their distance, and every feature pair within `range` (0 or more) that counts, see
+/// [`PairProximity`]. Degenerate triangles count as the segment or point that they are.
+pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut PairProximity) {
+    found.proximities.clear();
+    let origin = a[0];
+    let (a, b) = (Sides::new(a.map(|corner| corner - origin)), Sides::new(b.map(|corner| corner - origin)));
+    let range_squared = range * range;
+
+    let boundary = closest_on_boundary(&a, &b);
+    let mut nearest = boundary.distance_squared;
+    for vertex in 0..3 {
+        nearest = nearest.min(vertex_face(&a, &b, vertex, range_squared, true, found));
+        nearest = nearest.min(vertex_face(&b, &a, vertex, range_squared, false, found));
+    }
+    for edge_a in 0..3 {
+        for edge_b in 0..3 {
+            nearest = nearest.min(edge_edge(&a, &b, edge_a, edge_b, range_squared, found));
+        }
+    }
+    let crossing = pierce(&a, &b, true, found) | pierce(&b, &a, false, found);
+    if !crossing && boundary.distance_squared <= range_squared && boundary.distance_squared <= nearest {
+        found.proximities.push(boundary_proximity(&a, &b, &boundary));
+    }
+    found.distance = if crossing { 0.0 } else { nearest.sqrt() };
+}
+
+fn closest_on_boundary(a: &Sides, b: &Sides) -> BoundaryCandidate {
+    let mut best =
+        BoundaryCandidate { distance_squared: f64::INFINITY, vertex: 0, edge: 0, along: 0.0, vertex_of_a: true };
+    for (own, other, vertex_of_a) in [(a, b, true), (b, a, false)] {
+        for vertex in 0..3 {
+            for edge in 0..3 {
+                let from_start = own.corners[vertex] - other.corners[edge];
+                let along = (from_start.dot(other.edges[edge]) * other.inverse_lengths_squared[edge]).clamp(0.0, 1.0);
+                let distance_squared = (from_start - other.edges[edge] * along).length_squared();
+                if distance_squared < best.distance_squared {
+                    best = BoundaryCandidate { distance_squared, vertex, edge, along, vertex_of_a };
+                }
+            }
+        }
+    }
+    best
+}
+
+fn boundary_proximity(a: &Sides, b: &Sides, candidate: &BoundaryCandidate) -> Proximity {
+    let &BoundaryCandidate { vertex, edge, along, vertex_of_a, .. } = candidate;
+    let feature = if along <= 0.0 {
+        Feature::Vertex(edge as u8)
+    } else if along >= 1.0 {
+        Feature::Vertex(((edge + 1) % 3) as u8)
+    } else {
+        Feature::Edge(edge as u8)
+    };
+    let features = FeaturePair { a: Feature::Vertex(vertex as u8), b: feature };
+    let (own, other) = (corner_weights(vertex), edge_weights(edge, along));
+    let (features, barycentric_a, barycentric_b) =
+        if vertex_of_a { (features, own, other) } else { (features.swapped(), other, own) };
+    let separation = point(&a.corners, &barycentric_a) - point(&b.corners, &barycentric_b);
+    Proximity { features, barycentric_a, barycentric_b, separation, distance: candidate.distance_squared.sqrt() }
+}
+
+/// A vertex of `own` over the inside of the face of `other`. Returns the squared distance, infinite where the vertex
+/// is not over the face or farther than the range.
+fn vertex_face(
+    own: &Sides,
+    other: &Sides,
+    vertex: usize,
+    range_squared: f64,
+    vertex_of_a: bool,
+    found: &mut PairProximity,
+) -> f64 {
+    let from_corner = [0, 1, 2].map(|k| own.corners[vertex] - other.corners[k]);
+    let height = other.normal.dot(from_corner[0]);
+    let distance_squared = height * height / other.normal_length_squared;
+    // The distance from a face without area is not a number.
+    if distance_squared > range_squared || distance_squared.is_nan() {
+        return f64::INFINITY;
+    }
+    let areas = [1, 2, 0].map(|k| other.normal.dot(other.edges[k].cross(from_corner[k])));
+    if !areas.iter().all(|&area| area > 0.0) {
+        return f64::INFINITY;
+    }
+    let features = FeaturePair { a: Feature::Vertex(vertex as u8), b: Feature::Face };
+    let (weights, face_weights) = (corner_weights(vertex), normalized(areas));
+    let separation = other.normal * (height / other.normal_length_squared);
+    let distance = distance_squared.sqrt();
+    found.proximities.push(if vertex_of_a {
+        Proximity { features, barycentric_a: weights, barycentric_b: face_weights, separation, distance }
+    } else {
+        Proximity {
+            features: features.swapped(),
+            barycentric_a: face_weights,
+            barycentric_b: weights,
+            separation: -separation,
+            distance,
+        }
+    });
+    distance_squared
+}
+
+/// The insides of two edges. With `u`, `v` the edges, `n = u × v` and `r` from the start of one to the other, the
+/// closest points of the lines are at `(r × v)·n/|n|²` and `(r × u)·n/|n|²`, a distance `|n·r|/|n|` apart.
+fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: f64, found: &mut PairProximity) -> f64 {
+    let (u, v) = (a.edges[edge_a], b.edges[edge_b]);
+    let normal = u.cross(v);
+    let normal_squared = normal.length_squared();
+    let between = b.corners[edge_b] - a.corners[edge_a];
+    let height = normal.dot(between);
+    let inverse = normal_squared.recip();
+    let distance_squared = height * height * inverse;
+    let parallel = normal_squared <= PARALLEL_SINE * PARALLEL_SINE * u.length_squared() * v.length_squared();
+    if parallel || distance_squared > range_squared {
+        return f64::INFINITY;
+    }
+    let along_a = between.cross(v).dot(normal) * inverse;
+    let along_b = between.cross(u).dot(normal) * inverse;
+    let inside = |along: f64| along > 0.0 && along < 1.0;
+    if !(inside(along_a) && inside(along_b)) {
+        return f64::INFINITY;
+    }
+    found.proximities.push(Proximity {
+        features: FeaturePair { a: Feature::Edge(edge_a as u8), b: Feature::Edge(edge_b as u8) },
+        barycentric_a: edge_weights(edge_a, along_a),
+        barycentric_b: edge_weights(edge_b, along_b),
+        separation: normal * (-height * inverse),
+        distance: distance_squared.sqrt(),
+    });
+    distance_squared
+}
+
+/// Edges of `own` that pierce the face of `other`: their ends lie on different sides of its plane, and its three edges
+/// pass the piercing edge on the same side.
+fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut PairProximity) -> bool {
+    let heights = own.corners.map(|corner| other.normal.dot(corner - other.corners[0]));
+    let mut pierced = false;
+    for edge in 0..3 {
+        let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
+        if (from > 0.0) == (to > 0.0) && (from < 0.0) == (to < 0.0) {
+            continue;
+        }
+        let start = own.corners[edge];
+        let relative = other.corners.map(|corner| corner - start);
+        let volumes = [1, 2, 0].map(|k| own.edges[edge].dot(relative[k].cross(relative[(k + 1) % 3])));
+        let same_side = volumes.iter().all(|&volume| volume >= 0.0) || volumes.iter().all(|&volume| volume <= 0.0);
+        if !same_side || volumes.iter().all(|&volume| volume == 0.0) {
+            continue;
+        }
+        pierced = true;
+        let features = FeaturePair { a: Feature::Edge(edge as u8), b: Feature::Face };
+        let weights = edge_weights(edge, (from / (from - to)).clamp(0.0, 1.0));
+        let face_weights = normalized(volumes);
+        let (features, barycentric_a, barycentric_b) =
+            if edge_of_a { (features, weights, face_weights) } else { (features.swapped(), face_weights, weights) };
+        found.proximities.push(Proximity {
+            features,
+            barycentric_a,
+            barycentric_b,
+            separation: DVec3::ZERO,
+            distance: 0.0,
+        });
+    }
+    pierced
+}

@@ -1,0 +1,20 @@
+//! Pure geometry: slices in, the caller's buffers out, no ECS type.
+//!
+//! Everything here can be used without Bevy's app. Later rooms (`surface`, `detection`, `contacts`) are adapters that
+//! fetch components, call these functions and store what they return. Lengths are in the unit of the positions,
+//! angles in radians, curvature in 1/length.
+
+pub mod bounds;
+pub mod circumsphere;
+pub mod cone;
+pub mod contact;
+pub mod curvature;
+pub mod exact;
+pub mod ids;
+pub mod pose;
+
+pub mod reference;
+pub mod refine;
+pub mod sphere_pairs;
+pub mod topology;
+pub mod tree;

@@ -1,0 +1,308 @@
+//! The exact stage over a list of candidate pairs: adjacency, plane cull, exact distance, contacts.
+//!
+//! Reads candidate triangle pairs and positions in one common frame, writes touching pairs and contacts. A feature
+//! that several triangles share is reported by one of them: the lowest pair of triangles that contains both features
+//! and shares no vertex. That can be decided from the topology alone, because every such pair touches too.
+
+use glam::{DVec3, Vec3};
+
+use super::{
+    contact::{CompactContact, TouchingPair, canonical_order},
+    exact::{
+        Feature, FeaturePair, PairProximity, Proximity,
+        cull::planes_separate,
+        examine_pair,
+        rigid_shape::{ShapeGeometry, ShapeProximity},
+        side::{face_normal, outward_direction},
+    },
+    ids::{EdgeId, TriangleId, VertexId},
+    pose::Pose,
+    topology::SurfaceTopology,
+};
+
+/// One side of a pair, in the frame of the pair.
+#[derive(Clone, Copy)]
+pub struct SurfaceSide<'a> {
+    /// Its triangles.
+    pub topology: &'a SurfaceTopology,
+    /// Its vertices in the frame of the pair.
+    pub positions: &'a [Vec3],
+    /// Whether it has an inside, so that the sign of its distance is known.
+    pub one_sided: bool,
+    /// Whether the way to the frame of the pair turned its outward normals inward.
+    pub mirrored: bool,
+}
+
+impl SurfaceSide<'_> {
+    fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize].as_dvec3())
+    }
+
+    fn outward(&self, triangle: u32, feature: Feature) -> DVec3 {
+        let outward = outward_direction(self.topology, self.positions, triangle as usize, feature);
+        if self.mirrored { -outward } else { outward }
+    }
+}
+
+/// How a list of pairs is refined. Lengths are in world units.
+#[derive(Clone, Copy, Debug)]
+pub struct RefineSettings {
+    /// Triangles touch within this distance.
+    pub contact_distance: f64,
+    /// Contacts are written up to this distance, at least `contact_distance`.
+    pub reported_distance: f64,
+    /// The nearest pair is looked for up to this distance, at least `reported_distance`.
+    pub range: f64,
+    /// World length of a unit of the frame of the pair.
+    pub scale: f64,
+    /// Whether conservative culls come before the exact test. They change the time, never the result.
+    pub cull: bool,
+    /// Whether both sides are the same surface.
+    pub same_surface: bool,
+}
+
+/// What the exact stage found.
+#[derive(Clone, Debug)]
+pub struct RefinedPairs {
+    /// Pairs of triangles that touch, in the order of the candidates.
+    pub touching: Vec<TouchingPair>,
+    /// Contacts in the order of the candidates; one closest on a boundary may occur several times under the same key.
+    pub contacts: Vec<CompactContact>,
+    /// Distance of the nearest pair in world units, at least 0; infinite where none is within range.
+    pub nearest: f64,
+    /// How many pairs reached the exact test.
+    pub examined: usize,
+}
+
+impl Default for RefinedPairs {
+    fn default() -> Self {
+        Self { touching: Vec::new(), contacts: Vec::new(), nearest: f64::INFINITY, examined: 0 }
+    }
+}
+
+impl RefinedPairs {
+    /// Empties the lists and keeps their memory.
+    pub fn clear(&mut self) {
+        self.touching.clear();
+        self.contacts.clear();
+        self.nearest = f64::INFINITY;
+        self.examined = 0;
+    }
+
+    /// Appends what was found in a later part of the candidates.
+    pub fn append(&mut self, mut later: Self) {
+        self.touching.append(&mut later.touching);
+        self.contacts.append(&mut later.contacts);
+        self.nearest = self.nearest.min(later.nearest);
+        self.examined += later.examined;
+    }
+}
+
+/// Tests candidate pairs of two surfaces exactly and appends what it finds.
+pub fn refine_pairs(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &RefineSettings,
+    found: &mut RefinedPairs,
+) {
+    let mut pair = PairProximity::default();
+    let range = settings.range / settings.scale;
+    for &[triangle_a, triangle_b] in candidates {
+        if settings.same_surface && a.topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b)) {
+            continue;
+        }
+        let (corners_a, corners_b) = (a.corners(triangle_a), b.corners(triangle_b));
+        if settings.cull && planes_separate(&corners_a, &corners_b, range) {
+            continue;
+        }
+        found.examined += 1;
+        examine_pair(&corners_a, &corners_b, range, &mut pair);
+        let distance = pair.distance * settings.scale;
+        if distance > settings.range {
+            continue;
+        }
+        found.nearest = found.nearest.min(distance);
+        if distance <= settings.contact_distance {
+            found.touching.push(TouchingPair { triangle_a, triangle_b, distance });
+        }
+        for proximity in &pair.proximities {
+            if proximity.distance * settings.scale <= settings.reported_distance
+                && reports(a, b, settings.same_surface, [triangle_a, triangle_b], proximity.features)
+            {
+                let corners = [&corners_a, &corners_b];
+                found.contacts.push(contact(a, b, settings, [triangle_a, triangle_b], corners, proximity));
+            }
+        }
+    }
+}
+
+/// Tests candidate triangles of a surface exactly against a rigid shape and appends what it finds. `pose` brings the
+/// surface into the shape's frame, which is the frame of the pair.
+pub fn refine_shape(
+    topology: &SurfaceTopology,
+    positions: &[Vec3],
+    pose: &Pose,
+    shape: &ShapeGeometry,
+    candidates: &[[u32; 2]],
+    settings: &RefineSettings,
+    found: &mut RefinedPairs,
+) {
+    let mut scratch = PairProximity::default();
+    let mut proximities: Vec<ShapeProximity> = Vec::new();
+    for &[triangle, _] in candidates {
+        let corners = topology.triangles()[triangle as usize]
+            .map(|vertex| pose.transform_point(positions[vertex as usize].as_dvec3()));
+        proximities.clear();
+        found.examined += 1;
+        let distance =
+            shape.examine(&corners, settings.range / settings.scale, &mut scratch, &mut proximities) * settings.scale;
+        if distance > settings.range {
+            continue;
+        }
+        found.nearest = found.nearest.min(distance.max(0.0));
+        if distance <= settings.contact_distance {
+            found.touching.push(TouchingPair { triangle_a: triangle, triangle_b: 0, distance: distance.max(0.0) });
+        }
+        found.contacts.extend(
+            proximities
+                .iter()
+                .filter(|proximity| proximity.distance * settings.scale <= settings.reported_distance)
+                .map(|proximity| CompactContact::with_shape(topology, triangle, proximity, settings.scale)),
+        );
+    }
+}
+
+/// Whether this pair of triangles is the one that reports a feature pair. Pairs that are closest on a boundary are
+/// reported wherever they are closest, and told apart by their key later.
+fn reports(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    same_surface: bool,
+    triangles: [u32; 2],
+    features: FeaturePair,
+) -> bool {
+    if matches!(
+        (features.a, features.b),
+        (Feature::Vertex(_), Feature::Vertex(_) | Feature::Edge(_)) | (Feature::Edge(_), Feature::Vertex(_))
+    ) {
+        return true;
+    }
+    let (features, [first, second]) = canonical_order([a.topology, b.topology], triangles, same_surface, features);
+    let (own, other) = (&[first][..], &[second][..]);
+    let around_first = triangles_around(a, first, features.a).unwrap_or(own);
+    let around_second = triangles_around(b, second, features.b).unwrap_or(other);
+    for &candidate in around_first.iter().filter(|&&candidate| shares_feature(a, first, features.a, candidate)) {
+        for &partner in around_second.iter().filter(|&&partner| shares_feature(b, second, features.b, partner)) {
+            if !same_surface || !a.topology.share_vertex(TriangleId(candidate), TriangleId(partner)) {
+                return [candidate, partner] == [first, second];
+            }
+        }
+    }
+    // Unreachable: the pair itself shares no vertex.
+    true
+}
+
+fn triangles_around<'a>(side: &SurfaceSide<'a>, triangle: u32, feature: Feature) -> Option<&'a [u32]> {
+    match feature {
+        Feature::Vertex(corner) => {
+            let vertex = side.topology.welded_triangles()[triangle as usize][corner as usize];
+            Some(side.topology.triangles_of_vertex(VertexId(vertex)))
+        }
+        Feature::Edge(edge) => Some(
+            side.topology.triangles_of_edge(EdgeId(side.topology.triangle_edges()[triangle as usize][edge as usize])),
+        ),
+        Feature::Face => None,
+    }
+}
+
+/// Whether `candidate` still has the feature of `triangle` at the same place: vertices that were welded because they
+/// coincided once may have moved apart since.
+fn shares_feature(side: &SurfaceSide<'_>, triangle: u32, feature: Feature, candidate: u32) -> bool {
+    let same_corner = |corner: usize| {
+        let vertex = side.topology.triangles()[triangle as usize][corner];
+        let welded = side.topology.weld()[vertex as usize];
+        let own = side.positions[vertex as usize];
+        side.topology.triangles()[candidate as usize].iter().any(|&other| {
+            other == vertex || side.topology.weld()[other as usize] == welded && side.positions[other as usize] == own
+        })
+    };
+    match feature {
+        Feature::Vertex(corner) => same_corner(corner as usize),
+        Feature::Edge(edge) => same_corner(edge as usize) && same_corner((edge as usize + 1) % 3),
+        Feature::Face => true,
+    }
+}
+
+fn contact(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    settings: &RefineSettings,
+    triangles: [u32; 2],
+    corners: [&[DVec3; 3]; 2],
+    proximity: &Proximity,
+) -> CompactContact {
+    let mut normal =
+        proximity.separation.try_normalize().unwrap_or_else(|| way_out(a, b, triangles, corners, proximity));
+    let mut distance = proximity.distance * settings.scale;
+    if !settings.same_surface && is_inside(a, b, triangles, proximity) {
+        normal = -normal;
+        distance = -distance;
+    }
+    let weights = proximity.barycentric_b;
+    let point_b = corners[1][0] * weights[0] + corners[1][1] * weights[1] + corners[1][2] * weights[2];
+    CompactContact::between_triangles(
+        [a.topology, b.topology],
+        triangles,
+        settings.same_surface,
+        proximity.features,
+        proximity.barycentric_a,
+        weights,
+        point_b,
+        normal,
+        distance,
+    )
+}
+
+/// Whether the sides have passed each other, as far as a one-sided surface tells. A face tells best; of two edges or
+/// vertices the second side's, because the normal points out of it.
+fn is_inside(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    [triangle_a, triangle_b]: [u32; 2],
+    proximity: &Proximity,
+) -> bool {
+    let ask_b = b.one_sided && (proximity.features.a != Feature::Face || !a.one_sided);
+    if ask_b {
+        b.outward(triangle_b, proximity.features.b).dot(proximity.separation) < 0.0
+    } else if a.one_sided {
+        a.outward(triangle_a, proximity.features.a).dot(proximity.separation) > 0.0
+    } else {
+        false
+    }
+}
+
+/// A direction where the points coincide: the normal of the face that is met or pierced, else that of two edges. Out
+/// of a one-sided surface; of a two-sided one towards the side where more of the first side lies.
+fn way_out(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    triangles: [u32; 2],
+    corners: [&[DVec3; 3]; 2],
+    proximity: &Proximity,
+) -> DVec3 {
+    let from_b_to_a = (corners[0].iter().sum::<DVec3>() - corners[1].iter().sum::<DVec3>()) / 3.0;
+    let towards_a = |direction: DVec3| if direction.dot(from_b_to_a) < 0.0 { -direction } else { direction };
+    let features = proximity.features;
+    let direction = match (features.a, features.b) {
+        (Feature::Face, _) if a.one_sided => -a.outward(triangles[0], Feature::Face),
+        (_, Feature::Face) if b.one_sided => b.outward(triangles[1], Feature::Face),
+        (Feature::Face, _) => towards_a(face_normal(corners[0])),
+        (Feature::Edge(edge_a), Feature::Edge(edge_b)) => {
+            let along = |side: usize, edge: u8| corners[side][(edge as usize + 1) % 3] - corners[side][edge as usize];
+            towards_a(along(0, edge_a).cross(along(1, edge_b)))
+        }
+        _ => towards_a(face_normal(corners[1])),
+    };
+    direction.try_normalize().or_else(|| from_b_to_a.try_normalize()).unwrap_or(DVec3::Y)
+}

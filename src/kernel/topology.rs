@@ -1,0 +1,346 @@
+//! What is connected to what in a triangle mesh, found once and shared by every instance.
+//!
+//! Vertices with exactly equal positions are welded for adjacency only: the triangles keep the caller's vertex
+//! numbers. Each welded edge and vertex knows its triangles, so later stages can decide alone which of several
+//! triangles reports a shared feature. First in the flow: positions and triangles come in, adjacency goes out.
+
+use std::collections::HashMap;
+
+use glam::Vec3;
+
+use super::ids::{EdgeId, TriangleId, VertexId};
+
+/// The largest number of vertices, edges or triangles of one surface: feature numbers are packed into 28 bits of a
+/// contact's key.
+pub const MAX_ELEMENTS: usize = (1 << 28) - 1;
+
+/// What makes a list of positions and triangles unusable as a surface.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TopologyError {
+    /// The triangle list is empty.
+    #[error("the surface has no triangles: give at least one")]
+    NoTriangles,
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle} names vertex {vertex}, but there are only {vertices} positions")]
+    VertexOutOfRange {
+        /// The triangle's place in the list.
+        triangle: usize,
+        /// The vertex it names.
+        vertex: u32,
+        /// How many positions there are.
+        vertices: usize,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error("the position of vertex {vertex} is not finite: {position}")]
+    NonFinitePosition {
+        /// The vertex's place in the list.
+        vertex: usize,
+        /// Its position.
+        position: Vec3,
+    },
+    /// More elements than a contact's key can number.
+    #[error("the surface has {count} {element}, more than the {MAX_ELEMENTS} that one surface can have: split it")]
+    TooLarge {
+        /// `"vertices"`, `"triangles"` or `"edges"`.
+        element: &'static str,
+        /// How many there are.
+        count: usize,
+    },
+}
+
+/// What is unusual about a mesh. None of it is an error; all of it is handled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TopologyReport {
+    /// Edges with a single triangle.
+    pub boundary_edges: usize,
+    /// Edges with three triangles or more.
+    pub non_manifold_edges: usize,
+    /// Edges whose two triangles run through them in the same direction: one of them is turned inside out.
+    pub inconsistent_edges: usize,
+    /// Triangles that name the same welded vertex twice.
+    pub collapsed_triangles: usize,
+    /// Vertices that share their position with an earlier one.
+    pub welded_vertices: usize,
+}
+
+/// The triangles of a surface and their adjacency. Immutable: share it behind an [`Arc`](std::sync::Arc).
+#[derive(Clone, Debug)]
+pub struct SurfaceTopology {
+    vertex_count: usize,
+    triangles: Vec<[u32; 3]>,
+    welded_triangles: Vec<[u32; 3]>,
+    weld: Vec<u32>,
+    edges: Vec<[u32; 2]>,
+    triangle_edges: Vec<[u32; 3]>,
+    edge_triangles: Incidence,
+    vertex_triangles: Incidence,
+    report: TopologyReport,
+}
+
+/// For each element of one kind the triangles around it, in ascending order, as one flat list with offsets.
+#[derive(Clone, Debug, Default)]
+struct Incidence {
+    offsets: Vec<u32>,
+    triangles: Vec<u32>,
+}
+
+impl Incidence {
+    /// `corners[t]` names the three elements of triangle `t`.
+    fn new(element_count: usize, corners: &[[u32; 3]]) -> Self {
+        let mut offsets = vec![0u32; element_count + 1];
+        let distinct = |elements: &[u32; 3], corner: usize| !elements[..corner].contains(&elements[corner]);
+        for elements in corners {
+            for corner in 0..3 {
+                if distinct(elements, corner) {
+                    offsets[elements[corner] as usize + 1] += 1;
+                }
+            }
+        }
+        for element in 0..element_count {
+            offsets[element + 1] += offsets[element];
+        }
+        let mut next = offsets.clone();
+        let mut triangles = vec![0u32; offsets[element_count] as usize];
+        for (triangle, elements) in corners.iter().enumerate() {
+            for corner in 0..3 {
+                if distinct(elements, corner) {
+                    let slot = &mut next[elements[corner] as usize];
+                    triangles[*slot as usize] = triangle as u32;
+                    *slot += 1;
+                }
+            }
+        }
+        Self { offsets, triangles }
+    }
+
+    fn around(&self, element: u32) -> &[u32] {
+        let element = element as usize;
+        &self.triangles[self.offsets[element] as usize..self.offsets[element + 1] as usize]
+    }
+}
+
+impl SurfaceTopology {
+    /// Builds the adjacency of `triangles` (vertex numbers, counter-clockwise from outside where the mesh has an
+    /// outside), welding vertices whose `positions` are exactly equal.
+    ///
+    /// # Errors
+    /// An empty triangle list, a vertex number out of range, a coordinate that is not finite, more than
+    /// [`MAX_ELEMENTS`] of anything.
+    pub fn new(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, TopologyError> {
+        validate(positions, triangles)?;
+        let weld = exact_weld(positions);
+        let welded_triangles: Vec<[u32; 3]> =
+            triangles.iter().map(|corners| corners.map(|vertex| weld[vertex as usize])).collect();
+        let (edges, triangle_edges) = unique_edges(&welded_triangles);
+        if edges.len() > MAX_ELEMENTS {
+            return Err(TopologyError::TooLarge { element: "edges", count: edges.len() });
+        }
+        let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
+        let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
+        let mut topology = Self {
+            vertex_count: positions.len(),
+            triangles: triangles.to_vec(),
+            welded_triangles,
+            weld,
+            edges,
+            triangle_edges,
+            edge_triangles,
+            vertex_triangles,
+            report: TopologyReport::default(),
+        };
+        topology.report = topology.inspect();
+        Ok(topology)
+    }
+
+    fn inspect(&self) -> TopologyReport {
+        let mut report = TopologyReport {
+            collapsed_triangles: self.welded_triangles.iter().filter(|&&[a, b, c]| a == b || b == c || c == a).count(),
+            welded_vertices: self.weld.iter().enumerate().filter(|&(vertex, &to)| vertex as u32 != to).count(),
+            ..TopologyReport::default()
+        };
+        for (edge, &[first, second]) in self.edges.iter().enumerate() {
+            if first == second {
+                continue;
+            }
+            match self.edge_triangles.around(edge as u32) {
+                [_] => report.boundary_edges += 1,
+                &[a, b] => {
+                    let forward = |triangle: u32| self.runs_forward(triangle, edge as u32);
+                    report.inconsistent_edges += usize::from(forward(a) == forward(b));
+                }
+                _ => report.non_manifold_edges += 1,
+            }
+        }
+        report
+    }
+
+    /// Whether `triangle` runs through `edge` from its lower to its higher welded vertex.
+    pub(crate) fn runs_forward(&self, triangle: u32, edge: u32) -> bool {
+        let corners = self.welded_triangles[triangle as usize];
+        let [first, second] = self.edges[edge as usize];
+        (0..3).any(|k| corners[k] == first && corners[(k + 1) % 3] == second)
+    }
+
+    /// How many positions the surface needs.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    /// The triangles, as the caller's vertex numbers.
+    #[must_use]
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The triangles as welded vertices: each is named by the first vertex with the same position.
+    #[must_use]
+    pub fn welded_triangles(&self) -> &[[u32; 3]] {
+        &self.welded_triangles
+    }
+
+    /// For each of the caller's vertices the first one with exactly the same position.
+    #[must_use]
+    pub fn weld(&self) -> &[u32] {
+        &self.weld
+    }
+
+    /// The unique edges as pairs of welded vertices, lower first, sorted. A triangle that names a welded vertex twice
+    /// has an edge from that vertex to itself.
+    #[must_use]
+    pub fn edges(&self) -> &[[u32; 2]] {
+        &self.edges
+    }
+
+    /// The edges of each triangle: edge `k` joins its corners `k` and `k + 1`.
+    #[must_use]
+    pub fn triangle_edges(&self) -> &[[u32; 3]] {
+        &self.triangle_edges
+    }
+
+    /// The triangles around an edge, ascending.
+    #[must_use]
+    pub fn triangles_of_edge(&self, edge: EdgeId) -> &[u32] {
+        self.edge_triangles.around(edge.0)
+    }
+
+    /// The triangles around a vertex and everything welded to it, ascending.
+    ///
+    /// # Panics
+    /// If there is no such vertex.
+    #[must_use]
+    pub fn triangles_of_vertex(&self, vertex: VertexId) -> &[u32] {
+        self.vertex_triangles.around(self.weld[vertex.index()])
+    }
+
+    /// Whether two triangles share a welded vertex. Such a pair is never reported as touching.
+    #[must_use]
+    pub fn share_vertex(&self, a: TriangleId, b: TriangleId) -> bool {
+        let [a0, a1, a2] = self.welded_triangles[a.index()];
+        let other = self.welded_triangles[b.index()];
+        // Without short circuits: nine comparisons cost less than one branch that is hard to predict.
+        other.iter().fold(false, |shared, &vertex| shared | (vertex == a0) | (vertex == a1) | (vertex == a2))
+    }
+
+    /// Whether every edge has two triangles that run through it in opposite directions: the surface has an inside.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.report.boundary_edges == 0
+            && self.report.non_manifold_edges == 0
+            && self.report.inconsistent_edges == 0
+            && self.report.collapsed_triangles == 0
+    }
+
+    /// What is unusual about the mesh.
+    #[must_use]
+    pub fn report(&self) -> TopologyReport {
+        self.report
+    }
+
+    /// Mean length of the unique welded edges at the given positions; 0 where there is no edge with two ends.
+    ///
+    /// # Panics
+    /// If there are fewer positions than [`vertex_count`](Self::vertex_count).
+    #[must_use]
+    pub fn mean_edge_length(&self, positions: &[Vec3]) -> f64 {
+        let lengths = self.edges.iter().filter(|[first, second]| first != second).map(|&[first, second]| {
+            (positions[first as usize].as_dvec3() - positions[second as usize].as_dvec3()).length()
+        });
+        let (sum, count) = lengths.fold((0.0, 0usize), |(sum, count), length| (sum + length, count + 1));
+        sum / count.max(1) as f64
+    }
+
+    /// Numbers the connected components (triangles joined through shared welded vertices) in the order of their first
+    /// triangle. Returns the component of each triangle and how many there are.
+    #[must_use]
+    pub fn components(&self) -> (Vec<u32>, usize) {
+        const UNSEEN: u32 = u32::MAX;
+        let mut component = vec![UNSEEN; self.triangles.len()];
+        let mut count = 0;
+        let mut open = Vec::new();
+        for seed in 0..self.triangles.len() {
+            if component[seed] != UNSEEN {
+                continue;
+            }
+            component[seed] = count;
+            open.push(seed as u32);
+            while let Some(triangle) = open.pop() {
+                for vertex in self.welded_triangles[triangle as usize] {
+                    for &neighbor in self.vertex_triangles.around(vertex) {
+                        if component[neighbor as usize] == UNSEEN {
+                            component[neighbor as usize] = count;
+                            open.push(neighbor);
+                        }
+                    }
+                }
+            }
+            count += 1;
+        }
+        (component, count as usize)
+    }
+}
+
+fn validate(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<(), TopologyError> {
+    if triangles.is_empty() {
+        return Err(TopologyError::NoTriangles);
+    }
+    for (element, count) in [("vertices", positions.len()), ("triangles", triangles.len())] {
+        if count > MAX_ELEMENTS {
+            return Err(TopologyError::TooLarge { element, count });
+        }
+    }
+    if let Some(vertex) = positions.iter().position(|position| !position.is_finite()) {
+        return Err(TopologyError::NonFinitePosition { vertex, position: positions[vertex] });
+    }
+    for (triangle, corners) in triangles.iter().enumerate() {
+        if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= positions.len()) {
+            return Err(TopologyError::VertexOutOfRange { triangle, vertex, vertices: positions.len() });
+        }
+    }
+    Ok(())
+}
+
+/// For each vertex the first one with exactly the same position (−0 equals 0).
+fn exact_weld(positions: &[Vec3]) -> Vec<u32> {
+    let mut first = HashMap::with_capacity(positions.len());
+    let bits = |position: &Vec3| (*position + Vec3::ZERO).to_array().map(f32::to_bits);
+    positions
+        .iter()
+        .enumerate()
+        .map(|(vertex, position)| *first.entry(bits(position)).or_insert(vertex as u32))
+        .collect()
+}
+
+fn unique_edges(welded_triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {
+    let side = |corners: &[u32; 3], k: usize| {
+        let (from, to) = (corners[k], corners[(k + 1) % 3]);
+        [from.min(to), from.max(to)]
+    };
+    let mut edges: Vec<[u32; 2]> =
+        welded_triangles.iter().flat_map(|corners| (0..3).map(move |k| side(corners, k))).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    let number = |edge: [u32; 2]| edges.binary_search(&edge).expect("every triangle's edges were collected") as u32;
+    let triangle_edges = welded_triangles.iter().map(|corners| [0, 1, 2].map(|k| number(side(corners, k)))).collect();
+    (edges, triangle_edges)
+}
