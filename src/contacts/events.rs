@@ -1,0 +1,149 @@
+//! Announces when two surfaces come into contact and when they part.
+
+use std::collections::{HashMap, HashSet};
+
+use bevy_app::prelude::*;
+use bevy_ecs::{
+    entity::Entities,
+    prelude::*,
+    schedule::{InternedScheduleLabel, ScheduleLabel},
+};
+
+use super::store::ContactStore;
+use crate::{
+    schedule::DeformableSystems,
+    surface::{PendingQuarantines, QuarantineReason},
+};
+
+/// Two surfaces have parted only when they are farther apart than their contact distance by this share of it: at rest
+/// on the threshold, rounding does not make them part and meet in every tick.
+pub(crate) const EVENT_HYSTERESIS: f32 = 1.0e-3;
+
+/// Two surfaces, or a surface and a shape, came into contact in this tick. Sent for those of which one at least has
+/// [`ContactEventsEnabled`](crate::ContactEventsEnabled).
+///
+/// As a message it comes once a pair; as an entity event to each of the two that asked, as its `entity`. In a
+/// self-collision both are the same.
+#[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SurfaceContactStarted {
+    /// One side.
+    pub entity: Entity,
+    /// The other side.
+    pub other: Entity,
+}
+
+/// Two surfaces, or a surface and a shape, are no longer in contact, because they parted or because one of them is no
+/// longer there. Sent like [`SurfaceContactStarted`]; entities that are gone get no event.
+#[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SurfaceContactEnded {
+    /// One side.
+    pub entity: Entity,
+    /// The other side.
+    pub other: Entity,
+}
+
+/// A surface or shape cannot be used and was set aside. Sent once; it is taken back without a message as soon as its
+/// [`SurfaceStatus`](crate::SurfaceStatus) can be active again.
+#[derive(Message, EntityEvent, Clone, Debug, PartialEq)]
+pub struct SurfaceQuarantined {
+    /// Which.
+    pub entity: Entity,
+    /// Why.
+    pub reason: QuarantineReason,
+}
+
+/// Sends messages and entity events in [`DeformableSystems::Events`].
+pub struct ContactEventsPlugin {
+    schedule: InternedScheduleLabel,
+}
+
+impl ContactEventsPlugin {
+    /// Sends in `schedule`.
+    #[must_use]
+    pub fn new(schedule: impl ScheduleLabel) -> Self {
+        Self { schedule: schedule.intern() }
+    }
+}
+
+impl Plugin for ContactEventsPlugin {
+    fn build(&self, app: &mut App) {
+        app.add_message::<SurfaceContactStarted>()
+            .add_message::<SurfaceContactEnded>()
+            .add_message::<SurfaceQuarantined>()
+            .add_systems(self.schedule, (send_quarantines, send_contacts).chain().in_set(DeformableSystems::Events));
+    }
+}
+
+fn send_quarantines(
+    mut commands: Commands,
+    mut pending: ResMut<PendingQuarantines>,
+    mut messages: MessageWriter<SurfaceQuarantined>,
+) {
+    pending.0.sort_by_key(|quarantine| quarantine.entity.index_u32());
+    for quarantine in pending.0.drain(..) {
+        commands.trigger(quarantine.clone());
+        messages.write(quarantine);
+    }
+}
+
+/// Two sides that are in contact, and which of them asked to be told.
+#[derive(Clone, Copy)]
+struct Touching {
+    sides: [Entity; 2],
+    events: [bool; 2],
+}
+
+impl Touching {
+    /// Calls `announce` with each side that asked and is still there, and the other one.
+    fn for_each_listener(&self, entities: &Entities, mut announce: impl FnMut(Entity, Entity)) {
+        let [a, b] = self.sides;
+        if self.events[0] && entities.contains_spawned(a) {
+            announce(a, b);
+        }
+        if a != b && self.events[1] && entities.contains_spawned(b) {
+            announce(b, a);
+        }
+    }
+}
+
+fn send_contacts(
+    store: Res<ContactStore>,
+    entities: &Entities,
+    mut touching: Local<Vec<Touching>>,
+    mut commands: Commands,
+    mut started: MessageWriter<SurfaceContactStarted>,
+    mut ended: MessageWriter<SurfaceContactEnded>,
+) {
+    let near: HashMap<[Entity; 2], bool> = store
+        .pairs
+        .iter()
+        .map(|pair| {
+            let parted = f64::from(pair.contact_distance) * (1.0 + f64::from(EVENT_HYSTERESIS));
+            ([pair.a.entity(), pair.b.entity()], pair.nearest <= parted)
+        })
+        .collect();
+    touching.retain(|pair| {
+        let stays = near.get(&pair.sides).is_some_and(|&near| near);
+        if !stays {
+            let [entity, other] = pair.sides;
+            if pair.events.contains(&true) {
+                ended.write(SurfaceContactEnded { entity, other });
+            }
+            pair.for_each_listener(entities, |entity, other| commands.trigger(SurfaceContactEnded { entity, other }));
+        }
+        stays
+    });
+    let already: HashSet<[Entity; 2]> = touching.iter().map(|pair| pair.sides).collect();
+    for stored in &store.pairs {
+        let pair = Touching { sides: [stored.a.entity(), stored.b.entity()], events: stored.events };
+        if stored.nearest > f64::from(stored.contact_distance) || already.contains(&pair.sides) {
+            continue;
+        }
+        let [entity, other] = pair.sides;
+        if pair.events.contains(&true) {
+            started.write(SurfaceContactStarted { entity, other });
+        }
+        pair.for_each_listener(entities, |entity, other| commands.trigger(SurfaceContactStarted { entity, other }));
+        touching.push(pair);
+    }
+}

@@ -1,0 +1,12 @@
+//! Contacts: gathered from the stages, sorted, stored, read and announced.
+
+mod events;
+mod gather;
+mod reading;
+mod store;
+
+pub(crate) use events::EVENT_HYSTERESIS;
+pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted, SurfaceQuarantined};
+pub use gather::ContactsPlugin;
+pub use reading::{Contact, StencilEntry, SurfaceContacts};
+pub use store::{ContactSide, ContactStore, StoredPair};

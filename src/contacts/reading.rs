@@ -1,0 +1,220 @@
+//! How systems read contacts.
+
+use arrayvec::ArrayVec;
+use bevy_ecs::{prelude::*, system::SystemParam};
+use glam::Vec3;
+
+use super::store::{ContactSide, ContactStore, StoredPair};
+use crate::kernel::{
+    contact::{CompactContact, ContactKey, feature_number},
+    exact::{Feature, FeatureKind},
+    ids::{TriangleId, VertexId},
+    topology::SurfaceTopology,
+};
+
+/// Reads the contacts of the last detection. Does not borrow positions, so a solver can write them meanwhile.
+#[derive(SystemParam)]
+pub struct SurfaceContacts<'w> {
+    store: Res<'w, ContactStore>,
+}
+
+impl SurfaceContacts<'_> {
+    /// How many times contacts have been detected.
+    #[must_use]
+    pub fn tick(&self) -> u64 {
+        self.store.tick
+    }
+
+    /// Every contact once, in the order of the [`ContactStore`].
+    pub fn iter(&self) -> impl Iterator<Item = Contact<'_>> {
+        self.store.pairs.iter().flat_map(|pair| self.contacts(pair, false))
+    }
+
+    /// The contacts of one surface or shape, itself as the first side of each.
+    pub fn of(&self, entity: Entity) -> impl Iterator<Item = Contact<'_>> {
+        self.store.pairs_of(entity).flat_map(move |pair| self.contacts(pair, pair.a.entity() != entity))
+    }
+
+    /// The contacts between two surfaces or a surface and a shape, `a` as the first side of each. Twice the same entity:
+    /// those of a surface with itself.
+    pub fn between(&self, a: Entity, b: Entity) -> impl Iterator<Item = Contact<'_>> {
+        self.of(a).filter(move |contact| contact.b().entity() == b)
+    }
+
+    fn contacts<'a>(&'a self, pair: &'a StoredPair, swapped: bool) -> impl Iterator<Item = Contact<'a>> {
+        self.store.contacts[pair.contacts.clone()].iter().map(move |record| Contact { pair, record, swapped })
+    }
+}
+
+/// One vertex that a contact acts on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StencilEntry {
+    /// The surface it belongs to.
+    pub entity: Entity,
+    /// Which of its vertices, as the game numbered them.
+    pub vertex: VertexId,
+    /// Its share of the contact point: positive on the first side, negative on the second. A side's weights sum to
+    /// plus or minus 1; vertices with no share are left out.
+    pub weight: f32,
+    /// World normal from the second side to the first, so that `weight * normal` is how the separation grows when
+    /// this vertex moves.
+    pub normal: Vec3,
+}
+
+/// A contact, read from one of its sides, in world units.
+#[derive(Clone, Copy, Debug)]
+pub struct Contact<'a> {
+    pair: &'a StoredPair,
+    record: &'a CompactContact,
+    swapped: bool,
+}
+
+impl Contact<'_> {
+    /// Picks by side: what stands first in the record, or second.
+    fn pick<T>(&self, first: T, second: T) -> (T, T) {
+        if self.swapped { (second, first) } else { (first, second) }
+    }
+
+    /// The first side.
+    #[must_use]
+    pub fn a(&self) -> ContactSide {
+        self.pick(self.pair.a, self.pair.b).0
+    }
+
+    /// The second side.
+    #[must_use]
+    pub fn b(&self) -> ContactSide {
+        self.pick(self.pair.a, self.pair.b).1
+    }
+
+    /// Names the contact within its pair of surfaces, the same in every tick.
+    #[must_use]
+    pub fn key(&self) -> ContactKey {
+        self.record.key
+    }
+
+    /// What kinds of features meet.
+    #[must_use]
+    pub fn kind(&self) -> FeatureKind {
+        self.record.features.kind()
+    }
+
+    /// Whether the two sides cross here, an edge piercing a face: the distance is 0, and how deep is not known.
+    #[must_use]
+    pub fn is_crossing(&self) -> bool {
+        self.kind() == FeatureKind::EdgeFace
+    }
+
+    /// How far the two sides are from touching: the distance less the contact distance, in world units. Negative
+    /// where they touch, positive only within the margin.
+    #[must_use]
+    pub fn separation(&self) -> f32 {
+        self.record.distance - self.pair.contact_distance
+    }
+
+    /// Signed distance between the two contact points in world units, negative where the sides have passed each other.
+    #[must_use]
+    pub fn distance(&self) -> f32 {
+        self.record.distance
+    }
+
+    /// The sum of both thicknesses: the distance at which the two touch, in world units.
+    #[must_use]
+    pub fn contact_distance(&self) -> f32 {
+        self.pair.contact_distance
+    }
+
+    /// World unit normal from the second side to the first: moving the first side along it parts the two.
+    #[must_use]
+    pub fn normal(&self) -> Vec3 {
+        let normal = self.pair.frame_pose.transform_direction(self.record.normal.as_dvec3()).as_vec3();
+        if self.swapped { -normal } else { normal }
+    }
+
+    /// The contact points on the first and the second side, in the world.
+    #[must_use]
+    pub fn points(&self) -> (Vec3, Vec3) {
+        let pose = &self.pair.frame_pose;
+        let along = self.record.normal.as_dvec3() * (f64::from(self.record.distance) / pose.scale());
+        let point_b = self.record.point_b.as_dvec3();
+        let world = |point| pose.transform_point(point).as_vec3();
+        self.pick(world(point_b + along), world(point_b))
+    }
+
+    /// Triangles of the first and the second side, as the game numbered them; `None` for a rigid shape.
+    #[must_use]
+    pub fn triangles(&self) -> (Option<TriangleId>, Option<TriangleId>) {
+        let of_b = self.pair.topology_b.as_ref().map(|_| TriangleId(self.record.triangle_b));
+        self.pick(Some(TriangleId(self.record.triangle_a)), of_b)
+    }
+
+    /// The features of the first and the second side, as places within their triangles.
+    #[must_use]
+    pub fn features(&self) -> (Feature, Feature) {
+        self.pick(self.record.features.a, self.record.features.b)
+    }
+
+    /// Weights of the corners of the first and the second triangle at the contact points; of a rigid shape without
+    /// meaning. Each sums to 1.
+    #[must_use]
+    pub fn barycentrics(&self) -> ([f32; 3], [f32; 3]) {
+        let complete = |[first, second]: [f32; 2]| [first, second, 1.0 - first - second];
+        self.pick(complete(self.record.barycentric_a), complete(self.record.barycentric_b))
+    }
+
+    /// The vertices of a side's feature: one, two or three; none for a rigid shape.
+    #[must_use]
+    pub fn feature_vertices(&self) -> (ArrayVec<VertexId, 3>, ArrayVec<VertexId, 3>) {
+        let corners = |topology: &SurfaceTopology, triangle: u32, feature: Feature| {
+            let corners = topology.triangles()[triangle as usize].map(VertexId);
+            match feature {
+                Feature::Vertex(corner) => ArrayVec::from_iter([corners[corner as usize]]),
+                Feature::Edge(edge) => ArrayVec::from_iter([corners[edge as usize], corners[(edge as usize + 1) % 3]]),
+                Feature::Face => ArrayVec::from_iter(corners),
+            }
+        };
+        let record = self.record;
+        let of_a = corners(&self.pair.topology_a, record.triangle_a, record.features.a);
+        let of_b = self
+            .pair
+            .topology_b
+            .as_ref()
+            .map_or_else(ArrayVec::new, |topology| corners(topology, record.triangle_b, record.features.b));
+        self.pick(of_a, of_b)
+    }
+
+    /// The numbers of both features: welded vertex, edge or triangle; of a rigid shape the number of its part.
+    #[must_use]
+    pub fn feature_numbers(&self) -> (u32, u32) {
+        let record = self.record;
+        let of_a = feature_number(&self.pair.topology_a, record.triangle_a, record.features.a);
+        let of_b = self
+            .pair
+            .topology_b
+            .as_ref()
+            .map_or(record.triangle_b, |topology| feature_number(topology, record.triangle_b, record.features.b));
+        self.pick(of_a, of_b)
+    }
+
+    /// The vertices that the contact acts on, with their signed shares: at most three a side, none of a rigid shape.
+    #[must_use]
+    pub fn stencil(&self) -> ArrayVec<StencilEntry, 6> {
+        let normal = self.normal();
+        let mut stencil = ArrayVec::new();
+        let mut side = |entity: Entity, topology: &SurfaceTopology, triangle: u32, weights: [f32; 2], sign: f32| {
+            let weights = [weights[0], weights[1], 1.0 - weights[0] - weights[1]];
+            for (&vertex, weight) in topology.triangles()[triangle as usize].iter().zip(weights) {
+                if weight != 0.0 {
+                    stencil.push(StencilEntry { entity, vertex: VertexId(vertex), weight: sign * weight, normal });
+                }
+            }
+        };
+        let (sign_a, sign_b) = self.pick(1.0, -1.0);
+        let record = self.record;
+        side(self.pair.a.entity(), &self.pair.topology_a, record.triangle_a, record.barycentric_a, sign_a);
+        if let Some(topology) = &self.pair.topology_b {
+            side(self.pair.b.entity(), topology, record.triangle_b, record.barycentric_b, sign_b);
+        }
+        stencil
+    }
+}

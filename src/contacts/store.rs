@@ -1,0 +1,80 @@
+//! Where the contacts of the last tick lie, in an order that depends on nothing but the scene.
+
+use std::{ops::Range, sync::Arc};
+
+use bevy_ecs::prelude::*;
+
+use crate::kernel::{
+    contact::{CompactContact, TouchingPair},
+    pose::Pose,
+    topology::SurfaceTopology,
+};
+
+/// One side of a contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ContactSide {
+    /// A deformable surface.
+    Surface(Entity),
+    /// A rigid shape.
+    Shape(Entity),
+}
+
+impl ContactSide {
+    /// The entity, whatever it is.
+    #[must_use]
+    pub const fn entity(self) -> Entity {
+        match self {
+            Self::Surface(entity) | Self::Shape(entity) => entity,
+        }
+    }
+}
+
+/// A surface and what it is in contact with, or near to.
+#[derive(Clone, Debug)]
+pub struct StoredPair {
+    /// The first side, always a surface.
+    pub a: ContactSide,
+    /// The second side: the same as the first in a self-collision.
+    pub b: ContactSide,
+    /// Triangles of the two touch within this distance, in world units.
+    pub contact_distance: f32,
+    /// Distance of the nearest triangles in world units, at least 0; infinite where none was near.
+    pub nearest: f64,
+    /// Where its contacts are.
+    pub contacts: Range<usize>,
+    /// Where its touching triangles are.
+    pub touching: Range<usize>,
+    /// World pose of the frame that its contacts are in.
+    pub frame_pose: Pose,
+    pub(crate) topology_a: Arc<SurfaceTopology>,
+    pub(crate) topology_b: Option<Arc<SurfaceTopology>>,
+    pub(crate) events: [bool; 2],
+}
+
+/// The contacts of the last tick: pairs of surfaces by [order](crate::SurfaceOrder), then surfaces with shapes; within
+/// a pair by [key](crate::kernel::contact::ContactKey).
+///
+/// Most systems read it through [`SurfaceContacts`](super::SurfaceContacts).
+#[derive(Resource, Clone, Debug, Default)]
+pub struct ContactStore {
+    /// How many times contacts have been detected.
+    pub tick: u64,
+    /// Pairs that are in contact or near it.
+    pub pairs: Vec<StoredPair>,
+    /// Contacts of all pairs.
+    pub contacts: Vec<CompactContact>,
+    /// Touching triangles of all pairs, sorted within a pair.
+    pub touching: Vec<TouchingPair>,
+    /// For each entity the places of its pairs, sorted by entity.
+    pub(crate) by_entity: Vec<(Entity, u32)>,
+}
+
+impl ContactStore {
+    pub(crate) fn pairs_of(&self, entity: Entity) -> impl Iterator<Item = &StoredPair> {
+        let start = self.by_entity.partition_point(|&(other, _)| other < entity);
+        self.by_entity[start..]
+            .iter()
+            .take_while(move |&&(other, _)| other == entity)
+            .map(|&(_, place)| &self.pairs[place as usize])
+    }
+}

@@ -1,0 +1,76 @@
+//! Stage 1: boxes of triangles, and of whole surfaces in the world.
+
+use bevy_app::prelude::*;
+use bevy_ecs::prelude::*;
+use glam::Vec3;
+
+use super::diagnostics::DetectionDiagnostics;
+use crate::{
+    contacts::EVENT_HYSTERESIS,
+    kernel::{
+        bounds::{Aabb, triangle_bounds},
+        pose::Pose,
+    },
+    schedule::{SurfaceDetection, SurfaceDetectionSystems},
+    settings::CircumsphereSettings,
+    surface::{ActiveSurfaces, SurfacePositions},
+};
+
+/// Lengths that are rounded to f32 on the way to a box are lengthened by this factor.
+const GROWTH_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
+
+/// The boxes of a surface's triangles in its own frame, grown by its thickness and half the margin.
+#[derive(Component, Clone, Debug, Default)]
+pub struct TriangleBounds {
+    /// One box a triangle.
+    pub triangles: Vec<Aabb>,
+}
+
+/// Computes the boxes.
+pub struct BoundsPlugin;
+
+impl Plugin for BoundsPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<CircumsphereSettings>();
+        app.add_systems(SurfaceDetection, compute_bounds.in_set(SurfaceDetectionSystems::Bounds));
+    }
+}
+
+/// How far the boxes of a surface reach beyond it in world units: two boxes overlap wherever the surfaces are within
+/// the distance at which their pair matters.
+pub(super) fn world_growth(thickness: f32, margin: f32) -> f32 {
+    (thickness * (1.0 + EVENT_HYSTERESIS) + 0.5 * margin) * GROWTH_SLACK
+}
+
+/// The same in a frame whose unit is `scale` world units.
+pub(super) fn frame_growth(thickness: f32, margin: f32, scale: f64) -> f32 {
+    (f64::from(world_growth(thickness, margin)) / scale) as f32 * GROWTH_SLACK
+}
+
+/// The box of a moved box.
+pub(super) fn moved_box(bounds: &Aabb, pose: &Pose) -> Aabb {
+    if *pose == Pose::IDENTITY {
+        return *bounds;
+    }
+    let corner = |bits: u32| {
+        let pick = |axis: usize| if bits & (1 << axis) == 0 { bounds.min[axis] } else { bounds.max[axis] };
+        pose.transform_point(Vec3::new(pick(0), pick(1), pick(2)).as_dvec3()).as_vec3()
+    };
+    Aabb::from_points((0..8).map(corner)).grown(0.0)
+}
+
+fn compute_bounds(
+    mut active: ResMut<ActiveSurfaces>,
+    settings: Res<CircumsphereSettings>,
+    mut diagnostics: ResMut<DetectionDiagnostics>,
+    mut surfaces: Query<(&SurfacePositions, &mut TriangleBounds)>,
+) {
+    let start = diagnostics.start();
+    for surface in &mut active.surfaces {
+        let Ok((positions, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
+        let growth = frame_growth(surface.thickness, settings.margin(), surface.pose.scale());
+        let whole = triangle_bounds(&positions.0, surface.topology.triangles(), growth, &mut bounds.triangles);
+        surface.world_bounds = moved_box(&whole, &surface.pose);
+    }
+    diagnostics.finish("bounds", start, 0, 0);
+}

@@ -1,0 +1,76 @@
+//! Pairs of triangles by comparing every box with every other: the measure of every other broad phase, and the
+//! fastest one for a handful of triangles.
+
+use bevy_app::prelude::*;
+use bevy_ecs::prelude::*;
+
+use super::{BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, reaches_half_space, shape_bounds};
+use crate::{
+    detection::{DetectionDiagnostics, TriangleBounds},
+    kernel::{
+        bounds::{pairs_between_brute_force, self_pairs_brute_force},
+        exact::rigid_shape::ShapeGeometry,
+    },
+    schedule::SurfaceDetection,
+    settings::CircumsphereSettings,
+    surface::ActiveSurfaces,
+};
+
+/// Finds pairs by comparing all boxes. Disable [`TreeBroadPhasePlugin`](super::TreeBroadPhasePlugin) and add this:
+///
+/// ```
+/// # use bevy_app::prelude::*;
+/// # use bevy_circumsphere::prelude::*;
+/// # use bevy_circumsphere::detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin};
+/// # let mut app = App::new();
+/// app.add_plugins((
+///     DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>(),
+///     BruteForceBroadPhasePlugin,
+/// ));
+/// ```
+pub struct BruteForceBroadPhasePlugin;
+
+impl Plugin for BruteForceBroadPhasePlugin {
+    fn build(&self, app: &mut App) {
+        app.add_systems(SurfaceDetection, pair_triangles.in_set(BroadPhaseSystems::PairTriangles));
+    }
+}
+
+fn pair_triangles(
+    active: Res<ActiveSurfaces>,
+    settings: Res<CircumsphereSettings>,
+    mut candidates: ResMut<CandidateTrianglePairs>,
+    mut diagnostics: ResMut<DetectionDiagnostics>,
+    surfaces: Query<&TriangleBounds>,
+) {
+    let start = diagnostics.start();
+    for pair in &mut candidates.pairs {
+        let first = &active.surfaces[pair.first];
+        let Ok(bounds) = surfaces.get(first.entity) else { continue };
+        match pair.second {
+            _ if pair.is_self() => self_pairs_brute_force(&bounds.triangles, &mut pair.triangles),
+            OtherSide::Surface(second) => {
+                let Ok(other) = surfaces.get(active.surfaces[second].entity) else { continue };
+                let (bounds, other) = match pair.frame {
+                    _ if pair.moved_bounds.is_empty() => (&bounds.triangles, &other.triangles),
+                    Frame::First => (&bounds.triangles, &pair.moved_bounds),
+                    Frame::Second => (&pair.moved_bounds, &other.triangles),
+                };
+                pairs_between_brute_force(bounds, other, &mut pair.triangles);
+            }
+            OtherSide::Shape(place) => {
+                let shape = &active.shapes[place];
+                let reach = shape_bounds(pair, shape, first, settings.margin());
+                let reached = (0u32..).zip(&bounds.triangles).filter(|(_, bounds)| match (&reach, &*shape.geometry) {
+                    (Some(reach), _) => reach.overlaps(bounds),
+                    (None, ShapeGeometry::HalfSpace { normal }) => reaches_half_space(pair, *normal, bounds),
+                    (None, _) => true,
+                });
+                let reached: Vec<[u32; 2]> = reached.map(|(triangle, _)| [triangle, 0]).collect();
+                pair.triangles.extend(reached);
+            }
+        }
+    }
+    let count = candidates.triangle_pair_count();
+    diagnostics.finish("broad phase", start, 0, count);
+}

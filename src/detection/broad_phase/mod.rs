@@ -1,0 +1,293 @@
+//! Stage 2: which surfaces and shapes are near each other, and which of their triangles' boxes overlap.
+//!
+//! This plugin pairs surfaces and brings each pair into one frame. The pairs of triangles are found by one algorithm
+//! plugin beside it; every algorithm gives the same pairs. To use your own, disable [`TreeBroadPhasePlugin`] and add a
+//! system in [`BroadPhaseSystems::PairTriangles`] that fills [`SurfacePair::triangles`].
+
+mod brute_force;
+mod tree;
+
+use bevy_app::prelude::*;
+use bevy_ecs::prelude::*;
+use glam::Vec3;
+
+pub use brute_force::BruteForceBroadPhasePlugin;
+pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
+
+use super::{
+    bounds::{frame_growth, moved_box, world_growth},
+    diagnostics::DetectionDiagnostics,
+};
+use crate::{
+    contacts::EVENT_HYSTERESIS,
+    kernel::{
+        bounds::{Aabb, triangle_bounds},
+        pose::Pose,
+        tree::BoxTree,
+    },
+    schedule::{SurfaceDetection, SurfaceDetectionSystems},
+    settings::CircumsphereSettings,
+    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod, SurfacePositions},
+};
+
+/// The two steps of the broad phase, in this order.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BroadPhaseSystems {
+    /// Surfaces and shapes whose boxes overlap are paired.
+    PairSurfaces,
+    /// Triangles whose boxes overlap are paired.
+    PairTriangles,
+}
+
+/// The other side of a pair, by its place in [`ActiveSurfaces`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OtherSide {
+    /// A surface; the same one in a self-collision.
+    Surface(usize),
+    /// A rigid shape.
+    Shape(usize),
+}
+
+/// Which surface gives the frame of a pair.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Frame {
+    /// The first surface.
+    First,
+    /// The second surface or the shape.
+    Second,
+}
+
+/// A surface and what it may touch, and their triangles whose boxes overlap.
+#[derive(Clone, Debug)]
+pub struct SurfacePair {
+    /// The first side's place in [`ActiveSurfaces::surfaces`].
+    pub first: usize,
+    /// The second side; of two surfaces the later one.
+    pub second: OtherSide,
+    /// How the pair is tested.
+    pub method: ContactMethod,
+    /// Triangles touch within this distance, in world units.
+    pub contact_distance: f32,
+    /// Contacts are reported up to this distance, in world units.
+    pub reported_distance: f32,
+    /// The farthest distance at which a pair of triangles matters, in world units.
+    pub range: f32,
+    /// Whose own frame the pair is tested in: that of the shape, or of the surface with more triangles.
+    pub frame: Frame,
+    /// World pose of that frame.
+    pub frame_pose: Pose,
+    /// From the other side's own frame to that frame.
+    pub relative_pose: Pose,
+    /// Vertices of the other surface in that frame; empty where its own are.
+    pub moved_positions: Vec<Vec3>,
+    /// Boxes of the other surface's triangles in that frame; empty where its own are.
+    pub moved_bounds: Vec<Aabb>,
+    /// Pairs of triangles whose boxes overlap: of the first and the second surface, in a self-collision the lower
+    /// one first; with a shape the second is 0.
+    pub triangles: Vec<[u32; 2]>,
+}
+
+impl SurfacePair {
+    /// Whether a surface is paired with itself.
+    #[must_use]
+    pub fn is_self(&self) -> bool {
+        self.second == OtherSide::Surface(self.first)
+    }
+
+    /// The vertices of the first and second surface in the frame of the pair, given their own.
+    pub(crate) fn positions<'a>(&'a self, first: &'a [Vec3], second: &'a [Vec3]) -> [&'a [Vec3]; 2] {
+        match self.frame {
+            _ if self.moved_positions.is_empty() => [first, second],
+            Frame::First => [first, &self.moved_positions],
+            Frame::Second => [&self.moved_positions, second],
+        }
+    }
+
+    /// The poses of the first and second surface in the frame of the pair.
+    pub(crate) fn poses(&self) -> [Pose; 2] {
+        match self.frame {
+            Frame::First => [Pose::IDENTITY, self.relative_pose],
+            Frame::Second => [self.relative_pose, Pose::IDENTITY],
+        }
+    }
+}
+
+/// What the broad phase found: pairs of surfaces by their order, then surfaces with shapes.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct CandidateTrianglePairs {
+    /// The pairs.
+    pub pairs: Vec<SurfacePair>,
+}
+
+impl CandidateTrianglePairs {
+    /// How many pairs of triangles there are.
+    #[must_use]
+    pub fn triangle_pair_count(&self) -> usize {
+        self.pairs.iter().map(|pair| pair.triangles.len()).sum()
+    }
+}
+
+/// Pairs surfaces and shapes; needs one algorithm plugin beside it.
+pub struct BroadPhasePlugin;
+
+impl Plugin for BroadPhasePlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<CandidateTrianglePairs>();
+        app.configure_sets(
+            SurfaceDetection,
+            (BroadPhaseSystems::PairSurfaces, BroadPhaseSystems::PairTriangles)
+                .chain()
+                .in_set(SurfaceDetectionSystems::BroadPhase),
+        );
+        app.add_systems(SurfaceDetection, pair_surfaces.in_set(BroadPhaseSystems::PairSurfaces));
+    }
+}
+
+fn pair_surfaces(
+    active: Res<ActiveSurfaces>,
+    settings: Res<CircumsphereSettings>,
+    mut candidates: ResMut<CandidateTrianglePairs>,
+    mut diagnostics: ResMut<DetectionDiagnostics>,
+    positions: Query<&SurfacePositions>,
+) {
+    let start = diagnostics.start();
+    let surfaces = &active.surfaces;
+    let bounds: Vec<Aabb> = surfaces.iter().map(|surface| surface.world_bounds).collect();
+    let tree = BoxTree::new(&bounds);
+    let mut places = Vec::new();
+    tree.self_pairs(&mut places);
+    places.retain(|&[first, second]| surfaces[first as usize].layers.interacts_with(surfaces[second as usize].layers));
+    let selves = surfaces.iter().enumerate().filter(|(_, surface)| surface.self_collision);
+    places.extend(selves.map(|(place, _)| [place as u32, place as u32]));
+    places.sort_unstable();
+
+    // Pair lists are large: their memory serves the next tick's pairs.
+    let mut spare = std::mem::take(&mut candidates.pairs);
+    spare.reverse();
+    let mut reuse =
+        || spare.pop().map(|pair| (pair.triangles, pair.moved_positions, pair.moved_bounds)).unwrap_or_default();
+    for [first, second] in places {
+        let [first, second] = [first as usize, second as usize];
+        let mut pair = surface_pair(surfaces, first, second, settings.margin(), reuse());
+        let moved = match pair.frame {
+            _ if pair.relative_pose == Pose::IDENTITY => None,
+            Frame::First => Some(&surfaces[second]),
+            Frame::Second => Some(&surfaces[first]),
+        };
+        if let Some(surface) = moved
+            && let Ok(positions) = positions.get(surface.entity)
+        {
+            pair.relative_pose.transform_points(&positions.0, &mut pair.moved_positions);
+            let growth = frame_growth(surface.thickness, settings.margin(), pair.frame_pose.scale());
+            triangle_bounds(&pair.moved_positions, surface.topology.triangles(), growth, &mut pair.moved_bounds);
+        }
+        candidates.pairs.push(pair);
+    }
+    let mut with_shapes = Vec::new();
+    for (place, shape) in active.shapes.iter().enumerate() {
+        let meet = |surface: u32| surfaces[surface as usize].layers.interacts_with(shape.layers);
+        match shape.geometry.bounds() {
+            // The surfaces' boxes hold one half of the margin; a shape has no box of its own to hold the other.
+            Some(bounds) => tree.query(&moved_box(&bounds, &shape.pose).grown(0.5 * settings.margin()), |surface| {
+                with_shapes.extend(meet(surface).then_some([surface as usize, place]));
+            }),
+            None => with_shapes.extend(
+                (0..surfaces.len() as u32).filter(|&surface| meet(surface)).map(|surface| [surface as usize, place]),
+            ),
+        }
+    }
+    with_shapes.sort_unstable();
+    for [first, place] in with_shapes {
+        let pair = shape_pair(&surfaces[first], first, &active.shapes[place], place, settings.margin(), reuse());
+        candidates.pairs.push(pair);
+    }
+    let count = candidates.pairs.len();
+    diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
+}
+
+type Buffers = (Vec<[u32; 2]>, Vec<Vec3>, Vec<Aabb>);
+
+fn range(contact_distance: f32, margin: f32) -> f32 {
+    (contact_distance * (1.0 + EVENT_HYSTERESIS)).max(contact_distance + margin)
+}
+
+fn surface_pair(
+    surfaces: &[ActiveSurface],
+    first: usize,
+    second: usize,
+    margin: f32,
+    (mut triangles, mut moved_positions, mut moved_bounds): Buffers,
+) -> SurfacePair {
+    triangles.clear();
+    moved_positions.clear();
+    moved_bounds.clear();
+    let (a, b) = (&surfaces[first], &surfaces[second]);
+    let contact_distance = a.thickness + b.thickness;
+    // The smaller surface is moved: a body of a few triangles over a landscape costs what the body costs.
+    let (frame, frame_pose, relative_pose) = if b.topology.triangles().len() > a.topology.triangles().len() {
+        (Frame::Second, b.pose, a.pose.relative_to(&b.pose))
+    } else {
+        (Frame::First, a.pose, b.pose.relative_to(&a.pose))
+    };
+    SurfacePair {
+        first,
+        second: OtherSide::Surface(second),
+        method: a.method.max(b.method),
+        contact_distance,
+        reported_distance: contact_distance + margin,
+        range: range(contact_distance, margin),
+        frame,
+        frame_pose,
+        relative_pose,
+        moved_positions,
+        moved_bounds,
+        triangles,
+    }
+}
+
+fn shape_pair(
+    surface: &ActiveSurface,
+    first: usize,
+    shape: &ActiveShape,
+    place: usize,
+    margin: f32,
+    (mut triangles, mut moved_positions, mut moved_bounds): Buffers,
+) -> SurfacePair {
+    triangles.clear();
+    moved_positions.clear();
+    moved_bounds.clear();
+    SurfacePair {
+        first,
+        second: OtherSide::Shape(place),
+        method: ContactMethod::Refined,
+        contact_distance: surface.thickness,
+        reported_distance: surface.thickness + margin,
+        range: range(surface.thickness, margin),
+        frame: Frame::Second,
+        frame_pose: shape.pose,
+        relative_pose: surface.pose.relative_to(&shape.pose),
+        moved_positions,
+        moved_bounds,
+        triangles,
+    }
+}
+
+/// The box of a shape in a surface's own frame, grown by what the surface's boxes lack; `None` for a half-space.
+pub(super) fn shape_bounds(
+    pair: &SurfacePair,
+    shape: &ActiveShape,
+    surface: &ActiveSurface,
+    margin: f32,
+) -> Option<Aabb> {
+    let bounds = moved_box(&shape.geometry.bounds()?, &pair.relative_pose.inverse());
+    // The triangles' boxes hold the surface's own share; a shape has no thickness to hold the other half of the margin.
+    let missing = (pair.range - world_growth(surface.thickness, margin)).max(0.0);
+    Some(bounds.grown((f64::from(missing) / surface.pose.scale()) as f32))
+}
+
+/// Whether a triangle's box reaches a half-space.
+pub(super) fn reaches_half_space(pair: &SurfacePair, normal: glam::DVec3, bounds: &Aabb) -> bool {
+    let moved = moved_box(bounds, &pair.relative_pose);
+    let lowest = glam::DVec3::select(normal.cmpgt(glam::DVec3::ZERO), moved.min.as_dvec3(), moved.max.as_dvec3());
+    normal.dot(lowest) <= f64::from(pair.range) / pair.frame_pose.scale()
+}

@@ -1,0 +1,65 @@
+//! Stage 3: curvature and dihedral angles of the surfaces whose spheres are offset.
+
+use bevy_app::prelude::*;
+use bevy_ecs::prelude::*;
+
+use super::{
+    broad_phase::{CandidateTrianglePairs, OtherSide},
+    diagnostics::DetectionDiagnostics,
+};
+use crate::{
+    kernel::curvature::Curvatures,
+    schedule::{SurfaceDetection, SurfaceDetectionSystems},
+    settings::CircumsphereSettings,
+    surface::{ActiveSurfaces, ContactMethod, DeformableSurface, SurfacePositions},
+};
+
+/// Curvature and dihedral angles of a surface's triangles; empty unless a pair of it is tested by offset spheres.
+#[derive(Component, Clone, Debug, Default)]
+pub struct TriangleCurvature(pub Curvatures);
+
+/// Computes curvature.
+pub struct CurvaturePlugin;
+
+impl Plugin for CurvaturePlugin {
+    fn build(&self, app: &mut App) {
+        app.register_required_components::<DeformableSurface, TriangleCurvature>();
+        app.add_systems(SurfaceDetection, measure_curvature.in_set(SurfaceDetectionSystems::Curvature));
+    }
+}
+
+/// For each active surface whether it is part of a pair that is tested by `method`.
+pub(super) fn surfaces_with_method(
+    active: &ActiveSurfaces,
+    candidates: &CandidateTrianglePairs,
+    method: ContactMethod,
+) -> Vec<bool> {
+    let mut used = vec![false; active.surfaces.len()];
+    for pair in candidates.pairs.iter().filter(|pair| pair.method == method) {
+        used[pair.first] = true;
+        if let OtherSide::Surface(second) = pair.second {
+            used[second] = true;
+        }
+    }
+    used
+}
+
+fn measure_curvature(
+    active: Res<ActiveSurfaces>,
+    candidates: Res<CandidateTrianglePairs>,
+    settings: Res<CircumsphereSettings>,
+    mut diagnostics: ResMut<DetectionDiagnostics>,
+    mut surfaces: Query<(&SurfacePositions, &mut TriangleCurvature)>,
+) {
+    let used = surfaces_with_method(&active, &candidates, ContactMethod::Circumsphere);
+    if !used.contains(&true) {
+        return;
+    }
+    let start = diagnostics.start();
+    for (surface, _) in active.surfaces.iter().zip(used).filter(|(_, used)| *used) {
+        if let Ok((positions, mut curvature)) = surfaces.get_mut(surface.entity) {
+            curvature.0.measure(&surface.topology, &positions.0, settings.estimator);
+        }
+    }
+    diagnostics.finish("curvature", start, 0, 0);
+}

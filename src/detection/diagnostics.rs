@@ -1,0 +1,59 @@
+//! What each stage cost and kept in the last tick.
+
+use std::time::{Duration, Instant};
+
+use bevy_ecs::prelude::*;
+
+/// One stage of the last tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StageDiagnostics {
+    /// The stage's name.
+    pub name: &'static str,
+    /// How long it took.
+    pub duration: Duration,
+    /// Pairs it was given.
+    pub pairs_in: usize,
+    /// Pairs it passed on; of the last stage: contacts.
+    pub pairs_out: usize,
+}
+
+/// What the last tick did, stage by stage in the order they ran. A stage that no surface needed is not listed.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct DetectionDiagnostics {
+    /// The stages.
+    pub stages: Vec<StageDiagnostics>,
+    /// Triangles whose sphere was made anew.
+    pub recipes_refreshed: usize,
+    /// Pairs that reached the exact test.
+    pub pairs_examined: usize,
+    /// First builds of a surface's tree, which its later ticks do without.
+    pub first_tree_builds: Duration,
+    /// Trees built anew because the mesh had outgrown them.
+    pub trees_rebuilt: usize,
+    tick_start: Option<Instant>,
+    total: Duration,
+}
+
+impl DetectionDiagnostics {
+    /// From the first stage's start to the last one's end, first builds of trees left out.
+    #[must_use]
+    pub fn total(&self) -> Duration {
+        self.total
+    }
+
+    pub(crate) fn begin_tick(&mut self) {
+        *self = Self { stages: std::mem::take(&mut self.stages), tick_start: Some(Instant::now()), ..Self::default() };
+        self.stages.clear();
+    }
+
+    #[expect(clippy::unused_self, reason = "pairs with finish, and only a tick that has begun is measured")]
+    pub(crate) fn start(&self) -> Instant {
+        Instant::now()
+    }
+
+    pub(crate) fn finish(&mut self, name: &'static str, start: Instant, pairs_in: usize, pairs_out: usize) {
+        self.stages.push(StageDiagnostics { name, duration: start.elapsed(), pairs_in, pairs_out });
+        self.total =
+            self.tick_start.map_or(Duration::ZERO, |begin| begin.elapsed()).saturating_sub(self.first_tree_builds);
+    }
+}

@@ -1,0 +1,26 @@
+//! The stages between positions and contacts: one small plugin each, a thin adapter over the kernel.
+//!
+//! bounds → broad phase → curvature → refit → overlap → cone → refine. Each stage reads what earlier ones wrote and
+//! writes its own components or resource, aligned with the pairs of surfaces that the broad phase found.
+
+mod bounds;
+pub mod broad_phase;
+mod cone;
+mod curvature;
+mod diagnostics;
+mod overlap;
+mod parallel;
+mod refine;
+mod refit;
+
+pub use bounds::{BoundsPlugin, TriangleBounds};
+pub use broad_phase::{
+    BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, SurfacePair, TreeBroadPhasePlugin,
+};
+pub use cone::{ConePlugin, MeetingCaps};
+pub use curvature::{CurvaturePlugin, TriangleCurvature};
+pub use diagnostics::{DetectionDiagnostics, StageDiagnostics};
+pub use overlap::{OverlapPlugin, OverlappingTrianglePairs};
+pub(crate) use overlap::{SphereQuery, with_balls};
+pub use refine::{RefinePlugin, RefinedTrianglePairs};
+pub use refit::{Circumspheres, EnclosingBalls, RefitPlugin, TriangleCones};

@@ -1,0 +1,98 @@
+//! Stage 4: spheres and cones follow the triangles.
+
+use bevy_app::prelude::*;
+use bevy_ecs::prelude::*;
+
+use super::{
+    broad_phase::CandidateTrianglePairs,
+    curvature::{TriangleCurvature, surfaces_with_method},
+    diagnostics::DetectionDiagnostics,
+};
+use crate::{
+    kernel::{
+        circumsphere::{Ball, OffsetSpheres, enclosing_balls},
+        cone::SafetyCones,
+    },
+    schedule::{SurfaceDetection, SurfaceDetectionSystems},
+    settings::CircumsphereSettings,
+    surface::{ActiveSurfaces, ContactMethod, DeformableSurface, SurfacePositions},
+};
+
+/// The smallest ball around each triangle; empty unless a pair of the surface is tested by them.
+#[derive(Component, Clone, Debug, Default)]
+pub struct EnclosingBalls(pub Vec<Ball>);
+
+/// The offset sphere of each triangle; empty unless a pair of the surface is tested by them.
+#[derive(Component, Clone, Debug, Default)]
+pub struct Circumspheres(pub OffsetSpheres);
+
+/// The safety cone of each triangle; empty unless a pair of the surface is tested by them.
+#[derive(Component, Clone, Debug, Default)]
+pub struct TriangleCones(pub SafetyCones);
+
+/// Refits balls, spheres and cones.
+pub struct RefitPlugin;
+
+impl Plugin for RefitPlugin {
+    fn build(&self, app: &mut App) {
+        app.register_required_components::<DeformableSurface, EnclosingBalls>();
+        app.register_required_components::<DeformableSurface, Circumspheres>();
+        app.register_required_components::<DeformableSurface, TriangleCones>();
+        app.add_systems(SurfaceDetection, (refit_balls, refit_spheres).chain().in_set(SurfaceDetectionSystems::Refit));
+    }
+}
+
+fn refit_balls(
+    active: Res<ActiveSurfaces>,
+    candidates: Res<CandidateTrianglePairs>,
+    mut diagnostics: ResMut<DetectionDiagnostics>,
+    mut surfaces: Query<(&SurfacePositions, &mut EnclosingBalls)>,
+) {
+    let used = surfaces_with_method(&active, &candidates, ContactMethod::BoundingSphere);
+    if !used.contains(&true) {
+        return;
+    }
+    let start = diagnostics.start();
+    for (surface, _) in active.surfaces.iter().zip(used).filter(|(_, used)| *used) {
+        if let Ok((positions, mut balls)) = surfaces.get_mut(surface.entity) {
+            enclosing_balls(&positions.0, surface.topology.triangles(), &mut balls.0);
+        }
+    }
+    diagnostics.finish("refit balls", start, 0, 0);
+}
+
+fn refit_spheres(
+    active: Res<ActiveSurfaces>,
+    candidates: Res<CandidateTrianglePairs>,
+    settings: Res<CircumsphereSettings>,
+    mut diagnostics: ResMut<DetectionDiagnostics>,
+    mut surfaces: Query<(&SurfacePositions, &TriangleCurvature, &mut Circumspheres, &mut TriangleCones)>,
+) {
+    let used = surfaces_with_method(&active, &candidates, ContactMethod::Circumsphere);
+    let start = diagnostics.start();
+    let mut any_used = false;
+    for (surface, used) in active.surfaces.iter().zip(used) {
+        let Ok((positions, curvature, mut spheres, mut cones)) = surfaces.get_mut(surface.entity) else { continue };
+        any_used |= used;
+        if surface.method > ContactMethod::Circumsphere && !used {
+            // The method was changed: what no pair asks for takes no memory.
+            *spheres = Circumspheres::default();
+            *cones = TriangleCones::default();
+        } else if surface.fresh {
+            spheres.0.forget();
+        }
+        if used {
+            diagnostics.recipes_refreshed += spheres.0.refit(
+                &positions.0,
+                surface.topology.triangles(),
+                &curvature.0.curvatures,
+                &curvature.0.dihedrals,
+                settings.recipe(),
+                &mut cones.0,
+            );
+        }
+    }
+    if any_used {
+        diagnostics.finish("refit", start, 0, 0);
+    }
+}

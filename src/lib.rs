@@ -1,0 +1,38 @@
+//! Collision detection for meshes that deform.
+
+pub mod contacts;
+pub mod detection;
+pub mod kernel;
+mod plugins;
+pub mod schedule;
+pub mod settings;
+pub mod surface;
+
+pub use contacts::*;
+pub use plugins::DeformableCollisionPlugins;
+pub use schedule::{DeformableSystems, SurfaceDetection, SurfaceDetectionSystems};
+pub use settings::CircumsphereSettings;
+pub use surface::*;
+
+/// What most games need: `use bevy_circumsphere::prelude::*;`.
+pub mod prelude {
+    pub use parry3d::shape::SharedShape;
+
+    pub use crate::{
+        contacts::{
+            Contact, ContactSide, SurfaceContactEnded, SurfaceContactStarted, SurfaceContacts, SurfaceQuarantined,
+        },
+        kernel::{
+            ids::{EdgeId, TriangleId, VertexId},
+            topology::TopologyError,
+        },
+        plugins::DeformableCollisionPlugins,
+        schedule::DeformableSystems,
+        settings::CircumsphereSettings,
+        surface::{
+            ContactEventsEnabled, ContactMethod, DeformableSurface, QuarantineReason, RigidShape, SelfCollision,
+            Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus,
+            SurfaceThickness, Teleported,
+        },
+    };
+}

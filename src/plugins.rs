@@ -1,0 +1,54 @@
+//! The plugin group.
+
+use bevy_app::{PluginGroup, PluginGroupBuilder, prelude::*};
+use bevy_ecs::schedule::{InternedScheduleLabel, ScheduleLabel};
+
+use crate::{
+    contacts::{ContactEventsPlugin, ContactsPlugin},
+    detection::{
+        BoundsPlugin, BroadPhasePlugin, ConePlugin, CurvaturePlugin, OverlapPlugin, RefinePlugin, RefitPlugin,
+        TreeBroadPhasePlugin,
+    },
+    schedule::DeformableSchedulePlugin,
+    surface::SurfacePlugin,
+};
+
+/// Everything that detection needs. Adds no clock, task pool or transform plugin: the app brings those it uses.
+///
+/// Runs in [`FixedPostUpdate`] by default, for positions that a fixed-step simulation writes. Characters that are
+/// animated in `PostUpdate` want `new(PostUpdate)`, headless tests `new(Update)`.
+pub struct DeformableCollisionPlugins {
+    schedule: InternedScheduleLabel,
+}
+
+impl DeformableCollisionPlugins {
+    /// Detects contacts in `schedule`.
+    #[must_use]
+    pub fn new(schedule: impl ScheduleLabel) -> Self {
+        Self { schedule: schedule.intern() }
+    }
+}
+
+impl Default for DeformableCollisionPlugins {
+    fn default() -> Self {
+        Self::new(FixedPostUpdate)
+    }
+}
+
+impl PluginGroup for DeformableCollisionPlugins {
+    fn build(self) -> PluginGroupBuilder {
+        PluginGroupBuilder::start::<Self>()
+            .add(DeformableSchedulePlugin::new(self.schedule))
+            .add(SurfacePlugin::new(self.schedule))
+            .add(BoundsPlugin)
+            .add(BroadPhasePlugin)
+            .add(TreeBroadPhasePlugin)
+            .add(CurvaturePlugin)
+            .add(RefitPlugin)
+            .add(OverlapPlugin)
+            .add(ConePlugin)
+            .add(RefinePlugin)
+            .add(ContactsPlugin)
+            .add(ContactEventsPlugin::new(self.schedule))
+    }
+}

@@ -1,0 +1,63 @@
+//! Every setting that is not a component, with its default and the reason for it.
+
+use bevy_ecs::prelude::*;
+
+use crate::kernel::{circumsphere::RecipeSettings, curvature::CurvatureEstimator};
+
+/// How surfaces are tested. You need not touch this: the defaults miss no contact.
+///
+/// Changes take effect in the next tick; a value out of range is replaced by the nearest one in range.
+#[derive(Resource, Clone, Copy, Debug, PartialEq)]
+pub struct CircumsphereSettings {
+    /// How much farther than the contact distance contacts are still reported, in world units, with positive
+    /// separation. 0 or more. Default 0: a solver that steps between detections sets it to what moves meanwhile.
+    pub margin: f32,
+    /// Height of a flat triangle's sphere center below its plane, in radii of the triangle. 0 or more. Default 1,
+    /// where the cap bulges by 0.41 radii. Only for the `Circumsphere` method.
+    pub phi: f32,
+    /// Curvature times radius at which a sphere is no longer offset. More than 0, useful from 0.5 to 2. Default 1.
+    /// Only for the `Circumsphere` method.
+    pub curvature_threshold: f32,
+    /// Shape change beyond which a triangle's sphere is made anew: relative change of an edge, or of a dihedral angle
+    /// in radians. 0 makes all of them anew in every tick. Default 0.7, the source paper's choice for steadiness.
+    /// Only for the `Circumsphere` method.
+    pub delta: f32,
+    /// How curvature is estimated. Default: signed edge curvature, which holds on stretched meshes. Only for the
+    /// `Circumsphere` method.
+    pub estimator: CurvatureEstimator,
+    /// How many threads may work on one tick, the calling one included. 1 never touches a task pool. Default 0: as
+    /// many as Bevy's compute task pool has, where the app has one. Contacts are the same for any number.
+    pub threads: usize,
+}
+
+impl Default for CircumsphereSettings {
+    fn default() -> Self {
+        Self {
+            margin: 0.0,
+            phi: 1.0,
+            curvature_threshold: 1.0,
+            delta: 0.7,
+            estimator: CurvatureEstimator::SignedEdge,
+            threads: 0,
+        }
+    }
+}
+
+impl CircumsphereSettings {
+    /// The margin, in range.
+    pub(crate) fn margin(&self) -> f32 {
+        if self.margin.is_finite() { self.margin.max(0.0) } else { 0.0 }
+    }
+
+    /// What shapes the spheres, in range.
+    pub(crate) fn recipe(&self) -> RecipeSettings {
+        let default = Self::default();
+        let in_range =
+            |value: f32, least: f32, default: f32| if value.is_nan() { default } else { value.clamp(least, f32::MAX) };
+        RecipeSettings {
+            phi: in_range(self.phi, 0.0, default.phi).min(1.0e6),
+            curvature_threshold: in_range(self.curvature_threshold, f32::MIN_POSITIVE, default.curvature_threshold),
+            delta: in_range(self.delta, 0.0, default.delta),
+        }
+    }
+}

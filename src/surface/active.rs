@@ -1,0 +1,63 @@
+//! The picture of one tick: every usable surface and shape, in a fixed order.
+
+use std::sync::Arc;
+
+use bevy_ecs::prelude::*;
+
+use super::components::{ContactMethod, SurfaceLayers};
+use crate::kernel::{bounds::Aabb, exact::rigid_shape::ShapeGeometry, pose::Pose, topology::SurfaceTopology};
+
+/// A surface that takes part in this tick.
+#[derive(Clone, Debug)]
+pub struct ActiveSurface {
+    /// Its entity.
+    pub entity: Entity,
+    /// Its triangles.
+    pub topology: Arc<SurfaceTopology>,
+    /// Where it stands in the world.
+    pub pose: Pose,
+    /// Half its contact distance in world units.
+    pub thickness: f32,
+    /// How it is tested.
+    pub method: ContactMethod,
+    /// Whom it meets.
+    pub layers: SurfaceLayers,
+    /// Whether it meets itself.
+    pub self_collision: bool,
+    /// Whether it has an inside.
+    pub one_sided: bool,
+    /// Whether it asked for messages and events.
+    pub events: bool,
+    /// Whether nothing remembered of it holds: new, re-made, teleported, or back from a pause.
+    pub fresh: bool,
+    /// Its box in world units, grown by thickness and half the margin. Written by the bounds stage.
+    pub world_bounds: Aabb,
+    pub(super) order: (u32, u64, u32),
+}
+
+/// A rigid shape that takes part in this tick.
+#[derive(Clone)]
+pub struct ActiveShape {
+    /// Its entity.
+    pub entity: Entity,
+    /// The shape, in its own frame.
+    pub geometry: Arc<ShapeGeometry>,
+    /// Where it stands in the world.
+    pub pose: Pose,
+    /// Whom it meets.
+    pub layers: SurfaceLayers,
+    /// Whether it asked for messages and events.
+    pub events: bool,
+    /// Whether nothing remembered of it holds.
+    pub fresh: bool,
+    pub(super) order: (u32, u64, u32),
+}
+
+/// Everything that takes part in this tick, ordered by [`SurfaceOrder`](super::SurfaceOrder), then by registration.
+#[derive(Resource, Default)]
+pub struct ActiveSurfaces {
+    /// The surfaces.
+    pub surfaces: Vec<ActiveSurface>,
+    /// The rigid shapes.
+    pub shapes: Vec<ActiveShape>,
+}

@@ -1,0 +1,227 @@
+//! The components a game spawns. [`DeformableSurface`] brings all the others with their defaults.
+
+use std::sync::Arc;
+
+use bevy_ecs::{lifecycle::HookContext, prelude::*, world::DeferredWorld};
+use bevy_transform::components::Transform;
+use glam::Vec3;
+
+use super::prepare::QuarantineReason;
+use crate::{
+    detection::TriangleBounds,
+    kernel::{
+        ids::VertexId,
+        topology::{SurfaceTopology, TopologyError},
+    },
+};
+
+/// A triangle mesh that may deform, and takes part in contacts.
+///
+/// Make one with [`from_mesh`](Self::from_mesh). Replace it to give the entity another mesh.
+#[derive(Component, Clone, Debug)]
+#[component(immutable)]
+#[require(
+    SurfacePositions,
+    SurfaceStatus,
+    SurfaceThickness,
+    ContactMethod,
+    SurfaceLayers,
+    Sidedness,
+    SurfaceFrame,
+    Registration,
+    Transform,
+    TriangleBounds
+)]
+pub struct DeformableSurface {
+    topology: Arc<SurfaceTopology>,
+    mean_edge: f32,
+}
+
+impl DeformableSurface {
+    /// Makes a surface from vertex positions and triangles (vertex numbers, counter-clockwise seen from outside).
+    /// Spawn the returned pair as a bundle. Vertices with exactly equal positions count as connected.
+    ///
+    /// ```
+    /// # use bevy_circumsphere::prelude::*;
+    /// # use glam::Vec3;
+    /// # let mut world = bevy_ecs::world::World::new();
+    /// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    /// let surface = DeformableSurface::from_mesh(&positions, &[[0, 1, 2]])?;
+    /// world.spawn((surface, SelfCollision));
+    /// # Ok::<(), TopologyError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// No triangle, a vertex number out of range, a position that is not finite, too many elements: see
+    /// [`TopologyError`].
+    pub fn from_mesh(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<(Self, SurfacePositions), TopologyError> {
+        let topology = Arc::new(SurfaceTopology::new(positions, triangles)?);
+        let mean_edge = topology.mean_edge_length(positions) as f32;
+        Ok((Self { topology, mean_edge }, SurfacePositions(positions.to_vec())))
+    }
+
+    /// Another surface with the same triangles: the adjacency is shared, not copied. Give it its own
+    /// [`SurfacePositions`], or it waits until it has some.
+    #[must_use]
+    pub fn instance(&self) -> Self {
+        self.clone()
+    }
+
+    /// The triangles and their adjacency.
+    #[must_use]
+    pub fn topology(&self) -> &Arc<SurfaceTopology> {
+        &self.topology
+    }
+
+    /// Mean length of the unique edges in the mesh that the surface was made from, in the unit of the positions.
+    #[must_use]
+    pub fn mean_edge(&self) -> f32 {
+        self.mean_edge
+    }
+}
+
+/// The current vertex positions of a surface, in the order of the mesh it was made from: what the game writes every
+/// tick. Empty: the surface waits.
+#[derive(Component, Clone, Debug, Default, PartialEq)]
+pub struct SurfacePositions(pub Vec<Vec3>);
+
+/// Half the distance at which two surfaces touch: a pair touches within the sum of both thicknesses.
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
+pub enum SurfaceThickness {
+    /// World units, 0 or more.
+    World(f32),
+    /// Times the mean edge length of the mesh that the surface was made from (and its pose's scale), 0 or more.
+    MeanEdges(f32),
+}
+
+impl Default for SurfaceThickness {
+    /// A twentieth of the mean edge: thin enough that neighbors across a vertex do not touch, thick enough to be met
+    /// within a tick.
+    fn default() -> Self {
+        Self::MeanEdges(0.05)
+    }
+}
+
+/// Tests a surface against itself too.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SelfCollision;
+
+/// How a pair of triangles is tested. Of two different methods the more exact one, the later here, decides.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum ContactMethod {
+    /// Touching is when the enclosing balls come within the contact distance. Coarse.
+    BoundingSphere,
+    /// Touching is when the offset spheres do so, the triangles' planes do not separate them, and the line between
+    /// the centers lies in both safety cones. Fast and smooth, and misses some contacts.
+    Circumsphere,
+    /// Touching is when the triangles cross or come within the contact distance. Misses none.
+    #[default]
+    Refined,
+    /// The same result as `Refined`, with every candidate tested exactly: the baseline to compare with.
+    Polygon,
+}
+
+/// Which groups a surface or shape belongs to, and which it meets. Two meet where each belongs to a group that the
+/// other meets.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SurfaceLayers {
+    /// One bit a group that it belongs to. Default: the first.
+    pub memberships: u32,
+    /// One bit a group that it meets. Default: all.
+    pub filters: u32,
+}
+
+impl Default for SurfaceLayers {
+    fn default() -> Self {
+        Self { memberships: 1, filters: u32::MAX }
+    }
+}
+
+impl SurfaceLayers {
+    /// Whether two meet.
+    #[must_use]
+    pub const fn interacts_with(self, other: Self) -> bool {
+        self.memberships & other.filters != 0 && other.memberships & self.filters != 0
+    }
+}
+
+/// Whether a surface has an inside. It decides about the sign of distances and the direction of normals, never about
+/// what touches.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Sidedness {
+    /// One-sided where the mesh is closed and consistently wound, two-sided otherwise.
+    #[default]
+    Auto,
+    /// Its normals point out of the solid; what is behind it has penetrated. Contacts of the surface with itself are
+    /// two-sided all the same: behind a face may be just the other side of a thin wall.
+    OneSided,
+    /// A sheet. What was on one side in the last tick and is on the other now has penetrated.
+    TwoSided,
+}
+
+/// What the positions are relative to.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SurfaceFrame {
+    /// The entity's transform and those of its parents: rotation, translation, uniform scale, mirroring.
+    #[default]
+    Local,
+    /// The world, whatever the transform says: skinned meshes.
+    World,
+}
+
+/// Takes a surface or shape out of detection for as long as it is there.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SurfaceDisabled;
+
+/// Insert it when positions or pose jump: nothing remembered from earlier ticks is used for the next one. Removed by
+/// the next tick.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Teleported;
+
+/// Asks for messages and entity events about the contacts of a surface or shape.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ContactEventsEnabled;
+
+/// A place in the order of contacts that does not depend on spawn order, lower first; for worlds that must agree
+/// between machines. Without it, or where it is equal, the order of registration decides.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SurfaceOrder(pub u32);
+
+/// What became of a surface or shape in the last tick.
+#[derive(Component, Clone, Debug, Default, PartialEq)]
+pub enum SurfaceStatus {
+    /// It has no positions yet.
+    #[default]
+    Waiting,
+    /// It took part.
+    Active,
+    /// It is [disabled](SurfaceDisabled).
+    Disabled,
+    /// It cannot be used; it is taken back as soon as it can.
+    Quarantined(QuarantineReason),
+}
+
+/// The number under which an entity was first registered as a surface or shape.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[component(on_add = Self::on_add)]
+pub(crate) struct Registration(pub(crate) u64);
+
+/// The next registration number.
+#[derive(Resource, Default)]
+pub(crate) struct NextRegistration(u64);
+
+impl Registration {
+    fn on_add(mut world: DeferredWorld, context: HookContext) {
+        let Some(mut next) = world.get_resource_mut::<NextRegistration>() else { return };
+        next.0 += 1;
+        let number = next.0;
+        if let Some(mut registration) = world.get_mut::<Self>(context.entity) {
+            registration.0 = number;
+        }
+    }
+}
+
+/// The first position that is not finite.
+pub(super) fn first_non_finite(positions: &[Vec3]) -> Option<VertexId> {
+    positions.iter().position(|position| !position.is_finite()).map(|vertex| VertexId(vertex as u32))
+}

@@ -1,0 +1,18 @@
+//! What a game spawns, and how it becomes one consistent picture of the tick.
+//!
+//! Components are read and validated once a tick in `Prepare`; the stages work from that picture. A surface that
+//! cannot be used is set aside with a reason while the others go on.
+
+mod active;
+mod components;
+mod prepare;
+mod rigid_shape;
+
+pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces};
+pub use components::{
+    ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame,
+    SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus, SurfaceThickness, Teleported,
+};
+pub(crate) use prepare::PendingQuarantines;
+pub use prepare::{QuarantineReason, SurfacePlugin};
+pub use rigid_shape::RigidShape;

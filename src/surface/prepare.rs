@@ -1,0 +1,274 @@
+//! First stage of a tick: reads what the game wrote, sets aside what cannot be used, and gathers the rest.
+
+use std::sync::Arc;
+
+use bevy_app::prelude::*;
+use bevy_ecs::{
+    entity::EntityHashMap,
+    prelude::*,
+    query::QueryData,
+    schedule::{InternedScheduleLabel, ScheduleLabel},
+};
+use bevy_transform::helper::TransformHelper;
+
+use super::{
+    active::{ActiveShape, ActiveSurface, ActiveSurfaces},
+    components::{
+        ContactEventsEnabled, ContactMethod, DeformableSurface, NextRegistration, Registration, SelfCollision,
+        Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus,
+        SurfaceThickness, Teleported, first_non_finite,
+    },
+    rigid_shape::RigidShape,
+};
+use crate::{
+    contacts::SurfaceQuarantined,
+    detection::DetectionDiagnostics,
+    kernel::{
+        bounds::Aabb,
+        exact::rigid_shape::{ShapeError, ShapeGeometry},
+        ids::VertexId,
+        pose::{Pose, PoseError},
+    },
+    schedule::DeformableSystems,
+};
+
+/// Why a surface or shape was set aside.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum QuarantineReason {
+    /// A coordinate is NaN or infinite.
+    #[error("the position of vertex {} is not finite", .0.0)]
+    NonFinitePosition(VertexId),
+    /// The number of positions is not that of the mesh.
+    #[error("there are {found} positions, but the mesh has {expected} vertices")]
+    PositionCount {
+        /// How many the mesh has.
+        expected: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// The thickness is negative or not finite.
+    #[error("the thickness {0} is negative or not finite")]
+    Thickness(f32),
+    /// The transform cannot be used.
+    #[error(transparent)]
+    Pose(#[from] PoseError),
+    /// A parent of the entity has no transform, or there is none at all.
+    #[error("the transform or that of a parent is missing")]
+    MissingTransform,
+    /// The shape cannot be used.
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
+}
+
+/// Gathers surfaces and shapes into [`ActiveSurfaces`].
+pub struct SurfacePlugin {
+    schedule: InternedScheduleLabel,
+}
+
+impl SurfacePlugin {
+    /// Gathers in `schedule`.
+    #[must_use]
+    pub fn new(schedule: impl ScheduleLabel) -> Self {
+        Self { schedule: schedule.intern() }
+    }
+}
+
+impl Plugin for SurfacePlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<ActiveSurfaces>()
+            .init_resource::<NextRegistration>()
+            .init_resource::<PendingQuarantines>()
+            .init_resource::<DetectionDiagnostics>();
+        app.add_systems(self.schedule, (gather_surfaces, gather_shapes).chain().in_set(DeformableSystems::Prepare));
+    }
+}
+
+/// Quarantines of this tick, sent in `Events`.
+#[derive(Resource, Default)]
+pub(crate) struct PendingQuarantines(pub(crate) Vec<SurfaceQuarantined>);
+
+#[derive(QueryData)]
+#[query_data(mutable)]
+struct SurfaceItem {
+    entity: Entity,
+    surface: Ref<'static, DeformableSurface>,
+    positions: &'static SurfacePositions,
+    status: &'static mut SurfaceStatus,
+    thickness: &'static SurfaceThickness,
+    method: &'static ContactMethod,
+    layers: &'static SurfaceLayers,
+    sidedness: &'static Sidedness,
+    frame: &'static SurfaceFrame,
+    registration: &'static Registration,
+    order: Option<&'static SurfaceOrder>,
+    self_collision: Has<SelfCollision>,
+    disabled: Has<SurfaceDisabled>,
+    teleported: Has<Teleported>,
+    events: Has<ContactEventsEnabled>,
+}
+
+/// Ordered by the game's wish, then by registration, then (for what was spawned before the plugin) by entity.
+fn order(order: Option<&SurfaceOrder>, registration: &Registration, entity: Entity) -> (u32, u64, u32) {
+    (order.map_or(0, |order| order.0), registration.0, entity.index_u32())
+}
+
+fn global_pose(transforms: &TransformHelper, entity: Entity) -> Result<Pose, QuarantineReason> {
+    // Computed here rather than read: in a fixed schedule the propagated transform is that of the last frame.
+    let transform = transforms.compute_global_transform(entity).map_err(|_| QuarantineReason::MissingTransform)?;
+    Ok(Pose::from_affine(&transform.affine())?)
+}
+
+/// Sets the status, and asks for a message where a quarantine is new.
+fn update_status(
+    entity: Entity,
+    status: &mut Mut<SurfaceStatus>,
+    next: SurfaceStatus,
+    quarantines: &mut PendingQuarantines,
+) {
+    if status.set_if_neq(next)
+        && let SurfaceStatus::Quarantined(reason) = &**status
+    {
+        log::warn!("surface {entity} is set aside: {reason}");
+        quarantines.0.push(SurfaceQuarantined { entity, reason: reason.clone() });
+    }
+}
+
+fn gather_surfaces(
+    mut commands: Commands,
+    mut active: ResMut<ActiveSurfaces>,
+    mut quarantines: ResMut<PendingQuarantines>,
+    mut diagnostics: ResMut<DetectionDiagnostics>,
+    mut surfaces: Query<SurfaceItem>,
+    transforms: TransformHelper,
+) {
+    diagnostics.begin_tick();
+    let watch = diagnostics.start();
+    quarantines.0.clear();
+    active.surfaces.clear();
+    for mut item in &mut surfaces {
+        let was_active = *item.status == SurfaceStatus::Active;
+        if item.teleported {
+            commands.entity(item.entity).try_remove::<Teleported>();
+        }
+        let next = if item.disabled {
+            SurfaceStatus::Disabled
+        } else if item.positions.0.is_empty() {
+            SurfaceStatus::Waiting
+        } else {
+            match validate(&item, &transforms) {
+                Ok((pose, thickness)) => {
+                    let topology = Arc::clone(item.surface.topology());
+                    let one_sided = match item.sidedness {
+                        Sidedness::Auto => topology.is_closed(),
+                        Sidedness::OneSided => true,
+                        Sidedness::TwoSided => false,
+                    };
+                    active.surfaces.push(ActiveSurface {
+                        entity: item.entity,
+                        topology,
+                        pose,
+                        thickness,
+                        method: *item.method,
+                        layers: *item.layers,
+                        self_collision: item.self_collision,
+                        one_sided,
+                        events: item.events,
+                        fresh: item.teleported || item.surface.is_changed() || !was_active,
+                        world_bounds: Aabb::EMPTY,
+                        order: order(item.order, item.registration, item.entity),
+                    });
+                    SurfaceStatus::Active
+                }
+                Err(reason) => SurfaceStatus::Quarantined(reason),
+            }
+        };
+        update_status(item.entity, &mut item.status, next, &mut quarantines);
+    }
+    active.surfaces.sort_unstable_by_key(|surface| surface.order);
+    diagnostics.finish("prepare", watch, 0, 0);
+}
+
+fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &TransformHelper) -> Result<(Pose, f32), QuarantineReason> {
+    let (expected, found) = (item.surface.topology().vertex_count(), item.positions.0.len());
+    if expected != found {
+        return Err(QuarantineReason::PositionCount { expected, found });
+    }
+    if let Some(vertex) = first_non_finite(&item.positions.0) {
+        return Err(QuarantineReason::NonFinitePosition(vertex));
+    }
+    let pose = match item.frame {
+        SurfaceFrame::Local => global_pose(transforms, item.entity)?,
+        SurfaceFrame::World => Pose::IDENTITY,
+    };
+    let thickness = match *item.thickness {
+        SurfaceThickness::World(thickness) => thickness,
+        SurfaceThickness::MeanEdges(edges) => edges * item.surface.mean_edge() * pose.scale() as f32,
+    };
+    if !thickness.is_finite() || thickness < 0.0 {
+        return Err(QuarantineReason::Thickness(thickness));
+    }
+    Ok((pose, thickness))
+}
+
+/// Shapes as they were prepared for exact tests, for as long as they are not replaced.
+#[derive(Default)]
+struct PreparedShapes(EntityHashMap<Result<Arc<ShapeGeometry>, ShapeError>>);
+
+#[derive(QueryData)]
+#[query_data(mutable)]
+struct ShapeItem {
+    entity: Entity,
+    shape: Ref<'static, RigidShape>,
+    status: &'static mut SurfaceStatus,
+    layers: &'static SurfaceLayers,
+    registration: &'static Registration,
+    order: Option<&'static SurfaceOrder>,
+    disabled: Has<SurfaceDisabled>,
+    teleported: Has<Teleported>,
+    events: Has<ContactEventsEnabled>,
+}
+
+fn gather_shapes(
+    mut commands: Commands,
+    mut active: ResMut<ActiveSurfaces>,
+    mut quarantines: ResMut<PendingQuarantines>,
+    mut prepared: Local<PreparedShapes>,
+    mut shapes: Query<ShapeItem, Without<DeformableSurface>>,
+    transforms: TransformHelper,
+) {
+    active.shapes.clear();
+    if prepared.0.len() > shapes.iter().len() {
+        prepared.0.retain(|&entity, _| shapes.contains(entity));
+    }
+    for mut item in &mut shapes {
+        if item.shape.is_changed() || !prepared.0.contains_key(&item.entity) {
+            prepared.0.insert(item.entity, ShapeGeometry::new(&item.shape.0).map(Arc::new));
+        }
+        let was_active = *item.status == SurfaceStatus::Active;
+        if item.teleported {
+            commands.entity(item.entity).try_remove::<Teleported>();
+        }
+        let usable = global_pose(&transforms, item.entity).and_then(|pose| {
+            let geometry = prepared.0[&item.entity].clone()?;
+            Ok((pose, geometry))
+        });
+        let next = match usable {
+            _ if item.disabled => SurfaceStatus::Disabled,
+            Err(reason) => SurfaceStatus::Quarantined(reason),
+            Ok((pose, geometry)) => {
+                active.shapes.push(ActiveShape {
+                    entity: item.entity,
+                    geometry,
+                    pose,
+                    layers: *item.layers,
+                    events: item.events,
+                    fresh: item.teleported || item.shape.is_changed() || !was_active,
+                    order: order(item.order, item.registration, item.entity),
+                });
+                SurfaceStatus::Active
+            }
+        };
+        update_status(item.entity, &mut item.status, next, &mut quarantines);
+    }
+    active.shapes.sort_unstable_by_key(|shape| shape.order);
+}
