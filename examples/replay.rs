@@ -1,0 +1,67 @@
+//! Detects the contacts of a recorded deforming mesh, frame by frame, through a headless app.
+//!
+//! `cargo run --release --example replay -- [FILES…] [options]`; `--help` lists the options. Without files it plays an
+//! embedded scene: a cloth that falls over a ball and a deforming torus and folds onto itself.
+
+#[path = "replay/options.rs"]
+mod options;
+#[path = "replay/output.rs"]
+mod output;
+#[path = "replay/player.rs"]
+mod player;
+#[path = "replay/report.rs"]
+mod report;
+
+use std::{path::Path, process::ExitCode};
+
+use circumsphere_support::recording::{Recording, RecordingError, read_recording};
+use clap::Parser;
+use options::{Options, OptionsError};
+use output::OutputError;
+
+/// A scene of the project's own making, so that the first run needs no data.
+const EMBEDDED_SCENE: &[u8] = include_bytes!("../assets/cloth_fall.bin");
+const EMBEDDED_NAME: &str = "the embedded scene";
+
+/// Bad input of any kind: the shell's convention for a wrong call.
+const BAD_INPUT: u8 = 2;
+
+#[derive(Debug, thiserror::Error)]
+enum ReplayError {
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    #[error("{name}: {source}")]
+    Mesh { name: String, source: bevy_circumsphere::kernel::topology::TopologyError },
+    #[error(transparent)]
+    Options(#[from] OptionsError),
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+fn main() -> ExitCode {
+    match replay(&Options::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(BAD_INPUT)
+        }
+    }
+}
+
+fn replay(options: &Options) -> Result<(), ReplayError> {
+    let name = options.input_name(EMBEDDED_NAME);
+    let recording = if options.files.is_empty() {
+        Recording::from_bytes(EMBEDDED_SCENE, Path::new(EMBEDDED_NAME))?
+    } else {
+        read_recording(&options.files)?
+    };
+    let scene =
+        player::Scene::new(&recording, options).map_err(|source| ReplayError::Mesh { name: name.clone(), source })?;
+    let settings = options.settings(scene.mean_edge(), recording.frames.len())?;
+    let mut writers = output::Writers::create(options)?;
+    let played = player::play(&recording, &scene, &settings, |frame, contacts| writers.write(frame, contacts))?;
+    let report = report::Report::new(name, &recording, &settings, played);
+    print!("{report}");
+    writers.finish(&report)?;
+    Ok(())
+}

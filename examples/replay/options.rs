@@ -1,0 +1,216 @@
+//! What the command line may ask for, and what it amounts to for a given recording.
+
+use std::{ops::Range, path::PathBuf, str::FromStr};
+
+use bevy_circumsphere::{CircumsphereSettings, ContactMethod, kernel::curvature::CurvatureEstimator};
+use clap::{Parser, ValueEnum};
+use serde::Serialize;
+
+/// Contact distance where none is given, in mean edges.
+const DEFAULT_DISTANCE_EDGES: f64 = 0.1;
+
+/// Detect the contacts of a recorded deforming mesh with itself, frame by frame.
+#[derive(Parser, Debug)]
+#[command(name = "replay")]
+pub struct Options {
+    /// The frames of one mesh in order (PLY or OBJ), or one .bin recording; none: an embedded scene
+    pub files: Vec<PathBuf>,
+    /// How a pair of triangles is tested
+    #[arg(long, value_enum, default_value_t = Method::Refined)]
+    pub method: Method,
+    /// How pairs of triangles are found
+    #[arg(long, value_enum, default_value_t = BroadPhase::Tree)]
+    pub broad_phase: BroadPhase,
+    /// One self-colliding surface, or one per connected component; both find the same pairs
+    #[arg(long, value_enum, default_value_t = Surfaces::Whole)]
+    pub surfaces: Surfaces,
+    /// Distance at which a pair of triangles touches, in the unit of the file
+    #[arg(long, value_name = "X", conflicts_with = "contact_distance_edges")]
+    pub contact_distance: Option<f64>,
+    /// The same, times the mean length of the unique welded edges of the first frame [default: 0.1]
+    #[arg(long, value_name = "X")]
+    pub contact_distance_edges: Option<f64>,
+    /// Height of a flat triangle's sphere center below its plane, in radii of the triangle
+    #[arg(long, default_value_t = CircumsphereSettings::default().phi)]
+    pub phi: f32,
+    /// Shape change beyond which a triangle's sphere is made anew
+    #[arg(long, default_value_t = CircumsphereSettings::default().delta)]
+    pub delta: f32,
+    /// Curvature times radius at which a sphere is no longer offset
+    #[arg(long, default_value_t = CircumsphereSettings::default().curvature_threshold)]
+    pub curvature_threshold: f32,
+    /// How curvature is estimated
+    #[arg(long, value_enum, default_value_t = Estimator::SignedEdge)]
+    pub estimator: Estimator,
+    /// Frames to play, counted from 0, B excluded; either end may be left out
+    #[arg(long, value_name = "A..B", default_value = "..")]
+    pub frames: FrameRange,
+    /// Play everything N times, each time in a fresh app, and report medians
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repeat: u32,
+    /// Detect each frame N times in a row in one app that remembers what it did before
+    #[arg(long)]
+    pub warm: bool,
+    /// Threads that may work on one frame; 1 bypasses any pool
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: u16,
+    /// Write the touching pairs of triangles
+    #[arg(long, value_name = "FILE.csv")]
+    pub pairs: Option<PathBuf>,
+    /// Write the contacts
+    #[arg(long, value_name = "FILE.csv")]
+    pub contacts: Option<PathBuf>,
+    /// Write times and counts
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    BoundingSphere,
+    Circumsphere,
+    Refined,
+    Polygon,
+}
+
+impl From<Method> for ContactMethod {
+    fn from(method: Method) -> Self {
+        match method {
+            Method::BoundingSphere => Self::BoundingSphere,
+            Method::Circumsphere => Self::Circumsphere,
+            Method::Refined => Self::Refined,
+            Method::Polygon => Self::Polygon,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BroadPhase {
+    Tree,
+    BruteForce,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Surfaces {
+    Whole,
+    Components,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Estimator {
+    SignedEdge,
+    DualAngleDeficit,
+}
+
+impl From<Estimator> for CurvatureEstimator {
+    fn from(estimator: Estimator) -> Self {
+        match estimator {
+            Estimator::SignedEdge => Self::SignedEdge,
+            Estimator::DualAngleDeficit => Self::DualAngleDeficit,
+        }
+    }
+}
+
+/// `A..B` as it was typed; either end may be missing.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameRange {
+    start: Option<usize>,
+    end: Option<usize>,
+}
+
+impl FromStr for FrameRange {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let (start, end) = text.split_once("..").ok_or("expected A..B, for example 0..10")?;
+        let number = |text: &str| match text.trim() {
+            "" => Ok(None),
+            digits => digits.parse().map(Some).map_err(|_| format!("'{digits}' is not a frame number")),
+        };
+        Ok(Self { start: number(start)?, end: number(end)? })
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum OptionsError {
+    #[error("--frames {start}..{end}: the recording has the frames 0..{frames}")]
+    NoSuchFrames { start: usize, end: usize, frames: usize },
+    #[error("{option} {value}: expected a number of {least} or more")]
+    OutOfRange { option: &'static str, value: f64, least: &'static str },
+}
+
+/// The options as they apply to a recording.
+#[derive(Clone, Debug, Serialize)]
+pub struct Settings {
+    pub method: Method,
+    pub broad_phase: BroadPhase,
+    pub surfaces: Surfaces,
+    pub contact_distance: f64,
+    pub mean_edge: f64,
+    pub phi: f32,
+    pub delta: f32,
+    pub curvature_threshold: f32,
+    pub estimator: Estimator,
+    pub frames: Range<usize>,
+    pub repeat: u32,
+    pub warm: bool,
+    #[serde(skip)]
+    pub threads: usize,
+}
+
+impl Options {
+    /// What is played, for the report.
+    pub fn input_name(&self, embedded: &str) -> String {
+        match self.files.as_slice() {
+            [] => embedded.to_owned(),
+            [file] => file.display().to_string(),
+            [first, .., last] => format!("{} … {} ({} files)", first.display(), last.display(), self.files.len()),
+        }
+    }
+
+    pub fn settings(&self, mean_edge: f64, frame_count: usize) -> Result<Settings, OptionsError> {
+        let edges = self.contact_distance_edges.unwrap_or(DEFAULT_DISTANCE_EDGES);
+        let at_least_0 = [
+            ("--contact-distance", self.contact_distance.unwrap_or(0.0)),
+            ("--contact-distance-edges", edges),
+            ("--phi", f64::from(self.phi)),
+            ("--delta", f64::from(self.delta)),
+        ];
+        for (option, value) in at_least_0 {
+            if !(value >= 0.0 && value <= f64::from(f32::MAX)) {
+                return Err(OptionsError::OutOfRange { option, value, least: "0" });
+            }
+        }
+        let threshold = f64::from(self.curvature_threshold);
+        if !(threshold > 0.0 && threshold.is_finite()) {
+            return Err(OptionsError::OutOfRange {
+                option: "--curvature-threshold",
+                value: threshold,
+                least: "something above 0",
+            });
+        }
+        let frames = self.frames.start.unwrap_or(0)..self.frames.end.unwrap_or(frame_count);
+        if frames.is_empty() || frames.end > frame_count {
+            return Err(OptionsError::NoSuchFrames { start: frames.start, end: frames.end, frames: frame_count });
+        }
+        Ok(Settings {
+            method: self.method,
+            broad_phase: self.broad_phase,
+            surfaces: self.surfaces,
+            contact_distance: self.contact_distance.unwrap_or(edges * mean_edge),
+            mean_edge,
+            phi: self.phi,
+            delta: self.delta,
+            curvature_threshold: self.curvature_threshold,
+            estimator: self.estimator,
+            frames,
+            repeat: self.repeat,
+            warm: self.warm,
+            threads: usize::from(self.threads),
+        })
+    }
+}

@@ -1,0 +1,239 @@
+//! Plays a recording through a headless app.
+
+use std::{
+    collections::HashMap,
+    time::{Duration, Instant},
+};
+
+use bevy_app::{TaskPoolOptions, TaskPoolPlugin, TaskPoolThreadAssignmentPolicy, prelude::*};
+use bevy_circumsphere::{
+    CircumsphereSettings, ContactStore,
+    detection::{BruteForceBroadPhasePlugin, DetectionDiagnostics, StageDiagnostics, TreeBroadPhasePlugin},
+    kernel::topology::{SurfaceTopology, TopologyError},
+    prelude::*,
+};
+use bevy_ecs::{prelude::*, system::SystemState};
+use circumsphere_support::recording::Recording;
+use glam::Vec3;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::{
+    options::{BroadPhase, Options, Settings, Surfaces},
+    output::OutputError,
+};
+
+/// A part of the recorded mesh that becomes a surface of its own: its elements as numbered in the file.
+pub struct Part {
+    pub vertices: Vec<u32>,
+    pub triangles: Vec<u32>,
+    local_triangles: Vec<[u32; 3]>,
+}
+
+impl Part {
+    fn positions(&self, frame: &[[f32; 3]]) -> Vec<Vec3> {
+        self.vertices.iter().map(|&vertex| Vec3::from_array(frame[vertex as usize])).collect()
+    }
+}
+
+/// The recorded mesh as surfaces.
+pub struct Scene {
+    parts: Vec<Part>,
+    topology: SurfaceTopology,
+    first_frame: Vec<Vec3>,
+}
+
+impl Scene {
+    pub fn new(recording: &Recording, options: &Options) -> Result<Self, TopologyError> {
+        let first_frame: Vec<Vec3> = recording.frames[0].iter().copied().map(Vec3::from_array).collect();
+        let topology = SurfaceTopology::new(&first_frame, &recording.triangles)?;
+        let parts = match options.surfaces {
+            Surfaces::Whole => vec![Part {
+                vertices: (0..first_frame.len() as u32).collect(),
+                triangles: (0..recording.triangles.len() as u32).collect(),
+                local_triangles: recording.triangles.clone(),
+            }],
+            Surfaces::Components => split(&topology),
+        };
+        Ok(Self { parts, topology, first_frame })
+    }
+
+    pub fn mean_edge(&self) -> f64 {
+        self.topology.mean_edge_length(&self.first_frame)
+    }
+}
+
+/// One part per connected component, in the order of their first triangles.
+fn split(topology: &SurfaceTopology) -> Vec<Part> {
+    let (component, count) = topology.components();
+    let mut parts: Vec<Part> =
+        (0..count).map(|_| Part { vertices: Vec::new(), triangles: Vec::new(), local_triangles: Vec::new() }).collect();
+    let mut local = HashMap::new();
+    for (triangle, corners) in topology.triangles().iter().enumerate() {
+        let part = &mut parts[component[triangle] as usize];
+        part.triangles.push(triangle as u32);
+        part.local_triangles.push(corners.map(|vertex| {
+            *local.entry(vertex).or_insert_with(|| {
+                part.vertices.push(vertex);
+                part.vertices.len() as u32 - 1
+            })
+        }));
+    }
+    parts
+}
+
+/// What one detection did.
+pub struct Detection {
+    pub total: Duration,
+    pub stages: Vec<StageDiagnostics>,
+    pub recipes_refreshed: usize,
+    pub pairs: usize,
+    pub contacts: usize,
+}
+
+/// All detections of one frame.
+pub struct PlayedFrame {
+    pub frame: usize,
+    pub detections: Vec<Detection>,
+}
+
+/// Everything that was played.
+pub struct Played {
+    /// Adjacency and first trees, once for each app.
+    pub builds: Vec<Duration>,
+    pub frames: Vec<PlayedFrame>,
+}
+
+/// The contacts of a frame, with the way back to the file's numbers.
+pub struct FrameContacts<'a> {
+    pub parts: &'a HashMap<Entity, &'a Part>,
+    pub store: &'a ContactStore,
+    pub contacts: &'a SurfaceContacts<'a>,
+}
+
+/// Plays the frames, calling `write` once for each with what was found.
+pub fn play(
+    recording: &Recording,
+    scene: &Scene,
+    settings: &Settings,
+    mut write: impl FnMut(usize, &FrameContacts) -> Result<(), OutputError>,
+) -> Result<Played, OutputError> {
+    let mut played = Played {
+        builds: Vec::new(),
+        frames: settings.frames.clone().map(|frame| PlayedFrame { frame, detections: Vec::new() }).collect(),
+    };
+    let (apps, repeats) = if settings.warm { (1, settings.repeat) } else { (settings.repeat, 1) };
+    let progress = ProgressBar::new(u64::from(settings.repeat) * played.frames.len() as u64).with_style(
+        ProgressStyle::with_template("{bar:40} {pos}/{len} detections, {eta} left")
+            .expect("the template is well formed"),
+    );
+    for round in 0..apps {
+        let start = Instant::now();
+        let mut stage = Stage::new(recording, scene, settings);
+        let mut build = start.elapsed();
+        for (place, frame) in played.frames.iter_mut().enumerate() {
+            for repeat in 0..repeats {
+                let (detection, first_tree_builds) = stage.detect(&recording.frames[frame.frame]);
+                frame.detections.push(detection);
+                if place == 0 && repeat == 0 {
+                    build += first_tree_builds;
+                }
+                progress.inc(1);
+            }
+            if round == 0 {
+                stage.read(|contacts| write(frame.frame, contacts))?;
+            }
+        }
+        played.builds.push(build);
+    }
+    progress.finish_and_clear();
+    Ok(played)
+}
+
+/// An app with the surfaces in it.
+struct Stage<'a> {
+    app: App,
+    surfaces: Vec<(Entity, &'a Part)>,
+    parts: HashMap<Entity, &'a Part>,
+    contacts: SystemState<SurfaceContacts<'static>>,
+}
+
+impl<'a> Stage<'a> {
+    fn new(recording: &Recording, scene: &'a Scene, settings: &Settings) -> Self {
+        let mut app = App::new();
+        if settings.threads > 1 {
+            // The calling thread works too.
+            let workers = settings.threads - 1;
+            let compute = TaskPoolThreadAssignmentPolicy {
+                min_threads: workers,
+                max_threads: workers,
+                percent: 1.0,
+                on_thread_spawn: None,
+                on_thread_destroy: None,
+            };
+            let task_pool_options = TaskPoolOptions { compute, ..TaskPoolOptions::default() };
+            app.add_plugins(TaskPoolPlugin { task_pool_options });
+        }
+        let plugins = DeformableCollisionPlugins::new(Update);
+        match settings.broad_phase {
+            BroadPhase::Tree => app.add_plugins(plugins),
+            BroadPhase::BruteForce => app
+                .add_plugins(plugins.build().disable::<TreeBroadPhasePlugin>())
+                .add_plugins(BruteForceBroadPhasePlugin),
+        };
+        app.insert_resource(CircumsphereSettings {
+            phi: settings.phi,
+            delta: settings.delta,
+            curvature_threshold: settings.curvature_threshold,
+            estimator: settings.estimator.into(),
+            threads: settings.threads,
+            ..CircumsphereSettings::default()
+        });
+        app.finish();
+        app.cleanup();
+        let surfaces: Vec<(Entity, &Part)> = scene
+            .parts
+            .iter()
+            .map(|part| {
+                // Always welded at the first frame of the file, whichever frames are played.
+                let positions = part.positions(&recording.frames[0]);
+                let (surface, _) = DeformableSurface::from_mesh(&positions, &part.local_triangles)
+                    .expect("the whole mesh has been accepted");
+                let thickness = SurfaceThickness::World((0.5 * settings.contact_distance) as f32);
+                let entity = app
+                    .world_mut()
+                    .spawn((surface, SelfCollision, thickness, ContactMethod::from(settings.method)))
+                    .id();
+                (entity, part)
+            })
+            .collect();
+        let parts = surfaces.iter().copied().collect();
+        let contacts = SystemState::new(app.world_mut());
+        Self { app, surfaces, parts, contacts }
+    }
+
+    fn detect(&mut self, frame: &[[f32; 3]]) -> (Detection, Duration) {
+        for &(entity, part) in &self.surfaces {
+            let positions = part.positions(frame);
+            if let Some(mut current) = self.app.world_mut().get_mut::<SurfacePositions>(entity) {
+                current.0 = positions;
+            }
+        }
+        self.app.update();
+        let diagnostics = self.app.world().resource::<DetectionDiagnostics>();
+        let store = self.app.world().resource::<ContactStore>();
+        let detection = Detection {
+            total: diagnostics.total(),
+            stages: diagnostics.stages.clone(),
+            recipes_refreshed: diagnostics.recipes_refreshed,
+            pairs: store.touching.len(),
+            contacts: store.contacts.len(),
+        };
+        (detection, diagnostics.first_tree_builds)
+    }
+
+    fn read<T>(&mut self, read: impl FnOnce(&FrameContacts) -> T) -> T {
+        let world = self.app.world();
+        let contacts = self.contacts.get(world).expect("the plugins keep a contact store");
+        read(&FrameContacts { parts: &self.parts, store: world.resource::<ContactStore>(), contacts: &contacts })
+    }
+}

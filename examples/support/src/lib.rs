@@ -1,0 +1,11 @@
+//! What the examples, tests, benches and fuzz targets of `bevy_circumsphere` share: recorded
+//! meshes and procedural ones.
+//!
+//! Nothing here is published and nothing here knows the library: meshes are plain arrays, so that a test can
+//! compare the library with data the library had no hand in.
+
+#![forbid(unsafe_code)]
+#![warn(missing_docs)]
+
+pub mod recording;
+pub mod scenes;

@@ -1,0 +1,624 @@
+//! The embedded scene: a hanging cloth falls onto a ring that bends and swells, topples over a ball, and folds
+//! upon itself.
+//!
+//! A position-based simulation with small steps (Macklin et al., "Small Steps in Physics Simulation", 2019),
+//! in `f64` and in one fixed order, made to be looked at and collided with rather than to be exact. The cloth
+//! meets the ball, the ring and the floor as formulas; the recording holds all but the floor as one mesh.
+
+use std::collections::BTreeSet;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use super::{Diagonals, Mesh, grid, icosphere, merge, torus};
+use crate::recording::Recording;
+
+/// Number of frames in the recording.
+pub const FRAMES: usize = 120;
+/// Frames per second of scene time.
+pub const FRAMES_PER_SECOND: f32 = 60.0;
+
+/// Vertices along each side of the cloth.
+pub const CLOTH_SIDE_VERTICES: usize = 26;
+/// Distance of neighbouring cloth vertices at rest, in metres.
+pub const CLOTH_EDGE: f32 = 0.08;
+/// Centre of the ball, in metres. The floor is at y = 0.
+pub const BALL_CENTER: [f32; 3] = [-0.15, 0.6, -0.25];
+/// Radius of the ball, in metres.
+pub const BALL_RADIUS: f32 = 0.25;
+
+/// The vertices that are the cloth, row by row.
+pub const CLOTH_VERTICES: Range<usize> = 0..CLOTH_COUNT;
+/// The vertices that are the ball; they rest.
+pub const BALL_VERTICES: Range<usize> = CLOTH_VERTICES.end..CLOTH_VERTICES.end + 162;
+/// The vertices that are the ring.
+pub const TORUS_VERTICES: Range<usize> = BALL_VERTICES.end..BALL_VERTICES.end + RING_SEGMENTS * TUBE_SEGMENTS;
+/// The triangles that are the cloth.
+pub const CLOTH_TRIANGLES: Range<usize> = 0..2 * CLOTH_CELLS * CLOTH_CELLS;
+/// The triangles that are the ball.
+pub const BALL_TRIANGLES: Range<usize> = CLOTH_TRIANGLES.end..CLOTH_TRIANGLES.end + 320;
+/// The triangles that are the ring.
+pub const TORUS_TRIANGLES: Range<usize> = BALL_TRIANGLES.end..BALL_TRIANGLES.end + 2 * RING_SEGMENTS * TUBE_SEGMENTS;
+
+const CLOTH_CELLS: usize = CLOTH_SIDE_VERTICES - 1;
+const CLOTH_COUNT: usize = CLOTH_SIDE_VERTICES * CLOTH_SIDE_VERTICES;
+const CLOTH_HEIGHT: f32 = 1.55;
+const RING_SEGMENTS: usize = 24;
+const TUBE_SEGMENTS: usize = 12;
+const RING_CENTER: Point = [0.1, 0.25, 0.3];
+const RING_MAJOR: f64 = 0.42;
+const RING_MINOR: f64 = 0.1;
+
+const SUBSTEPS: usize = 12;
+const STEP: f64 = 1.0 / (FRAMES_PER_SECOND as f64 * SUBSTEPS as f64);
+const GRAVITY: f64 = 9.81;
+/// Share of the velocity lost per second to the air.
+const DRAG: f64 = 2.0;
+/// Share of the error that a step removes where vertices two apart are too near: what resists bending.
+const BENDING_STIFFNESS: f64 = 0.01;
+/// The same for the diagonals of a cell: cloth is sheared far more easily than it is stretched.
+const SHEAR_STIFFNESS: f64 = 0.1;
+/// Distance kept between parts of the cloth without common vertices. Well below the height of a triangle, which is
+/// 0.7 edges, or neighbours would push each other.
+const THICKNESS: f64 = 0.35 * CLOTH_EDGE as f64;
+/// Distance kept to the ball, the ring and the floor: more than a cell of cloth sags into them between vertices.
+const CLEARANCE: f64 = 0.02;
+/// How much of the sliding against the floor and the ring a step removes.
+const FRICTION: f64 = 0.1;
+/// The same for the ball, which is smoother.
+const BALL_FRICTION: f64 = 0.02;
+/// How far two parts may close in on each other before the parts that may touch are searched again. Together
+/// with the thickness it stays below the height of a triangle, so that flat cloth is no contact with itself.
+const REACH: f64 = 0.3 * CLOTH_EDGE as f64;
+/// Half the length of a diagonal, with the stretch that the springs leave.
+const LONGEST_HALF_EDGE: f64 = 0.8 * CLOTH_EDGE as f64;
+/// Fastest motion of a vertex, in metres per second. Two parts close in by the thickness in two steps, so they
+/// are pushed back before they are past each other.
+const TOP_SPEED: f64 = THICKNESS / (4.0 * STEP);
+
+type Point = [f64; 3];
+
+/// The recording of the scene: cloth, ball (an icosphere of level 2) and ring (24 by 12) as one mesh in metres.
+///
+/// It has [`FRAMES`] frames, and the ranges beside it tell the parts. No two triangles of different parts, and none
+/// of the cloth without a common vertex, cross each other in any frame. Making it takes about two seconds with
+/// optimizations and half a minute without.
+pub fn cloth_fall() -> Recording {
+    cloth_fall_start(FRAMES)
+}
+
+/// The first `frames` frames of [`cloth_fall`], or as many more as wanted.
+pub fn cloth_fall_start(frames: usize) -> Recording {
+    let mut cloth = Cloth::new();
+    let ball = icosphere(2, BALL_RADIUS).translate(BALL_CENTER);
+    let rest = [
+        Mesh { positions: cloth.vertices(), triangles: cloth.triangles.clone() },
+        ball.clone(),
+        torus(RING_MAJOR as f32, RING_MINOR as f32, RING_SEGMENTS, TUBE_SEGMENTS),
+    ];
+    let mut recording = Recording { triangles: merge(&rest).triangles, frames: Vec::with_capacity(frames) };
+    for frame in 0..frames {
+        if frame > 0 {
+            cloth.advance(time_of(frame - 1));
+        }
+        let ring = Ring::at(time_of(frame));
+        let parts = [cloth.vertices(), ball.positions.clone(), ring.vertices()];
+        recording.frames.push(parts.concat());
+    }
+    recording
+}
+
+/// Scene time of a frame, in seconds.
+fn time_of(frame: usize) -> f64 {
+    frame as f64 / f64::from(FRAMES_PER_SECOND)
+}
+
+/// The ring at one moment: a circle that shrinks and bends like the rim of a saddle, with a tube that swells in
+/// waves.
+struct Ring {
+    centers: [Point; RING_SEGMENTS],
+    radii: [f64; RING_SEGMENTS],
+}
+
+impl Ring {
+    fn at(time: f64) -> Self {
+        let angle = |segment: usize| TAU * segment as f64 / RING_SEGMENTS as f64;
+        let bend = 0.12 * libm::sin(TAU * 0.75 * time);
+        let major = RING_MAJOR * (1.0 - 0.15 * (1.0 - libm::cos(TAU * 0.5 * time)));
+        Self {
+            centers: std::array::from_fn(|segment| {
+                let angle = angle(segment);
+                [
+                    RING_CENTER[0] + major * libm::cos(angle),
+                    RING_CENTER[1] + bend * libm::cos(2.0 * angle),
+                    RING_CENTER[2] + major * libm::sin(angle),
+                ]
+            }),
+            radii: std::array::from_fn(|segment| {
+                let wave = libm::sin(3.0 * angle(segment) - TAU * time);
+                RING_MINOR * (1.0 + 0.2 * wave)
+            }),
+        }
+    }
+
+    /// Positions in the order of the vertices of [`torus`].
+    fn vertices(&self) -> Vec<[f32; 3]> {
+        let mut vertices = Vec::with_capacity(RING_SEGMENTS * TUBE_SEGMENTS);
+        for (segment, (center, radius)) in self.centers.iter().zip(&self.radii).enumerate() {
+            let angle = TAU * segment as f64 / RING_SEGMENTS as f64;
+            let outward = [libm::cos(angle), 0.0, libm::sin(angle)];
+            for tube in 0..TUBE_SEGMENTS {
+                let angle = TAU * tube as f64 / TUBE_SEGMENTS as f64;
+                let out = add_scaled(*center, outward, radius * libm::cos(angle));
+                let vertex = add_scaled(out, [0.0, 1.0, 0.0], radius * libm::sin(angle));
+                vertices.push(vertex.map(|value| value as f32));
+            }
+        }
+        vertices
+    }
+
+    /// The nearest point of the circle and the radius of the tube there.
+    fn nearest(&self, point: Point) -> (Point, f64) {
+        let mut best = (f64::INFINITY, self.centers[0], self.radii[0]);
+        for segment in 0..RING_SEGMENTS {
+            let next = (segment + 1) % RING_SEGMENTS;
+            let (from, to) = (self.centers[segment], self.centers[next]);
+            let along = subtract(to, from);
+            let part = dot(subtract(point, from), along) / dot(along, along);
+            let part = part.clamp(0.0, 1.0);
+            let center = add_scaled(from, along, part);
+            let radius = self.radii[segment] + part * (self.radii[next] - self.radii[segment]);
+            let away = subtract(point, center);
+            let depth = dot(away, away).sqrt() - radius;
+            if depth < best.0 {
+                best = (depth, center, radius);
+            }
+        }
+        (best.1, best.2)
+    }
+}
+
+/// Two vertices that want to be a certain distance apart.
+struct Spring {
+    ends: [usize; 2],
+    length: f64,
+    /// Share of the error that a step removes where the two are too far apart.
+    stretched: f64,
+    /// The same where they are too near.
+    compressed: f64,
+}
+
+/// A part of the cloth and another one without common vertices.
+enum Contact {
+    VertexTriangle(usize, [usize; 3]),
+    EdgeEdge([usize; 2], [usize; 2]),
+}
+
+struct Cloth {
+    positions: Vec<Point>,
+    previous: Vec<Point>,
+    velocities: Vec<Point>,
+    triangles: Vec<[u32; 3]>,
+    springs: Vec<Spring>,
+    edges: Vec<[usize; 2]>,
+    /// What may touch until the cloth has moved on.
+    contacts: Vec<Contact>,
+    /// The positions at the last search; none before the first.
+    searched: Vec<Point>,
+}
+
+impl Cloth {
+    fn new() -> Self {
+        let size = CLOTH_EDGE * CLOTH_CELLS as f32;
+        // The turns are off the axes a little, so that no symmetry keeps the cloth from falling to one side.
+        let sheet = grid(CLOTH_CELLS, CLOTH_CELLS, size, size, Diagonals::Alternating)
+            .rotate([0.0, 1.0, 0.0], 0.2)
+            .rotate([1.0, 0.0, 0.1], 1.4)
+            .translate([0.0, CLOTH_HEIGHT, 0.0]);
+        let positions: Vec<Point> = sheet.positions.iter().map(|position| position.map(f64::from)).collect();
+        Self {
+            previous: positions.clone(),
+            velocities: vec![[0.0; 3]; CLOTH_COUNT],
+            positions,
+            edges: edges(&sheet.triangles),
+            triangles: sheet.triangles,
+            springs: springs(),
+            contacts: Vec::new(),
+            searched: Vec::new(),
+        }
+    }
+
+    /// Positions as the recording has them.
+    fn vertices(&self) -> Vec<[f32; 3]> {
+        let single = |position: &Point| position.map(|value| value as f32);
+        self.positions.iter().map(single).collect()
+    }
+
+    /// Moves on by one frame from `time`, in seconds.
+    fn advance(&mut self, time: f64) {
+        for substep in 0..SUBSTEPS {
+            let ring = Ring::at(time + (substep + 1) as f64 * STEP);
+            self.predict();
+            self.satisfy_springs();
+            self.search_contacts();
+            self.separate_contacts();
+            self.leave_obstacles(&ring);
+            self.finish();
+        }
+    }
+
+    fn predict(&mut self) {
+        self.previous.clone_from(&self.positions);
+        for (position, velocity) in self.positions.iter_mut().zip(&mut self.velocities) {
+            velocity[1] -= GRAVITY * STEP;
+            *velocity = scaled(*velocity, 1.0 - DRAG * STEP);
+            *position = add_scaled(*position, *velocity, STEP);
+        }
+    }
+
+    fn satisfy_springs(&mut self) {
+        for spring in &self.springs {
+            let [a, b] = spring.ends;
+            let between = subtract(self.positions[b], self.positions[a]);
+            let distance = dot(between, between).sqrt();
+            let error = distance - spring.length;
+            let stiffness = if error > 0.0 { spring.stretched } else { spring.compressed };
+            if distance > 0.0 {
+                let share = 0.5 * stiffness * error / distance;
+                self.positions[a] = add_scaled(self.positions[a], between, share);
+                self.positions[b] = add_scaled(self.positions[b], between, -share);
+            }
+        }
+    }
+
+    /// Finds the vertices and triangles, and the edges, that may come within the thickness before the next search.
+    fn search_contacts(&mut self) {
+        let positions = &self.positions;
+        let is_valid = !self.searched.is_empty()
+            && positions
+                .iter()
+                .zip(&self.searched)
+                .all(|(position, searched)| distance(*position, *searched) < 0.5 * REACH);
+        if is_valid {
+            return;
+        }
+        self.searched.clone_from(positions);
+        let contacts = &mut self.contacts;
+        contacts.clear();
+        let margin = THICKNESS + REACH;
+
+        let vertices = CellHash::new(positions);
+        for triangle in &self.triangles {
+            let corners = triangle.map(|corner| corner as usize);
+            let points = corners.map(|corner| positions[corner]);
+            vertices.visit(&points, margin, |vertex| {
+                if corners.contains(&vertex) {
+                    return;
+                }
+                let weights = nearest_weights(positions[vertex], points);
+                let nearest = weighted(&points, &weights);
+                if distance(positions[vertex], nearest) < margin {
+                    contacts.push(Contact::VertexTriangle(vertex, corners));
+                }
+            });
+        }
+
+        let middles: Vec<Point> =
+            self.edges.iter().map(|edge| weighted(&edge.map(|end| positions[end]), &[0.5, 0.5])).collect();
+        let middles = CellHash::new(&middles);
+        for (first, &edge) in self.edges.iter().enumerate() {
+            let ends = edge.map(|end| positions[end]);
+            middles.visit(&ends, margin + LONGEST_HALF_EDGE, |second| {
+                let other = self.edges[second];
+                if second <= first || other.iter().any(|end| edge.contains(end)) {
+                    return;
+                }
+                let other_ends = other.map(|end| positions[end]);
+                if !are_boxes_near(ends, other_ends, margin) {
+                    return;
+                }
+                let (part, other_part) = nearest_parts(ends, other_ends);
+                let near = weighted(&ends, &[1.0 - part, part]);
+                let other_near = weighted(&other_ends, &[1.0 - other_part, other_part]);
+                if distance(near, other_near) < margin {
+                    contacts.push(Contact::EdgeEdge(edge, other));
+                }
+            });
+        }
+    }
+
+    fn separate_contacts(&mut self) {
+        for contact in &self.contacts {
+            match *contact {
+                Contact::VertexTriangle(vertex, corners) => {
+                    let points = corners.map(|corner| self.positions[corner]);
+                    let weights = nearest_weights(self.positions[vertex], points);
+                    push_apart(&mut self.positions, ([vertex], [1.0]), (corners, weights));
+                }
+                Contact::EdgeEdge(edge, other) => {
+                    let ends = [edge, other].map(|edge| edge.map(|end| self.positions[end]));
+                    let (part, other_part) = nearest_parts(ends[0], ends[1]);
+                    push_apart(
+                        &mut self.positions,
+                        (edge, [1.0 - part, part]),
+                        (other, [1.0 - other_part, other_part]),
+                    );
+                }
+            }
+        }
+    }
+
+    fn leave_obstacles(&mut self, ring: &Ring) {
+        let ball = BALL_CENTER.map(f64::from);
+        for (position, previous) in self.positions.iter_mut().zip(&self.previous) {
+            if position[1] < CLEARANCE {
+                position[1] = CLEARANCE;
+                rub(position, *previous, [0.0, 1.0, 0.0], FRICTION);
+            }
+            let (center, radius) = ring.nearest(*position);
+            for (center, radius, friction) in
+                [(center, radius, FRICTION), (ball, f64::from(BALL_RADIUS), BALL_FRICTION)]
+            {
+                let away = subtract(*position, center);
+                let distance = dot(away, away).sqrt();
+                if distance < radius + CLEARANCE && distance > 0.0 {
+                    let normal = scaled(away, 1.0 / distance);
+                    *position = add_scaled(center, normal, radius + CLEARANCE);
+                    rub(position, *previous, normal, friction);
+                }
+            }
+        }
+    }
+
+    fn finish(&mut self) {
+        for ((position, previous), velocity) in self.positions.iter_mut().zip(&self.previous).zip(&mut self.velocities)
+        {
+            let moved = subtract(*position, *previous);
+            let distance = dot(moved, moved).sqrt();
+            if distance > TOP_SPEED * STEP {
+                *position = add_scaled(*previous, moved, TOP_SPEED * STEP / distance);
+            }
+            *velocity = scaled(subtract(*position, *previous), 1.0 / STEP);
+        }
+    }
+}
+
+/// Moves two points, given by vertices and weights, apart to the thickness of the cloth.
+fn push_apart<const A: usize, const B: usize>(
+    positions: &mut [Point],
+    (first, first_weights): ([usize; A], [f64; A]),
+    (second, second_weights): ([usize; B], [f64; B]),
+) {
+    let from = weighted(&second.map(|vertex| positions[vertex]), &second_weights);
+    let to = weighted(&first.map(|vertex| positions[vertex]), &first_weights);
+    let gap = distance(from, to);
+    if gap >= THICKNESS || gap == 0.0 {
+        return;
+    }
+    let weights = first_weights.iter().chain(&second_weights);
+    let mobility: f64 = weights.map(|weight| weight * weight).sum();
+    let push = scaled(subtract(to, from), (THICKNESS - gap) / (gap * mobility));
+    for (vertex, weight) in first.into_iter().zip(first_weights) {
+        positions[vertex] = add_scaled(positions[vertex], push, weight);
+    }
+    for (vertex, weight) in second.into_iter().zip(second_weights) {
+        positions[vertex] = add_scaled(positions[vertex], push, -weight);
+    }
+}
+
+/// Takes back a part of the motion since `previous` that is across the `normal`.
+fn rub(position: &mut Point, previous: Point, normal: Point, friction: f64) {
+    let moved = subtract(*position, previous);
+    let sliding = add_scaled(moved, normal, -dot(moved, normal));
+    *position = add_scaled(*position, sliding, -friction);
+}
+
+/// Every edge of the triangles once, in a fixed order.
+fn edges(triangles: &[[u32; 3]]) -> Vec<[usize; 2]> {
+    let sides = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+    let edges: BTreeSet<[usize; 2]> = sides.map(|[a, b]| [a.min(b) as usize, a.max(b) as usize]).collect();
+    edges.into_iter().collect()
+}
+
+/// Springs from every vertex to its neighbours, across its cell, and to the vertices two away.
+fn springs() -> Vec<Spring> {
+    // Columns and rows from one end to the other, and how much compression is resisted.
+    let kinds: [(i32, i32, f64); 6] = [
+        (2, 0, BENDING_STIFFNESS),
+        (0, 2, BENDING_STIFFNESS),
+        (1, 1, SHEAR_STIFFNESS),
+        (-1, 1, SHEAR_STIFFNESS),
+        (1, 0, 1.0),
+        (0, 1, 1.0),
+    ];
+    let side = CLOTH_SIDE_VERTICES as i32;
+    let mut springs = Vec::new();
+    for row in 0..side {
+        for column in 0..side {
+            for (columns, rows, compressed) in kinds {
+                let (to_column, to_row) = (column + columns, row + rows);
+                if (0..side).contains(&to_column) && (0..side).contains(&to_row) {
+                    let steps = f64::from(columns * columns + rows * rows).sqrt();
+                    springs.push(Spring {
+                        ends: [(row * side + column) as usize, (to_row * side + to_column) as usize],
+                        length: steps * f64::from(CLOTH_EDGE),
+                        stretched: 1.0,
+                        compressed,
+                    });
+                }
+            }
+        }
+    }
+    springs
+}
+
+/// Points sorted by the cell of a hashed lattice that they lie in.
+struct CellHash {
+    /// Where the entries of each slot begin; one more than there are slots.
+    starts: Vec<usize>,
+    entries: Vec<Entry>,
+}
+
+#[derive(Clone, Copy)]
+struct Entry {
+    index: usize,
+    point: Point,
+    cell: [i64; 3],
+}
+
+impl CellHash {
+    const SLOTS: usize = 2048;
+    const CELL: f64 = 2.0 * CLOTH_EDGE as f64;
+
+    fn new(points: &[Point]) -> Self {
+        let mut entries: Vec<Entry> = points
+            .iter()
+            .enumerate()
+            .map(|(index, &point)| Entry { index, point, cell: point.map(Self::cell) })
+            .collect();
+        entries.sort_by_key(|entry| Self::slot(entry.cell));
+        let mut starts = vec![0; Self::SLOTS + 1];
+        for entry in &entries {
+            starts[Self::slot(entry.cell) + 1] += 1;
+        }
+        for slot in 0..Self::SLOTS {
+            starts[slot + 1] += starts[slot];
+        }
+        Self { starts, entries }
+    }
+
+    /// Visits, once each, the points in the box around `corners` that is larger by `margin` on every side.
+    fn visit(&self, corners: &[Point], margin: f64, mut visit: impl FnMut(usize)) {
+        let bound = |start: f64, pick: fn(f64, f64) -> f64, margin: f64| -> Point {
+            std::array::from_fn(|axis| {
+                let coordinates = corners.iter().map(|corner| corner[axis]);
+                coordinates.fold(start, pick) + margin
+            })
+        };
+        let low = bound(f64::INFINITY, f64::min, -margin);
+        let high = bound(f64::NEG_INFINITY, f64::max, margin);
+        let (first, last) = (low.map(Self::cell), high.map(Self::cell));
+        for x in first[0]..=last[0] {
+            for y in first[1]..=last[1] {
+                for z in first[2]..=last[2] {
+                    let cell = [x, y, z];
+                    let slot = Self::slot(cell);
+                    for entry in &self.entries[self.starts[slot]..self.starts[slot + 1]] {
+                        let is_inside =
+                            (0..3).all(|axis| low[axis] <= entry.point[axis] && entry.point[axis] <= high[axis]);
+                        // Another cell may share the slot; its points have their own turn.
+                        if is_inside && entry.cell == cell {
+                            visit(entry.index);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn cell(coordinate: f64) -> i64 {
+        (coordinate / Self::CELL).floor() as i64
+    }
+
+    fn slot([x, y, z]: [i64; 3]) -> usize {
+        let mixed = x.wrapping_mul(73_856_093) ^ y.wrapping_mul(19_349_663) ^ z.wrapping_mul(83_492_791);
+        mixed.rem_euclid(Self::SLOTS as i64) as usize
+    }
+}
+
+/// Barycentric weights of the point of a triangle nearest to `point`.
+///
+/// The regions of the plane are those of Ericson, "Real-Time Collision Detection" (2005), section 5.1.5.
+fn nearest_weights(point: Point, [a, b, c]: [Point; 3]) -> [f64; 3] {
+    let (ab, ac) = (subtract(b, a), subtract(c, a));
+    let from_a = subtract(point, a);
+    let (a_ab, a_ac) = (dot(ab, from_a), dot(ac, from_a));
+    if a_ab <= 0.0 && a_ac <= 0.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let from_b = subtract(point, b);
+    let (b_ab, b_ac) = (dot(ab, from_b), dot(ac, from_b));
+    if b_ab >= 0.0 && b_ac <= b_ab {
+        return [0.0, 1.0, 0.0];
+    }
+    let over_ab = a_ab * b_ac - b_ab * a_ac;
+    if over_ab <= 0.0 && a_ab >= 0.0 && b_ab <= 0.0 {
+        let part = a_ab / (a_ab - b_ab);
+        return [1.0 - part, part, 0.0];
+    }
+    let from_c = subtract(point, c);
+    let (c_ab, c_ac) = (dot(ab, from_c), dot(ac, from_c));
+    if c_ac >= 0.0 && c_ab <= c_ac {
+        return [0.0, 0.0, 1.0];
+    }
+    let over_ac = c_ab * a_ac - a_ab * c_ac;
+    if over_ac <= 0.0 && a_ac >= 0.0 && c_ac <= 0.0 {
+        let part = a_ac / (a_ac - c_ac);
+        return [1.0 - part, 0.0, part];
+    }
+    let over_bc = b_ab * c_ac - c_ab * b_ac;
+    let (towards_c, towards_b) = (b_ac - b_ab, c_ab - c_ac);
+    if over_bc <= 0.0 && towards_c >= 0.0 && towards_b >= 0.0 {
+        let part = towards_c / (towards_c + towards_b);
+        return [0.0, 1.0 - part, part];
+    }
+    let total = over_ab + over_ac + over_bc;
+    [over_bc / total, over_ac / total, over_ab / total]
+}
+
+/// How far along each of two segments, from 0 to 1, their nearest points lie.
+///
+/// The cases are those of Ericson, "Real-Time Collision Detection" (2005), section 5.1.9, without segments of no
+/// length, which the springs of the cloth do not let come about.
+fn nearest_parts([a, b]: [Point; 2], [c, d]: [Point; 2]) -> (f64, f64) {
+    let (first, second, between) = (subtract(b, a), subtract(d, c), subtract(a, c));
+    let (first_squared, second_squared) = (dot(first, first), dot(second, second));
+    let product = dot(first, second);
+    let (on_first, on_second) = (dot(first, between), dot(second, between));
+    let determinant = first_squared * second_squared - product * product;
+    let part = if determinant > 0.0 {
+        ((product * on_second - on_first * second_squared) / determinant).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    let other_part = (product * part + on_second) / second_squared;
+    let clamped = other_part.clamp(0.0, 1.0);
+    if clamped == other_part {
+        (part, other_part)
+    } else {
+        let part = (product * clamped - on_first) / first_squared;
+        (part.clamp(0.0, 1.0), clamped)
+    }
+}
+
+/// Whether the boxes around two segments are less than `margin` apart along every axis.
+fn are_boxes_near([a, b]: [Point; 2], [c, d]: [Point; 2], margin: f64) -> bool {
+    (0..3).all(|axis| {
+        a[axis].max(b[axis]) + margin > c[axis].min(d[axis]) && c[axis].max(d[axis]) + margin > a[axis].min(b[axis])
+    })
+}
+
+/// The sum of `points` times `weights`.
+fn weighted<const N: usize>(points: &[Point; N], weights: &[f64; N]) -> Point {
+    points.iter().zip(weights).fold([0.0; 3], |sum, (point, weight)| add_scaled(sum, *point, *weight))
+}
+
+fn distance(a: Point, b: Point) -> f64 {
+    let between = subtract(a, b);
+    dot(between, between).sqrt()
+}
+
+fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn subtract(a: Point, b: Point) -> Point {
+    std::array::from_fn(|axis| a[axis] - b[axis])
+}
+
+fn scaled(a: Point, factor: f64) -> Point {
+    a.map(|value| value * factor)
+}
+
+fn add_scaled(a: Point, b: Point, factor: f64) -> Point {
+    std::array::from_fn(|axis| a[axis] + b[axis] * factor)
+}

@@ -1,0 +1,115 @@
+//! Procedural meshes: the same bits on every run and every machine, with no file needed.
+//!
+//! Angles go through `libm` because the sine of the standard library differs between platforms, and a
+//! simulation of colliding cloth makes another recording of a difference in the last bit.
+
+mod cloth_fall;
+mod corrupted;
+mod shapes;
+
+pub use cloth_fall::{
+    BALL_CENTER, BALL_RADIUS, BALL_TRIANGLES, BALL_VERTICES, CLOTH_EDGE, CLOTH_SIDE_VERTICES, CLOTH_TRIANGLES,
+    CLOTH_VERTICES, FRAMES, FRAMES_PER_SECOND, TORUS_TRIANGLES, TORUS_VERTICES, cloth_fall, cloth_fall_start,
+};
+pub use corrupted::{duplicate_vertices, ragged_slivers, triangle_soup};
+pub use shapes::{Diagonals, cuboid, cylinder_side, grid, icosphere, saddle, sheet_stack, torus, twisted_rod};
+
+/// A triangle mesh. Triangles run counter-clockwise as seen from outside, or from the side a shape names.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions.
+    pub positions: Vec<[f32; 3]>,
+    /// Three vertex indices per triangle.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    /// The mesh moved by `offset`.
+    #[must_use]
+    pub fn translate(self, offset: [f32; 3]) -> Self {
+        self.map(|position| std::array::from_fn(|axis| position[axis] + offset[axis]))
+    }
+
+    /// The mesh turned around the line through the origin along `axis` by `angle` radians, counter-clockwise
+    /// as seen against the axis.
+    ///
+    /// `axis` has any length but zero.
+    #[must_use]
+    pub fn rotate(self, axis: [f32; 3], angle: f32) -> Self {
+        let length = axis.iter().map(|coordinate| coordinate * coordinate).sum::<f32>().sqrt();
+        let [x, y, z] = axis.map(|coordinate| coordinate / length);
+        let sine = libm::sinf(angle);
+        let cosine = libm::cosf(angle);
+        let rest = 1.0 - cosine;
+        let rows = [
+            [x * x * rest + cosine, x * y * rest - z * sine, x * z * rest + y * sine],
+            [y * x * rest + z * sine, y * y * rest + cosine, y * z * rest - x * sine],
+            [z * x * rest - y * sine, z * y * rest + x * sine, z * z * rest + cosine],
+        ];
+        self.map(|position| rows.map(|row| row[0] * position[0] + row[1] * position[1] + row[2] * position[2]))
+    }
+
+    /// The mesh scaled from the origin by a positive `factor`.
+    #[must_use]
+    pub fn scale(self, factor: f32) -> Self {
+        self.map(|position| position.map(|coordinate| coordinate * factor))
+    }
+
+    fn map(mut self, change: impl Fn([f32; 3]) -> [f32; 3]) -> Self {
+        for position in &mut self.positions {
+            *position = change(*position);
+        }
+        self
+    }
+
+    /// Appends the two triangles of the quadrilateral `a b c d`, cut from `a` to `c`.
+    fn push_quad(&mut self, [a, b, c, d]: [u32; 4]) {
+        self.triangles.push([a, b, c]);
+        self.triangles.push([a, c, d]);
+    }
+}
+
+/// One mesh made of all `meshes`, vertices and triangles in their order.
+///
+/// # Panics
+///
+/// Panics if the vertices together are more than a `u32` can number.
+pub fn merge(meshes: &[Mesh]) -> Mesh {
+    let mut merged = Mesh::default();
+    for mesh in meshes {
+        let start = index(merged.positions.len());
+        merged.positions.extend_from_slice(&mesh.positions);
+        merged.triangles.extend(mesh.triangles.iter().map(|corners| corners.map(|corner| corner + start)));
+    }
+    index(merged.positions.len());
+    merged
+}
+
+/// A vertex number as the `u32` that triangles hold.
+fn index(vertex: usize) -> u32 {
+    u32::try_from(vertex).expect("a mesh has fewer than 2^32 vertices")
+}
+
+/// The sequence of pseudo-random numbers "splitmix64" of Steele, Lea and Flood (2014).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut bits = self.0;
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        bits ^ (bits >> 31)
+    }
+
+    /// A number in [-1, 1).
+    fn signed_unit(&mut self) -> f32 {
+        // 24 bits fill the fraction of an f32 exactly.
+        (self.next() >> 40) as f32 / (1_u64 << 23) as f32 - 1.0
+    }
+
+    /// A whole number below `end`.
+    fn below(&mut self, end: u64) -> u64 {
+        self.next() % end
+    }
+}
