@@ -1,0 +1,127 @@
+//! Runs meshes through a headless app and compares what it finds with the reference.
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{
+    ContactStore,
+    detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
+    kernel::{
+        contact::{CompactContact, TouchingPair},
+        reference::{
+            Comparison, ReferencePair, compare, exact_weld, point_triangle, segment_segment, touching_pairs_tree,
+        },
+    },
+    prelude::*,
+};
+use bevy_ecs::prelude::*;
+use glam::{DVec3, Vec3};
+
+/// Distances of f32 inputs are only as good as their rounding at edge scale: within this share of the contact
+/// distance either answer is right.
+pub const BAND: f64 = 1.0e-4;
+
+/// Separations are held to this share of the larger of contact distance and triangle size.
+pub const DISTANCE_TOLERANCE: f64 = 1.0e-5;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BroadPhase {
+    Tree,
+    BruteForce,
+}
+
+/// A self-colliding mesh in an app of its own.
+pub struct Detector {
+    app: App,
+    entity: Entity,
+}
+
+impl Detector {
+    pub fn new(
+        rest: &[Vec3],
+        triangles: &[[u32; 3]],
+        method: ContactMethod,
+        broad_phase: BroadPhase,
+        distance: f64,
+    ) -> Self {
+        let mut app = App::new();
+        match broad_phase {
+            BroadPhase::Tree => app.add_plugins(DeformableCollisionPlugins::new(Update)),
+            BroadPhase::BruteForce => app
+                .add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>())
+                .add_plugins(BruteForceBroadPhasePlugin),
+        };
+        let surface = DeformableSurface::from_mesh(rest, triangles).expect("the mesh is valid");
+        let thickness = SurfaceThickness::World((0.5 * distance) as f32);
+        let entity = app.world_mut().spawn((surface, SelfCollision, thickness, method)).id();
+        Self { app, entity }
+    }
+
+    pub fn detect(&mut self, positions: &[Vec3]) -> (&[TouchingPair], &[CompactContact]) {
+        self.app.world_mut().get_mut::<SurfacePositions>(self.entity).expect("it was spawned").0 = positions.to_vec();
+        self.app.update();
+        let store = self.app.world().resource::<ContactStore>();
+        (&store.touching, &store.contacts)
+    }
+}
+
+/// Touching pairs of a mesh by the reference, welded at `rest`, up to the end of the band.
+pub fn truth(rest: &[Vec3], positions: &[Vec3], triangles: &[[u32; 3]], distance: f64) -> Vec<ReferencePair> {
+    let wide = |positions: &[Vec3]| positions.iter().map(|position| position.as_dvec3()).collect::<Vec<_>>();
+    touching_pairs_tree(&wide(positions), triangles, &exact_weld(&wide(rest)), distance * (1.0 + 2.0 * BAND))
+}
+
+/// Compares pair sets and distances, and fails naming `what` where they differ.
+pub fn assert_agrees(
+    what: &str,
+    found: &[TouchingPair],
+    truth: &[ReferencePair],
+    distance: f64,
+    size: f64,
+) -> Comparison {
+    let found: Vec<(u32, u32, f64)> =
+        found.iter().map(|pair| (pair.triangle_a, pair.triangle_b, pair.distance)).collect();
+    let comparison = compare(&found, truth, distance, BAND);
+    assert!(
+        comparison.missed.is_empty() && comparison.false_pairs.is_empty(),
+        "{what}: {} missed, {} false of {}; first missed {:?}, first false {:?}",
+        comparison.missed.len(),
+        comparison.false_pairs.len(),
+        truth.len(),
+        comparison.missed.first(),
+        comparison.false_pairs.first()
+    );
+    let tolerance = DISTANCE_TOLERANCE * distance.max(size);
+    assert!(
+        comparison.worst_distance_error <= tolerance,
+        "{what}: a distance is wrong by {} (tolerance {tolerance}) at {:?}",
+        comparison.worst_distance_error,
+        comparison.worst_pair
+    );
+    comparison
+}
+
+/// How many crossing pairs have no vertex–face or edge–edge distance within the contact distance: only an edge that
+/// pierces a face tells that they touch.
+pub fn crossings_without_near_features(
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+    truth: &[ReferencePair],
+    distance: f64,
+) -> usize {
+    let corners = |triangle: u32| triangles[triangle as usize].map(|vertex| positions[vertex as usize].as_dvec3());
+    truth
+        .iter()
+        .filter(|pair| pair.distance == 0.0)
+        .filter(|pair| feature_distance(&corners(pair.triangle_a), &corners(pair.triangle_b)) > distance)
+        .count()
+}
+
+fn feature_distance(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
+    let mut nearest = f64::INFINITY;
+    for k in 0..3 {
+        nearest = nearest.min(point_triangle(a[k], b).distance).min(point_triangle(b[k], a).distance);
+        for l in 0..3 {
+            nearest = nearest.min(segment_segment(a[k], a[(k + 1) % 3], b[l], b[(l + 1) % 3]).distance);
+        }
+    }
+    nearest
+}

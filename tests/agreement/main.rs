@@ -1,0 +1,5 @@
+//! The whole pipeline against the f64 reference: the same touching pairs, by every exact method and broad phase.
+
+mod detect;
+mod recordings;
+mod scenes;

@@ -1,0 +1,63 @@
+//! Recorded meshes: every exact method against the reference. Needs the folder of recordings in the environment
+//! variable `CIRCUMSPHERE_DATA`; skips aloud without it.
+
+use bevy_circumsphere::{
+    kernel::reference::{exact_weld, mean_edge_length},
+    prelude::*,
+};
+use circumsphere_support::recording::{read_recording, recordings_folder};
+use glam::{DVec3, Vec3};
+
+use crate::detect::{BroadPhase, Detector, assert_agrees, crossings_without_near_features, truth};
+
+/// Larger recordings take the reference too long.
+const MOST_TRIANGLES: usize = 50_000;
+
+#[test]
+fn exact_methods_find_the_pairs_of_the_reference_on_recordings() {
+    let Some(folder) = recordings_folder() else { return };
+    let mut paths: Vec<_> = std::fs::read_dir(&folder)
+        .expect("the folder of recordings can be listed")
+        .map(|entry| entry.expect("its entries can be read").path())
+        // `NAME.bin` is a recording; `NAME.kind.bin` holds doubles, queries or answers.
+        .filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().matches('.').count() == 1))
+        .filter(|path| path.extension().is_some_and(|extension| extension == "bin"))
+        .collect();
+    paths.sort();
+    let (mut compared, mut hidden_crossings, mut recordings) = (0, 0, 0);
+    for path in paths {
+        let recording = read_recording(std::slice::from_ref(&path)).expect("the recording is valid");
+        if recording.triangles.len() > MOST_TRIANGLES {
+            continue;
+        }
+        recordings += 1;
+        let frame =
+            |frame: usize| -> Vec<Vec3> { recording.frames[frame].iter().copied().map(Vec3::from_array).collect() };
+        let rest = frame(0);
+        let wide: Vec<DVec3> = rest.iter().map(|position| position.as_dvec3()).collect();
+        let mean_edge = mean_edge_length(&wide, &recording.triangles, &exact_weld(&wide));
+        let mut frames = vec![0, recording.frames.len() / 2, recording.frames.len() - 1];
+        frames.dedup();
+        for edges in [0.02, 0.1, 0.5] {
+            let distance = edges * mean_edge;
+            let mut refined =
+                Detector::new(&rest, &recording.triangles, ContactMethod::Refined, BroadPhase::Tree, distance);
+            let mut polygon =
+                Detector::new(&rest, &recording.triangles, ContactMethod::Polygon, BroadPhase::Tree, distance);
+            for &place in &frames {
+                let positions = frame(place);
+                let what = format!("{} frame {place} at {edges} edges", path.display());
+                let truth = truth(&rest, &positions, &recording.triangles, distance);
+                let (found, _) = refined.detect(&positions);
+                // No separation may be worse than a share of the contact distance itself, which is the stricter bound.
+                compared += assert_agrees(&what, found, &truth, distance, 0.0).matched;
+                assert_eq!(found, polygon.detect(&positions).0, "{what}: Refined and Polygon differ");
+                hidden_crossings += crossings_without_near_features(&positions, &recording.triangles, &truth, distance);
+            }
+        }
+    }
+    println!("{recordings} recordings, {compared} pairs compared, {hidden_crossings} crossings without near features");
+    if recordings > 0 {
+        assert!(compared > 0, "no recording had a single touching pair");
+    }
+}
