@@ -1,4 +1,4 @@
-//! Collision detection for meshes that deform.
+#![doc = include_str!("../README.md")]
 
 pub mod contacts;
 pub mod detection;

@@ -269,15 +269,12 @@ impl OffsetSpheres {
         let origin = corners[0];
         let local = corners.map(|corner| corner - origin);
         let frame = LongestEdgeFrame::new(local, recipe.longest_edge as usize);
-        let (in_plane, axis, height) = match frame.normal {
-            Some(normal) => {
-                let in_plane = frame.midpoint + frame.inward * (recipe.inward * frame.half_length);
-                (in_plane, normal, recipe.height_ratio * farthest_corner(local, in_plane))
-            }
-            None => {
-                let frame = LongestEdgeFrame::new(local, longest(edge_lengths(local)));
-                (frame.midpoint, cones.axes[triangle], 0.0)
-            }
+        let (in_plane, axis, height) = if let Some(normal) = frame.normal {
+            let in_plane = frame.midpoint + frame.inward * (recipe.inward * frame.half_length);
+            (in_plane, normal, recipe.height_ratio * farthest_corner(local, in_plane))
+        } else {
+            let frame = LongestEdgeFrame::new(local, longest(edge_lengths(local)));
+            (frame.midpoint, cones.axes[triangle], 0.0)
         };
         let center = origin + (in_plane - axis * height);
         let radius = farthest_corner(corners, center) * RADIUS_SLACK;

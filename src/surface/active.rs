@@ -9,6 +9,7 @@ use crate::kernel::{bounds::Aabb, exact::rigid_shape::ShapeGeometry, pose::Pose,
 
 /// A surface that takes part in this tick.
 #[derive(Clone, Debug)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a component of its own, read once")]
 pub struct ActiveSurface {
     /// Its entity.
     pub entity: Entity,

@@ -108,7 +108,7 @@ struct SurfaceItem {
 }
 
 /// Ordered by the game's wish, then by registration, then (for what was spawned before the plugin) by entity.
-fn order(order: Option<&SurfaceOrder>, registration: &Registration, entity: Entity) -> (u32, u64, u32) {
+fn order(order: Option<&SurfaceOrder>, registration: Registration, entity: Entity) -> (u32, u64, u32) {
     (order.map_or(0, |order| order.0), registration.0, entity.index_u32())
 }
 
@@ -175,7 +175,7 @@ fn gather_surfaces(
                         events: item.events,
                         fresh: item.teleported || item.surface.is_changed() || !was_active,
                         world_bounds: Aabb::EMPTY,
-                        order: order(item.order, item.registration, item.entity),
+                        order: order(item.order, *item.registration, item.entity),
                     });
                     SurfaceStatus::Active
                 }
@@ -263,7 +263,7 @@ fn gather_shapes(
                     layers: *item.layers,
                     events: item.events,
                     fresh: item.teleported || item.shape.is_changed() || !was_active,
-                    order: order(item.order, item.registration, item.entity),
+                    order: order(item.order, *item.registration, item.entity),
                 });
                 SurfaceStatus::Active
             }

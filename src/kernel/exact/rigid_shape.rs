@@ -160,6 +160,11 @@ impl ShapeGeometry {
     }
 }
 
+/// Corners in storage precision, for boxes and for parry.
+fn rounded(corners: &[DVec3; 3]) -> [Vec3; 3] {
+    [corners[0].as_vec3(), corners[1].as_vec3(), corners[2].as_vec3()]
+}
+
 fn weighted(triangle: &[DVec3; 3], weights: &[f64; 3]) -> DVec3 {
     triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2]
 }
@@ -227,7 +232,7 @@ fn examine_half_space(triangle: &[DVec3; 3], normal: DVec3, range: f64, found: &
 }
 
 fn examine_with_parry(triangle: &[DVec3; 3], shape: &SharedShape, range: f64, found: &mut Vec<ShapeProximity>) {
-    let [a, b, c] = triangle.map(|corner| corner.as_vec3());
+    let [a, b, c] = rounded(triangle);
     let parry_triangle = Triangle::new(a, b, c);
     let contact =
         query::contact(&ParryPose::IDENTITY, &parry_triangle, &ParryPose::IDENTITY, shape.as_ref(), range as f32);
@@ -262,7 +267,7 @@ impl ConvexPolytope {
         let corners: Vec<[DVec3; 3]> =
             triangles.iter().map(|corners| corners.map(|vertex| points[vertex as usize].as_dvec3())).collect();
         Ok(Self {
-            bounds: corners.iter().map(|corners| Aabb::from_points(corners.map(|corner| corner.as_vec3()))).collect(),
+            bounds: corners.iter().map(|corners| Aabb::from_points(rounded(corners))).collect(),
             normals: corners.iter().map(face_normal).collect(),
             center: points.iter().map(|point| point.as_dvec3()).sum::<DVec3>() / points.len().max(1) as f64,
             corners,
@@ -298,7 +303,7 @@ impl ConvexPolytope {
                 });
             }
         }
-        let reach = Aabb::from_points(triangle.map(|corner| corner.as_vec3())).grown(range as f32);
+        let reach = Aabb::from_points(rounded(triangle)).grown(range as f32);
         for (face, corners) in self.corners.iter().enumerate() {
             if !reach.overlaps(&self.bounds[face]) {
                 continue;

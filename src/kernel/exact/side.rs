@@ -24,6 +24,7 @@ pub fn face_normal(corners: &[DVec3; 3]) -> DVec3 {
 
 /// The outward direction at a feature of `triangle`, of any length, zero where nothing around it has an area.
 #[must_use]
+#[expect(clippy::missing_panics_doc, reason = "the triangles around a vertex contain it")]
 pub fn outward_direction(topology: &SurfaceTopology, positions: &[Vec3], triangle: usize, feature: Feature) -> DVec3 {
     match feature {
         Feature::Face => face_normal(&corners(topology, positions, triangle)),
