@@ -57,6 +57,7 @@ pub(super) fn with_caps<T>(
         topology: &first.topology,
         positions: positions_a,
         pose: &pose_a,
+        one_sided: first.one_sided && !pair.is_self(),
     };
     let b = CapSide {
         spheres: &spheres_b.0,
@@ -64,6 +65,7 @@ pub(super) fn with_caps<T>(
         topology: &second.topology,
         positions: positions_b,
         pose: &pose_b,
+        one_sided: second.one_sided && !pair.is_self(),
     };
     Some(test(&a, &b))
 }

@@ -44,6 +44,26 @@ pub struct Cap {
     pub cosine: f32,
 }
 
+impl Cap {
+    /// The point of the triangle's plane above the sphere's center.
+    #[must_use]
+    pub fn in_plane_center(&self) -> Vec3 {
+        self.center + self.axis * self.height
+    }
+
+    /// The cap on the side of the triangle where `point` is: this one, or its mirror image in the triangle's plane. A
+    /// sheet has a surface on either side.
+    #[must_use]
+    pub fn facing(&self, point: Vec3) -> Self {
+        let in_plane = self.in_plane_center();
+        if (point - in_plane).dot(self.axis) >= 0.0 {
+            *self
+        } else {
+            Self { center: in_plane + self.axis * self.height, axis: -self.axis, ..*self }
+        }
+    }
+}
+
 /// Where the line between two caps' centers crosses their triangles' planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CapContact {
@@ -71,7 +91,7 @@ pub fn cap_contact(a: &Cap, b: &Cap) -> Option<CapContact> {
     let between = b.center - a.center;
     let length = between.length();
     if length <= f32::EPSILON * (a.radius + b.radius) {
-        let (point_a, point_b) = (a.center + a.axis * a.height, b.center + b.axis * b.height);
+        let (point_a, point_b) = (a.in_plane_center(), b.in_plane_center());
         return Some(CapContact { point_a, point_b, direction: a.axis, gap: (point_b - point_a).dot(a.axis) });
     }
     let direction = between / length;

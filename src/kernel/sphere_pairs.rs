@@ -51,6 +51,8 @@ pub struct CapSide<'a> {
     pub positions: &'a [Vec3],
     /// From the side's own frame to the frame of the pair.
     pub pose: &'a Pose,
+    /// Whether the surface has an inside; a sheet has a cap on either side of each triangle.
+    pub one_sided: bool,
 }
 
 impl CapSide<'_> {
@@ -81,6 +83,15 @@ impl CapSide<'_> {
     fn corners(&self, triangle: u32) -> [glam::DVec3; 3] {
         self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize].as_dvec3())
     }
+}
+
+/// The caps of a pair of triangles, of sheets those that face the other triangle.
+fn facing_caps(a: &CapSide<'_>, b: &CapSide<'_>, [triangle_a, triangle_b]: [u32; 2]) -> [Cap; 2] {
+    let (cap_a, cap_b) = (a.cap(triangle_a), b.cap(triangle_b));
+    let facing = |side: &CapSide<'_>, cap: &Cap, other: &Cap| {
+        if side.one_sided { *cap } else { cap.facing(other.in_plane_center()) }
+    };
+    [facing(a, &cap_a, &cap_b), facing(b, &cap_b, &cap_a)]
 }
 
 /// A pair whose caps meet.
@@ -121,7 +132,7 @@ pub fn overlapping_caps(
     overlapping: &mut Vec<[u32; 2]>,
 ) {
     overlapping.extend(candidates.iter().filter(|&&[triangle_a, triangle_b]| {
-        let (cap_a, cap_b) = (a.cap(triangle_a), b.cap(triangle_b));
+        let [cap_a, cap_b] = facing_caps(a, b, [triangle_a, triangle_b]);
         spheres_overlap(cap_a.center, cap_a.radius, cap_b.center, cap_b.radius, reach)
             && !adjacency.is_some_and(|topology| topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b)))
             && !planes_separate(&a.corners(triangle_a), &b.corners(triangle_b), f64::from(reach))
@@ -131,7 +142,8 @@ pub fn overlapping_caps(
 /// Appends the pairs that pass the cone test, with their contact.
 pub fn meeting_caps(a: &CapSide<'_>, b: &CapSide<'_>, overlapping: &[[u32; 2]], meeting: &mut Vec<CapPair>) {
     meeting.extend(overlapping.iter().filter_map(|&[triangle_a, triangle_b]| {
-        let contact = cap_contact(&a.cap(triangle_a), &b.cap(triangle_b))?;
+        let [cap_a, cap_b] = facing_caps(a, b, [triangle_a, triangle_b]);
+        let contact = cap_contact(&cap_a, &cap_b)?;
         Some(CapPair { triangle_a, triangle_b, contact })
     }));
 }
