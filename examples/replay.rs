@@ -14,6 +14,7 @@ mod report;
 
 use std::{path::Path, process::ExitCode};
 
+use bevy_app::prelude::*;
 use circumsphere_support::recording::{Recording, RecordingError, read_recording};
 use clap::Parser;
 use options::{Options, OptionsError};
@@ -36,6 +37,9 @@ enum ReplayError {
     Options(#[from] OptionsError),
     #[error(transparent)]
     Output(#[from] OutputError),
+    #[cfg(feature = "rerun")]
+    #[error("cannot record to {}: {source}", .path.display())]
+    Rerun { path: std::path::PathBuf, source: Box<rerun::RecordingStreamError> },
 }
 
 fn main() -> ExitCode {
@@ -46,6 +50,29 @@ fn main() -> ExitCode {
             ExitCode::from(BAD_INPUT)
         }
     }
+}
+
+/// What adds a recorder for the Rerun viewer to the app, where one was asked for.
+#[cfg(feature = "rerun")]
+fn recorder(options: &Options) -> Result<impl FnOnce(&mut App) + use<>, ReplayError> {
+    let stream = match &options.rerun {
+        Some(path) => {
+            let stream = rerun::RecordingStreamBuilder::new("bevy_circumsphere_replay").save(path);
+            Some(stream.map_err(|source| ReplayError::Rerun { path: path.clone(), source: Box::new(source) })?)
+        }
+        None => None,
+    };
+    Ok(|app: &mut App| {
+        if let Some(stream) = stream {
+            app.add_plugins(bevy_circumsphere::debug::DeformableRerunPlugin::new(stream, Update));
+        }
+    })
+}
+
+/// Without the feature there is nothing to add.
+#[cfg(not(feature = "rerun"))]
+fn recorder(_options: &Options) -> Result<impl FnOnce(&mut App) + use<>, ReplayError> {
+    Ok(|_: &mut App| ())
 }
 
 fn replay(options: &Options) -> Result<(), ReplayError> {
@@ -59,7 +86,8 @@ fn replay(options: &Options) -> Result<(), ReplayError> {
         player::Scene::new(&recording, options).map_err(|source| ReplayError::Mesh { name: name.clone(), source })?;
     let settings = options.settings(scene.mean_edge(), recording.frames.len())?;
     let mut writers = output::Writers::create(options)?;
-    let played = player::play(&recording, &scene, &settings, |frame, contacts| writers.write(frame, contacts))?;
+    let set_up = recorder(options)?;
+    let played = player::play(&recording, &scene, &settings, set_up, |frame, contacts| writers.write(frame, contacts))?;
     let report = report::Report::new(name, &recording, &settings, played);
     print!("{report}");
     writers.finish(&report)?;

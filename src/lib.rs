@@ -1,6 +1,8 @@
 #![doc = include_str!("../README.md")]
 
 pub mod contacts;
+#[cfg(feature = "rerun")]
+pub mod debug;
 pub mod detection;
 pub mod kernel;
 mod plugins;

@@ -60,6 +60,10 @@ pub struct Options {
     /// Write the contacts
     #[arg(long, value_name = "FILE.csv")]
     pub contacts: Option<PathBuf>,
+    /// Record every frame for the Rerun viewer
+    #[cfg(feature = "rerun")]
+    #[arg(long, value_name = "FILE.rrd")]
+    pub rerun: Option<PathBuf>,
     /// Write times and counts
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

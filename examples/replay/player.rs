@@ -110,11 +110,12 @@ pub struct FrameContacts<'a> {
     pub contacts: &'a SurfaceContacts<'a>,
 }
 
-/// Plays the frames, calling `write` once for each with what was found.
+/// Plays the frames. `set_up` may add to the first app; `write` is called once for each frame with what was found.
 pub fn play(
     recording: &Recording,
     scene: &Scene,
     settings: &Settings,
+    set_up: impl FnOnce(&mut App),
     mut write: impl FnMut(usize, &FrameContacts) -> Result<(), OutputError>,
 ) -> Result<Played, OutputError> {
     let mut played = Played {
@@ -126,10 +127,14 @@ pub fn play(
         ProgressStyle::with_template("{bar:40} {pos}/{len} detections, {eta} left")
             .expect("the template is well formed"),
     );
+    let mut set_up = Some(set_up);
     for round in 0..apps {
         let start = Instant::now();
         let mut stage = Stage::new(recording, scene, settings);
         let mut build = start.elapsed();
+        if let Some(set_up) = set_up.take() {
+            set_up(&mut stage.app);
+        }
         for (place, frame) in played.frames.iter_mut().enumerate() {
             for repeat in 0..repeats {
                 let (detection, first_tree_builds) = stage.detect(&recording.frames[frame.frame]);

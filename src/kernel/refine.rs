@@ -10,7 +10,7 @@ use super::{
     contact::{CompactContact, TouchingPair, canonical_order},
     exact::{
         Feature, FeaturePair, PairProximity, Proximity,
-        cull::planes_separate,
+        cull::cull_pairs,
         examine_pair,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         side::{face_normal, outward_direction},
@@ -35,7 +35,9 @@ pub struct SurfaceSide<'a> {
 
 impl SurfaceSide<'_> {
     fn corners(&self, triangle: u32) -> [DVec3; 3] {
-        self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize].as_dvec3())
+        let [first, second, third] = self.topology.triangles()[triangle as usize];
+        let corner = |vertex: u32| self.positions[vertex as usize].as_dvec3();
+        [corner(first), corner(second), corner(third)]
     }
 
     fn outward(&self, triangle: u32, feature: Feature) -> DVec3 {
@@ -106,17 +108,24 @@ pub fn refine_pairs(
     settings: &RefineSettings,
     found: &mut RefinedPairs,
 ) {
-    let mut pair = PairProximity::default();
     let range = settings.range / settings.scale;
-    for &[triangle_a, triangle_b] in candidates {
-        if settings.same_surface && a.topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b)) {
-            continue;
-        }
+    let apart: Vec<[u32; 2]>;
+    let mut pairs = candidates;
+    if settings.same_surface {
+        let share_vertex = |pair: &[u32; 2]| a.topology.share_vertex(TriangleId(pair[0]), TriangleId(pair[1]));
+        apart = pairs.iter().copied().filter(|pair| !share_vertex(pair)).collect();
+        pairs = &apart;
+    }
+    let mut close = Vec::new();
+    if settings.cull {
+        let triangles = [a.topology.triangles(), b.topology.triangles()];
+        cull_pairs([a.positions, b.positions], triangles, pairs, range, &mut close);
+        pairs = &close;
+    }
+    found.examined += pairs.len();
+    let mut pair = PairProximity::default();
+    for &[triangle_a, triangle_b] in pairs {
         let (corners_a, corners_b) = (a.corners(triangle_a), b.corners(triangle_b));
-        if settings.cull && planes_separate(&corners_a, &corners_b, range) {
-            continue;
-        }
-        found.examined += 1;
         examine_pair(&corners_a, &corners_b, range, &mut pair);
         let distance = pair.distance * settings.scale;
         if distance > settings.range {
@@ -219,6 +228,9 @@ fn triangles_around<'a>(side: &SurfaceSide<'a>, triangle: u32, feature: Feature)
 /// Whether `candidate` still has the feature of `triangle` at the same place: vertices that were welded because they
 /// coincided once may have moved apart since.
 fn shares_feature(side: &SurfaceSide<'_>, triangle: u32, feature: Feature, candidate: u32) -> bool {
+    if candidate == triangle {
+        return true;
+    }
     let same_corner = |corner: usize| {
         let vertex = side.topology.triangles()[triangle as usize][corner];
         let welded = side.topology.weld()[vertex as usize];

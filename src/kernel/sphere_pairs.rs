@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::{
     circumsphere::{Ball, OffsetSpheres},
     cone::{Cap, CapContact, SafetyCones, cap_contact, spheres_overlap},
-    exact::cull::planes_separate,
+    exact::cull::cull_by_planes,
     ids::TriangleId,
     pose::Pose,
     topology::SurfaceTopology,
@@ -79,10 +79,6 @@ impl CapSide<'_> {
             cosine: cap.cosine,
         }
     }
-
-    fn corners(&self, triangle: u32) -> [glam::DVec3; 3] {
-        self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize].as_dvec3())
-    }
 }
 
 /// The caps of a pair of triangles, of sheets those that face the other triangle.
@@ -131,12 +127,14 @@ pub fn overlapping_caps(
     candidates: &[[u32; 2]],
     overlapping: &mut Vec<[u32; 2]>,
 ) {
-    overlapping.extend(candidates.iter().filter(|&&[triangle_a, triangle_b]| {
+    let overlap = |&[triangle_a, triangle_b]: &[u32; 2]| {
         let [cap_a, cap_b] = facing_caps(a, b, [triangle_a, triangle_b]);
         spheres_overlap(cap_a.center, cap_a.radius, cap_b.center, cap_b.radius, reach)
             && !adjacency.is_some_and(|topology| topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b)))
-            && !planes_separate(&a.corners(triangle_a), &b.corners(triangle_b), f64::from(reach))
-    }));
+    };
+    let spheres_meet: Vec<[u32; 2]> = candidates.iter().copied().filter(overlap).collect();
+    let triangles = [a.topology.triangles(), b.topology.triangles()];
+    cull_by_planes([a.positions, b.positions], triangles, &spheres_meet, reach, overlapping);
 }
 
 /// Appends the pairs that pass the cone test, with their contact.

@@ -5,6 +5,7 @@
 
 pub mod cull;
 pub mod feature;
+mod lanes;
 pub mod rigid_shape;
 pub mod side;
 pub mod triangle_pair;

@@ -54,11 +54,12 @@ struct Sides {
 
 impl Sides {
     fn new(corners: [DVec3; 3]) -> Self {
-        let edges = [0, 1, 2].map(|k| corners[(k + 1) % 3] - corners[k]);
-        let inverse_lengths_squared = edges.map(|edge| {
+        let edges = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
+        let inverse = |edge: DVec3| {
             let squared = edge.length_squared();
             if squared > 0.0 { squared.recip() } else { 0.0 }
-        });
+        };
+        let inverse_lengths_squared = [inverse(edges[0]), inverse(edges[1]), inverse(edges[2])];
         let normal = edges[0].cross(edges[1]);
         Self { corners, edges, inverse_lengths_squared, normal, normal_length_squared: normal.length_squared() }
     }
@@ -91,10 +92,9 @@ fn edge_weights(edge: usize, along: f64) -> [f64; 3] {
 
 /// Weights from three values of the same sign that are proportional to the areas opposite the corners.
 fn normalized(areas: [f64; 3]) -> [f64; 3] {
-    let sum = areas[0] + areas[1] + areas[2];
-    let mut weights = areas.map(|area| area / sum);
-    weights[0] = 1.0 - weights[1] - weights[2];
-    weights
+    let inverse = (areas[0] + areas[1] + areas[2]).recip();
+    let (second, third) = (areas[1] * inverse, areas[2] * inverse);
+    [1.0 - second - third, second, third]
 }
 
 fn point(corners: &[DVec3; 3], weights: &[f64; 3]) -> DVec3 {
@@ -106,7 +106,8 @@ fn point(corners: &[DVec3; 3], weights: &[f64; 3]) -> DVec3 {
 pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut PairProximity) {
     found.proximities.clear();
     let origin = a[0];
-    let (a, b) = (Sides::new(a.map(|corner| corner - origin)), Sides::new(b.map(|corner| corner - origin)));
+    let local = |corners: &[DVec3; 3]| Sides::new([corners[0] - origin, corners[1] - origin, corners[2] - origin]);
+    let (a, b) = (local(a), local(b));
     let range_squared = range * range;
 
     let boundary = closest_on_boundary(&a, &b);
@@ -172,15 +173,16 @@ fn vertex_face(
     vertex_of_a: bool,
     found: &mut PairProximity,
 ) -> f64 {
-    let from_corner = [0, 1, 2].map(|k| own.corners[vertex] - other.corners[k]);
-    let height = other.normal.dot(from_corner[0]);
+    let position = own.corners[vertex];
+    let height = other.normal.dot(position - other.corners[0]);
     let distance_squared = height * height / other.normal_length_squared;
     // The distance from a face without area is not a number.
     if distance_squared > range_squared || distance_squared.is_nan() {
         return f64::INFINITY;
     }
-    let areas = [1, 2, 0].map(|k| other.normal.dot(other.edges[k].cross(from_corner[k])));
-    if !areas.iter().all(|&area| area > 0.0) {
+    let area = |k: usize| other.normal.dot(other.edges[k].cross(position - other.corners[k]));
+    let areas = [area(1), area(2), area(0)];
+    if areas[0] <= 0.0 || areas[1] <= 0.0 || areas[2] <= 0.0 {
         return f64::INFINITY;
     }
     let features = FeaturePair { a: Feature::Vertex(vertex as u8), b: Feature::Face };
@@ -234,7 +236,8 @@ fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: 
 /// Edges of `own` that pierce the face of `other`: their ends lie on different sides of its plane, and its three edges
 /// pass the piercing edge on the same side.
 fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut PairProximity) -> bool {
-    let heights = own.corners.map(|corner| other.normal.dot(corner - other.corners[0]));
+    let height = |corner: DVec3| other.normal.dot(corner - other.corners[0]);
+    let heights = [height(own.corners[0]), height(own.corners[1]), height(own.corners[2])];
     let mut pierced = false;
     for edge in 0..3 {
         let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
@@ -242,10 +245,13 @@ fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut PairProximity
             continue;
         }
         let start = own.corners[edge];
-        let relative = other.corners.map(|corner| corner - start);
-        let volumes = [1, 2, 0].map(|k| own.edges[edge].dot(relative[k].cross(relative[(k + 1) % 3])));
-        let same_side = volumes.iter().all(|&volume| volume >= 0.0) || volumes.iter().all(|&volume| volume <= 0.0);
-        if !same_side || volumes.iter().all(|&volume| volume == 0.0) {
+        let (p, q, r) = (other.corners[0] - start, other.corners[1] - start, other.corners[2] - start);
+        let volume = |from: DVec3, to: DVec3| own.edges[edge].dot(from.cross(to));
+        let volumes = [volume(q, r), volume(r, p), volume(p, q)];
+        let least = volumes[0].min(volumes[1]).min(volumes[2]);
+        let largest = volumes[0].max(volumes[1]).max(volumes[2]);
+        // All three of one sign; all zero is an edge without length, or one in line with a face without area.
+        if (least < 0.0 && largest > 0.0) || least == largest && least == 0.0 {
             continue;
         }
         pierced = true;

@@ -1,0 +1,185 @@
+//! Eight numbers or vectors side by side, in arrays that the compiler turns into vector instructions.
+//!
+//! Everything is inlined into a function that is compiled for several instruction sets and chosen at run time, so a
+//! default build uses the machine's widest.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use std::ops::{Add, Mul, Sub};
+
+use glam::Vec3;
+
+/// How many pairs are worked on at a time.
+pub(super) const WIDTH: usize = 8;
+
+/// One number of each of eight pairs.
+#[derive(Clone, Copy)]
+#[repr(align(32))]
+pub(super) struct Lanes(pub(super) [f32; WIDTH]);
+
+/// Where a condition holds: all bits of a lane set or none, which is what vector comparisons give.
+#[derive(Clone, Copy)]
+#[repr(align(32))]
+pub(super) struct Mask([u32; WIDTH]);
+
+/// One vector of each of eight pairs.
+#[derive(Clone, Copy)]
+pub(super) struct VectorLanes {
+    pub(super) x: Lanes,
+    pub(super) y: Lanes,
+    pub(super) z: Lanes,
+}
+
+impl Lanes {
+    pub(super) const ZERO: Self = Self([0.0; WIDTH]);
+
+    #[inline(always)]
+    pub(super) fn splat(value: f32) -> Self {
+        Self([value; WIDTH])
+    }
+
+    #[inline(always)]
+    fn zip(self, other: Self, combine: impl Fn(f32, f32) -> f32) -> Self {
+        let mut result = Self::ZERO;
+        for lane in 0..WIDTH {
+            result.0[lane] = combine(self.0[lane], other.0[lane]);
+        }
+        result
+    }
+
+    // Comparisons rather than f32::min, whose care for NaN costs instructions.
+    #[inline(always)]
+    pub(super) fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    pub(super) fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+
+    #[inline(always)]
+    pub(super) fn sqrt(self) -> Self {
+        let mut result = self;
+        for lane in 0..WIDTH {
+            result.0[lane] = result.0[lane].sqrt();
+        }
+        result
+    }
+
+    #[inline(always)]
+    pub(super) fn recip(self) -> Self {
+        self.zip(self, |value, _| 1.0 / value)
+    }
+
+    #[inline(always)]
+    pub(super) fn greater_than(self, other: Self) -> Mask {
+        let mut mask = [0; WIDTH];
+        for lane in 0..WIDTH {
+            mask[lane] = if self.0[lane] > other.0[lane] { u32::MAX } else { 0 };
+        }
+        Mask(mask)
+    }
+
+    #[inline(always)]
+    pub(super) fn select(mask: Mask, yes: Self, no: Self) -> Self {
+        let mut result = no;
+        for lane in 0..WIDTH {
+            let bits = (yes.0[lane].to_bits() & mask.0[lane]) | (no.0[lane].to_bits() & !mask.0[lane]);
+            result.0[lane] = f32::from_bits(bits);
+        }
+        result
+    }
+}
+
+impl Mask {
+    #[inline(always)]
+    pub(super) fn and(self, other: Self) -> Self {
+        let mut mask = self;
+        for lane in 0..WIDTH {
+            mask.0[lane] &= other.0[lane];
+        }
+        mask
+    }
+
+    /// One bit for each lane where the condition holds.
+    #[inline(always)]
+    pub(super) fn bits(self) -> u32 {
+        let mut bits = 0;
+        for lane in 0..WIDTH {
+            bits |= (self.0[lane] & 1) << lane;
+        }
+        bits
+    }
+}
+
+impl Add for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+}
+
+impl Sub for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+}
+
+impl Mul for Lanes {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
+    }
+}
+
+impl VectorLanes {
+    pub(super) const ZERO: Self = Self { x: Lanes::ZERO, y: Lanes::ZERO, z: Lanes::ZERO };
+
+    #[inline(always)]
+    pub(super) fn set(&mut self, lane: usize, vector: Vec3) {
+        self.x.0[lane] = vector.x;
+        self.y.0[lane] = vector.y;
+        self.z.0[lane] = vector.z;
+    }
+
+    #[inline(always)]
+    pub(super) fn dot(self, other: Self) -> Lanes {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+
+    #[inline(always)]
+    pub(super) fn cross(self, other: Self) -> Self {
+        Self {
+            x: self.y * other.z - self.z * other.y,
+            y: self.z * other.x - self.x * other.z,
+            z: self.x * other.y - self.y * other.x,
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn scaled(self, factor: Lanes) -> Self {
+        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+    }
+
+    #[inline(always)]
+    pub(super) fn select(mask: Mask, yes: Self, no: Self) -> Self {
+        Self {
+            x: Lanes::select(mask, yes.x, no.x),
+            y: Lanes::select(mask, yes.y, no.y),
+            z: Lanes::select(mask, yes.z, no.z),
+        }
+    }
+}
+
+impl Sub for VectorLanes {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
+    }
+}
