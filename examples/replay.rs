@@ -71,6 +71,7 @@ fn recorder(options: &Options) -> Result<impl FnOnce(&mut App) + use<>, ReplayEr
 
 /// Without the feature there is nothing to add.
 #[cfg(not(feature = "rerun"))]
+#[expect(clippy::unnecessary_wraps, reason = "the same signature as with the feature")]
 fn recorder(_options: &Options) -> Result<impl FnOnce(&mut App) + use<>, ReplayError> {
     Ok(|_: &mut App| ())
 }
