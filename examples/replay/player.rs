@@ -130,11 +130,8 @@ pub fn play(
     let mut set_up = Some(set_up);
     for round in 0..apps {
         let start = Instant::now();
-        let mut stage = Stage::new(recording, scene, settings);
+        let mut stage = Stage::new(recording, scene, settings, set_up.take());
         let mut build = start.elapsed();
-        if let Some(set_up) = set_up.take() {
-            set_up(&mut stage.app);
-        }
         for (place, frame) in played.frames.iter_mut().enumerate() {
             for repeat in 0..repeats {
                 let (detection, first_tree_builds) = stage.detect(&recording.frames[frame.frame]);
@@ -163,7 +160,12 @@ struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    fn new(recording: &Recording, scene: &'a Scene, settings: &Settings) -> Self {
+    fn new(
+        recording: &Recording,
+        scene: &'a Scene,
+        settings: &Settings,
+        set_up: Option<impl FnOnce(&mut App)>,
+    ) -> Self {
         let mut app = App::new();
         if settings.threads > 1 {
             // The calling thread works too.
@@ -193,6 +195,9 @@ impl<'a> Stage<'a> {
             threads: settings.threads,
             ..CircumsphereSettings::default()
         });
+        if let Some(set_up) = set_up {
+            set_up(&mut app);
+        }
         app.finish();
         app.cleanup();
         let surfaces: Vec<(Entity, &Part)> = scene
