@@ -1,7 +1,7 @@
 //! Records surfaces, contacts and stage times of every tick for the Rerun viewer.
 //!
 //! Reads what the tick left behind and changes nothing of it. Timeline `tick`; entities `surfaces/NAME`, `contacts/points`,
-//! `contacts/normals` and `stages/STAGE`.
+//! `contacts/normals`, `milliseconds/STAGE` and `pairs/STAGE`.
 
 use std::sync::Arc;
 
@@ -105,9 +105,9 @@ fn log_contacts(stream: &RecordingStream, contacts: &SurfaceContacts) -> Recordi
 
 fn log_stages(stream: &RecordingStream, diagnostics: &DetectionDiagnostics) -> RecordingStreamResult<()> {
     for stage in &diagnostics.stages {
-        let path = format!("stages/{}", stage.name);
-        stream.log(format!("{path}/milliseconds"), &Scalars::single(stage.duration.as_secs_f64() * 1.0e3))?;
-        stream.log(format!("{path}/pairs"), &Scalars::single(stage.pairs_out as f64))?;
+        let name = stage.name;
+        stream.log(format!("milliseconds/{name}"), &Scalars::single(stage.duration.as_secs_f64() * 1.0e3))?;
+        stream.log(format!("pairs/{name}"), &Scalars::single(stage.pairs_out as f64))?;
     }
     Ok(())
 }
