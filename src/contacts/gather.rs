@@ -93,7 +93,8 @@ fn gather_contacts(
             && let Some(&before) = places.get(&(stored.a, stored.b))
         {
             let before = &previous.contacts[previous.pairs[before].contacts.clone()];
-            keep_sides(&mut found.contacts, before);
+            let same_surface = pair.is_self().then_some(&*stored.topology_a);
+            keep_sides(&mut found.contacts, before, same_surface);
         }
         store.contacts.extend_from_slice(&found.contacts);
         store.touching.extend_from_slice(&found.touching);
@@ -150,16 +151,18 @@ fn keeps_sides(active: &ActiveSurfaces, pair: &SurfacePair) -> bool {
 }
 
 /// A contact whose normal has turned round since the last tick has passed through: it keeps the side it was on, and
-/// its distance is negative. Both lists are sorted by key.
-fn keep_sides(contacts: &mut [CompactContact], before: &[CompactContact]) {
+/// its distance is negative. Both lists are sorted by key. `same_surface` is the surface of a self-collision.
+fn keep_sides(contacts: &mut [CompactContact], before: &[CompactContact], same_surface: Option<&SurfaceTopology>) {
+    // In a self-collision either of the two features may have come first.
+    let normal = |contact: &CompactContact| match same_surface {
+        Some(topology) if contact.is_swapped(topology) => -contact.normal,
+        _ => contact.normal,
+    };
     let mut before = before.iter().peekable();
     for contact in contacts {
         while before.next_if(|other| other.key < contact.key).is_some() {}
         let Some(last) = before.next_if(|other| other.key == contact.key) else { continue };
-        // The same key may stand for swapped triangles, whose normal points the other way.
-        let swapped = last.triangle_a == contact.triangle_b && last.triangle_b == contact.triangle_a;
-        let last_normal = if swapped { -last.normal } else { last.normal };
-        if contact.normal.dot(last_normal) < 0.0 {
+        if normal(contact).dot(normal(last)) < 0.0 {
             contact.normal = -contact.normal;
             contact.distance = -contact.distance;
         }

@@ -19,13 +19,17 @@ pub struct ContactKey(pub u64);
 
 impl ContactKey {
     fn new(features: FeaturePair, number_a: u32, number_b: u32) -> Self {
-        let rank = |feature: Feature| match feature {
-            Feature::Vertex(_) => 0u64,
-            Feature::Edge(_) => 1,
-            Feature::Face => 2,
-        };
         let kinds = rank(features.a) * 3 + rank(features.b);
         Self((kinds << (2 * FEATURE_BITS)) | (u64::from(number_a) << FEATURE_BITS) | u64::from(number_b))
+    }
+}
+
+/// Vertices before edges before faces.
+const fn rank(feature: Feature) -> u64 {
+    match feature {
+        Feature::Vertex(_) => 0,
+        Feature::Edge(_) => 1,
+        Feature::Face => 2,
     }
 }
 
@@ -102,6 +106,12 @@ impl CompactContact {
         }
     }
 
+    /// Whether the features of this contact of a surface with itself stand in the other order than in its key.
+    pub(crate) fn is_swapped(&self, topology: &SurfaceTopology) -> bool {
+        let triangles = [self.triangle_a, self.triangle_b];
+        canonical_order([topology; 2], triangles, true, self.features).1 != triangles
+    }
+
     /// A contact with a rigid shape. `scale` is the world length of a unit of the shape's frame.
     #[must_use]
     pub fn with_shape(topology: &SurfaceTopology, triangle: u32, proximity: &ShapeProximity, scale: f64) -> Self {
@@ -136,14 +146,8 @@ pub(crate) fn canonical_order(
     same_surface: bool,
     features: FeaturePair,
 ) -> (FeaturePair, [u32; 2]) {
-    let name = |side: usize, feature: Feature| {
-        let rank = match feature {
-            Feature::Vertex(_) => 0,
-            Feature::Edge(_) => 1,
-            Feature::Face => 2,
-        };
-        (rank, feature_number(topologies[side], triangles[side], feature))
-    };
+    let name =
+        |side: usize, feature: Feature| (rank(feature), feature_number(topologies[side], triangles[side], feature));
     if same_surface && name(1, features.b) < name(0, features.a) {
         (features.swapped(), [triangles[1], triangles[0]])
     } else {
