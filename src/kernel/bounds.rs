@@ -58,7 +58,8 @@ impl Aabb {
     }
 }
 
-/// Writes the box of every triangle, grown by `growth`, into `bounds` and returns the box around all of them.
+/// Writes the box of every triangle, grown by `growth`, into `bounds` and returns the box around all of them. A box
+/// that is not a number is written, overlaps nothing, and is left out of the box around all.
 pub fn triangle_bounds(positions: &[Vec3], triangles: &[[u32; 3]], growth: f32, bounds: &mut Vec<Aabb>) -> Aabb {
     bounds.clear();
     bounds.reserve(triangles.len());
@@ -66,7 +67,9 @@ pub fn triangle_bounds(positions: &[Vec3], triangles: &[[u32; 3]], growth: f32, 
     for corners in triangles {
         let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
         let grown = Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }.grown(growth);
-        whole = whole.union(&grown);
+        if grown.min.cmple(grown.max).all() {
+            whole = whole.union(&grown);
+        }
         bounds.push(grown);
     }
     whole

@@ -181,7 +181,9 @@ impl Recipe {
                 height = height.min(clearance / bevy_math::ops::tan(0.5 * dihedrals[k]).abs().max(f32::MIN_POSITIVE));
             }
         }
-        recipe.height_ratio = height / radius;
+        if radius > 0.0 {
+            recipe.height_ratio = height / radius;
+        }
         recipe
     }
 

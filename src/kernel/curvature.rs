@@ -31,6 +31,7 @@ pub struct Curvatures {
     /// boundary and next to a triangle without area.
     pub dihedrals: Vec<[f32; 3]>,
     normals: Vec<Vec3>,
+    doubled_areas: Vec<f32>,
     centroids: Vec<Vec3>,
     edge_dihedrals: Vec<f32>,
 }
@@ -56,11 +57,17 @@ impl Curvatures {
 
     fn measure_triangles(&mut self, topology: &SurfaceTopology, positions: &[Vec3]) {
         self.normals.clear();
+        self.doubled_areas.clear();
         self.centroids.clear();
         for corners in topology.triangles() {
             let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
-            self.normals.push((b - a).cross(c - a));
-            self.centroids.push(a + ((b - a) + (c - a)) / 3.0);
+            let (u, v) = (b - a, c - a);
+            // Scaled first: the square of an area is of order length⁴ and leaves the range of f32 before lengths do.
+            let extent = u.abs().max(v.abs()).max_element();
+            let normal = if extent > 0.0 { (u / extent).cross(v / extent) } else { Vec3::ZERO };
+            self.normals.push(normal.normalize_or_zero());
+            self.doubled_areas.push(normal.length() * extent * extent);
+            self.centroids.push(a + (u + v) / 3.0);
         }
     }
 
@@ -86,12 +93,10 @@ impl Curvatures {
         if same_direction {
             other = -other;
         }
-        let (sine, cosine) =
-            (normal.normalize_or_zero().cross(other.normalize_or_zero()).dot(along), normal.dot(other));
         if normal == Vec3::ZERO || other == Vec3::ZERO {
             return 0.0;
         }
-        bevy_math::ops::atan2(sine, cosine / (normal.length() * other.length()))
+        bevy_math::ops::atan2(normal.cross(other).dot(along), normal.dot(other))
     }
 
     /// The dihedral angles of a triangle, and the `β/d` of largest magnitude.
@@ -115,7 +120,7 @@ impl Curvatures {
             };
             dihedrals[k] = dihedral;
             let length = positions[corners[k] as usize].distance(positions[corners[(k + 1) % 3] as usize]);
-            let doubled_areas = self.normals[triangle].length() + self.normals[neighbor as usize].length();
+            let doubled_areas = self.doubled_areas[triangle] + self.doubled_areas[neighbor as usize];
             // (h_i + h_j) / 3 with h = doubled area / length.
             let distance = doubled_areas / (3.0 * length);
             if distance > 0.0 && distance.is_finite() {

@@ -276,21 +276,27 @@ fn contact(
     )
 }
 
-/// Whether the sides have passed each other, as far as a one-sided surface tells. A face tells best; of two edges or
-/// vertices the second side's, because the normal points out of it.
+/// Whether the sides have passed each other, as far as a one-sided surface tells. A face tells best, of two edges the
+/// second side's. A vertex or an edge that is close to another triangle's boundary may be closer still to a neighbor of
+/// it, and then its direction misleads: where both sides have an inside, both have to agree.
 fn is_inside(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     [triangle_a, triangle_b]: [u32; 2],
     proximity: &Proximity,
 ) -> bool {
-    let ask_b = b.one_sided && (proximity.features.a != Feature::Face || !a.one_sided);
-    if ask_b {
-        b.outward(triangle_b, proximity.features.b).dot(proximity.separation) < 0.0
-    } else if a.one_sided {
-        a.outward(triangle_a, proximity.features.a).dot(proximity.separation) > 0.0
-    } else {
-        false
+    let (features, separation) = (proximity.features, proximity.separation);
+    let behind_b = || b.outward(triangle_b, features.b).dot(separation) < 0.0;
+    let behind_a = || a.outward(triangle_a, features.a).dot(separation) > 0.0;
+    match (a.one_sided, b.one_sided) {
+        (true, true) => match (features.a, features.b) {
+            (Feature::Face, _) => behind_a(),
+            (_, Feature::Face) | (Feature::Edge(_), Feature::Edge(_)) => behind_b(),
+            _ => behind_a() && behind_b(),
+        },
+        (false, true) => behind_b(),
+        (true, false) => behind_a(),
+        (false, false) => false,
     }
 }
 

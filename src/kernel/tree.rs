@@ -54,7 +54,10 @@ impl Leaf {
                 self.min[axis][lane] = item.min[axis];
                 self.max[axis][lane] = item.max[axis];
             }
-            whole = whole.union(item);
+            // A box that is empty or not a number overlaps nothing, and must not make a node that overlaps nothing.
+            if item.min.cmple(item.max).all() {
+                whole = whole.union(item);
+            }
         }
         whole
     }
@@ -74,7 +77,9 @@ impl Leaf {
                 hits[lane] &= (self.min[axis][lane] <= high) & (self.max[axis][lane] >= low);
             }
         }
-        hits.iter().enumerate().fold(0, |bits, (lane, &hit)| bits | (u32::from(hit) << lane))
+        // Unused lanes are empty, yet a box that reaches to infinity would overlap them.
+        let used = (1u32 << self.count) - 1;
+        hits.iter().enumerate().fold(0, |bits, (lane, &hit)| bits | (u32::from(hit) << lane)) & used
     }
 }
 

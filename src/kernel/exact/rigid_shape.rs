@@ -8,7 +8,8 @@ use glam::{DVec3, Vec3};
 use parry3d::{
     math::Pose as ParryPose,
     query,
-    shape::{SharedShape, Triangle},
+    shape::{ConvexPolyhedron, Cuboid, SharedShape, Triangle},
+    transformation::try_convex_hull,
 };
 
 use super::{
@@ -17,6 +18,11 @@ use super::{
     triangle_pair::{PairProximity, Proximity, examine_pair},
 };
 use crate::kernel::{bounds::Aabb, topology::SurfaceTopology};
+
+/// How far the shape may reach beyond the plane through a contact's point, square to its normal, relative to the shape's
+/// size. A contact beyond is not the way out but through the shape, on its far side. Far above what f32 corners tilt the
+/// narrow faces of a convex hull, far below what a far side errs by.
+const SUPPORT_SLACK: f64 = 1.0e-3;
 
 /// Why a shape cannot be tested against surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -60,6 +66,7 @@ pub struct ConvexPolytope {
     normals: Vec<DVec3>,
     topology: SurfaceTopology,
     center: DVec3,
+    size: f64,
 }
 
 /// A triangle's feature close to a shape, or inside it.
@@ -106,10 +113,12 @@ impl ShapeGeometry {
             finite(&[half_space.normal])?;
             return Ok(Self::HalfSpace { normal: half_space.normal.as_dvec3().normalize_or(DVec3::Y) });
         }
-        let mesh = shape
-            .as_cuboid()
-            .map(parry3d::shape::Cuboid::to_trimesh)
-            .or_else(|| shape.as_convex_polyhedron().map(parry3d::shape::ConvexPolyhedron::to_trimesh));
+        // Not the polyhedron's own triangles: parry joins facets that are nearly in one plane and may cut the polygon
+        // into triangles that face inward, for which every point inside is outside.
+        let hull = |polyhedron: &ConvexPolyhedron| {
+            try_convex_hull(polyhedron.points()).unwrap_or_else(|_| polyhedron.to_trimesh())
+        };
+        let mesh = shape.as_cuboid().map(Cuboid::to_trimesh).or_else(|| shape.as_convex_polyhedron().map(hull));
         if let Some((points, triangles)) = mesh {
             finite(&points)?;
             return ConvexPolytope::new(&points, &triangles).map(|polytope| Self::Polytope(Box::new(polytope)));
@@ -186,10 +195,14 @@ fn examine_rounded(
     examine_pair(triangle, &[start, end, end], range + radius, scratch);
     for proximity in &scratch.proximities {
         // The segment stands for a triangle whose third corner repeats the second: everything at that corner and on
-        // the two edges to it is there twice.
-        if matches!(proximity.features.b, Feature::Vertex(2) | Feature::Edge(1 | 2))
-            || start == end && proximity.features.b != Feature::Vertex(0)
-        {
+        // the two edges to it is there twice, but for the one closest pair on a boundary.
+        let once = matches!(
+            (proximity.features.a, proximity.features.b),
+            (Feature::Vertex(_), Feature::Vertex(_) | Feature::Edge(_)) | (Feature::Edge(_), Feature::Vertex(_))
+        );
+        let repeated = matches!(proximity.features.b, Feature::Vertex(2) | Feature::Edge(1 | 2))
+            || start == end && proximity.features.b != Feature::Vertex(0);
+        if repeated && !once {
             continue;
         }
         let crossing = proximity.distance <= 0.0;
@@ -199,10 +212,14 @@ fn examine_rounded(
             proximity.separation / proximity.distance
         };
         let axis_point = weighted(&[start, end, end], &proximity.barycentric_b);
+        let slack = SUPPORT_SLACK * start.distance(end);
+        if !crossing && [start, end].iter().any(|point| normal.dot(*point - axis_point) > slack) {
+            continue;
+        }
         found.push(ShapeProximity {
             feature: proximity.features.a,
             shape_feature: match proximity.features.b {
-                Feature::Vertex(corner) => u32::from(corner),
+                Feature::Vertex(corner) => u32::from(corner.min(1)),
                 _ => 2,
             },
             crossing: false,
@@ -266,7 +283,9 @@ impl ConvexPolytope {
         let topology = SurfaceTopology::new(points, triangles).map_err(|_| ShapeError::Unsupported)?;
         let corners: Vec<[DVec3; 3]> =
             triangles.iter().map(|corners| corners.map(|vertex| points[vertex as usize].as_dvec3())).collect();
+        let whole = Aabb::from_points(points.iter().copied());
         Ok(Self {
+            size: (whole.max - whole.min).as_dvec3().length(),
             bounds: corners.iter().map(|corners| Aabb::from_points(rounded(corners))).collect(),
             normals: corners.iter().map(face_normal).collect(),
             center: points.iter().map(|point| point.as_dvec3()).sum::<DVec3>() / points.len().max(1) as f64,
@@ -313,10 +332,19 @@ impl ConvexPolytope {
                 let inside =
                     matches!(proximity.features.a, Feature::Vertex(vertex) if depths[vertex as usize].1 <= 0.0);
                 if !inside {
-                    found.push(self.face_proximity(triangle, face, proximity));
+                    let proximity = self.face_proximity(triangle, face, proximity);
+                    if proximity.distance == 0.0 || self.supports(proximity.shape_point, proximity.normal) {
+                        found.push(proximity);
+                    }
                 }
             }
         }
+    }
+
+    /// Whether the whole polyhedron lies behind the plane through `point` square to `normal`.
+    fn supports(&self, point: DVec3, normal: DVec3) -> bool {
+        let slack = SUPPORT_SLACK * self.size;
+        self.corners.iter().flatten().all(|corner| normal.dot(*corner - point) <= slack)
     }
 
     fn face_proximity(&self, triangle: &[DVec3; 3], face: usize, proximity: &Proximity) -> ShapeProximity {

@@ -17,6 +17,11 @@ pub const MAX_PROXIMITIES: usize = 22;
 /// f64, products of differences of f32 numbers resolve sines far below this.
 const PARALLEL_SINE: f64 = 1.0e-12;
 
+/// The points at which a piercing edge and the pierced face are said to meet are no farther apart than this, relative
+/// to the pair's edges. An edge that lies in the face's plane but for rounding pierces it nowhere in particular; the
+/// vertices and edges around there are as close as the rounding.
+const PIERCING_TOLERANCE: f64 = 1.0e-10;
+
 /// A pair of features that are close to each other, or that cross.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
@@ -254,10 +259,13 @@ fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut PairProximity
         if (least < 0.0 && largest > 0.0) || least == largest && least == 0.0 {
             continue;
         }
+        let along = (from / (from - to)).clamp(0.0, 1.0);
+        let weights = edge_weights(edge, along);
+        let Some(face_weights) = met_at(other, start + own.edges[edge] * along, own.edges[edge], volumes) else {
+            continue;
+        };
         pierced = true;
         let features = FeaturePair { a: Feature::Edge(edge as u8), b: Feature::Face };
-        let weights = edge_weights(edge, (from / (from - to)).clamp(0.0, 1.0));
-        let face_weights = normalized(volumes);
         let (features, barycentric_a, barycentric_b) =
             if edge_of_a { (features, weights, face_weights) } else { (features.swapped(), face_weights, weights) };
         found.proximities.push(Proximity {
@@ -269,4 +277,21 @@ fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut PairProximity
         });
     }
     pierced
+}
+
+/// Weights of the point of `face` that a piercing edge meets at `point`: from the volumes, which are exact for slivers,
+/// or where the edge runs so nearly in the plane that they are not, from the areas around the point. `None` where the
+/// two are not in one place.
+fn met_at(face: &Sides, point_on_edge: DVec3, edge: DVec3, volumes: [f64; 3]) -> Option<[f64; 3]> {
+    let size_squared = edge.length_squared() + face.edges[0].length_squared() + face.edges[1].length_squared();
+    let meets = |weights: &[f64; 3]| {
+        let apart = point(&face.corners, weights) - point_on_edge;
+        apart.length_squared() <= PIERCING_TOLERANCE * PIERCING_TOLERANCE * size_squared
+    };
+    let weights = normalized(volumes);
+    if meets(&weights) {
+        return Some(weights);
+    }
+    let area = |k: usize| face.normal.dot(face.edges[k].cross(point_on_edge - face.corners[k])).max(0.0);
+    Some(normalized([area(1), area(2), area(0)])).filter(meets)
 }

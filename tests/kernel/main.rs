@@ -1,0 +1,15 @@
+//! The geometry kernel against f64 arithmetic, closed forms, parry and brute force.
+
+#[path = "../reference/common.rs"]
+mod common;
+mod cone;
+mod curvature;
+mod exact;
+mod pose;
+mod refine;
+mod shapes;
+mod spheres;
+mod steadiness;
+mod topology;
+mod tree;
+mod truth;

@@ -1,0 +1,442 @@
+//! The exact stage over whole surfaces: signs, keys, and independence of the order of triangles.
+
+use crate::{
+    common::Random,
+    truth::{corners, exact, positions},
+};
+use bevy_circumsphere::kernel::{
+    contact::{CompactContact, ContactKey},
+    exact::{Feature, FeatureKind},
+    pose::Pose,
+    reference::{
+        exact_weld, point_triangle, touching_pairs_between_brute_force, touching_pairs_brute_force, triangle_distance,
+    },
+    refine::{RefineSettings, RefinedPairs, SurfaceSide, refine_pairs},
+    topology::SurfaceTopology,
+};
+use circumsphere_support::scenes::{Mesh, icosphere, merge, triangle_soup};
+use glam::{DVec3, Vec3};
+use std::collections::{BTreeMap, BTreeSet};
+
+const REACH: f64 = 0.08;
+
+fn settings(same_surface: bool, cull: bool) -> RefineSettings {
+    RefineSettings { contact_distance: REACH, reported_distance: REACH, range: REACH, scale: 1.0, cull, same_surface }
+}
+
+fn side<'a>(topology: &'a SurfaceTopology, positions: &'a [Vec3], one_sided: bool) -> SurfaceSide<'a> {
+    SurfaceSide { topology, positions, one_sided, mirrored: false }
+}
+
+fn all_between(a: usize, b: usize) -> Vec<[u32; 2]> {
+    (0..a as u32).flat_map(|first| (0..b as u32).map(move |second| [first, second])).collect()
+}
+
+fn all_within(count: usize) -> Vec<[u32; 2]> {
+    (0..count as u32).flat_map(|first| (first + 1..count as u32).map(move |second| [first, second])).collect()
+}
+
+fn weights([first, second]: [f32; 2]) -> [f64; 3] {
+    [f64::from(first), f64::from(second), 1.0 - f64::from(first) - f64::from(second)]
+}
+
+fn at(triangle: &[DVec3; 3], weights: [f64; 3]) -> DVec3 {
+    triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2]
+}
+
+/// Negative inside a convex closed mesh: how far a point is outside the plane it is farthest outside of.
+fn outside_of_convex(point: DVec3, positions: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
+    triangles
+        .iter()
+        .map(|&triangle| {
+            let [a, b, c] = exact(corners(positions, triangle));
+            (b - a).cross(c - a).normalize().dot(point - a)
+        })
+        .fold(f64::NEG_INFINITY, f64::max)
+}
+
+fn is_on_a_boundary(contact: &CompactContact) -> bool {
+    matches!(contact.features.kind(), FeatureKind::VertexVertex | FeatureKind::VertexEdge)
+}
+
+/// Contacts once per key: those closest on a boundary may be there from several triangles.
+fn by_key(contacts: &[CompactContact]) -> BTreeMap<ContactKey, CompactContact> {
+    let mut kept = BTreeMap::new();
+    for contact in contacts {
+        if let Some(other) = kept.insert(contact.key, *contact) {
+            assert!(is_on_a_boundary(contact), "{contact:?} {other:?}");
+            assert!((contact.distance - other.distance).abs() <= 1.0e-6, "{contact:?} {other:?}");
+        }
+    }
+    kept
+}
+
+fn overlapping_spheres(depth: f32) -> [(Mesh, Vec<Vec3>); 2] {
+    // Turned and moved so that nothing is aligned.
+    let a = icosphere(2, 1.0).rotate([0.3, 1.0, 0.2], 0.7);
+    let b = icosphere(2, 0.8).rotate([1.0, 0.1, -0.4], 1.9).translate([1.8 - depth, 0.013, 0.021]);
+    [a, b].map(|mesh| {
+        let positions = positions(&mesh);
+        (mesh, positions)
+    })
+}
+
+#[test]
+fn distances_are_negative_exactly_for_vertices_inside_the_other_sphere() {
+    let (mut inside_contacts, mut outside_contacts, mut crossings) = (0, 0, 0);
+    let mut boundary_contacts = [0; 2];
+    for depth in [0.0, 0.05, 0.07, 0.1, 0.12, 0.14] {
+        let [(mesh_a, points_a), (mesh_b, points_b)] = overlapping_spheres(depth);
+        let topologies = [(&mesh_a, &points_a), (&mesh_b, &points_b)]
+            .map(|(mesh, points)| SurfaceTopology::new(points, &mesh.triangles).expect("valid"));
+        let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
+        let mut found = RefinedPairs::default();
+        refine_pairs(
+            &side(&topologies[0], &points_a, true),
+            &side(&topologies[1], &points_b, true),
+            &candidates,
+            &settings(false, true),
+            &mut found,
+        );
+        let contacts = by_key(&found.contacts);
+        let mut reported_vertices = [BTreeSet::new(), BTreeSet::new()];
+        for contact in contacts.values() {
+            let triangle_a = exact(corners(&points_a, mesh_a.triangles[contact.triangle_a as usize]));
+            let triangle_b = exact(corners(&points_b, mesh_b.triangles[contact.triangle_b as usize]));
+            let point_a = at(&triangle_a, weights(contact.barycentric_a));
+            let point_b = at(&triangle_b, weights(contact.barycentric_b));
+            // Weights stored in f32, of coordinates up to 2.
+            let tolerance = 1.0e-6;
+            assert!(point_b.distance(contact.point_b.as_dvec3()) <= tolerance);
+            assert!((contact.normal.length() - 1.0).abs() <= 1.0e-6);
+            assert!((point_a.distance(point_b) - f64::from(contact.distance.abs())).abs() <= tolerance, "{contact:?}");
+            let normal = contact.normal.as_dvec3();
+            assert!((point_a - point_b).distance(normal * f64::from(contact.distance)) <= tolerance, "{contact:?}");
+            if contact.features.kind() == FeatureKind::VertexFace {
+                assert!(normal.x < 0.0, "whatever the sign, along the normal the first sphere leaves: {contact:?}");
+            }
+            if is_on_a_boundary(contact) {
+                // Near the curve where the spheres cross one point may be inside and the other outside: no sign is
+                // right there. Elsewhere one is.
+                let outside_b = outside_of_convex(point_a, &points_b, &mesh_b.triangles);
+                let outside_a = outside_of_convex(point_b, &points_a, &mesh_a.triangles);
+                if outside_a.min(outside_b) > tolerance || outside_a.max(outside_b) < -tolerance {
+                    assert_eq!(contact.distance < 0.0, outside_a < 0.0, "{contact:?} {outside_a} {outside_b}");
+                    boundary_contacts[usize::from(outside_a < 0.0)] += 1;
+                }
+            }
+            if contact.features.kind() == FeatureKind::EdgeFace {
+                crossings += 1;
+                assert_eq!(contact.distance, 0.0);
+            }
+            for (own, other_points, other_mesh, vertex_point, feature, other_feature) in [
+                (0, &points_b, &mesh_b, point_a, contact.features.a, contact.features.b),
+                (1, &points_a, &mesh_a, point_b, contact.features.b, contact.features.a),
+            ] {
+                let Feature::Vertex(corner) = feature else { continue };
+                if other_feature != Feature::Face {
+                    continue;
+                }
+                let (mesh, triangle) =
+                    if own == 0 { (&mesh_a, contact.triangle_a) } else { (&mesh_b, contact.triangle_b) };
+                reported_vertices[own].insert(mesh.triangles[triangle as usize][corner as usize]);
+                let outside = outside_of_convex(vertex_point, other_points, &other_mesh.triangles);
+                if outside.abs() > tolerance {
+                    assert_eq!(contact.distance < 0.0, outside < 0.0, "{contact:?} {outside}");
+                    if outside < 0.0 {
+                        inside_contacts += 1;
+                    } else {
+                        outside_contacts += 1;
+                    }
+                }
+            }
+        }
+        // Every vertex inside the other sphere has a face above it within reach, so none may be missing.
+        for (own, points, other_points, other_mesh) in
+            [(0, &points_a, &points_b, &mesh_b), (1, &points_b, &points_a, &mesh_a)]
+        {
+            for (vertex, point) in points.iter().enumerate() {
+                let outside = outside_of_convex(point.as_dvec3(), other_points, &other_mesh.triangles);
+                if outside < 0.0 && outside > -0.99 * REACH {
+                    assert!(reported_vertices[own].contains(&(vertex as u32)), "{vertex} {outside}");
+                }
+            }
+        }
+        let expected = touching_pairs_between_brute_force(
+            &points_a.iter().map(|point| point.as_dvec3()).collect::<Vec<_>>(),
+            &mesh_a.triangles,
+            &points_b.iter().map(|point| point.as_dvec3()).collect::<Vec<_>>(),
+            &mesh_b.triangles,
+            REACH,
+        );
+        let touching: Vec<[u32; 2]> = found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
+        let expected_pairs: Vec<[u32; 2]> = expected.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
+        assert_eq!(touching, expected_pairs);
+        assert!(found.touching.len() > 10);
+        for (pair, expected) in found.touching.iter().zip(&expected) {
+            assert!((pair.distance - expected.distance).abs() <= 1.0e-12);
+        }
+        let nearest = expected.iter().map(|pair| pair.distance).fold(f64::INFINITY, f64::min);
+        assert!((found.nearest - nearest).abs() <= 1.0e-12);
+        assert!(found.examined < candidates.len() && found.examined >= found.touching.len());
+    }
+    println!(
+        "{inside_contacts} contacts of vertices inside, {outside_contacts} outside, {crossings} crossings, on \
+         boundaries {boundary_contacts:?}"
+    );
+    assert!(boundary_contacts.iter().all(|&count| count > 10));
+    assert!(inside_contacts > 10 && outside_contacts > 10 && crossings > 10);
+}
+
+#[test]
+fn culling_changes_nothing_but_the_number_of_exact_tests() {
+    let [(mesh_a, points_a), (mesh_b, points_b)] = overlapping_spheres(0.1);
+    let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
+    let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
+    let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
+    let (mut culled, mut every) = (RefinedPairs::default(), RefinedPairs::default());
+    let (side_a, side_b) = (side(&a, &points_a, true), side(&b, &points_b, true));
+    refine_pairs(&side_a, &side_b, &candidates, &settings(false, true), &mut culled);
+    refine_pairs(&side_a, &side_b, &candidates, &settings(false, false), &mut every);
+    assert_eq!(culled.touching, every.touching);
+    assert_eq!(culled.contacts, every.contacts);
+    assert_eq!(culled.nearest, every.nearest);
+    assert_eq!(every.examined, candidates.len());
+    assert!(culled.examined * 2 < every.examined && !culled.contacts.is_empty());
+    // In parts, appended, it is the same.
+    let (first, second) = candidates.split_at(candidates.len() / 3);
+    let (mut head, mut tail) = (RefinedPairs::default(), RefinedPairs::default());
+    refine_pairs(&side_a, &side_b, first, &settings(false, true), &mut head);
+    refine_pairs(&side_a, &side_b, second, &settings(false, true), &mut tail);
+    head.append(tail);
+    assert_eq!(head.contacts, culled.contacts);
+    assert_eq!(head.touching, culled.touching);
+    assert_eq!(head.nearest, culled.nearest);
+    head.clear();
+    assert!(head.contacts.is_empty() && head.touching.is_empty() && head.nearest == f64::INFINITY);
+}
+
+#[test]
+fn lengths_are_world_lengths_whatever_the_scale_of_the_frame() {
+    let [(mesh_a, points_a), (mesh_b, points_b)] = overlapping_spheres(0.05);
+    let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
+    let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
+    let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
+    let mut unit = RefinedPairs::default();
+    refine_pairs(
+        &side(&a, &points_a, true),
+        &side(&b, &points_b, true),
+        &candidates,
+        &settings(false, true),
+        &mut unit,
+    );
+    // A frame four times as fine: every length in it is four times as long, a power of two rounds nothing.
+    let fine = |points: &[Vec3]| points.iter().map(|point| *point * 4.0).collect::<Vec<_>>();
+    let (fine_a, fine_b) = (fine(&points_a), fine(&points_b));
+    let mut scaled = RefinedPairs::default();
+    let settings = RefineSettings { scale: 0.25, ..settings(false, true) };
+    refine_pairs(&side(&a, &fine_a, true), &side(&b, &fine_b, true), &candidates, &settings, &mut scaled);
+    assert_eq!(scaled.touching, unit.touching);
+    assert_eq!(scaled.contacts.len(), unit.contacts.len());
+    for (scaled, unit) in scaled.contacts.iter().zip(&unit.contacts) {
+        assert_eq!((scaled.key, scaled.distance, scaled.normal), (unit.key, unit.distance, unit.normal));
+        assert_eq!(scaled.point_b, unit.point_b * 4.0);
+    }
+    assert!(unit.contacts.len() > 20);
+}
+
+#[test]
+fn a_mirrored_side_keeps_its_inside() {
+    let [(mesh_a, points_a), (mesh_b, points_b)] = overlapping_spheres(0.1);
+    let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
+    let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
+    let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
+    let mut plain = RefinedPairs::default();
+    refine_pairs(
+        &side(&a, &points_a, true),
+        &side(&b, &points_b, true),
+        &candidates,
+        &settings(false, true),
+        &mut plain,
+    );
+    // The same surface, stored turned inside out and brought here by a mirroring pose.
+    let inverted: Vec<[u32; 3]> = mesh_b.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    let inverted = SurfaceTopology::new(&points_b, &inverted).expect("valid");
+    let mirrored = SurfaceSide { mirrored: true, ..side(&inverted, &points_b, true) };
+    let mut turned = RefinedPairs::default();
+    refine_pairs(&side(&a, &points_a, true), &mirrored, &candidates, &settings(false, true), &mut turned);
+    let (plain, turned) = (by_key(&plain.contacts), by_key(&turned.contacts));
+    assert_eq!(plain.len(), turned.len());
+    let mut inside = 0;
+    for (key, contact) in &plain {
+        let other = turned[key];
+        assert!((contact.distance - other.distance).abs() <= 1.0e-6);
+        assert!(contact.normal.distance(other.normal) <= 1.0e-4 || contact.distance.abs() < 1.0e-4);
+        inside += usize::from(contact.distance < 0.0);
+    }
+    assert!(inside > 3);
+}
+
+#[test]
+fn of_two_sheets_no_distance_is_negative() {
+    let [(mesh_a, points_a), (mesh_b, points_b)] = overlapping_spheres(0.1);
+    let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
+    let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
+    let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
+    let mut found = RefinedPairs::default();
+    refine_pairs(
+        &side(&a, &points_a, false),
+        &side(&b, &points_b, false),
+        &candidates,
+        &settings(false, true),
+        &mut found,
+    );
+    assert!(found.contacts.len() > 20);
+    assert!(found.contacts.iter().all(|contact| contact.distance >= 0.0));
+}
+
+/// Names of a contact's two features by the caller's vertices, in an order that no triangle order can change.
+fn features_by_vertices(contact: &CompactContact, triangles: &[[u32; 3]]) -> [Vec<u32>; 2] {
+    let name = |triangle: u32, feature: Feature| {
+        let corners = triangles[triangle as usize];
+        let mut vertices = match feature {
+            Feature::Vertex(corner) => vec![corners[corner as usize]],
+            Feature::Edge(edge) => vec![corners[edge as usize], corners[(edge as usize + 1) % 3]],
+            Feature::Face => corners.to_vec(),
+        };
+        vertices.sort_unstable();
+        vertices
+    };
+    let mut names = [name(contact.triangle_a, contact.features.a), name(contact.triangle_b, contact.features.b)];
+    names.sort();
+    names
+}
+
+/// A surface that folds back onto itself at random: a crumpled ball, and a soup through it.
+fn crumpled(seed: u64) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let mut random = Random::new(seed);
+    let mesh = merge(&[
+        icosphere(2, 1.0),
+        icosphere(1, 0.9).rotate([1.0, 2.0, 3.0], 0.5).translate([0.31, 0.17, -0.12]),
+        triangle_soup(60, seed),
+    ]);
+    let points = positions(&mesh).iter().map(|&point| point + (random.vector() * 0.15).as_vec3()).collect();
+    (points, mesh.triangles)
+}
+
+fn self_contacts(points: &[Vec3], triangles: &[[u32; 3]]) -> RefinedPairs {
+    let topology = SurfaceTopology::new(points, triangles).expect("valid");
+    let own = side(&topology, points, false);
+    let mut found = RefinedPairs::default();
+    refine_pairs(&own, &own, &all_within(triangles.len()), &settings(true, true), &mut found);
+    found
+}
+
+#[test]
+fn the_contacts_of_a_surface_with_itself_do_not_depend_on_the_order_of_its_triangles() {
+    let mut compared = 0;
+    for seed in 1..=4 {
+        let mut random = Random::new(seed);
+        let (points, triangles) = crumpled(seed);
+        let named = |triangles: &[[u32; 3]]| {
+            let found = self_contacts(&points, triangles);
+            let mut touching: Vec<[Vec<u32>; 2]> = found
+                .touching
+                .iter()
+                .map(|pair| {
+                    let mut names = [pair.triangle_a, pair.triangle_b].map(|triangle| {
+                        let mut corners = triangles[triangle as usize].to_vec();
+                        corners.sort_unstable();
+                        corners
+                    });
+                    names.sort();
+                    names
+                })
+                .collect();
+            touching.sort();
+            let mut contacts: Vec<([Vec<u32>; 2], f32)> = by_key(&found.contacts)
+                .values()
+                .map(|contact| (features_by_vertices(contact, triangles), contact.distance))
+                .collect();
+            contacts.sort_by(|a, b| a.0.cmp(&b.0));
+            (touching, contacts)
+        };
+        let (touching, contacts) = named(&triangles);
+        assert!(contacts.windows(2).all(|pair| pair[0].0 != pair[1].0), "each feature pair once");
+        for _ in 0..3 {
+            let mut shuffled = triangles.clone();
+            for last in (1..shuffled.len()).rev() {
+                let other = random.below(last + 1);
+                shuffled.swap(last, other);
+            }
+            for corners in &mut shuffled {
+                let turn = random.below(3);
+                corners.rotate_left(turn);
+            }
+            let (other_touching, other_contacts) = named(&shuffled);
+            assert_eq!(other_touching, touching);
+            assert_eq!(other_contacts.len(), contacts.len());
+            for (found, expected) in other_contacts.iter().zip(&contacts) {
+                assert_eq!(found.0, expected.0);
+                // Another corner is the origin of the differences: f64 rounding, stored as f32.
+                assert!((found.1 - expected.1).abs() <= 1.0e-6, "{found:?} {expected:?}");
+                compared += 1;
+            }
+        }
+    }
+    println!("{compared} contacts compared");
+    assert!(compared > 10_000);
+}
+
+#[test]
+fn the_touching_pairs_of_a_surface_with_itself_are_those_of_the_reference() {
+    for seed in 1..=3 {
+        let (points, triangles) = crumpled(seed);
+        let found = self_contacts(&points, &triangles);
+        let exact: Vec<DVec3> = points.iter().map(|point| point.as_dvec3()).collect();
+        let expected = touching_pairs_brute_force(&exact, &triangles, &exact_weld(&exact), REACH);
+        let pairs: Vec<[u32; 2]> = found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
+        assert_eq!(pairs, expected.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect::<Vec<_>>());
+        assert!(pairs.len() > 500, "{}", pairs.len());
+        // The closest features of every touching pair are among the contacts, each on a touching pair.
+        let distances: BTreeMap<[u32; 2], f64> =
+            found.touching.iter().map(|pair| ([pair.triangle_a, pair.triangle_b], pair.distance)).collect();
+        for contact in &found.contacts {
+            let pair = [contact.triangle_a, contact.triangle_b];
+            assert!(distances[&pair] <= f64::from(contact.distance.abs()) + 1.0e-7);
+        }
+    }
+}
+
+/// A vertex over an inner edge's two faces, and an edge over another, are one contact each, not one per triangle.
+#[test]
+fn a_vertex_over_a_sheet_is_one_contact() {
+    let points = [
+        Vec3::new(-1.0, 0.0, -1.0),
+        Vec3::new(1.0, 0.0, -1.0),
+        Vec3::new(1.0, 0.0, 1.0),
+        Vec3::new(-1.0, 0.0, 1.0),
+        // A fan of four triangles around one vertex above the first face.
+        Vec3::new(0.3, 0.05, -0.4),
+        Vec3::new(0.3, 1.0, -0.1),
+        Vec3::new(0.6, 1.0, -0.4),
+        Vec3::new(0.3, 1.0, -0.7),
+        Vec3::new(0.0, 1.0, -0.4),
+    ];
+    let triangles = [[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7], [4, 7, 8], [4, 8, 5]];
+    let found = self_contacts(&points, &triangles);
+    assert_eq!(found.touching.len(), 4, "each triangle of the fan");
+    assert_eq!(found.contacts.len(), 1);
+    let contact = found.contacts[0];
+    assert_eq!(contact.features.kind(), FeatureKind::VertexFace);
+    assert!((contact.distance - 0.05).abs() < 1.0e-7);
+    let (vertex, face) = if contact.features.b == Feature::Face { (2, 0) } else { (0, 2) };
+    assert_eq!(contact.triangle_a.min(contact.triangle_b), face.min(vertex));
+    // The reference agrees on each.
+    let exact_corners = |triangle: usize| exact(corners(&points, triangles[triangle]));
+    for triangle in 2..6 {
+        assert!((triangle_distance(&exact_corners(0), &exact_corners(triangle)) - 0.05).abs() < 1.0e-7);
+    }
+    assert!((point_triangle(points[4].as_dvec3(), &exact_corners(0)).distance - 0.05).abs() < 1.0e-7);
+    assert_eq!(Pose::IDENTITY.scale(), 1.0);
+}
