@@ -9,7 +9,7 @@ use bevy_ecs::{
     schedule::{InternedScheduleLabel, ScheduleLabel},
 };
 
-use super::store::ContactStore;
+use super::store::{ContactStore, PairOrder, StoredPair};
 use crate::{
     schedule::DeformableSystems,
     surface::{PendingQuarantines, QuarantineReason},
@@ -91,6 +91,7 @@ fn send_quarantines(
 struct Touching {
     sides: [Entity; 2],
     events: [bool; 2],
+    order: PairOrder,
 }
 
 impl Touching {
@@ -104,6 +105,25 @@ impl Touching {
             announce(b, a);
         }
     }
+
+    /// Takes over what may have changed since the contact began: which side comes first.
+    fn follow(&mut self, stored: &StoredPair) {
+        if self.sides != sides(stored) {
+            self.sides.reverse();
+            self.events.reverse();
+        }
+        self.order = stored.order;
+    }
+}
+
+fn sides(pair: &StoredPair) -> [Entity; 2] {
+    [pair.a.entity(), pair.b.entity()]
+}
+
+/// Names two sides whichever comes first.
+fn name(mut sides: [Entity; 2]) -> [Entity; 2] {
+    sides.sort_unstable();
+    sides
 }
 
 fn send_contacts(
@@ -114,29 +134,31 @@ fn send_contacts(
     mut started: MessageWriter<SurfaceContactStarted>,
     mut ended: MessageWriter<SurfaceContactEnded>,
 ) {
-    let near: HashMap<[Entity; 2], bool> = store
-        .pairs
-        .iter()
-        .map(|pair| {
-            let parted = f64::from(pair.contact_distance) * (1.0 + f64::from(EVENT_HYSTERESIS));
-            ([pair.a.entity(), pair.b.entity()], pair.nearest <= parted)
-        })
-        .collect();
-    touching.retain(|pair| {
-        let stays = near.get(&pair.sides).is_some_and(|&near| near);
-        if !stays {
-            let [entity, other] = pair.sides;
-            if pair.events.contains(&true) {
-                ended.write(SurfaceContactEnded { entity, other });
-            }
-            pair.for_each_listener(entities, |entity, other| commands.trigger(SurfaceContactEnded { entity, other }));
+    let parted =
+        |pair: &StoredPair| pair.nearest > f64::from(pair.contact_distance) * (1.0 + f64::from(EVENT_HYSTERESIS));
+    let near: HashMap<[Entity; 2], &StoredPair> =
+        store.pairs.iter().filter(|pair| !parted(pair)).map(|pair| (name(sides(pair)), pair)).collect();
+    let mut over = Vec::new();
+    touching.retain_mut(|pair| {
+        let stored = near.get(&name(pair.sides));
+        match stored {
+            Some(stored) => pair.follow(stored),
+            None => over.push(*pair),
         }
-        stays
+        stored.is_some()
     });
-    let already: HashSet<[Entity; 2]> = touching.iter().map(|pair| pair.sides).collect();
+    over.sort_unstable_by_key(|pair| pair.order);
+    for pair in over {
+        let [entity, other] = pair.sides;
+        if pair.events.contains(&true) {
+            ended.write(SurfaceContactEnded { entity, other });
+        }
+        pair.for_each_listener(entities, |entity, other| commands.trigger(SurfaceContactEnded { entity, other }));
+    }
+    let already: HashSet<[Entity; 2]> = touching.iter().map(|pair| name(pair.sides)).collect();
     for stored in &store.pairs {
-        let pair = Touching { sides: [stored.a.entity(), stored.b.entity()], events: stored.events };
-        if stored.nearest > f64::from(stored.contact_distance) || already.contains(&pair.sides) {
+        let pair = Touching { sides: sides(stored), events: stored.events, order: stored.order };
+        if stored.nearest > f64::from(stored.contact_distance) || already.contains(&name(pair.sides)) {
             continue;
         }
         let [entity, other] = pair.sides;

@@ -18,7 +18,7 @@ use crate::{
         circumsphere::Ball,
         contact::{CompactContact, TouchingPair},
         exact::{Feature, FeaturePair, rigid_shape::barycentric_of},
-        sphere_pairs::CapPair,
+        sphere_pairs::{CapPair, box_gap},
         topology::SurfaceTopology,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
@@ -41,6 +41,17 @@ struct Found {
     contacts: Vec<CompactContact>,
     touching: Vec<TouchingPair>,
     nearest: f64,
+}
+
+impl Found {
+    /// Counts two triangles at a `distance` by their spheres, and tells whether their contact is to be reported.
+    fn admit(&mut self, pair: &SurfacePair, [triangle_a, triangle_b]: [u32; 2], distance: f64, gap: f64) -> bool {
+        self.nearest = self.nearest.min(distance.max(0.0));
+        if distance <= f64::from(pair.contact_distance) {
+            self.touching.push(TouchingPair { triangle_a, triangle_b, distance: gap.max(0.0) });
+        }
+        distance <= f64::from(pair.reported_distance)
+    }
 }
 
 #[expect(clippy::too_many_arguments, reason = "the last stage reads every stage before it")]
@@ -69,6 +80,7 @@ fn gather_contacts(
     for (place, pair) in candidates.pairs.iter().enumerate() {
         found.contacts.clear();
         found.touching.clear();
+        found.nearest = f64::INFINITY;
         match pair.method {
             ContactMethod::Refined | ContactMethod::Polygon => {
                 let refined = &mut refined.pairs[place];
@@ -84,7 +96,9 @@ fn gather_contacts(
         if found.contacts.is_empty() && found.nearest > f64::from(pair.range) {
             continue;
         }
-        found.contacts.sort_unstable_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
+        // Stable: neighboring faces of a shape report a shared edge alike up to the sign of a zero, and the first one
+        // of them has to stay the first whatever the order of the candidates.
+        found.contacts.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
         found.contacts.dedup_by_key(|contact| contact.key);
         found.touching.sort_unstable_by_key(|pair| (pair.triangle_a, pair.triangle_b));
 
@@ -106,14 +120,14 @@ fn gather_contacts(
 
 fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore, found: &Found) -> StoredPair {
     let first = &active.surfaces[pair.first];
-    let (b, topology_b, events_b) = match pair.second {
+    let (b, topology_b, events_b, order_b) = match pair.second {
         OtherSide::Surface(second) => {
             let second = &active.surfaces[second];
-            (ContactSide::Surface(second.entity), Some(Arc::clone(&second.topology)), second.events)
+            (ContactSide::Surface(second.entity), Some(Arc::clone(&second.topology)), second.events, second.order)
         }
         OtherSide::Shape(place) => {
             let shape = &active.shapes[place];
-            (ContactSide::Shape(shape.entity), None, shape.events)
+            (ContactSide::Shape(shape.entity), None, shape.events, shape.order)
         }
     };
     StoredPair {
@@ -127,6 +141,7 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore
         topology_a: Arc::clone(&first.topology),
         topology_b,
         events: [first.events, events_b],
+        order: (matches!(pair.second, OtherSide::Shape(_)), first.order, order_b),
     }
 }
 
@@ -225,14 +240,15 @@ fn gather_caps(
 ) {
     let scale = pair.frame_pose.scale();
     with_corners(active, positions, pair, |corners| {
-        for &CapPair { triangle_a, triangle_b, contact } in meeting {
+        for &CapPair { triangle_a, triangle_b, contact, distance } in meeting {
             let gap = f64::from(contact.gap) * scale;
-            found.touching.push(TouchingPair { triangle_a, triangle_b, distance: gap.max(0.0) });
-            let points = [contact.point_a, contact.point_b];
-            found.contacts.push(corners.face_contact(pair, [triangle_a, triangle_b], points, -contact.direction, gap));
+            if found.admit(pair, [triangle_a, triangle_b], distance * scale, gap) {
+                let points = [contact.point_a, contact.point_b];
+                let contact = corners.face_contact(pair, [triangle_a, triangle_b], points, -contact.direction, gap);
+                found.contacts.push(contact);
+            }
         }
     });
-    found.nearest = if meeting.is_empty() { f64::INFINITY } else { 0.0 };
 }
 
 fn gather_balls(
@@ -250,11 +266,13 @@ fn gather_balls(
                 let (Ball { center, radius }, other) = (a.ball(triangle_a), b.ball(triangle_b));
                 let normal = (center - other.center).normalize_or(Vec3::Y);
                 let gap = f64::from(center.distance(other.center) - radius - other.radius) * scale;
-                found.touching.push(TouchingPair { triangle_a, triangle_b, distance: gap.max(0.0) });
-                let points = [center - normal * radius, other.center + normal * other.radius];
-                found.contacts.push(corners.face_contact(pair, [triangle_a, triangle_b], points, normal, gap));
+                // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
+                let boxes = box_gap(&corners.of(0, triangle_a), &corners.of(1, triangle_b)) * scale;
+                if found.admit(pair, [triangle_a, triangle_b], gap.max(boxes), gap) {
+                    let points = [center - normal * radius, other.center + normal * other.radius];
+                    found.contacts.push(corners.face_contact(pair, [triangle_a, triangle_b], points, normal, gap));
+                }
             }
         });
     });
-    found.nearest = if overlapping.is_empty() { f64::INFINITY } else { 0.0 };
 }

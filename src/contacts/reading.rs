@@ -46,6 +46,15 @@ impl SurfaceContacts<'_> {
     }
 }
 
+/// The weights of all three corners from the first two. A corner that is no part of the feature has none, not even
+/// what rounding leaves of 1.
+fn complete(feature: Feature, [first, second]: [f32; 2]) -> [f32; 3] {
+    match feature {
+        Feature::Edge(0) => [first, 1.0 - first, 0.0],
+        _ => [first, second, 1.0 - first - second],
+    }
+}
+
 /// One vertex that a contact acts on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StencilEntry {
@@ -158,8 +167,8 @@ impl Contact<'_> {
     /// meaning. Each sums to 1.
     #[must_use]
     pub fn barycentrics(&self) -> ([f32; 3], [f32; 3]) {
-        let complete = |[first, second]: [f32; 2]| [first, second, 1.0 - first - second];
-        self.pick(complete(self.record.barycentric_a), complete(self.record.barycentric_b))
+        let record = self.record;
+        self.pick(complete(record.features.a, record.barycentric_a), complete(record.features.b, record.barycentric_b))
     }
 
     /// The vertices of a side's feature: one, two or three; none for a rigid shape.
@@ -201,8 +210,7 @@ impl Contact<'_> {
     pub fn stencil(&self) -> ArrayVec<StencilEntry, 6> {
         let normal = self.normal();
         let mut stencil = ArrayVec::new();
-        let mut side = |entity: Entity, topology: &SurfaceTopology, triangle: u32, weights: [f32; 2], sign: f32| {
-            let weights = [weights[0], weights[1], 1.0 - weights[0] - weights[1]];
+        let mut side = |entity: Entity, topology: &SurfaceTopology, triangle: u32, weights: [f32; 3], sign: f32| {
             for (&vertex, weight) in topology.triangles()[triangle as usize].iter().zip(weights) {
                 if weight != 0.0 {
                     stencil.push(StencilEntry { entity, vertex: VertexId(vertex), weight: sign * weight, normal });
@@ -211,9 +219,11 @@ impl Contact<'_> {
         };
         let (sign_a, sign_b) = self.pick(1.0, -1.0);
         let record = self.record;
-        side(self.pair.a.entity(), &self.pair.topology_a, record.triangle_a, record.barycentric_a, sign_a);
+        let weights = complete(record.features.a, record.barycentric_a);
+        side(self.pair.a.entity(), &self.pair.topology_a, record.triangle_a, weights, sign_a);
         if let Some(topology) = &self.pair.topology_b {
-            side(self.pair.b.entity(), topology, record.triangle_b, record.barycentric_b, sign_b);
+            let weights = complete(record.features.b, record.barycentric_b);
+            side(self.pair.b.entity(), topology, record.triangle_b, weights, sign_b);
         }
         stencil
     }

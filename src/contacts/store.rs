@@ -49,7 +49,12 @@ pub struct StoredPair {
     pub(crate) topology_a: Arc<SurfaceTopology>,
     pub(crate) topology_b: Option<Arc<SurfaceTopology>>,
     pub(crate) events: [bool; 2],
+    /// Sorts pairs as the store does: those with a shape last, then by the order of both sides.
+    pub(crate) order: PairOrder,
 }
+
+type SideOrder = (u32, u64, u32);
+pub(crate) type PairOrder = (bool, SideOrder, SideOrder);
 
 /// The contacts of the last tick: pairs of surfaces by [order](crate::SurfaceOrder), then surfaces with shapes; within
 /// a pair by [key](crate::kernel::contact::ContactKey).

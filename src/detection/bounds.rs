@@ -13,7 +13,7 @@ use crate::{
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, SurfacePositions},
+    surface::{ActiveSurfaces, SurfacePositions, first_non_finite},
 };
 
 /// Lengths that are rounded to f32 on the way to a box are lengthened by this factor.
@@ -66,6 +66,13 @@ fn compute_bounds(
     mut surfaces: Query<(&SurfacePositions, &mut TriangleBounds)>,
 ) {
     let start = diagnostics.start();
+    // What was gathered may have been spoiled or despawned since, by a prediction or before a run by hand: it sits this
+    // detection out, and the next `Prepare` names the reason if there still is one.
+    active.surfaces.retain(|surface| {
+        surfaces.get(surface.entity).is_ok_and(|(positions, _)| {
+            positions.0.len() == surface.topology.vertex_count() && first_non_finite(&positions.0).is_none()
+        })
+    });
     for surface in &mut active.surfaces {
         let Ok((positions, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
         let growth = frame_growth(surface.thickness, settings.margin(), surface.pose.scale());

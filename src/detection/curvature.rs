@@ -11,7 +11,7 @@ use crate::{
     kernel::curvature::Curvatures,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod, DeformableSurface, SurfacePositions},
+    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
 /// Curvature and dihedral angles of a surface's triangles; empty unless a pair of it is tested by offset spheres.
@@ -23,7 +23,6 @@ pub struct CurvaturePlugin;
 
 impl Plugin for CurvaturePlugin {
     fn build(&self, app: &mut App) {
-        app.register_required_components::<DeformableSurface, TriangleCurvature>();
         app.add_systems(SurfaceDetection, measure_curvature.in_set(SurfaceDetectionSystems::Curvature));
     }
 }
@@ -52,14 +51,18 @@ fn measure_curvature(
     mut surfaces: Query<(&SurfacePositions, &mut TriangleCurvature)>,
 ) {
     let used = surfaces_with_method(&active, &candidates, ContactMethod::Circumsphere);
-    if !used.contains(&true) {
-        return;
-    }
     let start = diagnostics.start();
-    for (surface, _) in active.surfaces.iter().zip(used).filter(|(_, used)| *used) {
-        if let Ok((positions, mut curvature)) = surfaces.get_mut(surface.entity) {
+    let any_used = used.contains(&true);
+    for (surface, used) in active.surfaces.iter().zip(used) {
+        let Ok((positions, mut curvature)) = surfaces.get_mut(surface.entity) else { continue };
+        if used {
             curvature.0.measure(&surface.topology, &positions.0, settings.estimator);
+        } else if surface.method > ContactMethod::Circumsphere && !curvature.0.curvatures.is_empty() {
+            // The method was changed: what no pair asks for takes no memory.
+            *curvature = TriangleCurvature::default();
         }
     }
-    diagnostics.finish("curvature", start, 0, 0);
+    if any_used {
+        diagnostics.finish("curvature", start, 0, 0);
+    }
 }

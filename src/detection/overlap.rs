@@ -16,7 +16,7 @@ use crate::{
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
-/// The candidates that overlap as spheres, one list for each pair of surfaces in [`CandidateTrianglePairs`]; empty
+/// The candidates that come within range as spheres, one list for each pair of surfaces in [`CandidateTrianglePairs`]; empty
 /// where a pair's method does not use spheres.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct OverlappingTrianglePairs {
@@ -98,7 +98,7 @@ fn test_overlap(
     for (pair, overlapping) in candidates.pairs.iter().zip(&mut overlapping.pairs) {
         overlapping.clear();
         let adjacency = pair.is_self().then(|| &*active.surfaces[pair.first].topology);
-        let reach = (f64::from(pair.reported_distance) / pair.frame_pose.scale()) as f32;
+        let reach = (f64::from(pair.range) / pair.frame_pose.scale()) as f32;
         let threads = settings.threads;
         let chunks = match pair.method {
             ContactMethod::BoundingSphere => with_balls(&active, &surfaces, pair, |a, b| {

@@ -9,7 +9,7 @@ use super::{
     parallel::map_chunks,
 };
 use crate::{
-    kernel::refine::{RefineSettings, RefinedPairs, SurfaceSide, refine_pairs, refine_shape},
+    kernel::refine::{RefineSettings, RefinedPairs, SurfaceSide, refine_pairs, refine_shape, settle_penetrations},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
@@ -49,9 +49,7 @@ fn refine(
         if pair.method < ContactMethod::Refined {
             continue;
         }
-        for chunk in refine_pair(&active, pair, &settings, &surfaces).into_iter().flatten() {
-            refined.append(chunk);
-        }
+        let _ = refine_pair(&active, pair, &settings, &surfaces, refined);
         pairs_in += pair.triangles.len();
         pairs_out += refined.touching.len();
         examined += refined.examined;
@@ -67,7 +65,8 @@ fn refine_pair(
     pair: &SurfacePair,
     settings: &CircumsphereSettings,
     surfaces: &Query<&SurfacePositions>,
-) -> Option<Vec<RefinedPairs>> {
+    refined: &mut RefinedPairs,
+) -> Option<()> {
     let first = &active.surfaces[pair.first];
     let refine_settings = RefineSettings {
         contact_distance: f64::from(pair.contact_distance),
@@ -78,7 +77,7 @@ fn refine_pair(
         same_surface: pair.is_self(),
     };
     let own = &surfaces.get(first.entity).ok()?.0;
-    let chunks = match pair.second {
+    match pair.second {
         OtherSide::Surface(place) => {
             let second = &active.surfaces[place];
             let other = &surfaces.get(second.entity).ok()?.0;
@@ -96,21 +95,28 @@ fn refine_pair(
                 one_sided: second.one_sided,
                 mirrored: pose_b.is_mirrored(),
             };
-            map_chunks(&pair.triangles, settings.threads, |chunk| {
+            let chunks = map_chunks(&pair.triangles, settings.threads, |chunk| {
                 let mut found = RefinedPairs::default();
                 refine_pairs(&a, &b, chunk, &refine_settings, &mut found);
                 found
-            })
+            });
+            for chunk in chunks {
+                refined.append(chunk);
+            }
+            settle_penetrations(&a, &b, &pair.triangles, &refine_settings, &mut refined.contacts);
         }
         OtherSide::Shape(place) => {
             let shape = &active.shapes[place].geometry;
-            map_chunks(&pair.triangles, settings.threads, |chunk| {
+            let chunks = map_chunks(&pair.triangles, settings.threads, |chunk| {
                 let mut found = RefinedPairs::default();
                 let pose = &pair.relative_pose;
                 refine_shape(&first.topology, own, pose, shape, chunk, &refine_settings, &mut found);
                 found
-            })
+            });
+            for chunk in chunks {
+                refined.append(chunk);
+            }
         }
-    };
-    Some(chunks)
+    }
+    Some(())
 }

@@ -15,7 +15,7 @@ use crate::{
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod, DeformableSurface, SurfacePositions},
+    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
 /// The smallest ball around each triangle; empty unless a pair of the surface is tested by them.
@@ -35,9 +35,6 @@ pub struct RefitPlugin;
 
 impl Plugin for RefitPlugin {
     fn build(&self, app: &mut App) {
-        app.register_required_components::<DeformableSurface, EnclosingBalls>();
-        app.register_required_components::<DeformableSurface, Circumspheres>();
-        app.register_required_components::<DeformableSurface, TriangleCones>();
         app.add_systems(SurfaceDetection, (refit_balls, refit_spheres).chain().in_set(SurfaceDetectionSystems::Refit));
     }
 }
@@ -49,16 +46,19 @@ fn refit_balls(
     mut surfaces: Query<(&SurfacePositions, &mut EnclosingBalls)>,
 ) {
     let used = surfaces_with_method(&active, &candidates, ContactMethod::BoundingSphere);
-    if !used.contains(&true) {
-        return;
-    }
     let start = diagnostics.start();
-    for (surface, _) in active.surfaces.iter().zip(used).filter(|(_, used)| *used) {
-        if let Ok((positions, mut balls)) = surfaces.get_mut(surface.entity) {
+    let any_used = used.contains(&true);
+    for (surface, used) in active.surfaces.iter().zip(used) {
+        let Ok((positions, mut balls)) = surfaces.get_mut(surface.entity) else { continue };
+        if used {
             enclosing_balls(&positions.0, surface.topology.triangles(), &mut balls.0);
+        } else if surface.method > ContactMethod::BoundingSphere && balls.0.capacity() > 0 {
+            *balls = EnclosingBalls::default();
         }
     }
-    diagnostics.finish("refit balls", start, 0, 0);
+    if any_used {
+        diagnostics.finish("refit balls", start, 0, 0);
+    }
 }
 
 fn refit_spheres(
@@ -74,10 +74,12 @@ fn refit_spheres(
     for (surface, used) in active.surfaces.iter().zip(used) {
         let Ok((positions, curvature, mut spheres, mut cones)) = surfaces.get_mut(surface.entity) else { continue };
         any_used |= used;
-        if surface.method > ContactMethod::Circumsphere && !used {
+        if surface.method > ContactMethod::Circumsphere {
             // The method was changed: what no pair asks for takes no memory.
-            *spheres = Circumspheres::default();
-            *cones = TriangleCones::default();
+            if !spheres.0.radii.is_empty() {
+                *spheres = Circumspheres::default();
+                *cones = TriangleCones::default();
+            }
         } else if surface.fresh {
             spheres.0.forget();
         }

@@ -4,7 +4,7 @@
 //! anything is rounded, so that two neighbors far from the origin meet as precisely as near it. Used by the bounds and
 //! broad phase stages to bring a pair into one frame.
 
-use glam::{Affine3A, DMat3, DVec3, Vec3};
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 
 /// Largest relative difference of the three scale factors, and largest cosine between two axes, that still count as a
 /// uniform scale: f32 rounding of a chain of parent transforms stays well below it.
@@ -49,11 +49,20 @@ impl Pose {
     /// # Errors
     /// Where it is not finite, or is anything but rotation, translation, uniform scale and mirroring.
     pub fn from_affine(affine: &Affine3A) -> Result<Self, PoseError> {
+        let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
+        let linear = DMat3::from_cols(x.as_dvec3(), y.as_dvec3(), z.as_dvec3());
+        Self::from_double_affine(&DAffine3 { matrix3: linear, translation: affine.translation.as_dvec3() })
+    }
+
+    /// Reads an affine transform that was composed in f64.
+    ///
+    /// # Errors
+    /// Like [`from_affine`](Self::from_affine).
+    pub fn from_double_affine(affine: &DAffine3) -> Result<Self, PoseError> {
         if !affine.is_finite() {
             return Err(PoseError::NonFinite);
         }
-        let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis]
-            .map(|axis| Vec3::from(axis).as_dvec3());
+        let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
         let lengths = [x.length(), y.length(), z.length()];
         let largest = lengths.iter().copied().fold(0.0, f64::max);
         if largest <= 0.0 {
@@ -68,7 +77,7 @@ impl Pose {
         }
         let linear = DMat3::from_cols(x, y, z);
         let scale = linear.determinant().abs().cbrt();
-        Ok(Self { linear, translation: Vec3::from(affine.translation).as_dvec3(), scale })
+        Ok(Self { linear, translation: affine.translation, scale })
     }
 
     /// How much longer a length becomes. More than 0.

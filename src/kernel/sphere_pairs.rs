@@ -3,7 +3,7 @@
 //! Reads candidate pairs and the spheres of both sides, writes the pairs that pass. Spheres are kept in the frame of
 //! their own surface; those of a moved side are brought over pair by pair.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::{
     circumsphere::{Ball, OffsetSpheres},
@@ -79,6 +79,10 @@ impl CapSide<'_> {
             cosine: cap.cosine,
         }
     }
+
+    fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize].as_dvec3())
+    }
 }
 
 /// The caps of a pair of triangles, of sheets those that face the other triangle.
@@ -99,6 +103,25 @@ pub struct CapPair {
     pub triangle_b: u32,
     /// Where the line between the centers meets both triangles' planes, in the frame of the pair.
     pub contact: CapContact,
+    /// How far apart the spheres and the triangles' planes and boxes keep the two, in the frame of the pair; at least
+    /// 0. They touch where it is no more than the contact distance.
+    pub distance: f64,
+}
+
+/// How far apart the axis-aligned boxes of two triangles are along the axis that parts them most; 0 where they overlap.
+#[must_use]
+pub fn box_gap(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
+    let (low_a, high_a) = (a[0].min(a[1]).min(a[2]), a[0].max(a[1]).max(a[2]));
+    let (low_b, high_b) = (b[0].min(b[1]).min(b[2]), b[0].max(b[1]).max(b[2]));
+    (low_a - high_b).max(low_b - high_a).max_element().max(0.0)
+}
+
+/// How far apart two triangles are along the first one's normal; 0 where they overlap or it has none.
+fn slab_gap(own: &[DVec3; 3], other: &[DVec3; 3]) -> f64 {
+    let normal = (own[1] - own[0]).cross(own[2] - own[0]).normalize_or_zero();
+    let [a, b, c] = [0, 1, 2].map(|k| normal.dot(own[k] - own[0]));
+    let [p, q, r] = [0, 1, 2].map(|k| normal.dot(other[k] - own[0]));
+    (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r)).max(0.0)
 }
 
 /// Appends the candidates whose enclosing balls come within `reach`. In a self-collision, `adjacency` names the
@@ -142,6 +165,10 @@ pub fn meeting_caps(a: &CapSide<'_>, b: &CapSide<'_>, overlapping: &[[u32; 2]], 
     meeting.extend(overlapping.iter().filter_map(|&[triangle_a, triangle_b]| {
         let [cap_a, cap_b] = facing_caps(a, b, [triangle_a, triangle_b]);
         let contact = cap_contact(&cap_a, &cap_b)?;
-        Some(CapPair { triangle_a, triangle_b, contact })
+        let spheres = f64::from(cap_a.center.distance(cap_b.center) - cap_a.radius - cap_b.radius);
+        let (corners_a, corners_b) = (a.corners(triangle_a), b.corners(triangle_b));
+        let planes = slab_gap(&corners_a, &corners_b).max(slab_gap(&corners_b, &corners_a));
+        let distance = spheres.max(planes).max(box_gap(&corners_a, &corners_b));
+        Some(CapPair { triangle_a, triangle_b, contact, distance })
     }));
 }

@@ -33,7 +33,7 @@ pub struct ActiveSurface {
     pub fresh: bool,
     /// Its box in world units, grown by thickness and half the margin. Written by the bounds stage.
     pub world_bounds: Aabb,
-    pub(super) order: (u32, u64, u32),
+    pub(crate) order: (u32, u64, u32),
 }
 
 /// A rigid shape that takes part in this tick.
@@ -51,7 +51,7 @@ pub struct ActiveShape {
     pub events: bool,
     /// Whether nothing remembered of it holds.
     pub fresh: bool,
-    pub(super) order: (u32, u64, u32),
+    pub(crate) order: (u32, u64, u32),
 }
 
 /// Everything that takes part in this tick, ordered by [`SurfaceOrder`](super::SurfaceOrder), then by registration.

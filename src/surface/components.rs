@@ -8,7 +8,9 @@ use glam::Vec3;
 
 use super::prepare::QuarantineReason;
 use crate::{
-    detection::TriangleBounds,
+    detection::{
+        Circumspheres, EnclosingBalls, TriangleBounds, TriangleCones, TriangleCurvature, broad_phase::SurfaceTree,
+    },
     kernel::{
         ids::VertexId,
         topology::{SurfaceTopology, TopologyError},
@@ -30,7 +32,12 @@ use crate::{
     SurfaceFrame,
     Registration,
     Transform,
-    TriangleBounds
+    TriangleBounds,
+    SurfaceTree,
+    TriangleCurvature,
+    EnclosingBalls,
+    Circumspheres,
+    TriangleCones
 )]
 pub struct DeformableSurface {
     topology: Arc<SurfaceTopology>,
@@ -222,6 +229,6 @@ impl Registration {
 }
 
 /// The first position that is not finite.
-pub(super) fn first_non_finite(positions: &[Vec3]) -> Option<VertexId> {
+pub(crate) fn first_non_finite(positions: &[Vec3]) -> Option<VertexId> {
     positions.iter().position(|position| !position.is_finite()).map(|vertex| VertexId(vertex as u32))
 }

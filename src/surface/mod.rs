@@ -9,6 +9,7 @@ mod prepare;
 mod rigid_shape;
 
 pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces};
+pub(crate) use components::first_non_finite;
 pub use components::{
     ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame,
     SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus, SurfaceThickness, Teleported,

@@ -8,8 +8,10 @@ use bevy_ecs::{
     prelude::*,
     query::QueryData,
     schedule::{InternedScheduleLabel, ScheduleLabel},
+    system::SystemParam,
 };
-use bevy_transform::helper::TransformHelper;
+use bevy_transform::components::Transform;
+use glam::DAffine3;
 
 use super::{
     active::{ActiveShape, ActiveSurface, ActiveSurfaces},
@@ -112,22 +114,43 @@ fn order(order: Option<&SurfaceOrder>, registration: Registration, entity: Entit
     (order.map_or(0, |order| order.0), registration.0, entity.index_u32())
 }
 
-fn global_pose(transforms: &TransformHelper, entity: Entity) -> Result<Pose, QuarantineReason> {
-    // Computed here rather than read: in a fixed schedule the propagated transform is that of the last frame.
-    let transform = transforms.compute_global_transform(entity).map_err(|_| QuarantineReason::MissingTransform)?;
-    Ok(Pose::from_affine(&transform.affine())?)
+/// Transforms and whose children their entities are.
+#[derive(SystemParam)]
+struct Transforms<'w, 's> {
+    own: Query<'w, 's, &'static Transform>,
+    parents: Query<'w, 's, &'static ChildOf>,
 }
 
-/// Sets the status, and asks for a message where a quarantine is new.
+impl Transforms<'_, '_> {
+    /// Computed here rather than read: in a fixed schedule the propagated transform is that of the last frame. And in
+    /// f64: the children of a parent far from the origin stand to each other as they do near it.
+    fn global_pose(&self, entity: Entity) -> Result<Pose, QuarantineReason> {
+        let affine = |entity: Entity| {
+            let transform = self.own.get(entity).map_err(|_| QuarantineReason::MissingTransform)?;
+            Ok::<DAffine3, QuarantineReason>(DAffine3::from_scale_rotation_translation(
+                transform.scale.as_dvec3(),
+                transform.rotation.as_dquat().normalize(),
+                transform.translation.as_dvec3(),
+            ))
+        };
+        let mut global = affine(entity)?;
+        for ancestor in self.parents.iter_ancestors(entity) {
+            global = affine(ancestor)? * global;
+        }
+        Ok(Pose::from_double_affine(&global)?)
+    }
+}
+
+/// Sets the status, and asks for a message where a quarantine is new. Another reason for the same quarantine is none.
 fn update_status(
     entity: Entity,
     status: &mut Mut<SurfaceStatus>,
     next: SurfaceStatus,
     quarantines: &mut PendingQuarantines,
 ) {
-    if status.set_if_neq(next)
-        && let SurfaceStatus::Quarantined(reason) = &**status
-    {
+    let was_quarantined = matches!(**status, SurfaceStatus::Quarantined(_));
+    status.set_if_neq(next);
+    if !was_quarantined && let SurfaceStatus::Quarantined(reason) = &**status {
         log::warn!("surface {entity} is set aside: {reason}");
         quarantines.0.push(SurfaceQuarantined { entity, reason: reason.clone() });
     }
@@ -139,7 +162,7 @@ fn gather_surfaces(
     mut quarantines: ResMut<PendingQuarantines>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<SurfaceItem>,
-    transforms: TransformHelper,
+    transforms: Transforms,
 ) {
     diagnostics.begin_tick();
     let watch = diagnostics.start();
@@ -188,7 +211,7 @@ fn gather_surfaces(
     diagnostics.finish("prepare", watch, 0, 0);
 }
 
-fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &TransformHelper) -> Result<(Pose, f32), QuarantineReason> {
+fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(Pose, f32), QuarantineReason> {
     let (expected, found) = (item.surface.topology().vertex_count(), item.positions.0.len());
     if expected != found {
         return Err(QuarantineReason::PositionCount { expected, found });
@@ -197,7 +220,7 @@ fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &TransformHelper) -> Res
         return Err(QuarantineReason::NonFinitePosition(vertex));
     }
     let pose = match item.frame {
-        SurfaceFrame::Local => global_pose(transforms, item.entity)?,
+        SurfaceFrame::Local => transforms.global_pose(item.entity)?,
         SurfaceFrame::World => Pose::IDENTITY,
     };
     let thickness = match *item.thickness {
@@ -234,7 +257,7 @@ fn gather_shapes(
     mut quarantines: ResMut<PendingQuarantines>,
     mut prepared: Local<PreparedShapes>,
     mut shapes: Query<ShapeItem, Without<DeformableSurface>>,
-    transforms: TransformHelper,
+    transforms: Transforms,
 ) {
     active.shapes.clear();
     if prepared.0.len() > shapes.iter().len() {
@@ -248,7 +271,7 @@ fn gather_shapes(
         if item.teleported {
             commands.entity(item.entity).try_remove::<Teleported>();
         }
-        let usable = global_pose(&transforms, item.entity).and_then(|pose| {
+        let usable = transforms.global_pose(item.entity).and_then(|pose| {
             let geometry = prepared.0[&item.entity].clone()?;
             Ok((pose, geometry))
         });

@@ -11,7 +11,7 @@ use crate::{
     kernel::{exact::rigid_shape::ShapeGeometry, topology::SurfaceTopology, tree::BoxTree},
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, DeformableSurface},
+    surface::ActiveSurfaces,
 };
 
 /// A tree is built anew once its boxes have grown by this factor relative to the surface: a refitted tree answers
@@ -30,7 +30,6 @@ pub struct TreeBroadPhasePlugin;
 
 impl Plugin for TreeBroadPhasePlugin {
     fn build(&self, app: &mut App) {
-        app.register_required_components::<DeformableSurface, SurfaceTree>();
         app.add_systems(
             SurfaceDetection,
             (update_trees, pair_triangles).chain().in_set(BroadPhaseSystems::PairTriangles),

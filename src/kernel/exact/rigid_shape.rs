@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use parry3d::{
     math::Pose as ParryPose,
     query,
-    shape::{ConvexPolyhedron, Cuboid, SharedShape, Triangle},
+    shape::{ConvexPolyhedron, Cuboid, SharedShape, Triangle, TypedShape},
     transformation::try_convex_hull,
 };
 
@@ -27,8 +27,8 @@ const SUPPORT_SLACK: f64 = 1.0e-3;
 /// Why a shape cannot be tested against surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShapeError {
-    /// The shape's size is NaN or infinite.
-    #[error("the shape has a size that is not finite")]
+    /// The shape's size is NaN or infinite, or its border negative.
+    #[error("the shape has a size that is not finite, or a negative border")]
     NonFinite,
     /// parry has no contact query between a triangle and this shape.
     #[error("there is no contact query between a triangle and this kind of shape")]
@@ -67,6 +67,8 @@ pub struct ConvexPolytope {
     topology: SurfaceTopology,
     center: DVec3,
     size: f64,
+    /// Whether it has a volume: a plate, a rod or a point has no inside.
+    solid: bool,
 }
 
 /// A triangle's feature close to a shape, or inside it.
@@ -123,6 +125,12 @@ impl ShapeGeometry {
             finite(&points)?;
             return ConvexPolytope::new(&points, &triangles).map(|polytope| Self::Polytope(Box::new(polytope)));
         }
+        // parry panics over a border that is negative or not a number.
+        if border_radius(shape).is_some_and(|radius| !radius.is_finite() || radius < 0.0) {
+            return Err(ShapeError::NonFinite);
+        }
+        let bounds = shape.compute_local_aabb();
+        finite(&[bounds.mins, bounds.maxs])?;
         let probe = Triangle::new(Vec3::ZERO, Vec3::X, Vec3::Y);
         query::contact(&ParryPose::IDENTITY, &probe, &ParryPose::IDENTITY, shape.as_ref(), 0.0)
             .map_err(|_| ShapeError::Unsupported)?;
@@ -166,6 +174,17 @@ impl ShapeGeometry {
             Self::Other(shape) => examine_with_parry(triangle, shape, range, found),
         }
         found[before..].iter().map(|proximity| proximity.distance).fold(f64::INFINITY, f64::min)
+    }
+}
+
+fn border_radius(shape: &SharedShape) -> Option<f32> {
+    match shape.as_typed_shape() {
+        TypedShape::RoundCuboid(shape) => Some(shape.border_radius),
+        TypedShape::RoundTriangle(shape) => Some(shape.border_radius),
+        TypedShape::RoundCylinder(shape) => Some(shape.border_radius),
+        TypedShape::RoundCone(shape) => Some(shape.border_radius),
+        TypedShape::RoundConvexPolyhedron(shape) => Some(shape.border_radius),
+        _ => None,
     }
 }
 
@@ -284,18 +303,25 @@ impl ConvexPolytope {
         let corners: Vec<[DVec3; 3]> =
             triangles.iter().map(|corners| corners.map(|vertex| points[vertex as usize].as_dvec3())).collect();
         let whole = Aabb::from_points(points.iter().copied());
+        let center = points.iter().map(|point| point.as_dvec3()).sum::<DVec3>() / points.len().max(1) as f64;
+        let volume = corners.iter().map(|[a, b, c]| (*a - center).dot((*b - center).cross(*c - center))).sum::<f64>();
         Ok(Self {
             size: (whole.max - whole.min).as_dvec3().length(),
+            solid: volume > 0.0,
             bounds: corners.iter().map(|corners| Aabb::from_points(rounded(corners))).collect(),
             normals: corners.iter().map(face_normal).collect(),
-            center: points.iter().map(|point| point.as_dvec3()).sum::<DVec3>() / points.len().max(1) as f64,
+            center,
             corners,
             topology,
         })
     }
 
-    /// The face whose plane a point is farthest outside of, and that signed distance: negative inside the polyhedron.
+    /// The face whose plane a point is farthest outside of, and that signed distance: negative inside the polyhedron,
+    /// infinite where it has no inside.
     fn deepest_plane(&self, point: DVec3) -> (usize, f64) {
+        if !self.solid {
+            return (0, f64::INFINITY);
+        }
         let mut deepest = (0, f64::NEG_INFINITY);
         for (face, normal) in self.normals.iter().enumerate() {
             let distance = normal.dot(point - self.corners[face][0]);

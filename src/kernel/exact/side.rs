@@ -22,6 +22,35 @@ pub fn face_normal(corners: &[DVec3; 3]) -> DVec3 {
     (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero()
 }
 
+/// The part of a triangle that is closest to a point, and where.
+#[must_use]
+pub fn closest_feature(corners: &[DVec3; 3], point: DVec3) -> (Feature, DVec3) {
+    let edges = [0, 1, 2].map(|k| corners[(k + 1) % 3] - corners[k]);
+    let normal = edges[0].cross(edges[1]);
+    if [0, 1, 2].iter().all(|&k| normal.dot(edges[k].cross(point - corners[k])) > 0.0) {
+        return (Feature::Face, point - normal * (normal.dot(point - corners[0]) / normal.length_squared()));
+    }
+    let mut closest = (Feature::Vertex(0), corners[0]);
+    let mut nearest = f64::INFINITY;
+    for (k, edge) in edges.into_iter().enumerate() {
+        let squared = edge.length_squared();
+        let along = if squared > 0.0 { ((point - corners[k]).dot(edge) / squared).clamp(0.0, 1.0) } else { 0.0 };
+        let (feature, candidate) = if along <= 0.0 {
+            (Feature::Vertex(k as u8), corners[k])
+        } else if along >= 1.0 {
+            (Feature::Vertex(((k + 1) % 3) as u8), corners[(k + 1) % 3])
+        } else {
+            (Feature::Edge(k as u8), corners[k] + edge * along)
+        };
+        let distance = candidate.distance_squared(point);
+        if distance < nearest {
+            nearest = distance;
+            closest = (feature, candidate);
+        }
+    }
+    closest
+}
+
 /// The outward direction at a feature of `triangle`, of any length, zero where nothing around it has an area.
 #[must_use]
 #[expect(clippy::missing_panics_doc, reason = "the triangles around a vertex contain it")]

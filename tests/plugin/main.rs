@@ -1,0 +1,17 @@
+//! The plugin in headless worlds: what a game spawns, changes and despawns, and what it reads and hears of it.
+
+mod hysteresis;
+mod instances;
+mod life_cycle;
+mod margin;
+mod memory;
+mod methods;
+mod order;
+mod poses;
+mod quarantine;
+mod rigid_shapes;
+mod setup;
+mod sides;
+#[cfg(feature = "parallel")]
+mod threads;
+mod world;

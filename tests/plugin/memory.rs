@@ -1,0 +1,109 @@
+//! What no method asks for takes no memory.
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{
+    detection::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
+    prelude::*,
+};
+use bevy_ecs::prelude::*;
+use circumsphere_support::scenes::cuboid;
+
+use crate::world::{THIN, app, at, ball, insert, sheet, spawn, surface};
+
+/// Room for how many triangles each of the per-triangle components holds: curvature, balls, spheres, cones.
+fn held(app: &App, entity: Entity) -> [usize; 4] {
+    let entity = app.world().entity(entity);
+    let curvature =
+        entity.get::<TriangleCurvature>().map_or(0, |it| it.0.curvatures.capacity().max(it.0.dihedrals.capacity()));
+    let balls = entity.get::<EnclosingBalls>().map_or(0, |it| it.0.capacity());
+    let spheres = entity.get::<Circumspheres>().map_or(0, |it| it.0.centers.capacity().max(it.0.radii.capacity()));
+    let cones = entity.get::<TriangleCones>().map_or(0, |it| it.0.axes.capacity().max(it.0.cosines.capacity()));
+    [curvature, balls, spheres, cones]
+}
+
+fn counts(app: &App, entity: Entity) -> [usize; 4] {
+    let entity = app.world().entity(entity);
+    [
+        entity.get::<TriangleCurvature>().map_or(0, |it| it.0.curvatures.len()),
+        entity.get::<EnclosingBalls>().map_or(0, |it| it.0.len()),
+        entity.get::<Circumspheres>().map_or(0, |it| it.0.centers.len()),
+        entity.get::<TriangleCones>().map_or(0, |it| it.0.axes.len()),
+    ]
+}
+
+#[test]
+fn spheres_are_held_only_while_a_method_asks_for_them() {
+    let mut app = app();
+    let sheet = spawn(&mut app, &sheet(), THIN);
+    let ball = spawn(&mut app, &ball(), (THIN, at(0.1, 0.53, 0.2)));
+    let set_methods = |app: &mut App, method: ContactMethod| {
+        insert(app, sheet, method);
+        insert(app, ball, method);
+        app.update();
+        app.update();
+    };
+    for exact in [ContactMethod::Refined, ContactMethod::Polygon] {
+        set_methods(&mut app, exact);
+        assert_eq!(held(&app, ball), [0; 4], "{exact:?}");
+        assert_eq!(held(&app, sheet), [0; 4], "{exact:?}");
+
+        set_methods(&mut app, ContactMethod::Circumsphere);
+        assert_eq!(counts(&app, ball), [320, 0, 320, 320]);
+        assert_eq!(counts(&app, sheet), [128, 0, 128, 128]);
+        set_methods(&mut app, exact);
+        assert_eq!(held(&app, ball), [0; 4], "{exact:?} after Circumsphere");
+        assert_eq!(held(&app, sheet), [0; 4], "{exact:?} after Circumsphere");
+
+        set_methods(&mut app, ContactMethod::BoundingSphere);
+        assert_eq!(counts(&app, ball), [0, 320, 0, 0]);
+        assert_eq!(counts(&app, sheet), [0, 128, 0, 0]);
+        set_methods(&mut app, exact);
+        assert_eq!(held(&app, ball), [0; 4], "{exact:?} after BoundingSphere");
+        assert_eq!(held(&app, sheet), [0; 4], "{exact:?} after BoundingSphere");
+    }
+}
+
+#[test]
+fn a_surface_that_nothing_is_near_has_no_spheres_whatever_its_method() {
+    let mut app = app();
+    let lonely = spawn(&mut app, &ball(), (THIN, ContactMethod::Circumsphere));
+    spawn(&mut app, &ball(), (THIN, ContactMethod::Circumsphere, at(9.0, 0.0, 0.0)));
+    app.update();
+    assert_eq!(held(&app, lonely), [0; 4]);
+}
+
+#[test]
+fn spheres_follow_a_replaced_mesh() {
+    let mut app = app();
+    let method = ContactMethod::Circumsphere;
+    spawn(&mut app, &sheet(), (THIN, method));
+    let body = spawn(&mut app, &ball(), (THIN, method, at(0.1, 0.53, 0.2)));
+    for (mesh, triangles) in [(cuboid([0.5; 3], 1), 12), (cuboid([0.5; 3], 9), 972), (ball(), 320)] {
+        app.update();
+        insert(&mut app, body, surface(&mesh));
+        app.update();
+        assert_eq!(counts(&app, body), [triangles, 0, triangles, triangles]);
+    }
+}
+
+#[test]
+fn unchanged_exact_surfaces_do_not_count_as_changed_spheres() {
+    #[derive(Resource, Default)]
+    struct Changes(usize);
+    let mut app = app();
+    app.init_resource::<Changes>();
+    spawn(&mut app, &sheet(), THIN);
+    spawn(&mut app, &ball(), (THIN, at(0.1, 0.53, 0.2)));
+    app.update();
+    app.add_systems(
+        Last,
+        |mut changes: ResMut<Changes>, spheres: Query<(), Or<(Changed<Circumspheres>, Changed<TriangleCones>)>>| {
+            changes.0 += spheres.iter().count();
+        },
+    );
+    app.update();
+    app.world_mut().resource_mut::<Changes>().0 = 0;
+    app.update();
+    app.update();
+    assert_eq!(app.world().resource::<Changes>().0, 0);
+}

@@ -1,0 +1,232 @@
+//! The four contact methods and both broad phases on the same scenes.
+
+use std::collections::BTreeSet;
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{
+    detection::{BruteForceBroadPhasePlugin, CandidateTrianglePairs, TreeBroadPhasePlugin, broad_phase::OtherSide},
+    kernel::contact::TouchingPair,
+    prelude::*,
+};
+use bevy_ecs::prelude::*;
+use bevy_transform::components::Transform;
+use circumsphere_support::scenes::{cuboid, icosphere, merge, torus};
+use glam::{Quat, Vec3};
+
+use crate::world::{Called, THIN, app, app_in, at, fingerprint, insert, place, spawn, store};
+
+const METHODS: [ContactMethod; 4] =
+    [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Refined, ContactMethod::Polygon];
+
+fn app_with_brute_force() -> App {
+    let mut app = App::new();
+    app.add_plugins((
+        DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>(),
+        BruteForceBroadPhasePlugin,
+    ));
+    app
+}
+
+/// Two spheres that cross, one of them turned.
+fn crossing_spheres(app: &mut App, methods: [ContactMethod; 2]) -> [Entity; 2] {
+    let turned = at(0.7, 0.3, 0.1).with_rotation(Quat::from_rotation_x(0.4));
+    [
+        spawn(app, &icosphere(2, 1.0), (THIN, methods[0], Called("first"))),
+        spawn(app, &icosphere(2, 1.0), (THIN, methods[1], Called("second"), turned)),
+    ]
+}
+
+fn touching_set(touching: &[TouchingPair]) -> BTreeSet<[u32; 2]> {
+    touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
+}
+
+fn touching(method: [ContactMethod; 2]) -> BTreeSet<[u32; 2]> {
+    let mut app = app();
+    crossing_spheres(&mut app, method);
+    app.update();
+    touching_set(&store(&app).touching)
+}
+
+#[test]
+fn exact_methods_agree_and_coarse_ones_enclose_them() {
+    let [balls, caps, refined, polygon] = METHODS.map(|method| touching([method; 2]));
+    assert!(refined.len() > 100, "{} pairs touch", refined.len());
+    assert_eq!(refined, polygon);
+    // A triangle lies in its ball, so triangles that touch have balls that do.
+    assert!(refined.is_subset(&balls), "{} are missing", refined.difference(&balls).count());
+    assert!(balls.len() > refined.len());
+    // Where bodies are deep in each other, their caps look the same way and no longer meet: the exact methods find
+    // what the cone test misses.
+    assert!(caps.len() < refined.len());
+}
+
+#[test]
+fn offset_spheres_find_round_bodies_that_meet_face_to_face() {
+    let touching = |method: ContactMethod| {
+        let mut app = app();
+        let [_, second] = crossing_spheres(&mut app, [method; 2]);
+        let direction = Vec3::new(0.6, 0.48, 0.64);
+        place(&mut app, second, direction * 1.96);
+        app.update();
+        touching_set(&store(&app).touching)
+    };
+    let (exact, caps) = (touching(ContactMethod::Polygon), touching(ContactMethod::Circumsphere));
+    let found = caps.intersection(&exact).count();
+    assert!(exact.len() > 20 && 2 * found > exact.len(), "{found} of {}", exact.len());
+}
+
+#[test]
+fn exact_methods_give_the_same_contacts() {
+    let contacts = |method: ContactMethod| {
+        let mut app = app();
+        crossing_spheres(&mut app, [method; 2]);
+        app.update();
+        fingerprint(&app)
+    };
+    assert_eq!(contacts(ContactMethod::Refined), contacts(ContactMethod::Polygon));
+}
+
+#[test]
+fn of_two_methods_the_more_exact_one_decides() {
+    for first in METHODS {
+        for second in METHODS {
+            assert_eq!(touching([first, second]), touching([first.max(second); 2]), "{first:?} and {second:?}");
+        }
+    }
+}
+
+#[test]
+fn no_method_gives_anything_that_is_not_a_number() {
+    for method in METHODS {
+        for margin in [0.0, 0.3] {
+            let mut app = app();
+            app.insert_resource(CircumsphereSettings { margin, ..Default::default() });
+            crossing_spheres(&mut app, [method; 2]);
+            // Twice the same place: concentric balls have no direction.
+            spawn(&mut app, &icosphere(2, 1.0), (THIN, method, Called("twin")));
+            // Triangles without area.
+            let mut needle = cuboid([0.5, 0.5, 0.5], 1);
+            needle.positions.iter_mut().for_each(|position| position[1] = 0.0);
+            needle.positions[0] = needle.positions[1];
+            spawn(&mut app, &needle, (THIN, method, SelfCollision, Called("flat")));
+            for tick in 0..3 {
+                app.update();
+                let store = store(&app);
+                assert!(store.pairs.len() >= 2 && store.contacts.len() > 10, "{method:?}: {}", store.contacts.len());
+                for contact in &store.contacts {
+                    let what = format!("{method:?} in tick {tick}: {contact:?}");
+                    assert!(contact.distance.is_finite() && contact.point_b.is_finite(), "{what}");
+                    assert!((contact.normal.length() - 1.0).abs() < 1.0e-5, "{what}");
+                    for weights in [contact.barycentric_a, contact.barycentric_b] {
+                        let last = 1.0 - weights[0] - weights[1];
+                        assert!(
+                            weights.iter().chain([&last]).all(|weight| (-1.0e-5..1.000_01).contains(weight)),
+                            "{what}"
+                        );
+                    }
+                }
+                assert!(store.touching.iter().all(|pair| pair.distance >= 0.0 && pair.distance.is_finite()));
+            }
+        }
+    }
+}
+
+/// A surface against itself, surfaces under relative poses with either as the frame, and every kind of shape.
+fn mixed_scene(app: &mut App, method: ContactMethod) {
+    let tilted = Quat::from_rotation_x(0.6) * Quat::from_rotation_z(0.3);
+    let two = merge(&[icosphere(1, 0.5), icosphere(1, 0.5).translate([0.4, 0.2, 0.1])]);
+    let mut surface = |name, mesh, transform: Transform| {
+        spawn(app, &mesh, (THIN, method, SelfCollision, Called(name), transform));
+    };
+    surface("spheres", two, Transform::default());
+    surface("ring", torus(0.8, 0.2, 16, 8), at(0.2, 0.1, 0.0).with_rotation(tilted));
+    surface("small box", cuboid([1.0, 1.0, 1.0], 1), at(0.5, 0.4, 0.1).with_scale(Vec3::splat(0.25)));
+    surface("mirrored box", cuboid([0.3, 0.3, 0.3], 4), at(-0.4, 0.1, 0.2).with_scale(Vec3::new(-1.5, 1.5, 1.5)));
+    surface("far below", icosphere(1, 1.0), at(0.0, -9.0, 0.0));
+    let octahedron = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].map(|corner| corner * 0.4);
+    for (name, shape) in [
+        ("ball", SharedShape::ball(0.4)),
+        ("cuboid", SharedShape::cuboid(0.3, 0.2, 0.1)),
+        ("capsule", SharedShape::capsule_y(0.3, 0.1)),
+        ("hull", SharedShape::convex_hull(&octahedron).expect("an octahedron is convex")),
+        ("half-space", SharedShape::halfspace(Vec3::new(0.6, 0.8, 0.0))),
+        ("cylinder", SharedShape::cylinder(0.2, 0.3)),
+    ] {
+        let transform = at(0.3, -0.2, 0.1).with_rotation(tilted).with_scale(Vec3::splat(1.25));
+        app.world_mut().spawn((RigidShape(shape), Called(name), transform));
+    }
+}
+
+type Candidates = BTreeSet<(String, String, [u32; 2])>;
+
+fn candidates(app: &App) -> Candidates {
+    let active = app.world().resource::<bevy_circumsphere::ActiveSurfaces>();
+    let name = |entity: Entity| app.world().get::<Called>(entity).expect("it is named").0.to_owned();
+    let pairs = &app.world().resource::<CandidateTrianglePairs>().pairs;
+    let listed: Vec<_> = pairs
+        .iter()
+        .flat_map(|pair| {
+            let first = name(active.surfaces[pair.first].entity);
+            let second = match pair.second {
+                OtherSide::Surface(place) => name(active.surfaces[place].entity),
+                OtherSide::Shape(place) => name(active.shapes[place].entity),
+            };
+            pair.triangles.iter().map(move |triangles| (first.clone(), second.clone(), *triangles))
+        })
+        .collect();
+    let set: Candidates = listed.iter().cloned().collect();
+    assert_eq!(set.len(), listed.len(), "a candidate is there twice");
+    set
+}
+
+#[test]
+fn the_tree_finds_the_candidates_of_brute_force() {
+    for method in METHODS {
+        for margin in [0.0, 0.2] {
+            let [mut tree, mut brute_force] = [app(), app_with_brute_force()];
+            for app in [&mut tree, &mut brute_force] {
+                app.insert_resource(CircumsphereSettings { margin, ..Default::default() });
+                mixed_scene(app, method);
+            }
+            for tick in 0..3 {
+                for app in [&mut tree, &mut brute_force] {
+                    // Everything moves and deforms, so that trees are refitted and rebuilt.
+                    let mut moved = app.world_mut().query::<(&mut SurfacePositions, &mut Transform)>();
+                    for (mut positions, mut transform) in moved.iter_mut(app.world_mut()) {
+                        transform.rotation *= Quat::from_rotation_y(0.3);
+                        for position in &mut positions.0 {
+                            position.x *= 1.0 + 0.4 * tick as f32 * position.y;
+                        }
+                    }
+                    app.update();
+                }
+                let found = candidates(&tree);
+                assert_eq!(found, candidates(&brute_force), "{method:?}, margin {margin}, tick {tick}");
+                for second in ["spheres", "ring", "ball", "cuboid", "capsule", "hull", "half-space", "cylinder"] {
+                    assert!(found.iter().any(|(_, other, _)| other == second), "nothing near the {second}");
+                }
+                assert!(
+                    fingerprint(&tree) == fingerprint(&brute_force),
+                    "{method:?}, margin {margin}, tick {tick}: other contacts"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_surface_that_meets_only_shapes_is_refined_whatever_its_method() {
+    let contacts = |method: ContactMethod| {
+        let mut app = app_in(Update);
+        let surface = spawn(&mut app, &icosphere(2, 1.0), (THIN, Called("surface")));
+        insert(&mut app, surface, method);
+        app.world_mut().spawn((RigidShape(SharedShape::halfspace(Vec3::Y)), Called("floor"), at(0.0, -0.9, 0.0)));
+        app.update();
+        fingerprint(&app)
+    };
+    let exact = contacts(ContactMethod::Polygon);
+    assert!(!exact.is_empty());
+    for method in METHODS {
+        assert_eq!(contacts(method), exact, "{method:?}");
+    }
+}

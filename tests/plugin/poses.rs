@@ -1,0 +1,240 @@
+//! Where bodies stand in the world changes nothing about how they touch.
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::prelude::*;
+use bevy_ecs::prelude::*;
+use bevy_transform::components::Transform;
+use circumsphere_support::scenes::{Mesh, icosphere};
+use glam::{Quat, Vec3};
+
+use crate::world::{
+    Seen, app, assert_all_consistent, assert_near, assert_near_vector, assert_swapped, at, ball, between, deepest,
+    insert, rounding, sheet, spawn, status, store, surface,
+};
+
+const FAR: [Vec3; 3] = [Vec3::new(1.0e6, -1.0e6, 1.0e6), Vec3::new(-1.0e4, 0.0, 3.0e4), Vec3::new(0.0, 1.0e6, 0.0)];
+
+fn thickness(scale: f32) -> SurfaceThickness {
+    SurfaceThickness::World(0.05 * scale)
+}
+
+/// Positions are rounded once in the frame of the pair: 4 units in the last place of its largest coordinate, half the
+/// width of the sheet and the height of the ball.
+fn band() -> f32 {
+    rounding(4.0)
+}
+
+/// Compares contacts with those of the same bodies elsewhere, `scale` times as large and turned by `turn`.
+#[track_caller]
+fn assert_same(here: &[Seen], elsewhere: &[Seen], scale: f32, turn: impl Fn(Vec3) -> Vec3, what: &str) {
+    let keys = |contacts: &[Seen]| contacts.iter().map(|contact| (contact.key, contact.triangles)).collect::<Vec<_>>();
+    assert!(here.len() > 3, "{what}: nothing to compare");
+    assert_eq!(keys(here), keys(elsewhere), "{what}");
+    for (one, other) in here.iter().zip(elsewhere) {
+        assert_near(other.distance / scale, one.distance, band(), (what, one));
+        assert_near(other.separation / scale, one.separation, band(), (what, one));
+        // A direction over a distance d is as good as the points that give it.
+        let tolerance = 1.0e-5 + 2.0 * band() / one.distance.abs().max(1.0e-3);
+        assert_near_vector(other.normal, turn(one.normal), tolerance, (what, one));
+        for (weights, others) in
+            [(one.barycentrics.0, other.barycentrics.0), (one.barycentrics.1, other.barycentrics.1)]
+        {
+            let (weights, others) = (Vec3::from(weights), Vec3::from(others));
+            // Edges that are nearly parallel have closest points that slide along them.
+            assert_near_vector(others, weights, 1.0e-3, (what, one));
+        }
+    }
+}
+
+struct Pair {
+    app: App,
+    sheet: Entity,
+    ball: Entity,
+}
+
+impl Pair {
+    fn new(mesh: &Mesh) -> Self {
+        let mut app = app();
+        let sheet = spawn(&mut app, &sheet(), thickness(1.0));
+        let ball = spawn(&mut app, mesh, (thickness(1.0), ball_place()));
+        Self { app, sheet, ball }
+    }
+
+    fn under(mesh: &Mesh, parent: Transform, scale: f32) -> Self {
+        let mut pair = Self::new(mesh);
+        let parent = pair.app.world_mut().spawn(parent).id();
+        insert(&mut pair.app, pair.sheet, (ChildOf(parent), thickness(scale)));
+        insert(&mut pair.app, pair.ball, (ChildOf(parent), thickness(scale)));
+        pair
+    }
+
+    fn contacts(&mut self) -> Vec<Seen> {
+        self.app.update();
+        for entity in [self.sheet, self.ball] {
+            assert_eq!(status(&self.app, entity), SurfaceStatus::Active);
+        }
+        between(&mut self.app, self.sheet, self.ball)
+    }
+}
+
+/// Off the axes and turned, so that no two features are equally near.
+fn ball_place() -> Transform {
+    at(0.11, 0.53, 0.23).with_rotation(Quat::from_rotation_z(0.02) * Quat::from_rotation_y(0.3))
+}
+
+/// A coarse ball is moved into the frame of the sheet, a fine one the other way round.
+fn balls() -> [Mesh; 2] {
+    [icosphere(1, 0.5), icosphere(3, 0.5)]
+}
+
+#[test]
+fn children_of_a_far_parent_touch_as_at_the_origin() {
+    for mesh in balls() {
+        let here = Pair::new(&mesh).contacts();
+        for far in FAR {
+            for rotation in [Quat::IDENTITY, Quat::from_rotation_x(0.7) * Quat::from_rotation_y(-1.2)] {
+                let parent = Transform::from_translation(far).with_rotation(rotation);
+                let there = Pair::under(&mesh, parent, 1.0).contacts();
+                assert_same(&here, &there, 1.0, |normal| rotation * normal, "far parent");
+            }
+        }
+    }
+}
+
+#[test]
+fn far_bodies_without_a_parent_touch_as_at_the_origin() {
+    for mesh in balls() {
+        // Sixteenths are exact in f32 at 10^6.
+        let offset = Vec3::new(0.125, 0.5, 0.1875);
+        let mesh = mesh.scale(0.94);
+        let mut pair = Pair::new(&mesh);
+        insert(&mut pair.app, pair.ball, Transform::from_translation(offset));
+        let here = pair.contacts();
+        assert_near(deepest(&here).distance, 0.03, band(), "radius 0.47");
+        for far in FAR {
+            insert(&mut pair.app, pair.sheet, Transform::from_translation(far));
+            insert(&mut pair.app, pair.ball, Transform::from_translation(far + offset));
+            let there = pair.contacts();
+            assert_same(&here, &there, 1.0, |normal| normal, "far bodies");
+        }
+    }
+}
+
+#[test]
+fn a_scaled_family_touches_at_scaled_distances() {
+    for mesh in balls() {
+        let here = Pair::new(&mesh).contacts();
+        for scale in [0.5, 2.0, 100.0, 0.01] {
+            let rotation = Quat::from_rotation_x(0.3);
+            let parent = at(3.0, 2.0, -1.0).with_rotation(rotation).with_scale(Vec3::splat(scale));
+            let there = Pair::under(&mesh, parent, scale).contacts();
+            assert_same(&here, &there, scale, |normal| rotation * normal, "scaled parent");
+        }
+    }
+}
+
+#[test]
+fn a_scale_is_the_same_as_a_larger_mesh() {
+    for mesh in balls() {
+        let here = Pair::new(&mesh).contacts();
+        // Powers of 2 are exact.
+        for scale in [0.5, 2.0, 128.0] {
+            let mut pair = Pair::new(&mesh.clone().scale(1.0 / scale));
+            insert(&mut pair.app, pair.ball, ball_place().with_scale(Vec3::splat(scale)));
+            assert_same(&here, &pair.contacts(), 1.0, |normal| normal, "scaled ball");
+            insert(&mut pair.app, pair.sheet, surface(&sheet().scale(1.0 / scale)));
+            insert(&mut pair.app, pair.sheet, Transform::from_scale(Vec3::splat(scale)));
+            assert_same(&here, &pair.contacts(), 1.0, |normal| normal, "both scaled");
+        }
+    }
+}
+
+#[test]
+fn a_thickness_in_edges_grows_with_the_scale_and_one_in_the_world_does_not() {
+    let mut pair = Pair::new(&ball());
+    for scale in [1.0, 3.0] {
+        insert(&mut pair.app, pair.ball, (ball_place().with_scale(Vec3::splat(scale)), thickness(1.0)));
+        insert(&mut pair.app, pair.sheet, (SurfaceThickness::World(0.0), at(0.0, 0.53 - 0.53 * scale, 0.0)));
+        insert(&mut pair.app, pair.ball, SurfaceThickness::World(0.25));
+        pair.app.update();
+        assert_near(store(&pair.app).pairs[0].contact_distance, 0.25, rounding(1.0), scale);
+        insert(&mut pair.app, pair.ball, SurfaceThickness::MeanEdges(1.0));
+        pair.app.update();
+        // Edges of a fine ball of radius 0.5, from 0.137 to 0.163.
+        let edge = store(&pair.app).pairs[0].contact_distance / scale;
+        assert!((0.137..0.164).contains(&edge), "{edge}");
+    }
+}
+
+#[test]
+fn mirrored_solids_keep_their_inside() {
+    let mirrors = [Vec3::new(-1.0, 1.0, 1.0), Vec3::new(1.0, -1.0, 1.0), Vec3::new(1.0, 1.0, -1.0), Vec3::NEG_ONE];
+    let both = [(true, false), (false, true), (true, true)];
+    for mesh in balls() {
+        for mirror in mirrors {
+            for (mirror_ball, mirror_sheet) in both {
+                // Over the sheet, and with the lowest vertex just under it.
+                for distance in [0.03, -0.02] {
+                    let mut pair = Pair::new(&mesh);
+                    let mut ball = at(0.11, 0.5 + distance, 0.23);
+                    if mirror_ball {
+                        ball.scale = mirror;
+                    }
+                    insert(&mut pair.app, pair.ball, ball);
+                    if mirror_sheet {
+                        insert(&mut pair.app, pair.sheet, Transform::from_scale(mirror));
+                    }
+                    let contacts = pair.contacts();
+                    let what = (mirror, mirror_ball, mirror_sheet, distance);
+                    assert_near(deepest(&contacts).distance, distance, band(), what);
+                    assert_near_vector(deepest(&contacts).normal, Vec3::NEG_Y, 1.0e-4, what);
+                    assert_all_consistent(pair.app.world(), &contacts, 4.0);
+                }
+            }
+            // A mirrored parent.
+            let here = Pair::new(&mesh).contacts();
+            let there = Pair::under(&mesh, Transform::from_scale(mirror * 2.0), 2.0).contacts();
+            assert_same(&here, &there, 2.0, |normal| normal * mirror, "mirrored parent");
+        }
+    }
+}
+
+#[test]
+fn positions_in_the_world_do_not_follow_the_transform() {
+    let mut pair = Pair::new(&ball().translate([0.11, 0.53, 0.23]));
+    insert(&mut pair.app, pair.ball, (SurfaceFrame::World, Transform::default()));
+    let here = pair.contacts();
+    assert_near(deepest(&here).distance, 0.03, band(), "in the world");
+    let parent = pair.app.world_mut().spawn(at(7.0, 8.0, 9.0).with_scale(Vec3::new(1.0, 2.0, 3.0))).id();
+    insert(&mut pair.app, pair.ball, (at(1.0, 2.0, 3.0).with_scale(Vec3::splat(5.0)), ChildOf(parent)));
+    assert_eq!(pair.contacts(), here);
+    // The sheet moves against it.
+    insert(&mut pair.app, pair.sheet, at(0.0, -0.04, 0.0));
+    assert_near(deepest(&pair.contacts()).distance, 0.07, band(), "sheet moved");
+    insert(&mut pair.app, pair.ball, SurfaceFrame::Local);
+    pair.app.update();
+    assert!(matches!(status(&pair.app, pair.ball), SurfaceStatus::Quarantined(QuarantineReason::Pose(_))));
+}
+
+#[test]
+fn a_turned_pair_touches_as_an_upright_one() {
+    for mesh in balls() {
+        let here = Pair::new(&mesh).contacts();
+        for turn in 1..8 {
+            let rotation = Quat::from_rotation_x(0.7 * turn as f32) * Quat::from_rotation_z(0.4 * turn as f32);
+            let mut pair = Pair::new(&mesh);
+            let place = ball_place();
+            insert(&mut pair.app, pair.sheet, Transform::from_rotation(rotation));
+            let turned = Transform {
+                translation: rotation * place.translation,
+                rotation: rotation * place.rotation,
+                scale: Vec3::ONE,
+            };
+            insert(&mut pair.app, pair.ball, turned);
+            let there = pair.contacts();
+            assert_same(&here, &there, 1.0, |normal| rotation * normal, "turned");
+            let swapped = between(&mut pair.app, pair.ball, pair.sheet);
+            there.iter().zip(&swapped).for_each(|(one, other)| assert_swapped(one, other));
+        }
+    }
+}

@@ -1,0 +1,317 @@
+//! Rigid shapes against surfaces, where the distance is known in closed form.
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::prelude::*;
+use bevy_ecs::prelude::*;
+use bevy_transform::components::Transform;
+use circumsphere_support::scenes::{Diagonals, grid};
+use glam::{Quat, Vec3};
+use parry3d::math::Pose as ParryPose;
+
+use crate::world::{
+    Announcement::{Ended, Started},
+    Seen, THIN, all, app, assert_all_consistent, assert_consistent, assert_near, assert_near_vector, assert_swapped,
+    at, ball, between, deepest, insert, keep_journal, messages, observe, of, rounding, sheet, spawn, status,
+};
+
+/// A shape whose lowest point is `reach` below its center, and lies over the inside of one of the sheet's faces.
+struct Case {
+    name: &'static str,
+    shape: SharedShape,
+    rotation: Quat,
+    scale: f32,
+    reach: f32,
+}
+
+fn cases() -> Vec<Case> {
+    let quarter = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
+    let root = 3.0_f32.sqrt();
+    // From the diagonal of a cube to straight down: a cube that stands on its corner.
+    let on_corner = Quat::from_rotation_arc(Vec3::ONE.normalize(), Vec3::NEG_Y);
+    let octahedron = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].map(|corner| corner * 0.4);
+    let hull = || SharedShape::convex_hull(&octahedron).expect("an octahedron is convex");
+    let mut cases = Vec::new();
+    for scale in [1.0, 0.5, 2.0] {
+        let mut case = |name, shape, rotation, reach: f32| {
+            cases.push(Case { name, shape, rotation, scale, reach: reach * scale });
+        };
+        case("ball", SharedShape::ball(0.4), Quat::from_rotation_x(1.0), 0.4);
+        case("cuboid", SharedShape::cuboid(0.3, 0.2, 0.4), Quat::IDENTITY, 0.2);
+        case("cuboid on its side", SharedShape::cuboid(0.3, 0.2, 0.4), quarter, 0.3);
+        case("cube on its corner", SharedShape::cuboid(0.2, 0.2, 0.2), on_corner, 0.2 * root);
+        case("capsule standing", SharedShape::capsule_y(0.3, 0.2), Quat::IDENTITY, 0.5);
+        case("capsule lying", SharedShape::capsule_y(0.3, 0.2), quarter, 0.2);
+        case("octahedron", hull(), Quat::IDENTITY, 0.4);
+        case("octahedron on its side", hull(), Quat::from_rotation_arc(Vec3::ONE.normalize(), Vec3::Y), 0.4 / root);
+        case("half-space", SharedShape::halfspace(Vec3::NEG_Y), Quat::IDENTITY, 0.0);
+        case("half-space, turned", SharedShape::halfspace(Vec3::X), quarter.inverse(), 0.0);
+        case("cylinder", SharedShape::cylinder(0.3, 0.2), Quat::IDENTITY, 0.3);
+    }
+    cases
+}
+
+/// parry's own queries are in f32 with absolute tolerances: held to less.
+fn tolerance(case: &Case) -> f32 {
+    if case.name == "cylinder" { 1.0e-4 } else { 2.0 * rounding(2.0) }
+}
+
+#[test]
+fn the_separation_of_a_shape_over_a_sheet_is_its_height() {
+    for case in cases() {
+        let mut app = app();
+        let sheet = spawn(&mut app, &sheet(), THIN);
+        let shape = app.world_mut().spawn(RigidShape(case.shape.clone())).id();
+        for gap in [0.03, 0.01, 0.049, 0.2, 0.04] {
+            let transform =
+                at(0.1, case.reach + gap, 0.2).with_rotation(case.rotation).with_scale(Vec3::splat(case.scale));
+            insert(&mut app, shape, transform);
+            app.update();
+            let what = (case.name, case.scale, gap);
+            assert_eq!(status(&app, shape), SurfaceStatus::Active, "{what:?}");
+            let contacts = between(&mut app, sheet, shape);
+            if gap > 0.1 {
+                assert_eq!(contacts, [], "{what:?}");
+                continue;
+            }
+            assert!(!contacts.is_empty(), "{what:?}");
+            let nearest = deepest(&contacts);
+            assert_near(nearest.distance, gap, tolerance(&case), what);
+            assert_near(nearest.separation, gap - 0.05, tolerance(&case), what);
+            assert_near_vector(nearest.normal, Vec3::NEG_Y, 1.0e-3, what);
+            assert_near(nearest.points.0.y, 0.0, tolerance(&case), what);
+            assert_near(nearest.points.1.y, gap, tolerance(&case), what);
+            assert_eq!((nearest.a, nearest.b), (ContactSide::Surface(sheet), ContactSide::Shape(shape)));
+            for contact in &contacts {
+                if case.name != "cylinder" {
+                    assert_consistent(app.world(), contact, 4.0);
+                }
+            }
+            let swapped = between(&mut app, shape, sheet);
+            assert_eq!(contacts.len(), swapped.len());
+            contacts.iter().zip(&swapped).for_each(|(one, other)| assert_swapped(one, other));
+            assert_eq!(of(&mut app, shape), swapped);
+            assert_eq!(all(&mut app), contacts);
+        }
+    }
+}
+
+#[test]
+fn a_sheet_through_a_ball_is_as_deep_as_the_ball_reaches_past_it() {
+    let mut app = app();
+    let sheet = spawn(&mut app, &sheet(), THIN);
+    let ball = app.world_mut().spawn(RigidShape(SharedShape::ball(0.4))).id();
+    for height in [0.3, 0.1, -0.1, -0.3] {
+        insert(&mut app, ball, at(0.1, height, 0.2));
+        app.update();
+        let contacts = between(&mut app, sheet, ball);
+        let nearest = deepest(&contacts);
+        assert_near(nearest.distance, height.abs() - 0.4, rounding(1.0), height);
+        assert_near_vector(nearest.normal, Vec3::Y * -height.signum(), rounding(1.0), height);
+        assert_all_consistent(app.world(), &contacts, 4.0);
+    }
+    // Through the very center no side is nearer: as deep as the radius, and a direction all the same.
+    insert(&mut app, ball, at(0.1, 0.0, 0.2));
+    app.update();
+    let contacts = between(&mut app, sheet, ball);
+    assert_near(deepest(&contacts).distance, -0.4, rounding(1.0), "center");
+    assert_near(deepest(&contacts).normal.y.abs(), 1.0, rounding(1.0), "center");
+}
+
+#[test]
+fn a_vertex_inside_a_shape_is_as_deep_as_the_nearest_way_out() {
+    let mut app = app();
+    let sheet = spawn(&mut app, &sheet(), THIN);
+    let cuboid = app.world_mut().spawn((RigidShape(SharedShape::cuboid(0.2, 0.3, 0.2)), at(0.05, 0.25, 0.0))).id();
+    app.update();
+    // The vertex at the origin is inside: 0.05 over the bottom, and farther from every side. No other is.
+    let contacts = between(&mut app, sheet, cuboid);
+    let nearest = deepest(&contacts);
+    assert_near(nearest.distance, -0.05, rounding(1.0), nearest);
+    assert_near_vector(nearest.normal, Vec3::NEG_Y, rounding(1.0), nearest);
+    assert_near_vector(nearest.points.0, Vec3::ZERO, rounding(1.0), nearest);
+    assert_near_vector(nearest.points.1, Vec3::NEG_Y * 0.05, rounding(1.0), nearest);
+    assert_all_consistent(app.world(), &contacts, 4.0);
+}
+
+#[test]
+fn shapes_and_surfaces_meet_only_on_their_layers() {
+    let mut app = app();
+    let layers = |memberships, filters| SurfaceLayers { memberships, filters };
+    let sheet = spawn(&mut app, &sheet(), (THIN, layers(0b01, 0b10)));
+    let shape = app.world_mut().spawn((RigidShape(SharedShape::ball(0.4)), at(0.1, 0.42, 0.2))).id();
+    for (of_shape, meets) in [
+        (layers(0b10, 0b01), true),
+        (layers(0b01, 0b01), false),
+        (layers(0b10, 0b10), false),
+        (layers(0b11, 0b11), true),
+        (layers(0, u32::MAX), false),
+    ] {
+        insert(&mut app, shape, of_shape);
+        app.update();
+        assert_eq!(!between(&mut app, sheet, shape).is_empty(), meets, "{of_shape:?}");
+    }
+}
+
+#[test]
+fn shapes_announce_their_contacts_and_never_touch_each_other() {
+    let mut app = app();
+    keep_journal(&mut app, Update);
+    let events = ContactEventsEnabled;
+    let sheet = spawn(&mut app, &sheet(), THIN);
+    let shape = app.world_mut().spawn((RigidShape(SharedShape::ball(0.4)), at(0.1, 0.42, 0.2), events)).id();
+    let twin = app.world_mut().spawn((RigidShape(SharedShape::ball(0.4)), at(0.1, 0.42, 0.2), events)).id();
+    observe(&mut app, shape);
+    app.update();
+    assert_eq!(messages(&mut app), [Started(sheet, shape), Started(sheet, twin)]);
+    insert(&mut app, twin, SurfaceDisabled);
+    app.update();
+    assert_eq!(messages(&mut app), [Ended(sheet, twin)]);
+    assert_eq!(status(&app, twin), SurfaceStatus::Disabled);
+    app.world_mut().entity_mut(twin).remove::<SurfaceDisabled>();
+    app.update();
+    assert_eq!(messages(&mut app), [Started(sheet, twin)]);
+    app.world_mut().entity_mut(twin).remove::<RigidShape>();
+    app.update();
+    assert_eq!(messages(&mut app), [Ended(sheet, twin)]);
+    // Another shape on the same entity, in contact too.
+    insert(&mut app, shape, RigidShape(SharedShape::cuboid(0.4, 0.4, 0.4)));
+    app.update();
+    assert_eq!(messages(&mut app), []);
+    app.world_mut().despawn(shape);
+    app.update();
+    assert_eq!(messages(&mut app), [Ended(sheet, shape)]);
+    assert_eq!(all(&mut app), []);
+}
+
+#[test]
+fn a_replaced_shape_is_the_new_one_at_once_even_while_it_was_disabled() {
+    let mut app = app();
+    let sheet = spawn(&mut app, &sheet(), THIN);
+    let shape = app.world_mut().spawn((RigidShape(SharedShape::ball(0.4)), at(0.1, 0.42, 0.2))).id();
+    app.update();
+    assert_near(deepest(&between(&mut app, sheet, shape)).distance, 0.02, rounding(1.0), "ball");
+    insert(&mut app, shape, SurfaceDisabled);
+    app.update();
+    insert(&mut app, shape, RigidShape(SharedShape::ball(0.41)));
+    app.update();
+    app.world_mut().entity_mut(shape).remove::<SurfaceDisabled>();
+    app.update();
+    assert_near(deepest(&between(&mut app, sheet, shape)).distance, 0.01, rounding(1.0), "larger ball");
+    app.world_mut().entity_mut(shape).remove::<RigidShape>();
+    app.update();
+    insert(&mut app, shape, RigidShape(SharedShape::ball(0.39)));
+    app.update();
+    assert_near(deepest(&between(&mut app, sheet, shape)).distance, 0.03, rounding(1.0), "smaller ball");
+}
+
+#[test]
+fn a_ball_that_falls_on_a_floor_touches_it_with_its_lowest_vertices() {
+    let mut app = app();
+    keep_journal(&mut app, Update);
+    let floor = app.world_mut().spawn((RigidShape(SharedShape::halfspace(Vec3::Y)), at(0.0, -1.0, 0.0))).id();
+    let mesh = ball();
+    let ball = spawn(&mut app, &mesh, (THIN, ContactEventsEnabled));
+    let mut touched_before = false;
+    for step in 0..40 {
+        let height = 0.2 - 0.02 * step as f32;
+        insert(&mut app, ball, at(0.3, height, -0.2));
+        app.update();
+        // Against a plane the truth is each vertex's height.
+        let heights: Vec<f32> = mesh.positions.iter().map(|position| position[1] + height + 1.0).collect();
+        let contacts = between(&mut app, ball, floor);
+        let touching: Vec<usize> = (0..heights.len()).filter(|&vertex| heights[vertex] <= 0.05).collect();
+        // A height on the threshold may be rounded to either side of it.
+        let uncertain = heights.iter().filter(|height| (**height - 0.05).abs() < rounding(1.5)).count();
+        assert!(contacts.len().abs_diff(touching.len()) <= uncertain, "at {height}");
+        for contact in &contacts {
+            assert_eq!(contact.stencil.len(), 1, "{contact:?}");
+            let vertex = contact.stencil[0].vertex.index();
+            assert_near(contact.distance, heights[vertex], rounding(1.5), contact);
+            assert_near_vector(contact.normal, Vec3::Y, rounding(1.0), contact);
+            assert_near(contact.points.1.y, -1.0, rounding(1.5), contact);
+            assert_consistent(app.world(), contact, 2.0);
+        }
+        let touches = !contacts.is_empty();
+        let expected = if touches && !touched_before { vec![Started(ball, floor)] } else { vec![] };
+        assert_eq!(messages(&mut app), expected, "at {height}");
+        touched_before = touches;
+    }
+    assert!(touched_before);
+}
+
+#[test]
+fn a_large_face_touches_a_small_shape_over_its_middle() {
+    // No vertex, no edge is near: the contact is the inside of one face.
+    let mut app = app();
+    let face = spawn(&mut app, &grid(1, 1, 100.0, 100.0, Diagonals::Uniform), THIN);
+    for (shape, reach) in [
+        (SharedShape::ball(0.1), 0.1),
+        (SharedShape::capsule_y(0.1, 0.1), 0.2),
+        (SharedShape::cuboid(0.1, 0.1, 0.1), 0.1),
+    ] {
+        let shape = app.world_mut().spawn((RigidShape(shape), at(20.0, reach + 0.02, 7.0))).id();
+        app.update();
+        let contacts = between(&mut app, face, shape);
+        assert_near(deepest(&contacts).distance, 0.02, rounding(50.0), "over");
+        // Crossed by the face: the shape's edges pierce it, or its center is nearer than its radius.
+        insert(&mut app, shape, at(20.0, 0.05, 7.0));
+        app.update();
+        let contacts: Vec<Seen> = between(&mut app, face, shape);
+        assert!(!contacts.is_empty() && deepest(&contacts).distance <= 0.0, "{contacts:?}");
+        app.world_mut().despawn(shape);
+    }
+}
+
+#[test]
+fn shapes_of_many_parts_are_tested_through_parry() {
+    let corners = [Vec3::new(-0.3, 0.0, -0.3), Vec3::new(0.3, 0.0, -0.3), Vec3::new(0.0, 0.0, 0.4)];
+    let mesh = SharedShape::trimesh(corners.to_vec(), vec![[0, 1, 2]]).expect("a triangle is a mesh");
+    let compound = SharedShape::compound(vec![
+        (ParryPose::from_translation(Vec3::new(-0.2, 0.2, 0.0)), SharedShape::ball(0.2)),
+        (ParryPose::from_translation(Vec3::new(0.3, 0.3, 0.0)), SharedShape::cuboid(0.1, 0.1, 0.1)),
+    ]);
+    for (name, shape) in [
+        ("mesh", mesh),
+        ("compound", compound),
+        ("cone", SharedShape::cone(0.3, 0.2)),
+        ("rounded cuboid", SharedShape::round_cuboid(0.2, 0.1, 0.2, 0.05)),
+    ] {
+        let reach = match name {
+            "cone" => 0.3,
+            "rounded cuboid" => 0.15,
+            _ => 0.0,
+        };
+        let mut app = app();
+        let sheet = spawn(&mut app, &sheet(), THIN);
+        let shape = app.world_mut().spawn(RigidShape(shape)).id();
+        for gap in [0.03, 0.01, 0.2] {
+            insert(&mut app, shape, at(0.1, reach + gap, 0.2));
+            app.update();
+            assert_eq!(status(&app, shape), SurfaceStatus::Active, "{name}");
+            let contacts = between(&mut app, sheet, shape);
+            assert_eq!(contacts.is_empty(), gap > 0.1, "{name}");
+            if gap < 0.1 {
+                // parry's own queries are in f32 with absolute tolerances.
+                assert_near(deepest(&contacts).distance, gap, 1.0e-4, (name, gap));
+                assert_near_vector(deepest(&contacts).normal, Vec3::NEG_Y, 1.0e-2, (name, gap));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_shape_moved_by_a_parent_is_where_its_parent_is() {
+    let mut app = app();
+    let sheet = spawn(&mut app, &sheet(), THIN);
+    let parent = app.world_mut().spawn(Transform::default()).id();
+    let shape = app.world_mut().spawn((RigidShape(SharedShape::ball(0.4)), at(0.1, 0.0, 0.2), ChildOf(parent))).id();
+    for gap in [0.02, 0.3, 0.04] {
+        insert(&mut app, parent, at(0.0, 0.4 + gap, 0.0));
+        app.update();
+        let contacts = between(&mut app, sheet, shape);
+        assert_eq!(contacts.is_empty(), gap > 0.05);
+        if !contacts.is_empty() {
+            assert_near(deepest(&contacts).distance, gap, rounding(1.0), gap);
+        }
+    }
+}
