@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 use bevy_circumsphere::{
     kernel::{
         contact::TouchingPair,
-        exact::FeatureKind,
+        exact::{Feature, FeatureKind},
         reference::{closest_features, exact_weld, mean_edge_length},
     },
     prelude::*,
@@ -187,4 +187,25 @@ fn around(scene: &Scene, triangle: u32) -> Vec<u32> {
             scene.triangles[other as usize].iter().any(|&vertex| positions.contains(&scene.positions[vertex as usize]))
         })
         .collect()
+}
+
+#[test]
+fn every_vertex_of_aligned_sheets_has_its_contact() {
+    let sheet = grid(4, 4, 1.0, 1.0, Diagonals::Uniform);
+    let scene = scene("aligned sheets", &merge(&[sheet.clone(), sheet.translate([0.0, 0.01, 0.0])]));
+    let mut detector =
+        Detector::new(&scene.positions, &scene.triangles, ContactMethod::Refined, BroadPhase::Tree, 0.02);
+    let (_, contacts) = detector.detect(&scene.positions);
+    let vertices: HashSet<[u32; 2]> = contacts
+        .iter()
+        .filter_map(|contact| match (contact.features.a, contact.features.b) {
+            (Feature::Vertex(own), Feature::Vertex(other)) => {
+                let vertex = |triangle: u32, corner: u8| scene.triangles[triangle as usize][corner as usize];
+                Some([vertex(contact.triangle_a, own), vertex(contact.triangle_b, other)])
+            }
+            _ => None,
+        })
+        .collect();
+    let expected: HashSet<[u32; 2]> = (0..25).map(|vertex| [vertex, vertex + 25]).collect();
+    assert_eq!(vertices, expected);
 }

@@ -212,16 +212,17 @@ fn examine_rounded(
     found: &mut Vec<ShapeProximity>,
 ) {
     examine_pair(triangle, &[start, end, end], range + radius, scratch);
+    let before = found.len();
     for proximity in &scratch.proximities {
-        // The segment stands for a triangle whose third corner repeats the second: everything at that corner and on
-        // the two edges to it is there twice, but for the one closest pair on a boundary.
-        let once = matches!(
-            (proximity.features.a, proximity.features.b),
-            (Feature::Vertex(_), Feature::Vertex(_) | Feature::Edge(_)) | (Feature::Edge(_), Feature::Vertex(_))
-        );
-        let repeated = matches!(proximity.features.b, Feature::Vertex(2) | Feature::Edge(1 | 2))
-            || start == end && proximity.features.b != Feature::Vertex(0);
-        if repeated && !once {
+        // The segment stands for a triangle whose third corner repeats the second, a ball for one of three equal
+        // corners: whatever is there twice has the same number and is taken once.
+        let shape_feature = match proximity.features.b {
+            _ if start == end => 0,
+            Feature::Vertex(corner) => u32::from(corner.min(1)),
+            _ => 2,
+        };
+        let feature = proximity.features.a;
+        if found[before..].iter().any(|known| (known.feature, known.shape_feature) == (feature, shape_feature)) {
             continue;
         }
         let crossing = proximity.distance <= 0.0;
@@ -236,11 +237,8 @@ fn examine_rounded(
             continue;
         }
         found.push(ShapeProximity {
-            feature: proximity.features.a,
-            shape_feature: match proximity.features.b {
-                Feature::Vertex(corner) => u32::from(corner.min(1)),
-                _ => 2,
-            },
+            feature,
+            shape_feature,
             crossing: false,
             barycentric: proximity.barycentric_a,
             shape_point: axis_point + normal * radius,

@@ -10,8 +10,15 @@ use glam::DVec3;
 
 use super::feature::{Feature, FeaturePair};
 
-/// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, 1 closest on the boundary.
-pub const MAX_PROXIMITIES: usize = 22;
+/// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, 18 vertex–edge, 9 vertex–vertex.
+pub const MAX_PROXIMITIES: usize = 48;
+
+/// Boundary pairs count as equally close within this share of their squared distance: twice what the rounding of f32
+/// positions leaves of two edges that are meant to be parallel.
+const TIE: f64 = 2.0e-6;
+
+/// A position along an edge this close to an end is at the end.
+const AT_END: f64 = 1.0e-9;
 
 /// Two edges whose angle has a smaller sine are parallel: their closest points are then at an end of one of them. In
 /// f64, products of differences of f32 numbers resolve sines far below this.
@@ -43,8 +50,8 @@ pub struct PairProximity {
     /// Distance of the two triangles, 0 where an edge of one pierces the other. Exact up to the range that was asked
     /// for; a pair farther apart has some value above the range.
     pub distance: f64,
-    /// Vertex–face and edge–edge pairs within range that face each other, every piercing edge–face pair, and the
-    /// closest vertex–edge or vertex–vertex pair where no other is as close.
+    /// Vertex–face and edge–edge pairs within range that face each other, every piercing edge–face pair, and those
+    /// vertex–edge and vertex–vertex pairs that are the closest of all: several where they are equally close.
     pub proximities: ArrayVec<Proximity, MAX_PROXIMITIES>,
 }
 
@@ -68,18 +75,6 @@ impl Sides {
         let normal = edges[0].cross(edges[1]);
         Self { corners, edges, inverse_lengths_squared, normal, normal_length_squared: normal.length_squared() }
     }
-}
-
-/// Where along the boundary of `face` a vertex is closest to edge `k`.
-#[derive(Clone, Copy)]
-struct BoundaryCandidate {
-    distance_squared: f64,
-    vertex: usize,
-    edge: usize,
-    /// Position along the edge, 0–1.
-    along: f64,
-    /// Whether the vertex is one of the first triangle's.
-    vertex_of_a: bool,
 }
 
 fn corner_weights(corner: usize) -> [f64; 3] {
@@ -115,8 +110,8 @@ pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut Pair
     let (a, b) = (local(a), local(b));
     let range_squared = range * range;
 
-    let boundary = closest_on_boundary(&a, &b);
-    let mut nearest = boundary.distance_squared;
+    let boundary = least_boundary_distance_squared(&a, &b).min(least_boundary_distance_squared(&b, &a));
+    let mut nearest = boundary;
     for vertex in 0..3 {
         nearest = nearest.min(vertex_face(&a, &b, vertex, range_squared, true, found));
         nearest = nearest.min(vertex_face(&b, &a, vertex, range_squared, false, found));
@@ -127,45 +122,63 @@ pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut Pair
         }
     }
     let crossing = pierce(&a, &b, true, found) | pierce(&b, &a, false, found);
-    if !crossing && boundary.distance_squared <= range_squared && boundary.distance_squared <= nearest {
-        found.proximities.push(boundary_proximity(&a, &b, &boundary));
+    if !crossing && boundary <= range_squared && boundary <= nearest {
+        let most = (boundary * (1.0 + TIE)).min(range_squared);
+        boundary_proximities(&a, &b, true, most, found);
+        boundary_proximities(&b, &a, false, most, found);
     }
     found.distance = if crossing { 0.0 } else { nearest.sqrt() };
 }
 
-fn closest_on_boundary(a: &Sides, b: &Sides) -> BoundaryCandidate {
-    let mut best =
-        BoundaryCandidate { distance_squared: f64::INFINITY, vertex: 0, edge: 0, along: 0.0, vertex_of_a: true };
-    for (own, other, vertex_of_a) in [(a, b, true), (b, a, false)] {
-        for vertex in 0..3 {
-            for edge in 0..3 {
-                let from_start = own.corners[vertex] - other.corners[edge];
-                let along = (from_start.dot(other.edges[edge]) * other.inverse_lengths_squared[edge]).clamp(0.0, 1.0);
-                let distance_squared = (from_start - other.edges[edge] * along).length_squared();
-                if distance_squared < best.distance_squared {
-                    best = BoundaryCandidate { distance_squared, vertex, edge, along, vertex_of_a };
-                }
-            }
-        }
-    }
-    best
+/// Where along an edge of `other` a vertex of `own` is closest, 0–1, and the squared distance.
+fn vertex_edge(own: &Sides, other: &Sides, vertex: usize, edge: usize) -> (f64, f64) {
+    let from_start = own.corners[vertex] - other.corners[edge];
+    let along = (from_start.dot(other.edges[edge]) * other.inverse_lengths_squared[edge]).clamp(0.0, 1.0);
+    (along, (from_start - other.edges[edge] * along).length_squared())
 }
 
-fn boundary_proximity(a: &Sides, b: &Sides, candidate: &BoundaryCandidate) -> Proximity {
-    let &BoundaryCandidate { vertex, edge, along, vertex_of_a, .. } = candidate;
-    let feature = if along <= 0.0 {
-        Feature::Vertex(edge as u8)
-    } else if along >= 1.0 {
-        Feature::Vertex(((edge + 1) % 3) as u8)
-    } else {
-        Feature::Edge(edge as u8)
-    };
-    let features = FeaturePair { a: Feature::Vertex(vertex as u8), b: feature };
-    let (own, other) = (corner_weights(vertex), edge_weights(edge, along));
-    let (features, barycentric_a, barycentric_b) =
-        if vertex_of_a { (features, own, other) } else { (features.swapped(), other, own) };
-    let separation = point(&a.corners, &barycentric_a) - point(&b.corners, &barycentric_b);
-    Proximity { features, barycentric_a, barycentric_b, separation, distance: candidate.distance_squared.sqrt() }
+fn least_boundary_distance_squared(own: &Sides, other: &Sides) -> f64 {
+    let mut least = f64::INFINITY;
+    for vertex in 0..3 {
+        for edge in 0..3 {
+            least = least.min(vertex_edge(own, other, vertex, edge).1);
+        }
+    }
+    least
+}
+
+/// Vertices of `own` that are within a squared distance of an edge of `other`, or of its start: the end of an edge is
+/// the start of the next one. Two vertices are reported from the first triangle only.
+fn boundary_proximities(own: &Sides, other: &Sides, own_is_a: bool, most: f64, found: &mut PairProximity) {
+    for vertex in 0..3 {
+        for edge in 0..3 {
+            let (along, distance_squared) = vertex_edge(own, other, vertex, edge);
+            let at_start = along <= AT_END;
+            if distance_squared > most || along >= 1.0 - AT_END || at_start && !own_is_a {
+                continue;
+            }
+            let (feature, weights) = if at_start {
+                (Feature::Vertex(edge as u8), corner_weights(edge))
+            } else {
+                (Feature::Edge(edge as u8), edge_weights(edge, along))
+            };
+            let features = FeaturePair { a: Feature::Vertex(vertex as u8), b: feature };
+            let separation = own.corners[vertex] - point(&other.corners, &weights);
+            let distance = distance_squared.sqrt();
+            let own_weights = corner_weights(vertex);
+            found.proximities.push(if own_is_a {
+                Proximity { features, barycentric_a: own_weights, barycentric_b: weights, separation, distance }
+            } else {
+                Proximity {
+                    features: features.swapped(),
+                    barycentric_a: weights,
+                    barycentric_b: own_weights,
+                    separation: -separation,
+                    distance,
+                }
+            });
+        }
+    }
 }
 
 /// A vertex of `own` over the inside of the face of `other`. Returns the squared distance, infinite where the vertex
