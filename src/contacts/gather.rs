@@ -6,23 +6,21 @@ use std::{collections::HashMap, sync::Arc};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
-use glam::{DVec3, Vec3};
 
 use super::store::{ContactSide, ContactStore, StoredPair};
 use crate::{
     detection::{
         CandidateTrianglePairs, DetectionDiagnostics, MeetingCaps, OverlappingTrianglePairs, RefinedTrianglePairs,
-        SphereQuery, SurfacePair, broad_phase::OtherSide, with_balls,
+        SphereQuery, SurfacePair, broad_phase::OtherSide, pair_settings, with_balls, with_caps,
     },
     kernel::{
-        circumsphere::Ball,
-        contact::{CompactContact, TouchingPair},
-        exact::{Feature, FeaturePair, rigid_shape::barycentric_of},
-        sphere_pairs::{CapPair, box_gap},
+        contact::CompactContact,
+        pair::FoundPairs,
+        sphere_pairs::{ball_contacts, cap_contacts},
         topology::SurfaceTopology,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
-    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
+    surface::{ActiveSurfaces, ContactMethod},
 };
 
 /// Gathers contacts into the [`ContactStore`].
@@ -32,25 +30,6 @@ impl Plugin for ContactsPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<ContactStore>();
         app.add_systems(SurfaceDetection, gather_contacts.in_set(SurfaceDetectionSystems::Contacts));
-    }
-}
-
-/// What one pair of surfaces has found.
-#[derive(Default)]
-struct Found {
-    contacts: Vec<CompactContact>,
-    touching: Vec<TouchingPair>,
-    nearest: f64,
-}
-
-impl Found {
-    /// Counts two triangles at a `distance` by their spheres, and tells whether their contact is to be reported.
-    fn admit(&mut self, pair: &SurfacePair, [triangle_a, triangle_b]: [u32; 2], distance: f64, gap: f64) -> bool {
-        self.nearest = self.nearest.min(distance.max(0.0));
-        if distance <= f64::from(pair.contact_distance) {
-            self.touching.push(TouchingPair { triangle_a, triangle_b, distance: gap.max(0.0) });
-        }
-        distance <= f64::from(pair.reported_distance)
     }
 }
 
@@ -65,7 +44,6 @@ fn gather_contacts(
     mut previous: Local<ContactStore>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     spheres: SphereQuery,
-    positions: Query<&SurfacePositions>,
 ) {
     let start = diagnostics.start();
     std::mem::swap(&mut *store, &mut *previous);
@@ -76,23 +54,24 @@ fn gather_contacts(
     let places: HashMap<(ContactSide, ContactSide), usize> =
         previous.pairs.iter().enumerate().map(|(place, pair)| ((pair.a, pair.b), place)).collect();
 
-    let mut found = Found::default();
+    let mut spheres_found = FoundPairs::default();
     for (place, pair) in candidates.pairs.iter().enumerate() {
-        found.contacts.clear();
-        found.touching.clear();
-        found.nearest = f64::INFINITY;
-        match pair.method {
-            ContactMethod::Refined | ContactMethod::Polygon => {
-                let refined = &mut refined.pairs[place];
-                std::mem::swap(&mut found.contacts, &mut refined.contacts);
-                found.touching.extend_from_slice(&refined.touching);
-                found.nearest = refined.nearest;
+        let found = if pair.method >= ContactMethod::Refined {
+            &mut refined.pairs[place]
+        } else {
+            spheres_found.clear();
+            let (settings, found) = (pair_settings(pair), &mut spheres_found);
+            if pair.method == ContactMethod::Circumsphere {
+                with_caps(&active, &spheres, pair, |a, b| {
+                    cap_contacts(a, b, &meeting.pairs[place], &settings, found);
+                });
+            } else {
+                with_balls(&active, &spheres, pair, |a, b| {
+                    ball_contacts(a, b, &overlapping.pairs[place], &settings, found);
+                });
             }
-            ContactMethod::Circumsphere => gather_caps(&active, &positions, pair, &meeting.pairs[place], &mut found),
-            ContactMethod::BoundingSphere => {
-                gather_balls(&active, &spheres, &positions, pair, &overlapping.pairs[place], &mut found);
-            }
-        }
+            &mut spheres_found
+        };
         if found.contacts.is_empty() && found.nearest > f64::from(pair.range) {
             continue;
         }
@@ -102,7 +81,7 @@ fn gather_contacts(
         found.contacts.dedup_by_key(|contact| contact.key);
         found.touching.sort_unstable_by_key(|pair| (pair.triangle_a, pair.triangle_b));
 
-        let stored = stored_pair(&active, pair, &store, &found);
+        let stored = stored_pair(&active, pair, &store, found);
         if keeps_sides(&active, pair)
             && let Some(&before) = places.get(&(stored.a, stored.b))
         {
@@ -118,7 +97,7 @@ fn gather_contacts(
     diagnostics.finish("contacts", start, candidates.pairs.len(), store.contacts.len());
 }
 
-fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore, found: &Found) -> StoredPair {
+fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore, found: &FoundPairs) -> StoredPair {
     let first = &active.surfaces[pair.first];
     let (b, topology_b, events_b, order_b) = match pair.second {
         OtherSide::Surface(second) => {
@@ -182,97 +161,4 @@ fn keep_sides(contacts: &mut [CompactContact], before: &[CompactContact], same_s
             contact.distance = -contact.distance;
         }
     }
-}
-
-/// The corners of both triangles of a pair in its frame.
-struct Corners<'a> {
-    topologies: [&'a SurfaceTopology; 2],
-    positions: [&'a [Vec3]; 2],
-}
-
-impl Corners<'_> {
-    fn of(&self, side: usize, triangle: u32) -> [DVec3; 3] {
-        self.topologies[side].triangles()[triangle as usize]
-            .map(|vertex| self.positions[side][vertex as usize].as_dvec3())
-    }
-
-    /// A contact of two whole triangles. `normal` points from the second to the first; `distance` is in world units.
-    fn face_contact(
-        &self,
-        pair: &SurfacePair,
-        triangles: [u32; 2],
-        points: [Vec3; 2],
-        normal: Vec3,
-        distance: f64,
-    ) -> CompactContact {
-        CompactContact::between_triangles(
-            self.topologies,
-            triangles,
-            pair.is_self(),
-            FeaturePair { a: Feature::Face, b: Feature::Face },
-            barycentric_of(&self.of(0, triangles[0]), points[0].as_dvec3()),
-            barycentric_of(&self.of(1, triangles[1]), points[1].as_dvec3()),
-            points[1].as_dvec3(),
-            normal.as_dvec3(),
-            distance,
-        )
-    }
-}
-
-fn with_corners(
-    active: &ActiveSurfaces,
-    positions: &Query<&SurfacePositions>,
-    pair: &SurfacePair,
-    gather: impl FnOnce(&Corners<'_>),
-) {
-    let OtherSide::Surface(second) = pair.second else { return };
-    let (first, second) = (&active.surfaces[pair.first], &active.surfaces[second]);
-    let (Ok(own), Ok(other)) = (positions.get(first.entity), positions.get(second.entity)) else { return };
-    gather(&Corners { topologies: [&first.topology, &second.topology], positions: pair.positions(&own.0, &other.0) });
-}
-
-fn gather_caps(
-    active: &ActiveSurfaces,
-    positions: &Query<&SurfacePositions>,
-    pair: &SurfacePair,
-    meeting: &[CapPair],
-    found: &mut Found,
-) {
-    let scale = pair.frame_pose.scale();
-    with_corners(active, positions, pair, |corners| {
-        for &CapPair { triangle_a, triangle_b, contact, distance } in meeting {
-            let gap = f64::from(contact.gap) * scale;
-            if found.admit(pair, [triangle_a, triangle_b], distance * scale, gap) {
-                let points = [contact.point_a, contact.point_b];
-                let contact = corners.face_contact(pair, [triangle_a, triangle_b], points, -contact.direction, gap);
-                found.contacts.push(contact);
-            }
-        }
-    });
-}
-
-fn gather_balls(
-    active: &ActiveSurfaces,
-    spheres: &SphereQuery,
-    positions: &Query<&SurfacePositions>,
-    pair: &SurfacePair,
-    overlapping: &[[u32; 2]],
-    found: &mut Found,
-) {
-    let scale = pair.frame_pose.scale();
-    with_balls(active, spheres, pair, |a, b| {
-        with_corners(active, positions, pair, |corners| {
-            for &[triangle_a, triangle_b] in overlapping {
-                let (Ball { center, radius }, other) = (a.ball(triangle_a), b.ball(triangle_b));
-                let normal = (center - other.center).normalize_or(Vec3::Y);
-                let gap = f64::from(center.distance(other.center) - radius - other.radius) * scale;
-                // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
-                let boxes = box_gap(&corners.of(0, triangle_a), &corners.of(1, triangle_b)) * scale;
-                if found.admit(pair, [triangle_a, triangle_b], gap.max(boxes), gap) {
-                    let points = [center - normal * radius, other.center + normal * other.radius];
-                    found.contacts.push(corners.face_contact(pair, [triangle_a, triangle_b], points, normal, gap));
-                }
-            }
-        });
-    });
 }

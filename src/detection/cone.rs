@@ -6,8 +6,9 @@ use bevy_ecs::prelude::*;
 use super::{
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
-    overlap::{OverlappingTrianglePairs, SphereQuery, with_caps},
+    overlap::OverlappingTrianglePairs,
     parallel::map_chunks,
+    sides::{SphereQuery, with_caps},
 };
 use crate::{
     kernel::sphere_pairs::{CapPair, meeting_caps},

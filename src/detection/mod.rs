@@ -12,6 +12,7 @@ mod overlap;
 mod parallel;
 mod refine;
 mod refit;
+mod sides;
 
 pub use bounds::{BoundsPlugin, TriangleBounds};
 pub use broad_phase::{
@@ -21,6 +22,6 @@ pub use cone::{ConePlugin, MeetingCaps};
 pub use curvature::{CurvaturePlugin, TriangleCurvature};
 pub use diagnostics::{DetectionDiagnostics, StageDiagnostics};
 pub use overlap::{OverlapPlugin, OverlappingTrianglePairs};
-pub(crate) use overlap::{SphereQuery, with_balls};
 pub use refine::{RefinePlugin, RefinedTrianglePairs};
 pub use refit::{Circumspheres, EnclosingBalls, RefitPlugin, TriangleCones};
+pub(crate) use sides::{SphereQuery, pair_settings, with_balls, with_caps};

@@ -7,9 +7,13 @@ use super::{
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
     diagnostics::DetectionDiagnostics,
     parallel::map_chunks,
+    sides::{pair_settings, surface_sides},
 };
 use crate::{
-    kernel::refine::{RefineSettings, RefinedPairs, SurfaceSide, refine_pairs, refine_shape, settle_penetrations},
+    kernel::{
+        pair::FoundPairs,
+        refine::{refine_pairs, refine_shape, settle_penetrations},
+    },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
@@ -20,7 +24,7 @@ use crate::{
 #[derive(Resource, Clone, Debug, Default)]
 pub struct RefinedTrianglePairs {
     /// Touching pairs and contacts.
-    pub pairs: Vec<RefinedPairs>,
+    pub pairs: Vec<FoundPairs>,
 }
 
 /// Tests candidates exactly.
@@ -43,13 +47,13 @@ fn refine(
 ) {
     let start = diagnostics.start();
     let (mut pairs_in, mut pairs_out, mut examined) = (0, 0, 0);
-    refined.pairs.resize_with(candidates.pairs.len(), RefinedPairs::default);
+    refined.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
     for (pair, refined) in candidates.pairs.iter().zip(&mut refined.pairs) {
         refined.clear();
         if pair.method < ContactMethod::Refined {
             continue;
         }
-        let _ = refine_pair(&active, pair, &settings, &surfaces, refined);
+        refine_pair(&active, pair, &settings, &surfaces, refined);
         pairs_in += pair.triangles.len();
         pairs_out += refined.touching.len();
         examined += refined.examined;
@@ -60,63 +64,39 @@ fn refine(
     }
 }
 
+/// Does nothing where a surface is gone.
 fn refine_pair(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
     settings: &CircumsphereSettings,
     surfaces: &Query<&SurfacePositions>,
-    refined: &mut RefinedPairs,
-) -> Option<()> {
+    refined: &mut FoundPairs,
+) {
+    let pair_settings = pair_settings(pair);
     let first = &active.surfaces[pair.first];
-    let refine_settings = RefineSettings {
-        contact_distance: f64::from(pair.contact_distance),
-        reported_distance: f64::from(pair.reported_distance),
-        range: f64::from(pair.range),
-        scale: pair.frame_pose.scale(),
-        cull: pair.method != ContactMethod::Polygon,
-        same_surface: pair.is_self(),
+    let Ok(own) = surfaces.get(first.entity) else { return };
+    let mut collect = |work: &(dyn Fn(&[[u32; 2]], &mut FoundPairs) + Sync)| {
+        let chunks = map_chunks(&pair.triangles, settings.threads, |chunk| {
+            let mut found = FoundPairs::default();
+            work(chunk, &mut found);
+            found
+        });
+        for chunk in chunks {
+            refined.append(chunk);
+        }
     };
-    let own = &surfaces.get(first.entity).ok()?.0;
     match pair.second {
-        OtherSide::Surface(place) => {
-            let second = &active.surfaces[place];
-            let other = &surfaces.get(second.entity).ok()?.0;
-            let [positions_a, positions_b] = pair.positions(own, other);
-            let [pose_a, pose_b] = pair.poses();
-            let a = SurfaceSide {
-                topology: &first.topology,
-                positions: positions_a,
-                one_sided: first.one_sided,
-                mirrored: pose_a.is_mirrored(),
-            };
-            let b = SurfaceSide {
-                topology: &second.topology,
-                positions: positions_b,
-                one_sided: second.one_sided,
-                mirrored: pose_b.is_mirrored(),
-            };
-            let chunks = map_chunks(&pair.triangles, settings.threads, |chunk| {
-                let mut found = RefinedPairs::default();
-                refine_pairs(&a, &b, chunk, &refine_settings, &mut found);
-                found
-            });
-            for chunk in chunks {
-                refined.append(chunk);
-            }
-            settle_penetrations(&a, &b, &pair.triangles, &refine_settings, &mut refined.contacts);
+        OtherSide::Surface(second) => {
+            let Ok(other) = surfaces.get(active.surfaces[second].entity) else { return };
+            let Some([a, b]) = surface_sides(active, pair, own, other) else { return };
+            collect(&|chunk, found| refine_pairs(&a, &b, chunk, &pair_settings, found));
+            settle_penetrations(&a, &b, &pair.triangles, &pair_settings, &mut refined.contacts);
         }
         OtherSide::Shape(place) => {
-            let shape = &active.shapes[place].geometry;
-            let chunks = map_chunks(&pair.triangles, settings.threads, |chunk| {
-                let mut found = RefinedPairs::default();
-                let pose = &pair.relative_pose;
-                refine_shape(&first.topology, own, pose, shape, chunk, &refine_settings, &mut found);
-                found
+            let (shape, pose) = (&active.shapes[place].geometry, &pair.relative_pose);
+            collect(&|chunk, found| {
+                refine_shape(&first.topology, &own.0, pose, shape, chunk, &pair_settings, found);
             });
-            for chunk in chunks {
-                refined.append(chunk);
-            }
         }
     }
-    Some(())
 }

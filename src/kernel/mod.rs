@@ -11,6 +11,7 @@ pub mod contact;
 pub mod curvature;
 pub mod exact;
 pub mod ids;
+pub mod pair;
 pub mod pose;
 
 pub mod reference;

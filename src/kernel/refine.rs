@@ -13,9 +13,10 @@ use super::{
         cull::cull_pairs,
         examine_pair,
         rigid_shape::{ShapeGeometry, ShapeProximity},
-        side::{closest_feature, face_normal, outward_direction},
+        side::{closest_feature, face_normal},
     },
     ids::{EdgeId, TriangleId, VertexId},
+    pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
     topology::SurfaceTopology,
 };
@@ -27,93 +28,13 @@ const OUTWARD_SLACK: f64 = 1.0e-3;
 /// A depth counts as the least one where it exceeds that by no more than this share: the rounding of stored distances.
 const DEPTH_SLACK: f64 = 1.0e-5;
 
-/// One side of a pair, in the frame of the pair.
-#[derive(Clone, Copy)]
-pub struct SurfaceSide<'a> {
-    /// Its triangles.
-    pub topology: &'a SurfaceTopology,
-    /// Its vertices in the frame of the pair.
-    pub positions: &'a [Vec3],
-    /// Whether it has an inside, so that the sign of its distance is known.
-    pub one_sided: bool,
-    /// Whether the way to the frame of the pair turned its outward normals inward.
-    pub mirrored: bool,
-}
-
-impl SurfaceSide<'_> {
-    fn corners(&self, triangle: u32) -> [DVec3; 3] {
-        let [first, second, third] = self.topology.triangles()[triangle as usize];
-        let corner = |vertex: u32| self.positions[vertex as usize].as_dvec3();
-        [corner(first), corner(second), corner(third)]
-    }
-
-    fn outward(&self, triangle: u32, feature: Feature) -> DVec3 {
-        let outward = outward_direction(self.topology, self.positions, triangle as usize, feature);
-        if self.mirrored { -outward } else { outward }
-    }
-}
-
-/// How a list of pairs is refined. Lengths are in world units.
-#[derive(Clone, Copy, Debug)]
-pub struct RefineSettings {
-    /// Triangles touch within this distance.
-    pub contact_distance: f64,
-    /// Contacts are written up to this distance, at least `contact_distance`.
-    pub reported_distance: f64,
-    /// The nearest pair is looked for up to this distance, at least `reported_distance`.
-    pub range: f64,
-    /// World length of a unit of the frame of the pair.
-    pub scale: f64,
-    /// Whether conservative culls come before the exact test. They change the time, never the result.
-    pub cull: bool,
-    /// Whether both sides are the same surface.
-    pub same_surface: bool,
-}
-
-/// What the exact stage found.
-#[derive(Clone, Debug)]
-pub struct RefinedPairs {
-    /// Pairs of triangles that touch, in the order of the candidates.
-    pub touching: Vec<TouchingPair>,
-    /// Contacts in the order of the candidates; one closest on a boundary may occur several times under the same key.
-    pub contacts: Vec<CompactContact>,
-    /// Distance of the nearest pair in world units, at least 0; infinite where none is within range.
-    pub nearest: f64,
-    /// How many pairs reached the exact test.
-    pub examined: usize,
-}
-
-impl Default for RefinedPairs {
-    fn default() -> Self {
-        Self { touching: Vec::new(), contacts: Vec::new(), nearest: f64::INFINITY, examined: 0 }
-    }
-}
-
-impl RefinedPairs {
-    /// Empties the lists and keeps their memory.
-    pub fn clear(&mut self) {
-        self.touching.clear();
-        self.contacts.clear();
-        self.nearest = f64::INFINITY;
-        self.examined = 0;
-    }
-
-    /// Appends what was found in a later part of the candidates.
-    pub fn append(&mut self, mut later: Self) {
-        self.touching.append(&mut later.touching);
-        self.contacts.append(&mut later.contacts);
-        self.nearest = self.nearest.min(later.nearest);
-        self.examined += later.examined;
-    }
-}
-
 /// Tests candidate pairs of two surfaces exactly and appends what it finds.
 pub fn refine_pairs(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
-    settings: &RefineSettings,
-    found: &mut RefinedPairs,
+    settings: &PairSettings,
+    found: &mut FoundPairs,
 ) {
     let range = settings.range / settings.scale;
     let apart: Vec<[u32; 2]>;
@@ -161,8 +82,8 @@ pub fn refine_shape(
     pose: &Pose,
     shape: &ShapeGeometry,
     candidates: &[[u32; 2]],
-    settings: &RefineSettings,
-    found: &mut RefinedPairs,
+    settings: &PairSettings,
+    found: &mut FoundPairs,
 ) {
     let mut scratch = PairProximity::default();
     let mut proximities: Vec<ShapeProximity> = Vec::new();
@@ -230,7 +151,7 @@ pub fn settle_penetrations(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
-    settings: &RefineSettings,
+    settings: &PairSettings,
     contacts: &mut Vec<CompactContact>,
 ) {
     if settings.same_surface || !contacts.iter().any(|contact| contact.distance < 0.0) {
@@ -365,7 +286,7 @@ fn shares_feature(side: &SurfaceSide<'_>, triangle: u32, feature: Feature, candi
 fn contact(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
-    settings: &RefineSettings,
+    settings: &PairSettings,
     triangles: [u32; 2],
     corners: [&[DVec3; 3]; 2],
     proximity: &Proximity,

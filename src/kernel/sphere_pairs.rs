@@ -1,22 +1,25 @@
-//! The approximate stages over a list of candidate pairs: sphere overlap and cone test.
+//! The approximate stages over a list of candidate pairs: sphere overlap, cone test, and the contacts they amount to.
 //!
-//! Reads candidate pairs and the spheres of both sides, writes the pairs that pass. Spheres are kept in the frame of
-//! their own surface; those of a moved side are brought over pair by pair.
+//! Reads candidate pairs and the spheres of both sides, writes the pairs that pass and their contacts. Spheres are kept
+//! in the frame of their own surface; those of a moved side are brought over pair by pair.
 
 use glam::{DVec3, Vec3};
 
 use super::{
     circumsphere::{Ball, OffsetSpheres},
     cone::{Cap, CapContact, SafetyCones, cap_contact, spheres_overlap},
-    exact::cull::cull_by_planes,
+    contact::{CompactContact, TouchingPair},
+    exact::{Feature, FeaturePair, cull::cull_by_planes, rigid_shape::barycentric_of},
     ids::TriangleId,
+    pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
-    topology::SurfaceTopology,
 };
 
 /// The enclosing balls of one side, and the way to the frame of the pair.
 #[derive(Clone, Copy)]
 pub struct BallSide<'a> {
+    /// The surface in the frame of the pair.
+    pub surface: SurfaceSide<'a>,
     /// One ball a triangle, in the side's own frame.
     pub balls: &'a [Ball],
     /// From the side's own frame to the frame of the pair.
@@ -41,18 +44,14 @@ impl BallSide<'_> {
 /// The offset spheres and cones of one side, and the way to the frame of the pair.
 #[derive(Clone, Copy)]
 pub struct CapSide<'a> {
+    /// The surface in the frame of the pair. A sheet, which has no inside, has a cap on either side of each triangle.
+    pub surface: SurfaceSide<'a>,
     /// Offset spheres, in the side's own frame.
     pub spheres: &'a OffsetSpheres,
     /// Safety cones, in the side's own frame.
     pub cones: &'a SafetyCones,
-    /// The side's triangles.
-    pub topology: &'a SurfaceTopology,
-    /// The side's vertices in the frame of the pair.
-    pub positions: &'a [Vec3],
     /// From the side's own frame to the frame of the pair.
     pub pose: &'a Pose,
-    /// Whether the surface has an inside; a sheet has a cap on either side of each triangle.
-    pub one_sided: bool,
 }
 
 impl CapSide<'_> {
@@ -79,17 +78,13 @@ impl CapSide<'_> {
             cosine: cap.cosine,
         }
     }
-
-    fn corners(&self, triangle: u32) -> [DVec3; 3] {
-        self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize].as_dvec3())
-    }
 }
 
 /// The caps of a pair of triangles, of sheets those that face the other triangle.
 fn facing_caps(a: &CapSide<'_>, b: &CapSide<'_>, [triangle_a, triangle_b]: [u32; 2]) -> [Cap; 2] {
     let (cap_a, cap_b) = (a.cap(triangle_a), b.cap(triangle_b));
     let facing = |side: &CapSide<'_>, cap: &Cap, other: &Cap| {
-        if side.one_sided { *cap } else { cap.facing(other.in_plane_center()) }
+        if side.surface.one_sided { *cap } else { cap.facing(other.in_plane_center()) }
     };
     [facing(a, &cap_a, &cap_b), facing(b, &cap_b, &cap_a)]
 }
@@ -109,8 +104,7 @@ pub struct CapPair {
 }
 
 /// How far apart the axis-aligned boxes of two triangles are along the axis that parts them most; 0 where they overlap.
-#[must_use]
-pub fn box_gap(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
+fn box_gap(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
     let (low_a, high_a) = (a[0].min(a[1]).min(a[2]), a[0].max(a[1]).max(a[2]));
     let (low_b, high_b) = (b[0].min(b[1]).min(b[2]), b[0].max(b[1]).max(b[2]));
     (low_a - high_b).max(low_b - high_a).max_element().max(0.0)
@@ -124,40 +118,47 @@ fn slab_gap(own: &[DVec3; 3], other: &[DVec3; 3]) -> f64 {
     (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r)).max(0.0)
 }
 
-/// Appends the candidates whose enclosing balls come within `reach`. In a self-collision, `adjacency` names the
-/// surface, and pairs that share a vertex are left out.
+/// Whether a pair is one of neighbors in a self-collision.
+fn neighbors(surface: &SurfaceSide<'_>, settings: &PairSettings, [triangle_a, triangle_b]: [u32; 2]) -> bool {
+    settings.same_surface && surface.topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b))
+}
+
+/// Appends the candidates whose enclosing balls come within range. In a self-collision, pairs that share a vertex are
+/// left out.
 pub fn overlapping_balls(
     a: &BallSide<'_>,
     b: &BallSide<'_>,
-    adjacency: Option<&SurfaceTopology>,
-    reach: f32,
     candidates: &[[u32; 2]],
+    settings: &PairSettings,
     overlapping: &mut Vec<[u32; 2]>,
 ) {
+    let reach = (settings.range / settings.scale) as f32;
     overlapping.extend(candidates.iter().filter(|&&[triangle_a, triangle_b]| {
         let (ball_a, ball_b) = (a.ball(triangle_a), b.ball(triangle_b));
         spheres_overlap(ball_a.center, ball_a.radius, ball_b.center, ball_b.radius, reach)
-            && !adjacency.is_some_and(|topology| topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b)))
+            && !neighbors(&a.surface, settings, [triangle_a, triangle_b])
     }));
 }
 
-/// Appends the candidates whose offset spheres come within `reach` and whose planes do not separate them by more.
+/// Appends the candidates whose offset spheres come within range and whose planes do not separate them by more. In a
+/// self-collision, pairs that share a vertex are left out.
 pub fn overlapping_caps(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
-    adjacency: Option<&SurfaceTopology>,
-    reach: f32,
     candidates: &[[u32; 2]],
+    settings: &PairSettings,
     overlapping: &mut Vec<[u32; 2]>,
 ) {
-    let overlap = |&[triangle_a, triangle_b]: &[u32; 2]| {
-        let [cap_a, cap_b] = facing_caps(a, b, [triangle_a, triangle_b]);
+    let reach = (settings.range / settings.scale) as f32;
+    let overlap = |&pair: &[u32; 2]| {
+        let [cap_a, cap_b] = facing_caps(a, b, pair);
         spheres_overlap(cap_a.center, cap_a.radius, cap_b.center, cap_b.radius, reach)
-            && !adjacency.is_some_and(|topology| topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b)))
+            && !neighbors(&a.surface, settings, pair)
     };
     let spheres_meet: Vec<[u32; 2]> = candidates.iter().copied().filter(overlap).collect();
-    let triangles = [a.topology.triangles(), b.topology.triangles()];
-    cull_by_planes([a.positions, b.positions], triangles, &spheres_meet, reach, overlapping);
+    let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
+    let positions = [a.surface.positions, b.surface.positions];
+    cull_by_planes(positions, triangles, &spheres_meet, reach, overlapping);
 }
 
 /// Appends the pairs that pass the cone test, with their contact.
@@ -166,9 +167,98 @@ pub fn meeting_caps(a: &CapSide<'_>, b: &CapSide<'_>, overlapping: &[[u32; 2]], 
         let [cap_a, cap_b] = facing_caps(a, b, [triangle_a, triangle_b]);
         let contact = cap_contact(&cap_a, &cap_b)?;
         let spheres = f64::from(cap_a.center.distance(cap_b.center) - cap_a.radius - cap_b.radius);
-        let (corners_a, corners_b) = (a.corners(triangle_a), b.corners(triangle_b));
+        let (corners_a, corners_b) = (a.surface.corners(triangle_a), b.surface.corners(triangle_b));
         let planes = slab_gap(&corners_a, &corners_b).max(slab_gap(&corners_b, &corners_a));
         let distance = spheres.max(planes).max(box_gap(&corners_a, &corners_b));
         Some(CapPair { triangle_a, triangle_b, contact, distance })
     }));
+}
+
+/// Appends the contacts of pairs whose enclosing balls overlap.
+pub fn ball_contacts(
+    a: &BallSide<'_>,
+    b: &BallSide<'_>,
+    overlapping: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+) {
+    for &triangles in overlapping {
+        let (own, other) = (a.ball(triangles[0]), b.ball(triangles[1]));
+        let normal = (own.center - other.center).normalize_or(Vec3::Y);
+        let gap = f64::from(own.center.distance(other.center) - own.radius - other.radius);
+        let corners = [a.surface.corners(triangles[0]), b.surface.corners(triangles[1])];
+        // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
+        let distance = gap.max(box_gap(&corners[0], &corners[1]));
+        let points = [own.center - normal * own.radius, other.center + normal * other.radius];
+        push_face_contact(
+            [&a.surface, &b.surface],
+            triangles,
+            &corners,
+            points,
+            normal,
+            [distance, gap],
+            settings,
+            found,
+        );
+    }
+}
+
+/// Appends the contacts of pairs whose caps meet.
+pub fn cap_contacts(
+    a: &CapSide<'_>,
+    b: &CapSide<'_>,
+    meeting: &[CapPair],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+) {
+    for &CapPair { triangle_a, triangle_b, contact, distance } in meeting {
+        let triangles = [triangle_a, triangle_b];
+        let corners = [a.surface.corners(triangle_a), b.surface.corners(triangle_b)];
+        let points = [contact.point_a, contact.point_b];
+        let (normal, gap) = (-contact.direction, f64::from(contact.gap));
+        push_face_contact(
+            [&a.surface, &b.surface],
+            triangles,
+            &corners,
+            points,
+            normal,
+            [distance, gap],
+            settings,
+            found,
+        );
+    }
+}
+
+/// Counts a pair at a `distance` by its spheres and planes, and reports its contact, whose points are `gap` apart along
+/// the normal from the second to the first side. Everything is in the frame of the pair.
+#[expect(clippy::too_many_arguments, reason = "what both kinds of spheres know of a contact")]
+fn push_face_contact(
+    surfaces: [&SurfaceSide<'_>; 2],
+    triangles: [u32; 2],
+    corners: &[[DVec3; 3]; 2],
+    points: [Vec3; 2],
+    normal: Vec3,
+    [distance, gap]: [f64; 2],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+) {
+    let (distance, gap) = (distance * settings.scale, gap * settings.scale);
+    found.nearest = found.nearest.min(distance.max(0.0));
+    if distance <= settings.contact_distance {
+        let [triangle_a, triangle_b] = triangles;
+        found.touching.push(TouchingPair { triangle_a, triangle_b, distance: gap.max(0.0) });
+    }
+    if distance <= settings.reported_distance {
+        found.contacts.push(CompactContact::between_triangles(
+            [surfaces[0].topology, surfaces[1].topology],
+            triangles,
+            settings.same_surface,
+            FeaturePair { a: Feature::Face, b: Feature::Face },
+            barycentric_of(&corners[0], points[0].as_dvec3()),
+            barycentric_of(&corners[1], points[1].as_dvec3()),
+            points[1].as_dvec3(),
+            normal.as_dvec3(),
+            gap,
+        ));
+    }
 }

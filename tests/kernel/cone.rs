@@ -9,6 +9,7 @@ use bevy_circumsphere::kernel::{
     circumsphere::{OffsetSpheres, RecipeSettings, enclosing_balls},
     cone::{Cap, SafetyCones, cap_contact, spheres_overlap},
     curvature::{CurvatureEstimator, Curvatures},
+    pair::{PairSettings, SurfaceSide},
     pose::Pose,
     reference::triangle_distance,
     sphere_pairs::{BallSide, CapPair, CapSide, meeting_caps, overlapping_balls, overlapping_caps},
@@ -19,6 +20,22 @@ use glam::{Affine3A, DQuat, DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 const REACH: f32 = 0.05;
+
+fn side<'a>(topology: &'a SurfaceTopology, positions: &'a [Vec3]) -> SurfaceSide<'a> {
+    SurfaceSide { topology, positions, one_sided: true, mirrored: false }
+}
+
+fn settings(reach: f32, same_surface: bool) -> PairSettings {
+    let reach = f64::from(reach);
+    PairSettings {
+        contact_distance: reach,
+        reported_distance: reach,
+        range: reach,
+        scale: 1.0,
+        cull: true,
+        same_surface,
+    }
+}
 
 /// A surface with its spheres and cones in its own frame.
 struct Body {
@@ -45,12 +62,10 @@ impl Body {
 
     fn side(&self) -> CapSide<'_> {
         CapSide {
+            surface: side(&self.topology, &self.positions),
             spheres: &self.spheres,
             cones: &self.cones,
-            topology: &self.topology,
-            positions: &self.positions,
             pose: &Pose::IDENTITY,
-            one_sided: true,
         }
     }
 }
@@ -61,7 +76,7 @@ fn meeting(a: &Body, b: &Body) -> (Vec<[u32; 2]>, Vec<CapPair>) {
     triangle_bounds(&b.positions, b.topology.triangles(), 0.5 * REACH, &mut boxes_b);
     let (mut candidates, mut overlapping, mut meeting) = (Vec::new(), Vec::new(), Vec::new());
     pairs_between_brute_force(&boxes_a, &boxes_b, &mut candidates);
-    overlapping_caps(&a.side(), &b.side(), None, REACH, &candidates, &mut overlapping);
+    overlapping_caps(&a.side(), &b.side(), &candidates, &settings(REACH, false), &mut overlapping);
     meeting_caps(&a.side(), &b.side(), &overlapping, &mut meeting);
     (candidates, meeting)
 }
@@ -328,10 +343,10 @@ fn overlapping_balls_lose_no_pair_within_reach() {
         let pose = Pose::from_affine(&affine).expect("similarity");
         let mut moved = Vec::new();
         pose.transform_points(&rest, &mut moved);
-        let own = BallSide { balls: &balls, pose: &Pose::IDENTITY };
-        let other = BallSide { balls: &balls, pose: &pose };
+        let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: &Pose::IDENTITY };
+        let other = BallSide { surface: side(&topology, &moved), balls: &balls, pose: &pose };
         let mut overlapping = Vec::new();
-        overlapping_balls(&own, &other, None, REACH, &all, &mut overlapping);
+        overlapping_balls(&own, &other, &all, &settings(REACH, false), &mut overlapping);
         kept += overlapping.len();
         for pair in &all {
             let corners = |points: &[Vec3], triangle: u32| {
@@ -353,8 +368,8 @@ fn overlapping_balls_lose_no_pair_within_reach() {
     println!("{within} pairs within reach, {kept} of {} overlapping", 4 * all.len());
     assert!(within > 20 && kept < all.len());
     let mut overlapping = Vec::new();
-    let own = BallSide { balls: &balls, pose: &Pose::IDENTITY };
-    overlapping_balls(&own, &own, Some(&topology), 4.0 * REACH, &all, &mut overlapping);
+    let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: &Pose::IDENTITY };
+    overlapping_balls(&own, &own, &all, &settings(4.0 * REACH, true), &mut overlapping);
     assert!(overlapping.len() > 320);
     for &[first, second] in &overlapping {
         let (a, b) = (mesh.triangles[first as usize], mesh.triangles[second as usize]);
@@ -378,7 +393,7 @@ fn a_moved_cap_is_the_cap_of_the_moved_mesh() {
         let mut moved = Vec::new();
         pose.transform_points(&body.positions, &mut moved);
         let moved = Body::new(&mesh, moved, true, 1.0);
-        let brought = CapSide { positions: &moved.positions, pose: &pose, ..body.side() };
+        let brought = CapSide { surface: side(&body.topology, &moved.positions), pose: &pose, ..body.side() };
         for triangle in 0..mesh.triangles.len() as u32 {
             let (found, expected) = (brought.cap(triangle), moved.side().cap(triangle));
             // Corners rounded at 3 tilt triangles 0.2 high.

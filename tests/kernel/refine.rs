@@ -7,11 +7,12 @@ use crate::{
 use bevy_circumsphere::kernel::{
     contact::{CompactContact, ContactKey},
     exact::{Feature, FeatureKind},
+    pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
     reference::{
         exact_weld, point_triangle, touching_pairs_between_brute_force, touching_pairs_brute_force, triangle_distance,
     },
-    refine::{RefineSettings, RefinedPairs, SurfaceSide, refine_pairs},
+    refine::refine_pairs,
     topology::SurfaceTopology,
 };
 use circumsphere_support::scenes::{Mesh, icosphere, merge, triangle_soup};
@@ -20,8 +21,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const REACH: f64 = 0.08;
 
-fn settings(same_surface: bool, cull: bool) -> RefineSettings {
-    RefineSettings { contact_distance: REACH, reported_distance: REACH, range: REACH, scale: 1.0, cull, same_surface }
+fn settings(same_surface: bool, cull: bool) -> PairSettings {
+    PairSettings { contact_distance: REACH, reported_distance: REACH, range: REACH, scale: 1.0, cull, same_surface }
 }
 
 fn side<'a>(topology: &'a SurfaceTopology, positions: &'a [Vec3], one_sided: bool) -> SurfaceSide<'a> {
@@ -90,7 +91,7 @@ fn distances_are_negative_exactly_for_vertices_inside_the_other_sphere() {
         let topologies = [(&mesh_a, &points_a), (&mesh_b, &points_b)]
             .map(|(mesh, points)| SurfaceTopology::new(points, &mesh.triangles).expect("valid"));
         let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
-        let mut found = RefinedPairs::default();
+        let mut found = FoundPairs::default();
         refine_pairs(
             &side(&topologies[0], &points_a, true),
             &side(&topologies[1], &points_b, true),
@@ -194,7 +195,7 @@ fn culling_changes_nothing_but_the_number_of_exact_tests() {
     let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
-    let (mut culled, mut every) = (RefinedPairs::default(), RefinedPairs::default());
+    let (mut culled, mut every) = (FoundPairs::default(), FoundPairs::default());
     let (side_a, side_b) = (side(&a, &points_a, true), side(&b, &points_b, true));
     refine_pairs(&side_a, &side_b, &candidates, &settings(false, true), &mut culled);
     refine_pairs(&side_a, &side_b, &candidates, &settings(false, false), &mut every);
@@ -205,7 +206,7 @@ fn culling_changes_nothing_but_the_number_of_exact_tests() {
     assert!(culled.examined * 2 < every.examined && !culled.contacts.is_empty());
     // In parts, appended, it is the same.
     let (first, second) = candidates.split_at(candidates.len() / 3);
-    let (mut head, mut tail) = (RefinedPairs::default(), RefinedPairs::default());
+    let (mut head, mut tail) = (FoundPairs::default(), FoundPairs::default());
     refine_pairs(&side_a, &side_b, first, &settings(false, true), &mut head);
     refine_pairs(&side_a, &side_b, second, &settings(false, true), &mut tail);
     head.append(tail);
@@ -222,7 +223,7 @@ fn lengths_are_world_lengths_whatever_the_scale_of_the_frame() {
     let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
-    let mut unit = RefinedPairs::default();
+    let mut unit = FoundPairs::default();
     refine_pairs(
         &side(&a, &points_a, true),
         &side(&b, &points_b, true),
@@ -233,8 +234,8 @@ fn lengths_are_world_lengths_whatever_the_scale_of_the_frame() {
     // A frame four times as fine: every length in it is four times as long, a power of two rounds nothing.
     let fine = |points: &[Vec3]| points.iter().map(|point| *point * 4.0).collect::<Vec<_>>();
     let (fine_a, fine_b) = (fine(&points_a), fine(&points_b));
-    let mut scaled = RefinedPairs::default();
-    let settings = RefineSettings { scale: 0.25, ..settings(false, true) };
+    let mut scaled = FoundPairs::default();
+    let settings = PairSettings { scale: 0.25, ..settings(false, true) };
     refine_pairs(&side(&a, &fine_a, true), &side(&b, &fine_b, true), &candidates, &settings, &mut scaled);
     assert_eq!(scaled.touching, unit.touching);
     assert_eq!(scaled.contacts.len(), unit.contacts.len());
@@ -251,7 +252,7 @@ fn a_mirrored_side_keeps_its_inside() {
     let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
-    let mut plain = RefinedPairs::default();
+    let mut plain = FoundPairs::default();
     refine_pairs(
         &side(&a, &points_a, true),
         &side(&b, &points_b, true),
@@ -263,7 +264,7 @@ fn a_mirrored_side_keeps_its_inside() {
     let inverted: Vec<[u32; 3]> = mesh_b.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
     let inverted = SurfaceTopology::new(&points_b, &inverted).expect("valid");
     let mirrored = SurfaceSide { mirrored: true, ..side(&inverted, &points_b, true) };
-    let mut turned = RefinedPairs::default();
+    let mut turned = FoundPairs::default();
     refine_pairs(&side(&a, &points_a, true), &mirrored, &candidates, &settings(false, true), &mut turned);
     let (plain, turned) = (by_key(&plain.contacts), by_key(&turned.contacts));
     assert_eq!(plain.len(), turned.len());
@@ -283,7 +284,7 @@ fn of_two_sheets_no_distance_is_negative() {
     let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
-    let mut found = RefinedPairs::default();
+    let mut found = FoundPairs::default();
     refine_pairs(
         &side(&a, &points_a, false),
         &side(&b, &points_b, false),
@@ -324,10 +325,10 @@ fn crumpled(seed: u64) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (points, mesh.triangles)
 }
 
-fn self_contacts(points: &[Vec3], triangles: &[[u32; 3]]) -> RefinedPairs {
+fn self_contacts(points: &[Vec3], triangles: &[[u32; 3]]) -> FoundPairs {
     let topology = SurfaceTopology::new(points, triangles).expect("valid");
     let own = side(&topology, points, false);
-    let mut found = RefinedPairs::default();
+    let mut found = FoundPairs::default();
     refine_pairs(&own, &own, &all_within(triangles.len()), &settings(true, true), &mut found);
     found
 }

@@ -1,0 +1,84 @@
+//! Fetches what the kernel needs to know of a pair of surfaces.
+
+use bevy_ecs::prelude::*;
+
+use super::{
+    broad_phase::{OtherSide, SurfacePair},
+    refit::{Circumspheres, EnclosingBalls, TriangleCones},
+};
+use crate::{
+    kernel::{
+        pair::{PairSettings, SurfaceSide},
+        sphere_pairs::{BallSide, CapSide},
+    },
+    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
+};
+
+/// The positions and spheres of every surface.
+pub(crate) type SphereQuery<'w, 's> =
+    Query<'w, 's, (&'static SurfacePositions, &'static EnclosingBalls, &'static Circumspheres, &'static TriangleCones)>;
+
+/// The distances of a pair, for the kernel.
+pub(crate) fn pair_settings(pair: &SurfacePair) -> PairSettings {
+    PairSettings {
+        contact_distance: f64::from(pair.contact_distance),
+        reported_distance: f64::from(pair.reported_distance),
+        range: f64::from(pair.range),
+        scale: pair.frame_pose.scale(),
+        cull: pair.method != ContactMethod::Polygon,
+        same_surface: pair.is_self(),
+    }
+}
+
+/// Both surfaces of a pair in its frame, given their own positions; `None` where the second side is a shape.
+pub(crate) fn surface_sides<'a>(
+    active: &'a ActiveSurfaces,
+    pair: &'a SurfacePair,
+    first_positions: &'a SurfacePositions,
+    second_positions: &'a SurfacePositions,
+) -> Option<[SurfaceSide<'a>; 2]> {
+    let OtherSide::Surface(second) = pair.second else { return None };
+    let [positions_a, positions_b] = pair.positions(&first_positions.0, &second_positions.0);
+    let [pose_a, pose_b] = pair.poses();
+    let side = |place: usize, positions, mirrored| {
+        let surface = &active.surfaces[place];
+        // Behind a surface's own face may be just the other side of a thin wall.
+        let one_sided = surface.one_sided && !pair.is_self();
+        SurfaceSide { topology: &surface.topology, positions, one_sided, mirrored }
+    };
+    Some([side(pair.first, positions_a, pose_a.is_mirrored()), side(second, positions_b, pose_b.is_mirrored())])
+}
+
+/// Calls `test` with the enclosing balls of both sides of a pair.
+pub(crate) fn with_balls<T>(
+    active: &ActiveSurfaces,
+    surfaces: &SphereQuery,
+    pair: &SurfacePair,
+    test: impl FnOnce(&BallSide<'_>, &BallSide<'_>) -> T,
+) -> Option<T> {
+    let OtherSide::Surface(second) = pair.second else { return None };
+    let (own, balls_a, ..) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
+    let (other, balls_b, ..) = surfaces.get(active.surfaces[second].entity).ok()?;
+    let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
+    let [pose_a, pose_b] = pair.poses();
+    let a = BallSide { surface: surface_a, balls: &balls_a.0, pose: &pose_a };
+    let b = BallSide { surface: surface_b, balls: &balls_b.0, pose: &pose_b };
+    Some(test(&a, &b))
+}
+
+/// Calls `test` with the offset spheres and cones of both sides of a pair.
+pub(crate) fn with_caps<T>(
+    active: &ActiveSurfaces,
+    surfaces: &SphereQuery,
+    pair: &SurfacePair,
+    test: impl FnOnce(&CapSide<'_>, &CapSide<'_>) -> T,
+) -> Option<T> {
+    let OtherSide::Surface(second) = pair.second else { return None };
+    let (own, _, spheres_a, cones_a) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
+    let (other, _, spheres_b, cones_b) = surfaces.get(active.surfaces[second].entity).ok()?;
+    let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
+    let [pose_a, pose_b] = pair.poses();
+    let a = CapSide { surface: surface_a, spheres: &spheres_a.0, cones: &cones_a.0, pose: &pose_a };
+    let b = CapSide { surface: surface_b, spheres: &spheres_b.0, cones: &cones_b.0, pose: &pose_b };
+    Some(test(&a, &b))
+}

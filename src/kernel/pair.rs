@@ -1,0 +1,89 @@
+//! What every stage over triangle pairs shares: the two sides in one frame, the distances that matter, what was found.
+
+use glam::{DVec3, Vec3};
+
+use super::{
+    contact::{CompactContact, TouchingPair},
+    exact::{Feature, side::outward_direction},
+    topology::SurfaceTopology,
+};
+
+/// One side of a pair, in the frame of the pair.
+#[derive(Clone, Copy)]
+pub struct SurfaceSide<'a> {
+    /// Its triangles.
+    pub topology: &'a SurfaceTopology,
+    /// Its vertices in the frame of the pair.
+    pub positions: &'a [Vec3],
+    /// Whether it has an inside, so that the sign of its distance is known.
+    pub one_sided: bool,
+    /// Whether the way to the frame of the pair turned its outward normals inward.
+    pub mirrored: bool,
+}
+
+impl SurfaceSide<'_> {
+    pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        let [first, second, third] = self.topology.triangles()[triangle as usize];
+        let corner = |vertex: u32| self.positions[vertex as usize].as_dvec3();
+        [corner(first), corner(second), corner(third)]
+    }
+
+    pub(super) fn outward(&self, triangle: u32, feature: Feature) -> DVec3 {
+        let outward = outward_direction(self.topology, self.positions, triangle as usize, feature);
+        if self.mirrored { -outward } else { outward }
+    }
+}
+
+/// How a list of pairs is tested. Lengths are in world units.
+#[derive(Clone, Copy, Debug)]
+pub struct PairSettings {
+    /// Triangles touch within this distance.
+    pub contact_distance: f64,
+    /// Contacts are written up to this distance, at least `contact_distance`.
+    pub reported_distance: f64,
+    /// The nearest pair is looked for up to this distance, at least `reported_distance`.
+    pub range: f64,
+    /// World length of a unit of the frame of the pair.
+    pub scale: f64,
+    /// Whether conservative culls come before an exact test. They change the time, never the result.
+    pub cull: bool,
+    /// Whether both sides are the same surface.
+    pub same_surface: bool,
+}
+
+/// What a list of pairs amounts to.
+#[derive(Clone, Debug)]
+pub struct FoundPairs {
+    /// Pairs of triangles that touch, in the order of the candidates.
+    pub touching: Vec<TouchingPair>,
+    /// Contacts in the order of the candidates; one closest on a boundary may occur several times under the same key.
+    pub contacts: Vec<CompactContact>,
+    /// Distance of the nearest pair in world units, at least 0; infinite where none is within range.
+    pub nearest: f64,
+    /// How many pairs reached the exact test.
+    pub examined: usize,
+}
+
+impl Default for FoundPairs {
+    fn default() -> Self {
+        Self { touching: Vec::new(), contacts: Vec::new(), nearest: f64::INFINITY, examined: 0 }
+    }
+}
+
+impl FoundPairs {
+    /// Empties the lists and keeps their memory.
+    pub fn clear(&mut self) {
+        self.touching.clear();
+        self.contacts.clear();
+        self.nearest = f64::INFINITY;
+        self.examined = 0;
+    }
+
+    /// Appends what was found in a later part of the candidates.
+    pub fn append(&mut self, mut later: Self) {
+        self.touching.append(&mut later.touching);
+        self.contacts.append(&mut later.contacts);
+        self.nearest = self.nearest.min(later.nearest);
+        self.examined += later.examined;
+    }
+}
