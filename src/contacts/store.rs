@@ -59,6 +59,9 @@ pub(crate) type PairOrder = (bool, SideOrder, SideOrder);
 /// The contacts of the last tick: pairs of surfaces by [order](crate::SurfaceOrder), then surfaces with shapes; within
 /// a pair by [key](crate::kernel::contact::ContactKey).
 ///
+/// Every touching pair of triangles has its closest features among the contacts, with one exception: where one-sided
+/// surfaces have penetrated each other, contacts that do not lead out of the solid are left out.
+///
 /// Most systems read it through [`SurfaceContacts`](super::SurfaceContacts).
 #[derive(Resource, Clone, Debug, Default)]
 pub struct ContactStore {

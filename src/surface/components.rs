@@ -162,7 +162,9 @@ pub enum Sidedness {
     /// Its normals point out of the solid; what is behind it has penetrated. Contacts of the surface with itself are
     /// two-sided all the same: behind a face may be just the other side of a thin wall.
     OneSided,
-    /// A sheet. What was on one side in the last tick and is on the other now has penetrated.
+    /// A sheet. What was on one side of it in the last tick and is on the other now has penetrated, for as long as the
+    /// same two features stay in contact. Remembered between sheets and within one surface; against a one-sided
+    /// surface, that one's inside decides.
     TwoSided,
 }
 
