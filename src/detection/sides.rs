@@ -9,6 +9,7 @@ use super::{
 use crate::{
     kernel::{
         pair::{PairSettings, SurfaceSide},
+        pose::Pose,
         sphere_pairs::{BallSide, CapSide},
     },
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
@@ -49,6 +50,11 @@ pub(crate) fn surface_sides<'a>(
     Some([side(pair.first, positions_a, pose_a.is_mirrored()), side(second, positions_b, pose_b.is_mirrored())])
 }
 
+/// The pose of a side that has to be moved at all.
+fn moving(pose: &Pose) -> Option<&Pose> {
+    (*pose != Pose::IDENTITY).then_some(pose)
+}
+
 /// Calls `test` with the enclosing balls of both sides of a pair.
 pub(crate) fn with_balls<T>(
     active: &ActiveSurfaces,
@@ -61,8 +67,8 @@ pub(crate) fn with_balls<T>(
     let (other, balls_b, ..) = surfaces.get(active.surfaces[second].entity).ok()?;
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
-    let a = BallSide { surface: surface_a, balls: &balls_a.0, pose: &pose_a };
-    let b = BallSide { surface: surface_b, balls: &balls_b.0, pose: &pose_b };
+    let a = BallSide { surface: surface_a, balls: &balls_a.0, pose: moving(&pose_a) };
+    let b = BallSide { surface: surface_b, balls: &balls_b.0, pose: moving(&pose_b) };
     Some(test(&a, &b))
 }
 
@@ -78,7 +84,7 @@ pub(crate) fn with_caps<T>(
     let (other, _, spheres_b, cones_b) = surfaces.get(active.surfaces[second].entity).ok()?;
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
-    let a = CapSide { surface: surface_a, spheres: &spheres_a.0, cones: &cones_a.0, pose: &pose_a };
-    let b = CapSide { surface: surface_b, spheres: &spheres_b.0, cones: &cones_b.0, pose: &pose_b };
+    let a = CapSide { surface: surface_a, spheres: &spheres_a.0, cones: &cones_a.0, pose: moving(&pose_a) };
+    let b = CapSide { surface: surface_b, spheres: &spheres_b.0, cones: &cones_b.0, pose: moving(&pose_b) };
     Some(test(&a, &b))
 }

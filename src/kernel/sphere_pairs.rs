@@ -22,8 +22,8 @@ pub struct BallSide<'a> {
     pub surface: SurfaceSide<'a>,
     /// One ball a triangle, in the side's own frame.
     pub balls: &'a [Ball],
-    /// From the side's own frame to the frame of the pair.
-    pub pose: &'a Pose,
+    /// From the side's own frame to the frame of the pair; `None` where they are the same.
+    pub pose: Option<&'a Pose>,
 }
 
 impl BallSide<'_> {
@@ -31,12 +31,10 @@ impl BallSide<'_> {
     #[must_use]
     pub fn ball(&self, triangle: u32) -> Ball {
         let ball = self.balls[triangle as usize];
-        if *self.pose == Pose::IDENTITY {
-            return ball;
-        }
+        let Some(pose) = self.pose else { return ball };
         Ball {
-            center: self.pose.transform_point(ball.center.as_dvec3()).as_vec3(),
-            radius: (f64::from(ball.radius) * self.pose.scale()) as f32,
+            center: pose.transform_point(ball.center.as_dvec3()).as_vec3(),
+            radius: (f64::from(ball.radius) * pose.scale()) as f32,
         }
     }
 }
@@ -50,8 +48,8 @@ pub struct CapSide<'a> {
     pub spheres: &'a OffsetSpheres,
     /// Safety cones, in the side's own frame.
     pub cones: &'a SafetyCones,
-    /// From the side's own frame to the frame of the pair.
-    pub pose: &'a Pose,
+    /// From the side's own frame to the frame of the pair; `None` where they are the same.
+    pub pose: Option<&'a Pose>,
 }
 
 impl CapSide<'_> {
@@ -66,15 +64,13 @@ impl CapSide<'_> {
             axis: self.cones.axes[triangle],
             cosine: self.cones.cosines[triangle],
         };
-        if *self.pose == Pose::IDENTITY {
-            return cap;
-        }
-        let scale = self.pose.scale();
+        let Some(pose) = self.pose else { return cap };
+        let scale = pose.scale();
         Cap {
-            center: self.pose.transform_point(cap.center.as_dvec3()).as_vec3(),
+            center: pose.transform_point(cap.center.as_dvec3()).as_vec3(),
             radius: (f64::from(cap.radius) * scale) as f32,
             height: (f64::from(cap.height) * scale) as f32,
-            axis: self.pose.transform_direction(cap.axis.as_dvec3()).as_vec3(),
+            axis: pose.transform_direction(cap.axis.as_dvec3()).as_vec3(),
             cosine: cap.cosine,
         }
     }
@@ -150,15 +146,20 @@ pub fn overlapping_caps(
     overlapping: &mut Vec<[u32; 2]>,
 ) {
     let reach = (settings.range / settings.scale) as f32;
-    let overlap = |&pair: &[u32; 2]| {
+    let apart: Vec<[u32; 2]>;
+    let mut pairs = candidates;
+    if settings.same_surface {
+        apart = pairs.iter().copied().filter(|&pair| !neighbors(&a.surface, settings, pair)).collect();
+        pairs = &apart;
+    }
+    // Planes first: they are compared eight pairs at a time and leave the fewest.
+    let mut past_planes = Vec::with_capacity(pairs.len());
+    let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
+    cull_by_planes([a.surface.positions, b.surface.positions], triangles, pairs, reach, &mut past_planes);
+    overlapping.extend(past_planes.into_iter().filter(|&pair| {
         let [cap_a, cap_b] = facing_caps(a, b, pair);
         spheres_overlap(cap_a.center, cap_a.radius, cap_b.center, cap_b.radius, reach)
-            && !neighbors(&a.surface, settings, pair)
-    };
-    let spheres_meet: Vec<[u32; 2]> = candidates.iter().copied().filter(overlap).collect();
-    let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
-    let positions = [a.surface.positions, b.surface.positions];
-    cull_by_planes(positions, triangles, &spheres_meet, reach, overlapping);
+    }));
 }
 
 /// Appends the pairs that pass the cone test, with their contact.

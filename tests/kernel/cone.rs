@@ -65,7 +65,7 @@ impl Body {
             surface: side(&self.topology, &self.positions),
             spheres: &self.spheres,
             cones: &self.cones,
-            pose: &Pose::IDENTITY,
+            pose: None,
         }
     }
 }
@@ -343,8 +343,8 @@ fn overlapping_balls_lose_no_pair_within_reach() {
         let pose = Pose::from_affine(&affine).expect("similarity");
         let mut moved = Vec::new();
         pose.transform_points(&rest, &mut moved);
-        let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: &Pose::IDENTITY };
-        let other = BallSide { surface: side(&topology, &moved), balls: &balls, pose: &pose };
+        let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None };
+        let other = BallSide { surface: side(&topology, &moved), balls: &balls, pose: Some(&pose) };
         let mut overlapping = Vec::new();
         overlapping_balls(&own, &other, &all, &settings(REACH, false), &mut overlapping);
         kept += overlapping.len();
@@ -368,7 +368,7 @@ fn overlapping_balls_lose_no_pair_within_reach() {
     println!("{within} pairs within reach, {kept} of {} overlapping", 4 * all.len());
     assert!(within > 20 && kept < all.len());
     let mut overlapping = Vec::new();
-    let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: &Pose::IDENTITY };
+    let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None };
     overlapping_balls(&own, &own, &all, &settings(4.0 * REACH, true), &mut overlapping);
     assert!(overlapping.len() > 320);
     for &[first, second] in &overlapping {
@@ -393,7 +393,7 @@ fn a_moved_cap_is_the_cap_of_the_moved_mesh() {
         let mut moved = Vec::new();
         pose.transform_points(&body.positions, &mut moved);
         let moved = Body::new(&mesh, moved, true, 1.0);
-        let brought = CapSide { surface: side(&body.topology, &moved.positions), pose: &pose, ..body.side() };
+        let brought = CapSide { surface: side(&body.topology, &moved.positions), pose: Some(&pose), ..body.side() };
         for triangle in 0..mesh.triangles.len() as u32 {
             let (found, expected) = (brought.cap(triangle), moved.side().cap(triangle));
             // Corners rounded at 3 tilt triangles 0.2 high.

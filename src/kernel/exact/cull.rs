@@ -7,6 +7,8 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
+use std::cmp::Ordering;
+
 use glam::Vec3;
 
 use super::lanes::{Lanes, Mask, VectorLanes, WIDTH};
@@ -28,10 +30,13 @@ struct PairLanes {
 }
 
 impl PairLanes {
-    #[inline(always)]
-    fn gather(positions: [&[Vec3]; 2], triangles: [&[[u32; 3]]; 2], pairs: &[[u32; 2]]) -> Self {
-        let mut lanes = Self { a: [VectorLanes::ZERO; 3], b: [VectorLanes::ZERO; 3], extent: Lanes::ZERO };
-        for (lane, &[triangle_a, triangle_b]) in pairs.iter().enumerate() {
+    const EMPTY: Self = Self { a: [VectorLanes::ZERO; 3], b: [VectorLanes::ZERO; 3], extent: Lanes::ZERO };
+
+    // Kept apart, so that the lanes come from memory: of numbers it has just loaded one by one the compiler makes
+    // no vectors.
+    #[inline(never)]
+    fn gather(&mut self, positions: [&[Vec3]; 2], triangles: [&[[u32; 3]]; 2], pairs: &[[u32; 2]]) {
+        for (lane, &[triangle_a, triangle_b]) in pairs.iter().enumerate().take(WIDTH) {
             let (corners_a, corners_b) = (triangles[0][triangle_a as usize], triangles[1][triangle_b as usize]);
             let origin = positions[0][corners_a[0] as usize];
             let mut largest = Vec3::ZERO;
@@ -39,33 +44,34 @@ impl PairLanes {
                 let corner_a = positions[0][corners_a[k] as usize] - origin;
                 let corner_b = positions[1][corners_b[k] as usize] - origin;
                 largest = largest.max(corner_a.abs()).max(corner_b.abs());
-                lanes.a[k].set(lane, corner_a);
-                lanes.b[k].set(lane, corner_b);
+                self.a[k].set(lane, corner_a);
+                self.b[k].set(lane, corner_b);
             }
-            lanes.extent.0[lane] = largest.element_sum();
+            self.extent.0[lane] = largest.element_sum();
         }
-        lanes
     }
 
-    /// One bit for each pair that `direction` separates by more than `range`.
+    /// By how much the gap along `direction` exceeds the one that proves a pair apart, in units of the direction's
+    /// length: more than 0 where it does.
     #[inline(always)]
-    fn separated_along(&self, direction: VectorLanes, range: Lanes) -> u32 {
+    fn excess_along(&self, direction: VectorLanes, range: Lanes) -> Lanes {
         let (low_a, high_a) = project(&self.a, direction);
         let (low_b, high_b) = project(&self.b, direction);
         let gap = (low_b - high_a).max(low_a - high_b);
         let squared = direction.dot(direction);
         let needed = squared.sqrt() * (range * Lanes::splat(RANGE_SLACK) + self.extent * Lanes::splat(ROUNDING));
-        gap.greater_than(needed).and(squared.greater_than(Lanes::splat(LEAST_SQUARED))).bits()
+        let reliable = squared.greater_than(Lanes::splat(LEAST_SQUARED));
+        Lanes::select(reliable, gap - needed, Lanes::splat(f32::NEG_INFINITY))
     }
 
     #[inline(always)]
-    fn separated_by_planes(&self, range: Lanes) -> u32 {
-        self.separated_along(normal(&self.a), range) | self.separated_along(normal(&self.b), range)
+    fn excess_along_normals(&self, range: Lanes) -> Lanes {
+        self.excess_along(normal(&self.a), range).max(self.excess_along(normal(&self.b), range))
     }
 
     #[inline(always)]
-    fn separated_by_closest_features(&self, range: Lanes) -> u32 {
-        self.separated_along(self.closest_direction(), range)
+    fn excess_along_closest_features(&self, range: Lanes) -> Lanes {
+        self.excess_along(self.closest_direction(), range)
     }
 
     /// From the closest point on one triangle to that on the other, as well as f32 can tell.
@@ -194,9 +200,10 @@ pub fn cull_by_planes(
     range: f32,
     kept: &mut Vec<[u32; 2]>,
 ) {
+    let mut lanes = PairLanes::EMPTY;
     for pairs in pairs.chunks(WIDTH) {
-        let separated = PairLanes::gather(positions, triangles, pairs).separated_by_planes(Lanes::splat(range));
-        keep(pairs, separated, kept);
+        lanes.gather(positions, triangles, pairs);
+        keep(pairs, &lanes.excess_along_normals(Lanes::splat(range)), kept);
     }
 }
 
@@ -208,17 +215,18 @@ fn cull_by_closest_features(
     range: f32,
     kept: &mut Vec<[u32; 2]>,
 ) {
+    let mut lanes = PairLanes::EMPTY;
     for pairs in pairs.chunks(WIDTH) {
-        let lanes = PairLanes::gather(positions, triangles, pairs);
-        keep(pairs, lanes.separated_by_closest_features(Lanes::splat(range)), kept);
+        lanes.gather(positions, triangles, pairs);
+        keep(pairs, &lanes.excess_along_closest_features(Lanes::splat(range)), kept);
     }
 }
 
-#[inline(always)]
-fn keep(pairs: &[[u32; 2]], separated: u32, kept: &mut Vec<[u32; 2]>) {
-    for (lane, &pair) in pairs.iter().enumerate() {
-        if separated & (1 << lane) == 0 {
-            kept.push(pair);
-        }
-    }
+/// Appends the pairs without excess. Kept apart like the gathering: numbers that are stored side by side are computed
+/// side by side.
+#[inline(never)]
+fn keep(pairs: &[[u32; 2]], excess: &Lanes, kept: &mut Vec<[u32; 2]>) {
+    // An excess that is not a number, of coordinates near the end of f32, proves nothing.
+    let apart = |excess: f32| excess.partial_cmp(&0.0) == Some(Ordering::Greater);
+    kept.extend(pairs.iter().zip(excess.0).filter(|&(_, excess)| !apart(excess)).map(|(&pair, _)| pair));
 }

@@ -101,16 +101,6 @@ impl Mask {
         }
         mask
     }
-
-    /// One bit for each lane where the condition holds.
-    #[inline(always)]
-    pub(super) fn bits(self) -> u32 {
-        let mut bits = 0;
-        for lane in 0..WIDTH {
-            bits |= (self.0[lane] & 1) << lane;
-        }
-        bits
-    }
 }
 
 impl Add for Lanes {
