@@ -12,7 +12,7 @@ use std::{
 use bevy_circumsphere::kernel::reference::{compare, exact_weld, mean_edge_length, touching_pairs_tree};
 use circumsphere_support::{
     recording::{Recording, write_recording},
-    scenes::{Mesh, cuboid, icosphere, merge},
+    scenes::{BALL_TRIANGLES, CLOTH_TRIANGLES, FRAMES, Mesh, TORUS_TRIANGLES, cuboid, icosphere, merge},
 };
 use glam::{DVec3, Vec3};
 use tempfile::TempDir;
@@ -118,10 +118,26 @@ fn the_embedded_scene_runs_without_arguments_and_touches() {
     }
     let folder = Folder::new();
     let pairs = folder.path("pairs.csv");
-    succeed(&["--pairs", &pairs, "--contact-distance-edges", "0.5"]);
-    let rows = read_pairs(&pairs);
-    let frames: std::collections::BTreeSet<usize> = rows.iter().map(|row| row.0).collect();
-    assert!(frames.len() > 60, "only {} frames have contacts", frames.len());
+    succeed(&["--pairs", &pairs]);
+
+    // Whoever starts the program for the first time shall see contacts of every kind, in nearly every frame.
+    let part = |triangle: u32| {
+        let parts = [CLOTH_TRIANGLES, BALL_TRIANGLES, TORUS_TRIANGLES];
+        parts.into_iter().position(|part| part.contains(&(triangle as usize))).expect("every triangle has a part")
+    };
+    let mut counts = vec![[0; 3]; FRAMES];
+    for (frame, a, b, _) in read_pairs(&pairs) {
+        // Ball and ring are apart, and neither meets itself.
+        assert!(part(a).min(part(b)) == 0, "frame {frame}: {a} and {b}");
+        counts[frame][part(a).max(part(b))] += 1;
+    }
+    for (kind, (name, least)) in [("cloth", 60), ("ball", 60), ("ring", 80)].into_iter().enumerate() {
+        let frames = counts.iter().filter(|counts| counts[kind] > 0).count();
+        assert!(frames > least, "the cloth touches the {name} in {frames} frames only");
+    }
+    let mut pairs: Vec<i32> = counts.iter().map(|counts| counts.iter().sum()).collect();
+    pairs.sort_unstable();
+    assert!(pairs[FRAMES - 100] > 0 && pairs[FRAMES / 2] > 100, "{pairs:?}");
 }
 
 #[test]

@@ -162,7 +162,8 @@ fn cloth_touches_ball_and_ring() {
     };
     assert!((0..FRAMES).all(|frame| above_ball(frame) > 0.0));
     assert!(above_ball(0) > edge);
-    assert!((0..FRAMES).filter(|&frame| above_ball(frame) < 0.3 * edge).count() > 30);
+    // The mesh of the ball is inside of the sphere, and the cloth less than a tenth of an edge outside of the mesh.
+    assert!((0..FRAMES).filter(|&frame| above_ball(frame) < 0.1 * edge).count() > 80);
 
     // Vertices of the ring are about an edge apart, so the cloth on it is that near to some of them.
     let above_ring = |frame: usize| {

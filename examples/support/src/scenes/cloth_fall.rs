@@ -2,14 +2,16 @@
 //! upon itself.
 //!
 //! A position-based simulation with small steps (Macklin et al., "Small Steps in Physics Simulation", 2019),
-//! in `f64` and in one fixed order, made to be looked at and collided with rather than to be exact. The cloth
-//! meets the ball, the ring and the floor as formulas; the recording holds all but the floor as one mesh.
+//! in `f64` and in one fixed order, made to be looked at and collided with rather than to be exact. Cloth, ball and
+//! ring are one mesh, the recorded one, whose parts keep a small thickness apart; the floor is a formula. A step moves
+//! no vertex of the cloth farther than half the way to what is nearest (Chen et al., "Offset Geometric Contact", 2025),
+//! and the ring by far less than the thickness, so nothing gets through anything though the thickness is small.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::{Diagonals, Mesh, grid, icosphere, merge, torus};
+use super::{Diagonals, grid, icosphere, merge, torus};
 use crate::recording::Recording;
 
 /// Number of frames in the recording.
@@ -57,30 +59,32 @@ const DRAG: f64 = 2.0;
 const BENDING_STIFFNESS: f64 = 0.01;
 /// The same for the diagonals of a cell: cloth is sheared far more easily than it is stretched.
 const SHEAR_STIFFNESS: f64 = 0.1;
-/// Distance kept between parts of the cloth without common vertices. Well below the height of a triangle, which is
-/// 0.7 edges, or neighbours would push each other.
-const THICKNESS: f64 = 0.35 * CLOTH_EDGE as f64;
-/// Distance kept to the ball, the ring and the floor: more than a cell of cloth sags into them between vertices.
+/// Distance kept between the cloth and itself, the ball and the ring: a little less than a tenth of the mean edge
+/// of the scene, so that what rests on something counts as touching there by default.
+const THICKNESS: f64 = 0.0075;
+/// Height of the cloth above the floor.
 const CLEARANCE: f64 = 0.02;
 /// How much of the sliding against the floor and the ring a step removes.
 const FRICTION: f64 = 0.1;
 /// The same for the ball, which is smoother.
 const BALL_FRICTION: f64 = 0.02;
-/// How far two parts may close in on each other before the parts that may touch are searched again. Together
-/// with the thickness it stays below the height of a triangle, so that flat cloth is no contact with itself.
+/// How far beyond the thickness parts are listed as those that may touch. The list holds until a vertex has moved by
+/// a quarter of it: then what is not listed is still half of it beyond the thickness away.
 const REACH: f64 = 0.3 * CLOTH_EDGE as f64;
-/// Half the length of a diagonal, with the stretch that the springs leave.
+/// Half the length of a diagonal of the cloth, with the stretch that the springs leave.
 const LONGEST_HALF_EDGE: f64 = 0.8 * CLOTH_EDGE as f64;
-/// Fastest motion of a vertex, in metres per second. Two parts close in by the thickness in two steps, so they
-/// are pushed back before they are past each other.
-const TOP_SPEED: f64 = THICKNESS / (4.0 * STEP);
+/// Share of the distance to whatever is nearest that a vertex may move in a step. Two parts that close in on each
+/// other take twice as much, and something is left.
+const ROOM: f64 = 0.45;
+/// Fastest motion of a vertex, in metres per second: free corners whip about, which is no more worth looking at.
+const TOP_SPEED: f64 = 5.0;
 
 type Point = [f64; 3];
 
 /// The recording of the scene: cloth, ball (an icosphere of level 2) and ring (24 by 12) as one mesh in metres.
 ///
 /// It has [`FRAMES`] frames, and the ranges beside it tell the parts. No two triangles of different parts, and none
-/// of the cloth without a common vertex, cross each other in any frame. Making it takes about two seconds with
+/// of the cloth without a common vertex, cross each other in any frame. Making it takes about three seconds with
 /// optimizations and half a minute without.
 pub fn cloth_fall() -> Recording {
     cloth_fall_start(FRAMES)
@@ -88,21 +92,13 @@ pub fn cloth_fall() -> Recording {
 
 /// The first `frames` frames of [`cloth_fall`], or as many more as wanted.
 pub fn cloth_fall_start(frames: usize) -> Recording {
-    let mut cloth = Cloth::new();
-    let ball = icosphere(2, BALL_RADIUS).translate(BALL_CENTER);
-    let rest = [
-        Mesh { positions: cloth.vertices(), triangles: cloth.triangles.clone() },
-        ball.clone(),
-        torus(RING_MAJOR as f32, RING_MINOR as f32, RING_SEGMENTS, TUBE_SEGMENTS),
-    ];
-    let mut recording = Recording { triangles: merge(&rest).triangles, frames: Vec::with_capacity(frames) };
+    let mut simulation = Simulation::new();
+    let mut recording = Recording { triangles: simulation.triangles.clone(), frames: Vec::with_capacity(frames) };
     for frame in 0..frames {
         if frame > 0 {
-            cloth.advance(time_of(frame - 1));
+            simulation.advance(time_of(frame - 1));
         }
-        let ring = Ring::at(time_of(frame));
-        let parts = [cloth.vertices(), ball.positions.clone(), ring.vertices()];
-        recording.frames.push(parts.concat());
+        recording.frames.push(simulation.vertices());
     }
     recording
 }
@@ -112,69 +108,24 @@ fn time_of(frame: usize) -> f64 {
     frame as f64 / f64::from(FRAMES_PER_SECOND)
 }
 
-/// The ring at one moment: a circle that shrinks and bends like the rim of a saddle, with a tube that swells in
-/// waves.
-struct Ring {
-    centers: [Point; RING_SEGMENTS],
-    radii: [f64; RING_SEGMENTS],
-}
-
-impl Ring {
-    fn at(time: f64) -> Self {
-        let angle = |segment: usize| TAU * segment as f64 / RING_SEGMENTS as f64;
-        let bend = 0.12 * libm::sin(TAU * 0.75 * time);
-        let major = RING_MAJOR * (1.0 - 0.15 * (1.0 - libm::cos(TAU * 0.5 * time)));
-        Self {
-            centers: std::array::from_fn(|segment| {
-                let angle = angle(segment);
-                [
-                    RING_CENTER[0] + major * libm::cos(angle),
-                    RING_CENTER[1] + bend * libm::cos(2.0 * angle),
-                    RING_CENTER[2] + major * libm::sin(angle),
-                ]
-            }),
-            radii: std::array::from_fn(|segment| {
-                let wave = libm::sin(3.0 * angle(segment) - TAU * time);
-                RING_MINOR * (1.0 + 0.2 * wave)
-            }),
-        }
-    }
-
-    /// Positions in the order of the vertices of [`torus`].
-    fn vertices(&self) -> Vec<[f32; 3]> {
-        let mut vertices = Vec::with_capacity(RING_SEGMENTS * TUBE_SEGMENTS);
-        for (segment, (center, radius)) in self.centers.iter().zip(&self.radii).enumerate() {
-            let angle = TAU * segment as f64 / RING_SEGMENTS as f64;
-            let outward = [libm::cos(angle), 0.0, libm::sin(angle)];
-            for tube in 0..TUBE_SEGMENTS {
-                let angle = TAU * tube as f64 / TUBE_SEGMENTS as f64;
-                let out = add_scaled(*center, outward, radius * libm::cos(angle));
-                let vertex = add_scaled(out, [0.0, 1.0, 0.0], radius * libm::sin(angle));
-                vertices.push(vertex.map(|value| value as f32));
-            }
-        }
-        vertices
-    }
-
-    /// The nearest point of the circle and the radius of the tube there.
-    fn nearest(&self, point: Point) -> (Point, f64) {
-        let mut best = (f64::INFINITY, self.centers[0], self.radii[0]);
-        for segment in 0..RING_SEGMENTS {
-            let next = (segment + 1) % RING_SEGMENTS;
-            let (from, to) = (self.centers[segment], self.centers[next]);
-            let along = subtract(to, from);
-            let part = dot(subtract(point, from), along) / dot(along, along);
-            let part = part.clamp(0.0, 1.0);
-            let center = add_scaled(from, along, part);
-            let radius = self.radii[segment] + part * (self.radii[next] - self.radii[segment]);
-            let away = subtract(point, center);
-            let depth = dot(away, away).sqrt() - radius;
-            if depth < best.0 {
-                best = (depth, center, radius);
-            }
-        }
-        (best.1, best.2)
-    }
+/// The vertices of the ring at one moment, in the order of those of [`torus`]: a circle that shrinks and bends like
+/// the rim of a saddle, with a tube that swells in waves.
+fn ring_vertices(time: f64) -> impl Iterator<Item = Point> {
+    let bend = 0.12 * libm::sin(TAU * 0.75 * time);
+    let major = RING_MAJOR * (1.0 - 0.15 * (1.0 - libm::cos(TAU * 0.5 * time)));
+    (0..RING_SEGMENTS).flat_map(move |segment| {
+        let angle = TAU * segment as f64 / RING_SEGMENTS as f64;
+        let outward = [libm::cos(angle), 0.0, libm::sin(angle)];
+        let height = [0.0, bend * libm::cos(2.0 * angle), 0.0];
+        let center = add_scaled(add_scaled(RING_CENTER, outward, major), height, 1.0);
+        let wave = libm::sin(3.0 * angle - TAU * time);
+        let radius = RING_MINOR * (1.0 + 0.2 * wave);
+        (0..TUBE_SEGMENTS).map(move |tube| {
+            let angle = TAU * tube as f64 / TUBE_SEGMENTS as f64;
+            let out = add_scaled(center, outward, radius * libm::cos(angle));
+            add_scaled(out, [0.0, 1.0, 0.0], radius * libm::sin(angle))
+        })
+    })
 }
 
 /// Two vertices that want to be a certain distance apart.
@@ -187,26 +138,33 @@ struct Spring {
     compressed: f64,
 }
 
-/// A part of the cloth and another one without common vertices.
+/// Two parts without common vertices, at least one of them of the cloth.
 enum Contact {
     VertexTriangle(usize, [usize; 3]),
     EdgeEdge([usize; 2], [usize; 2]),
 }
 
-struct Cloth {
+struct Simulation {
+    /// The vertices of the cloth, the ball and the ring; only those of the cloth are free to move.
     positions: Vec<Point>,
-    previous: Vec<Point>,
-    velocities: Vec<Point>,
     triangles: Vec<[u32; 3]>,
-    springs: Vec<Spring>,
     edges: Vec<[usize; 2]>,
-    /// What may touch until the cloth has moved on.
+    springs: Vec<Spring>,
+    /// What may touch until something has moved on.
     contacts: Vec<Contact>,
     /// The positions at the last search; none before the first.
     searched: Vec<Point>,
+    /// The positions of the cloth before the step, and its velocities.
+    previous: Vec<Point>,
+    velocities: Vec<Point>,
+    /// For each vertex of the cloth, the smallest gap of its contacts before the step.
+    room: Vec<f64>,
+    /// For each vertex of the cloth, the sum of the directions in which the ball and the ring pushed it, and how the
+    /// last of them rubs.
+    pushes: Vec<(Point, f64)>,
 }
 
-impl Cloth {
+impl Simulation {
     fn new() -> Self {
         let size = CLOTH_EDGE * CLOTH_CELLS as f32;
         // The turns are off the axes a little, so that no symmetry keeps the cloth from falling to one side.
@@ -214,17 +172,26 @@ impl Cloth {
             .rotate([0.0, 1.0, 0.0], 0.2)
             .rotate([1.0, 0.0, 0.1], 1.4)
             .translate([0.0, CLOTH_HEIGHT, 0.0]);
-        let positions: Vec<Point> = sheet.positions.iter().map(|position| position.map(f64::from)).collect();
-        Self {
-            previous: positions.clone(),
-            velocities: vec![[0.0; 3]; CLOTH_COUNT],
+        let scene = merge(&[
+            sheet,
+            icosphere(2, BALL_RADIUS).translate(BALL_CENTER),
+            torus(RING_MAJOR as f32, RING_MINOR as f32, RING_SEGMENTS, TUBE_SEGMENTS),
+        ]);
+        let positions: Vec<Point> = scene.positions.iter().map(|position| position.map(f64::from)).collect();
+        let mut simulation = Self {
+            previous: positions[CLOTH_VERTICES].to_vec(),
             positions,
-            edges: edges(&sheet.triangles),
-            triangles: sheet.triangles,
+            edges: edges(&scene.triangles),
+            triangles: scene.triangles,
             springs: springs(),
             contacts: Vec::new(),
             searched: Vec::new(),
-        }
+            velocities: vec![[0.0; 3]; CLOTH_COUNT],
+            room: vec![0.0; CLOTH_COUNT],
+            pushes: vec![([0.0; 3], 0.0); CLOTH_COUNT],
+        };
+        simulation.move_ring(0.0);
+        simulation
     }
 
     /// Positions as the recording has them.
@@ -236,18 +203,98 @@ impl Cloth {
     /// Moves on by one frame from `time`, in seconds.
     fn advance(&mut self, time: f64) {
         for substep in 0..SUBSTEPS {
-            let ring = Ring::at(time + (substep + 1) as f64 * STEP);
+            self.move_ring(time + (substep + 1) as f64 * STEP);
+            self.search_contacts();
+            self.measure_room();
             self.predict();
             self.satisfy_springs();
-            self.search_contacts();
             self.separate_contacts();
-            self.leave_obstacles(&ring);
+            self.leave_floor();
             self.finish();
         }
     }
 
+    fn move_ring(&mut self, time: f64) {
+        for (position, vertex) in self.positions[TORUS_VERTICES].iter_mut().zip(ring_vertices(time)) {
+            *position = vertex;
+        }
+    }
+
+    /// Finds the vertices and triangles, and the edges, that may come within the thickness before the next search.
+    fn search_contacts(&mut self) {
+        let positions = &self.positions;
+        let is_valid = !self.searched.is_empty()
+            && positions
+                .iter()
+                .zip(&self.searched)
+                .all(|(position, searched)| distance(*position, *searched) < 0.25 * REACH);
+        if is_valid {
+            return;
+        }
+        self.searched.clone_from(positions);
+        let contacts = &mut self.contacts;
+        contacts.clear();
+        let margin = THICKNESS + REACH;
+
+        let vertices = CellHash::new(positions);
+        for triangle in &self.triangles {
+            let corners = triangle.map(|corner| corner as usize);
+            let points = corners.map(|corner| positions[corner]);
+            vertices.visit(&points, margin, |vertex| {
+                if corners.contains(&vertex) || !(is_cloth(vertex) || is_cloth(corners[0])) {
+                    return;
+                }
+                let weights = nearest_weights(positions[vertex], points);
+                let nearest = weighted(&points, &weights);
+                if distance(positions[vertex], nearest) < margin {
+                    contacts.push(Contact::VertexTriangle(vertex, corners));
+                }
+            });
+        }
+
+        // The edges of the cloth come first.
+        let cloth_edges = self.edges.partition_point(|edge| is_cloth(edge[0]));
+        let middles: Vec<Point> = self.edges[..cloth_edges]
+            .iter()
+            .map(|edge| weighted(&edge.map(|end| positions[end]), &[0.5, 0.5]))
+            .collect();
+        let middles = CellHash::new(&middles);
+        for (first, &edge) in self.edges.iter().enumerate() {
+            let ends = edge.map(|end| positions[end]);
+            middles.visit(&ends, margin + LONGEST_HALF_EDGE, |second| {
+                let other = self.edges[second];
+                if second >= first || other.iter().any(|end| edge.contains(end)) {
+                    return;
+                }
+                let other_ends = other.map(|end| positions[end]);
+                if !are_boxes_near(ends, other_ends, margin) {
+                    return;
+                }
+                let (part, other_part) = nearest_parts(ends, other_ends);
+                let near = weighted(&ends, &[1.0 - part, part]);
+                let other_near = weighted(&other_ends, &[1.0 - other_part, other_part]);
+                if distance(near, other_near) < margin {
+                    contacts.push(Contact::EdgeEdge(edge, other));
+                }
+            });
+        }
+    }
+
+    fn measure_room(&mut self) {
+        self.room.fill(THICKNESS + 0.5 * REACH);
+        for contact in &self.contacts {
+            let nearest = contact.nearest(&self.positions);
+            let gap = nearest.gap();
+            for vertex in nearest.vertices {
+                if is_cloth(vertex) && gap < self.room[vertex] {
+                    self.room[vertex] = gap;
+                }
+            }
+        }
+    }
+
     fn predict(&mut self) {
-        self.previous.clone_from(&self.positions);
+        self.previous.copy_from_slice(&self.positions[CLOTH_VERTICES]);
         for (position, velocity) in self.positions.iter_mut().zip(&mut self.velocities) {
             velocity[1] -= GRAVITY * STEP;
             *velocity = scaled(*velocity, 1.0 - DRAG * STEP);
@@ -270,139 +317,102 @@ impl Cloth {
         }
     }
 
-    /// Finds the vertices and triangles, and the edges, that may come within the thickness before the next search.
-    fn search_contacts(&mut self) {
-        let positions = &self.positions;
-        let is_valid = !self.searched.is_empty()
-            && positions
-                .iter()
-                .zip(&self.searched)
-                .all(|(position, searched)| distance(*position, *searched) < 0.5 * REACH);
-        if is_valid {
-            return;
-        }
-        self.searched.clone_from(positions);
-        let contacts = &mut self.contacts;
-        contacts.clear();
-        let margin = THICKNESS + REACH;
-
-        let vertices = CellHash::new(positions);
-        for triangle in &self.triangles {
-            let corners = triangle.map(|corner| corner as usize);
-            let points = corners.map(|corner| positions[corner]);
-            vertices.visit(&points, margin, |vertex| {
-                if corners.contains(&vertex) {
-                    return;
-                }
-                let weights = nearest_weights(positions[vertex], points);
-                let nearest = weighted(&points, &weights);
-                if distance(positions[vertex], nearest) < margin {
-                    contacts.push(Contact::VertexTriangle(vertex, corners));
-                }
-            });
-        }
-
-        let middles: Vec<Point> =
-            self.edges.iter().map(|edge| weighted(&edge.map(|end| positions[end]), &[0.5, 0.5])).collect();
-        let middles = CellHash::new(&middles);
-        for (first, &edge) in self.edges.iter().enumerate() {
-            let ends = edge.map(|end| positions[end]);
-            middles.visit(&ends, margin + LONGEST_HALF_EDGE, |second| {
-                let other = self.edges[second];
-                if second <= first || other.iter().any(|end| edge.contains(end)) {
-                    return;
-                }
-                let other_ends = other.map(|end| positions[end]);
-                if !are_boxes_near(ends, other_ends, margin) {
-                    return;
-                }
-                let (part, other_part) = nearest_parts(ends, other_ends);
-                let near = weighted(&ends, &[1.0 - part, part]);
-                let other_near = weighted(&other_ends, &[1.0 - other_part, other_part]);
-                if distance(near, other_near) < margin {
-                    contacts.push(Contact::EdgeEdge(edge, other));
-                }
-            });
-        }
-    }
-
+    /// Moves what is too near apart to the thickness, and lets the cloth rub on what it was pushed by.
     fn separate_contacts(&mut self) {
+        self.pushes.fill(([0.0; 3], 0.0));
         for contact in &self.contacts {
-            match *contact {
-                Contact::VertexTriangle(vertex, corners) => {
-                    let points = corners.map(|corner| self.positions[corner]);
-                    let weights = nearest_weights(self.positions[vertex], points);
-                    push_apart(&mut self.positions, ([vertex], [1.0]), (corners, weights));
+            let nearest = contact.nearest(&self.positions);
+            let gap = nearest.gap();
+            if gap >= THICKNESS || gap == 0.0 {
+                continue;
+            }
+            let movable = nearest.vertices.into_iter().zip(nearest.weights).filter(|&(vertex, _)| is_cloth(vertex));
+            let mobility: f64 = movable.clone().map(|(_, weight)| weight * weight).sum();
+            let obstacle = nearest.vertices.into_iter().find(|&vertex| !is_cloth(vertex));
+            let normal = scaled(nearest.between, 1.0 / gap);
+            for (vertex, weight) in movable {
+                self.positions[vertex] =
+                    add_scaled(self.positions[vertex], normal, weight * (THICKNESS - gap) / mobility);
+                if let Some(obstacle) = obstacle {
+                    let (direction, friction) = &mut self.pushes[vertex];
+                    *direction = add_scaled(*direction, normal, weight);
+                    *friction = if BALL_VERTICES.contains(&obstacle) { BALL_FRICTION } else { FRICTION };
                 }
-                Contact::EdgeEdge(edge, other) => {
-                    let ends = [edge, other].map(|edge| edge.map(|end| self.positions[end]));
-                    let (part, other_part) = nearest_parts(ends[0], ends[1]);
-                    push_apart(
-                        &mut self.positions,
-                        (edge, [1.0 - part, part]),
-                        (other, [1.0 - other_part, other_part]),
-                    );
-                }
+            }
+        }
+        for ((position, previous), (direction, friction)) in
+            self.positions.iter_mut().zip(&self.previous).zip(&self.pushes)
+        {
+            let length = dot(*direction, *direction).sqrt();
+            if length > 0.0 {
+                rub(position, *previous, scaled(*direction, 1.0 / length), friction * length.min(1.0));
             }
         }
     }
 
-    fn leave_obstacles(&mut self, ring: &Ring) {
-        let ball = BALL_CENTER.map(f64::from);
+    fn leave_floor(&mut self) {
         for (position, previous) in self.positions.iter_mut().zip(&self.previous) {
             if position[1] < CLEARANCE {
                 position[1] = CLEARANCE;
                 rub(position, *previous, [0.0, 1.0, 0.0], FRICTION);
             }
-            let (center, radius) = ring.nearest(*position);
-            for (center, radius, friction) in
-                [(center, radius, FRICTION), (ball, f64::from(BALL_RADIUS), BALL_FRICTION)]
-            {
-                let away = subtract(*position, center);
-                let distance = dot(away, away).sqrt();
-                if distance < radius + CLEARANCE && distance > 0.0 {
-                    let normal = scaled(away, 1.0 / distance);
-                    *position = add_scaled(center, normal, radius + CLEARANCE);
-                    rub(position, *previous, normal, friction);
-                }
-            }
         }
     }
 
     fn finish(&mut self) {
-        for ((position, previous), velocity) in self.positions.iter_mut().zip(&self.previous).zip(&mut self.velocities)
-        {
+        let cloth = self.positions.iter_mut().zip(&self.previous).zip(&mut self.velocities).zip(&self.room);
+        for (((position, previous), velocity), room) in cloth {
             let moved = subtract(*position, *previous);
             let distance = dot(moved, moved).sqrt();
-            if distance > TOP_SPEED * STEP {
-                *position = add_scaled(*previous, moved, TOP_SPEED * STEP / distance);
+            let farthest = (ROOM * room).min(TOP_SPEED * STEP);
+            if distance > farthest {
+                *position = add_scaled(*previous, moved, farthest / distance);
             }
             *velocity = scaled(subtract(*position, *previous), 1.0 / STEP);
         }
     }
 }
 
-/// Moves two points, given by vertices and weights, apart to the thickness of the cloth.
-fn push_apart<const A: usize, const B: usize>(
-    positions: &mut [Point],
-    (first, first_weights): ([usize; A], [f64; A]),
-    (second, second_weights): ([usize; B], [f64; B]),
-) {
-    let from = weighted(&second.map(|vertex| positions[vertex]), &second_weights);
-    let to = weighted(&first.map(|vertex| positions[vertex]), &first_weights);
-    let gap = distance(from, to);
-    if gap >= THICKNESS || gap == 0.0 {
-        return;
+impl Contact {
+    fn nearest(&self, positions: &[Point]) -> Nearest {
+        match *self {
+            Self::VertexTriangle(vertex, [a, b, c]) => {
+                let points = [a, b, c].map(|corner| positions[corner]);
+                let weights = nearest_weights(positions[vertex], points);
+                Nearest {
+                    vertices: [vertex, a, b, c],
+                    weights: [1.0, -weights[0], -weights[1], -weights[2]],
+                    between: subtract(positions[vertex], weighted(&points, &weights)),
+                }
+            }
+            Self::EdgeEdge([a, b], [c, d]) => {
+                let (first, second) = ([a, b].map(|end| positions[end]), [c, d].map(|end| positions[end]));
+                let (part, other_part) = nearest_parts(first, second);
+                let weights = [1.0 - part, part, other_part - 1.0, -other_part];
+                let points = [first[0], first[1], second[0], second[1]];
+                Nearest { vertices: [a, b, c, d], weights, between: weighted(&points, &weights) }
+            }
+        }
     }
-    let weights = first_weights.iter().chain(&second_weights);
-    let mobility: f64 = weights.map(|weight| weight * weight).sum();
-    let push = scaled(subtract(to, from), (THICKNESS - gap) / (gap * mobility));
-    for (vertex, weight) in first.into_iter().zip(first_weights) {
-        positions[vertex] = add_scaled(positions[vertex], push, weight);
+}
+
+/// The nearest points of two parts.
+struct Nearest {
+    vertices: [usize; 4],
+    /// How much each vertex counts in `between`; those of the second part count negative.
+    weights: [f64; 4],
+    /// From the point of the second part to that of the first.
+    between: Point,
+}
+
+impl Nearest {
+    fn gap(&self) -> f64 {
+        dot(self.between, self.between).sqrt()
     }
-    for (vertex, weight) in second.into_iter().zip(second_weights) {
-        positions[vertex] = add_scaled(positions[vertex], push, -weight);
-    }
+}
+
+fn is_cloth(vertex: usize) -> bool {
+    CLOTH_VERTICES.contains(&vertex)
 }
 
 /// Takes back a part of the motion since `previous` that is across the `normal`.
