@@ -95,6 +95,10 @@ struct Touching {
 }
 
 impl Touching {
+    fn new(stored: &StoredPair) -> Self {
+        Self { sides: sides(stored), events: stored.events, order: stored.order }
+    }
+
     /// Calls `announce` with each side that asked and is still there, and the other one.
     fn for_each_listener(&self, entities: &Entities, mut announce: impl FnMut(Entity, Entity)) {
         let [a, b] = self.sides;
@@ -104,15 +108,6 @@ impl Touching {
         if a != b && self.events[1] && entities.contains_spawned(b) {
             announce(b, a);
         }
-    }
-
-    /// Takes over what may have changed since the contact began: which side comes first.
-    fn follow(&mut self, stored: &StoredPair) {
-        if self.sides != sides(stored) {
-            self.sides.reverse();
-            self.events.reverse();
-        }
-        self.order = stored.order;
     }
 }
 
@@ -142,7 +137,7 @@ fn send_contacts(
     touching.retain_mut(|pair| {
         let stored = near.get(&name(pair.sides));
         match stored {
-            Some(stored) => pair.follow(stored),
+            Some(stored) => *pair = Touching::new(stored),
             None => over.push(*pair),
         }
         stored.is_some()
@@ -157,7 +152,7 @@ fn send_contacts(
     }
     let already: HashSet<[Entity; 2]> = touching.iter().map(|pair| name(pair.sides)).collect();
     for stored in &store.pairs {
-        let pair = Touching { sides: sides(stored), events: stored.events, order: stored.order };
+        let pair = Touching::new(stored);
         if stored.nearest > f64::from(stored.contact_distance) || already.contains(&name(pair.sides)) {
             continue;
         }

@@ -2,7 +2,7 @@
 //!
 //! Contacts are sorted by key and made unique, and a two-sided contact keeps the side it was on in the last tick.
 
-use std::{collections::HashMap, sync::Arc};
+use std::{collections::HashMap, sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -45,7 +45,7 @@ fn gather_contacts(
     mut diagnostics: ResMut<DetectionDiagnostics>,
     spheres: SphereQuery,
 ) {
-    let start = diagnostics.start();
+    let start = Instant::now();
     std::mem::swap(&mut *store, &mut *previous);
     store.tick = previous.tick + 1;
     store.pairs.clear();

@@ -1,5 +1,7 @@
 //! Stage 1: boxes of triangles, and of whole surfaces in the world.
 
+use std::time::Instant;
+
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 use glam::Vec3;
@@ -65,7 +67,7 @@ fn compute_bounds(
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&SurfacePositions, &mut TriangleBounds)>,
 ) {
-    let start = diagnostics.start();
+    let start = Instant::now();
     // What was gathered may have been spoiled or despawned since, by a prediction or before a run by hand: it sits this
     // detection out, and the next `Prepare` names the reason if there still is one.
     active.surfaces.retain(|surface| {

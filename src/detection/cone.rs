@@ -1,5 +1,7 @@
 //! Stage 6: overlapping spheres whose line between the centers lies in both safety cones.
 
+use std::time::Instant;
+
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
@@ -44,7 +46,7 @@ fn test_cones(
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
-    let start = diagnostics.start();
+    let start = Instant::now();
     let (mut pairs_in, mut pairs_out) = (0, 0);
     meeting.pairs.resize_with(candidates.pairs.len(), Vec::new);
     for ((pair, overlapping), meeting) in candidates.pairs.iter().zip(&overlapping.pairs).zip(&mut meeting.pairs) {

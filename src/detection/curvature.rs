@@ -1,5 +1,7 @@
 //! Stage 3: curvature and dihedral angles of the surfaces whose spheres are offset.
 
+use std::time::Instant;
+
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
@@ -51,7 +53,7 @@ fn measure_curvature(
     mut surfaces: Query<(&SurfacePositions, &mut TriangleCurvature)>,
 ) {
     let used = surfaces_with_method(&active, &candidates, ContactMethod::Circumsphere);
-    let start = diagnostics.start();
+    let start = Instant::now();
     let any_used = used.contains(&true);
     for (surface, used) in active.surfaces.iter().zip(used) {
         let Ok((positions, mut curvature)) = surfaces.get_mut(surface.entity) else { continue };

@@ -46,11 +46,6 @@ impl DetectionDiagnostics {
         self.stages.clear();
     }
 
-    #[expect(clippy::unused_self, reason = "pairs with finish, and only a tick that has begun is measured")]
-    pub(crate) fn start(&self) -> Instant {
-        Instant::now()
-    }
-
     pub(crate) fn finish(&mut self, name: &'static str, start: Instant, pairs_in: usize, pairs_out: usize) {
         self.stages.push(StageDiagnostics { name, duration: start.elapsed(), pairs_in, pairs_out });
         self.total =

@@ -1,5 +1,7 @@
 //! Stage 7: the exact test of candidates, for the methods that miss nothing and for rigid shapes.
 
+use std::time::Instant;
+
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
@@ -45,7 +47,7 @@ fn refine(
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: Query<&SurfacePositions>,
 ) {
-    let start = diagnostics.start();
+    let start = Instant::now();
     let (mut pairs_in, mut pairs_out, mut examined) = (0, 0, 0);
     refined.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
     for (pair, refined) in candidates.pairs.iter().zip(&mut refined.pairs) {

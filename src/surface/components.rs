@@ -187,7 +187,8 @@ pub struct SurfaceDisabled;
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Teleported;
 
-/// Asks for messages and entity events about the contacts of a surface or shape.
+/// Asks for messages and entity events about the contacts of a surface or shape, for as long as it is there: inserted
+/// during a contact, it brings the end of that contact but not its start.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ContactEventsEnabled;
 

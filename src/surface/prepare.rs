@@ -1,6 +1,6 @@
 //! First stage of a tick: reads what the game wrote, sets aside what cannot be used, and gathers the rest.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::{
@@ -165,7 +165,7 @@ fn gather_surfaces(
     transforms: Transforms,
 ) {
     diagnostics.begin_tick();
-    let watch = diagnostics.start();
+    let watch = Instant::now();
     quarantines.0.clear();
     active.surfaces.clear();
     for mut item in &mut surfaces {

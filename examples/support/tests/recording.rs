@@ -164,7 +164,7 @@ fn f64_recording_keeps_double_precision() {
     assert_eq!(recording.triangles, [[0, 1, 2]]);
     assert_eq!(recording.frames, [positions.to_vec()]);
 
-    assert_refused!(refusal(&path), RecordingError::WrongMagic { .. }, "read_f64_recording");
+    assert_refused!(refusal(&path), RecordingError::WrongMagic { .. }, "of another kind");
     let path = folder.file("f32.bin", tetrahedron_bin());
     assert_refused!(read_f64_recording(&path).unwrap_err(), RecordingError::WrongMagic { .. }, "f32.bin");
     bytes.pop();

@@ -7,6 +7,8 @@
 mod brute_force;
 mod tree;
 
+use std::time::Instant;
+
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 use glam::Vec3;
@@ -150,7 +152,7 @@ fn pair_surfaces(
     mut diagnostics: ResMut<DetectionDiagnostics>,
     positions: Query<&SurfacePositions>,
 ) {
-    let start = diagnostics.start();
+    let start = Instant::now();
     let surfaces = &active.surfaces;
     let bounds: Vec<Aabb> = surfaces.iter().map(|surface| surface.world_bounds).collect();
     let tree = BoxTree::new(&bounds);

@@ -1,6 +1,6 @@
 //! Pairs of triangles by a bounding volume tree per surface, refitted every tick.
 
-use std::sync::Arc;
+use std::{sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -42,7 +42,7 @@ fn update_trees(
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&TriangleBounds, &mut SurfaceTree)>,
 ) {
-    let start = diagnostics.start();
+    let start = Instant::now();
     for surface in &active.surfaces {
         let Ok((bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
         if tree.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, &surface.topology)) {
@@ -52,7 +52,7 @@ fn update_trees(
                 diagnostics.trees_rebuilt += 1;
             }
         } else {
-            let build = diagnostics.start();
+            let build = Instant::now();
             tree.tree.rebuild(&bounds.triangles);
             tree.topology = Some(Arc::clone(&surface.topology));
             diagnostics.first_tree_builds += build.elapsed();
@@ -69,7 +69,7 @@ fn pair_triangles(
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: Query<(&TriangleBounds, &SurfaceTree)>,
 ) {
-    let start = diagnostics.start();
+    let start = Instant::now();
     for pair in &mut candidates.pairs {
         let first = &active.surfaces[pair.first];
         let Ok((bounds, tree)) = surfaces.get(first.entity) else { continue };

@@ -45,8 +45,8 @@ pub enum RecordingError {
     },
     /// A `.bin` file does not begin with the magic of the recording asked for.
     #[error(
-        "{}: begins with {found:#010x} instead of the magic {expected:#010x}; f32 recordings are read with \
-         read_recording, f64 recordings with read_f64_recording", file.display()
+        "{}: begins with {found:#010x} instead of {expected:#010x}, the magic of such a recording: it is of another kind \
+         or damaged", file.display()
     )]
     WrongMagic {
         /// The file in question.
