@@ -12,7 +12,11 @@ mod player;
 #[path = "replay/report.rs"]
 mod report;
 
-use std::{path::Path, process::ExitCode};
+use std::{
+    io::{self, Write},
+    path::Path,
+    process::ExitCode,
+};
 
 use bevy_app::prelude::*;
 use circumsphere_support::recording::{Recording, RecordingError, read_recording};
@@ -90,7 +94,8 @@ fn replay(options: &Options) -> Result<(), ReplayError> {
     let set_up = recorder(options)?;
     let played = player::play(&recording, &scene, &settings, set_up, |frame, contacts| writers.write(frame, contacts))?;
     let report = report::Report::new(name, &recording, &settings, played);
-    print!("{report}");
     writers.finish(&report)?;
+    // Whoever reads the table may stop reading.
+    let _ = write!(io::stdout(), "{report}");
     Ok(())
 }

@@ -22,10 +22,13 @@ pub mod prelude {
 
     pub use crate::{
         contacts::{
-            Contact, ContactSide, SurfaceContactEnded, SurfaceContactStarted, SurfaceContacts, SurfaceQuarantined,
+            Contact, ContactSide, StencilEntry, SurfaceContactEnded, SurfaceContactStarted, SurfaceContacts,
+            SurfaceQuarantined,
         },
         kernel::{
-            ids::{EdgeId, TriangleId, VertexId},
+            contact::ContactKey,
+            exact::{Feature, FeatureKind},
+            ids::{TriangleId, VertexId},
             topology::TopologyError,
         },
         plugins::DeformableCollisionPlugins,

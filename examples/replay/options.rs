@@ -11,7 +11,7 @@ const DEFAULT_DISTANCE_EDGES: f64 = 0.1;
 
 /// Detect the contacts of a recorded deforming mesh with itself, frame by frame.
 #[derive(Parser, Debug)]
-#[command(name = "replay")]
+#[command(name = "replay", allow_negative_numbers = true)]
 pub struct Options {
     /// The frames of one mesh in order (PLY or OBJ), or one .bin recording; none: an embedded scene
     pub files: Vec<PathBuf>,
@@ -141,8 +141,10 @@ impl FromStr for FrameRange {
 
 #[derive(Debug, thiserror::Error)]
 pub enum OptionsError {
-    #[error("--frames {start}..{end}: the recording has the frames 0..{frames}")]
+    #[error("--frames {start}..{end}: expected a range with at least one of the frames 0..{frames}")]
     NoSuchFrames { start: usize, end: usize, frames: usize },
+    #[error("{option} {value}: a contact distance of {distance} is beyond single precision")]
+    TooFar { option: &'static str, value: f64, distance: f64 },
     #[error("{option} {value}: expected a number of {least} or more")]
     OutOfRange { option: &'static str, value: f64, least: &'static str },
 }
@@ -189,6 +191,11 @@ impl Options {
                 return Err(OptionsError::OutOfRange { option, value, least: "0" });
             }
         }
+        let contact_distance = self.contact_distance.unwrap_or(edges * mean_edge);
+        if contact_distance > f64::from(f32::MAX) {
+            let option = "--contact-distance-edges";
+            return Err(OptionsError::TooFar { option, value: edges, distance: contact_distance });
+        }
         let threshold = f64::from(self.curvature_threshold);
         if !(threshold > 0.0 && threshold.is_finite()) {
             return Err(OptionsError::OutOfRange {
@@ -205,7 +212,7 @@ impl Options {
             method: self.method,
             broad_phase: self.broad_phase,
             surfaces: self.surfaces,
-            contact_distance: self.contact_distance.unwrap_or(edges * mean_edge),
+            contact_distance,
             mean_edge,
             phi: self.phi,
             delta: self.delta,

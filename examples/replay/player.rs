@@ -208,10 +208,12 @@ impl<'a> Stage<'a> {
                 let positions = part.positions(&recording.frames[0]);
                 let (surface, _) = DeformableSurface::from_mesh(&positions, &part.local_triangles)
                     .expect("the whole mesh has been accepted");
+                // A recording is one mesh: whether a part of it is a surface of its own must not change its contacts.
+                let sidedness = Sidedness::TwoSided;
                 let thickness = SurfaceThickness::World((0.5 * settings.contact_distance) as f32);
                 let entity = app
                     .world_mut()
-                    .spawn((surface, SelfCollision, thickness, ContactMethod::from(settings.method)))
+                    .spawn((surface, SelfCollision, thickness, sidedness, ContactMethod::from(settings.method)))
                     .id();
                 (entity, part)
             })

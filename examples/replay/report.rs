@@ -144,7 +144,7 @@ impl Display for Report {
             self.threads,
             self.build_ms
         )?;
-        writeln!(out, "medians over {} frame(s):\n", self.frames.len())?;
+        writeln!(out, "medians over {} frame(s), per frame:\n", self.frames.len())?;
         writeln!(out, "{:<16}{:>12}{:>14}{:>14}{:>12}", "stage", "ms", "pairs in", "pairs out", "refreshed")?;
         for name in self.stage_names() {
             let of_stage = |value: fn(&StageReport) -> f64| {
@@ -174,7 +174,9 @@ impl Display for Report {
             self.over_frames(|frame| frame.pairs as f64),
             self.over_frames(|frame| frame.recipes_refreshed as f64),
         )?;
-        writeln!(out, "\ntouching pairs: {:.0}", self.over_frames(|frame| frame.pairs as f64))?;
-        writeln!(out, "contacts: {:.0}", self.over_frames(|frame| frame.contacts as f64))
+        let sum = |value: fn(&FrameReport) -> usize| self.frames.iter().map(value).sum::<usize>();
+        let (pairs, contacts) = (sum(|frame| frame.pairs), sum(|frame| frame.contacts));
+        writeln!(out, "\ntouching pairs: {:.0} a frame, {pairs} in all", self.over_frames(|frame| frame.pairs as f64))?;
+        writeln!(out, "contacts: {:.0} a frame, {contacts} in all", self.over_frames(|frame| frame.contacts as f64))
     }
 }

@@ -15,6 +15,7 @@ use crate::{
     },
     kernel::{
         contact::CompactContact,
+        exact::FeatureKind,
         pair::FoundPairs,
         sphere_pairs::{ball_contacts, cap_contacts},
         topology::SurfaceTopology,
@@ -156,7 +157,9 @@ fn keep_sides(contacts: &mut [CompactContact], before: &[CompactContact], same_s
     for contact in contacts {
         while before.next_if(|other| other.key < contact.key).is_some() {}
         let Some(last) = before.next_if(|other| other.key == contact.key) else { continue };
-        if normal(contact).dot(normal(last)) < 0.0 {
+        // Around a corner or a rim a direction may turn without anything having passed.
+        let has_sides = matches!(contact.features.kind(), FeatureKind::VertexFace | FeatureKind::EdgeEdge);
+        if has_sides && normal(contact).dot(normal(last)) < 0.0 {
             contact.normal = -contact.normal;
             contact.distance = -contact.distance;
         }

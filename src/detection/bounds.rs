@@ -67,6 +67,7 @@ fn compute_bounds(
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&SurfacePositions, &mut TriangleBounds)>,
 ) {
+    diagnostics.begin_detection();
     let start = Instant::now();
     // What was gathered may have been spoiled or despawned since, by a prediction or before a run by hand: it sits this
     // detection out, and the next `Prepare` names the reason if there still is one.
@@ -81,5 +82,5 @@ fn compute_bounds(
         let whole = triangle_bounds(&positions.0, surface.topology.triangles(), growth, &mut bounds.triangles);
         surface.world_bounds = moved_box(&whole, &surface.pose);
     }
-    diagnostics.finish("bounds", start, 0, 0);
+    diagnostics.finish(DetectionDiagnostics::FIRST_DETECTION_STAGE, start, 0, 0);
 }

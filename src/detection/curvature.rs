@@ -16,7 +16,8 @@ use crate::{
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
-/// Curvature and dihedral angles of a surface's triangles; empty unless a pair of it is tested by offset spheres.
+/// Curvature and dihedral angles of a surface's triangles, of the last tick in which a pair of it was tested by
+/// offset spheres; empty where the surface's own method is more exact.
 #[derive(Component, Clone, Debug, Default)]
 pub struct TriangleCurvature(pub Curvatures);
 

@@ -41,6 +41,15 @@ impl DetectionDiagnostics {
         self.total
     }
 
+    /// Begins a tick, unless it has begun in `Prepare`: detection may be run by hand.
+    pub(crate) fn begin_detection(&mut self) {
+        if self.stages.iter().any(|stage| stage.name == Self::FIRST_DETECTION_STAGE) {
+            self.begin_tick();
+        }
+    }
+
+    pub(crate) const FIRST_DETECTION_STAGE: &str = "bounds";
+
     pub(crate) fn begin_tick(&mut self) {
         *self = Self { stages: std::mem::take(&mut self.stages), tick_start: Some(Instant::now()), ..Self::default() };
         self.stages.clear();

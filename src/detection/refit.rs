@@ -12,23 +12,27 @@ use super::{
 };
 use crate::{
     kernel::{
-        circumsphere::{Ball, OffsetSpheres, enclosing_balls},
+        circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
         cone::SafetyCones,
+        curvature::CurvatureEstimator,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
-/// The smallest ball around each triangle; empty unless a pair of the surface is tested by them.
+/// The smallest ball around each triangle, of the last tick in which a pair of the surface was tested by
+/// them; empty where the surface's own method is more exact.
 #[derive(Component, Clone, Debug, Default)]
 pub struct EnclosingBalls(pub Vec<Ball>);
 
-/// The offset sphere of each triangle; empty unless a pair of the surface is tested by them.
+/// The offset sphere of each triangle, of the last tick in which a pair of the surface was tested by
+/// them; empty where the surface's own method is more exact.
 #[derive(Component, Clone, Debug, Default)]
 pub struct Circumspheres(pub OffsetSpheres);
 
-/// The safety cone of each triangle; empty unless a pair of the surface is tested by them.
+/// The safety cone of each triangle, of the last tick in which a pair of the surface was tested by
+/// them; empty where the surface's own method is more exact.
 #[derive(Component, Clone, Debug, Default)]
 pub struct TriangleCones(pub SafetyCones);
 
@@ -67,12 +71,19 @@ fn refit_spheres(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
+    mut last: Local<Option<(RecipeSettings, CurvatureEstimator)>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&SurfacePositions, &TriangleCurvature, &mut Circumspheres, &mut TriangleCones)>,
 ) {
     let used = surfaces_with_method(&active, &candidates, ContactMethod::Circumsphere);
     let start = Instant::now();
     let mut any_used = false;
+    let made_with = (settings.recipe(), settings.estimator);
+    // A new delta is for the next refresh to heed; anything else makes other spheres of the same shape.
+    let changed = last.is_some_and(|(recipe, estimator)| {
+        (RecipeSettings { delta: recipe.delta, ..made_with.0 }, made_with.1) != (recipe, estimator)
+    });
+    *last = Some(made_with);
     for (surface, used) in active.surfaces.iter().zip(used) {
         let Ok((positions, curvature, mut spheres, mut cones)) = surfaces.get_mut(surface.entity) else { continue };
         any_used |= used;
@@ -82,7 +93,7 @@ fn refit_spheres(
                 *spheres = Circumspheres::default();
                 *cones = TriangleCones::default();
             }
-        } else if surface.fresh {
+        } else if surface.fresh || changed {
             spheres.0.forget();
         }
         if used {

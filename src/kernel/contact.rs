@@ -52,7 +52,7 @@ pub struct CompactContact {
     pub triangle_a: u32,
     /// Triangle of the second surface; of a rigid shape the number of its part.
     pub triangle_b: u32,
-    /// Which parts of the two triangles. A rigid shape is a face.
+    /// Which parts of the two triangles. A rigid shape is a face, or an edge where it meets one.
     pub features: FeaturePair,
     /// Weights of the first two corners of triangle a; the third is what is left of 1.
     pub barycentric_a: [f32; 2],
@@ -117,9 +117,10 @@ impl CompactContact {
     pub fn with_shape(topology: &SurfaceTopology, triangle: u32, proximity: &ShapeProximity, scale: f64) -> Self {
         let features = FeaturePair {
             a: proximity.feature,
-            // The pair's kind tells a crossing apart: an edge of the triangle or of the shape pierces a face.
+            // The pair's kind tells a crossing apart: an edge of the triangle or of the shape pierces a face. An edge
+            // that is only close to the shape is close to an edge of it, as far as the kind goes.
             b: match (proximity.crossing, proximity.feature) {
-                (true, Feature::Face) => Feature::Edge(0),
+                (true, Feature::Face) | (false, Feature::Edge(_)) => Feature::Edge(0),
                 _ => Feature::Face,
             },
         };

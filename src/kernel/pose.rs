@@ -76,7 +76,7 @@ impl Pose {
             return Err(PoseError::NonUniformScale);
         }
         let linear = DMat3::from_cols(x, y, z);
-        let scale = linear.determinant().abs().cbrt();
+        let scale = ((x.length_squared() + y.length_squared() + z.length_squared()) / 3.0).sqrt();
         Ok(Self { linear, translation: affine.translation, scale })
     }
 

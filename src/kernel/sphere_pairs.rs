@@ -243,7 +243,9 @@ fn push_face_contact(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    let (distance, gap) = (distance * settings.scale, gap * settings.scale);
+    let distance = distance * settings.scale;
+    // Along the line between the centers the planes may be farther apart than what counts as the pair's distance.
+    let gap = (gap * settings.scale).min(distance);
     found.nearest = found.nearest.min(distance.max(0.0));
     if distance <= settings.contact_distance {
         let [triangle_a, triangle_b] = triangles;

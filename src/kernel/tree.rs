@@ -146,6 +146,15 @@ impl BoxTree {
         self.build(right);
     }
 
+    /// Takes over the structure of another tree, and keeps its own memory; [`refit`](Self::refit) is to follow.
+    pub fn copy_structure(&mut self, other: &Self) {
+        self.nodes.clone_from(&other.nodes);
+        self.leaves.clone_from(&other.leaves);
+        self.item_count = other.item_count;
+        self.built_cost = other.built_cost;
+        self.cost = other.cost;
+    }
+
     /// Follows moved boxes without changing the tree's structure.
     ///
     /// # Panics
@@ -215,7 +224,17 @@ impl BoxTree {
 
     /// Appends every pair of items whose boxes overlap, lower item first, in the tree's order.
     pub fn self_pairs(&self, pairs: &mut Vec<[u32; 2]>) {
-        let mut visit = |first: u32, second: u32| pairs.push([first.min(second), first.max(second)]);
+        self.self_pairs_where(|_| true, pairs);
+    }
+
+    /// The same for the pairs that pass `keep`; the others take no memory.
+    pub fn self_pairs_where(&self, keep: impl Fn([u32; 2]) -> bool, pairs: &mut Vec<[u32; 2]>) {
+        let mut visit = |first: u32, second: u32| {
+            let pair = [first.min(second), first.max(second)];
+            if keep(pair) {
+                pairs.push(pair);
+            }
+        };
         let mut crossings = Vec::with_capacity(STACK_RESERVE);
         for (place, node) in self.nodes.iter().enumerate() {
             if node.is_leaf {

@@ -49,8 +49,6 @@ pub struct ActiveShape {
     pub layers: SurfaceLayers,
     /// Whether it asked for messages and events.
     pub events: bool,
-    /// Whether nothing remembered of it holds.
-    pub fresh: bool,
     pub(crate) order: (u32, u64, u32),
 }
 

@@ -182,8 +182,8 @@ pub enum SurfaceFrame {
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceDisabled;
 
-/// Insert it when positions or pose jump: nothing remembered from earlier ticks is used for the next one. Removed by
-/// the next tick.
+/// Insert it when positions or pose of a surface jump: nothing remembered from earlier ticks is used for the next one.
+/// Removed by the next tick. Of a rigid shape nothing is remembered.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Teleported;
 

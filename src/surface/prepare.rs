@@ -100,7 +100,7 @@ struct SurfaceItem {
     method: &'static ContactMethod,
     layers: &'static SurfaceLayers,
     sidedness: &'static Sidedness,
-    frame: &'static SurfaceFrame,
+    frame: Ref<'static, SurfaceFrame>,
     registration: &'static Registration,
     order: Option<&'static SurfaceOrder>,
     self_collision: Has<SelfCollision>,
@@ -196,7 +196,7 @@ fn gather_surfaces(
                         self_collision: item.self_collision,
                         one_sided,
                         events: item.events,
-                        fresh: item.teleported || item.surface.is_changed() || !was_active,
+                        fresh: item.teleported || item.surface.is_changed() || item.frame.is_changed() || !was_active,
                         world_bounds: Aabb::EMPTY,
                         order: order(item.order, *item.registration, item.entity),
                     });
@@ -219,7 +219,7 @@ fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(
     if let Some(vertex) = first_non_finite(&item.positions.0) {
         return Err(QuarantineReason::NonFinitePosition(vertex));
     }
-    let pose = match item.frame {
+    let pose = match *item.frame {
         SurfaceFrame::Local => transforms.global_pose(item.entity)?,
         SurfaceFrame::World => Pose::IDENTITY,
     };
@@ -267,7 +267,6 @@ fn gather_shapes(
         if item.shape.is_changed() || !prepared.0.contains_key(&item.entity) {
             prepared.0.insert(item.entity, ShapeGeometry::new(&item.shape.0).map(Arc::new));
         }
-        let was_active = *item.status == SurfaceStatus::Active;
         if item.teleported {
             commands.entity(item.entity).try_remove::<Teleported>();
         }
@@ -285,7 +284,6 @@ fn gather_shapes(
                     pose,
                     layers: *item.layers,
                     events: item.events,
-                    fresh: item.teleported || item.shape.is_changed() || !was_active,
                     order: order(item.order, *item.registration, item.entity),
                 });
                 SurfaceStatus::Active

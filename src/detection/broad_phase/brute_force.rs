@@ -12,6 +12,7 @@ use crate::{
     kernel::{
         bounds::{pairs_between_brute_force, self_pairs_brute_force},
         exact::rigid_shape::ShapeGeometry,
+        ids::TriangleId,
     },
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
@@ -50,7 +51,10 @@ fn pair_triangles(
         let first = &active.surfaces[pair.first];
         let Ok(bounds) = surfaces.get(first.entity) else { continue };
         match pair.second {
-            _ if pair.is_self() => self_pairs_brute_force(&bounds.triangles, &mut pair.triangles),
+            _ if pair.is_self() => {
+                self_pairs_brute_force(&bounds.triangles, &mut pair.triangles);
+                pair.triangles.retain(|&[a, b]| !first.topology.share_vertex(TriangleId(a), TriangleId(b)));
+            }
             OtherSide::Surface(second) => {
                 let Ok(other) = surfaces.get(active.surfaces[second].entity) else { continue };
                 let (bounds, other) = match pair.frame {

@@ -85,7 +85,7 @@ pub struct SurfacePair {
     /// Boxes of the other surface's triangles in that frame; empty where its own are.
     pub moved_bounds: Vec<Aabb>,
     /// Pairs of triangles whose boxes overlap: of the first and the second surface, in a self-collision the lower
-    /// one first; with a shape the second is 0.
+    /// one first and those that share a vertex left out; with a shape the second is 0.
     pub triangles: Vec<[u32; 2]>,
 }
 

@@ -8,7 +8,7 @@ use bevy_ecs::prelude::*;
 use super::{BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, reaches_half_space, shape_bounds};
 use crate::{
     detection::{DetectionDiagnostics, TriangleBounds},
-    kernel::{exact::rigid_shape::ShapeGeometry, topology::SurfaceTopology, tree::BoxTree},
+    kernel::{exact::rigid_shape::ShapeGeometry, ids::TriangleId, topology::SurfaceTopology, tree::BoxTree},
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
     surface::ActiveSurfaces,
@@ -67,6 +67,7 @@ fn pair_triangles(
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
+    mut moved: Local<BoxTree>,
     surfaces: Query<(&TriangleBounds, &SurfaceTree)>,
 ) {
     let start = Instant::now();
@@ -74,14 +75,17 @@ fn pair_triangles(
         let first = &active.surfaces[pair.first];
         let Ok((bounds, tree)) = surfaces.get(first.entity) else { continue };
         match pair.second {
-            _ if pair.is_self() => tree.tree.self_pairs(&mut pair.triangles),
+            _ if pair.is_self() => {
+                let apart = |[a, b]: [u32; 2]| !first.topology.share_vertex(TriangleId(a), TriangleId(b));
+                tree.tree.self_pairs_where(apart, &mut pair.triangles);
+            }
             OtherSide::Surface(second) => {
                 let Ok((_, other)) = surfaces.get(active.surfaces[second].entity) else { continue };
                 if pair.moved_bounds.is_empty() {
                     tree.tree.pairs_with(&other.tree, &mut pair.triangles);
                 } else {
                     // The moved surface's tree keeps its structure; only its boxes are those of the common frame.
-                    let mut moved = if pair.frame == Frame::First { other.tree.clone() } else { tree.tree.clone() };
+                    moved.copy_structure(if pair.frame == Frame::First { &other.tree } else { &tree.tree });
                     moved.refit(&pair.moved_bounds);
                     match pair.frame {
                         Frame::First => tree.tree.pairs_with(&moved, &mut pair.triangles),

@@ -120,6 +120,9 @@ impl ShapeGeometry {
         let hull = |polyhedron: &ConvexPolyhedron| {
             try_convex_hull(polyhedron.points()).unwrap_or_else(|_| polyhedron.to_trimesh())
         };
+        if let Some(polyhedron) = shape.as_convex_polyhedron() {
+            finite(polyhedron.points())?;
+        }
         let mesh = shape.as_cuboid().map(Cuboid::to_trimesh).or_else(|| shape.as_convex_polyhedron().map(hull));
         if let Some((points, triangles)) = mesh {
             finite(&points)?;

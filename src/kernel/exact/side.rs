@@ -76,8 +76,11 @@ pub fn outward_direction(topology: &SurfaceTopology, positions: &[Vec3], triangl
                         .iter()
                         .position(|&welded| welded == vertex)
                         .expect("the triangles around a vertex contain it");
-                    let (u, v) = (corners[(at + 1) % 3] - corners[at], corners[(at + 2) % 3] - corners[at]);
-                    face_normal(&corners) * u.cross(v).length().atan2(u.dot(v))
+                    let along = |to: usize| (corners[(at + to) % 3] - corners[at]).normalize_or_zero();
+                    let (u, v) = (along(1), along(2));
+                    let (sine, cosine) = (u.cross(v).length(), u.dot(v));
+                    // In single precision, which is plenty for a weight and the same on every platform where asked for.
+                    face_normal(&corners) * f64::from(bevy_math::ops::atan2(sine as f32, cosine as f32))
                 })
                 .sum()
         }

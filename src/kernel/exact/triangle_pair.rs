@@ -10,8 +10,9 @@ use glam::DVec3;
 
 use super::feature::{Feature, FeaturePair};
 
-/// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, 18 vertex–edge, 9 vertex–vertex.
-pub const MAX_PROXIMITIES: usize = 48;
+/// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, and one for
+/// each vertex and edge, 18.
+pub const MAX_PROXIMITIES: usize = 39;
 
 /// Boundary pairs count as equally close within this share of their squared distance: twice what the rounding of f32
 /// positions leaves of two edges that are meant to be parallel.
