@@ -18,7 +18,6 @@ use crate::{
         exact::FeatureKind,
         pair::FoundPairs,
         sphere_pairs::{ball_contacts, cap_contacts},
-        topology::SurfaceTopology,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     surface::{ActiveSurfaces, ContactMethod},
@@ -87,8 +86,7 @@ fn gather_contacts(
             && let Some(&before) = places.get(&(stored.a, stored.b))
         {
             let before = &previous.contacts[previous.pairs[before].contacts.clone()];
-            let same_surface = pair.is_self().then_some(&*stored.topology_a);
-            keep_sides(&mut found.contacts, before, same_surface);
+            keep_sides(&mut found.contacts, before);
         }
         store.contacts.extend_from_slice(&found.contacts);
         store.touching.extend_from_slice(&found.touching);
@@ -146,13 +144,10 @@ fn keeps_sides(active: &ActiveSurfaces, pair: &SurfacePair) -> bool {
 }
 
 /// A contact whose normal has turned round since the last tick has passed through: it keeps the side it was on, and
-/// its distance is negative. Both lists are sorted by key. `same_surface` is the surface of a self-collision.
-fn keep_sides(contacts: &mut [CompactContact], before: &[CompactContact], same_surface: Option<&SurfaceTopology>) {
+/// its distance is negative. Both lists are sorted by key.
+fn keep_sides(contacts: &mut [CompactContact], before: &[CompactContact]) {
     // In a self-collision either of the two features may have come first.
-    let normal = |contact: &CompactContact| match same_surface {
-        Some(topology) if contact.is_swapped(topology) => -contact.normal,
-        _ => contact.normal,
-    };
+    let normal = |contact: &CompactContact| if contact.swapped { -contact.normal } else { contact.normal };
     let mut before = before.iter().peekable();
     for contact in contacts {
         while before.next_if(|other| other.key < contact.key).is_some() {}

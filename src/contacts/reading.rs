@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::store::{ContactSide, ContactStore, StoredPair};
 use crate::kernel::{
-    contact::{CompactContact, ContactKey, feature_number},
+    contact::{CompactContact, ContactKey},
     exact::{Feature, FeatureKind},
     ids::{TriangleId, VertexId},
     topology::SurfaceTopology,
@@ -196,16 +196,11 @@ impl Contact<'_> {
         self.pick(of_a, of_b)
     }
 
-    /// The numbers of both features: welded vertex, edge or triangle; of a rigid shape the number of its part.
+    /// The numbers of both features, see [`feature_number`](crate::kernel::contact::feature_number); of a rigid shape
+    /// that of its part.
     #[must_use]
     pub fn feature_numbers(&self) -> (u32, u32) {
-        let record = self.record;
-        let of_a = feature_number(&self.pair.topology_a, record.triangle_a, record.features.a);
-        let of_b = self
-            .pair
-            .topology_b
-            .as_ref()
-            .map_or(record.triangle_b, |topology| feature_number(topology, record.triangle_b, record.features.b));
+        let [of_a, of_b] = self.record.feature_numbers();
         self.pick(of_a, of_b)
     }
 

@@ -6,14 +6,14 @@ use glam::{DVec3, Vec3};
 
 use super::{
     exact::{Feature, FeaturePair, rigid_shape::ShapeProximity},
+    pair::SurfaceSide,
     topology::SurfaceTopology,
 };
 
 /// Bits of a feature's number within a key.
 const FEATURE_BITS: u32 = 28;
 
-/// Names a contact within its pair of surfaces: the kind of both features and their welded vertex, edge or triangle
-/// numbers. The same two features have the same key in every tick, so a solver can keep what it knows about them.
+/// Names a contact within its pair of surfaces: the kind of both features and their [numbers](feature_number). The same two features have the same key in every tick, so a solver can keep what it knows about them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ContactKey(pub u64);
 
@@ -33,12 +33,27 @@ const fn rank(feature: Feature) -> u64 {
     }
 }
 
-/// The number of a triangle's feature: its welded vertex, its edge, or the triangle itself.
+/// The number of a triangle's feature: its welded vertex, its edge, or the triangle itself. Vertices that were welded
+/// because they coincided once may have moved apart since: such a vertex has its own number, and an edge with such an
+/// end a number after all edges.
 #[must_use]
-pub fn feature_number(topology: &SurfaceTopology, triangle: u32, feature: Feature) -> u32 {
+pub fn feature_number(topology: &SurfaceTopology, positions: &[Vec3], triangle: u32, feature: Feature) -> u32 {
+    let vertex = |corner: usize| {
+        let own = topology.triangles()[triangle as usize][corner];
+        let welded = topology.welded_triangles()[triangle as usize][corner];
+        let together = own == welded || positions[own as usize] == positions[welded as usize];
+        (together, if together { welded } else { own })
+    };
     match feature {
-        Feature::Vertex(corner) => topology.welded_triangles()[triangle as usize][corner as usize],
-        Feature::Edge(edge) => topology.triangle_edges()[triangle as usize][edge as usize],
+        Feature::Vertex(corner) => vertex(corner as usize).1,
+        Feature::Edge(edge) => {
+            let edge = edge as usize;
+            if vertex(edge).0 && vertex((edge + 1) % 3).0 {
+                topology.triangle_edges()[triangle as usize][edge]
+            } else {
+                topology.edges().len() as u32 + 3 * triangle + edge as u32
+            }
+        }
         Feature::Face => triangle,
     }
 }
@@ -54,6 +69,8 @@ pub struct CompactContact {
     pub triangle_b: u32,
     /// Which parts of the two triangles. A rigid shape is a face, or an edge where it meets one.
     pub features: FeaturePair,
+    /// Whether the features of a contact of a surface with itself stand in the other order than in the key.
+    pub swapped: bool,
     /// Weights of the first two corners of triangle a; the third is what is left of 1.
     pub barycentric_a: [f32; 2],
     /// Weights of the first two corners of triangle b; without meaning for a rigid shape.
@@ -83,7 +100,7 @@ impl CompactContact {
     /// same from either side, so its key does not depend on which triangle came first.
     #[expect(clippy::too_many_arguments, reason = "one argument per field of the record")]
     pub(crate) fn between_triangles(
-        topologies: [&SurfaceTopology; 2],
+        sides: [&SurfaceSide<'_>; 2],
         triangles: [u32; 2],
         same_surface: bool,
         features: FeaturePair,
@@ -93,8 +110,13 @@ impl CompactContact {
         normal: DVec3,
         distance: f64,
     ) -> Self {
+        let (ordered, [first, second]) = canonical_order(sides, triangles, same_surface, features);
+        let number = |side: usize, triangle: u32, feature: Feature| {
+            feature_number(sides[side].topology, sides[side].positions, triangle, feature)
+        };
         Self {
-            key: triangle_key(topologies, triangles, same_surface, features),
+            key: ContactKey::new(ordered, number(0, first, ordered.a), number(1, second, ordered.b)),
+            swapped: [first, second] != triangles,
             triangle_a: triangles[0],
             triangle_b: triangles[1],
             features,
@@ -106,15 +128,23 @@ impl CompactContact {
         }
     }
 
-    /// Whether the features of this contact of a surface with itself stand in the other order than in its key.
-    pub(crate) fn is_swapped(&self, topology: &SurfaceTopology) -> bool {
-        let triangles = [self.triangle_a, self.triangle_b];
-        canonical_order([topology; 2], triangles, true, self.features).1 != triangles
+    /// The numbers of both features, see [`feature_number`]; of a rigid shape that of its part.
+    #[must_use]
+    pub fn feature_numbers(&self) -> [u32; 2] {
+        let mask = (1u64 << FEATURE_BITS) - 1;
+        let numbers = [((self.key.0 >> FEATURE_BITS) & mask) as u32, (self.key.0 & mask) as u32];
+        if self.swapped { [numbers[1], numbers[0]] } else { numbers }
     }
 
     /// A contact with a rigid shape. `scale` is the world length of a unit of the shape's frame.
     #[must_use]
-    pub fn with_shape(topology: &SurfaceTopology, triangle: u32, proximity: &ShapeProximity, scale: f64) -> Self {
+    pub fn with_shape(
+        topology: &SurfaceTopology,
+        positions: &[Vec3],
+        triangle: u32,
+        proximity: &ShapeProximity,
+        scale: f64,
+    ) -> Self {
         let features = FeaturePair {
             a: proximity.feature,
             // The pair's kind tells a crossing apart: an edge of the triangle or of the shape pierces a face. An edge
@@ -124,9 +154,10 @@ impl CompactContact {
                 _ => Feature::Face,
             },
         };
-        let number = feature_number(topology, triangle, proximity.feature);
+        let number = feature_number(topology, positions, triangle, proximity.feature);
         Self {
             key: ContactKey::new(features, number, proximity.shape_feature),
+            swapped: false,
             triangle_a: triangle,
             triangle_b: proximity.shape_feature,
             features,
@@ -142,30 +173,18 @@ impl CompactContact {
 /// Puts the features of a self-collision into the order that its key uses: vertex before edge before face, and of two
 /// of a kind the lower number first.
 pub(crate) fn canonical_order(
-    topologies: [&SurfaceTopology; 2],
+    sides: [&SurfaceSide<'_>; 2],
     triangles: [u32; 2],
     same_surface: bool,
     features: FeaturePair,
 ) -> (FeaturePair, [u32; 2]) {
-    let name =
-        |side: usize, feature: Feature| (rank(feature), feature_number(topologies[side], triangles[side], feature));
+    let name = |side: usize, feature: Feature| {
+        let SurfaceSide { topology, positions, .. } = sides[side];
+        (rank(feature), feature_number(topology, positions, triangles[side], feature))
+    };
     if same_surface && name(1, features.b) < name(0, features.a) {
         (features.swapped(), [triangles[1], triangles[0]])
     } else {
         (features, triangles)
     }
-}
-
-fn triangle_key(
-    topologies: [&SurfaceTopology; 2],
-    triangles: [u32; 2],
-    same_surface: bool,
-    features: FeaturePair,
-) -> ContactKey {
-    let (ordered, [first, second]) = canonical_order(topologies, triangles, same_surface, features);
-    ContactKey::new(
-        ordered,
-        feature_number(topologies[0], first, ordered.a),
-        feature_number(topologies[1], second, ordered.b),
-    )
 }

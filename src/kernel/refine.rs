@@ -105,7 +105,7 @@ pub fn refine_shape(
             proximities
                 .iter()
                 .filter(|proximity| proximity.distance * settings.scale <= settings.reported_distance)
-                .map(|proximity| CompactContact::with_shape(topology, triangle, proximity, settings.scale)),
+                .map(|proximity| CompactContact::with_shape(topology, positions, triangle, proximity, settings.scale)),
         );
     }
 }
@@ -125,7 +125,7 @@ fn reports(
     ) {
         return true;
     }
-    let (features, [first, second]) = canonical_order([a.topology, b.topology], triangles, same_surface, features);
+    let (features, [first, second]) = canonical_order([a, b], triangles, same_surface, features);
     let (own, other) = (&[first][..], &[second][..]);
     let around_first = triangles_around(a, first, features.a).unwrap_or(own);
     let around_second = triangles_around(b, second, features.b).unwrap_or(other);
@@ -301,7 +301,7 @@ fn contact(
     let weights = proximity.barycentric_b;
     let point_b = corners[1][0] * weights[0] + corners[1][1] * weights[1] + corners[1][2] * weights[2];
     CompactContact::between_triangles(
-        [a.topology, b.topology],
+        [a, b],
         triangles,
         settings.same_surface,
         proximity.features,

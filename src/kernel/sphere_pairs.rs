@@ -253,7 +253,7 @@ fn push_face_contact(
     }
     if distance <= settings.reported_distance {
         found.contacts.push(CompactContact::between_triangles(
-            [surfaces[0].topology, surfaces[1].topology],
+            surfaces,
             triangles,
             settings.same_surface,
             FeaturePair { a: Feature::Face, b: Feature::Face },

@@ -132,8 +132,10 @@ impl SurfaceTopology {
         let welded_triangles: Vec<[u32; 3]> =
             triangles.iter().map(|corners| corners.map(|vertex| weld[vertex as usize])).collect();
         let (edges, triangle_edges) = unique_edges(&welded_triangles);
-        if edges.len() > MAX_ELEMENTS {
-            return Err(TopologyError::TooLarge { element: "edges", count: edges.len() });
+        // Beyond the edges, three numbers a triangle are for edges whose welded ends come apart.
+        let edge_numbers = edges.len() + 3 * triangles.len();
+        if edge_numbers > MAX_ELEMENTS {
+            return Err(TopologyError::TooLarge { element: "edges", count: edge_numbers });
         }
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
