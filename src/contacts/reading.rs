@@ -30,7 +30,8 @@ impl SurfaceContacts<'_> {
         self.store.pairs.iter().flat_map(|pair| self.contacts(pair, false))
     }
 
-    /// The contacts of one surface or shape, itself as the first side of each.
+    /// The contacts of one surface or shape, itself as the first side of each. A contact between two surfaces is among
+    /// those of both; [`iter`](Self::iter) has it once.
     pub fn of(&self, entity: Entity) -> impl Iterator<Item = Contact<'_>> {
         self.store.pairs_of(entity).flat_map(move |pair| self.contacts(pair, pair.a.entity() != entity))
     }
@@ -131,7 +132,7 @@ impl Contact<'_> {
         self.record.distance
     }
 
-    /// The sum of both thicknesses: the distance at which the two touch, in world units.
+    /// The distance at which the two touch, in world units: the sum of both thicknesses, where a shape has none.
     #[must_use]
     pub fn contact_distance(&self) -> f32 {
         self.pair.contact_distance

@@ -92,7 +92,8 @@ impl DeformableSurface {
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 pub struct SurfacePositions(pub Vec<Vec3>);
 
-/// Half the distance at which two surfaces touch: a pair touches within the sum of both thicknesses.
+/// Half the distance at which two surfaces touch: a pair touches within the sum of both thicknesses. A rigid shape has
+/// none: a surface touches it within its own.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub enum SurfaceThickness {
     /// World units, 0 or more.
@@ -102,14 +103,15 @@ pub enum SurfaceThickness {
 }
 
 impl Default for SurfaceThickness {
-    /// A twentieth of the mean edge: thin enough that neighbors across a vertex do not touch, thick enough to be met
-    /// within a tick.
+    /// A twentieth of the mean edge: thin enough that the triangles of a well-shaped mesh at rest do not touch each
+    /// other.
     fn default() -> Self {
         Self::MeanEdges(0.05)
     }
 }
 
-/// Tests a surface against itself too.
+/// Tests a surface against itself too, whatever its layers. Triangles that share a vertex, or vertices at exactly equal
+/// positions of the first mesh, are neighbors and not tested against each other.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SelfCollision;
 
@@ -200,7 +202,7 @@ pub struct SurfaceOrder(pub u32);
 /// What became of a surface or shape in the last tick.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 pub enum SurfaceStatus {
-    /// It has no positions yet.
+    /// It has no positions yet, or no tick has run yet.
     #[default]
     Waiting,
     /// It took part.

@@ -8,8 +8,8 @@ use super::components::{Registration, SurfaceLayers, SurfaceStatus};
 
 /// A rigid shape that surfaces touch, placed by the entity's transform (rotation, translation, uniform scale).
 ///
-/// Ball, capsule, cuboid, convex polyhedron and half-space are tested exactly; any other shape through parry. A shape
-/// is solid: a vertex inside has negative distance. Shapes never touch each other: that is a rigid-body engine's work.
+/// Ball, capsule, cuboid, convex polyhedron and half-space are tested exactly, and are solid: a vertex inside has
+/// negative distance. Any other shape is asked through parry, which gives one contact a triangle. Shapes never touch each other: that is a rigid-body engine's work.
 ///
 /// ```
 /// # use bevy_circumsphere::prelude::*;
