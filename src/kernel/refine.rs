@@ -10,6 +10,7 @@ use super::{
     contact::{CompactContact, TouchingPair, canonical_order},
     exact::{
         Feature, FeaturePair, PairProximity, Proximity,
+        barycentric::point_at,
         cull::cull_pairs,
         examine_pair,
         rigid_shape::{ShapeGeometry, ShapeProximity},
@@ -172,7 +173,7 @@ pub fn settle_penetrations(
         let weights = if solid == 1 { contact.barycentric_a } else { contact.barycentric_b };
         let corners = other.corners(other_triangle);
         let [u, v] = weights.map(f64::from);
-        let point = corners[0] * u + corners[1] * v + corners[2] * (1.0 - u - v);
+        let point = point_at(&corners, &[u, v, 1.0 - u - v]);
         let Some((depth, inside)) = depth_in(sides[solid].0, partners[1 - solid].of(other_triangle), point) else {
             return true;
         };
@@ -299,7 +300,7 @@ fn contact(
         distance = -distance;
     }
     let weights = proximity.barycentric_b;
-    let point_b = corners[1][0] * weights[0] + corners[1][1] * weights[1] + corners[1][2] * weights[2];
+    let point_b = point_at(corners[1], &weights);
     CompactContact::between_triangles(
         [a, b],
         triangles,

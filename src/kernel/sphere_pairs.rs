@@ -9,7 +9,7 @@ use super::{
     circumsphere::{Ball, OffsetSpheres},
     cone::{Cap, CapContact, SafetyCones, cap_contact, spheres_overlap},
     contact::{CompactContact, TouchingPair},
-    exact::{Feature, FeaturePair, cull::cull_by_planes, rigid_shape::barycentric_of},
+    exact::{Feature, FeaturePair, barycentric::barycentric_of, cull::cull_by_planes},
     ids::TriangleId,
     pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,

@@ -166,8 +166,14 @@ fn pair_surfaces(
     // Pair lists are large: their memory serves the next tick's pairs.
     let mut spare = std::mem::take(&mut candidates.pairs);
     spare.reverse();
-    let mut reuse =
-        || spare.pop().map(|pair| (pair.triangles, pair.moved_positions, pair.moved_bounds)).unwrap_or_default();
+    let mut reuse = || {
+        let mut buffers: Buffers =
+            spare.pop().map(|pair| (pair.triangles, pair.moved_positions, pair.moved_bounds)).unwrap_or_default();
+        buffers.0.clear();
+        buffers.1.clear();
+        buffers.2.clear();
+        buffers
+    };
     for [first, second] in places {
         let [first, second] = [first as usize, second as usize];
         let mut pair = surface_pair(surfaces, first, second, settings.margin(), reuse());
@@ -218,11 +224,8 @@ fn surface_pair(
     first: usize,
     second: usize,
     margin: f32,
-    (mut triangles, mut moved_positions, mut moved_bounds): Buffers,
+    (triangles, moved_positions, moved_bounds): Buffers,
 ) -> SurfacePair {
-    triangles.clear();
-    moved_positions.clear();
-    moved_bounds.clear();
     let (a, b) = (&surfaces[first], &surfaces[second]);
     let contact_distance = a.thickness + b.thickness;
     // The smaller surface is moved: a body of a few triangles over a landscape costs what the body costs.
@@ -253,11 +256,8 @@ fn shape_pair(
     shape: &ActiveShape,
     place: usize,
     margin: f32,
-    (mut triangles, mut moved_positions, mut moved_bounds): Buffers,
+    (triangles, moved_positions, moved_bounds): Buffers,
 ) -> SurfacePair {
-    triangles.clear();
-    moved_positions.clear();
-    moved_bounds.clear();
     SurfacePair {
         first,
         second: OtherSide::Shape(place),

@@ -3,6 +3,7 @@
 //! Last geometric stage: candidate pairs come in, distances and feature pairs go out. Input positions are f32 and
 //! taken as exact; every difference is formed in f64 relative to a corner of the pair.
 
+pub mod barycentric;
 pub mod cull;
 pub mod feature;
 mod lanes;

@@ -13,6 +13,7 @@ use parry3d::{
 };
 
 use super::{
+    barycentric::{barycentric_of, corner_weights, point_at},
     feature::{Feature, FeaturePair},
     side::face_normal,
     triangle_pair::{PairProximity, Proximity, examine_pair},
@@ -196,16 +197,6 @@ fn rounded(corners: &[DVec3; 3]) -> [Vec3; 3] {
     [corners[0].as_vec3(), corners[1].as_vec3(), corners[2].as_vec3()]
 }
 
-fn weighted(triangle: &[DVec3; 3], weights: &[f64; 3]) -> DVec3 {
-    triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2]
-}
-
-fn vertex_weights(vertex: usize) -> [f64; 3] {
-    let mut weights = [0.0; 3];
-    weights[vertex] = 1.0;
-    weights
-}
-
 fn examine_rounded(
     triangle: &[DVec3; 3],
     [start, end]: [DVec3; 2],
@@ -234,7 +225,7 @@ fn examine_rounded(
         } else {
             proximity.separation / proximity.distance
         };
-        let axis_point = weighted(&[start, end, end], &proximity.barycentric_b);
+        let axis_point = point_at(&[start, end, end], &proximity.barycentric_b);
         let slack = SUPPORT_SLACK * start.distance(end);
         if !crossing && [start, end].iter().any(|point| normal.dot(*point - axis_point) > slack) {
             continue;
@@ -259,7 +250,7 @@ fn examine_half_space(triangle: &[DVec3; 3], normal: DVec3, range: f64, found: &
                 feature: Feature::Vertex(vertex as u8),
                 shape_feature: 0,
                 crossing: false,
-                barycentric: vertex_weights(vertex),
+                barycentric: corner_weights(vertex),
                 shape_point: position - normal * distance,
                 normal,
                 distance,
@@ -284,18 +275,6 @@ fn examine_with_parry(triangle: &[DVec3; 3], shape: &SharedShape, range: f64, fo
             distance: f64::from(contact.dist),
         });
     }
-}
-
-/// Weights of the corners at the projection of a point on the triangle's plane, clamped into the triangle.
-#[must_use]
-pub fn barycentric_of(triangle: &[DVec3; 3], point: DVec3) -> [f64; 3] {
-    let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
-    let area = |k: usize| {
-        normal.dot((triangle[(k + 2) % 3] - triangle[(k + 1) % 3]).cross(point - triangle[(k + 1) % 3])).max(0.0)
-    };
-    let areas = [area(0), area(1), area(2)];
-    let sum = areas[0] + areas[1] + areas[2];
-    if sum > 0.0 { areas.map(|area| area / sum) } else { [1.0 / 3.0; 3] }
 }
 
 impl ConvexPolytope {
@@ -342,7 +321,7 @@ impl ConvexPolytope {
                     feature: Feature::Vertex(vertex as u8),
                     shape_feature: self.feature_number(face, Feature::Face),
                     crossing: false,
-                    barycentric: vertex_weights(vertex),
+                    barycentric: corner_weights(vertex),
                     shape_point: triangle[vertex] - self.normals[face] * distance,
                     normal: self.normals[face],
                     distance,
@@ -375,8 +354,8 @@ impl ConvexPolytope {
     }
 
     fn face_proximity(&self, triangle: &[DVec3; 3], face: usize, proximity: &Proximity) -> ShapeProximity {
-        let point = weighted(triangle, &proximity.barycentric_a);
-        let shape_point = weighted(&self.corners[face], &proximity.barycentric_b);
+        let point = point_at(triangle, &proximity.barycentric_a);
+        let shape_point = point_at(&self.corners[face], &proximity.barycentric_b);
         let pierces = matches!(
             proximity.features,
             FeaturePair { a: Feature::Edge(_), b: Feature::Face }

@@ -8,7 +8,10 @@
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
-use super::feature::{Feature, FeaturePair};
+use super::{
+    barycentric::{corner_weights, edge_weights, normalized, point_at},
+    feature::{Feature, FeaturePair},
+};
 
 /// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, and one for
 /// each vertex and edge, 18.
@@ -45,6 +48,19 @@ pub struct Proximity {
     pub distance: f64,
 }
 
+impl Proximity {
+    /// The same connection with the second triangle first.
+    fn swapped(self) -> Self {
+        Self {
+            features: self.features.swapped(),
+            barycentric_a: self.barycentric_b,
+            barycentric_b: self.barycentric_a,
+            separation: -self.separation,
+            distance: self.distance,
+        }
+    }
+}
+
 /// What is known about a pair of triangles.
 #[derive(Clone, Debug, Default)]
 pub struct PairProximity {
@@ -76,30 +92,6 @@ impl Sides {
         let normal = edges[0].cross(edges[1]);
         Self { corners, edges, inverse_lengths_squared, normal, normal_length_squared: normal.length_squared() }
     }
-}
-
-fn corner_weights(corner: usize) -> [f64; 3] {
-    let mut weights = [0.0; 3];
-    weights[corner] = 1.0;
-    weights
-}
-
-fn edge_weights(edge: usize, along: f64) -> [f64; 3] {
-    let mut weights = [0.0; 3];
-    weights[edge] = 1.0 - along;
-    weights[(edge + 1) % 3] = along;
-    weights
-}
-
-/// Weights from three values of the same sign that are proportional to the areas opposite the corners.
-fn normalized(areas: [f64; 3]) -> [f64; 3] {
-    let inverse = (areas[0] + areas[1] + areas[2]).recip();
-    let (second, third) = (areas[1] * inverse, areas[2] * inverse);
-    [1.0 - second - third, second, third]
-}
-
-fn point(corners: &[DVec3; 3], weights: &[f64; 3]) -> DVec3 {
-    corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]
 }
 
 /// Examines two triangles: their distance, and every feature pair within `range` (0 or more) that counts, see
@@ -164,20 +156,12 @@ fn boundary_proximities(own: &Sides, other: &Sides, own_is_a: bool, most: f64, f
                 (Feature::Edge(edge as u8), edge_weights(edge, along))
             };
             let features = FeaturePair { a: Feature::Vertex(vertex as u8), b: feature };
-            let separation = own.corners[vertex] - point(&other.corners, &weights);
+            let separation = own.corners[vertex] - point_at(&other.corners, &weights);
             let distance = distance_squared.sqrt();
             let own_weights = corner_weights(vertex);
-            found.proximities.push(if own_is_a {
-                Proximity { features, barycentric_a: own_weights, barycentric_b: weights, separation, distance }
-            } else {
-                Proximity {
-                    features: features.swapped(),
-                    barycentric_a: weights,
-                    barycentric_b: own_weights,
-                    separation: -separation,
-                    distance,
-                }
-            });
+            let proximity =
+                Proximity { features, barycentric_a: own_weights, barycentric_b: weights, separation, distance };
+            found.proximities.push(if own_is_a { proximity } else { proximity.swapped() });
         }
     }
 }
@@ -208,17 +192,8 @@ fn vertex_face(
     let (weights, face_weights) = (corner_weights(vertex), normalized(areas));
     let separation = other.normal * (height / other.normal_length_squared);
     let distance = distance_squared.sqrt();
-    found.proximities.push(if vertex_of_a {
-        Proximity { features, barycentric_a: weights, barycentric_b: face_weights, separation, distance }
-    } else {
-        Proximity {
-            features: features.swapped(),
-            barycentric_a: face_weights,
-            barycentric_b: weights,
-            separation: -separation,
-            distance,
-        }
-    });
+    let proximity = Proximity { features, barycentric_a: weights, barycentric_b: face_weights, separation, distance };
+    found.proximities.push(if vertex_of_a { proximity } else { proximity.swapped() });
     distance_squared
 }
 
@@ -280,15 +255,14 @@ fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut PairProximity
         };
         pierced = true;
         let features = FeaturePair { a: Feature::Edge(edge as u8), b: Feature::Face };
-        let (features, barycentric_a, barycentric_b) =
-            if edge_of_a { (features, weights, face_weights) } else { (features.swapped(), face_weights, weights) };
-        found.proximities.push(Proximity {
+        let proximity = Proximity {
             features,
-            barycentric_a,
-            barycentric_b,
+            barycentric_a: weights,
+            barycentric_b: face_weights,
             separation: DVec3::ZERO,
             distance: 0.0,
-        });
+        };
+        found.proximities.push(if edge_of_a { proximity } else { proximity.swapped() });
     }
     pierced
 }
@@ -299,7 +273,7 @@ fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut PairProximity
 fn met_at(face: &Sides, point_on_edge: DVec3, edge: DVec3, volumes: [f64; 3]) -> Option<[f64; 3]> {
     let size_squared = edge.length_squared() + face.edges[0].length_squared() + face.edges[1].length_squared();
     let meets = |weights: &[f64; 3]| {
-        let apart = point(&face.corners, weights) - point_on_edge;
+        let apart = point_at(&face.corners, weights) - point_on_edge;
         apart.length_squared() <= PIERCING_TOLERANCE * PIERCING_TOLERANCE * size_squared
     };
     let weights = normalized(volumes);
