@@ -1,10 +1,13 @@
 //! What every stage over triangle pairs shares: the two sides in one frame, the distances that matter, what was found.
 
+use std::borrow::Cow;
+
 use glam::{DVec3, Vec3};
 
 use super::{
     contact::{CompactContact, TouchingPair},
     exact::{Feature, side::outward_direction},
+    ids::TriangleId,
     topology::SurfaceTopology,
 };
 
@@ -85,5 +88,20 @@ impl FoundPairs {
         self.contacts.append(&mut later.contacts);
         self.nearest = self.nearest.min(later.nearest);
         self.examined += later.examined;
+    }
+}
+
+/// The candidates without those that share a vertex, which in a self-collision are neighbors. The list itself where
+/// there are none, as a broad phase has left them out already.
+pub(super) fn without_neighbors<'a>(
+    surface: &SurfaceSide<'_>,
+    candidates: &'a [[u32; 2]],
+    settings: &PairSettings,
+) -> Cow<'a, [[u32; 2]]> {
+    let neighbors = |pair: &[u32; 2]| surface.topology.share_vertex(TriangleId(pair[0]), TriangleId(pair[1]));
+    if settings.same_surface && candidates.iter().any(neighbors) {
+        Cow::Owned(candidates.iter().copied().filter(|pair| !neighbors(pair)).collect())
+    } else {
+        Cow::Borrowed(candidates)
     }
 }

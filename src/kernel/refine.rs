@@ -17,7 +17,7 @@ use super::{
         side::{closest_feature, face_normal},
     },
     ids::{EdgeId, TriangleId, VertexId},
-    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pose::Pose,
     topology::SurfaceTopology,
 };
@@ -38,13 +38,8 @@ pub fn refine_pairs(
     found: &mut FoundPairs,
 ) {
     let range = settings.range / settings.scale;
-    let apart: Vec<[u32; 2]>;
-    let mut pairs = candidates;
-    if settings.same_surface {
-        let share_vertex = |pair: &[u32; 2]| a.topology.share_vertex(TriangleId(pair[0]), TriangleId(pair[1]));
-        apart = pairs.iter().copied().filter(|pair| !share_vertex(pair)).collect();
-        pairs = &apart;
-    }
+    let apart = without_neighbors(a, candidates, settings);
+    let mut pairs = &*apart;
     let mut close = Vec::new();
     if settings.cull {
         let triangles = [a.topology.triangles(), b.topology.triangles()];

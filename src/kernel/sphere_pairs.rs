@@ -10,8 +10,7 @@ use super::{
     cone::{Cap, CapContact, SafetyCones, cap_contact, spheres_overlap},
     contact::{CompactContact, TouchingPair},
     exact::{Feature, FeaturePair, barycentric::barycentric_of, cull::cull_by_planes},
-    ids::TriangleId,
-    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pose::Pose,
 };
 
@@ -114,11 +113,6 @@ fn slab_gap(own: &[DVec3; 3], other: &[DVec3; 3]) -> f64 {
     (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r)).max(0.0)
 }
 
-/// Whether a pair is one of neighbors in a self-collision.
-fn neighbors(surface: &SurfaceSide<'_>, settings: &PairSettings, [triangle_a, triangle_b]: [u32; 2]) -> bool {
-    settings.same_surface && surface.topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b))
-}
-
 /// Appends the candidates whose enclosing balls come within range. In a self-collision, pairs that share a vertex are
 /// left out.
 pub fn overlapping_balls(
@@ -129,10 +123,10 @@ pub fn overlapping_balls(
     overlapping: &mut Vec<[u32; 2]>,
 ) {
     let reach = (settings.range / settings.scale) as f32;
-    overlapping.extend(candidates.iter().filter(|&&[triangle_a, triangle_b]| {
+    let apart = without_neighbors(&a.surface, candidates, settings);
+    overlapping.extend(apart.iter().filter(|&&[triangle_a, triangle_b]| {
         let (ball_a, ball_b) = (a.ball(triangle_a), b.ball(triangle_b));
         spheres_overlap(ball_a.center, ball_a.radius, ball_b.center, ball_b.radius, reach)
-            && !neighbors(&a.surface, settings, [triangle_a, triangle_b])
     }));
 }
 
@@ -146,12 +140,7 @@ pub fn overlapping_caps(
     overlapping: &mut Vec<[u32; 2]>,
 ) {
     let reach = (settings.range / settings.scale) as f32;
-    let apart: Vec<[u32; 2]>;
-    let mut pairs = candidates;
-    if settings.same_surface {
-        apart = pairs.iter().copied().filter(|&pair| !neighbors(&a.surface, settings, pair)).collect();
-        pairs = &apart;
-    }
+    let pairs = &*without_neighbors(&a.surface, candidates, settings);
     // Planes first: they are compared eight pairs at a time and leave the fewest.
     let mut past_planes = Vec::with_capacity(pairs.len());
     let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
@@ -191,16 +180,8 @@ pub fn ball_contacts(
         // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
         let distance = gap.max(box_gap(&corners[0], &corners[1]));
         let points = [own.center - normal * own.radius, other.center + normal * other.radius];
-        push_face_contact(
-            [&a.surface, &b.surface],
-            triangles,
-            &corners,
-            points,
-            normal,
-            [distance, gap],
-            settings,
-            found,
-        );
+        let contact = FaceContact { triangles, corners, points, normal, distance, gap };
+        contact.push([&a.surface, &b.surface], settings, found);
     }
 }
 
@@ -217,51 +198,47 @@ pub fn cap_contacts(
         let corners = [a.surface.corners(triangle_a), b.surface.corners(triangle_b)];
         let points = [contact.point_a, contact.point_b];
         let (normal, gap) = (-contact.direction, f64::from(contact.gap));
-        push_face_contact(
-            [&a.surface, &b.surface],
-            triangles,
-            &corners,
-            points,
-            normal,
-            [distance, gap],
-            settings,
-            found,
-        );
+        let contact = FaceContact { triangles, corners, points, normal, distance, gap };
+        contact.push([&a.surface, &b.surface], settings, found);
     }
 }
 
-/// Counts a pair at a `distance` by its spheres and planes, and reports its contact, whose points are `gap` apart along
-/// the normal from the second to the first side. Everything is in the frame of the pair.
-#[expect(clippy::too_many_arguments, reason = "what both kinds of spheres know of a contact")]
-fn push_face_contact(
-    surfaces: [&SurfaceSide<'_>; 2],
+/// A contact of two whole triangles by their spheres, in the frame of the pair.
+struct FaceContact {
     triangles: [u32; 2],
-    corners: &[[DVec3; 3]; 2],
+    corners: [[DVec3; 3]; 2],
     points: [Vec3; 2],
+    /// From the second side to the first.
     normal: Vec3,
-    [distance, gap]: [f64; 2],
-    settings: &PairSettings,
-    found: &mut FoundPairs,
-) {
-    let distance = distance * settings.scale;
-    // Along the line between the centers the planes may be farther apart than what counts as the pair's distance.
-    let gap = (gap * settings.scale).min(distance);
-    found.nearest = found.nearest.min(distance.max(0.0));
-    if distance <= settings.contact_distance {
-        let [triangle_a, triangle_b] = triangles;
-        found.touching.push(TouchingPair { triangle_a, triangle_b, distance: gap.max(0.0) });
-    }
-    if distance <= settings.reported_distance {
-        found.contacts.push(CompactContact::between_triangles(
-            surfaces,
-            triangles,
-            settings.same_surface,
-            FeaturePair { a: Feature::Face, b: Feature::Face },
-            barycentric_of(&corners[0], points[0].as_dvec3()),
-            barycentric_of(&corners[1], points[1].as_dvec3()),
-            points[1].as_dvec3(),
-            normal.as_dvec3(),
-            gap,
-        ));
+    /// How far apart the spheres, planes and boxes keep the two.
+    distance: f64,
+    /// From one point to the other, along the normal.
+    gap: f64,
+}
+
+impl FaceContact {
+    /// Counts the pair by its distance, and reports its contact.
+    fn push(&self, surfaces: [&SurfaceSide<'_>; 2], settings: &PairSettings, found: &mut FoundPairs) {
+        let distance = self.distance * settings.scale;
+        // Along the line between the centers the planes may be farther apart than what counts as the pair's distance.
+        let gap = (self.gap * settings.scale).min(distance);
+        found.nearest = found.nearest.min(distance.max(0.0));
+        if distance <= settings.contact_distance {
+            let [triangle_a, triangle_b] = self.triangles;
+            found.touching.push(TouchingPair { triangle_a, triangle_b, distance: gap.max(0.0) });
+        }
+        if distance <= settings.reported_distance {
+            found.contacts.push(CompactContact::between_triangles(
+                surfaces,
+                self.triangles,
+                settings.same_surface,
+                FeaturePair { a: Feature::Face, b: Feature::Face },
+                barycentric_of(&self.corners[0], self.points[0].as_dvec3()),
+                barycentric_of(&self.corners[1], self.points[1].as_dvec3()),
+                self.points[1].as_dvec3(),
+                self.normal.as_dvec3(),
+                gap,
+            ));
+        }
     }
 }

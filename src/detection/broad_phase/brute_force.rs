@@ -6,17 +6,19 @@ use std::time::Instant;
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
-use super::{BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, reaches_half_space, shape_bounds};
+use super::{
+    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, reaches_half_space, shape_bounds,
+};
 use crate::{
     detection::{DetectionDiagnostics, TriangleBounds},
     kernel::{
-        bounds::{pairs_between_brute_force, self_pairs_brute_force},
+        bounds::{Aabb, pairs_between_brute_force, self_pairs_brute_force},
         exact::rigid_shape::ShapeGeometry,
         ids::TriangleId,
     },
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
-    surface::ActiveSurfaces,
+    surface::{ActiveShape, ActiveSurface, ActiveSurfaces},
 };
 
 /// Finds pairs by comparing all boxes. Disable [`TreeBroadPhasePlugin`](super::TreeBroadPhasePlugin) and add this:
@@ -66,17 +68,28 @@ fn pair_triangles(
             }
             OtherSide::Shape(place) => {
                 let shape = &active.shapes[place];
-                let reach = shape_bounds(pair, shape, first, settings.margin());
-                let reached = (0u32..).zip(&bounds.triangles).filter(|(_, bounds)| match (&reach, &*shape.geometry) {
-                    (Some(reach), _) => reach.overlaps(bounds),
-                    (None, ShapeGeometry::HalfSpace { normal }) => reaches_half_space(pair, *normal, bounds),
-                    (None, _) => true,
-                });
-                let reached: Vec<[u32; 2]> = reached.map(|(triangle, _)| [triangle, 0]).collect();
-                pair.triangles.extend(reached);
+                pair_with_shape_brute_force(pair, shape, first, settings.margin(), &bounds.triangles);
             }
         }
     }
     let count = candidates.triangle_pair_count();
     diagnostics.finish("broad phase", start, 0, count);
+}
+
+/// Appends the triangles of a surface whose boxes reach a shape.
+pub(super) fn pair_with_shape_brute_force(
+    pair: &mut SurfacePair,
+    shape: &ActiveShape,
+    surface: &ActiveSurface,
+    margin: f32,
+    bounds: &[Aabb],
+) {
+    let reach = shape_bounds(pair, shape, surface, margin);
+    let reached = (0u32..).zip(bounds).filter(|(_, bounds)| match (&reach, &*shape.geometry) {
+        (Some(reach), _) => reach.overlaps(bounds),
+        (None, ShapeGeometry::HalfSpace { normal }) => reaches_half_space(pair, *normal, bounds),
+        (None, _) => true,
+    });
+    let reached: Vec<[u32; 2]> = reached.map(|(triangle, _)| [triangle, 0]).collect();
+    pair.triangles.extend(reached);
 }

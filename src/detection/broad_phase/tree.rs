@@ -5,10 +5,12 @@ use std::{sync::Arc, time::Instant};
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
-use super::{BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, reaches_half_space, shape_bounds};
+use super::{
+    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, brute_force::pair_with_shape_brute_force, shape_bounds,
+};
 use crate::{
     detection::{DetectionDiagnostics, TriangleBounds},
-    kernel::{exact::rigid_shape::ShapeGeometry, ids::TriangleId, topology::SurfaceTopology, tree::BoxTree},
+    kernel::{ids::TriangleId, topology::SurfaceTopology, tree::BoxTree},
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
     surface::ActiveSurfaces,
@@ -97,11 +99,9 @@ fn pair_triangles(
                 let shape = &active.shapes[place];
                 if let Some(reach) = shape_bounds(pair, shape, first, settings.margin()) {
                     tree.tree.query(&reach, |triangle| pair.triangles.push([triangle, 0]));
-                } else if let ShapeGeometry::HalfSpace { normal } = *shape.geometry {
-                    let reached =
-                        (0u32..).zip(&bounds.triangles).filter(|(_, bounds)| reaches_half_space(pair, normal, bounds));
-                    let reached: Vec<[u32; 2]> = reached.map(|(triangle, _)| [triangle, 0]).collect();
-                    pair.triangles.extend(reached);
+                } else {
+                    // A shape without a box, a half-space, has nothing to ask the tree with.
+                    pair_with_shape_brute_force(pair, shape, first, settings.margin(), &bounds.triangles);
                 }
             }
         }
