@@ -18,6 +18,9 @@ pub struct CircumsphereSettings {
     /// Curvature times radius at which a sphere is no longer offset. More than 0, useful from 0.5 to 2. Default 1.
     /// Only for the `Circumsphere` method.
     pub curvature_threshold: f32,
+    /// Whether planes and boxes that part two triangles part their caps too. Default true; the source paper goes by
+    /// spheres and cones alone. Only for the `Circumsphere` method.
+    pub plane_cull: bool,
     /// Shape change beyond which a triangle's sphere is made anew: relative change of an edge, or of a dihedral angle
     /// in radians. 0 makes all of them anew in every tick. Default 0.7, the source paper's choice for steadiness.
     /// Only for the `Circumsphere` method.
@@ -36,6 +39,7 @@ impl Default for CircumsphereSettings {
             margin: 0.0,
             phi: 1.0,
             curvature_threshold: 1.0,
+            plane_cull: true,
             delta: 0.7,
             estimator: CurvatureEstimator::SignedEdge,
             threads: 0,

@@ -20,6 +20,7 @@ use crate::{
         sphere_pairs::{ball_contacts, cap_contacts},
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
+    settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
 };
 
@@ -39,6 +40,7 @@ fn gather_contacts(
     candidates: Res<CandidateTrianglePairs>,
     overlapping: Res<OverlappingTrianglePairs>,
     meeting: Res<MeetingCaps>,
+    settings: Res<CircumsphereSettings>,
     mut refined: ResMut<RefinedTrianglePairs>,
     mut store: ResMut<ContactStore>,
     mut previous: Local<ContactStore>,
@@ -60,14 +62,14 @@ fn gather_contacts(
             &mut refined.pairs[place]
         } else {
             spheres_found.clear();
-            let (settings, found) = (pair_settings(pair), &mut spheres_found);
+            let (pair_settings, found) = (pair_settings(pair, &settings), &mut spheres_found);
             if pair.method == ContactMethod::Circumsphere {
                 with_caps(&active, &spheres, pair, |a, b| {
-                    cap_contacts(a, b, &meeting.pairs[place], &settings, found);
+                    cap_contacts(a, b, &meeting.pairs[place], &pair_settings, found);
                 });
             } else {
                 with_balls(&active, &spheres, pair, |a, b| {
-                    ball_contacts(a, b, &overlapping.pairs[place], &settings, found);
+                    ball_contacts(a, b, &overlapping.pairs[place], &pair_settings, found);
                 });
             }
             &mut spheres_found

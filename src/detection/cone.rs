@@ -10,7 +10,7 @@ use super::{
     diagnostics::DetectionDiagnostics,
     overlap::OverlappingTrianglePairs,
     parallel::map_chunks,
-    sides::{SphereQuery, with_caps},
+    sides::{SphereQuery, pair_settings, with_caps},
 };
 use crate::{
     kernel::sphere_pairs::{CapPair, meeting_caps},
@@ -54,10 +54,11 @@ fn test_cones(
         if pair.method != ContactMethod::Circumsphere {
             continue;
         }
+        let pair_settings = pair_settings(pair, &settings);
         let chunks = with_caps(&active, &surfaces, pair, |a, b| {
             map_chunks(overlapping, settings.threads, |chunk| {
                 let mut kept = Vec::new();
-                meeting_caps(a, b, chunk, &mut kept);
+                meeting_caps(a, b, chunk, &pair_settings, &mut kept);
                 kept
             })
         });

@@ -49,7 +49,7 @@ fn test_overlap(
     overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
     for (pair, overlapping) in candidates.pairs.iter().zip(&mut overlapping.pairs) {
         overlapping.clear();
-        let pair_settings = pair_settings(pair);
+        let pair_settings = pair_settings(pair, &settings);
         let threads = settings.threads;
         let chunks = match pair.method {
             ContactMethod::BoundingSphere => with_balls(&active, &surfaces, pair, |a, b| {

@@ -74,7 +74,7 @@ fn refine_pair(
     surfaces: &Query<&SurfacePositions>,
     refined: &mut FoundPairs,
 ) {
-    let pair_settings = pair_settings(pair);
+    let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
     let Ok(own) = surfaces.get(first.entity) else { return };
     let mut collect = |work: &(dyn Fn(&[[u32; 2]], &mut FoundPairs) + Sync)| {

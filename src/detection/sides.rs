@@ -12,6 +12,7 @@ use crate::{
         pose::Pose,
         sphere_pairs::{BallSide, CapSide},
     },
+    settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
@@ -20,13 +21,17 @@ pub(crate) type SphereQuery<'w, 's> =
     Query<'w, 's, (&'static SurfacePositions, &'static EnclosingBalls, &'static Circumspheres, &'static TriangleCones)>;
 
 /// The distances of a pair, for the kernel.
-pub(crate) fn pair_settings(pair: &SurfacePair) -> PairSettings {
+pub(crate) fn pair_settings(pair: &SurfacePair, settings: &CircumsphereSettings) -> PairSettings {
     PairSettings {
         contact_distance: f64::from(pair.contact_distance),
         reported_distance: f64::from(pair.reported_distance),
         range: f64::from(pair.range),
         scale: pair.frame_pose.scale(),
-        cull: pair.method != ContactMethod::Polygon,
+        cull: match pair.method {
+            ContactMethod::Polygon => false,
+            ContactMethod::Circumsphere => settings.plane_cull,
+            ContactMethod::BoundingSphere | ContactMethod::Refined => true,
+        },
         same_surface: pair.is_self(),
     }
 }

@@ -48,7 +48,8 @@ pub struct PairSettings {
     pub range: f64,
     /// World length of a unit of the frame of the pair.
     pub scale: f64,
-    /// Whether conservative culls come before an exact test. They change the time, never the result.
+    /// Whether conservative culls by planes come first. Before an exact test they change the time, never the result;
+    /// before caps they drop pairs that caps alone would let touch.
     pub cull: bool,
     /// Whether both sides are the same surface.
     pub same_surface: bool,

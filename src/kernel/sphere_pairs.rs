@@ -93,8 +93,8 @@ pub struct CapPair {
     pub triangle_b: u32,
     /// Where the line between the centers meets both triangles' planes, in the frame of the pair.
     pub contact: CapContact,
-    /// How far apart the spheres and the triangles' planes and boxes keep the two, in the frame of the pair; at least
-    /// 0. They touch where it is no more than the contact distance.
+    /// How far apart the spheres, the triangles' boxes and, where asked, their planes keep the two, in the frame of the
+    /// pair; at least 0. They touch where it is no more than the contact distance.
     pub distance: f64,
 }
 
@@ -130,8 +130,8 @@ pub fn overlapping_balls(
     }));
 }
 
-/// Appends the candidates whose offset spheres come within range and whose planes do not separate them by more. In a
-/// self-collision, pairs that share a vertex are left out.
+/// Appends the candidates whose offset spheres come within range and, where asked, whose planes do not separate them by
+/// more. In a self-collision, pairs that share a vertex are left out.
 pub fn overlapping_caps(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
@@ -140,25 +140,36 @@ pub fn overlapping_caps(
     overlapping: &mut Vec<[u32; 2]>,
 ) {
     let reach = (settings.range / settings.scale) as f32;
-    let pairs = &*without_neighbors(&a.surface, candidates, settings);
-    // Planes first: they are compared eight pairs at a time and leave the fewest.
-    let mut past_planes = Vec::with_capacity(pairs.len());
-    let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
-    cull_by_planes([a.surface.positions, b.surface.positions], triangles, pairs, reach, &mut past_planes);
-    overlapping.extend(past_planes.into_iter().filter(|&pair| {
+    let mut pairs = without_neighbors(&a.surface, candidates, settings);
+    if settings.cull {
+        // Planes first: they are compared eight pairs at a time and leave the fewest.
+        let mut past_planes = Vec::with_capacity(pairs.len());
+        let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
+        cull_by_planes([a.surface.positions, b.surface.positions], triangles, &pairs, reach, &mut past_planes);
+        pairs = past_planes.into();
+    }
+    overlapping.extend(pairs.iter().copied().filter(|&pair| {
         let [cap_a, cap_b] = facing_caps(a, b, pair);
         spheres_overlap(cap_a.center, cap_a.radius, cap_b.center, cap_b.radius, reach)
     }));
 }
 
 /// Appends the pairs that pass the cone test, with their contact.
-pub fn meeting_caps(a: &CapSide<'_>, b: &CapSide<'_>, overlapping: &[[u32; 2]], meeting: &mut Vec<CapPair>) {
+pub fn meeting_caps(
+    a: &CapSide<'_>,
+    b: &CapSide<'_>,
+    overlapping: &[[u32; 2]],
+    settings: &PairSettings,
+    meeting: &mut Vec<CapPair>,
+) {
     meeting.extend(overlapping.iter().filter_map(|&[triangle_a, triangle_b]| {
         let [cap_a, cap_b] = facing_caps(a, b, [triangle_a, triangle_b]);
         let contact = cap_contact(&cap_a, &cap_b)?;
         let spheres = f64::from(cap_a.center.distance(cap_b.center) - cap_a.radius - cap_b.radius);
         let (corners_a, corners_b) = (a.surface.corners(triangle_a), b.surface.corners(triangle_b));
-        let planes = slab_gap(&corners_a, &corners_b).max(slab_gap(&corners_b, &corners_a));
+        let planes =
+            if settings.cull { slab_gap(&corners_a, &corners_b).max(slab_gap(&corners_b, &corners_a)) } else { 0.0 };
+        // Boxes always: candidates reach as far as the margin, and the pairs must not depend on it.
         let distance = spheres.max(planes).max(box_gap(&corners_a, &corners_b));
         Some(CapPair { triangle_a, triangle_b, contact, distance })
     }));

@@ -77,7 +77,7 @@ fn meeting(a: &Body, b: &Body) -> (Vec<[u32; 2]>, Vec<CapPair>) {
     let (mut candidates, mut overlapping, mut meeting) = (Vec::new(), Vec::new(), Vec::new());
     pairs_between_brute_force(&boxes_a, &boxes_b, &mut candidates);
     overlapping_caps(&a.side(), &b.side(), &candidates, &settings(REACH, false), &mut overlapping);
-    meeting_caps(&a.side(), &b.side(), &overlapping, &mut meeting);
+    meeting_caps(&a.side(), &b.side(), &overlapping, &settings(REACH, false), &mut meeting);
     (candidates, meeting)
 }
 
