@@ -12,15 +12,19 @@ pub struct CircumsphereSettings {
     /// How much farther than the contact distance contacts are still reported, in world units, with positive
     /// separation. 0 or more. Default 0: a solver that steps between detections sets it to what moves meanwhile.
     pub margin: f32,
-    /// Height of a flat triangle's sphere center below its plane, in radii of the triangle. 0 or more. Default 1,
-    /// where the cap bulges by 0.41 radii. Only for the `Circumsphere` method.
+    /// Height of a flat triangle's sphere center below its plane, in radii of the triangle. 0 or more. Default 0.5,
+    /// where the cap bulges by 0.62 radii. Only for the `Circumsphere` method.
     pub phi: f32,
     /// Curvature times radius at which a sphere is no longer offset. More than 0, useful from 0.5 to 2. Default 1.
     /// Only for the `Circumsphere` method.
     pub curvature_threshold: f32,
-    /// Whether planes and boxes that part two triangles part their caps too. Default true; the source paper goes by
-    /// spheres and cones alone. Only for the `Circumsphere` method.
+    /// Whether two triangles that their planes, or the planes across the line between their sphere centers, hold apart
+    /// are apart whatever their caps do. Default true; the source paper goes by spheres and cones alone. Only for the
+    /// `Circumsphere` method.
     pub plane_cull: bool,
+    /// Whether safety cones are widened by the angle to the neighboring triangles, so that they leave no gap between
+    /// them. Default true; the source paper's are not. Only for the `Circumsphere` method.
+    pub widen_cones: bool,
     /// Shape change beyond which a triangle's sphere is made anew: relative change of an edge, or of a dihedral angle
     /// in radians. 0 makes all of them anew in every tick. Default 0.7, the source paper's choice for steadiness.
     /// Only for the `Circumsphere` method.
@@ -37,9 +41,10 @@ impl Default for CircumsphereSettings {
     fn default() -> Self {
         Self {
             margin: 0.0,
-            phi: 1.0,
+            phi: 0.5,
             curvature_threshold: 1.0,
             plane_cull: true,
+            widen_cones: true,
             delta: 0.7,
             estimator: CurvatureEstimator::SignedEdge,
             threads: 0,

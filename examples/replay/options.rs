@@ -74,6 +74,7 @@ pub struct Options {
 pub enum Method {
     BoundingSphere,
     Circumsphere,
+    Conservative,
     Refined,
     Polygon,
 }
@@ -83,6 +84,7 @@ impl From<Method> for ContactMethod {
         match method {
             Method::BoundingSphere => Self::BoundingSphere,
             Method::Circumsphere => Self::Circumsphere,
+            Method::Conservative => Self::Conservative,
             Method::Refined => Self::Refined,
             Method::Polygon => Self::Polygon,
         }

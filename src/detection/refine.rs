@@ -1,4 +1,5 @@
-//! Stage 7: the exact test of candidates, for the methods that miss nothing and for rigid shapes.
+//! Stage 7: the exact test of candidates, or the conservative one, for the methods that miss nothing and for rigid
+//! shapes.
 
 use std::time::Instant;
 
@@ -14,22 +15,22 @@ use super::{
 use crate::{
     kernel::{
         pair::FoundPairs,
-        refine::{refine_pairs, refine_shape, settle_penetrations},
+        refine::{conservative_pairs, refine_pairs, refine_shape, settle_penetrations},
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
-/// What the exact test found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a pair's
-/// method is not exact.
+/// What the exact or the conservative test found, one entry for each pair of surfaces in [`CandidateTrianglePairs`];
+/// empty where a pair is tested by spheres.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct RefinedTrianglePairs {
     /// Touching pairs and contacts.
     pub pairs: Vec<FoundPairs>,
 }
 
-/// Tests candidates exactly.
+/// Tests candidates exactly or conservatively.
 pub struct RefinePlugin;
 
 impl Plugin for RefinePlugin {
@@ -52,7 +53,7 @@ fn refine(
     refined.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
     for (pair, refined) in candidates.pairs.iter().zip(&mut refined.pairs) {
         refined.clear();
-        if pair.method < ContactMethod::Refined {
+        if pair.method < ContactMethod::Conservative {
             continue;
         }
         refine_pair(&active, pair, &settings, &surfaces, refined);
@@ -91,7 +92,8 @@ fn refine_pair(
         OtherSide::Surface(second) => {
             let Ok(other) = surfaces.get(active.surfaces[second].entity) else { return };
             let Some([a, b]) = surface_sides(active, pair, own, other) else { return };
-            collect(&|chunk, found| refine_pairs(&a, &b, chunk, &pair_settings, found));
+            let test = if pair.method == ContactMethod::Conservative { conservative_pairs } else { refine_pairs };
+            collect(&|chunk, found| test(&a, &b, chunk, &pair_settings, found));
             settle_penetrations(&a, &b, &pair.triangles, &pair_settings, &mut refined.contacts);
         }
         OtherSide::Shape(place) => {

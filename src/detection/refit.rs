@@ -105,6 +105,9 @@ fn refit_spheres(
                 settings.recipe(),
                 &mut cones.0,
             );
+            if settings.widen_cones {
+                cones.0.widen(&curvature.0.spreads);
+            }
         }
     }
     if any_used {

@@ -5,6 +5,8 @@
 //! the dual area is the mean curvature at valence three. First geometric stage of the sphere methods; `circumsphere`
 //! reads what it writes.
 
+use core::f32::consts::FRAC_PI_2;
+
 use glam::Vec3;
 
 use super::{ids::EdgeId, topology::SurfaceTopology};
@@ -30,6 +32,9 @@ pub struct Curvatures {
     /// Dihedral angle across edge `k` of each triangle, in radians from −π to π: positive where convex, 0 at a
     /// boundary and next to a triangle without area.
     pub dihedrals: Vec<[f32; 3]>,
+    /// How far the surface's normal turns away from each triangle's own before the next triangle takes over: the largest
+    /// angle to a neighbor, in radians from 0 to π; at a boundary at least π/2, as a rim is met from any side.
+    pub spreads: Vec<f32>,
     normals: Vec<Vec3>,
     doubled_areas: Vec<f32>,
     centroids: Vec<Vec3>,
@@ -43,9 +48,15 @@ impl Curvatures {
         self.measure_edges(topology, positions);
         self.curvatures.clear();
         self.dihedrals.clear();
+        self.spreads.clear();
         for triangle in 0..topology.triangles().len() {
             let (dihedrals, edge_curvature) = self.signed_edge(topology, positions, triangle);
             self.dihedrals.push(dihedrals);
+            let ends = topology.triangle_edges()[triangle]
+                .iter()
+                .any(|&edge| topology.triangles_of_edge(EdgeId(edge)).len() < 2);
+            let turned = dihedrals.iter().fold(0.0, |most: f32, angle| most.max(angle.abs()));
+            self.spreads.push(if ends { turned.max(FRAC_PI_2) } else { turned });
             self.curvatures.push(match estimator {
                 CurvatureEstimator::SignedEdge => edge_curvature,
                 CurvatureEstimator::DualAngleDeficit => {

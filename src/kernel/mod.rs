@@ -7,13 +7,14 @@
 pub mod bounds;
 pub mod circumsphere;
 pub mod cone;
+pub mod conservative;
 pub mod contact;
 pub mod curvature;
 pub mod exact;
 pub mod ids;
+mod lanes;
 pub mod pair;
 pub mod pose;
-
 pub mod reference;
 pub mod refine;
 pub mod sphere_pairs;

@@ -7,11 +7,12 @@
 use glam::{DVec3, Vec3};
 
 use super::{
+    conservative::near_pairs,
     contact::{CompactContact, TouchingPair, canonical_order},
     exact::{
         Feature, FeaturePair, PairProximity, Proximity,
         barycentric::point_at,
-        cull::cull_pairs,
+        cull::{cull_by_planes, cull_pairs},
         examine_pair,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         side::{closest_feature, face_normal},
@@ -47,25 +48,73 @@ pub fn refine_pairs(
         pairs = &close;
     }
     found.examined += pairs.len();
-    let mut pair = PairProximity::default();
-    for &[triangle_a, triangle_b] in pairs {
-        let (corners_a, corners_b) = (a.corners(triangle_a), b.corners(triangle_b));
-        examine_pair(&corners_a, &corners_b, range, &mut pair);
-        let distance = pair.distance * settings.scale;
-        if distance > settings.range {
+    let mut proximity = PairProximity::default();
+    for &triangles in pairs {
+        refine_pair(a, b, triangles, settings, &mut proximity, found);
+    }
+}
+
+/// Tests one pair exactly; `proximity` is scratch.
+fn refine_pair(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    triangles: [u32; 2],
+    settings: &PairSettings,
+    proximity: &mut PairProximity,
+    found: &mut FoundPairs,
+) {
+    let [triangle_a, triangle_b] = triangles;
+    let (corners_a, corners_b) = (a.corners(triangle_a), b.corners(triangle_b));
+    examine_pair(&corners_a, &corners_b, settings.range / settings.scale, proximity);
+    let distance = proximity.distance * settings.scale;
+    if distance > settings.range {
+        return;
+    }
+    found.nearest = found.nearest.min(distance);
+    if distance <= settings.contact_distance {
+        found.touching.push(TouchingPair { triangle_a, triangle_b, distance });
+    }
+    for proximity in &proximity.proximities {
+        if proximity.distance * settings.scale <= settings.reported_distance
+            && reports(a, b, settings.same_surface, triangles, proximity.features)
+        {
+            found.contacts.push(contact(a, b, settings, triangles, [&corners_a, &corners_b], proximity));
+        }
+    }
+}
+
+/// Tests candidate pairs of two surfaces conservatively and appends what it finds: every pair that touches, and next to
+/// none that does not. Of a pair that is apart only the closest features make a contact; pairs that may cross, or are too
+/// thin for single precision to tell which features are closest, are tested exactly.
+pub fn conservative_pairs(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+) {
+    let range = (settings.range / settings.scale) as f32;
+    let positions = [a.positions, b.positions];
+    let triangles = [a.topology.triangles(), b.topology.triangles()];
+    let (mut past_planes, mut near) = (Vec::with_capacity(candidates.len()), Vec::new());
+    cull_by_planes(positions, triangles, &without_neighbors(a, candidates, settings), range, &mut past_planes);
+    near_pairs(positions, triangles, &past_planes, range, &mut near);
+    let mut proximity = PairProximity::default();
+    for pair in &near {
+        let [triangle_a, triangle_b] = pair.triangles;
+        let corners = [&a.corners(triangle_a), &b.corners(triangle_b)];
+        let Some(closest) = pair.closest_features(corners) else {
+            found.examined += 1;
+            refine_pair(a, b, pair.triangles, settings, &mut proximity, found);
             continue;
+        };
+        let least = pair.least_distance() * settings.scale;
+        found.nearest = found.nearest.min(least);
+        if least <= settings.contact_distance {
+            found.touching.push(TouchingPair { triangle_a, triangle_b, distance: closest.distance * settings.scale });
         }
-        found.nearest = found.nearest.min(distance);
-        if distance <= settings.contact_distance {
-            found.touching.push(TouchingPair { triangle_a, triangle_b, distance });
-        }
-        for proximity in &pair.proximities {
-            if proximity.distance * settings.scale <= settings.reported_distance
-                && reports(a, b, settings.same_surface, [triangle_a, triangle_b], proximity.features)
-            {
-                let corners = [&corners_a, &corners_b];
-                found.contacts.push(contact(a, b, settings, [triangle_a, triangle_b], corners, proximity));
-            }
+        if least <= settings.reported_distance {
+            found.contacts.push(contact(a, b, settings, pair.triangles, corners, &closest));
         }
     }
 }

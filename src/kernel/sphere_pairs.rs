@@ -9,7 +9,12 @@ use super::{
     circumsphere::{Ball, OffsetSpheres},
     cone::{Cap, CapContact, SafetyCones, cap_contact, spheres_overlap},
     contact::{CompactContact, TouchingPair},
-    exact::{Feature, FeaturePair, barycentric::barycentric_of, cull::cull_by_planes},
+    exact::{
+        Feature, FeaturePair,
+        barycentric::barycentric_of,
+        cull::{cull_by_directions, cull_by_planes},
+        side::face_normal,
+    },
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pose::Pose,
 };
@@ -105,11 +110,10 @@ fn box_gap(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
     (low_a - high_b).max(low_b - high_a).max_element().max(0.0)
 }
 
-/// How far apart two triangles are along the first one's normal; 0 where they overlap or it has none.
-fn slab_gap(own: &[DVec3; 3], other: &[DVec3; 3]) -> f64 {
-    let normal = (own[1] - own[0]).cross(own[2] - own[0]).normalize_or_zero();
-    let [a, b, c] = [0, 1, 2].map(|k| normal.dot(own[k] - own[0]));
-    let [p, q, r] = [0, 1, 2].map(|k| normal.dot(other[k] - own[0]));
+/// How far apart two triangles are along a unit direction; 0 where they overlap or it is zero.
+fn gap_along(direction: DVec3, own: &[DVec3; 3], other: &[DVec3; 3]) -> f64 {
+    let [a, b, c] = [0, 1, 2].map(|k| direction.dot(own[k] - own[0]));
+    let [p, q, r] = [0, 1, 2].map(|k| direction.dot(other[k] - own[0]));
     (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r)).max(0.0)
 }
 
@@ -130,8 +134,8 @@ pub fn overlapping_balls(
     }));
 }
 
-/// Appends the candidates whose offset spheres come within range and, where asked, whose planes do not separate them by
-/// more. In a self-collision, pairs that share a vertex are left out.
+/// Appends the candidates whose offset spheres come within range and, where asked, which neither their planes nor the
+/// line between the sphere centers separate by more. In a self-collision, pairs that share a vertex are left out.
 pub fn overlapping_caps(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
@@ -140,18 +144,24 @@ pub fn overlapping_caps(
     overlapping: &mut Vec<[u32; 2]>,
 ) {
     let reach = (settings.range / settings.scale) as f32;
-    let mut pairs = without_neighbors(&a.surface, candidates, settings);
-    if settings.cull {
-        // Planes first: they are compared eight pairs at a time and leave the fewest.
-        let mut past_planes = Vec::with_capacity(pairs.len());
-        let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
-        cull_by_planes([a.surface.positions, b.surface.positions], triangles, &pairs, reach, &mut past_planes);
-        pairs = past_planes.into();
-    }
-    overlapping.extend(pairs.iter().copied().filter(|&pair| {
+    let pairs = without_neighbors(&a.surface, candidates, settings);
+    let positions = [a.surface.positions, b.surface.positions];
+    let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
+    let spheres_meet = |pair: [u32; 2]| {
         let [cap_a, cap_b] = facing_caps(a, b, pair);
-        spheres_overlap(cap_a.center, cap_a.radius, cap_b.center, cap_b.radius, reach)
-    }));
+        let meet = spheres_overlap(cap_a.center, cap_a.radius, cap_b.center, cap_b.radius, reach);
+        meet.then_some(cap_a.center - cap_b.center)
+    };
+    if !settings.cull {
+        overlapping.extend(pairs.iter().copied().filter(|&pair| spheres_meet(pair).is_some()));
+        return;
+    }
+    // Planes first: they are compared eight pairs at a time and leave the fewest.
+    let mut past_planes = Vec::with_capacity(pairs.len());
+    cull_by_planes(positions, triangles, &pairs, reach, &mut past_planes);
+    let (past_spheres, lines): (Vec<_>, Vec<_>) =
+        past_planes.into_iter().filter_map(|pair| spheres_meet(pair).map(|line| (pair, line))).unzip();
+    cull_by_directions(positions, triangles, &past_spheres, &lines, reach, overlapping);
 }
 
 /// Appends the pairs that pass the cone test, with their contact.
@@ -167,8 +177,14 @@ pub fn meeting_caps(
         let contact = cap_contact(&cap_a, &cap_b)?;
         let spheres = f64::from(cap_a.center.distance(cap_b.center) - cap_a.radius - cap_b.radius);
         let (corners_a, corners_b) = (a.surface.corners(triangle_a), b.surface.corners(triangle_b));
-        let planes =
-            if settings.cull { slab_gap(&corners_a, &corners_b).max(slab_gap(&corners_b, &corners_a)) } else { 0.0 };
+        let planes = if settings.cull {
+            [face_normal(&corners_a), face_normal(&corners_b), contact.direction.as_dvec3()]
+                .into_iter()
+                .map(|direction| gap_along(direction, &corners_a, &corners_b))
+                .fold(0.0, f64::max)
+        } else {
+            0.0
+        };
         // Boxes always: candidates reach as far as the margin, and the pairs must not depend on it.
         let distance = spheres.max(planes).max(box_gap(&corners_a, &corners_b));
         Some(CapPair { triangle_a, triangle_b, contact, distance })
@@ -191,7 +207,7 @@ pub fn ball_contacts(
         // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
         let distance = gap.max(box_gap(&corners[0], &corners[1]));
         let points = [own.center - normal * own.radius, other.center + normal * other.radius];
-        let contact = FaceContact { triangles, corners, points, normal, distance, gap };
+        let contact = FaceContact::at(triangles, &corners, points, normal, distance, gap);
         contact.push([&a.surface, &b.surface], settings, found);
     }
 }
@@ -209,7 +225,7 @@ pub fn cap_contacts(
         let corners = [a.surface.corners(triangle_a), b.surface.corners(triangle_b)];
         let points = [contact.point_a, contact.point_b];
         let (normal, gap) = (-contact.direction, f64::from(contact.gap));
-        let contact = FaceContact { triangles, corners, points, normal, distance, gap };
+        let contact = FaceContact::at(triangles, &corners, points, normal, distance, gap);
         contact.push([&a.surface, &b.surface], settings, found);
     }
 }
@@ -217,21 +233,35 @@ pub fn cap_contacts(
 /// A contact of two whole triangles by their spheres, in the frame of the pair.
 struct FaceContact {
     triangles: [u32; 2],
-    corners: [[DVec3; 3]; 2],
-    points: [Vec3; 2],
+    /// Weights of the corners at the contact points.
+    barycentrics: [[f64; 3]; 2],
+    point_b: DVec3,
     /// From the second side to the first.
-    normal: Vec3,
-    /// How far apart the spheres, planes and boxes keep the two.
+    normal: DVec3,
+    /// What the distance of the two is at least, as far as the method knows; at least 0.
     distance: f64,
     /// From one point to the other, along the normal.
     gap: f64,
 }
 
 impl FaceContact {
+    fn at(
+        triangles: [u32; 2],
+        corners: &[[DVec3; 3]; 2],
+        points: [Vec3; 2],
+        normal: Vec3,
+        distance: f64,
+        gap: f64,
+    ) -> Self {
+        let points = points.map(Vec3::as_dvec3);
+        let barycentrics = [barycentric_of(&corners[0], points[0]), barycentric_of(&corners[1], points[1])];
+        Self { triangles, barycentrics, point_b: points[1], normal: normal.as_dvec3(), distance, gap }
+    }
+
     /// Counts the pair by its distance, and reports its contact.
     fn push(&self, surfaces: [&SurfaceSide<'_>; 2], settings: &PairSettings, found: &mut FoundPairs) {
         let distance = self.distance * settings.scale;
-        // Along the line between the centers the planes may be farther apart than what counts as the pair's distance.
+        // Along the normal the two may be farther apart than what counts as the pair's distance.
         let gap = (self.gap * settings.scale).min(distance);
         found.nearest = found.nearest.min(distance.max(0.0));
         if distance <= settings.contact_distance {
@@ -244,10 +274,10 @@ impl FaceContact {
                 self.triangles,
                 settings.same_surface,
                 FeaturePair { a: Feature::Face, b: Feature::Face },
-                barycentric_of(&self.corners[0], self.points[0].as_dvec3()),
-                barycentric_of(&self.corners[1], self.points[1].as_dvec3()),
-                self.points[1].as_dvec3(),
-                self.normal.as_dvec3(),
+                self.barycentrics[0],
+                self.barycentrics[1],
+                self.point_b,
+                self.normal,
                 gap,
             ));
         }

@@ -3,6 +3,7 @@
 #[path = "../reference/common.rs"]
 mod common;
 mod cone;
+mod conservative;
 mod curvature;
 mod exact;
 mod pose;

@@ -76,5 +76,6 @@ fn sphere_settings_take_effect_on_a_mesh_at_rest() {
     app.world_mut().resource_mut::<CircumsphereSettings>().phi = 3.0;
     app.update();
     // Flat triangles in the middle of a side have the full height of phi radii.
-    assert!((highest(&app) / before - 3.0).abs() < 1.0e-4, "{before} became {}", highest(&app));
+    let expected = 3.0 / CircumsphereSettings::default().phi;
+    assert!((highest(&app) / before - expected).abs() < 1.0e-4, "{before} became {}", highest(&app));
 }

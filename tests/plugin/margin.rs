@@ -11,8 +11,13 @@ use crate::world::{
     rounding, sheet, spawn, store,
 };
 
-const METHODS: [ContactMethod; 4] =
-    [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Refined, ContactMethod::Polygon];
+const METHODS: [ContactMethod; 5] = [
+    ContactMethod::BoundingSphere,
+    ContactMethod::Circumsphere,
+    ContactMethod::Conservative,
+    ContactMethod::Refined,
+    ContactMethod::Polygon,
+];
 
 fn set_margin(app: &mut App, margin: f32) {
     app.world_mut().resource_mut::<CircumsphereSettings>().margin = margin;

@@ -1,4 +1,4 @@
-//! The four contact methods and both broad phases on the same scenes.
+//! The contact methods and both broad phases on the same scenes.
 
 use std::collections::BTreeSet;
 
@@ -15,8 +15,13 @@ use glam::{Quat, Vec3};
 
 use crate::world::{Called, THIN, app, app_in, at, fingerprint, insert, place, spawn, store};
 
-const METHODS: [ContactMethod; 4] =
-    [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Refined, ContactMethod::Polygon];
+const METHODS: [ContactMethod; 5] = [
+    ContactMethod::BoundingSphere,
+    ContactMethod::Circumsphere,
+    ContactMethod::Conservative,
+    ContactMethod::Refined,
+    ContactMethod::Polygon,
+];
 
 fn app_with_brute_force() -> App {
     let mut app = App::new();
@@ -49,9 +54,10 @@ fn touching(method: [ContactMethod; 2]) -> BTreeSet<[u32; 2]> {
 
 #[test]
 fn exact_methods_agree_and_coarse_ones_enclose_them() {
-    let [balls, caps, refined, polygon] = METHODS.map(|method| touching([method; 2]));
+    let [balls, caps, conservative, refined, polygon] = METHODS.map(|method| touching([method; 2]));
     assert!(refined.len() > 100, "{} pairs touch", refined.len());
     assert_eq!(refined, polygon);
+    assert_eq!(refined, conservative, "no pair of this scene is within rounding of the contact distance");
     // A triangle lies in its ball, so triangles that touch have balls that do.
     assert!(refined.is_subset(&balls), "{} are missing", refined.difference(&balls).count());
     assert!(balls.len() > refined.len());

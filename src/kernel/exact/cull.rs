@@ -11,46 +11,17 @@ use std::cmp::Ordering;
 
 use glam::Vec3;
 
-use super::lanes::{Lanes, Mask, VectorLanes, WIDTH};
+use crate::kernel::lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, normal, project};
 
 /// Gaps must exceed the range by this factor, and by [`ROUNDING`] times the pair's extent, before a pair is rejected:
 /// the projections' own rounding is a few units in the last place of the extent (6e-8 each).
-const RANGE_SLACK: f32 = 1.0 + 1.0e-5;
-const ROUNDING: f32 = 2.0e-6;
+pub(in crate::kernel) const RANGE_SLACK: f32 = 1.0 + 1.0e-5;
+pub(in crate::kernel) const ROUNDING: f32 = 2.0e-6;
 
 /// A squared direction below this is too close to the smallest f32 to be relied on.
-const LEAST_SQUARED: f32 = 1.0e-30;
-
-/// Eight pairs of triangles, relative to the first triangle's first corner.
-struct PairLanes {
-    a: [VectorLanes; 3],
-    b: [VectorLanes; 3],
-    /// Sum of the largest coordinates' magnitudes, which no projection on a unit vector exceeds.
-    extent: Lanes,
-}
+pub(in crate::kernel) const LEAST_SQUARED: f32 = 1.0e-30;
 
 impl PairLanes {
-    const EMPTY: Self = Self { a: [VectorLanes::ZERO; 3], b: [VectorLanes::ZERO; 3], extent: Lanes::ZERO };
-
-    // Kept apart, so that the lanes come from memory: of numbers it has just loaded one by one the compiler makes
-    // no vectors.
-    #[inline(never)]
-    fn gather(&mut self, positions: [&[Vec3]; 2], triangles: [&[[u32; 3]]; 2], pairs: &[[u32; 2]]) {
-        for (lane, &[triangle_a, triangle_b]) in pairs.iter().enumerate().take(WIDTH) {
-            let (corners_a, corners_b) = (triangles[0][triangle_a as usize], triangles[1][triangle_b as usize]);
-            let origin = positions[0][corners_a[0] as usize];
-            let mut largest = Vec3::ZERO;
-            for k in 0..3 {
-                let corner_a = positions[0][corners_a[k] as usize] - origin;
-                let corner_b = positions[1][corners_b[k] as usize] - origin;
-                largest = largest.max(corner_a.abs()).max(corner_b.abs());
-                self.a[k].set(lane, corner_a);
-                self.b[k].set(lane, corner_b);
-            }
-            self.extent.0[lane] = largest.element_sum();
-        }
-    }
-
     /// By how much the gap along `direction` exceeds the one that proves a pair apart, in units of the direction's
     /// length: more than 0 where it does.
     #[inline(always)]
@@ -71,108 +42,7 @@ impl PairLanes {
 
     #[inline(always)]
     fn excess_along_closest_features(&self, range: Lanes) -> Lanes {
-        self.excess_along(self.closest_direction(), range)
-    }
-
-    /// From the closest point on one triangle to that on the other, as well as f32 can tell.
-    #[inline(always)]
-    fn closest_direction(&self) -> VectorLanes {
-        let mut nearest = Nearest { squared: Lanes::splat(f32::INFINITY), direction: VectorLanes::ZERO };
-        let (edges_a, edges_b) = (edges(&self.a), edges(&self.b));
-        nearest.vertices_and_edges(&self.a, &self.b, &edges_b);
-        nearest.vertices_and_edges(&self.b, &self.a, &edges_a);
-        nearest.vertices_and_face(&self.a, &self.b, &edges_b);
-        nearest.vertices_and_face(&self.b, &self.a, &edges_a);
-        for k in 0..3 {
-            for l in 0..3 {
-                nearest.edges(self.b[l] - self.a[k], edges_a[k], edges_b[l]);
-            }
-        }
-        nearest.direction
-    }
-}
-
-#[inline(always)]
-fn edges(corners: &[VectorLanes; 3]) -> [VectorLanes; 3] {
-    [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]]
-}
-
-#[inline(always)]
-fn normal(corners: &[VectorLanes; 3]) -> VectorLanes {
-    (corners[1] - corners[0]).cross(corners[2] - corners[0])
-}
-
-/// The interval of a triangle's projections on a direction of any length.
-#[inline(always)]
-fn project(corners: &[VectorLanes; 3], direction: VectorLanes) -> (Lanes, Lanes) {
-    let (first, second, third) = (direction.dot(corners[0]), direction.dot(corners[1]), direction.dot(corners[2]));
-    (first.min(second).min(third), first.max(second).max(third))
-}
-
-/// Where a position along an edge is strictly between its ends.
-#[inline(always)]
-fn inside(along: Lanes) -> Mask {
-    along.greater_than(Lanes::ZERO).and(Lanes::splat(1.0).greater_than(along))
-}
-
-/// The shortest connection found so far.
-struct Nearest {
-    squared: Lanes,
-    direction: VectorLanes,
-}
-
-impl Nearest {
-    #[inline(always)]
-    fn offer(&mut self, possible: Mask, squared: Lanes, direction: VectorLanes) {
-        let better = possible.and(self.squared.greater_than(squared));
-        self.squared = Lanes::select(better, squared, self.squared);
-        self.direction = VectorLanes::select(better, direction, self.direction);
-    }
-
-    #[inline(always)]
-    fn vertices_and_edges(
-        &mut self,
-        vertices: &[VectorLanes; 3],
-        corners: &[VectorLanes; 3],
-        edges: &[VectorLanes; 3],
-    ) {
-        for l in 0..3 {
-            let inverse = edges[l].dot(edges[l]).recip();
-            for k in 0..3 {
-                let from_start = vertices[k] - corners[l];
-                let along = (from_start.dot(edges[l]) * inverse).max(Lanes::ZERO).min(Lanes::splat(1.0));
-                let connection = from_start - edges[l].scaled(along);
-                let squared = connection.dot(connection);
-                self.offer(self.squared.greater_than(squared), squared, connection);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn vertices_and_face(&mut self, vertices: &[VectorLanes; 3], corners: &[VectorLanes; 3], edges: &[VectorLanes; 3]) {
-        let normal = edges[0].cross(edges[1]);
-        let inverse = normal.dot(normal).recip();
-        let inward = [normal.cross(edges[0]), normal.cross(edges[1]), normal.cross(edges[2])];
-        for k in 0..3 {
-            let height = normal.dot(vertices[k] - corners[0]);
-            let over_face = inward[0]
-                .dot(vertices[k] - corners[0])
-                .min(inward[1].dot(vertices[k] - corners[1]))
-                .min(inward[2].dot(vertices[k] - corners[2]))
-                .greater_than(Lanes::ZERO);
-            self.offer(over_face, height * height * inverse, normal.scaled(height * inverse));
-        }
-    }
-
-    /// Two edges, `between` from the start of one to the start of the other.
-    #[inline(always)]
-    fn edges(&mut self, between: VectorLanes, u: VectorLanes, v: VectorLanes) {
-        let normal = u.cross(v);
-        let inverse = normal.dot(normal).recip();
-        let height = normal.dot(between);
-        let along_u = between.cross(v).dot(normal) * inverse;
-        let along_v = between.cross(u).dot(normal) * inverse;
-        self.offer(inside(along_u).and(inside(along_v)), height * height * inverse, normal.scaled(height * inverse));
+        self.excess_along(Connection::closest::<false>(&self.a, &self.b).direction, range)
     }
 }
 
@@ -204,6 +74,25 @@ pub fn cull_by_planes(
     for pairs in pairs.chunks(WIDTH) {
         lanes.gather(positions, triangles, pairs);
         keep(pairs, &lanes.excess_along_normals(Lanes::splat(range)), kept);
+    }
+}
+
+/// Appends the pairs that the direction given with each does not separate by more than `range`.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
+pub fn cull_by_directions(
+    positions: [&[Vec3]; 2],
+    triangles: [&[[u32; 3]]; 2],
+    pairs: &[[u32; 2]],
+    directions: &[Vec3],
+    range: f32,
+    kept: &mut Vec<[u32; 2]>,
+) {
+    let mut lanes = PairLanes::EMPTY;
+    let mut along = VectorLanes::ZERO;
+    for (pairs, directions) in pairs.chunks(WIDTH).zip(directions.chunks(WIDTH)) {
+        lanes.gather(positions, triangles, pairs);
+        along.gather(directions);
+        keep(pairs, &lanes.excess_along(along, Lanes::splat(range)), kept);
     }
 }
 

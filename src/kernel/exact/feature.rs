@@ -72,3 +72,42 @@ impl FeaturePair {
         Self { a: self.b, b: self.a }
     }
 }
+
+/// One of the 33 pairs of features between which the distance of two triangles can be: a vertex and an edge, a vertex
+/// and a face, or two edges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FeatureCase(pub(in crate::kernel) u8);
+
+/// What a [`FeatureCase`] stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum FeaturePlaces {
+    VertexEdge { vertex_of_a: bool, vertex: usize, edge: usize },
+    VertexFace { vertex_of_a: bool, vertex: usize },
+    EdgeEdge { edge_a: usize, edge_b: usize },
+}
+
+impl FeatureCase {
+    pub(in crate::kernel) const fn vertex_edge(vertex_of_a: bool, vertex: usize, edge: usize) -> Self {
+        Self((if vertex_of_a { 0 } else { 9 } + 3 * vertex + edge) as u8)
+    }
+
+    pub(in crate::kernel) const fn vertex_face(vertex_of_a: bool, vertex: usize) -> Self {
+        Self((if vertex_of_a { 18 } else { 21 } + vertex) as u8)
+    }
+
+    pub(in crate::kernel) const fn edges(edge_a: usize, edge_b: usize) -> Self {
+        Self((24 + 3 * edge_a + edge_b) as u8)
+    }
+
+    pub(super) const fn places(self) -> FeaturePlaces {
+        let number = self.0 as usize;
+        match number {
+            0..18 => {
+                let place = number % 9;
+                FeaturePlaces::VertexEdge { vertex_of_a: number < 9, vertex: place / 3, edge: place % 3 }
+            }
+            18..24 => FeaturePlaces::VertexFace { vertex_of_a: number < 21, vertex: number % 3 },
+            _ => FeaturePlaces::EdgeEdge { edge_a: (number - 24) / 3, edge_b: number % 3 },
+        }
+    }
+}

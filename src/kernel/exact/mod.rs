@@ -6,10 +6,9 @@
 pub mod barycentric;
 pub mod cull;
 pub mod feature;
-mod lanes;
 pub mod rigid_shape;
 pub mod side;
 pub mod triangle_pair;
 
-pub use feature::{Feature, FeatureKind, FeaturePair};
-pub use triangle_pair::{PairProximity, Proximity, examine_pair};
+pub use feature::{Feature, FeatureCase, FeatureKind, FeaturePair};
+pub use triangle_pair::{PairProximity, Proximity, examine_case, examine_pair};

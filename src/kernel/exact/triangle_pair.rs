@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::{
     barycentric::{corner_weights, edge_weights, normalized, point_at},
-    feature::{Feature, FeaturePair},
+    feature::{Feature, FeatureCase, FeaturePair, FeaturePlaces},
 };
 
 /// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, and one for
@@ -69,8 +69,11 @@ pub struct PairProximity {
     pub distance: f64,
     /// Vertex–face and edge–edge pairs within range that face each other, every piercing edge–face pair, and those
     /// vertex–edge and vertex–vertex pairs that are the closest of all: several where they are equally close.
-    pub proximities: ArrayVec<Proximity, MAX_PROXIMITIES>,
+    pub proximities: Proximities,
 }
+
+/// The proximities of one pair of triangles.
+pub type Proximities = ArrayVec<Proximity, MAX_PROXIMITIES>;
 
 /// A triangle with what every case needs.
 struct Sides {
@@ -97,7 +100,8 @@ impl Sides {
 /// Examines two triangles: their distance, and every feature pair within `range` (0 or more) that counts, see
 /// [`PairProximity`]. Degenerate triangles count as the segment or point that they are.
 pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut PairProximity) {
-    found.proximities.clear();
+    let nearby = &mut found.proximities;
+    nearby.clear();
     let origin = a[0];
     let local = |corners: &[DVec3; 3]| Sides::new([corners[0] - origin, corners[1] - origin, corners[2] - origin]);
     let (a, b) = (local(a), local(b));
@@ -106,21 +110,48 @@ pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut Pair
     let boundary = least_boundary_distance_squared(&a, &b).min(least_boundary_distance_squared(&b, &a));
     let mut nearest = boundary;
     for vertex in 0..3 {
-        nearest = nearest.min(vertex_face(&a, &b, vertex, range_squared, true, found));
-        nearest = nearest.min(vertex_face(&b, &a, vertex, range_squared, false, found));
+        nearest = nearest.min(vertex_face(&a, &b, vertex, range_squared, true, nearby));
+        nearest = nearest.min(vertex_face(&b, &a, vertex, range_squared, false, nearby));
     }
     for edge_a in 0..3 {
         for edge_b in 0..3 {
-            nearest = nearest.min(edge_edge(&a, &b, edge_a, edge_b, range_squared, found));
+            nearest = nearest.min(edge_edge(&a, &b, edge_a, edge_b, range_squared, nearby));
         }
     }
-    let crossing = pierce(&a, &b, true, found) | pierce(&b, &a, false, found);
+    let crossing = pierce(&a, &b, true, nearby) | pierce(&b, &a, false, nearby);
     if !crossing && boundary <= range_squared && boundary <= nearest {
         let most = (boundary * (1.0 + TIE)).min(range_squared);
-        boundary_proximities(&a, &b, true, most, found);
-        boundary_proximities(&b, &a, false, most, found);
+        boundary_proximities(&a, &b, true, most, nearby);
+        boundary_proximities(&b, &a, false, most, nearby);
     }
     found.distance = if crossing { 0.0 } else { nearest.sqrt() };
+}
+
+/// Examines one pair of features of two triangles; `None` where a vertex is not over the inside of the face, or two edges
+/// are not closest between their ends, so that other features are closer.
+#[must_use]
+pub fn examine_case(a: &[DVec3; 3], b: &[DVec3; 3], case: FeatureCase) -> Option<Proximity> {
+    let origin = a[0];
+    let local = |corners: &[DVec3; 3]| Sides::new([corners[0] - origin, corners[1] - origin, corners[2] - origin]);
+    let (a, b) = (local(a), local(b));
+    let mut found = ArrayVec::new();
+    match case.places() {
+        FeaturePlaces::VertexEdge { vertex_of_a, vertex, edge } => {
+            let (own, other) = if vertex_of_a { (&a, &b) } else { (&b, &a) };
+            let (along, distance_squared) = vertex_edge(own, other, vertex, edge);
+            let proximity = boundary_proximity(own, other, vertex, edge, along, distance_squared);
+            Some(if vertex_of_a { proximity } else { proximity.swapped() })
+        }
+        FeaturePlaces::VertexFace { vertex_of_a, vertex } => {
+            let (own, other) = if vertex_of_a { (&a, &b) } else { (&b, &a) };
+            vertex_face(own, other, vertex, f64::INFINITY, vertex_of_a, &mut found);
+            found.pop()
+        }
+        FeaturePlaces::EdgeEdge { edge_a, edge_b } => {
+            edge_edge(&a, &b, edge_a, edge_b, f64::INFINITY, &mut found);
+            found.pop()
+        }
+    }
 }
 
 /// Where along an edge of `other` a vertex of `own` is closest, 0–1, and the squared distance.
@@ -142,7 +173,7 @@ fn least_boundary_distance_squared(own: &Sides, other: &Sides) -> f64 {
 
 /// Vertices of `own` that are within a squared distance of an edge of `other`, or of its start: the end of an edge is
 /// the start of the next one. Two vertices are reported from the first triangle only.
-fn boundary_proximities(own: &Sides, other: &Sides, own_is_a: bool, most: f64, found: &mut PairProximity) {
+fn boundary_proximities(own: &Sides, other: &Sides, own_is_a: bool, most: f64, found: &mut Proximities) {
     for vertex in 0..3 {
         for edge in 0..3 {
             let (along, distance_squared) = vertex_edge(own, other, vertex, edge);
@@ -150,19 +181,35 @@ fn boundary_proximities(own: &Sides, other: &Sides, own_is_a: bool, most: f64, f
             if distance_squared > most || along >= 1.0 - AT_END || at_start && !own_is_a {
                 continue;
             }
-            let (feature, weights) = if at_start {
-                (Feature::Vertex(edge as u8), corner_weights(edge))
-            } else {
-                (Feature::Edge(edge as u8), edge_weights(edge, along))
-            };
-            let features = FeaturePair { a: Feature::Vertex(vertex as u8), b: feature };
-            let separation = own.corners[vertex] - point_at(&other.corners, &weights);
-            let distance = distance_squared.sqrt();
-            let own_weights = corner_weights(vertex);
-            let proximity =
-                Proximity { features, barycentric_a: own_weights, barycentric_b: weights, separation, distance };
-            found.proximities.push(if own_is_a { proximity } else { proximity.swapped() });
+            let proximity = boundary_proximity(own, other, vertex, edge, along, distance_squared);
+            found.push(if own_is_a { proximity } else { proximity.swapped() });
         }
+    }
+}
+
+/// A vertex of `own` and the place along an edge of `other` that is closest to it, or the corner there.
+fn boundary_proximity(
+    own: &Sides,
+    other: &Sides,
+    vertex: usize,
+    edge: usize,
+    along: f64,
+    distance_squared: f64,
+) -> Proximity {
+    let (feature, weights) = if along <= AT_END {
+        (Feature::Vertex(edge as u8), corner_weights(edge))
+    } else if along >= 1.0 - AT_END {
+        let end = (edge + 1) % 3;
+        (Feature::Vertex(end as u8), corner_weights(end))
+    } else {
+        (Feature::Edge(edge as u8), edge_weights(edge, along))
+    };
+    Proximity {
+        features: FeaturePair { a: Feature::Vertex(vertex as u8), b: feature },
+        barycentric_a: corner_weights(vertex),
+        barycentric_b: weights,
+        separation: own.corners[vertex] - point_at(&other.corners, &weights),
+        distance: distance_squared.sqrt(),
     }
 }
 
@@ -174,7 +221,7 @@ fn vertex_face(
     vertex: usize,
     range_squared: f64,
     vertex_of_a: bool,
-    found: &mut PairProximity,
+    found: &mut Proximities,
 ) -> f64 {
     let position = own.corners[vertex];
     let height = other.normal.dot(position - other.corners[0]);
@@ -193,13 +240,13 @@ fn vertex_face(
     let separation = other.normal * (height / other.normal_length_squared);
     let distance = distance_squared.sqrt();
     let proximity = Proximity { features, barycentric_a: weights, barycentric_b: face_weights, separation, distance };
-    found.proximities.push(if vertex_of_a { proximity } else { proximity.swapped() });
+    found.push(if vertex_of_a { proximity } else { proximity.swapped() });
     distance_squared
 }
 
 /// The insides of two edges. With `u`, `v` the edges, `n = u × v` and `r` from the start of one to the other, the
 /// closest points of the lines are at `(r × v)·n/|n|²` and `(r × u)·n/|n|²`, a distance `|n·r|/|n|` apart.
-fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: f64, found: &mut PairProximity) -> f64 {
+fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: f64, found: &mut Proximities) -> f64 {
     let (u, v) = (a.edges[edge_a], b.edges[edge_b]);
     let normal = u.cross(v);
     let normal_squared = normal.length_squared();
@@ -217,7 +264,7 @@ fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: 
     if !(inside(along_a) && inside(along_b)) {
         return f64::INFINITY;
     }
-    found.proximities.push(Proximity {
+    found.push(Proximity {
         features: FeaturePair { a: Feature::Edge(edge_a as u8), b: Feature::Edge(edge_b as u8) },
         barycentric_a: edge_weights(edge_a, along_a),
         barycentric_b: edge_weights(edge_b, along_b),
@@ -229,7 +276,7 @@ fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: 
 
 /// Edges of `own` that pierce the face of `other`: their ends lie on different sides of its plane, and its three edges
 /// pass the piercing edge on the same side.
-fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut PairProximity) -> bool {
+fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut Proximities) -> bool {
     let height = |corner: DVec3| other.normal.dot(corner - other.corners[0]);
     let heights = [height(own.corners[0]), height(own.corners[1]), height(own.corners[2])];
     let mut pierced = false;
@@ -262,7 +309,7 @@ fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut PairProximity
             separation: DVec3::ZERO,
             distance: 0.0,
         };
-        found.proximities.push(if edge_of_a { proximity } else { proximity.swapped() });
+        found.push(if edge_of_a { proximity } else { proximity.swapped() });
     }
     pierced
 }

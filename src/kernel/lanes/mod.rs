@@ -5,36 +5,42 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
+mod closest;
+mod pairs;
+
 use std::ops::{Add, Mul, Sub};
 
 use glam::Vec3;
 
+pub(in crate::kernel) use closest::Connection;
+pub(in crate::kernel) use pairs::{PairLanes, edges, normal, project};
+
 /// How many pairs are worked on at a time.
-pub(super) const WIDTH: usize = 8;
+pub(in crate::kernel) const WIDTH: usize = 8;
 
 /// One number of each of eight pairs.
 #[derive(Clone, Copy)]
 #[repr(align(32))]
-pub(super) struct Lanes(pub(super) [f32; WIDTH]);
+pub(in crate::kernel) struct Lanes(pub(in crate::kernel) [f32; WIDTH]);
 
 /// Where a condition holds: all bits of a lane set or none, which is what vector comparisons give.
 #[derive(Clone, Copy)]
 #[repr(align(32))]
-pub(super) struct Mask([u32; WIDTH]);
+pub(in crate::kernel) struct Mask([u32; WIDTH]);
 
 /// One vector of each of eight pairs.
 #[derive(Clone, Copy)]
-pub(super) struct VectorLanes {
-    pub(super) x: Lanes,
-    pub(super) y: Lanes,
-    pub(super) z: Lanes,
+pub(in crate::kernel) struct VectorLanes {
+    pub(in crate::kernel) x: Lanes,
+    pub(in crate::kernel) y: Lanes,
+    pub(in crate::kernel) z: Lanes,
 }
 
 impl Lanes {
-    pub(super) const ZERO: Self = Self([0.0; WIDTH]);
+    pub(in crate::kernel) const ZERO: Self = Self([0.0; WIDTH]);
 
     #[inline(always)]
-    pub(super) fn splat(value: f32) -> Self {
+    pub(in crate::kernel) fn splat(value: f32) -> Self {
         Self([value; WIDTH])
     }
 
@@ -49,17 +55,17 @@ impl Lanes {
 
     // Comparisons rather than f32::min, whose care for NaN costs instructions.
     #[inline(always)]
-    pub(super) fn min(self, other: Self) -> Self {
+    pub(in crate::kernel) fn min(self, other: Self) -> Self {
         self.zip(other, |a, b| if a < b { a } else { b })
     }
 
     #[inline(always)]
-    pub(super) fn max(self, other: Self) -> Self {
+    pub(in crate::kernel) fn max(self, other: Self) -> Self {
         self.zip(other, |a, b| if a > b { a } else { b })
     }
 
     #[inline(always)]
-    pub(super) fn sqrt(self) -> Self {
+    pub(in crate::kernel) fn sqrt(self) -> Self {
         let mut result = self;
         for lane in 0..WIDTH {
             result.0[lane] = result.0[lane].sqrt();
@@ -68,12 +74,12 @@ impl Lanes {
     }
 
     #[inline(always)]
-    pub(super) fn recip(self) -> Self {
+    pub(in crate::kernel) fn recip(self) -> Self {
         self.zip(self, |value, _| 1.0 / value)
     }
 
     #[inline(always)]
-    pub(super) fn greater_than(self, other: Self) -> Mask {
+    pub(in crate::kernel) fn greater_than(self, other: Self) -> Mask {
         let mut mask = [0; WIDTH];
         for lane in 0..WIDTH {
             mask[lane] = if self.0[lane] > other.0[lane] { u32::MAX } else { 0 };
@@ -82,7 +88,7 @@ impl Lanes {
     }
 
     #[inline(always)]
-    pub(super) fn select(mask: Mask, yes: Self, no: Self) -> Self {
+    pub(in crate::kernel) fn select(mask: Mask, yes: Self, no: Self) -> Self {
         let mut result = no;
         for lane in 0..WIDTH {
             let bits = (yes.0[lane].to_bits() & mask.0[lane]) | (no.0[lane].to_bits() & !mask.0[lane]);
@@ -94,7 +100,7 @@ impl Lanes {
 
 impl Mask {
     #[inline(always)]
-    pub(super) fn and(self, other: Self) -> Self {
+    pub(in crate::kernel) fn and(self, other: Self) -> Self {
         let mut mask = self;
         for lane in 0..WIDTH {
             mask.0[lane] &= other.0[lane];
@@ -128,22 +134,30 @@ impl Mul for Lanes {
 }
 
 impl VectorLanes {
-    pub(super) const ZERO: Self = Self { x: Lanes::ZERO, y: Lanes::ZERO, z: Lanes::ZERO };
+    pub(in crate::kernel) const ZERO: Self = Self { x: Lanes::ZERO, y: Lanes::ZERO, z: Lanes::ZERO };
 
     #[inline(always)]
-    pub(super) fn set(&mut self, lane: usize, vector: Vec3) {
+    pub(in crate::kernel) fn set(&mut self, lane: usize, vector: Vec3) {
         self.x.0[lane] = vector.x;
         self.y.0[lane] = vector.y;
         self.z.0[lane] = vector.z;
     }
 
+    // Kept apart for the same reason as the gathering of pairs.
+    #[inline(never)]
+    pub(in crate::kernel) fn gather(&mut self, vectors: &[Vec3]) {
+        for (lane, &vector) in vectors.iter().enumerate().take(WIDTH) {
+            self.set(lane, vector);
+        }
+    }
+
     #[inline(always)]
-    pub(super) fn dot(self, other: Self) -> Lanes {
+    pub(in crate::kernel) fn dot(self, other: Self) -> Lanes {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
     #[inline(always)]
-    pub(super) fn cross(self, other: Self) -> Self {
+    pub(in crate::kernel) fn cross(self, other: Self) -> Self {
         Self {
             x: self.y * other.z - self.z * other.y,
             y: self.z * other.x - self.x * other.z,
@@ -152,12 +166,12 @@ impl VectorLanes {
     }
 
     #[inline(always)]
-    pub(super) fn scaled(self, factor: Lanes) -> Self {
+    pub(in crate::kernel) fn scaled(self, factor: Lanes) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
 
     #[inline(always)]
-    pub(super) fn select(mask: Mask, yes: Self, no: Self) -> Self {
+    pub(in crate::kernel) fn select(mask: Mask, yes: Self, no: Self) -> Self {
         Self {
             x: Lanes::select(mask, yes.x, no.x),
             y: Lanes::select(mask, yes.y, no.y),

@@ -1,0 +1,118 @@
+//! Conservative distances of triangle pairs in single precision, eight at a time.
+//!
+//! The connection of the closest features, as f32 finds it, and the normals are tried as separating directions: the gap
+//! along any direction bounds the distance from below, whatever rounding did to the direction. So a pair within range is
+//! never lost, and next to none is found too many. Read by `refine`, for the `Conservative` method.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use glam::{DVec3, Vec3};
+
+use super::{
+    exact::{
+        FeatureCase, Proximity,
+        cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
+        examine_case,
+    },
+    lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, normal, project},
+};
+
+/// The closest features may be farther apart than the gap by this many times the rounding: 4e-6 of the pair's extent.
+const SETTLED: f64 = 2.0;
+
+/// The largest gap found, and what looks closest.
+struct Apart {
+    /// Negative where every direction finds the projections overlapping.
+    gap: Lanes,
+    closest: Connection,
+}
+
+impl Apart {
+    const NOTHING: Self = Self { gap: Lanes([f32::NEG_INFINITY; WIDTH]), closest: Connection::NONE };
+
+    #[inline(always)]
+    fn offer(&mut self, pairs: &PairLanes, direction: VectorLanes) {
+        let (low_a, high_a) = project(&pairs.a, direction);
+        let (low_b, high_b) = project(&pairs.b, direction);
+        let squared = direction.dot(direction);
+        let gap = (low_a - high_b).max(low_b - high_a) * squared.sqrt().recip();
+        let better = gap.greater_than(self.gap).and(squared.greater_than(Lanes::splat(LEAST_SQUARED)));
+        self.gap = Lanes::select(better, gap, self.gap);
+    }
+
+    #[inline(always)]
+    fn find(&mut self, pairs: &PairLanes) {
+        *self = Self::NOTHING;
+        self.offer(pairs, normal(&pairs.a));
+        self.offer(pairs, normal(&pairs.b));
+        self.closest = Connection::closest::<true>(&pairs.a, &pairs.b);
+        self.offer(pairs, self.closest.direction);
+    }
+}
+
+/// A pair that no direction has parted by more than the range, in the frame of the pair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NearPair {
+    /// Triangle of the first and of the second side.
+    pub triangles: [u32; 2],
+    /// The largest gap found. The distance is at least this, up to [`rounding`](Self::rounding); negative where no
+    /// direction parts the two.
+    pub gap: f32,
+    /// How much of the gap may be rounding.
+    pub rounding: f32,
+    /// Which features look closest; of triangles that cross, which vertex and face or which two edges.
+    pub closest: FeatureCase,
+}
+
+impl NearPair {
+    /// What the distance is at least; 0 or more.
+    #[must_use]
+    pub fn least_distance(&self) -> f64 {
+        (f64::from(self.gap) / f64::from(RANGE_SLACK) - f64::from(self.rounding)).max(0.0)
+    }
+
+    /// The closest features in double precision; `corners` are those of the two triangles. `None` where the triangles
+    /// may cross, or are too thin for single precision to tell which features are closest: the gap is then clearly less
+    /// than the distance of the features.
+    #[must_use]
+    pub fn closest_features(&self, corners: [&[DVec3; 3]; 2]) -> Option<Proximity> {
+        if self.gap <= self.rounding {
+            return None;
+        }
+        examine_case(corners[0], corners[1], self.closest)
+            .filter(|proximity| proximity.distance <= f64::from(self.gap) + SETTLED * f64::from(self.rounding))
+    }
+}
+
+/// Appends the pairs that are not proven farther apart than `range` (in the unit of the positions, 0 or more): all
+/// within range, and hardly any beyond. `positions` and `triangles` are those of the first and the second surface.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
+pub fn near_pairs(
+    positions: [&[Vec3]; 2],
+    triangles: [&[[u32; 3]]; 2],
+    pairs: &[[u32; 2]],
+    range: f32,
+    near: &mut Vec<NearPair>,
+) {
+    let mut lanes = PairLanes::EMPTY;
+    let mut apart = Apart::NOTHING;
+    for pairs in pairs.chunks(WIDTH) {
+        lanes.gather(positions, triangles, pairs);
+        apart.find(&lanes);
+        keep(pairs, &lanes, &apart, range, near);
+    }
+}
+
+/// Kept apart for the same reason as the gathering: numbers that are stored side by side are computed side by side.
+#[inline(never)]
+fn keep(pairs: &[[u32; 2]], lanes: &PairLanes, apart: &Apart, range: f32, near: &mut Vec<NearPair>) {
+    for (lane, &triangles) in pairs.iter().enumerate() {
+        let (gap, rounding) = (apart.gap.0[lane], ROUNDING * lanes.extent.0[lane]);
+        // What is not a number proves nothing.
+        if gap > range * RANGE_SLACK + rounding {
+            continue;
+        }
+        let closest = FeatureCase(apart.closest.case.0[lane].to_bits() as u8);
+        near.push(NearPair { triangles, gap, rounding, closest });
+    }
+}
