@@ -43,6 +43,8 @@ pub fn refine_pairs(
     let mut close = Vec::new();
     if settings.cull {
         let triangles = [a.topology.triangles(), b.topology.triangles()];
+        // The positions to cull by are rounded, those to test by are not.
+        let range = range + f64::from(a.rounding() + b.rounding());
         cull_pairs([a.positions, b.positions], triangles, pairs, range, &mut close);
         pairs = &close;
     }

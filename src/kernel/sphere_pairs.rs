@@ -145,6 +145,7 @@ pub fn overlapping_caps(
         // Planes first: they are compared eight pairs at a time and leave the fewest.
         let mut past_planes = Vec::with_capacity(pairs.len());
         let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
+        let reach = reach + a.surface.rounding() + b.surface.rounding();
         cull_by_planes([a.surface.positions, b.surface.positions], triangles, &pairs, reach, &mut past_planes);
         pairs = past_planes.into();
     }
