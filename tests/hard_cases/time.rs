@@ -23,10 +23,10 @@ fn churn<T: Ord>(one: &BTreeSet<T>, other: &BTreeSet<T>) -> f64 {
 }
 
 /// Some points, each coordinate moved by up to `units` units in the last place.
-fn trembling(points: &[Vec3], units: i32, random: &mut Random) -> Vec<Vec3> {
+fn trembling(points: &[Vec3], units: u32, random: &mut Random) -> Vec<Vec3> {
     let mut tremble = |coordinate: f32| {
-        let step = random.below(2 * units as usize + 1) as i32 - units;
-        if coordinate == 0.0 { coordinate } else { f32::from_bits(coordinate.to_bits().wrapping_add_signed(step)) }
+        let step = random.below(2 * units as usize + 1) as u32;
+        if coordinate == 0.0 { coordinate } else { f32::from_bits(coordinate.to_bits() + step - units) }
     };
     points.iter().map(|point| Vec3::new(tremble(point.x), tremble(point.y), tremble(point.z))).collect()
 }
@@ -134,7 +134,9 @@ fn a_ball_that_slides_over_inner_edges_neither_loses_contact_nor_height() {
     for tick in 0..150 {
         // Across cells, diagonals and vertices, with the lowest vertex at half the contact distance.
         let way = STEP * (tick as f32 - 75.0);
-        runs.iter_mut().for_each(|run| run.place(1, at(way, 0.55, 0.61 * way + 0.003)));
+        for run in &mut runs {
+            run.place(1, at(way, 0.55, 0.61 * way + 0.003));
+        }
         let (judged, found) = tick_all(&mut runs, &format!("tick {tick}"));
         tally += judged;
         for ((found, range), method) in found.iter().zip(&mut ranges).zip(METHODS) {
@@ -183,11 +185,15 @@ fn stale_spheres_contain_their_triangles_after_a_sudden_twist() {
     for twist in [0.5, 2.0, 6.0, 15.0] {
         let mut runs = case.runs();
         tick_all(&mut runs, "straight");
-        runs.iter_mut().for_each(|run| run.deform(0, points(&rod(twist))));
+        for run in &mut runs {
+            run.deform(0, points(&rod(twist)));
+        }
         tally += tick_all(&mut runs, &format!("twisted by {twist}")).0;
         let mut fresh_runs = fresh_case.runs();
         tick_all(&mut fresh_runs, "straight");
-        fresh_runs.iter_mut().for_each(|run| run.deform(0, points(&rod(twist))));
+        for run in &mut fresh_runs {
+            run.deform(0, points(&rod(twist)));
+        }
         fresh += tick_all(&mut fresh_runs, &format!("twisted by {twist}, refreshed")).0;
         for run in runs.iter().filter(|run| run.method == ContactMethod::Circumsphere) {
             let refreshed = run.app.world().resource::<DetectionDiagnostics>().recipes_refreshed;
@@ -228,7 +234,9 @@ fn leaning(angle: f32) -> [Body; 2] {
     let lying = triangle(turned(Vec3::Z, std::f64::consts::PI));
     let mut steep = triangle(turned(Vec3::X, f64::from(angle)));
     let lowest = steep.iter().map(|corner| corner.y).fold(f32::INFINITY, f32::min);
-    steep.iter_mut().for_each(|corner| corner.y += 0.05 - lowest);
+    for corner in &mut steep {
+        corner.y += 0.05 - lowest;
+    }
     [lying, steep].map(|corners| Body::new(&loose_triangles(&[corners]), THIN))
 }
 
@@ -259,7 +267,9 @@ fn noise_at_the_boundary_of_a_cone_makes_circumsphere_flicker_and_no_other_metho
     let mut tally = Tally::default();
     for tick in 0..1000 {
         let positions = trembling(&steady, 4, &mut random);
-        runs.iter_mut().for_each(|run| run.deform(1, positions.clone()));
+        for run in &mut runs {
+            run.deform(1, positions.clone());
+        }
         let (judged, found) = tick_all(&mut runs, &format!("tick {tick}"));
         tally += judged;
         for (place, found) in found.iter().enumerate() {
