@@ -1,6 +1,7 @@
 //! Fetches what the kernel needs to know of a pair of surfaces.
 
 use bevy_ecs::prelude::*;
+use glam::Vec3;
 
 use super::{
     broad_phase::{OtherSide, SurfacePair},
@@ -8,7 +9,7 @@ use super::{
 };
 use crate::{
     kernel::{
-        pair::{PairSettings, SurfaceSide},
+        pair::{MovedSide, PairSettings, SurfaceSide},
         pose::Pose,
         sphere_pairs::{BallSide, CapSide},
     },
@@ -46,13 +47,14 @@ pub(crate) fn surface_sides<'a>(
     let OtherSide::Surface(second) = pair.second else { return None };
     let [positions_a, positions_b] = pair.positions(&first_positions.0, &second_positions.0);
     let [pose_a, pose_b] = pair.poses();
-    let side = |place: usize, positions, mirrored| {
+    let side = |place: usize, own_positions: &'a SurfacePositions, positions: &'a [Vec3], pose: &'a Pose| {
         let surface = &active.surfaces[place];
         // Behind a surface's own face may be just the other side of a thin wall.
         let one_sided = surface.one_sided && !pair.is_self();
-        SurfaceSide { topology: &surface.topology, positions, one_sided, mirrored }
+        let moved = moving(pose).map(|pose| MovedSide::new(&own_positions.0, pose, positions));
+        SurfaceSide { topology: &surface.topology, positions, moved, one_sided, mirrored: pose.is_mirrored() }
     };
-    Some([side(pair.first, positions_a, pose_a.is_mirrored()), side(second, positions_b, pose_b.is_mirrored())])
+    Some([side(pair.first, first_positions, positions_a, pose_a), side(second, second_positions, positions_b, pose_b)])
 }
 
 /// The pose of a side that has to be moved at all.
@@ -72,8 +74,8 @@ pub(crate) fn with_balls<T>(
     let (other, balls_b, ..) = surfaces.get(active.surfaces[second].entity).ok()?;
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
-    let a = BallSide { surface: surface_a, balls: &balls_a.0, pose: moving(&pose_a) };
-    let b = BallSide { surface: surface_b, balls: &balls_b.0, pose: moving(&pose_b) };
+    let a = BallSide { surface: surface_a, balls: &balls_a.0, pose: moving(pose_a) };
+    let b = BallSide { surface: surface_b, balls: &balls_b.0, pose: moving(pose_b) };
     Some(test(&a, &b))
 }
 
@@ -89,7 +91,7 @@ pub(crate) fn with_caps<T>(
     let (other, _, spheres_b, cones_b) = surfaces.get(active.surfaces[second].entity).ok()?;
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
-    let a = CapSide { surface: surface_a, spheres: &spheres_a.0, cones: &cones_a.0, pose: moving(&pose_a) };
-    let b = CapSide { surface: surface_b, spheres: &spheres_b.0, cones: &cones_b.0, pose: moving(&pose_b) };
+    let a = CapSide { surface: surface_a, spheres: &spheres_a.0, cones: &cones_a.0, pose: moving(pose_a) };
+    let b = CapSide { surface: surface_b, spheres: &spheres_b.0, cones: &cones_b.0, pose: moving(pose_b) };
     Some(test(&a, &b))
 }

@@ -85,13 +85,15 @@ impl NearPair {
 }
 
 /// Appends the pairs that are not proven farther apart than `range` (in the unit of the positions, 0 or more): all
-/// within range, and hardly any beyond. `positions` and `triangles` are those of the first and the second surface.
+/// within range, and hardly any beyond. `positions` and `triangles` are those of the first and the second surface;
+/// `rounding` is how far positions may be from where they are meant to be, both sides together.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
 pub fn near_pairs(
     positions: [&[Vec3]; 2],
     triangles: [&[[u32; 3]]; 2],
     pairs: &[[u32; 2]],
     range: f32,
+    rounding: f32,
     near: &mut Vec<NearPair>,
 ) {
     let mut lanes = PairLanes::EMPTY;
@@ -99,15 +101,15 @@ pub fn near_pairs(
     for pairs in pairs.chunks(WIDTH) {
         lanes.gather(positions, triangles, pairs);
         apart.find(&lanes);
-        keep(pairs, &lanes, &apart, range, near);
+        keep(pairs, &lanes, &apart, range, rounding, near);
     }
 }
 
 /// Kept apart for the same reason as the gathering: numbers that are stored side by side are computed side by side.
 #[inline(never)]
-fn keep(pairs: &[[u32; 2]], lanes: &PairLanes, apart: &Apart, range: f32, near: &mut Vec<NearPair>) {
+fn keep(pairs: &[[u32; 2]], lanes: &PairLanes, apart: &Apart, range: f32, rounding: f32, near: &mut Vec<NearPair>) {
     for (lane, &triangles) in pairs.iter().enumerate() {
-        let (gap, rounding) = (apart.gap.0[lane], ROUNDING * lanes.extent.0[lane]);
+        let (gap, rounding) = (apart.gap.0[lane], ROUNDING * lanes.extent.0[lane] + rounding);
         // What is not a number proves nothing.
         if gap > range * RANGE_SLACK + rounding {
             continue;

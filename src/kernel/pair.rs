@@ -8,6 +8,7 @@ use super::{
     contact::{CompactContact, TouchingPair},
     exact::{Feature, side::outward_direction},
     ids::TriangleId,
+    pose::Pose,
     topology::SurfaceTopology,
 };
 
@@ -16,24 +17,62 @@ use super::{
 pub struct SurfaceSide<'a> {
     /// Its triangles.
     pub topology: &'a SurfaceTopology,
-    /// Its vertices in the frame of the pair.
+    /// Its vertices in the frame of the pair, rounded to f32 there.
     pub positions: &'a [Vec3],
+    /// How they came there; `None` where they are in their own frame.
+    pub moved: Option<MovedSide<'a>>,
     /// Whether it has an inside, so that the sign of its distance is known.
     pub one_sided: bool,
     /// Whether the way to the frame of the pair turned its outward normals inward.
     pub mirrored: bool,
 }
 
+/// The way of a side to the frame of the pair. Far from that frame's origin f32 is coarse: exact tests move the
+/// vertices again, and do not round them.
+#[derive(Clone, Copy)]
+pub struct MovedSide<'a> {
+    /// The vertices in the side's own frame.
+    pub own_positions: &'a [Vec3],
+    /// From there to the frame of the pair.
+    pub pose: &'a Pose,
+    /// How far rounding may have put a vertex from where it is, in the unit of the frame of the pair.
+    pub rounding: f32,
+}
+
+impl<'a> MovedSide<'a> {
+    /// `moved_positions` are those that the pose makes of `own_positions`.
+    #[must_use]
+    pub fn new(own_positions: &'a [Vec3], pose: &'a Pose, moved_positions: &[Vec3]) -> Self {
+        let largest = moved_positions.iter().fold(Vec3::ZERO, |largest, position| largest.max(position.abs()));
+        // Half a unit in the last place along each of three axes.
+        Self { own_positions, pose, rounding: f32::EPSILON * largest.max_element() }
+    }
+}
+
 impl SurfaceSide<'_> {
+    /// The corners of a triangle in the frame of the pair, not rounded.
     pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
         let [first, second, third] = self.topology.triangles()[triangle as usize];
-        let corner = |vertex: u32| self.positions[vertex as usize].as_dvec3();
+        let corner = |vertex: u32| match &self.moved {
+            Some(moved) => moved.pose.transform_point(moved.own_positions[vertex as usize].as_dvec3()),
+            None => self.positions[vertex as usize].as_dvec3(),
+        };
         [corner(first), corner(second), corner(third)]
     }
 
     pub(super) fn outward(&self, triangle: u32, feature: Feature) -> DVec3 {
+        if let Some(moved) = &self.moved {
+            // Turned as a direction, which a mirrored pose leaves outward.
+            let outward = outward_direction(self.topology, moved.own_positions, triangle as usize, feature);
+            return moved.pose.transform_direction(outward);
+        }
         let outward = outward_direction(self.topology, self.positions, triangle as usize, feature);
         if self.mirrored { -outward } else { outward }
+    }
+
+    /// How far rounding may have put a position from where it is.
+    pub(super) fn rounding(&self) -> f32 {
+        self.moved.map_or(0.0, |moved| moved.rounding)
     }
 }
 

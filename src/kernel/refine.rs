@@ -44,6 +44,8 @@ pub fn refine_pairs(
     let mut close = Vec::new();
     if settings.cull {
         let triangles = [a.topology.triangles(), b.topology.triangles()];
+        // The positions to cull by are rounded, those to test by are not.
+        let range = range + f64::from(a.rounding() + b.rounding());
         cull_pairs([a.positions, b.positions], triangles, pairs, range, &mut close);
         pairs = &close;
     }
@@ -97,8 +99,10 @@ pub fn conservative_pairs(
     let positions = [a.positions, b.positions];
     let triangles = [a.topology.triangles(), b.topology.triangles()];
     let (mut past_planes, mut near) = (Vec::with_capacity(candidates.len()), Vec::new());
-    cull_by_planes(positions, triangles, &without_neighbors(a, candidates, settings), range, &mut past_planes);
-    near_pairs(positions, triangles, &past_planes, range, &mut near);
+    let rounding = a.rounding() + b.rounding();
+    let apart = without_neighbors(a, candidates, settings);
+    cull_by_planes(positions, triangles, &apart, range + rounding, &mut past_planes);
+    near_pairs(positions, triangles, &past_planes, range, rounding, &mut near);
     let mut proximity = PairProximity::default();
     for pair in &near {
         let [triangle_a, triangle_b] = pair.triangles;

@@ -26,7 +26,7 @@ fn settings(same_surface: bool, cull: bool) -> PairSettings {
 }
 
 fn side<'a>(topology: &'a SurfaceTopology, positions: &'a [Vec3], one_sided: bool) -> SurfaceSide<'a> {
-    SurfaceSide { topology, positions, one_sided, mirrored: false }
+    SurfaceSide { topology, positions, moved: None, one_sided, mirrored: false }
 }
 
 fn all_between(a: usize, b: usize) -> Vec<[u32; 2]> {

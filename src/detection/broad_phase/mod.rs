@@ -106,10 +106,10 @@ impl SurfacePair {
     }
 
     /// The poses of the first and second surface in the frame of the pair.
-    pub(crate) fn poses(&self) -> [Pose; 2] {
+    pub(crate) fn poses(&self) -> [&Pose; 2] {
         match self.frame {
-            Frame::First => [Pose::IDENTITY, self.relative_pose],
-            Frame::Second => [self.relative_pose, Pose::IDENTITY],
+            Frame::First => [&Pose::IDENTITY, &self.relative_pose],
+            Frame::Second => [&self.relative_pose, &Pose::IDENTITY],
         }
     }
 }
