@@ -74,7 +74,7 @@ pub struct Options {
 pub enum Method {
     BoundingSphere,
     Circumsphere,
-    Conservative,
+    Closest,
     Refined,
     Polygon,
 }
@@ -84,7 +84,7 @@ impl From<Method> for ContactMethod {
         match method {
             Method::BoundingSphere => Self::BoundingSphere,
             Method::Circumsphere => Self::Circumsphere,
-            Method::Conservative => Self::Conservative,
+            Method::Closest => Self::Closest,
             Method::Refined => Self::Refined,
             Method::Polygon => Self::Polygon,
         }

@@ -66,7 +66,7 @@ fn test_overlap(
                     kept
                 })
             }),
-            ContactMethod::Conservative | ContactMethod::Refined | ContactMethod::Polygon => continue,
+            ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => continue,
         };
         overlapping.extend(chunks.into_iter().flatten().flatten());
         pairs_in += pair.triangles.len();

@@ -1,5 +1,4 @@
-//! Stage 7: the exact test of candidates, or the conservative one, for the methods that miss nothing and for rigid
-//! shapes.
+//! Stage 7: the exact test of candidates, for the methods that miss nothing and for rigid shapes.
 
 use std::time::Instant;
 
@@ -15,22 +14,22 @@ use super::{
 use crate::{
     kernel::{
         pair::FoundPairs,
-        refine::{conservative_pairs, refine_pairs, refine_shape, settle_penetrations},
+        refine::{refine_closest, refine_pairs, refine_shape, settle_penetrations},
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
-/// What the exact or the conservative test found, one entry for each pair of surfaces in [`CandidateTrianglePairs`];
-/// empty where a pair is tested by spheres.
+/// What the exact test found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a pair is
+/// tested by spheres.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct RefinedTrianglePairs {
     /// Touching pairs and contacts.
     pub pairs: Vec<FoundPairs>,
 }
 
-/// Tests candidates exactly or conservatively.
+/// Tests candidates exactly.
 pub struct RefinePlugin;
 
 impl Plugin for RefinePlugin {
@@ -53,7 +52,7 @@ fn refine(
     refined.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
     for (pair, refined) in candidates.pairs.iter().zip(&mut refined.pairs) {
         refined.clear();
-        if pair.method < ContactMethod::Conservative {
+        if pair.method < ContactMethod::Closest {
             continue;
         }
         refine_pair(&active, pair, &settings, &surfaces, refined);
@@ -92,7 +91,7 @@ fn refine_pair(
         OtherSide::Surface(second) => {
             let Ok(other) = surfaces.get(active.surfaces[second].entity) else { return };
             let Some([a, b]) = surface_sides(active, pair, own, other) else { return };
-            let test = if pair.method == ContactMethod::Conservative { conservative_pairs } else { refine_pairs };
+            let test = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
             collect(&|chunk, found| test(&a, &b, chunk, &pair_settings, found));
             settle_penetrations(&a, &b, &pair.triangles, &pair_settings, &mut refined.contacts);
         }

@@ -31,7 +31,7 @@ pub(crate) fn pair_settings(pair: &SurfacePair, settings: &CircumsphereSettings)
         cull: match pair.method {
             ContactMethod::Polygon => false,
             ContactMethod::Circumsphere => settings.plane_cull,
-            ContactMethod::BoundingSphere | ContactMethod::Conservative | ContactMethod::Refined => true,
+            ContactMethod::BoundingSphere | ContactMethod::Closest | ContactMethod::Refined => true,
         },
         same_surface: pair.is_self(),
     }

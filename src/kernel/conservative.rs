@@ -2,7 +2,7 @@
 //!
 //! The connection of the closest features, as f32 finds it, and the normals are tried as separating directions: the gap
 //! along any direction bounds the distance from below, whatever rounding did to the direction. So a pair within range is
-//! never lost, and next to none is found too many. Read by `refine`, for the `Conservative` method.
+//! never lost, and next to none is found too many. Read by `refine`, for the `Closest` method.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
@@ -17,8 +17,9 @@ use super::{
     lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, normal, project},
 };
 
-/// The closest features may be farther apart than the gap by this many times the rounding: 4e-6 of the pair's extent.
-const SETTLED: f64 = 2.0;
+/// The closest features may be farther apart than they are for certain by this many times the resolution: 6e-6 of the
+/// pair's extent.
+const SETTLED: f64 = 3.0;
 
 /// The largest gap found, and what looks closest.
 struct Apart {
@@ -58,8 +59,10 @@ pub struct NearPair {
     /// The largest gap found. The distance is at least this, up to [`rounding`](Self::rounding); negative where no
     /// direction parts the two.
     pub gap: f32,
-    /// How much of the gap may be rounding.
+    /// How much of the gap may be rounding, of positions too.
     pub rounding: f32,
+    /// How much may be rounding of what is computed from the positions.
+    pub resolution: f32,
     /// Which features look closest; of triangles that cross, which vertex and face or which two edges.
     pub closest: FeatureCase,
 }
@@ -79,8 +82,9 @@ impl NearPair {
         if self.gap <= self.rounding {
             return None;
         }
+        let least = f64::from(self.gap) - f64::from(self.rounding);
         examine_case(corners[0], corners[1], self.closest)
-            .filter(|proximity| proximity.distance <= f64::from(self.gap) + SETTLED * f64::from(self.rounding))
+            .filter(|proximity| proximity.distance <= least + SETTLED * f64::from(self.resolution))
     }
 }
 
@@ -109,12 +113,13 @@ pub fn near_pairs(
 #[inline(never)]
 fn keep(pairs: &[[u32; 2]], lanes: &PairLanes, apart: &Apart, range: f32, rounding: f32, near: &mut Vec<NearPair>) {
     for (lane, &triangles) in pairs.iter().enumerate() {
-        let (gap, rounding) = (apart.gap.0[lane], ROUNDING * lanes.extent.0[lane] + rounding);
+        let (gap, resolution) = (apart.gap.0[lane], ROUNDING * lanes.extent.0[lane]);
+        let rounding = resolution + rounding;
         // What is not a number proves nothing.
         if gap > range * RANGE_SLACK + rounding {
             continue;
         }
         let closest = FeatureCase(apart.closest.case.0[lane].to_bits() as u8);
-        near.push(NearPair { triangles, gap, rounding, closest });
+        near.push(NearPair { triangles, gap, rounding, resolution, closest });
     }
 }

@@ -85,10 +85,10 @@ fn refine_pair(
     }
 }
 
-/// Tests candidate pairs of two surfaces conservatively and appends what it finds: every pair that touches, and next to
-/// none that does not. Of a pair that is apart only the closest features make a contact; pairs that may cross, or are too
-/// thin for single precision to tell which features are closest, are tested exactly.
-pub fn conservative_pairs(
+/// Tests candidate pairs of two surfaces exactly, like [`refine_pairs`], and appends what it finds: the same pairs, but of
+/// a pair that is apart only the closest features make a contact, which takes a part of the time. Pairs that may cross, or
+/// are too thin or too near a threshold for single precision, are tested as [`refine_pairs`] does.
+pub fn refine_closest(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
@@ -107,17 +107,25 @@ pub fn conservative_pairs(
     for pair in &near {
         let [triangle_a, triangle_b] = pair.triangles;
         let corners = [&a.corners(triangle_a), &b.corners(triangle_b)];
-        let Some(closest) = pair.closest_features(corners) else {
+        let least = pair.least_distance() * settings.scale;
+        let between = |threshold: f64, most: f64| least <= threshold && threshold < most;
+        let closest = pair.closest_features(corners).filter(|closest| {
+            let most = closest.distance * settings.scale;
+            ![settings.contact_distance, settings.reported_distance, settings.range]
+                .iter()
+                .any(|&threshold| between(threshold, most))
+        });
+        let Some(closest) = closest else {
             found.examined += 1;
             refine_pair(a, b, pair.triangles, settings, &mut proximity, found);
             continue;
         };
-        let least = pair.least_distance() * settings.scale;
-        found.nearest = found.nearest.min(least);
-        if least <= settings.contact_distance {
-            found.touching.push(TouchingPair { triangle_a, triangle_b, distance: closest.distance * settings.scale });
+        let distance = closest.distance * settings.scale;
+        found.nearest = found.nearest.min(distance);
+        if distance <= settings.contact_distance {
+            found.touching.push(TouchingPair { triangle_a, triangle_b, distance });
         }
-        if least <= settings.reported_distance {
+        if distance <= settings.reported_distance {
             found.contacts.push(contact(a, b, settings, pair.triangles, corners, &closest));
         }
     }

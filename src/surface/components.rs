@@ -123,10 +123,10 @@ pub enum ContactMethod {
     /// Touching is when the offset spheres do so, the triangles' planes do not separate them, and the line between
     /// the centers lies in both safety cones. Fast and smooth, and misses some contacts.
     Circumsphere,
-    /// Touching is when neither the triangles' planes nor their closest features, as single precision finds them, part
-    /// the two by more than the contact distance. Misses none and finds next to none too many. Of a pair that does not
-    /// cross only the closest features make a contact, where `Refined` has all that come within the contact distance.
-    Conservative,
+    /// Touching is when the triangles cross or come within the contact distance. Misses none. Of a pair that does not
+    /// cross only the closest features make a contact, where `Refined` has all within the contact distance; takes a part
+    /// of its time.
+    Closest,
     /// Touching is when the triangles cross or come within the contact distance. Misses none.
     #[default]
     Refined,

@@ -99,28 +99,6 @@ pub fn assert_agrees(
     comparison
 }
 
-/// Fails naming `what` where a pair is missed or a distance is wrong; returns how many pairs are found too many.
-pub fn assert_misses_none(
-    what: &str,
-    found: &[TouchingPair],
-    truth: &[ReferencePair],
-    distance: f64,
-    size: f64,
-) -> usize {
-    let found: Vec<(u32, u32, f64)> =
-        found.iter().map(|pair| (pair.triangle_a, pair.triangle_b, pair.distance)).collect();
-    let comparison = compare(&found, truth, distance, BAND);
-    assert_eq!(comparison.missed.len(), 0, "{what}: first missed {:?}", comparison.missed.first());
-    let tolerance = DISTANCE_TOLERANCE * distance.max(size);
-    assert!(
-        comparison.worst_distance_error <= tolerance,
-        "{what}: a distance is wrong by {} (tolerance {tolerance}) at {:?}",
-        comparison.worst_distance_error,
-        comparison.worst_pair
-    );
-    comparison.false_pairs.len()
-}
-
 /// How many crossing pairs have no vertex–face or edge–edge distance within the contact distance: only an edge that
 /// pierces a face tells that they touch.
 pub fn crossings_without_near_features(

@@ -16,7 +16,7 @@ use circumsphere_support::scenes::{
 };
 use glam::{DVec3, Vec3};
 
-use crate::detect::{BroadPhase, Detector, assert_agrees, assert_misses_none, crossings_without_near_features, truth};
+use crate::detect::{BroadPhase, Detector, assert_agrees, crossings_without_near_features, truth};
 
 struct Scene {
     name: &'static str,
@@ -86,7 +86,7 @@ fn mean_edge(scene: &Scene) -> f64 {
 
 #[test]
 fn exact_methods_find_the_pairs_of_the_reference_on_generated_scenes() {
-    let (mut compared, mut hidden_crossings, mut crossings, mut apart, mut false_pairs) = (0, 0, 0, 0, 0);
+    let (mut compared, mut hidden_crossings, mut crossings, mut apart) = (0, 0, 0, 0);
     for scene in scenes() {
         for edges in [0.02, 0.1, 0.5] {
             let distance = edges * mean_edge(&scene);
@@ -104,16 +104,11 @@ fn exact_methods_find_the_pairs_of_the_reference_on_generated_scenes() {
                     sets.push(found.to_vec());
                 }
             }
-            let mut conservative = Detector::new(
-                &scene.positions,
-                &scene.triangles,
-                ContactMethod::Conservative,
-                BroadPhase::Tree,
-                distance,
-            );
+            let mut closest =
+                Detector::new(&scene.positions, &scene.triangles, ContactMethod::Closest, BroadPhase::Tree, distance);
             let what = format!("{} at {edges} edges", scene.name);
-            let (found, _) = conservative.detect(&scene.positions);
-            false_pairs += assert_misses_none(&what, found, &truth, distance, size(&scene));
+            let (found, _) = closest.detect(&scene.positions);
+            compared += assert_agrees(&what, found, &truth, distance, size(&scene)).matched;
             assert!(
                 sets.windows(2).all(|sets| sets[0] == sets[1]),
                 "{}: the methods differ among themselves",
@@ -121,8 +116,6 @@ fn exact_methods_find_the_pairs_of_the_reference_on_generated_scenes() {
             );
         }
     }
-    println!("Conservative: {false_pairs} pairs too many beside {compared} compared");
-    assert!(false_pairs * 1000 <= compared, "{false_pairs} pairs too many");
     // The comparison has to have had something to compare.
     assert!(compared > 100_000, "only {compared} pairs were compared");
     assert!(crossings > 1000 && apart > 1000, "{crossings} crossing and {apart} separate pairs");
@@ -132,7 +125,7 @@ fn exact_methods_find_the_pairs_of_the_reference_on_generated_scenes() {
 #[test]
 fn every_touching_pair_has_its_closest_contact_and_every_contact_a_touching_pair() {
     let (mut contacts_seen, mut pairs_seen) = (0, 0);
-    let methods = [ContactMethod::Conservative, ContactMethod::Refined];
+    let methods = [ContactMethod::Closest, ContactMethod::Refined];
     for (scene, method) in scenes().iter().flat_map(|scene| methods.map(|method| (scene, method))) {
         let distance = 0.1 * mean_edge(scene);
         let mut detector = Detector::new(&scene.positions, &scene.triangles, method, BroadPhase::Tree, distance);

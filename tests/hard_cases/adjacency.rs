@@ -48,10 +48,10 @@ fn the_folds_of_a_sheet_touch_beyond_what_they_share() {
     Case::new([Body::new(&sheet, THIN).meeting_itself()]).judge("folds").assert_as(FOLDED);
 }
 
-/// The halves meet rim to rim, side by side. The line between two sphere centers then runs along both surfaces,
-/// outside of both cones: none is found. What touches so has no depth that a cap could tell.
+/// The halves meet rim to rim, side by side. The line between two sphere centers then runs along both surfaces: cones as
+/// narrow as the source paper's miss all 332, those that are widened at rims miss none.
 const HALVES: Stated =
-    Stated { touching: 332, false_by_balls: 0, missed_by_caps: 332, bodies_missed_by_caps: 2, false_by_caps: 0 };
+    Stated { touching: 332, false_by_balls: 0, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 0 };
 
 #[test]
 fn two_surfaces_that_share_positions_touch_there() {
@@ -68,10 +68,9 @@ fn two_surfaces_that_share_positions_touch_there() {
     tally.assert_as(HALVES);
 }
 
-/// The junction itself lies in one plane: its pairs are side by side, outside of both cones, and all missed (both
-/// times).
+/// The junction itself lies in one plane: its pairs are side by side, and found by cones that are widened at rims.
 const T_JUNCTION: Stated =
-    Stated { touching: 50, false_by_balls: 20, missed_by_caps: 16, bodies_missed_by_caps: 2, false_by_caps: 11 };
+    Stated { touching: 50, false_by_balls: 20, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 7 };
 
 /// A large triangle whose edge is split into eight on the other side, where no vertex of it lies.
 #[test]
@@ -114,7 +113,7 @@ fn book(pages: u32, cells: u32) -> Mesh {
 
 /// Near the spine pages cross the cones of others at a slant, and caps on either side bulge through the next page.
 const BOOK: Stated =
-    Stated { touching: 1033, false_by_balls: 2968, missed_by_caps: 748, bodies_missed_by_caps: 0, false_by_caps: 348 };
+    Stated { touching: 1033, false_by_balls: 2968, missed_by_caps: 333, bodies_missed_by_caps: 0, false_by_caps: 360 };
 
 #[test]
 fn the_pages_at_a_non_manifold_edge_touch_like_any_others() {
@@ -123,9 +122,10 @@ fn the_pages_at_a_non_manifold_edge_touch_like_any_others() {
     Case::new(bodies).judge("book").assert_as(BOOK);
 }
 
-/// A rim meets a face edge on: its triangles' normals are at right angles to the way to the face.
+/// A rim meets a face edge on: its triangles' normals are at right angles to the way to the face. Cones are
+/// widened there.
 const RIMS: Stated =
-    Stated { touching: 140, false_by_balls: 262, missed_by_caps: 68, bodies_missed_by_caps: 0, false_by_caps: 62 };
+    Stated { touching: 140, false_by_balls: 262, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 91 };
 
 #[test]
 fn an_open_boundary_touches_by_its_rim() {
@@ -143,10 +143,10 @@ fn an_open_boundary_touches_by_its_rim() {
     tally.assert_as(RIMS);
 }
 
-/// A flipped triangle of a closed body has its cap inside of it: what is left is seen by its other triangles. With the
-/// whole ball flipped none is (once). The false ones have caps that bulge beyond their triangles.
+/// A flipped triangle of a closed body has its cap inside of it: what is left is seen by its other triangles. The false
+/// ones have caps that bulge beyond their triangles.
 const FLIPPED: Stated =
-    Stated { touching: 216, false_by_balls: 228, missed_by_caps: 116, bodies_missed_by_caps: 1, false_by_caps: 54 };
+    Stated { touching: 216, false_by_balls: 228, missed_by_caps: 108, bodies_missed_by_caps: 0, false_by_caps: 29 };
 
 #[test]
 fn the_winding_decides_nothing_about_what_touches() {

@@ -8,10 +8,10 @@ use crate::harness::{Body, Case, Stated, Tally, at, turned};
 
 const THIN: f32 = 0.02;
 
-/// Nothing in a common plane is in the direction of a normal: caps see only what other layers of a pair they touch at a
-/// slant. Nine of ten times the bodies are missed altogether.
+/// Nothing in a common plane is in the direction of a normal: what is found are triangles at the rims, whose cones are
+/// widened most.
 const COPLANAR: Stated =
-    Stated { touching: 2836, false_by_balls: 848, missed_by_caps: 2692, bodies_missed_by_caps: 9, false_by_caps: 0 };
+    Stated { touching: 2836, false_by_balls: 848, missed_by_caps: 2325, bodies_missed_by_caps: 0, false_by_caps: 34 };
 
 #[test]
 fn coplanar_triangles_that_overlap_cross() {
@@ -35,9 +35,9 @@ fn coplanar_triangles_that_overlap_cross() {
     tally.assert_as(COPLANAR);
 }
 
-/// Of two boxes edge to edge the faces beside the edges are seen along the diagonal, those on top and below are not.
+/// Of two boxes edge to edge cones reach round the edges, because they are widened by the angle there.
 const PARALLEL: Stated =
-    Stated { touching: 440, false_by_balls: 224, missed_by_caps: 116, bodies_missed_by_caps: 0, false_by_caps: 130 };
+    Stated { touching: 440, false_by_balls: 224, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 88 };
 
 #[test]
 fn parallel_edges_touch_along_their_length() {
@@ -59,8 +59,8 @@ fn parallel_edges_touch_along_their_length() {
 const CONCENTRIC: Stated = Stated {
     touching: 25_506,
     false_by_balls: 5190,
-    missed_by_caps: 25_186,
-    bodies_missed_by_caps: 8,
+    missed_by_caps: 25_146,
+    bodies_missed_by_caps: 7,
     false_by_caps: 0,
 };
 
@@ -106,7 +106,7 @@ fn judge_balanced(on_corner: bool) -> Tally {
 
 /// Of the box's faces at the edge some triangles have their centers too far up; each box is seen by others.
 const ON_EDGE: Stated =
-    Stated { touching: 472, false_by_balls: 1074, missed_by_caps: 93, bodies_missed_by_caps: 0, false_by_caps: 303 };
+    Stated { touching: 472, false_by_balls: 1074, missed_by_caps: 8, bodies_missed_by_caps: 0, false_by_caps: 294 };
 
 #[test]
 fn a_box_on_its_edge_touches_the_floor() {
@@ -115,7 +115,7 @@ fn a_box_on_its_edge_touches_the_floor() {
 
 /// None is missed: crease clamps leave no gap between the cones of a corner. Caps bulge beyond the corner's triangles.
 const ON_CORNER: Stated =
-    Stated { touching: 120, false_by_balls: 914, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 272 };
+    Stated { touching: 120, false_by_balls: 914, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 159 };
 
 #[test]
 fn a_box_on_its_corner_touches_the_floor() {
@@ -124,7 +124,7 @@ fn a_box_on_its_corner_touches_the_floor() {
 
 /// Face to face none is missed; caps bulge sideways over the triangles beside.
 const LAYERS: Stated =
-    Stated { touching: 28_856, false_by_balls: 7992, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 6348 };
+    Stated { touching: 28_856, false_by_balls: 7992, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 936 };
 
 #[test]
 fn ten_layers_of_cloth_touch_their_next_layers() {

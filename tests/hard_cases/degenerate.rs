@@ -38,9 +38,9 @@ fn judge_slivers(along: f64) -> Tally {
 }
 
 /// A needle's ball is as long as the needle and reaches far beyond its sides: many false pairs. Needles that cross at
-/// an angle have their sphere centers beside each other, outside both cones: half is missed.
+/// an angle have their sphere centers beside each other, some of them outside a cone.
 const NEEDLES: Stated =
-    Stated { touching: 995, false_by_balls: 6089, missed_by_caps: 512, bodies_missed_by_caps: 0, false_by_caps: 1104 };
+    Stated { touching: 995, false_by_balls: 6089, missed_by_caps: 88, bodies_missed_by_caps: 0, false_by_caps: 1831 };
 
 #[test]
 fn needles_touch_what_they_reach() {
@@ -52,9 +52,9 @@ fn needles_touch_what_they_reach() {
 const CAPS: Stated = Stated {
     touching: 2005,
     false_by_balls: 12_098,
-    missed_by_caps: 1039,
+    missed_by_caps: 149,
     bodies_missed_by_caps: 0,
-    false_by_caps: 1999,
+    false_by_caps: 3629,
 };
 
 #[test]
@@ -68,7 +68,7 @@ fn caps_touch_what_they_reach() {
 /// A segment's sphere has no cone and is as thick as it is long. Coplanar ones of the ragged sheet are missed like
 /// needles.
 const ZERO_AREA: Stated =
-    Stated { touching: 2136, false_by_balls: 4344, missed_by_caps: 632, bodies_missed_by_caps: 0, false_by_caps: 3242 };
+    Stated { touching: 2136, false_by_balls: 4344, missed_by_caps: 28, bodies_missed_by_caps: 0, false_by_caps: 2522 };
 
 #[test]
 fn triangles_without_area_touch_as_the_segments_and_points_that_they_are() {
@@ -116,11 +116,11 @@ fn duplicate_vertices_change_nothing() {
 
 /// What the same ball with shared vertices gives: the test compares with it too.
 const DUPLICATES: Stated =
-    Stated { touching: 155, false_by_balls: 358, missed_by_caps: 98, bodies_missed_by_caps: 0, false_by_caps: 38 };
+    Stated { touching: 155, false_by_balls: 358, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 63 };
 
 /// Mostly segments about a ball's radius of 0.5: their spheres stand out of it by less than an edge.
 const REPEATED: Stated =
-    Stated { touching: 186, false_by_balls: 367, missed_by_caps: 58, bodies_missed_by_caps: 0, false_by_caps: 104 };
+    Stated { touching: 186, false_by_balls: 367, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 66 };
 
 #[test]
 fn a_repeated_index_makes_a_segment_or_a_point() {

@@ -38,8 +38,13 @@ pub const SEPARATION_TOLERANCE: f64 = 1.0e-5;
 /// Weights and normals are stored in f32: a handful of roundings.
 const STORAGE: f32 = 8.0 * f32::EPSILON;
 
-pub const METHODS: [ContactMethod; 4] =
-    [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Refined, ContactMethod::Polygon];
+pub const METHODS: [ContactMethod; 5] = [
+    ContactMethod::BoundingSphere,
+    ContactMethod::Circumsphere,
+    ContactMethod::Closest,
+    ContactMethod::Refined,
+    ContactMethod::Polygon,
+];
 
 pub const BROAD_PHASES: [BroadPhase; 2] = [BroadPhase::Tree, BroadPhase::BruteForce];
 
@@ -55,7 +60,7 @@ pub fn combinations() -> impl Iterator<Item = (ContactMethod, BroadPhase)> {
 }
 
 pub fn is_exact(method: ContactMethod) -> bool {
-    method >= ContactMethod::Refined
+    method >= ContactMethod::Closest
 }
 
 /// A rotation by an angle in radians; from f64, so that its f32 does not depend on the platform's sine.
@@ -676,6 +681,11 @@ impl Case {
         Self { bodies: bodies.into(), settings: CircumsphereSettings::default(), neighbor_place }
     }
 
+    /// The same case with other settings.
+    pub fn with_settings(self, settings: CircumsphereSettings) -> Self {
+        Self { settings, ..self }
+    }
+
     /// The same case with its neighbors elsewhere.
     pub fn with_neighbors_at(self, neighbor_place: Transform) -> Self {
         Self { neighbor_place, ..self }
@@ -717,6 +727,7 @@ pub struct Tally {
     pub crossing: usize,
     pub balls: Verdict,
     pub caps: Verdict,
+    pub closest: Verdict,
     pub refined: Verdict,
     pub polygon: Verdict,
 }
@@ -726,6 +737,7 @@ impl AddAssign for Tally {
         self.crossing += other.crossing;
         self.balls += other.balls;
         self.caps += other.caps;
+        self.closest += other.closest;
         self.refined += other.refined;
         self.polygon += other.polygon;
     }
@@ -756,7 +768,11 @@ impl Tally {
             let Verdict { touching, missed, false_pairs, worst_separation_error: error, .. } = verdict;
             assert!(missed == 0 && false_pairs == 0, "{what}: {missed} of {touching} missed, {false_pairs} false");
             assert!(error <= SEPARATION_TOLERANCE, "{what}: a separation is wrong by {error:e} of its size");
-            if method == ContactMethod::Refined { self.refined += verdict } else { self.polygon += verdict }
+            match method {
+                ContactMethod::Closest => self.closest += verdict,
+                ContactMethod::Refined => self.refined += verdict,
+                _ => self.polygon += verdict,
+            }
         } else {
             let verdict = judge(found, truth);
             if method == ContactMethod::Circumsphere { self.caps += verdict } else { self.balls += verdict }

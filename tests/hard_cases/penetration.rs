@@ -8,9 +8,9 @@ use crate::harness::{Body, Case, METHODS, Stated, Tally, at, is_exact, loose_tri
 const THIN: f32 = 0.02;
 
 /// The failure that the method is known for: once the centers have passed each other, caps face away from each other.
-/// In six of twelve cases nothing is found, in the others but the rims of what sticks out.
+/// What is found are the rims of what sticks out.
 const CENTERS_CROSSED: Stated =
-    Stated { touching: 6564, false_by_balls: 9701, missed_by_caps: 6516, bodies_missed_by_caps: 6, false_by_caps: 14 };
+    Stated { touching: 6564, false_by_balls: 9701, missed_by_caps: 4648, bodies_missed_by_caps: 0, false_by_caps: 648 };
 
 #[test]
 fn bodies_whose_centers_have_passed_each_other_are_in_contact() {
@@ -36,7 +36,7 @@ fn bodies_whose_centers_have_passed_each_other_are_in_contact() {
 
 /// Exactly what it gives from the front; what is beside the lowest point of the ball has its centers at a slant.
 const FROM_BEHIND: Stated =
-    Stated { touching: 370, false_by_balls: 296, missed_by_caps: 238, bodies_missed_by_caps: 0, false_by_caps: 69 };
+    Stated { touching: 370, false_by_balls: 296, missed_by_caps: 119, bodies_missed_by_caps: 0, false_by_caps: 79 };
 
 #[test]
 fn a_sheet_is_hit_from_behind_as_from_the_front() {
@@ -56,9 +56,9 @@ fn a_sheet_is_hit_from_behind_as_from_the_front() {
     tally.assert_as(FROM_BEHIND);
 }
 
-/// Two of twelve cross at so steep an angle that the centers' line is outside a cone.
+/// A lone triangle is met from any side, because it is all rim.
 const MID_FACE: Stated =
-    Stated { touching: 12, false_by_balls: 0, missed_by_caps: 2, bodies_missed_by_caps: 2, false_by_caps: 0 };
+    Stated { touching: 12, false_by_balls: 0, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 0 };
 
 #[test]
 fn large_triangles_that_pierce_each_other_mid_face_touch() {
@@ -79,9 +79,9 @@ fn large_triangles_that_pierce_each_other_mid_face_touch() {
     tally.assert_as(MID_FACE);
 }
 
-/// Where the ball's center is about the sheet's plane, its caps face away from it: in nine ticks none is found.
+/// Where the ball's center is about the sheet's plane, most of its caps face away from it.
 const FAST: Stated =
-    Stated { touching: 1293, false_by_balls: 1013, missed_by_caps: 1015, bodies_missed_by_caps: 9, false_by_caps: 160 };
+    Stated { touching: 1293, false_by_balls: 1013, missed_by_caps: 364, bodies_missed_by_caps: 0, false_by_caps: 342 };
 
 /// Passes of a small ball through a sheet at `speed` a tick: all of them, and those in which it touches at no tick.
 fn passes(speed: f32, tally: &mut Tally) -> (usize, usize) {

@@ -38,7 +38,7 @@ const NOISE_PERIOD: usize = 125;
 
 /// Churn of the touching pairs from tick to tick, by method: each of them lies on the threshold, and noise throws a
 /// coin for it. (Of fair coins two throws are both heads in a quarter and both tails in a quarter: a churn of 2/3.)
-const RESTING_CHURNS: [f64; 4] = [0.377, 0.469, 0.541, 0.541];
+const RESTING_CHURNS: [f64; 5] = [0.377, 0.469, 0.541, 0.541, 0.541];
 
 /// Churn of the reported contacts where the margin keeps them from the threshold: between features that are equally
 /// near, rounding decides.
@@ -114,9 +114,9 @@ fn a_margin_keeps_resting_contacts_from_the_threshold() {
 const SLIDING: Stated = Stated {
     touching: 17_745,
     false_by_balls: 19_973,
-    missed_by_caps: 2722,
+    missed_by_caps: 0,
     bodies_missed_by_caps: 0,
-    false_by_caps: 7199,
+    false_by_caps: 5264,
 };
 
 /// How much the deepest distance changes while the ball stays at one height, by method: spheres come and go under it.
@@ -153,22 +153,12 @@ fn a_ball_that_slides_over_inner_edges_neither_loses_contact_nor_height() {
 }
 
 /// Spheres of a rod that was twisted in one tick by up to 15 radians, almost none of them refreshed below that.
-const STALE: Stated = Stated {
-    touching: 1773,
-    false_by_balls: 9316,
-    missed_by_caps: 1074,
-    bodies_missed_by_caps: 0,
-    false_by_caps: 2313,
-};
+const STALE: Stated =
+    Stated { touching: 1773, false_by_balls: 9316, missed_by_caps: 126, bodies_missed_by_caps: 0, false_by_caps: 3568 };
 
 /// The same with every sphere made anew: what staleness costs is the difference.
-const REFRESHED: Stated = Stated {
-    touching: 1773,
-    false_by_balls: 9316,
-    missed_by_caps: 1092,
-    bodies_missed_by_caps: 0,
-    false_by_caps: 2763,
-};
+const REFRESHED: Stated =
+    Stated { touching: 1773, false_by_balls: 9316, missed_by_caps: 189, bodies_missed_by_caps: 0, false_by_caps: 3391 };
 
 #[test]
 fn stale_spheres_contain_their_triangles_after_a_sudden_twist() {
@@ -245,8 +235,10 @@ fn leaning(angle: f32) -> [Body; 2] {
 #[test]
 fn noise_at_the_boundary_of_a_cone_makes_circumsphere_flicker_and_no_other_method() {
     let far = at(3.0, 0.0, 0.0);
+    // The test of the source paper. Widened cones hold every direction from which the rim of a lone triangle is met.
+    let settings = CircumsphereSettings { phi: 1.0, widen_cones: false, plane_cull: false, ..Default::default() };
     let touches = |angle: f32| {
-        let case = Case::new(leaning(angle)).with_neighbors_at(far);
+        let case = Case::new(leaning(angle)).with_settings(settings).with_neighbors_at(far);
         Run::new(&case, ContactMethod::Circumsphere, BroadPhase::Tree).tick().touching() > 0
     };
     let (mut inside, mut outside) = (0.0_f32, 1.5_f32);
@@ -257,7 +249,7 @@ fn noise_at_the_boundary_of_a_cone_makes_circumsphere_flicker_and_no_other_metho
     }
     println!("boundary at {inside}");
 
-    let case = Case::new(leaning(inside)).with_neighbors_at(far);
+    let case = Case::new(leaning(inside)).with_settings(settings).with_neighbors_at(far);
     let steady = case.bodies[1].positions.clone();
     let mut runs = case.runs();
     for run in &mut runs {
@@ -292,5 +284,5 @@ fn noise_at_the_boundary_of_a_cone_makes_circumsphere_flicker_and_no_other_metho
         }
     }
     assert!(flips[1] > 0, "the case is at the boundary");
-    assert!(flips[0] == 0 && flips[1] <= CONE_FLIPS && flips[2] == 0 && flips[3] == 0, "{flips:?}");
+    assert!(flips[0] == 0 && flips[1] <= CONE_FLIPS && flips[2..].iter().all(|&flips| flips == 0), "{flips:?}");
 }

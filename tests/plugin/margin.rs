@@ -14,7 +14,7 @@ use crate::world::{
 const METHODS: [ContactMethod; 5] = [
     ContactMethod::BoundingSphere,
     ContactMethod::Circumsphere,
-    ContactMethod::Conservative,
+    ContactMethod::Closest,
     ContactMethod::Refined,
     ContactMethod::Polygon,
 ];

@@ -18,7 +18,7 @@ use crate::world::{Called, THIN, app, app_in, at, fingerprint, insert, place, sp
 const METHODS: [ContactMethod; 5] = [
     ContactMethod::BoundingSphere,
     ContactMethod::Circumsphere,
-    ContactMethod::Conservative,
+    ContactMethod::Closest,
     ContactMethod::Refined,
     ContactMethod::Polygon,
 ];
@@ -54,10 +54,10 @@ fn touching(method: [ContactMethod; 2]) -> BTreeSet<[u32; 2]> {
 
 #[test]
 fn exact_methods_agree_and_coarse_ones_enclose_them() {
-    let [balls, caps, conservative, refined, polygon] = METHODS.map(|method| touching([method; 2]));
+    let [balls, caps, closest, refined, polygon] = METHODS.map(|method| touching([method; 2]));
     assert!(refined.len() > 100, "{} pairs touch", refined.len());
     assert_eq!(refined, polygon);
-    assert_eq!(refined, conservative, "no pair of this scene is within rounding of the contact distance");
+    assert_eq!(refined, closest);
     // A triangle lies in its ball, so triangles that touch have balls that do.
     assert!(refined.is_subset(&balls), "{} are missing", refined.difference(&balls).count());
     assert!(balls.len() > refined.len());
