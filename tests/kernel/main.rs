@@ -5,6 +5,7 @@ mod common;
 mod cone;
 mod curvature;
 mod exact;
+mod narrow_phase;
 mod pose;
 mod refine;
 mod shapes;
