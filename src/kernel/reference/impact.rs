@@ -355,7 +355,8 @@ impl Motion {
                 latest = Some(latest.map_or(middle.time, |latest: f64| latest.min(middle.time)));
             }
             let (span, rounding) = (to - from, GAP_ERROR * self.size);
-            let may_be_grazing = span <= SHORT_SPAN && (middle.closest.distance - self.reach).abs() <= rounding;
+            let may_be_grazing =
+                !within && span <= SHORT_SPAN && (middle.closest.distance - self.reach).abs() <= rounding;
             if span <= SHORTEST_SPAN || may_be_grazing || self.speed * span <= rounding {
                 count += 1;
                 if count > MOST_UNDECIDED {
