@@ -64,10 +64,10 @@ fn moving_points(start: &[DVec3; 4], end: &[DVec3; 4]) -> [Moving; 4] {
 /// A finite number as a whole number times a power of two.
 fn parts(value: f64) -> (i64, i32) {
     let bits = value.to_bits();
-    let (exponent, fraction) = ((bits >> 52 & 0x7ff) as i32, (bits & ((1 << 52) - 1)) as i64);
+    let (exponent, fraction) = ((bits >> 52 & 0x7ff) as i32, (bits & ((1 << 52) - 1)).cast_signed());
     let (mantissa, exponent) = if exponent == 0 { (fraction, -1074) } else { (fraction | 1 << 52, exponent - 1075) };
     let zeros = if mantissa == 0 { 0 } else { mantissa.trailing_zeros() };
-    (if value < 0.0 { -(mantissa >> zeros) } else { mantissa >> zeros }, exponent + zeros as i32)
+    (if value < 0.0 { -(mantissa >> zeros) } else { mantissa >> zeros }, exponent + zeros.cast_signed())
 }
 
 /// The first time at which the origin is in the closed triangle of three moving points.
@@ -153,7 +153,7 @@ impl Time {
         while !self.is_known() && self.exponent < WITHOUT_DIVISORS {
             let value = value_at(other, &self.from, self.exponent);
             let scale = self.exponent * (other.len() as u64).saturating_sub(2);
-            if BigInt::from(value.magnitude().clone()) > &steepest * (&self.to - &self.from) << scale {
+            if BigInt::from(value.magnitude().clone()) > (&steepest * (&self.to - &self.from)) << scale {
                 return value.sign();
             }
             self.halve();

@@ -5,8 +5,8 @@ use crate::common::{CATEGORIES, Mesh, Random, Triangle, hard_pair, soup};
 use crate::exact_impact;
 use bevy_circumsphere::kernel::reference::{
     FeatureImpact, ImpactKind, ImpactTruth, MovingMesh, edge_edge_impact, exact_weld, feature_impacts_brute_force,
-    feature_impacts_tree, point_triangle, segment_segment, triangle_distance, triangle_impact,
-    triangle_impacts_brute_force, triangle_impacts_tree, triangles_cross, vertex_face_impact,
+    feature_impacts_tree, triangle_distance, triangle_impact, triangle_impacts_brute_force, triangle_impacts_tree,
+    triangles_cross, vertex_face_impact,
 };
 use circumsphere_support::recording::{
     QueryKind, read_ccd_queries, read_f64_recording, read_impact_truth, read_recording, recordings_folder,
@@ -55,13 +55,6 @@ impl Kind {
         match self {
             Self::VertexFace => exact_impact::vertex_face(start, end),
             Self::EdgeEdge => exact_impact::edge_edge(start, end),
-        }
-    }
-
-    fn distance(self, [p, q, r, s]: Points) -> f64 {
-        match self {
-            Self::VertexFace => point_triangle(p, &[q, r, s]).distance,
-            Self::EdgeEdge => segment_segment(p, q, r, s).distance,
         }
     }
 
@@ -354,8 +347,8 @@ fn moving_points(random: &mut Random, kind: Kind, motion: usize) -> (Points, Poi
             let width = random.power_of_ten(-7.0, -1.0);
             for points in [&mut start, &mut end] {
                 let middle = random.unit();
-                points[3] = at(points[2], points[if kind == Kind::VertexFace { 1 } else { 0 }], middle)
-                    + random.vector() * width;
+                points[3] =
+                    at(points[2], points[usize::from(kind == Kind::VertexFace)], middle) + random.vector() * width;
             }
             aim(random, &start, &mut end, false);
         }
