@@ -920,3 +920,33 @@ fn small_recorded_steps_meet() {
         assert!(of_features.first > 0 && of_triangles.first > 0, "{name}");
     }
 }
+
+/// A vertex that travels with a point of a turning face, a little above it: spans have to be shorter than the square root
+/// of the gap. Where they would be too many the search gives up in time, and says from when on.
+#[test]
+fn what_would_take_millions_of_spans_is_given_up() {
+    let mut random = Random::new(9);
+    let (mut given_up, mut never) = (0, 0);
+    for round in 0..60 {
+        let gap = [1.0e-13, 1.0e-12, 1.0e-8, 1.0e-6][round % 4];
+        let weights = [0.3, 0.3, 0.4];
+        let mut riding = |turn: DQuat| {
+            let face = [v(1., 0., 0.), v(0., 1., 0.), v(-1., -1., 0.)].map(|p| turn * (p + random.vector() * 0.3));
+            let normal = (face[1] - face[0]).cross(face[2] - face[0]).normalize();
+            let vertex = face[0] * weights[0] + face[1] * weights[1] + face[2] * weights[2] + normal * gap;
+            [vertex, face[0], face[1], face[2]]
+        };
+        let (start, end) = (riding(DQuat::IDENTITY), riding(DQuat::from_rotation_x(1.0)));
+        let started = Instant::now();
+        let truth = vertex_face_impact(&start, &end, 0.0);
+        let exact = exact_impact::vertex_face(&start, &end);
+        println!("{gap:e}: {truth:?} in {:.1} ms, {exact:?}", started.elapsed().as_secs_f64() * 1.0e3);
+        match truth {
+            ImpactTruth::Never => never += usize::from(exact.is_none()),
+            ImpactTruth::Undecided { earliest, latest: 1.0, .. } if earliest < 0.9 => given_up += 1,
+            _ => panic!("{gap:e}: {truth:?}"),
+        }
+    }
+    println!("{given_up} given up, {never} never");
+    assert!(given_up >= 15 && never >= 15 && given_up + never == 60);
+}

@@ -73,6 +73,10 @@ const SHORT_SPAN: f64 = 1.0 / (1u64 << 24) as f64;
 /// other are given up after that many.
 const MOST_UNDECIDED: usize = 512;
 
+/// So many spans are looked at before the rest of the motion counts as undecided: sides that turn along each other
+/// hardly farther apart than rounding can tell would need millions.
+const MOST_SPANS: usize = 1 << 15;
+
 /// Most corners of a pair: those of two triangles.
 const CORNERS: usize = 6;
 
@@ -330,12 +334,17 @@ impl Motion {
         let mut latest = (touches_at_end || self.is_within(&end)).then_some(1.0);
         let mut closest = start.closest.distance.min(end.closest.distance);
         let mut undecided: Vec<[f64; 2]> = Vec::new();
-        let mut count = 0;
+        let (mut looked_at, mut left_undecided) = (0, 0);
         // Later spans lie below earlier ones.
         let mut spans = vec![(start, end)];
         while let Some((early, late)) = spans.pop() {
             let (from, to) = (early.time, late.time);
             if latest.is_some_and(|latest| from >= latest) {
+                break;
+            }
+            looked_at += 1;
+            if looked_at > MOST_SPANS || left_undecided >= MOST_UNDECIDED {
+                join(&mut undecided, [from, 1.0]);
                 break;
             }
             if self.is_apart_throughout(&early, &late) {
@@ -358,11 +367,7 @@ impl Motion {
             let may_be_grazing =
                 !within && span <= SHORT_SPAN && (middle.closest.distance - self.reach).abs() <= rounding;
             if span <= SHORTEST_SPAN || may_be_grazing || self.speed * span <= rounding {
-                count += 1;
-                if count > MOST_UNDECIDED {
-                    join(&mut undecided, [from, 1.0]);
-                    break;
-                }
+                left_undecided += 1;
                 join(&mut undecided, [from, to]);
                 continue;
             }
