@@ -6,6 +6,7 @@ mod cone;
 mod conservative;
 mod curvature;
 mod exact;
+mod narrow_phase;
 mod pose;
 mod refine;
 mod shapes;
