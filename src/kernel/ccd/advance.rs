@@ -253,7 +253,7 @@ impl<const CORNERS: usize> MovingHull<CORNERS> {
                 (false, true) => ImpactCause::Reached,
                 (true, _) => ImpactCause::Undecided,
             };
-            let place = closest.place(&corners, face.0 > boundary.0);
+            let place = closest.place(&corners);
             return Some(Arrival { time, cause, normal: approach.unwrap_or(highest.normal), place, steps });
         }
     }
@@ -286,13 +286,11 @@ impl Closest {
         let mut change = rates[side].lerp(rates[next], along);
         if along > 0.0 && along < 1.0 {
             let edge = corners[next] - corners[side];
-            let inverse = edge.length_squared().recip();
             // The closest point slides along the side, so that the connection stays across it.
-            change -= edge * ((change.dot(edge) + point.dot(rates[next] - rates[side])) * inverse);
-            // Short of a distance of 1e-8, rounding has left the connection with too much of the side's direction. The
-            // second time takes away what rounding left the first time.
-            point -= edge * (point.dot(edge) * inverse);
-            point -= edge * (point.dot(edge) * inverse);
+            let sliding = (change.dot(edge) + point.dot(rates[next] - rates[side])) / edge.length_squared();
+            change -= edge * sliding;
+            // Short of a distance of 1e-8, rounding has left the connection with too much of the side's direction.
+            point = part_across(point, edge);
         }
         let last = CORNERS - 1;
         let [first_edge, last_edge] = [corners[1] - corners[0], corners[last] - corners[0]];
@@ -306,33 +304,46 @@ impl Closest {
     }
 
     /// The closest point, by its shares of the edges from the first corner to the second and to the last.
-    fn place<const CORNERS: usize>(&self, corners: &[DVec3; CORNERS], inside: bool) -> [f64; 2] {
+    fn place<const CORNERS: usize>(&self, corners: &[DVec3; CORNERS]) -> [f64; 2] {
         let (along, rest) = (self.along, 1.0 - self.along);
-        if inside {
-            let [first_edge, last_edge] = [corners[1] - corners[0], corners[CORNERS - 1] - corners[0]];
-            let normal = first_edge.cross(last_edge);
-            let inverse = normal.length_squared().recip();
-            let first = (last_edge.cross(corners[0]).dot(normal) * inverse).clamp(0.0, 1.0);
-            let last = (corners[0].cross(first_edge).dot(normal) * inverse).clamp(0.0, 1.0);
-            return [first, if CORNERS == 3 { last.min(1.0 - first) } else { last }];
-        }
-        match (CORNERS, self.side) {
+        let on_boundary = match (CORNERS, self.side) {
             (_, 0) => [along, 0.0],
             (3, 1) => [rest, along],
             (_, 1) => [1.0, along],
             (4, 2) => [rest, 1.0],
             _ => [0.0, rest],
-        }
+        };
+        // One share after the other: what rounding does to the first, on a sliver, the second makes up for.
+        let [first_edge, last_edge] = [corners[1] - corners[0], corners[CORNERS - 1] - corners[0]];
+        let across = part_across(last_edge, first_edge);
+        let last = limited(-corners[0].dot(across) / across.dot(last_edge), 1.0);
+        let most = if CORNERS == 3 { 1.0 - last } else { 1.0 };
+        let rest = corners[0] + last_edge * last;
+        let first = limited(-rest.dot(first_edge) / first_edge.length_squared(), most);
+        let distance = |[first, last]: [f64; 2]| (corners[0] + first_edge * first + last_edge * last).length_squared();
+        if distance([first, last]) < distance(on_boundary) { [first, last] } else { on_boundary }
     }
+}
+
+/// A share brought between 0 and `most`; 0 for the NaN of an edge without length.
+fn limited(share: f64, most: f64) -> f64 {
+    if share > 0.0 { share.min(most) } else { 0.0 }
+}
+
+/// What remains of a vector without its part along a direction. The second time takes away what rounding left the
+/// first time, which is all there is where the two are nearly parallel.
+fn part_across(vector: DVec3, direction: DVec3) -> DVec3 {
+    let inverse = direction.length_squared().recip();
+    let once = vector - direction * (vector.dot(direction) * inverse);
+    once - direction * (once.dot(direction) * inverse)
 }
 
 /// The cross product of two vectors, made perpendicular to both as well as f64 can even where they are nearly parallel.
 fn across_both(first: DVec3, second: DVec3) -> DVec3 {
     let product = first.cross(second);
-    let inverse = first.length_squared().recip();
-    let perpendicular = second - first * (first.dot(second) * inverse);
-    let across = product - first * (product.dot(first) * inverse);
-    let across = across - perpendicular * (across.dot(second) / perpendicular.dot(second));
+    let across_first = part_across(product, first);
+    let rest = part_across(second, first);
+    let across = across_first - rest * (across_first.dot(second) / rest.dot(second));
     if across.is_finite() { across } else { product }
 }
 
