@@ -13,11 +13,14 @@ pub(super) struct Box3 {
 }
 
 impl Box3 {
-    pub(super) fn of(points: &[DVec3; 3]) -> Self {
-        Self { low: points[0].min(points[1]).min(points[2]), high: points[0].max(points[1]).max(points[2]) }
+    pub(super) fn of<const N: usize>(points: &[DVec3; N]) -> Self {
+        Self {
+            low: points.iter().copied().fold(DVec3::INFINITY, DVec3::min),
+            high: points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max),
+        }
     }
 
-    fn union(self, other: Self) -> Self {
+    pub(super) fn union(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 

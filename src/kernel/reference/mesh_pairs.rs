@@ -236,9 +236,9 @@ fn finite_corners(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<Option<[DV
         .collect()
 }
 
-fn share_vertex(a: &[u32; 3], b: &[u32; 3], weld: &[u32]) -> bool {
-    let b = b.map(|vertex| weld[vertex as usize]);
-    a.iter().any(|&vertex| b.contains(&weld[vertex as usize]))
+/// Whether two features have a vertex in common, by the vertices that stand for theirs.
+pub(super) fn share_vertex(a: &[u32], b: &[u32], weld: &[u32]) -> bool {
+    a.iter().any(|&one| b.iter().any(|&other| weld[one as usize] == weld[other as usize]))
 }
 
 fn touching(

@@ -52,7 +52,7 @@ fn boxes_meet<const N: usize>(a: &[DVec3; N], b: &[DVec3; N]) -> bool {
 }
 
 /// Side of the plane through `triangle` on which `point` lies; `Equal` exactly on it.
-fn side_of_plane(triangle: &[DVec3; 3], point: DVec3) -> Ordering {
+pub(super) fn side_of_plane(triangle: &[DVec3; 3], point: DVec3) -> Ordering {
     let coord = |p: DVec3| Coord3D { x: p.x, y: p.y, z: p.z };
     sign(robust::orient3d(coord(triangle[0]), coord(triangle[1]), coord(triangle[2]), coord(point)))
 }

@@ -176,6 +176,13 @@ pub fn closest_features(a: &[DVec3; 3], b: &[DVec3; 3]) -> ClosestFeatures {
 /// The exponent bits of an f64; alone they are the largest power of two that is not above the number.
 const EXPONENT: u64 = 0x7ff0_0000_0000_0000;
 
+/// The largest power of two that is not above a length: the unit of a frame, scaling by which rounds nothing. A length of
+/// 0 and one that overflowed keep the world's unit, 1.
+pub(super) fn power_of_two_within(length: f64) -> f64 {
+    let power = f64::from_bits(length.max(f64::MIN_POSITIVE).to_bits() & EXPONENT);
+    if length > 0.0 && power.is_finite() { power } else { 1.0 }
+}
+
 /// A frame in which a few points are small numbers around the origin: the offset of a pair far from the world's
 /// origin, and the scale of very small or large ones, would otherwise spoil squares and differences.
 struct LocalFrame {
@@ -187,12 +194,7 @@ struct LocalFrame {
 impl LocalFrame {
     fn of(origin: DVec3, others: &[DVec3]) -> Self {
         let extent = others.iter().map(|point| (*point - origin).abs().max_element()).fold(0.0, f64::max);
-        let unit = f64::from_bits(extent.max(f64::MIN_POSITIVE).to_bits() & EXPONENT);
-        Self {
-            origin,
-            // Points that are all equal, and overflowing extents, keep the world's unit.
-            unit: if extent > 0.0 && unit.is_finite() { unit } else { 1.0 },
-        }
+        Self { origin, unit: power_of_two_within(extent) }
     }
 
     fn to_local(&self, point: DVec3) -> DVec3 {

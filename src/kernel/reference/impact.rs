@@ -1,0 +1,526 @@
+//! First times of impact of features and triangles whose corners move linearly, enclosed by certificates in f64.
+//!
+//! *Apart:* a direction that turns linearly from one end of a span of time to the other separates all pairs of corners
+//! throughout; the gaps along it are polynomials of degree 2, bounded by their Bernstein coefficients. *Met,* above a
+//! minimum separation of 0: the distance at one time. *Met* at 0: the features' volume changes its sign over a span in
+//! which, seen along a fixed direction, the vertex stays inside the face or the edges keep crossing; at the time between
+//! at which all four corners are in one plane they then have a point in common. Spans are bisected, the earlier half
+//! first, until one of these decides. Every comparison leaves room for the rounding of what is compared, so what
+//! rounding could turn around stays undecided. Exact signs decide what touches at the ends of the motion.
+
+use super::triangle_crossing::{side_of_plane, triangles_cross};
+use super::triangle_pair::{
+    ClosestKind, TriangleSide, closest_features, point_triangle, power_of_two_within, segment_segment,
+};
+use glam::DVec3;
+
+/// When two moving features or triangles first come within a distance of each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ImpactTruth {
+    /// At no time of the motion: certified.
+    Never,
+    /// For the first time not before `earliest` and not after `latest`: both certified. Equal to each other, and 0, if
+    /// the motion starts with it.
+    First {
+        /// A fraction of the motion, 0…1; at all times before, the distance is larger than the minimum separation.
+        earliest: f64,
+        /// A fraction of the motion, 0…1; at this or an earlier time the distance is at most the minimum separation.
+        latest: f64,
+    },
+    /// If at all, not before `earliest`; f64 cannot tell whether the closest approach comes near enough.
+    Undecided {
+        /// The first time that is not certified to be apart.
+        earliest: f64,
+        /// The last time that is not certified to be apart.
+        latest: f64,
+        /// The least distance that was seen, in the unit of the positions.
+        closest: f64,
+    },
+}
+
+/// Half a unit in the last place of numbers from 1 to 2: the error of one rounding, relative.
+const ROUNDING: f64 = f64::EPSILON * 0.5;
+
+/// Error of a coordinate at one time, relative to the largest coordinate: one rounding each of the two local
+/// coordinates that are interpolated, of the two weights, of the two products and of their sum.
+const POSITION_ERROR: f64 = 8.0 * ROUNDING;
+
+/// Error of the gap between two corners along a direction, relative to the largest coordinate: both corners' (√3 times a
+/// coordinate's), their difference's, a scalar product's of three terms, and a unit vector that may be 3 roundings too
+/// long; of vectors no longer than 2√3.
+const GAP_ERROR: f64 = 2.0 * 1.74 * POSITION_ERROR + 2.0 * 1.74 * 8.0 * ROUNDING;
+
+/// Error of a distance at one time, relative to the largest coordinate: both corners', and what the static distance
+/// of the rounded corners errs by (a dozen roundings of the pair's extent, at most twice the largest coordinate).
+const DISTANCE_ERROR: f64 = 2.0 * 1.74 * POSITION_ERROR + 2.0 * 16.0 * ROUNDING;
+
+/// Error of the vector between two corners at one time, relative to the largest coordinate: √3 times two coordinates'
+/// and the rounding of a difference up to twice as large.
+const DIFFERENCE_ERROR: f64 = 1.74 * (2.0 * POSITION_ERROR + 2.0 * ROUNDING);
+
+/// Error of a product of three vectors, relative to the product of their lengths: a cross product errs by 2√3 roundings,
+/// a scalar product of three terms by 3.
+const TRIPLE_PRODUCT_ERROR: f64 = 8.0 * ROUNDING;
+
+/// Spans of this length are not bisected; well under the 1e-9 to which a time of impact is usually wanted.
+const SHORTEST_SPAN: f64 = 1.0 / (1u64 << 36) as f64;
+
+/// Spans of this length are not bisected if the distance midway cannot be told from the minimum separation: a grazing
+/// approach stays within rounding for about 1e-7 of the motion.
+const SHORT_SPAN: f64 = 1.0 / (1u64 << 24) as f64;
+
+/// So many spans may stay undecided before the rest of the motion counts as undecided too: sides that slide along each
+/// other are given up after that many.
+const MOST_UNDECIDED: usize = 512;
+
+/// Most corners of a pair: those of two triangles.
+const CORNERS: usize = 6;
+
+type Corners = [DVec3; CORNERS];
+
+/// First impact of a vertex, first of the four points, and a face, the other three.
+///
+/// `start` are the positions at time 0, `end` those at time 1; they move linearly between. An impact is a distance of
+/// at most `minimum_separation` (0 or more, in the unit of the positions) of the vertex and the closed triangle.
+/// Coordinates must be finite and within the range that [`triangles_cross`] asks for.
+#[must_use]
+pub fn vertex_face_impact(start: &[DVec3; 4], end: &[DVec3; 4], minimum_separation: f64) -> ImpactTruth {
+    first_impact(Shape::VertexFace, &start[..1], &start[1..], &end[..1], &end[1..], minimum_separation)
+}
+
+/// First impact of two edges, from the first to the second point and from the third to the fourth; see
+/// [`vertex_face_impact`].
+#[must_use]
+pub fn edge_edge_impact(start: &[DVec3; 4], end: &[DVec3; 4], minimum_separation: f64) -> ImpactTruth {
+    first_impact(Shape::EdgeEdge, &start[..2], &start[2..], &end[..2], &end[2..], minimum_separation)
+}
+
+/// First impact of two closed triangles; see [`vertex_face_impact`]. Triangles that cross have distance 0.
+#[must_use]
+pub fn triangle_impact(
+    start_a: &[DVec3; 3],
+    end_a: &[DVec3; 3],
+    start_b: &[DVec3; 3],
+    end_b: &[DVec3; 3],
+    minimum_separation: f64,
+) -> ImpactTruth {
+    first_impact(Shape::Triangles, start_a, start_b, end_a, end_b, minimum_separation)
+}
+
+/// What the corners of a pair are corners of.
+#[derive(Clone, Copy, PartialEq)]
+enum Shape {
+    VertexFace,
+    EdgeEdge,
+    Triangles,
+}
+
+impl Shape {
+    /// How many of the corners are the first side's; the second side's follow.
+    const fn first_side(self) -> usize {
+        match self {
+            Self::VertexFace => 1,
+            Self::EdgeEdge => 2,
+            Self::Triangles => 3,
+        }
+    }
+
+    const fn corners(self) -> usize {
+        match self {
+            Self::VertexFace | Self::EdgeEdge => 4,
+            Self::Triangles => 6,
+        }
+    }
+
+    /// The vertex–face pairs among the corners: a vertex, then the corners of the face.
+    const fn vertex_faces(self) -> &'static [[usize; 4]] {
+        match self {
+            Self::VertexFace => &[[0, 1, 2, 3]],
+            Self::EdgeEdge => &[],
+            Self::Triangles => &[[0, 3, 4, 5], [1, 3, 4, 5], [2, 3, 4, 5], [3, 0, 1, 2], [4, 0, 1, 2], [5, 0, 1, 2]],
+        }
+    }
+
+    /// The pairs of edges among the corners.
+    const fn edge_edges(self) -> &'static [[usize; 4]] {
+        match self {
+            Self::VertexFace => &[],
+            Self::EdgeEdge => &[[0, 1, 2, 3]],
+            Self::Triangles => &[
+                [0, 1, 3, 4],
+                [0, 1, 4, 5],
+                [0, 1, 5, 3],
+                [1, 2, 3, 4],
+                [1, 2, 4, 5],
+                [1, 2, 5, 3],
+                [2, 0, 3, 4],
+                [2, 0, 4, 5],
+                [2, 0, 5, 3],
+            ],
+        }
+    }
+
+    /// The edges of one side and the face of the other that they may pierce.
+    const fn edge_faces(self) -> &'static [([usize; 2], [usize; 3])] {
+        match self {
+            Self::VertexFace | Self::EdgeEdge => &[],
+            Self::Triangles => &[
+                ([0, 1], [3, 4, 5]),
+                ([1, 2], [3, 4, 5]),
+                ([2, 0], [3, 4, 5]),
+                ([3, 4], [0, 1, 2]),
+                ([4, 5], [0, 1, 2]),
+                ([5, 3], [0, 1, 2]),
+            ],
+        }
+    }
+
+    /// Whether the two sides have a point in common: exact, for corners that are.
+    fn touches(self, corners: &Corners) -> bool {
+        let [p, q, r, s, t, u] = *corners;
+        match self {
+            Self::VertexFace => triangles_cross(&[p; 3], &[q, r, s]),
+            Self::EdgeEdge => triangles_cross(&[p, q, q], &[r, s, s]),
+            Self::Triangles => triangles_cross(&[p, q, r], &[s, t, u]),
+        }
+    }
+
+    fn closest(self, corners: &Corners) -> Closest {
+        let [p, q, r, s, t, u] = *corners;
+        match self {
+            Self::VertexFace => {
+                let found = point_triangle(p, &[q, r, s]);
+                Closest { distance: found.distance, between: found.point - p, normal: (r - q).cross(s - q) }
+            }
+            Self::EdgeEdge => {
+                let found = segment_segment(p, q, r, s);
+                let between = found.point_b - found.point_a;
+                Closest { distance: found.distance, between, normal: (q - p).cross(s - r) }
+            }
+            Self::Triangles => {
+                let (a, b) = ([p, q, r], [s, t, u]);
+                let found = closest_features(&a, &b);
+                let face = |[p, q, r]: [DVec3; 3]| (q - p).cross(r - p);
+                let edge = |triangle: [DVec3; 3], edge: usize| triangle[(edge + 1) % 3] - triangle[edge];
+                let normal = match found.kind {
+                    ClosestKind::VertexFace { vertex_of: TriangleSide::A, .. } => face(b),
+                    ClosestKind::VertexFace { vertex_of: TriangleSide::B, .. } => face(a),
+                    ClosestKind::EdgeEdge { edge_a, edge_b } => edge(a, edge_a).cross(edge(b, edge_b)),
+                    ClosestKind::Crossing => DVec3::ZERO,
+                };
+                Closest { distance: found.distance, between: found.point_b - found.point_a, normal }
+            }
+        }
+    }
+}
+
+/// The closest points of a pair at one time.
+#[derive(Clone)]
+struct Closest {
+    distance: f64,
+    /// From the first side to the second; a direction that separates them best, until they are too close to tell.
+    between: DVec3,
+    /// Perpendicular to the features that the points lie on, if those are a face or two edges.
+    normal: DVec3,
+}
+
+impl Closest {
+    /// Unit vectors from the first side to the second: from point to point, and across the features; zero where there is
+    /// none.
+    fn directions(&self) -> [DVec3; 2] {
+        let across = if self.normal.dot(self.between) < 0.0 { -self.normal } else { self.normal };
+        [self.between.normalize_or_zero(), across.normalize_or_zero()]
+    }
+}
+
+/// A pair at one time.
+#[derive(Clone)]
+struct Moment {
+    time: f64,
+    corners: Corners,
+    closest: Closest,
+}
+
+/// A pair in motion, seen from its first corner and scaled to coordinates of at most 2.
+struct Motion {
+    shape: Shape,
+    /// The corners as they were given, at times 0 and 1.
+    given: [Corners; 2],
+    start: Corners,
+    end: Corners,
+    /// The minimum separation.
+    reach: f64,
+    /// The largest coordinate at either end, hence at any time.
+    size: f64,
+    /// No two points of different sides approach each other faster.
+    speed: f64,
+    /// What the caller calls one local unit of length.
+    unit: f64,
+}
+
+fn first_impact(
+    shape: Shape,
+    start_a: &[DVec3],
+    start_b: &[DVec3],
+    end_a: &[DVec3],
+    end_b: &[DVec3],
+    minimum_separation: f64,
+) -> ImpactTruth {
+    let gathered = |a: &[DVec3], b: &[DVec3]| {
+        let mut corners = [DVec3::ZERO; CORNERS];
+        corners[..a.len()].copy_from_slice(a);
+        corners[a.len()..a.len() + b.len()].copy_from_slice(b);
+        corners
+    };
+    let (start, end) = (gathered(start_a, start_b), gathered(end_a, end_b));
+    if shape.touches(&start) {
+        return ImpactTruth::First { earliest: 0.0, latest: 0.0 };
+    }
+    let motion = Motion::new(shape, &start, &end, minimum_separation);
+    motion.search(shape.touches(&end))
+}
+
+impl Motion {
+    fn new(shape: Shape, start: &Corners, end: &Corners, minimum_separation: f64) -> Self {
+        let count = shape.corners();
+        // What all corners have in common moves nothing relative to each other; a difference of exact coordinates is
+        // rounded relative to itself.
+        let (mut local_start, mut local_end) = (*start, *end);
+        for corner in 0..count {
+            local_start[corner] -= start[0];
+            local_end[corner] -= end[0];
+        }
+        let largest =
+            |corners: &Corners| corners[..count].iter().map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+        let unit = power_of_two_within(largest(&local_start).max(largest(&local_end)));
+        let given = [*start, *end];
+        let (start, end) = (local_start.map(|corner| corner / unit), local_end.map(|corner| corner / unit));
+        let mut speed = 0f64;
+        for first in 0..shape.first_side() {
+            for second in shape.first_side()..count {
+                let relative = (end[second] - start[second]) - (end[first] - start[first]);
+                speed = speed.max(relative.length());
+            }
+        }
+        Self {
+            shape,
+            given,
+            start,
+            end,
+            reach: minimum_separation / unit,
+            size: largest(&start).max(largest(&end)),
+            speed,
+            unit,
+        }
+    }
+
+    fn at(&self, time: f64) -> Moment {
+        let mut corners = [DVec3::ZERO; CORNERS];
+        for corner in 0..self.shape.corners() {
+            corners[corner] = self.start[corner] * (1.0 - time) + self.end[corner] * time;
+        }
+        Moment { time, corners, closest: self.shape.closest(&corners) }
+    }
+
+    fn search(&self, touches_at_end: bool) -> ImpactTruth {
+        let (start, end) = (self.at(0.0), self.at(1.0));
+        if self.is_within(&start) {
+            return ImpactTruth::First { earliest: 0.0, latest: 0.0 };
+        }
+        let mut latest = (touches_at_end || self.is_within(&end)).then_some(1.0);
+        let mut closest = start.closest.distance.min(end.closest.distance);
+        let mut undecided: Vec<[f64; 2]> = Vec::new();
+        let mut count = 0;
+        // Later spans lie below earlier ones.
+        let mut spans = vec![(start, end)];
+        while let Some((early, late)) = spans.pop() {
+            let (from, to) = (early.time, late.time);
+            if latest.is_some_and(|latest| from >= latest) {
+                break;
+            }
+            if self.is_apart_throughout(&early, &late) {
+                continue;
+            }
+            let middle = self.at(0.5 * (from + to));
+            closest = closest.min(middle.closest.distance);
+            if self.is_apart_midway(&early, &middle, &late) {
+                continue;
+            }
+            if self.meets_between(&early, &late) {
+                latest = Some(latest.map_or(to, |latest: f64| latest.min(to)));
+            }
+            // Of what is known to be within reach nothing later matters.
+            let within = self.is_within(&middle) || self.crosses_surely(&middle);
+            if within {
+                latest = Some(latest.map_or(middle.time, |latest: f64| latest.min(middle.time)));
+            }
+            let (span, rounding) = (to - from, GAP_ERROR * self.size);
+            let may_be_grazing = span <= SHORT_SPAN && (middle.closest.distance - self.reach).abs() <= rounding;
+            if span <= SHORTEST_SPAN || may_be_grazing || self.speed * span <= rounding {
+                count += 1;
+                if count > MOST_UNDECIDED {
+                    join(&mut undecided, [from, 1.0]);
+                    break;
+                }
+                join(&mut undecided, [from, to]);
+                continue;
+            }
+            if !within {
+                spans.push((middle.clone(), late));
+            }
+            spans.push((early, middle));
+        }
+        let Some(&[earliest, _]) = undecided.first() else {
+            return ImpactTruth::Never;
+        };
+        for &span in &undecided {
+            if latest.is_none_or(|latest| span[1] < latest)
+                && let Some(met) = self.meets_around(span)
+            {
+                latest = Some(latest.map_or(met, |latest| latest.min(met)));
+                break;
+            }
+        }
+        match latest {
+            Some(latest) => ImpactTruth::First { earliest, latest },
+            None => ImpactTruth::Undecided {
+                earliest,
+                latest: undecided.last().map_or(earliest, |span| span[1]),
+                closest: closest * self.unit,
+            },
+        }
+    }
+
+    /// Whether the distance at a time is certainly no more than the minimum separation.
+    fn is_within(&self, moment: &Moment) -> bool {
+        moment.closest.distance + DISTANCE_ERROR * self.size <= self.reach
+    }
+
+    /// Whether the sides certainly stay farther apart than the minimum separation from one time to another: by the
+    /// directions that separate them best at both, which follow sides that turn.
+    fn is_apart_throughout(&self, early: &Moment, late: &Moment) -> bool {
+        let ([between, normal], [late_between, late_normal]) = (early.closest.directions(), late.closest.directions());
+        self.is_apart(early, late, between, late_between) || self.is_apart(early, late, normal, late_normal)
+    }
+
+    /// The same by the direction that separates them best midway, where sides pass each other closely.
+    fn is_apart_midway(&self, early: &Moment, middle: &Moment, late: &Moment) -> bool {
+        middle.closest.directions().into_iter().any(|direction| self.is_apart(early, late, direction, direction))
+    }
+
+    /// Whether a direction that turns from `first` to `last` separates the sides by more than the minimum separation at
+    /// all times from one to another.
+    ///
+    /// Both are unit vectors, so the direction between, their mean weighted by time, is no longer. Along it the gap
+    /// between two corners is a polynomial of degree 2, at least as large as its least Bernstein coefficient.
+    fn is_apart(&self, early: &Moment, late: &Moment, first: DVec3, last: DVec3) -> bool {
+        let needed = self.reach * (1.0 + 8.0 * ROUNDING) + GAP_ERROR * self.size;
+        let (first_side, count) = (self.shape.first_side(), self.shape.corners());
+        (0..first_side).all(|one| {
+            (first_side..count).all(|other| {
+                let between = |moment: &Moment| moment.corners[other] - moment.corners[one];
+                let (early, late) = (between(early), between(late));
+                early.dot(first) > needed
+                    && late.dot(last) > needed
+                    && 0.5 * (early.dot(last) + late.dot(first)) > needed
+            })
+        })
+    }
+
+    /// Whether the sides certainly have a point in common at some time from one time to another.
+    fn meets_between(&self, early: &Moment, late: &Moment) -> bool {
+        let passes = |corners: &[usize; 4]| {
+            let (before, after) = (self.volume(early, *corners), self.volume(late, *corners));
+            before != 0.0 && after == -before
+        };
+        let middle = |corner: usize| early.corners[corner] + late.corners[corner];
+        let side = |view: DVec3, corners: [usize; 3]| self.side_throughout(early, late, view, corners);
+        self.shape.vertex_faces().iter().any(|corners| {
+            let [vertex, first, second, third] = *corners;
+            let view = (middle(second) - middle(first)).cross(middle(third) - middle(first));
+            let inside = |from: usize, to: usize| side(view, [from, to, vertex]);
+            passes(corners) && inside(first, second) * inside(second, third) > 0.0 && {
+                inside(first, second) * inside(third, first) > 0.0
+            }
+        }) || self.shape.edge_edges().iter().any(|corners| {
+            let [from_a, to_a, from_b, to_b] = *corners;
+            let view = (middle(to_a) - middle(from_a)).cross(middle(to_b) - middle(from_b));
+            let splits = |from: usize, to: usize, one: usize, other: usize| {
+                side(view, [from, to, one]) * side(view, [from, to, other]) < 0.0
+            };
+            passes(corners) && splits(from_a, to_a, from_b, to_b) && splits(from_b, to_b, from_a, to_a)
+        })
+    }
+
+    /// By what time the sides certainly meet, found by widening a span in which they may; none if they do not.
+    fn meets_around(&self, [from, to]: [f64; 2]) -> Option<f64> {
+        let mut more = to - from;
+        while more < 1.0 {
+            let late = self.at((to + more).min(1.0));
+            if self.meets_between(&self.at((from - more).max(0.0)), &late) {
+                return Some(late.time);
+            }
+            more *= 2.0;
+        }
+        None
+    }
+
+    /// The sign of the volume of the tetrahedron of four corners, 0 if rounding may have decided it; exact at the ends
+    /// of the motion.
+    fn volume(&self, moment: &Moment, [base, first, second, third]: [usize; 4]) -> f64 {
+        if moment.time == 0.0 || moment.time == 1.0 {
+            let given = &self.given[usize::from(moment.time == 1.0)];
+            return f64::from(side_of_plane(&[given[base], given[second], given[first]], given[third]) as i8);
+        }
+        let edges = [first, second, third].map(|corner| moment.corners[corner] - moment.corners[base]);
+        let error = DIFFERENCE_ERROR * self.size;
+        certain_sign(triple_product(edges, [error; 3]))
+    }
+
+    /// On which side of the line from the first to the second of three corners the third passes, seen along `view`: the
+    /// sign of a turn that is certain at all times from `early` to `late`, or 0.
+    ///
+    /// The turn is a polynomial of degree 2 in time, and between its least and its largest Bernstein coefficient.
+    fn side_throughout(&self, early: &Moment, late: &Moment, view: DVec3, [from, to, third]: [usize; 3]) -> f64 {
+        let error = DIFFERENCE_ERROR * self.size;
+        let along = |moment: &Moment| moment.corners[to] - moment.corners[from];
+        let across = |moment: &Moment| moment.corners[third] - moment.corners[from];
+        let turn =
+            |one: &Moment, other: &Moment| triple_product([view, along(one), across(other)], [0.0, error, error]);
+        let (first, last) = (certain_sign(turn(early, early)), certain_sign(turn(late, late)));
+        let ((value, value_error), (other, other_error)) = (turn(early, late), turn(late, early));
+        let sum = certain_sign((value + other, value_error + other_error + ROUNDING * (value + other).abs()));
+        if first == last && first == sum { first } else { 0.0 }
+    }
+
+    /// Whether an edge of one triangle certainly passes through the inside of the other at a time.
+    fn crosses_surely(&self, moment: &Moment) -> bool {
+        self.shape.edge_faces().iter().any(|&([from, to], [first, second, third])| {
+            let volume = |corners: [usize; 4]| self.volume(moment, corners);
+            let passes = volume([from, first, second, third]) * volume([to, first, second, third]) < 0.0;
+            let turns = [(first, second), (second, third), (third, first)]
+                .map(|(one, other)| if passes { volume([from, to, one, other]) } else { 0.0 });
+            turns[0] * turns[1] > 0.0 && turns[0] * turns[2] > 0.0
+        })
+    }
+}
+
+/// Appends a span to earlier ones, as part of the last if it starts where that ends.
+fn join(spans: &mut Vec<[f64; 2]>, [from, to]: [f64; 2]) {
+    match spans.last_mut() {
+        Some(last) if last[1] >= from => last[1] = to,
+        _ => spans.push([from, to]),
+    }
+}
+
+/// The determinant of three vectors, and how much it may err if each of them errs by a length.
+fn triple_product([u, v, w]: [DVec3; 3], [error_u, error_v, error_w]: [f64; 3]) -> (f64, f64) {
+    let (length_u, length_v, length_w) = (u.length() + error_u, v.length() + error_v, w.length() + error_w);
+    let of_vectors = error_u * length_v * length_w + error_v * length_u * length_w + error_w * length_u * length_v;
+    (u.dot(v.cross(w)), of_vectors * (1.0 + 16.0 * ROUNDING) + TRIPLE_PRODUCT_ERROR * length_u * length_v * length_w)
+}
+
+/// 1 or -1, or 0 for a value that is no larger than its error.
+fn certain_sign((value, error): (f64, f64)) -> f64 {
+    if value.abs() > error { value.signum() } else { 0.0 }
+}
