@@ -35,6 +35,12 @@ const LENGTH_SLACK: f64 = 1.0 + 16.0 * ROUNDING;
 /// two features over the step: about 1.4e-14.
 pub const RESOLUTION: f64 = 2.0 * HEIGHT_ERROR;
 
+/// Points of a polygon whose squared distances differ by no more than this share are equally close.
+const TIE: f64 = 16.0 * ROUNDING;
+
+/// The cosine of an angle that counts as a right angle between a side and the connection to its end.
+const NEARLY_ACROSS: f64 = 1.0e-7;
+
 /// Steps after which the search gives up and calls the time it has reached an impact. Recorded impacts take at most
 /// 19; of impacts made up to graze within 1e-12 of their speed one in a thousand takes more than 120.
 pub const MOST_STEPS: u32 = 512;
@@ -272,25 +278,40 @@ struct Closest {
 
 impl Closest {
     fn new<const CORNERS: usize>(corners: &[DVec3; CORNERS], rates: &[DVec3; CORNERS]) -> Self {
-        let (mut point, mut side, mut along) = (DVec3::INFINITY, 0, 0.0);
+        let is_inside = |along: f64| along > 0.0 && along < 1.0;
+        let edge_of = |side: usize| corners[(side + 1) % CORNERS] - corners[side];
+        let (mut point, mut distance_squared, mut side, mut along) = (DVec3::INFINITY, f64::INFINITY, 0, 0.0);
         for corner in 0..CORNERS {
-            let edge = corners[(corner + 1) % CORNERS] - corners[corner];
+            let edge = edge_of(corner);
             let squared = edge.length_squared();
             let share = if squared > 0.0 { (-corners[corner].dot(edge) / squared).clamp(0.0, 1.0) } else { 0.0 };
             let candidate = corners[corner] + edge * share;
-            if candidate.length_squared() < point.length_squared() {
-                (point, side, along) = (candidate, corner, share);
+            // Rounding hides by how little the inside of a side is closer than a corner not far from there.
+            let favor = match (is_inside(share), is_inside(along)) {
+                (true, false) => 1.0 + TIE,
+                (false, true) => 1.0 - TIE,
+                _ => 1.0,
+            };
+            if candidate.length_squared() < distance_squared * favor {
+                (point, distance_squared, side, along) = (candidate, candidate.length_squared(), corner, share);
             }
         }
         let next = (side + 1) % CORNERS;
         let mut change = rates[side].lerp(rates[next], along);
-        if along > 0.0 && along < 1.0 {
-            let edge = corners[next] - corners[side];
+        // Where the features are close, rounding leaves too much of a side's direction in the connection.
+        if is_inside(along) {
+            let edge = edge_of(side);
             // The closest point slides along the side, so that the connection stays across it.
-            let sliding = (change.dot(edge) + point.dot(rates[next] - rates[side])) / edge.length_squared();
-            change -= edge * sliding;
-            // Short of a distance of 1e-8, rounding has left the connection with too much of the side's direction.
+            change -= edge * ((change.dot(edge) + point.dot(rates[next] - rates[side])) / edge.length_squared());
             point = part_across(point, edge);
+        } else {
+            let corner = if along > 0.0 { next } else { side };
+            for edge in [edge_of(corner), edge_of((corner + CORNERS - 1) % CORNERS)] {
+                let lean = point.dot(edge);
+                if lean * lean <= NEARLY_ACROSS * NEARLY_ACROSS * distance_squared * edge.length_squared() {
+                    point = part_across_or_all(point, edge);
+                }
+            }
         }
         let last = CORNERS - 1;
         let [first_edge, last_edge] = [corners[1] - corners[0], corners[last] - corners[0]];
@@ -336,6 +357,12 @@ fn part_across(vector: DVec3, direction: DVec3) -> DVec3 {
     let inverse = direction.length_squared().recip();
     let once = vector - direction * (vector.dot(direction) * inverse);
     once - direction * (once.dot(direction) * inverse)
+}
+
+/// The same, and all of the vector where there is no direction.
+fn part_across_or_all(vector: DVec3, direction: DVec3) -> DVec3 {
+    let across = part_across(vector, direction);
+    if across.is_finite() { across } else { vector }
 }
 
 /// The cross product of two vectors, made perpendicular to both as well as f64 can even where they are nearly parallel.

@@ -275,13 +275,14 @@ fn exact_touch(random: &mut Random, kind: Kind) -> (Motion, f64) {
 #[test]
 fn features_that_touch_exactly_are_never_missed_nor_found_late() {
     let mut random = Random::new(5);
-    let mut steps = Vec::new();
+    let (mut steps, mut earliest) = (Vec::new(), 0.0_f64);
     for kind in KINDS {
         for _ in 0..100_000 {
             let (motion, time) = exact_touch(&mut random, kind);
             let impact = motion.impact(0.0).unwrap_or_else(|| panic!("missed: {motion:?}"));
             assert!(impact.time <= time, "{} is later than {time}: {motion:?}", impact.time);
             steps.push(impact.steps);
+            earliest = earliest.max(time - impact.time);
         }
     }
     steps.sort_unstable();

@@ -5,3 +5,4 @@ mod families;
 mod feature;
 mod swept_balls;
 mod triangle_pair;
+mod truth;
