@@ -17,7 +17,7 @@ use crate::common::{CATEGORIES, Random, hard_pair};
 const REFERENCE_ERROR: f64 = 4.0e-15;
 
 /// As for single features: the resolution and what slivers lose.
-const REACHED: f64 = 4.0e-12;
+const REACHED: f64 = 1.0e-12;
 
 fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)

@@ -10,7 +10,7 @@ use super::families::{FAMILIES, KINDS, Kind, Motion, motion};
 use crate::common::{CATEGORIES, Random, hard_pair};
 
 /// How far above the separation, relative to their size, features may be at a time that is called an impact: the
-/// kernel's resolution of 1.4e-14, and what normals lose at corners and on flat features (2e-13 in a million). Only searches that
+/// kernel's resolution of 1.4e-14, and what normals lose at corners and on flat features (1e-13 in a million). Only searches that
 /// were cut short may end farther away.
 const CLOSE: f64 = 1.0e-12;
 
