@@ -5,6 +5,7 @@
 //! angles in radians, curvature in 1/length.
 
 pub mod bounds;
+pub mod ccd;
 pub mod circumsphere;
 pub mod cone;
 pub mod conservative;

@@ -3,14 +3,14 @@
 use glam::DVec3;
 
 /// The weights of a corner.
-pub(super) fn corner_weights(corner: usize) -> [f64; 3] {
+pub(in crate::kernel) fn corner_weights(corner: usize) -> [f64; 3] {
     let mut weights = [0.0; 3];
     weights[corner] = 1.0;
     weights
 }
 
 /// The weights of a position along edge `edge`, 0 at corner `edge` and 1 at the next.
-pub(super) fn edge_weights(edge: usize, along: f64) -> [f64; 3] {
+pub(in crate::kernel) fn edge_weights(edge: usize, along: f64) -> [f64; 3] {
     let mut weights = [0.0; 3];
     weights[edge] = 1.0 - along;
     weights[(edge + 1) % 3] = along;

@@ -1,0 +1,233 @@
+//! First impact of two triangles whose vertices move in straight lines.
+//!
+//! Triangles that are apart first meet where a vertex of one meets the face of the other or where two edges meet: 6 + 9
+//! pairs of features. Before those are asked, planes along the faces show for how long all of both triangles stays
+//! apart. Triangles that cross in the beginning need not have features near each other, so that is looked for as well.
+
+use glam::DVec3;
+use robust::Coord3D;
+
+use super::{
+    advance::{ImpactCause, MovingHull, Plane},
+    feature::{FeatureImpact, edge_edge_impact_within, vertex_face_impact_within},
+};
+use crate::kernel::exact::{
+    Feature, FeaturePair,
+    barycentric::{corner_weights, edge_weights},
+};
+
+/// The corners of a triangle when a step begins and when it ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MovingTriangle {
+    /// When it begins.
+    pub start: [DVec3; 3],
+    /// When it ends.
+    pub end: [DVec3; 3],
+}
+
+/// Which corners of two triangles are one vertex. Features that share a vertex are never tested.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CommonVertices([[bool; 3]; 3]);
+
+impl CommonVertices {
+    /// None is, as with triangles of different surfaces.
+    pub const NONE: Self = Self([[false; 3]; 3]);
+
+    /// Those that have the same (welded) number.
+    #[must_use]
+    pub fn of(a: [u32; 3], b: [u32; 3]) -> Self {
+        Self(a.map(|vertex_a| b.map(|vertex_b| vertex_a == vertex_b)))
+    }
+
+    fn any(&self) -> bool {
+        self.0.as_flattened().contains(&true)
+    }
+
+    /// Whether one of these corners of the first triangle is one of these of the second.
+    fn between(&self, of_a: &[usize], of_b: &[usize]) -> bool {
+        of_a.iter().any(|&corner_a| of_b.iter().any(|&corner_b| self.0[corner_a][corner_b]))
+    }
+}
+
+/// When and how two triangles first come within a separation of each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TriangleImpact {
+    /// 0 at the start of the step, 1 at its end. Never later than the first time at which the distance of the triangles
+    /// is at most the separation, features that share a vertex aside.
+    pub time: f64,
+    /// Whether the triangles begin within the separation, cross in the beginning, reach the separation, or might.
+    pub cause: ImpactCause,
+    /// A vertex and a face, or two edges; an edge and a face where they cross. Of several features that meet at once,
+    /// as those around a vertex that meets an edge, one.
+    pub features: FeaturePair,
+    /// Weights of the first triangle's corners at that time; they sum to 1.
+    pub barycentric_a: [f64; 3],
+    /// Weights of the second triangle's corners at that time; they sum to 1.
+    pub barycentric_b: [f64; 3],
+    /// Unit vector from the second triangle to the first, as in [`FeatureImpact::normal`]; zero where they cross.
+    pub normal: DVec3,
+}
+
+/// First impact of two triangles: the first time at which their distance is at most `separation`, 0 or more. `None` if
+/// it stays greater for the whole step, both ends included, or if a coordinate is not finite.
+///
+/// The time does not depend on which of the triangles is called the first.
+#[must_use]
+pub fn triangle_pair_impact(
+    a: &MovingTriangle,
+    b: &MovingTriangle,
+    common: &CommonVertices,
+    separation: f64,
+) -> Option<TriangleImpact> {
+    let clear = clear_from_start(a, b, common, separation)?;
+    if clear > 1.0 {
+        return None;
+    }
+    if clear <= 0.0
+        && let Some(crossing) = crossing(a, b, common)
+    {
+        return Some(crossing);
+    }
+    let mut first: Option<TriangleImpact> = None;
+    for vertex in 0..3 {
+        for vertex_is_of_a in [true, false] {
+            let (own, other) = if vertex_is_of_a { (a, b) } else { (b, a) };
+            let is_adjacent = if vertex_is_of_a {
+                common.between(&[vertex], &[0, 1, 2])
+            } else {
+                common.between(&[0, 1, 2], &[vertex])
+            };
+            if is_adjacent {
+                continue;
+            }
+            let points = |own: &[DVec3; 3], other: &[DVec3; 3]| [own[vertex], other[0], other[1], other[2]];
+            let (start, end) = (points(&own.start, &other.start), points(&own.end, &other.end));
+            let until = first.map_or(1.0, |impact| impact.time);
+            let Some(impact) = vertex_face_impact_within(&start, &end, separation, clear, until) else { continue };
+            let [_, weights @ ..] = impact.weights;
+            let features = FeaturePair { a: Feature::Vertex(vertex as u8), b: Feature::Face };
+            let found = triangle_impact(&impact, features, corner_weights(vertex), weights);
+            keep_earlier(&mut first, if vertex_is_of_a { found } else { found.swapped() });
+        }
+    }
+    for edge_a in 0..3 {
+        for edge_b in 0..3 {
+            let (ends_a, ends_b) = ([edge_a, (edge_a + 1) % 3], [edge_b, (edge_b + 1) % 3]);
+            if common.between(&ends_a, &ends_b) {
+                continue;
+            }
+            let points = |a: &[DVec3; 3], b: &[DVec3; 3]| [a[ends_a[0]], a[ends_a[1]], b[ends_b[0]], b[ends_b[1]]];
+            let (start, end) = (points(&a.start, &b.start), points(&a.end, &b.end));
+            let until = first.map_or(1.0, |impact| impact.time);
+            let Some(impact) = edge_edge_impact_within(&start, &end, separation, clear, until) else { continue };
+            let features = FeaturePair { a: Feature::Edge(edge_a as u8), b: Feature::Edge(edge_b as u8) };
+            let [_, along_a, _, along_b] = impact.weights;
+            let (weights_a, weights_b) = (edge_weights(edge_a, along_a), edge_weights(edge_b, along_b));
+            keep_earlier(&mut first, triangle_impact(&impact, features, weights_a, weights_b));
+        }
+    }
+    first
+}
+
+fn triangle_impact(
+    impact: &FeatureImpact,
+    features: FeaturePair,
+    barycentric_a: [f64; 3],
+    barycentric_b: [f64; 3],
+) -> TriangleImpact {
+    TriangleImpact {
+        time: impact.time,
+        cause: impact.cause,
+        features,
+        barycentric_a,
+        barycentric_b,
+        normal: impact.normal,
+    }
+}
+
+impl TriangleImpact {
+    /// The same impact with the second triangle first.
+    fn swapped(self) -> Self {
+        Self {
+            features: self.features.swapped(),
+            barycentric_a: self.barycentric_b,
+            barycentric_b: self.barycentric_a,
+            normal: -self.normal,
+            ..self
+        }
+    }
+}
+
+fn keep_earlier(first: &mut Option<TriangleImpact>, found: TriangleImpact) {
+    if first.is_none_or(|first| found.time < first.time) {
+        *first = Some(found);
+    }
+}
+
+/// For how long planes along the faces surely keep the triangles farther than `separation` apart: 0 where they touch, or
+/// share a vertex, infinite where for the whole step. `None` where a coordinate is not finite.
+fn clear_from_start(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVertices, separation: f64) -> Option<f64> {
+    let differences = |a: &[DVec3; 3], b: &[DVec3; 3]| -> [DVec3; 9] { std::array::from_fn(|k| a[k / 3] - b[k % 3]) };
+    let hull = MovingHull::new(differences(&a.start, &b.start), differences(&a.end, &b.end))?;
+    if common.any() {
+        return Some(0.0);
+    }
+    if hull.box_is_clear(separation) {
+        return Some(f64::INFINITY);
+    }
+    let mut clear = 0.0_f64;
+    for triangle in [a, b] {
+        let edges = |corners: &[DVec3; 3]| [corners[1] - corners[0], corners[2] - corners[0]];
+        let (start, end) = (edges(&triangle.start), edges(&triangle.end));
+        let change = [end[0] - start[0], end[1] - start[1]];
+        let turning = change[0].cross(start[1]) + start[0].cross(change[1]);
+        clear = clear.max(hull.clear_from_start(Plane::new(start[0].cross(start[1]), turning), separation));
+    }
+    Some(clear)
+}
+
+/// An edge of one triangle that pierces the face of the other when the step begins, by exact signs. Touching does not
+/// count: features that touch are found as such.
+fn crossing(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVertices) -> Option<TriangleImpact> {
+    for edge_is_of_a in [true, false] {
+        let (own, other) = if edge_is_of_a { (a, b) } else { (b, a) };
+        for edge in 0..3 {
+            let ends = [edge, (edge + 1) % 3];
+            let is_adjacent =
+                if edge_is_of_a { common.between(&ends, &[0, 1, 2]) } else { common.between(&[0, 1, 2], &ends) };
+            if is_adjacent {
+                continue;
+            }
+            let Some((along, weights)) = piercing(ends.map(|end| own.start[end]), &other.start) else { continue };
+            let found = TriangleImpact {
+                time: 0.0,
+                cause: ImpactCause::Crossing,
+                features: FeaturePair { a: Feature::Edge(edge as u8), b: Feature::Face },
+                barycentric_a: edge_weights(edge, along),
+                barycentric_b: weights,
+                normal: DVec3::ZERO,
+            };
+            return Some(if edge_is_of_a { found } else { found.swapped() });
+        }
+    }
+    None
+}
+
+/// Where along an edge, and with which weights of the face's corners, the edge passes through the inside of a face.
+fn piercing(edge: [DVec3; 2], face: &[DVec3; 3]) -> Option<(f64, [f64; 3])> {
+    let coordinates = |point: DVec3| Coord3D { x: point.x, y: point.y, z: point.z };
+    let volume = |p: DVec3, q: DVec3, r: DVec3, s: DVec3| {
+        robust::orient3d(coordinates(p), coordinates(q), coordinates(r), coordinates(s))
+    };
+    let [start, end] = edge.map(|point| volume(face[0], face[1], face[2], point));
+    if !(start < 0.0 && end > 0.0 || start > 0.0 && end < 0.0) {
+        return None;
+    }
+    let opposite = [1, 2, 0].map(|k: usize| volume(edge[0], edge[1], face[k], face[(k + 1) % 3]));
+    if !(opposite.iter().all(|&volume| volume > 0.0) || opposite.iter().all(|&volume| volume < 0.0)) {
+        return None;
+    }
+    let sum = opposite[0] + opposite[1] + opposite[2];
+    let [second, third] = [opposite[1] / sum, opposite[2] / sum];
+    Some((start / (start - end), [1.0 - second - third, second, third]))
+}

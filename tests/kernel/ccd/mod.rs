@@ -1,0 +1,8 @@
+//! Continuous detection against closed forms, exactly constructed touches, and dense sampling of reference distances.
+
+mod designs;
+mod families;
+mod feature;
+mod swept_balls;
+mod triangle_pair;
+mod truth;
