@@ -30,7 +30,9 @@ pub struct CircumsphereSettings {
     pub estimator: CurvatureEstimator,
     /// Angle between the normals of two faces, in radians, at which their edge is a crease to
     /// [smooth normals](crate::SmoothNormals). 0 (every edge is one) to π. Up to half of it an edge is smooth; in between
-    /// it fades. Default 1, or 57°: box edges stay sharp, spheres of 80 triangles become round.
+    /// it fades. Default 1, or 57°: box edges stay sharp, spheres of 80 triangles become round. Beside an edge that counts
+    /// as smooth, the normal turns over whole triangles: where large flat faces meet at small angles, as a floor and a
+    /// ramp do, use 0, which brings exact normals into the range that the faces around a feature span, and no more.
     pub crease_angle: f32,
     /// How many threads may work on one tick, the calling one included. 1 never touches a task pool. Default 0: as
     /// many as Bevy's compute task pool has, where the app has one. Contacts are the same for any number.
