@@ -18,6 +18,7 @@ pub mod pair;
 pub mod pose;
 pub mod reference;
 pub mod refine;
+pub mod smooth_normal;
 pub mod sphere_pairs;
 pub mod topology;
 pub mod tree;

@@ -11,6 +11,7 @@ mod narrow_phase;
 mod pose;
 mod refine;
 mod shapes;
+mod smooth_normal;
 mod spheres;
 mod steadiness;
 mod topology;
