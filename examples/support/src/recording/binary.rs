@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::{MAGIC, MAGIC_F64, RecordingError, check_positions, open};
 
-/// Bytes of the header: magic, vertices, faces, frames.
-const HEADER_BYTES: usize = 16;
+/// Bytes of the header: magic, vertices, faces, frames. The headers of `queries` are as long.
+pub(super) const HEADER_BYTES: usize = 16;
 /// Bytes of one face: three `u32`.
 const FACE_BYTES: usize = 12;
 
@@ -105,16 +105,25 @@ impl Header {
     }
 }
 
-/// Reads a file whose header agrees with its size; nothing beyond the header is read before that is known.
-pub(super) fn read_sized<C: Coordinate>(path: &Path) -> Result<Vec<u8>, RecordingError> {
+/// Reads a file whose header agrees with its size; nothing beyond the header is read before `check` has agreed, which
+/// is given the header (or less, where the file is shorter) and the size of the file.
+pub(super) fn read_sized(
+    path: &Path,
+    check: impl FnOnce(&[u8], u64) -> Result<(), RecordingError>,
+) -> Result<Vec<u8>, RecordingError> {
     let (mut file, size) = open(path)?;
     let failed = |source| RecordingError::read(path, source);
     let mut bytes = Vec::with_capacity(HEADER_BYTES);
     (&mut file).take(HEADER_BYTES as u64).read_to_end(&mut bytes).map_err(failed)?;
-    Header::read::<C>(&bytes, size, path)?;
-    // One byte more than the size, so that a file that grew meanwhile is noticed by `decode`.
+    check(&bytes, size)?;
+    // One byte more than the size, so that a file that grew meanwhile is noticed when it is decoded.
     file.take(size.saturating_sub(bytes.len() as u64) + 1).read_to_end(&mut bytes).map_err(failed)?;
     Ok(bytes)
+}
+
+/// Reads the bytes of one recording with coordinates of type `C`.
+pub(super) fn read_recording<C: Coordinate>(path: &Path) -> Result<Vec<u8>, RecordingError> {
+    read_sized(path, |start, size| Header::read::<C>(start, size, path).map(drop))
 }
 
 /// The triangles and frames of a recording.

@@ -175,6 +175,28 @@ pub enum RecordingError {
         /// The vertex in question.
         vertex: usize,
     },
+    /// A number in a file of queries has a value without meaning.
+    #[error("{}: byte {byte} begins a value of {found} where {expected} is meant", file.display())]
+    UnknownValue {
+        /// The file in question.
+        file: PathBuf,
+        /// Place of the value's first byte, counted from 0.
+        byte: usize,
+        /// The value.
+        found: u32,
+        /// What it could have been.
+        expected: &'static str,
+    },
+    /// A coordinate of a query is NaN or infinite.
+    #[error("{}: query {query} has a coordinate that is not finite, at byte {byte}", file.display())]
+    QueryNotFinite {
+        /// The file in question.
+        file: PathBuf,
+        /// The query in question.
+        query: usize,
+        /// Place of the coordinate's first byte, counted from 0.
+        byte: usize,
+    },
     /// A frame has more or fewer vertices than the first frame.
     #[error(
         "{}: frame {frame} has {found} vertices where the first frame ({}) has {expected}",

@@ -6,12 +6,14 @@
 //!
 //! The `.bin` layout is little-endian: four `u32` (magic, vertices, faces, frames), three `u32` per face,
 //! then three coordinates per vertex for every frame. Coordinates are `f32` under [`MAGIC`] and `f64` under
-//! [`MAGIC_F64`].
+//! [`MAGIC_F64`]. Files of queries for continuous collision detection are read beside them, see [`CcdQueries`] and
+//! [`ImpactTruth`].
 
 mod binary;
 mod error;
 mod obj;
 mod ply;
+mod queries;
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -19,6 +21,10 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 pub use error::RecordingError;
+pub use queries::{
+    CcdQueries, CcdQuery, ImpactAnswer, ImpactTruth, MAGIC_QUERIES, MAGIC_TRUTH, QueryKind, read_ccd_queries,
+    read_impact_truth,
+};
 
 /// First four bytes of a `.bin` recording with `f32` coordinates, read as a little-endian `u32`.
 pub const MAGIC: u32 = 0x4D53_4851;
@@ -115,7 +121,7 @@ impl Recording {
 pub fn read_recording(paths: &[PathBuf]) -> Result<Recording, RecordingError> {
     let formats = paths.iter().map(|path| sniff(path)).collect::<Result<Vec<_>, _>>()?;
     if let ([path], [Format::Binary]) = (paths, formats.as_slice()) {
-        let bytes = binary::read_sized::<f32>(path)?;
+        let bytes = binary::read_recording::<f32>(path)?;
         return Recording::from_bytes(&bytes, path);
     }
     if let Some(position) = formats.iter().position(|format| *format == Format::Binary) {
@@ -156,7 +162,7 @@ pub fn read_recording(paths: &[PathBuf]) -> Result<Recording, RecordingError> {
 ///
 /// A file that cannot be read or is malformed, see [`RecordingError`].
 pub fn read_f64_recording(path: &Path) -> Result<RecordingF64, RecordingError> {
-    let bytes = binary::read_sized::<f64>(path)?;
+    let bytes = binary::read_recording::<f64>(path)?;
     let (triangles, frames) = binary::decode::<f64>(&bytes, path)?;
     Ok(RecordingF64 { triangles, frames })
 }
