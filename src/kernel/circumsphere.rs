@@ -20,6 +20,9 @@ const ZERO_AREA: f32 = 1.0e-6;
 /// Radii are lengthened by this factor, so that rounding never leaves a vertex outside its ball.
 const RADIUS_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
 
+/// Squares below this have lost precision to the end of f32, 2^23 times its least normal number.
+const LEAST_EXACT_SQUARE: f32 = f32::MIN_POSITIVE / f32::EPSILON;
+
 /// A ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ball {
@@ -47,10 +50,11 @@ impl LongestEdgeFrame {
     fn new(corners: [Vec3; 3], edge: usize) -> Self {
         let (from, to, apex) = (corners[edge], corners[(edge + 1) % 3], corners[(edge + 2) % 3]);
         let along = to - from;
-        let length = along.length();
+        let length = length(along);
         let midpoint = from + along * 0.5;
         let mut frame = Self { midpoint, half_length: 0.5 * length, normal: None, inward: Vec3::ZERO, cotangent: 0.0 };
-        if length > 0.0 {
+        // The inverse of a subnormal length may be infinite.
+        if length >= f32::MIN_POSITIVE {
             // Scaled by the longest edge first: the cross product is of order length², its square of order length⁴.
             let scale = length.recip();
             let (u, v) = ((from - apex) * scale, (to - apex) * scale);
@@ -67,8 +71,15 @@ impl LongestEdgeFrame {
     }
 }
 
+/// Length of a vector of any finite length: squares of those above 1e19 are infinite in f32, of those below 1e-19 too
+/// coarse or 0, and then f64 holds them.
+pub(super) fn length(vector: Vec3) -> f32 {
+    let squared = vector.length_squared();
+    if (LEAST_EXACT_SQUARE..=f32::MAX).contains(&squared) { squared.sqrt() } else { vector.as_dvec3().length() as f32 }
+}
+
 fn edge_lengths(corners: [Vec3; 3]) -> [f32; 3] {
-    [0, 1, 2].map(|k| corners[k].distance(corners[(k + 1) % 3]))
+    [0, 1, 2].map(|k| length(corners[(k + 1) % 3] - corners[k]))
 }
 
 fn longest(lengths: [f32; 3]) -> usize {
@@ -77,7 +88,7 @@ fn longest(lengths: [f32; 3]) -> usize {
 }
 
 fn farthest_corner(corners: [Vec3; 3], center: Vec3) -> f32 {
-    corners.iter().map(|corner| corner.distance(center)).fold(0.0, f32::max)
+    corners.iter().map(|&corner| length(corner - center)).fold(0.0, f32::max)
 }
 
 /// Circumcenter of a triangle, relative to its vertex with the largest angle, and the circumradius; `None` where the
@@ -91,7 +102,7 @@ pub fn circumcenter(corners: [Vec3; 3]) -> Option<(usize, Vec3, f32)> {
     let edge = longest(lengths);
     let apex = (edge + 2) % 3;
     let length = lengths[edge];
-    if length <= 0.0 {
+    if length < f32::MIN_POSITIVE {
         return None;
     }
     let scale = length.recip();
@@ -176,7 +187,8 @@ impl Recipe {
         let mut height = settings.phi * radius * curvature_factor(curvature, radius, settings.curvature_threshold);
         for k in 0..3 {
             if dihedrals[k] > 0.0 {
-                let along = (corners[(k + 1) % 3] - corners[k]).normalize_or_zero();
+                let edge = corners[(k + 1) % 3] - corners[k];
+                let along = if lengths[k] > 0.0 { edge / lengths[k] } else { Vec3::ZERO };
                 let clearance = normal.dot(along.cross(center - corners[k])).max(0.0);
                 height = height.min(clearance / bevy_math::ops::tan(0.5 * dihedrals[k]).abs().max(f32::MIN_POSITIVE));
             }

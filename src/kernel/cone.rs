@@ -6,6 +6,8 @@
 
 use glam::Vec3;
 
+use super::circumsphere::length;
+
 /// Slack of the cone comparison, as a cosine: a direction that the crease clamp puts exactly on the cone's boundary
 /// passes in spite of rounding.
 const BOUNDARY_SLACK: f32 = 1.0e-4;
@@ -85,14 +87,16 @@ pub fn spheres_overlap(center_a: Vec3, radius_a: f32, center_b: Vec3, radius_b: 
 }
 
 /// The cone test: the contact of two caps along the line between their centers, or `None` where that line leaves a
-/// sphere outside its cone. Concentric caps have no line; they are in contact, along the first one's normal.
+/// sphere outside its cone. Concentric caps have no line; they are in contact, along the first one's normal, or against
+/// the second one's where the first has no area.
 #[must_use]
 pub fn cap_contact(a: &Cap, b: &Cap) -> Option<CapContact> {
     let between = b.center - a.center;
-    let length = between.length();
+    let length = length(between);
     if length <= f32::EPSILON * (a.radius + b.radius) {
         let (point_a, point_b) = (a.in_plane_center(), b.in_plane_center());
-        return Some(CapContact { point_a, point_b, direction: a.axis, gap: (point_b - point_a).dot(a.axis) });
+        let direction = [a.axis, -b.axis].into_iter().find(|&axis| axis != Vec3::ZERO).unwrap_or(Vec3::Y);
+        return Some(CapContact { point_a, point_b, direction, gap: (point_b - point_a).dot(direction) });
     }
     let direction = between / length;
     let (toward_b, toward_a) = (direction.dot(a.axis), -direction.dot(b.axis));

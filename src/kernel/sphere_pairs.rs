@@ -165,7 +165,8 @@ pub fn meeting_caps(
     meeting.extend(overlapping.iter().filter_map(|&[triangle_a, triangle_b]| {
         let [cap_a, cap_b] = facing_caps(a, b, [triangle_a, triangle_b]);
         let contact = cap_contact(&cap_a, &cap_b)?;
-        let spheres = f64::from(cap_a.center.distance(cap_b.center) - cap_a.radius - cap_b.radius);
+        let between = cap_a.center.as_dvec3().distance(cap_b.center.as_dvec3());
+        let spheres = between - f64::from(cap_a.radius) - f64::from(cap_b.radius);
         let (corners_a, corners_b) = (a.surface.corners(triangle_a), b.surface.corners(triangle_b));
         let planes =
             if settings.cull { slab_gap(&corners_a, &corners_b).max(slab_gap(&corners_b, &corners_a)) } else { 0.0 };
@@ -185,8 +186,9 @@ pub fn ball_contacts(
 ) {
     for &triangles in overlapping {
         let (own, other) = (a.ball(triangles[0]), b.ball(triangles[1]));
-        let normal = (own.center - other.center).normalize_or(Vec3::Y);
-        let gap = f64::from(own.center.distance(other.center) - own.radius - other.radius);
+        let between = own.center.as_dvec3() - other.center.as_dvec3();
+        let normal = between.normalize_or(DVec3::Y).as_vec3();
+        let gap = between.length() - f64::from(own.radius) - f64::from(other.radius);
         let corners = [a.surface.corners(triangles[0]), b.surface.corners(triangles[1])];
         // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
         let distance = gap.max(box_gap(&corners[0], &corners[1]));

@@ -277,6 +277,42 @@ fn concentric_spheres_are_in_contact_along_the_first_normal() {
     let point = Cap { center: Vec3::X, radius: 0.0, height: 0.0, axis: Vec3::ZERO, cosine: SafetyCones::EVERYWHERE };
     let contact = cap_contact(&point, &point).expect("two points in one place");
     assert!(contact.gap == 0.0 && contact.point_a == Vec3::X);
+    // A point has no normal, and a contact has one all the same: that of the other cap, or any.
+    assert_eq!(contact.direction.length(), 1.0);
+    let cap = Cap { center: Vec3::X, ..random_cap(&mut random) };
+    assert_eq!(cap_contact(&point, &cap).expect("they are in one place").direction, -cap.axis);
+    assert_eq!(cap_contact(&cap, &point).expect("they are in one place").direction, cap.axis);
+}
+
+#[test]
+fn caps_of_any_size_meet_alike() {
+    let mut random = Random::new(9);
+    let (mut met, mut apart) = (0, 0);
+    for _ in 0..2_000 {
+        let (a, b) = (random_cap(&mut random), random_cap(&mut random));
+        let contact = cap_contact(&a, &b);
+        // Powers of two scale exactly; squares of these lengths do not fit into f32.
+        for exponent in [-100, 100] {
+            let scale = 2.0_f32.powi(exponent);
+            let scaled = |cap: &Cap| Cap {
+                center: cap.center * scale,
+                radius: cap.radius * scale,
+                height: cap.height * scale,
+                ..*cap
+            };
+            let found = cap_contact(&scaled(&a), &scaled(&b));
+            // Lengths are rounded differently, by far less than any of these directions is away from a boundary.
+            let (Some(found), Some(expected)) = (found, contact) else {
+                assert!(found.is_none() == contact.is_none());
+                apart += 1;
+                continue;
+            };
+            assert!(found.direction.distance(expected.direction) < 1.0e-6);
+            assert!((found.gap / scale - expected.gap).abs() < 1.0e-5, "{found:?}, {expected:?}");
+            met += 1;
+        }
+    }
+    assert!(met > 200 && apart > 200, "{met} met, {apart} did not");
 }
 
 #[test]
