@@ -60,7 +60,8 @@ impl LongestEdgeFrame {
             let (u, v) = ((from - apex) * scale, (to - apex) * scale);
             let cross = u.cross(v);
             let doubled_area = cross.length();
-            if doubled_area > ZERO_AREA {
+            // Infinite or no number where the edge, the longest once, is now lost beside the others: a needle.
+            if doubled_area > ZERO_AREA && doubled_area.is_finite() {
                 let normal = cross / doubled_area;
                 frame.normal = Some(normal);
                 frame.inward = normal.cross(along * scale).normalize_or_zero();
@@ -71,11 +72,20 @@ impl LongestEdgeFrame {
     }
 }
 
-/// Length of a vector of any finite length: squares of those above 1e19 are infinite in f32, of those below 1e-19 too
-/// coarse or 0, and then f64 holds them.
+/// Length of a vector of any length, at most the largest f32: squares of those above 1e19 are infinite in f32, of those
+/// below 1e-19 too coarse or 0, and then f64 holds them.
 pub(super) fn length(vector: Vec3) -> f32 {
     let squared = vector.length_squared();
-    if (LEAST_EXACT_SQUARE..=f32::MAX).contains(&squared) { squared.sqrt() } else { vector.as_dvec3().length() as f32 }
+    if (LEAST_EXACT_SQUARE..=f32::MAX).contains(&squared) {
+        squared.sqrt()
+    } else {
+        (vector.as_dvec3().length() as f32).min(f32::MAX)
+    }
+}
+
+/// A vector whose coordinates have overflown, brought back to the largest f32: infinities would soon be no numbers.
+fn finite(vector: Vec3) -> Vec3 {
+    vector.clamp(Vec3::MIN, Vec3::MAX)
 }
 
 fn edge_lengths(corners: [Vec3; 3]) -> [f32; 3] {
@@ -281,23 +291,24 @@ impl OffsetSpheres {
         let recipe = &self.recipes[triangle];
         // Relative to one corner, so that distance from the origin costs no precision.
         let origin = corners[0];
-        let local = corners.map(|corner| corner - origin);
+        let local = corners.map(|corner| finite(corner - origin));
         let frame = LongestEdgeFrame::new(local, recipe.longest_edge as usize);
         let (in_plane, axis, height) = if let Some(normal) = frame.normal {
             let in_plane = frame.midpoint + frame.inward * (recipe.inward * frame.half_length);
-            (in_plane, normal, recipe.height_ratio * farthest_corner(local, in_plane))
+            (in_plane, normal, (recipe.height_ratio * farthest_corner(local, in_plane)).min(f32::MAX))
         } else {
             let frame = LongestEdgeFrame::new(local, longest(edge_lengths(local)));
             (frame.midpoint, cones.axes[triangle], 0.0)
         };
-        let center = origin + (in_plane - axis * height);
+        let center = finite(origin + (in_plane - axis * height));
         let radius = farthest_corner(corners, center) * RADIUS_SLACK;
         self.centers[triangle] = center;
         self.radii[triangle] = radius;
         self.heights[triangle] = height;
         cones.axes[triangle] = axis;
         cones.cosines[triangle] = match frame.normal {
-            Some(_) if radius > 0.0 => height / radius,
+            // Far from the origin the center is moved by rounding, by more than a small triangle's height.
+            Some(_) if radius > 0.0 => (height / radius).min(1.0),
             _ => SafetyCones::EVERYWHERE,
         };
     }

@@ -21,6 +21,10 @@ const ROUNDING: f32 = 2.0e-6;
 /// A squared direction below this is too close to the smallest f32 to be relied on.
 const LEAST_SQUARED: f32 = 1.0e-30;
 
+/// Pairs of a larger extent are never rejected. Up to here a projection on any direction whose square is finite, below
+/// 1.9e19 long, is finite too; beyond, infinities of both signs would add up to what is no number and proves nothing.
+const LARGEST_EXTENT: f32 = 1.0e18;
+
 /// Eight pairs of triangles, relative to the first triangle's first corner.
 struct PairLanes {
     a: [VectorLanes; 3],
@@ -47,7 +51,8 @@ impl PairLanes {
                 self.a[k].set(lane, corner_a);
                 self.b[k].set(lane, corner_b);
             }
-            self.extent.0[lane] = largest.element_sum();
+            let extent = largest.element_sum();
+            self.extent.0[lane] = if extent <= LARGEST_EXTENT { extent } else { f32::INFINITY };
         }
     }
 
