@@ -49,7 +49,7 @@ impl LongestEdgeFrame {
     /// `edge` names the longest edge, which joins the corners `edge` and `edge + 1`.
     fn new(corners: [Vec3; 3], edge: usize) -> Self {
         let (from, to, apex) = (corners[edge], corners[(edge + 1) % 3], corners[(edge + 2) % 3]);
-        let along = to - from;
+        let along = finite(to - from);
         let length = length(along);
         let midpoint = from + along * 0.5;
         let mut frame = Self { midpoint, half_length: 0.5 * length, normal: None, inward: Vec3::ZERO, cotangent: 0.0 };
@@ -101,6 +101,10 @@ fn farthest_corner(corners: [Vec3; 3], center: Vec3) -> f32 {
     corners.iter().map(|&corner| length(corner - center)).fold(0.0, f32::max)
 }
 
+fn containing_radius(corners: [Vec3; 3], center: Vec3) -> f32 {
+    (farthest_corner(corners, center) * RADIUS_SLACK).min(f32::MAX)
+}
+
 /// Circumcenter of a triangle, relative to its vertex with the largest angle, and the circumradius; `None` where the
 /// triangle has no area. With `u`, `v` the edges from that vertex and `n = u × v`, the center is
 /// `((v × n)|u|² + (n × u)|v|²) / (2|n|²)`, evaluated on edges scaled to unit length.
@@ -116,8 +120,8 @@ pub fn circumcenter(corners: [Vec3; 3]) -> Option<(usize, Vec3, f32)> {
         return None;
     }
     let scale = length.recip();
-    let u = (corners[edge] - corners[apex]) * scale;
-    let v = (corners[(edge + 1) % 3] - corners[apex]) * scale;
+    let u = finite(corners[edge] - corners[apex]) * scale;
+    let v = finite(corners[(edge + 1) % 3] - corners[apex]) * scale;
     let n = u.cross(v);
     if n.length() <= ZERO_AREA {
         return None;
@@ -142,7 +146,7 @@ pub fn in_plane_center(corners: [Vec3; 3]) -> Ball {
 pub fn enclosing_ball(corners: [Vec3; 3]) -> Ball {
     let frame = LongestEdgeFrame::new(corners, longest(edge_lengths(corners)));
     let center = frame.midpoint + frame.inward * (frame.cotangent.max(0.0) * frame.half_length);
-    Ball { center, radius: farthest_corner(corners, center) * RADIUS_SLACK }
+    Ball { center, radius: containing_radius(corners, center) }
 }
 
 /// Writes [`enclosing_ball`] of every triangle into `balls`.
@@ -194,7 +198,8 @@ impl Recipe {
         let Some(normal) = frame.normal else { return recipe };
         let center = frame.midpoint + frame.inward * (inward * frame.half_length);
         let radius = farthest_corner(corners, center);
-        let mut height = settings.phi * radius * curvature_factor(curvature, radius, settings.curvature_threshold);
+        let factor = curvature_factor(curvature, radius, settings.curvature_threshold);
+        let mut height = (settings.phi * radius * factor).min(f32::MAX);
         for k in 0..3 {
             if dihedrals[k] > 0.0 {
                 let edge = corners[(k + 1) % 3] - corners[k];
@@ -301,7 +306,7 @@ impl OffsetSpheres {
             (frame.midpoint, cones.axes[triangle], 0.0)
         };
         let center = finite(origin + (in_plane - axis * height));
-        let radius = farthest_corner(corners, center) * RADIUS_SLACK;
+        let radius = containing_radius(corners, center);
         self.centers[triangle] = center;
         self.radii[triangle] = radius;
         self.heights[triangle] = height;

@@ -487,7 +487,9 @@ fn spheres_at_the_end_of_f32_are_numbers() {
     let huge = [Vec3::Z * 6.805_535e32, Vec3::new(3.898_142e30, 6.461_619e27, 0.0), Vec3::Z * 1.611_793e25];
     let wide = [Vec3::Z * -1.741_652_1e38, Vec3::new(-2.658_455_5e36, 2.69e-43, 0.0), Vec3::ZERO];
     let spread = [Vec3::X * f32::MIN, Vec3::Y * f32::MAX, Vec3::new(f32::MAX, f32::MIN, f32::MAX)];
-    for corners in [[high, low, apex], huge, wide, spread] {
+    let diagonal =
+        [Vec3::ZERO, Vec3::new(-1.834_334_6e38, 3.396_151_4e38, 3.396_151_4e38), Vec3::splat(3.396_151_4e38)];
+    for corners in [[high, low, apex], huge, wide, spread, diagonal] {
         let [a, b, c] = corners;
         let mut spheres = Spheres::new(&corners, &[[0, 1, 2]], settings);
         // Stale afterwards: other edges are the longest.
@@ -496,6 +498,9 @@ fn spheres_at_the_end_of_f32_are_numbers() {
             let offset = Ball { center: spheres.offset.centers[0], radius: spheres.offset.radii[0] };
             for ball in [in_plane_center(positions), enclosing_ball(positions), offset] {
                 assert!(!ball.center.is_nan() && ball.radius > 0.0, "{ball:?} of {positions:?}");
+            }
+            if let Some((_, offset, radius)) = circumcenter(positions) {
+                assert!(!offset.is_nan() && radius > 0.0, "{offset} {radius} {positions:?}");
             }
             assert!(spheres.offset.heights[0] >= 0.0, "{positions:?}");
             let (axis, cosine) = (spheres.cones.axes[0], spheres.cones.cosines[0]);
