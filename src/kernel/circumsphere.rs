@@ -70,6 +70,11 @@ impl LongestEdgeFrame {
         }
         frame
     }
+
+    /// The point of the plane that is across the middle of the longest edge by a multiple of half of that edge.
+    fn point_across(&self, halves: f32) -> Vec3 {
+        self.midpoint + self.inward * (halves * self.half_length).min(f32::MAX)
+    }
 }
 
 /// Length of a vector of any length, at most the largest f32: squares of those above 1e19 are infinite in f32, of those
@@ -136,7 +141,7 @@ pub fn circumcenter(corners: [Vec3; 3]) -> Option<(usize, Vec3, f32)> {
 #[must_use]
 pub fn in_plane_center(corners: [Vec3; 3]) -> Ball {
     let frame = LongestEdgeFrame::new(corners, longest(edge_lengths(corners)));
-    let center = frame.midpoint + frame.inward * (frame.cotangent.max(-OBTUSE_REACH) * frame.half_length);
+    let center = finite(frame.point_across(frame.cotangent.max(-OBTUSE_REACH)));
     Ball { center, radius: farthest_corner(corners, center) }
 }
 
@@ -145,7 +150,7 @@ pub fn in_plane_center(corners: [Vec3; 3]) -> Ball {
 #[must_use]
 pub fn enclosing_ball(corners: [Vec3; 3]) -> Ball {
     let frame = LongestEdgeFrame::new(corners, longest(edge_lengths(corners)));
-    let center = frame.midpoint + frame.inward * (frame.cotangent.max(0.0) * frame.half_length);
+    let center = finite(frame.point_across(frame.cotangent.max(0.0)));
     Ball { center, radius: containing_radius(corners, center) }
 }
 
@@ -196,7 +201,7 @@ impl Recipe {
         let inward = frame.cotangent.max(-OBTUSE_REACH);
         let mut recipe = Self { longest_edge: edge as u8, inward, height_ratio: 0.0, lengths, dihedrals };
         let Some(normal) = frame.normal else { return recipe };
-        let center = frame.midpoint + frame.inward * (inward * frame.half_length);
+        let center = frame.point_across(inward);
         let radius = farthest_corner(corners, center);
         let factor = curvature_factor(curvature, radius, settings.curvature_threshold);
         let mut height = (settings.phi * radius * factor).min(f32::MAX);
@@ -299,7 +304,7 @@ impl OffsetSpheres {
         let local = corners.map(|corner| finite(corner - origin));
         let frame = LongestEdgeFrame::new(local, recipe.longest_edge as usize);
         let (in_plane, axis, height) = if let Some(normal) = frame.normal {
-            let in_plane = frame.midpoint + frame.inward * (recipe.inward * frame.half_length);
+            let in_plane = frame.point_across(recipe.inward);
             (in_plane, normal, (recipe.height_ratio * farthest_corner(local, in_plane)).min(f32::MAX))
         } else {
             let frame = LongestEdgeFrame::new(local, longest(edge_lengths(local)));

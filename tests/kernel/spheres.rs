@@ -489,7 +489,9 @@ fn spheres_at_the_end_of_f32_are_numbers() {
     let spread = [Vec3::X * f32::MIN, Vec3::Y * f32::MAX, Vec3::new(f32::MAX, f32::MIN, f32::MAX)];
     let diagonal =
         [Vec3::ZERO, Vec3::new(-1.834_334_6e38, 3.396_151_4e38, 3.396_151_4e38), Vec3::splat(3.396_151_4e38)];
-    for corners in [[high, low, apex], huge, wide, spread, diagonal] {
+    let longer = Vec3::new(0.0, 3.396_151_4e38, 3.396_151_4e38);
+    let longer = [longer, Vec3::new(1.170_884_5e-38, 9.1835e-41, 0.0), Vec3::new(-2.596_148_4e33, -1.0e34, -1.0e34)];
+    for corners in [[high, low, apex], huge, wide, spread, diagonal, longer] {
         let [a, b, c] = corners;
         let mut spheres = Spheres::new(&corners, &[[0, 1, 2]], settings);
         // Stale afterwards: other edges are the longest.
