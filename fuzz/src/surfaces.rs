@@ -1,6 +1,8 @@
 //! The whole plugin on any mesh, motion, pose and settings: what is unusable is refused or set aside, what is left has
 //! contacts that are numbers, and bodies beside it keep theirs.
 
+use std::cell::Cell;
+
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore,
@@ -11,7 +13,7 @@ use bevy_circumsphere::{
     },
     prelude::*,
 };
-use bevy_ecs::prelude::*;
+use bevy_ecs::entity::Entity;
 use bevy_transform::components::Transform;
 use glam::{Quat, Vec3};
 
@@ -47,10 +49,8 @@ pub fn surfaces(bytes: &[u8]) {
     let Ok(surface) = surface.inspect_err(|error| assert!(error.to_string().len() < 500, "{error}")) else { return };
     check_topology(surface.0.topology());
 
-    let mut app = App::new();
-    app.add_plugins(DeformableCollisionPlugins::new(Update));
+    let World { mut app, clean } = WORLD.take().unwrap_or_else(World::new);
     app.insert_resource(settings(&mut input, flag(0)));
-    let clean = spawn_clean_bodies(&mut app);
     let entity = app.world_mut().spawn((surface, method(&mut input), transform(&mut input, flag(1)))).id();
     if flag(2) {
         let thickness = input.float();
@@ -81,6 +81,29 @@ pub fn surfaces(bytes: &[u8]) {
         let count = vertex_count + usize::from(flag(7) && tick == 1);
         let positions = input.points(count, written);
         app.world_mut().entity_mut(entity).insert(SurfacePositions(positions));
+    }
+    app.world_mut().despawn(entity);
+    WORLD.set(Some(World { app, clean }));
+}
+
+/// A world with two clean bodies.
+struct World {
+    app: App,
+    clean: [Entity; 2],
+}
+
+thread_local! {
+    /// The world of the last input, which is used again: most of an input's time would go into making one. An input that
+    /// fails takes it along.
+    static WORLD: Cell<Option<World>> = const { Cell::new(None) };
+}
+
+impl World {
+    fn new() -> Self {
+        let mut app = App::new();
+        app.add_plugins(DeformableCollisionPlugins::new(Update));
+        let clean = spawn_clean_bodies(&mut app);
+        Self { app, clean }
     }
 }
 

@@ -35,16 +35,21 @@ pub const DISTANCE_TOLERANCE: f64 = 1.0e-5;
 /// either answer is right within it.
 pub const ROUNDING: f64 = 1.0e-12;
 
-/// Tries `test` on `cases` values of a strategy, or as many as the environment asks for, and fails with the smallest
-/// value that it fails on.
+/// How many cases proptest tries by itself: the `PROPTEST_CASES` at which each property tries its default number.
+const DEFAULT_CASES: u64 = 256;
+
+/// Tries `test` on `cases` values of a strategy, or as many times more as the environment asks for, and fails with the
+/// smallest value that it fails on.
 #[track_caller]
 pub fn for_all<S: Strategy>(file: &'static str, cases: u32, strategy: S, test: impl Fn(S::Value))
 where
     S::Value: Debug,
 {
-    let asked = std::env::var_os("PROPTEST_CASES").is_some();
-    let chosen = if asked { ProptestConfig::default() } else { ProptestConfig::with_cases(cases) };
+    let asked = asked_for_cases();
+    let chosen = ProptestConfig::default();
+    let factor = if asked { u64::from(chosen.cases) } else { DEFAULT_CASES };
     let config = ProptestConfig {
+        cases: (u64::from(cases) * factor).div_ceil(DEFAULT_CASES) as u32,
         // The same cases everywhere, unless more or others are asked for.
         rng_seed: if asked { chosen.rng_seed } else { RngSeed::Fixed(u64::from(cases)) },
         source_file: Some(file),
@@ -61,6 +66,11 @@ where
     }
 }
 
+/// Whether the environment says how many cases to try.
+fn asked_for_cases() -> bool {
+    std::env::var_os("PROPTEST_CASES").is_some()
+}
+
 /// Counts what a property had to do with: one that never met its subject proves nothing.
 #[derive(Default)]
 pub struct Count(Cell<usize>);
@@ -73,6 +83,8 @@ impl Count {
     #[track_caller]
     pub fn assert_at_least(&self, least: usize, what: &str) {
         println!("{} {what}", self.0.get());
+        // The limit is for the default number of cases.
+        let least = if asked_for_cases() { 1 } else { least };
         assert!(self.0.get() >= least, "only {} {what}: the cases show nothing", self.0.get());
     }
 }
