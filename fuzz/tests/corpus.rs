@@ -85,10 +85,13 @@ fn every_target_has_a_program_and_a_corpus() {
     assert_eq!(names("corpus"), targets);
 }
 
+/// Whether a reader accepts some bytes.
+type Accept = fn(&[u8]) -> bool;
+
 /// Refused at the first byte, a seed would show a fuzzer nothing of what comes after.
 #[test]
 fn the_seeds_of_the_readers_are_files_that_they_accept() {
-    let accepts: [(&str, fn(&[u8]) -> bool); 6] = [
+    let accepts: [(&str, Accept); 6] = [
         ("recording_bin", |bytes| Recording::from_bytes(bytes, Path::new("seed")).is_ok()),
         ("recording_f64", |bytes| RecordingF64::from_bytes(bytes, Path::new("seed")).is_ok()),
         ("recording_ply", |bytes| Recording::from_ply_bytes(bytes, Path::new("seed")).is_ok()),
