@@ -49,7 +49,7 @@ impl LongestEdgeFrame {
     /// `edge` names the longest edge, which joins the corners `edge` and `edge + 1`.
     fn new(corners: [Vec3; 3], edge: usize) -> Self {
         let (from, to, apex) = (corners[edge], corners[(edge + 1) % 3], corners[(edge + 2) % 3]);
-        let along = to - from;
+        let along = finite(to - from);
         let length = length(along);
         let midpoint = from + along * 0.5;
         let mut frame = Self { midpoint, half_length: 0.5 * length, normal: None, inward: Vec3::ZERO, cotangent: 0.0 };
@@ -60,7 +60,8 @@ impl LongestEdgeFrame {
             let (u, v) = ((from - apex) * scale, (to - apex) * scale);
             let cross = u.cross(v);
             let doubled_area = cross.length();
-            if doubled_area > ZERO_AREA {
+            // Infinite or no number where the edge, the longest once, is now lost beside the others: a needle.
+            if doubled_area > ZERO_AREA && doubled_area.is_finite() {
                 let normal = cross / doubled_area;
                 frame.normal = Some(normal);
                 frame.inward = normal.cross(along * scale).normalize_or_zero();
@@ -69,13 +70,27 @@ impl LongestEdgeFrame {
         }
         frame
     }
+
+    /// The point of the plane that is across the middle of the longest edge by a multiple of half of that edge.
+    fn point_across(&self, halves: f32) -> Vec3 {
+        self.midpoint + self.inward * (halves * self.half_length).min(f32::MAX)
+    }
 }
 
-/// Length of a vector of any finite length: squares of those above 1e19 are infinite in f32, of those below 1e-19 too
-/// coarse or 0, and then f64 holds them.
+/// Length of a vector of any length, at most the largest f32: squares of those above 1e19 are infinite in f32, of those
+/// below 1e-19 too coarse or 0, and then f64 holds them.
 pub(super) fn length(vector: Vec3) -> f32 {
     let squared = vector.length_squared();
-    if (LEAST_EXACT_SQUARE..=f32::MAX).contains(&squared) { squared.sqrt() } else { vector.as_dvec3().length() as f32 }
+    if (LEAST_EXACT_SQUARE..=f32::MAX).contains(&squared) {
+        squared.sqrt()
+    } else {
+        (vector.as_dvec3().length() as f32).min(f32::MAX)
+    }
+}
+
+/// A vector whose coordinates have overflown, brought back to the largest f32: infinities would soon be no numbers.
+fn finite(vector: Vec3) -> Vec3 {
+    vector.clamp(Vec3::MIN, Vec3::MAX)
 }
 
 fn edge_lengths(corners: [Vec3; 3]) -> [f32; 3] {
@@ -89,6 +104,10 @@ fn longest(lengths: [f32; 3]) -> usize {
 
 fn farthest_corner(corners: [Vec3; 3], center: Vec3) -> f32 {
     corners.iter().map(|&corner| length(corner - center)).fold(0.0, f32::max)
+}
+
+fn containing_radius(corners: [Vec3; 3], center: Vec3) -> f32 {
+    (farthest_corner(corners, center) * RADIUS_SLACK).min(f32::MAX)
 }
 
 /// Circumcenter of a triangle, relative to its vertex with the largest angle, and the circumradius; `None` where the
@@ -106,8 +125,8 @@ pub fn circumcenter(corners: [Vec3; 3]) -> Option<(usize, Vec3, f32)> {
         return None;
     }
     let scale = length.recip();
-    let u = (corners[edge] - corners[apex]) * scale;
-    let v = (corners[(edge + 1) % 3] - corners[apex]) * scale;
+    let u = finite(corners[edge] - corners[apex]) * scale;
+    let v = finite(corners[(edge + 1) % 3] - corners[apex]) * scale;
     let n = u.cross(v);
     if n.length() <= ZERO_AREA {
         return None;
@@ -122,7 +141,7 @@ pub fn circumcenter(corners: [Vec3; 3]) -> Option<(usize, Vec3, f32)> {
 #[must_use]
 pub fn in_plane_center(corners: [Vec3; 3]) -> Ball {
     let frame = LongestEdgeFrame::new(corners, longest(edge_lengths(corners)));
-    let center = frame.midpoint + frame.inward * (frame.cotangent.max(-OBTUSE_REACH) * frame.half_length);
+    let center = finite(frame.point_across(frame.cotangent.max(-OBTUSE_REACH)));
     Ball { center, radius: farthest_corner(corners, center) }
 }
 
@@ -131,8 +150,8 @@ pub fn in_plane_center(corners: [Vec3; 3]) -> Ball {
 #[must_use]
 pub fn enclosing_ball(corners: [Vec3; 3]) -> Ball {
     let frame = LongestEdgeFrame::new(corners, longest(edge_lengths(corners)));
-    let center = frame.midpoint + frame.inward * (frame.cotangent.max(0.0) * frame.half_length);
-    Ball { center, radius: farthest_corner(corners, center) * RADIUS_SLACK }
+    let center = finite(frame.point_across(frame.cotangent.max(0.0)));
+    Ball { center, radius: containing_radius(corners, center) }
 }
 
 /// Writes [`enclosing_ball`] of every triangle into `balls`.
@@ -182,9 +201,10 @@ impl Recipe {
         let inward = frame.cotangent.max(-OBTUSE_REACH);
         let mut recipe = Self { longest_edge: edge as u8, inward, height_ratio: 0.0, lengths, dihedrals };
         let Some(normal) = frame.normal else { return recipe };
-        let center = frame.midpoint + frame.inward * (inward * frame.half_length);
+        let center = frame.point_across(inward);
         let radius = farthest_corner(corners, center);
-        let mut height = settings.phi * radius * curvature_factor(curvature, radius, settings.curvature_threshold);
+        let factor = curvature_factor(curvature, radius, settings.curvature_threshold);
+        let mut height = (settings.phi * radius * factor).min(f32::MAX);
         for k in 0..3 {
             if dihedrals[k] > 0.0 {
                 let edge = corners[(k + 1) % 3] - corners[k];
@@ -281,23 +301,24 @@ impl OffsetSpheres {
         let recipe = &self.recipes[triangle];
         // Relative to one corner, so that distance from the origin costs no precision.
         let origin = corners[0];
-        let local = corners.map(|corner| corner - origin);
+        let local = corners.map(|corner| finite(corner - origin));
         let frame = LongestEdgeFrame::new(local, recipe.longest_edge as usize);
         let (in_plane, axis, height) = if let Some(normal) = frame.normal {
-            let in_plane = frame.midpoint + frame.inward * (recipe.inward * frame.half_length);
-            (in_plane, normal, recipe.height_ratio * farthest_corner(local, in_plane))
+            let in_plane = frame.point_across(recipe.inward);
+            (in_plane, normal, (recipe.height_ratio * farthest_corner(local, in_plane)).min(f32::MAX))
         } else {
             let frame = LongestEdgeFrame::new(local, longest(edge_lengths(local)));
             (frame.midpoint, cones.axes[triangle], 0.0)
         };
-        let center = origin + (in_plane - axis * height);
-        let radius = farthest_corner(corners, center) * RADIUS_SLACK;
+        let center = finite(origin + (in_plane - axis * height));
+        let radius = containing_radius(corners, center);
         self.centers[triangle] = center;
         self.radii[triangle] = radius;
         self.heights[triangle] = height;
         cones.axes[triangle] = axis;
         cones.cosines[triangle] = match frame.normal {
-            Some(_) if radius > 0.0 => height / radius,
+            // Far from the origin the center is moved by rounding, by more than a small triangle's height.
+            Some(_) if radius > 0.0 => (height / radius).min(1.0),
             _ => SafetyCones::EVERYWHERE,
         };
     }

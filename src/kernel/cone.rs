@@ -119,7 +119,12 @@ pub fn cap_contact(a: &Cap, b: &Cap) -> Option<CapContact> {
         let direction = [a.axis, -b.axis].into_iter().find(|&axis| axis != Vec3::ZERO).unwrap_or(Vec3::Y);
         return Some(CapContact { point_a, point_b, direction, gap: (point_b - point_a).dot(direction) });
     }
-    let direction = between / length;
+    let direction = if between.is_finite() {
+        between / length
+    } else {
+        // More than the largest f32 apart.
+        (b.center.as_dvec3() - a.center.as_dvec3()).try_normalize()?.as_vec3()
+    };
     let (toward_b, toward_a) = (direction.dot(a.axis), -direction.dot(b.axis));
     if toward_b < a.cosine - BOUNDARY_SLACK || toward_a < b.cosine - BOUNDARY_SLACK {
         return None;

@@ -348,8 +348,7 @@ fn contact(
     corners: [&[DVec3; 3]; 2],
     proximity: &Proximity,
 ) -> CompactContact {
-    let mut normal =
-        proximity.separation.try_normalize().unwrap_or_else(|| way_out(a, b, triangles, corners, proximity));
+    let mut normal = direction_of(proximity.separation).unwrap_or_else(|| way_out(a, b, triangles, corners, proximity));
     let mut distance = proximity.distance * settings.scale;
     if !settings.same_surface && is_inside(a, b, triangles, proximity) {
         normal = -normal;
@@ -368,6 +367,14 @@ fn contact(
         normal,
         distance,
     )
+}
+
+/// Unit vector along a separation; `None` where there is none.
+fn direction_of(separation: DVec3) -> Option<DVec3> {
+    // 2^512: squares of what is shorter than its inverse have lost precision to the end of f64, or all of it.
+    const LARGE: f64 = f64::from_bits((1023 + 512) << 52);
+    let separation = if separation.length_squared() * LARGE < 1.0 { separation * LARGE } else { separation };
+    separation.try_normalize()
 }
 
 /// Whether the sides have passed each other, as far as a one-sided surface tells. A face tells best, of two edges the

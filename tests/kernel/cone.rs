@@ -316,6 +316,14 @@ fn caps_of_any_size_meet_alike() {
 }
 
 #[test]
+fn caps_farther_apart_than_the_largest_f32_meet_along_a_direction() {
+    let cap = |y: f32| Cap { center: Vec3::Y * y, radius: 1.0, height: 0.0, axis: Vec3::ZERO, cosine: 0.0 };
+    let contact = cap_contact(&cap(2.409_109_7e38), &cap(-1.9e38)).expect("neither has a side");
+    assert_eq!(contact.direction, -Vec3::Y);
+    assert!(contact.point_a.is_finite() && contact.point_b.is_finite() && contact.gap > 3.0e38);
+}
+
+#[test]
 fn a_triangle_without_area_meets_from_everywhere() {
     let mut random = Random::new(6);
     let mut met = 0;

@@ -384,6 +384,20 @@ fn no_cull_rejects_a_pair_within_range() {
     assert!(rejected[0] * 3 > beyond && rejected[1] * 4 > beyond * 3, "{rejected:?}");
 }
 
+/// Found by the fuzz target `narrow_phase`: infinite projections of either sign made a gap between triangles that touch.
+#[test]
+fn no_cull_rejects_a_pair_within_range_where_f32_overflows() {
+    let point = |x: f32, y: f32, z: f32| Vec3::new(x, y, z).as_dvec3();
+    let large = [point(0.0, 0.0, 3.184_344_8e-11), point(-3.522_885_4e25, -3.534_804e25, 4.482_079_4e-8)];
+    let large = [large[0], large[1], point(-3.536_107_8e25, 0.0, 0.0)];
+    let small = [point(0.0, 0.0, 0.0), point(0.0, 0.0, -35_651_584.0), point(-1.073_741_8e8, -1.073_741_8e8, -1.0e8)];
+    let pairs = batch(&[(large, small), (small, large)]);
+    assert!(pairs.distances.iter().all(|&distance| distance < 1.0e-10));
+    for kept in pairs.kept(4.0) {
+        assert_eq!(kept, pairs.pairs);
+    }
+}
+
 #[test]
 fn the_culls_reject_most_pairs_of_two_rumpled_layers_that_are_apart() {
     let mut random = Random::new(5);

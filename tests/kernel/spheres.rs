@@ -464,6 +464,53 @@ fn no_length_gives_what_is_not_a_number() {
     assert!(checked > 20_000);
 }
 
+/// Far from the origin rounding moves a small triangle's center by more than its height: the height was then larger
+/// than the radius, and no direction within the cone.
+#[test]
+fn a_cone_holds_its_own_axis_however_far_from_the_origin() {
+    let corners = [(1.835_516_3, 6_817.493), (1.835_188_9, 6_817.493), (1.834_938_5, 6_817.492_7)];
+    let positions = corners.map(|(x, z)| Vec3::new(x, -13_371.445, z));
+    for phi in [1.0, 1.0e3, 1.0e6] {
+        let settings = RecipeSettings { phi, curvature_threshold: 1.0, delta: 0.5 };
+        let spheres = Spheres::new(&positions, &[[0, 1, 2]], settings);
+        let cosine = spheres.cones.cosines[0];
+        assert!(cosine > 0.0 && cosine <= 1.0, "{cosine} at {phi}");
+    }
+}
+
+/// Found by the fuzz target `spheres`: differences of coordinates, heights and the lengths of edges that were the longest
+/// once leave the range of f32 before the coordinates do.
+#[test]
+fn spheres_at_the_end_of_f32_are_numbers() {
+    let settings = RecipeSettings { phi: 1.0e6, curvature_threshold: 0.1, delta: f32::MAX };
+    let [apex, low, high] = [Vec3::new(1.0e-7, 1.0e-7, 0.0), Vec3::Z * -1.916_326_7e38, Vec3::Z * 1.486_496_9e38];
+    let huge = [Vec3::Z * 6.805_535e32, Vec3::new(3.898_142e30, 6.461_619e27, 0.0), Vec3::Z * 1.611_793e25];
+    let wide = [Vec3::Z * -1.741_652_1e38, Vec3::new(-2.658_455_5e36, 2.69e-43, 0.0), Vec3::ZERO];
+    let spread = [Vec3::X * f32::MIN, Vec3::Y * f32::MAX, Vec3::new(f32::MAX, f32::MIN, f32::MAX)];
+    let diagonal =
+        [Vec3::ZERO, Vec3::new(-1.834_334_6e38, 3.396_151_4e38, 3.396_151_4e38), Vec3::splat(3.396_151_4e38)];
+    let longer = Vec3::new(0.0, 3.396_151_4e38, 3.396_151_4e38);
+    let longer = [longer, Vec3::new(1.170_884_5e-38, 9.1835e-41, 0.0), Vec3::new(-2.596_148_4e33, -1.0e34, -1.0e34)];
+    for corners in [[high, low, apex], huge, wide, spread, diagonal, longer] {
+        let [a, b, c] = corners;
+        let mut spheres = Spheres::new(&corners, &[[0, 1, 2]], settings);
+        // Stale afterwards: other edges are the longest.
+        for positions in [[a, b, c], [b, c, a], [c, a, b], [a * 1.0e-30, b, c]] {
+            spheres.update(&positions);
+            let offset = Ball { center: spheres.offset.centers[0], radius: spheres.offset.radii[0] };
+            for ball in [in_plane_center(positions), enclosing_ball(positions), offset] {
+                assert!(!ball.center.is_nan() && ball.radius > 0.0, "{ball:?} of {positions:?}");
+            }
+            if let Some((_, offset, radius)) = circumcenter(positions) {
+                assert!(!offset.is_nan() && radius > 0.0, "{offset} {radius} {positions:?}");
+            }
+            assert!(spheres.offset.heights[0] >= 0.0, "{positions:?}");
+            let (axis, cosine) = (spheres.cones.axes[0], spheres.cones.cosines[0]);
+            assert!(axis.is_finite() && (-1.0..=1.0).contains(&cosine), "{axis} {cosine} {positions:?}");
+        }
+    }
+}
+
 #[test]
 fn the_curvature_factor_is_the_cubic_hermite_step() {
     for step in 0..=40 {

@@ -9,3 +9,5 @@
 
 pub mod recording;
 pub mod scenes;
+#[cfg(feature = "strategies")]
+pub mod strategies;

@@ -31,7 +31,7 @@ pub fn point_at(corners: &[DVec3; 3], weights: &[f64; 3]) -> DVec3 {
 }
 
 /// Weights of the corners at the projection of a point on the triangle's plane, clamped into the triangle; a third each
-/// where the triangle has no area.
+/// where the triangle has no area or the point is infinite.
 #[must_use]
 pub fn barycentric_of(triangle: &[DVec3; 3], point: DVec3) -> [f64; 3] {
     let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);
@@ -40,5 +40,5 @@ pub fn barycentric_of(triangle: &[DVec3; 3], point: DVec3) -> [f64; 3] {
     };
     let areas = [area(0), area(1), area(2)];
     let sum = areas[0] + areas[1] + areas[2];
-    if sum > 0.0 { [areas[0] / sum, areas[1] / sum, areas[2] / sum] } else { [1.0 / 3.0; 3] }
+    if sum > 0.0 && sum.is_finite() { areas.map(|area| area / sum) } else { [1.0 / 3.0; 3] }
 }

@@ -6,11 +6,16 @@ use glam::Vec3;
 
 use super::{Lanes, VectorLanes, WIDTH};
 
+/// Of pairs of a larger extent nothing is known. Up to here a projection on any direction whose square is finite, below
+/// 1.9e19 long, is finite too; beyond, infinities of both signs would add up to what is no number and proves nothing.
+const LARGEST_EXTENT: f32 = 1.0e18;
+
 /// Eight pairs of triangles, relative to the first triangle's first corner.
 pub(in crate::kernel) struct PairLanes {
     pub(in crate::kernel) a: [VectorLanes; 3],
     pub(in crate::kernel) b: [VectorLanes; 3],
-    /// Sum of the largest coordinates' magnitudes, which no projection on a unit vector exceeds.
+    /// Sum of the largest coordinates' magnitudes, which no projection on a unit vector exceeds;
+    /// infinite where f32 cannot tell.
     pub(in crate::kernel) extent: Lanes,
 }
 
@@ -38,7 +43,8 @@ impl PairLanes {
                 self.a[k].set(lane, corner_a);
                 self.b[k].set(lane, corner_b);
             }
-            self.extent.0[lane] = largest.element_sum();
+            let extent = largest.element_sum();
+            self.extent.0[lane] = if extent <= LARGEST_EXTENT { extent } else { f32::INFINITY };
         }
     }
 }

@@ -108,6 +108,20 @@ impl Recording {
     }
 }
 
+impl RecordingF64 {
+    /// Reads the bytes of one `.f64.bin` recording.
+    ///
+    /// `name` stands for the file in error messages and need not exist.
+    ///
+    /// # Errors
+    ///
+    /// Every way in which the bytes are not a recording, see [`RecordingError`].
+    pub fn from_bytes(bytes: &[u8], name: &Path) -> Result<Self, RecordingError> {
+        let (triangles, frames) = binary::decode::<f64>(bytes, name)?;
+        Ok(Self { triangles, frames })
+    }
+}
+
 /// Reads one `.bin` recording, or PLY and OBJ files that are the frames of one mesh in the given order.
 ///
 /// The content tells the format (a first line `ply`, or the magic of a recording) and the extension decides
@@ -162,9 +176,7 @@ pub fn read_recording(paths: &[PathBuf]) -> Result<Recording, RecordingError> {
 ///
 /// A file that cannot be read or is malformed, see [`RecordingError`].
 pub fn read_f64_recording(path: &Path) -> Result<RecordingF64, RecordingError> {
-    let bytes = binary::read_recording::<f64>(path)?;
-    let (triangles, frames) = binary::decode::<f64>(&bytes, path)?;
-    Ok(RecordingF64 { triangles, frames })
+    RecordingF64::from_bytes(&binary::read_recording::<f64>(path)?, path)
 }
 
 /// Writes `recording` as one `.bin` file, replacing a file of that name.

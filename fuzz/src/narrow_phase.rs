@@ -1,0 +1,157 @@
+//! The exact narrow phase on any bit patterns: nothing panics, finite input gives numbers, and where the reference can
+//! judge it agrees.
+
+use bevy_circumsphere::kernel::{
+    contact::CompactContact,
+    ids::TriangleId,
+    pair::{FoundPairs, PairSettings, SurfaceSide},
+    reference::triangle_distance,
+    refine::{refine_pairs, settle_penetrations},
+};
+use glam::Vec3;
+
+use crate::{input::Input, meshes::FuzzedSurface};
+
+/// Within this share of the contact distance either answer is right: the rounding of f32 positions at edge scale.
+const BAND: f64 = 1.0e-4;
+
+/// Distances are held to this share of the larger of contact distance and triangle size.
+const DISTANCE_TOLERANCE: f64 = 1.0e-5;
+
+/// Normals are stored in f32: three components of half a unit in the last place each, with room.
+const UNIT_TOLERANCE: f32 = 1.0e-5;
+
+/// One or two small surfaces and a contact distance.
+pub fn narrow_phase(bytes: &[u8]) {
+    let mut input = Input::new(bytes);
+    let flags = input.byte();
+    let flag = |bit: u8| flags & (1 << bit) != 0;
+    let same_surface = flag(0);
+    let contact_distance = contact_distance(&mut input, flag(1));
+    let written = input.coordinates();
+    let surface_a = FuzzedSurface::new(&mut input, written);
+    let other = (!same_surface).then(|| FuzzedSurface::new(&mut input, written));
+    let surface_b = other.as_ref().unwrap_or(&surface_a);
+
+    let a = surface_a.side(flag(2), flag(3));
+    let b = if same_surface { a } else { surface_b.side(flag(4), flag(5)) };
+    let settings = PairSettings {
+        contact_distance,
+        reported_distance: contact_distance * if flag(6) { 2.0 } else { 1.0 },
+        range: contact_distance * if flag(6) { 3.0 } else { 1.0 },
+        scale: 1.0,
+        cull: false,
+        same_surface,
+    };
+    let candidates = candidates(&surface_a, surface_b, same_surface);
+    let found = detect(&a, &b, &candidates, &settings);
+    let culled = detect(&a, &b, &candidates, &PairSettings { cull: true, ..settings });
+    if !(surface_a.is_finite() && surface_b.is_finite() && contact_distance.is_finite()) {
+        return;
+    }
+    check_numbers(&found, &settings);
+    if let Some(pair) = found.touching.iter().find(|pair| !culled.touching.contains(pair)) {
+        let corners = [surface_a.corners(pair.triangle_a), surface_b.corners(pair.triangle_b)];
+        panic!("the cull lost {pair:?} within {contact_distance}: {corners:?}");
+    }
+    assert_eq!(found.touching, culled.touching, "the cull changed what touches");
+    assert_eq!(found.contacts, culled.contacts, "the cull changed the contacts");
+    if surface_a.is_sane() && surface_b.is_sane() {
+        check_against_reference(&surface_a, surface_b, &candidates, &found, &settings);
+    }
+}
+
+/// A distance of 0 or more: any bit pattern without its sign, or one of the same magnitude as eighths.
+fn contact_distance(input: &mut Input<'_>, any: bool) -> f64 {
+    f64::from(if any { input.float().abs() } else { f32::from(input.byte()) / 64.0 })
+}
+
+fn candidates(a: &FuzzedSurface, b: &FuzzedSurface, same_surface: bool) -> Vec<[u32; 2]> {
+    let count = |surface: &FuzzedSurface| surface.topology.triangles().len() as u32;
+    (0..count(a))
+        .flat_map(|first| (if same_surface { first + 1 } else { 0 }..count(b)).map(move |second| [first, second]))
+        .collect()
+}
+
+fn detect(a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, candidates: &[[u32; 2]], settings: &PairSettings) -> FoundPairs {
+    let mut found = FoundPairs::default();
+    refine_pairs(a, b, candidates, settings, &mut found);
+    settle_penetrations(a, b, candidates, settings, &mut found.contacts);
+    found
+}
+
+fn check_numbers(found: &FoundPairs, settings: &PairSettings) {
+    assert!(found.nearest >= 0.0, "the nearest pair is {} away", found.nearest);
+    for pair in &found.touching {
+        assert!((0.0..=settings.contact_distance).contains(&pair.distance), "{pair:?}");
+    }
+    for contact in &found.contacts {
+        check_contact(contact, settings);
+    }
+}
+
+fn check_contact(contact: &CompactContact, settings: &PairSettings) {
+    assert!((contact.normal.length() - 1.0).abs() <= UNIT_TOLERANCE, "no unit normal: {contact:?}");
+    // Rounded to f32, where a distance may become infinite.
+    let farthest = settings.reported_distance as f32;
+    assert!(contact.distance.abs() <= farthest, "farther than {farthest}: {contact:?}");
+    assert!(!contact.point_b.is_nan(), "{contact:?}");
+    for [first, second] in [contact.barycentric_a, contact.barycentric_b] {
+        for weight in [first, second, 1.0 - first - second] {
+            assert!((-1.0e-5..=1.0 + 1.0e-5).contains(&weight), "outside of the triangle: {contact:?}");
+        }
+    }
+}
+
+fn check_against_reference(
+    a: &FuzzedSurface,
+    b: &FuzzedSurface,
+    candidates: &[[u32; 2]],
+    found: &FoundPairs,
+    settings: &PairSettings,
+) {
+    let distance = settings.contact_distance;
+    for &[first, second] in candidates {
+        if settings.same_surface && a.topology.share_vertex(TriangleId(first), TriangleId(second)) {
+            continue;
+        }
+        let corners = [a.corners(first), b.corners(second)];
+        let truth = true_distance(&corners);
+        let size = corners.iter().map(longest_edge).fold(0.0, f64::max);
+        let tolerance = DISTANCE_TOLERANCE * distance.max(size);
+        let touching = found.touching.iter().find(|pair| [pair.triangle_a, pair.triangle_b] == [first, second]);
+        if let Some(pair) = touching {
+            assert!(
+                (pair.distance - truth).abs() <= tolerance,
+                "{first} and {second} are {truth} apart, not {}: {corners:?}",
+                pair.distance
+            );
+            assert!(
+                truth <= distance * (1.0 + BAND) + rounding(&corners),
+                "false: {first} and {second} are {truth} apart, which is not {distance}: {corners:?}"
+            );
+        } else {
+            assert!(
+                truth > distance * (1.0 - BAND) - rounding(&corners),
+                "missed: {first} and {second} are {truth} apart, which is within {distance}: {corners:?}"
+            );
+        }
+    }
+}
+
+/// What the rounding of f64 may make of two triangles that just touch.
+fn rounding(corners: &[[Vec3; 3]; 2]) -> f64 {
+    let origin = corners[0][0].as_dvec3();
+    let extent = corners.iter().flatten().map(|corner| (corner.as_dvec3() - origin).length()).fold(0.0, f64::max);
+    1.0e-9 * extent
+}
+
+fn longest_edge(corners: &[Vec3; 3]) -> f64 {
+    (0..3).map(|k| corners[k].as_dvec3().distance(corners[(k + 1) % 3].as_dvec3())).fold(0.0, f64::max)
+}
+
+/// The distance by the reference.
+fn true_distance(corners: &[[Vec3; 3]; 2]) -> f64 {
+    let [a, b] = corners.map(|corners| corners.map(|corner| corner.as_dvec3()));
+    triangle_distance(&a, &b)
+}
