@@ -231,7 +231,8 @@ fn scaling_by_a_power_of_two_scales_every_number_exactly() {
                 .collect();
             compared.add(expected.iter().map(|found| found.contacts.len()).sum());
             if setup.method == ContactMethod::Circumsphere {
-                // Not exact yet: with sheets that meet in a line at contact distance 0, other pairs were found at 2^-16.
+                // Not exact yet: the normal of a triangle without area is noise in f32, along which the cull may part a
+                // pair that the slabs in f64 do not; of a small mesh it is too short for the cull to rely on.
                 judged.add(1);
                 differing.add(usize::from(found != expected));
                 continue;
