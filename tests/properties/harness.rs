@@ -80,6 +80,10 @@ impl Count {
         self.0.set(self.0.get() + count);
     }
 
+    pub fn get(&self) -> usize {
+        self.0.get()
+    }
+
     #[track_caller]
     pub fn assert_at_least(&self, least: usize, what: &str) {
         println!("{} {what}", self.0.get());
