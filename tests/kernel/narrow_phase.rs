@@ -9,7 +9,7 @@ use crate::truth::{independent, longest_edge};
 use bevy_circumsphere::kernel::{
     pair::{FoundPairs, PairSettings, SurfaceSide},
     reference::{ClosestFeatures, ClosestKind, closest_features},
-    refine::refine_pairs,
+    refine::{refine_closest, refine_pairs},
     topology::SurfaceTopology,
 };
 use glam::{DVec3, Vec3};
@@ -21,10 +21,6 @@ const BAND: f64 = 1.0e-4;
 
 /// Bar for the error of a separation, relative to the larger of the contact distance and the smaller triangle's size.
 const SEPARATION_TOLERANCE: f64 = 1.0e-5;
-
-/// At contact distance 0 there is no band: triangles that only just touch are missed where their distance is rounded to
-/// more than 0. Within this share of their extent, a few dozen roundings, they must be found.
-const TOUCHING_TOLERANCE: f64 = 1.0e-14;
 
 /// Pairs in one call, a number that leaves lanes of the culls unused.
 const BATCH: usize = 61;
@@ -100,8 +96,6 @@ struct Asked {
 struct Batch {
     number: usize,
     kind: usize,
-    /// Extent of the pairs, but for a factor of 2.
-    unit: f64,
     /// World length of a unit of the frame.
     scale: f64,
     /// In world units.
@@ -142,11 +136,12 @@ impl Batch {
             pairs.iter().flat_map(|pair| of(pair).map(DVec3::as_vec3)).collect()
         };
         let positions = [positions(|pair| &pair.a), positions(|pair| &pair.b)];
-        Self { number, kind, unit, scale, contact_distance: distance * scale, pairs, positions }
+        Self { number, kind, scale, contact_distance: distance * scale, pairs, positions }
     }
 
-    /// What the production narrow phase finds.
-    fn refined(&self, topology: &SurfaceTopology, contact_distance: f64, cull: bool) -> Found {
+    /// What a test of the production narrow phase finds.
+    fn tested(&self, topology: &SurfaceTopology, test: Test, cull: bool) -> Found {
+        let contact_distance = self.contact_distance;
         let reported = contact_distance * [1.0, 1.5][usize::from(self.number.is_multiple_of(2))];
         let settings = PairSettings {
             contact_distance,
@@ -159,7 +154,7 @@ impl Batch {
         let side = |positions| SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false };
         let candidates: Vec<[u32; 2]> = (0..BATCH as u32).map(|pair| [pair; 2]).collect();
         let mut found = FoundPairs::default();
-        refine_pairs(&side(&self.positions[0]), &side(&self.positions[1]), &candidates, &settings, &mut found);
+        test(&side(&self.positions[0]), &side(&self.positions[1]), &candidates, &settings, &mut found);
         let mut contacts: BTreeMap<u32, f64> = BTreeMap::new();
         for contact in &found.contacts {
             let nearest = contacts.entry(contact.triangle_a).or_insert(f64::INFINITY);
@@ -168,6 +163,9 @@ impl Batch {
         Found { touching: found.touching.iter().map(|pair| (pair.triangle_a, pair.distance)).collect(), contacts }
     }
 }
+
+/// [`refine_pairs`] or [`refine_closest`].
+type Test = fn(&SurfaceSide<'_>, &SurfaceSide<'_>, &[[u32; 2]], &PairSettings, &mut FoundPairs);
 
 /// By pair: the distance of those that touch, and of the nearest contact.
 struct Found {
@@ -185,6 +183,7 @@ struct Tally {
     missed: usize,
     false_pairs: usize,
     culled_differently: usize,
+    closest_differently: usize,
     without_contact: usize,
     worst_error: f64,
     worst_contact_error: f64,
@@ -194,13 +193,16 @@ impl Tally {
     /// Compares a batch with its truth, and says what is wrong.
     fn judge(&mut self, batch: &Batch, topology: &SurfaceTopology, fail: &mut dyn FnMut(&str, u32)) {
         let contact_distance = batch.contact_distance;
-        let found = batch.refined(topology, contact_distance, true);
-        if found.touching != batch.refined(topology, contact_distance, false).touching {
+        let found = batch.tested(topology, refine_pairs, true);
+        if found.touching != batch.tested(topology, refine_pairs, false).touching {
             self.culled_differently += 1;
             fail("the cull changes what touches", 0);
         }
-        let touching_distance = TOUCHING_TOLERANCE * batch.unit * batch.scale;
-        let nearly = (contact_distance == 0.0).then(|| batch.refined(topology, touching_distance, true));
+        let closest = batch.tested(topology, refine_closest, true);
+        if !closest.touching.keys().eq(found.touching.keys()) {
+            self.closest_differently += 1;
+            fail("the closest features alone change what touches", 0);
+        }
         for (pair, Asked { a, b, truth }) in (0u32..).zip(&batch.pairs) {
             let distance = truth.distance * batch.scale;
             let crossing = truth.kind == ClosestKind::Crossing;
@@ -211,9 +213,7 @@ impl Tally {
                 self.touching += 1;
                 if !is_found {
                     self.missed += 1;
-                    if nearly.as_ref().is_none_or(|nearly| !nearly.touching.contains_key(&pair)) {
-                        fail("missed", pair);
-                    }
+                    fail("missed", pair);
                 }
             } else if distance > contact_distance * (1.0 + BAND) {
                 self.apart += 1;
@@ -230,18 +230,23 @@ impl Tally {
                 let error = (found - distance).abs() / size.max(contact_distance).max(f64::MIN_POSITIVE);
                 if error.is_nan() { f64::INFINITY } else { error }
             };
-            self.worst_error = self.worst_error.max(error(*found_distance));
-            if error(*found_distance) > SEPARATION_TOLERANCE {
-                fail("a wrong separation", pair);
-            }
-            if let Some(nearest) = found.contacts.get(&pair) {
-                self.worst_contact_error = self.worst_contact_error.max(error(*nearest));
-                if error(*nearest) > SEPARATION_TOLERANCE {
-                    fail("a wrong separation of the nearest contact", pair);
+            let closest_distance = closest.touching.get(&pair).copied().unwrap_or(f64::INFINITY);
+            for distance in [*found_distance, closest_distance] {
+                self.worst_error = self.worst_error.max(error(distance));
+                if error(distance) > SEPARATION_TOLERANCE {
+                    fail("a wrong separation", pair);
                 }
-            } else {
-                self.without_contact += 1;
-                fail("no contact", pair);
+            }
+            for found in [&found, &closest] {
+                if let Some(nearest) = found.contacts.get(&pair) {
+                    self.worst_contact_error = self.worst_contact_error.max(error(*nearest));
+                    if error(*nearest) > SEPARATION_TOLERANCE {
+                        fail("a wrong separation of the nearest contact", pair);
+                    }
+                } else {
+                    self.without_contact += 1;
+                    fail("no contact", pair);
+                }
             }
         }
     }
@@ -256,6 +261,7 @@ impl Tally {
             missed: self.missed + other.missed,
             false_pairs: self.false_pairs + other.false_pairs,
             culled_differently: self.culled_differently + other.culled_differently,
+            closest_differently: self.closest_differently + other.closest_differently,
             without_contact: self.without_contact + other.without_contact,
             worst_error: self.worst_error.max(other.worst_error),
             worst_contact_error: self.worst_contact_error.max(other.worst_contact_error),
@@ -264,7 +270,7 @@ impl Tally {
 
     fn print(&self, name: &str) {
         println!(
-            "{name:<26}{:>10}{:>10}{:>10}{:>10}{:>8}{:>7}{:>7}{:>7}{:>11}{:>9.1e}{:>9.1e}",
+            "{name:<26}{:>10}{:>10}{:>10}{:>10}{:>8}{:>7}{:>7}{:>7}{:>9}{:>11}{:>9.1e}{:>9.1e}",
             self.pairs,
             self.touching,
             self.crossing,
@@ -273,6 +279,7 @@ impl Tally {
             self.missed,
             self.false_pairs,
             self.culled_differently,
+            self.closest_differently,
             self.without_contact,
             self.worst_error,
             self.worst_contact_error
@@ -312,7 +319,7 @@ fn no_random_pair_is_missed_or_false_and_separations_are_true() {
 
     println!("{} pairs, seed {seed}, {:.0} s", batches * BATCH, started.elapsed().as_secs_f64());
     println!(
-        "{:<26}{:>10}{:>10}{:>10}{:>10}{:>8}{:>7}{:>7}{:>7}{:>11}{:>9}{:>9}",
+        "{:<26}{:>10}{:>10}{:>10}{:>10}{:>8}{:>7}{:>7}{:>7}{:>9}{:>11}{:>9}{:>9}",
         "kind",
         "pairs",
         "touching",
@@ -322,6 +329,7 @@ fn no_random_pair_is_missed_or_false_and_separations_are_true() {
         "missed",
         "false",
         "culls",
+        "closest",
         "no contact",
         "error",
         "contact"

@@ -33,6 +33,10 @@ const PARALLEL_SINE: f64 = 1.0e-12;
 /// vertices and edges around there are as close as the rounding.
 const PIERCING_TOLERANCE: f64 = 1.0e-10;
 
+/// Triangles this close, relative to their extent, touch as far as f64 tells: of some that share a point exactly, in one
+/// plane above all, products round to 1e-14 of it.
+const ROUND_OFF: f64 = 1.0e-13;
+
 /// A pair of features that are close to each other, or that cross.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
@@ -105,6 +109,8 @@ pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut Pair
     let origin = a[0];
     let local = |corners: &[DVec3; 3]| Sides::new([corners[0] - origin, corners[1] - origin, corners[2] - origin]);
     let (a, b) = (local(a), local(b));
+    let nothing = ROUND_OFF * largest_coordinate(&a).max(largest_coordinate(&b));
+    let range = range.max(nothing);
     let range_squared = range * range;
 
     let boundary = least_boundary_distance_squared(&a, &b).min(least_boundary_distance_squared(&b, &a));
@@ -125,6 +131,16 @@ pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut Pair
         boundary_proximities(&b, &a, false, most, nearby);
     }
     found.distance = if crossing { 0.0 } else { nearest.sqrt() };
+    if found.distance <= nothing {
+        found.distance = 0.0;
+        for proximity in found.proximities.iter_mut().filter(|proximity| proximity.distance <= nothing) {
+            proximity.distance = 0.0;
+        }
+    }
+}
+
+fn largest_coordinate(triangle: &Sides) -> f64 {
+    triangle.corners.iter().fold(0.0, |largest: f64, corner| largest.max(corner.abs().max_element()))
 }
 
 /// Examines one pair of features of two triangles; `None` where a vertex is not over the inside of the face, or two edges
