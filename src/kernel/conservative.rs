@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 use super::{
     exact::{
         FeatureCase, Proximity,
-        cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
+        cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING, gap_along},
         examine_case,
     },
     lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, normal, project},
@@ -82,9 +82,13 @@ impl NearPair {
         if self.gap <= self.rounding {
             return None;
         }
+        let settled = SETTLED * f64::from(self.resolution);
         let least = f64::from(self.gap) - f64::from(self.rounding);
-        examine_case(corners[0], corners[1], self.closest)
-            .filter(|proximity| proximity.distance <= least + SETTLED * f64::from(self.resolution))
+        examine_case(corners[0], corners[1], self.closest).filter(|proximity| {
+            // Of positions that were moved the gap says little: there the features themselves have to part the corners.
+            let apart = || gap_along(proximity.separation / proximity.distance, corners[0], corners[1]);
+            proximity.distance <= least + settled || proximity.distance <= apart() + settled
+        })
     }
 }
 

@@ -7,16 +7,16 @@ use crate::{
 use bevy_circumsphere::kernel::{
     contact::{CompactContact, ContactKey},
     exact::{Feature, FeatureKind},
-    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
     reference::{
         exact_weld, point_triangle, touching_pairs_between_brute_force, touching_pairs_brute_force, triangle_distance,
     },
-    refine::refine_pairs,
+    refine::{refine_closest, refine_pairs},
     topology::SurfaceTopology,
 };
 use circumsphere_support::scenes::{Mesh, icosphere, merge, triangle_soup};
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
 use std::collections::{BTreeMap, BTreeSet};
 
 const REACH: f64 = 0.08;
@@ -440,4 +440,44 @@ fn a_vertex_over_a_sheet_is_one_contact() {
     }
     assert!((point_triangle(points[4].as_dvec3(), &exact_corners(0)).distance - 0.05).abs() < 1.0e-7);
     assert_eq!(Pose::IDENTITY.scale(), 1.0);
+}
+
+/// Positions that were moved to the frame of the pair are rounded there, which says nothing about the features: almost no
+/// pair that is apart needs the exact test for it.
+#[test]
+fn the_closest_features_of_a_moved_surface_are_told_as_often_as_those_of_one_in_place() {
+    let own = icosphere(3, 1.0).rotate([0.3, 1.0, 0.2], 0.7);
+    let other = icosphere(3, 0.8).rotate([1.0, 0.1, -0.4], 1.9);
+    let (own_points, other_points) = (positions(&own), positions(&other));
+    let a = SurfaceTopology::new(&own_points, &own.triangles).expect("valid");
+    let b = SurfaceTopology::new(&other_points, &other.triangles).expect("valid");
+    let turn = DQuat::from_axis_angle(DVec3::new(0.36, 0.48, 0.8), 0.3);
+    let pose = DAffine3::from_rotation_translation(turn, DVec3::new(1.83, 0.013, 0.021));
+    let pose = Pose::from_double_affine(&pose).expect("a rigid motion");
+    let mut moved_points = Vec::new();
+    pose.transform_points(&other_points, &mut moved_points);
+    let settings = settings(false, true);
+    let candidates = all_between(own.triangles.len(), other.triangles.len());
+
+    let own_side = side(&a, &own_points, true);
+    let in_place = side(&b, &moved_points, true);
+    let moved = SurfaceSide { moved: Some(MovedSide::new(&other_points, &pose, &moved_points)), ..in_place };
+    let examined = [in_place, moved].map(|other_side| {
+        let mut found = FoundPairs::default();
+        refine_closest(&own_side, &other_side, &candidates, &settings, &mut found);
+        let mut every = FoundPairs::default();
+        refine_pairs(&own_side, &other_side, &candidates, &settings, &mut every);
+        // The same pairs, at distances that agree as well as single precision tells the features.
+        let pairs = |found: &FoundPairs| -> Vec<[u32; 2]> {
+            found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
+        };
+        assert_eq!(pairs(&found), pairs(&every));
+        assert!(found.touching.len() > 100, "{} pairs touch", found.touching.len());
+        for (pair, exact) in found.touching.iter().zip(&every.touching) {
+            assert!((pair.distance - exact.distance).abs() <= 1.0e-5 * 0.15, "{pair:?} {exact:?}");
+        }
+        found.examined
+    });
+    println!("{examined:?} pairs examined");
+    assert!(examined[1] * 10 <= examined[0] * 11, "{examined:?} in place and moved");
 }
