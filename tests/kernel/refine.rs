@@ -481,3 +481,24 @@ fn the_closest_features_of_a_moved_surface_are_told_as_often_as_those_of_one_in_
     println!("{examined:?} pairs examined");
     assert!(examined[1] * 10 <= examined[0] * 11, "{examined:?} in place and moved");
 }
+
+/// A large triangle, which single precision cannot tell from one that crosses, next to a small one, which it can.
+#[test]
+fn every_touching_pair_has_its_closest_features_among_those_of_the_closest_alone() {
+    let (vertex, lowest) = (Vec3::new(0.2, 1.0e-4, 0.1), Vec3::new(0.25, 5.0e-5, 0.15));
+    let own =
+        [vertex, lowest, Vec3::new(0.1, 0.3, 0.2), Vec3::new(1000.0, 500.0, 0.0), Vec3::new(1000.0, 500.0, 300.0)];
+    let floor = [Vec3::new(-1.0, 0.0, -1.0), Vec3::new(0.0, 0.0, 2.0), Vec3::new(2.0, 0.0, -1.0)];
+    let a = SurfaceTopology::new(&own, &[[0, 1, 2], [0, 3, 4]]).expect("valid");
+    let b = SurfaceTopology::new(&floor, &[[0, 1, 2]]).expect("valid");
+    let mut found = FoundPairs::default();
+    let sides = [side(&a, &own, false), side(&b, &floor, false)];
+    refine_closest(&sides[0], &sides[1], &all_between(2, 1), &settings(false, true), &mut found);
+    assert_eq!((found.touching.len(), found.examined), (2, 1), "{found:?}");
+    for touching in &found.touching {
+        let corner = if touching.triangle_a == 0 { lowest } else { vertex };
+        assert_eq!(touching.distance as f32, corner.y);
+        let is_it = |contact: &&CompactContact| contact.distance == corner.y;
+        assert_eq!(found.contacts.iter().filter(is_it).count(), 1, "{touching:?} {:?}", found.contacts);
+    }
+}
