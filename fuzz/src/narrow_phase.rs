@@ -6,7 +6,7 @@ use bevy_circumsphere::kernel::{
     ids::TriangleId,
     pair::{FoundPairs, PairSettings, SurfaceSide},
     reference::triangle_distance,
-    refine::{refine_pairs, settle_penetrations},
+    refine::{refine_closest, refine_pairs, settle_penetrations},
 };
 use glam::Vec3;
 
@@ -44,20 +44,28 @@ pub fn narrow_phase(bytes: &[u8]) {
         same_surface,
     };
     let candidates = candidates(&surface_a, surface_b, same_surface);
-    let found = detect(&a, &b, &candidates, &settings);
-    let culled = detect(&a, &b, &candidates, &PairSettings { cull: true, ..settings });
+    let found = detect(refine_pairs, [&a, &b], &candidates, &settings);
+    let culled = detect(refine_pairs, [&a, &b], &candidates, &PairSettings { cull: true, ..settings });
+    let closest = detect(refine_closest, [&a, &b], &candidates, &settings);
     if !(surface_a.is_finite() && surface_b.is_finite() && contact_distance.is_finite()) {
         return;
     }
     check_numbers(&found, &settings);
+    check_numbers(&closest, &settings);
     if let Some(pair) = found.touching.iter().find(|pair| !culled.touching.contains(pair)) {
         let corners = [surface_a.corners(pair.triangle_a), surface_b.corners(pair.triangle_b)];
         panic!("the cull lost {pair:?} within {contact_distance}: {corners:?}");
     }
     assert_eq!(found.touching, culled.touching, "the cull changed what touches");
     assert_eq!(found.contacts, culled.contacts, "the cull changed the contacts");
+    let names = |found: &FoundPairs| -> Vec<[u32; 2]> {
+        found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
+    };
+    assert_eq!(names(&closest), names(&found), "the closest features changed what touches");
     if surface_a.is_sane() && surface_b.is_sane() {
-        check_against_reference(&surface_a, surface_b, &candidates, &found, &settings);
+        for found in [&found, &closest] {
+            check_against_reference(&surface_a, surface_b, &candidates, found, &settings);
+        }
     }
 }
 
@@ -73,9 +81,14 @@ fn candidates(a: &FuzzedSurface, b: &FuzzedSurface, same_surface: bool) -> Vec<[
         .collect()
 }
 
-fn detect(a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, candidates: &[[u32; 2]], settings: &PairSettings) -> FoundPairs {
+fn detect(
+    refine: impl Fn(&SurfaceSide<'_>, &SurfaceSide<'_>, &[[u32; 2]], &PairSettings, &mut FoundPairs),
+    [a, b]: [&SurfaceSide<'_>; 2],
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+) -> FoundPairs {
     let mut found = FoundPairs::default();
-    refine_pairs(a, b, candidates, settings, &mut found);
+    refine(a, b, candidates, settings, &mut found);
     settle_penetrations(a, b, candidates, settings, &mut found.contacts);
     found
 }

@@ -6,8 +6,8 @@ use glam::Vec3;
 
 use crate::world::{
     Announcement::{Ended, Started},
-    THIN, all, app, assert_near, at, ball, deepest, insert, keep_journal, messages, points, rounding, sheet, spawn,
-    write_positions,
+    EXACT_METHODS, THIN, all, app, assert_near, at, ball, deepest, insert, keep_journal, messages, points, rounding,
+    sheet, spawn, write_positions,
 };
 
 /// Heights around the contact distance of 0.1, a few units in the last place up and down.
@@ -50,7 +50,7 @@ fn held_on_the_threshold(method: ContactMethod, margin: f32, with_shape: bool) {
 #[test]
 fn a_pair_held_on_the_threshold_starts_once_and_does_not_end() {
     for margin in [0.0, 0.3] {
-        for method in [ContactMethod::Refined, ContactMethod::Polygon] {
+        for method in EXACT_METHODS {
             held_on_the_threshold(method, margin, false);
             held_on_the_threshold(method, margin, true);
         }

@@ -7,17 +7,9 @@ use glam::{Quat, Vec3};
 
 use crate::world::{
     Announcement::{Ended, Started},
-    THIN, all, app, assert_consistent, assert_near, at, ball, between, deepest, insert, keep_journal, messages,
-    rounding, sheet, spawn, store,
+    METHODS, THIN, all, app, assert_consistent, assert_near, at, ball, between, deepest, insert, keep_journal,
+    messages, rounding, sheet, spawn, store,
 };
-
-const METHODS: [ContactMethod; 5] = [
-    ContactMethod::BoundingSphere,
-    ContactMethod::Circumsphere,
-    ContactMethod::Closest,
-    ContactMethod::Refined,
-    ContactMethod::Polygon,
-];
 
 fn set_margin(app: &mut App, margin: f32) {
     app.world_mut().resource_mut::<CircumsphereSettings>().margin = margin;

@@ -8,7 +8,7 @@ use bevy_circumsphere::{
 use bevy_ecs::prelude::*;
 use circumsphere_support::scenes::cuboid;
 
-use crate::world::{THIN, app, at, ball, insert, sheet, spawn, surface};
+use crate::world::{EXACT_METHODS, THIN, app, at, ball, insert, sheet, spawn, surface};
 
 /// Room for how many triangles each of the per-triangle components holds: curvature, balls, spheres, cones.
 fn held(app: &App, entity: Entity) -> [usize; 4] {
@@ -42,7 +42,7 @@ fn spheres_are_held_only_while_a_method_asks_for_them() {
         app.update();
         app.update();
     };
-    for exact in [ContactMethod::Refined, ContactMethod::Polygon] {
+    for exact in EXACT_METHODS {
         set_methods(&mut app, exact);
         assert_eq!(held(&app, ball), [0; 4], "{exact:?}");
         assert_eq!(held(&app, sheet), [0; 4], "{exact:?}");

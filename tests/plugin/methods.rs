@@ -13,15 +13,7 @@ use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{cuboid, icosphere, merge, torus};
 use glam::{Quat, Vec3};
 
-use crate::world::{Called, THIN, app, app_in, at, fingerprint, insert, place, spawn, store};
-
-const METHODS: [ContactMethod; 5] = [
-    ContactMethod::BoundingSphere,
-    ContactMethod::Circumsphere,
-    ContactMethod::Closest,
-    ContactMethod::Refined,
-    ContactMethod::Polygon,
-];
+use crate::world::{Called, METHODS, THIN, app, app_in, at, fingerprint, insert, place, spawn, store};
 
 fn app_with_brute_force() -> App {
     let mut app = App::new();

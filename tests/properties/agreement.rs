@@ -1,4 +1,4 @@
-//! Touching pairs are those of the reference: any meshes, motions, sizes and contact distances, both exact methods, both
+//! Touching pairs are those of the reference: any meshes, motions, sizes and contact distances, every exact method, both
 //! broad phases, any number of threads.
 
 use std::collections::HashSet;
@@ -99,16 +99,17 @@ fn exact_methods_find_the_pairs_of_the_reference_by_either_broad_phase() {
             crossing.add(truth.iter().flatten().filter(|pair| pair.distance == 0.0).count());
             apart.add(truth.iter().flatten().filter(|pair| pair.distance > 0.0).count());
             ticks.add(1);
-            let mut first: Option<Vec<Found>> = None;
+            // The contacts of `Closest` are its own.
+            let mut first: [Option<Vec<Found>>; 2] = [None, None];
             for (setup, world) in &mut worlds {
                 for body in 0..2 {
                     world.write(body, &points(&meshes[body]));
                 }
                 let found = world.tick();
-                match &first {
-                    None => {
+                match &mut first[usize::from(setup.method == ContactMethod::Closest)] {
+                    first @ None => {
                         case.assert_right(&format!("tick {tick}, {setup:?}"), meshes, &truth, &found);
-                        first = Some(found);
+                        *first = Some(found);
                     }
                     Some(first) => assert!(*first == found, "tick {tick}: {setup:?} finds something else"),
                 }

@@ -99,6 +99,8 @@ pub enum BroadPhase {
     BruteForce,
 }
 
+pub const EXACT_METHODS: [ContactMethod; 3] = [ContactMethod::Closest, ContactMethod::Refined, ContactMethod::Polygon];
+
 /// How a world detects.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup {
@@ -110,16 +112,17 @@ pub struct Setup {
 impl Setup {
     pub const REFINED: Self = Self { method: ContactMethod::Refined, broad_phase: BroadPhase::Tree, threads: 1 };
 
-    /// Both exact methods over both broad phases.
+    /// The exact methods over both broad phases.
     pub fn exact() -> impl Iterator<Item = Self> {
-        [ContactMethod::Refined, ContactMethod::Polygon].into_iter().flat_map(|method| {
+        EXACT_METHODS.into_iter().flat_map(|method| {
             [BroadPhase::Tree, BroadPhase::BruteForce].map(|broad_phase| Self { method, broad_phase, threads: 1 })
         })
     }
 
     /// Every method, by the default broad phase.
-    pub fn methods() -> [Self; 4] {
-        [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Refined, ContactMethod::Polygon]
+    pub fn methods() -> [Self; 5] {
+        let [closest, refined, polygon] = EXACT_METHODS;
+        [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, closest, refined, polygon]
             .map(|method| Self { method, ..Self::REFINED })
     }
 }

@@ -11,7 +11,7 @@ use proptest::prelude::*;
 
 use crate::{
     agreement::edges,
-    harness::{Body, Count, Found, Setup, SmallWorld, for_all, mean_edge, points},
+    harness::{Body, Count, EXACT_METHODS, Found, Setup, SmallWorld, for_all, mean_edge, points},
 };
 
 /// What of a contact does not depend on what was remembered: on which side of a sheet the other was decides about the
@@ -50,7 +50,7 @@ fn a_world_that_has_run_for_long_finds_what_a_new_one_finds() {
     for_all(file!(), 150, case, |(meshes, motions, placement, edges)| {
         let distance = (edges * mean_edge(&meshes[0])) as f32 * placement.scale;
         let bodies: Vec<Body> = meshes.iter().map(|mesh| Body::new(&placement.apply(mesh.clone()))).collect();
-        for method in [ContactMethod::Refined, ContactMethod::Polygon] {
+        for method in EXACT_METHODS {
             let setup = Setup { method, ..Setup::REFINED };
             let mut warm = SmallWorld::new(&bodies, distance, setup);
             warm.tick();
