@@ -8,15 +8,10 @@ use bevy_circumsphere::kernel::{
     reference::triangle_distance,
     refine::{refine_closest, refine_pairs, settle_penetrations},
 };
+use circumsphere_support::bars::{BAND, SEPARATION_TOLERANCE};
 use glam::Vec3;
 
 use crate::{input::Input, meshes::FuzzedSurface};
-
-/// Within this share of the contact distance either answer is right: the rounding of f32 positions at edge scale.
-const BAND: f64 = 1.0e-4;
-
-/// Distances are held to this share of the larger of contact distance and triangle size.
-const DISTANCE_TOLERANCE: f64 = 1.0e-5;
 
 /// Normals are stored in f32: three components of half a unit in the last place each, with room.
 const UNIT_TOLERANCE: f32 = 1.0e-5;
@@ -131,7 +126,7 @@ fn check_against_reference(
         let corners = [a.corners(first), b.corners(second)];
         let truth = true_distance(&corners);
         let size = corners.iter().map(longest_edge).fold(0.0, f64::max);
-        let tolerance = DISTANCE_TOLERANCE * distance.max(size);
+        let tolerance = SEPARATION_TOLERANCE * distance.max(size);
         let touching = found.touching.iter().find(|pair| [pair.triangle_a, pair.triangle_b] == [first, second]);
         if let Some(pair) = touching {
             assert!(

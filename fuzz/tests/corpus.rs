@@ -4,7 +4,10 @@
 use std::{fs, path::Path};
 
 use circumsphere_fuzz::TARGETS;
-use circumsphere_support::recording::{CcdQueries, RecordedImpacts, Recording, RecordingF64};
+use circumsphere_support::{
+    random::Random,
+    recording::{CcdQueries, RecordedImpacts, Recording, RecordingF64},
+};
 
 /// Seeds are small, so that a fuzzer gets through many of them and the repository stays light.
 const LARGEST_SEED: u64 = 2048;
@@ -13,26 +16,17 @@ const LARGEST_CORPUS: u64 = 100 * 1024;
 /// How many spoiled copies of each seed are tried.
 const COPIES: u64 = 40;
 
-/// The sequence "splitmix64" of Steele, Lea and Flood (2014).
-fn random(state: &mut u64) -> u64 {
-    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let mut bits = *state;
-    bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    bits ^ (bits >> 31)
-}
-
 /// The seed with a few bytes changed, cut out or put in.
-fn spoiled(seed: &[u8], state: &mut u64) -> Vec<u8> {
+fn spoiled(seed: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.to_vec();
-    for _ in 0..1 + random(state) % 4 {
-        let place = (random(state) % (bytes.len() as u64 + 1)) as usize;
-        match random(state) % 5 {
+    for _ in 0..1 + random.bits() % 4 {
+        let place = (random.bits() % (bytes.len() as u64 + 1)) as usize;
+        match random.bits() % 5 {
             0 => bytes.truncate(place),
-            1 => bytes.insert(place, random(state) as u8),
-            2 => bytes.extend_from_slice(&random(state).to_le_bytes()),
-            3 if place < bytes.len() => bytes[place] ^= 1 << (random(state) % 8),
-            _ if place < bytes.len() => bytes[place] = [0, 1, 0x7f, 0x80, 0xff][(random(state) % 5) as usize],
+            1 => bytes.insert(place, random.bits() as u8),
+            2 => bytes.extend_from_slice(&random.bits().to_le_bytes()),
+            3 if place < bytes.len() => bytes[place] ^= 1 << (random.bits() % 8),
+            _ if place < bytes.len() => bytes[place] = [0, 1, 0x7f, 0x80, 0xff][(random.bits() % 5) as usize],
             _ => {}
         }
     }
@@ -59,9 +53,9 @@ fn every_target_survives_its_corpus_and_spoiled_copies_of_it() {
                 assert!(outcome.is_ok(), "{} does not survive {what} {}: {bytes:?}", target.name, path.display());
             };
             survives(&seed, "the seed");
-            let mut state = seed.len() as u64;
+            let mut random = Random::new(seed.len() as u64);
             for _ in 0..COPIES {
-                survives(&spoiled(&seed, &mut state), "a spoiled copy of");
+                survives(&spoiled(&seed, &mut random), "a spoiled copy of");
             }
         }
     }

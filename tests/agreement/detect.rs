@@ -13,14 +13,9 @@ use bevy_circumsphere::{
     prelude::*,
 };
 use bevy_ecs::prelude::*;
+pub use circumsphere_support::bars::BAND;
+use circumsphere_support::bars::SEPARATION_TOLERANCE;
 use glam::{DVec3, Vec3};
-
-/// Distances of f32 inputs are only as good as their rounding at edge scale: within this share of the contact
-/// distance either answer is right.
-pub const BAND: f64 = 1.0e-4;
-
-/// Separations are held to this share of the larger of contact distance and triangle size.
-pub const DISTANCE_TOLERANCE: f64 = 1.0e-5;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BroadPhase {
@@ -89,7 +84,7 @@ pub fn assert_agrees(
         comparison.missed.first(),
         comparison.false_pairs.first()
     );
-    let tolerance = DISTANCE_TOLERANCE * distance.max(size);
+    let tolerance = SEPARATION_TOLERANCE * distance.max(size);
     assert!(
         comparison.worst_distance_error <= tolerance,
         "{what}: a distance is wrong by {} (tolerance {tolerance}) at {:?}",

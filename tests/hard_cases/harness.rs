@@ -25,15 +25,11 @@ use bevy_ecs::{
     schedule::{ScheduleLabel, SingleThreadedExecutor},
 };
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes::{Mesh, cuboid, icosphere};
+use circumsphere_support::{
+    bars::{BAND, SEPARATION_TOLERANCE},
+    scenes::{Mesh, cuboid, icosphere},
+};
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
-
-/// Distances of f32 inputs are only as good as their rounding at edge scale: within this share of the contact
-/// distance either answer is right.
-pub const BAND: f64 = 1.0e-4;
-
-/// The most that a separation may be wrong by, relative to the larger of contact distance and triangle size.
-pub const SEPARATION_TOLERANCE: f64 = 1.0e-5;
 
 /// Weights and normals are stored in f32: a handful of roundings.
 const STORAGE: f32 = 8.0 * f32::EPSILON;

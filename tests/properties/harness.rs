@@ -17,19 +17,13 @@ use bevy_circumsphere::{
 use bevy_ecs::prelude::*;
 use bevy_tasks::{ComputeTaskPool, TaskPoolBuilder};
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes::Mesh;
+pub use circumsphere_support::bars::BAND;
+use circumsphere_support::{bars::SEPARATION_TOLERANCE, scenes::Mesh};
 use glam::{DVec3, Vec3};
 use proptest::{
     prelude::*,
     test_runner::{RngSeed, TestError, TestRunner},
 };
-
-/// Distances of f32 inputs are only as good as their rounding at edge scale: within this share of the contact
-/// distance either answer is right.
-pub const BAND: f64 = 1.0e-4;
-
-/// Separations are held to this share of the larger of contact distance and triangle size.
-pub const DISTANCE_TOLERANCE: f64 = 1.0e-5;
 
 /// Rounding of f64 in the distance of two triangles that just touch, in their extent: where the contact distance is 0
 /// either answer is right within it.
@@ -308,7 +302,7 @@ impl Judge<'_> {
                     let error = (found.distance - truth.distance).abs();
                     assert!(truth.distance <= self.distance + slack, "{what}: {found:?} is false, it is {truth:?}");
                     assert!(
-                        error <= self.band + DISTANCE_TOLERANCE * size.max(self.distance),
+                        error <= self.band + SEPARATION_TOLERANCE * size.max(self.distance),
                         "{what}: the distance of {found:?} is wrong by {error}: {truth:?}"
                     );
                 }

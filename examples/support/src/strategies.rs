@@ -6,9 +6,10 @@
 
 use proptest::{prelude::*, sample::Index};
 
+use crate::random::Random;
 use crate::scenes::{
-    Diagonals, Mesh, Random, cuboid, cylinder_side, duplicate_vertices, grid, icosphere, merge, saddle, torus,
-    triangle_soup, twisted_rod,
+    Diagonals, Mesh, cuboid, cylinder_side, duplicate_vertices, grid, icosphere, merge, saddle, torus, triangle_soup,
+    twisted_rod,
 };
 
 /// The most triangles of a mesh of these strategies.
@@ -391,7 +392,7 @@ impl Crumple {
 }
 
 fn displaced(mut mesh: Mesh, amplitude: f32, seed: u64) -> Mesh {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     for coordinate in mesh.positions.iter_mut().flatten() {
         *coordinate += amplitude * random.signed_unit();
     }
@@ -407,7 +408,7 @@ fn stretched(mut mesh: Mesh, factors: [f32; 3]) -> Mesh {
 
 /// Triangles that all share one edge.
 fn book(pages: usize, seed: u64) -> Mesh {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut mesh = Mesh { positions: vec![[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], triangles: Vec::new() };
     for _ in 0..pages {
         mesh.triangles.push([0, 1, number(mesh.positions.len())]);

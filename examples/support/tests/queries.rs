@@ -1,5 +1,7 @@
 //! The readers of recorded queries against files written byte by byte, and against every way they can be bad.
 
+mod bytes;
+
 use std::fs;
 use std::path::Path;
 
@@ -8,6 +10,8 @@ use circumsphere_support::recording::{
     RecordingError, read_ccd_queries, read_recorded_impacts, recordings_folder,
 };
 use proptest::prelude::*;
+
+use bytes::mutated;
 
 fn words(words: &[u32]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
@@ -191,20 +195,6 @@ fn recorded_queries_are_read() {
         }
     }
     assert!(asked > 0 && answered > 0, "the folder has no queries");
-}
-
-/// Bytes of a valid file with a few of them changed, and sometimes cut off.
-fn mutated(valid: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
-    let length = valid.len();
-    let changes = prop::collection::vec((0..length, any::<u8>()), 0..6);
-    (changes, prop::option::of(0..length)).prop_map(move |(changes, end)| {
-        let mut bytes = valid.clone();
-        for (place, value) in changes {
-            bytes[place] = value;
-        }
-        bytes.truncate(end.unwrap_or(length));
-        bytes
-    })
 }
 
 /// What a reader returns is an error or holds as many records as the bytes have room for, all of them finite.

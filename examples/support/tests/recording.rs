@@ -1,5 +1,7 @@
 //! The readers against files written by hand, byte by byte, and against every way a file can be bad.
 
+mod bytes;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -10,6 +12,8 @@ use circumsphere_support::recording::{
     recordings_folder, write_recording,
 };
 use proptest::prelude::*;
+
+use bytes::mutated;
 
 /// A refusal takes no longer than this, whatever a header claims; counting to four billion takes seconds.
 const QUICK: Duration = Duration::from_millis(500);
@@ -623,20 +627,6 @@ fn recordings_folder_is_read() {
         }
     }
     assert!(single > 0 && double > 0, "the folder has no recordings");
-}
-
-/// Bytes of a valid file with a few of them changed, and sometimes cut off.
-fn mutated(valid: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
-    let length = valid.len();
-    let changes = prop::collection::vec((0..length, any::<u8>()), 0..6);
-    (changes, prop::option::of(0..length)).prop_map(move |(changes, end)| {
-        let mut bytes = valid.clone();
-        for (place, value) in changes {
-            bytes[place] = value;
-        }
-        bytes.truncate(end.unwrap_or(length));
-        bytes
-    })
 }
 
 /// What a reader returns is either an error or a recording that keeps the promises of its type.

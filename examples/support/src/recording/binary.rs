@@ -1,5 +1,6 @@
 //! The `.bin` recordings: header, triangles, frames, all little-endian, in `f32` or `f64`.
 
+use std::cmp::Ordering;
 use std::io::Read;
 use std::path::Path;
 
@@ -66,18 +67,8 @@ impl Header {
     /// `file_bytes` is the size of the whole file and has to be exactly what the counts ask for.
     fn read<C: Coordinate>(bytes: &[u8], file_bytes: u64, name: &Path) -> Result<Self, RecordingError> {
         let file = || name.to_path_buf();
-        if bytes.is_empty() {
-            return Err(RecordingError::Empty { file: file() });
-        }
-        let truncated = |expected: u128| RecordingError::Truncated { file: file(), expected, found: file_bytes };
-        let (words, _) = bytes.as_chunks::<4>();
-        let mut words = words.iter().map(|word| u32::from_le_bytes(*word));
-        let mut next = || words.next().ok_or(truncated(HEADER_BYTES as u128));
-        let found = next()?;
-        if found != C::MAGIC {
-            return Err(RecordingError::WrongMagic { file: file(), found, expected: C::MAGIC });
-        }
-        let header = Self { vertices: next()?, faces: next()?, frames: next()? };
+        let [vertices, faces, frames] = header_words(bytes, C::MAGIC, file_bytes, name)?;
+        let header = Self { vertices, faces, frames };
         if header.frames == 0 {
             return Err(RecordingError::NoFrames { file: file() });
         }
@@ -89,12 +80,7 @@ impl Header {
             });
         }
         let expected = header.file_bytes::<C>();
-        if u128::from(file_bytes) < expected {
-            return Err(truncated(expected));
-        }
-        if u128::from(file_bytes) > expected {
-            return Err(RecordingError::TrailingBytes { file: file(), expected, found: file_bytes });
-        }
+        check_size(file_bytes, expected, name)?;
         Ok(header)
     }
 
@@ -102,6 +88,36 @@ impl Header {
     fn file_bytes<C: Coordinate>(&self) -> u128 {
         let positions = u128::from(self.vertices) * u128::from(self.frames);
         HEADER_BYTES as u128 + u128::from(self.faces) * FACE_BYTES as u128 + positions * (3 * C::BYTES) as u128
+    }
+}
+
+/// The three words after `magic` in the header at the start of `bytes`, which may hold no more than that, of a file of
+/// `file_bytes`.
+pub(super) fn header_words(bytes: &[u8], magic: u32, file_bytes: u64, name: &Path) -> Result<[u32; 3], RecordingError> {
+    let file = || name.to_path_buf();
+    if bytes.is_empty() {
+        return Err(RecordingError::Empty { file: file() });
+    }
+    let (words, _) = bytes.as_chunks::<4>();
+    let mut words = words.iter().map(|word| u32::from_le_bytes(*word));
+    let mut next = || {
+        let expected = HEADER_BYTES as u128;
+        words.next().ok_or_else(|| RecordingError::Truncated { file: file(), expected, found: file_bytes })
+    };
+    let found = next()?;
+    if found != magic {
+        return Err(RecordingError::WrongMagic { file: file(), found, expected: magic });
+    }
+    Ok([next()?, next()?, next()?])
+}
+
+/// Compares the size of a file with what its header asks for.
+pub(super) fn check_size(file_bytes: u64, expected: u128, name: &Path) -> Result<(), RecordingError> {
+    let (file, found) = (|| name.to_path_buf(), file_bytes);
+    match u128::from(file_bytes).cmp(&expected) {
+        Ordering::Less => Err(RecordingError::Truncated { file: file(), expected, found }),
+        Ordering::Equal => Ok(()),
+        Ordering::Greater => Err(RecordingError::TrailingBytes { file: file(), expected, found }),
     }
 }
 

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use super::{
     RecordingError,
-    binary::{HEADER_BYTES, read_sized},
+    binary::{HEADER_BYTES, check_size, header_words, read_sized},
 };
 
 /// First four bytes of a `.ccdq.bin` file, read as a little-endian `u32`.
@@ -160,36 +160,18 @@ impl Header {
         file_bytes: u64,
         name: &Path,
     ) -> Result<Self, RecordingError> {
-        let file = || name.to_path_buf();
-        if bytes.is_empty() {
-            return Err(RecordingError::Empty { file: file() });
-        }
-        let truncated = |expected: u128| RecordingError::Truncated { file: file(), expected, found: file_bytes };
-        let (words, _) = bytes.as_chunks::<4>();
-        let mut words = words.iter().map(|word| u32::from_le_bytes(*word));
-        let mut next = || words.next().ok_or(truncated(HEADER_BYTES as u128));
-        let found = next()?;
-        if found != magic {
-            return Err(RecordingError::WrongMagic { file: file(), found, expected: magic });
-        }
-        let unknown = |byte, found, expected| RecordingError::UnknownValue { file: file(), byte, found, expected };
-        let kind = match next()? {
+        let [kind, count, rest] = header_words(bytes, magic, file_bytes, name)?;
+        let unknown =
+            |byte, found, expected| RecordingError::UnknownValue { file: name.to_path_buf(), byte, found, expected };
+        let kind = match kind {
             0 => QueryKind::VertexFace,
             1 => QueryKind::EdgeEdge,
             found => return Err(unknown(4, found, "0 (vertex–face) or 1 (edge–edge)")),
         };
-        let count = next()?;
-        match next()? {
-            0 => {}
-            found => return Err(unknown(12, found, "0")),
+        if rest != 0 {
+            return Err(unknown(12, rest, "0"));
         }
-        let expected = HEADER_BYTES as u128 + u128::from(count) * (RECORD as u128 + 1);
-        if u128::from(file_bytes) < expected {
-            return Err(truncated(expected));
-        }
-        if u128::from(file_bytes) > expected {
-            return Err(RecordingError::TrailingBytes { file: file(), expected, found: file_bytes });
-        }
+        check_size(file_bytes, HEADER_BYTES as u128 + u128::from(count) * (RECORD as u128 + 1), name)?;
         Ok(Self { kind, count })
     }
 

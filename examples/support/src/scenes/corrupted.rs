@@ -1,6 +1,7 @@
 //! Meshes as they should not be, for tests of what must hold all the same.
 
-use super::{Diagonals, Mesh, Random, grid, index};
+use super::{Diagonals, Mesh, grid, index};
+use crate::random::Random;
 
 /// Cells a side of [`ragged_slivers`], a power of two so that its coordinates are exact.
 const RAGGED_CELLS: usize = 16;
@@ -15,7 +16,7 @@ const SLIVER: f32 = 1e-4;
 
 /// `count` triangles without common vertices, at random in the cube from -1 to 1, each at most 0.7 long.
 pub fn triangle_soup(count: usize, seed: u64) -> Mesh {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut mesh = Mesh::default();
     for triangle in 0..count {
         let mut point = |reach: f32| -> [f32; 3] { std::array::from_fn(|_| reach * random.signed_unit()) };
@@ -37,7 +38,7 @@ pub fn triangle_soup(count: usize, seed: u64) -> Mesh {
 /// exactly in the middle of an opposite edge. Triangles may therefore also be turned over. The `seed` decides
 /// which neighbour it is, and how the other inner vertices are displaced.
 pub fn ragged_slivers(seed: u64) -> Mesh {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let mut mesh = grid(RAGGED_CELLS, RAGGED_CELLS, 1.0, 1.0, Diagonals::Alternating);
     let side = RAGGED_CELLS + 1;
     let inner = || (1..RAGGED_CELLS).flat_map(|row| (1..RAGGED_CELLS).map(move |column| (row, column)));

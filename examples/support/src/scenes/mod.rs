@@ -89,27 +89,3 @@ pub fn merge(meshes: &[Mesh]) -> Mesh {
 fn index(vertex: usize) -> u32 {
     u32::try_from(vertex).expect("a mesh has fewer than 2^32 vertices")
 }
-
-/// The sequence of pseudo-random numbers "splitmix64" of Steele, Lea and Flood (2014).
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    pub(crate) fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        bits ^ (bits >> 31)
-    }
-
-    /// A number in [-1, 1).
-    pub(crate) fn signed_unit(&mut self) -> f32 {
-        // 24 bits fill the fraction of an f32 exactly.
-        (self.next() >> 40) as f32 / (1_u64 << 23) as f32 - 1.0
-    }
-
-    /// A whole number below `end`.
-    pub(crate) fn below(&mut self, end: u64) -> u64 {
-        self.next() % end
-    }
-}
