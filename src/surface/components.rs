@@ -120,8 +120,8 @@ pub struct SelfCollision;
 pub enum ContactMethod {
     /// Touching is when the enclosing balls come within the contact distance. Coarse.
     BoundingSphere,
-    /// Touching is when the offset spheres do so, the triangles' planes do not separate them, and the line between
-    /// the centers lies in both safety cones. Fast and smooth, and misses some contacts.
+    /// Touching is when the offset spheres do so, neither the triangles' planes nor those across the line between the
+    /// centers separate the triangles, and that line lies in both safety cones. Fast and smooth, and misses some contacts.
     Circumsphere,
     /// Touching is when the triangles cross or come within the contact distance. Misses none. Of a pair that does not
     /// cross only the closest features make a contact, where `Refined` has all within the contact distance; takes a part

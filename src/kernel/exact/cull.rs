@@ -79,7 +79,7 @@ pub fn cull_by_planes(
 
 /// Appends the pairs that the direction given with each does not separate by more than `range`.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
-pub fn cull_by_directions(
+pub(in crate::kernel) fn cull_by_directions(
     positions: [&[Vec3]; 2],
     triangles: [&[[u32; 3]]; 2],
     pairs: &[[u32; 2]],

@@ -11,4 +11,5 @@ pub mod side;
 pub mod triangle_pair;
 
 pub use feature::{Feature, FeatureCase, FeatureKind, FeaturePair};
-pub use triangle_pair::{PairProximity, Proximity, examine_case, examine_pair};
+pub(in crate::kernel) use triangle_pair::examine_case;
+pub use triangle_pair::{PairProximity, Proximity, examine_pair};

@@ -145,8 +145,7 @@ fn largest_coordinate(triangle: &Sides) -> f64 {
 
 /// Examines one pair of features of two triangles; `None` where a vertex is not over the inside of the face, or two edges
 /// are not closest between their ends, so that other features are closer.
-#[must_use]
-pub fn examine_case(a: &[DVec3; 3], b: &[DVec3; 3], case: FeatureCase) -> Option<Proximity> {
+pub(in crate::kernel) fn examine_case(a: &[DVec3; 3], b: &[DVec3; 3], case: FeatureCase) -> Option<Proximity> {
     let origin = a[0];
     let local = |corners: &[DVec3; 3]| Sides::new([corners[0] - origin, corners[1] - origin, corners[2] - origin]);
     let (a, b) = (local(a), local(b));

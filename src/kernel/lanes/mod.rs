@@ -1,7 +1,7 @@
 //! Eight numbers or vectors side by side, in arrays that the compiler turns into vector instructions.
 //!
-//! Everything is inlined into a function that is compiled for several instruction sets and chosen at run time, so a
-//! default build uses the machine's widest.
+//! The arithmetic of the culls (`exact::cull`) and of `conservative`. Everything is inlined into a function that is
+//! compiled for several instruction sets and chosen at run time, so a default build uses the machine's widest.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
