@@ -39,7 +39,7 @@ impl SafetyCones {
 
 impl SafetyCones {
     /// Widens every cone by its triangle's `spread` (see [`Curvatures::spreads`](super::curvature::Curvatures)) and
-    /// [`EXTRA_WIDENING`]: between the cones of two neighbors there are directions from which the edge they share is met,
+    /// by 15° more: between the cones of two neighbors there are directions from which the edge they share is met,
     /// and which are in neither.
     pub fn widen(&mut self, spreads: &[f32]) {
         for (cosine, spread) in self.cosines.iter_mut().zip(spreads) {
