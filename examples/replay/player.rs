@@ -191,6 +191,8 @@ impl<'a> Stage<'a> {
             phi: settings.phi,
             delta: settings.delta,
             curvature_threshold: settings.curvature_threshold,
+            plane_cull: settings.plane_cull,
+            widen_cones: settings.widen_cones,
             estimator: settings.estimator.into(),
             threads: settings.threads,
             ..CircumsphereSettings::default()
