@@ -1,0 +1,467 @@
+//! The report's plots, each as SVG and as PNG, in colors that the color-blind can tell apart (Okabe and Ito, 2008) and
+//! with another shape or dash for each series.
+
+use std::{fs, path::Path};
+
+use bevy_circumsphere::ContactMethod;
+use kuva::{
+    backend::{raster::RasterBackend, svg::SvgBackend},
+    prelude::{
+        BarPlot, Figure, Layout, LegendEntry, LegendPosition, LegendShape, LinePlot, LineStyle, MarkerShape, Plot,
+        ScatterPlot,
+    },
+};
+
+use super::{
+    ReportError,
+    configurations::{DEFAULT_DISTANCE, estimator_name},
+    measure::Measured,
+    pooled::Pooled,
+    report::Study,
+    scaling,
+    statistics::pareto_front,
+};
+
+const BLACK: &str = "#000000";
+const ORANGE: &str = "#E69F00";
+const SKY: &str = "#56B4E9";
+const GREEN: &str = "#009E73";
+const YELLOW: &str = "#F0E442";
+const BLUE: &str = "#0072B2";
+const VERMILION: &str = "#D55E00";
+const PURPLE: &str = "#CC79A7";
+const COLORS: [&str; 8] = [BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, BLACK, YELLOW];
+const SHAPES: [MarkerShape; 6] = [
+    MarkerShape::Circle,
+    MarkerShape::Square,
+    MarkerShape::Triangle,
+    MarkerShape::Diamond,
+    MarkerShape::TriangleDown,
+    MarkerShape::Pentagon,
+];
+const DASHES: [LineStyle; 4] = [LineStyle::Solid, LineStyle::Dashed, LineStyle::Dotted, LineStyle::DashDot];
+
+/// Pixels of a PNG for each unit of the drawing: sharp at the width of a README.
+const PIXELS: f32 = 2.0;
+
+/// A plot that was written: its name without the ending and what it shows.
+pub struct Drawn {
+    pub name: &'static str,
+    pub shows: &'static str,
+}
+
+/// The panels of a figure in rows, and the legend below them.
+struct Sheet {
+    columns: usize,
+    panel: (f64, f64),
+    title: String,
+    panels: Vec<(Vec<Plot>, Layout)>,
+    legend: Vec<LegendEntry>,
+}
+
+impl Sheet {
+    fn write(self, folder: &Path, name: &str) -> Result<(), ReportError> {
+        let (plots, layouts): (Vec<_>, Vec<_>) = self.panels.into_iter().unzip();
+        let rows = plots.len().div_ceil(self.columns);
+        let mut figure = Figure::new(rows, self.columns)
+            .with_cell_size(self.panel.0, self.panel.1)
+            .with_title(self.title)
+            .with_title_size(18)
+            .with_plots(plots)
+            .with_layouts(layouts);
+        if !self.legend.is_empty() {
+            figure = figure.with_shared_legend_entries(self.legend).with_shared_legend_bottom();
+        }
+        let scene = figure.render();
+        let svg = folder.join(format!("{name}.svg"));
+        let text = SvgBackend::new().render_scene(&scene);
+        fs::write(&svg, text).map_err(|source| ReportError::Write { path: svg, source })?;
+        let png = folder.join(format!("{name}.png"));
+        let bytes = RasterBackend::new()
+            .with_scale(PIXELS)
+            .render_scene(&scene)
+            .map_err(|reason| ReportError::Draw { path: png.clone(), reason })?;
+        fs::write(&png, bytes).map_err(|source| ReportError::Write { path: png, source })
+    }
+}
+
+fn marker_entry(label: &str, color: &str, shape: MarkerShape) -> LegendEntry {
+    LegendEntry { label: label.to_owned(), color: color.to_owned(), shape: LegendShape::Marker(shape), dasharray: None }
+}
+
+fn line_entry(label: &str, color: &str, style: &LineStyle) -> LegendEntry {
+    LegendEntry {
+        label: label.to_owned(),
+        color: color.to_owned(),
+        shape: LegendShape::Line,
+        dasharray: style.dasharray(),
+    }
+}
+
+fn layout(plots: &[Plot], title: &str, x: &str, y: &str) -> Layout {
+    Layout::auto_from_plots(plots)
+        .with_title(title)
+        .with_x_label(x)
+        .with_y_label(y)
+        .with_title_size(15)
+        .with_label_size(14)
+        .with_tick_size(12)
+        .with_body_size(13)
+}
+
+/// A line with a marker on each of its points.
+fn marked_line(points: &[(f64, f64)], color: &str, style: LineStyle, shape: MarkerShape) -> [Plot; 2] {
+    let line = LinePlot::new().with_data(points.to_vec()).with_color(color).with_stroke_width(2.0);
+    let marks = ScatterPlot::new().with_data(points.to_vec()).with_color(color).with_size(4.5).with_marker(shape);
+    [line.with_line_style(style).into(), marks.into()]
+}
+
+fn percent(share: Option<f64>) -> Option<f64> {
+    share.map(|share| 100.0 * share)
+}
+
+/// Which series of a speed–error plot a configuration belongs to.
+const GROUPS: [(&str, &str, MarkerShape, f64); 6] = [
+    ("BoundingSphere", ORANGE, MarkerShape::Square, 6.0),
+    ("Circumsphere without plane cull", SKY, MarkerShape::TriangleDown, 4.5),
+    ("Circumsphere with plane cull", BLUE, MarkerShape::Circle, 4.5),
+    ("Circumsphere, defaults", VERMILION, MarkerShape::Star, 8.0),
+    ("Refined (default method)", GREEN, MarkerShape::Diamond, 7.0),
+    ("Polygon", BLACK, MarkerShape::Cross, 6.0),
+];
+
+fn group(configuration: &super::configurations::Configuration) -> usize {
+    match configuration.method {
+        ContactMethod::BoundingSphere => 0,
+        ContactMethod::Circumsphere if configuration.is_default() => 3,
+        ContactMethod::Circumsphere if configuration.settings.plane_cull => 2,
+        ContactMethod::Circumsphere => 1,
+        ContactMethod::Refined => 4,
+        ContactMethod::Polygon => 5,
+    }
+}
+
+fn group_legend() -> Vec<LegendEntry> {
+    let mut entries: Vec<LegendEntry> =
+        GROUPS.iter().map(|&(label, color, shape, _)| marker_entry(label, color, shape)).collect();
+    entries.push(line_entry("Pareto front", BLACK, &LineStyle::Dashed));
+    entries
+}
+
+/// Points of a time and an error, colored by group, the front among them marked.
+fn speed_error_panel(points: &[(usize, f64, f64)], title: &str, x: &str, y: &str) -> (Vec<Plot>, Layout) {
+    let mut plots: Vec<Plot> = Vec::new();
+    let places: Vec<(f64, f64)> = points.iter().map(|&(_, time, error)| (time, error)).collect();
+    let front: Vec<(f64, f64)> = pareto_front(&places).into_iter().map(|place| places[place]).collect();
+    let line = LinePlot::new().with_data(front).with_color(BLACK).with_stroke_width(1.2).with_step();
+    plots.push(line.with_line_style(LineStyle::Dashed).into());
+    for (number, &(_, color, shape, size)) in GROUPS.iter().enumerate() {
+        let own: Vec<(f64, f64)> =
+            points.iter().filter(|point| point.0 == number).map(|&(_, time, error)| (time, error)).collect();
+        if !own.is_empty() {
+            let marks = ScatterPlot::new().with_data(own).with_color(color).with_marker(shape).with_size(size);
+            plots.push(marks.with_marker_opacity(0.85).into());
+        }
+    }
+    let top = places.iter().map(|place| place.1).fold(1.0, f64::max) * 1.06;
+    let right = places.iter().map(|place| place.0).fold(0.0, f64::max) * 1.06;
+    let layout = layout(&plots, title, x, y)
+        .with_x_axis_min(0.0)
+        .with_x_axis_max(right)
+        .with_y_axis_min(0.0)
+        .with_y_axis_max(top);
+    (plots, layout)
+}
+
+/// Draws everything that there are figures for.
+pub fn draw(folder: &Path, study: &Study) -> Result<Vec<Drawn>, ReportError> {
+    let mut drawn = Vec::new();
+    let mut add = |name: &'static str, shows: &'static str, sheet: Option<Sheet>| -> Result<(), ReportError> {
+        if let Some(sheet) = sheet {
+            sheet.write(folder, name)?;
+            drawn.push(Drawn { name, shows });
+        }
+        Ok(())
+    };
+    add("speed_vs_error", "Time against error, all scenes pooled", speed_vs_error(study))?;
+    add("speed_vs_error_by_scene", "Time against error, scene by scene", speed_vs_error_by_scene(study))?;
+    add("error_vs_phi", "Error against φ", error_vs_phi(study))?;
+    add("error_vs_curvature", "Error against curvature estimator and threshold", error_vs_curvature(study))?;
+    add("error_vs_delta", "Error and refresh cost against δ", error_vs_delta(study))?;
+    add("time_vs_triangles", "Time against number of triangles", time_vs_triangles(study))?;
+    add("time_by_stage", "Time by stage", time_by_stage(study))?;
+    Ok(drawn)
+}
+
+/// The measures of error that are drawn: what the axis says, of a scene, and of all scenes.
+type ErrorMeasure = (&'static str, fn(&Measured) -> Option<f64>, fn(&Pooled) -> Option<f64>);
+const ERRORS: [ErrorMeasure; 3] = [
+    ("missed pairs (%)", |one| percent(one.row.pair_miss_rate), |all| percent(all.row.pair_miss_rate)),
+    ("false pairs (%)", |one| percent(one.row.pair_false_rate), |all| percent(all.row.pair_false_rate)),
+    ("1 − F1 (%)", |one| percent(one.row.pair_error), |all| percent(all.row.pair_error)),
+];
+
+fn speed_vs_error(study: &Study) -> Option<Sheet> {
+    let distance = study.center_distance();
+    let panels: Vec<_> = ERRORS
+        .iter()
+        .map(|&(label, _, of_all)| {
+            let points: Vec<(usize, f64, f64)> = study
+                .pooled
+                .iter()
+                .filter(|all| all.configuration.distance_edges == distance)
+                .filter_map(|all| Some((group(&all.configuration), all.row.time_ratio?, of_all(all)?)))
+                .collect();
+            speed_error_panel(&points, "", "time (Refined = 1)", label)
+        })
+        .collect();
+    Some(Sheet {
+        columns: 3,
+        panel: (440.0, 340.0),
+        title: format!("Speed against error, mean of {} scenes, contact distance {distance} edges", study.scenes.len()),
+        panels,
+        legend: group_legend(),
+    })
+}
+
+fn speed_vs_error_by_scene(study: &Study) -> Option<Sheet> {
+    let distance = study.center_distance();
+    let mut panels = Vec::new();
+    for scene in &study.scenes {
+        for &(label, of_scene, _) in &ERRORS {
+            let points: Vec<(usize, f64, f64)> = study
+                .measured
+                .iter()
+                .filter(|one| one.row.scene == scene.name && one.configuration.distance_edges == distance)
+                .filter_map(|one| Some((group(&one.configuration), one.row.time_ms, of_scene(one)?)))
+                .collect();
+            panels.push(speed_error_panel(&points, &scene.name, "time per tick (ms)", label));
+        }
+    }
+    Some(Sheet {
+        columns: 3,
+        panel: (440.0, 300.0),
+        title: format!("Speed against error, scene by scene, contact distance {distance} edges"),
+        panels,
+        legend: group_legend(),
+    })
+}
+
+/// Panels of all error measures over a setting, one line for each series; nothing where no series has two points.
+fn error_lines(
+    study: &Study,
+    x: &str,
+    series: &[(String, &str, usize, Vec<(f64, &Pooled)>)],
+) -> Option<(Vec<(Vec<Plot>, Layout)>, Vec<LegendEntry>)> {
+    let _ = study;
+    if series.iter().all(|(.., points)| points.len() < 2) {
+        return None;
+    }
+    let panels = ERRORS
+        .iter()
+        .map(|&(label, _, of_all)| {
+            let mut plots = Vec::new();
+            for (number, (_, color, dash, points)) in series.iter().enumerate() {
+                let points: Vec<(f64, f64)> = points.iter().filter_map(|&(x, all)| Some((x, of_all(all)?))).collect();
+                plots.extend(marked_line(&points, color, DASHES[*dash].clone(), SHAPES[number % SHAPES.len()]));
+            }
+            let layout = layout(&plots, "", x, label).with_y_axis_min(0.0);
+            (plots, layout)
+        })
+        .collect();
+    let legend = series.iter().map(|(name, color, dash, _)| line_entry(name, color, &DASHES[*dash])).collect();
+    Some((panels, legend))
+}
+
+fn error_vs_phi(study: &Study) -> Option<Sheet> {
+    let mut series = Vec::new();
+    for (number, &distance) in study.distances().iter().enumerate() {
+        for plane_cull in [true, false] {
+            let mut points: Vec<(f64, &Pooled)> = study
+                .pooled
+                .iter()
+                .filter(|all| {
+                    let configuration = &all.configuration;
+                    configuration.distance_edges == distance
+                        && configuration.settings.plane_cull == plane_cull
+                        && configuration.is_default_but(|settings, default| {
+                            settings.phi = default.phi;
+                            settings.plane_cull = default.plane_cull;
+                        })
+                })
+                .map(|all| (f64::from(all.configuration.settings.phi), all))
+                .collect();
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let name = format!("{distance} edges, {}", if plane_cull { "plane cull" } else { "no plane cull" });
+            series.push((name, COLORS[number % COLORS.len()], usize::from(!plane_cull), points));
+        }
+    }
+    series.retain(|(.., points)| points.len() > 1);
+    let (panels, legend) = error_lines(study, "φ (center height in radii)", &series)?;
+    let title = "Circumsphere: error against φ, mean of all scenes".to_owned();
+    Some(Sheet { columns: 3, panel: (440.0, 340.0), title, panels, legend })
+}
+
+fn error_vs_curvature(study: &Study) -> Option<Sheet> {
+    let mut series: Vec<(String, &str, usize, Vec<(f64, &Pooled)>)> = Vec::new();
+    for all in &study.pooled {
+        let configuration = &all.configuration;
+        let only_curvature = configuration.is_default_but(|settings, default| {
+            settings.estimator = default.estimator;
+            settings.curvature_threshold = default.curvature_threshold;
+        });
+        if !only_curvature || configuration.distance_edges != study.center_distance() {
+            continue;
+        }
+        let name = estimator_name(configuration.settings.estimator);
+        let point = (f64::from(configuration.settings.curvature_threshold), all);
+        match series.iter_mut().find(|(known, ..)| known == name) {
+            Some((.., points)) => points.push(point),
+            None => {
+                let number = series.len();
+                series.push((name.to_owned(), COLORS[number % COLORS.len()], number % DASHES.len(), vec![point]));
+            }
+        }
+    }
+    for (.., points) in &mut series {
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    let (panels, legend) = error_lines(study, "curvature threshold (curvature × radius)", &series)?;
+    let title = "Circumsphere: error against curvature estimator and threshold, mean of all scenes".to_owned();
+    Some(Sheet { columns: 3, panel: (440.0, 340.0), title, panels, legend })
+}
+
+/// What is drawn against δ: the axis, and the measure of a scene.
+const DELTA_MEASURES: [(&str, fn(&Measured) -> Option<f64>); 4] = [
+    ("missed pairs (%)", |one| percent(one.row.pair_miss_rate)),
+    ("false pairs (%)", |one| percent(one.row.pair_false_rate)),
+    ("spheres refreshed per tick (%)", |one| percent(one.row.recipes_refreshed_share)),
+    ("normal jump per tick, 99th percentile (°)", |one| one.row.normal_jump_p99),
+];
+
+fn error_vs_delta(study: &Study) -> Option<Sheet> {
+    let scenes: Vec<&str> =
+        study.scenes.iter().filter(|scene| scene.deforms).map(|scene| scene.name.as_str()).take(6).collect();
+    let points = |scene: &str, value: fn(&Measured) -> Option<f64>| {
+        let mut points: Vec<(f64, f64)> = study
+            .delta_series(scene)
+            .filter_map(|one| Some((f64::from(one.configuration.settings.delta), value(one)?)))
+            .collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points
+    };
+    if scenes.iter().all(|scene| points(scene, DELTA_MEASURES[0].1).len() < 2) {
+        return None;
+    }
+    let panels = DELTA_MEASURES
+        .iter()
+        .map(|&(label, value)| {
+            let mut plots = Vec::new();
+            for (number, scene) in scenes.iter().enumerate() {
+                let style = DASHES[number % DASHES.len()].clone();
+                plots.extend(marked_line(&points(scene, value), COLORS[number], style, SHAPES[number]));
+            }
+            let layout = layout(&plots, "", "δ (shape change before a refresh)", label).with_y_axis_min(0.0);
+            (plots, layout)
+        })
+        .collect();
+    let legend = scenes
+        .iter()
+        .enumerate()
+        .map(|(number, scene)| line_entry(scene, COLORS[number], &DASHES[number % DASHES.len()]))
+        .collect();
+    let title = "Circumsphere: error and refresh cost against δ, deforming scenes".to_owned();
+    Some(Sheet { columns: 2, panel: (520.0, 320.0), title, panels, legend })
+}
+
+fn time_vs_triangles(study: &Study) -> Option<Sheet> {
+    if study.scaling.is_empty() {
+        return None;
+    }
+    let mut plots = Vec::new();
+    let mut legend = Vec::new();
+    let colors = [ORANGE, VERMILION, GREEN, BLACK];
+    for (number, method) in scaling::METHODS.into_iter().enumerate() {
+        let name = format!("{method:?}");
+        let points: Vec<(f64, f64)> = study
+            .scaling
+            .iter()
+            .filter(|row| row.method == name)
+            .map(|row| (row.triangles as f64, row.time_ms))
+            .collect();
+        plots.extend(marked_line(&points, colors[number], DASHES[number].clone(), SHAPES[number]));
+        let slope =
+            scaling::slope(&study.scaling, method).map_or_else(String::new, |slope| format!(", slope {slope:.2}"));
+        legend.push(line_entry(&(name + &slope), colors[number], &DASHES[number]));
+    }
+    let layout = layout(&plots, "", "triangles", "time per tick (ms)").with_log_scale();
+    let title = format!("Time against number of triangles, contact distance {DEFAULT_DISTANCE} edges");
+    Some(Sheet { columns: 1, panel: (760.0, 480.0), title, panels: vec![(plots, layout)], legend })
+}
+
+/// Stages as they are drawn together, and their color.
+const STAGE_GROUPS: [(&str, &[&str], &str); 8] = [
+    ("bounds and trees", &["prepare", "bounds", "pair surfaces", "tree update"], BLACK),
+    ("broad phase", &["broad phase"], SKY),
+    ("curvature", &["curvature"], YELLOW),
+    ("spheres", &["refit", "refit balls"], ORANGE),
+    ("overlap", &["overlap"], BLUE),
+    ("cone", &["cone"], PURPLE),
+    ("refine", &["refine"], GREEN),
+    ("contacts", &["contacts"], VERMILION),
+];
+
+/// Milliseconds per thousand triangles that a method spends in a group of stages, mean of all scenes.
+pub fn stage_time(study: &Study, method: ContactMethod, group: usize) -> f64 {
+    let times = study.scenes.iter().map(|scene| {
+        let stages = study
+            .measured
+            .iter()
+            .filter(|one| {
+                one.row.scene == scene.name
+                    && one.configuration.method == method
+                    && one.configuration.is_default()
+                    && one.configuration.distance_edges == study.center_distance()
+            })
+            .flat_map(|one| &one.stages)
+            .filter(|stage| stage_group(stage.stage) == group);
+        stages.map(|stage| stage.time_ms).sum::<f64>() * 1.0e3 / scene.triangles as f64
+    });
+    super::statistics::mean(times).unwrap_or_default()
+}
+
+/// The group that a stage is drawn with; what is new and has none yet, with the first.
+fn stage_group(stage: &str) -> usize {
+    STAGE_GROUPS.iter().position(|(_, stages, _)| stages.contains(&stage)).unwrap_or(0)
+}
+
+fn time_by_stage(study: &Study) -> Option<Sheet> {
+    let mut bars = BarPlot::new();
+    for method in scaling::METHODS {
+        let values: Vec<(f64, &str)> = STAGE_GROUPS
+            .iter()
+            .enumerate()
+            .map(|(group, &(_, _, color))| (stage_time(study, method, group), color))
+            .collect();
+        bars = bars.with_group(format!("{method:?}"), values);
+    }
+    let plots: Vec<Plot> = vec![bars.with_stacked().into()];
+    let layout = layout(&plots, "", "method", "time per tick (ms per 1000 triangles)");
+    let legend = STAGE_GROUPS
+        .iter()
+        .map(|&(name, _, color)| LegendEntry {
+            label: name.to_owned(),
+            color: color.to_owned(),
+            shape: LegendShape::Rect,
+            dasharray: None,
+        })
+        .collect();
+    let _ = LegendPosition::default();
+    let title = format!("Time by stage, mean of all scenes, contact distance {} edges", study.center_distance());
+    Some(Sheet { columns: 1, panel: (760.0, 460.0), title, panels: vec![(plots, layout)], legend })
+}
+
+/// Names of the groups of stages in the order in which they are drawn.
+pub fn stage_group_names() -> impl Iterator<Item = &'static str> {
+    STAGE_GROUPS.iter().map(|(name, ..)| *name)
+}
