@@ -100,6 +100,12 @@ fn study(options: &Options) -> Result<Study, ReportError> {
             measured.push(measure::measure(scene, &truth, configuration));
             progress.inc(1);
         }
+        // In turns, so that a disturbance does not hit all times of one configuration.
+        let of_scene = measured.len() - configurations.len();
+        for _ in 1..measure::rounds(scene, options.extent()) {
+            progress.set_message(format!("{}: times", scene.name));
+            measured[of_scene..].iter_mut().for_each(|one| one.time_again(scene));
+        }
     }
     let mut scaling: Vec<ScalingRow> = Vec::new();
     for &size in sizes {

@@ -5,6 +5,7 @@ use std::{collections::HashMap, time::Duration};
 
 use bevy_circumsphere::{
     ContactMethod,
+    detection::StageDiagnostics,
     kernel::{
         contact::{CompactContact, feature_number},
         exact::Feature,
@@ -15,14 +16,19 @@ use serde::Serialize;
 
 use super::{
     configurations::{Configuration, estimator_name},
+    options::Extent,
     player::{Memory, PlayedTick, TickCost, play},
     scene::Scene,
     statistics::{Spread, mean, median},
     truth::{BAND, PairName, TrueTick},
 };
 
-/// A configuration is played again until it has been timed this often, where a scene has fewer ticks.
+/// In how many ticks a configuration is timed at least, where a scene has fewer, by playing it again.
 const TIMED_TICKS: usize = 5;
+
+/// Two contacts of one pair of triangles whose distances are nearer to each other than this share of its size are
+/// taken for the same: single precision tells distances apart to some 1e-7 of it.
+const SAME_FEATURES: f64 = 1.0e-5;
 
 /// One line of `measures.csv`. Rates are shares from 0 to 1, angles degrees; a column whose name starts with `time` is
 /// a time, and nothing else differs between two runs on one machine.
@@ -75,7 +81,7 @@ pub struct MeasureRow {
     pub normal_error_median: Option<f64>,
     pub normal_error_p99: Option<f64>,
     pub normal_error_max: Option<f64>,
-    /// Found pairs that do not cross and of whose features no contact is reported.
+    /// Found pairs that do not cross and of whose closest features no contact is reported.
     pub pairs_without_contact: usize,
     /// 1 − |both ticks| / |either tick|, of contact keys and of touching pairs, mean over ticks.
     pub contact_churn: Option<f64>,
@@ -92,7 +98,7 @@ pub struct MeasureRow {
     pub bytes_per_triangle: f64,
     pub bytes_per_candidate: Option<f64>,
     pub bytes_per_contact: Option<f64>,
-    /// Median over ticks, the first left out where there are others.
+    /// Median over ticks, the first left out where there are others; of each tick the fastest round.
     pub time_ms: f64,
 }
 
@@ -114,6 +120,8 @@ pub struct Measured {
     pub configuration: Configuration,
     pub row: MeasureRow,
     pub stages: Vec<StageRow>,
+    /// What each tick cost, round by round.
+    rounds: Vec<Vec<TickCost>>,
 }
 
 pub fn milliseconds(duration: Duration) -> f64 {
@@ -124,22 +132,27 @@ fn share(part: usize, whole: usize) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
 
+/// How often to time a scene: other programs disturb, and the fastest of a tick's times is the least disturbed one.
+pub fn rounds(scene: &Scene, extent: Extent) -> usize {
+    let least = match extent {
+        Extent::Smoke => 1,
+        Extent::Quick => 2,
+        Extent::Full => 3,
+    };
+    least.max(TIMED_TICKS.div_ceil(scene.ticks()))
+}
+
 /// Plays a scene with a configuration and compares it with the truth, which must reach as far.
 pub fn measure(scene: &Scene, truth: &[TrueTick], configuration: &Configuration) -> Measured {
     let Configuration { method, settings, distance_edges, .. } = *configuration;
     let mut errors = Errors::new(scene, distance_edges, method);
     let mut steadiness = Steadiness::default();
-    let (mut costs, memory) = play(scene, method, settings, distance_edges, |played| {
+    let (costs, memory) = play(scene, method, settings, distance_edges, |played| {
         steadiness.add(played);
         if let Ok(place) = scene.measured.binary_search(&played.tick) {
             errors.add(played, &truth[place]);
         }
     });
-    let first_round = costs.len();
-    while costs.len() < TIMED_TICKS {
-        costs.extend(play(scene, method, settings, distance_edges, |_| ()).0);
-    }
-
     let mut row = MeasureRow {
         scene: scene.name.clone(),
         configuration: configuration.name.clone(),
@@ -147,7 +160,6 @@ pub fn measure(scene: &Scene, truth: &[TrueTick], configuration: &Configuration)
         contact_distance_edges: distance_edges,
         ticks: scene.ticks(),
         ticks_measured: scene.measured.len(),
-        time_ms: steady_median(scene.ticks(), &costs, |cost| Some(milliseconds(cost.total))).unwrap_or_default(),
         ..MeasureRow::default()
     };
     if method == ContactMethod::Circumsphere {
@@ -159,15 +171,40 @@ pub fn measure(scene: &Scene, truth: &[TrueTick], configuration: &Configuration)
     }
     errors.write(&mut row);
     steadiness.write(&mut row);
-    write_costs(scene, &costs[..first_round], memory, &mut row);
-    let stages = stage_rows(&row, scene, &costs);
-    Measured { configuration: configuration.clone(), row, stages }
+    write_costs(scene, &costs, memory, &mut row);
+    let stages = stage_rows(&row, &costs);
+    let mut measured = Measured { configuration: configuration.clone(), row, stages, rounds: vec![costs] };
+    measured.set_times();
+    measured
 }
 
-/// Median over all ticks but the first of each round, where a round has others.
-fn steady_median(ticks: usize, costs: &[TickCost], value: impl Fn(&TickCost) -> Option<f64>) -> Option<f64> {
-    let is_steady = |&(place, _): &(usize, &TickCost)| ticks == 1 || place % ticks != 0;
-    median(costs.iter().enumerate().filter(is_steady).filter_map(|(_, cost)| value(cost)).collect())
+impl Measured {
+    /// Plays the scene once more for the times alone.
+    pub fn time_again(&mut self, scene: &Scene) {
+        let Configuration { method, settings, distance_edges, .. } = self.configuration;
+        self.rounds.push(play(scene, method, settings, distance_edges, |_| ()).0);
+        self.set_times();
+    }
+
+    fn set_times(&mut self) {
+        let rounds = &self.rounds;
+        self.row.time_ms = steady_median(rounds, |cost| Some(cost.total)).unwrap_or_default();
+        for stage in &mut self.stages {
+            let time = |cost: &TickCost| find_stage(cost, stage.stage).map(|found| found.duration);
+            stage.time_ms = steady_median(rounds, time).unwrap_or_default();
+        }
+    }
+}
+
+/// Milliseconds: the fastest round of each tick, median over all ticks but the first, where there are others.
+fn steady_median(rounds: &[Vec<TickCost>], value: impl Fn(&TickCost) -> Option<Duration>) -> Option<f64> {
+    let ticks = rounds[0].len();
+    let fastest = |tick: usize| rounds.iter().filter_map(|costs| value(&costs[tick])).min().map(milliseconds);
+    median((usize::from(ticks > 1)..ticks).filter_map(fastest).collect())
+}
+
+fn find_stage<'a>(cost: &'a TickCost, name: &str) -> Option<&'a StageDiagnostics> {
+    cost.stages.iter().find(|stage| stage.name == name)
 }
 
 fn write_costs(scene: &Scene, costs: &[TickCost], memory: Memory, row: &mut MeasureRow) {
@@ -184,21 +221,18 @@ fn write_costs(scene: &Scene, costs: &[TickCost], memory: Memory, row: &mut Meas
     row.bytes_per_contact = last.and_then(|cost| share(memory.contact_lists, cost.contacts));
 }
 
-fn stage_rows(row: &MeasureRow, scene: &Scene, costs: &[TickCost]) -> Vec<StageRow> {
+fn stage_rows(row: &MeasureRow, costs: &[TickCost]) -> Vec<StageRow> {
     let mut names: Vec<&'static str> = Vec::new();
     for stage in costs.iter().flat_map(|cost| &cost.stages) {
         if !names.contains(&stage.name) {
             names.push(stage.name);
         }
     }
-    let find = |cost: &TickCost, name: &str| cost.stages.iter().find(|stage| stage.name == name).copied();
     names
         .into_iter()
         .map(|name| {
-            let first_round = &costs[..scene.ticks()];
-            let pairs = |value: fn(&bevy_circumsphere::detection::StageDiagnostics) -> usize| {
-                let counts = first_round.iter().map(|cost| find(cost, name).map_or(0, |stage| value(&stage)) as f64);
-                mean(counts).unwrap_or_default()
+            let pairs = |value: fn(&StageDiagnostics) -> usize| {
+                mean(costs.iter().map(|cost| find_stage(cost, name).map_or(0, value) as f64)).unwrap_or_default()
             };
             StageRow {
                 scene: row.scene.clone(),
@@ -208,10 +242,7 @@ fn stage_rows(row: &MeasureRow, scene: &Scene, costs: &[TickCost]) -> Vec<StageR
                 stage: name,
                 pairs_in_per_tick: pairs(|stage| stage.pairs_in),
                 pairs_out_per_tick: pairs(|stage| stage.pairs_out),
-                time_ms: steady_median(scene.ticks(), costs, |cost| {
-                    find(cost, name).map(|stage| milliseconds(stage.duration))
-                })
-                .unwrap_or_default(),
+                time_ms: 0.0,
             }
         })
         .collect()
@@ -307,8 +338,15 @@ impl<'a> Errors<'a> {
             separations.push((found_distance - pair.distance).abs() / self.distance.max(pair.size));
             if let Some(direction) = pair.direction {
                 match normals.of(pair.name, self.exact) {
-                    Some((normal, distance)) => self.normals.push(normal_error(normal, distance, direction)),
-                    None => self.without_contact += 1,
+                    // Of exact features, the contact has to be the one of the closest.
+                    Some((normal, distance))
+                        if !self.exact
+                            || (distance.abs() - pair.distance).abs()
+                                <= SAME_FEATURES * self.distance.max(pair.size) =>
+                    {
+                        self.normals.push(normal_error(normal, distance, direction));
+                    }
+                    _ => self.without_contact += 1,
                 }
             }
         }

@@ -1,14 +1,14 @@
 //! The report's plots, each as SVG and as PNG, in colors that the color-blind can tell apart (Okabe and Ito, 2008) and
 //! with another shape or dash for each series.
 
-use std::{fs, path::Path};
+use std::{fs, path::Path, sync::Arc};
 
 use bevy_circumsphere::ContactMethod;
 use kuva::{
     backend::{raster::RasterBackend, svg::SvgBackend},
     prelude::{
-        BarPlot, Figure, Layout, LegendEntry, LegendPosition, LegendShape, LinePlot, LineStyle, MarkerShape, Plot,
-        ScatterPlot,
+        BarPlot, Figure, Layout, LegendEntry, LegendPlot, LegendShape, LinePlot, LineStyle, MarkerShape, Plot,
+        ScatterPlot, TickFormat,
     },
 };
 
@@ -50,7 +50,7 @@ pub struct Drawn {
     pub shows: &'static str,
 }
 
-/// The panels of a figure in rows, and the legend below them.
+/// The panels of a figure in rows, and the legend in a cell after them.
 struct Sheet {
     columns: usize,
     panel: (f64, f64),
@@ -61,16 +61,30 @@ struct Sheet {
 
 impl Sheet {
     fn write(self, folder: &Path, name: &str) -> Result<(), ReportError> {
-        let (plots, layouts): (Vec<_>, Vec<_>) = self.panels.into_iter().unzip();
-        let rows = plots.len().div_ceil(self.columns);
+        let (mut plots, mut layouts): (Vec<_>, Vec<_>) = self.panels.into_iter().unzip();
+        // A full grid has its legend in a row below, as wide as all of it; any other has a cell to spare.
+        let is_full = plots.len() % self.columns == 0;
+        let rows = plots.len() / self.columns + 1;
+        let mut structure: Vec<Vec<usize>> = (0..plots.len()).map(|cell| vec![cell]).collect();
+        structure.push((plots.len()..rows * self.columns).collect());
+        let mut legend = LegendPlot::from_entries(self.legend.clone()).without_box();
+        let width = self.panel.0 * self.columns as f64;
+        let longest = self.legend.iter().map(|entry| entry.label.chars().count()).max().unwrap_or(0) as f64;
+        let legend_columns = if is_full { (width / (9.0 * longest + 45.0)).max(1.0) as usize } else { 1 };
+        let legend_rows = self.legend.len().div_ceil(legend_columns);
+        legend = legend.with_cols(legend_columns);
+        let legend: Vec<Plot> = vec![legend.into()];
+        layouts.push(layout(&legend, "", "", ""));
+        plots.push(legend);
         let mut figure = Figure::new(rows, self.columns)
+            .with_structure(structure)
             .with_cell_size(self.panel.0, self.panel.1)
             .with_title(self.title)
             .with_title_size(18)
             .with_plots(plots)
             .with_layouts(layouts);
-        if !self.legend.is_empty() {
-            figure = figure.with_shared_legend_entries(self.legend).with_shared_legend_bottom();
+        if is_full {
+            figure = figure.with_row_height(rows - 1, 60.0 + 22.0 * legend_rows as f64);
         }
         let scene = figure.render();
         let svg = folder.join(format!("{name}.svg"));
@@ -116,6 +130,14 @@ fn marked_line(points: &[(f64, f64)], color: &str, style: LineStyle, shape: Mark
     [line.with_line_style(style).into(), marks.into()]
 }
 
+/// Powers of ten and what lies between, without exponents.
+fn plain_numbers() -> TickFormat {
+    TickFormat::Custom(Arc::new(|value| {
+        let rounded = format!("{value:.3}");
+        rounded.trim_end_matches('0').trim_end_matches('.').to_owned()
+    }))
+}
+
 fn percent(share: Option<f64>) -> Option<f64> {
     share.map(|share| 100.0 * share)
 }
@@ -144,7 +166,7 @@ fn group(configuration: &super::configurations::Configuration) -> usize {
 fn group_legend() -> Vec<LegendEntry> {
     let mut entries: Vec<LegendEntry> =
         GROUPS.iter().map(|&(label, color, shape, _)| marker_entry(label, color, shape)).collect();
-    entries.push(line_entry("Pareto front", BLACK, &LineStyle::Dashed));
+    entries.push(line_entry("Pareto front (ringed)", BLACK, &LineStyle::Dashed));
     entries
 }
 
@@ -153,8 +175,10 @@ fn speed_error_panel(points: &[(usize, f64, f64)], title: &str, x: &str, y: &str
     let mut plots: Vec<Plot> = Vec::new();
     let places: Vec<(f64, f64)> = points.iter().map(|&(_, time, error)| (time, error)).collect();
     let front: Vec<(f64, f64)> = pareto_front(&places).into_iter().map(|place| places[place]).collect();
-    let line = LinePlot::new().with_data(front).with_color(BLACK).with_stroke_width(1.2).with_step();
+    let line = LinePlot::new().with_data(front.clone()).with_color(BLACK).with_stroke_width(1.2).with_step();
     plots.push(line.with_line_style(LineStyle::Dashed).into());
+    let rings = ScatterPlot::new().with_data(front).with_color(BLACK).with_size(10.0);
+    plots.push(rings.with_marker_opacity(0.0).with_marker_stroke_width(1.5).into());
     for (number, &(_, color, shape, size)) in GROUPS.iter().enumerate() {
         let own: Vec<(f64, f64)> =
             points.iter().filter(|point| point.0 == number).map(|&(_, time, error)| (time, error)).collect();
@@ -168,7 +192,8 @@ fn speed_error_panel(points: &[(usize, f64, f64)], title: &str, x: &str, y: &str
     let layout = layout(&plots, title, x, y)
         .with_x_axis_min(0.0)
         .with_x_axis_max(right)
-        .with_y_axis_min(0.0)
+        // Room for the markers of what has no error.
+        .with_y_axis_min(-0.05 * top)
         .with_y_axis_max(top);
     (plots, layout)
 }
@@ -216,8 +241,8 @@ fn speed_vs_error(study: &Study) -> Option<Sheet> {
         })
         .collect();
     Some(Sheet {
-        columns: 3,
-        panel: (440.0, 340.0),
+        columns: 2,
+        panel: (470.0, 340.0),
         title: format!("Speed against error, mean of {} scenes, contact distance {distance} edges", study.scenes.len()),
         panels,
         legend: group_legend(),
@@ -249,11 +274,9 @@ fn speed_vs_error_by_scene(study: &Study) -> Option<Sheet> {
 
 /// Panels of all error measures over a setting, one line for each series; nothing where no series has two points.
 fn error_lines(
-    study: &Study,
     x: &str,
     series: &[(String, &str, usize, Vec<(f64, &Pooled)>)],
 ) -> Option<(Vec<(Vec<Plot>, Layout)>, Vec<LegendEntry>)> {
-    let _ = study;
     if series.iter().all(|(.., points)| points.len() < 2) {
         return None;
     }
@@ -269,8 +292,10 @@ fn error_lines(
             (plots, layout)
         })
         .collect();
-    let legend = series.iter().map(|(name, color, dash, _)| line_entry(name, color, &DASHES[*dash])).collect();
-    Some((panels, legend))
+    let entry = |(number, (name, color, ..)): (usize, &(String, &str, usize, Vec<(f64, &Pooled)>))| {
+        marker_entry(name, color, SHAPES[number % SHAPES.len()])
+    };
+    Some((panels, series.iter().enumerate().map(entry).collect()))
 }
 
 fn error_vs_phi(study: &Study) -> Option<Sheet> {
@@ -297,9 +322,9 @@ fn error_vs_phi(study: &Study) -> Option<Sheet> {
         }
     }
     series.retain(|(.., points)| points.len() > 1);
-    let (panels, legend) = error_lines(study, "φ (center height in radii)", &series)?;
+    let (panels, legend) = error_lines("φ (center height in radii)", &series)?;
     let title = "Circumsphere: error against φ, mean of all scenes".to_owned();
-    Some(Sheet { columns: 3, panel: (440.0, 340.0), title, panels, legend })
+    Some(Sheet { columns: 2, panel: (470.0, 340.0), title, panels, legend })
 }
 
 fn error_vs_curvature(study: &Study) -> Option<Sheet> {
@@ -326,9 +351,9 @@ fn error_vs_curvature(study: &Study) -> Option<Sheet> {
     for (.., points) in &mut series {
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
     }
-    let (panels, legend) = error_lines(study, "curvature threshold (curvature × radius)", &series)?;
+    let (panels, legend) = error_lines("curvature threshold (curvature × radius)", &series)?;
     let title = "Circumsphere: error against curvature estimator and threshold, mean of all scenes".to_owned();
-    Some(Sheet { columns: 3, panel: (440.0, 340.0), title, panels, legend })
+    Some(Sheet { columns: 2, panel: (470.0, 340.0), title, panels, legend })
 }
 
 /// What is drawn against δ: the axis, and the measure of a scene.
@@ -365,13 +390,10 @@ fn error_vs_delta(study: &Study) -> Option<Sheet> {
             (plots, layout)
         })
         .collect();
-    let legend = scenes
-        .iter()
-        .enumerate()
-        .map(|(number, scene)| line_entry(scene, COLORS[number], &DASHES[number % DASHES.len()]))
-        .collect();
+    let legend =
+        scenes.iter().enumerate().map(|(number, scene)| marker_entry(scene, COLORS[number], SHAPES[number])).collect();
     let title = "Circumsphere: error and refresh cost against δ, deforming scenes".to_owned();
-    Some(Sheet { columns: 2, panel: (520.0, 320.0), title, panels, legend })
+    Some(Sheet { columns: 2, panel: (470.0, 320.0), title, panels, legend })
 }
 
 fn time_vs_triangles(study: &Study) -> Option<Sheet> {
@@ -392,9 +414,10 @@ fn time_vs_triangles(study: &Study) -> Option<Sheet> {
         plots.extend(marked_line(&points, colors[number], DASHES[number].clone(), SHAPES[number]));
         let slope =
             scaling::slope(&study.scaling, method).map_or_else(String::new, |slope| format!(", slope {slope:.2}"));
-        legend.push(line_entry(&(name + &slope), colors[number], &DASHES[number]));
+        legend.push(marker_entry(&(name + &slope), colors[number], SHAPES[number]));
     }
-    let layout = layout(&plots, "", "triangles", "time per tick (ms)").with_log_scale();
+    let layout =
+        layout(&plots, "", "triangles", "time per tick (ms)").with_log_scale().with_tick_format(plain_numbers());
     let title = format!("Time against number of triangles, contact distance {DEFAULT_DISTANCE} edges");
     Some(Sheet { columns: 1, panel: (760.0, 480.0), title, panels: vec![(plots, layout)], legend })
 }
@@ -456,7 +479,6 @@ fn time_by_stage(study: &Study) -> Option<Sheet> {
             dasharray: None,
         })
         .collect();
-    let _ = LegendPosition::default();
     let title = format!("Time by stage, mean of all scenes, contact distance {} edges", study.center_distance());
     Some(Sheet { columns: 1, panel: (760.0, 460.0), title, panels: vec![(plots, layout)], legend })
 }

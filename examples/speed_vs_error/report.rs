@@ -283,7 +283,7 @@ impl Text<'_> {
         writeln!(
             out,
             "{unique} configurations through the plugin in a headless app: all four methods at contact distances of \
-             {} mean edges (of the finest body); `Circumsphere` over φ × plane cull at {}, and over estimator × \
+             {} mean edges (of the body in the middle); `Circumsphere` over φ × plane cull at {}, and over estimator × \
              threshold and over δ at {} edges, one factor at a time around the defaults. Costs, churn and jumps are of \
              every tick, errors of the measured ones. Closed bodies are one-sided, sheets and recordings two-sided.\n",
             distances.join(", "),

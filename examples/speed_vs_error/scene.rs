@@ -122,9 +122,12 @@ impl Scene {
         self.bodies.iter().map(|body| body.triangles.len()).sum()
     }
 
-    /// Mean edge of the finest body, which contact distances are multiples of.
+    /// Mean edge of the middle one of the bodies, in the order of their mean edges: contact distances are multiples of
+    /// it. Neither a single coarse ground nor a single fine trinket decides.
     pub fn mean_edge(&self) -> f64 {
-        self.bodies.iter().map(|body| body.mean_edge).fold(f64::INFINITY, f64::min)
+        let mut edges: Vec<f64> = self.bodies.iter().map(|body| body.mean_edge).collect();
+        edges.sort_by(f64::total_cmp);
+        edges[(edges.len() - 1) / 2]
     }
 
     /// What a body's thickness has to be for a contact distance in mean edges, and that distance as it then is.

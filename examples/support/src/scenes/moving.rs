@@ -152,11 +152,10 @@ fn body(
     MovingBody { ticks: (0..ticks).map(at).collect(), triangles: mesh.triangles, is_closed, touches_itself }
 }
 
-/// The embedded recording from before the first touch to the end, cut into its three bodies.
+/// The end of the embedded recording, every other frame, cut into its three bodies.
 fn cloth_over_ball(recording: &Recording, ticks: usize) -> MovingScene {
-    // Before this frame nothing touches.
-    let (first, last) = (36, recording.frames.len() - 1);
-    let frame = |tick: usize| if ticks > 1 { first + (last - first) * tick / (ticks - 1) } else { last };
+    let last = recording.frames.len() - 1;
+    let frame = |tick: usize| last.saturating_sub(2 * (ticks - 1 - tick));
     let part = |vertices: std::ops::Range<usize>, triangles: std::ops::Range<usize>, is_closed: bool| MovingBody {
         triangles: recording.triangles[triangles]
             .iter()
