@@ -42,12 +42,17 @@ pub fn truth(scene: &Scene, distance_edges: f64) -> Vec<TrueTick> {
     let mut ticks: Vec<TrueTick> = vec![TrueTick::new(); scene.measured.len()];
     let share = scene.measured.len().div_ceil(threads);
     thread::scope(|scope| {
-        for (numbers, ticks) in scene.measured.chunks(share).zip(ticks.chunks_mut(share)) {
+        let work = scene.measured.chunks(share).zip(ticks.chunks_mut(share)).map(|(numbers, ticks)| {
             scope.spawn(move || {
                 for (&tick, pairs) in numbers.iter().zip(ticks) {
                     *pairs = true_tick(scene, tick, distance_edges);
                 }
-            });
+            })
+        });
+        // Joined one by one: the end of the scope does not wait until a thread has given back its last bytes, and the
+        // heap is about to be measured.
+        for thread in work.collect::<Vec<_>>() {
+            thread.join().expect("the reference does not panic");
         }
     });
     ticks
