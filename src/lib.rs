@@ -22,8 +22,8 @@ pub mod prelude {
 
     pub use crate::{
         contacts::{
-            Contact, ContactSide, StencilEntry, SurfaceContactEnded, SurfaceContactStarted, SurfaceContacts,
-            SurfaceQuarantined,
+            Contact, ContactSide, SmoothNormals, StencilEntry, SurfaceContactEnded, SurfaceContactStarted,
+            SurfaceContacts, SurfaceQuarantined,
         },
         kernel::{
             contact::ContactKey,

@@ -2,7 +2,7 @@
 
 use bevy_ecs::prelude::*;
 
-use crate::kernel::{circumsphere::RecipeSettings, curvature::CurvatureEstimator};
+use crate::kernel::{circumsphere::RecipeSettings, curvature::CurvatureEstimator, smooth_normal::CreaseAngle};
 
 /// How surfaces are tested. You need not touch this: the defaults miss no contact.
 ///
@@ -28,6 +28,10 @@ pub struct CircumsphereSettings {
     /// How curvature is estimated. Default: signed edge curvature, which holds on stretched meshes. Only for the
     /// `Circumsphere` method.
     pub estimator: CurvatureEstimator,
+    /// Angle between the normals of two faces, in radians, at which their edge is a crease to
+    /// [smooth normals](crate::SmoothNormals). 0 (every edge is one) to π. Up to half of it an edge is smooth; in between
+    /// it fades. Default 1, or 57°: box edges stay sharp, spheres of 80 triangles become round.
+    pub crease_angle: f32,
     /// How many threads may work on one tick, the calling one included. 1 never touches a task pool. Default 0: as
     /// many as Bevy's compute task pool has, where the app has one. Contacts are the same for any number.
     pub threads: usize,
@@ -42,6 +46,7 @@ impl Default for CircumsphereSettings {
             plane_cull: true,
             delta: 0.7,
             estimator: CurvatureEstimator::SignedEdge,
+            crease_angle: 1.0,
             threads: 0,
         }
     }
@@ -51,6 +56,11 @@ impl CircumsphereSettings {
     /// The margin, in range.
     pub(crate) fn margin(&self) -> f32 {
         if self.margin.is_finite() { self.margin.max(0.0) } else { 0.0 }
+    }
+
+    /// Which edges are creases.
+    pub(crate) fn crease(&self) -> CreaseAngle {
+        CreaseAngle::new(if self.crease_angle.is_nan() { Self::default().crease_angle } else { self.crease_angle })
     }
 
     /// What shapes the spheres, in range.

@@ -21,7 +21,7 @@ use crate::{
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod},
+    surface::{ActiveSurface, ActiveSurfaces, ContactMethod},
 };
 
 /// Gathers contacts into the [`ContactStore`].
@@ -100,14 +100,19 @@ fn gather_contacts(
 
 fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore, found: &FoundPairs) -> StoredPair {
     let first = &active.surfaces[pair.first];
-    let (b, topology_b, events_b, order_b) = match pair.second {
+    // Behind a surface's own face may be just the other side of a thin wall.
+    let has_inside = |surface: &ActiveSurface| surface.one_sided && !pair.is_self();
+    let (b, topology_b, shape, pose_b, one_sided_b, events_b, order_b) = match pair.second {
         OtherSide::Surface(second) => {
             let second = &active.surfaces[second];
-            (ContactSide::Surface(second.entity), Some(Arc::clone(&second.topology)), second.events, second.order)
+            let topology = Some(Arc::clone(&second.topology));
+            let one_sided = has_inside(second);
+            (ContactSide::Surface(second.entity), topology, None, second.pose, one_sided, second.events, second.order)
         }
         OtherSide::Shape(place) => {
             let shape = &active.shapes[place];
-            (ContactSide::Shape(shape.entity), None, shape.events, shape.order)
+            let geometry = Some(Arc::clone(&shape.geometry));
+            (ContactSide::Shape(shape.entity), None, geometry, shape.pose, true, shape.events, shape.order)
         }
     };
     StoredPair {
@@ -120,6 +125,9 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore
         frame_pose: pair.frame_pose,
         topology_a: Arc::clone(&first.topology),
         topology_b,
+        shape,
+        poses: [first.pose, pose_b],
+        one_sided: [has_inside(first), one_sided_b],
         events: [first.events, events_b],
         order: (matches!(pair.second, OtherSide::Shape(_)), first.order, order_b),
     }

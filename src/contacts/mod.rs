@@ -8,5 +8,5 @@ mod store;
 pub(crate) use events::EVENT_HYSTERESIS;
 pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted, SurfaceQuarantined};
 pub use gather::ContactsPlugin;
-pub use reading::{Contact, StencilEntry, SurfaceContacts};
+pub use reading::{Contact, SmoothNormals, StencilEntry, SurfaceContacts};
 pub use store::{ContactSide, ContactStore, StoredPair};

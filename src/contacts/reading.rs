@@ -5,11 +5,16 @@ use bevy_ecs::{prelude::*, system::SystemParam};
 use glam::Vec3;
 
 use super::store::{ContactSide, ContactStore, StoredPair};
-use crate::kernel::{
-    contact::{CompactContact, ContactKey},
-    exact::{Feature, FeatureKind},
-    ids::{TriangleId, VertexId},
-    topology::SurfaceTopology,
+use crate::{
+    kernel::{
+        contact::{CompactContact, ContactKey},
+        exact::{Feature, FeatureKind},
+        ids::{TriangleId, VertexId},
+        smooth_normal::{CreaseAngle, NormalCone, SurfacePlace, smooth_normal},
+        topology::SurfaceTopology,
+    },
+    settings::CircumsphereSettings,
+    surface::SurfacePositions,
 };
 
 /// Reads the contacts of the last detection. Does not borrow positions, so a solver can write them meanwhile.
@@ -48,6 +53,39 @@ impl SurfaceContacts<'_> {
 
     fn contacts<'a>(&'a self, pair: &'a StoredPair, swapped: bool) -> impl Iterator<Item = Contact<'a>> {
         self.store.contacts[pair.contacts.clone()].iter().map(move |record| Contact { pair, record, swapped })
+    }
+}
+
+/// Gives contacts smooth normals: those of the curved surfaces that meshes stand for, without the bumps that inner edges
+/// give. Nothing is computed but what is asked for, and nothing is stored.
+///
+/// A body that slides over a mesh meets its inner edges and vertices too, and the exact [normals](Contact::normal) there
+/// lean against it. The smooth normal turns steadily from face to face, is exactly the plane's on flat ground, and leaves
+/// creases as they are: see [`CircumsphereSettings::crease_angle`]. The separation stays that of the exact normal.
+///
+/// ```
+/// # use bevy_circumsphere::prelude::*;
+/// fn push_out(contacts: SurfaceContacts, smooth_normals: SmoothNormals) {
+///     for contact in contacts.iter() {
+///         let push = smooth_normals.of(&contact) * -contact.separation();
+///         // ...move the first side by it
+///         # let _ = push;
+///     }
+/// }
+/// # bevy_ecs::system::IntoSystem::into_system(push_out);
+/// ```
+#[derive(SystemParam)]
+pub struct SmoothNormals<'w, 's> {
+    settings: Res<'w, CircumsphereSettings>,
+    surfaces: Query<'w, 's, &'static SurfacePositions>,
+}
+
+impl SmoothNormals<'_, '_> {
+    /// The world unit normal from the second side of a contact to the first, see [`Contact::smooth_normal`].
+    #[must_use]
+    pub fn of(&self, contact: &Contact<'_>) -> Vec3 {
+        let positions = |entity| self.surfaces.get(entity).ok().map(|positions| positions.0.as_slice());
+        contact.smooth_normal(positions, self.settings.crease())
     }
 }
 
@@ -143,6 +181,46 @@ impl Contact<'_> {
     pub fn normal(&self) -> Vec3 {
         let normal = self.pair.frame_pose.transform_direction(self.record.normal.as_dvec3()).as_vec3();
         if self.swapped { -normal } else { normal }
+    }
+
+    /// World unit normal from the second side to the first, of the curved surfaces that the two meshes stand for. What
+    /// [`SmoothNormals`] gives, for systems that have the surfaces' positions already: `positions` finds those of a
+    /// surface, in its own frame. An edge bent by `crease` or more stays sharp.
+    ///
+    /// The exact [normal](Self::normal) where there is no telling: where an edge of the contact has more than two
+    /// triangles, a triangle no area, a surface no positions any more, and where the smooth normals of the two sides do
+    /// not fit together. Never more than a right angle from the exact one.
+    #[must_use]
+    pub fn smooth_normal<'p>(&self, positions: impl Fn(Entity) -> Option<&'p [Vec3]>, crease: CreaseAngle) -> Vec3 {
+        let (pair, record) = (self.pair, self.record);
+        let exact = pair.frame_pose.transform_direction(record.normal.as_dvec3());
+        let cone = |side: usize, topology: &SurfaceTopology| {
+            let (entity, triangle, feature, weights) = match side {
+                0 => (pair.a.entity(), record.triangle_a, record.features.a, record.barycentric_a),
+                _ => (pair.b.entity(), record.triangle_b, record.features.b, record.barycentric_b),
+            };
+            let positions = positions(entity).filter(|positions| positions.len() == topology.vertex_count())?;
+            let barycentric = complete(feature, weights).map(f64::from);
+            let one_sided = pair.one_sided[side];
+            let place = SurfacePlace { topology, positions, triangle, feature, one_sided, barycentric };
+            Some(NormalCone::of(&place, crease).moved(&pair.poses[side]))
+        };
+        let known = |cone: Option<NormalCone>| cone.unwrap_or_else(NormalCone::anything);
+        let cone_a = known(cone(0, &pair.topology_a));
+        let cone_b = match (&pair.topology_b, &pair.shape) {
+            (Some(topology), _) => known(cone(1, topology)),
+            (None, Some(shape)) => {
+                // A direction that the surface's facets rule out would only bring the bump back.
+                let outward = -cone_a.nearest_unsmoothed(-exact);
+                let inverse = pair.poses[1].inverse();
+                let outward = inverse.transform_direction(outward).normalize_or_zero();
+                shape.normal_cone(record.triangle_b, outward).moved(&pair.poses[1])
+            }
+            (None, None) => NormalCone::anything(),
+        };
+        let smooth = smooth_normal(exact, &cone_a, &cone_b);
+        let smooth = smooth.as_vec3();
+        if self.swapped { -smooth } else { smooth }
     }
 
     /// The contact points on the first and the second side, in the world.

@@ -6,6 +6,7 @@ use bevy_ecs::prelude::*;
 
 use crate::kernel::{
     contact::{CompactContact, TouchingPair},
+    exact::rigid_shape::ShapeGeometry,
     pose::Pose,
     topology::SurfaceTopology,
 };
@@ -48,6 +49,12 @@ pub struct StoredPair {
     pub frame_pose: Pose,
     pub(crate) topology_a: Arc<SurfaceTopology>,
     pub(crate) topology_b: Option<Arc<SurfaceTopology>>,
+    /// The second side, where it is a rigid shape.
+    pub(crate) shape: Option<Arc<ShapeGeometry>>,
+    /// Where both sides stand in the world.
+    pub(crate) poses: [Pose; 2],
+    /// Whether the surfaces have an inside, as far as this pair goes.
+    pub(crate) one_sided: [bool; 2],
     pub(crate) events: [bool; 2],
     /// Sorts pairs as the store does: those with a shape last, then by the order of both sides.
     pub(crate) order: PairOrder,

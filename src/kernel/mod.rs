@@ -16,6 +16,7 @@ pub mod pose;
 
 pub mod reference;
 pub mod refine;
+pub mod smooth_normal;
 pub mod sphere_pairs;
 pub mod topology;
 pub mod tree;

@@ -18,7 +18,12 @@ use super::{
     side::face_normal,
     triangle_pair::{PairProximity, Proximity, examine_pair},
 };
-use crate::kernel::{bounds::Aabb, topology::SurfaceTopology};
+use crate::kernel::{
+    bounds::Aabb,
+    ids::{EdgeId, VertexId},
+    smooth_normal::NormalCone,
+    topology::SurfaceTopology,
+};
 
 /// How far the shape may reach beyond the plane through a contact's point, square to its normal, relative to the shape's
 /// size. A contact beyond is not the way out but through the shape, on its far side. Far above what f32 corners tilt the
@@ -57,6 +62,17 @@ pub enum ShapeGeometry {
     Polytope(Box<ConvexPolytope>),
     /// Any other shape.
     Other(SharedShape),
+}
+
+impl core::fmt::Debug for ShapeGeometry {
+    fn fmt(&self, formatter: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        formatter.write_str(match self {
+            Self::Rounded { .. } => "Rounded",
+            Self::HalfSpace { .. } => "HalfSpace",
+            Self::Polytope(_) => "Polytope",
+            Self::Other(_) => "Other",
+        })
+    }
 }
 
 /// A convex polyhedron as a closed triangle mesh with the planes of its faces.
@@ -156,6 +172,18 @@ impl ShapeGeometry {
                 let bounds = shape.compute_local_aabb();
                 Some(Aabb { min: bounds.mins, max: bounds.maxs })
             }
+        }
+    }
+
+    /// The directions in which a contact at `shape_feature` may point out of the shape, given the one that it does: of a
+    /// box, its faces' normals there. Any direction where the shape is asked through parry, which does not tell.
+    #[must_use]
+    pub fn normal_cone(&self, shape_feature: u32, outward: DVec3) -> NormalCone {
+        match self {
+            Self::Rounded { radius, .. } => NormalCone::single(outward, radius.recip()),
+            Self::HalfSpace { normal } => NormalCone::single(*normal, 0.0),
+            Self::Polytope(polytope) => polytope.normal_cone(shape_feature),
+            Self::Other(_) => NormalCone::anything(),
         }
     }
 
@@ -392,6 +420,19 @@ impl ConvexPolytope {
         let away = triangle[0] - self.center;
         let oriented = if normal.dot(away) < 0.0 { -normal } else { normal };
         oriented.try_normalize().unwrap_or(self.normals[face])
+    }
+
+    fn normal_cone(&self, feature_number: u32) -> NormalCone {
+        let (faces, edges) = (self.corners.len() as u32, self.topology.edges().len() as u32);
+        let own = [feature_number];
+        let around = if feature_number < faces {
+            &own
+        } else if feature_number < faces + edges {
+            self.topology.triangles_of_edge(EdgeId(feature_number - faces))
+        } else {
+            self.topology.triangles_of_vertex(VertexId(feature_number - faces - edges))
+        };
+        NormalCone::between(around.iter().map(|face| self.normals[*face as usize]))
     }
 
     /// Faces come first, then edges, then vertices.
