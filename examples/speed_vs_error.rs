@@ -22,6 +22,8 @@ mod report;
 mod scaling;
 #[path = "speed_vs_error/scene.rs"]
 mod scene;
+#[path = "speed_vs_error/sliding.rs"]
+mod sliding;
 #[path = "speed_vs_error/statistics.rs"]
 mod statistics;
 #[path = "speed_vs_error/tables.rs"]
@@ -34,11 +36,12 @@ use std::{path::PathBuf, process::ExitCode, time::Instant};
 use clap::Parser;
 use indicatif::{ProgressBar, ProgressStyle};
 use measure::Measured;
-use options::{Options, OptionsError};
+use options::{Extent, Options, OptionsError};
 use peak_alloc::PeakAlloc;
 use report::Study;
 use scaling::ScalingRow;
 use scene::SceneError;
+use sliding::SlidingRow;
 
 /// Counts bytes, so that the report can tell what a triangle costs in memory.
 #[global_allocator]
@@ -85,7 +88,7 @@ fn study(options: &Options) -> Result<Study, ReportError> {
     let start = Instant::now();
     let farthest = distances[distances.len() - 1];
     let sizes = if options.folder.is_some() { &[][..] } else { scaling::sizes(options.extent()) };
-    let steps = scenes.len() * (configurations.len() + 1) + sizes.len();
+    let steps = scenes.len() * (configurations.len() + 1) + sizes.len() + usize::from(options.folder.is_none());
     let progress = ProgressBar::new(steps as u64).with_style(
         ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}, {eta} left").expect("the template is well formed"),
     );
@@ -113,8 +116,14 @@ fn study(options: &Options) -> Result<Study, ReportError> {
         scaling.extend(scaling::measure_size(size)?);
         progress.inc(1);
     }
+    let mut sliding: Vec<SlidingRow> = Vec::new();
+    if options.folder.is_none() {
+        progress.set_message("sliding bodies");
+        sliding = sliding::measure(options.extent() < Extent::Full);
+        progress.inc(1);
+    }
     progress.finish_and_clear();
     let pooled = pooled::pooled(&measured);
     let scenes = scenes.iter().map(report::SceneFacts::new).collect();
-    Ok(Study { scenes, configurations, measured, pooled, scaling, seconds: start.elapsed().as_secs_f64() })
+    Ok(Study { scenes, configurations, measured, pooled, scaling, sliding, seconds: start.elapsed().as_secs_f64() })
 }

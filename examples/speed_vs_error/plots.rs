@@ -53,7 +53,8 @@ pub struct Drawn {
 /// The panels of a figure in rows, and the legend in a cell after them.
 struct Sheet {
     columns: usize,
-    panel: (f64, f64),
+    /// Width and height of a panel.
+    panel: (u16, u16),
     title: String,
     panels: Vec<(Vec<Plot>, Layout)>,
     legend: Vec<LegendEntry>,
@@ -68,9 +69,10 @@ impl Sheet {
         let mut structure: Vec<Vec<usize>> = (0..plots.len()).map(|cell| vec![cell]).collect();
         structure.push((plots.len()..rows * self.columns).collect());
         let mut legend = LegendPlot::from_entries(self.legend.clone()).without_box();
-        let width = self.panel.0 * self.columns as f64;
-        let longest = self.legend.iter().map(|entry| entry.label.chars().count()).max().unwrap_or(0) as f64;
-        let legend_columns = if is_full { (width / (9.0 * longest + 45.0)).max(1.0) as usize } else { 1 };
+        // Letters are hardly ever wider than nine units, and a swatch with its margins takes 45.
+        let longest = self.legend.iter().map(|entry| entry.label.chars().count()).max().unwrap_or(0);
+        let legend_columns =
+            if is_full { (usize::from(self.panel.0) * self.columns / (9 * longest + 45)).max(1) } else { 1 };
         let legend_rows = self.legend.len().div_ceil(legend_columns);
         legend = legend.with_cols(legend_columns);
         let legend: Vec<Plot> = vec![legend.into()];
@@ -78,7 +80,7 @@ impl Sheet {
         plots.push(legend);
         let mut figure = Figure::new(rows, self.columns)
             .with_structure(structure)
-            .with_cell_size(self.panel.0, self.panel.1)
+            .with_cell_size(f64::from(self.panel.0), f64::from(self.panel.1))
             .with_title(self.title)
             .with_title_size(18)
             .with_plots(plots)
@@ -208,13 +210,13 @@ pub fn draw(folder: &Path, study: &Study) -> Result<Vec<Drawn>, ReportError> {
         }
         Ok(())
     };
-    add("speed_vs_error", "Time against error, all scenes pooled", speed_vs_error(study))?;
-    add("speed_vs_error_by_scene", "Time against error, scene by scene", speed_vs_error_by_scene(study))?;
+    add("speed_vs_error", "Time against error, all scenes pooled", Some(speed_vs_error(study)))?;
+    add("speed_vs_error_by_scene", "Time against error, scene by scene", Some(speed_vs_error_by_scene(study)))?;
     add("error_vs_phi", "Error against φ", error_vs_phi(study))?;
     add("error_vs_curvature", "Error against curvature estimator and threshold", error_vs_curvature(study))?;
     add("error_vs_delta", "Error and refresh cost against δ", error_vs_delta(study))?;
     add("time_vs_triangles", "Time against number of triangles", time_vs_triangles(study))?;
-    add("time_by_stage", "Time by stage", time_by_stage(study))?;
+    add("time_by_stage", "Time by stage", Some(time_by_stage(study)))?;
     Ok(drawn)
 }
 
@@ -226,7 +228,7 @@ const ERRORS: [ErrorMeasure; 3] = [
     ("1 − F1 (%)", |one| percent(one.row.pair_error), |all| percent(all.row.pair_error)),
 ];
 
-fn speed_vs_error(study: &Study) -> Option<Sheet> {
+fn speed_vs_error(study: &Study) -> Sheet {
     let distance = study.center_distance();
     let panels: Vec<_> = ERRORS
         .iter()
@@ -240,16 +242,16 @@ fn speed_vs_error(study: &Study) -> Option<Sheet> {
             speed_error_panel(&points, "", "time (Refined = 1)", label)
         })
         .collect();
-    Some(Sheet {
+    Sheet {
         columns: 2,
-        panel: (470.0, 340.0),
+        panel: (470, 340),
         title: format!("Speed against error, mean of {} scenes, contact distance {distance} edges", study.scenes.len()),
         panels,
         legend: group_legend(),
-    })
+    }
 }
 
-fn speed_vs_error_by_scene(study: &Study) -> Option<Sheet> {
+fn speed_vs_error_by_scene(study: &Study) -> Sheet {
     let distance = study.center_distance();
     let mut panels = Vec::new();
     for scene in &study.scenes {
@@ -263,13 +265,13 @@ fn speed_vs_error_by_scene(study: &Study) -> Option<Sheet> {
             panels.push(speed_error_panel(&points, &scene.name, "time per tick (ms)", label));
         }
     }
-    Some(Sheet {
+    Sheet {
         columns: 3,
-        panel: (440.0, 300.0),
+        panel: (440, 300),
         title: format!("Speed against error, scene by scene, contact distance {distance} edges"),
         panels,
         legend: group_legend(),
-    })
+    }
 }
 
 /// Panels of all error measures over a setting, one line for each series; nothing where no series has two points.
@@ -324,7 +326,7 @@ fn error_vs_phi(study: &Study) -> Option<Sheet> {
     series.retain(|(.., points)| points.len() > 1);
     let (panels, legend) = error_lines("φ (center height in radii)", &series)?;
     let title = "Circumsphere: error against φ, mean of all scenes".to_owned();
-    Some(Sheet { columns: 2, panel: (470.0, 340.0), title, panels, legend })
+    Some(Sheet { columns: 2, panel: (470, 340), title, panels, legend })
 }
 
 fn error_vs_curvature(study: &Study) -> Option<Sheet> {
@@ -340,12 +342,11 @@ fn error_vs_curvature(study: &Study) -> Option<Sheet> {
         }
         let name = estimator_name(configuration.settings.estimator);
         let point = (f64::from(configuration.settings.curvature_threshold), all);
-        match series.iter_mut().find(|(known, ..)| known == name) {
-            Some((.., points)) => points.push(point),
-            None => {
-                let number = series.len();
-                series.push((name.to_owned(), COLORS[number % COLORS.len()], number % DASHES.len(), vec![point]));
-            }
+        if let Some((.., points)) = series.iter_mut().find(|(known, ..)| known == name) {
+            points.push(point);
+        } else {
+            let number = series.len();
+            series.push((name.to_owned(), COLORS[number % COLORS.len()], number % DASHES.len(), vec![point]));
         }
     }
     for (.., points) in &mut series {
@@ -353,7 +354,7 @@ fn error_vs_curvature(study: &Study) -> Option<Sheet> {
     }
     let (panels, legend) = error_lines("curvature threshold (curvature × radius)", &series)?;
     let title = "Circumsphere: error against curvature estimator and threshold, mean of all scenes".to_owned();
-    Some(Sheet { columns: 2, panel: (470.0, 340.0), title, panels, legend })
+    Some(Sheet { columns: 2, panel: (470, 340), title, panels, legend })
 }
 
 /// What is drawn against δ: the axis, and the measure of a scene.
@@ -393,7 +394,7 @@ fn error_vs_delta(study: &Study) -> Option<Sheet> {
     let legend =
         scenes.iter().enumerate().map(|(number, scene)| marker_entry(scene, COLORS[number], SHAPES[number])).collect();
     let title = "Circumsphere: error and refresh cost against δ, deforming scenes".to_owned();
-    Some(Sheet { columns: 2, panel: (470.0, 320.0), title, panels, legend })
+    Some(Sheet { columns: 2, panel: (470, 320), title, panels, legend })
 }
 
 fn time_vs_triangles(study: &Study) -> Option<Sheet> {
@@ -419,7 +420,7 @@ fn time_vs_triangles(study: &Study) -> Option<Sheet> {
     let layout =
         layout(&plots, "", "triangles", "time per tick (ms)").with_log_scale().with_tick_format(plain_numbers());
     let title = format!("Time against number of triangles, contact distance {DEFAULT_DISTANCE} edges");
-    Some(Sheet { columns: 1, panel: (760.0, 480.0), title, panels: vec![(plots, layout)], legend })
+    Some(Sheet { columns: 1, panel: (760, 480), title, panels: vec![(plots, layout)], legend })
 }
 
 /// Stages as they are drawn together, and their color.
@@ -458,7 +459,7 @@ fn stage_group(stage: &str) -> usize {
     STAGE_GROUPS.iter().position(|(_, stages, _)| stages.contains(&stage)).unwrap_or(0)
 }
 
-fn time_by_stage(study: &Study) -> Option<Sheet> {
+fn time_by_stage(study: &Study) -> Sheet {
     let mut bars = BarPlot::new();
     for method in scaling::METHODS {
         let values: Vec<(f64, &str)> = STAGE_GROUPS
@@ -480,7 +481,7 @@ fn time_by_stage(study: &Study) -> Option<Sheet> {
         })
         .collect();
     let title = format!("Time by stage, mean of all scenes, contact distance {} edges", study.center_distance());
-    Some(Sheet { columns: 1, panel: (760.0, 460.0), title, panels: vec![(plots, layout)], legend })
+    Sheet { columns: 1, panel: (760, 460), title, panels: vec![(plots, layout)], legend }
 }
 
 /// Names of the groups of stages in the order in which they are drawn.

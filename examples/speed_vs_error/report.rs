@@ -18,6 +18,7 @@ use super::{
     pooled::{Pooled, PooledRow},
     scaling::{self, METHODS, ScalingRow},
     scene::Scene,
+    sliding::SlidingRow,
     statistics::{mean, pareto_front},
     tables::write_csv,
     truth::BAND,
@@ -60,6 +61,7 @@ pub struct Study {
     pub measured: Vec<Measured>,
     pub pooled: Vec<Pooled>,
     pub scaling: Vec<ScalingRow>,
+    pub sliding: Vec<SlidingRow>,
     pub seconds: f64,
 }
 
@@ -129,6 +131,9 @@ pub fn write(options: &Options, study: &Study) -> Result<(), ReportError> {
     write_csv(folder, "pooled.csv", study.pooled.iter().map(|all| &all.row))?;
     if !study.scaling.is_empty() {
         write_csv(folder, "scaling.csv", &study.scaling)?;
+    }
+    if !study.sliding.is_empty() {
+        write_csv(folder, "sliding.csv", &study.sliding)?;
     }
     let drawn = plots::draw(folder, study)?;
     let text = Text { options, study, drawn: &drawn }.to_string();
@@ -215,31 +220,21 @@ impl fmt::Display for Text<'_> {
 
 impl Text<'_> {
     fn command(&self) -> String {
-        let mut command = "cargo run --release --example speed_vs_error --".to_owned();
         let options = self.options;
         // Where a folder lies is nobody's business but the machine's.
         let show = |path: &Path| {
             if path.is_absolute() { path.file_name().map_or(path, Path::new) } else { path }.display().to_string()
         };
-        if let Some(folder) = &options.folder {
-            command += &format!(" {}", show(folder));
-        }
-        for (flag, is_given) in [(" --quick", options.quick), (" --smoke", options.smoke)] {
-            if is_given {
-                command += flag;
-            }
-        }
-        if !options.scenes.is_empty() {
-            command += &format!(" --scenes {}", options.scenes.join(","));
-        }
-        if let Some(frames) = options.frames {
-            command += &format!(" --frames {frames}");
-        }
-        if !options.distances.is_empty() {
-            let distances: Vec<String> = options.distances.iter().map(f64::to_string).collect();
-            command += &format!(" --distances {}", distances.join(","));
-        }
-        command + &format!(" --out {}", show(&options.out))
+        let mut words = vec!["cargo run --release --example speed_vs_error --".to_owned()];
+        words.extend(options.folder.as_deref().map(show));
+        words.extend(options.quick.then(|| "--quick".to_owned()));
+        words.extend(options.smoke.then(|| "--smoke".to_owned()));
+        words.extend((!options.scenes.is_empty()).then(|| format!("--scenes {}", options.scenes.join(","))));
+        words.extend(options.frames.map(|frames| format!("--frames {frames}")));
+        let distances: Vec<String> = options.distances.iter().map(f64::to_string).collect();
+        words.extend((!distances.is_empty()).then(|| format!("--distances {}", distances.join(","))));
+        words.push(format!("--out {}", show(&options.out)));
+        words.join(" ")
     }
 
     fn plot(&self, out: &mut fmt::Formatter<'_>, name: &str) -> fmt::Result {
@@ -467,7 +462,6 @@ impl Text<'_> {
 
     /// Says which of some settings has the least 1 − F1, and how the default compares.
     fn best<'a>(
-        &self,
         out: &mut fmt::Formatter<'_>,
         among: impl Iterator<Item = &'a Pooled>,
         name: impl Fn(&Configuration) -> String,
@@ -503,7 +497,7 @@ impl Text<'_> {
             settings.phi = default.phi;
             settings.plane_cull = default.plane_cull;
         });
-        self.best(out, among, |configuration| {
+        Self::best(out, among, |configuration| {
             let settings = &configuration.settings;
             format!("φ = {} {} the plane cull", settings.phi, if settings.plane_cull { "with" } else { "without" })
         })?;
@@ -541,7 +535,7 @@ impl Text<'_> {
             settings.estimator = default.estimator;
             settings.curvature_threshold = default.curvature_threshold;
         });
-        self.best(out, among, |configuration| {
+        Self::best(out, among, |configuration| {
             let settings = &configuration.settings;
             format!("{}, threshold {}", estimator_name(settings.estimator), settings.curvature_threshold)
         })
@@ -552,7 +546,7 @@ impl Text<'_> {
         writeln!(out, "## δ: how stale a sphere may be\n")?;
         self.plot(out, "error_vs_delta")?;
         let among = study.pooled_but(|settings, default| settings.delta = default.delta);
-        self.best(out, among, |configuration| format!("δ = {}", configuration.settings.delta))?;
+        Self::best(out, among, |configuration| format!("δ = {}", configuration.settings.delta))?;
         let mut table = Table::new(&[
             "scene",
             "δ",
@@ -747,10 +741,88 @@ impl Text<'_> {
         write!(out, "{table}")
     }
 
-    /// Ball and box sliding over meshes: the place of their table.
-    #[expect(clippy::unused_self, reason = "will read the study like the other sections")]
     fn smooth_normals(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(out, "## Smooth normals: sliding over inner edges\n\nNot measured in this run.\n")
+        writeln!(out, "## Smooth normals: sliding over inner edges\n")?;
+        let rows = &self.study.sliding;
+        if rows.is_empty() {
+            return writeln!(out, "Measured on generated scenes only.\n");
+        }
+        writeln!(
+            out,
+            "A ball and a box, as rigid shapes and as meshes, led over irregularly triangulated ground at a constant \
+             true distance; on flat ground also pushed, held up by nothing but their contacts. Of the deepest contact \
+             and of the mean of all: the largest and the root mean square jump of the normal in a tick, and its error \
+             against the true one, in degrees. Bumps are ticks of the pushed motion in which the velocity goes wrong by \
+             more than a hundredth. All in [sliding.csv](sliding.csv).\n"
+        )?;
+        for (name, peer) in [("smooth", "exact"), ("smooth", "parry, fixed edges"), ("exact", "parry, fixed edges")] {
+            type Measure = (&'static str, fn(&SlidingRow) -> Option<f64>);
+            const MEASURES: [Measure; 4] = [
+                ("largest jump of the deepest contact", |row| Some(row.deepest_jump_max)),
+                ("root mean square jump of the mean normal", |row| Some(row.mean_jump_rms)),
+                ("root mean square error of the mean normal", |row| Some(row.mean_error_rms)),
+                ("share of ticks with a bump", |row| row.bump_share),
+            ];
+            let mut words = Vec::new();
+            for (what, value) in MEASURES {
+                let pairs: Vec<(f64, f64)> = rows
+                    .iter()
+                    .filter(|row| row.normals == name)
+                    .filter_map(|row| {
+                        let is_peer = |other: &&SlidingRow| {
+                            (other.ground, other.body, other.normals) == (row.ground, row.body, peer)
+                        };
+                        Some((value(row)?, value(rows.iter().find(is_peer)?)?))
+                    })
+                    .collect();
+                let count =
+                    |holds: fn(f64, f64) -> bool| pairs.iter().filter(|(own, other)| holds(*own, *other)).count();
+                words.push(format!(
+                    "{what} smaller in {} and larger in {} of {} cases",
+                    count(|own, other| own < other),
+                    count(|own, other| own > other),
+                    pairs.len()
+                ));
+            }
+            writeln!(out, "- *{name}* against *{peer}*: {}.", words.join("; "))?;
+        }
+        let mut table = Table::new(&[
+            "ground",
+            "body",
+            "normals",
+            "contacts",
+            "deepest: jump max",
+            "jump rms",
+            "error max",
+            "error rms",
+            "mean: jump max",
+            "jump rms",
+            "error max",
+            "error rms",
+            "ticks with a bump",
+            "speed lost at most",
+            "rise (edges)",
+        ]);
+        for row in rows {
+            table.row([
+                row.ground.to_owned(),
+                row.body.to_owned(),
+                row.normals.to_owned(),
+                format!("{:.1}", row.contacts),
+                format!("{:.2}", row.deepest_jump_max),
+                format!("{:.3}", row.deepest_jump_rms),
+                format!("{:.2}", row.deepest_error_max),
+                format!("{:.3}", row.deepest_error_rms),
+                format!("{:.2}", row.mean_jump_max),
+                format!("{:.3}", row.mean_jump_rms),
+                format!("{:.2}", row.mean_error_max),
+                format!("{:.3}", row.mean_error_rms),
+                percent(row.bump_share),
+                percent(row.speed_loss_max),
+                fixed(row.height_range, 4),
+            ]);
+        }
+        write!(out, "\n{table}")
     }
 
     #[expect(clippy::unused_self, reason = "a section like the others")]
