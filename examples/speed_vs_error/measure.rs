@@ -8,7 +8,7 @@ use bevy_circumsphere::{
     detection::StageDiagnostics,
     kernel::{
         contact::{CompactContact, feature_number},
-        exact::Feature,
+        exact::{Feature, FeatureKind},
     },
 };
 use glam::DVec3;
@@ -90,6 +90,9 @@ pub struct MeasureRow {
     pub normal_jump_median: Option<f64>,
     pub normal_jump_p99: Option<f64>,
     pub normal_jump_max: Option<f64>,
+    /// The same of contacts that cross in both ticks, an edge piercing a face.
+    pub crossing_normal_jump_p99: Option<f64>,
+    pub crossing_normal_jump_max: Option<f64>,
     pub candidates_per_tick: f64,
     pub contacts_per_tick: f64,
     /// After the first tick, which makes every recipe.
@@ -136,8 +139,7 @@ fn share(part: usize, whole: usize) -> Option<f64> {
 pub fn rounds(scene: &Scene, extent: Extent) -> usize {
     let least = match extent {
         Extent::Smoke => 1,
-        Extent::Quick => 2,
-        Extent::Full => 3,
+        Extent::Quick | Extent::Full => 2,
     };
     least.max(TIMED_TICKS.div_ceil(scene.ticks()))
 }
@@ -518,11 +520,13 @@ struct Steadiness {
     contact_churns: Vec<f64>,
     pair_churns: Vec<f64>,
     jumps: Vec<f64>,
+    crossing_jumps: Vec<f64>,
 }
 
 struct TickContacts {
-    /// Sorted by bodies and key.
-    contacts: Vec<([u32; 2], u64, DVec3)>,
+    /// Bodies, key, normal, and whether an edge pierces a face there; sorted by bodies and key, of which the features'
+    /// kinds are a part.
+    contacts: Vec<([u32; 2], u64, DVec3, bool)>,
     pairs: Vec<PairName>,
 }
 
@@ -533,10 +537,11 @@ impl TickContacts {
             let bodies = [stored.a, stored.b].map(|side| played.body(side.entity()) as u32);
             contacts.extend(played.store.contacts[stored.contacts.clone()].iter().map(|contact: &CompactContact| {
                 let normal = stored.frame_pose.transform_direction(contact.normal.as_dvec3());
-                (bodies, contact.key.0, if contact.swapped { -normal } else { normal })
+                let crosses = contact.features.kind() == FeatureKind::EdgeFace;
+                (bodies, contact.key.0, if contact.swapped { -normal } else { normal }, crosses)
             }));
         }
-        contacts.sort_by_key(|&(bodies, key, _)| (bodies, key));
+        contacts.sort_by_key(|&(bodies, key, ..)| (bodies, key));
         Self { contacts, pairs: touching_pairs(played).into_iter().map(|(name, _)| name).collect() }
     }
 }
@@ -547,11 +552,12 @@ impl Steadiness {
         if let Some(last) = &self.last {
             let mut lasting = 0;
             let mut before = last.contacts.iter().peekable();
-            for (bodies, key, normal) in &now.contacts {
+            for (bodies, key, normal, crosses) in &now.contacts {
                 while before.next_if(|other| (other.0, other.1) < (*bodies, *key)).is_some() {}
-                if let Some((_, _, old)) = before.next_if(|other| (other.0, other.1) == (*bodies, *key)) {
+                if let Some((_, _, old, _)) = before.next_if(|other| (other.0, other.1) == (*bodies, *key)) {
                     lasting += 1;
-                    self.jumps.push(normal.angle_between(*old).to_degrees());
+                    let jumps = if *crosses { &mut self.crossing_jumps } else { &mut self.jumps };
+                    jumps.push(normal.angle_between(*old).to_degrees());
                 }
             }
             self.contact_churns.extend(churn(last.contacts.len(), now.contacts.len(), lasting));
@@ -568,6 +574,9 @@ impl Steadiness {
         row.normal_jump_median = jump.median;
         row.normal_jump_p99 = jump.p99;
         row.normal_jump_max = jump.max;
+        let crossing = Spread::of(self.crossing_jumps);
+        row.crossing_normal_jump_p99 = crossing.p99;
+        row.crossing_normal_jump_max = crossing.max;
     }
 }
 

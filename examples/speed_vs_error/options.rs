@@ -25,7 +25,7 @@ pub struct Options {
     /// Only these scenes, by name; of a folder the files' names without their extension
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub scenes: Vec<String>,
-    /// Ticks of each scene, or frames of each recording, to play [default: 24; of recordings 3]
+    /// Ticks of each scene, or frames of each recording, to play [default: 16; of recordings 3]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: Option<u32>,
     /// Contact distances in mean edges [default: 0.02,0.1,0.5; of recordings 0.1]
@@ -71,7 +71,7 @@ impl Options {
         let default = match self.extent() {
             Extent::Smoke => 4,
             Extent::Quick => 8,
-            Extent::Full => 24,
+            Extent::Full => 16,
         };
         self.frames.map_or(default, |frames| frames as usize)
     }

@@ -362,7 +362,7 @@ const DELTA_MEASURES: [(&str, fn(&Measured) -> Option<f64>); 4] = [
     ("missed pairs (%)", |one| percent(one.row.pair_miss_rate)),
     ("false pairs (%)", |one| percent(one.row.pair_false_rate)),
     ("spheres refreshed per tick (%)", |one| percent(one.row.recipes_refreshed_share)),
-    ("normal jump per tick, 99th percentile (°)", |one| one.row.normal_jump_p99),
+    ("normal jump, 99th percentile (°)", |one| one.row.normal_jump_p99),
 ];
 
 fn error_vs_delta(study: &Study) -> Option<Sheet> {

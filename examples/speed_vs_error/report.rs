@@ -280,7 +280,8 @@ impl Text<'_> {
             "{unique} configurations through the plugin in a headless app: all four methods at contact distances of \
              {} mean edges (of the body in the middle); `Circumsphere` over φ × plane cull at {}, and over estimator × \
              threshold and over δ at {} edges, one factor at a time around the defaults. Costs, churn and jumps are of \
-             every tick, errors of the measured ones. Closed bodies are one-sided, sheets and recordings two-sided.\n",
+             every tick, errors of the measured ones. Closed bodies are one-sided, sheets and recordings two-sided. A \
+             time is the median over ticks, of each tick the fastest of some rounds.\n",
             distances.join(", "),
             if self.options.quick || distances.len() == 1 { "the default distance" } else { "each distance" },
             study.center_distance()
@@ -714,7 +715,8 @@ impl Text<'_> {
             out,
             "## From tick to tick\n\n\
              Churn is 1 − |contacts of both ticks| / |contacts of either|, jump the angle by which a contact that lasts \
-             turns its normal. Bodies move, so part of either is real: `Refined`'s pairs are the true ones.\n"
+             turns its normal, those that cross apart. Bodies move, so part of either is real: `Refined`'s pairs are \
+             the true ones.\n"
         )?;
         let mut table = Table::new(&[
             "scene",
@@ -724,6 +726,7 @@ impl Text<'_> {
             "normal jump (°): median",
             "99 %",
             "max",
+            "crossing: 99 %",
             "contacts per tick",
         ]);
         for one in self.defaults().filter(|one| one.configuration.method != ContactMethod::Polygon) {
@@ -735,6 +738,7 @@ impl Text<'_> {
                 fixed(one.row.normal_jump_median, 2),
                 fixed(one.row.normal_jump_p99, 1),
                 fixed(one.row.normal_jump_max, 1),
+                fixed(one.row.crossing_normal_jump_p99, 1),
                 format!("{:.0}", one.row.contacts_per_tick),
             ]);
         }
