@@ -132,11 +132,16 @@ fn marked_line(points: &[(f64, f64)], color: &str, style: LineStyle, shape: Mark
     [line.with_line_style(style).into(), marks.into()]
 }
 
-/// Powers of ten and what lies between, without exponents.
+/// Powers of ten and what lies between, thousands and millions by their letters.
 fn plain_numbers() -> TickFormat {
     TickFormat::Custom(Arc::new(|value| {
-        let rounded = format!("{value:.3}");
-        rounded.trim_end_matches('0').trim_end_matches('.').to_owned()
+        let (scaled, unit) = match value {
+            1.0e6.. => (value / 1.0e6, " M"),
+            1.0e4.. => (value / 1.0e3, " k"),
+            _ => (value, ""),
+        };
+        let rounded = format!("{scaled:.3}");
+        rounded.trim_end_matches('0').trim_end_matches('.').to_owned() + unit
     }))
 }
 
@@ -245,7 +250,10 @@ fn speed_vs_error(study: &Study) -> Sheet {
     Sheet {
         columns: 2,
         panel: (470, 340),
-        title: format!("Speed against error, mean of {} scenes, contact distance {distance} edges", study.scenes.len()),
+        title: format!(
+            "Speed against error, mean over scenes ({}), contact distance {distance} edges",
+            study.scenes.len()
+        ),
         panels,
         legend: group_legend(),
     }
@@ -417,8 +425,13 @@ fn time_vs_triangles(study: &Study) -> Option<Sheet> {
             scaling::slope(&study.scaling, method).map_or_else(String::new, |slope| format!(", slope {slope:.2}"));
         legend.push(marker_entry(&(name + &slope), colors[number], SHAPES[number]));
     }
-    let layout =
-        layout(&plots, "", "triangles", "time per tick (ms)").with_log_scale().with_tick_format(plain_numbers());
+    let largest = study.scaling.iter().map(|row| row.triangles as f64).fold(0.0, f64::max);
+    let layout = layout(&plots, "", "triangles", "time per tick (ms)")
+        .with_log_scale()
+        .with_tick_format(plain_numbers())
+        // Room for the outermost markers.
+        .with_x_axis_min(800.0)
+        .with_x_axis_max(1.3 * largest);
     let title = format!("Time against number of triangles, contact distance {DEFAULT_DISTANCE} edges");
     Some(Sheet { columns: 1, panel: (760, 480), title, panels: vec![(plots, layout)], legend })
 }
