@@ -218,7 +218,7 @@ impl Contact<'_> {
             }
             (None, None) => NormalCone::anything(),
         };
-        let smooth = smooth_normal(exact, &cone_a, &cone_b);
+        let smooth = smooth_normal(exact, f64::from(record.distance), &cone_a, &cone_b);
         let smooth = smooth.as_vec3();
         if self.swapped { -smooth } else { smooth }
     }

@@ -124,21 +124,30 @@ impl NormalCone {
             Feature::Edge(edge) => Self::on_edge(place, usize::from(edge) % 3, fan),
             Feature::Face => Self::on_face(place, fan),
         };
-        let cone = cone.filter(Self::is_finite).unwrap_or_else(Self::anything);
-        Self { two_sided: !place.one_sided, ..cone }
+        let Some(mut cone) = cone else { return Self::anything() };
+        cone.two_sided = !place.one_sided;
+        if cone.two_sided && !cone.border.is_empty() {
+            // Past a border one side goes over into the other.
+            cone.border.extend(cone.faces.iter().map(|face| -*face));
+            cone.two_sided = false;
+        }
+        // A range of directions is one that turns within the triangle: as curved as that.
+        let [one, two, three] = place.corners(own);
+        let size = one.distance(two).max(two.distance(three)).max(three.distance(one));
+        cone.curvature += spread(&[&cone.faces[..], &cone.border].concat()) / size;
+        if cone.is_finite() { cone } else { Self::anything() }
     }
 
     fn at_vertex(fan: &Fan, own: u32) -> Option<Self> {
         let fan = fan.manifold().then_some(fan)?;
         let first = fan.place_of(own).unwrap_or(0);
-        let (_, mut curvature) = fan.corner_normal(first)?;
+        let (_, curvature) = fan.corner_normal(first)?;
         let (faces, facets) = if fan.is_smooth() {
             (vec![fan.corner_normal(first)?.0], fan.faces.iter().map(|face| face.normal).collect())
         } else {
             (0..fan.faces.len()).filter_map(|face| Some((fan.corner_normal(face)?.0, fan.faces[face].normal))).unzip()
         };
-        curvature += spread(&faces) / fan.faces[first].circumradius;
-        let border = fan.ends.iter().filter_map(|end| *end).filter(|end| *end != DVec3::ZERO).collect();
+        let border: Vec<DVec3> = fan.ends.iter().filter_map(|end| *end).filter(|end| *end != DVec3::ZERO).collect();
         Some(Self { faces, facets, border, curvature, two_sided: false })
     }
 
@@ -152,9 +161,10 @@ impl NormalCone {
             let ends = [fans[0].corner_normal(places[0])?, fans[1].corner_normal(places[1])?];
             cone.faces.push((ends[0].0 * weight + ends[1].0 * next_weight).try_normalize()?);
             cone.facets.push(fans[0].faces[places[0]].normal);
-            Some((ends[0].1 * weight + ends[1].1 * next_weight, fans[0].faces[places[0]].circumradius))
+            cone.curvature = cone.curvature.max(ends[0].1 * weight + ends[1].1 * next_weight);
+            Some(())
         };
-        let (curvature, circumradius) = add(place.triangle)?;
+        add(place.triangle)?;
         match place.across(place.triangle, edge) {
             Across::Triangle { triangle, .. } => {
                 // A neighbor without area has no normal to add.
@@ -163,7 +173,6 @@ impl NormalCone {
             Across::Nothing => cone.border.push(place.beyond(place.triangle, edge)),
             Across::Several => return None,
         }
-        cone.curvature = curvature + spread(&cone.faces) / circumradius;
         Some(cone)
     }
 
@@ -216,19 +225,21 @@ impl NormalCone {
 }
 
 /// The unit normal from the second side to the first that suits both sides' cones best, given the exact normal from the
-/// second side to the first; the exact one where nothing else suits.
+/// second side to the first and the signed distance along it; the exact one where nothing else suits.
 ///
-/// Two spheres touch along the line through their centers: with outward normals n at the contact points and radii R that
-/// is `R_b n_b − R_a n_a`, wherever on the two caps the points are. So the flatter side has the larger say.
+/// Two spheres part along the line between their centers: with outward normals n and radii R at any two places of theirs
+/// that is `R_b n_b − R_a n_a` and the way from one place to the other. So the flatter side has the larger say, and a
+/// contact of places beside the closest ones has the same normal as theirs.
 #[must_use]
-pub fn smooth_normal(exact: DVec3, a: &NormalCone, b: &NormalCone) -> DVec3 {
+pub fn smooth_normal(exact: DVec3, distance: f64, a: &NormalCone, b: &NormalCone) -> DVec3 {
     let (side_a, side_b) = (a.side(-exact), b.side(exact));
     let in_a = |normal: DVec3| -nearest_in_hull(&a.faces, &a.border, side_a, -normal);
     let in_b = |normal: DVec3| nearest_in_hull(&b.faces, &b.border, side_b, normal);
     // First into one cone, then into the other: at a crease a side leaves the choice to the other one.
     let (by_a, by_b) = (in_a(in_b(exact)), in_b(in_a(exact)));
     let share = share_of_first(a.curvature, b.curvature);
-    let smooth = (by_a * share + by_b * (1.0 - share)).normalize_or_zero();
+    let gap = exact * (distance / (a.curvature.recip() + b.curvature.recip()));
+    let smooth = (by_a * share + by_b * (1.0 - share) + gap).normalize_or_zero();
     if smooth.dot(exact) > 0.0 { smooth } else { exact }
 }
 

@@ -8,6 +8,7 @@ mod exact;
 mod pose;
 mod refine;
 mod shapes;
+mod smooth_normal;
 mod spheres;
 mod steadiness;
 mod topology;

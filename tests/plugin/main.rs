@@ -13,6 +13,7 @@ mod quarantine;
 mod rigid_shapes;
 mod setup;
 mod sides;
+mod smooth_normals;
 #[cfg(feature = "parallel")]
 mod threads;
 mod world;
