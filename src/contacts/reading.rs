@@ -203,22 +203,25 @@ impl Contact<'_> {
             let barycentric = complete(feature, weights).map(f64::from);
             let one_sided = pair.one_sided[side];
             let place = SurfacePlace { topology, positions, triangle, feature, one_sided, barycentric };
-            Some(NormalCone::of(&place, crease).moved(&pair.poses[side]))
+            let pose = &pair.poses[side];
+            Some((NormalCone::of(&place, crease).moved(pose), pose.transform_point(place.point())))
         };
-        let known = |cone: Option<NormalCone>| cone.unwrap_or_else(NormalCone::anything);
-        let cone_a = known(cone(0, &pair.topology_a));
-        let cone_b = match (&pair.topology_b, &pair.shape) {
-            (Some(topology), _) => known(cone(1, topology)),
-            (None, Some(shape)) => {
+        let sides = [cone(0, &pair.topology_a), pair.topology_b.as_ref().and_then(|topology| cone(1, topology))];
+        let apart = match &sides {
+            [Some((_, point_a)), Some((_, point_b))] => *point_a - *point_b,
+            _ => exact * f64::from(record.distance),
+        };
+        let [cone_a, cone_b] = sides.map(|side| side.map_or_else(NormalCone::anything, |(cone, _)| cone));
+        let cone_b = match &pair.shape {
+            Some(shape) => {
                 // A direction that the surface's facets rule out would only bring the bump back.
                 let outward = -cone_a.nearest_unsmoothed(-exact);
-                let inverse = pair.poses[1].inverse();
-                let outward = inverse.transform_direction(outward).normalize_or_zero();
+                let outward = pair.poses[1].inverse().transform_direction(outward).normalize_or_zero();
                 shape.normal_cone(record.triangle_b, outward).moved(&pair.poses[1])
             }
-            (None, None) => NormalCone::anything(),
+            None => cone_b,
         };
-        let smooth = smooth_normal(exact, f64::from(record.distance), &cone_a, &cone_b);
+        let smooth = smooth_normal(exact, apart, &cone_a, &cone_b);
         let smooth = smooth.as_vec3();
         if self.swapped { -smooth } else { smooth }
     }

@@ -9,7 +9,7 @@
 use glam::{DVec3, Vec3};
 
 use super::{
-    exact::Feature,
+    exact::{Feature, barycentric::point_at},
     ids::{EdgeId, VertexId},
     pose::Pose,
     topology::SurfaceTopology,
@@ -224,22 +224,22 @@ impl NormalCone {
     }
 }
 
-/// The unit normal from the second side to the first that suits both sides' cones best, given the exact normal from the
-/// second side to the first and the signed distance along it; the exact one where nothing else suits.
+/// The unit normal from the second side to the first that suits both sides' cones best, given the exact normal and the
+/// way from the place on the second side to that on the first; the exact one where nothing else suits.
 ///
 /// Two spheres part along the line between their centers: with outward normals n and radii R at any two places of theirs
 /// that is `R_b n_b − R_a n_a` and the way from one place to the other. So the flatter side has the larger say, and a
 /// contact of places beside the closest ones has the same normal as theirs.
 #[must_use]
-pub fn smooth_normal(exact: DVec3, distance: f64, a: &NormalCone, b: &NormalCone) -> DVec3 {
+pub fn smooth_normal(exact: DVec3, apart: DVec3, a: &NormalCone, b: &NormalCone) -> DVec3 {
     let (side_a, side_b) = (a.side(-exact), b.side(exact));
     let in_a = |normal: DVec3| -nearest_in_hull(&a.faces, &a.border, side_a, -normal);
     let in_b = |normal: DVec3| nearest_in_hull(&b.faces, &b.border, side_b, normal);
     // First into one cone, then into the other: at a crease a side leaves the choice to the other one.
     let (by_a, by_b) = (in_a(in_b(exact)), in_b(in_a(exact)));
     let share = share_of_first(a.curvature, b.curvature);
-    let gap = exact * (distance / (a.curvature.recip() + b.curvature.recip()));
-    let smooth = (by_a * share + by_b * (1.0 - share) + gap).normalize_or_zero();
+    let radii = a.curvature.recip() + b.curvature.recip();
+    let smooth = (by_a * share + by_b * (1.0 - share) + apart / radii).normalize_or_zero();
     if smooth.dot(exact) > 0.0 { smooth } else { exact }
 }
 
@@ -315,6 +315,12 @@ enum Across {
 }
 
 impl SurfacePlace<'_> {
+    /// The point that the weights stand for.
+    #[must_use]
+    pub fn point(&self) -> DVec3 {
+        point_at(&self.corners(self.triangle), &self.barycentric)
+    }
+
     fn corners(&self, triangle: u32) -> [DVec3; 3] {
         self.topology.triangles()[triangle as usize]
             .map(|vertex| self.positions.get(vertex as usize).map_or(DVec3::NAN, |position| position.as_dvec3()))
