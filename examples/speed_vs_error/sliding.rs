@@ -527,11 +527,10 @@ impl Ground {
             v += TICK * self.direction[1];
             if self.ridge > 0.0 && before < 0.0 && u >= 0.0 {
                 // A ball rolls over the ridge: its center on an arc about the point where it meets the ridge.
-                #[expect(clippy::cast_sign_loss, reason = "a ridge turns by a positive angle")]
-                let steps = (2.0 * self.ridge * (BALL_RADIUS + GAP) / TICK) as usize;
-                for step in 0..steps {
-                    let angle = self.ridge * (2.0 * step as f64 / steps as f64 - 1.0);
+                let mut angle = -self.ridge;
+                while angle < self.ridge {
                     path.push(((self.place)(0.0, v), DVec3::new(angle.sin(), angle.cos(), 0.0)));
+                    angle += TICK / (BALL_RADIUS + GAP);
                 }
             }
             path.push(((self.place)(u, v), (self.normal)(u, v)));

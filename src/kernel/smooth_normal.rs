@@ -400,22 +400,14 @@ impl Fan {
         let start = |edge: usize| Step { triangle: own, corner, edge, alike: true };
         let mut fan = Self { faces: Vec::with_capacity(8), links: Vec::new(), closed: false, ends: [None; 2] };
         // Backward first, so that the faces stand in their order around the vertex.
-        let (backward, end) = walk(place, vertex, start(corner));
+        let end = walk(place, vertex, start(corner), |step| fan.push(place, step));
+        fan.faces.reverse();
+        fan.push(place, start(corner));
         if let End::Closed = end {
             fan.closed = true;
         } else {
-            fan.ends[0] = end.away();
-        }
-        for step in backward.iter().rev() {
-            fan.push(place, step);
-        }
-        fan.push(place, &start(corner));
-        if !fan.closed {
-            let (forward, end) = walk(place, vertex, start((corner + 2) % 3));
-            fan.ends[1] = end.away();
-            for step in &forward {
-                fan.push(place, step);
-            }
+            let other_end = walk(place, vertex, start((corner + 2) % 3), |step| fan.push(place, step));
+            fan.ends = [end.away(), other_end.away()];
         }
         let pairs = fan.faces.windows(2).map(|pair| crease.softness(pair[0].normal, pair[1].normal));
         fan.links = pairs.collect();
@@ -425,7 +417,7 @@ impl Fan {
         fan
     }
 
-    fn push(&mut self, place: &SurfacePlace<'_>, step: &Step) {
+    fn push(&mut self, place: &SurfacePlace<'_>, step: Step) {
         let corners = place.corners(step.triangle);
         let [at, next, previous] = [0, 1, 2].map(|k| corners[(step.corner + k) % 3]);
         let (u, v) = (next - at, previous - at);
@@ -456,26 +448,32 @@ impl Fan {
     /// The smooth normal of one of the faces at the vertex, and the curvature there. Faces across a crease have no part
     /// in it.
     fn corner_normal(&self, own: usize) -> Option<(DVec3, f64)> {
+        if self.is_smooth() {
+            return self.mean_normal(|_| 1.0);
+        }
         let count = self.faces.len();
-        let mut shares = vec![if self.is_smooth() { 1.0 } else { 0.0 }; count];
-        if !self.is_smooth() {
-            shares[own] = 1.0;
-            for forward in [true, false] {
-                let mut share = 1.0;
-                let mut at = own;
-                for _ in 1..count {
-                    let link = if forward { at } else { (at + count - 1) % count };
-                    let Some(softness) = self.links.get(link) else { break };
-                    share *= softness;
-                    at = if forward { (at + 1) % count } else { link };
-                    shares[at] = f64::max(shares[at], share);
-                }
+        let mut shares = vec![0.0; count];
+        shares[own] = 1.0;
+        for forward in [true, false] {
+            let mut share = 1.0;
+            let mut at = own;
+            for _ in 1..count {
+                let link = if forward { at } else { (at + count - 1) % count };
+                let Some(softness) = self.links.get(link) else { break };
+                share *= softness;
+                at = if forward { (at + 1) % count } else { link };
+                shares[at] = f64::max(shares[at], share);
             }
         }
-        let parts = || self.faces.iter().zip(&shares).filter(|(_, share)| **share > 0.0);
-        let normal = parts().map(|(face, share)| face.normal * (face.weight * share)).sum::<DVec3>().try_normalize()?;
+        self.mean_normal(|face| shares[face])
+    }
+
+    /// The normal of the faces together, each by its share, and how far they bend away from it.
+    fn mean_normal(&self, share: impl Fn(usize) -> f64) -> Option<(DVec3, f64)> {
+        let faces = || self.faces.iter().enumerate().map(|(place, face)| (face, share(place)));
+        let normal = faces().map(|(face, share)| face.normal * (face.weight * share)).sum::<DVec3>().try_normalize()?;
         // Of faces on a sphere: the angle from the vertex to where the face touches the parallel plane, over that way.
-        let curvature = parts()
+        let curvature = faces()
             .map(|(face, share)| share * (face.normal.distance(normal) - FLAT).max(0.0) / face.circumradius)
             .fold(0.0, f64::max);
         Some((normal, curvature))
@@ -501,29 +499,25 @@ impl End {
     }
 }
 
-/// The triangles around a welded vertex after `start`, in the order in which they are met.
-fn walk(place: &SurfacePlace<'_>, vertex: u32, start: Step) -> (Vec<Step>, End) {
+/// Visits the triangles around a welded vertex after `start`, in the order in which they are met.
+fn walk(place: &SurfacePlace<'_>, vertex: u32, start: Step, mut visit: impl FnMut(Step)) -> End {
     let topology = place.topology;
-    let most = topology.triangles_of_vertex(VertexId(vertex)).len();
-    let mut steps: Vec<Step> = Vec::with_capacity(8);
     let mut at = start;
-    loop {
+    // Triangles that name a vertex twice may lead in a circle that does not come back.
+    for _ in 0..=topology.triangles_of_vertex(VertexId(vertex)).len() {
         let (triangle, edge) = match place.across(at.triangle, at.edge) {
             Across::Triangle { triangle, edge } => (triangle, edge),
-            Across::Nothing => return (steps, End::Border(place.beyond(at.triangle, at.edge))),
-            Across::Several => return (steps, End::Several),
+            Across::Nothing => return End::Border(place.beyond(at.triangle, at.edge)),
+            Across::Several => return End::Several,
         };
         if triangle == start.triangle {
-            return (steps, End::Closed);
+            return End::Closed;
         }
         let starts_there = topology.welded_triangles()[triangle as usize][edge] == vertex;
         let corner = if starts_there { edge } else { (edge + 1) % 3 };
         let alike = at.alike != (starts_there == (at.edge == at.corner));
         at = Step { triangle, corner, edge: if starts_there { (corner + 2) % 3 } else { corner }, alike };
-        // Triangles that name a vertex twice may lead in a circle that does not come back.
-        if steps.len() >= most {
-            return (steps, End::Several);
-        }
-        steps.push(at);
+        visit(at);
     }
+    End::Several
 }

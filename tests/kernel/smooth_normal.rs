@@ -311,8 +311,7 @@ fn no_direction_of_a_cone_is_nearer_than_the_nearest() {
     let mut random = Random::new(6);
     for _ in 0..5_000 {
         let axis = random.direction();
-        let spanning: Vec<DVec3> =
-            (0..1 + random.below(7)).map(|_| (axis + random.vector() * 0.9).normalize()).collect();
+        let spanning: Vec<DVec3> = (0..=random.below(7)).map(|_| (axis + random.vector() * 0.9).normalize()).collect();
         let cone = NormalCone::between(spanning.iter().copied());
         let direction = random.direction();
         let nearest = cone.nearest(direction);
