@@ -309,9 +309,13 @@ impl Text<'_> {
             let Some(row) = study.pooled_default(method, distance) else { continue };
             writeln!(
                 out,
-                "- `{method:?}` takes {} of `Refined`'s time, misses {} of the pairs ({} in its worst scene) and {} of \
-                 the touching bodies; {} of what it reports is false.",
-                row.time_ratio.map_or_else(|| "–".to_owned(), |ratio| format!("{:.0} %", 100.0 * ratio)),
+                "- `{method:?}` {}, misses {} of the pairs ({} in its worst scene) and {} of the touching bodies; {} of \
+                 what it reports is false.",
+                match row.time_ratio {
+                    _ if method == ContactMethod::Refined => "gives the unit of time".to_owned(),
+                    Some(ratio) => format!("takes {ratio:.2} times as long as `Refined`"),
+                    None => "has not been timed beside `Refined`".to_owned(),
+                },
                 percent(row.pair_miss_rate),
                 percent(row.worst_pair_miss_rate),
                 percent(row.object_miss_rate),
@@ -472,12 +476,12 @@ impl Text<'_> {
         let Some(best) = among.iter().min_by(|a, b| error(a).total_cmp(&error(b))) else { return Ok(()) };
         let say = |all: &Pooled| {
             format!(
-                "{} (1 − F1 {}, missed {}, false {}, time {} of `Refined`'s)",
+                "{} (1 − F1 {}, missed {}, false {}, {} times as long as `Refined`)",
                 name(&all.configuration),
                 percent(all.row.pair_error),
                 percent(all.row.pair_miss_rate),
                 percent(all.row.pair_false_rate),
-                percent(all.row.time_ratio)
+                fixed(all.row.time_ratio, 2)
             )
         };
         let Some(default) = among.iter().find(|all| all.configuration.is_default()) else {
@@ -517,15 +521,15 @@ impl Text<'_> {
         let (on, off) = (with(true), with(false));
         writeln!(
             out,
-            "Mean over φ at {} edges: with the plane cull {} missed and {} false in {} of `Refined`'s time, without it \
-             {} missed and {} false in {}.\n",
+            "Mean over φ at {} edges: with the plane cull {} missed and {} false, {} times as long as `Refined`; without \
+             it {} missed and {} false, {} times as long.\n",
             study.center_distance(),
             percent(on.0),
             percent(on.1),
-            percent(on.2),
+            fixed(on.2, 2),
             percent(off.0),
             percent(off.1),
-            percent(off.2)
+            fixed(off.2, 2)
         )
     }
 
