@@ -132,6 +132,29 @@ fn marked_line(points: &[(f64, f64)], color: &str, style: LineStyle, shape: Mark
     [line.with_line_style(style).into(), marks.into()]
 }
 
+/// Points, color, dash and shape of a line.
+type Line<'a> = (Vec<(f64, f64)>, &'a str, usize, MarkerShape);
+
+/// Lines over a setting, from 0 upwards, with room for the outermost markers.
+fn line_panel(lines: &[Line], x: &str, y: &str) -> (Vec<Plot>, Layout) {
+    let mut plots = Vec::new();
+    let (mut left, mut right, mut top) = (f64::INFINITY, f64::NEG_INFINITY, 0.0_f64);
+    for (points, color, dash, shape) in lines {
+        plots.extend(marked_line(points, color, DASHES[*dash].clone(), *shape));
+        for &(x, y) in points {
+            (left, right, top) = (left.min(x), right.max(x), top.max(y));
+        }
+    }
+    let room = 0.03 * (right - left);
+    let top = if top > 0.0 { top } else { 1.0 };
+    let layout = layout(&plots, "", x, y)
+        .with_x_axis_min(left - room)
+        .with_x_axis_max(right + room)
+        .with_y_axis_min(-0.03 * top)
+        .with_y_axis_max(1.06 * top);
+    (plots, layout)
+}
+
 /// Powers of ten and what lies between, thousands and millions by their letters.
 fn plain_numbers() -> TickFormat {
     TickFormat::Custom(Arc::new(|value| {
@@ -293,13 +316,11 @@ fn error_lines(
     let panels = ERRORS
         .iter()
         .map(|&(label, _, of_all)| {
-            let mut plots = Vec::new();
-            for (number, (_, color, dash, points)) in series.iter().enumerate() {
-                let points: Vec<(f64, f64)> = points.iter().filter_map(|&(x, all)| Some((x, of_all(all)?))).collect();
-                plots.extend(marked_line(&points, color, DASHES[*dash].clone(), SHAPES[number % SHAPES.len()]));
-            }
-            let layout = layout(&plots, "", x, label).with_y_axis_min(0.0);
-            (plots, layout)
+            let lines = series.iter().enumerate().map(|(number, (_, color, dash, points))| {
+                let points = points.iter().filter_map(|&(x, all)| Some((x, of_all(all)?))).collect();
+                (points, *color, *dash, SHAPES[number % SHAPES.len()])
+            });
+            line_panel(&lines.collect::<Vec<_>>(), x, label)
         })
         .collect();
     let entry = |(number, (name, color, ..)): (usize, &(String, &str, usize, Vec<(f64, &Pooled)>))| {
@@ -390,13 +411,11 @@ fn error_vs_delta(study: &Study) -> Option<Sheet> {
     let panels = DELTA_MEASURES
         .iter()
         .map(|&(label, value)| {
-            let mut plots = Vec::new();
-            for (number, scene) in scenes.iter().enumerate() {
-                let style = DASHES[number % DASHES.len()].clone();
-                plots.extend(marked_line(&points(scene, value), COLORS[number], style, SHAPES[number]));
-            }
-            let layout = layout(&plots, "", "δ (shape change before a refresh)", label).with_y_axis_min(0.0);
-            (plots, layout)
+            let lines = scenes
+                .iter()
+                .enumerate()
+                .map(|(number, scene)| (points(scene, value), COLORS[number], number % DASHES.len(), SHAPES[number]));
+            line_panel(&lines.collect::<Vec<_>>(), "δ (shape change before a refresh)", label)
         })
         .collect();
     let legend =

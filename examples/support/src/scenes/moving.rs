@@ -212,7 +212,8 @@ fn soft_spheres(fineness: Fineness, ticks: usize) -> MovingScene {
             // Nearly the same volume: what is lost in length is won in width.
             let widen = 1.0 / squeeze.sqrt();
             let wobble = 1.0 + 0.06 * moment * libm::sin(4.0 * y + TAU * moment) * libm::cos(3.0 * z + end);
-            let distance = 1.02 - 0.42 * moment;
+            // Their boxes overlap from the start, so that every sphere is made in the first tick.
+            let distance = 0.99 - 0.39 * moment;
             [end * distance + squeeze * wobble * x, widen * wobble * y, widen * wobble * z + 0.05 * end]
         })
     };
@@ -296,7 +297,7 @@ fn ribbed_panel(fineness: Fineness, ticks: usize) -> MovingScene {
         // Turned to lie along x, across the ribs.
         let (x, z) = (z, -x);
         let bend = 0.15 * moment * x * x;
-        [x, y + 1.5 * edge + 3.0 * edge + edge * (0.4 - 0.55 * moment) + bend, z + 0.21 * edge]
+        [x, y + 1.5 * edge + 3.0 * edge + edge * (0.22 - 0.37 * moment) + bend, z + 0.21 * edge]
     });
     MovingScene {
         name: "ribbed_panel",
