@@ -17,9 +17,9 @@ use super::{
     lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, normal, project},
 };
 
-/// The closest features may be farther apart than they are for certain by this many times the resolution, 2.5e-6
-/// of the pair's extent: once for what the gap may be overestimated by, and little for what it may be underestimated by.
-const SETTLED: f64 = 1.25;
+/// The closest features may be farther apart than the triangles are for certain by this share of the contact distance or
+/// of the smaller triangle's longest edge: the most that any separation may be wrong by.
+const DISTANCE_TOLERANCE: f64 = 1.0e-5;
 
 /// The largest gap found, and what looks closest.
 struct Apart {
@@ -61,8 +61,6 @@ pub struct NearPair {
     pub gap: f32,
     /// How much of the gap may be rounding, of positions too.
     pub rounding: f32,
-    /// How much may be rounding of what is computed from the positions.
-    pub resolution: f32,
     /// Which features look closest; of triangles that cross, which vertex and face or which two edges.
     pub closest: FeatureCase,
 }
@@ -75,16 +73,18 @@ impl NearPair {
     }
 
     /// The closest features in double precision; `corners` are those of the two triangles. `None` where the triangles
-    /// may cross, or are too thin for single precision to tell which features are closest: the gap is then clearly less
-    /// than the distance of the features.
+    /// may cross, or single precision does not tell which features are closest: the distance of those may then exceed the
+    /// triangles' by more than 1e-5 of `contact_distance` and of the smaller triangle's longest edge.
     #[must_use]
-    pub fn closest_features(&self, corners: [&[DVec3; 3]; 2]) -> Option<Proximity> {
+    pub fn closest_features(&self, corners: [&[DVec3; 3]; 2], contact_distance: f64) -> Option<Proximity> {
         if self.gap <= self.rounding {
             return None;
         }
         let least = f64::from(self.gap) - f64::from(self.rounding);
-        examine_case(corners[0], corners[1], self.closest)
-            .filter(|proximity| proximity.distance <= least + SETTLED * f64::from(self.resolution))
+        let size = corners
+            .map(|corners| (0..3).map(|k| corners[k].distance_squared(corners[(k + 1) % 3])).fold(0.0, f64::max));
+        let tolerance = DISTANCE_TOLERANCE * size[0].min(size[1]).sqrt().max(contact_distance);
+        examine_case(corners[0], corners[1], self.closest).filter(|proximity| proximity.distance <= least + tolerance)
     }
 }
 
@@ -113,13 +113,12 @@ pub fn near_pairs(
 #[inline(never)]
 fn keep(pairs: &[[u32; 2]], lanes: &PairLanes, apart: &Apart, range: f32, rounding: f32, near: &mut Vec<NearPair>) {
     for (lane, &triangles) in pairs.iter().enumerate() {
-        let (gap, resolution) = (apart.gap.0[lane], ROUNDING * lanes.extent.0[lane]);
-        let rounding = resolution + rounding;
+        let (gap, rounding) = (apart.gap.0[lane], ROUNDING * lanes.extent.0[lane] + rounding);
         // What is not a number proves nothing.
         if gap > range * RANGE_SLACK + rounding {
             continue;
         }
         let closest = FeatureCase(apart.closest.case.0[lane].to_bits() as u8);
-        near.push(NearPair { triangles, gap, rounding, resolution, closest });
+        near.push(NearPair { triangles, gap, rounding, closest });
     }
 }

@@ -109,7 +109,7 @@ pub fn refine_closest(
         let corners = [&a.corners(triangle_a), &b.corners(triangle_b)];
         let least = pair.least_distance() * settings.scale;
         let between = |threshold: f64, most: f64| least <= threshold && threshold < most;
-        let closest = pair.closest_features(corners).filter(|closest| {
+        let closest = pair.closest_features(corners, settings.contact_distance / settings.scale).filter(|closest| {
             let most = closest.distance * settings.scale;
             ![settings.contact_distance, settings.reported_distance, settings.range]
                 .iter()

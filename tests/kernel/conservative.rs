@@ -42,7 +42,7 @@ fn no_pair_within_range_is_lost_and_no_distance_is_overstated() {
         let found = found.expect("it was just looked at");
         within += 1;
         overstated += usize::from(found.least_distance() > distance);
-        if let Some(closest) = found.closest_features([&exact[0], &exact[1]]) {
+        if let Some(closest) = found.closest_features([&exact[0], &exact[1]], 0.0) {
             settled += 1;
             worst = worst.max((closest.distance - distance).abs() / extent);
         }

@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]
 
+pub mod programs;
 pub mod recording;
 pub mod scenes;
 #[cfg(feature = "strategies")]
