@@ -438,7 +438,7 @@ fn time_vs_triangles(study: &Study) -> Option<Sheet> {
     }
     let mut plots = Vec::new();
     let mut legend = Vec::new();
-    let colors = [ORANGE, VERMILION, GREEN, BLACK];
+    let colors = [ORANGE, VERMILION, PURPLE, GREEN, BLACK];
     for (number, method) in scaling::METHODS.into_iter().enumerate() {
         let name = format!("{method:?}");
         let points: Vec<(f64, f64)> = study
@@ -447,7 +447,7 @@ fn time_vs_triangles(study: &Study) -> Option<Sheet> {
             .filter(|row| row.method == name)
             .map(|row| (row.triangles as f64, row.time_ms))
             .collect();
-        plots.extend(marked_line(&points, colors[number], DASHES[number].clone(), SHAPES[number]));
+        plots.extend(marked_line(&points, colors[number], DASHES[number % DASHES.len()].clone(), SHAPES[number]));
         let slope =
             scaling::slope(&study.scaling, method).map_or_else(String::new, |slope| format!(", slope {slope:.2}"));
         legend.push(marker_entry(&(name + &slope), colors[number], SHAPES[number]));
