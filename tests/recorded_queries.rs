@@ -19,7 +19,8 @@ use bevy_circumsphere::kernel::{
     tree::BoxTree,
 };
 use circumsphere_support::recording::{
-    ImpactTruth, QueryKind, read_ccd_queries, read_f64_recording, read_impact_truth, read_recording, recordings_folder,
+    QueryKind, RecordedImpacts, read_ccd_queries, read_f64_recording, read_recorded_impacts, read_recording,
+    recordings_folder,
 };
 use glam::{DVec3, Vec3};
 
@@ -75,7 +76,7 @@ fn step(truth: &Path) -> Step {
     Step { triangles, frames: frames.try_into().expect("a step has two frames") }
 }
 
-fn queries_of(step: &Step, truth: &ImpactTruth) -> Vec<Query> {
+fn queries_of(step: &Step, truth: &RecordedImpacts) -> Vec<Query> {
     let points = |frame: usize, vertices: [u32; 4]| vertices.map(|vertex| step.frames[frame][vertex as usize]);
     let query = |answer: &circumsphere_support::recording::ImpactAnswer| Query {
         start: points(0, answer.vertices),
@@ -172,7 +173,7 @@ fn no_recorded_collision_is_missed() {
         add(&mut exact, score(&name(&path), file.kind, &queries));
     }
     for path in files(&folder, ".gt.bin") {
-        let truth = read_impact_truth(&path).expect("the answers are valid");
+        let truth = read_recorded_impacts(&path).expect("the answers are valid");
         add(&mut must_find, score(&name(&path), truth.kind, &queries_of(&step(&path), &truth)));
     }
     for score in [&exact, &must_find] {
@@ -189,7 +190,7 @@ fn every_recorded_collision_of_features_is_one_of_their_triangles() {
     let Some(folder) = recordings_folder() else { return };
     let mut compared = 0;
     for path in files(&folder, ".gt.bin") {
-        let truth = read_impact_truth(&path).expect("the answers are valid");
+        let truth = read_recorded_impacts(&path).expect("the answers are valid");
         let step = step(&path);
         let queries = queries_of(&step, &truth);
         let rest: Vec<Vec3> = step.frames[0].iter().map(|position| position.as_vec3()).collect();

@@ -6,7 +6,7 @@ use std::{
 };
 
 use circumsphere_support::recording::{
-    CcdQueries, ImpactTruth, Recording, RecordingError, RecordingF64, read_recording,
+    CcdQueries, RecordedImpacts, Recording, RecordingError, RecordingF64, read_recording,
 };
 
 use crate::input::Input;
@@ -90,7 +90,7 @@ pub fn ccd_queries(bytes: &[u8]) {
 }
 
 pub fn impact_truth(bytes: &[u8]) {
-    if let Some(truth) = accepted(ImpactTruth::from_bytes(bytes, name())) {
+    if let Some(truth) = accepted(RecordedImpacts::from_bytes(bytes, name())) {
         // A header of 16 bytes, then four indices and an answer each.
         assert_eq!(16 + 17 * truth.answers.len(), bytes.len(), "bytes were left over");
     }

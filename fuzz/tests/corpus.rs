@@ -4,7 +4,7 @@
 use std::{fs, path::Path};
 
 use circumsphere_fuzz::TARGETS;
-use circumsphere_support::recording::{CcdQueries, ImpactTruth, Recording, RecordingF64};
+use circumsphere_support::recording::{CcdQueries, RecordedImpacts, Recording, RecordingF64};
 
 /// Seeds are small, so that a fuzzer gets through many of them and the repository stays light.
 const LARGEST_SEED: u64 = 2048;
@@ -97,7 +97,7 @@ fn the_seeds_of_the_readers_are_files_that_they_accept() {
         ("recording_ply", |bytes| Recording::from_ply_bytes(bytes, Path::new("seed")).is_ok()),
         ("recording_obj", |bytes| Recording::from_obj_bytes(bytes, Path::new("seed")).is_ok()),
         ("ccd_queries", |bytes| CcdQueries::from_bytes(bytes, Path::new("seed")).is_ok()),
-        ("impact_truth", |bytes| ImpactTruth::from_bytes(bytes, Path::new("seed")).is_ok()),
+        ("impact_truth", |bytes| RecordedImpacts::from_bytes(bytes, Path::new("seed")).is_ok()),
     ];
     for (target, accept) in accepts {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(target);

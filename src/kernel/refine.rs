@@ -2,7 +2,8 @@
 //!
 //! Reads candidate triangle pairs and positions in one common frame, writes touching pairs and contacts. A feature
 //! that several triangles share is reported by one of them: the lowest pair of triangles that contains both features
-//! and shares no vertex. That can be decided from the topology alone, because every such pair touches too.
+//! and shares no vertex. That can be decided from the topology alone, because every such pair touches too. Where only the
+//! closest features are wanted, every pair reports its own.
 
 use glam::{DVec3, Vec3};
 
@@ -16,6 +17,7 @@ use super::{
         examine_pair,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         side::{closest_feature, face_normal},
+        triangle_pair::TIE,
     },
     ids::{EdgeId, TriangleId, VertexId},
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
@@ -52,11 +54,13 @@ pub fn refine_pairs(
     found.examined += pairs.len();
     let mut proximity = PairProximity::default();
     for &triangles in pairs {
-        refine_pair(a, b, triangles, settings, &mut proximity, found);
+        refine_pair(a, b, triangles, settings, &mut proximity, found, |_, proximity| {
+            reports(a, b, settings.same_surface, triangles, proximity.features)
+        });
     }
 }
 
-/// Tests one pair exactly; `proximity` is scratch.
+/// Tests one pair exactly; `proximity` is scratch. Which of the pair's features make a contact is up to `makes_contact`.
 fn refine_pair(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -64,30 +68,35 @@ fn refine_pair(
     settings: &PairSettings,
     proximity: &mut PairProximity,
     found: &mut FoundPairs,
+    makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
 ) {
     let [triangle_a, triangle_b] = triangles;
-    let (corners_a, corners_b) = (a.corners(triangle_a), b.corners(triangle_b));
-    examine_pair(&corners_a, &corners_b, settings.range / settings.scale, proximity);
+    let corners = [&a.corners(triangle_a), &b.corners(triangle_b)];
+    examine_pair(corners[0], corners[1], settings.range / settings.scale, proximity);
     let distance = proximity.distance * settings.scale;
     if distance > settings.range {
         return;
     }
-    found.nearest = found.nearest.min(distance);
-    if distance <= settings.contact_distance {
-        found.touching.push(TouchingPair { triangle_a, triangle_b, distance });
-    }
-    for proximity in &proximity.proximities {
-        if proximity.distance * settings.scale <= settings.reported_distance
-            && reports(a, b, settings.same_surface, triangles, proximity.features)
-        {
-            found.contacts.push(contact(a, b, settings, triangles, [&corners_a, &corners_b], proximity));
+    add_pair(triangles, distance, settings, found);
+    for features in &proximity.proximities {
+        if features.distance * settings.scale <= settings.reported_distance && makes_contact(proximity, features) {
+            found.contacts.push(contact(a, b, settings, triangles, corners, features));
         }
     }
 }
 
+fn add_pair([triangle_a, triangle_b]: [u32; 2], distance: f64, settings: &PairSettings, found: &mut FoundPairs) {
+    found.nearest = found.nearest.min(distance);
+    if distance <= settings.contact_distance {
+        found.touching.push(TouchingPair { triangle_a, triangle_b, distance });
+    }
+}
+
 /// Tests candidate pairs of two surfaces exactly, like [`refine_pairs`], and appends what it finds: the same pairs, but of
-/// a pair that is apart only the closest features make a contact, which takes a part of the time. Pairs that may cross, or
-/// are too thin or too near a threshold for single precision, are tested as [`refine_pairs`] does.
+/// a pair that is apart only the closest features make a contact, which takes a part of the time. Pairs that cross, or of
+/// which single precision does not see which features are closest, are examined as [`refine_pairs`] does.
+/// Each pair reports its own closest features, whatever others contain them: to those they need not be the closest. It culls
+/// whatever the settings say.
 pub fn refine_closest(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -107,24 +116,15 @@ pub fn refine_closest(
     for pair in &near {
         let [triangle_a, triangle_b] = pair.triangles;
         let corners = [&a.corners(triangle_a), &b.corners(triangle_b)];
-        let least = pair.least_distance() * settings.scale;
-        let between = |threshold: f64, most: f64| least <= threshold && threshold < most;
-        let closest = pair.closest_features(corners, settings.contact_distance / settings.scale).filter(|closest| {
-            let most = closest.distance * settings.scale;
-            ![settings.contact_distance, settings.reported_distance, settings.range]
-                .iter()
-                .any(|&threshold| between(threshold, most))
-        });
-        let Some(closest) = closest else {
+        let Some(closest) = pair.closest_features(corners) else {
             found.examined += 1;
-            refine_pair(a, b, pair.triangles, settings, &mut proximity, found);
+            refine_pair(a, b, pair.triangles, settings, &mut proximity, found, |pair, features| {
+                pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
+            });
             continue;
         };
         let distance = closest.distance * settings.scale;
-        found.nearest = found.nearest.min(distance);
-        if distance <= settings.contact_distance {
-            found.touching.push(TouchingPair { triangle_a, triangle_b, distance });
-        }
+        add_pair(pair.triangles, distance, settings, found);
         if distance <= settings.reported_distance {
             found.contacts.push(contact(a, b, settings, pair.triangles, corners, &closest));
         }

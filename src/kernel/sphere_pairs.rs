@@ -12,7 +12,7 @@ use super::{
     exact::{
         Feature, FeaturePair,
         barycentric::barycentric_of,
-        cull::{cull_by_directions, cull_by_planes},
+        cull::{cull_by_directions, cull_by_planes, gap_along},
         side::face_normal,
     },
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
@@ -108,13 +108,6 @@ fn box_gap(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
     let (low_a, high_a) = (a[0].min(a[1]).min(a[2]), a[0].max(a[1]).max(a[2]));
     let (low_b, high_b) = (b[0].min(b[1]).min(b[2]), b[0].max(b[1]).max(b[2]));
     (low_a - high_b).max(low_b - high_a).max_element().max(0.0)
-}
-
-/// How far apart two triangles are along a unit direction; 0 where they overlap or it is zero.
-fn gap_along(direction: DVec3, own: &[DVec3; 3], other: &[DVec3; 3]) -> f64 {
-    let [a, b, c] = [0, 1, 2].map(|k| direction.dot(own[k] - own[0]));
-    let [p, q, r] = [0, 1, 2].map(|k| direction.dot(other[k] - own[0]));
-    (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r)).max(0.0)
 }
 
 /// Appends the candidates whose enclosing balls come within range. In a self-collision, pairs that share a vertex are

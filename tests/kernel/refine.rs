@@ -7,16 +7,16 @@ use crate::{
 use bevy_circumsphere::kernel::{
     contact::{CompactContact, ContactKey},
     exact::{Feature, FeatureKind},
-    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
     reference::{
         exact_weld, point_triangle, touching_pairs_between_brute_force, touching_pairs_brute_force, triangle_distance,
     },
-    refine::refine_pairs,
+    refine::{refine_closest, refine_pairs},
     topology::SurfaceTopology,
 };
 use circumsphere_support::scenes::{Mesh, icosphere, merge, triangle_soup};
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
 use std::collections::{BTreeMap, BTreeSet};
 
 const REACH: f64 = 0.08;
@@ -440,4 +440,65 @@ fn a_vertex_over_a_sheet_is_one_contact() {
     }
     assert!((point_triangle(points[4].as_dvec3(), &exact_corners(0)).distance - 0.05).abs() < 1.0e-7);
     assert_eq!(Pose::IDENTITY.scale(), 1.0);
+}
+
+/// Positions that were moved to the frame of the pair are rounded there, which says nothing about the features: almost no
+/// pair that is apart needs the exact test for it.
+#[test]
+fn the_closest_features_of_a_moved_surface_are_told_as_often_as_those_of_one_in_place() {
+    let own = icosphere(3, 1.0).rotate([0.3, 1.0, 0.2], 0.7);
+    let other = icosphere(3, 0.8).rotate([1.0, 0.1, -0.4], 1.9);
+    let (own_points, other_points) = (positions(&own), positions(&other));
+    let a = SurfaceTopology::new(&own_points, &own.triangles).expect("valid");
+    let b = SurfaceTopology::new(&other_points, &other.triangles).expect("valid");
+    let turn = DQuat::from_axis_angle(DVec3::new(0.36, 0.48, 0.8), 0.3);
+    let pose = DAffine3::from_rotation_translation(turn, DVec3::new(1.83, 0.013, 0.021));
+    let pose = Pose::from_double_affine(&pose).expect("a rigid motion");
+    let mut moved_points = Vec::new();
+    pose.transform_points(&other_points, &mut moved_points);
+    let settings = settings(false, true);
+    let candidates = all_between(own.triangles.len(), other.triangles.len());
+
+    let own_side = side(&a, &own_points, true);
+    let in_place = side(&b, &moved_points, true);
+    let moved = SurfaceSide { moved: Some(MovedSide::new(&other_points, &pose, &moved_points)), ..in_place };
+    let examined = [in_place, moved].map(|other_side| {
+        let mut found = FoundPairs::default();
+        refine_closest(&own_side, &other_side, &candidates, &settings, &mut found);
+        let mut every = FoundPairs::default();
+        refine_pairs(&own_side, &other_side, &candidates, &settings, &mut every);
+        // The same pairs, at distances that agree as well as single precision tells the features.
+        let pairs = |found: &FoundPairs| -> Vec<[u32; 2]> {
+            found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
+        };
+        assert_eq!(pairs(&found), pairs(&every));
+        assert!(found.touching.len() > 100, "{} pairs touch", found.touching.len());
+        for (pair, exact) in found.touching.iter().zip(&every.touching) {
+            assert!((pair.distance - exact.distance).abs() <= 1.0e-5 * 0.15, "{pair:?} {exact:?}");
+        }
+        found.examined
+    });
+    println!("{examined:?} pairs examined");
+    assert!(examined[1] * 10 <= examined[0] * 11, "{examined:?} in place and moved");
+}
+
+/// A large triangle, which single precision hardly tells from one that crosses, next to a small one, which it does.
+#[test]
+fn every_touching_pair_has_its_closest_features_among_those_of_the_closest_alone() {
+    let (vertex, lowest) = (Vec3::new(0.2, 1.0e-4, 0.1), Vec3::new(0.25, 5.0e-5, 0.15));
+    let own =
+        [vertex, lowest, Vec3::new(0.1, 0.3, 0.2), Vec3::new(1000.0, 500.0, 0.0), Vec3::new(1000.0, 500.0, 300.0)];
+    let floor = [Vec3::new(-1.0, 0.0, -1.0), Vec3::new(0.0, 0.0, 2.0), Vec3::new(2.0, 0.0, -1.0)];
+    let a = SurfaceTopology::new(&own, &[[0, 1, 2], [0, 3, 4]]).expect("valid");
+    let b = SurfaceTopology::new(&floor, &[[0, 1, 2]]).expect("valid");
+    let mut found = FoundPairs::default();
+    let sides = [side(&a, &own, false), side(&b, &floor, false)];
+    refine_closest(&sides[0], &sides[1], &all_between(2, 1), &settings(false, true), &mut found);
+    assert_eq!(found.touching.len(), 2, "{found:?}");
+    for touching in &found.touching {
+        let corner = if touching.triangle_a == 0 { lowest } else { vertex };
+        assert_eq!(touching.distance as f32, corner.y);
+        let is_it = |contact: &&CompactContact| contact.distance == corner.y;
+        assert_eq!(found.contacts.iter().filter(is_it).count(), 1, "{touching:?} {:?}", found.contacts);
+    }
 }

@@ -9,7 +9,7 @@ use bevy_circumsphere::kernel::reference::{
     triangles_cross, vertex_face_impact,
 };
 use circumsphere_support::recording::{
-    QueryKind, read_ccd_queries, read_f64_recording, read_impact_truth, read_recording, recordings_folder,
+    QueryKind, read_ccd_queries, read_f64_recording, read_recorded_impacts, read_recording, recordings_folder,
 };
 use glam::{DQuat, DVec3, Vec3};
 use std::time::Instant;
@@ -840,7 +840,7 @@ fn recorded_impacts_are_never_denied() {
     let started = Instant::now();
     let mut all = Answers::default();
     for path in files(".gt.bin") {
-        let answers = read_impact_truth(&path).expect("the answers can be read");
+        let answers = read_recorded_impacts(&path).expect("the answers can be read");
         let kind = kind_of(answers.kind);
         let name = path.file_name().expect("it is a file").to_string_lossy().into_owned();
         let name = name.split('.').next().expect("the first part of a split is there").to_owned();

@@ -4,8 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use circumsphere_support::recording::{
-    CcdQueries, CcdQuery, FOLDER_VARIABLE, ImpactAnswer, ImpactTruth, MAGIC_QUERIES, MAGIC_TRUTH, QueryKind,
-    RecordingError, read_ccd_queries, read_impact_truth, recordings_folder,
+    CcdQueries, CcdQuery, FOLDER_VARIABLE, ImpactAnswer, MAGIC_QUERIES, MAGIC_TRUTH, QueryKind, RecordedImpacts,
+    RecordingError, read_ccd_queries, read_recorded_impacts, recordings_folder,
 };
 use proptest::prelude::*;
 
@@ -35,8 +35,8 @@ fn queries(bytes: &[u8]) -> Result<CcdQueries, RecordingError> {
     CcdQueries::from_bytes(bytes, Path::new("some.ccdq.bin"))
 }
 
-fn truth(bytes: &[u8]) -> Result<ImpactTruth, RecordingError> {
-    ImpactTruth::from_bytes(bytes, Path::new("some.vf.gt.bin"))
+fn truth(bytes: &[u8]) -> Result<RecordedImpacts, RecordingError> {
+    RecordedImpacts::from_bytes(bytes, Path::new("some.vf.gt.bin"))
 }
 
 /// The two messages that refuse a change made to either file.
@@ -160,10 +160,10 @@ fn files_are_read_from_disk_and_refused_by_their_header() {
     assert!(matches!(read_ccd_queries(&place), Err(RecordingError::Truncated { .. })));
     fs::write(&place, truth_file()).unwrap();
     assert!(matches!(read_ccd_queries(&place), Err(RecordingError::WrongMagic { .. })));
-    assert_eq!(read_impact_truth(&place).unwrap(), truth(&truth_file()).unwrap());
-    assert!(matches!(read_impact_truth(&folder), Err(RecordingError::NotAFile { .. })));
+    assert_eq!(read_recorded_impacts(&place).unwrap(), truth(&truth_file()).unwrap());
+    assert!(matches!(read_recorded_impacts(&folder), Err(RecordingError::NotAFile { .. })));
     fs::remove_dir_all(&folder).unwrap();
-    assert!(matches!(read_impact_truth(&place), Err(RecordingError::Read { .. })));
+    assert!(matches!(read_recorded_impacts(&place), Err(RecordingError::Read { .. })));
 }
 
 fn fresh_folder() -> std::path::PathBuf {
@@ -185,7 +185,7 @@ fn recorded_queries_are_read() {
         if name.ends_with(".ccdq.bin") {
             asked += read_ccd_queries(&path).unwrap().queries.len();
         } else if name.ends_with(".gt.bin") {
-            let truth = read_impact_truth(&path).unwrap();
+            let truth = read_recorded_impacts(&path).unwrap();
             assert_eq!(truth.kind == QueryKind::EdgeEdge, name.ends_with(".ee.gt.bin"), "{name}");
             answered += truth.answers.len();
         }

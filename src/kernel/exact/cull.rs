@@ -1,15 +1,15 @@
 //! Conservative rejection of triangle pairs, eight at a time, by a slab that separates them.
 //!
 //! Two triangles whose projections on any direction are farther apart than a distance are themselves farther apart, so
-//! every direction gives a proof, however it was found and rounded. Two kinds are tried: the triangles' normals, then,
-//! for the pairs left, the direction between their closest features as f32 finds them, which is the best there is. What
-//! no direction rejects goes to the exact test; what lies within range is never rejected.
+//! every direction gives a proof, however it was found and rounded: the triangles' normals, the direction between their
+//! closest features as f32 finds them, which is the best there is, or one that a method has already. What no direction
+//! rejects goes on to the next test; what lies within range is never rejected.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
 use std::cmp::Ordering;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::kernel::lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, normal, project};
 
@@ -118,4 +118,11 @@ fn keep(pairs: &[[u32; 2]], excess: &Lanes, kept: &mut Vec<[u32; 2]>) {
     // An excess that is not a number, of coordinates near the end of f32, proves nothing.
     let apart = |excess: f32| excess.partial_cmp(&0.0) == Some(Ordering::Greater);
     kept.extend(pairs.iter().zip(excess.0).filter(|&(_, excess)| !apart(excess)).map(|(&pair, _)| pair));
+}
+
+/// How far apart two triangles are along a unit direction, in f64; 0 where they overlap or it is zero.
+pub(in crate::kernel) fn gap_along(direction: DVec3, own: &[DVec3; 3], other: &[DVec3; 3]) -> f64 {
+    let [a, b, c] = [0, 1, 2].map(|k| direction.dot(own[k] - own[0]));
+    let [p, q, r] = [0, 1, 2].map(|k| direction.dot(other[k] - own[0]));
+    (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r)).max(0.0)
 }

@@ -19,7 +19,7 @@ pub const MAX_PROXIMITIES: usize = 39;
 
 /// Boundary pairs count as equally close within this share of their squared distance: twice what the rounding of f32
 /// positions leaves of two edges that are meant to be parallel.
-const TIE: f64 = 2.0e-6;
+pub(in crate::kernel) const TIE: f64 = 2.0e-6;
 
 /// A position along an edge this close to an end is at the end.
 const AT_END: f64 = 1.0e-9;

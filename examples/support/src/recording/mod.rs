@@ -7,7 +7,7 @@
 //! The `.bin` layout is little-endian: four `u32` (magic, vertices, faces, frames), three `u32` per face,
 //! then three coordinates per vertex for every frame. Coordinates are `f32` under [`MAGIC`] and `f64` under
 //! [`MAGIC_F64`]. Files of queries for continuous collision detection are read beside them, see [`CcdQueries`] and
-//! [`ImpactTruth`].
+//! [`RecordedImpacts`].
 
 mod binary;
 mod error;
@@ -22,8 +22,8 @@ use std::path::{Path, PathBuf};
 
 pub use error::RecordingError;
 pub use queries::{
-    CcdQueries, CcdQuery, ImpactAnswer, ImpactTruth, MAGIC_QUERIES, MAGIC_TRUTH, QueryKind, read_ccd_queries,
-    read_impact_truth,
+    CcdQueries, CcdQuery, ImpactAnswer, MAGIC_QUERIES, MAGIC_TRUTH, QueryKind, RecordedImpacts, read_ccd_queries,
+    read_recorded_impacts,
 };
 
 /// First four bytes of a `.bin` recording with `f32` coordinates, read as a little-endian `u32`.

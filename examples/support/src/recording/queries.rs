@@ -64,7 +64,7 @@ pub struct ImpactAnswer {
 ///
 /// The recording the indices refer to is another file, so they may be out of its range.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ImpactTruth {
+pub struct RecordedImpacts {
     /// Which features all of them are about.
     pub kind: QueryKind,
     /// The answers in the order of the file.
@@ -102,7 +102,7 @@ impl CcdQueries {
     }
 }
 
-impl ImpactTruth {
+impl RecordedImpacts {
     /// Reads the bytes of one `.gt.bin` file.
     ///
     /// `name` stands for the file in error messages and need not exist.
@@ -138,9 +138,9 @@ pub fn read_ccd_queries(path: &Path) -> Result<CcdQueries, RecordingError> {
 /// # Errors
 ///
 /// A file that cannot be read or is malformed, see [`RecordingError`].
-pub fn read_impact_truth(path: &Path) -> Result<ImpactTruth, RecordingError> {
+pub fn read_recorded_impacts(path: &Path) -> Result<RecordedImpacts, RecordingError> {
     let check = |start: &[u8], size| Header::read::<INDICES_BYTES>(start, MAGIC_TRUTH, size, path).map(drop);
-    ImpactTruth::from_bytes(&read_sized(path, check)?, path)
+    RecordedImpacts::from_bytes(&read_sized(path, check)?, path)
 }
 
 /// What the header of either kind of file says.
