@@ -5,29 +5,21 @@
 use std::{
     fmt::Write,
     fs,
-    path::{Path, PathBuf},
+    path::Path,
     process::{Command, Output},
 };
 
 use bevy_circumsphere::kernel::reference::{compare, exact_weld, mean_edge_length, touching_pairs_tree};
 use circumsphere_support::{
+    programs::example_program,
     recording::{Recording, write_recording},
     scenes::{BALL_TRIANGLES, CLOTH_TRIANGLES, FRAMES, Mesh, TORUS_TRIANGLES, cuboid, icosphere, merge},
 };
 use glam::{DVec3, Vec3};
 use tempfile::TempDir;
 
-/// The program lies beside the folder of the tests' own programs; building all tests builds it.
-fn program() -> PathBuf {
-    let tests = std::env::current_exe().expect("a test knows where it is");
-    let profile = tests.ancestors().nth(2).expect("tests lie two folders below their profile");
-    let program = profile.join("examples").join(format!("replay{}", std::env::consts::EXE_SUFFIX));
-    assert!(program.exists(), "{} is missing: build it with `cargo build --example replay`", program.display());
-    program
-}
-
 fn replay(arguments: &[&str]) -> Output {
-    Command::new(program()).args(arguments).output().expect("the program starts")
+    Command::new(example_program("replay")).args(arguments).output().expect("the program starts")
 }
 
 fn succeed(arguments: &[&str]) -> String {

@@ -3,7 +3,7 @@
 use std::{ops::Range, path::PathBuf, str::FromStr};
 
 use bevy_circumsphere::{CircumsphereSettings, ContactMethod, kernel::curvature::CurvatureEstimator};
-use clap::{Parser, ValueEnum};
+use clap::{ArgAction, Parser, ValueEnum};
 use serde::Serialize;
 
 /// Contact distance where none is given, in mean edges.
@@ -39,6 +39,12 @@ pub struct Options {
     /// Curvature times radius at which a sphere is no longer offset
     #[arg(long, default_value_t = CircumsphereSettings::default().curvature_threshold)]
     pub curvature_threshold: f32,
+    /// Whether planes that hold two triangles apart hold their caps apart
+    #[arg(long, value_name = "BOOL", default_value_t = CircumsphereSettings::default().plane_cull, action = ArgAction::Set)]
+    pub plane_cull: bool,
+    /// Whether safety cones are widened by the angle to the neighbors
+    #[arg(long, value_name = "BOOL", default_value_t = CircumsphereSettings::default().widen_cones, action = ArgAction::Set)]
+    pub widen_cones: bool,
     /// How curvature is estimated
     #[arg(long, value_enum, default_value_t = Estimator::SignedEdge)]
     pub estimator: Estimator,
@@ -162,6 +168,8 @@ pub struct Settings {
     pub phi: f32,
     pub delta: f32,
     pub curvature_threshold: f32,
+    pub plane_cull: bool,
+    pub widen_cones: bool,
     pub estimator: Estimator,
     pub frames: Range<usize>,
     pub repeat: u32,
@@ -219,6 +227,8 @@ impl Options {
             phi: self.phi,
             delta: self.delta,
             curvature_threshold: self.curvature_threshold,
+            plane_cull: self.plane_cull,
+            widen_cones: self.widen_cones,
             estimator: self.estimator,
             frames,
             repeat: self.repeat,

@@ -5,10 +5,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bevy_app::{TaskPoolOptions, TaskPoolPlugin, TaskPoolThreadAssignmentPolicy, prelude::*};
+use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
-    detection::{BruteForceBroadPhasePlugin, DetectionDiagnostics, StageDiagnostics, TreeBroadPhasePlugin},
+    detection::{BroadPhasePlugin, BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
     kernel::topology::{SurfaceTopology, TopologyError},
     prelude::*,
 };
@@ -18,6 +18,7 @@ use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{
+    headless::{Detection, detect, headless_app, move_surface},
     options::{BroadPhase, Options, Settings, Surfaces},
     output::OutputError,
 };
@@ -79,15 +80,6 @@ fn split(topology: &SurfaceTopology) -> Vec<Part> {
         }));
     }
     parts
-}
-
-/// What one detection did.
-pub struct Detection {
-    pub total: Duration,
-    pub stages: Vec<StageDiagnostics>,
-    pub recipes_refreshed: usize,
-    pub pairs: usize,
-    pub contacts: usize,
 }
 
 /// All detections of one frame.
@@ -166,40 +158,28 @@ impl<'a> Stage<'a> {
         settings: &Settings,
         set_up: Option<impl FnOnce(&mut App)>,
     ) -> Self {
-        let mut app = App::new();
-        if settings.threads > 1 {
-            // The calling thread works too.
-            let workers = settings.threads - 1;
-            let compute = TaskPoolThreadAssignmentPolicy {
-                min_threads: workers,
-                max_threads: workers,
-                percent: 1.0,
-                on_thread_spawn: None,
-                on_thread_destroy: None,
-            };
-            let task_pool_options = TaskPoolOptions { compute, ..TaskPoolOptions::default() };
-            app.add_plugins(TaskPoolPlugin { task_pool_options });
-        }
-        let plugins = DeformableCollisionPlugins::new(Update);
-        match settings.broad_phase {
-            BroadPhase::Tree => app.add_plugins(plugins),
-            BroadPhase::BruteForce => app
-                .add_plugins(plugins.build().disable::<TreeBroadPhasePlugin>())
-                .add_plugins(BruteForceBroadPhasePlugin),
+        let plugins = DeformableCollisionPlugins::new(Update).build();
+        let plugins = match settings.broad_phase {
+            BroadPhase::Tree => plugins,
+            BroadPhase::BruteForce => {
+                plugins.disable::<TreeBroadPhasePlugin>().add_after::<BroadPhasePlugin>(BruteForceBroadPhasePlugin)
+            }
         };
-        app.insert_resource(CircumsphereSettings {
+        let circumsphere_settings = CircumsphereSettings {
             phi: settings.phi,
             delta: settings.delta,
             curvature_threshold: settings.curvature_threshold,
+            plane_cull: settings.plane_cull,
+            widen_cones: settings.widen_cones,
             estimator: settings.estimator.into(),
             threads: settings.threads,
             ..CircumsphereSettings::default()
+        };
+        let mut app = headless_app(plugins, circumsphere_settings, |app| {
+            if let Some(set_up) = set_up {
+                set_up(app);
+            }
         });
-        if let Some(set_up) = set_up {
-            set_up(&mut app);
-        }
-        app.finish();
-        app.cleanup();
         let surfaces: Vec<(Entity, &Part)> = scene
             .parts
             .iter()
@@ -225,22 +205,9 @@ impl<'a> Stage<'a> {
 
     fn detect(&mut self, frame: &[[f32; 3]]) -> (Detection, Duration) {
         for &(entity, part) in &self.surfaces {
-            let positions = part.positions(frame);
-            if let Some(mut current) = self.app.world_mut().get_mut::<SurfacePositions>(entity) {
-                current.0 = positions;
-            }
+            move_surface(&mut self.app, entity, part.positions(frame));
         }
-        self.app.update();
-        let diagnostics = self.app.world().resource::<DetectionDiagnostics>();
-        let store = self.app.world().resource::<ContactStore>();
-        let detection = Detection {
-            total: diagnostics.total(),
-            stages: diagnostics.stages.clone(),
-            recipes_refreshed: diagnostics.recipes_refreshed,
-            pairs: store.touching.len(),
-            contacts: store.contacts.len(),
-        };
-        (detection, diagnostics.first_tree_builds)
+        detect(&mut self.app)
     }
 
     fn read<T>(&mut self, read: impl FnOnce(&FrameContacts) -> T) -> T {

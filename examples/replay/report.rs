@@ -9,8 +9,9 @@ use circumsphere_support::recording::Recording;
 use serde::Serialize;
 
 use super::{
+    headless::Detection,
     options::Settings,
-    player::{Detection, Played, PlayedFrame},
+    player::{Played, PlayedFrame},
 };
 
 #[derive(Serialize)]

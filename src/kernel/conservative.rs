@@ -2,7 +2,8 @@
 //!
 //! The connection of the closest features, as f32 finds it, and the normals are tried as separating directions: the gap
 //! along any direction bounds the distance from below, whatever rounding did to the direction. So a pair within range is
-//! never lost, and next to none is found too many. Read by `refine`, for the `Closest` method.
+//! never lost. The same proof in f64 tells whether features that look closest are. Read by `refine`, for the `Closest`
+//! method.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
@@ -17,9 +18,9 @@ use super::{
     lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, normal, project},
 };
 
-/// The closest features may be farther apart than they are for certain by this many times the resolution, 2.5e-6
-/// of the pair's extent: once for what the gap may be overestimated by, and little for what it may be underestimated by.
-const SETTLED: f64 = 1.25;
+/// A distance counts as proven by a direction whose gap is short of it by no more than this share of the pair's extent:
+/// what f64 leaves of it where the two are not much closer to each other than that.
+const PROVEN: f64 = 1.0e-12;
 
 /// The largest gap found, and what looks closest.
 struct Apart {
@@ -51,44 +52,26 @@ impl Apart {
     }
 }
 
-/// A pair that no direction has parted by more than the range, in the frame of the pair.
+/// A pair that no direction has parted by more than the range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearPair {
     /// Triangle of the first and of the second side.
     pub triangles: [u32; 2],
-    /// The largest gap found. The distance is at least this, up to [`rounding`](Self::rounding); negative where no
-    /// direction parts the two.
-    pub gap: f32,
-    /// How much of the gap may be rounding, of positions too.
-    pub rounding: f32,
-    /// How much may be rounding of what is computed from the positions.
-    pub resolution: f32,
     /// Which features look closest; of triangles that cross, which vertex and face or which two edges.
     pub closest: FeatureCase,
 }
 
 impl NearPair {
-    /// What the distance is at least; 0 or more.
-    #[must_use]
-    pub fn least_distance(&self) -> f64 {
-        (f64::from(self.gap) / f64::from(RANGE_SLACK) - f64::from(self.rounding)).max(0.0)
-    }
-
-    /// The closest features in double precision; `corners` are those of the two triangles. `None` where the triangles
-    /// may cross, or are too thin for single precision to tell which features are closest: the gap is then clearly less
-    /// than the distance of the features.
+    /// The closest features in double precision; `corners` are those of the two triangles. `None` where their own
+    /// direction does not hold the triangles apart by their distance: where the triangles cross, or other features are
+    /// closer than single precision saw.
     #[must_use]
     pub fn closest_features(&self, corners: [&[DVec3; 3]; 2]) -> Option<Proximity> {
-        if self.gap <= self.rounding {
-            return None;
-        }
-        let settled = SETTLED * f64::from(self.resolution);
-        let least = f64::from(self.gap) - f64::from(self.rounding);
-        examine_case(corners[0], corners[1], self.closest).filter(|proximity| {
-            // Of positions that were moved the gap says little: there the features themselves have to part the corners.
-            let apart = || gap_along(proximity.separation / proximity.distance, corners[0], corners[1]);
-            proximity.distance <= least + settled || proximity.distance <= apart() + settled
-        })
+        let proximity = examine_case(corners[0], corners[1], self.closest)?;
+        let from_origin = |corner: &DVec3| (*corner - corners[0][0]).abs().max_element();
+        let extent = corners[0].iter().chain(corners[1]).map(from_origin).fold(0.0, f64::max);
+        let gap = gap_along(proximity.separation / proximity.distance, corners[0], corners[1]);
+        (gap > 0.0 && proximity.distance - gap <= PROVEN * extent).then_some(proximity)
     }
 }
 
@@ -117,13 +100,11 @@ pub fn near_pairs(
 #[inline(never)]
 fn keep(pairs: &[[u32; 2]], lanes: &PairLanes, apart: &Apart, range: f32, rounding: f32, near: &mut Vec<NearPair>) {
     for (lane, &triangles) in pairs.iter().enumerate() {
-        let (gap, resolution) = (apart.gap.0[lane], ROUNDING * lanes.extent.0[lane]);
-        let rounding = resolution + rounding;
+        let (gap, rounding) = (apart.gap.0[lane], ROUNDING * lanes.extent.0[lane] + rounding);
         // What is not a number proves nothing.
         if gap > range * RANGE_SLACK + rounding {
             continue;
         }
-        let closest = FeatureCase(apart.closest.case.0[lane].to_bits() as u8);
-        near.push(NearPair { triangles, gap, rounding, resolution, closest });
+        near.push(NearPair { triangles, closest: FeatureCase(apart.closest.case.0[lane].to_bits() as u8) });
     }
 }

@@ -93,8 +93,8 @@ fn add_pair([triangle_a, triangle_b]: [u32; 2], distance: f64, settings: &PairSe
 }
 
 /// Tests candidate pairs of two surfaces exactly, like [`refine_pairs`], and appends what it finds: the same pairs, but of
-/// a pair that is apart only the closest features make a contact, which takes a part of the time. Pairs that may cross, or
-/// are too thin or too near a threshold for single precision, are examined as [`refine_pairs`] does.
+/// a pair that is apart only the closest features make a contact, which takes a part of the time. Pairs that cross, or of
+/// which single precision does not see which features are closest, are examined as [`refine_pairs`] does.
 /// Each pair reports its own closest features, whatever others contain them: to those they need not be the closest. It culls
 /// whatever the settings say.
 pub fn refine_closest(
@@ -116,15 +116,7 @@ pub fn refine_closest(
     for pair in &near {
         let [triangle_a, triangle_b] = pair.triangles;
         let corners = [&a.corners(triangle_a), &b.corners(triangle_b)];
-        let least = pair.least_distance() * settings.scale;
-        let between = |threshold: f64, most: f64| least <= threshold && threshold < most;
-        let closest = pair.closest_features(corners).filter(|closest| {
-            let most = closest.distance * settings.scale;
-            ![settings.contact_distance, settings.reported_distance, settings.range]
-                .iter()
-                .any(|&threshold| between(threshold, most))
-        });
-        let Some(closest) = closest else {
+        let Some(closest) = pair.closest_features(corners) else {
             found.examined += 1;
             refine_pair(a, b, pair.triangles, settings, &mut proximity, found, |pair, features| {
                 pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)

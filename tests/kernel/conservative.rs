@@ -9,8 +9,8 @@ use glam::{DVec3, Vec3};
 
 const PAIRS: usize = 320_000;
 
-/// Error of a settled distance relative to the pair's extent: the bar of every other method too.
-const DISTANCE_TOLERANCE: f64 = 1.0e-5;
+/// Error of a settled distance relative to the pair's extent: what its proof may be short of, and rounding.
+const DISTANCE_TOLERANCE: f64 = 2.0e-12;
 
 fn near(a: &[Vec3; 3], b: &[Vec3; 3], range: f32) -> Option<NearPair> {
     let mut near = Vec::new();
@@ -23,9 +23,9 @@ fn rounded(triangle: &Triangle) -> [Vec3; 3] {
 }
 
 #[test]
-fn no_pair_within_range_is_lost_and_no_distance_is_overstated() {
+fn no_pair_within_range_is_lost_and_closest_features_are_the_closest() {
     let mut random = Random::new(20_261_120);
-    let (mut within, mut settled, mut overstated) = (0, 0, 0);
+    let (mut within, mut settled) = (0, 0);
     let mut worst: f64 = 0.0;
     for index in 0..PAIRS {
         let (a, b) = hard_pair(&mut random, index % CATEGORIES.len());
@@ -39,17 +39,14 @@ fn no_pair_within_range_is_lost_and_no_distance_is_overstated() {
         // Exactly at the range, where rounding decides: to be kept.
         let found = near(&a, &b, distance as f32 * (1.0 + f32::EPSILON));
         assert!(found.is_some(), "{a:?} and {b:?} are {distance} apart, and lost at that range");
-        let found = found.expect("it was just looked at");
         within += 1;
-        overstated += usize::from(found.least_distance() > distance);
-        if let Some(closest) = found.closest_features([&exact[0], &exact[1]]) {
+        if let Some(closest) = found.and_then(|pair| pair.closest_features([&exact[0], &exact[1]])) {
             settled += 1;
             worst = worst.max((closest.distance - distance).abs() / extent);
         }
     }
     println!("{within} pairs, {settled} of them settled, their distances wrong by at most {worst:.1e} of the pair");
     assert!(within > PAIRS * 9 / 10, "{within} pairs are within what f32 squares");
-    assert_eq!(overstated, 0, "{overstated} distances are overstated");
     // Half of the kinds of pairs cross, touch, or are slivers.
     assert!(settled * 3 > within, "{settled} of {within} are settled");
     assert!(worst <= DISTANCE_TOLERANCE, "a settled distance is wrong by {worst} of the pair");

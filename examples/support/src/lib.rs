@@ -8,6 +8,7 @@
 #![warn(missing_docs)]
 
 pub mod bars;
+pub mod programs;
 pub mod random;
 pub mod recording;
 pub mod scenes;

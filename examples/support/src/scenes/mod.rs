@@ -5,6 +5,7 @@
 
 mod cloth_fall;
 mod corrupted;
+mod moving;
 mod shapes;
 
 pub use cloth_fall::{
@@ -12,6 +13,7 @@ pub use cloth_fall::{
     CLOTH_VERTICES, FRAMES, FRAMES_PER_SECOND, TORUS_TRIANGLES, TORUS_VERTICES, cloth_fall, cloth_fall_start,
 };
 pub use corrupted::{duplicate_vertices, ragged_slivers, triangle_soup};
+pub use moving::{Fineness, MOVING_SCENES, MovingBody, MovingScene, growing_sheets, moving_scene};
 pub use shapes::{Diagonals, cuboid, cylinder_side, grid, icosphere, saddle, sheet_stack, torus, twisted_rod};
 
 /// A triangle mesh. Triangles run counter-clockwise as seen from outside, or from the side a shape names.

@@ -1,0 +1,129 @@
+//! Measures what each contact method costs and what it gets wrong against the truth in f64, and writes a report.
+//!
+//! `cargo run --release --example speed_vs_error -- [FOLDER] [options]`; `--help` lists the options. Without a folder of
+//! recordings it plays scenes of the project's own making.
+
+#[path = "speed_vs_error/configurations.rs"]
+mod configurations;
+mod headless;
+#[path = "speed_vs_error/measure.rs"]
+mod measure;
+#[path = "speed_vs_error/options.rs"]
+mod options;
+#[path = "speed_vs_error/player.rs"]
+mod player;
+#[path = "speed_vs_error/plots.rs"]
+mod plots;
+#[path = "speed_vs_error/pooled.rs"]
+mod pooled;
+#[path = "speed_vs_error/report.rs"]
+mod report;
+#[path = "speed_vs_error/scaling.rs"]
+mod scaling;
+#[path = "speed_vs_error/scene.rs"]
+mod scene;
+#[path = "speed_vs_error/sliding.rs"]
+mod sliding;
+#[path = "speed_vs_error/statistics.rs"]
+mod statistics;
+#[path = "speed_vs_error/tables.rs"]
+mod tables;
+#[path = "speed_vs_error/truth.rs"]
+mod truth;
+
+use std::{path::PathBuf, process::ExitCode, time::Instant};
+
+use clap::Parser;
+use indicatif::{ProgressBar, ProgressStyle};
+use measure::Measured;
+use options::{Extent, Options, OptionsError};
+use peak_alloc::PeakAlloc;
+use report::Study;
+use scaling::ScalingRow;
+use scene::SceneError;
+use sliding::SlidingRow;
+
+/// Counts bytes, so that the report can tell what a triangle costs in memory.
+#[global_allocator]
+static HEAP: PeakAlloc = PeakAlloc;
+
+/// Bad input of any kind: the shell's convention for a wrong call.
+const BAD_INPUT: u8 = 2;
+
+#[derive(Debug, thiserror::Error)]
+enum ReportError {
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    Options(#[from] OptionsError),
+    #[error("cannot write {}: {source}", .path.display())]
+    Write { path: PathBuf, source: std::io::Error },
+    #[error("cannot write {}: {source}", .path.display())]
+    Csv { path: PathBuf, source: csv::Error },
+    #[error("cannot draw {}: {reason}", .path.display())]
+    Draw { path: PathBuf, reason: String },
+}
+
+fn main() -> ExitCode {
+    let options = Options::parse();
+    match study(&options).and_then(|study| report::write(&options, &study)) {
+        Ok(()) => {
+            println!("wrote {}", options.out.join("report.md").display());
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(BAD_INPUT)
+        }
+    }
+}
+
+/// Measures everything that the options ask for.
+fn study(options: &Options) -> Result<Study, ReportError> {
+    let distances = options.contact_distances()?;
+    let scenes = scene::scenes(options)?;
+    let configurations = configurations::configurations(&distances, options.extent());
+    // A folder that cannot be made is found out before anything is measured.
+    std::fs::create_dir_all(&options.out).map_err(|source| ReportError::Write { path: options.out.clone(), source })?;
+    let start = Instant::now();
+    let farthest = distances[distances.len() - 1];
+    let sizes = if options.folder.is_some() { &[][..] } else { scaling::sizes(options.extent()) };
+    let steps = scenes.len() * (configurations.len() + 1) + sizes.len() + usize::from(options.folder.is_none());
+    let progress = ProgressBar::new(steps as u64).with_style(
+        ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}, {eta} left").expect("the template is well formed"),
+    );
+
+    let mut measured: Vec<Measured> = Vec::new();
+    for scene in &scenes {
+        progress.set_message(format!("{}: truth", scene.name));
+        let truth = truth::truth(scene, farthest);
+        progress.inc(1);
+        for configuration in &configurations {
+            progress.set_message(format!("{}: {}", scene.name, configuration.name));
+            measured.push(measure::measure(scene, &truth, configuration));
+            progress.inc(1);
+        }
+        // In turns, so that a disturbance does not hit all times of one configuration.
+        let of_scene = measured.len() - configurations.len();
+        for _ in 1..measure::rounds(scene, options.extent()) {
+            progress.set_message(format!("{}: times", scene.name));
+            measured[of_scene..].iter_mut().for_each(|one| one.time_again(scene));
+        }
+    }
+    let mut scaling: Vec<ScalingRow> = Vec::new();
+    for &size in sizes {
+        progress.set_message(format!("{size} triangles"));
+        scaling.extend(scaling::measure_size(size)?);
+        progress.inc(1);
+    }
+    let mut sliding: Vec<SlidingRow> = Vec::new();
+    if options.folder.is_none() {
+        progress.set_message("sliding bodies");
+        sliding = sliding::measure(options.extent() < Extent::Full);
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    let pooled = pooled::pooled(&measured);
+    let scenes = scenes.iter().map(report::SceneFacts::new).collect();
+    Ok(Study { scenes, configurations, measured, pooled, scaling, sliding, seconds: start.elapsed().as_secs_f64() })
+}

@@ -1,0 +1,154 @@
+//! Plays a scene with one configuration through the real plugin, and shows each tick's contacts to whoever measures.
+
+use std::{mem::size_of, sync::Arc, time::Duration};
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{
+    CircumsphereSettings, ContactStore,
+    detection::{
+        CandidateTrianglePairs, MeetingCaps, OverlappingTrianglePairs, RefinedTrianglePairs, StageDiagnostics,
+    },
+    kernel::{
+        contact::{CompactContact, TouchingPair},
+        sphere_pairs::CapPair,
+        topology::SurfaceTopology,
+    },
+    prelude::*,
+};
+use bevy_ecs::prelude::*;
+
+use super::{
+    HEAP,
+    headless::{detect, headless_app, move_surface},
+    scene::Scene,
+};
+
+/// What a detection cost.
+#[derive(Clone, Debug)]
+pub struct TickCost {
+    pub total: Duration,
+    pub stages: Vec<StageDiagnostics>,
+    pub candidates: usize,
+    pub touching_pairs: usize,
+    pub contacts: usize,
+    pub recipes_refreshed: usize,
+}
+
+/// What the app holds after its last tick, in bytes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Memory {
+    /// Everything since the first surface was spawned.
+    pub all: usize,
+    /// Lists of pairs of triangles, from the broad phase on.
+    pub candidate_lists: usize,
+    /// Contacts and touching pairs of this tick and the one before.
+    pub contact_lists: usize,
+}
+
+/// One tick's outcome, while the app still holds it.
+pub struct PlayedTick<'a> {
+    pub tick: usize,
+    pub store: &'a ContactStore,
+    surfaces: &'a [Entity],
+    pub topologies: &'a [Arc<SurfaceTopology>],
+}
+
+impl PlayedTick<'_> {
+    /// The body that an entity is.
+    pub fn body(&self, entity: Entity) -> usize {
+        self.surfaces.iter().position(|&surface| surface == entity).expect("contacts are between bodies of the scene")
+    }
+}
+
+/// An app with the bodies of a scene in it.
+pub struct Stage {
+    app: App,
+    surfaces: Vec<Entity>,
+    topologies: Vec<Arc<SurfaceTopology>>,
+    held: usize,
+}
+
+impl Stage {
+    pub fn new(scene: &Scene, method: ContactMethod, settings: CircumsphereSettings, distance_edges: f64) -> Self {
+        let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, |_| ());
+        let before = HEAP.current_usage();
+        let (thickness, _) = scene.thickness(distance_edges);
+        let (mut surfaces, mut topologies) = (Vec::new(), Vec::new());
+        for body in &scene.bodies {
+            let (surface, positions) =
+                DeformableSurface::from_mesh(&body.ticks[0], &body.triangles).expect("the scene has been checked");
+            topologies.push(Arc::clone(surface.topology()));
+            let sidedness = if body.is_closed { Sidedness::OneSided } else { Sidedness::TwoSided };
+            let mut entity =
+                app.world_mut().spawn((surface, positions, SurfaceThickness::World(thickness), sidedness, method));
+            if body.touches_itself {
+                entity.insert(SelfCollision);
+            }
+            surfaces.push(entity.id());
+        }
+        Self { app, surfaces, topologies, held: HEAP.current_usage().saturating_sub(before) }
+    }
+
+    /// Detects one tick.
+    pub fn tick(&mut self, scene: &Scene, tick: usize) -> TickCost {
+        let before = HEAP.current_usage();
+        for (&surface, body) in self.surfaces.iter().zip(&scene.bodies) {
+            move_surface(&mut self.app, surface, body.ticks[tick].clone());
+        }
+        let (detection, _) = detect(&mut self.app);
+        let candidates = self.app.world().resource::<CandidateTrianglePairs>().triangle_pair_count();
+        self.held = (self.held + HEAP.current_usage()).saturating_sub(before);
+        TickCost {
+            total: detection.total,
+            candidates,
+            touching_pairs: detection.pairs,
+            contacts: detection.contacts,
+            recipes_refreshed: detection.recipes_refreshed,
+            stages: detection.stages,
+        }
+    }
+
+    /// What the last tick found.
+    pub fn played(&self, tick: usize) -> PlayedTick<'_> {
+        let store = self.app.world().resource::<ContactStore>();
+        PlayedTick { tick, store, surfaces: &self.surfaces, topologies: &self.topologies }
+    }
+
+    pub fn memory(&self) -> Memory {
+        let world = self.app.world();
+        let candidates = &world.resource::<CandidateTrianglePairs>().pairs;
+        let overlapping = &world.resource::<OverlappingTrianglePairs>().pairs;
+        let meeting = &world.resource::<MeetingCaps>().pairs;
+        let refined = &world.resource::<RefinedTrianglePairs>().pairs;
+        let store = world.resource::<ContactStore>();
+        let pair = size_of::<[u32; 2]>();
+        let (touching, contact) = (size_of::<TouchingPair>(), size_of::<CompactContact>());
+        let candidate_lists = candidates.iter().map(|list| list.triangles.capacity() * pair).sum::<usize>()
+            + overlapping.iter().map(|list| list.capacity() * pair).sum::<usize>()
+            + meeting.iter().map(|list| list.capacity() * size_of::<CapPair>()).sum::<usize>()
+            + refined
+                .iter()
+                .map(|found| found.touching.capacity() * touching + found.contacts.capacity() * contact)
+                .sum::<usize>();
+        // The store of the tick before is kept too, and is as large.
+        let contact_lists = 2 * (store.touching.capacity() * touching + store.contacts.capacity() * contact);
+        Memory { all: self.held, candidate_lists, contact_lists }
+    }
+}
+
+/// Plays all ticks in a fresh app; `show` sees each of them.
+pub fn play(
+    scene: &Scene,
+    method: ContactMethod,
+    settings: CircumsphereSettings,
+    distance_edges: f64,
+    mut show: impl FnMut(&PlayedTick),
+) -> (Vec<TickCost>, Memory) {
+    let mut stage = Stage::new(scene, method, settings, distance_edges);
+    let mut costs = Vec::with_capacity(scene.ticks());
+    for tick in 0..scene.ticks() {
+        costs.push(stage.tick(scene, tick));
+        show(&stage.played(tick));
+    }
+    (costs, stage.memory())
+}

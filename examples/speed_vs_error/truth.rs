@@ -1,0 +1,95 @@
+//! The truth about a scene, by the reference in f64: made once at the farthest contact distance, read at all of them.
+
+use std::{num::NonZero, thread};
+
+use bevy_circumsphere::kernel::reference::{
+    ClosestKind, closest_features, touching_pairs_between_tree, touching_pairs_tree,
+};
+use glam::DVec3;
+
+use super::scene::{Scene, wide};
+
+/// Distances of f32 inputs are only as good as their rounding at edge scale: within this share of the contact distance
+/// either answer is right.
+pub const BAND: f64 = 1.0e-4;
+
+/// Closer than this share of its size, the direction from one triangle of a pair to the other is lost in the rounding
+/// of f32 positions.
+const NO_DIRECTION: f64 = 1.0e-4;
+
+/// Names a pair of triangles: both bodies, the lower one first, and both triangles.
+pub type PairName = [u32; 4];
+
+/// Two triangles within the farthest contact distance.
+#[derive(Clone, Copy, Debug)]
+pub struct TruePair {
+    pub name: PairName,
+    pub distance: f64,
+    pub crosses: bool,
+    /// Unit vector from the second triangle to the first between their closest points; none where they cross or nearly
+    /// do.
+    pub direction: Option<DVec3>,
+    /// The longest edge of the two.
+    pub size: f64,
+}
+
+/// One measured tick's pairs, sorted by name.
+pub type TrueTick = Vec<TruePair>;
+
+/// The pairs within `distance_edges` and the band, of each measured tick.
+pub fn truth(scene: &Scene, distance_edges: f64) -> Vec<TrueTick> {
+    let threads = thread::available_parallelism().map_or(1, NonZero::get).min(scene.measured.len());
+    let mut ticks: Vec<TrueTick> = vec![TrueTick::new(); scene.measured.len()];
+    let share = scene.measured.len().div_ceil(threads);
+    thread::scope(|scope| {
+        let work = scene.measured.chunks(share).zip(ticks.chunks_mut(share)).map(|(numbers, ticks)| {
+            scope.spawn(move || {
+                for (&tick, pairs) in numbers.iter().zip(ticks) {
+                    *pairs = true_tick(scene, tick, distance_edges);
+                }
+            })
+        });
+        // Joined one by one: the end of the scope does not wait until a thread has given back its last bytes, and the
+        // heap is about to be measured.
+        for thread in work.collect::<Vec<_>>() {
+            thread.join().expect("the reference does not panic");
+        }
+    });
+    ticks
+}
+
+fn true_tick(scene: &Scene, tick: usize, distance_edges: f64) -> TrueTick {
+    let (_, distance) = scene.thickness(distance_edges);
+    let limit = distance * (1.0 + 2.0 * BAND);
+    let positions: Vec<Vec<DVec3>> = scene.bodies.iter().map(|body| wide(&body.ticks[tick])).collect();
+    let mut pairs = Vec::new();
+    for [a, b] in scene.body_pairs() {
+        let (body_a, body_b) = (&scene.bodies[a], &scene.bodies[b]);
+        let touching = if a == b {
+            touching_pairs_tree(&positions[a], &body_a.triangles, &body_a.weld, limit)
+        } else {
+            touching_pairs_between_tree(&positions[a], &body_a.triangles, &positions[b], &body_b.triangles, limit)
+        };
+        pairs.extend(touching.into_iter().map(|pair| {
+            let corners = |body: usize, triangle: u32| {
+                scene.bodies[body].triangles[triangle as usize].map(|vertex| positions[body][vertex as usize])
+            };
+            let (own, other) = (corners(a, pair.triangle_a), corners(b, pair.triangle_b));
+            let closest = closest_features(&own, &other);
+            let longest =
+                |corners: &[DVec3; 3]| (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).fold(0.0, f64::max);
+            let size = longest(&own).max(longest(&other));
+            let crosses = closest.kind == ClosestKind::Crossing;
+            let direction = (!crosses && pair.distance > NO_DIRECTION * size)
+                .then(|| (closest.point_a - closest.point_b).normalize_or_zero());
+            TruePair {
+                name: [a as u32, b as u32, pair.triangle_a, pair.triangle_b],
+                distance: pair.distance,
+                crosses,
+                direction,
+                size,
+            }
+        }));
+    }
+    pairs
+}
