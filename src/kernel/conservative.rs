@@ -22,6 +22,10 @@ use super::{
 /// what f64 leaves of it where the two are not much closer to each other than that.
 const PROVEN: f64 = 1.0e-12;
 
+/// Nor by more than this share of the distance, a hundredth of the band in which either answer about a contact distance is
+/// right: of pairs very much larger than that the other bound says nothing.
+const PROVEN_SHARE: f64 = 1.0e-6;
+
 /// The largest gap found, and what looks closest.
 struct Apart {
     /// Negative where every direction finds the projections overlapping.
@@ -71,7 +75,8 @@ impl NearPair {
         let from_origin = |corner: &DVec3| (*corner - corners[0][0]).abs().max_element();
         let extent = corners[0].iter().chain(corners[1]).map(from_origin).fold(0.0, f64::max);
         let gap = gap_along(proximity.separation / proximity.distance, corners[0], corners[1]);
-        (gap > 0.0 && proximity.distance - gap <= PROVEN * extent).then_some(proximity)
+        let short = (PROVEN * extent).min(PROVEN_SHARE * proximity.distance);
+        (gap > 0.0 && proximity.distance - gap <= short).then_some(proximity)
     }
 }
 
