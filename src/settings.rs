@@ -15,7 +15,7 @@ pub struct CircumsphereSettings {
     /// Height of a flat triangle's sphere center below its plane, in radii of the triangle. 0 or more. Default 0.5,
     /// where the cap bulges by 0.62 radii. Only for the `Circumsphere` method.
     pub phi: f32,
-    /// Curvature times radius at which a sphere is no longer offset. More than 0, useful from 0.5 to 2. Default 1.
+    /// Curvature times radius at which a sphere is no longer offset. More than 0, useful from 0.5 to 2. Default 2.
     /// Only for the `Circumsphere` method.
     pub curvature_threshold: f32,
     /// Whether two triangles that their planes, or the planes across the line between their sphere centers, hold apart
@@ -48,7 +48,7 @@ impl Default for CircumsphereSettings {
         Self {
             margin: 0.0,
             phi: 0.5,
-            curvature_threshold: 1.0,
+            curvature_threshold: 2.0,
             plane_cull: true,
             widen_cones: true,
             delta: 0.7,

@@ -113,7 +113,7 @@ fn book(pages: u32, cells: u32) -> Mesh {
 
 /// Near the spine pages cross the cones of others at a slant, and caps on either side bulge through the next page.
 const BOOK: Stated =
-    Stated { touching: 1033, false_by_balls: 2968, missed_by_caps: 333, bodies_missed_by_caps: 0, false_by_caps: 360 };
+    Stated { touching: 1033, false_by_balls: 2968, missed_by_caps: 347, bodies_missed_by_caps: 0, false_by_caps: 355 };
 
 #[test]
 fn the_pages_at_a_non_manifold_edge_touch_like_any_others() {
@@ -125,7 +125,7 @@ fn the_pages_at_a_non_manifold_edge_touch_like_any_others() {
 /// A rim meets a face edge on: its triangles' normals are at right angles to the way to the face. Cones are
 /// widened there.
 const RIMS: Stated =
-    Stated { touching: 140, false_by_balls: 262, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 91 };
+    Stated { touching: 140, false_by_balls: 262, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 89 };
 
 #[test]
 fn an_open_boundary_touches_by_its_rim() {
@@ -146,7 +146,7 @@ fn an_open_boundary_touches_by_its_rim() {
 /// A flipped triangle of a closed body has its cap inside of it: what is left is seen by its other triangles. The false
 /// ones have caps that bulge beyond their triangles.
 const FLIPPED: Stated =
-    Stated { touching: 216, false_by_balls: 228, missed_by_caps: 108, bodies_missed_by_caps: 0, false_by_caps: 29 };
+    Stated { touching: 216, false_by_balls: 228, missed_by_caps: 108, bodies_missed_by_caps: 0, false_by_caps: 26 };
 
 #[test]
 fn the_winding_decides_nothing_about_what_touches() {

@@ -59,7 +59,7 @@ fn parallel_edges_touch_along_their_length() {
 const CONCENTRIC: Stated = Stated {
     touching: 25_506,
     false_by_balls: 5190,
-    missed_by_caps: 25_146,
+    missed_by_caps: 25_184,
     bodies_missed_by_caps: 7,
     false_by_caps: 0,
 };
@@ -106,7 +106,7 @@ fn judge_balanced(on_corner: bool) -> Tally {
 
 /// Of the box's faces at the edge some triangles have their centers too far up; each box is seen by others.
 const ON_EDGE: Stated =
-    Stated { touching: 472, false_by_balls: 1074, missed_by_caps: 8, bodies_missed_by_caps: 0, false_by_caps: 294 };
+    Stated { touching: 472, false_by_balls: 1074, missed_by_caps: 8, bodies_missed_by_caps: 0, false_by_caps: 283 };
 
 #[test]
 fn a_box_on_its_edge_touches_the_floor() {
@@ -115,7 +115,7 @@ fn a_box_on_its_edge_touches_the_floor() {
 
 /// None is missed: crease clamps leave no gap between the cones of a corner. Caps bulge beyond the corner's triangles.
 const ON_CORNER: Stated =
-    Stated { touching: 120, false_by_balls: 914, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 159 };
+    Stated { touching: 120, false_by_balls: 914, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 157 };
 
 #[test]
 fn a_box_on_its_corner_touches_the_floor() {

@@ -68,7 +68,7 @@ fn caps_touch_what_they_reach() {
 /// A segment's sphere has no cone and is as thick as it is long. Coplanar ones of the ragged sheet are missed like
 /// needles.
 const ZERO_AREA: Stated =
-    Stated { touching: 2136, false_by_balls: 4344, missed_by_caps: 28, bodies_missed_by_caps: 0, false_by_caps: 2522 };
+    Stated { touching: 2136, false_by_balls: 4344, missed_by_caps: 38, bodies_missed_by_caps: 0, false_by_caps: 2517 };
 
 #[test]
 fn triangles_without_area_touch_as_the_segments_and_points_that_they_are() {
@@ -116,7 +116,7 @@ fn duplicate_vertices_change_nothing() {
 
 /// What the same ball with shared vertices gives: the test compares with it too.
 const DUPLICATES: Stated =
-    Stated { touching: 155, false_by_balls: 358, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 63 };
+    Stated { touching: 155, false_by_balls: 358, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 65 };
 
 /// Mostly segments about a ball's radius of 0.5: their spheres stand out of it by less than an edge.
 const REPEATED: Stated =

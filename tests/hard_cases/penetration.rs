@@ -10,7 +10,7 @@ const THIN: f32 = 0.02;
 /// The failure that the method is known for: once the centers have passed each other, caps face away from each other.
 /// What is found are the rims of what sticks out.
 const CENTERS_CROSSED: Stated =
-    Stated { touching: 6564, false_by_balls: 9701, missed_by_caps: 4648, bodies_missed_by_caps: 0, false_by_caps: 648 };
+    Stated { touching: 6564, false_by_balls: 9701, missed_by_caps: 4736, bodies_missed_by_caps: 1, false_by_caps: 611 };
 
 #[test]
 fn bodies_whose_centers_have_passed_each_other_are_in_contact() {
@@ -36,7 +36,7 @@ fn bodies_whose_centers_have_passed_each_other_are_in_contact() {
 
 /// Exactly what it gives from the front; what is beside the lowest point of the ball has its centers at a slant.
 const FROM_BEHIND: Stated =
-    Stated { touching: 370, false_by_balls: 296, missed_by_caps: 119, bodies_missed_by_caps: 0, false_by_caps: 79 };
+    Stated { touching: 370, false_by_balls: 296, missed_by_caps: 119, bodies_missed_by_caps: 0, false_by_caps: 80 };
 
 #[test]
 fn a_sheet_is_hit_from_behind_as_from_the_front() {
@@ -81,7 +81,7 @@ fn large_triangles_that_pierce_each_other_mid_face_touch() {
 
 /// Where the ball's center is about the sheet's plane, most of its caps face away from it.
 const FAST: Stated =
-    Stated { touching: 1293, false_by_balls: 1013, missed_by_caps: 364, bodies_missed_by_caps: 0, false_by_caps: 342 };
+    Stated { touching: 1293, false_by_balls: 1013, missed_by_caps: 430, bodies_missed_by_caps: 0, false_by_caps: 314 };
 
 /// Passes of a small ball through a sheet at `speed` a tick: all of them, and those in which it touches at no tick.
 fn passes(speed: f32, tally: &mut Tally) -> (usize, usize) {

@@ -11,7 +11,7 @@ const THIN: f32 = 0.02;
 /// A large triangle's sphere is a plane to the small body, whose side faces are turned away from it. Balls of the large
 /// triangles contain everything near.
 const THOUSAND_TO_ONE: Stated =
-    Stated { touching: 340, false_by_balls: 2862, missed_by_caps: 6, bodies_missed_by_caps: 0, false_by_caps: 264 };
+    Stated { touching: 340, false_by_balls: 2862, missed_by_caps: 6, bodies_missed_by_caps: 0, false_by_caps: 262 };
 
 #[test]
 fn bodies_a_thousand_times_each_others_size_touch() {
@@ -45,7 +45,7 @@ const FAR: [f32; 3] = [1.0e4, 1.0e5, 1.0e6];
 
 /// What the same rings give at the origin, give or take what rounding of their translations moves them by.
 const FAR_POSES: Stated =
-    Stated { touching: 2433, false_by_balls: 12_909, missed_by_caps: 6, bodies_missed_by_caps: 0, false_by_caps: 1139 };
+    Stated { touching: 2433, false_by_balls: 12_909, missed_by_caps: 2, bodies_missed_by_caps: 0, false_by_caps: 1004 };
 
 #[test]
 fn poses_a_million_sizes_from_the_origin_cost_no_precision() {
@@ -70,7 +70,7 @@ fn poses_a_million_sizes_from_the_origin_cost_no_precision() {
 
 /// At 1e6 the ball's vertices are rounded to sixteenths: many triangles are crumpled or without area.
 const FAR_POSITIONS: Stated =
-    Stated { touching: 400, false_by_balls: 4944, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 1550 };
+    Stated { touching: 400, false_by_balls: 4944, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 1718 };
 
 /// The vertices themselves are far away, in both surfaces alike: they are what f32 leaves of them, and taken as exact.
 #[test]
@@ -87,7 +87,7 @@ fn positions_far_from_the_origin_are_taken_as_they_are_stored() {
 
 /// Balls on a sheet, at three distances. Spheres are rounded in the frame of the pair, by 1e-3 at the farthest.
 const FAR_FROM_OWN_ORIGIN: Stated =
-    Stated { touching: 2091, false_by_balls: 4047, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 707 };
+    Stated { touching: 2091, false_by_balls: 4047, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 711 };
 
 /// A mesh that stands where it does by its positions, against one that does so by its pose: one of them is brought
 /// into the other's frame, where f32 is coarse.
@@ -118,7 +118,7 @@ fn positions_far_from_their_own_origin_cost_no_precision() {
 
 /// What the rings give at any size, twice: rings that cross at right angles touch at their sides.
 const LENGTHS: Stated =
-    Stated { touching: 226, false_by_balls: 1442, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 114 };
+    Stated { touching: 226, false_by_balls: 1442, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 95 };
 
 #[test]
 fn lengths_from_a_millionth_to_a_million_touch_alike() {
@@ -142,7 +142,7 @@ fn lengths_from_a_millionth_to_a_million_touch_alike() {
 
 /// What the rings give at any size, ten times. Where squares of lengths do not fit, curvature is 0 and spheres are larger.
 const EXTREMES: Stated =
-    Stated { touching: 1130, false_by_balls: 7210, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 491 };
+    Stated { touching: 1130, false_by_balls: 7210, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 448 };
 
 /// Squares of such lengths leave the range of f32. Curvature and sphere overlap are computed from them all the same:
 /// caps are coarser at the ends, never anything but numbers.
