@@ -13,7 +13,7 @@ pub struct CircumsphereSettings {
     /// separation. 0 or more. Default 0: a solver that steps between detections sets it to what moves meanwhile.
     pub margin: f32,
     /// Height of a flat triangle's sphere center below its plane, in radii of the triangle. 0 or more. Default 0.5,
-    /// where the cap bulges by 0.62 radii. Only for the `Circumsphere` method.
+    /// where the cap bulges by 0.62 radii: least error over generated scenes and recordings together. Only for the `Circumsphere` method.
     pub phi: f32,
     /// Curvature times radius at which a sphere is no longer offset. More than 0, useful from 0.5 to 2. Default 2.
     /// Only for the `Circumsphere` method.
