@@ -34,8 +34,18 @@ const PLOTS: [&str; 7] = [
     "time_by_stage",
 ];
 /// Columns that hold words; every other one holds numbers or nothing.
-const WORDS: [&str; 9] =
-    ["scene", "configuration", "method", "estimator", "plane_cull", "stage", "ground", "body", "normals"];
+const WORDS: [&str; 10] = [
+    "scene",
+    "configuration",
+    "method",
+    "estimator",
+    "plane_cull",
+    "widen_cones",
+    "stage",
+    "ground",
+    "body",
+    "normals",
+];
 
 fn report(arguments: &[&str]) -> Output {
     Command::new(example_program("speed_vs_error")).args(arguments).output().expect("the program starts")
