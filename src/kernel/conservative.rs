@@ -1,21 +1,18 @@
 //! Conservative distances of triangle pairs in single precision, eight at a time.
 //!
-//! The connection of the closest features, as f32 finds it, and the normals are tried as separating directions: the gap
-//! along any direction bounds the distance from below, whatever rounding did to the direction. So a pair within range is
-//! never lost. The same proof in f64 tells whether features that look closest are. Read by `refine`, for the `Closest`
-//! method.
-
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+//! The connection of the closest features, as f32 finds it, is tried as a separating direction, as in the last cull before
+//! the exact test: so a pair within range is never lost. The same proof in f64 tells whether features that look closest
+//! are. Read by `refine`, for the `Closest` method.
 
 use glam::{DVec3, Vec3};
 
 use super::{
     exact::{
         FeatureCase, Proximity,
-        cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING, gap_along},
+        cull::{gap_along, proves_apart},
         examine_case,
     },
-    lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, normal, project},
+    lanes::{Connection, Lanes, PairLanes, WIDTH},
 };
 
 /// A distance counts as proven by a direction whose gap is short of it by no more than this share of the pair's extent:
@@ -26,37 +23,7 @@ const PROVEN: f64 = 1.0e-12;
 /// right: of pairs very much larger than that the other bound says nothing.
 const PROVEN_SHARE: f64 = 1.0e-6;
 
-/// The largest gap found, and what looks closest.
-struct Apart {
-    /// Negative where every direction finds the projections overlapping.
-    gap: Lanes,
-    closest: Connection,
-}
-
-impl Apart {
-    const NOTHING: Self = Self { gap: Lanes([f32::NEG_INFINITY; WIDTH]), closest: Connection::NONE };
-
-    #[inline(always)]
-    fn offer(&mut self, pairs: &PairLanes, direction: VectorLanes) {
-        let (low_a, high_a) = project(&pairs.a, direction);
-        let (low_b, high_b) = project(&pairs.b, direction);
-        let squared = direction.dot(direction);
-        let gap = (low_a - high_b).max(low_b - high_a) * squared.sqrt().recip();
-        let better = gap.greater_than(self.gap).and(squared.greater_than(Lanes::splat(LEAST_SQUARED)));
-        self.gap = Lanes::select(better, gap, self.gap);
-    }
-
-    #[inline(always)]
-    fn find(&mut self, pairs: &PairLanes) {
-        *self = Self::NOTHING;
-        self.offer(pairs, normal(&pairs.a));
-        self.offer(pairs, normal(&pairs.b));
-        self.closest = Connection::closest::<true>(&pairs.a, &pairs.b);
-        self.offer(pairs, self.closest.direction);
-    }
-}
-
-/// A pair that no direction has parted by more than the range.
+/// A pair that the connection of its closest features does not part by more than the range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearPair {
     /// Triangle of the first and of the second side.
@@ -80,36 +47,29 @@ impl NearPair {
     }
 }
 
-/// Appends the pairs that are not proven farther apart than `range` (in the unit of the positions, 0 or more): all
-/// within range, and hardly any beyond. `positions` and `triangles` are those of the first and the second surface;
-/// `rounding` is how far positions may be from where they are meant to be, both sides together.
+/// Appends the pairs that the connection of their closest features does not prove farther apart than `range` (in the unit
+/// of the positions, 0 or more): all within range, and hardly any beyond. `positions` and `triangles` are those of the first
+/// and the second surface.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
 pub fn near_pairs(
     positions: [&[Vec3]; 2],
     triangles: [&[[u32; 3]]; 2],
     pairs: &[[u32; 2]],
     range: f32,
-    rounding: f32,
     near: &mut Vec<NearPair>,
 ) {
     let mut lanes = PairLanes::EMPTY;
-    let mut apart = Apart::NOTHING;
     for pairs in pairs.chunks(WIDTH) {
         lanes.gather(positions, triangles, pairs);
-        apart.find(&lanes);
-        keep(pairs, &lanes, &apart, range, rounding, near);
+        let closest = Connection::closest::<true>(&lanes.a, &lanes.b);
+        keep(pairs, &lanes.excess_along(closest.direction, Lanes::splat(range)), &closest.case, near);
     }
 }
 
 /// Kept apart for the same reason as the gathering: numbers that are stored side by side are computed side by side.
 #[inline(never)]
-fn keep(pairs: &[[u32; 2]], lanes: &PairLanes, apart: &Apart, range: f32, rounding: f32, near: &mut Vec<NearPair>) {
-    for (lane, &triangles) in pairs.iter().enumerate() {
-        let (gap, rounding) = (apart.gap.0[lane], ROUNDING * lanes.extent.0[lane] + rounding);
-        // What is not a number proves nothing.
-        if gap > range * RANGE_SLACK + rounding {
-            continue;
-        }
-        near.push(NearPair { triangles, closest: FeatureCase(apart.closest.case.0[lane].to_bits() as u8) });
-    }
+fn keep(pairs: &[[u32; 2]], excess: &Lanes, cases: &Lanes, near: &mut Vec<NearPair>) {
+    let closest = |lane: usize| FeatureCase(cases.0[lane].to_bits() as u8);
+    let kept = pairs.iter().enumerate().filter(|&(lane, _)| !proves_apart(excess.0[lane]));
+    near.extend(kept.map(|(lane, &triangles)| NearPair { triangles, closest: closest(lane) }));
 }

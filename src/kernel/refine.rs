@@ -104,14 +104,13 @@ pub fn refine_closest(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    let range = (settings.range / settings.scale) as f32;
+    let range = (settings.range / settings.scale) as f32 + a.rounding() + b.rounding();
     let positions = [a.positions, b.positions];
     let triangles = [a.topology.triangles(), b.topology.triangles()];
     let (mut past_planes, mut near) = (Vec::with_capacity(candidates.len()), Vec::new());
-    let rounding = a.rounding() + b.rounding();
     let apart = without_neighbors(a, candidates, settings);
-    cull_by_planes(positions, triangles, &apart, range + rounding, &mut past_planes);
-    near_pairs(positions, triangles, &past_planes, range, rounding, &mut near);
+    cull_by_planes(positions, triangles, &apart, range, &mut past_planes);
+    near_pairs(positions, triangles, &past_planes, range, &mut near);
     let mut proximity = PairProximity::default();
     for pair in &near {
         let [triangle_a, triangle_b] = pair.triangles;

@@ -14,7 +14,7 @@ const DISTANCE_TOLERANCE: f64 = 2.0e-12;
 
 fn near(a: &[Vec3; 3], b: &[Vec3; 3], range: f32) -> Option<NearPair> {
     let mut near = Vec::new();
-    near_pairs([a, b], [&[[0, 1, 2]], &[[0, 1, 2]]], &[[0, 0]], range, 0.0, &mut near);
+    near_pairs([a, b], [&[[0, 1, 2]], &[[0, 1, 2]]], &[[0, 0]], range, &mut near);
     near.pop()
 }
 

@@ -15,17 +15,17 @@ use crate::kernel::lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, nor
 
 /// Gaps must exceed the range by this factor, and by [`ROUNDING`] times the pair's extent, before a pair is rejected:
 /// the projections' own rounding is a few units in the last place of the extent (6e-8 each).
-pub(in crate::kernel) const RANGE_SLACK: f32 = 1.0 + 1.0e-5;
-pub(in crate::kernel) const ROUNDING: f32 = 2.0e-6;
+const RANGE_SLACK: f32 = 1.0 + 1.0e-5;
+const ROUNDING: f32 = 2.0e-6;
 
 /// A squared direction below this is too close to the smallest f32 to be relied on.
-pub(in crate::kernel) const LEAST_SQUARED: f32 = 1.0e-30;
+const LEAST_SQUARED: f32 = 1.0e-30;
 
 impl PairLanes {
     /// By how much the gap along `direction` exceeds the one that proves a pair apart, in units of the direction's
     /// length: more than 0 where it does.
     #[inline(always)]
-    fn excess_along(&self, direction: VectorLanes, range: Lanes) -> Lanes {
+    pub(in crate::kernel) fn excess_along(&self, direction: VectorLanes, range: Lanes) -> Lanes {
         let (low_a, high_a) = project(&self.a, direction);
         let (low_b, high_b) = project(&self.b, direction);
         let gap = (low_b - high_a).max(low_a - high_b);
@@ -115,9 +115,12 @@ fn cull_by_closest_features(
 /// side by side.
 #[inline(never)]
 fn keep(pairs: &[[u32; 2]], excess: &Lanes, kept: &mut Vec<[u32; 2]>) {
-    // An excess that is not a number, of coordinates near the end of f32, proves nothing.
-    let apart = |excess: f32| excess.partial_cmp(&0.0) == Some(Ordering::Greater);
-    kept.extend(pairs.iter().zip(excess.0).filter(|&(_, excess)| !apart(excess)).map(|(&pair, _)| pair));
+    kept.extend(pairs.iter().zip(excess.0).filter(|&(_, excess)| !proves_apart(excess)).map(|(&pair, _)| pair));
+}
+
+/// Whether an excess proves a pair apart. One that is not a number, of coordinates near the end of f32, proves nothing.
+pub(in crate::kernel) fn proves_apart(excess: f32) -> bool {
+    excess.partial_cmp(&0.0) == Some(Ordering::Greater)
 }
 
 /// How far apart two triangles are along a unit direction, in f64; 0 where they overlap or it is zero.
