@@ -17,7 +17,10 @@ use bevy_circumsphere::{
 };
 use bevy_ecs::{prelude::*, system::SystemState};
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes::{Mesh, cuboid, icosphere};
+use circumsphere_support::{
+    random::Random,
+    scenes::{Mesh, cuboid, icosphere},
+};
 use glam::{DQuat, DVec3, Quat, Vec3};
 use parry3d::{
     math::Pose as ParryPose,
@@ -487,12 +490,12 @@ fn grounds() -> Vec<Ground> {
 impl Ground {
     /// Triangles of about `edge`, irregular but for vertices along u = 0, where creases are.
     fn mesh(&self, cells: usize, edge: f64) -> Mesh {
-        let mut random = Random(7);
+        let mut random = Random::new(7);
         let mut mesh = Mesh::default();
         let half = 0.5 * cells as f64;
         for row in 0..=cells {
             for column in 0..=cells {
-                let jitter = [random.signed() / 3.0, random.signed() / 3.0];
+                let jitter = [signed(&mut random) / 3.0, signed(&mut random) / 3.0];
                 let on_crease = 2 * column == cells;
                 let u = if on_crease { 0.0 } else { column as f64 - half + jitter[0] };
                 let v = row as f64 - half + jitter[1];
@@ -503,7 +506,7 @@ impl Ground {
             for column in 0..cells {
                 let vertex = |right: usize, front: usize| ((row + front) * (cells + 1) + column + right) as u32;
                 let [a, b, c, d] = [vertex(0, 0), vertex(0, 1), vertex(1, 1), vertex(1, 0)];
-                mesh.triangles.extend(if random.signed() > 0.0 {
+                mesh.triangles.extend(if signed(&mut random) > 0.0 {
                     [[a, b, c], [a, c, d]]
                 } else {
                     [[b, c, d], [b, d, a]]
@@ -680,17 +683,7 @@ fn push(mesh: &Mesh, ticks: usize, body: Body, normals: Normals) -> Pushed {
     Pushed { bump_share: bumps as f64 / ticks as f64, speed_loss_max: loss, height_range: highest - lowest }
 }
 
-/// The `SplitMix64` generator (Steele, Lea, Flood, "Fast Splittable Pseudorandom Number Generators", 2014).
-struct Random(u64);
-
-impl Random {
-    /// Uniform from −1 to 1.
-    fn signed(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        bits ^= bits >> 31;
-        (bits >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
+/// Uniform from −1 to 1.
+fn signed(random: &mut Random) -> f64 {
+    2.0 * random.unit() - 1.0
 }
