@@ -106,16 +106,7 @@ pub fn configurations(distances: &[f64], extent: Extent) -> Vec<Configuration> {
 
     let mut all = Vec::new();
     for &distance in distances {
-        all.extend(
-            [
-                ContactMethod::BoundingSphere,
-                ContactMethod::Circumsphere,
-                ContactMethod::Closest,
-                ContactMethod::Refined,
-                ContactMethod::Polygon,
-            ]
-            .map(|method| Configuration::new(method, distance)),
-        );
+        all.extend(ContactMethod::ALL.map(|method| Configuration::new(method, distance)));
         // A quick pass has time for the product at one distance.
         if extent == Extent::Full || distance == center {
             for &phi in phis {

@@ -302,7 +302,7 @@ impl<'a> Errors<'a> {
         Self {
             scene,
             distance: scene.thickness(distance_edges).1,
-            exact: method >= ContactMethod::Closest,
+            exact: method.is_exact(),
             matched: 0,
             missed: 0,
             made_up: 0,

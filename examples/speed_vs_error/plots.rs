@@ -439,7 +439,7 @@ fn time_vs_triangles(study: &Study) -> Option<Sheet> {
     let mut plots = Vec::new();
     let mut legend = Vec::new();
     let colors = [ORANGE, VERMILION, PURPLE, GREEN, BLACK];
-    for (number, method) in scaling::METHODS.into_iter().enumerate() {
+    for (number, method) in ContactMethod::ALL.into_iter().enumerate() {
         let name = format!("{method:?}");
         let points: Vec<(f64, f64)> = study
             .scaling
@@ -501,7 +501,7 @@ fn stage_group(stage: &str) -> usize {
 
 fn time_by_stage(study: &Study) -> Sheet {
     let mut bars = BarPlot::new();
-    for method in scaling::METHODS {
+    for method in ContactMethod::ALL {
         let values: Vec<(f64, &str)> = STAGE_GROUPS
             .iter()
             .enumerate()

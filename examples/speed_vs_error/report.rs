@@ -16,7 +16,7 @@ use super::{
     options::Options,
     plots::{self, Drawn},
     pooled::{Pooled, PooledRow},
-    scaling::{self, METHODS, ScalingRow},
+    scaling::{self, ScalingRow},
     scene::Scene,
     sliding::SlidingRow,
     statistics::{mean, pareto_front},
@@ -305,7 +305,7 @@ impl Text<'_> {
         let distance = study.center_distance();
         writeln!(out, "## Which method when\n")?;
         self.plot(out, "speed_vs_error")?;
-        for method in METHODS {
+        for method in ContactMethod::ALL {
             let Some(row) = study.pooled_default(method, distance) else { continue };
             writeln!(
                 out,
@@ -358,7 +358,7 @@ impl Text<'_> {
             "objects missed",
             "time (Refined = 1)",
         ]);
-        for method in METHODS {
+        for method in ContactMethod::ALL {
             for distance in self.study.distances() {
                 let Some(row) = self.study.pooled_default(method, distance) else { continue };
                 table.row([
@@ -441,9 +441,7 @@ impl Text<'_> {
             ]);
         }
         write!(out, "{pairs}{accuracy}")?;
-        let exact = || {
-            study.measured.iter().filter(|one| one.configuration.method >= ContactMethod::Closest).map(|one| &one.row)
-        };
+        let exact = || study.measured.iter().filter(|one| one.configuration.method.is_exact()).map(|one| &one.row);
         let worst = exact().filter_map(|row| row.separation_error_max).fold(0.0, f64::max);
         writeln!(
             out,
@@ -642,16 +640,16 @@ impl Text<'_> {
              {DEFAULT_DISTANCE} edges. Slopes of the least-squares lines through the logarithms; 1 is proportional: {}.\n",
             first.triangles,
             last.triangles,
-            METHODS
+            ContactMethod::ALL
                 .iter()
                 .map(|&method| format!("`{method:?}` {}", fixed(scaling::slope(&study.scaling, method), 3)))
                 .collect::<Vec<_>>()
                 .join(", ")
         )?;
-        let times: Vec<String> = METHODS.iter().map(|method| format!("`{method:?}` (ms)")).collect();
+        let times: Vec<String> = ContactMethod::ALL.iter().map(|method| format!("`{method:?}` (ms)")).collect();
         let columns = ["triangles", "candidates per triangle", "touching pairs per triangle (`Refined`)"];
         let mut table = Table::new(&columns.into_iter().chain(times.iter().map(String::as_str)).collect::<Vec<_>>());
-        for rows in study.scaling.chunks(METHODS.len()) {
+        for rows in study.scaling.chunks(ContactMethod::ALL.len()) {
             let refined = rows.iter().find(|row| row.method == "Refined").unwrap_or(&rows[0]);
             let per_triangle = |count: usize| format!("{:.3}", count as f64 / refined.triangles as f64);
             let cells = [
@@ -670,7 +668,7 @@ impl Text<'_> {
         self.plot(out, "time_by_stage")?;
         let names: Vec<&str> = plots::stage_group_names().collect();
         let mut table = Table::new(&[&["ms per 1000 triangles"], names.as_slice()].concat());
-        for method in METHODS {
+        for method in ContactMethod::ALL {
             let times: Vec<f64> = (0..names.len()).map(|group| plots::stage_time(study, method, group)).collect();
             table.row([format!("`{method:?}`")].into_iter().chain(times.iter().map(|time| format!("{time:.4}"))));
             let whole: f64 = times.iter().sum();
@@ -697,7 +695,7 @@ impl Text<'_> {
             self.study.center_distance()
         )?;
         let mut table = Table::new(&["method", "bytes per triangle", "bytes per candidate", "bytes per contact"]);
-        for method in METHODS {
+        for method in ContactMethod::ALL {
             let of = |value: fn(&Measured) -> Option<f64>| {
                 fixed(mean(self.defaults().filter(|one| one.configuration.method == method).filter_map(value)), 0)
             };

@@ -13,14 +13,6 @@ use super::{
     statistics::log_slope,
 };
 
-pub const METHODS: [ContactMethod; 5] = [
-    ContactMethod::BoundingSphere,
-    ContactMethod::Circumsphere,
-    ContactMethod::Closest,
-    ContactMethod::Refined,
-    ContactMethod::Polygon,
-];
-
 const SIZES: [usize; 7] = [1_000, 3_000, 10_000, 30_000, 100_000, 300_000, 1_000_000];
 
 /// One line of `scaling.csv`.
@@ -47,7 +39,7 @@ pub fn measure_size(triangles: usize) -> Result<Vec<ScalingRow>, SceneError> {
     // The first tick makes every recipe and is not counted.
     let ticks = if triangles > 100_000 { 4 } else { 8 };
     let scene = Scene::of_moving(growing_sheets(triangles, ticks))?;
-    Ok(METHODS
+    Ok(ContactMethod::ALL
         .iter()
         .map(|&method| {
             let settings = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };

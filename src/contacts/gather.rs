@@ -58,7 +58,7 @@ fn gather_contacts(
 
     let mut spheres_found = FoundPairs::default();
     for (place, pair) in candidates.pairs.iter().enumerate() {
-        let found = if pair.method >= ContactMethod::Closest {
+        let found = if pair.method.is_exact() {
             &mut refined.pairs[place]
         } else {
             spheres_found.clear();
@@ -149,8 +149,7 @@ fn keeps_sides(active: &ActiveSurfaces, pair: &SurfacePair) -> bool {
     let OtherSide::Surface(second) = pair.second else { return false };
     let (first, second) = (&active.surfaces[pair.first], &active.surfaces[second]);
     let remembered = !first.fresh && !second.fresh;
-    let exact = pair.method >= ContactMethod::Closest;
-    remembered && exact && (pair.is_self() || !(first.one_sided || second.one_sided))
+    remembered && pair.method.is_exact() && (pair.is_self() || !(first.one_sided || second.one_sided))
 }
 
 /// A contact whose normal has turned round since the last tick has passed through: it keeps the side it was on, and

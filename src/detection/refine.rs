@@ -52,7 +52,7 @@ fn refine(
     refined.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
     for (pair, refined) in candidates.pairs.iter().zip(&mut refined.pairs) {
         refined.clear();
-        if pair.method < ContactMethod::Closest {
+        if !pair.method.is_exact() {
             continue;
         }
         refine_pair(&active, pair, &settings, &surfaces, refined);

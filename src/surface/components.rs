@@ -134,6 +134,17 @@ pub enum ContactMethod {
     Polygon,
 }
 
+impl ContactMethod {
+    /// Every method, the coarsest first.
+    pub const ALL: [Self; 5] = [Self::BoundingSphere, Self::Circumsphere, Self::Closest, Self::Refined, Self::Polygon];
+
+    /// Whether it finds the pairs that touch and no others.
+    #[must_use]
+    pub fn is_exact(self) -> bool {
+        self >= Self::Closest
+    }
+}
+
 /// Which groups a surface or shape belongs to, and which it meets. Two meet where each belongs to a group that the
 /// other meets.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]

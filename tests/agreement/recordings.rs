@@ -83,13 +83,7 @@ fn the_crumpled_cloth_runs_through_every_method_on_both_frames() {
     let distance = 0.1 * mean_edge_length(&wide, &recording.triangles, &exact_weld(&wide));
     let truths: Vec<_> =
         frames.iter().map(|positions| truth(&frames[0], positions, &recording.triangles, distance)).collect();
-    for method in [
-        ContactMethod::BoundingSphere,
-        ContactMethod::Circumsphere,
-        ContactMethod::Closest,
-        ContactMethod::Refined,
-        ContactMethod::Polygon,
-    ] {
+    for method in ContactMethod::ALL {
         let mut detector = Detector::new(&frames[0], &recording.triangles, method, BroadPhase::Tree, distance);
         for (frame, (positions, truth)) in frames.iter().zip(&truths).enumerate() {
             let what = format!("frame {frame}, {method:?}");

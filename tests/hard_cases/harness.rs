@@ -34,14 +34,6 @@ use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
 /// Weights and normals are stored in f32: a handful of roundings.
 const STORAGE: f32 = 8.0 * f32::EPSILON;
 
-pub const METHODS: [ContactMethod; 5] = [
-    ContactMethod::BoundingSphere,
-    ContactMethod::Circumsphere,
-    ContactMethod::Closest,
-    ContactMethod::Refined,
-    ContactMethod::Polygon,
-];
-
 pub const BROAD_PHASES: [BroadPhase; 2] = [BroadPhase::Tree, BroadPhase::BruteForce];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,11 +44,9 @@ pub enum BroadPhase {
 
 /// Every method with every broad phase.
 pub fn combinations() -> impl Iterator<Item = (ContactMethod, BroadPhase)> {
-    METHODS.into_iter().flat_map(|method| BROAD_PHASES.into_iter().map(move |broad_phase| (method, broad_phase)))
-}
-
-pub fn is_exact(method: ContactMethod) -> bool {
-    method >= ContactMethod::Closest
+    ContactMethod::ALL
+        .into_iter()
+        .flat_map(|method| BROAD_PHASES.into_iter().map(move |broad_phase| (method, broad_phase)))
 }
 
 /// A rotation by an angle in radians; from f64, so that its f32 does not depend on the platform's sine.
@@ -701,7 +691,7 @@ impl Case {
 
 /// Runs one tick of the worlds of a case ([`Case::runs`]) and judges them. The exact methods must be right, and both
 /// broad phases must agree to the last bit; what the others get wrong is counted. Returns what each method found too,
-/// in the order of [`METHODS`].
+/// in the order of [`ContactMethod::ALL`].
 #[track_caller]
 pub fn tick_all(runs: &mut [Run], what: &str) -> (Tally, Vec<Found>) {
     let truth = runs[0].truth();
@@ -759,7 +749,7 @@ impl Tally {
     /// Judges one tick of one method; fails where an exact method is wrong.
     #[track_caller]
     pub fn add(&mut self, method: ContactMethod, found: &Found, truth: &Truth, what: &str) {
-        if is_exact(method) {
+        if method.is_exact() {
             let verdict = judge_exact(found, truth, what);
             let Verdict { touching, missed, false_pairs, worst_separation_error: error, .. } = verdict;
             assert!(missed == 0 && false_pairs == 0, "{what}: {missed} of {touching} missed, {false_pairs} false");

@@ -6,8 +6,8 @@ use circumsphere_support::scenes::{Diagonals, grid, icosphere};
 use glam::Vec3;
 
 use crate::harness::{
-    BROAD_PHASES, Body, Case, Found, Run, Stated, Tally, at, combinations, is_exact, judge, loose_triangles, new_app,
-    points, turned,
+    BROAD_PHASES, Body, Case, Found, Run, Stated, Tally, at, combinations, judge, loose_triangles, new_app, points,
+    turned,
 };
 
 const THIN: f32 = 0.02;
@@ -73,7 +73,7 @@ fn a_body_that_explodes_within_the_range_of_f32_harms_no_other() {
                 let found = run.tick();
                 between_others(&found).assert_same_bits(&between_others(&whole), &format!("{what}, {far:e}"));
                 // Beyond, not even f64 tells the contact distance next to the triangle's size.
-                if is_exact(method) && far <= 1.0e9 {
+                if method.is_exact() && far <= 1.0e9 {
                     let verdict = judge(&found, &run.truth());
                     assert_eq!((verdict.missed, verdict.false_pairs), (0, 0), "{what}, {far:e}");
                 }
@@ -108,7 +108,7 @@ fn a_teleported_body_is_as_one_that_was_always_there() {
         // Not because nothing is remembered: without the component it has passed through the sheet.
         run.place(1, below);
         let passed = run.tick();
-        if is_exact(method) {
+        if method.is_exact() {
             assert!(always(below).deepest() >= 0.0, "{what}");
             assert!(passed.deepest() < 0.0, "{what}: it has passed through");
         }

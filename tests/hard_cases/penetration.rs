@@ -1,9 +1,10 @@
 //! Bodies that are in each other already, or that pass through between two ticks.
 
+use bevy_circumsphere::ContactMethod;
 use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere};
 use glam::Vec3;
 
-use crate::harness::{Body, Case, METHODS, Stated, Tally, at, is_exact, loose_triangles, tick_all, turned};
+use crate::harness::{Body, Case, Stated, Tally, at, loose_triangles, tick_all, turned};
 
 const THIN: f32 = 0.02;
 
@@ -24,7 +25,9 @@ fn bodies_whose_centers_have_passed_each_other_are_in_contact() {
                 let case = Case::new([Body::new(first, THIN), Body::new(second, THIN).at(place)]);
                 let (judged, found) = tick_all(&mut case.runs(), "crossed");
                 tally += judged;
-                for (method, found) in METHODS.into_iter().zip(&found).filter(|(method, _)| is_exact(*method)) {
+                for (method, found) in
+                    ContactMethod::ALL.into_iter().zip(&found).filter(|(method, _)| method.is_exact())
+                {
                     assert!(found.deepest() < 0.0, "{method:?}: nothing has penetrated");
                 }
             }

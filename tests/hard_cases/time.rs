@@ -10,8 +10,8 @@ use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere, twisted_r
 use glam::Vec3;
 
 use crate::harness::{
-    Body, BroadPhase, Case, EventCounts, Found, METHODS, Random, Run, Stated, Tally, at, combinations, is_exact,
-    loose_triangles, points, tick_all, turned,
+    Body, BroadPhase, Case, EventCounts, Found, Random, Run, Stated, Tally, at, combinations, loose_triangles, points,
+    tick_all, turned,
 };
 
 const THIN: f32 = 0.05;
@@ -73,7 +73,7 @@ fn rest(method: ContactMethod, broad_phase: BroadPhase, margin: f32) -> Rest {
         let positions = &noise[tick % NOISE_PERIOD];
         run.deform(1, positions.clone());
         let found = run.tick();
-        if is_exact(method) && found.contacts() > 0 {
+        if method.is_exact() && found.contacts() > 0 {
             // The nearest of the vertices is what all contacts are measured by; the sheet lies in the plane y = 0.
             let lowest = positions.iter().map(|point| point.y).fold(f32::INFINITY, f32::min);
             assert!((found.deepest() - lowest).abs() <= f32::EPSILON * lowest, "{} over {lowest}", found.deepest());
@@ -98,7 +98,8 @@ fn resting_for_ten_thousand_ticks_neither_drifts_nor_ends() {
         let Rest { events, churn, contact_churn } = rest(method, broad_phase, 0.0);
         println!("{method:?}, {broad_phase:?}: {events:?}, churn {churn}, of contacts {contact_churn}");
         assert_eq!(events, EventCounts { started: 1, ended: 0 }, "{method:?}, {broad_phase:?}");
-        let most = RESTING_CHURNS[METHODS.iter().position(|&other| other == method).expect("it is one of them")];
+        let most =
+            RESTING_CHURNS[ContactMethod::ALL.iter().position(|&other| other == method).expect("it is one of them")];
         assert!(churn <= most, "{method:?}: churn {churn}");
     }
 }
@@ -139,15 +140,15 @@ fn a_ball_that_slides_over_inner_edges_neither_loses_contact_nor_height() {
         }
         let (judged, found) = tick_all(&mut runs, &format!("tick {tick}"));
         tally += judged;
-        for ((found, range), method) in found.iter().zip(&mut ranges).zip(METHODS) {
+        for ((found, range), method) in found.iter().zip(&mut ranges).zip(ContactMethod::ALL) {
             assert!(found.touching() > 0 && found.contacts() > 0, "{method:?} has lost contact in tick {tick}");
             *range = (range.0.min(found.deepest()), range.1.max(found.deepest()));
         }
     }
     println!("ranges {ranges:?}");
-    for (((low, high), most), method) in ranges.into_iter().zip(SLIDING_SWINGS).zip(METHODS) {
+    for (((low, high), most), method) in ranges.into_iter().zip(SLIDING_SWINGS).zip(ContactMethod::ALL) {
         assert!(high - low <= most, "{method:?}: the deepest distance is from {low} to {high}");
-        assert!(!is_exact(method) || (low - 0.05).abs() < 4.0 * f32::EPSILON, "{method:?}: {low}");
+        assert!(!method.is_exact() || (low - 0.05).abs() < 4.0 * f32::EPSILON, "{method:?}: {low}");
     }
     tally.assert_as(SLIDING);
 }
@@ -256,8 +257,8 @@ fn noise_at_the_boundary_of_a_cone_makes_circumsphere_flicker_and_no_other_metho
         run.app.world_mut().entity_mut(run.entities[0]).insert(ContactEventsEnabled);
     }
     let mut random = Random::new(10);
-    let mut flips = vec![0; METHODS.len()];
-    let mut last = vec![None; METHODS.len()];
+    let mut flips = vec![0; ContactMethod::ALL.len()];
+    let mut last = vec![None; ContactMethod::ALL.len()];
     let mut tally = Tally::default();
     for tick in 0..1000 {
         let positions = trembling(&steady, 4, &mut random);

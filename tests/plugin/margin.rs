@@ -7,8 +7,8 @@ use glam::{Quat, Vec3};
 
 use crate::world::{
     Announcement::{Ended, Started},
-    METHODS, THIN, all, app, assert_consistent, assert_near, at, ball, between, deepest, insert, keep_journal,
-    messages, rounding, sheet, spawn, store,
+    THIN, all, app, assert_consistent, assert_near, at, ball, between, deepest, insert, keep_journal, messages,
+    rounding, sheet, spawn, store,
 };
 
 fn set_margin(app: &mut App, margin: f32) {
@@ -49,7 +49,7 @@ fn beyond_the_contact_distance_only_a_margin_sees_and_separations_are_positive()
 
 #[test]
 fn touching_pairs_and_events_do_not_depend_on_the_margin() {
-    for method in METHODS {
+    for method in ContactMethod::ALL {
         let mut worlds = [0.0, 0.01, 0.2, 0.6].map(|margin| {
             let mut app = app();
             keep_journal(&mut app, Update);

@@ -13,7 +13,7 @@ use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{cuboid, icosphere, merge, torus};
 use glam::{Quat, Vec3};
 
-use crate::world::{Called, METHODS, THIN, app, app_in, at, fingerprint, insert, place, spawn, store};
+use crate::world::{Called, THIN, app, app_in, at, fingerprint, insert, place, spawn, store};
 
 fn app_with_brute_force() -> App {
     let mut app = App::new();
@@ -46,7 +46,7 @@ fn touching(method: [ContactMethod; 2]) -> BTreeSet<[u32; 2]> {
 
 #[test]
 fn exact_methods_agree_and_coarse_ones_enclose_them() {
-    let [balls, caps, closest, refined, polygon] = METHODS.map(|method| touching([method; 2]));
+    let [balls, caps, closest, refined, polygon] = ContactMethod::ALL.map(|method| touching([method; 2]));
     assert!(refined.len() > 100, "{} pairs touch", refined.len());
     assert_eq!(refined, polygon);
     assert_eq!(refined, closest);
@@ -86,8 +86,8 @@ fn exact_methods_give_the_same_contacts() {
 
 #[test]
 fn of_two_methods_the_more_exact_one_decides() {
-    for first in METHODS {
-        for second in METHODS {
+    for first in ContactMethod::ALL {
+        for second in ContactMethod::ALL {
             assert_eq!(touching([first, second]), touching([first.max(second); 2]), "{first:?} and {second:?}");
         }
     }
@@ -95,7 +95,7 @@ fn of_two_methods_the_more_exact_one_decides() {
 
 #[test]
 fn no_method_gives_anything_that_is_not_a_number() {
-    for method in METHODS {
+    for method in ContactMethod::ALL {
         for margin in [0.0, 0.3] {
             let mut app = app();
             app.insert_resource(CircumsphereSettings { margin, ..Default::default() });
@@ -179,7 +179,7 @@ fn candidates(app: &App) -> Candidates {
 
 #[test]
 fn the_tree_finds_the_candidates_of_brute_force() {
-    for method in METHODS {
+    for method in ContactMethod::ALL {
         for margin in [0.0, 0.2] {
             let [mut tree, mut brute_force] = [app(), app_with_brute_force()];
             for app in [&mut tree, &mut brute_force] {
@@ -224,7 +224,7 @@ fn a_surface_that_meets_only_shapes_is_refined_whatever_its_method() {
     };
     let exact = contacts(ContactMethod::Polygon);
     assert!(!exact.is_empty());
-    for method in METHODS {
+    for method in ContactMethod::ALL {
         assert_eq!(contacts(method), exact, "{method:?}");
     }
 }

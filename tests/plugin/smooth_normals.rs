@@ -8,8 +8,7 @@ use circumsphere_support::scenes::{Mesh, cuboid, icosphere};
 use glam::{Quat, Vec3};
 
 use crate::world::{
-    METHODS, THIN, all, app, assert_near_vector, at, ball, insert, place, rounding, sheet, spawn, surface,
-    write_positions,
+    THIN, all, app, assert_near_vector, at, ball, insert, place, rounding, sheet, spawn, surface, write_positions,
 };
 
 /// Of a contact between two: exact and smooth normal, and the distance.
@@ -79,7 +78,7 @@ fn whatever_slides_over_a_sheet_feels_a_plane() {
 
 #[test]
 fn balls_of_triangles_part_along_the_line_between_their_centers() {
-    for method in METHODS.into_iter().filter(|&method| method != ContactMethod::BoundingSphere) {
+    for method in ContactMethod::ALL.into_iter().filter(|&method| method != ContactMethod::BoundingSphere) {
         let mut app = app();
         let large = spawn(&mut app, &icosphere(2, 1.0), (THIN, method));
         let small = spawn(&mut app, &icosphere(2, 0.4), (THIN, method));

@@ -55,14 +55,6 @@ pub fn ball() -> Mesh {
 /// Where a ball stands over the inside of one of the sheet's triangles.
 pub const OVER_A_FACE: Vec3 = Vec3::new(0.1, 0.0, 0.2);
 
-pub const METHODS: [ContactMethod; 5] = [
-    ContactMethod::BoundingSphere,
-    ContactMethod::Circumsphere,
-    ContactMethod::Closest,
-    ContactMethod::Refined,
-    ContactMethod::Polygon,
-];
-
 pub const EXACT_METHODS: [ContactMethod; 3] = [ContactMethod::Closest, ContactMethod::Refined, ContactMethod::Polygon];
 
 /// The thickness of most bodies of these tests: two of them touch within 0.1.
