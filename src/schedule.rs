@@ -52,6 +52,11 @@ pub enum SurfaceDetectionSystems {
     Contacts,
 }
 
+/// The schedule that hosts [`DeformableSystems`], for plugins that add to it.
+#[derive(Resource, Clone, Copy)]
+#[cfg_attr(not(feature = "rerun"), expect(dead_code, reason = "only plugins outside of the group have to ask"))]
+pub(crate) struct HostSchedule(pub(crate) InternedScheduleLabel);
+
 /// Sets up the schedule and the sets; every other plugin of the group builds on it.
 pub struct DeformableSchedulePlugin {
     schedule: InternedScheduleLabel,
@@ -67,6 +72,7 @@ impl DeformableSchedulePlugin {
 
 impl Plugin for DeformableSchedulePlugin {
     fn build(&self, app: &mut App) {
+        app.insert_resource(HostSchedule(self.schedule));
         app.configure_sets(
             self.schedule,
             (
@@ -124,6 +130,6 @@ impl Plugin for DeformableSchedulePlugin {
     }
 }
 
-fn run_detection(world: &mut World) {
+pub(crate) fn run_detection(world: &mut World) {
     world.run_schedule(SurfaceDetection);
 }

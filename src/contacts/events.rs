@@ -70,7 +70,11 @@ impl Plugin for ContactEventsPlugin {
         app.add_message::<SurfaceContactStarted>()
             .add_message::<SurfaceContactEnded>()
             .add_message::<SurfaceQuarantined>()
-            .add_systems(self.schedule, (send_quarantines, send_contacts).chain().in_set(DeformableSystems::Events));
+            .init_resource::<TouchingSides>()
+            .add_systems(
+                self.schedule,
+                (send_quarantines, track_contacts, send_contacts).chain().in_set(DeformableSystems::Events),
+            );
     }
 }
 
@@ -86,10 +90,20 @@ fn send_quarantines(
     }
 }
 
+/// Which sides are in contact, and what has changed about that in this tick, whoever asked to be told.
+#[derive(Resource, Default)]
+pub(crate) struct TouchingSides {
+    touching: Vec<Touching>,
+    /// Those that came into contact in this tick, in the order of the store.
+    pub(crate) started: Vec<Touching>,
+    /// Those that are no longer in contact, in the same order.
+    pub(crate) ended: Vec<Touching>,
+}
+
 /// Two sides that are in contact, and which of them asked to be told.
 #[derive(Clone, Copy)]
-struct Touching {
-    sides: [Entity; 2],
+pub(crate) struct Touching {
+    pub(crate) sides: [Entity; 2],
     events: [bool; 2],
     order: PairOrder,
 }
@@ -121,46 +135,49 @@ fn name(mut sides: [Entity; 2]) -> [Entity; 2] {
     sides
 }
 
-fn send_contacts(
-    store: Res<ContactStore>,
-    entities: &Entities,
-    mut touching: Local<Vec<Touching>>,
-    mut commands: Commands,
-    mut started: MessageWriter<SurfaceContactStarted>,
-    mut ended: MessageWriter<SurfaceContactEnded>,
-) {
+fn track_contacts(store: Res<ContactStore>, mut sides: ResMut<TouchingSides>) {
+    let TouchingSides { touching, started, ended } = &mut *sides;
     let parted =
         |pair: &StoredPair| pair.nearest > f64::from(pair.contact_distance) * (1.0 + f64::from(EVENT_HYSTERESIS));
     let near: HashMap<[Entity; 2], &StoredPair> =
-        store.pairs.iter().filter(|pair| !parted(pair)).map(|pair| (name(sides(pair)), pair)).collect();
-    let mut over = Vec::new();
+        store.pairs.iter().filter(|pair| !parted(pair)).map(|pair| (name(self::sides(pair)), pair)).collect();
+    ended.clear();
     touching.retain_mut(|pair| {
         let stored = near.get(&name(pair.sides));
         match stored {
             Some(stored) => *pair = Touching::new(stored),
-            None => over.push(*pair),
+            None => ended.push(*pair),
         }
         stored.is_some()
     });
-    over.sort_unstable_by_key(|pair| pair.order);
-    for pair in over {
+    ended.sort_unstable_by_key(|pair| pair.order);
+    let already: HashSet<[Entity; 2]> = touching.iter().map(|pair| name(pair.sides)).collect();
+    let touches = |pair: &&StoredPair| pair.nearest <= f64::from(pair.contact_distance);
+    started.clear();
+    started.extend(store.pairs.iter().filter(touches).map(Touching::new));
+    started.retain(|pair| !already.contains(&name(pair.sides)));
+    touching.extend_from_slice(started);
+}
+
+fn send_contacts(
+    sides: Res<TouchingSides>,
+    entities: &Entities,
+    mut commands: Commands,
+    mut started: MessageWriter<SurfaceContactStarted>,
+    mut ended: MessageWriter<SurfaceContactEnded>,
+) {
+    for pair in &sides.ended {
         let [entity, other] = pair.sides;
         if pair.events.contains(&true) {
             ended.write(SurfaceContactEnded { entity, other });
         }
         pair.for_each_listener(entities, |entity, other| commands.trigger(SurfaceContactEnded { entity, other }));
     }
-    let already: HashSet<[Entity; 2]> = touching.iter().map(|pair| name(pair.sides)).collect();
-    for stored in &store.pairs {
-        let pair = Touching::new(stored);
-        if stored.nearest > f64::from(stored.contact_distance) || already.contains(&name(pair.sides)) {
-            continue;
-        }
+    for pair in &sides.started {
         let [entity, other] = pair.sides;
         if pair.events.contains(&true) {
             started.write(SurfaceContactStarted { entity, other });
         }
         pair.for_each_listener(entities, |entity, other| commands.trigger(SurfaceContactStarted { entity, other }));
-        touching.push(pair);
     }
 }

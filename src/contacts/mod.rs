@@ -6,6 +6,8 @@ mod reading;
 mod store;
 
 pub(crate) use events::EVENT_HYSTERESIS;
+#[cfg(feature = "rerun")]
+pub(crate) use events::TouchingSides;
 pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted, SurfaceQuarantined};
 pub use gather::ContactsPlugin;
 pub use reading::{Contact, SmoothNormals, StencilEntry, SurfaceContacts};

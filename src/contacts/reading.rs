@@ -35,6 +35,12 @@ impl SurfaceContacts<'_> {
         self.store.pairs.iter().flat_map(|pair| self.contacts(pair, false))
     }
 
+    /// Every pair of sides that is in contact or near it, in the order of the [`ContactStore`], and its contacts.
+    #[cfg(feature = "rerun")]
+    pub(crate) fn by_pair(&self) -> impl Iterator<Item = (&StoredPair, impl Iterator<Item = Contact<'_>>)> {
+        self.store.pairs.iter().map(|pair| (pair, self.contacts(pair, false)))
+    }
+
     /// The contacts of one surface or shape, itself as the first side of each. A contact between two surfaces is among
     /// those of both; [`iter`](Self::iter) has it once.
     pub fn of(&self, entity: Entity) -> impl Iterator<Item = Contact<'_>> {

@@ -191,15 +191,17 @@ struct Recipe {
     height_ratio: f32,
     lengths: [f32; 3],
     dihedrals: [f32; 3],
+    /// The [count of refits](OffsetSpheres::refits) at which it was made.
+    made_at: u32,
 }
 
 impl Recipe {
-    fn new(corners: [Vec3; 3], curvature: f32, dihedrals: [f32; 3], settings: RecipeSettings) -> Self {
+    fn new(corners: [Vec3; 3], curvature: f32, dihedrals: [f32; 3], settings: RecipeSettings, made_at: u32) -> Self {
         let lengths = edge_lengths(corners);
         let edge = longest(lengths);
         let frame = LongestEdgeFrame::new(corners, edge);
         let inward = frame.cotangent.max(-OBTUSE_REACH);
-        let mut recipe = Self { longest_edge: edge as u8, inward, height_ratio: 0.0, lengths, dihedrals };
+        let mut recipe = Self { longest_edge: edge as u8, inward, height_ratio: 0.0, lengths, dihedrals, made_at };
         let Some(normal) = frame.normal else { return recipe };
         let center = frame.point_across(inward);
         let radius = farthest_corner(corners, center);
@@ -244,12 +246,19 @@ pub struct OffsetSpheres {
     /// Heights of the in-plane centers above the sphere centers.
     pub heights: Vec<f32>,
     recipes: Vec<Recipe>,
+    /// How many times the spheres have been refitted.
+    refits: u32,
 }
 
 impl OffsetSpheres {
     /// Forgets every recipe: the next [`refit`](Self::refit) makes all of them anew.
     pub fn forget(&mut self) {
         self.recipes.clear();
+    }
+
+    /// How many [refits](Self::refit) ago each triangle's recipe was made: 0 where the last one made it.
+    pub fn recipe_ages(&self) -> impl ExactSizeIterator<Item = u32> {
+        self.recipes.iter().map(|recipe| self.refits.wrapping_sub(recipe.made_at))
     }
 
     /// Follows the current `positions`: refreshes the recipes of triangles whose shape has changed by more than
@@ -278,10 +287,12 @@ impl OffsetSpheres {
         self.radii.resize(count, 0.0);
         self.heights.resize(count, 0.0);
         cones.resize(count);
+        self.refits = self.refits.wrapping_add(1);
+        let refits = self.refits;
         let mut refreshed = 0;
         for (triangle, vertices) in triangles.iter().enumerate() {
             let corners = vertices.map(|vertex| positions[vertex as usize]);
-            let fresh = || Recipe::new(corners, curvatures[triangle], dihedrals[triangle], settings);
+            let fresh = || Recipe::new(corners, curvatures[triangle], dihedrals[triangle], settings, refits);
             if all_fresh {
                 self.recipes.push(fresh());
                 refreshed += 1;

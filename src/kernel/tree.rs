@@ -190,6 +190,19 @@ impl BoxTree {
         self.nodes.first().map_or(Aabb::EMPTY, |root| root.bounds)
     }
 
+    /// Calls `visit` with the level (0 is the root) and the box of every node, parents before their children.
+    pub fn for_each_node(&self, mut visit: impl FnMut(u32, &Aabb)) {
+        let mut levels = vec![0; self.nodes.len()];
+        for (place, node) in self.nodes.iter().enumerate() {
+            visit(levels[place], &node.bounds);
+            if !node.is_leaf {
+                for child in [place + 1, node.link as usize] {
+                    levels[child] = levels[place] + 1;
+                }
+            }
+        }
+    }
+
     /// How many items the tree holds.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -27,6 +27,14 @@ pub struct SurfaceTree {
     topology: Option<Arc<SurfaceTopology>>,
 }
 
+impl SurfaceTree {
+    /// The tree over the surface's [`TriangleBounds`], in the surface's own frame; empty before the first detection.
+    #[must_use]
+    pub fn tree(&self) -> &BoxTree {
+        &self.tree
+    }
+}
+
 /// Finds pairs by trees. The default.
 pub struct TreeBroadPhasePlugin;
 
