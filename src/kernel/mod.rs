@@ -16,6 +16,7 @@ pub mod exact;
 pub mod ids;
 mod lanes;
 pub mod pair;
+pub mod pair_fate;
 pub mod pose;
 pub mod reference;
 pub mod refine;

@@ -13,7 +13,7 @@ use super::{
     exact::{
         Feature, FeaturePair, PairProximity, Proximity,
         barycentric::point_at,
-        cull::{cull_by_planes, cull_pairs},
+        cull::{cull_by_closest_features, cull_by_planes},
         examine_pair,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         side::{closest_feature, face_normal},
@@ -21,6 +21,7 @@ use super::{
     },
     ids::{EdgeId, TriangleId, VertexId},
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
+    pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
     topology::SurfaceTopology,
 };
@@ -40,15 +41,33 @@ pub fn refine_pairs(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
+    refine_pairs_in_steps(a, b, candidates, settings, found, &mut Unobserved);
+}
+
+/// [`refine_pairs`], telling after each step before the exact test which pairs are left.
+pub(super) fn refine_pairs_in_steps(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+    observer: &mut impl StepObserver,
+) {
     let range = settings.range / settings.scale;
     let apart = without_neighbors(a, candidates, settings);
+    observer.passed(PairFate::Neighbors, apart.iter().copied());
     let mut pairs = &*apart;
     let mut close = Vec::new();
     if settings.cull {
+        let positions = [a.positions, b.positions];
         let triangles = [a.topology.triangles(), b.topology.triangles()];
         // The positions to cull by are rounded, those to test by are not.
-        let range = range + f64::from(a.rounding() + b.rounding());
-        cull_pairs([a.positions, b.positions], triangles, pairs, range, &mut close);
+        let range = (range + f64::from(a.rounding() + b.rounding())) as f32;
+        let mut past_planes = Vec::with_capacity(pairs.len());
+        cull_by_planes(positions, triangles, pairs, range, &mut past_planes);
+        observer.passed(PairFate::Planes, past_planes.iter().copied());
+        cull_by_closest_features(positions, triangles, &past_planes, range, &mut close);
+        observer.passed(PairFate::ClosestFeatures, close.iter().copied());
         pairs = &close;
     }
     found.examined += pairs.len();
@@ -104,13 +123,28 @@ pub fn refine_closest(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
+    refine_closest_in_steps(a, b, candidates, settings, found, &mut Unobserved);
+}
+
+/// [`refine_closest`], telling after each step before the exact test which pairs are left.
+pub(super) fn refine_closest_in_steps(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+    observer: &mut impl StepObserver,
+) {
     let range = (settings.range / settings.scale) as f32 + a.rounding() + b.rounding();
     let positions = [a.positions, b.positions];
     let triangles = [a.topology.triangles(), b.topology.triangles()];
     let (mut past_planes, mut near) = (Vec::with_capacity(candidates.len()), Vec::new());
     let apart = without_neighbors(a, candidates, settings);
+    observer.passed(PairFate::Neighbors, apart.iter().copied());
     cull_by_planes(positions, triangles, &apart, range, &mut past_planes);
+    observer.passed(PairFate::Planes, past_planes.iter().copied());
     near_pairs(positions, triangles, &past_planes, range, &mut near);
+    observer.passed(PairFate::ClosestFeatures, near.iter().map(|pair| pair.triangles));
     let mut proximity = PairProximity::default();
     for pair in &near {
         let [triangle_a, triangle_b] = pair.triangles;

@@ -16,6 +16,7 @@ use super::{
         side::face_normal,
     },
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
+    pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
 };
 
@@ -119,12 +120,27 @@ pub fn overlapping_balls(
     settings: &PairSettings,
     overlapping: &mut Vec<[u32; 2]>,
 ) {
+    overlapping_balls_in_steps(a, b, candidates, settings, overlapping, &mut Unobserved);
+}
+
+/// [`overlapping_balls`], telling after each step which pairs are left.
+pub(super) fn overlapping_balls_in_steps(
+    a: &BallSide<'_>,
+    b: &BallSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    overlapping: &mut Vec<[u32; 2]>,
+    observer: &mut impl StepObserver,
+) {
     let reach = (settings.range / settings.scale) as f32;
+    let before = overlapping.len();
     let apart = without_neighbors(&a.surface, candidates, settings);
+    observer.passed(PairFate::Neighbors, apart.iter().copied());
     overlapping.extend(apart.iter().filter(|&&[triangle_a, triangle_b]| {
         let (ball_a, ball_b) = (a.ball(triangle_a), b.ball(triangle_b));
         spheres_overlap(ball_a.center, ball_a.radius, ball_b.center, ball_b.radius, reach)
     }));
+    observer.passed(PairFate::Spheres, overlapping[before..].iter().copied());
 }
 
 /// Appends the candidates whose offset spheres come within range and, where asked, which neither their planes nor the
@@ -136,8 +152,22 @@ pub fn overlapping_caps(
     settings: &PairSettings,
     overlapping: &mut Vec<[u32; 2]>,
 ) {
+    overlapping_caps_in_steps(a, b, candidates, settings, overlapping, &mut Unobserved);
+}
+
+/// [`overlapping_caps`], telling after each step which pairs are left.
+pub(super) fn overlapping_caps_in_steps(
+    a: &CapSide<'_>,
+    b: &CapSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    overlapping: &mut Vec<[u32; 2]>,
+    observer: &mut impl StepObserver,
+) {
     let reach = (settings.range / settings.scale) as f32;
+    let before = overlapping.len();
     let pairs = without_neighbors(&a.surface, candidates, settings);
+    observer.passed(PairFate::Neighbors, pairs.iter().copied());
     let positions = [a.surface.positions, b.surface.positions];
     let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
     let spheres_meet = |pair: [u32; 2]| {
@@ -147,15 +177,19 @@ pub fn overlapping_caps(
     };
     if !settings.cull {
         overlapping.extend(pairs.iter().copied().filter(|&pair| spheres_meet(pair).is_some()));
+        observer.passed(PairFate::Spheres, overlapping[before..].iter().copied());
         return;
     }
     // Planes first: they are compared eight pairs at a time and leave the fewest.
     let mut past_planes = Vec::with_capacity(pairs.len());
     let rounded_reach = reach + a.surface.rounding() + b.surface.rounding();
     cull_by_planes(positions, triangles, &pairs, rounded_reach, &mut past_planes);
+    observer.passed(PairFate::Planes, past_planes.iter().copied());
     let (past_spheres, lines): (Vec<_>, Vec<_>) =
         past_planes.into_iter().filter_map(|pair| spheres_meet(pair).map(|line| (pair, line))).unzip();
+    observer.passed(PairFate::Spheres, past_spheres.iter().copied());
     cull_by_directions(positions, triangles, &past_spheres, &lines, rounded_reach, overlapping);
+    observer.passed(PairFate::CenterLine, overlapping[before..].iter().copied());
 }
 
 /// Appends the pairs that pass the cone test, with their contact.

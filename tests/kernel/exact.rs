@@ -4,7 +4,7 @@ use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
 use bevy_circumsphere::kernel::{
     exact::{
         Feature, FeatureKind, FeaturePair, PairProximity, Proximity,
-        cull::{cull_by_planes, cull_pairs},
+        cull::{cull_by_closest_features, cull_by_planes},
         examine_pair,
     },
     reference::{ClosestKind, closest_features, segment_segment, triangle_distance},
@@ -345,7 +345,7 @@ impl Batch {
         let (positions, triangles) = ([&self.positions[0][..], &self.positions[1][..]], [&self.triangles[..]; 2]);
         let (mut by_planes, mut by_both) = (Vec::new(), Vec::new());
         cull_by_planes(positions, triangles, &self.pairs, range as f32, &mut by_planes);
-        cull_pairs(positions, triangles, &self.pairs, range, &mut by_both);
+        cull_by_closest_features(positions, triangles, &by_planes, range as f32, &mut by_both);
         [by_planes, by_both]
     }
 }

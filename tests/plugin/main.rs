@@ -8,6 +8,7 @@ mod margin;
 mod memory;
 mod methods;
 mod order;
+mod pair_fates;
 mod poses;
 mod quarantine;
 mod rigid_shapes;

@@ -15,7 +15,8 @@ use glam::{Quat, Vec3};
 
 use crate::world::{Called, THIN, app, app_in, at, fingerprint, insert, place, spawn, store};
 
-fn app_with_brute_force() -> App {
+/// An app whose broad phase compares every box with every other.
+pub fn app_with_brute_force() -> App {
     let mut app = App::new();
     app.add_plugins((
         DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>(),
@@ -130,7 +131,7 @@ fn no_method_gives_anything_that_is_not_a_number() {
 }
 
 /// A surface against itself, surfaces under relative poses with either as the frame, and every kind of shape.
-fn mixed_scene(app: &mut App, method: ContactMethod) {
+pub fn mixed_scene(app: &mut App, method: ContactMethod) {
     let tilted = Quat::from_rotation_x(0.6) * Quat::from_rotation_z(0.3);
     let two = merge(&[icosphere(1, 0.5), icosphere(1, 0.5).translate([0.4, 0.2, 0.1])]);
     let mut surface = |name, mesh, transform: Transform| {

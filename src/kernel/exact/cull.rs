@@ -46,22 +46,8 @@ impl PairLanes {
     }
 }
 
-/// Appends the pairs that may be within `range` of each other (in the unit of the positions, 0 or more): all that are,
-/// and few that are not. `positions` and `triangles` are those of the first and the second surface.
-pub fn cull_pairs(
-    positions: [&[Vec3]; 2],
-    triangles: [&[[u32; 3]]; 2],
-    pairs: &[[u32; 2]],
-    range: f64,
-    kept: &mut Vec<[u32; 2]>,
-) {
-    let mut past_planes = Vec::with_capacity(pairs.len());
-    let range = range as f32;
-    cull_by_planes(positions, triangles, pairs, range, &mut past_planes);
-    cull_by_closest_features(positions, triangles, &past_planes, range, kept);
-}
-
-/// Appends the pairs that their planes do not separate by more than `range`.
+/// Appends the pairs that their planes do not separate by more than `range` (in the unit of the positions, 0 or more).
+/// `positions` and `triangles` are those of the first and the second surface.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
 pub fn cull_by_planes(
     positions: [&[Vec3]; 2],
@@ -96,8 +82,10 @@ pub(in crate::kernel) fn cull_by_directions(
     }
 }
 
+/// Appends the pairs that the direction between their closest features does not separate by more than `range`: all that
+/// are within it, and few that are not.
 #[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
-fn cull_by_closest_features(
+pub fn cull_by_closest_features(
     positions: [&[Vec3]; 2],
     triangles: [&[[u32; 3]]; 2],
     pairs: &[[u32; 2]],

@@ -1,0 +1,152 @@
+//! Why two triangles do not touch: the step at which each candidate pair of the last detection was dropped.
+//!
+//! For debug layers, tests and the curious, after detection. The stages record nothing: their kernel functions run once
+//! more for the pairs that are asked for.
+
+use bevy_ecs::{prelude::*, system::SystemParam};
+
+use super::{
+    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
+    parallel::map_chunks,
+    sides::{SphereQuery, pair_settings, surface_sides, with_balls, with_caps},
+};
+use crate::{
+    kernel::{
+        ids::TriangleId,
+        pair_fate::{PairFate, ball_fates, cap_fates, closest_fates, refined_fates, shape_fates},
+    },
+    settings::CircumsphereSettings,
+    surface::{ActiveSurfaces, ContactMethod},
+};
+
+/// Tells at which step of its method each candidate pair of triangles was dropped.
+///
+/// It goes by what is there when it is asked: call it after [`DeformableSystems::Detect`](crate::DeformableSystems::Detect)
+/// and before positions or settings are written again, as they may be from
+/// [`DeformableSystems::Respond`](crate::DeformableSystems::Respond) on. Then [`PairFate::Touching`] are exactly the touching
+/// pairs of the [`ContactStore`](crate::ContactStore).
+///
+/// ```
+/// # use bevy_app::prelude::*;
+/// # use bevy_circumsphere::{detection::PairFates, kernel::pair_fate::PairFate, prelude::*};
+/// # use bevy_ecs::{prelude::*, system::RunSystemOnce};
+/// # use glam::Vec3;
+/// # let mut app = App::new();
+/// # app.add_plugins(DeformableCollisionPlugins::new(Update));
+/// # let sheet = |app: &mut App, height: f32| {
+/// #     let corners = [Vec3::new(0.0, height, 0.0), Vec3::new(0.0, height, 1.0), Vec3::new(1.0, height, 0.0)];
+/// #     let surface = DeformableSurface::from_mesh(&corners, &[[0, 1, 2]]).expect("one triangle");
+/// #     app.world_mut().spawn((surface, SurfaceThickness::World(0.05))).id()
+/// # };
+/// # let (sleeve, arm) = (sheet(&mut app, 0.0), sheet(&mut app, 0.08));
+/// # app.update();
+/// # let fate = app.world_mut().run_system_once(move |fates: PairFates| -> Option<PairFate> {
+/// // Why does this triangle of the sleeve not touch that one of the arm?
+/// fates.between((sleeve, TriangleId(0)), (arm, TriangleId(0)))
+/// # });
+/// # assert_eq!(fate.expect("the system runs"), Some(PairFate::Touching));
+/// ```
+#[derive(SystemParam)]
+pub struct PairFates<'w, 's> {
+    active: Res<'w, ActiveSurfaces>,
+    candidates: Res<'w, CandidateTrianglePairs>,
+    settings: Res<'w, CircumsphereSettings>,
+    surfaces: SphereQuery<'w, 's>,
+}
+
+impl PairFates<'_, '_> {
+    /// The fates of [`CandidateTrianglePairs::pairs`]`[place].triangles`, one each in their order, in place of what
+    /// `fates` held. Empty where there is no such place, a surface is gone, or its positions have been resized since.
+    /// Takes about as long as the pair's own stages took.
+    pub fn of(&self, place: usize, fates: &mut Vec<PairFate>) {
+        fates.clear();
+        if let Some(pair) = self.candidates.pairs.get(place) {
+            fates.extend(self.of_triangles(pair, &pair.triangles).unwrap_or_default());
+        }
+    }
+
+    /// The fate of two triangles, each with its entity, whichever comes first; of a rigid shape the triangle is
+    /// `TriangleId(0)`. `None` where the broad phase has not paired them (their boxes are apart, their layers do not meet, a
+    /// surface is not asked to meet itself, …), and where [`of`](Self::of) is empty.
+    #[must_use]
+    pub fn between(&self, a: (Entity, TriangleId), b: (Entity, TriangleId)) -> Option<PairFate> {
+        self.candidates.pairs.iter().find_map(|pair| {
+            let ordered = [(a, b), (b, a)].into_iter().find_map(|(first, second)| {
+                let triangles = [first.1.0, second.1.0];
+                let paired = self.entities(pair)? == [first.0, second.0] && pair.triangles.contains(&triangles);
+                paired.then_some(triangles)
+            })?;
+            self.of_triangles(pair, &[ordered])?.first().copied()
+        })
+    }
+
+    fn entities(&self, pair: &SurfacePair) -> Option<[Entity; 2]> {
+        let second = match pair.second {
+            OtherSide::Surface(second) => self.active.surfaces.get(second)?.entity,
+            OtherSide::Shape(place) => self.active.shapes.get(place)?.entity,
+        };
+        Some([self.active.surfaces.get(pair.first)?.entity, second])
+    }
+
+    /// `None` where the pair is no longer what was detected.
+    fn of_triangles(&self, pair: &SurfacePair, triangles: &[[u32; 2]]) -> Option<Vec<PairFate>> {
+        let settings = pair_settings(pair, &self.settings);
+        let map = |work: &(dyn Fn(&[[u32; 2]], &mut Vec<PairFate>) + Sync)| {
+            let chunks = map_chunks(triangles, self.settings.threads, |chunk| {
+                let mut fates = Vec::new();
+                work(chunk, &mut fates);
+                fates
+            });
+            chunks.into_iter().flatten().collect()
+        };
+        if !self.is_as_detected(pair, triangles) {
+            return None;
+        }
+        match pair.second {
+            OtherSide::Shape(place) => {
+                let (shape, first) = (&self.active.shapes[place].geometry, &self.active.surfaces[pair.first]);
+                let (own, ..) = self.surfaces.get(first.entity).ok()?;
+                Some(map(&|chunk, fates| {
+                    shape_fates(&first.topology, &own.0, &pair.relative_pose, shape, chunk, &settings, fates);
+                }))
+            }
+            OtherSide::Surface(second) => match pair.method {
+                ContactMethod::BoundingSphere => with_balls(&self.active, &self.surfaces, pair, |a, b| {
+                    map(&|chunk, fates| ball_fates(a, b, chunk, &settings, fates))
+                }),
+                ContactMethod::Circumsphere => with_caps(&self.active, &self.surfaces, pair, |a, b| {
+                    map(&|chunk, fates| cap_fates(a, b, chunk, &settings, fates))
+                }),
+                ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => {
+                    let (own, ..) = self.surfaces.get(self.active.surfaces[pair.first].entity).ok()?;
+                    let (other, ..) = self.surfaces.get(self.active.surfaces[second].entity).ok()?;
+                    let [a, b] = surface_sides(&self.active, pair, own, other)?;
+                    let fates_of = if pair.method == ContactMethod::Closest { closest_fates } else { refined_fates };
+                    Some(map(&|chunk, fates| fates_of(&a, &b, chunk, &settings, fates)))
+                }
+            },
+        }
+    }
+
+    /// Whether everything that the triangles point at is there, and as large as it was.
+    fn is_as_detected(&self, pair: &SurfacePair, triangles: &[[u32; 2]]) -> bool {
+        let side = |place: usize, side: usize| {
+            let surface = self.active.surfaces.get(place)?;
+            let (positions, balls, spheres, cones) = self.surfaces.get(surface.entity).ok()?;
+            let count = surface.topology.triangles().len();
+            let has_spheres = match pair.method {
+                ContactMethod::BoundingSphere => balls.0.len() == count,
+                ContactMethod::Circumsphere => [spheres.0.centers.len(), cones.0.axes.len()] == [count; 2],
+                ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => true,
+            };
+            let is_whole = positions.0.len() == surface.topology.vertex_count() && has_spheres;
+            (is_whole && triangles.iter().all(|triangles| (triangles[side] as usize) < count)).then_some(&positions.0)
+        };
+        let Some(own) = side(pair.first, 0) else { return false };
+        match pair.second {
+            OtherSide::Surface(second) => side(second, 1)
+                .is_some_and(|other| pair.positions(own, other).map(<[_]>::len) == [own.len(), other.len()]),
+            OtherSide::Shape(place) => place < self.active.shapes.len(),
+        }
+    }
+}

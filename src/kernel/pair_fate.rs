@@ -1,0 +1,201 @@
+//! At which step of its method a candidate pair of triangles was dropped.
+//!
+//! No stage records it: whoever asks runs the stages' own functions once more, and hears from them after each step which
+//! pairs are left. So the answer is that of the stages, and costs nothing where nobody asks. Read by
+//! `detection::PairFates`.
+
+use glam::Vec3;
+
+use super::{
+    exact::rigid_shape::ShapeGeometry,
+    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pose::Pose,
+    refine::{refine_closest_in_steps, refine_pairs_in_steps, refine_shape},
+    sphere_pairs::{
+        BallSide, CapSide, ball_contacts, cap_contacts, meeting_caps, overlapping_balls_in_steps,
+        overlapping_caps_in_steps,
+    },
+    topology::SurfaceTopology,
+};
+
+/// What became of a candidate pair: the step that dropped it, in the order in which the methods take them, or that it
+/// touches. Each method takes some of the steps; a rigid shape is only measured ([`Distance`](Self::Distance)).
+///
+/// What *matters* is the contact distance, or more where a margin or the end of contacts asks for it
+/// ([`SurfacePair::range`](crate::detection::SurfacePair::range)).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum PairFate {
+    /// The two share a vertex in a self-collision. The broad phases of this crate leave such pairs out already.
+    Neighbors,
+    /// Along the normal of one of them the two are farther apart than matters. Any method but `BoundingSphere` and
+    /// `Polygon`; of `Circumsphere` only with [`plane_cull`](crate::CircumsphereSettings::plane_cull).
+    Planes,
+    /// The spheres of the two are farther apart than matters: their enclosing balls (`BoundingSphere`), or the offset
+    /// spheres (`Circumsphere`).
+    Spheres,
+    /// Along the line between the centers of their offset spheres the two are farther apart than matters.
+    /// `Circumsphere` with [`plane_cull`](crate::CircumsphereSettings::plane_cull).
+    CenterLine,
+    /// The line between the centers of their offset spheres leaves one of them outside its safety cone: as far as
+    /// the method knows, it is not the surface that is met there. `Circumsphere`, and the step at which that method misses
+    /// pairs that touch.
+    Cone,
+    /// Along the direction between their closest features, as single precision finds them, the two are farther apart
+    /// than matters. `Closest` and `Refined`.
+    ClosestFeatures,
+    /// Farther apart than the contact distance, as far as the method measures it. Any method. Within the
+    /// [margin](field@crate::CircumsphereSettings::margin) such a pair still has contacts.
+    Distance,
+    /// Within the contact distance.
+    Touching,
+}
+
+impl PairFate {
+    /// All of them, in order.
+    pub const ALL: [Self; 8] = [
+        Self::Neighbors,
+        Self::Planes,
+        Self::Spheres,
+        Self::CenterLine,
+        Self::Cone,
+        Self::ClosestFeatures,
+        Self::Distance,
+        Self::Touching,
+    ];
+
+    /// A short name in lower case.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Neighbors => "neighbors",
+            Self::Planes => "planes",
+            Self::Spheres => "spheres",
+            Self::CenterLine => "center line",
+            Self::Cone => "cone",
+            Self::ClosestFeatures => "closest features",
+            Self::Distance => "distance",
+            Self::Touching => "touching",
+        }
+    }
+}
+
+/// Hears after each step of a method which candidates are left, in their order.
+pub(super) trait StepObserver {
+    /// `step` has been taken, and `left` are the pairs that it did not drop.
+    fn passed(&mut self, step: PairFate, left: impl Iterator<Item = [u32; 2]>);
+}
+
+/// Nobody asks: what the stages pass, for which nothing is computed.
+pub(super) struct Unobserved;
+
+impl StepObserver for Unobserved {
+    fn passed(&mut self, _: PairFate, _: impl Iterator<Item = [u32; 2]>) {}
+}
+
+/// The fates of a list of candidates, as far as the steps have been taken.
+struct Fates<'a> {
+    candidates: &'a [[u32; 2]],
+    fates: &'a mut [PairFate],
+}
+
+impl<'a> Fates<'a> {
+    /// Appends a fate for each candidate, to be settled by the steps.
+    fn append(candidates: &'a [[u32; 2]], fates: &'a mut Vec<PairFate>) -> Self {
+        let before = fates.len();
+        fates.resize(before + candidates.len(), PairFate::Touching);
+        Self { candidates, fates: &mut fates[before..] }
+    }
+}
+
+impl StepObserver for Fates<'_> {
+    fn passed(&mut self, step: PairFate, left: impl Iterator<Item = [u32; 2]>) {
+        let mut left = left.peekable();
+        for (candidate, fate) in self.candidates.iter().zip(&mut *self.fates) {
+            // A pair that is listed twice passes twice, or not at all: the next one left is a candidate's own, or later.
+            if *fate == PairFate::Touching && left.next_if_eq(candidate).is_none() {
+                *fate = step;
+            }
+        }
+        debug_assert!(left.next().is_none(), "{step:?} passed on what it was not given");
+    }
+}
+
+fn touching(found: &FoundPairs) -> impl Iterator<Item = [u32; 2]> {
+    found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b])
+}
+
+/// Appends the fate of each candidate by the method `BoundingSphere`.
+pub fn ball_fates(
+    a: &BallSide<'_>,
+    b: &BallSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    fates: &mut Vec<PairFate>,
+) {
+    let mut fates = Fates::append(candidates, fates);
+    let (mut overlapping, mut found) = (Vec::new(), FoundPairs::default());
+    overlapping_balls_in_steps(a, b, candidates, settings, &mut overlapping, &mut fates);
+    ball_contacts(a, b, &overlapping, settings, &mut found);
+    fates.passed(PairFate::Distance, touching(&found));
+}
+
+/// Appends the fate of each candidate by the method `Circumsphere`.
+pub fn cap_fates(
+    a: &CapSide<'_>,
+    b: &CapSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    fates: &mut Vec<PairFate>,
+) {
+    let mut fates = Fates::append(candidates, fates);
+    let (mut overlapping, mut meeting, mut found) = (Vec::new(), Vec::new(), FoundPairs::default());
+    overlapping_caps_in_steps(a, b, candidates, settings, &mut overlapping, &mut fates);
+    meeting_caps(a, b, &overlapping, settings, &mut meeting);
+    fates.passed(PairFate::Cone, meeting.iter().map(|pair| [pair.triangle_a, pair.triangle_b]));
+    cap_contacts(a, b, &meeting, settings, &mut found);
+    fates.passed(PairFate::Distance, touching(&found));
+}
+
+/// Appends the fate of each candidate by the method `Refined`, or `Polygon` where the settings ask for no cull.
+pub fn refined_fates(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    fates: &mut Vec<PairFate>,
+) {
+    let mut fates = Fates::append(candidates, fates);
+    let mut found = FoundPairs::default();
+    refine_pairs_in_steps(a, b, candidates, settings, &mut found, &mut fates);
+    fates.passed(PairFate::Distance, touching(&found));
+}
+
+/// Appends the fate of each candidate by the method `Closest`.
+pub fn closest_fates(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    fates: &mut Vec<PairFate>,
+) {
+    let mut fates = Fates::append(candidates, fates);
+    let mut found = FoundPairs::default();
+    refine_closest_in_steps(a, b, candidates, settings, &mut found, &mut fates);
+    fates.passed(PairFate::Distance, touching(&found));
+}
+
+/// Appends the fate of each candidate triangle near a rigid shape; see [`refine_shape`] for what they are of.
+pub fn shape_fates(
+    topology: &SurfaceTopology,
+    positions: &[Vec3],
+    pose: &Pose,
+    shape: &ShapeGeometry,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    fates: &mut Vec<PairFate>,
+) {
+    let mut fates = Fates::append(candidates, fates);
+    let mut found = FoundPairs::default();
+    refine_shape(topology, positions, pose, shape, candidates, settings, &mut found);
+    fates.passed(PairFate::Distance, touching(&found));
+}
