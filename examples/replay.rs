@@ -43,8 +43,8 @@ enum ReplayError {
     #[error(transparent)]
     Output(#[from] OutputError),
     #[cfg(feature = "rerun")]
-    #[error("cannot record to {}: {source}", .path.display())]
-    Rerun { path: std::path::PathBuf, source: Box<rerun::RecordingStreamError> },
+    #[error(transparent)]
+    Rerun(#[from] bevy_circumsphere::debug::RerunError),
 }
 
 fn main() -> ExitCode {
@@ -60,16 +60,10 @@ fn main() -> ExitCode {
 /// What adds a recorder for the Rerun viewer to the app, where one was asked for.
 #[cfg(feature = "rerun")]
 fn recorder(options: &Options) -> Result<impl FnOnce(&mut App) + use<>, ReplayError> {
-    let stream = match &options.rerun {
-        Some(path) => {
-            let stream = rerun::RecordingStreamBuilder::new("bevy_circumsphere_replay").save(path);
-            Some(stream.map_err(|source| ReplayError::Rerun { path: path.clone(), source: Box::new(source) })?)
-        }
-        None => None,
-    };
+    let plugin = options.rerun.as_ref().map(bevy_circumsphere::debug::DeformableRerunPlugin::to_file).transpose()?;
     Ok(|app: &mut App| {
-        if let Some(stream) = stream {
-            app.add_plugins(bevy_circumsphere::debug::DeformableRerunPlugin::new(stream, Update));
+        if let Some(plugin) = plugin {
+            app.add_plugins(plugin);
         }
     })
 }

@@ -25,12 +25,17 @@ use super::{
 
 /// A part of the recorded mesh that becomes a surface of its own: its elements as numbered in the file.
 pub struct Part {
+    pub name: String,
     pub vertices: Vec<u32>,
     pub triangles: Vec<u32>,
     local_triangles: Vec<[u32; 3]>,
 }
 
 impl Part {
+    fn empty(name: String) -> Self {
+        Self { name, vertices: Vec::new(), triangles: Vec::new(), local_triangles: Vec::new() }
+    }
+
     fn positions(&self, frame: &[[f32; 3]]) -> Vec<Vec3> {
         self.vertices.iter().map(|&vertex| Vec3::from_array(frame[vertex as usize])).collect()
     }
@@ -49,6 +54,7 @@ impl Scene {
         let topology = SurfaceTopology::new(&first_frame, &recording.triangles)?;
         let parts = match options.surfaces {
             Surfaces::Whole => vec![Part {
+                name: "mesh".to_owned(),
                 vertices: (0..first_frame.len() as u32).collect(),
                 triangles: (0..recording.triangles.len() as u32).collect(),
                 local_triangles: recording.triangles.clone(),
@@ -66,8 +72,7 @@ impl Scene {
 /// One part per connected component, in the order of their first triangles.
 fn split(topology: &SurfaceTopology) -> Vec<Part> {
     let (component, count) = topology.components();
-    let mut parts: Vec<Part> =
-        (0..count).map(|_| Part { vertices: Vec::new(), triangles: Vec::new(), local_triangles: Vec::new() }).collect();
+    let mut parts: Vec<Part> = (0..count).map(|number| Part::empty(format!("component {number}"))).collect();
     let mut local = HashMap::new();
     for (triangle, corners) in topology.triangles().iter().enumerate() {
         let part = &mut parts[component[triangle] as usize];
@@ -193,7 +198,14 @@ impl<'a> Stage<'a> {
                 let thickness = SurfaceThickness::World((0.5 * settings.contact_distance) as f32);
                 let entity = app
                     .world_mut()
-                    .spawn((surface, SelfCollision, thickness, sidedness, ContactMethod::from(settings.method)))
+                    .spawn((
+                        Name::new(part.name.clone()),
+                        surface,
+                        SelfCollision,
+                        thickness,
+                        sidedness,
+                        ContactMethod::from(settings.method),
+                    ))
                     .id();
                 (entity, part)
             })

@@ -6,9 +6,9 @@ mod reading;
 mod store;
 
 pub(crate) use events::EVENT_HYSTERESIS;
-#[cfg(feature = "rerun")]
-pub(crate) use events::TouchingSides;
 pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted, SurfaceQuarantined};
+#[cfg(feature = "rerun")]
+pub(crate) use events::{Touching, TouchingSides};
 pub use gather::ContactsPlugin;
 pub use reading::{Contact, SmoothNormals, StencilEntry, SurfaceContacts};
 pub use store::{ContactSide, ContactStore, StoredPair};

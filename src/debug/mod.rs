@@ -2,4 +2,4 @@
 
 mod rerun;
 
-pub use rerun::DeformableRerunPlugin;
+pub use rerun::{DeformableRerunPlugin, LevelOfDetail, RerunError, RerunSettings};

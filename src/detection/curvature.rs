@@ -31,7 +31,7 @@ impl Plugin for CurvaturePlugin {
 }
 
 /// For each active surface whether it is part of a pair that is tested by `method`.
-pub(super) fn surfaces_with_method(
+pub(crate) fn surfaces_with_method(
     active: &ActiveSurfaces,
     candidates: &CandidateTrianglePairs,
     method: ContactMethod,

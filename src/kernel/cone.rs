@@ -8,7 +8,7 @@ use core::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::circumsphere::length;
+use super::circumsphere::{OffsetSpheres, length};
 
 /// Slack of the cone comparison, as a cosine: a direction that the crease clamp puts exactly on the cone's boundary
 /// passes in spite of rounding.
@@ -68,6 +68,18 @@ pub struct Cap {
 }
 
 impl Cap {
+    /// The cap of one triangle.
+    #[must_use]
+    pub fn of(spheres: &OffsetSpheres, cones: &SafetyCones, triangle: usize) -> Self {
+        Self {
+            center: spheres.centers[triangle],
+            radius: spheres.radii[triangle],
+            height: spheres.heights[triangle],
+            axis: cones.axes[triangle],
+            cosine: cones.cosines[triangle],
+        }
+    }
+
     /// The point of the triangle's plane above the sphere's center.
     #[must_use]
     pub fn in_plane_center(&self) -> Vec3 {

@@ -92,6 +92,12 @@ impl Pose {
         self.linear.determinant() < 0.0
     }
 
+    /// The pose as an affine transform.
+    #[must_use]
+    pub fn to_affine(&self) -> DAffine3 {
+        DAffine3 { matrix3: self.linear, translation: self.translation }
+    }
+
     /// The pose that undoes this one.
     #[must_use]
     pub fn inverse(&self) -> Self {

@@ -61,14 +61,7 @@ impl CapSide<'_> {
     /// One triangle's sphere and cone in the frame of the pair.
     #[must_use]
     pub fn cap(&self, triangle: u32) -> Cap {
-        let triangle = triangle as usize;
-        let cap = Cap {
-            center: self.spheres.centers[triangle],
-            radius: self.spheres.radii[triangle],
-            height: self.spheres.heights[triangle],
-            axis: self.cones.axes[triangle],
-            cosine: self.cones.cosines[triangle],
-        };
+        let cap = Cap::of(self.spheres, self.cones, triangle as usize);
         let Some(pose) = self.pose else { return cap };
         let scale = pose.scale();
         Cap {

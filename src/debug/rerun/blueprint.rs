@@ -1,0 +1,167 @@
+//! How the viewer lays a recording out: the scene with the log beside it, curves below.
+//!
+//! The SDK's own layout types have no way to hide an entity, so the rows that describe a layout are written here, where
+//! the viewer's own would be.
+
+use glam::Vec3;
+use rerun::{
+    AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, RecordingStreamResult,
+    external::{
+        re_log_types::BlueprintActivationCommand,
+        re_sdk_types::blueprint::{
+            archetypes::{
+                Background, ContainerBlueprint, EntityBehavior, EyeControls3D, LineGrid3D, PanelBlueprint, PlotLegend,
+                TextLogColumns, TimePanelBlueprint, ViewBlueprint, ViewContents, ViewportBlueprint,
+            },
+            components::{
+                BackgroundKind, ColumnShare, ContainerKind, Corner2D, IncludedContent, PanelState, PlayState,
+                RootContainer, RowShare, TextLogColumn, TimelineColumn,
+            },
+            datatypes::{self, TextLogColumnKind},
+        },
+    },
+};
+
+use super::{
+    TICK, colors,
+    recorder::{Layer, path},
+    series::{COUNTS, DEPTHS, MILLISECONDS, SERIES, STEADINESS},
+    text_log::LOG,
+};
+use crate::kernel::bounds::Aabb;
+
+/// Layers that are hidden until the reader asks for them.
+const HIDDEN: [Layer; 6] =
+    [Layer::Pairs, Layer::Spheres, Layer::Cones, Layer::Curvature, Layer::RecipeAge, Layer::Tree];
+
+/// A view or container, named by the number that its identifier is made of.
+struct Part {
+    path: EntityPath,
+    identifier: [u8; 16],
+}
+
+impl Part {
+    fn new(kind: &str, number: u8) -> Self {
+        let mut identifier = *b"circumsphere\0\0\0\0";
+        identifier[15] = number;
+        let hex: String = identifier.iter().map(|byte| format!("{byte:02x}")).collect();
+        let uuid = format!("{}-{}-{}-{}-{}", &hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..]);
+        Self { path: path([kind, &uuid]), identifier }
+    }
+}
+
+/// Writes the parts of a layout.
+struct Layout {
+    stream: RecordingStream,
+    parts: u8,
+}
+
+impl Layout {
+    fn log(&self, path: EntityPath, archetype: &dyn AsComponents) -> RecordingStreamResult<()> {
+        self.stream.log(path, archetype)
+    }
+
+    fn part(&mut self, kind: &str) -> Part {
+        self.parts += 1;
+        Part::new(kind, self.parts)
+    }
+
+    fn view(&mut self, class: &str, name: &str, origin: &str, contents: &[&str]) -> RecordingStreamResult<Part> {
+        let view = self.part("view");
+        let blueprint = ViewBlueprint::new(class).with_display_name(name).with_space_origin(origin);
+        self.log(view.path.clone(), &blueprint)?;
+        let contents = ViewContents::new(contents.iter().map(|&query| query));
+        self.log(view.path.join(&path(["ViewContents"])), &contents)?;
+        Ok(view)
+    }
+
+    fn container(&mut self, kind: ContainerKind, children: &[(&Part, f32)]) -> RecordingStreamResult<Part> {
+        let container = self.part("container");
+        let contents = children.iter().map(|(child, _)| IncludedContent(child.path.to_string().into()));
+        let blueprint = ContainerBlueprint::new(kind).with_contents(contents);
+        let shares = children.iter().map(|&(_, share)| share);
+        let blueprint = match kind {
+            ContainerKind::Horizontal => blueprint.with_col_shares(shares.map(|share| ColumnShare(share.into()))),
+            _ => blueprint.with_row_shares(shares.map(|share| RowShare(share.into()))),
+        };
+        self.log(container.path.clone(), &blueprint)?;
+        Ok(container)
+    }
+}
+
+/// From where a scene is seen, beside its center, in diagonals of its box.
+const EYE: Vec3 = Vec3::new(0.4, 0.3, 0.5);
+
+/// Sends the layout into a recording and makes it the one that is shown, with the eye on `bounds`.
+pub(super) fn send(recording: &RecordingStream, bounds: &Aabb) -> RecordingStreamResult<()> {
+    let Some(store) = recording.store_info() else { return Ok(()) };
+    let builder = RecordingStreamBuilder::new(store.application_id().clone()).recording_id("layout").blueprint();
+    let (stream, storage) = builder.memory()?;
+    let Some(layout_info) = stream.store_info() else { return Ok(()) };
+    stream.set_time_sequence("blueprint", 0);
+    let mut layout = Layout { stream, parts: 0 };
+
+    let scene =
+        layout.view("3D", "scene", "/", &["$origin/**", &format!("- /{SERIES}/**"), &format!("- /{LOG}/**")])?;
+    for layer in HIDDEN {
+        let overrides = path(["ViewContents", "overrides", layer.name(), "visualizers"]);
+        layout.log(scene.path.join(&overrides), &EntityBehavior::new().with_visible(false))?;
+    }
+    let of_scene = |property: &str| scene.path.join(&path([property]));
+    layout.log(of_scene("Background"), &Background::new(BackgroundKind::SolidColor).with_color(colors::BACKGROUND))?;
+    layout.log(of_scene("LineGrid3D"), &LineGrid3D::new().with_visible(false))?;
+    let diagonal = (bounds.max - bounds.min).length();
+    if diagonal.is_finite() && diagonal > 0.0 {
+        // Left to itself the viewer stays a unit away, however small the scene.
+        let center = (bounds.min + bounds.max) * 0.5;
+        let eye = EyeControls3D::new()
+            .with_position((center + EYE * diagonal).to_array())
+            .with_look_target(center.to_array())
+            .with_eye_up(Vec3::Y.to_array());
+        layout.log(of_scene("EyeControls3D"), &eye)?;
+    }
+    let log = layout.view("TextLog", "log", &format!("/{LOG}"), &["$origin/**"])?;
+    layout.log(log.path.join(&path(["TextLogColumns"])), &text_log_columns())?;
+    let mut plot = |name: &str, part: &str| {
+        let plot = layout.view("TimeSeries", name, &format!("/{SERIES}/{part}"), &["$origin/**"])?;
+        layout.log(plot.path.join(&path(["PlotLegend"])), &PlotLegend::new().with_corner(Corner2D::RightTop))?;
+        RecordingStreamResult::Ok(plot)
+    };
+    let milliseconds = plot("milliseconds of each stage", MILLISECONDS)?;
+    let counts = plot("pairs after each stage", COUNTS)?;
+    let steadiness = plot("steadiness", STEADINESS)?;
+    let depths = plot("depths in world units", DEPTHS)?;
+    let top = layout.container(ContainerKind::Horizontal, &[(&scene, 3.0), (&log, 1.0)])?;
+    let plots = [&milliseconds, &counts, &steadiness, &depths].map(|plot| (plot, 1.0));
+    let bottom = layout.container(ContainerKind::Horizontal, &plots)?;
+    let root = layout.container(ContainerKind::Vertical, &[(&top, 2.0), (&bottom, 1.0)])?;
+    let viewport = ViewportBlueprint::new()
+        .with_root_container(RootContainer(root.identifier.into()))
+        .with_auto_layout(false)
+        .with_auto_views(false);
+    layout.log(path(["viewport"]), &viewport)?;
+    layout.log(path(["time_panel"]), &time_panel())?;
+    layout.log(path(["selection_panel"]), &PanelBlueprint::new().with_state(PanelState::Collapsed))?;
+
+    let activation =
+        BlueprintActivationCommand { blueprint_id: layout_info.store_id, make_active: true, make_default: true };
+    recording.send_blueprint(storage.take(), activation);
+    Ok(())
+}
+
+fn time_panel() -> TimePanelBlueprint {
+    // Following: a recording opens at its last tick, where most has happened.
+    TimePanelBlueprint::new()
+        .with_state(PanelState::Collapsed)
+        .with_timeline(TICK)
+        .with_play_state(PlayState::Following)
+}
+
+/// The tick, how grave it is, and what it says: the entity's path would take half the width.
+fn text_log_columns() -> TextLogColumns {
+    let column = |kind| TextLogColumn(datatypes::TextLogColumn { visible: true.into(), kind });
+    let timeline = datatypes::TimelineColumn { visible: true.into(), timeline: TICK.into() };
+    TextLogColumns::new()
+        .with_timeline_columns([TimelineColumn(timeline)])
+        .with_text_log_columns([TextLogColumnKind::LogLevel, TextLogColumnKind::Body].map(column))
+}

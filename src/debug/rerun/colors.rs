@@ -1,0 +1,84 @@
+//! Colors that a color-blind reader can tell apart.
+//!
+//! Classes take those of Okabe and Ito ("Color Universal Design", 2008), scales perceptually uniform color maps.
+
+use colorous::{CIVIDIS, Gradient, PURPLE_ORANGE};
+use rerun::{Color, Radius, Rgba32};
+
+use crate::kernel::pair_fate::PairFate;
+
+const fn rgb(red: u8, green: u8, blue: u8) -> Color {
+    rgba(red, green, blue, u8::MAX)
+}
+
+const fn rgba(red: u8, green: u8, blue: u8, opacity: u8) -> Color {
+    Color(Rgba32(u32::from_be_bytes([red, green, blue, opacity])))
+}
+
+pub(super) const ORANGE: Color = rgb(230, 159, 0);
+pub(super) const SKY_BLUE: Color = rgb(86, 180, 233);
+pub(super) const GREEN: Color = rgb(0, 158, 115);
+pub(super) const YELLOW: Color = rgb(240, 228, 66);
+pub(super) const BLUE: Color = rgb(0, 114, 178);
+pub(super) const VERMILION: Color = rgb(213, 94, 0);
+pub(super) const PURPLE: Color = rgb(204, 121, 167);
+pub(super) const WHITE: Color = rgb(255, 255, 255);
+pub(super) const GREY: Color = rgb(160, 160, 160);
+
+/// What touches, on meshes and as points; what has passed each other; what is only near.
+pub(super) const TOUCHING: Color = ORANGE;
+pub(super) const PENETRATING: Color = VERMILION;
+pub(super) const NEAR: Color = SKY_BLUE;
+
+/// Things of which there are many over one another: hardly there.
+pub(super) const SPHERES: Color = rgba(86, 180, 233, 60);
+pub(super) const CONES: Color = rgba(204, 121, 167, 70);
+pub(super) const SHAPES: Color = GREY;
+
+/// The darkness behind it all, from which every color above stands out.
+pub(super) const BACKGROUND: Color = rgb(24, 26, 30);
+
+/// Most contacts lie behind or between layers of a mesh: they are seen through it.
+pub(super) const MESH_FACTOR: Color = rgba(255, 255, 255, 110);
+
+/// A line of a point and a half on the screen, whatever the scene's scale.
+pub(super) const THIN: Radius = Radius(rerun::datatypes::Float32(-0.75));
+
+/// Surfaces that touch nothing: greys, so that the colors above stand out, and neighbors differ.
+const SURFACES: [Color; 4] = [rgb(150, 150, 150), rgb(120, 125, 135), rgb(165, 160, 150), rgb(135, 140, 140)];
+
+/// The color of a surface that touches nothing.
+pub(super) fn surface(place: usize) -> Color {
+    SURFACES[place % SURFACES.len()]
+}
+
+/// The color of pairs by what became of them.
+pub(super) const fn fate(fate: PairFate) -> Color {
+    match fate {
+        PairFate::Neighbors | PairFate::Planes => GREY,
+        PairFate::Spheres => SKY_BLUE,
+        PairFate::CenterLine => BLUE,
+        PairFate::Cone => PURPLE,
+        PairFate::ClosestFeatures => GREEN,
+        PairFate::Distance => YELLOW,
+        PairFate::Touching => TOUCHING,
+    }
+}
+
+/// The curves of a plot and the levels of a tree, in turn.
+pub(super) const CURVES: [Color; 9] = [SKY_BLUE, ORANGE, GREEN, YELLOW, VERMILION, PURPLE, WHITE, GREY, BLUE];
+
+/// Concave (−1, purple) over flat (0, white) to convex (1, orange).
+pub(super) fn curvature(value: f32) -> Color {
+    at(PURPLE_ORANGE, 0.5 - 0.5 * f64::from(value.clamp(-1.0, 1.0)))
+}
+
+/// Ages in ticks: new ones bright, then darker with the logarithm, darkest from a thousand on.
+pub(super) fn age(ticks: u32) -> Color {
+    at(CIVIDIS, 1.0 - (f64::from(ticks).ln_1p() / 1000.0_f64.ln_1p()).min(1.0))
+}
+
+fn at(gradient: Gradient, place: f64) -> Color {
+    let color = gradient.eval_continuous(place);
+    Color::from_rgb(color.r, color.g, color.b)
+}

@@ -1,0 +1,213 @@
+//! Draws surfaces as meshes colored where they touch, and rigid shapes as wires.
+//!
+//! Both stay in the viewer until they change: of a mesh its triangles are recorded once, its positions, colors and pose
+//! in the ticks that change them. Positions are those of the surface's own frame, bit by bit.
+
+use std::sync::Arc;
+
+use bevy_ecs::entity::EntityHashMap;
+use glam::Vec3;
+use rerun::{AsComponents, Color, EntityPath, LineStrips3D, Mesh3D};
+
+use super::{
+    colors,
+    recorder::{Layer, TickWriter, path},
+    settings::{LevelOfDetail, RerunSettings},
+    tick::{Detected, Names, Touch, Touches, transform},
+    wires::wires,
+};
+use crate::{
+    kernel::{exact::rigid_shape::ShapeGeometry, pose::Pose, topology::SurfaceTopology},
+    surface::ActiveSurface,
+};
+
+/// The meshes and shapes that the viewer shows.
+#[derive(Default)]
+pub(super) struct ShownBodies {
+    meshes: EntityHashMap<ShownMesh>,
+    shapes: EntityHashMap<ShownShape>,
+}
+
+/// A mesh as the viewer shows it.
+struct ShownMesh {
+    path: EntityPath,
+    topology: Arc<SurfaceTopology>,
+    /// Which triangles are shown; `None`: all.
+    triangles: Option<Vec<u32>>,
+    pose: Pose,
+    positions: Vec<Vec3>,
+    colors: Vec<Color>,
+}
+
+struct ShownShape {
+    path: EntityPath,
+    geometry: Arc<ShapeGeometry>,
+    pose: Pose,
+}
+
+impl ShownBodies {
+    pub(super) fn draw(
+        &mut self,
+        writer: &mut TickWriter,
+        detected: &Detected,
+        settings: &RerunSettings,
+        names: &Names,
+        touches: &Touches,
+    ) {
+        let mut before = std::mem::take(&mut self.meshes);
+        for (place, surface) in detected.active.surfaces.iter().enumerate() {
+            if settings.meshes == LevelOfDetail::Off {
+                break;
+            }
+            let Some((positions, _)) = detected.surface(surface) else { continue };
+            let shown = before.remove(&surface.entity);
+            let path = path([Layer::Meshes.name(), &names.of(surface.entity)]);
+            let next = ShownMesh::new(path, surface, place, positions, settings.meshes, touches);
+            if let Some(shown) = next.draw(writer, shown) {
+                self.meshes.insert(surface.entity, shown);
+            }
+        }
+        let mut before_shapes = std::mem::take(&mut self.shapes);
+        for shape in &detected.active.shapes {
+            if !settings.shapes {
+                break;
+            }
+            let path = path([Layer::Shapes.name(), &names.of(shape.entity)]);
+            let next = ShownShape { path, geometry: Arc::clone(&shape.geometry), pose: shape.pose };
+            let Ok(rigid) = detected.shapes.get(shape.entity) else { continue };
+            if let Some(shown) = next.draw(writer, before_shapes.remove(&shape.entity), || wires(&rigid.0)) {
+                self.shapes.insert(shape.entity, shown);
+            }
+        }
+        let meshes = before.drain().map(|(_, shown)| shown.path);
+        let mut gone: Vec<EntityPath> = meshes.chain(before_shapes.drain().map(|(_, shown)| shown.path)).collect();
+        gone.sort_unstable();
+        for path in gone {
+            writer.remove(path);
+        }
+    }
+}
+
+impl ShownMesh {
+    fn new(
+        path: EntityPath,
+        surface: &ActiveSurface,
+        place: usize,
+        positions: &[Vec3],
+        level: LevelOfDetail,
+        touches: &Touches,
+    ) -> Self {
+        let mut vertices = vec![Touch::None; positions.len()];
+        for (corners, &touch) in surface.topology.triangles().iter().zip(&touches.triangles[place]) {
+            for &vertex in corners {
+                vertices[vertex as usize] = touch.max(vertices[vertex as usize]);
+            }
+        }
+        let color = |touch| match touch {
+            Touch::None => colors::surface(place),
+            Touch::Touching => colors::TOUCHING,
+            Touch::Penetrating => colors::PENETRATING,
+        };
+        Self {
+            path,
+            topology: Arc::clone(&surface.topology),
+            triangles: (level == LevelOfDetail::NearContacts).then(|| touches.triangles(level, place)),
+            pose: surface.pose,
+            positions: positions.to_vec(),
+            colors: vertices.into_iter().map(color).collect(),
+        }
+    }
+
+    /// Records what differs from what is shown. Gives what is shown then.
+    fn draw(self, writer: &mut TickWriter, shown: Option<Self>) -> Option<Self> {
+        let shown = match shown {
+            Some(shown) if shown.path != self.path => {
+                writer.remove(shown.path);
+                None
+            }
+            shown => shown,
+        };
+        let new = |same: &dyn Fn(&Self) -> bool| !shown.as_ref().is_some_and(same);
+        let new_triangles =
+            new(&|shown| Arc::ptr_eq(&shown.topology, &self.topology) && shown.triangles == self.triangles);
+        let new_positions = new(&|shown| shown.positions == self.positions);
+        let new_colors = new(&|shown| shown.colors == self.colors);
+        let new_pose = new(&|shown| shown.pose == self.pose);
+        let (vertices, triangles) = (self.positions.len(), self.topology.triangles());
+        let drawn = self.triangles.as_ref().map_or(triangles.len(), Vec::len);
+        let bytes = 12 * drawn * usize::from(new_triangles)
+            + (12 + 12) * vertices * usize::from(new_positions)
+            + 4 * vertices * usize::from(new_colors);
+        if !(new_triangles || new_positions || new_colors || new_pose) {
+            return Some(self);
+        }
+        if !writer.fits(Layer::Meshes, bytes) {
+            return shown;
+        }
+        let mut mesh = Mesh3D::update_fields();
+        if new_triangles {
+            mesh = mesh.with_albedo_factor(colors::MESH_FACTOR.0);
+            mesh = match &self.triangles {
+                Some(kept) => mesh.with_triangle_indices(kept.iter().map(|&kept| triangles[kept as usize])),
+                None => mesh.with_triangle_indices(triangles.iter().copied()),
+            };
+        }
+        if new_positions {
+            let normals = vertex_normals(&self.positions, triangles);
+            mesh = mesh
+                .with_vertex_positions(self.positions.iter().map(Vec3::to_array))
+                .with_vertex_normals(normals.iter().map(Vec3::to_array));
+        }
+        if new_colors {
+            mesh = mesh.with_vertex_colors(self.colors.iter().copied());
+        }
+        let pose = transform(&self.pose);
+        let rows: [&dyn AsComponents; 2] = [&mesh, &pose];
+        writer.row(self.path.clone(), &rows[..1 + usize::from(new_pose)]);
+        Some(self)
+    }
+}
+
+/// Normals for shading only: the sum of the normals of the faces around a vertex, weighted by their area.
+fn vertex_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
+    let mut normals = vec![Vec3::ZERO; positions.len()];
+    for corners in triangles {
+        let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
+        let normal = (b - a).cross(c - a);
+        for &vertex in corners {
+            normals[vertex as usize] += normal;
+        }
+    }
+    normals.iter_mut().for_each(|normal| *normal = normal.normalize_or_zero());
+    normals
+}
+
+impl ShownShape {
+    fn draw(
+        self,
+        writer: &mut TickWriter,
+        shown: Option<Self>,
+        wires: impl FnOnce() -> Vec<Vec<[f32; 3]>>,
+    ) -> Option<Self> {
+        let same = |shown: &Self| Arc::ptr_eq(&shown.geometry, &self.geometry) && shown.path == self.path;
+        let is_new = !shown.as_ref().is_some_and(same);
+        if !is_new && shown.as_ref().is_some_and(|shown| shown.pose == self.pose) {
+            return Some(self);
+        }
+        let wires = if is_new { wires() } else { Vec::new() };
+        if !writer.fits(Layer::Shapes, wires.iter().map(|wire| 4 + 12 * wire.len()).sum()) {
+            return shown;
+        }
+        if let Some(shown) = shown.filter(|shown| shown.path != self.path) {
+            writer.remove(shown.path);
+        }
+        let lines = LineStrips3D::new(wires).with_colors([colors::SHAPES]).with_radii([colors::THIN]);
+        let pose = transform(&self.pose);
+        if is_new {
+            writer.row(self.path.clone(), &[&lines, &pose]);
+        } else {
+            writer.row(self.path.clone(), &[&pose]);
+        }
+        Some(self)
+    }
+}

@@ -1,0 +1,282 @@
+//! Records every tick for the Rerun viewer, layer by layer, without a screen.
+//!
+//! Reads what the tick left behind and changes nothing of it: once after detection, before anybody answers contacts, and
+//! once at the end of the tick for what came of it. Timelines `tick` and, where the app has a clock, `simulated_time`.
+
+mod blueprint;
+mod colors;
+mod contacts;
+mod meshes;
+mod pairs;
+mod recorder;
+mod series;
+mod settings;
+mod surfaces;
+mod text_log;
+mod tick;
+mod values;
+mod wires;
+
+use std::{
+    path::{Path, PathBuf},
+    time::{Duration, Instant},
+};
+
+use ::rerun::{
+    RecordingStream, RecordingStreamBuilder, RecordingStreamError, TimeCell, TimePoint, TimelineName, ViewCoordinates,
+    sink::MemorySinkStorage,
+};
+use bevy_app::prelude::*;
+use bevy_ecs::prelude::*;
+use bevy_time::Time;
+pub use settings::{LevelOfDetail, RerunSettings};
+
+use self::{
+    meshes::ShownBodies,
+    recorder::{Layer, Shown, Thinned, TickWriter},
+    series::Series,
+    tick::{Detected, Names, Touches},
+};
+use crate::{
+    contacts::{SurfaceContacts, SurfaceQuarantined, TouchingSides},
+    kernel::bounds::Aabb,
+    schedule::{DeformableSystems, HostSchedule, run_detection},
+    surface::{ActiveSurfaces, DeformableSurface, SurfacePositions},
+};
+
+/// The timelines of a recording.
+const TICK: &str = "tick";
+const SIMULATED_TIME: &str = "simulated_time";
+
+/// Names the recordings of this crate to the viewer, which keeps a layout for each name.
+const APPLICATION: &str = "bevy_circumsphere";
+
+/// Why nothing can be recorded.
+#[derive(Debug, thiserror::Error)]
+pub enum RerunError {
+    /// The file cannot be written.
+    #[error("cannot record to {}: {source}", .path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// Why.
+        source: Box<RecordingStreamError>,
+    },
+    /// There is no viewer to connect to under this address.
+    #[error("cannot send a recording to {address}: {source}")]
+    Viewer {
+        /// Which.
+        address: String,
+        /// Why.
+        source: Box<RecordingStreamError>,
+    },
+    /// No recording can be started.
+    #[error("cannot start a recording: {0}")]
+    Start(Box<RecordingStreamError>),
+}
+
+/// Records every tick for the [Rerun](https://rerun.io) viewer: to a file, to a viewer, to memory, or to a stream of your
+/// own. What is recorded is up to [`RerunSettings`]; contacts are the same with and without it.
+///
+/// Add it after [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins). Without a sink, as
+/// [`DeformableRerunPlugin::default`] makes it, nothing is recorded and nothing computed.
+///
+/// A file is complete when the app has been dropped. Until then, and if the program is killed, it can be opened up to what
+/// was written last.
+#[derive(Clone)]
+pub struct DeformableRerunPlugin {
+    stream: RecordingStream,
+}
+
+impl Default for DeformableRerunPlugin {
+    /// Records nothing.
+    fn default() -> Self {
+        Self { stream: RecordingStream::disabled() }
+    }
+}
+
+impl DeformableRerunPlugin {
+    /// Records to a file (`.rrd`), which is replaced if it is there.
+    ///
+    /// # Errors
+    /// Where the file cannot be written.
+    pub fn to_file(path: impl AsRef<Path>) -> Result<Self, RerunError> {
+        let path = path.as_ref();
+        match RecordingStreamBuilder::new(APPLICATION).save(path) {
+            Ok(stream) => Ok(Self { stream }),
+            Err(source) => Err(RerunError::File { path: path.to_owned(), source: Box::new(source) }),
+        }
+    }
+
+    /// Records to a running viewer, by its address: `rerun+http://127.0.0.1:9876/proxy` for one on this machine with its
+    /// own settings. While no viewer listens there, what was recorded waits.
+    ///
+    /// # Errors
+    /// Where the address is none.
+    pub fn to_viewer(address: &str) -> Result<Self, RerunError> {
+        match RecordingStreamBuilder::new(APPLICATION).connect_grpc_opts(address) {
+            Ok(stream) => Ok(Self { stream }),
+            Err(source) => Err(RerunError::Viewer { address: address.to_owned(), source: Box::new(source) }),
+        }
+    }
+
+    /// Records to memory; what was recorded is taken from the storage.
+    ///
+    /// # Errors
+    /// Where no thread can be started.
+    pub fn to_memory() -> Result<(Self, MemorySinkStorage), RerunError> {
+        let memory = RecordingStreamBuilder::new(APPLICATION).memory();
+        let (stream, storage) = memory.map_err(|source| RerunError::Start(Box::new(source)))?;
+        Ok((Self { stream }, storage))
+    }
+
+    /// Records to a stream of your own, with what you log yourself. Its clock is left alone.
+    #[must_use]
+    pub fn to_stream(stream: RecordingStream) -> Self {
+        Self { stream }
+    }
+}
+
+impl Plugin for DeformableRerunPlugin {
+    fn build(&self, app: &mut App) {
+        let Some(&HostSchedule(schedule)) = app.world().get_resource() else {
+            panic!("DeformableRerunPlugin records what DeformableCollisionPlugins do: add those first");
+        };
+        app.init_resource::<RerunSettings>();
+        app.insert_resource(Recorder::new(self.stream.clone()));
+        app.add_systems(
+            schedule,
+            (
+                record_detection.in_set(DeformableSystems::Detect).after(run_detection),
+                record_answer.in_set(DeformableSystems::Log),
+            )
+                .distributive_run_if(is_recording),
+        );
+    }
+}
+
+/// The stream, and what it has been told.
+#[derive(Resource)]
+struct Recorder {
+    stream: RecordingStream,
+    shown: Shown,
+    names: Names,
+    bodies: ShownBodies,
+    series: Series,
+    tick: RecordedTick,
+    /// What recording the last recorded tick took.
+    cost: Duration,
+    /// Whether the viewer has been told how to lay the recording out.
+    has_layout: bool,
+}
+
+/// The tick that is being recorded.
+#[derive(Default)]
+struct RecordedTick {
+    time: TimePoint,
+    /// Whether it is one of those of which the layers are recorded.
+    has_layers: bool,
+    cost: Duration,
+    newly_thinned: Vec<(Layer, Thinned)>,
+}
+
+impl Recorder {
+    fn new(stream: RecordingStream) -> Self {
+        Self {
+            stream,
+            shown: Shown::default(),
+            names: Names::default(),
+            bodies: ShownBodies::default(),
+            series: Series::default(),
+            tick: RecordedTick::default(),
+            cost: Duration::ZERO,
+            has_layout: false,
+        }
+    }
+}
+
+fn is_recording(recorder: Res<Recorder>) -> bool {
+    recorder.stream.is_enabled()
+}
+
+fn record_detection(
+    mut recorder: ResMut<Recorder>,
+    settings: Res<RerunSettings>,
+    detected: Detected,
+    surfaces: Query<&DeformableSurface>,
+    clock: Option<Res<Time>>,
+) {
+    let start = Instant::now();
+    let Recorder { stream, shown, names, bodies, series, tick, cost, has_layout } = &mut *recorder;
+    let number = detected.store.tick;
+    let mut time = TimePoint::default();
+    time.insert_cell(
+        TimelineName::from_static_str(TICK),
+        TimeCell::from_sequence(i64::try_from(number).unwrap_or(i64::MAX)),
+    );
+    if let Some(clock) = clock {
+        time.insert_cell(TimelineName::from_static_str(SIMULATED_TIME), TimeCell::from(clock.elapsed()));
+    }
+    let has_layers = number.is_multiple_of(u64::from(settings.every.max(1)));
+    *tick = RecordedTick { time: time.clone(), has_layers, ..RecordedTick::default() };
+    names.update(&detected);
+    if !has_layers && !settings.series {
+        return;
+    }
+    let touches = Touches::new(&detected);
+    let steadiness = settings.series.then(|| series.observe(&detected, &surfaces, names, &touches));
+    if has_layers {
+        if !std::mem::replace(has_layout, true) {
+            lay_out(stream, &detected.active);
+        }
+        let mut writer = TickWriter::new(stream, time, settings.bytes_per_tick, shown);
+        if let Some(steadiness) = &steadiness {
+            series.draw(&mut writer, &detected, &settings, steadiness, *cost);
+        }
+        bodies.draw(&mut writer, &detected, &settings, names, &touches);
+        contacts::draw(&mut writer, &detected, &settings, names, &surfaces);
+        pairs::draw(&mut writer, &detected, settings.pairs, names, &touches);
+        surfaces::draw(&mut writer, &detected, &settings, names, &touches);
+        tick.newly_thinned = writer.finish();
+    }
+    tick.cost = start.elapsed();
+}
+
+/// Tells the viewer which way is up, and how to show it all.
+fn lay_out(stream: &RecordingStream, active: &ActiveSurfaces) {
+    let mut shown = Shown::default();
+    let mut writer = TickWriter::new(stream, TimePoint::default(), usize::MAX, &mut shown);
+    writer.timeless_row(recorder::path([]), &ViewCoordinates::RIGHT_HAND_Y_UP());
+    let bounds = active.surfaces.iter().fold(Aabb::EMPTY, |bounds, surface| bounds.union(&surface.world_bounds));
+    if let Err(error) = blueprint::send(stream, &bounds) {
+        log::warn!("the recording has no layout: {error}");
+    }
+}
+
+fn record_answer(
+    mut recorder: ResMut<Recorder>,
+    settings: Res<RerunSettings>,
+    active: Res<ActiveSurfaces>,
+    contacts: SurfaceContacts,
+    positions: Query<&SurfacePositions>,
+    touching: Option<Res<TouchingSides>>,
+    quarantines: Option<MessageReader<SurfaceQuarantined>>,
+) {
+    let start = Instant::now();
+    let Recorder { stream, shown, names, series, tick, cost, .. } = &mut *recorder;
+    let mut writer = TickWriter::new(stream, tick.time.clone(), settings.bytes_per_tick, shown);
+    if settings.series && tick.has_layers {
+        series.draw_answer(&mut writer, &contacts, &active, &positions);
+    }
+    if let Some(touching) = touching {
+        text_log::contacts(&mut writer, &touching, names);
+    }
+    if let Some(mut quarantines) = quarantines {
+        text_log::quarantines(&mut writer, quarantines.read(), names);
+    }
+    text_log::thinned(&mut writer, &tick.newly_thinned, settings.bytes_per_tick);
+    names.retain(&active);
+    if tick.has_layers {
+        *cost = tick.cost + start.elapsed();
+    }
+}

@@ -1,0 +1,94 @@
+//! Draws the pairs of triangles that the broad phase found, by what became of them.
+
+use glam::DVec3;
+use rerun::{AsComponents, LineStrips3D};
+
+use super::{
+    colors,
+    recorder::{Layer, TickWriter, path},
+    settings::LevelOfDetail,
+    tick::{Detected, Names, Touches},
+    values,
+};
+use crate::{
+    detection::{SurfacePair, broad_phase::OtherSide},
+    kernel::pair_fate::PairFate,
+    surface::ActiveSurface,
+};
+
+/// A pair of surfaces and the pairs of triangles in it, by fate.
+struct DrawnPair<'a> {
+    pair: &'a SurfacePair,
+    name: String,
+    by_fate: Vec<Vec<[u32; 2]>>,
+}
+
+/// Draws a line between the centers of two triangles; of a pair with a rigid shape the triangle's outline.
+pub(super) fn draw(
+    writer: &mut TickWriter,
+    detected: &Detected,
+    level: LevelOfDetail,
+    names: &Names,
+    touches: &Touches,
+) {
+    if level == LevelOfDetail::Off {
+        return;
+    }
+    let mut drawn = Vec::new();
+    let mut fates = Vec::new();
+    for (place, pair) in detected.candidates.pairs.iter().enumerate() {
+        detected.fates.of(place, &mut fates);
+        let mut by_fate = vec![Vec::new(); PairFate::ALL.len()];
+        for (&triangles, &fate) in pair.triangles.iter().zip(&fates) {
+            // Planes part most of them, and never wrongly.
+            if level == LevelOfDetail::NearContacts && fate == PairFate::Planes {
+                continue;
+            }
+            let wants_second = match pair.second {
+                OtherSide::Surface(second) => touches.wants(level, second, triangles[1]),
+                OtherSide::Shape(_) => true,
+            };
+            if wants_second && touches.wants(level, pair.first, triangles[0]) {
+                by_fate[fate as usize].push(triangles);
+            }
+        }
+        drawn.push(DrawnPair { pair, name: names.of_pair(detected.sides(pair)), by_fate });
+    }
+    // Those that came farthest first: they say most.
+    for fate in PairFate::ALL.into_iter().rev() {
+        let lists = || drawn.iter().map(|drawn| &drawn.by_fate[fate as usize]);
+        let rows = lists().filter(|pairs| !pairs.is_empty()).count();
+        let share = writer.share(Layer::Pairs, lists().map(Vec::len).sum(), 4 * 12 + 4 + 8, rows);
+        for DrawnPair { pair, name, by_fate } in &drawn {
+            let pairs = &by_fate[fate as usize];
+            let kept: Vec<[u32; 2]> = share.places(pairs.len()).map(|place| pairs[place]).collect();
+            if kept.is_empty() {
+                continue;
+            }
+            let strips = LineStrips3D::new(kept.iter().map(|&triangles| line(detected, pair, triangles)))
+                .with_colors([colors::fate(fate)])
+                .with_radii([colors::THIN]);
+            let rows: [&dyn AsComponents; 2] = [&strips, &values::triangle_pairs(&kept)];
+            writer.passing_row(path([Layer::Pairs.name(), fate.name(), name]), &rows);
+        }
+    }
+}
+
+fn line(detected: &Detected, pair: &SurfacePair, [a, b]: [u32; 2]) -> Vec<[f32; 3]> {
+    let surfaces = &detected.active.surfaces;
+    let first = corners(detected, &surfaces[pair.first], a);
+    match pair.second {
+        OtherSide::Surface(second) => {
+            let center = |corners: [DVec3; 3]| (corners.iter().sum::<DVec3>() / 3.0).as_vec3().to_array();
+            vec![center(first), center(corners(detected, &surfaces[second], b))]
+        }
+        OtherSide::Shape(_) => [0, 1, 2, 0].map(|corner| first[corner].as_vec3().to_array()).to_vec(),
+    }
+}
+
+/// The corners of a triangle in the world; all at the origin where the surface is gone.
+fn corners(detected: &Detected, surface: &ActiveSurface, triangle: u32) -> [DVec3; 3] {
+    let Some((positions, _)) = detected.surface(surface) else { return [DVec3::ZERO; 3] };
+    surface.topology.triangles()[triangle as usize]
+        .map(|vertex| surface.pose.transform_point(positions[vertex as usize].as_dvec3()))
+}

@@ -1,0 +1,221 @@
+//! Curves: what every stage cost and kept, how steady contacts are, how deep sides are in each other.
+
+use std::{
+    collections::{HashMap, HashSet},
+    time::Duration,
+};
+
+use bevy_ecs::{entity::EntityHashMap, prelude::*};
+use glam::{DVec3, Vec3};
+use rerun::{Scalars, SeriesLines};
+
+use super::{
+    colors,
+    recorder::{TickWriter, path},
+    settings::RerunSettings,
+    tick::{Detected, Names, Touch, Touches},
+};
+use crate::{
+    contacts::{Contact, ContactSide, SurfaceContacts},
+    kernel::contact::ContactKey,
+    surface::{ActiveSurfaces, DeformableSurface, SurfacePositions},
+};
+
+/// The room of all curves in the recording, and its parts, each a plot of its own.
+pub(super) const SERIES: &str = "series";
+pub(super) const MILLISECONDS: &str = "milliseconds";
+pub(super) const COUNTS: &str = "counts";
+pub(super) const STEADINESS: &str = "steadiness";
+pub(super) const DEPTHS: &str = "depths";
+
+/// Names a contact among those of all pairs.
+type ContactName = (ContactSide, ContactSide, ContactKey);
+
+/// What the curves remember of the ticks before.
+#[derive(Default)]
+pub(super) struct Series {
+    /// Curves that have a color and a name already, in the order in which they came, by plot.
+    named: HashMap<&'static str, Vec<String>>,
+    contacts: HashMap<ContactName, Vec3>,
+    /// Vertices in the world, in this tick and in the two before it.
+    vertices: EntityHashMap<Track>,
+}
+
+/// The vertices of a surface in the world, the newest tick first.
+#[derive(Default)]
+struct Track([Vec<DVec3>; 3]);
+
+/// How steady contacts were from the last tick to this one.
+pub(super) struct Steadiness {
+    /// Share of the contacts of both ticks that only one of them has, from 0 to 1.
+    churn: f64,
+    /// Largest turn of the normal of a contact that both ticks have, in degrees.
+    normal_jump: f64,
+    /// For each surface that touches: its name, and by how much its touching vertices change their motion, as the mean
+    /// second difference of their positions, in mean edges.
+    jitter: Vec<(String, f64)>,
+}
+
+impl Series {
+    /// Follows a tick, whether it is recorded or not.
+    pub(super) fn observe(
+        &mut self,
+        detected: &Detected,
+        surfaces: &Query<&DeformableSurface>,
+        names: &Names,
+        touches: &Touches,
+    ) -> Steadiness {
+        let mut contacts = HashMap::new();
+        for (pair, of_pair) in detected.contacts.by_pair() {
+            contacts.extend(of_pair.map(|contact| ((pair.a, pair.b, contact.key()), contact.normal())));
+        }
+        let before = std::mem::replace(&mut self.contacts, contacts);
+        let both: Vec<(Vec3, Vec3)> =
+            before.iter().filter_map(|(name, &normal)| Some((normal, *self.contacts.get(name)?))).collect();
+        let either = before.len() + self.contacts.len() - both.len();
+        let turn = |&(one, other): &(Vec3, Vec3)| one.as_dvec3().angle_between(other.as_dvec3()).to_degrees();
+
+        let mut jitter = Vec::new();
+        let mut tracks = std::mem::take(&mut self.vertices);
+        for (place, surface) in detected.active.surfaces.iter().enumerate() {
+            let Some((positions, _)) = detected.surface(surface) else { continue };
+            let Track([newest, last, _]) = tracks.remove(&surface.entity).unwrap_or_default();
+            let vertices = positions.iter().map(|&position| surface.pose.transform_point(position.as_dvec3()));
+            let track = Track([vertices.collect(), newest, last]);
+            let mean_edge = surfaces
+                .get(surface.entity)
+                .map_or(0.0, |made_from| f64::from(made_from.mean_edge()) * surface.pose.scale());
+            let touching = surface.topology.triangles().iter().zip(&touches.triangles[place]);
+            let touching: HashSet<u32> =
+                touching.filter(|&(_, &touch)| touch != Touch::None).flat_map(|(corners, _)| *corners).collect();
+            if !touching.is_empty() && mean_edge > 0.0 && !surface.fresh {
+                if let Some(mean) = track.mean_second_difference(&touching) {
+                    jitter.push((names.of(surface.entity), mean / mean_edge));
+                }
+            }
+            self.vertices.insert(surface.entity, track);
+        }
+        Steadiness {
+            churn: if either == 0 { 0.0 } else { 1.0 - both.len() as f64 / either as f64 },
+            normal_jump: both.iter().map(turn).fold(0.0, f64::max),
+            jitter,
+        }
+    }
+
+    /// Draws what detection says of the tick; `recording` is what recording the last tick took.
+    pub(super) fn draw(
+        &mut self,
+        writer: &mut TickWriter,
+        detected: &Detected,
+        settings: &RerunSettings,
+        steadiness: &Steadiness,
+        recording: Duration,
+    ) {
+        let diagnostics = &detected.diagnostics;
+        if settings.times {
+            let mut stages: Vec<(String, f64)> = diagnostics
+                .stages
+                .iter()
+                .map(|stage| (stage.name.to_owned(), stage.duration.as_secs_f64() * 1.0e3))
+                .collect();
+            stages.push(("recording".to_owned(), recording.as_secs_f64() * 1.0e3));
+            self.draw_plot(writer, MILLISECONDS, stages);
+        }
+        let pairs = diagnostics.stages.iter().filter(|stage| stage.pairs_in + stage.pairs_out > 0);
+        let pairs = pairs.filter(|stage| stage.name != "pair surfaces");
+        let mut counts: Vec<(String, f64)> =
+            pairs.map(|stage| (format!("after {}", stage.name), stage.pairs_out as f64)).collect();
+        counts.extend([
+            ("examined".to_owned(), diagnostics.pairs_examined as f64),
+            ("recipes refreshed".to_owned(), diagnostics.recipes_refreshed as f64),
+        ]);
+        self.draw_plot(writer, COUNTS, counts);
+        let mut steady = vec![
+            ("contact churn".to_owned(), steadiness.churn),
+            ("normal jump in turns".to_owned(), steadiness.normal_jump / 360.0),
+        ];
+        steady.extend(steadiness.jitter.iter().map(|(name, jitter)| (format!("jitter of {name}"), *jitter)));
+        self.draw_plot(writer, STEADINESS, steady);
+    }
+
+    /// Draws how deep the sides are once the tick has been answered. Positions have moved since detection, poses have not.
+    pub(super) fn draw_answer(
+        &mut self,
+        writer: &mut TickWriter,
+        contacts: &SurfaceContacts,
+        active: &ActiveSurfaces,
+        positions: &Query<&SurfacePositions>,
+    ) {
+        let poses: EntityHashMap<_> = active.surfaces.iter().map(|surface| (surface.entity, &surface.pose)).collect();
+        let opened = |contact: &Contact| -> f64 {
+            let share = |entry: crate::contacts::StencilEntry| {
+                let vertex = entry.vertex.0 as usize;
+                let then = self.vertices.get(&entry.entity)?.0[0].get(vertex)?;
+                let now = positions.get(entry.entity).ok()?.0.get(vertex)?;
+                let moved = poses.get(&entry.entity)?.transform_point(now.as_dvec3()) - *then;
+                Some(f64::from(entry.weight) * entry.normal.as_dvec3().dot(moved))
+            };
+            contact.stencil().into_iter().filter_map(share).sum()
+        };
+        let found = Depths::of(contacts.iter().map(|contact| (contact, 0.0)));
+        let left = Depths::of(contacts.iter().map(|contact| (contact, opened(&contact))));
+        let curves = [
+            ("overlap found", found.overlap),
+            ("overlap left", left.overlap),
+            ("penetration found", found.penetration),
+            ("penetration left", left.penetration),
+        ];
+        self.draw_plot(writer, DEPTHS, curves.map(|(curve, depth)| (curve.to_owned(), depth)).to_vec());
+    }
+
+    /// Draws the curves of a plot. One that has no value in this tick falls to 0.
+    fn draw_plot(&mut self, writer: &mut TickWriter, plot: &'static str, curves: Vec<(String, f64)>) {
+        let named = self.named.entry(plot).or_default();
+        let of = |curve: &str| path([SERIES, plot, curve]);
+        for (curve, _) in &curves {
+            if !named.contains(curve) {
+                let style = SeriesLines::new()
+                    .with_names([curve.as_str()])
+                    .with_colors([colors::CURVES[named.len() % colors::CURVES.len()]]);
+                writer.timeless_row(of(curve), &style);
+                named.push(curve.clone());
+            }
+        }
+        let values: HashMap<&str, f64> = curves.iter().map(|(curve, value)| (curve.as_str(), *value)).collect();
+        for curve in named.iter() {
+            writer.row(of(curve), &[&Scalars::single(values.get(curve.as_str()).copied().unwrap_or(0.0))]);
+        }
+    }
+}
+
+impl Track {
+    fn mean_second_difference(&self, vertices: &HashSet<u32>) -> Option<f64> {
+        let [now, last, before] = &self.0;
+        if [last.len(), before.len()] != [now.len(); 2] {
+            return None;
+        }
+        let difference = |&vertex: &u32| {
+            let vertex = vertex as usize;
+            (now[vertex] - 2.0 * last[vertex] + before[vertex]).length()
+        };
+        Some(vertices.iter().map(difference).sum::<f64>() / vertices.len() as f64)
+    }
+}
+
+/// The deepest contacts, in world units.
+struct Depths {
+    /// How much closer than the contact distance.
+    overlap: f64,
+    /// How far the sides have passed each other.
+    penetration: f64,
+}
+
+impl Depths {
+    /// Of contacts and by how much each has opened since it was found.
+    fn of<'a>(contacts: impl Iterator<Item = (Contact<'a>, f64)>) -> Self {
+        contacts.fold(Self { overlap: 0.0, penetration: 0.0 }, |deepest, (contact, opened)| Self {
+            overlap: deepest.overlap.max(-(f64::from(contact.separation()) + opened)),
+            penetration: deepest.penetration.max(-(f64::from(contact.distance()) + opened)),
+        })
+    }
+}

@@ -1,0 +1,275 @@
+//! Draws what the triangles of a surface carry: spheres, cones, curvature, recipes, and the tree over them.
+//!
+//! Everything is drawn in the surface's own frame with the pose beside it, as the stages keep it.
+
+use std::f32::consts::TAU;
+
+use glam::{Quat, Vec3};
+use rerun::{AnyValues, AsComponents, Boxes3D, Color, Ellipsoids3D, FillMode, InstancePoses3D, Mesh3D, Transform3D};
+
+use super::{
+    colors,
+    recorder::{Layer, TickWriter, path},
+    settings::{LevelOfDetail, RerunSettings},
+    tick::{Detected, Names, Touches, transform},
+    values,
+};
+use crate::{
+    kernel::{
+        circumsphere::{Ball, OffsetSpheres},
+        cone::{Cap, SafetyCones},
+        curvature::Curvatures,
+        tree::BoxTree,
+    },
+    surface::{ActiveSurface, ContactMethod},
+};
+
+/// Corners of the circle that a cone cuts out of its sphere.
+const RIM_CORNERS: usize = 16;
+
+/// A surface and what the stages have made of it in this tick.
+struct Drawn<'a> {
+    place: usize,
+    surface: &'a ActiveSurface,
+    name: String,
+    pose: Transform3D,
+    positions: &'a [Vec3],
+    /// Empty where no pair was tested by them.
+    balls: &'a [Ball],
+    /// `None` where no pair was tested by them.
+    caps: Option<Caps<'a>>,
+    tree: &'a BoxTree,
+}
+
+#[derive(Clone, Copy)]
+struct Caps<'a> {
+    curvature: &'a Curvatures,
+    spheres: &'a OffsetSpheres,
+    cones: &'a SafetyCones,
+}
+
+impl Drawn<'_> {
+    /// A triangle's cap, and that on the other side of a sheet.
+    fn caps(&self, triangle: u32) -> impl Iterator<Item = Cap> {
+        let both = self.caps.map(|Caps { spheres, cones, .. }| {
+            let cap = Cap::of(spheres, cones, triangle as usize);
+            let behind = cap.in_plane_center() - cap.axis;
+            [Some(cap), (!self.surface.one_sided && cap.height > 0.0).then(|| cap.facing(behind))]
+        });
+        both.into_iter().flatten().flatten()
+    }
+
+    fn corners(&self, triangle: u32) -> [Vec3; 3] {
+        self.surface.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize])
+    }
+}
+
+/// Draws them all.
+pub(super) fn draw(
+    writer: &mut TickWriter,
+    detected: &Detected,
+    settings: &RerunSettings,
+    names: &Names,
+    touches: &Touches,
+) {
+    let by_balls = detected.used_by(ContactMethod::BoundingSphere);
+    let by_caps = detected.used_by(ContactMethod::Circumsphere);
+    let mut surfaces = Vec::new();
+    for (place, surface) in detected.active.surfaces.iter().enumerate() {
+        let Some((positions, carried)) = detected.surface(surface) else { continue };
+        surfaces.push(Drawn {
+            place,
+            surface,
+            name: names.of(surface.entity),
+            pose: transform(&surface.pose),
+            positions,
+            balls: if by_balls[place] { &carried.balls.0 } else { &[] },
+            caps: by_caps[place].then_some(Caps {
+                curvature: &carried.curvature.0,
+                spheres: &carried.spheres.0,
+                cones: &carried.cones.0,
+            }),
+            tree: carried.tree.tree(),
+        });
+    }
+    draw_spheres(writer, settings.spheres, touches, &surfaces);
+    draw_cones(writer, settings.cones, touches, &surfaces);
+    let threshold = detected.settings.recipe().curvature_threshold;
+    draw_faces(writer, Layer::Curvature, settings.curvature, touches, &surfaces, |caps| {
+        // As the curvature factor takes it: at 1 and −1 the sphere is no longer offset.
+        let relative = |triangle: usize| {
+            let (radius, height) = (caps.spheres.radii[triangle], caps.spheres.heights[triangle]);
+            caps.curvature.curvatures[triangle] * (radius * radius - height * height).max(0.0).sqrt() / threshold
+        };
+        let relative: Vec<f32> = (0..caps.spheres.radii.len()).map(relative).collect();
+        let values = move |kept: &[u32]| {
+            let curvatures: Vec<f32> = kept.iter().map(|&kept| caps.curvature.curvatures[kept as usize]).collect();
+            values::number(values::triangles(kept), "curvature", &curvatures)
+        };
+        (relative.into_iter().map(colors::curvature).collect(), Box::new(values))
+    });
+    draw_faces(writer, Layer::RecipeAge, settings.recipe_age, touches, &surfaces, |caps| {
+        let ages: Vec<u32> = caps.spheres.recipe_ages().collect();
+        let age_colors = ages.iter().copied().map(colors::age).collect();
+        let values = move |kept: &[u32]| {
+            let ages: Vec<u32> = kept.iter().map(|&kept| ages[kept as usize]).collect();
+            values::whole(values::triangles(kept), "recipe_age", &ages)
+        };
+        (age_colors, Box::new(values))
+    });
+    draw_trees(writer, settings.tree_levels, &surfaces);
+}
+
+fn draw_spheres(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches, surfaces: &[Drawn]) {
+    let spheres: Vec<(Vec<Ball>, Vec<u32>)> = surfaces
+        .iter()
+        .map(|drawn| {
+            let wanted = touches.triangles(level, drawn.place);
+            let mut spheres = (Vec::new(), Vec::new());
+            for triangle in wanted {
+                let balls = drawn.balls.get(triangle as usize).copied();
+                let offset = drawn.caps(triangle).map(|cap| Ball { center: cap.center, radius: cap.radius });
+                for ball in offset.chain(balls) {
+                    spheres.0.push(ball);
+                    spheres.1.push(triangle);
+                }
+            }
+            spheres
+        })
+        .collect();
+    let count = spheres.iter().map(|(balls, _)| balls.len()).sum();
+    let share = writer.share(Layer::Spheres, count, 12 + 12 + 4, surfaces.len());
+    for (drawn, (balls, triangles)) in surfaces.iter().zip(spheres) {
+        let kept: Vec<usize> = share.places(balls.len()).collect();
+        if kept.is_empty() {
+            continue;
+        }
+        let ellipsoids = Ellipsoids3D::from_centers_and_radii(
+            kept.iter().map(|&place| balls[place].center.to_array()),
+            kept.iter().map(|&place| balls[place].radius),
+        )
+        .with_colors([colors::SPHERES])
+        .with_fill_mode(FillMode::MajorWireframe)
+        .with_line_radii([colors::THIN]);
+        let triangles: Vec<u32> = kept.iter().map(|&place| triangles[place]).collect();
+        let rows: [&dyn AsComponents; 3] = [&ellipsoids, &values::triangles(&triangles), &drawn.pose];
+        writer.passing_row(path([Layer::Spheres.name(), &drawn.name]), &rows);
+    }
+}
+
+/// The side of a cone whose top is at the origin, of length 1 along z and radius 1 at its end.
+fn unit_cone() -> Mesh3D {
+    let rim = (0..RIM_CORNERS).map(|corner| {
+        let (y, x) = bevy_math::ops::sin_cos(TAU * corner as f32 / RIM_CORNERS as f32);
+        [x, y, 1.0]
+    });
+    let corners: Vec<[f32; 3]> = std::iter::once([0.0; 3]).chain(rim).collect();
+    let side = |corner: usize| [0, corner as u32 + 1, ((corner + 1) % RIM_CORNERS) as u32 + 1];
+    let outward = corners.iter().map(|[x, y, z]| if *z > 0.0 { [*x, *y, -1.0] } else { [0.0, 0.0, -1.0] });
+    Mesh3D::new(corners.iter().copied())
+        .with_triangle_indices((0..RIM_CORNERS).map(side))
+        .with_vertex_normals(outward)
+        .with_albedo_factor(colors::CONES.0)
+}
+
+/// Draws cones from the center of their sphere to the circle that they cut out of it.
+fn draw_cones(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches, surfaces: &[Drawn]) {
+    let cones: Vec<Vec<(u32, Cap)>> = surfaces
+        .iter()
+        .map(|drawn| {
+            let wanted = touches.triangles(level, drawn.place).into_iter();
+            // A cone that holds every direction has no shape.
+            wanted
+                .flat_map(|triangle| drawn.caps(triangle).map(move |cap| (triangle, cap)))
+                .filter(|(_, cap)| cap.cosine > SafetyCones::EVERYWHERE)
+                .collect()
+        })
+        .collect();
+    let count = cones.iter().map(Vec::len).sum();
+    let share = writer.share(Layer::Cones, count, 12 + 16 + 12 + 4 + 4, surfaces.len());
+    for (drawn, cones) in surfaces.iter().zip(cones) {
+        let kept: Vec<(u32, Cap)> = share.places(cones.len()).map(|place| cones[place]).collect();
+        if kept.is_empty() {
+            continue;
+        }
+        let triangles: Vec<u32> = kept.iter().map(|&(triangle, _)| triangle).collect();
+        let angles: Vec<f32> = kept.iter().map(|(_, cap)| bevy_math::ops::acos(cap.cosine).to_degrees()).collect();
+        let sizes = kept.iter().map(|(_, cap)| {
+            let sine = (1.0 - cap.cosine * cap.cosine).max(0.0).sqrt();
+            [cap.radius * sine, cap.radius * sine, cap.radius * cap.cosine]
+        });
+        let poses = InstancePoses3D::new()
+            .with_translations(kept.iter().map(|(_, cap)| cap.center.to_array()))
+            .with_quaternions(kept.iter().map(|(_, cap)| Quat::from_rotation_arc(Vec3::Z, cap.axis).to_array()))
+            .with_scales(sizes);
+        let values = values::number(values::triangles(&triangles), "half_angle_degrees", &angles);
+        let rows: [&dyn AsComponents; 4] = [&unit_cone(), &poses, &values, &drawn.pose];
+        writer.passing_row(path([Layer::Cones.name(), &drawn.name]), &rows);
+    }
+}
+
+/// The colors of all triangles, and the numbers of some.
+type Faces<'a> = (Vec<Color>, Box<dyn Fn(&[u32]) -> AnyValues + 'a>);
+
+/// Draws triangles that share no vertex, each in its own color.
+fn draw_faces<'a>(
+    writer: &mut TickWriter,
+    layer: Layer,
+    level: LevelOfDetail,
+    touches: &Touches,
+    surfaces: &'a [Drawn],
+    faces: impl Fn(Caps<'a>) -> Faces<'a>,
+) {
+    let carrying = surfaces.iter().filter_map(|drawn| drawn.caps.map(|caps| (drawn, caps)));
+    let wanted: Vec<_> = carrying.map(|(drawn, caps)| (drawn, caps, touches.triangles(level, drawn.place))).collect();
+    let count = wanted.iter().map(|(.., triangles)| triangles.len()).sum();
+    let share = writer.share(layer, count, 3 * (12 + 4) + 4 + 4, wanted.len());
+    for (drawn, caps, triangles) in wanted {
+        let kept: Vec<u32> = share.places(triangles.len()).map(|place| triangles[place]).collect();
+        if kept.is_empty() {
+            continue;
+        }
+        let (face_colors, values) = faces(caps);
+        let corners: Vec<[Vec3; 3]> = kept.iter().map(|&triangle| drawn.corners(triangle)).collect();
+        // Without normals the viewer does not shade, which would make other colors of these.
+        let mesh = Mesh3D::update_fields()
+            .with_vertex_positions(corners.iter().flatten().map(Vec3::to_array))
+            .with_vertex_colors(kept.iter().flat_map(|&triangle| [face_colors[triangle as usize]; 3]));
+        let rows: [&dyn AsComponents; 3] = [&mesh, &values(&kept), &drawn.pose];
+        writer.passing_row(path([layer.name(), &drawn.name]), &rows);
+    }
+}
+
+fn draw_trees(writer: &mut TickWriter, levels: u32, surfaces: &[Drawn]) {
+    let nodes: Vec<Vec<Vec<[[f32; 3]; 2]>>> = surfaces
+        .iter()
+        .map(|drawn| {
+            let mut nodes: Vec<Vec<[[f32; 3]; 2]>> = Vec::new();
+            drawn.tree.for_each_node(|level, bounds| {
+                if level < levels {
+                    let level = level as usize;
+                    nodes.resize_with(nodes.len().max(level + 1), Vec::new);
+                    let half_size = (bounds.max - bounds.min) * 0.5;
+                    nodes[level].push([(bounds.min + half_size).to_array(), half_size.to_array()]);
+                }
+            });
+            nodes
+        })
+        .collect();
+    let count = nodes.iter().flatten().map(Vec::len).sum();
+    let share = writer.share(Layer::Tree, count, 12 + 12, nodes.iter().map(Vec::len).sum());
+    for (drawn, nodes) in surfaces.iter().zip(nodes) {
+        for (level, nodes) in nodes.iter().enumerate() {
+            let kept: Vec<[[f32; 3]; 2]> = share.places(nodes.len()).map(|place| nodes[place]).collect();
+            if kept.is_empty() {
+                continue;
+            }
+            let boxes =
+                Boxes3D::from_centers_and_half_sizes(kept.iter().map(|node| node[0]), kept.iter().map(|node| node[1]))
+                    .with_colors([colors::CURVES[level % colors::CURVES.len()]])
+                    .with_radii([colors::THIN]);
+            let rows: [&dyn AsComponents; 2] = [&boxes, &drawn.pose];
+            writer.passing_row(path([Layer::Tree.name(), &drawn.name, &format!("level {level:02}")]), &rows);
+        }
+    }
+}

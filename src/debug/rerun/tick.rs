@@ -1,0 +1,194 @@
+//! What a tick left behind, gathered for the layers that draw it.
+
+use bevy_ecs::{
+    entity::{EntityHashMap, EntityHashSet},
+    prelude::*,
+    query::QueryData,
+    system::SystemParam,
+};
+use glam::Vec3;
+use rerun::{Transform3D, components::TransformMat3x3};
+
+use super::settings::LevelOfDetail;
+use crate::{
+    contacts::{ContactSide, ContactStore, StoredPair, SurfaceContacts},
+    detection::{
+        CandidateTrianglePairs, Circumspheres, DetectionDiagnostics, EnclosingBalls, PairFates, SurfacePair,
+        TriangleCones, TriangleCurvature,
+        broad_phase::{OtherSide, SurfaceTree},
+        surfaces_with_method,
+    },
+    kernel::{ids::VertexId, pose::Pose},
+    settings::CircumsphereSettings,
+    surface::{ActiveSurface, ActiveSurfaces, ContactMethod, RigidShape, SurfacePositions},
+};
+
+/// What the stages keep for each triangle of a surface.
+#[derive(QueryData)]
+pub(super) struct Carried {
+    positions: &'static SurfacePositions,
+    pub(super) curvature: &'static TriangleCurvature,
+    pub(super) balls: &'static EnclosingBalls,
+    pub(super) spheres: &'static Circumspheres,
+    pub(super) cones: &'static TriangleCones,
+    pub(super) tree: &'static SurfaceTree,
+}
+
+/// Everything that detection left behind.
+#[derive(SystemParam)]
+pub(super) struct Detected<'w, 's> {
+    pub(super) active: Res<'w, ActiveSurfaces>,
+    pub(super) candidates: Res<'w, CandidateTrianglePairs>,
+    pub(super) store: Res<'w, ContactStore>,
+    pub(super) contacts: SurfaceContacts<'w>,
+    pub(super) diagnostics: Res<'w, DetectionDiagnostics>,
+    pub(super) settings: Res<'w, CircumsphereSettings>,
+    pub(super) fates: PairFates<'w, 's>,
+    surfaces: Query<'w, 's, Carried>,
+    pub(super) shapes: Query<'w, 's, &'static RigidShape>,
+    names: Query<'w, 's, &'static Name>,
+}
+
+impl Detected<'_, '_> {
+    /// The positions of a surface and what is kept for its triangles; `None` where it is gone, or of another size by now.
+    pub(super) fn surface(&self, surface: &ActiveSurface) -> Option<(&[Vec3], CarriedItem<'_, '_>)> {
+        let carried = self.surfaces.get(surface.entity).ok()?;
+        let positions = carried.positions.0.as_slice();
+        (positions.len() == surface.topology.vertex_count()).then_some((positions, carried))
+    }
+
+    /// The two sides of a pair.
+    pub(super) fn sides(&self, pair: &SurfacePair) -> [Entity; 2] {
+        let second = match pair.second {
+            OtherSide::Surface(second) => self.active.surfaces[second].entity,
+            OtherSide::Shape(place) => self.active.shapes[place].entity,
+        };
+        [self.active.surfaces[pair.first].entity, second]
+    }
+
+    /// For each active surface whether a pair of it was tested by `method` in this tick.
+    pub(super) fn used_by(&self, method: ContactMethod) -> Vec<bool> {
+        surfaces_with_method(&self.active, &self.candidates, method)
+    }
+}
+
+/// What a triangle does in this tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Touch {
+    /// It touches nothing.
+    #[default]
+    None,
+    /// It touches another.
+    Touching,
+    /// It has passed another, or crosses it.
+    Penetrating,
+}
+
+/// For each active surface what its triangles do, and which of them are near a contact.
+pub(super) struct Touches {
+    pub(super) triangles: Vec<Vec<Touch>>,
+    near: Vec<Vec<bool>>,
+}
+
+impl Touches {
+    pub(super) fn new(detected: &Detected) -> Self {
+        let surfaces = &detected.active.surfaces;
+        let places: EntityHashMap<usize> =
+            surfaces.iter().enumerate().map(|(place, surface)| (surface.entity, place)).collect();
+        let mut triangles: Vec<Vec<Touch>> =
+            surfaces.iter().map(|surface| vec![Touch::None; surface.topology.triangles().len()]).collect();
+        let mut mark = |pair: &StoredPair, [a, b]: [u32; 2], touch: Touch| {
+            for (side, triangle) in [(pair.a, a), (pair.b, b)] {
+                if let ContactSide::Surface(entity) = side
+                    && let Some(&place) = places.get(&entity)
+                    && let Some(marked) = triangles[place].get_mut(triangle as usize)
+                {
+                    *marked = touch.max(*marked);
+                }
+            }
+        };
+        for (pair, contacts) in detected.contacts.by_pair() {
+            for touching in &detected.store.touching[pair.touching.clone()] {
+                mark(pair, [touching.triangle_a, touching.triangle_b], Touch::Touching);
+            }
+            for contact in contacts.filter(|contact| contact.distance() < 0.0 || contact.is_crossing()) {
+                let (a, b) = contact.triangles();
+                mark(pair, [a, b].map(|triangle| triangle.map_or(0, |triangle| triangle.0)), Touch::Penetrating);
+            }
+        }
+        let near = surfaces
+            .iter()
+            .zip(&triangles)
+            .map(|(surface, touches)| {
+                let mut near = vec![false; touches.len()];
+                for (triangle, _) in touches.iter().enumerate().filter(|&(_, &touch)| touch != Touch::None) {
+                    for corner in surface.topology.welded_triangles()[triangle] {
+                        for &neighbor in surface.topology.triangles_of_vertex(VertexId(corner)) {
+                            near[neighbor as usize] = true;
+                        }
+                    }
+                }
+                near
+            })
+            .collect();
+        Self { triangles, near }
+    }
+
+    /// Whether a triangle of an active surface belongs to a layer.
+    pub(super) fn wants(&self, level: LevelOfDetail, place: usize, triangle: u32) -> bool {
+        match level {
+            LevelOfDetail::Off => false,
+            LevelOfDetail::NearContacts => self.near[place][triangle as usize],
+            LevelOfDetail::All => true,
+        }
+    }
+
+    /// The triangles of an active surface that belong to a layer.
+    pub(super) fn triangles(&self, level: LevelOfDetail, place: usize) -> Vec<u32> {
+        (0..self.near[place].len() as u32).filter(|&triangle| self.wants(level, place, triangle)).collect()
+    }
+}
+
+/// A name for every surface and shape that no other has at the same time.
+#[derive(Default)]
+pub(super) struct Names(EntityHashMap<String>);
+
+impl Names {
+    /// Names what is new, and keeps the names of what was there before.
+    pub(super) fn update(&mut self, detected: &Detected) {
+        let surfaces = detected.active.surfaces.iter().map(|surface| (surface.entity, "surface"));
+        let shapes = detected.active.shapes.iter().map(|shape| (shape.entity, "shape"));
+        for (entity, kind) in surfaces.chain(shapes) {
+            if !self.0.contains_key(&entity) {
+                let given = detected.names.get(entity).map(Name::as_str).ok().filter(|name| !name.is_empty());
+                let name = match given {
+                    Some(name) if !self.0.values().any(|taken| taken == name) => name.to_owned(),
+                    given => format!("{} {entity}", given.unwrap_or(kind)),
+                };
+                self.0.insert(entity, name);
+            }
+        }
+    }
+
+    /// Forgets what is no longer there.
+    pub(super) fn retain(&mut self, detected: &ActiveSurfaces) {
+        let surfaces = detected.surfaces.iter().map(|surface| surface.entity);
+        let there: EntityHashSet = surfaces.chain(detected.shapes.iter().map(|shape| shape.entity)).collect();
+        self.0.retain(|entity, _| there.contains(entity));
+    }
+
+    pub(super) fn of(&self, entity: Entity) -> String {
+        self.0.get(&entity).cloned().unwrap_or_else(|| entity.to_string())
+    }
+
+    pub(super) fn of_pair(&self, [a, b]: [Entity; 2]) -> String {
+        if a == b { format!("{} with itself", self.of(a)) } else { format!("{} with {}", self.of(a), self.of(b)) }
+    }
+}
+
+/// A pose as the viewer takes it.
+pub(super) fn transform(pose: &Pose) -> Transform3D {
+    let affine = pose.to_affine();
+    let columns = affine.matrix3.as_mat3().to_cols_array_2d();
+    Transform3D::from_translation_mat3x3(affine.translation.as_vec3().to_array(), TransformMat3x3::from(columns))
+}

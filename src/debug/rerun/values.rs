@@ -1,0 +1,36 @@
+//! Numbers of instances that the viewer shows in its selection panel, and that programs read from the recording.
+
+use std::sync::Arc;
+
+use rerun::{
+    AnyValues,
+    external::arrow::array::{Float32Array, UInt32Array},
+};
+
+/// The triangles that the instances of a row stand for, as numbered by whoever made the surface. Four bytes each.
+pub(super) fn triangles(triangles: &[u32]) -> AnyValues {
+    whole(AnyValues::default(), "triangle", triangles)
+}
+
+/// The pairs of triangles that the instances of a row stand for. Eight bytes each.
+pub(super) fn triangle_pairs(pairs: &[[u32; 2]]) -> AnyValues {
+    let side = |side: usize| pairs.iter().map(|pair| pair[side]).collect::<Vec<_>>();
+    whole(whole(AnyValues::default(), "triangle_a", &side(0)), "triangle_b", &side(1))
+}
+
+/// The triangles of contacts, the second `None` where it is a rigid shape's.
+pub(super) fn contact_triangles(pairs: &[[Option<u32>; 2]]) -> AnyValues {
+    let side = |side: usize| Arc::new(UInt32Array::from_iter(pairs.iter().map(|pair| pair[side])));
+    let values = AnyValues::default().with_component_from_data("triangle_a", side(0));
+    values.with_component_from_data("triangle_b", side(1))
+}
+
+/// Adds a whole number of each instance.
+pub(super) fn whole(values: AnyValues, name: &'static str, numbers: &[u32]) -> AnyValues {
+    values.with_component_from_data(name, Arc::new(UInt32Array::from(numbers.to_vec())))
+}
+
+/// Adds a number of each instance.
+pub(super) fn number(values: AnyValues, name: &'static str, numbers: &[f32]) -> AnyValues {
+    values.with_component_from_data(name, Arc::new(Float32Array::from(numbers.to_vec())))
+}
