@@ -19,7 +19,6 @@ use std::{
     process::ExitCode,
 };
 
-use bevy_app::prelude::*;
 use circumsphere_support::recording::{Recording, RecordingError, read_recording};
 use clap::Parser;
 use options::{Options, OptionsError};
@@ -42,9 +41,8 @@ enum ReplayError {
     Options(#[from] OptionsError),
     #[error(transparent)]
     Output(#[from] OutputError),
-    #[cfg(feature = "rerun")]
     #[error(transparent)]
-    Rerun(#[from] bevy_circumsphere::debug::RerunError),
+    Rerun(#[from] headless::recording::RecordingError),
 }
 
 fn main() -> ExitCode {
@@ -55,24 +53,6 @@ fn main() -> ExitCode {
             ExitCode::from(BAD_INPUT)
         }
     }
-}
-
-/// What adds a recorder for the Rerun viewer to the app, where one was asked for.
-#[cfg(feature = "rerun")]
-fn recorder(options: &Options) -> Result<impl FnOnce(&mut App) + use<>, ReplayError> {
-    let plugin = options.rerun.as_ref().map(bevy_circumsphere::debug::DeformableRerunPlugin::to_file).transpose()?;
-    Ok(|app: &mut App| {
-        if let Some(plugin) = plugin {
-            app.add_plugins(plugin);
-        }
-    })
-}
-
-/// Without the feature there is nothing to add.
-#[cfg(not(feature = "rerun"))]
-#[expect(clippy::unnecessary_wraps, reason = "the same signature as with the feature")]
-fn recorder(_options: &Options) -> Result<impl FnOnce(&mut App) + use<>, ReplayError> {
-    Ok(|_: &mut App| ())
 }
 
 fn replay(options: &Options) -> Result<(), ReplayError> {
@@ -86,8 +66,10 @@ fn replay(options: &Options) -> Result<(), ReplayError> {
         player::Scene::new(&recording, options).map_err(|source| ReplayError::Mesh { name: name.clone(), source })?;
     let settings = options.settings(scene.mean_edge(), recording.frames.len())?;
     let mut writers = output::Writers::create(options)?;
-    let set_up = recorder(options)?;
-    let played = player::play(&recording, &scene, &settings, set_up, |frame, contacts| writers.write(frame, contacts))?;
+    let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;
+    let played = player::play(&recording, &scene, &settings, recorder.unwrap_or_default(), |frame, contacts| {
+        writers.write(frame, contacts)
+    })?;
     let report = report::Report::new(name, &recording, &settings, played);
     writers.finish(&report)?;
     // Whoever reads the table may stop reading.

@@ -31,16 +31,21 @@ mod tables;
 #[path = "speed_vs_error/truth.rs"]
 mod truth;
 
-use std::{path::PathBuf, process::ExitCode, time::Instant};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+    time::Instant,
+};
 
 use clap::Parser;
+use configurations::{Configuration, DEFAULT_DISTANCE};
 use indicatif::{ProgressBar, ProgressStyle};
 use measure::Measured;
 use options::{Extent, Options, OptionsError};
 use peak_alloc::PeakAlloc;
 use report::Study;
 use scaling::ScalingRow;
-use scene::SceneError;
+use scene::{Scene, SceneError};
 use sliding::SlidingRow;
 
 /// Counts bytes, so that the report can tell what a triangle costs in memory.
@@ -60,6 +65,8 @@ enum ReportError {
     Write { path: PathBuf, source: std::io::Error },
     #[error("cannot write {}: {source}", .path.display())]
     Csv { path: PathBuf, source: csv::Error },
+    #[error(transparent)]
+    Rerun(#[from] headless::recording::RecordingError),
     #[error("cannot draw {}: {reason}", .path.display())]
     Draw { path: PathBuf, reason: String },
 }
@@ -93,6 +100,12 @@ fn study(options: &Options) -> Result<Study, ReportError> {
         ProgressStyle::with_template("{bar:40} {pos}/{len} {msg}, {eta} left").expect("the template is well formed"),
     );
 
+    if let Some(folder) = &options.recording.rerun {
+        progress.set_message("recordings for the Rerun viewer");
+        let distance = if distances.contains(&DEFAULT_DISTANCE) { DEFAULT_DISTANCE } else { distances[0] };
+        let recorded = configurations.iter().filter(|one| one.is_default() && one.distance_edges == distance);
+        record(options, folder, &scenes, recorded)?;
+    }
     let mut measured: Vec<Measured> = Vec::new();
     for scene in &scenes {
         progress.set_message(format!("{}: truth", scene.name));
@@ -126,4 +139,21 @@ fn study(options: &Options) -> Result<Study, ReportError> {
     let pooled = pooled::pooled(&measured);
     let scenes = scenes.iter().map(report::SceneFacts::new).collect();
     Ok(Study { scenes, configurations, measured, pooled, scaling, sliding, seconds: start.elapsed().as_secs_f64() })
+}
+
+/// Records every scene under each configuration into a file of its own.
+fn record<'a>(
+    options: &Options,
+    folder: &Path,
+    scenes: &[Scene],
+    configurations: impl Iterator<Item = &'a Configuration> + Clone,
+) -> Result<(), ReportError> {
+    std::fs::create_dir_all(folder).map_err(|source| ReportError::Write { path: folder.to_owned(), source })?;
+    for scene in scenes {
+        for configuration in configurations.clone() {
+            let path = folder.join(format!("{}_{}.rrd", scene.name, configuration.name));
+            player::record(scene, configuration, options.recording.recorder(&path)?);
+        }
+    }
+    Ok(())
 }

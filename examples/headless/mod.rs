@@ -2,6 +2,8 @@
 //!
 //! An example adds its surfaces, writes their positions tick by tick and reads what one detection did.
 
+pub mod recording;
+
 use std::time::Duration;
 
 use bevy_app::{PluginGroupBuilder, TaskPoolOptions, TaskPoolPlugin, TaskPoolThreadAssignmentPolicy, prelude::*};
@@ -11,11 +13,13 @@ use bevy_circumsphere::{
     prelude::*,
 };
 use bevy_ecs::prelude::*;
+use bevy_time::Time;
 use glam::Vec3;
 
-/// An app that detects contacts at every update, with as many threads as the settings name. `set_up` may add to it
-/// before it is finished.
-pub fn headless_app(plugins: PluginGroupBuilder, settings: CircumsphereSettings, set_up: impl FnOnce(&mut App)) -> App {
+use self::recording::Recorder;
+
+/// An app that detects contacts at every update, with as many threads as the settings name, and that `recorder` records.
+pub fn headless_app(plugins: PluginGroupBuilder, settings: CircumsphereSettings, recorder: Recorder) -> App {
     let mut app = App::new();
     if settings.threads > 1 {
         // The calling thread works too.
@@ -32,7 +36,8 @@ pub fn headless_app(plugins: PluginGroupBuilder, settings: CircumsphereSettings,
     }
     app.add_plugins(plugins);
     app.insert_resource(settings);
-    set_up(&mut app);
+    app.init_resource::<Time>();
+    recorder.add_to(&mut app);
     app.finish();
     app.cleanup();
     app
@@ -54,9 +59,13 @@ pub struct Detection {
     pub contacts: usize,
 }
 
-/// Detects once. Also gives the time of first builds of trees, which is no part of the detection's.
+/// How much simulated time a detection stands for.
+const STEP: Duration = Duration::from_nanos(1_000_000_000 / 60);
+
+/// Detects once, and advances the clock. Also gives the time of first builds of trees, which is no part of the detection's.
 pub fn detect(app: &mut App) -> (Detection, Duration) {
     app.update();
+    app.world_mut().resource_mut::<Time>().advance_by(STEP);
     let diagnostics = app.world().resource::<DetectionDiagnostics>();
     let store = app.world().resource::<ContactStore>();
     let detection = Detection {

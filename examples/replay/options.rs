@@ -6,6 +6,8 @@ use bevy_circumsphere::{CircumsphereSettings, ContactMethod, kernel::curvature::
 use clap::{ArgAction, Parser, ValueEnum};
 use serde::Serialize;
 
+use super::headless::recording::RecordingOptions;
+
 /// Contact distance where none is given, in mean edges.
 const DEFAULT_DISTANCE_EDGES: f64 = 0.1;
 
@@ -66,10 +68,8 @@ pub struct Options {
     /// Write the contacts
     #[arg(long, value_name = "FILE.csv")]
     pub contacts: Option<PathBuf>,
-    /// Record every frame for the Rerun viewer
-    #[cfg(feature = "rerun")]
-    #[arg(long, value_name = "FILE.rrd")]
-    pub rerun: Option<PathBuf>,
+    #[command(flatten)]
+    pub recording: RecordingOptions,
     /// Write times and counts
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

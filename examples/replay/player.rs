@@ -18,7 +18,7 @@ use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{
-    headless::{Detection, detect, headless_app, move_surface},
+    headless::{Detection, detect, headless_app, move_surface, recording::Recorder},
     options::{BroadPhase, Options, Settings, Surfaces},
     output::OutputError,
 };
@@ -107,12 +107,12 @@ pub struct FrameContacts<'a> {
     pub contacts: &'a SurfaceContacts<'a>,
 }
 
-/// Plays the frames. `set_up` may add to the first app; `write` is called once for each frame with what was found.
+/// Plays the frames. `recorder` records the first app; `write` is called once for each frame with what was found.
 pub fn play(
     recording: &Recording,
     scene: &Scene,
     settings: &Settings,
-    set_up: impl FnOnce(&mut App),
+    recorder: Recorder,
     mut write: impl FnMut(usize, &FrameContacts) -> Result<(), OutputError>,
 ) -> Result<Played, OutputError> {
     let mut played = Played {
@@ -124,10 +124,10 @@ pub fn play(
         ProgressStyle::with_template("{bar:40} {pos}/{len} detections, {eta} left")
             .expect("the template is well formed"),
     );
-    let mut set_up = Some(set_up);
+    let mut recorder = Some(recorder);
     for round in 0..apps {
         let start = Instant::now();
-        let mut stage = Stage::new(recording, scene, settings, set_up.take());
+        let mut stage = Stage::new(recording, scene, settings, recorder.take().unwrap_or_default());
         let mut build = start.elapsed();
         for (place, frame) in played.frames.iter_mut().enumerate() {
             for repeat in 0..repeats {
@@ -157,12 +157,7 @@ struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    fn new(
-        recording: &Recording,
-        scene: &'a Scene,
-        settings: &Settings,
-        set_up: Option<impl FnOnce(&mut App)>,
-    ) -> Self {
+    fn new(recording: &Recording, scene: &'a Scene, settings: &Settings, recorder: Recorder) -> Self {
         let plugins = DeformableCollisionPlugins::new(Update).build();
         let plugins = match settings.broad_phase {
             BroadPhase::Tree => plugins,
@@ -180,11 +175,7 @@ impl<'a> Stage<'a> {
             threads: settings.threads,
             ..CircumsphereSettings::default()
         };
-        let mut app = headless_app(plugins, circumsphere_settings, |app| {
-            if let Some(set_up) = set_up {
-                set_up(app);
-            }
-        });
+        let mut app = headless_app(plugins, circumsphere_settings, recorder);
         let surfaces: Vec<(Entity, &Part)> = scene
             .parts
             .iter()

@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use circumsphere_support::scenes::{Fineness, MOVING_SCENES};
 use clap::Parser;
 
-use super::configurations::{ALL_DISTANCES, DEFAULT_DISTANCE};
+use super::{
+    configurations::{ALL_DISTANCES, DEFAULT_DISTANCE},
+    headless::recording::RecordingOptions,
+};
 
 /// Measure what each contact method costs and what it gets wrong, and write a report.
 #[derive(Parser, Debug)]
@@ -31,6 +34,8 @@ pub struct Options {
     /// Contact distances in mean edges [default: 0.02,0.1,0.5; of recordings 0.1]
     #[arg(long, value_name = "X,…", value_delimiter = ',')]
     pub distances: Vec<f64>,
+    #[command(flatten)]
+    pub recording: RecordingOptions,
 }
 
 /// How much is measured.

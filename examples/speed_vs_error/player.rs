@@ -19,7 +19,8 @@ use bevy_ecs::prelude::*;
 
 use super::{
     HEAP,
-    headless::{detect, headless_app, move_surface},
+    configurations::Configuration,
+    headless::{detect, headless_app, move_surface, recording::Recorder},
     scene::Scene,
 };
 
@@ -70,17 +71,27 @@ pub struct Stage {
 
 impl Stage {
     pub fn new(scene: &Scene, method: ContactMethod, settings: CircumsphereSettings, distance_edges: f64) -> Self {
-        let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, |_| ());
+        Self::recorded(scene, method, settings, distance_edges, Recorder::default())
+    }
+
+    fn recorded(
+        scene: &Scene,
+        method: ContactMethod,
+        settings: CircumsphereSettings,
+        distance_edges: f64,
+        recorder: Recorder,
+    ) -> Self {
+        let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, recorder);
         let before = HEAP.current_usage();
         let (thickness, _) = scene.thickness(distance_edges);
         let (mut surfaces, mut topologies) = (Vec::new(), Vec::new());
-        for body in &scene.bodies {
+        for (number, body) in scene.bodies.iter().enumerate() {
             let (surface, positions) =
                 DeformableSurface::from_mesh(&body.ticks[0], &body.triangles).expect("the scene has been checked");
             topologies.push(Arc::clone(surface.topology()));
             let sidedness = if body.is_closed { Sidedness::OneSided } else { Sidedness::TwoSided };
-            let mut entity =
-                app.world_mut().spawn((surface, positions, SurfaceThickness::World(thickness), sidedness, method));
+            let (name, thickness) = (Name::new(format!("body {number}")), SurfaceThickness::World(thickness));
+            let mut entity = app.world_mut().spawn((name, surface, positions, thickness, sidedness, method));
             if body.touches_itself {
                 entity.insert(SelfCollision);
             }
@@ -151,4 +162,13 @@ pub fn play(
         show(&stage.played(tick));
     }
     (costs, stage.memory())
+}
+
+/// Plays all ticks of a configuration for the recorder, which costs too much to measure anything beside.
+pub fn record(scene: &Scene, configuration: &Configuration, recorder: Recorder) {
+    let Configuration { method, settings, distance_edges, .. } = configuration;
+    let mut stage = Stage::recorded(scene, *method, *settings, *distance_edges, recorder);
+    for tick in 0..scene.ticks() {
+        stage.tick(scene, tick);
+    }
 }

@@ -44,7 +44,7 @@ impl Part {
     fn new(kind: &str, number: u8) -> Self {
         let mut identifier = *b"circumsphere\0\0\0\0";
         identifier[15] = number;
-        let hex: String = identifier.iter().map(|byte| format!("{byte:02x}")).collect();
+        let hex = format!("{:032x}", u128::from_be_bytes(identifier));
         let uuid = format!("{}-{}-{}-{}-{}", &hex[..8], &hex[8..12], &hex[12..16], &hex[16..20], &hex[20..]);
         Self { path: path([kind, &uuid]), identifier }
     }
@@ -70,7 +70,7 @@ impl Layout {
         let view = self.part("view");
         let blueprint = ViewBlueprint::new(class).with_display_name(name).with_space_origin(origin);
         self.log(view.path.clone(), &blueprint)?;
-        let contents = ViewContents::new(contents.iter().map(|&query| query));
+        let contents = ViewContents::new(contents.iter().copied());
         self.log(view.path.join(&path(["ViewContents"])), &contents)?;
         Ok(view)
     }

@@ -163,7 +163,7 @@ impl ShownMesh {
         }
         let pose = transform(&self.pose);
         let rows: [&dyn AsComponents; 2] = [&mesh, &pose];
-        writer.row(self.path.clone(), &rows[..1 + usize::from(new_pose)]);
+        writer.row(self.path.clone(), if new_pose { &rows } else { &rows[..1] });
         Some(self)
     }
 }
@@ -178,7 +178,9 @@ fn vertex_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
             normals[vertex as usize] += normal;
         }
     }
-    normals.iter_mut().for_each(|normal| *normal = normal.normalize_or_zero());
+    for normal in &mut normals {
+        *normal = normal.normalize_or_zero();
+    }
     normals
 }
 

@@ -88,10 +88,12 @@ impl Series {
             let touching = surface.topology.triangles().iter().zip(&touches.triangles[place]);
             let touching: HashSet<u32> =
                 touching.filter(|&(_, &touch)| touch != Touch::None).flat_map(|(corners, _)| *corners).collect();
-            if !touching.is_empty() && mean_edge > 0.0 && !surface.fresh {
-                if let Some(mean) = track.mean_second_difference(&touching) {
-                    jitter.push((names.of(surface.entity), mean / mean_edge));
-                }
+            if !touching.is_empty()
+                && mean_edge > 0.0
+                && !surface.fresh
+                && let Some(mean) = track.mean_second_difference(&touching)
+            {
+                jitter.push((names.of(surface.entity), mean / mean_edge));
             }
             self.vertices.insert(surface.entity, track);
         }

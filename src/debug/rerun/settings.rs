@@ -20,12 +20,13 @@ pub enum LevelOfDetail {
 /// below it: the viewer can show and hide a layer with one click. What a method does not compute has nothing to show:
 /// curvature, recipe ages, spheres and cones are there for pairs tested by `Circumsphere`.
 #[derive(Resource, Clone, Debug, PartialEq, Eq)]
+#[expect(clippy::struct_excessive_bools, reason = "each switches a layer of its own")]
 pub struct RerunSettings {
     /// Every how many ticks the layers are recorded; 0 counts as 1. Default 1. The text log has every tick.
     pub every: u32,
     /// About how many bytes a recorded tick may take, before compression. Layers are recorded in the order of the fields
     /// below; what no longer fits is thinned evenly, a mesh left out as a whole, and a warning says so, in the text log
-    /// too. Default 4 MiB. The series, the log and the removal of what is gone (some kilobytes) are always recorded.
+    /// too. Default 4,000,000. The series, the log and the removal of what is gone (some kilobytes) are always recorded.
     pub bytes_per_tick: usize,
     /// Time, pairs and refreshes of every stage, steadiness and depth, as curves. Default true.
     pub series: bool,
@@ -59,7 +60,7 @@ impl Default for RerunSettings {
     fn default() -> Self {
         Self {
             every: 1,
-            bytes_per_tick: 4 << 20,
+            bytes_per_tick: 4_000_000,
             series: true,
             times: true,
             meshes: LevelOfDetail::All,

@@ -20,7 +20,7 @@ pub(super) fn triangle_pairs(pairs: &[[u32; 2]]) -> AnyValues {
 
 /// The triangles of contacts, the second `None` where it is a rigid shape's.
 pub(super) fn contact_triangles(pairs: &[[Option<u32>; 2]]) -> AnyValues {
-    let side = |side: usize| Arc::new(UInt32Array::from_iter(pairs.iter().map(|pair| pair[side])));
+    let side = |side: usize| Arc::new(pairs.iter().map(|pair| pair[side]).collect::<UInt32Array>());
     let values = AnyValues::default().with_component_from_data("triangle_a", side(0));
     values.with_component_from_data("triangle_b", side(1))
 }
