@@ -90,7 +90,7 @@ impl Layout {
 }
 
 /// From where a scene is seen, beside its center, in diagonals of its box.
-const EYE: Vec3 = Vec3::new(0.4, 0.3, 0.5);
+const EYE: Vec3 = Vec3::new(0.47, 0.33, 0.6);
 
 /// Sends the layout into a recording and makes it the one that is shown, with the eye on `bounds`.
 pub(super) fn send(recording: &RecordingStream, bounds: &Aabb) -> RecordingStreamResult<()> {

@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// How many contacts of a tick are labelled with their separation: more would hide each other.
-const LABELS: usize = 5;
+const LABELS: usize = 3;
 
 /// Points that are seen over a mesh from afar, in points on the screen.
 const POINT: Radius = Radius(rerun::datatypes::Float32(-4.0));
@@ -55,9 +55,9 @@ pub(super) fn draw(
     if settings.contacts {
         let count = pairs.iter().map(|(.., contacts)| contacts.len()).sum();
         // A point with its color and numbers, and an arrow.
-        let share = writer.share(Layer::Contacts, count, (12 + 4 + 4 * 4) + (12 + 12), 2 * pairs.len() + 1);
+        let mut share = writer.share(Layer::Contacts, count, (12 + 4 + 4 * 4) + (12 + 12), pairs.len(), 2);
         for (name, normal_length, contacts) in &pairs {
-            draw_contacts(writer, share, name, contacts, *normal_length);
+            draw_contacts(writer, &mut share, name, contacts, *normal_length);
         }
         draw_depths(writer, pairs.iter().flat_map(|(.., contacts)| contacts).copied().collect());
     }
@@ -68,9 +68,9 @@ pub(super) fn draw(
             .filter(|(_, contacts): &(_, Vec<Contact>)| !contacts.is_empty())
             .collect();
         let count = penetrations.iter().map(|(_, contacts)| contacts.len()).sum();
-        let share = writer.share(Layer::Penetrations, count, 2 * 12 + 4 + 3 * 4, 2 * penetrations.len());
+        let mut share = writer.share(Layer::Penetrations, count, 2 * 12 + 4 + 4 * 4, penetrations.len(), 2);
         for (name, contacts) in &penetrations {
-            draw_penetrations(writer, share, name, contacts);
+            draw_penetrations(writer, &mut share, name, contacts);
         }
     }
 }
@@ -103,8 +103,8 @@ fn numbers(contacts: &[Contact]) -> AnyValues {
     values::number(values, "separation", &separations)
 }
 
-fn draw_contacts(writer: &mut TickWriter, share: Share, name: &str, contacts: &[Contact], normal_length: f32) {
-    let kept: Vec<Contact> = share.places(contacts.len()).map(|place| contacts[place]).collect();
+fn draw_contacts(writer: &mut TickWriter, share: &mut Share, name: &str, contacts: &[Contact], normal_length: f32) {
+    let kept: Vec<Contact> = share.places(contacts.len()).into_iter().map(|place| contacts[place]).collect();
     if kept.is_empty() {
         return;
     }
@@ -135,8 +135,8 @@ fn draw_depths(writer: &mut TickWriter, mut contacts: Vec<Contact>) {
     writer.passing_row(path([Layer::Contacts.name(), "depths"]), &[&depths, &numbers(&contacts)]);
 }
 
-fn draw_penetrations(writer: &mut TickWriter, share: Share, name: &str, contacts: &[Contact]) {
-    let kept = share.places(contacts.len()).map(|place| contacts[place]);
+fn draw_penetrations(writer: &mut TickWriter, share: &mut Share, name: &str, contacts: &[Contact]) {
+    let kept = share.places(contacts.len()).into_iter().map(|place| contacts[place]);
     let (crossings, passed): (Vec<Contact>, Vec<Contact>) = kept.partition(Contact::is_crossing);
     let of = |kind: &str| path([Layer::Penetrations.name(), kind, name]);
     if !crossings.is_empty() {

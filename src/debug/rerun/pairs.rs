@@ -57,11 +57,11 @@ pub(super) fn draw(
     // Those that came farthest first: they say most.
     for fate in PairFate::ALL.into_iter().rev() {
         let lists = || drawn.iter().map(|drawn| &drawn.by_fate[fate as usize]);
-        let rows = lists().filter(|pairs| !pairs.is_empty()).count();
-        let share = writer.share(Layer::Pairs, lists().map(Vec::len).sum(), 4 * 12 + 4 + 8, rows);
+        let filled = lists().filter(|pairs| !pairs.is_empty()).count();
+        let mut share = writer.share(Layer::Pairs, lists().map(Vec::len).sum(), 4 * 12 + 4 + 8, filled, 1);
         for DrawnPair { pair, name, by_fate } in &drawn {
             let pairs = &by_fate[fate as usize];
-            let kept: Vec<[u32; 2]> = share.places(pairs.len()).map(|place| pairs[place]).collect();
+            let kept: Vec<[u32; 2]> = share.places(pairs.len()).into_iter().map(|place| pairs[place]).collect();
             if kept.is_empty() {
                 continue;
             }

@@ -76,18 +76,23 @@ pub(super) struct TickWriter<'a> {
     thinned: BTreeMap<Layer, Thinned>,
 }
 
-/// The same share of every list of a layer.
-#[derive(Clone, Copy, Debug)]
+/// The same share of every list of a layer, evenly spread over all of them.
+#[derive(Clone, Debug)]
 pub(super) struct Share {
     recorded: usize,
     all: usize,
+    /// How many instances the lists so far had.
+    passed: usize,
 }
 
 impl Share {
-    /// The places in a list of `count` that are recorded, evenly spread.
-    pub(super) fn places(self, count: usize) -> impl ExactSizeIterator<Item = usize> {
-        let kept = (count as u128 * self.recorded as u128 / self.all.max(1) as u128) as usize;
-        (0..kept).map(move |place| (place as u128 * count as u128 / kept as u128) as usize)
+    /// The places in the layer's next list, of `count`, that are recorded.
+    pub(super) fn places(&mut self, count: usize) -> Vec<usize> {
+        let Self { recorded, all, passed } = *self;
+        self.passed += count;
+        // Each instance that lifts the running share to another whole number.
+        let before = |instance: usize| instance as u128 * recorded as u128 / all.max(1) as u128;
+        (0..count).filter(|place| before(passed + place + 1) > before(passed + place)).collect()
     }
 }
 
@@ -138,13 +143,17 @@ impl<'a> TickWriter<'a> {
         fits
     }
 
-    /// How much of `count` instances of so many bytes in at most `rows` rows fits into the budget.
-    pub(super) fn share(&mut self, layer: Layer, count: usize, bytes_each: usize, rows: usize) -> Share {
-        let recorded = count.min(self.left.saturating_sub(rows * ROW_BYTES) / bytes_each);
+    /// How much of `count` instances of so many bytes, in that many lists, fits into the budget. A list of which
+    /// something is recorded takes so many rows.
+    pub(super) fn share(&mut self, layer: Layer, count: usize, bytes_each: usize, lists: usize, rows: usize) -> Share {
+        let row_bytes = rows * ROW_BYTES;
+        let in_all_lists = self.left.saturating_sub(lists * row_bytes) / bytes_each;
+        // With fewer instances than lists each is in a list of its own.
+        let recorded = count.min(in_all_lists.max(lists.min(self.left / (bytes_each + row_bytes))));
         let thinned = self.thinned.entry(layer).or_default();
         thinned.all += count;
         thinned.recorded += recorded;
-        Share { recorded, all: count }
+        Share { recorded, all: count, passed: 0 }
     }
 
     /// Removes what was shown in the last tick and is not in this one. Gives the layers of which other shares are

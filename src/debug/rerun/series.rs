@@ -28,6 +28,9 @@ pub(super) const COUNTS: &str = "counts";
 pub(super) const STEADINESS: &str = "steadiness";
 pub(super) const DEPTHS: &str = "depths";
 
+/// Of more surfaces that touch in a tick only the largest jitter is drawn.
+const JITTER_CURVES: usize = 8;
+
 /// Names a contact among those of all pairs.
 type ContactName = (ContactSide, ContactSide, ContactKey);
 
@@ -136,7 +139,11 @@ impl Series {
             ("contact churn".to_owned(), steadiness.churn),
             ("normal jump in turns".to_owned(), steadiness.normal_jump / 360.0),
         ];
-        steady.extend(steadiness.jitter.iter().map(|(name, jitter)| (format!("jitter of {name}"), *jitter)));
+        let jitter = &steadiness.jitter;
+        steady.push(("largest jitter".to_owned(), jitter.iter().map(|&(_, jitter)| jitter).fold(0.0, f64::max)));
+        if jitter.len() <= JITTER_CURVES {
+            steady.extend(jitter.iter().map(|(name, jitter)| (format!("jitter of {name}"), *jitter)));
+        }
         self.draw_plot(writer, STEADINESS, steady);
     }
 

@@ -138,9 +138,9 @@ fn draw_spheres(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches
         })
         .collect();
     let count = spheres.iter().map(|(balls, _)| balls.len()).sum();
-    let share = writer.share(Layer::Spheres, count, 12 + 12 + 4, surfaces.len());
+    let mut share = writer.share(Layer::Spheres, count, 12 + 12 + 4, surfaces.len(), 1);
     for (drawn, (balls, triangles)) in surfaces.iter().zip(spheres) {
-        let kept: Vec<usize> = share.places(balls.len()).collect();
+        let kept: Vec<usize> = share.places(balls.len());
         if kept.is_empty() {
             continue;
         }
@@ -186,9 +186,9 @@ fn draw_cones(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches, 
         })
         .collect();
     let count = cones.iter().map(Vec::len).sum();
-    let share = writer.share(Layer::Cones, count, 12 + 16 + 12 + 4 + 4, surfaces.len());
+    let mut share = writer.share(Layer::Cones, count, 12 + 16 + 12 + 4 + 4, surfaces.len(), 1);
     for (drawn, cones) in surfaces.iter().zip(cones) {
-        let kept: Vec<(u32, Cap)> = share.places(cones.len()).map(|place| cones[place]).collect();
+        let kept: Vec<(u32, Cap)> = share.places(cones.len()).into_iter().map(|place| cones[place]).collect();
         if kept.is_empty() {
             continue;
         }
@@ -223,9 +223,9 @@ fn draw_faces<'a>(
     let carrying = surfaces.iter().filter_map(|drawn| drawn.caps.map(|caps| (drawn, caps)));
     let wanted: Vec<_> = carrying.map(|(drawn, caps)| (drawn, caps, touches.triangles(level, drawn.place))).collect();
     let count = wanted.iter().map(|(.., triangles)| triangles.len()).sum();
-    let share = writer.share(layer, count, 3 * (12 + 4) + 4 + 4, wanted.len());
+    let mut share = writer.share(layer, count, 3 * (12 + 4) + 4 + 4, wanted.len(), 1);
     for (drawn, caps, triangles) in wanted {
-        let kept: Vec<u32> = share.places(triangles.len()).map(|place| triangles[place]).collect();
+        let kept: Vec<u32> = share.places(triangles.len()).into_iter().map(|place| triangles[place]).collect();
         if kept.is_empty() {
             continue;
         }
@@ -257,10 +257,10 @@ fn draw_trees(writer: &mut TickWriter, levels: u32, surfaces: &[Drawn]) {
         })
         .collect();
     let count = nodes.iter().flatten().map(Vec::len).sum();
-    let share = writer.share(Layer::Tree, count, 12 + 12, nodes.iter().map(Vec::len).sum());
+    let mut share = writer.share(Layer::Tree, count, 12 + 12, nodes.iter().map(Vec::len).sum(), 1);
     for (drawn, nodes) in surfaces.iter().zip(nodes) {
         for (level, nodes) in nodes.iter().enumerate() {
-            let kept: Vec<[[f32; 3]; 2]> = share.places(nodes.len()).map(|place| nodes[place]).collect();
+            let kept: Vec<[[f32; 3]; 2]> = share.places(nodes.len()).into_iter().map(|place| nodes[place]).collect();
             if kept.is_empty() {
                 continue;
             }
