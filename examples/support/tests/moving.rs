@@ -2,7 +2,9 @@
 
 use std::collections::HashMap;
 
-use circumsphere_support::scenes::{Fineness, MOVING_SCENES, MovingScene, growing_sheets, moving_scene};
+use circumsphere_support::scenes::{
+    Fineness, MOVING_SCENES, MovingScene, beam_on_mattress, growing_sheets, moving_scene,
+};
 
 const CLOTH_FALL: &[u8] = include_bytes!("../../../assets/cloth_fall.bin");
 
@@ -111,4 +113,33 @@ fn growing_sheets_have_about_the_triangles_asked_for() {
 fn there_is_no_scene_of_another_name() {
     assert!(moving_scene("no_such_scene", Fineness::Coarse, 1, CLOTH_FALL).expect("nothing is read").is_none());
     assert!(moving_scene("cloth_over_ball", Fineness::Coarse, 1, b"no recording").is_err());
+}
+
+#[test]
+fn a_beam_sinks_edge_first_into_the_crest_of_a_mattress_of_even_triangles() {
+    for cells in [1, 16] {
+        let scene = beam_on_mattress(cells, 7);
+        let [mattress, beam] = &scene.bodies[..] else { panic!("{} bodies", scene.bodies.len()) };
+        assert_eq!([mattress.triangles.len(), beam.triangles.len()], [448, 8 * cells + 4]);
+        // The sheet does not move, and its edges are a tenth long: arched by a radius of 10, the steepest rise by 14 %
+        // of their run, which makes them 1 % longer.
+        assert!(mattress.ticks.iter().all(|positions| *positions == mattress.ticks[0]));
+        let at = |corner: u32| mattress.ticks[0][corner as usize].map(f64::from);
+        let length = |a: u32, b: u32| (0..3).map(|axis| (at(a)[axis] - at(b)[axis]).powi(2)).sum::<f64>().sqrt();
+        for [a, b] in directed_edges(&mattress.triangles).into_keys() {
+            assert!((0.1 - 1.0e-6..0.1011).contains(&length(a, b)), "an edge is {} long", length(a, b));
+        }
+        // One edge of the beam is the lowest, over the crest at x = 2.5 and level.
+        for (tick, positions) in beam.ticks.iter().enumerate() {
+            assert!(volume(positions, &beam.triangles) > 0.0, "the beam is inside out");
+            let edges = directed_edges(&beam.triangles);
+            assert!(edges.iter().all(|(&[a, b], &count)| count == 1 && edges.get(&[b, a]) == Some(&1)));
+            let height = 0.08 - 0.12 * tick as f32 / 6.0;
+            let low: Vec<_> = positions.iter().filter(|position| (position[1] - height).abs() < 1.0e-6).collect();
+            assert_eq!(low.len(), cells + 1, "tick {tick}");
+            assert!(positions.iter().all(|position| position[1] > height - 1.0e-6));
+            let reach = |end: f32| low.iter().any(|position| position[0] == end);
+            assert!(reach(-4.0) && reach(4.0));
+        }
+    }
 }

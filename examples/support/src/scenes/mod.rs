@@ -3,11 +3,13 @@
 //! Angles go through `libm` because the sine of the standard library differs between platforms, and a
 //! simulation of colliding cloth makes another recording of a difference in the last bit.
 
+mod beam_on_mattress;
 mod cloth_fall;
 mod corrupted;
 mod moving;
 mod shapes;
 
+pub use beam_on_mattress::beam_on_mattress;
 pub use cloth_fall::{
     BALL_CENTER, BALL_RADIUS, BALL_TRIANGLES, BALL_VERTICES, CLOTH_EDGE, CLOTH_SIDE_VERTICES, CLOTH_TRIANGLES,
     CLOTH_VERTICES, FRAMES, FRAMES_PER_SECOND, TORUS_TRIANGLES, TORUS_VERTICES, cloth_fall, cloth_fall_start,

@@ -138,7 +138,7 @@ pub fn growing_sheets(triangles: usize, ticks: usize) -> MovingScene {
 }
 
 /// A body whose vertices follow a formula of their place at rest and the moment from 0 to 1.
-fn body(
+pub(super) fn body(
     mesh: Mesh,
     ticks: usize,
     is_closed: bool,

@@ -238,7 +238,7 @@ pub fn sheet_stack(layers: usize, gap: f32, n: usize) -> Mesh {
 }
 
 /// The surface of the cube [-1, 1]³ with the given number of cells along each axis.
-fn box_lattice(cells: [usize; 3]) -> Mesh {
+pub(super) fn box_lattice(cells: [usize; 3]) -> Mesh {
     assert!(cells.iter().all(|&count| count > 0), "a box needs a cell");
     let mut mesh = Mesh::default();
     let mut vertices = BTreeMap::new();

@@ -1,0 +1,214 @@
+//! A box edge that the `Circumsphere` method misses, tick by tick, and the step at which each missed pair was dropped.
+//!
+//! `cargo run --release --example missed_edge -- [options]`; `--help` lists the options. A beam is lowered edge first onto
+//! a mattress: `Refined` says which triangles touch, the method that was asked for which of them it finds, and
+//! [`PairFates`] what became of the others.
+
+#[expect(dead_code, reason = "here the pairs of a detection count, not its times")]
+mod headless;
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fmt::{self, Display, Formatter},
+    io::{self, Write},
+    process::ExitCode,
+};
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{
+    CircumsphereSettings, ContactStore,
+    detection::PairFates,
+    kernel::{pair_fate::PairFate, topology::TopologyError},
+    prelude::*,
+};
+use bevy_ecs::{prelude::*, system::RunSystemOnce};
+use circumsphere_support::scenes::{MovingScene, beam_on_mattress};
+use clap::{
+    ArgAction, Parser,
+    builder::{PossibleValuesParser, TypedValueParser},
+};
+use glam::Vec3;
+use headless::{headless_app, move_surface};
+
+/// Half the contact distance: a tenth of the mattress's edges.
+const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.01);
+
+const METHODS: [(&str, ContactMethod); 5] = [
+    ("bounding-sphere", ContactMethod::BoundingSphere),
+    ("circumsphere", ContactMethod::Circumsphere),
+    ("closest", ContactMethod::Closest),
+    ("refined", ContactMethod::Refined),
+    ("polygon", ContactMethod::Polygon),
+];
+
+/// Watch a method miss the edge of a beam that is lowered onto a mattress, and see where it does.
+#[derive(Parser, Debug)]
+#[command(name = "missed_edge", allow_negative_numbers = true)]
+struct Options {
+    /// The method that is held against Refined
+    #[arg(long, default_value = "circumsphere", value_parser = method_parser())]
+    method: ContactMethod,
+    /// Height of a flat triangle's sphere center below its plane, in radii of the triangle
+    #[arg(long, default_value_t = CircumsphereSettings::default().phi)]
+    phi: f32,
+    /// Whether planes that hold two triangles apart hold their caps apart
+    #[arg(long, value_name = "BOOL", default_value_t = CircumsphereSettings::default().plane_cull, action = ArgAction::Set)]
+    plane_cull: bool,
+    /// Whether safety cones are widened by the angle to the neighbors
+    #[arg(long, value_name = "BOOL", default_value_t = CircumsphereSettings::default().widen_cones, action = ArgAction::Set)]
+    widen_cones: bool,
+    /// Into how many parts the beam's triangles cut its length
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    beam_cells: u16,
+    /// In how many ticks the beam is lowered
+    #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    ticks: u16,
+}
+
+fn method_parser() -> impl TypedValueParser<Value = ContactMethod> {
+    PossibleValuesParser::new(METHODS.map(|(name, _)| name)).map(|wanted| {
+        METHODS.into_iter().find(|(name, _)| *name == wanted).expect("the parser lets no other name through").1
+    })
+}
+
+fn main() -> ExitCode {
+    let options = Options::parse();
+    match compare(&options, |_| ()) {
+        Ok(comparison) => {
+            // Whoever reads the table may stop reading.
+            let _ = write!(io::stdout(), "{comparison}");
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Both bodies in an app of their own, tested by one method.
+struct Stage {
+    app: App,
+    mattress: Entity,
+    beam: Entity,
+}
+
+impl Stage {
+    fn new(
+        scene: &MovingScene,
+        method: ContactMethod,
+        settings: CircumsphereSettings,
+        set_up: impl FnOnce(&mut App),
+    ) -> Result<Self, TopologyError> {
+        let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, set_up);
+        let mut spawn = |body: usize, name: &'static str| {
+            let surface = DeformableSurface::from_mesh(&positions(scene, body, 0), &scene.bodies[body].triangles)?;
+            Ok(app.world_mut().spawn((surface, method, THICKNESS, Name::new(name))).id())
+        };
+        let (mattress, beam) = (spawn(0, "mattress")?, spawn(1, "beam")?);
+        Ok(Self { app, mattress, beam })
+    }
+
+    /// The touching triangles of mattress and beam at a tick.
+    fn play(&mut self, scene: &MovingScene, tick: usize) -> BTreeSet<[u32; 2]> {
+        for (body, entity) in [self.mattress, self.beam].into_iter().enumerate() {
+            move_surface(&mut self.app, entity, positions(scene, body, tick));
+        }
+        self.app.update();
+        let touching = &self.app.world().resource::<ContactStore>().touching;
+        touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
+    }
+
+    /// What became of each of these pairs, counted; `None` for those that the broad phase has not paired.
+    fn fates(&mut self, pairs: Vec<[u32; 2]>) -> BTreeMap<Option<PairFate>, usize> {
+        let (mattress, beam) = (self.mattress, self.beam);
+        let count = move |fates: PairFates| {
+            let mut counts = BTreeMap::new();
+            for &[of_mattress, of_beam] in &pairs {
+                let fate = fates.between((mattress, TriangleId(of_mattress)), (beam, TriangleId(of_beam)));
+                *counts.entry(fate).or_default() += 1;
+            }
+            counts
+        };
+        self.app.world_mut().run_system_once(count).expect("detection has run")
+    }
+}
+
+fn positions(scene: &MovingScene, body: usize, tick: usize) -> Vec<Vec3> {
+    scene.bodies[body].ticks[tick].iter().copied().map(Vec3::from_array).collect()
+}
+
+/// What a tick showed.
+struct Tick {
+    /// How deep the beam's edge is below the crest of the mattress; negative above it.
+    sunk: f32,
+    touching: usize,
+    found: usize,
+    false_pairs: usize,
+    /// Where the touching pairs that were not found have been dropped.
+    dropped: BTreeMap<Option<PairFate>, usize>,
+}
+
+struct Comparison {
+    method: ContactMethod,
+    ticks: Vec<Tick>,
+}
+
+/// Plays the scene by both methods. `set_up` may add to the app of the method that was asked for.
+fn compare(options: &Options, set_up: impl FnOnce(&mut App)) -> Result<Comparison, TopologyError> {
+    let scene = beam_on_mattress(usize::from(options.beam_cells), usize::from(options.ticks));
+    let settings = CircumsphereSettings {
+        phi: options.phi,
+        plane_cull: options.plane_cull,
+        widen_cones: options.widen_cones,
+        threads: 1,
+        ..CircumsphereSettings::default()
+    };
+    let mut asked = Stage::new(&scene, options.method, settings, set_up)?;
+    let mut refined = Stage::new(&scene, ContactMethod::Refined, settings, |_| ())?;
+    let height = |body: usize, tick: usize| scene.bodies[body].ticks[tick].iter().map(|position| position[1]);
+    let play = |tick: usize| {
+        let (found, touching) = (asked.play(&scene, tick), refined.play(&scene, tick));
+        let (crest, edge) = (height(0, tick).fold(f32::MIN, f32::max), height(1, tick).fold(f32::MAX, f32::min));
+        Tick {
+            sunk: crest - edge,
+            touching: touching.len(),
+            found: found.intersection(&touching).count(),
+            false_pairs: found.difference(&touching).count(),
+            dropped: asked.fates(touching.difference(&found).copied().collect()),
+        }
+    };
+    Ok(Comparison { method: options.method, ticks: (0..usize::from(options.ticks)).map(play).collect() })
+}
+
+impl Display for Comparison {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        let method = self.method;
+        writeln!(formatter, "A beam is lowered edge first onto a mattress: {method:?} against Refined.\n")?;
+        writeln!(formatter, "tick     sunk  touching  found  missed  false  missed ones dropped by")?;
+        for (number, tick) in self.ticks.iter().enumerate() {
+            let &Tick { sunk, touching, found, false_pairs, .. } = tick;
+            let missed = touching - found;
+            let dropped: Vec<String> =
+                tick.dropped.iter().map(|(&fate, count)| format!("{} {count}", name(fate))).collect();
+            let dropped = dropped.join(", ");
+            let row =
+                format!("{number:4}  {sunk:7.4}  {touching:8}  {found:5}  {missed:6}  {false_pairs:5}  {dropped}");
+            writeln!(formatter, "{}", row.trim_end())?;
+        }
+        let total = |count: &dyn Fn(&Tick) -> usize| self.ticks.iter().map(count).sum::<usize>();
+        let (touching, found) = (total(&|tick| tick.touching), total(&|tick| tick.found));
+        let touched = total(&|tick| usize::from(tick.touching > 0));
+        let unseen = total(&|tick| usize::from(tick.touching > 0 && tick.found == 0));
+        let false_pairs = total(&|tick| tick.false_pairs);
+        writeln!(formatter, "\nThe two touch in {touched} ticks; in {unseen} of them {method:?} finds none of it.")?;
+        writeln!(
+            formatter,
+            "It finds {found} of {touching} touching pairs over all ticks, and {false_pairs} that do not touch."
+        )
+    }
+}
+
+fn name(fate: Option<PairFate>) -> &'static str {
+    fate.map_or("broad phase", PairFate::name)
+}
