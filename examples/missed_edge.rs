@@ -28,10 +28,16 @@ use clap::{
     builder::{PossibleValuesParser, TypedValueParser},
 };
 use glam::Vec3;
-use headless::{headless_app, move_surface};
+use headless::{
+    detect, headless_app, move_surface,
+    recording::{Recorder, RecordingError, RecordingOptions},
+};
 
 /// Half the contact distance: a tenth of the mattress's edges.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.01);
+
+/// Bad input of any kind: the shell's convention for a wrong call.
+const BAD_INPUT: u8 = 2;
 
 const METHODS: [(&str, ContactMethod); 5] = [
     ("bounding-sphere", ContactMethod::BoundingSphere),
@@ -63,6 +69,16 @@ struct Options {
     /// In how many ticks the beam is lowered
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u16).range(1..=1000))]
     ticks: u16,
+    #[command(flatten)]
+    recording: RecordingOptions,
+}
+
+#[derive(Debug, thiserror::Error)]
+enum MissedEdgeError {
+    #[error(transparent)]
+    Mesh(#[from] TopologyError),
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
 }
 
 fn method_parser() -> impl TypedValueParser<Value = ContactMethod> {
@@ -73,7 +89,7 @@ fn method_parser() -> impl TypedValueParser<Value = ContactMethod> {
 
 fn main() -> ExitCode {
     let options = Options::parse();
-    match compare(&options, |_| ()) {
+    match compare(&options) {
         Ok(comparison) => {
             // Whoever reads the table may stop reading.
             let _ = write!(io::stdout(), "{comparison}");
@@ -81,7 +97,7 @@ fn main() -> ExitCode {
         }
         Err(error) => {
             eprintln!("error: {error}");
-            ExitCode::FAILURE
+            ExitCode::from(BAD_INPUT)
         }
     }
 }
@@ -98,9 +114,9 @@ impl Stage {
         scene: &MovingScene,
         method: ContactMethod,
         settings: CircumsphereSettings,
-        set_up: impl FnOnce(&mut App),
+        recorder: Recorder,
     ) -> Result<Self, TopologyError> {
-        let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, set_up);
+        let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, recorder);
         let mut spawn = |body: usize, name: &'static str| {
             let surface = DeformableSurface::from_mesh(&positions(scene, body, 0), &scene.bodies[body].triangles)?;
             Ok(app.world_mut().spawn((surface, method, THICKNESS, Name::new(name))).id())
@@ -114,7 +130,7 @@ impl Stage {
         for (body, entity) in [self.mattress, self.beam].into_iter().enumerate() {
             move_surface(&mut self.app, entity, positions(scene, body, tick));
         }
-        self.app.update();
+        detect(&mut self.app);
         let touching = &self.app.world().resource::<ContactStore>().touching;
         touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
     }
@@ -154,8 +170,8 @@ struct Comparison {
     ticks: Vec<Tick>,
 }
 
-/// Plays the scene by both methods. `set_up` may add to the app of the method that was asked for.
-fn compare(options: &Options, set_up: impl FnOnce(&mut App)) -> Result<Comparison, TopologyError> {
+/// Plays the scene by both methods, and records the one that was asked for.
+fn compare(options: &Options) -> Result<Comparison, MissedEdgeError> {
     let scene = beam_on_mattress(usize::from(options.beam_cells), usize::from(options.ticks));
     let settings = CircumsphereSettings {
         phi: options.phi,
@@ -164,8 +180,9 @@ fn compare(options: &Options, set_up: impl FnOnce(&mut App)) -> Result<Compariso
         threads: 1,
         ..CircumsphereSettings::default()
     };
-    let mut asked = Stage::new(&scene, options.method, settings, set_up)?;
-    let mut refined = Stage::new(&scene, ContactMethod::Refined, settings, |_| ())?;
+    let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;
+    let mut asked = Stage::new(&scene, options.method, settings, recorder.unwrap_or_default())?;
+    let mut refined = Stage::new(&scene, ContactMethod::Refined, settings, Recorder::default())?;
     let height = |body: usize, tick: usize| scene.bodies[body].ticks[tick].iter().map(|position| position[1]);
     let play = |tick: usize| {
         let (found, touching) = (asked.play(&scene, tick), refined.play(&scene, tick));
