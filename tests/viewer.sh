@@ -3,7 +3,9 @@
 #
 #   tests/viewer.sh                           records the embedded scene and checks the dump: its structure, its size, that
 #                                             the viewer opens it without a warning, and that every view shows something
-#   tests/viewer.sh picture DUMP TICK OUT.png the viewer at a tick (or `last`), as the documentation shows it
+#   tests/viewer.sh picture DUMP TICK OUT.png [LAYER | X,Y]…
+#                                             the viewer at a tick (or `last`), as the documentation shows it, with layers
+#                                             hidden or shown and with what lies at places of the picture selected
 #
 # Needs python3 with venv, a Vulkan device (software will do: Debian's mesa-vulkan-drivers and libvulkan1) and PyPI, from
 # which the viewer comes. Where one is missing, the check says so and passes. CIRCUMSPHERE_RERUN_VENV names a virtual
@@ -79,9 +81,9 @@ install_viewer "$(locked_version)"
 case "${1:-check}" in
     check) check ;;
     picture)
-        [ $# -eq 4 ] || fail "usage: tests/viewer.sh picture DUMP TICK OUT.png"
+        [ $# -ge 4 ] || fail "usage: tests/viewer.sh picture DUMP TICK OUT.png [LAYER | X,Y]…"
         [ -f "$2" ] || fail "there is no dump $2"
-        private timeout 120 "$python" "$headless" picture "$2" "$3" "$4"
+        private timeout 120 "$python" "$headless" "$@"
         ;;
     *) fail "unknown command $1: check or picture" ;;
 esac

@@ -5,8 +5,11 @@ rerun-sdk and Pillow:
 
     headless.py driver                     is there a Vulkan device?
     headless.py program                    where the viewer is
-    headless.py picture DUMP TICK OUT.png  the viewer at a tick, without its title bar; `last` is a tick
-    headless.py check DUMP                 is every view of the dump filled, without a word of warning?
+    headless.py check DUMP                 does every view show its part of the dump, without a warning?
+    headless.py picture DUMP TICK OUT.png [LAYER | X,Y]…
+                                           the viewer at a tick (`last` is one), without its title bar; each LAYER is
+                                           hidden or shown, as its row in the blueprint panel would do it, and what lies
+                                           at each X,Y of the picture is selected
 """
 
 import ctypes
@@ -25,17 +28,16 @@ WINDOW = (1600, 1000)
 TITLE_BAR = 28
 # Two levels of a color channel that differ by more are told apart by an eye.
 LEVELS = 24
-# The share of a view's pixels that stand out from its background. Measured: a view without data has at most 0.007 (the
-# headings of the log), the emptiest with data 0.03 (three curves).
-INK = 0.015
-# The share of the scene's pixels that change when the contacts are left out. Measured: two pictures of one dump differ
-# by 0; a hundred contacts change 0.005.
-CONTACTS = 0.0005
+# The share of a view's pixels that a layer must change to count as visible there. Measured: two pictures of one recording
+# differ by 0, a single line in the log changes 0.0045, a hundred contacts 0.0066 of the scene.
+VISIBLE = 0.0005
 # What the viewer may write: its address, of which it is asked. The two parts that would tell about a driver in software
 # stay silent; everything else that is a warning or an error counts.
 LOG_LEVELS = "warn,re_grpc_server=info,re_renderer::context=error,egui_wgpu=error"
-# The views that every dump opens with, by name; the others show series.
+# The views with which every dump opens, by name, and what must be seen there; all further views show series.
 SCENE, LOG = "scene", "log"
+LAYERS = {"meshes": SCENE, "contacts": SCENE, "log": LOG}
+SERIES = "series"
 
 
 def vulkan_devices():
@@ -193,15 +195,54 @@ class Viewer:
             rectangles[node["label"]] = (left, top, left + round(box["w"]), top + round(box["h"]))
         return rectangles
 
+    def _widgets(self, **search):
+        """The widgets that match, from the top down."""
+        nodes = [node for node in json.loads(self.call("query_tree", **search))["nodes"] if node["bounds"]]
+        return sorted(nodes, key=lambda node: node["bounds"]["y"])
+
+    def flip(self, layer):
+        """Shows a layer that is hidden, or hides one that is shown."""
+        if not self._widgets(role="Pane", label_contains="_blueprint_tree"):
+            self.call("click", role="Button", label_contains="Blueprint panel toggle")
+            self.call("wait_for", role="Pane", label_contains="_blueprint_tree")
+        self.call("click", role="Button", label_contains="Search")
+        self.call("type_text", text=layer)
+        self.call("wait_for", role="Button", label_contains=layer, timeout_secs=5)
+        rows = [row for row in self._widgets(role="Button", label_contains=layer) if row["label"] == layer]
+        if not rows:
+            sys.exit(f'no row "{layer}" in the blueprint panel')
+        # The eye of a row appears under the pointer.
+        self.call("hover", id=rows[0]["id"])
+        self.call("wait_for", min_steps=5)
+        top = rows[0]["bounds"]["y"]
+        eyes = self._widgets(role="Button", label_contains="Make ")
+        self.call("click", id=min(eyes, key=lambda eye: abs(eye["bounds"]["y"] - top))["id"])
+        self.call("press_key", key="Escape")
+
+    def select(self, x, y):
+        """Selects what lies at a place of the picture, and opens the panel that tells of it."""
+        place = dict(x=x, y=y + TITLE_BAR)
+        self.call("hover", pos=place)
+        self.call("wait_for", min_steps=5)
+        self.call("click", pos=place)
+        if not self._widgets(role="Pane", label_contains="_selection_panel"):
+            self.call("click", role="Button", label_contains="Selection panel toggle")
+            self.call("wait_for", role="Pane", label_contains="_selection_panel")
+
+    def rest(self):
+        """Takes the pointer away from everything that would answer to it."""
+        self.call("hover", pos=dict(x=WINDOW[0] // 2, y=TITLE_BAR // 2))
+
     def complaints(self):
         lines = self.log.read_text("utf-8").splitlines()
         return [line for line in lines if re.search(r"\b(WARN|ERROR)\b|panicked", line)]
 
 
-def share(difference):
-    """The share of pixels of a difference of pictures that an eye tells apart."""
+def changed(one, other, rectangle):
+    """The share of a view's pixels that an eye tells apart in two pictures."""
     from PIL import ImageChops
 
+    difference = ImageChops.difference(one.crop(rectangle), other.crop(rectangle))
     if 0 in difference.size:
         return 0.0
     red, green, blue = difference.split()
@@ -209,43 +250,21 @@ def share(difference):
     return sum(strongest.histogram()[LEVELS + 1:]) / (difference.width * difference.height)
 
 
-def ink(picture, rectangle):
-    """The share of a view's pixels that are not its background, which is its most frequent color."""
-    from PIL import Image, ImageChops
-
-    view = picture.crop(rectangle)
-    if 0 in view.size:
-        return 0.0
-    _, background = max(view.getcolors(view.width * view.height))
-    return share(ImageChops.difference(view, Image.new("RGB", view.size, background)))
-
-
-def changed(one, other, rectangle):
-    """The share of a view's pixels that differ between two pictures."""
-    from PIL import ImageChops
-
-    return share(ImageChops.difference(one.crop(rectangle), other.crop(rectangle)))
-
-
 def without(program, dump, twin, dropped):
-    """Writes a twin of a dump without the entities that are `dropped`."""
+    """Writes a twin of a dump without the entities of which `dropped` says so."""
     statistics = subprocess.run([program, "rrd", "stats", dump], check=True, capture_output=True, text=True).stdout
     # One line for each entity: "/contacts/points/cloth: 3".
     entities = [entity for entity in re.findall(r"^(/.*): \d+$", statistics, re.MULTILINE) if dropped(entity)]
     if not entities:
-        sys.exit(f"{dump} has no entity of those that were to be left out")
+        sys.exit(f"{dump} has no entity of those that {twin.stem} is to be without")
     filters = [argument for entity in entities for argument in ("--drop-entity", entity)]
     command = [program, "rrd", "filter", *filters, "--output", twin, dump]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def is_data(entity):
-    """Whether an entity is neither part of the layout nor of the recording's own description."""
+    """Whether an entity is part neither of the layout nor of the recording's own description."""
     return not re.match(r"/((view|container)/|(viewport|\w+_panel|__properties)$)", entity) and entity != "/"
-
-
-def is_contact(entity):
-    return entity.startswith("/contacts/")
 
 
 def photograph(program, dump, scratch):
@@ -260,49 +279,48 @@ def photograph(program, dump, scratch):
         return picture, viewer.views(), viewer.complaints()
 
 
-def check(program, dump, scratch):
-    blank, bare = scratch / "blank.rrd", scratch / "bare.rrd"
-    without(program, dump, blank, is_data)
-    without(program, dump, bare, is_contact)
+def check(program, scratch, dump):
+    """A layer is seen where the picture changes as it is left out, by more than two pictures of the same differ."""
     picture, views, failures = photograph(program, dump, scratch)
+    plots = sorted(views.keys() - {SCENE, LOG})
+    expected = {SCENE, LOG} - views.keys()
+    if expected or not plots:
+        sys.exit("\n".join([*failures, f"there are views {sorted(views)}, not {SCENE}, {LOG} and at least one plot"]))
 
-    for name in (SCENE, LOG):
-        if name not in views:
-            failures.append(f'no view "{name}" among {sorted(views)}')
-    if len(views) < 3:
-        failures.append(f"no view of series among {sorted(views)}")
-    for name, rectangle in views.items():
-        filled = ink(picture, rectangle)
-        print(f"{name}: {filled:.4f} of the pixels stand out")
-        if filled < INK:
-            failures.append(f'the view "{name}" is blank: {filled:.4f} of its pixels stand out, fewer than {INK}')
-    # The same judgment of the same layout without data: were it to pass there, it would say nothing here.
-    blank_picture, blank_views, _ = photograph(program, blank, scratch)
-    for name, rectangle in blank_views.items():
-        filled = ink(blank_picture, rectangle)
-        if filled >= INK:
-            failures.append(f'the view "{name}" without data would pass as filled: {filled:.4f}')
-    if views.keys() != blank_views.keys():
-        failures.append(f"without data there are other views: {sorted(blank_views)}")
+    for layer, places in [*((layer, [view]) for layer, view in LAYERS.items()), (SERIES, plots)]:
+        twin = scratch / f"{layer}.rrd"
+        without(program, dump, twin, lambda entity: entity.startswith(f"/{layer}/"))
+        bare, _, _ = photograph(program, twin, scratch)
+        for view in places:
+            shown = changed(picture, bare, views[view])
+            print(f"{layer}: {shown:.4f} of the pixels of {view}")
+            if shown < VISIBLE:
+                failures.append(f"{layer} cannot be seen in {view}: {shown:.5f} of its pixels, fewer than {VISIBLE}")
 
-    if SCENE in views:
-        shown = changed(picture, photograph(program, bare, scratch)[0], views[SCENE])
-        unsteady = changed(picture, photograph(program, dump, scratch)[0], views[SCENE])
-        print(f"contacts: {shown:.4f} of the scene's pixels show them, {unsteady:.4f} differ from run to run")
-        if shown < CONTACTS:
-            failures.append(f"the contacts cannot be seen: {shown:.5f} of the scene's pixels are theirs")
-        if unsteady >= CONTACTS:
-            failures.append(f"pictures of one dump differ: {unsteady:.5f} of the scene's pixels")
+    # Judged alike, a recording of nothing must show nothing; else the judgment above is worth nothing.
+    blank = scratch / "blank.rrd"
+    without(program, dump, blank, is_data)
+    (one, _, _), (other, _, _) = (photograph(program, blank, scratch) for _ in range(2))
+    for view, rectangle in views.items():
+        shown = changed(one, other, rectangle)
+        if shown >= VISIBLE:
+            failures.append(f"a recording of nothing passes as visible in {view}: {shown:.5f} of its pixels")
     if failures:
         sys.exit("\n".join(failures))
 
 
-def take_picture(program, dump, tick, out, scratch):
+def take_picture(program, scratch, dump, tick, out, *actions):
     with Viewer(program, dump, scratch) as viewer:
         ticks = viewer.ticks()
         if not ticks:
             sys.exit(f"{dump} has no ticks")
         viewer.turn_to(ticks[1] if tick == "last" else int(tick))
+        for action in actions:
+            if re.fullmatch(r"\d+,\d+", action):
+                viewer.select(*map(int, action.split(",")))
+            else:
+                viewer.flip(action)
+        viewer.rest()
         viewer.picture().save(out, optimize=True)
 
 
@@ -317,9 +335,9 @@ def main(command, *arguments):
         return
     with tempfile.TemporaryDirectory() as scratch:
         if command == "check":
-            check(program, *arguments, Path(scratch))
+            check(program, Path(scratch), *arguments)
         elif command == "picture":
-            take_picture(program, *arguments, scratch)
+            take_picture(program, scratch, *arguments)
         else:
             sys.exit(__doc__)
 
