@@ -1,15 +1,16 @@
 #!/usr/bin/env bash
 # Opens dumps in the real Rerun viewer, of the version that the crate logs for, without a screen.
 #
-#   tests/viewer.sh                           records the embedded scene and checks the dump: its structure, its size, that
-#                                             the viewer opens it without a warning, and that every view shows something
+#   tests/viewer.sh
+#       records the embedded scene and checks the dump: its structure, its size, that the viewer opens it without a
+#       warning, and that every view shows its part
 #   tests/viewer.sh picture DUMP TICK OUT.png [LAYER | X,Y]…
-#                                             the viewer at a tick (or `last`), as the documentation shows it, with layers
-#                                             hidden or shown and with what lies at places of the picture selected
+#       takes a picture of the viewer at a tick (or `last`), as the documentation shows it, with layers hidden or shown
+#       and with what lies at places of the picture selected
 #
-# Needs python3 with venv, a Vulkan device (software will do: Debian's mesa-vulkan-drivers and libvulkan1) and PyPI, from
-# which the viewer comes. Where one is missing, the check says so and passes. CIRCUMSPHERE_RERUN_VENV names a virtual
-# environment that already has the viewer and Pillow, instead of a new one.
+# Needs python3 with venv, a Vulkan device (software will do: Debian's mesa-vulkan-drivers and libvulkan1) and PyPI,
+# where the viewer comes from. Where one is missing, the check says so and passes. CIRCUMSPHERE_RERUN_VENV names a virtual
+# environment that has the viewer and Pillow already, instead of a new one.
 set -euo pipefail
 
 # A dump that a reader may attach to a report; bytes.
@@ -17,22 +18,25 @@ largest_dump=30000000
 
 repository="$(cd "$(dirname "$0")/.." && pwd)"
 headless="$repository/tests/viewer/headless.py"
+task="${1:-check}"
 scratch="$(mktemp -d)"
 trap 'rm -rf "$scratch"' EXIT
-
-skip() {
-    echo "SKIPPED, the viewer is not tested: $*" >&2
-    exit 0
-}
 
 fail() {
     echo "tests/viewer.sh: $*" >&2
     exit 1
 }
 
+skip() {
+    [ "$task" = check ] || fail "$*"
+    echo "SKIPPED, the viewer is not tested: $*" >&2
+    exit 0
+}
+
 # Runs a program that neither reads nor writes what the user has set up for Rerun.
 private() {
-    env -u XDG_CACHE_HOME -u XDG_CONFIG_HOME -u XDG_DATA_HOME HOME="$scratch" XDG_RUNTIME_DIR="$scratch" RUST_LOG=warn "$@"
+    env -u XDG_CACHE_HOME -u XDG_CONFIG_HOME -u XDG_DATA_HOME \
+        HOME="$scratch" XDG_RUNTIME_DIR="$scratch" RUST_LOG=warn "$@"
 }
 
 # The version of the viewer is that of the crate `rerun` in Cargo.lock.
@@ -46,6 +50,7 @@ install_viewer() {
     command -v python3 >/dev/null || skip "there is no python3"
     if [ -n "${CIRCUMSPHERE_RERUN_VENV:-}" ]; then
         python="$CIRCUMSPHERE_RERUN_VENV/bin/python"
+        [ -x "$python" ] || fail "CIRCUMSPHERE_RERUN_VENV names no virtual environment: there is no $python"
     else
         python="$scratch/venv/bin/python"
         python3 -m venv "$scratch/venv" >"$scratch/log" 2>&1 || skip "python3 has no venv (Debian: python3-venv)"
@@ -74,16 +79,16 @@ check() {
     private "$rerun" rrd verify "$dump"
     private "$rerun" rrd stats "$dump" >"$scratch/stats"
     sed -n '/^Overview/,/^$/p' "$scratch/stats"
-    private timeout 300 "$python" "$headless" check "$dump"
+    private timeout 600 "$python" "$headless" check "$dump"
 }
 
 install_viewer "$(locked_version)"
-case "${1:-check}" in
+case "$task" in
     check) check ;;
     picture)
         [ $# -ge 4 ] || fail "usage: tests/viewer.sh picture DUMP TICK OUT.png [LAYER | X,Y]…"
         [ -f "$2" ] || fail "there is no dump $2"
         private timeout 120 "$python" "$headless" "$@"
         ;;
-    *) fail "unknown command $1: check or picture" ;;
+    *) fail "unknown task $task: check or picture" ;;
 esac

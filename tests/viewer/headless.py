@@ -28,8 +28,8 @@ WINDOW = (1600, 1000)
 TITLE_BAR = 28
 # Two levels of a color channel that differ by more are told apart by an eye.
 LEVELS = 24
-# The share of a view's pixels that a layer must change to count as visible there. Measured: two pictures of one recording
-# differ by 0, a single line in the log changes 0.0045, a hundred contacts 0.0066 of the scene.
+# The share of a view's pixels that a layer must change to count as visible there. Measured: two pictures of one
+# recording differ by 0, a single line in the log changes 0.0051, a hundred contacts change 0.0066 of the scene.
 VISIBLE = 0.0005
 # What the viewer may write: its address, of which it is asked. The two parts that would tell about a driver in software
 # stay silent; everything else that is a warning or an error counts.
@@ -162,7 +162,8 @@ class Viewer:
         recordings = json.loads(self.call("viewer_state"))["recordings"]
         if not recordings:
             return None
-        return next(((line["min"], line["max"]) for line in recordings[0]["timelines"] if line["timeline"] == "tick"), ())
+        ranges = {line["timeline"]: (line["min"], line["max"]) for line in recordings[0]["timelines"]}
+        return ranges.get("tick", ())
 
     def turn_to(self, tick):
         self.call("set_time", timeline="tick", time=tick)
