@@ -9,8 +9,8 @@
 #       and with what lies at places of the picture selected
 #
 # Needs python3 with venv, a Vulkan device (software will do: Debian's mesa-vulkan-drivers and libvulkan1) and PyPI,
-# where the viewer comes from. Where one is missing, the check says so and passes. CIRCUMSPHERE_RERUN_VENV names a virtual
-# environment that has the viewer and Pillow already, instead of a new one.
+# where the viewer comes from. Where one is missing, the check says so and passes. CIRCUMSPHERE_RERUN_VENV names a
+# virtual environment that has the viewer and Pillow already, instead of a new one.
 set -euo pipefail
 
 # A dump that a reader may attach to a report; bytes.
@@ -79,7 +79,7 @@ check() {
     private "$rerun" rrd verify "$dump"
     private "$rerun" rrd stats "$dump" >"$scratch/stats"
     sed -n '/^Overview/,/^$/p' "$scratch/stats"
-    private timeout 600 "$python" "$headless" check "$dump"
+    private timeout --foreground 600 "$python" "$headless" check "$dump"
 }
 
 install_viewer "$(locked_version)"
@@ -88,7 +88,7 @@ case "$task" in
     picture)
         [ $# -ge 4 ] || fail "usage: tests/viewer.sh picture DUMP TICK OUT.png [LAYER | X,Y]…"
         [ -f "$2" ] || fail "there is no dump $2"
-        private timeout 120 "$python" "$headless" "$@"
+        private timeout --foreground 120 "$python" "$headless" "$@"
         ;;
     *) fail "unknown task $task: check or picture" ;;
 esac
