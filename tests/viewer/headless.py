@@ -223,8 +223,9 @@ class Viewer:
     def select(self, x, y):
         """Selects what lies at a place of the picture, and opens the panel that tells of it."""
         place = dict(x=x, y=y + TITLE_BAR)
+        # What the pointer is over is read back from a drawn frame, and frames are drawn for pictures only.
         self.call("hover", pos=place)
-        self.call("wait_for", min_steps=5)
+        self.picture()
         self.call("click", pos=place)
         if not self._widgets(role="Pane", label_contains="_selection_panel"):
             self.call("click", role="Button", label_contains="Selection panel toggle")
