@@ -203,7 +203,8 @@ impl Display for Comparison {
         let method = self.method;
         writeln!(formatter, "A beam is lowered edge first onto a mattress: {method:?} against Refined.\n")?;
         writeln!(formatter, "tick     sunk  touching  found  missed  false  missed ones dropped by")?;
-        for (number, tick) in self.ticks.iter().enumerate() {
+        // Detections are counted from 1, in a recording too.
+        for (number, tick) in (1..).zip(&self.ticks) {
             let &Tick { sunk, touching, found, false_pairs, .. } = tick;
             let missed = touching - found;
             let dropped: Vec<String> =

@@ -1,4 +1,4 @@
-//! How the viewer lays a recording out: the scene with the log beside it, curves below.
+//! How the viewer lays a recording out: the scene with the log beside it, curves below both.
 //!
 //! The SDK's own layout types have no way to hide an entity, so the rows that describe a layout are written here, where
 //! the viewer's own would be.
@@ -124,17 +124,17 @@ pub(super) fn send(recording: &RecordingStream, bounds: &Aabb) -> RecordingStrea
     layout.log(log.path.join(&path(["TextLogColumns"])), &text_log_columns())?;
     let mut plot = |name: &str, part: &str| {
         let plot = layout.view("TimeSeries", name, &format!("/{SERIES}/{part}"), &["$origin/**"])?;
-        layout.log(plot.path.join(&path(["PlotLegend"])), &PlotLegend::new().with_corner(Corner2D::RightTop))?;
+        layout.log(plot.path.join(&path(["PlotLegend"])), &PlotLegend::new().with_corner(Corner2D::LeftTop))?;
         RecordingStreamResult::Ok(plot)
     };
     let milliseconds = plot("milliseconds of each stage", MILLISECONDS)?;
     let counts = plot("pairs after each stage", COUNTS)?;
     let steadiness = plot("steadiness", STEADINESS)?;
     let depths = plot("depths in world units", DEPTHS)?;
-    let top = layout.container(ContainerKind::Horizontal, &[(&scene, 3.0), (&log, 1.0)])?;
-    let plots = [&milliseconds, &counts, &steadiness, &depths].map(|plot| (plot, 1.0));
-    let bottom = layout.container(ContainerKind::Horizontal, &plots)?;
-    let root = layout.container(ContainerKind::Vertical, &[(&top, 2.0), (&bottom, 1.0)])?;
+    let plots = layout.container(ContainerKind::Horizontal, &[(&milliseconds, 1.0), (&counts, 1.0)])?;
+    let left = layout.container(ContainerKind::Vertical, &[(&scene, 2.0), (&plots, 1.0)])?;
+    let right = layout.container(ContainerKind::Vertical, &[(&log, 1.0), (&steadiness, 1.0), (&depths, 1.0)])?;
+    let root = layout.container(ContainerKind::Horizontal, &[(&left, 3.0), (&right, 1.0)])?;
     let viewport = ViewportBlueprint::new()
         .with_root_container(RootContainer(root.identifier.into()))
         .with_auto_layout(false)

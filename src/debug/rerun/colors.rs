@@ -32,7 +32,7 @@ pub(super) const NEAR: Color = SKY_BLUE;
 
 /// Things of which there are many over one another: hardly there.
 pub(super) const SPHERES: Color = rgba(86, 180, 233, 60);
-pub(super) const CONES: Color = rgba(204, 121, 167, 70);
+pub(super) const CONES: Color = rgba(0, 158, 115, 70);
 pub(super) const SHAPES: Color = GREY;
 
 /// The darkness behind it all, from which every color above stands out.
