@@ -19,7 +19,10 @@ use std::{
     process::ExitCode,
 };
 
-use circumsphere_support::recording::{Recording, RecordingError, read_recording};
+use circumsphere_support::{
+    recording::{Recording, RecordingError, read_recording},
+    scenes::CLOTH_FALL_BODIES,
+};
 use clap::Parser;
 use options::{Options, OptionsError};
 use output::OutputError;
@@ -57,13 +60,13 @@ fn main() -> ExitCode {
 
 fn replay(options: &Options) -> Result<(), ReplayError> {
     let name = options.input_name(EMBEDDED_NAME);
-    let recording = if options.files.is_empty() {
-        Recording::from_bytes(EMBEDDED_SCENE, Path::new(EMBEDDED_NAME))?
+    let (recording, names) = if options.files.is_empty() {
+        (Recording::from_bytes(EMBEDDED_SCENE, Path::new(EMBEDDED_NAME))?, &CLOTH_FALL_BODIES[..])
     } else {
-        read_recording(&options.files)?
+        (read_recording(&options.files)?, &[][..])
     };
-    let scene =
-        player::Scene::new(&recording, options).map_err(|source| ReplayError::Mesh { name: name.clone(), source })?;
+    let scene = player::Scene::new(&recording, options, names)
+        .map_err(|source| ReplayError::Mesh { name: name.clone(), source })?;
     let settings = options.settings(scene.mean_edge(), recording.frames.len())?;
     let mut writers = output::Writers::create(options)?;
     let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;

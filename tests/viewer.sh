@@ -4,9 +4,9 @@
 #   tests/viewer.sh
 #       records the embedded scene and checks the dump: its structure, its size, that the viewer opens it without a
 #       warning, and that every view shows its part
-#   tests/viewer.sh picture DUMP TICK OUT.png [LAYER | X,Y]…
-#       takes a picture of the viewer at a tick (or `last`), as the documentation shows it, with layers hidden or shown
-#       and with what lies at places of the picture selected
+#   tests/viewer.sh picture DUMP TICK OUT.png [LAYER | X,Y | X,Y+POINTS]…
+#       takes a picture of the viewer at a tick (or `last`), as the documentation shows it, with layers hidden or shown,
+#       what lies at places of the picture selected, and the scene brought nearer by a wheel
 #
 # Needs python3 with venv, a Vulkan device (software will do: Debian's mesa-vulkan-drivers and libvulkan1) and PyPI,
 # where the viewer comes from. Where one is missing, the check says so and passes. CIRCUMSPHERE_RERUN_VENV names a
@@ -86,7 +86,7 @@ install_viewer "$(locked_version)"
 case "$task" in
     check) check ;;
     picture)
-        [ $# -ge 4 ] || fail "usage: tests/viewer.sh picture DUMP TICK OUT.png [LAYER | X,Y]…"
+        [ $# -ge 4 ] || fail "usage: tests/viewer.sh picture DUMP TICK OUT.png [LAYER | X,Y | X,Y+POINTS]…"
         [ -f "$2" ] || fail "there is no dump $2"
         private timeout --foreground 120 "$python" "$headless" "$@"
         ;;

@@ -49,7 +49,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    pub fn new(recording: &Recording, options: &Options) -> Result<Self, TopologyError> {
+    /// `names` are those of the connected components, as far as they have any.
+    pub fn new(recording: &Recording, options: &Options, names: &[&str]) -> Result<Self, TopologyError> {
         let first_frame: Vec<Vec3> = recording.frames[0].iter().copied().map(Vec3::from_array).collect();
         let topology = SurfaceTopology::new(&first_frame, &recording.triangles)?;
         let parts = match options.surfaces {
@@ -59,7 +60,7 @@ impl Scene {
                 triangles: (0..recording.triangles.len() as u32).collect(),
                 local_triangles: recording.triangles.clone(),
             }],
-            Surfaces::Components => split(&topology),
+            Surfaces::Components => split(&topology, names),
         };
         Ok(Self { parts, topology, first_frame })
     }
@@ -70,9 +71,10 @@ impl Scene {
 }
 
 /// One part per connected component, in the order of their first triangles.
-fn split(topology: &SurfaceTopology) -> Vec<Part> {
+fn split(topology: &SurfaceTopology, names: &[&str]) -> Vec<Part> {
     let (component, count) = topology.components();
-    let mut parts: Vec<Part> = (0..count).map(|number| Part::empty(format!("component {number}"))).collect();
+    let name = |number: usize| names.get(number).map_or_else(|| format!("component {number}"), |&name| name.to_owned());
+    let mut parts: Vec<Part> = (0..count).map(|number| Part::empty(name(number))).collect();
     let mut local = HashMap::new();
     for (triangle, corners) in topology.triangles().iter().enumerate() {
         let part = &mut parts[component[triangle] as usize];

@@ -1,4 +1,4 @@
-//! Looking at what detection did. Behind features, so that a game ships without it.
+#![doc = include_str!("walkthrough.md")]
 
 mod rerun;
 

@@ -6,10 +6,11 @@ rerun-sdk and Pillow:
     headless.py driver                     is there a Vulkan device?
     headless.py program                    where the viewer is
     headless.py check DUMP                 does every view show its part of the dump, without a warning?
-    headless.py picture DUMP TICK OUT.png [LAYER | X,Y]…
-                                           the viewer at a tick (`last` is one), without its title bar; each LAYER is
-                                           hidden or shown, as its row in the blueprint panel would do it, and what lies
-                                           at each X,Y of the picture is selected
+    headless.py picture DUMP TICK OUT.png [LAYER | X,Y | X,Y+POINTS]…
+                                           the viewer at a tick (`last` is one), without its title bar; in turn each
+                                           LAYER is hidden or shown, as its row in the blueprint panel would do it, what
+                                           lies at X,Y of the picture is selected, or the wheel is turned there by POINTS,
+                                           which brings the middle of the scene nearer
 """
 
 import ctypes
@@ -26,6 +27,8 @@ from pathlib import Path
 WINDOW = (1600, 1000)
 # The viewer's title bar, in points: it tells of the machine (software rendering, latency), not of the dump.
 TITLE_BAR = 28
+# How far one notch of a wheel scrolls, in points.
+WHEEL = 50
 # Two levels of a color channel that differ by more are told apart by an eye.
 LEVELS = 24
 # The share of a view's pixels that a layer must change to count as visible there. Measured: two pictures of one
@@ -231,6 +234,14 @@ class Viewer:
             self.call("click", role="Button", label_contains="Selection panel toggle")
             self.call("wait_for", role="Pane", label_contains="_selection_panel")
 
+    def scroll(self, x, y, points):
+        """Turns the wheel at a place of the picture, which brings the scene nearer there."""
+        place = dict(x=x, y=y + TITLE_BAR)
+        self.call("hover", pos=place)
+        for _ in range(points // WHEEL):
+            self.call("scroll", pos=place, delta=dict(x=0, y=-WHEEL))
+            self.call("wait_for", min_steps=5)
+
     def rest(self):
         """Takes the pointer away from everything that would answer to it."""
         self.call("hover", pos=dict(x=WINDOW[0] // 2, y=TITLE_BAR // 2))
@@ -318,8 +329,11 @@ def take_picture(program, scratch, dump, tick, out, *actions):
             sys.exit(f"{dump} has no ticks")
         viewer.turn_to(ticks[1] if tick == "last" else int(tick))
         for action in actions:
+            numbers = [int(number) for number in re.findall(r"\d+", action)]
             if re.fullmatch(r"\d+,\d+", action):
-                viewer.select(*map(int, action.split(",")))
+                viewer.select(*numbers)
+            elif re.fullmatch(r"\d+,\d+\+\d+", action):
+                viewer.scroll(*numbers)
             else:
                 viewer.flip(action)
         viewer.rest()

@@ -28,6 +28,9 @@ pub const BALL_CENTER: [f32; 3] = [-0.15, 0.6, -0.25];
 /// Radius of the ball, in metres.
 pub const BALL_RADIUS: f32 = 0.25;
 
+/// The bodies, in the order of their vertices and triangles.
+pub const CLOTH_FALL_BODIES: [&str; 3] = ["cloth", "ball", "ring"];
+
 /// The vertices that are the cloth, row by row.
 pub const CLOTH_VERTICES: Range<usize> = 0..CLOTH_COUNT;
 /// The vertices that are the ball; they rest.

@@ -11,8 +11,9 @@ mod shapes;
 
 pub use beam_on_mattress::beam_on_mattress;
 pub use cloth_fall::{
-    BALL_CENTER, BALL_RADIUS, BALL_TRIANGLES, BALL_VERTICES, CLOTH_EDGE, CLOTH_SIDE_VERTICES, CLOTH_TRIANGLES,
-    CLOTH_VERTICES, FRAMES, FRAMES_PER_SECOND, TORUS_TRIANGLES, TORUS_VERTICES, cloth_fall, cloth_fall_start,
+    BALL_CENTER, BALL_RADIUS, BALL_TRIANGLES, BALL_VERTICES, CLOTH_EDGE, CLOTH_FALL_BODIES, CLOTH_SIDE_VERTICES,
+    CLOTH_TRIANGLES, CLOTH_VERTICES, FRAMES, FRAMES_PER_SECOND, TORUS_TRIANGLES, TORUS_VERTICES, cloth_fall,
+    cloth_fall_start,
 };
 pub use corrupted::{duplicate_vertices, ragged_slivers, triangle_soup};
 pub use moving::{Fineness, MOVING_SCENES, MovingBody, MovingScene, growing_sheets, moving_scene};
