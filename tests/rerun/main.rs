@@ -1,0 +1,20 @@
+//! What the Rerun debug layer records, read back from the chunks and compared number by number with the world that it
+//! was recorded from.
+//!
+//! `cargo test --features rerun --test rerun`
+
+mod budget;
+mod contacts;
+mod layout;
+mod meshes;
+mod neutrality;
+mod pairs;
+mod recording;
+mod repeats;
+mod series;
+mod settings;
+mod sinks;
+mod text_log;
+mod timelines;
+mod triangles;
+mod world;
