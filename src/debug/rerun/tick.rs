@@ -160,13 +160,24 @@ impl Names {
         let shapes = detected.active.shapes.iter().map(|shape| (shape.entity, "shape"));
         for (entity, kind) in surfaces.chain(shapes) {
             if !self.0.contains_key(&entity) {
-                let given = detected.names.get(entity).map(Name::as_str).ok().filter(|name| !name.is_empty());
-                let name = match given {
-                    Some(name) if !self.0.values().any(|taken| taken == name) => name.to_owned(),
-                    given => format!("{} {entity}", given.unwrap_or(kind)),
-                };
-                self.0.insert(entity, name);
+                let given = detected.names.get(entity).map(Name::as_str).ok();
+                self.add(entity, kind, given);
             }
+        }
+    }
+
+    /// Names an entity as it is called, and by its number where that would not tell it from others.
+    fn add(&mut self, entity: Entity, kind: &str, given: Option<&str>) {
+        let given = given.filter(|name| !name.is_empty());
+        let numbered = || {
+            let numbered = format!("{} {entity}", given.unwrap_or(kind));
+            std::iter::successors(Some(numbered), |name| Some(format!("{name} {entity}")))
+        };
+        // Such names could be read as a pair's.
+        let alone = given.filter(|name| !name.contains(" with ") && *name != "itself");
+        let is_free = |name: &String| !self.0.values().any(|taken| taken == name);
+        if let Some(name) = alone.map(str::to_owned).into_iter().chain(numbered()).find(is_free) {
+            self.0.insert(entity, name);
         }
     }
 
