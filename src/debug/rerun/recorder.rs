@@ -147,9 +147,12 @@ impl<'a> TickWriter<'a> {
     /// something is recorded takes so many rows.
     pub(super) fn share(&mut self, layer: Layer, count: usize, bytes_each: usize, lists: usize, rows: usize) -> Share {
         let row_bytes = rows * ROW_BYTES;
-        let in_all_lists = self.left.saturating_sub(lists * row_bytes) / bytes_each;
+        let fits_whole = lists * row_bytes + count * bytes_each <= self.left;
+        // What has to be thinned leaves as much to the layers after it.
+        let available = if fits_whole { self.left } else { self.left / 2 };
+        let in_all_lists = available.saturating_sub(lists * row_bytes) / bytes_each;
         // With fewer instances than lists each is in a list of its own.
-        let recorded = count.min(in_all_lists.max(lists.min(self.left / (bytes_each + row_bytes))));
+        let recorded = count.min(in_all_lists.max(lists.min(available / (bytes_each + row_bytes))));
         let thinned = self.thinned.entry(layer).or_default();
         thinned.all += count;
         thinned.recorded += recorded;

@@ -35,10 +35,8 @@ pub(super) fn quarantines<'a>(
 
 pub(super) fn thinned(writer: &mut TickWriter, layers: &[(Layer, Thinned)], budget: usize) {
     let line = |&(layer, Thinned { recorded, all }): &(Layer, Thinned)| {
-        format!(
-            "{recorded} of {all} {} recorded: a tick may take {budget} bytes (RerunSettings::bytes_per_tick)",
-            layer.name().replace('_', " ")
-        )
+        let layer = layer.name();
+        format!("{layer}: {recorded} of {all} recorded, in a budget of {budget} bytes a tick (bytes_per_tick)")
     };
     let lines: Vec<String> = layers.iter().map(line).collect();
     for line in &lines {
