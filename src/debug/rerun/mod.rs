@@ -41,7 +41,7 @@ use crate::{
     contacts::{SurfaceContacts, SurfaceQuarantined, TouchingSides},
     kernel::bounds::Aabb,
     schedule::{DeformableSystems, HostSchedule, run_detection},
-    surface::{ActiveSurfaces, DeformableSurface, SurfacePositions},
+    surface::{ActiveSurfaces, DeformableSurface, RigidShape, SurfacePositions},
 };
 
 /// The timelines of a recording.
@@ -261,6 +261,7 @@ fn record_answer(
     positions: Query<&SurfacePositions>,
     touching: Option<Res<TouchingSides>>,
     quarantines: Option<MessageReader<SurfaceQuarantined>>,
+    given: Query<(Option<&Name>, Has<RigidShape>)>,
 ) {
     let start = Instant::now();
     let Recorder { stream, shown, names, series, tick, cost, .. } = &mut *recorder;
@@ -272,7 +273,13 @@ fn record_answer(
         text_log::contacts(&mut writer, &touching, names);
     }
     if let Some(mut quarantines) = quarantines {
-        text_log::quarantines(&mut writer, quarantines.read(), names);
+        let quarantines: Vec<&SurfaceQuarantined> = quarantines.read().collect();
+        for quarantine in &quarantines {
+            if let Ok((name, is_shape)) = given.get(quarantine.entity) {
+                names.add(quarantine.entity, if is_shape { "shape" } else { "surface" }, name.map(Name::as_str));
+            }
+        }
+        text_log::quarantines(&mut writer, &quarantines, names);
     }
     text_log::thinned(&mut writer, &tick.newly_thinned, settings.bytes_per_tick);
     names.retain(&active);

@@ -22,15 +22,11 @@ pub(super) fn contacts(writer: &mut TickWriter, touching: &TouchingSides, names:
     say(writer, "contacts ended", TextLogLevel::INFO, lines(&touching.ended, "contact ended"));
 }
 
-pub(super) fn quarantines<'a>(
-    writer: &mut TickWriter,
-    quarantines: impl Iterator<Item = &'a SurfaceQuarantined>,
-    names: &Names,
-) {
-    let line = |quarantine: &SurfaceQuarantined| {
+pub(super) fn quarantines(writer: &mut TickWriter, quarantines: &[&SurfaceQuarantined], names: &Names) {
+    let line = |quarantine: &&SurfaceQuarantined| {
         format!("{} is set aside: {}", names.of(quarantine.entity), quarantine.reason)
     };
-    say(writer, "quarantines", TextLogLevel::WARN, quarantines.map(line).collect());
+    say(writer, "quarantines", TextLogLevel::WARN, quarantines.iter().map(line).collect());
 }
 
 pub(super) fn thinned(writer: &mut TickWriter, layers: &[(Layer, Thinned)], budget: usize) {

@@ -159,15 +159,15 @@ impl Names {
         let surfaces = detected.active.surfaces.iter().map(|surface| (surface.entity, "surface"));
         let shapes = detected.active.shapes.iter().map(|shape| (shape.entity, "shape"));
         for (entity, kind) in surfaces.chain(shapes) {
-            if !self.0.contains_key(&entity) {
-                let given = detected.names.get(entity).map(Name::as_str).ok();
-                self.add(entity, kind, given);
-            }
+            self.add(entity, kind, detected.names.get(entity).map(Name::as_str).ok());
         }
     }
 
-    /// Names an entity as it is called, and by its number where that would not tell it from others.
-    fn add(&mut self, entity: Entity, kind: &str, given: Option<&str>) {
+    /// Names an entity as it is called, and by its number where that would not tell it from others; unless it has a name.
+    pub(super) fn add(&mut self, entity: Entity, kind: &str, given: Option<&str>) {
+        if self.0.contains_key(&entity) {
+            return;
+        }
         let given = given.filter(|name| !name.is_empty());
         let numbered = || {
             let numbered = format!("{} {entity}", given.unwrap_or(kind));
