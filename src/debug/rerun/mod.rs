@@ -220,6 +220,9 @@ fn record_detection(
     let has_layers = number.is_multiple_of(u64::from(settings.every.max(1)));
     *tick = RecordedTick { time: time.clone(), has_layers, ..RecordedTick::default() };
     names.update(&detected);
+    if !settings.series {
+        series.forget();
+    }
     if !has_layers && !settings.series {
         return;
     }

@@ -1,7 +1,7 @@
 //! Curves: what every stage cost and kept, how steady contacts are, how deep sides are in each other.
 
 use std::{
-    collections::{HashMap, HashSet},
+    collections::{BTreeSet, HashMap},
     time::Duration,
 };
 
@@ -82,18 +82,20 @@ impl Series {
         let mut tracks = std::mem::take(&mut self.vertices);
         for (place, surface) in detected.active.surfaces.iter().enumerate() {
             let Some((positions, _)) = detected.surface(surface) else { continue };
-            let Track([newest, last, _]) = tracks.remove(&surface.entity).unwrap_or_default();
+            // What was before a jump tells nothing of the motion after it.
+            let before = tracks.remove(&surface.entity).filter(|_| !surface.fresh);
+            let Track([newest, last, _]) = before.unwrap_or_default();
             let vertices = positions.iter().map(|&position| surface.pose.transform_point(position.as_dvec3()));
             let track = Track([vertices.collect(), newest, last]);
             let mean_edge = surfaces
                 .get(surface.entity)
                 .map_or(0.0, |made_from| f64::from(made_from.mean_edge()) * surface.pose.scale());
             let touching = surface.topology.triangles().iter().zip(&touches.triangles[place]);
-            let touching: HashSet<u32> =
+            // In their order: a sum of rounded numbers depends on it.
+            let touching: BTreeSet<u32> =
                 touching.filter(|&(_, &touch)| touch != Touch::None).flat_map(|(corners, _)| *corners).collect();
             if !touching.is_empty()
                 && mean_edge > 0.0
-                && !surface.fresh
                 && let Some(mean) = track.mean_second_difference(&touching)
             {
                 jitter.push((names.of(surface.entity), mean / mean_edge));
@@ -105,6 +107,12 @@ impl Series {
             normal_jump: both.iter().map(turn).fold(0.0, f64::max),
             jitter,
         }
+    }
+
+    /// Forgets the ticks so far: the next one does not follow them.
+    pub(super) fn forget(&mut self) {
+        self.contacts.clear();
+        self.vertices.clear();
     }
 
     /// Draws what detection says of the tick; `recording` is what recording the last tick took.
@@ -198,7 +206,7 @@ impl Series {
 }
 
 impl Track {
-    fn mean_second_difference(&self, vertices: &HashSet<u32>) -> Option<f64> {
+    fn mean_second_difference(&self, vertices: &BTreeSet<u32>) -> Option<f64> {
         let [now, last, before] = &self.0;
         if [last.len(), before.len()] != [now.len(); 2] {
             return None;
