@@ -117,7 +117,7 @@ fn a_surface_that_is_thinned_away_is_a_warning_once() {
     recorded.tick();
     let (told, level) = lines(&recorded, "warnings");
     assert_eq!(level.as_deref(), Some("WARN"));
-    for layer in ["meshes", "contacts", "pairs", "spheres", "cones", "curvature", "recipe age", "tree"] {
+    for layer in ["meshes", "contacts", "pairs", "spheres", "cones", "curvature", "recipe_age", "tree"] {
         let found = told.iter().filter(|line| line.contains(layer) && line.contains("bytes_per_tick"));
         assert_eq!(found.count(), 1, "{layer}: {told:?}");
     }

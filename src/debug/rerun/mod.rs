@@ -256,6 +256,7 @@ fn lay_out(stream: &RecordingStream, active: &ActiveSurfaces) {
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "what became of a tick is spread over the world")]
 fn record_answer(
     mut recorder: ResMut<Recorder>,
     settings: Res<RerunSettings>,

@@ -1,9 +1,6 @@
 //! Curves: what every stage cost and kept, how steady contacts are, how deep sides are in each other.
 
-use std::{
-    collections::{BTreeSet, HashMap},
-    time::Duration,
-};
+use std::{collections::HashMap, time::Duration};
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use glam::{DVec3, Vec3};
@@ -91,12 +88,14 @@ impl Series {
                 .get(surface.entity)
                 .map_or(0.0, |made_from| f64::from(made_from.mean_edge()) * surface.pose.scale());
             let touching = surface.topology.triangles().iter().zip(&touches.triangles[place]);
-            // In their order: a sum of rounded numbers depends on it.
-            let touching: BTreeSet<u32> =
-                touching.filter(|&(_, &touch)| touch != Touch::None).flat_map(|(corners, _)| *corners).collect();
-            if !touching.is_empty()
-                && mean_edge > 0.0
-                && let Some(mean) = track.mean_second_difference(&touching)
+            let mut touches = vec![false; positions.len()];
+            for (corners, _) in touching.filter(|&(_, &touch)| touch != Touch::None) {
+                for &vertex in corners {
+                    touches[vertex as usize] = true;
+                }
+            }
+            if mean_edge > 0.0
+                && let Some(mean) = track.mean_second_difference(&touches)
             {
                 jitter.push((names.of(surface.entity), mean / mean_edge));
             }
@@ -206,16 +205,15 @@ impl Series {
 }
 
 impl Track {
-    fn mean_second_difference(&self, vertices: &BTreeSet<u32>) -> Option<f64> {
+    /// Over the vertices that are marked; `None` where none is, or the track is too short.
+    fn mean_second_difference(&self, marked: &[bool]) -> Option<f64> {
         let [now, last, before] = &self.0;
-        if [last.len(), before.len()] != [now.len(); 2] {
+        let count = marked.iter().filter(|&&marked| marked).count();
+        if count == 0 || [last.len(), before.len()] != [now.len(); 2] {
             return None;
         }
-        let difference = |&vertex: &u32| {
-            let vertex = vertex as usize;
-            (now[vertex] - 2.0 * last[vertex] + before[vertex]).length()
-        };
-        Some(vertices.iter().map(difference).sum::<f64>() / vertices.len() as f64)
+        let difference = |vertex: usize| (now[vertex] - 2.0 * last[vertex] + before[vertex]).length();
+        Some((0..marked.len()).filter(|&vertex| marked[vertex]).map(difference).sum::<f64>() / count as f64)
     }
 }
 
