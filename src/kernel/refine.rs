@@ -11,10 +11,10 @@ use super::{
     conservative::near_pairs,
     contact::{CompactContact, TouchingPair, canonical_order},
     exact::{
-        Feature, FeaturePair, PairProximity, Proximity,
+        Feature, FeaturePair, PairProximity, PairScreen, Proximity,
         barycentric::point_at,
         cull::{cull_by_closest_features, cull_by_planes},
-        examine_pair,
+        examine_pair, examine_screened,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         side::{closest_feature, face_normal},
         triangle_pair::TIE,
@@ -72,10 +72,16 @@ pub(super) fn refine_pairs_in_steps(
     }
     found.examined += pairs.len();
     let mut proximity = PairProximity::default();
-    for &triangles in pairs {
-        refine_pair(a, b, triangles, settings, &mut proximity, found, |_, proximity| {
-            reports(a, b, settings.same_surface, triangles, proximity.features)
-        });
+    let mut screen = PairScreen::new();
+    for pairs in pairs.chunks(PairScreen::WIDTH) {
+        let corners = pairs.iter().map(|&[triangle_a, triangle_b]| [a.corners(triangle_a), b.corners(triangle_b)]);
+        for pair in screen.screen(corners, range) {
+            let triangles = pairs[pair.place];
+            examine_screened(&pair, range, &mut proximity);
+            add_proximity(a, b, triangles, pair.corners, settings, &proximity, found, |_, proximity| {
+                reports(a, b, settings.same_surface, triangles, proximity.features)
+            });
+        }
     }
 }
 
@@ -90,8 +96,23 @@ fn refine_pair(
     makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
 ) {
     let [triangle_a, triangle_b] = triangles;
-    let corners = [&a.corners(triangle_a), &b.corners(triangle_b)];
-    examine_pair(corners[0], corners[1], settings.range / settings.scale, proximity);
+    let corners = [a.corners(triangle_a), b.corners(triangle_b)];
+    examine_pair(&corners[0], &corners[1], settings.range / settings.scale, proximity);
+    add_proximity(a, b, triangles, &corners, settings, proximity, found, makes_contact);
+}
+
+/// Appends what the exact test says of a pair, where it is within range.
+#[expect(clippy::too_many_arguments, reason = "a pair of each of two sides, and what becomes of it")]
+fn add_proximity(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    triangles: [u32; 2],
+    corners: &[[DVec3; 3]; 2],
+    settings: &PairSettings,
+    proximity: &PairProximity,
+    found: &mut FoundPairs,
+    makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
+) {
     let distance = proximity.distance * settings.scale;
     if distance > settings.range {
         return;
@@ -99,7 +120,7 @@ fn refine_pair(
     add_pair(triangles, distance, settings, found);
     for features in &proximity.proximities {
         if features.distance * settings.scale <= settings.reported_distance && makes_contact(proximity, features) {
-            found.contacts.push(contact(a, b, settings, triangles, corners, features));
+            found.contacts.push(contact(a, b, settings, triangles, [&corners[0], &corners[1]], features));
         }
     }
 }

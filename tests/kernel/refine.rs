@@ -6,7 +6,7 @@ use crate::{
 };
 use bevy_circumsphere::kernel::{
     contact::{CompactContact, ContactKey},
-    exact::{Feature, FeatureKind},
+    exact::{Feature, FeatureKind, PairProximity, examine_pair},
     pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
     reference::{
@@ -501,4 +501,57 @@ fn every_touching_pair_has_its_closest_features_among_those_of_the_closest_alone
         let is_it = |contact: &&CompactContact| contact.distance == corner.y;
         assert_eq!(found.contacts.iter().filter(is_it).count(), 1, "{touching:?} {:?}", found.contacts);
     }
+}
+
+/// The features of eight pairs are screened side by side before any of them is examined. Bit by bit: what is screened out
+/// must be exactly what the test of one pair does not find.
+#[test]
+fn screened_pairs_are_those_that_examining_each_pair_finds() {
+    let (mut within, mut crossing, mut beyond, mut features) = (0, 0, 0, 0);
+    for (seed, grid) in [(1, 0.0), (2, 0.25), (3, 0.5), (4, 1.0)] {
+        let mut mesh = triangle_soup(90, seed);
+        // On a grid triangles share points, lie in one plane, have parallel edges, or no area.
+        for coordinate in mesh.positions.iter_mut().flatten().filter(|_| grid > 0.0) {
+            *coordinate = (*coordinate / grid).round() * grid;
+        }
+        let positions = positions(&mesh);
+        let topology = SurfaceTopology::new(&positions, &mesh.triangles).expect("the mesh is valid");
+        let surface = side(&topology, &positions, false);
+        for range in [0.0, 0.01, REACH, 10.0] {
+            let settings =
+                PairSettings { contact_distance: range, reported_distance: range, range, ..settings(false, false) };
+            let pairs = all_between(mesh.triangles.len(), mesh.triangles.len());
+            let mut found = FoundPairs::default();
+            refine_pairs(&surface, &surface, &pairs, &settings, &mut found);
+            let mut proximity = PairProximity::default();
+            let expected = pairs.iter().filter_map(|&[a, b]| {
+                let [a, b] = [a, b].map(|triangle| exact(corners(&positions, mesh.triangles[triangle as usize])));
+                examine_pair(&a, &b, range, &mut proximity);
+                (proximity.distance <= range).then_some(proximity.distance)
+            });
+            let expected: Vec<f64> = expected.collect();
+            let distances: Vec<f64> = found.touching.iter().map(|pair| pair.distance).collect();
+            assert_eq!(distances, expected, "seed {seed}, range {range}");
+            // Of surfaces of one triangle each no other pair can report a feature.
+            for &[a, b] in pairs.iter().step_by(13) {
+                let alone = [a, b].map(|triangle| corners(&positions, mesh.triangles[triangle as usize]));
+                let topologies =
+                    alone.map(|corners| SurfaceTopology::new(&corners, &[[0, 1, 2]]).expect("it is valid"));
+                let [a, b] = [0, 1].map(|number: usize| side(&topologies[number], &alone[number], false));
+                let mut found = FoundPairs::default();
+                refine_pairs(&a, &b, &[[0, 0]], &settings, &mut found);
+                examine_pair(&exact(alone[0]), &exact(alone[1]), range, &mut proximity);
+                let within = proximity.proximities.iter().filter(|_| proximity.distance <= range);
+                let expected: Vec<_> = within.filter(|near| near.distance <= range).map(|near| near.features).collect();
+                let reported: Vec<_> = found.contacts.iter().map(|contact| contact.features).collect();
+                assert_eq!(reported, expected, "seed {seed}, range {range}");
+                features += expected.len();
+            }
+            within += expected.len();
+            crossing += expected.iter().filter(|&&distance| distance == 0.0).count();
+            beyond += pairs.len() - expected.len();
+        }
+    }
+    assert!(crossing > 1000 && within > crossing + 1000 && beyond > 1000, "{crossing} of {within}, {beyond} beyond");
+    assert!(features > 10_000, "{features} features");
 }

@@ -7,9 +7,11 @@ pub mod barycentric;
 pub mod cull;
 pub mod feature;
 pub mod rigid_shape;
+mod screen;
 pub mod side;
 pub mod triangle_pair;
 
 pub use feature::{Feature, FeatureCase, FeatureKind, FeaturePair};
-pub(in crate::kernel) use triangle_pair::examine_case;
+pub(in crate::kernel) use screen::PairScreen;
 pub use triangle_pair::{PairProximity, Proximity, examine_pair};
+pub(in crate::kernel) use triangle_pair::{examine_case, examine_screened};

@@ -11,6 +11,7 @@ use glam::DVec3;
 use super::{
     barycentric::{corner_weights, edge_weights, normalized, point_at},
     feature::{Feature, FeatureCase, FeaturePair, FeaturePlaces},
+    screen::{Cases, ScreenedPair},
 };
 
 /// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, and one for
@@ -26,7 +27,7 @@ const AT_END: f64 = 1.0e-9;
 
 /// Two edges whose angle has a smaller sine are parallel: their closest points are then at an end of one of them. In
 /// f64, products of differences of f32 numbers resolve sines far below this.
-const PARALLEL_SINE: f64 = 1.0e-12;
+pub(super) const PARALLEL_SINE: f64 = 1.0e-12;
 
 /// The points at which a piercing edge and the pierced face are said to meet are no farther apart than this, relative
 /// to the pair's edges. An edge that lies in the face's plane but for rounding pierces it nowhere in particular; the
@@ -35,7 +36,7 @@ const PIERCING_TOLERANCE: f64 = 1.0e-10;
 
 /// Triangles this close, relative to their extent, touch as far as f64 tells: of some that share a point exactly, in one
 /// plane above all, products round to 1e-14 of it.
-const ROUND_OFF: f64 = 1.0e-13;
+pub(super) const ROUND_OFF: f64 = 1.0e-13;
 
 /// A pair of features that are close to each other, or that cross.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,31 +105,54 @@ impl Sides {
 /// Examines two triangles: their distance, and every feature pair within `range` (0 or more) that counts, see
 /// [`PairProximity`]. Degenerate triangles count as the segment or point that they are.
 pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut PairProximity) {
-    let nearby = &mut found.proximities;
-    nearby.clear();
+    let (a, b) = local_sides(a, b);
+    let boundary = least_boundary_distance_squared(&a, &b).min(least_boundary_distance_squared(&b, &a));
+    examine_cases(&a, &b, range, Cases::ALL, boundary, found);
+}
+
+/// The same for a pair that was screened for the same range.
+pub(in crate::kernel) fn examine_screened(pair: &ScreenedPair<'_>, range: f64, found: &mut PairProximity) {
+    let (a, b) = local_sides(&pair.corners[0], &pair.corners[1]);
+    examine_cases(&a, &b, range, pair.cases, pair.boundary, found);
+}
+
+/// Both triangles relative to the first one's first corner.
+fn local_sides(a: &[DVec3; 3], b: &[DVec3; 3]) -> (Sides, Sides) {
     let origin = a[0];
     let local = |corners: &[DVec3; 3]| Sides::new([corners[0] - origin, corners[1] - origin, corners[2] - origin]);
-    let (a, b) = (local(a), local(b));
-    let nothing = ROUND_OFF * largest_coordinate(&a).max(largest_coordinate(&b));
+    (local(a), local(b))
+}
+
+/// Examines those features that can count. `boundary` is the least squared distance of a vertex of either from an edge of
+/// the other.
+fn examine_cases(a: &Sides, b: &Sides, range: f64, cases: Cases, boundary: f64, found: &mut PairProximity) {
+    let nearby = &mut found.proximities;
+    nearby.clear();
+    let nothing = ROUND_OFF * largest_coordinate(a).max(largest_coordinate(b));
     let range = range.max(nothing);
     let range_squared = range * range;
 
-    let boundary = least_boundary_distance_squared(&a, &b).min(least_boundary_distance_squared(&b, &a));
     let mut nearest = boundary;
     for vertex in 0..3 {
-        nearest = nearest.min(vertex_face(&a, &b, vertex, range_squared, true, nearby));
-        nearest = nearest.min(vertex_face(&b, &a, vertex, range_squared, false, nearby));
+        if cases.contain(Cases::vertex_face(true, vertex)) {
+            nearest = nearest.min(vertex_face(a, b, vertex, range_squared, true, nearby));
+        }
+        if cases.contain(Cases::vertex_face(false, vertex)) {
+            nearest = nearest.min(vertex_face(b, a, vertex, range_squared, false, nearby));
+        }
     }
     for edge_a in 0..3 {
         for edge_b in 0..3 {
-            nearest = nearest.min(edge_edge(&a, &b, edge_a, edge_b, range_squared, nearby));
+            if cases.contain(Cases::edges(edge_a, edge_b)) {
+                nearest = nearest.min(edge_edge(a, b, edge_a, edge_b, range_squared, nearby));
+            }
         }
     }
-    let crossing = pierce(&a, &b, true, nearby) | pierce(&b, &a, false, nearby);
+    let crossing = pierce(a, b, true, cases, nearby) | pierce(b, a, false, cases, nearby);
     if !crossing && boundary <= range_squared && boundary <= nearest {
         let most = (boundary * (1.0 + TIE)).min(range_squared);
-        boundary_proximities(&a, &b, true, most, nearby);
-        boundary_proximities(&b, &a, false, most, nearby);
+        boundary_proximities(a, b, true, most, nearby);
+        boundary_proximities(b, a, false, most, nearby);
     }
     found.distance = if crossing { 0.0 } else { nearest.sqrt() };
     if found.distance <= nothing {
@@ -146,9 +170,7 @@ fn largest_coordinate(triangle: &Sides) -> f64 {
 /// Examines one pair of features of two triangles; `None` where a vertex is not over the inside of the face, or two edges
 /// are not closest between their ends, so that other features are closer.
 pub(in crate::kernel) fn examine_case(a: &[DVec3; 3], b: &[DVec3; 3], case: FeatureCase) -> Option<Proximity> {
-    let origin = a[0];
-    let local = |corners: &[DVec3; 3]| Sides::new([corners[0] - origin, corners[1] - origin, corners[2] - origin]);
-    let (a, b) = (local(a), local(b));
+    let (a, b) = local_sides(a, b);
     let mut found = ArrayVec::new();
     match case.places() {
         FeaturePlaces::VertexEdge { vertex_of_a, vertex, edge } => {
@@ -291,11 +313,11 @@ fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: 
 
 /// Edges of `own` that pierce the face of `other`: their ends lie on different sides of its plane, and its three edges
 /// pass the piercing edge on the same side.
-fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, found: &mut Proximities) -> bool {
+fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, cases: Cases, found: &mut Proximities) -> bool {
     let height = |corner: DVec3| other.normal.dot(corner - other.corners[0]);
     let heights = [height(own.corners[0]), height(own.corners[1]), height(own.corners[2])];
     let mut pierced = false;
-    for edge in 0..3 {
+    for edge in (0..3).filter(|&edge| cases.contain(Cases::piercing(edge_of_a, edge))) {
         let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
         if (from > 0.0) == (to > 0.0) && (from < 0.0) == (to < 0.0) {
             continue;
