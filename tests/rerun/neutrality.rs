@@ -1,1 +1,138 @@
-//! x
+//! Contacts, events and what is remembered from tick to tick are the same to the last bit, whatever is recorded.
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{
+    ContactStore,
+    debug::{DeformableRerunPlugin, RerunSettings},
+    prelude::*,
+};
+use bevy_ecs::prelude::*;
+use bevy_tasks::{ComputeTaskPool, TaskPoolBuilder};
+use rerun::sink::MemorySinkStorage;
+
+use crate::world::{Scene, everything, near, place, stream};
+
+const TICKS: u32 = 24;
+
+/// Messages and entity events in the order in which they came.
+#[derive(Resource, Default)]
+struct Journal(Vec<String>);
+
+fn read(
+    names: Query<&Name>,
+    mut journal: ResMut<Journal>,
+    mut started: MessageReader<SurfaceContactStarted>,
+    mut ended: MessageReader<SurfaceContactEnded>,
+    mut quarantined: MessageReader<SurfaceQuarantined>,
+) {
+    let name = |entity| names.get(entity).map_or("gone", Name::as_str).to_owned();
+    let lines = started.read().map(|message| format!("started {} {}", name(message.entity), name(message.other)));
+    let mut lines: Vec<String> = lines.collect();
+    lines.extend(ended.read().map(|message| format!("ended {} {}", name(message.entity), name(message.other))));
+    lines.extend(quarantined.read().map(|message| format!("{} {:?}", name(message.entity), message.reason)));
+    journal.0.append(&mut lines);
+}
+
+fn observe(on: On<SurfaceContactStarted>, names: Query<&Name>, mut journal: ResMut<Journal>) {
+    let name = |entity| names.get(entity).map_or("gone", Name::as_str).to_owned();
+    journal.0.push(format!("observed {} {}", name(on.entity), name(on.other)));
+}
+
+/// The store by names, every float to the last bit: `Debug` writes the shortest number that reads back as the same.
+fn fingerprint(app: &App, scene: &Scene) -> Vec<String> {
+    let store = app.world().resource::<ContactStore>();
+    let mut lines = vec![format!("tick {}", store.tick)];
+    for pair in &store.pairs {
+        let name = scene.pair_name(pair.a.entity(), pair.b.entity());
+        lines.push(format!("{name} {} {} {:?}", pair.contact_distance, pair.nearest, pair.frame_pose));
+        lines.extend(store.contacts[pair.contacts.clone()].iter().map(|contact| format!("{contact:?}")));
+        lines.extend(store.touching[pair.touching.clone()].iter().map(|touching| format!("{touching:?}")));
+    }
+    lines
+}
+
+/// Who looks.
+#[derive(Clone, Debug)]
+enum Recording {
+    Absent,
+    NoSink,
+    Of(RerunSettings),
+}
+
+struct Outcome {
+    ticks: Vec<Vec<String>>,
+    journal: Vec<String>,
+    messages: usize,
+    penetrating: usize,
+}
+
+fn run(method: ContactMethod, threads: usize, recording: &Recording) -> Outcome {
+    let mut app = App::new();
+    app.add_plugins(DeformableCollisionPlugins::new(Update));
+    let mut storage: Option<MemorySinkStorage> = None;
+    match recording {
+        Recording::Absent => {}
+        Recording::NoSink => {
+            app.add_plugins(DeformableRerunPlugin::default());
+        }
+        Recording::Of(settings) => {
+            let (stream, sink) = stream();
+            storage = Some(sink);
+            app.add_plugins(DeformableRerunPlugin::to_stream(stream)).insert_resource(settings.clone());
+        }
+    }
+    app.insert_resource(CircumsphereSettings { threads, margin: 0.004, ..Default::default() });
+    app.init_resource::<Journal>().add_observer(observe);
+    app.add_systems(Update, read.in_set(DeformableSystems::Log));
+    let scene = Scene::spawn(&mut app, method);
+    for entity in [scene.crumpled, scene.floor] {
+        app.world_mut().entity_mut(entity).insert(ContactEventsEnabled);
+    }
+    let (mut ticks, mut penetrating) = (Vec::new(), 0);
+    for tick in 0..TICKS {
+        scene.advance(&mut app, tick);
+        // Down through the flat sheet and the floor, so that sides are remembered.
+        place(&mut app, scene.crumpled, |transform| transform.translation.y -= 0.02);
+        if tick == 12 {
+            app.world_mut().get_mut::<SurfacePositions>(scene.ball).expect("it is a surface").0[0].x = f32::NAN;
+        } else if tick == 15 {
+            app.world_mut().get_mut::<SurfacePositions>(scene.ball).expect("it is a surface").0[0].x = 0.0;
+        }
+        app.update();
+        penetrating +=
+            app.world().resource::<ContactStore>().contacts.iter().filter(|contact| contact.distance < 0.0).count();
+        ticks.push(fingerprint(&app, &scene));
+    }
+    let journal = std::mem::take(&mut app.world_mut().resource_mut::<Journal>().0);
+    let messages = storage.map_or(0, |storage| storage.take().len());
+    Outcome { ticks, journal, messages, penetrating }
+}
+
+#[test]
+fn contacts_and_events_are_the_same_whoever_records_them() {
+    let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(4).build());
+    assert!(pool.thread_num() > 1, "the pool of this process has one thread: nothing to compare");
+    for method in ContactMethod::ALL {
+        let alone = run(method, 1, &Recording::Absent);
+        let lines: usize = alone.ticks.iter().map(Vec::len).sum();
+        assert!(lines > 3000, "{method:?}: {lines} lines");
+        assert!(alone.penetrating > 100, "{method:?}: {} have passed each other", alone.penetrating);
+        assert!(alone.journal.len() >= 6, "{method:?}: {:?}", alone.journal);
+        let of = [
+            Recording::NoSink,
+            Recording::Of(RerunSettings::default()),
+            Recording::Of(everything()),
+            Recording::Of(RerunSettings { every: 3, bytes_per_tick: 30_000, ..near() }),
+        ];
+        for (place, recording) in of.iter().enumerate() {
+            // Each combination of a method with one thread and with several, and with each recording.
+            let threads = if place % 2 == 0 { 0 } else { 1 };
+            let found = run(method, threads, recording);
+            for (tick, (expected, found)) in alone.ticks.iter().zip(&found.ticks).enumerate() {
+                assert!(expected == found, "{method:?} differs in tick {tick} with {recording:?}");
+            }
+            assert_eq!(found.journal, alone.journal, "{method:?} with {recording:?}");
+            assert_eq!(found.messages > 0, matches!(recording, Recording::Of(_)));
+        }
+    }
+}

@@ -177,6 +177,12 @@ impl Components {
         self.0.get(name).unwrap_or_else(|| panic!("there is no {name} among {names:?}"))
     }
 
+    /// What the numbers themselves take.
+    pub fn bytes(&self) -> usize {
+        let of = |array: &ArrayRef| array.to_data().get_slice_memory_size().expect("its size is known");
+        self.0.values().map(of).sum()
+    }
+
     #[track_caller]
     pub fn floats(&self, name: &str) -> Vec<f32> {
         cast::<Float32Array>(&flat(self.get(name))).values().to_vec()

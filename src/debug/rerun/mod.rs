@@ -229,7 +229,9 @@ fn record_detection(
     let touches = Touches::new(&detected);
     let steadiness = settings.series.then(|| series.observe(&detected, &surfaces, names, &touches));
     if has_layers {
-        if !std::mem::replace(has_layout, true) {
+        // Before that there is nothing to look at.
+        if !*has_layout && !detected.active.surfaces.is_empty() {
+            *has_layout = true;
             lay_out(stream, &detected.active);
         }
         let mut writer = TickWriter::new(stream, time, settings.bytes_per_tick, shown);
