@@ -5,19 +5,20 @@
 
 use std::collections::BTreeMap;
 
+use bevy_app::prelude::*;
 use bevy_circumsphere::{
     debug::{LevelOfDetail, RerunSettings},
     prelude::*,
 };
-use bevy_ecs::prelude::*;
+use bevy_time::TimePlugin;
 use rerun::{
     external::re_log_encoding::rrd::{Encoder, EncodingOptions},
     log::LogMsg,
 };
 
 use crate::{
-    recording::Recording,
-    world::{Recorded, Scene, everything},
+    recording::{Recording, Row},
+    world::{Made, Recorded, Scene, everything, nothing},
 };
 
 /// What rows of a kind took.
@@ -72,21 +73,168 @@ fn split(taken: &BTreeMap<String, Taken>) -> (usize, usize) {
     (sum(true), sum(false))
 }
 
+/// What every tick of the scene takes, with a clock and names as they are used.
+fn ticks(settings: &RerunSettings, count: u32) -> Vec<(Recording, BTreeMap<String, Taken>)> {
+    let mut recorded = Recorded::with(settings.clone(), DeformableCollisionPlugins::new(Update), |app| {
+        app.add_plugins(TimePlugin);
+    });
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Circumsphere);
+    let tick = |tick| {
+        scene.advance(&mut recorded.app, tick);
+        recorded.tick();
+        let taken = taken(&recorded.last);
+        (std::mem::take(&mut recorded.last), taken)
+    };
+    (0..count).map(tick).collect()
+}
+
+/// How many instances there are in each layer; of meshes and shapes, which are recorded whole or not at all, how many.
+fn instances(recording: &Recording) -> BTreeMap<String, usize> {
+    let mut instances = BTreeMap::new();
+    for row in recording.rows.iter().filter(|row| !row.times.is_empty()) {
+        let layer = row.path[0].as_str();
+        let count = match layer {
+            "series" | "log" => continue,
+            "meshes" | "shapes" => usize::from(!row.components.has("Clear:is_recursive")),
+            "contacts" if row.path[1] != "points" => continue,
+            "cones" => row.components.wholes("triangle").len(),
+            _ => row.components.longest(),
+        };
+        *instances.entry(layer.to_owned()).or_insert(0) += count;
+    }
+    instances.retain(|_, count| *count > 0);
+    instances
+}
+
+const BUDGETS: [usize; 7] = [0, 1 << 10, 20 << 10, 60 << 10, 120 << 10, 250 << 10, 400 << 10];
+
 #[test]
-fn print_bytes() {
-    for (label, settings) in [("default", RerunSettings::default()), ("everything", everything())] {
-        for method in [ContactMethod::Circumsphere, ContactMethod::Refined] {
-            let mut recorded = Recorded::new(settings.clone());
-            let scene = Scene::spawn(&mut recorded.app, method);
-            for tick in 0..4 {
-                scene.advance(&mut recorded.app, tick);
-                recorded.tick();
-                let taken = taken(&recorded.last);
-                println!("{label} {method:?} tick {tick}: {:?}", split(&taken));
-                for (kind, taken) in taken {
-                    println!("   {kind}: {taken:?} beside per row {}", (taken.bytes - taken.numbers) / taken.rows);
+fn no_tick_takes_more_than_it_may_and_what_is_left_out_is_told() {
+    let settings = RerunSettings { times: false, ..everything() };
+    let whole = ticks(&settings, 4);
+    let least_needed = whole.iter().map(|(_, taken)| split(taken).1).min().expect("there are ticks");
+    assert!(least_needed > 500_000, "{least_needed} bytes: too few for the budgets to matter");
+    for budget in BUDGETS {
+        let mut warned: Vec<String> = Vec::new();
+        for ((recording, taken), (whole, _)) in
+            ticks(&RerunSettings { bytes_per_tick: budget, ..settings.clone() }, 4).iter().zip(&whole)
+        {
+            let (_, layers) = split(taken);
+            assert!(layers <= budget, "{layers} bytes where there may be {budget}: {taken:#?}");
+            if budget >= 60 << 10 {
+                assert!(layers > budget / 4, "{layers} bytes where there may be {budget}: there is room for more");
+            }
+            for row in recording.of_entity(&["log", "warnings"]) {
+                for line in row.components.texts("TextLog:text")[0].lines() {
+                    warned.push(line.replace('_', " "));
                 }
             }
+            let (found, expected) = (instances(recording), instances(whole));
+            for (layer, &expected) in &expected {
+                let found = found.get(layer).copied().unwrap_or(0);
+                let is_warned = warned.iter().any(|line| line.contains(&layer.replace('_', " ")));
+                // A mesh that was left out before may be made up for in a tick in which there is room.
+                assert!(found <= expected || layer == "meshes" || layer == "shapes", "{layer}: {found} of {expected}");
+                assert!(
+                    found >= expected || is_warned,
+                    "{found} of {expected} {layer} with {budget} bytes: {warned:?}"
+                );
+            }
+            assert!(!found.contains_key("tree") || budget > 0);
+        }
+        assert!(!warned.is_empty());
+    }
+}
+
+#[test]
+fn a_budget_that_suffices_leaves_nothing_out() {
+    let of = |bytes_per_tick| {
+        let settings = RerunSettings { times: false, bytes_per_tick, ..RerunSettings::everything() };
+        let rows = |(recording, _): (Recording, _)| -> Vec<_> {
+            let id = rerun::log::RowId::ZERO;
+            recording.rows.into_iter().map(|row| Row { id, times: BTreeMap::new(), ..row }).collect()
+        };
+        ticks(&settings, 4).into_iter().flat_map(rows).collect::<Vec<Row>>()
+    };
+    let (enough, unlimited) = (of(RerunSettings::default().bytes_per_tick), of(usize::MAX));
+    assert!(unlimited.len() > 300);
+    assert!(enough == unlimited);
+    assert!(!enough.iter().any(|row| row.path.last().is_some_and(|part| part == "warnings")));
+}
+
+#[test]
+fn what_is_thinned_is_spread_evenly_over_a_layer() {
+    let settings = RerunSettings { curvature: LevelOfDetail::All, ..nothing() };
+    let mut thinned = 0;
+    for budget in [0, 6_000, 9_000, 12_000, 20_000, 25_000, 30_000, 40_000, 100_000] {
+        let mut recorded = Recorded::new(RerunSettings { bytes_per_tick: budget, ..settings.clone() });
+        let scene = Scene::spawn(&mut recorded.app, ContactMethod::Circumsphere);
+        recorded.tick();
+        let (mut kept, mut counts, mut before) = (Vec::new(), Vec::new(), 0);
+        for (name, entity) in scene.surfaces() {
+            let shown = recorded.viewer.of(&["curvature", name]);
+            let triangles = shown.map(|shown| shown.wholes("triangle")).unwrap_or_default();
+            let count = recorded.app.world().get::<Made>(entity).expect("it was made").0.triangles.len();
+            kept.extend(triangles.iter().map(|&triangle| before + triangle as usize));
+            counts.push((triangles.len(), count));
+            before += count;
+        }
+        let all = before;
+        if kept.is_empty() {
+            assert!(budget < 9_000, "{budget} bytes are enough for one triangle");
+            continue;
+        }
+        let share = kept.len() as f64 / all as f64;
+        for (kept, count) in counts {
+            assert!((kept as f64 - share * count as f64).abs() <= 1.0, "{kept} of {count} where the share is {share}");
+        }
+        let widest = all.div_ceil(kept.len());
+        // As if the layer were a ring: what is left out at both ends counts together.
+        let around = kept[0] + all - kept[kept.len() - 1];
+        let gaps: Vec<usize> = kept.windows(2).map(|pair| pair[1] - pair[0]).chain([around]).collect();
+        assert!(gaps.iter().all(|gap| (1..=widest).contains(gap)), "{budget}: {gaps:?}");
+        assert_eq!(kept.len() == all, budget == 100_000, "{} of {all} with {budget}", kept.len());
+        thinned += usize::from(kept.len() < all);
+    }
+    assert!(thinned >= 5, "{thinned} budgets thin");
+}
+
+#[test]
+fn curves_log_and_removal_take_what_the_documentation_says() {
+    // Curves of eight surfaces that jitter, each alone in its chunk.
+    let mut most = 0;
+    for (_, taken) in &ticks(&RerunSettings { bytes_per_tick: 0, ..everything() }, 6)[1..] {
+        let (always, layers) = split(taken);
+        assert_eq!(layers, 0);
+        most = most.max(always);
+    }
+    assert!((20_000..100_000).contains(&most), "{most} bytes are always recorded");
+    // Ticks that follow one another within the batcher's fifth of a second share their chunks.
+    let mut recorded = Recorded::new(RerunSettings { bytes_per_tick: 0, ..everything() });
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Circumsphere);
+    for tick in 0..60 {
+        scene.advance(&mut recorded.app, tick);
+        recorded.app.update();
+    }
+    let messages = recorded.storage.take();
+    let mut encoder =
+        Encoder::new_eager(rerun::build_info().version, EncodingOptions::PROTOBUF_UNCOMPRESSED, Vec::new())
+            .expect("memory can be written to");
+    let recording = messages.iter().filter(|message| message.store_id().is_recording());
+    let bytes: usize = recording.map(|message| encoder.append(message).expect("it can be encoded") as usize).sum();
+    let shared = bytes / 60;
+    println!("always recorded: {most} bytes a tick in chunks of its own, {shared} in shared ones");
+    assert!(shared < most / 8, "{shared} bytes a tick");
+}
+
+#[test]
+#[ignore = "prints the figures of the documentation"]
+fn print_bytes_of_each_layer() {
+    for (label, settings) in [("default", RerunSettings::default()), ("everything", everything())] {
+        let (_, taken) = &ticks(&settings, 4)[3];
+        println!("{label}: always, and layers: {:?}", split(taken));
+        for (kind, taken) in taken {
+            println!("  {kind}: {taken:?}");
         }
     }
 }

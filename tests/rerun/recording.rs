@@ -183,6 +183,11 @@ impl Components {
         self.0.values().map(of).sum()
     }
 
+    /// How many instances the component has that has most.
+    pub fn longest(&self) -> usize {
+        self.0.values().map(|values| values.len()).max().unwrap_or(0)
+    }
+
     #[track_caller]
     pub fn floats(&self, name: &str) -> Vec<f32> {
         cast::<Float32Array>(&flat(self.get(name))).values().to_vec()
