@@ -5,7 +5,7 @@ use rerun::{AnyValues, Arrows3D, AsComponents, Color, LineStrips3D, Points3D, Ra
 
 use super::{
     colors,
-    recorder::{Layer, Share, TickWriter, path},
+    recorder::{Layer, Share, TickWriter, path, row_bytes},
     settings::RerunSettings,
     tick::{Detected, Names},
     values,
@@ -55,7 +55,8 @@ pub(super) fn draw(
     if settings.contacts {
         let count = pairs.iter().map(|(.., contacts)| contacts.len()).sum();
         // A point with its color and numbers, and an arrow.
-        let mut share = writer.share(Layer::Contacts, count, (12 + 4 + 4 * 4) + (12 + 12), pairs.len(), 2);
+        let rows = row_bytes(7) + row_bytes(4);
+        let mut share = writer.share(Layer::Contacts, count, (12 + 4 + 4 * 4) + (12 + 12), pairs.len(), rows);
         for (name, normal_length, contacts) in &pairs {
             draw_contacts(writer, &mut share, name, contacts, *normal_length);
         }
@@ -68,7 +69,8 @@ pub(super) fn draw(
             .filter(|(_, contacts): &(_, Vec<Contact>)| !contacts.is_empty())
             .collect();
         let count = penetrations.iter().map(|(_, contacts)| contacts.len()).sum();
-        let mut share = writer.share(Layer::Penetrations, count, 2 * 12 + 4 + 4 * 4, penetrations.len(), 2);
+        let mut share =
+            writer.share(Layer::Penetrations, count, 2 * 12 + 4 + 4 * 4, penetrations.len(), 2 * row_bytes(7));
         for (name, contacts) in &penetrations {
             draw_penetrations(writer, &mut share, name, contacts);
         }
@@ -124,6 +126,8 @@ fn draw_contacts(writer: &mut TickWriter, share: &mut Share, name: &str, contact
 fn draw_depths(writer: &mut TickWriter, mut contacts: Vec<Contact>) {
     contacts.sort_by(|a, b| a.separation().total_cmp(&b.separation()));
     contacts.truncate(LABELS);
+    let mut share = writer.share(Layer::Contacts, contacts.len(), 12 + 4 + 16 + 4 * 4, 1, row_bytes(9));
+    contacts.truncate(share.places(contacts.len()).len());
     if contacts.is_empty() {
         return;
     }

@@ -138,10 +138,14 @@ impl ShownMesh {
         let bytes = 12 * drawn * usize::from(new_triangles)
             + (12 + 12) * vertices * usize::from(new_positions)
             + 4 * vertices * usize::from(new_colors);
+        let components = 2 * usize::from(new_triangles)
+            + 2 * usize::from(new_positions)
+            + usize::from(new_colors)
+            + 2 * usize::from(new_pose);
         if !(new_triangles || new_positions || new_colors || new_pose) {
             return Some(self);
         }
-        if !writer.fits(Layer::Meshes, bytes) {
+        if !writer.fits(Layer::Meshes, bytes, components) {
             return shown;
         }
         let mut mesh = Mesh3D::update_fields();
@@ -197,7 +201,7 @@ impl ShownShape {
             return Some(self);
         }
         let wires = if is_new { wires() } else { Vec::new() };
-        if !writer.fits(Layer::Shapes, wires.iter().map(|wire| 4 + 12 * wire.len()).sum()) {
+        if !writer.fits(Layer::Shapes, wires.iter().map(|wire| 4 + 12 * wire.len()).sum(), 5) {
             return shown;
         }
         if let Some(shown) = shown.filter(|shown| shown.path != self.path) {

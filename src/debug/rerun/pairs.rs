@@ -5,7 +5,7 @@ use rerun::{AsComponents, LineStrips3D};
 
 use super::{
     colors,
-    recorder::{Layer, TickWriter, path},
+    recorder::{Layer, TickWriter, path, row_bytes},
     settings::LevelOfDetail,
     tick::{Detected, Names, Touches},
     values,
@@ -58,7 +58,7 @@ pub(super) fn draw(
     for fate in PairFate::ALL.into_iter().rev() {
         let lists = || drawn.iter().map(|drawn| &drawn.by_fate[fate as usize]);
         let filled = lists().filter(|pairs| !pairs.is_empty()).count();
-        let mut share = writer.share(Layer::Pairs, lists().map(Vec::len).sum(), 4 * 12 + 4 + 8, filled, 1);
+        let mut share = writer.share(Layer::Pairs, lists().map(Vec::len).sum(), 4 * 12 + 4 + 8, filled, row_bytes(5));
         for DrawnPair { pair, name, by_fate } in &drawn {
             let pairs = &by_fate[fate as usize];
             let kept: Vec<[u32; 2]> = share.places(pairs.len()).into_iter().map(|place| pairs[place]).collect();

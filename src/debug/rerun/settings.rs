@@ -26,7 +26,8 @@ pub struct RerunSettings {
     pub every: u32,
     /// About how many bytes a recorded tick may take, before compression. Layers are recorded in the order of the fields
     /// below. One that no longer fits is thinned evenly into half of what is left, a mesh left out as a whole, and a warning
-    /// says so, in the text log too. Default 4,000,000. The series, the log and the removal of what is gone (some kilobytes) are always recorded.
+    /// says so, in the text log too. Default 4,000,000. The series, the log and the removal of what is gone are always
+    /// recorded: some kilobytes, or some tens of them where ticks are more than a fifth of a second apart.
     pub bytes_per_tick: usize,
     /// Time, pairs and refreshes of every stage, steadiness and depth, as curves. Default true. Jitter is the mean second
     /// difference of the positions of a surface's touching vertices, in mean edges; while no more than 8 surfaces touch, each

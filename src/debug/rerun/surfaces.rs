@@ -9,7 +9,7 @@ use rerun::{AnyValues, AsComponents, Boxes3D, Color, Ellipsoids3D, FillMode, Ins
 
 use super::{
     colors,
-    recorder::{Layer, TickWriter, path},
+    recorder::{Layer, TickWriter, path, row_bytes},
     settings::{LevelOfDetail, RerunSettings},
     tick::{Detected, Names, Touches, transform},
     values,
@@ -138,7 +138,7 @@ fn draw_spheres(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches
         })
         .collect();
     let count = spheres.iter().map(|(balls, _)| balls.len()).sum();
-    let mut share = writer.share(Layer::Spheres, count, 12 + 12 + 4, surfaces.len(), 1);
+    let mut share = writer.share(Layer::Spheres, count, 12 + 12 + 4, surfaces.len(), row_bytes(8));
     for (drawn, (balls, triangles)) in surfaces.iter().zip(spheres) {
         let kept: Vec<usize> = share.places(balls.len());
         if kept.is_empty() {
@@ -186,7 +186,8 @@ fn draw_cones(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches, 
         })
         .collect();
     let count = cones.iter().map(Vec::len).sum();
-    let mut share = writer.share(Layer::Cones, count, 12 + 16 + 12 + 4 + 4, surfaces.len(), 1);
+    // The cone that is posed is a row's own, too.
+    let mut share = writer.share(Layer::Cones, count, 12 + 16 + 12 + 4 + 4, surfaces.len(), row_bytes(12));
     for (drawn, cones) in surfaces.iter().zip(cones) {
         let kept: Vec<(u32, Cap)> = share.places(cones.len()).into_iter().map(|place| cones[place]).collect();
         if kept.is_empty() {
@@ -223,7 +224,7 @@ fn draw_faces<'a>(
     let carrying = surfaces.iter().filter_map(|drawn| drawn.caps.map(|caps| (drawn, caps)));
     let wanted: Vec<_> = carrying.map(|(drawn, caps)| (drawn, caps, touches.triangles(level, drawn.place))).collect();
     let count = wanted.iter().map(|(.., triangles)| triangles.len()).sum();
-    let mut share = writer.share(layer, count, 3 * (12 + 4) + 4 + 4, wanted.len(), 1);
+    let mut share = writer.share(layer, count, 3 * (12 + 4) + 4 + 4, wanted.len(), row_bytes(6));
     for (drawn, caps, triangles) in wanted {
         let kept: Vec<u32> = share.places(triangles.len()).into_iter().map(|place| triangles[place]).collect();
         if kept.is_empty() {
@@ -257,7 +258,7 @@ fn draw_trees(writer: &mut TickWriter, levels: u32, surfaces: &[Drawn]) {
         })
         .collect();
     let count = nodes.iter().flatten().map(Vec::len).sum();
-    let mut share = writer.share(Layer::Tree, count, 12 + 12, nodes.iter().map(Vec::len).sum(), 1);
+    let mut share = writer.share(Layer::Tree, count, 12 + 12, nodes.iter().map(Vec::len).sum(), row_bytes(7));
     for (drawn, nodes) in surfaces.iter().zip(nodes) {
         for (level, nodes) in nodes.iter().enumerate() {
             let kept: Vec<[[f32; 3]; 2]> = share.places(nodes.len()).into_iter().map(|place| nodes[place]).collect();
