@@ -167,6 +167,31 @@ fn a_budget_that_suffices_leaves_nothing_out() {
 }
 
 #[test]
+fn what_no_longer_fits_as_a_whole_is_not_shown_as_it_was() {
+    let mut recorded = Recorded::new(RerunSettings { bytes_per_tick: 1 << 20, ..nothing() });
+    recorded.settings().meshes = LevelOfDetail::All;
+    recorded.settings().shapes = true;
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let shown =
+        |recorded: &Recorded| [recorded.viewer.below(&["meshes"]).len(), recorded.viewer.below(&["shapes"]).len()];
+    recorded.tick();
+    assert_eq!(shown(&recorded), [3, 2]);
+    recorded.settings().bytes_per_tick = 100;
+    recorded.tick();
+    assert_eq!(shown(&recorded), [3, 2], "nothing has changed, so that there is nothing to record");
+    scene.advance(&mut recorded.app, 0);
+    recorded.tick();
+    // All but the floor have changed.
+    assert_eq!(shown(&recorded), [0, 1]);
+    recorded.tick();
+    assert!(recorded.last.clears().is_empty());
+    recorded.settings().bytes_per_tick = 1 << 20;
+    recorded.tick();
+    assert_eq!(shown(&recorded), [3, 2]);
+    assert!(recorded.viewer.below(&["meshes"]).values().all(|mesh| mesh.has("Mesh3D:triangle_indices")));
+}
+
+#[test]
 fn what_is_thinned_is_spread_evenly_over_a_layer() {
     let settings = RerunSettings { curvature: LevelOfDetail::All, ..nothing() };
     let mut thinned = 0;

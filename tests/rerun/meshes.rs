@@ -147,6 +147,26 @@ fn near_contacts_only_their_triangles_are_shown_at_all_vertices() {
 }
 
 #[test]
+fn a_mesh_of_which_nothing_is_near_a_contact_is_not_shown_at_all() {
+    // The viewer refuses a mesh without triangles, and says so.
+    let mut recorded = Recorded::new(near());
+    let app = &mut recorded.app;
+    spawn(app, "below", &sheet(3), THIN);
+    let above = spawn(app, "above", &sheet(3), (THIN, Transform::from_xyz(0.1, 0.03, 0.1)));
+    spawn(app, "alone", &sheet(3), (THIN, Transform::from_xyz(0.0, 7.0, 0.0)));
+    recorded.tick();
+    assert_eq!(shown(&recorded.viewer), ["above", "below"]);
+    place(&mut recorded.app, above, |transform| transform.translation.y = 3.0);
+    recorded.tick();
+    assert_eq!(shown(&recorded.viewer), Vec::<String>::new());
+    place(&mut recorded.app, above, |transform| transform.translation.y = 0.03);
+    recorded.tick();
+    assert_eq!(shown(&recorded.viewer), ["above", "below"]);
+    let mesh = recorded.viewer.of(&["meshes", "below"]).expect("it is shown");
+    assert!(!mesh.triples("Mesh3D:triangle_indices").is_empty() && mesh.has("Mesh3D:vertex_positions"));
+}
+
+#[test]
 fn poses_come_from_the_entity_and_all_its_parents() {
     let mut recorded = Recorded::new(everything());
     let app = &mut recorded.app;

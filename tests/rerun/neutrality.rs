@@ -12,7 +12,7 @@ use rerun::sink::MemorySinkStorage;
 
 use crate::world::{Scene, everything, near, place, stream};
 
-const TICKS: u32 = 24;
+const TICKS: u32 = 12;
 
 /// Messages and entity events in the order in which they came.
 #[derive(Resource, Default)]
@@ -92,10 +92,10 @@ fn run(method: ContactMethod, threads: usize, recording: &Recording) -> Outcome 
     for tick in 0..TICKS {
         scene.advance(&mut app, tick);
         // Down through the flat sheet and the floor, so that sides are remembered.
-        place(&mut app, scene.crumpled, |transform| transform.translation.y -= 0.02);
-        if tick == 12 {
+        place(&mut app, scene.crumpled, |transform| transform.translation.y -= 0.04);
+        if tick == 5 {
             app.world_mut().get_mut::<SurfacePositions>(scene.ball).expect("it is a surface").0[0].x = f32::NAN;
-        } else if tick == 15 {
+        } else if tick == 8 {
             app.world_mut().get_mut::<SurfacePositions>(scene.ball).expect("it is a surface").0[0].x = 0.0;
         }
         app.update();
@@ -115,8 +115,8 @@ fn contacts_and_events_are_the_same_whoever_records_them() {
     for method in ContactMethod::ALL {
         let alone = run(method, 1, &Recording::Absent);
         let lines: usize = alone.ticks.iter().map(Vec::len).sum();
-        assert!(lines > 3000, "{method:?}: {lines} lines");
-        assert!(alone.penetrating > 100, "{method:?}: {} have passed each other", alone.penetrating);
+        assert!(lines > 1500, "{method:?}: {lines} lines");
+        assert!(alone.penetrating > 50, "{method:?}: {} have passed each other", alone.penetrating);
         assert!(alone.journal.len() >= 6, "{method:?}: {:?}", alone.journal);
         let of = [
             Recording::NoSink,
@@ -126,7 +126,7 @@ fn contacts_and_events_are_the_same_whoever_records_them() {
         ];
         for (place, recording) in of.iter().enumerate() {
             // Each combination of a method with one thread and with several, and with each recording.
-            let threads = if place % 2 == 0 { 0 } else { 1 };
+            let threads = place % 2;
             let found = run(method, threads, recording);
             for (tick, (expected, found)) in alone.ticks.iter().zip(&found.ticks).enumerate() {
                 assert!(expected == found, "{method:?} differs in tick {tick} with {recording:?}");

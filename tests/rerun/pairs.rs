@@ -78,7 +78,9 @@ fn shown(recorded: &Recorded, scene: &Scene) -> Fates {
 }
 
 fn sorted(mut fates: Fates) -> Fates {
-    fates.values_mut().for_each(|pairs| pairs.sort_unstable());
+    for pairs in fates.values_mut() {
+        pairs.sort_unstable();
+    }
     fates
 }
 

@@ -185,7 +185,7 @@ impl Components {
 
     /// How many instances the component has that has most.
     pub fn longest(&self) -> usize {
-        self.0.values().map(|values| values.len()).max().unwrap_or(0)
+        self.0.values().map(Array::len).max().unwrap_or(0)
     }
 
     #[track_caller]

@@ -274,6 +274,26 @@ fn both_sides_of_a_contact_and_every_vertex_by_its_share_count_for_what_is_left(
 }
 
 #[test]
+fn curves_of_surfaces_that_are_gone_end() {
+    let mut recorded = Recorded::new(only_series());
+    spawn(&mut recorded.app, "resting", &sheet(4), THIN);
+    let (mut rows, mut jitters) = (Vec::new(), 0);
+    for number in 0..10 {
+        let at = Transform::from_xyz(0.0, 0.03, 0.0);
+        let passing = spawn(&mut recorded.app, &format!("passing {number}"), &sheet(2), (THIN, at));
+        for _ in 0..4 {
+            recorded.tick();
+            let curves = curves(&recorded.last, "steadiness");
+            jitters += usize::from(curves.contains_key(&format!("jitter of passing {number}")));
+        }
+        rows.push(curves(&recorded.last, "steadiness").len());
+        recorded.app.world_mut().despawn(passing);
+    }
+    assert!(jitters >= 20, "{jitters} of their values");
+    assert!(rows.iter().all(|&count| count == rows[0]), "more curves in every tick: {rows:?}");
+}
+
+#[test]
 fn every_curve_has_one_value_a_tick_and_its_name_once() {
     let mut recorded = Recorded::new(everything());
     let scene = Scene::spawn(&mut recorded.app, ContactMethod::Circumsphere);

@@ -163,6 +163,7 @@ fn do_mischief(world: &mut World) {
     }
 }
 
+/// The ball, which rests on a shape.
 fn ball_of(world: &mut World) -> Entity {
     let mut names = world.query::<(Entity, &Name)>();
     names.iter(world).find(|(_, name)| name.as_str() == "ball").expect("it is there").0
@@ -207,10 +208,14 @@ fn surfaces_that_change_within_a_tick_are_recorded_without_a_panic_or_a_wrong_ro
             });
             let scene = Scene::spawn(&mut recorded.app, ContactMethod::Circumsphere);
             recorded.tick();
+            let on = bevy_transform::components::Transform::from_xyz(0.1, 0.3, 0.2);
+            crate::world::spawn_shape(&mut recorded.app, "rest", SharedShape::ball(0.1), on);
             let of_ball = |recorded: &Recorded| {
                 recorded.last.rows.iter().filter(|row| row.path.join(" ").contains("ball")).count()
             };
             assert!(of_ball(&recorded) > 8, "it takes part");
+            recorded.tick();
+            assert!(recorded.viewer.of(&["contacts", "points", "ball with rest"]).is_some());
             scene.advance(&mut recorded.app, 1);
             recorded.app.insert_resource(Mischief(deed));
             recorded.tick();
@@ -218,12 +223,17 @@ fn surfaces_that_change_within_a_tick_are_recorded_without_a_panic_or_a_wrong_ro
             let shown = recorded.viewer.below(&["contacts", "points"]);
             let shown: usize = shown.values().map(|shown| shown.floats("distance").len()).sum();
             assert_eq!(shown, contacts(&mut recorded.app).len(), "deed {number} at {moment}");
+            for normals in recorded.viewer.below(&["contacts", "normals"]).values() {
+                let arrows = normals.vectors::<3>("Arrows3D:vectors");
+                let is_right = |arrow: &[f32; 3]| Vec3::from_array(*arrow).is_finite();
+                assert!(arrows.iter().all(is_right), "deed {number} at {moment}: {arrows:?}");
+            }
             let depths = recorded.last.below(&["series"]);
             let timed = depths.iter().filter(|row| !row.times.is_empty());
             assert!(timed.clone().count() > 10);
-            timed.for_each(|row| {
-                assert!(row.components.scalar().is_finite(), "deed {number} at {moment}: {:?}", row.path)
-            });
+            for row in timed {
+                assert!(row.components.scalar().is_finite(), "deed {number} at {moment}: {:?}", row.path);
+            }
             recorded.tick();
             let shows_ball = recorded.viewer.below(&["meshes"]).into_keys().any(|path| path == ["ball"]);
             assert!(!shows_ball, "deed {number} at {moment}");

@@ -125,6 +125,21 @@ fn recording_to_memory_takes_what_the_game_asks_for() {
 }
 
 #[test]
+fn a_game_without_events_is_recorded_without_what_started_and_ended() {
+    use bevy_app::PluginGroup;
+    use bevy_circumsphere::ContactEventsPlugin;
+    let (stream, storage) = crate::world::stream();
+    let mut app = App::new();
+    app.add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<ContactEventsPlugin>());
+    app.add_plugins(DeformableRerunPlugin::to_stream(stream));
+    Scene::spawn(&mut app, ContactMethod::Refined);
+    app.update();
+    app.update();
+    let recording = Recording::of(storage.take());
+    assert!(recording.below(&["contacts"]).len() > 6 && recording.below(&["log"]).is_empty());
+}
+
+#[test]
 fn detection_by_hand_empty_worlds_and_a_hundred_surfaces_are_recorded() {
     use bevy_circumsphere::SurfaceDetection;
 

@@ -10,7 +10,7 @@ use crate::world::{Recorded, THIN, everything, nothing, place, sheet, spawn, spa
 /// The lines of a kind of message in the last tick, and how grave they are.
 fn lines(recorded: &Recorded, kind: &str) -> (Vec<String>, Option<String>) {
     let Some(row) = recorded.last.row(&["log", kind]) else { return Default::default() };
-    assert_eq!(row.tick() as u64, recorded.number());
+    assert_eq!(row.tick(), recorded.number());
     let texts = row.components.texts("TextLog:text");
     assert_eq!(texts.len(), 1);
     let level = row.components.texts("TextLog:level").pop();

@@ -300,7 +300,9 @@ fn boxes_of_a_tree_lie_in_those_of_the_level_above_and_the_root_holds_just_all_t
                     names.iter().enumerate().all(|(level, name)| *name == format!("level {level:02}")),
                     "{names:?}"
                 );
-                shown.values().for_each(|components| assert_posed(&recorded, entity, components));
+                for components in shown.values() {
+                    assert_posed(&recorded, entity, components);
+                }
                 deepest = deepest.max(levels.len());
                 let Some(root) = levels.first() else { continue };
                 assert_eq!(root.len(), 1);

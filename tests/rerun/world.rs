@@ -105,8 +105,9 @@ impl Recorded {
         self.app.world_mut().resource_mut()
     }
 
-    pub fn number(&self) -> u64 {
-        self.app.world().resource::<ContactStore>().tick
+    /// The tick of the store, as rows have it.
+    pub fn number(&self) -> i64 {
+        i64::try_from(self.app.world().resource::<ContactStore>().tick).expect("there are few")
     }
 }
 
