@@ -1,6 +1,9 @@
 //! Curves: what every stage cost and kept, how steady contacts are, how deep sides are in each other.
 
-use std::{collections::HashMap, time::Duration};
+use std::{
+    collections::{HashMap, HashSet},
+    time::Duration,
+};
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use glam::{DVec3, Vec3};
@@ -101,6 +104,12 @@ impl Series {
             }
             self.vertices.insert(surface.entity, track);
         }
+        let there: HashSet<String> =
+            detected.active.surfaces.iter().map(|surface| jitter_of(&names.of(surface.entity))).collect();
+        if let Some(named) = self.named.get_mut(STEADINESS) {
+            // Curves of surfaces that are gone end: there may be ever more of them.
+            named.retain(|curve| !curve.starts_with(&jitter_of("")) || there.contains(curve));
+        }
         Steadiness {
             churn: if either == 0 { 0.0 } else { 1.0 - both.len() as f64 / either as f64 },
             normal_jump: both.iter().map(turn).fold(0.0, f64::max),
@@ -149,7 +158,7 @@ impl Series {
         let jitter = &steadiness.jitter;
         steady.push(("largest jitter".to_owned(), jitter.iter().map(|&(_, jitter)| jitter).fold(0.0, f64::max)));
         if jitter.len() <= JITTER_CURVES {
-            steady.extend(jitter.iter().map(|(name, jitter)| (format!("jitter of {name}"), *jitter)));
+            steady.extend(jitter.iter().map(|(name, jitter)| (jitter_of(name), *jitter)));
         }
         self.draw_plot(writer, STEADINESS, steady);
     }
@@ -202,6 +211,11 @@ impl Series {
             writer.row(of(curve), &[&Scalars::single(values.get(curve.as_str()).copied().unwrap_or(0.0))]);
         }
     }
+}
+
+/// The name of the curve of a surface's jitter.
+fn jitter_of(surface: &str) -> String {
+    format!("jitter of {surface}")
 }
 
 impl Track {
