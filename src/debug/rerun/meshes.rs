@@ -60,9 +60,13 @@ impl ShownBodies {
                 break;
             }
             let Some((positions, _)) = detected.surface(surface) else { continue };
-            let shown = before.remove(&surface.entity);
             let path = path([Layer::Meshes.name(), &names.of(surface.entity)]);
             let next = ShownMesh::new(path, surface, place, positions, settings.meshes, touches);
+            if next.is_empty() {
+                // The viewer takes a mesh without triangles for an error.
+                continue;
+            }
+            let shown = before.remove(&surface.entity);
             if let Some(shown) = next.draw(writer, shown) {
                 self.meshes.insert(surface.entity, shown);
             }
@@ -118,6 +122,10 @@ impl ShownMesh {
         }
     }
 
+    fn is_empty(&self) -> bool {
+        self.triangles.as_ref().is_some_and(Vec::is_empty)
+    }
+
     /// Records what differs from what is shown. Gives what is shown then.
     fn draw(self, writer: &mut TickWriter, shown: Option<Self>) -> Option<Self> {
         let shown = match shown {
@@ -146,7 +154,11 @@ impl ShownMesh {
             return Some(self);
         }
         if !writer.fits(Layer::Meshes, bytes, components) {
-            return shown;
+            // Better not there than where it was.
+            if let Some(shown) = shown {
+                writer.remove(shown.path);
+            }
+            return None;
         }
         let mut mesh = Mesh3D::update_fields();
         if new_triangles {
@@ -202,7 +214,10 @@ impl ShownShape {
         }
         let wires = if is_new { wires() } else { Vec::new() };
         if !writer.fits(Layer::Shapes, wires.iter().map(|wire| 4 + 12 * wire.len()).sum(), 5) {
-            return shown;
+            if let Some(shown) = shown {
+                writer.remove(shown.path);
+            }
+            return None;
         }
         if let Some(shown) = shown.filter(|shown| shown.path != self.path) {
             writer.remove(shown.path);
