@@ -40,8 +40,9 @@ pub(super) fn draw(
         .collect();
     let of_pair = |pair: &StoredPair| {
         let sides = [pair.a.entity(), pair.b.entity()];
-        let finer = sides.iter().filter_map(|side| edges.get(side)).copied().fold(f32::INFINITY, f32::min);
-        (names.of_pair(sides), 0.5 * finer)
+        // Of a surface that is gone by now nothing is known.
+        let finer = sides.iter().filter_map(|side| edges.get(side)).copied().reduce(f32::min);
+        (names.of_pair(sides), 0.5 * finer.unwrap_or(0.0))
     };
     let pairs: Vec<(String, f32, Vec<Contact>)> = detected
         .contacts

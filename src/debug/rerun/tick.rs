@@ -20,7 +20,7 @@ use crate::{
     },
     kernel::{ids::VertexId, pose::Pose},
     settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces, ContactMethod, RigidShape, SurfacePositions},
+    surface::{ActiveSurface, ActiveSurfaces, ContactMethod, RigidShape, SurfacePositions, first_non_finite},
 };
 
 /// What the stages keep for each triangle of a surface.
@@ -50,11 +50,13 @@ pub(super) struct Detected<'w, 's> {
 }
 
 impl Detected<'_, '_> {
-    /// The positions of a surface and what is kept for its triangles; `None` where it is gone, or of another size by now.
+    /// The positions of a surface and what is kept for its triangles; `None` where it is gone, of another size by now, or
+    /// spoiled.
     pub(super) fn surface(&self, surface: &ActiveSurface) -> Option<(&[Vec3], CarriedItem<'_, '_>)> {
         let carried = self.surfaces.get(surface.entity).ok()?;
         let positions = carried.positions.0.as_slice();
-        (positions.len() == surface.topology.vertex_count()).then_some((positions, carried))
+        let is_whole = positions.len() == surface.topology.vertex_count() && first_non_finite(positions).is_none();
+        is_whole.then_some((positions, carried))
     }
 
     /// The two sides of a pair.
