@@ -1,6 +1,6 @@
 //! Stage 1: boxes of triangles, and of whole surfaces in the world.
 
-use std::time::Instant;
+use std::{sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -12,6 +12,7 @@ use crate::{
     kernel::{
         bounds::{Aabb, triangle_bounds},
         pose::Pose,
+        topology::SurfaceTopology,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -21,11 +22,41 @@ use crate::{
 /// Lengths that are rounded to f32 on the way to a box are lengthened by this factor.
 const GROWTH_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// The boxes of a surface's triangles in its own frame, grown by its thickness and half the margin.
+/// The boxes of a surface's triangles in its own frame, grown by its thickness and half the margin. Computed anew only
+/// where positions, triangles or growth are no longer, bit by bit, those of the last detection.
 #[derive(Component, Clone, Debug, Default)]
 pub struct TriangleBounds {
     /// One box a triangle.
     pub triangles: Vec<Aabb>,
+    /// The box of all of them.
+    whole: Aabb,
+    /// How many times they have been computed: what was made from them is as old as the count it was made at.
+    computed: u64,
+    positions: Vec<Vec3>,
+    topology: Option<Arc<SurfaceTopology>>,
+    growth: f32,
+}
+
+impl TriangleBounds {
+    /// How many times the boxes have been computed; while it stays the same, so do they.
+    pub(super) fn computed(&self) -> u64 {
+        self.computed
+    }
+
+    /// Brings the boxes up to date. Whether anything had to be computed.
+    fn update(&mut self, positions: &[Vec3], topology: &Arc<SurfaceTopology>, growth: f32) -> bool {
+        let same_mesh = self.topology.as_ref().is_some_and(|other| Arc::ptr_eq(other, topology));
+        if same_mesh && self.growth == growth && self.positions == positions {
+            return false;
+        }
+        self.whole = triangle_bounds(positions, topology.triangles(), growth, &mut self.triangles);
+        self.computed += 1;
+        self.positions.clear();
+        self.positions.extend_from_slice(positions);
+        self.topology = Some(Arc::clone(topology));
+        self.growth = growth;
+        true
+    }
 }
 
 /// Computes the boxes.
@@ -79,8 +110,10 @@ fn compute_bounds(
     for surface in &mut active.surfaces {
         let Ok((positions, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
         let growth = frame_growth(surface.thickness, settings.margin(), surface.pose.scale());
-        let whole = triangle_bounds(&positions.0, surface.topology.triangles(), growth, &mut bounds.triangles);
-        surface.world_bounds = moved_box(&whole, &surface.pose);
+        if !bounds.update(&positions.0, &surface.topology, growth) {
+            diagnostics.surfaces_unmoved += 1;
+        }
+        surface.world_bounds = moved_box(&bounds.whole, &surface.pose);
     }
     diagnostics.finish(DetectionDiagnostics::FIRST_DETECTION_STAGE, start, 0, 0);
 }

@@ -22,6 +22,9 @@ pub struct StageDiagnostics {
 pub struct DetectionDiagnostics {
     /// The stages.
     pub stages: Vec<StageDiagnostics>,
+    /// Surfaces whose triangles are where they were in the last detection, in their own frame: their boxes and trees were
+    /// kept.
+    pub surfaces_unmoved: usize,
     /// Triangles whose sphere was made anew.
     pub recipes_refreshed: usize,
     /// Pairs that reached the exact test.

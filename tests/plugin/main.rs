@@ -11,6 +11,7 @@ mod order;
 mod pair_fates;
 mod poses;
 mod quarantine;
+mod rest;
 mod rigid_shapes;
 mod setup;
 mod sides;

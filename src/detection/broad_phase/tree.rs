@@ -25,6 +25,8 @@ const REBUILD_DECAY: f32 = 1.5;
 pub struct SurfaceTree {
     tree: BoxTree,
     topology: Option<Arc<SurfaceTopology>>,
+    /// How many times the boxes had been computed when the tree followed them last.
+    followed: u64,
 }
 
 impl SurfaceTree {
@@ -56,6 +58,9 @@ fn update_trees(
     for surface in &active.surfaces {
         let Ok((bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
         if tree.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, &surface.topology)) {
+            if tree.followed == bounds.computed() {
+                continue;
+            }
             tree.tree.refit(&bounds.triangles);
             if tree.tree.decay() > REBUILD_DECAY {
                 tree.tree.rebuild(&bounds.triangles);
@@ -67,6 +72,7 @@ fn update_trees(
             tree.topology = Some(Arc::clone(&surface.topology));
             diagnostics.first_tree_builds += build.elapsed();
         }
+        tree.followed = bounds.computed();
     }
     let start = start + diagnostics.first_tree_builds;
     diagnostics.finish("tree update", start, 0, 0);

@@ -1,0 +1,131 @@
+//! What does not move keeps its boxes and its tree, and what is found is what a new world finds.
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{
+    CircumsphereSettings,
+    detection::{
+        BroadPhasePlugin, BruteForceBroadPhasePlugin, DetectionDiagnostics, TreeBroadPhasePlugin, TriangleBounds,
+    },
+    kernel::bounds::triangle_bounds,
+    prelude::*,
+};
+use bevy_ecs::prelude::*;
+use bevy_transform::components::Transform;
+use circumsphere_support::scenes::{Mesh, icosphere};
+use glam::Vec3;
+
+use crate::world::{THIN, app, at, ball, fingerprint, insert, points, sheet, store, surface};
+
+/// What a world consists of, apart from what it remembers.
+#[derive(Clone)]
+struct Scene {
+    meshes: [Mesh; 2],
+    positions: [Vec<Vec3>; 2],
+    thicknesses: [SurfaceThickness; 2],
+    ball_at: Transform,
+    margin: f32,
+}
+
+const NAMES: [&str; 2] = ["sheet", "ball"];
+
+impl Scene {
+    fn new() -> Self {
+        let meshes = [sheet(), ball()];
+        Self {
+            positions: [points(&meshes[0]), points(&meshes[1])],
+            meshes,
+            thicknesses: [THIN; 2],
+            ball_at: at(0.1, 0.53, 0.2),
+            margin: 0.0,
+        }
+    }
+
+    fn spawn(&self, app: &mut App) -> [Entity; 2] {
+        [0, 1].map(|body| {
+            let bundle = (Name::new(NAMES[body]), crate::world::Called(NAMES[body]), surface(&self.meshes[body]));
+            app.world_mut().spawn(bundle).id()
+        })
+    }
+
+    /// Writes everything, whether it has changed or not.
+    fn write(&self, app: &mut App, bodies: [Entity; 2]) {
+        let transforms = [Transform::IDENTITY, self.ball_at];
+        for body in 0..2 {
+            let positions = SurfacePositions(self.positions[body].clone());
+            insert(app, bodies[body], (positions, self.thicknesses[body], transforms[body]));
+        }
+        app.world_mut().resource_mut::<CircumsphereSettings>().margin = self.margin;
+    }
+}
+
+fn brute_force_app() -> App {
+    let mut app = App::new();
+    let plugins = DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>();
+    app.add_plugins(plugins.add_after::<BroadPhasePlugin>(BruteForceBroadPhasePlugin));
+    app
+}
+
+/// A change of the scene, and how many surfaces stay where they are in it.
+type Step = (&'static str, fn(&mut Scene), usize);
+
+const STEPS: [Step; 9] = [
+    ("nothing", |_| (), 2),
+    ("one vertex of the ball", |scene| scene.positions[1][7].y -= 0.02, 1),
+    ("nothing again", |_| (), 2),
+    ("the ball's transform", |scene| scene.ball_at.translation.y -= 0.02, 2),
+    ("the sheet's thickness", |scene| scene.thicknesses[0] = SurfaceThickness::World(0.08), 1),
+    ("the margin", |scene| scene.margin = 0.1, 0),
+    ("all vertices of the sheet", |scene| scene.positions[0].iter_mut().for_each(|vertex| vertex.y += 0.01), 1),
+    ("the ball's scale", |scene| scene.ball_at.scale = Vec3::splat(1.1), 1),
+    ("nothing at last", |_| (), 2),
+];
+
+#[test]
+fn boxes_are_kept_just_where_nothing_has_changed_and_contacts_are_those_of_a_new_world() {
+    for brute_force in [false, true] {
+        let make = || if brute_force { brute_force_app() } else { app() };
+        let (mut scene, mut warm) = (Scene::new(), make());
+        let bodies = scene.spawn(&mut warm);
+        scene.write(&mut warm, bodies);
+        warm.update();
+        assert_eq!(warm.world().resource::<DetectionDiagnostics>().surfaces_unmoved, 0, "all is new");
+        let mut touching = 0;
+        for (what, change, unmoved) in STEPS {
+            change(&mut scene);
+            scene.write(&mut warm, bodies);
+            warm.update();
+            assert_eq!(warm.world().resource::<DetectionDiagnostics>().surfaces_unmoved, unmoved, "{what}");
+            let mut cold = make();
+            let new_bodies = scene.spawn(&mut cold);
+            scene.write(&mut cold, new_bodies);
+            cold.update();
+            assert_eq!(fingerprint(&warm), fingerprint(&cold), "{what}");
+            assert_eq!(store(&warm).touching, store(&cold).touching, "{what}");
+            touching += store(&warm).touching.len();
+        }
+        assert!(touching > 50, "{touching} touching pairs");
+    }
+}
+
+#[test]
+fn another_mesh_of_the_same_positions_gets_boxes_of_its_own_triangles() {
+    let mut app = app();
+    let mesh = icosphere(1, 0.5);
+    let entity = app.world_mut().spawn((surface(&mesh), THIN)).id();
+    app.update();
+    let fewer = Mesh { triangles: mesh.triangles[..20].to_vec(), ..mesh.clone() };
+    insert(&mut app, entity, surface(&fewer).0);
+    app.update();
+    let bounds = app.world().get::<TriangleBounds>(entity).expect("it is a surface");
+    assert_eq!(bounds.triangles.len(), 20);
+    assert_eq!(app.world().resource::<DetectionDiagnostics>().surfaces_unmoved, 0);
+    // As the bounds stage grows them: by the thickness, and by no less.
+    let mut expected = Vec::new();
+    triangle_bounds(&points(&fewer), &fewer.triangles, 0.05, &mut expected);
+    for (found, least) in bounds.triangles.iter().zip(&expected) {
+        assert!(found.min.cmple(least.min).all() && found.max.cmpge(least.max).all());
+        // Events part a thousandth farther out; 4 units in the last place of 1.
+        let slack = Vec3::splat(0.05e-3 + 4.0 * f32::EPSILON);
+        assert!((least.min - found.min).cmple(slack).all() && (found.max - least.max).cmple(slack).all());
+    }
+}
