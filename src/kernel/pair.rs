@@ -97,9 +97,9 @@ pub struct PairSettings {
 /// What a list of pairs amounts to.
 #[derive(Clone, Debug)]
 pub struct FoundPairs {
-    /// Pairs of triangles that touch, in the order of the candidates.
+    /// Pairs of triangles that touch, in the order of the candidates; by `Closest` those that had to be examined come last.
     pub touching: Vec<TouchingPair>,
-    /// Contacts in the order of the candidates. The same one may occur several times, under the same key.
+    /// Contacts in the same order. The same one may occur several times, under the same key.
     pub contacts: Vec<CompactContact>,
     /// Distance of the nearest pair in world units, at least 0; infinite where none is within range.
     pub nearest: f64,

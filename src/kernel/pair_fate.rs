@@ -4,6 +4,8 @@
 //! pairs are left. So the answer is that of the stages, and costs nothing where nobody asks. Read by
 //! `detection::PairFates`.
 
+use std::collections::HashSet;
+
 use glam::Vec3;
 
 use super::{
@@ -181,7 +183,9 @@ pub fn closest_fates(
     let mut fates = Fates::append(candidates, fates);
     let mut found = FoundPairs::default();
     refine_closest_in_steps(a, b, candidates, settings, &mut found, &mut fates);
-    fates.passed(PairFate::Distance, touching(&found));
+    // Those that had to be examined come last.
+    let touching: HashSet<[u32; 2]> = touching(&found).collect();
+    fates.passed(PairFate::Distance, candidates.iter().copied().filter(|pair| touching.contains(pair)));
 }
 
 /// Appends the fate of each candidate triangle near a rigid shape; see [`refine_shape`] for what they are of.

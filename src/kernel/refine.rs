@@ -14,7 +14,7 @@ use super::{
         Feature, FeaturePair, PairProximity, PairScreen, Proximity,
         barycentric::point_at,
         cull::{cull_by_closest_features, cull_by_planes},
-        examine_pair, examine_screened,
+        examine_screened,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         side::{closest_feature, face_normal},
         triangle_pair::TIE,
@@ -70,6 +70,21 @@ pub(super) fn refine_pairs_in_steps(
         observer.passed(PairFate::ClosestFeatures, close.iter().copied());
         pairs = &close;
     }
+    examine_pairs(a, b, pairs, settings, found, |triangles, _, proximity| {
+        reports(a, b, settings.same_surface, triangles, proximity.features)
+    });
+}
+
+/// Tests pairs exactly, whatever any cull says of them. Which of a pair's features make a contact is up to `makes_contact`.
+fn examine_pairs(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    pairs: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+    makes_contact: impl Fn([u32; 2], &PairProximity, &Proximity) -> bool,
+) {
+    let range = settings.range / settings.scale;
     found.examined += pairs.len();
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
@@ -78,49 +93,18 @@ pub(super) fn refine_pairs_in_steps(
         for pair in screen.screen(corners, range) {
             let triangles = pairs[pair.place];
             examine_screened(&pair, range, &mut proximity);
-            add_proximity(a, b, triangles, pair.corners, settings, &proximity, found, |_, proximity| {
-                reports(a, b, settings.same_surface, triangles, proximity.features)
-            });
-        }
-    }
-}
-
-/// Tests one pair exactly; `proximity` is scratch. Which of the pair's features make a contact is up to `makes_contact`.
-fn refine_pair(
-    a: &SurfaceSide<'_>,
-    b: &SurfaceSide<'_>,
-    triangles: [u32; 2],
-    settings: &PairSettings,
-    proximity: &mut PairProximity,
-    found: &mut FoundPairs,
-    makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
-) {
-    let [triangle_a, triangle_b] = triangles;
-    let corners = [a.corners(triangle_a), b.corners(triangle_b)];
-    examine_pair(&corners[0], &corners[1], settings.range / settings.scale, proximity);
-    add_proximity(a, b, triangles, &corners, settings, proximity, found, makes_contact);
-}
-
-/// Appends what the exact test says of a pair, where it is within range.
-#[expect(clippy::too_many_arguments, reason = "a pair of each of two sides, and what becomes of it")]
-fn add_proximity(
-    a: &SurfaceSide<'_>,
-    b: &SurfaceSide<'_>,
-    triangles: [u32; 2],
-    corners: &[[DVec3; 3]; 2],
-    settings: &PairSettings,
-    proximity: &PairProximity,
-    found: &mut FoundPairs,
-    makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
-) {
-    let distance = proximity.distance * settings.scale;
-    if distance > settings.range {
-        return;
-    }
-    add_pair(triangles, distance, settings, found);
-    for features in &proximity.proximities {
-        if features.distance * settings.scale <= settings.reported_distance && makes_contact(proximity, features) {
-            found.contacts.push(contact(a, b, settings, triangles, [&corners[0], &corners[1]], features));
+            let distance = proximity.distance * settings.scale;
+            if distance > settings.range {
+                continue;
+            }
+            add_pair(triangles, distance, settings, found);
+            let corners = [&pair.corners[0], &pair.corners[1]];
+            for features in &proximity.proximities {
+                let is_reported = features.distance * settings.scale <= settings.reported_distance;
+                if is_reported && makes_contact(triangles, &proximity, features) {
+                    found.contacts.push(contact(a, b, settings, triangles, corners, features));
+                }
+            }
         }
     }
 }
@@ -166,15 +150,12 @@ pub(super) fn refine_closest_in_steps(
     observer.passed(PairFate::Planes, past_planes.iter().copied());
     near_pairs(positions, triangles, &past_planes, range, &mut near);
     observer.passed(PairFate::ClosestFeatures, near.iter().map(|pair| pair.triangles));
-    let mut proximity = PairProximity::default();
+    let mut doubtful = Vec::new();
     for pair in &near {
         let [triangle_a, triangle_b] = pair.triangles;
         let corners = [&a.corners(triangle_a), &b.corners(triangle_b)];
         let Some(closest) = pair.closest_features(corners) else {
-            found.examined += 1;
-            refine_pair(a, b, pair.triangles, settings, &mut proximity, found, |pair, features| {
-                pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
-            });
+            doubtful.push(pair.triangles);
             continue;
         };
         let distance = closest.distance * settings.scale;
@@ -183,6 +164,9 @@ pub(super) fn refine_closest_in_steps(
             found.contacts.push(contact(a, b, settings, pair.triangles, corners, &closest));
         }
     }
+    examine_pairs(a, b, &doubtful, settings, found, |_, pair, features| {
+        pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
+    });
 }
 
 /// Tests candidate triangles of a surface exactly against a rigid shape and appends what it finds. `pose` brings the
