@@ -72,6 +72,16 @@ fn a_file_that_cannot_be_written_and_an_address_that_is_none_are_named() {
     }
 }
 
+#[test]
+fn a_viewer_that_is_not_there_is_an_error_at_once_and_not_a_game_that_stalls() {
+    // A port that was free a moment ago, and in which nobody listens.
+    let free = std::net::TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
+    let address = format!("rerun+http://{}/proxy", free.expect("there is a free port"));
+    let Err(error) = DeformableRerunPlugin::to_viewer(&address) else { panic!("nobody listens at {address}") };
+    assert!(matches!(&error, RerunError::NoViewer { address: found } if *found == address), "{error}");
+    assert!(error.to_string().contains(&address), "{error}");
+}
+
 fn rows_of_entities(recording: &Recording) -> BTreeMap<Path, usize> {
     let mut rows = BTreeMap::new();
     for row in &recording.rows {

@@ -62,13 +62,19 @@ pub enum RerunError {
         /// Why.
         source: Box<RecordingStreamError>,
     },
-    /// There is no viewer to connect to under this address.
+    /// This is no address of a viewer.
     #[error("cannot send a recording to {address}: {source}")]
     Viewer {
         /// Which.
         address: String,
         /// Why.
         source: Box<RecordingStreamError>,
+    },
+    /// No viewer listens under this address.
+    #[error("no viewer listens at {address}: start it (`rerun`) before the game")]
+    NoViewer {
+        /// Which.
+        address: String,
     },
     /// No recording can be started.
     #[error("cannot start a recording: {0}")]
@@ -109,14 +115,17 @@ impl DeformableRerunPlugin {
     }
 
     /// Records to a running viewer, by its address: `rerun+http://127.0.0.1:9876/proxy` for one on this machine with its
-    /// own settings. While no viewer listens there, what was recorded waits.
+    /// own settings. The viewer has to be there: it is waited for up to five seconds.
     ///
     /// # Errors
-    /// Where the address is none.
+    /// Where the address is none, or no viewer listens there.
     pub fn to_viewer(address: &str) -> Result<Self, RerunError> {
-        match RecordingStreamBuilder::new(APPLICATION).connect_grpc_opts(address) {
+        let address = address.to_owned();
+        match RecordingStreamBuilder::new(APPLICATION).connect_grpc_opts(address.as_str()) {
+            // With nobody there the stream would fill up, stall the game, and then keep it from ending.
+            Ok(stream) if stream.flush_blocking().is_err() => Err(RerunError::NoViewer { address }),
             Ok(stream) => Ok(Self { stream }),
-            Err(source) => Err(RerunError::Viewer { address: address.to_owned(), source: Box::new(source) }),
+            Err(source) => Err(RerunError::Viewer { address, source: Box::new(source) }),
         }
     }
 
