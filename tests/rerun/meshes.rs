@@ -430,3 +430,32 @@ fn without_meshes_nothing_of_them_is_recorded() {
         assert!(layers.iter().all(|layer| layer == "log" || layer.is_empty()), "{layers:?}");
     }
 }
+
+/// A scene of any size shows the ground on which it stands, and not only where the ground's origin is.
+#[test]
+fn a_half_space_is_a_grid_as_large_as_the_scene_and_under_it() {
+    for size in [0.01, 1.0, 1000.0] {
+        let mut recorded = Recorded::new(everything());
+        let away = Vec3::new(70.0, 0.5, -30.0) * size;
+        spawn(&mut recorded.app, "sheet", &sheet(2), Transform::from_translation(away).with_scale(Vec3::splat(size)));
+        let floor = RigidShape(SharedShape::halfspace(Vec3::Y));
+        let scaled = Transform::from_xyz(3.0 * size, 0.0, 0.0).with_scale(Vec3::splat(2.0));
+        recorded.app.world_mut().spawn((floor, Name::new("floor"), scaled));
+        recorded.tick();
+        let strips = recorded.viewer.of(&["shapes", "floor"]).expect("it is shown").strips();
+        let points: Vec<Vec3> =
+            strips.iter().flatten().map(|&point| scaled.transform_point(Vec3::from_array(point))).collect();
+        let box_of = |pick: fn(Vec3, Vec3) -> Vec3| points.iter().copied().reduce(pick).expect("there are lines");
+        let (low, high) = (box_of(Vec3::min), box_of(Vec3::max));
+        // Points in single precision, at seventy times the size of the scene.
+        let rounding = 70.0 * size * 1.0e-6;
+        assert!(low.y.abs().max(high.y.abs()) <= rounding, "{low} {high}");
+        let center = (low + high) * 0.5;
+        let sheet_diagonal = size * Vec3::new(2.0, 0.0, 2.0).length();
+        for (middle, under) in [(center.x, away.x), (center.z, away.z)] {
+            assert!((middle - under).abs() < sheet_diagonal, "{middle} is not under {under}");
+        }
+        let side = (high.x - low.x).max(high.z - low.z);
+        assert!(side > sheet_diagonal && side < 10.0 * sheet_diagonal, "{side} at size {size}");
+    }
+}

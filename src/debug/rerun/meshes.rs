@@ -17,8 +17,8 @@ use super::{
     wires::wires,
 };
 use crate::{
-    kernel::{exact::rigid_shape::ShapeGeometry, pose::Pose, topology::SurfaceTopology},
-    surface::ActiveSurface,
+    kernel::{bounds::Aabb, exact::rigid_shape::ShapeGeometry, pose::Pose, topology::SurfaceTopology},
+    surface::{ActiveSurface, ActiveSurfaces},
 };
 
 /// The meshes and shapes that the viewer shows.
@@ -26,6 +26,33 @@ use crate::{
 pub(super) struct ShownBodies {
     meshes: EntityHashMap<ShownMesh>,
     shapes: EntityHashMap<ShownShape>,
+    /// Where the first surfaces were, for the shapes that have no end.
+    scene: Option<Scene>,
+}
+
+/// A ball around the surfaces.
+#[derive(Clone, Copy, PartialEq)]
+struct Scene {
+    center: Vec3,
+    reach: f32,
+}
+
+/// What a shape sees before there are surfaces.
+const EMPTY_SCENE: Scene = Scene { center: Vec3::ZERO, reach: 10.0 };
+
+impl Scene {
+    /// `None` where there are no surfaces.
+    fn of(active: &ActiveSurfaces) -> Option<Self> {
+        let bounds = active.surfaces.iter().fold(Aabb::EMPTY, |bounds, surface| bounds.union(&surface.world_bounds));
+        let reach = (bounds.max - bounds.min).length();
+        (reach.is_finite() && reach > 0.0).then(|| Self { center: (bounds.min + bounds.max) * 0.5, reach })
+    }
+
+    /// As a shape in this pose sees it.
+    fn seen_from(self, pose: &Pose) -> Self {
+        let center = pose.inverse().transform_point(self.center.as_dvec3()).as_vec3();
+        Self { center, reach: (f64::from(self.reach) / pose.scale()) as f32 }
+    }
 }
 
 /// A mesh as the viewer shows it.
@@ -43,6 +70,7 @@ struct ShownShape {
     path: EntityPath,
     geometry: Arc<ShapeGeometry>,
     pose: Pose,
+    scene: Option<Scene>,
 }
 
 impl ShownBodies {
@@ -71,15 +99,18 @@ impl ShownBodies {
                 self.meshes.insert(surface.entity, shown);
             }
         }
+        self.scene = self.scene.or_else(|| Scene::of(&detected.active));
         let mut before_shapes = std::mem::take(&mut self.shapes);
         for shape in &detected.active.shapes {
             if !settings.shapes {
                 break;
             }
             let path = path([Layer::Shapes.name(), &names.of(shape.entity)]);
-            let next = ShownShape { path, geometry: Arc::clone(&shape.geometry), pose: shape.pose };
+            let next = ShownShape { path, geometry: Arc::clone(&shape.geometry), pose: shape.pose, scene: self.scene };
             let Ok(rigid) = detected.shapes.get(shape.entity) else { continue };
-            if let Some(shown) = next.draw(writer, before_shapes.remove(&shape.entity), || wires(&rigid.0)) {
+            let scene = self.scene.map_or(EMPTY_SCENE, |scene| scene.seen_from(&shape.pose));
+            let wires = || wires(&rigid.0, scene.center, scene.reach);
+            if let Some(shown) = next.draw(writer, before_shapes.remove(&shape.entity), wires) {
                 self.shapes.insert(shape.entity, shown);
             }
         }
@@ -207,7 +238,9 @@ impl ShownShape {
         shown: Option<Self>,
         wires: impl FnOnce() -> Vec<Vec<[f32; 3]>>,
     ) -> Option<Self> {
-        let same = |shown: &Self| Arc::ptr_eq(&shown.geometry, &self.geometry) && shown.path == self.path;
+        let same = |shown: &Self| {
+            Arc::ptr_eq(&shown.geometry, &self.geometry) && shown.path == self.path && shown.scene == self.scene
+        };
         let is_new = !shown.as_ref().is_some_and(same);
         if !is_new && shown.as_ref().is_some_and(|shown| shown.pose == self.pose) {
             return Some(self);

@@ -6,15 +6,14 @@ use parry3d::shape::{SharedShape, TypedShape};
 /// Corners of a circle.
 const CORNERS: u32 = 24;
 
-/// Half the side of the square that stands for a half-space, which has no end, and its lines a side.
-const HALF_SPACE_REACH: f32 = 10.0;
-const HALF_SPACE_LINES: i32 = 20;
+/// Cells on a side of the square that stands for a half-space, which has no end.
+const HALF_SPACE_CELLS: i32 = 20;
 
 /// A line of points.
 pub(super) type Wire = Vec<[f32; 3]>;
 
-/// The outline of a shape. Of a half-space a grid of lines around its origin.
-pub(super) fn wires(shape: &SharedShape) -> Vec<Wire> {
+/// The outline of a shape. Of a half-space a grid of lines below `center`, as far as `reach` to each side of it.
+pub(super) fn wires(shape: &SharedShape, center: Vec3, reach: f32) -> Vec<Wire> {
     match shape.as_typed_shape() {
         TypedShape::Ball(shape) => lines(shape.to_outline(CORNERS)),
         TypedShape::Cuboid(shape) => lines(shape.to_outline()),
@@ -29,7 +28,7 @@ pub(super) fn wires(shape: &SharedShape) -> Vec<Wire> {
             let points = shape.points();
             shape.edges().iter().map(|edge| edge.vertices.map(|end| points[end as usize].to_array()).to_vec()).collect()
         }
-        TypedShape::HalfSpace(shape) => grid(shape.normal),
+        TypedShape::HalfSpace(shape) => grid(shape.normal, center, reach),
         TypedShape::Segment(shape) => vec![vec![shape.a.to_array(), shape.b.to_array()]],
         TypedShape::Triangle(shape) => vec![outline([shape.a, shape.b, shape.c])],
         TypedShape::RoundTriangle(shape) => {
@@ -48,7 +47,11 @@ pub(super) fn wires(shape: &SharedShape) -> Vec<Wire> {
         TypedShape::Compound(shape) => {
             let moved = |(pose, part): &(parry3d::math::Pose, SharedShape)| {
                 let place = |point: [f32; 3]| (pose.rotation * Vec3::from_array(point) + pose.translation).to_array();
-                wires(part).into_iter().map(|wire| wire.into_iter().map(place).collect()).collect::<Vec<Wire>>()
+                let seen_from_part = pose.inverse_transform_point(center);
+                wires(part, seen_from_part, reach)
+                    .into_iter()
+                    .map(|wire| wire.into_iter().map(place).collect())
+                    .collect::<Vec<Wire>>()
             };
             shape.shapes().iter().flat_map(moved).collect()
         }
@@ -71,12 +74,15 @@ fn outline([a, b, c]: [Vec3; 3]) -> Wire {
     [a, b, c, a].map(|corner| corner.to_array()).to_vec()
 }
 
-fn grid(normal: Vec3) -> Vec<Wire> {
-    let (u, v) = normal.normalize_or(Vec3::Y).any_orthonormal_pair();
-    let line = |number: i32, across: Vec3, along: Vec3| {
-        let middle = across * (HALF_SPACE_REACH * number as f32 / (HALF_SPACE_LINES / 2) as f32);
-        let reach = along * HALF_SPACE_REACH;
-        vec![(middle - reach).to_array(), (middle + reach).to_array()]
+fn grid(normal: Vec3, center: Vec3, reach: f32) -> Vec<Wire> {
+    let normal = normal.normalize_or(Vec3::Y);
+    let (u, v) = normal.any_orthonormal_pair();
+    let middle = center - normal * normal.dot(center);
+    let place = |number: i32| reach * (2 * number - HALF_SPACE_CELLS) as f32 / HALF_SPACE_CELLS as f32;
+    // In as many parts as it has cells: the viewer draws each part as thick as it has to be at its ends.
+    let line = |number: i32, across: Vec3, along: Vec3| -> Wire {
+        let start = middle + across * place(number);
+        (0..=HALF_SPACE_CELLS).map(|part| (start + along * place(part)).to_array()).collect()
     };
-    (-HALF_SPACE_LINES / 2..=HALF_SPACE_LINES / 2).flat_map(|number| [line(number, u, v), line(number, v, u)]).collect()
+    (0..=HALF_SPACE_CELLS).flat_map(|number| [line(number, u, v), line(number, v, u)]).collect()
 }
