@@ -138,7 +138,8 @@ fn draw_spheres(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches
         })
         .collect();
     let count = spheres.iter().map(|(balls, _)| balls.len()).sum();
-    let mut share = writer.share(Layer::Spheres, count, 12 + 12 + 4, surfaces.len(), row_bytes(8));
+    let filled = spheres.iter().filter(|(balls, _)| !balls.is_empty()).count();
+    let mut share = writer.share(Layer::Spheres, count, 12 + 12 + 4, filled, row_bytes(8));
     for (drawn, (balls, triangles)) in surfaces.iter().zip(spheres) {
         let kept: Vec<usize> = share.places(balls.len());
         if kept.is_empty() {
@@ -186,8 +187,9 @@ fn draw_cones(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches, 
         })
         .collect();
     let count = cones.iter().map(Vec::len).sum();
+    let filled = cones.iter().filter(|cones| !cones.is_empty()).count();
     // The cone that is posed is a row's own, too.
-    let mut share = writer.share(Layer::Cones, count, 12 + 16 + 12 + 4 + 4, surfaces.len(), row_bytes(12));
+    let mut share = writer.share(Layer::Cones, count, 12 + 16 + 12 + 4 + 4, filled, row_bytes(12));
     for (drawn, cones) in surfaces.iter().zip(cones) {
         let kept: Vec<(u32, Cap)> = share.places(cones.len()).into_iter().map(|place| cones[place]).collect();
         if kept.is_empty() {
@@ -224,7 +226,8 @@ fn draw_faces<'a>(
     let carrying = surfaces.iter().filter_map(|drawn| drawn.caps.map(|caps| (drawn, caps)));
     let wanted: Vec<_> = carrying.map(|(drawn, caps)| (drawn, caps, touches.triangles(level, drawn.place))).collect();
     let count = wanted.iter().map(|(.., triangles)| triangles.len()).sum();
-    let mut share = writer.share(layer, count, 3 * (12 + 4) + 4 + 4, wanted.len(), row_bytes(6));
+    let filled = wanted.iter().filter(|(.., triangles)| !triangles.is_empty()).count();
+    let mut share = writer.share(layer, count, 3 * (12 + 4) + 4 + 4, filled, row_bytes(6));
     for (drawn, caps, triangles) in wanted {
         let kept: Vec<u32> = share.places(triangles.len()).into_iter().map(|place| triangles[place]).collect();
         if kept.is_empty() {
