@@ -88,8 +88,8 @@ impl PairFates<'_, '_> {
         Some([self.active.surfaces.get(pair.first)?.entity, second])
     }
 
-    /// `None` where the pair is no longer what was detected.
-    fn of_triangles(&self, pair: &SurfacePair, triangles: &[[u32; 2]]) -> Option<Vec<PairFate>> {
+    /// The fates of some of a pair's candidates; `None` where the pair is no longer what was detected.
+    pub(crate) fn of_triangles(&self, pair: &SurfacePair, triangles: &[[u32; 2]]) -> Option<Vec<PairFate>> {
         let settings = pair_settings(pair, &self.settings);
         let map = |work: &(dyn Fn(&[[u32; 2]], &mut Vec<PairFate>) + Sync)| {
             let chunks = map_chunks(triangles, self.settings.threads, |chunk| {

@@ -35,20 +35,21 @@ pub(super) fn draw(
         return;
     }
     let mut drawn = Vec::new();
-    let mut fates = Vec::new();
-    for (place, pair) in detected.candidates.pairs.iter().enumerate() {
-        detected.fates.of(place, &mut fates);
-        let mut by_fate = vec![Vec::new(); PairFate::ALL.len()];
-        for (&triangles, &fate) in pair.triangles.iter().zip(&fates) {
-            // Planes part most of them, and never wrongly.
-            if level == LevelOfDetail::NearContacts && fate == PairFate::Planes {
-                continue;
-            }
+    for pair in &detected.candidates.pairs {
+        let wants = |&[first, second]: &[u32; 2]| {
             let wants_second = match pair.second {
-                OtherSide::Surface(second) => touches.wants(level, second, triangles[1]),
+                OtherSide::Surface(place) => touches.wants(level, place, second),
                 OtherSide::Shape(_) => true,
             };
-            if wants_second && touches.wants(level, pair.first, triangles[0]) {
+            wants_second && touches.wants(level, pair.first, first)
+        };
+        // Fates take as long as the stages did: nothing is asked of pairs that are not drawn.
+        let wanted: Vec<[u32; 2]> = pair.triangles.iter().copied().filter(wants).collect();
+        let fates = detected.fates.of_triangles(pair, &wanted).unwrap_or_default();
+        let mut by_fate = vec![Vec::new(); PairFate::ALL.len()];
+        for (triangles, fate) in wanted.into_iter().zip(fates) {
+            // Planes part most of them, and never wrongly.
+            if level == LevelOfDetail::All || fate != PairFate::Planes {
                 by_fate[fate as usize].push(triangles);
             }
         }
