@@ -87,8 +87,8 @@ pub enum RerunError {
 /// Add it after [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins). Without a sink, as
 /// [`DeformableRerunPlugin::default`] makes it, nothing is recorded and nothing computed.
 ///
-/// A file is complete when the app has been dropped. Until then, and if the program is killed, it can be opened up to what
-/// was written last.
+/// A file is complete when the app has been dropped. Until then, and if the program is killed or leaves by
+/// `std::process::exit`, it can be opened up to what was written last, though `rerun rrd verify` misses its end.
 #[derive(Clone)]
 pub struct DeformableRerunPlugin {
     stream: RecordingStream,
@@ -139,7 +139,8 @@ impl DeformableRerunPlugin {
         Ok((Self { stream }, storage))
     }
 
-    /// Records to a stream of your own, with what you log yourself. Its clock is left alone.
+    /// Records to a stream of your own, with what you log yourself. Its clock is left alone; the viewer is told to lay the
+    /// recording out as this crate does, which shows what else you log in 3D, but none of your curves and texts.
     #[must_use]
     pub fn to_stream(stream: RecordingStream) -> Self {
         Self { stream }

@@ -33,7 +33,8 @@ pub struct RerunSettings {
     /// difference of the positions of a surface's touching vertices, in mean edges; while no more than 8 surfaces touch, each
     /// has a curve of its own.
     pub series: bool,
-    /// Wall-clock times among the series. Default true; without them two recordings of the same ticks are equal.
+    /// Wall-clock times among the series: of each stage, and what recording the last tick took. Default true; without them
+    /// two recordings of the same ticks are equal.
     pub times: bool,
     /// Surfaces, colored where they touch. Default all. A mesh's triangles are recorded once, its positions when they
     /// change.
