@@ -337,6 +337,14 @@ fn a_new_surface_takes_the_place_of_a_despawned_one_of_its_name() {
     let name = meshes.keys().next().expect("there is one")[0].clone();
     assert!(name.starts_with("sleeve"), "{name}");
     assert_shown_is(&recorded, &name, higher);
+
+    // Once a name is free, who comes next has it as it is.
+    recorded.app.world_mut().despawn(higher);
+    recorded.tick();
+    let next = spawn(&mut recorded.app, "sleeve", &mesh, Transform::from_xyz(0.0, 4.0, 0.0));
+    recorded.tick();
+    assert_eq!(shown(&recorded.viewer), ["sleeve"]);
+    assert_shown_is(&recorded, "sleeve", next);
 }
 
 #[test]
