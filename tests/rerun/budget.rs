@@ -113,13 +113,13 @@ const BUDGETS: [usize; 7] = [0, 1 << 10, 20 << 10, 60 << 10, 120 << 10, 250 << 1
 #[test]
 fn no_tick_takes_more_than_it_may_and_what_is_left_out_is_told() {
     let settings = RerunSettings { times: false, ..everything() };
-    let whole = ticks(&settings, 4);
+    let whole = ticks(&settings, 3);
     let least_needed = whole.iter().map(|(_, taken)| split(taken).1).min().expect("there are ticks");
     assert!(least_needed > 500_000, "{least_needed} bytes: too few for the budgets to matter");
     for budget in BUDGETS {
         let mut warned: Vec<String> = Vec::new();
         for ((recording, taken), (whole, _)) in
-            ticks(&RerunSettings { bytes_per_tick: budget, ..settings.clone() }, 4).iter().zip(&whole)
+            ticks(&RerunSettings { bytes_per_tick: budget, ..settings.clone() }, 3).iter().zip(&whole)
         {
             let (_, layers) = split(taken);
             let with_curves = layers + taken["series"].bytes;

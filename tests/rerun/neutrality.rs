@@ -12,7 +12,7 @@ use rerun::sink::MemorySinkStorage;
 
 use crate::world::{Scene, everything, near, place, stream};
 
-const TICKS: u32 = 12;
+const TICKS: u32 = 9;
 
 /// Messages and entity events in the order in which they came.
 #[derive(Resource, Default)]
@@ -115,8 +115,8 @@ fn contacts_and_events_are_the_same_whoever_records_them() {
     for method in ContactMethod::ALL {
         let alone = run(method, 1, &Recording::Absent);
         let lines: usize = alone.ticks.iter().map(Vec::len).sum();
-        assert!(lines > 1500, "{method:?}: {lines} lines");
-        assert!(alone.penetrating > 50, "{method:?}: {} have passed each other", alone.penetrating);
+        assert!(lines > 1000, "{method:?}: {lines} lines");
+        assert!(alone.penetrating > 30, "{method:?}: {} have passed each other", alone.penetrating);
         assert!(alone.journal.len() >= 6, "{method:?}: {:?}", alone.journal);
         let of = [
             Recording::NoSink,
