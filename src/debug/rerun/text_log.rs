@@ -1,4 +1,4 @@
-//! Says in words what has happened: quarantines, what came and went, contacts that started or ended, thinned layers.
+//! Says in words what has happened: quarantines, contacts that started or ended, thinned layers.
 //!
 //! Each kind of message is an entity of its own, and a tick's messages of a kind are lines of one text: a reader that keeps
 //! one row an entity and tick loses none.
