@@ -110,7 +110,7 @@ pub(crate) struct Touching {
 
 impl Touching {
     fn new(stored: &StoredPair) -> Self {
-        Self { sides: sides(stored), events: stored.events, order: stored.order }
+        Self { sides: sides_of(stored), events: stored.events, order: stored.order }
     }
 
     /// Calls `announce` with each side that asked and is still there, and the other one.
@@ -125,7 +125,7 @@ impl Touching {
     }
 }
 
-fn sides(pair: &StoredPair) -> [Entity; 2] {
+fn sides_of(pair: &StoredPair) -> [Entity; 2] {
     [pair.a.entity(), pair.b.entity()]
 }
 
@@ -140,7 +140,7 @@ fn track_contacts(store: Res<ContactStore>, mut sides: ResMut<TouchingSides>) {
     let parted =
         |pair: &StoredPair| pair.nearest > f64::from(pair.contact_distance) * (1.0 + f64::from(EVENT_HYSTERESIS));
     let near: HashMap<[Entity; 2], &StoredPair> =
-        store.pairs.iter().filter(|pair| !parted(pair)).map(|pair| (name(self::sides(pair)), pair)).collect();
+        store.pairs.iter().filter(|pair| !parted(pair)).map(|pair| (name(sides_of(pair)), pair)).collect();
     ended.clear();
     touching.retain_mut(|pair| {
         let stored = near.get(&name(pair.sides));

@@ -152,11 +152,15 @@ fn the_deepest_contacts_carry_their_separation_as_a_label() {
     for tick in 0..3 {
         scene.advance(&mut recorded.app, tick);
         recorded.tick();
-        let mut separations: Vec<f32> = contacts(&mut recorded.app).iter().map(|contact| contact.separation).collect();
+        // The deepest of each pair: all contacts of one pair may lie in one place.
+        let seen = contacts(&mut recorded.app);
+        let deepest =
+            |of_pair: &Vec<&Seen>| of_pair.iter().map(|contact| contact.separation).fold(f32::INFINITY, f32::min);
+        let mut separations: Vec<f32> = by_pair(&seen).values().map(deepest).collect();
         separations.sort_by(f32::total_cmp);
         let depths = recorded.viewer.of(&["contacts", "depths"]).expect("they are shown");
         let labelled = depths.floats("separation");
-        assert!(labelled.len() >= 3 && separations.len() > 20);
+        assert!(labelled.len() >= 3 && separations.len() > 3);
         assert_eq!(labelled, separations[..labelled.len()]);
         for (label, separation) in depths.texts("Points3D:labels").iter().zip(labelled) {
             let label: f32 = label.parse().expect("the label begins with a number");

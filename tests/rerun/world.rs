@@ -17,7 +17,8 @@ use rerun::{RecordingStream, RecordingStreamBuilder, log::ChunkBatcherConfig, si
 
 use crate::recording::{Recording, Viewer};
 
-pub const THIN: SurfaceThickness = SurfaceThickness::World(0.02);
+pub const THICKNESS: f32 = 0.02;
+pub const THIN: SurfaceThickness = SurfaceThickness::World(THICKNESS);
 
 /// The mesh that a surface was made from: which of its vertices were at the same place then.
 #[derive(Component, Clone)]

@@ -183,9 +183,9 @@ class Viewer:
             with Image.open(path) as image:
                 picture = image.convert("RGB").crop((0, TITLE_BAR, *image.size))
             if last is not None and picture.tobytes() == last.tobytes():
-                break
+                return picture
             last = picture
-        return picture
+        sys.exit("the viewer does not come to rest")
 
     def views(self):
         """Where each view lies in the picture, by its name: left, top, right, bottom."""

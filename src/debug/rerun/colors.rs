@@ -65,8 +65,29 @@ pub(super) const fn fate(fate: PairFate) -> Color {
     }
 }
 
-/// The curves of a plot and the levels of a tree, in turn.
-pub(super) const CURVES: [Color; 9] = [SKY_BLUE, ORANGE, GREEN, YELLOW, VERMILION, PURPLE, WHITE, GREY, BLUE];
+/// The color of a curve, the same in every recording; `None` for those that are named after what a game has. Stages that
+/// take next to no time are greys.
+pub(super) fn curve(name: &str) -> Option<Color> {
+    let grey = |level| Some(rgb(level, level, level));
+    match name.strip_prefix("after ").unwrap_or(name) {
+        "prepare" => grey(85),
+        "bounds" => grey(110),
+        "pair surfaces" => grey(135),
+        "tree update" => grey(160),
+        "broad phase" | "contact churn" | "overlap found" => Some(SKY_BLUE),
+        "curvature" | "overlap left" => Some(BLUE),
+        "refit" | "refit balls" | "recipes refreshed" => Some(PURPLE),
+        "overlap" => Some(YELLOW),
+        "cone" => Some(GREEN),
+        "refine" | "normal jump in turns" | "penetration found" => Some(ORANGE),
+        "contacts" | "largest motion in contact distances" | "penetration left" => Some(VERMILION),
+        "recording" | "examined" | "largest jitter" => Some(WHITE),
+        _ => None,
+    }
+}
+
+/// Other curves, and the levels of a tree, in turn.
+pub(super) const IN_TURN: [Color; 9] = [SKY_BLUE, ORANGE, GREEN, YELLOW, VERMILION, PURPLE, WHITE, GREY, BLUE];
 
 /// Concave (−1, purple) over flat (0, white) to convex (1, orange).
 pub(super) fn curvature(value: f32) -> Color {

@@ -61,7 +61,7 @@ pub(super) fn draw(
         for (name, normal_length, contacts) in &pairs {
             draw_contacts(writer, &mut share, name, contacts, *normal_length);
         }
-        draw_depths(writer, pairs.iter().flat_map(|(.., contacts)| contacts).copied().collect());
+        draw_depths(writer, pairs.iter().filter_map(|(.., contacts)| deepest(contacts)).collect());
     }
     if settings.penetrations {
         let penetrations: Vec<(&String, Vec<Contact>)> = pairs
@@ -123,7 +123,11 @@ fn draw_contacts(writer: &mut TickWriter, share: &mut Share, name: &str, contact
     writer.passing_row(of("normals"), &[&arrows]);
 }
 
-/// Labels the deepest contacts of all.
+fn deepest<'a>(contacts: &[Contact<'a>]) -> Option<Contact<'a>> {
+    contacts.iter().copied().min_by(|a, b| a.separation().total_cmp(&b.separation()))
+}
+
+/// Labels the deepest of the deepest contact of each pair: contacts of one pair often lie where their labels would overlap.
 fn draw_depths(writer: &mut TickWriter, mut contacts: Vec<Contact>) {
     contacts.sort_by(|a, b| a.separation().total_cmp(&b.separation()));
     contacts.truncate(LABELS);

@@ -18,6 +18,7 @@ mod values;
 mod wires;
 
 use std::{
+    collections::BTreeSet,
     path::{Path, PathBuf},
     time::{Duration, Instant},
 };
@@ -176,6 +177,8 @@ struct Recorder {
     tick: RecordedTick,
     /// What recording the last recorded tick took.
     cost: Duration,
+    /// Layers of which the game's log has been told that they are thinned.
+    warned: BTreeSet<Layer>,
     /// Whether the viewer has been told how to lay the recording out.
     has_layout: bool,
 }
@@ -200,6 +203,7 @@ impl Recorder {
             series: Series::default(),
             tick: RecordedTick::default(),
             cost: Duration::ZERO,
+            warned: BTreeSet::new(),
             has_layout: false,
         }
     }
@@ -217,7 +221,7 @@ fn record_detection(
     clock: Option<Res<Time>>,
 ) {
     let start = Instant::now();
-    let Recorder { stream, shown, names, bodies, series, tick, cost, has_layout } = &mut *recorder;
+    let Recorder { stream, shown, names, bodies, series, tick, cost, has_layout, .. } = &mut *recorder;
     let number = detected.store.tick;
     let mut time = TimePoint::default();
     time.insert_cell(
@@ -280,7 +284,7 @@ fn record_answer(
     given: Query<(Option<&Name>, Has<RigidShape>)>,
 ) {
     let start = Instant::now();
-    let Recorder { stream, shown, names, series, tick, cost, .. } = &mut *recorder;
+    let Recorder { stream, shown, names, series, tick, cost, warned, .. } = &mut *recorder;
     let mut writer = TickWriter::new(stream, tick.time.clone(), settings.bytes_per_tick, shown);
     if settings.series && tick.has_layers {
         series.draw_answer(&mut writer, &contacts, &active, &positions);
@@ -297,7 +301,7 @@ fn record_answer(
         }
         text_log::quarantines(&mut writer, &quarantines, names);
     }
-    text_log::thinned(&mut writer, &tick.newly_thinned, settings.bytes_per_tick);
+    text_log::thinned(&mut writer, &tick.newly_thinned, settings.bytes_per_tick, warned);
     names.retain(&active);
     if tick.has_layers {
         *cost = tick.cost + start.elapsed();

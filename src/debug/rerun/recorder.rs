@@ -161,8 +161,12 @@ impl<'a> TickWriter<'a> {
         row_bytes: usize,
     ) -> Share {
         let fits_whole = lists * row_bytes + count * bytes_each <= self.left;
-        // What has to be thinned leaves as much to the layers after it.
-        let available = if fits_whole { self.left } else { self.left / 2 };
+        // What has to be thinned leaves something to the layers after it: contacts a quarter, others as much as they take.
+        let available = match layer {
+            _ if fits_whole => self.left,
+            Layer::Contacts | Layer::Penetrations => self.left / 4 * 3,
+            _ => self.left / 2,
+        };
         let in_all_lists = available.saturating_sub(lists * row_bytes) / bytes_each;
         // With fewer instances than lists each is in a list of its own.
         let recorded = count.min(in_all_lists.max(lists.min(available / (bytes_each + row_bytes))));

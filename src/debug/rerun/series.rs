@@ -17,6 +17,7 @@ use super::{
 };
 use crate::{
     contacts::{Contact, ContactSide, SurfaceContacts},
+    detection::StageDiagnostics,
     kernel::contact::ContactKey,
     surface::{ActiveSurfaces, DeformableSurface, SurfacePositions},
 };
@@ -39,6 +40,8 @@ type ContactName = (ContactSide, ContactSide, ContactKey);
 pub(super) struct Series {
     /// Curves that have a color and a name already, in the order in which they came, by plot.
     named: HashMap<&'static str, Vec<String>>,
+    /// How many curves have had a color in turn.
+    others: usize,
     contacts: HashMap<ContactName, Vec3>,
     /// Vertices in the world, in this tick and in the two before it.
     vertices: EntityHashMap<Track>,
@@ -57,6 +60,9 @@ pub(super) struct Steadiness {
     /// For each surface that touches: its name, and by how much its touching vertices change their motion, as the mean
     /// second difference of their positions, in mean edges.
     jitter: Vec<(String, f64)>,
+    /// The longest way of a vertex, in contact distances of its surface with its like: what moves by more than one may pass
+    /// through another unseen.
+    motion: f64,
 }
 
 impl Series {
@@ -78,7 +84,7 @@ impl Series {
         let either = before.len() + self.contacts.len() - both.len();
         let turn = |&(one, other): &(Vec3, Vec3)| one.as_dvec3().angle_between(other.as_dvec3()).to_degrees();
 
-        let mut jitter = Vec::new();
+        let (mut jitter, mut motion) = (Vec::new(), 0.0_f64);
         let mut tracks = std::mem::take(&mut self.vertices);
         for (place, surface) in detected.active.surfaces.iter().enumerate() {
             let Some((positions, _)) = detected.surface(surface) else { continue };
@@ -91,6 +97,10 @@ impl Series {
                 .get(surface.entity)
                 .map_or(0.0, |made_from| f64::from(made_from.mean_edge()) * surface.pose.scale());
             let touching = surface.topology.triangles().iter().zip(&touches.triangles[place]);
+            let contact_distance = 2.0 * f64::from(surface.thickness);
+            if contact_distance > 0.0 {
+                motion = motion.max(track.longest_way() / contact_distance);
+            }
             let mut touches = vec![false; positions.len()];
             for (corners, _) in touching.filter(|&(_, &touch)| touch != Touch::None) {
                 for &vertex in corners {
@@ -114,6 +124,7 @@ impl Series {
             churn: if either == 0 { 0.0 } else { 1.0 - both.len() as f64 / either as f64 },
             normal_jump: both.iter().map(turn).fold(0.0, f64::max),
             jitter,
+            motion,
         }
     }
 
@@ -144,8 +155,11 @@ impl Series {
         }
         let pairs = diagnostics.stages.iter().filter(|stage| stage.pairs_in + stage.pairs_out > 0);
         let pairs = pairs.filter(|stage| stage.name != "pair surfaces");
-        let mut counts: Vec<(String, f64)> =
-            pairs.map(|stage| (format!("after {}", stage.name), stage.pairs_out as f64)).collect();
+        let left = |stage: &StageDiagnostics| match stage.name {
+            "contacts" => "contacts".to_owned(),
+            name => format!("after {name}"),
+        };
+        let mut counts: Vec<(String, f64)> = pairs.map(|stage| (left(stage), stage.pairs_out as f64)).collect();
         counts.extend([
             ("examined".to_owned(), diagnostics.pairs_examined as f64),
             ("recipes refreshed".to_owned(), diagnostics.recipes_refreshed as f64),
@@ -154,6 +168,7 @@ impl Series {
         let mut steady = vec![
             ("contact churn".to_owned(), steadiness.churn),
             ("normal jump in turns".to_owned(), steadiness.normal_jump / 360.0),
+            ("largest motion in contact distances".to_owned(), steadiness.motion),
         ];
         let jitter = &steadiness.jitter;
         steady.push(("largest jitter".to_owned(), jitter.iter().map(|&(_, jitter)| jitter).fold(0.0, f64::max)));
@@ -199,9 +214,11 @@ impl Series {
         let of = |curve: &str| path([SERIES, plot, curve]);
         for (curve, _) in &curves {
             if !named.contains(curve) {
-                let style = SeriesLines::new()
-                    .with_names([curve.as_str()])
-                    .with_colors([colors::CURVES[named.len() % colors::CURVES.len()]]);
+                let color = colors::curve(curve).unwrap_or_else(|| {
+                    self.others += 1;
+                    colors::IN_TURN[self.others % colors::IN_TURN.len()]
+                });
+                let style = SeriesLines::new().with_names([curve.as_str()]).with_colors([color]);
                 writer.timeless_row(of(curve), &style);
                 named.push(curve.clone());
             }
@@ -219,6 +236,13 @@ fn jitter_of(surface: &str) -> String {
 }
 
 impl Track {
+    /// The longest way of a vertex from the last tick to this one; 0 where there was none.
+    fn longest_way(&self) -> f64 {
+        let [now, last, _] = &self.0;
+        let ways = now.iter().zip(last).map(|(now, last)| now.distance(*last));
+        if now.len() == last.len() { ways.fold(0.0, f64::max) } else { 0.0 }
+    }
+
     /// Over the vertices that are marked; `None` where none is, or the track is too short.
     fn mean_second_difference(&self, marked: &[bool]) -> Option<f64> {
         let [now, last, before] = &self.0;

@@ -25,13 +25,13 @@ pub struct RerunSettings {
     /// Every how many ticks the layers are recorded; 0 counts as 1. Default 1. The text log has every tick.
     pub every: u32,
     /// About how many bytes a recorded tick may take, before compression. Layers are recorded in the order of the fields
-    /// below. One that no longer fits is thinned evenly into half of what is left, a mesh left out as a whole, and a warning
+    /// below. One that no longer fits is thinned evenly into half of what is left, contacts into three quarters, a mesh left out as a whole, and a warning
     /// says so, in the text log too. Default 4,000,000. The series, the log and the removal of what is gone are always
     /// recorded: some kilobytes, or some tens of them where ticks are more than a fifth of a second apart.
     pub bytes_per_tick: usize,
     /// Time, pairs and refreshes of every stage, steadiness and depth, as curves. Default true. Jitter is the mean second
     /// difference of the positions of a surface's touching vertices, in mean edges; while no more than 8 surfaces touch, each
-    /// has a curve of its own.
+    /// has a curve of its own. What moves by more than one contact distance in a tick may pass through something unseen.
     pub series: bool,
     /// Wall-clock times among the series: of each stage, and what recording the last tick took. Default true; without them
     /// two recordings of the same ticks are equal.

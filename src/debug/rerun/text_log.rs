@@ -1,7 +1,9 @@
 //! Says in words what has happened: quarantines, contacts that started or ended, thinned layers.
 //!
 //! Each kind of message is an entity of its own, and a tick's messages of a kind are lines of one text: a reader that keeps
-//! one row an entity and tick loses none.
+//! one row an entity and tick loses none. The log is narrow: what matters stands at the start of a line.
+
+use std::collections::BTreeSet;
 
 use rerun::{TextLog, TextLogLevel};
 
@@ -24,19 +26,27 @@ pub(super) fn contacts(writer: &mut TickWriter, touching: &TouchingSides, names:
 
 pub(super) fn quarantines(writer: &mut TickWriter, quarantines: &[&SurfaceQuarantined], names: &Names) {
     let line = |quarantine: &&SurfaceQuarantined| {
-        format!("{} is set aside: {}", names.of(quarantine.entity), quarantine.reason)
+        format!("{} is set aside:\n{}", names.of(quarantine.entity), quarantine.reason)
     };
     say(writer, "quarantines", TextLogLevel::WARN, quarantines.iter().map(line).collect());
 }
 
-pub(super) fn thinned(writer: &mut TickWriter, layers: &[(Layer, Thinned)], budget: usize) {
+/// `warned` are the layers of which the game's own log has been told before.
+pub(super) fn thinned(
+    writer: &mut TickWriter,
+    layers: &[(Layer, Thinned)],
+    budget: usize,
+    warned: &mut BTreeSet<Layer>,
+) {
     let line = |&(layer, Thinned { recorded, all }): &(Layer, Thinned)| {
-        let layer = layer.name();
-        format!("{layer}: {recorded} of {all} recorded, in a budget of {budget} bytes a tick (bytes_per_tick)")
+        format!("{}: {recorded} of {all} recorded", layer.name())
     };
-    let lines: Vec<String> = layers.iter().map(line).collect();
-    for line in &lines {
-        log::warn!("{line}");
+    for thinned in layers.iter().filter(|&&(layer, _)| warned.insert(layer)) {
+        log::warn!("{}, to stay in {budget} bytes a tick (RerunSettings::bytes_per_tick)", line(thinned));
+    }
+    let mut lines: Vec<String> = layers.iter().map(line).collect();
+    if !lines.is_empty() {
+        lines.push(format!("to stay in {budget} bytes a tick\n(RerunSettings::bytes_per_tick)"));
     }
     say(writer, "warnings", TextLogLevel::WARN, lines);
 }
