@@ -237,3 +237,35 @@ fn pairs_whose_names_read_alike_are_not_mixed_up() {
         .sum();
     assert_eq!(shown, contacts.len());
 }
+
+/// Of many pairs each row is one of all, and each instance says which pair it is of.
+#[test]
+fn of_many_pairs_of_surfaces_there_is_one_entity_that_names_them() {
+    let mut recorded = Recorded::new(everything());
+    let app = &mut recorded.app;
+    spawn(app, "floor", &sheet(16), THIN);
+    for number in 0..60 {
+        let place = Transform::from_xyz(0.25 * (number % 8) as f32 - 0.9, 0.03, 0.25 * (number / 8) as f32 - 0.9);
+        spawn(app, &format!("tile {number}"), &sheet(1), (THIN, place.with_scale(Vec3::splat(0.05))));
+    }
+    recorded.tick();
+    let seen = contacts(&mut recorded.app);
+    let by_pair = by_pair(&seen);
+    assert!(by_pair.len() >= 55, "{} pairs", by_pair.len());
+    let points = recorded.viewer.of(&["contacts", "points", "all pairs"]).expect("they are shown");
+    let mut shown: Vec<(String, u32)> =
+        points.texts("pair").into_iter().zip(points.floats("separation").iter().map(|value| value.to_bits())).collect();
+    let world = recorded.app.world();
+    let named = |contact: &Seen| {
+        let [a, b] = contact.sides.map(|side| world.get::<Name>(side).expect("it is named"));
+        (format!("{a} with {b}"), contact.separation.to_bits())
+    };
+    let mut expected: Vec<(String, u32)> = seen.iter().map(named).collect();
+    shown.sort_unstable();
+    expected.sort_unstable();
+    assert_eq!(shown, expected);
+    assert_eq!(recorded.viewer.below(&["contacts", "points"]).len(), 1);
+    let touching = recorded.viewer.of(&["pairs", "touching", "all pairs"]).expect("they are shown");
+    assert_eq!(touching.texts("pair").len(), touching.wholes("triangle_a").len());
+    assert!(touching.texts("pair").len() >= 55);
+}

@@ -7,7 +7,7 @@ use super::{
     colors,
     recorder::{Layer, Share, TickWriter, path, row_bytes},
     settings::RerunSettings,
-    tick::{Detected, Names},
+    tick::{ALL_PAIRS, Detected, MANY_PAIRS, Names},
     values,
 };
 use crate::{
@@ -44,43 +44,59 @@ pub(super) fn draw(
         let finer = sides.iter().filter_map(|side| edges.get(side)).copied().reduce(f32::min);
         (names.of_pair(sides), 0.5 * finer.unwrap_or(0.0))
     };
-    let pairs: Vec<(String, f32, Vec<Contact>)> = detected
-        .contacts
-        .by_pair()
-        .map(|(pair, contacts)| {
-            let (name, normal_length) = of_pair(pair);
-            (name, normal_length, contacts.collect())
-        })
-        .filter(|(.., contacts): &(_, _, Vec<Contact>)| !contacts.is_empty())
-        .collect();
+    let named: Vec<(String, f32)> = detected.contacts.by_pair().map(|(pair, _)| of_pair(pair)).collect();
+    let pairs = detected.contacts.by_pair().zip(&named).map(|((_, contacts), (name, normal_length))| {
+        contacts.map(|contact| Drawn { contact, pair: name, normal_length: *normal_length }).collect()
+    });
+    let pairs: Vec<Vec<Drawn>> = pairs.filter(|contacts: &Vec<Drawn>| !contacts.is_empty()).collect();
+    let penetrations = pairs.iter().map(|contacts| passed(contacts)).filter(|contacts| !contacts.is_empty()).collect();
     if settings.contacts {
-        let count = pairs.iter().map(|(.., contacts)| contacts.len()).sum();
+        let deepest = pairs.iter().filter_map(|contacts| deepest(contacts)).collect();
+        let groups = grouped(pairs);
+        let count = groups.iter().map(|(_, contacts)| contacts.len()).sum();
         // A point with its color and numbers, and an arrow.
-        let rows = row_bytes(7) + row_bytes(4);
-        let mut share = writer.share(Layer::Contacts, count, (12 + 4 + 4 * 4) + (12 + 12), pairs.len(), rows);
-        for (name, normal_length, contacts) in &pairs {
-            draw_contacts(writer, &mut share, name, contacts, *normal_length);
+        let rows = row_bytes(8) + row_bytes(4);
+        let mut share = writer.share(Layer::Contacts, count, (12 + 4 + 4 * 4) + (12 + 12), groups.len(), rows);
+        for (name, contacts) in &groups {
+            draw_contacts(writer, &mut share, name, contacts);
         }
-        draw_depths(writer, pairs.iter().filter_map(|(.., contacts)| deepest(contacts)).collect());
+        draw_depths(writer, deepest);
     }
     if settings.penetrations {
-        let penetrations: Vec<(&String, Vec<Contact>)> = pairs
-            .iter()
-            .map(|(name, _, contacts)| (name, contacts.iter().copied().filter(has_passed).collect()))
-            .filter(|(_, contacts): &(_, Vec<Contact>)| !contacts.is_empty())
-            .collect();
-        let count = penetrations.iter().map(|(_, contacts)| contacts.len()).sum();
-        let mut share =
-            writer.share(Layer::Penetrations, count, 2 * 12 + 4 + 4 * 4, penetrations.len(), 2 * row_bytes(7));
-        for (name, contacts) in &penetrations {
+        let groups = grouped(penetrations);
+        let count = groups.iter().map(|(_, contacts)| contacts.len()).sum();
+        let mut share = writer.share(Layer::Penetrations, count, 2 * 12 + 4 + 4 * 4, groups.len(), 2 * row_bytes(8));
+        for (name, contacts) in &groups {
             draw_penetrations(writer, &mut share, name, contacts);
         }
+    }
+}
+
+/// A contact as it is drawn.
+#[derive(Clone, Copy)]
+struct Drawn<'a> {
+    contact: Contact<'a>,
+    /// The name of the pair that it is of.
+    pair: &'a str,
+    normal_length: f32,
+}
+
+/// Contacts by the pair that they are of; of more pairs than can be told apart in a list, one group of them all.
+fn grouped(pairs: Vec<Vec<Drawn<'_>>>) -> Vec<(&str, Vec<Drawn<'_>>)> {
+    if pairs.len() > MANY_PAIRS {
+        vec![(ALL_PAIRS, pairs.into_iter().flatten().collect())]
+    } else {
+        pairs.into_iter().map(|contacts| (contacts[0].pair, contacts)).collect()
     }
 }
 
 /// Whether the two sides have passed each other here, or cross.
 fn has_passed(contact: &Contact) -> bool {
     contact.distance() < 0.0 || contact.is_crossing()
+}
+
+fn passed<'a>(contacts: &[Drawn<'a>]) -> Vec<Drawn<'a>> {
+    contacts.iter().copied().filter(|drawn| has_passed(&drawn.contact)).collect()
 }
 
 fn color(contact: &Contact) -> Color {
@@ -93,69 +109,71 @@ fn color(contact: &Contact) -> Color {
     }
 }
 
-/// Where a contact is, which triangles it is of, and how far apart they are.
-fn numbers(contacts: &[Contact]) -> AnyValues {
-    let side = |contact: &Contact| {
-        let (a, b) = contact.triangles();
+/// Which pair and triangles a contact is of, and how far apart they are.
+fn numbers(contacts: &[Drawn]) -> AnyValues {
+    let side = |drawn: &Drawn| {
+        let (a, b) = drawn.contact.triangles();
         [a, b].map(|triangle| triangle.map(|triangle| triangle.0))
     };
     let triangles: Vec<[Option<u32>; 2]> = contacts.iter().map(side).collect();
-    let distances: Vec<f32> = contacts.iter().map(Contact::distance).collect();
-    let separations: Vec<f32> = contacts.iter().map(Contact::separation).collect();
+    let distances: Vec<f32> = contacts.iter().map(|drawn| drawn.contact.distance()).collect();
+    let separations: Vec<f32> = contacts.iter().map(|drawn| drawn.contact.separation()).collect();
     let values = values::number(values::contact_triangles(&triangles), "distance", &distances);
-    values::number(values, "separation", &separations)
+    let values = values::number(values, "separation", &separations);
+    // Elsewhere the entity is named after its pair.
+    let is_mixed = contacts.iter().any(|drawn| drawn.pair != contacts[0].pair);
+    if is_mixed { values::texts(values, "pair", contacts.iter().map(|drawn| drawn.pair)) } else { values }
 }
 
-fn draw_contacts(writer: &mut TickWriter, share: &mut Share, name: &str, contacts: &[Contact], normal_length: f32) {
-    let kept: Vec<Contact> = share.places(contacts.len()).into_iter().map(|place| contacts[place]).collect();
+fn draw_contacts(writer: &mut TickWriter, share: &mut Share, name: &str, contacts: &[Drawn]) {
+    let kept: Vec<Drawn> = share.places(contacts.len()).into_iter().map(|place| contacts[place]).collect();
     if kept.is_empty() {
         return;
     }
     let of = |kind: &str| path([Layer::Contacts.name(), kind, name]);
     // On the second side: the first is at the other end of the normal.
-    let points: Vec<[f32; 3]> = kept.iter().map(|contact| contact.points().1.to_array()).collect();
-    let marks = Points3D::new(points.iter().copied()).with_colors(kept.iter().map(color)).with_radii([POINT]);
+    let points: Vec<[f32; 3]> = kept.iter().map(|drawn| drawn.contact.points().1.to_array()).collect();
+    let point_colors = kept.iter().map(|drawn| color(&drawn.contact));
+    let marks = Points3D::new(points.iter().copied()).with_colors(point_colors).with_radii([POINT]);
     writer.passing_row(of("points"), &[&marks, &numbers(&kept)]);
-    let arrows = Arrows3D::from_vectors(kept.iter().map(|contact| (contact.normal() * normal_length).to_array()))
-        .with_origins(points)
-        .with_colors([colors::YELLOW])
-        .with_radii([LINE]);
+    let normals = kept.iter().map(|drawn| (drawn.contact.normal() * drawn.normal_length).to_array());
+    let arrows = Arrows3D::from_vectors(normals).with_origins(points).with_colors([colors::YELLOW]).with_radii([LINE]);
     writer.passing_row(of("normals"), &[&arrows]);
 }
 
-fn deepest<'a>(contacts: &[Contact<'a>]) -> Option<Contact<'a>> {
-    contacts.iter().copied().min_by(|a, b| a.separation().total_cmp(&b.separation()))
+fn deepest<'a>(contacts: &[Drawn<'a>]) -> Option<Drawn<'a>> {
+    contacts.iter().min_by(|a, b| a.contact.separation().total_cmp(&b.contact.separation())).copied()
 }
 
 /// Labels the deepest of the deepest contact of each pair: contacts of one pair often lie where their labels would overlap.
-fn draw_depths(writer: &mut TickWriter, mut contacts: Vec<Contact>) {
-    contacts.sort_by(|a, b| a.separation().total_cmp(&b.separation()));
+fn draw_depths(writer: &mut TickWriter, mut contacts: Vec<Drawn>) {
+    contacts.sort_by(|a, b| a.contact.separation().total_cmp(&b.contact.separation()));
     contacts.truncate(LABELS);
-    let mut share = writer.share(Layer::Contacts, contacts.len(), 12 + 4 + 16 + 4 * 4, 1, row_bytes(9));
+    let mut share = writer.share(Layer::Contacts, contacts.len(), 12 + 4 + 16 + 4 * 4, 1, row_bytes(10));
     contacts.truncate(share.places(contacts.len()).len());
     if contacts.is_empty() {
         return;
     }
-    let depths = Points3D::new(contacts.iter().map(|contact| contact.points().1.to_array()))
-        .with_labels(contacts.iter().map(|contact| format!("{:.2e}", contact.separation())))
+    let depths = Points3D::new(contacts.iter().map(|drawn| drawn.contact.points().1.to_array()))
+        .with_labels(contacts.iter().map(|drawn| format!("{:.2e}", drawn.contact.separation())))
         .with_show_labels(true)
-        .with_colors(contacts.iter().map(color))
+        .with_colors(contacts.iter().map(|drawn| color(&drawn.contact)))
         .with_radii([POINT]);
     writer.passing_row(path([Layer::Contacts.name(), "depths"]), &[&depths, &numbers(&contacts)]);
 }
 
-fn draw_penetrations(writer: &mut TickWriter, share: &mut Share, name: &str, contacts: &[Contact]) {
+fn draw_penetrations(writer: &mut TickWriter, share: &mut Share, name: &str, contacts: &[Drawn]) {
     let kept = share.places(contacts.len()).into_iter().map(|place| contacts[place]);
-    let (crossings, passed): (Vec<Contact>, Vec<Contact>) = kept.partition(Contact::is_crossing);
+    let (crossings, passed): (Vec<Drawn>, Vec<Drawn>) = kept.partition(|drawn| drawn.contact.is_crossing());
     let of = |kind: &str| path([Layer::Penetrations.name(), kind, name]);
     if !crossings.is_empty() {
-        let marks = Points3D::new(crossings.iter().map(|contact| contact.points().0.to_array()))
+        let marks = Points3D::new(crossings.iter().map(|drawn| drawn.contact.points().0.to_array()))
             .with_colors([colors::PURPLE])
             .with_radii([POINT]);
         writer.passing_row(of("crossings"), &[&marks, &numbers(&crossings)]);
     }
     if !passed.is_empty() {
-        let ends = |contact: &Contact| [contact.points().0, contact.points().1].map(|point| point.to_array());
+        let ends = |drawn: &Drawn| [drawn.contact.points().0, drawn.contact.points().1].map(|point| point.to_array());
         let lines = LineStrips3D::new(passed.iter().map(ends)).with_colors([colors::PENETRATING]).with_radii([LINE]);
         let rows: [&dyn AsComponents; 2] = [&lines, &numbers(&passed)];
         writer.passing_row(of("depths"), &rows);

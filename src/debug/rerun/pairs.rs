@@ -7,7 +7,7 @@ use super::{
     colors,
     recorder::{Layer, TickWriter, path, row_bytes},
     settings::LevelOfDetail,
-    tick::{Detected, Names, Touches},
+    tick::{ALL_PAIRS, Detected, MANY_PAIRS, Names, Touches},
     values,
 };
 use crate::{
@@ -55,23 +55,50 @@ pub(super) fn draw(
         }
         drawn.push(DrawnPair { pair, name: names.of_pair(detected.sides(pair)), by_fate });
     }
+    drawn.retain(|pair: &DrawnPair| pair.by_fate.iter().any(|pairs| !pairs.is_empty()));
+    let is_mixed = drawn.len() > MANY_PAIRS;
     // Those that came farthest first: they say most.
     for fate in PairFate::ALL.into_iter().rev() {
         let lists = || drawn.iter().map(|drawn| &drawn.by_fate[fate as usize]);
-        let filled = lists().filter(|pairs| !pairs.is_empty()).count();
-        let mut share = writer.share(Layer::Pairs, lists().map(Vec::len).sum(), 4 * 12 + 4 + 8, filled, row_bytes(5));
+        let filled = if is_mixed { 1 } else { lists().filter(|pairs| !pairs.is_empty()).count() };
+        let mut share = writer.share(Layer::Pairs, lists().map(Vec::len).sum(), 4 * 12 + 4 + 8, filled, row_bytes(6));
+        let mut row = Row::default();
         for DrawnPair { pair, name, by_fate } in &drawn {
             let pairs = &by_fate[fate as usize];
-            let kept: Vec<[u32; 2]> = share.places(pairs.len()).into_iter().map(|place| pairs[place]).collect();
-            if kept.is_empty() {
-                continue;
+            for place in share.places(pairs.len()) {
+                row.lines.push(line(detected, pair, pairs[place]));
+                row.triangles.push(pairs[place]);
+                row.names.push(name);
             }
-            let strips = LineStrips3D::new(kept.iter().map(|&triangles| line(detected, pair, triangles)))
-                .with_colors([colors::fate(fate)])
-                .with_radii([colors::THIN]);
-            let rows: [&dyn AsComponents; 2] = [&strips, &values::triangle_pairs(&kept)];
-            writer.passing_row(path([Layer::Pairs.name(), fate.name(), name]), &rows);
+            if !is_mixed {
+                std::mem::take(&mut row).write(writer, fate, name);
+            }
         }
+        row.write(writer, fate, ALL_PAIRS);
+    }
+}
+
+/// Pairs of triangles that make one row.
+#[derive(Default)]
+struct Row<'a> {
+    lines: Vec<Vec<[f32; 3]>>,
+    triangles: Vec<[u32; 2]>,
+    /// The pairs of surfaces that they are of.
+    names: Vec<&'a str>,
+}
+
+impl Row<'_> {
+    fn write(self, writer: &mut TickWriter, fate: PairFate, name: &str) {
+        if self.lines.is_empty() {
+            return;
+        }
+        let strips = LineStrips3D::new(self.lines).with_colors([colors::fate(fate)]).with_radii([colors::THIN]);
+        let mut values = values::triangle_pairs(&self.triangles);
+        if name == ALL_PAIRS {
+            values = values::texts(values, "pair", self.names.into_iter());
+        }
+        let rows: [&dyn AsComponents; 2] = [&strips, &values];
+        writer.passing_row(path([Layer::Pairs.name(), fate.name(), name]), &rows);
     }
 }
 

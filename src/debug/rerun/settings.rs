@@ -17,7 +17,8 @@ pub enum LevelOfDetail {
 /// What [`DeformableRerunPlugin`](super::DeformableRerunPlugin) records. Changes take effect in the next tick.
 ///
 /// Every layer is an entity of its own at the root of the recording, named like its field here, with the surfaces or pairs
-/// below it: the viewer can show and hide a layer with one click. What a method does not compute has nothing to show:
+/// below it: the viewer can show and hide a layer with one click. Of more than 48 pairs there is one entity for all, and each
+/// point or line says of which pair it is. What a method does not compute has nothing to show:
 /// curvature, recipe ages, spheres and cones are there for pairs tested by `Circumsphere`.
 #[derive(Resource, Clone, Debug, PartialEq, Eq)]
 #[expect(clippy::struct_excessive_bools, reason = "each switches a layer of its own")]

@@ -151,6 +151,11 @@ impl Touches {
     }
 }
 
+/// Of more pairs of surfaces than this a layer has one entity for all: the names of that many entities would take more bytes
+/// than what is in them.
+pub(super) const MANY_PAIRS: usize = 48;
+pub(super) const ALL_PAIRS: &str = "all pairs";
+
 /// A name for every surface and shape that no other has at the same time.
 #[derive(Default)]
 pub(super) struct Names(EntityHashMap<String>);

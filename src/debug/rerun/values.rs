@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rerun::{
     AnyValues,
-    external::arrow::array::{Float32Array, UInt32Array},
+    external::arrow::array::{Float32Array, StringArray, UInt32Array},
 };
 
 /// The triangles that the instances of a row stand for, as numbered by whoever made the surface. Four bytes each.
@@ -33,4 +33,9 @@ pub(super) fn whole(values: AnyValues, name: &'static str, numbers: &[u32]) -> A
 /// Adds a number of each instance.
 pub(super) fn number(values: AnyValues, name: &'static str, numbers: &[f32]) -> AnyValues {
     values.with_component_from_data(name, Arc::new(Float32Array::from(numbers.to_vec())))
+}
+
+/// Adds a text of each instance.
+pub(super) fn texts<'a>(values: AnyValues, name: &'static str, texts: impl Iterator<Item = &'a str>) -> AnyValues {
+    values.with_component_from_data(name, Arc::new(StringArray::from_iter_values(texts)))
 }
