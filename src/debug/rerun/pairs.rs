@@ -1,6 +1,6 @@
 //! Draws the pairs of triangles that the broad phase found, by what became of them.
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use rerun::{AsComponents, LineStrips3D};
 
 use super::{
@@ -23,7 +23,7 @@ struct DrawnPair<'a> {
     by_fate: Vec<Vec<[u32; 2]>>,
 }
 
-/// Draws a line between the centers of two triangles; of a pair with a rigid shape the triangle's outline.
+/// Draws them all.
 pub(super) fn draw(
     writer: &mut TickWriter,
     detected: &Detected,
@@ -57,6 +57,9 @@ pub(super) fn draw(
     }
     drawn.retain(|pair: &DrawnPair| pair.by_fate.iter().any(|pairs| !pairs.is_empty()));
     let is_mixed = drawn.len() > MANY_PAIRS;
+    // Looked up once: whether a surface's positions can be drawn takes as long as looking at all of them.
+    let place = |surface| Placed { surface, positions: detected.surface(surface).map(|(positions, _)| positions) };
+    let placed: Vec<Placed> = detected.active.surfaces.iter().map(place).collect();
     // Those that came farthest first: they say most.
     for fate in PairFate::ALL.into_iter().rev() {
         let lists = || drawn.iter().map(|drawn| &drawn.by_fate[fate as usize]);
@@ -66,7 +69,7 @@ pub(super) fn draw(
         for DrawnPair { pair, name, by_fate } in &drawn {
             let pairs = &by_fate[fate as usize];
             for place in share.places(pairs.len()) {
-                row.lines.push(line(detected, pair, pairs[place]));
+                row.lines.push(line(&placed, pair, pairs[place]));
                 row.triangles.push(pairs[place]);
                 row.names.push(name);
             }
@@ -102,21 +105,29 @@ impl Row<'_> {
     }
 }
 
-fn line(detected: &Detected, pair: &SurfacePair, [a, b]: [u32; 2]) -> Vec<[f32; 3]> {
-    let surfaces = &detected.active.surfaces;
-    let first = corners(detected, &surfaces[pair.first], a);
+/// A line between the centers of two triangles; of a pair with a rigid shape the triangle's outline.
+fn line(surfaces: &[Placed], pair: &SurfacePair, [a, b]: [u32; 2]) -> Vec<[f32; 3]> {
+    let first = surfaces[pair.first].corners(a);
     match pair.second {
         OtherSide::Surface(second) => {
             let center = |corners: [DVec3; 3]| (corners.iter().sum::<DVec3>() / 3.0).as_vec3().to_array();
-            vec![center(first), center(corners(detected, &surfaces[second], b))]
+            vec![center(first), center(surfaces[second].corners(b))]
         }
         OtherSide::Shape(_) => [0, 1, 2, 0].map(|corner| first[corner].as_vec3().to_array()).to_vec(),
     }
 }
 
-/// The corners of a triangle in the world; all at the origin where the surface is gone.
-fn corners(detected: &Detected, surface: &ActiveSurface, triangle: u32) -> [DVec3; 3] {
-    let Some((positions, _)) = detected.surface(surface) else { return [DVec3::ZERO; 3] };
-    surface.topology.triangles()[triangle as usize]
-        .map(|vertex| surface.pose.transform_point(positions[vertex as usize].as_dvec3()))
+/// A surface and where its vertices are, in its own frame; `None` where it is gone.
+struct Placed<'a> {
+    surface: &'a ActiveSurface,
+    positions: Option<&'a [Vec3]>,
+}
+
+impl Placed<'_> {
+    /// The corners of a triangle in the world; all at the origin where the surface is gone.
+    fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        let Some(positions) = self.positions else { return [DVec3::ZERO; 3] };
+        self.surface.topology.triangles()[triangle as usize]
+            .map(|vertex| self.surface.pose.transform_point(positions[vertex as usize].as_dvec3()))
+    }
 }
