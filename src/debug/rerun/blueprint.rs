@@ -25,7 +25,7 @@ use rerun::{
 use super::{
     TICK, colors,
     recorder::{Layer, path},
-    series::{COUNTS, DEPTHS, MILLISECONDS, SERIES, STEADINESS},
+    series::{COUNTS, DEPTHS, MILLISECONDS, MOTION, SERIES, STEADINESS},
     text_log::LOG,
 };
 use crate::kernel::bounds::Aabb;
@@ -130,10 +130,12 @@ pub(super) fn send(recording: &RecordingStream, bounds: &Aabb) -> RecordingStrea
     let milliseconds = plot("milliseconds of each stage", MILLISECONDS)?;
     let counts = plot("pairs after each stage", COUNTS)?;
     let steadiness = plot("steadiness", STEADINESS)?;
+    let motion = plot("motion in contact distances a tick", MOTION)?;
     let depths = plot("depths in world units", DEPTHS)?;
     let plots = layout.container(ContainerKind::Horizontal, &[(&milliseconds, 1.0), (&counts, 1.0)])?;
     let left = layout.container(ContainerKind::Vertical, &[(&scene, 2.0), (&plots, 1.0)])?;
-    let right = layout.container(ContainerKind::Vertical, &[(&log, 1.0), (&steadiness, 1.0), (&depths, 1.0)])?;
+    let right = layout
+        .container(ContainerKind::Vertical, &[(&log, 1.0), (&steadiness, 1.0), (&motion, 1.0), (&depths, 1.0)])?;
     let root = layout.container(ContainerKind::Horizontal, &[(&left, 3.0), (&right, 1.0)])?;
     let viewport = ViewportBlueprint::new()
         .with_root_container(RootContainer(root.identifier.into()))

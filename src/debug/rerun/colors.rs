@@ -80,14 +80,18 @@ pub(super) fn curve(name: &str) -> Option<Color> {
         "overlap" => Some(YELLOW),
         "cone" => Some(GREEN),
         "refine" | "normal jump in turns" | "penetration found" => Some(ORANGE),
-        "contacts" | "largest motion in contact distances" | "penetration left" => Some(VERMILION),
+        "contacts" | "largest motion" | "penetration left" => Some(VERMILION),
         "recording" | "examined" | "largest jitter" => Some(WHITE),
         _ => None,
     }
 }
 
-/// Other curves, and the levels of a tree, in turn.
-pub(super) const IN_TURN: [Color; 9] = [SKY_BLUE, ORANGE, GREEN, YELLOW, VERMILION, PURPLE, WHITE, GREY, BLUE];
+/// The jitter of one surface after the other: none of the colors that its plot has already.
+pub(super) const OTHER_CURVES: [Color; 8] =
+    [GREEN, YELLOW, PURPLE, BLUE, GREY, rgb(170, 170, 0), rgb(153, 221, 255), rgb(100, 100, 100)];
+
+/// The levels of a tree, in turn.
+pub(super) const LEVELS: [Color; 9] = [SKY_BLUE, ORANGE, GREEN, YELLOW, VERMILION, PURPLE, WHITE, GREY, BLUE];
 
 /// Concave (−1, purple) over flat (0, white) to convex (1, orange).
 pub(super) fn curvature(value: f32) -> Color {

@@ -27,6 +27,7 @@ pub(super) const SERIES: &str = "series";
 pub(super) const MILLISECONDS: &str = "milliseconds";
 pub(super) const COUNTS: &str = "counts";
 pub(super) const STEADINESS: &str = "steadiness";
+pub(super) const MOTION: &str = "motion";
 pub(super) const DEPTHS: &str = "depths";
 
 /// Of more surfaces that touch in a tick only the largest jitter is drawn.
@@ -168,7 +169,6 @@ impl Series {
         let mut steady = vec![
             ("contact churn".to_owned(), steadiness.churn),
             ("normal jump in turns".to_owned(), steadiness.normal_jump / 360.0),
-            ("largest motion in contact distances".to_owned(), steadiness.motion),
         ];
         let jitter = &steadiness.jitter;
         steady.push(("largest jitter".to_owned(), jitter.iter().map(|&(_, jitter)| jitter).fold(0.0, f64::max)));
@@ -176,6 +176,7 @@ impl Series {
             steady.extend(jitter.iter().map(|(name, jitter)| (jitter_of(name), *jitter)));
         }
         self.draw_plot(writer, STEADINESS, steady);
+        self.draw_plot(writer, MOTION, vec![("largest motion".to_owned(), steadiness.motion)]);
     }
 
     /// Draws how deep the sides are once the tick has been answered. Positions have moved since detection, poses have not.
@@ -216,7 +217,7 @@ impl Series {
             if !named.contains(curve) {
                 let color = colors::curve(curve).unwrap_or_else(|| {
                     self.others += 1;
-                    colors::IN_TURN[self.others % colors::IN_TURN.len()]
+                    colors::OTHER_CURVES[self.others % colors::OTHER_CURVES.len()]
                 });
                 let style = SeriesLines::new().with_names([curve.as_str()]).with_colors([color]);
                 writer.timeless_row(of(curve), &style);

@@ -270,7 +270,7 @@ fn draw_trees(writer: &mut TickWriter, levels: u32, surfaces: &[Drawn]) {
             }
             let boxes =
                 Boxes3D::from_centers_and_half_sizes(kept.iter().map(|node| node[0]), kept.iter().map(|node| node[1]))
-                    .with_colors([colors::IN_TURN[level % colors::IN_TURN.len()]])
+                    .with_colors([colors::LEVELS[level % colors::LEVELS.len()]])
                     .with_fill_mode(FillMode::MajorWireframe)
                     .with_radii([colors::THIN]);
             let rows: [&dyn AsComponents; 2] = [&boxes, &drawn.pose];
