@@ -3,6 +3,8 @@
 //! `cargo run --release --example replay -- [FILES…] [options]`; `--help` lists the options. Without files it plays an
 //! embedded scene: a cloth that falls over a ball and a deforming torus and folds onto itself.
 
+#[path = "headless/frames.rs"]
+mod frames;
 mod headless;
 #[path = "replay/options.rs"]
 mod options;

@@ -1,12 +1,15 @@
 //! What the command line may ask for, and what it amounts to for a given recording.
 
-use std::{ops::Range, path::PathBuf, str::FromStr};
+use std::{ops::Range, path::PathBuf};
 
 use bevy_circumsphere::{CircumsphereSettings, ContactMethod, kernel::curvature::CurvatureEstimator};
 use clap::{ArgAction, Parser, ValueEnum};
 use serde::Serialize;
 
-use super::headless::recording::RecordingOptions;
+use super::{
+    frames::{FrameRange, NoSuchFrames},
+    headless::recording::RecordingOptions,
+};
 
 /// Contact distance where none is given, in mean edges.
 const DEFAULT_DISTANCE_EDGES: f64 = 0.1;
@@ -127,30 +130,10 @@ impl From<Estimator> for CurvatureEstimator {
     }
 }
 
-/// `A..B` as it was typed; either end may be missing.
-#[derive(Clone, Copy, Debug)]
-pub struct FrameRange {
-    start: Option<usize>,
-    end: Option<usize>,
-}
-
-impl FromStr for FrameRange {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, Self::Err> {
-        let (start, end) = text.split_once("..").ok_or("expected A..B, for example 0..10")?;
-        let number = |text: &str| match text.trim() {
-            "" => Ok(None),
-            digits => digits.parse().map(Some).map_err(|_| format!("'{digits}' is not a frame number")),
-        };
-        Ok(Self { start: number(start)?, end: number(end)? })
-    }
-}
-
 #[derive(Debug, thiserror::Error)]
 pub enum OptionsError {
-    #[error("--frames {start}..{end}: expected a range with at least one of the frames 0..{frames}")]
-    NoSuchFrames { start: usize, end: usize, frames: usize },
+    #[error(transparent)]
+    NoSuchFrames(#[from] NoSuchFrames),
     #[error("{option} {value}: a contact distance of {distance} is beyond single precision")]
     TooFar { option: &'static str, value: f64, distance: f64 },
     #[error("{option} {value}: expected a number of {least} or more")]
@@ -214,10 +197,7 @@ impl Options {
                 least: "something above 0",
             });
         }
-        let frames = self.frames.start.unwrap_or(0)..self.frames.end.unwrap_or(frame_count);
-        if frames.is_empty() || frames.end > frame_count {
-            return Err(OptionsError::NoSuchFrames { start: frames.start, end: frames.end, frames: frame_count });
-        }
+        let frames = self.frames.of(frame_count)?;
         Ok(Settings {
             method: self.method,
             broad_phase: self.broad_phase,

@@ -1,0 +1,43 @@
+//! What the command line may ask for.
+
+use std::path::PathBuf;
+
+use clap::Parser;
+
+use super::{frames::FrameRange, peers::Peer};
+
+/// Time our methods and what others offer on the same mesh in one run, and print one table.
+#[derive(Parser, Debug)]
+#[command(name = "compare")]
+pub struct Options {
+    /// The frames of one mesh in order (PLY or OBJ), or .bin recordings, each compared by itself; none: a crumpled sheet
+    /// and the embedded scene
+    pub files: Vec<PathBuf>,
+    /// Distance at which a pair of triangles touches, times the mean length of the edges of the first frame
+    #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = positive)]
+    pub contact_distance_edges: f64,
+    /// How often everyone is measured; who takes seconds is measured five times at most
+    #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repeat: u32,
+    /// The most threads of ours and of Embree's; everyone is measured on one as well
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: u16,
+    /// Frames to measure, counted from 0, B excluded [default: the first]
+    #[arg(long, value_name = "A..B")]
+    pub frames: Option<FrameRange>,
+    /// Triangles of the crumpled sheet
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub sheet: u32,
+    /// Peers beside parry. They are built when they are asked for: obvhs and rapier with cargo, which takes some
+    /// minutes the first time, Embree with the system's C compiler
+    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values_t = Peer::ALL)]
+    pub peers: Vec<Peer>,
+    /// Write everything that was measured
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    if value > 0.0 && value <= f64::from(f32::MAX) { Ok(value) } else { Err("expected more than 0".to_owned()) }
+}

@@ -1,0 +1,108 @@
+//! Our own methods, through the whole plugin in a headless app: cold, after a small motion, and unchanged.
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{
+    CircumsphereSettings, ContactStore,
+    detection::{CandidateTrianglePairs, DetectionDiagnostics},
+    prelude::*,
+};
+use bevy_ecs::prelude::*;
+
+use super::{
+    headless::{detect, headless_app, move_surface, recording::Recorder},
+    input::{Input, Tick},
+    measure::{Contestant, Counts, Level, Log, timed},
+};
+
+pub const COLD: &str = "cold tick";
+pub const MOVED: &str = "tick, moved by 0.09 contact distances";
+pub const UNCHANGED: &str = "tick, unchanged";
+
+/// One method on one number of threads.
+pub struct Ours {
+    app: App,
+    surface: Entity,
+    method: ContactMethod,
+    threads: usize,
+}
+
+pub fn method_name(method: ContactMethod) -> String {
+    format!("ours, {method:?}")
+}
+
+impl Ours {
+    pub fn new(input: &Input, method: ContactMethod, threads: usize) -> Self {
+        let settings = CircumsphereSettings { threads, ..CircumsphereSettings::default() };
+        let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, Recorder::default());
+        let positions = &input.ticks[0].now;
+        let (surface, positions) =
+            DeformableSurface::from_mesh(positions, &input.triangles).expect("the mesh has been accepted before");
+        let thickness = SurfaceThickness::World(input.thickness());
+        let parts = (surface, positions, SelfCollision, thickness, Sidedness::TwoSided, method);
+        let surface = app.world_mut().spawn(parts).id();
+        // Trees are built at the first tick, as the others' are before theirs.
+        detect(&mut app);
+        Self { app, surface, method, threads }
+    }
+
+    fn teleport(&mut self) {
+        self.app.world_mut().entity_mut(self.surface).insert(Teleported);
+    }
+
+    fn counts(&self) -> Counts {
+        let world = self.app.world();
+        let store = world.resource::<ContactStore>();
+        Counts {
+            box_pairs: None,
+            apart: Some(world.resource::<CandidateTrianglePairs>().triangle_pair_count() as u64),
+            tested: Some(world.resource::<DetectionDiagnostics>().pairs_examined as u64)
+                .filter(|_| self.method.is_exact()),
+            touching: Some(store.touching.len() as u64),
+            contacts: Some(store.contacts.len() as u64),
+        }
+    }
+
+    /// One tick on the clock: the whole update, of which the stages are parts.
+    fn measure(&mut self, what: &str, log: &mut Log, with_stages: bool) {
+        let (duration, _) = timed(|| self.app.update());
+        let who = method_name(self.method);
+        log.add(&who, what, self.threads, Level::Whole, duration, self.counts());
+        if with_stages {
+            for stage in &self.app.world().resource::<DetectionDiagnostics>().stages {
+                log.add(&who, stage.name, self.threads, Level::Part, stage.duration, Counts::default());
+            }
+        }
+    }
+}
+
+impl Contestant for Ours {
+    fn name(&self) -> String {
+        format!("{} ({} threads)", method_name(self.method), self.threads)
+    }
+
+    fn run(&mut self, _: usize, tick: &Tick, log: &mut Log) -> Result<(), String> {
+        // Nothing remembered helps a cold tick: the mesh comes from another shape, and is told to forget it.
+        move_surface(&mut self.app, self.surface, tick.before.clone());
+        self.teleport();
+        self.app.update();
+        move_surface(&mut self.app, self.surface, tick.now.clone());
+        self.teleport();
+        self.measure(COLD, log, true);
+        // The baseline that remembers nothing has nothing to show here but its time.
+        if self.method == ContactMethod::Polygon {
+            return Ok(());
+        }
+        let mut drift = Log::default();
+        for positions in &tick.drift {
+            move_surface(&mut self.app, self.surface, positions.clone());
+            self.measure(MOVED, &mut drift, false);
+        }
+        // All of them together: what is remembered has to be renewed now and then, and that is part of the price.
+        let row = &drift.rows[0];
+        let mean = row.milliseconds.iter().sum::<f64>() / row.milliseconds.len() as f64;
+        let mean = std::time::Duration::from_secs_f64(mean * 1.0e-3);
+        log.add(&row.who, MOVED, self.threads, Level::Whole, mean, self.counts());
+        self.measure(UNCHANGED, log, false);
+        Ok(())
+    }
+}

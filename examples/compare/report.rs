@@ -1,0 +1,315 @@
+//! What was measured, as a table, as answers to the bars of the project, and as JSON.
+
+use std::fmt::{self, Display, Formatter};
+
+use bevy_circumsphere::ContactMethod;
+use serde::Serialize;
+
+use super::{
+    input::Input,
+    machine::Machine,
+    measure::{Counts, Level, Log, Row},
+    ours::{COLD, MOVED, UNCHANGED, method_name},
+    parry::{REBUILT, STRATEGIES, TRAVERSAL, strategy_name},
+    peers::{EMBREE_COLLIDE, RAPIER_NARROW_PHASE},
+};
+
+#[derive(Serialize)]
+pub struct Report {
+    pub input: String,
+    pub triangles: usize,
+    pub vertices: usize,
+    pub frames: Vec<usize>,
+    pub mean_edge: f64,
+    pub contact_distance: f64,
+    /// The row that every ratio is stated against: parry's traversal with the faster of its two build strategies.
+    pub reference: String,
+    pub rows: Vec<RowReport>,
+    pub bars: Vec<Bar>,
+    /// Who is missing or failed, and why.
+    pub faults: Vec<String>,
+}
+
+#[derive(Serialize)]
+pub struct RowReport {
+    pub who: String,
+    pub what: String,
+    pub threads: usize,
+    pub level: Level,
+    pub samples: usize,
+    pub median_ms: f64,
+    pub least_ms: f64,
+    pub quartiles_ms: [f64; 2],
+    /// Median over the reference's.
+    pub ratio: f64,
+    /// Mean over the frames.
+    pub counts: Counts,
+    /// Whether a frame once counted otherwise than another time.
+    pub is_unsteady: bool,
+}
+
+/// A ratio that the project has set itself.
+#[derive(Serialize)]
+pub struct Bar {
+    pub what: String,
+    pub bar: String,
+    /// Of medians; none where one of the two was not measured.
+    pub ratio: Option<f64>,
+    /// The same of the least times, which other programs disturb less.
+    pub least_ratio: Option<f64>,
+    pub holds: Option<bool>,
+}
+
+/// The value that a share of a sorted list does not exceed, between two of them in proportion.
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let place = share * (sorted.len() - 1) as f64;
+    let (low, high) = (place.floor() as usize, place.ceil() as usize);
+    sorted[low] + (sorted[high] - sorted[low]) * (place - low as f64)
+}
+
+fn mean_counts(row: &Row) -> Counts {
+    let mean = |count: fn(&Counts) -> Option<u64>| {
+        let all: Option<Vec<u64>> = row.counts.values().map(count).collect();
+        all.filter(|all| !all.is_empty()).map(|all| all.iter().sum::<u64>() / all.len() as u64)
+    };
+    Counts {
+        box_pairs: mean(|counts| counts.box_pairs),
+        apart: mean(|counts| counts.apart),
+        tested: mean(|counts| counts.tested),
+        touching: mean(|counts| counts.touching),
+        contacts: mean(|counts| counts.contacts),
+    }
+}
+
+impl RowReport {
+    fn new(row: &Row) -> Self {
+        let mut times = row.milliseconds.clone();
+        times.sort_by(f64::total_cmp);
+        Self {
+            who: row.who.clone(),
+            what: row.what.clone(),
+            threads: row.threads,
+            level: row.level,
+            samples: times.len(),
+            median_ms: quantile(&times, 0.5),
+            least_ms: times[0],
+            quartiles_ms: [quantile(&times, 0.25), quantile(&times, 0.75)],
+            ratio: 0.0,
+            counts: mean_counts(row),
+            is_unsteady: row.is_unsteady,
+        }
+    }
+}
+
+/// Whether a ratio has to be at least or at most something.
+#[derive(Clone, Copy)]
+enum Limit {
+    AtMost(f64),
+    AtLeast(f64),
+}
+
+impl Report {
+    pub fn new(input: &Input, log: &Log, faults: Vec<String>) -> Self {
+        let mut rows: Vec<RowReport> = log.rows.iter().map(RowReport::new).collect();
+        let reference = rows
+            .iter()
+            .filter(|row| row.what == TRAVERSAL)
+            .min_by(|a, b| a.median_ms.total_cmp(&b.median_ms))
+            .map(|row| (row.who.clone(), row.median_ms));
+        let (reference, reference_ms) = reference.unwrap_or_default();
+        for row in &mut rows {
+            row.ratio = row.median_ms / reference_ms;
+        }
+        // Ours first, then the reference and everyone else, and everyone's rows together.
+        let mut order: Vec<String> = ContactMethod::ALL.into_iter().map(method_name).collect();
+        order.extend(STRATEGIES.map(|strategy| strategy_name(strategy).to_owned()));
+        for row in &rows {
+            if !order.contains(&row.who) {
+                order.push(row.who.clone());
+            }
+        }
+        rows.sort_by_key(|row| (order.iter().position(|who| *who == row.who), row.threads));
+        let mut report = Self {
+            input: input.name.clone(),
+            triangles: input.triangles.len(),
+            vertices: input.vertices,
+            frames: input.ticks.iter().map(|tick| tick.frame).collect(),
+            mean_edge: input.mean_edge,
+            contact_distance: input.contact_distance,
+            reference,
+            rows,
+            bars: Vec::new(),
+            faults,
+        };
+        report.bars = report.answer_bars();
+        report
+    }
+
+    fn row(&self, (who, what, threads): (&str, &str, usize)) -> Option<&RowReport> {
+        self.rows.iter().find(|row| row.who == who && row.what == what && row.threads == threads)
+    }
+
+    fn answer_bars(&self) -> Vec<Bar> {
+        let most_threads = self.rows.iter().filter(|row| row.what == COLD).map(|row| row.threads).max().unwrap_or(1);
+        let names = ContactMethod::ALL.map(method_name);
+        let [balls, caps, _, refined, polygon] = names.each_ref().map(String::as_str);
+        let reference = (self.reference.as_str(), TRAVERSAL, 1);
+        let cold = (refined, COLD, 1);
+        let mut bars = vec![
+            ("Refined, cold / reference", cold, reference, Limit::AtMost(2.0), "≤ 2.0, wanted 1.5"),
+            ("Circumsphere, cold / reference", (caps, COLD, 1), reference, Limit::AtMost(1.3), "≤ 1.3"),
+            ("BoundingSphere, cold / reference", (balls, COLD, 1), reference, Limit::AtMost(0.9), "≤ 0.9"),
+            ("Polygon, cold / Refined, cold", (polygon, COLD, 1), cold, Limit::AtLeast(8.0), "≥ 8"),
+            (
+                "rapier's narrow phase / Refined, cold",
+                (RAPIER_NARROW_PHASE.0, RAPIER_NARROW_PHASE.1, 1),
+                cold,
+                Limit::AtLeast(6.0),
+                "≥ 6, goal 10",
+            ),
+            (
+                "parry rebuilt + distances / Refined, cold",
+                ("parry", REBUILT, 1),
+                cold,
+                Limit::AtLeast(6.0),
+                "≥ 6, goal 10",
+            ),
+            (
+                "Embree's collide / Refined, cold",
+                (EMBREE_COLLIDE.0, EMBREE_COLLIDE.1, 1),
+                cold,
+                Limit::AtLeast(1.0),
+                "> 1",
+            ),
+            ("Refined, moved / cold", (refined, MOVED, 1), cold, Limit::AtMost(0.35), "≤ 0.35"),
+            ("Refined, unchanged / cold", (refined, UNCHANGED, 1), cold, Limit::AtMost(0.01), "≤ 0.01"),
+        ];
+        if most_threads > 1 {
+            let pooled = (refined, COLD, most_threads);
+            bars.push(("Refined, cold, one thread / several", cold, pooled, Limit::AtLeast(1.7), "≥ 1.7 on two"));
+        }
+        bars.into_iter()
+            .map(|(what, over, under, limit, bar)| {
+                let rows = self.row(over).zip(self.row(under));
+                let ratio = rows.map(|(over, under)| over.median_ms / under.median_ms);
+                let holds = ratio.map(|ratio| match limit {
+                    Limit::AtMost(most) => ratio <= most,
+                    Limit::AtLeast(least) => ratio >= least,
+                });
+                let least_ratio = rows.map(|(over, under)| over.least_ms / under.least_ms);
+                Bar { what: what.to_owned(), bar: bar.to_owned(), ratio, least_ratio, holds }
+            })
+            .collect()
+    }
+}
+
+/// Digits in groups of three.
+fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let mut text = String::new();
+    for (place, digit) in digits.chars().enumerate() {
+        if place > 0 && (digits.len() - place).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// A time or ratio with three digits that matter.
+fn short(value: f64) -> String {
+    match value {
+        value if !value.is_finite() => "-".to_owned(),
+        value if value >= 99.95 => format!("{value:.0}"),
+        value if value >= 9.995 => format!("{value:.1}"),
+        value if value >= 0.1 => format!("{value:.2}"),
+        value => format!("{value:.4}"),
+    }
+}
+
+impl Display for Report {
+    fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
+        let frames: Vec<String> = self.frames.iter().map(usize::to_string).collect();
+        writeln!(
+            out,
+            "\n{}: {} triangles, {} vertices, frame {}, contact distance {:.6} ({:.3} mean edges)",
+            self.input,
+            grouped(self.triangles as u64),
+            grouped(self.vertices as u64),
+            frames.join(" "),
+            self.contact_distance,
+            self.contact_distance / self.mean_edge
+        )?;
+        writeln!(out, "reference (×1): {}, {TRAVERSAL}\n", self.reference)?;
+        writeln!(
+            out,
+            "{:72} {:>3} {:>8} {:>8} {:>8} {:>8} {:>7} {:>4}  {:>10} {:>10} {:>10} {:>10} {:>10}",
+            "", "thr", "median", "min", "q1", "q3 ms", "×", "n", "box pairs", "apart", "tested", "touching", "contacts"
+        )?;
+        let count = |count: Option<u64>| count.map_or_else(|| "-".to_owned(), grouped);
+        for row in &self.rows {
+            let [low, high] = row.quartiles_ms;
+            let name = match row.level {
+                Level::Whole => format!("{}: {}", row.who, row.what),
+                Level::Part => format!("    {}: {}", row.who, row.what),
+            };
+            let counts = &row.counts;
+            writeln!(
+                out,
+                "{name:72} {:>3} {:>8} {:>8} {:>8} {:>8} {:>7} {:>4}  {:>10} {:>10} {:>10} {:>10} {:>10}{}",
+                row.threads,
+                short(row.median_ms),
+                short(row.least_ms),
+                short(low),
+                short(high),
+                short(row.ratio),
+                row.samples,
+                count(counts.box_pairs),
+                count(counts.apart),
+                count(counts.tested),
+                count(counts.touching),
+                count(counts.contacts),
+                if row.is_unsteady { "  counts vary!" } else { "" }
+            )?;
+        }
+        writeln!(out, "\n{:48} {:>14} {:>10} {:>10}", "bar", "", "medians", "minima")?;
+        for bar in &self.bars {
+            let ratio = |ratio: Option<f64>| ratio.map_or_else(|| "-".to_owned(), short);
+            let verdict = match bar.holds {
+                Some(true) => "holds",
+                Some(false) => "does not hold",
+                None => "not measured",
+            };
+            let (of_medians, of_minima) = (ratio(bar.ratio), ratio(bar.least_ratio));
+            writeln!(out, "{:48} {:>14} {of_medians:>10} {of_minima:>10}  {verdict}", bar.what, bar.bar)?;
+        }
+        for fault in &self.faults {
+            writeln!(out, "{fault}")?;
+        }
+        Ok(())
+    }
+}
+
+impl Display for Machine {
+    fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
+        let list = |names: &[&str]| if names.is_empty() { "none".to_owned() } else { names.join(" ") };
+        writeln!(
+            out,
+            "measured on {}, {} processors, {}, which has {}",
+            self.processor,
+            self.processors,
+            self.system,
+            list(&self.instruction_sets)
+        )?;
+        writeln!(
+            out,
+            "built by {} for {}, features {}, {}",
+            self.rustc,
+            list(&self.compiled_for),
+            list(&self.features),
+            self.profile
+        )?;
+        let load = self.load.map(|load| load.map_or_else(|| "unknown".to_owned(), |load| format!("{load:.1}")));
+        writeln!(out, "load of the machine before {}, after {}: above 1, others took part of the time", load[0], load[1])
+    }
+}
