@@ -15,6 +15,8 @@ use super::{
 };
 
 pub const COLD: &str = "cold tick";
+/// The same where the small motion ends: what a moved and an unchanged tick are stated against, as they find the same.
+pub const COLD_MOVED: &str = "cold tick, where the motion ends";
 pub const MOVED: &str = "tick, moved by 0.09 contact distances";
 pub const UNCHANGED: &str = "tick, unchanged";
 
@@ -103,6 +105,12 @@ impl Contestant for Ours {
         let mean = std::time::Duration::from_secs_f64(mean * 1.0e-3);
         log.add(&row.who, MOVED, self.threads, Level::Whole, mean, self.counts());
         self.measure(UNCHANGED, log, false);
+        move_surface(&mut self.app, self.surface, tick.before.clone());
+        self.teleport();
+        self.app.update();
+        move_surface(&mut self.app, self.surface, tick.drift[tick.drift.len() - 1].clone());
+        self.teleport();
+        self.measure(COLD_MOVED, log, false);
         Ok(())
     }
 }

@@ -1,0 +1,233 @@
+//! Every stage of the kernel by itself, on a crumpled sheet: each reads what the stages before it made, and writes into
+//! buffers that keep their memory.
+//!
+//! No stage is inlined, so that instruction counters find it by its name.
+
+use bevy_circumsphere::kernel::{
+    bounds::{Aabb, triangle_bounds},
+    circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
+    conservative::{NearPair, near_pairs},
+    cone::SafetyCones,
+    curvature::{CurvatureEstimator, Curvatures},
+    exact::cull::{cull_by_closest_features, cull_by_planes},
+    ids::TriangleId,
+    pair::{FoundPairs, PairSettings, SurfaceSide},
+    refine::{refine_closest, refine_pairs},
+    sphere_pairs::{
+        BallSide, CapPair, CapSide, ball_contacts, cap_contacts, meeting_caps, overlapping_balls, overlapping_caps,
+    },
+    topology::SurfaceTopology,
+    tree::BoxTree,
+};
+use circumsphere_support::scenes::crumpled_sheet;
+use glam::Vec3;
+
+/// Contact distance, in mean edges.
+const DISTANCE_EDGES: f64 = 0.1;
+
+/// The defaults of the plugin.
+const RECIPE: RecipeSettings = RecipeSettings { phi: 0.5, curvature_threshold: 2.0, delta: 0.7 };
+
+/// A mesh and how it is tested.
+pub struct Sheet {
+    pub topology: SurfaceTopology,
+    pub positions: Vec<Vec3>,
+    settings: PairSettings,
+}
+
+/// What the stages make of it.
+#[derive(Clone, Default)]
+pub struct Stages {
+    pub bounds: Vec<Aabb>,
+    pub tree: BoxTree,
+    pub candidates: Vec<[u32; 2]>,
+    pub past_planes: Vec<[u32; 2]>,
+    pub close: Vec<[u32; 2]>,
+    pub near: Vec<NearPair>,
+    pub balls: Vec<Ball>,
+    pub curvatures: Curvatures,
+    pub spheres: OffsetSpheres,
+    pub cones: SafetyCones,
+    pub near_balls: Vec<[u32; 2]>,
+    pub near_caps: Vec<[u32; 2]>,
+    pub meeting: Vec<CapPair>,
+    pub found: FoundPairs,
+}
+
+impl Sheet {
+    pub fn new(triangles: usize) -> Self {
+        let mesh = crumpled_sheet(triangles, 0.0);
+        let positions: Vec<Vec3> = mesh.positions.iter().copied().map(Vec3::from_array).collect();
+        let topology = SurfaceTopology::new(&positions, &mesh.triangles).expect("the sheet is a mesh");
+        let distance = DISTANCE_EDGES * topology.mean_edge_length(&positions);
+        let settings = PairSettings {
+            contact_distance: distance,
+            reported_distance: distance,
+            range: distance,
+            scale: 1.0,
+            cull: true,
+            same_surface: true,
+        };
+        Self { topology, positions, settings }
+    }
+
+    fn side(&self) -> SurfaceSide<'_> {
+        let (topology, positions) = (&self.topology, &*self.positions);
+        SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false }
+    }
+
+    fn range(&self) -> f32 {
+        self.settings.range as f32
+    }
+
+    fn both_positions(&self) -> [&[Vec3]; 2] {
+        [&self.positions; 2]
+    }
+
+    fn both_triangles(&self) -> [&[[u32; 3]]; 2] {
+        [self.topology.triangles(); 2]
+    }
+}
+
+/// A stage: reads the sheet and what was made before, and writes its own.
+pub type Stage = fn(&Sheet, &mut Stages);
+
+/// All of them in the order of the plugin, the tree's first build before them.
+pub const STAGES: [(&str, Stage); 17] = [
+    ("build", build),
+    ("bounds", bounds),
+    ("refit_tree", refit_tree),
+    ("self_pairs", self_pairs),
+    ("planes", planes),
+    ("closest_features", closest_features),
+    ("near", near),
+    ("refined", refined),
+    ("closest", closest),
+    ("curvature", curvature),
+    ("refit_spheres", refit_spheres),
+    ("overlap_caps", overlap_caps),
+    ("cone", cone),
+    ("contacts_of_caps", contacts_of_caps),
+    ("refit_balls", refit_balls),
+    ("overlap_balls", overlap_balls),
+    ("contacts_of_balls", contacts_of_balls),
+];
+
+#[inline(never)]
+pub fn build(sheet: &Sheet, stages: &mut Stages) {
+    bounds(sheet, stages);
+    stages.tree.rebuild(&stages.bounds);
+}
+
+#[inline(never)]
+pub fn bounds(sheet: &Sheet, stages: &mut Stages) {
+    let growth = 0.5 * sheet.range();
+    triangle_bounds(&sheet.positions, sheet.topology.triangles(), growth, &mut stages.bounds);
+}
+
+#[inline(never)]
+pub fn refit_tree(_: &Sheet, stages: &mut Stages) {
+    stages.tree.refit(&stages.bounds);
+}
+
+#[inline(never)]
+pub fn self_pairs(sheet: &Sheet, stages: &mut Stages) {
+    stages.candidates.clear();
+    let apart = |[a, b]: [u32; 2]| !sheet.topology.share_vertex(TriangleId(a), TriangleId(b));
+    stages.tree.self_pairs_where(apart, &mut stages.candidates);
+}
+
+#[inline(never)]
+pub fn planes(sheet: &Sheet, stages: &mut Stages) {
+    stages.past_planes.clear();
+    let (positions, triangles) = (sheet.both_positions(), sheet.both_triangles());
+    cull_by_planes(positions, triangles, &stages.candidates, sheet.range(), &mut stages.past_planes);
+}
+
+#[inline(never)]
+pub fn closest_features(sheet: &Sheet, stages: &mut Stages) {
+    stages.close.clear();
+    let (positions, triangles) = (sheet.both_positions(), sheet.both_triangles());
+    cull_by_closest_features(positions, triangles, &stages.past_planes, sheet.range(), &mut stages.close);
+}
+
+#[inline(never)]
+pub fn near(sheet: &Sheet, stages: &mut Stages) {
+    stages.near.clear();
+    let (positions, triangles) = (sheet.both_positions(), sheet.both_triangles());
+    near_pairs(positions, triangles, &stages.past_planes, sheet.range(), &mut stages.near);
+}
+
+/// The whole of `Refined`, its culls included.
+#[inline(never)]
+pub fn refined(sheet: &Sheet, stages: &mut Stages) {
+    stages.found.clear();
+    refine_pairs(&sheet.side(), &sheet.side(), &stages.candidates, &sheet.settings, &mut stages.found);
+}
+
+/// The whole of `Closest`, its culls included.
+#[inline(never)]
+pub fn closest(sheet: &Sheet, stages: &mut Stages) {
+    stages.found.clear();
+    refine_closest(&sheet.side(), &sheet.side(), &stages.candidates, &sheet.settings, &mut stages.found);
+}
+
+#[inline(never)]
+pub fn curvature(sheet: &Sheet, stages: &mut Stages) {
+    stages.curvatures.measure(&sheet.topology, &sheet.positions, CurvatureEstimator::SignedEdge);
+}
+
+/// With every recipe made anew.
+#[inline(never)]
+pub fn refit_spheres(sheet: &Sheet, stages: &mut Stages) {
+    let Stages { spheres, cones, curvatures, .. } = stages;
+    spheres.forget();
+    let triangles = sheet.topology.triangles();
+    spheres.refit(&sheet.positions, triangles, &curvatures.curvatures, &curvatures.dihedrals, RECIPE, cones);
+    cones.widen(&curvatures.spreads);
+}
+
+#[inline(never)]
+pub fn overlap_caps(sheet: &Sheet, stages: &mut Stages) {
+    let Stages { spheres, cones, candidates, near_caps, .. } = stages;
+    near_caps.clear();
+    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None };
+    overlapping_caps(&side, &side, candidates, &sheet.settings, near_caps);
+}
+
+#[inline(never)]
+pub fn cone(sheet: &Sheet, stages: &mut Stages) {
+    let Stages { spheres, cones, near_caps, meeting, .. } = stages;
+    meeting.clear();
+    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None };
+    meeting_caps(&side, &side, near_caps, &sheet.settings, meeting);
+}
+
+#[inline(never)]
+pub fn contacts_of_caps(sheet: &Sheet, stages: &mut Stages) {
+    let Stages { spheres, cones, meeting, found, .. } = stages;
+    found.clear();
+    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None };
+    cap_contacts(&side, &side, meeting, &sheet.settings, found);
+}
+
+#[inline(never)]
+pub fn refit_balls(sheet: &Sheet, stages: &mut Stages) {
+    enclosing_balls(&sheet.positions, sheet.topology.triangles(), &mut stages.balls);
+}
+
+#[inline(never)]
+pub fn overlap_balls(sheet: &Sheet, stages: &mut Stages) {
+    let Stages { balls, candidates, near_balls, .. } = stages;
+    near_balls.clear();
+    let side = BallSide { surface: sheet.side(), balls, pose: None };
+    overlapping_balls(&side, &side, candidates, &sheet.settings, near_balls);
+}
+
+#[inline(never)]
+pub fn contacts_of_balls(sheet: &Sheet, stages: &mut Stages) {
+    let Stages { balls, near_balls, found, .. } = stages;
+    found.clear();
+    let side = BallSide { surface: sheet.side(), balls, pose: None };
+    ball_contacts(&side, &side, near_balls, &sheet.settings, found);
+}

@@ -1,0 +1,139 @@
+//! The comparison program as its users call it: what its table says of a small mesh agrees among all who count alike, and
+//! with the f64 reference.
+//!
+//! Without the peers that are programs of their own: their counts are compared where the program is run with them.
+
+use std::{collections::BTreeMap, fs, process::Command};
+
+use bevy_circumsphere::kernel::reference::{box_pairs, exact_weld, mean_edge_length, touching_pairs_tree};
+use circumsphere_support::{
+    programs::example_program,
+    recording::{Recording, write_recording},
+    scenes::crumpled_sheet,
+};
+use glam::DVec3;
+use serde_json::Value;
+
+const TRIANGLES: usize = 1_000;
+const DISTANCE_EDGES: f64 = 0.1;
+
+/// Boxes are grown in f32: by how much, relative to the distance, their reach may be off. Coordinates are below 32 and
+/// the distance above 0.1, so that half a unit in the last place of either side is below 2e-5 of it.
+const BOX_BAND: f64 = 1.0e-4;
+
+/// Boxes of ours reach farther, by a thousandth of the contact distance and rounding.
+const OWN_BOX_BAND: f64 = 1.2e-3;
+
+/// The band of the contact tests, see the design: f32 coordinates are exact, distances round.
+const BAND: f64 = 1.0e-4;
+
+/// Every row's count of a kind, by who and what, on one thread.
+fn counts<'a>(rows: &'a [Value], kind: &str) -> BTreeMap<(&'a str, &'a str), u64> {
+    rows.iter()
+        .filter(|row| row["threads"] == 1)
+        .filter_map(|row| {
+            let name = (row["who"].as_str()?, row["what"].as_str()?);
+            Some((name, row["counts"][kind].as_u64()?))
+        })
+        .collect()
+}
+
+#[test]
+fn everyone_counts_what_the_reference_counts() {
+    let states = [0.0, 0.05].map(|phase| crumpled_sheet(TRIANGLES, phase));
+    let triangles = states[0].triangles.clone();
+    let positions: Vec<DVec3> =
+        states[0].positions.iter().map(|&position| DVec3::from_array(position.map(f64::from))).collect();
+    let weld = exact_weld(&positions);
+    let distance = DISTANCE_EDGES * mean_edge_length(&positions, &triangles, &weld);
+
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let (file, json) = (folder.path().join("sheet.bin"), folder.path().join("comparison.json"));
+    let recording = Recording { triangles: triangles.clone(), frames: states.map(|state| state.positions).into() };
+    write_recording(&file, &recording).expect("the sheet can be written");
+    let output = Command::new(example_program("compare"))
+        .arg(&file)
+        .args(["--repeat", "2", "--peers=", "--json"])
+        .arg(&json)
+        .output()
+        .expect("the program starts");
+    let table = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+
+    let text = fs::read_to_string(&json).expect("the program has written its measurements");
+    let comparison: Value = serde_json::from_str(&text).expect("the measurements are JSON");
+    let input = &comparison["inputs"][0];
+    let rows = input["rows"].as_array().expect("there are rows");
+    assert_eq!(input["faults"], Value::Array(Vec::new()), "{table}");
+    assert!(rows.iter().all(|row| row["is_unsteady"] == false), "{table}");
+    assert!((input["contact_distance"].as_f64().expect("a number") / distance - 1.0).abs() < 1.0e-12);
+
+    // parry's pairs are those of the boxes, neighbors included.
+    let boxes = |distance: f64| box_pairs(&positions, &triangles, distance).len() as u64;
+    let [fewest, most] = [1.0 - BOX_BAND, 1.0 + BOX_BAND].map(|factor| boxes(factor * distance));
+    let box_counts = counts(rows, "box_pairs");
+    assert_eq!(box_counts.len(), 6, "three rows of pairs for each strategy of parry's: {table}");
+    assert!(box_counts.values().all(|&count| (fewest..=most).contains(&count)), "{fewest}..={most}: {table}");
+    // Had the boxes not been grown, there would be fewer.
+    assert!(boxes(0.0) < fewest, "{table}");
+
+    // Ours are those of them that share no vertex.
+    let share_vertex = |a: u32, b: u32| {
+        let [a, b] = [a, b].map(|triangle| triangles[triangle as usize].map(|vertex| weld[vertex as usize]));
+        a.iter().any(|vertex| b.contains(vertex))
+    };
+    let apart = |distance: f64| {
+        box_pairs(&positions, &triangles, distance).into_iter().filter(|&(a, b)| !share_vertex(a, b)).count() as u64
+    };
+    let [fewest, most] = [1.0 - BOX_BAND, 1.0 + OWN_BOX_BAND].map(|factor| apart(factor * distance));
+    let cold = |method: &str| format!("ours, {method}");
+    let apart_counts = counts(rows, "apart");
+    for method in ["BoundingSphere", "Circumsphere", "Closest", "Refined", "Polygon"] {
+        let count = apart_counts[&(cold(method).as_str(), "cold tick")];
+        assert!((fewest..=most).contains(&count), "{method}: {count}, not {fewest}..={most}\n{table}");
+    }
+
+    // The exact methods find what touches, and they find the same.
+    let touching = touching_pairs_tree(&positions, &triangles, &weld, distance * (1.0 + BAND));
+    let surely = touching.iter().filter(|pair| pair.distance <= distance * (1.0 - BAND)).count() as u64;
+    assert!(surely > 500, "the sheet hardly touches itself: {surely}");
+    let touching_counts = counts(rows, "touching");
+    for method in ["Closest", "Refined", "Polygon"] {
+        let count = touching_counts[&(cold(method).as_str(), "cold tick")];
+        assert!((surely..=touching.len() as u64).contains(&count), "{method}: {count}, not about {surely}\n{table}");
+    }
+    assert!(touching_counts[&("ours, BoundingSphere", "cold tick")] > surely, "balls contain their triangles: {table}");
+
+    // parry's f32 distances are near that: its tolerances are absolute, so the bar is a coarse one.
+    let parry = touching_counts[&("parry", "query::distance of every pair")] as f64;
+    assert!((parry / surely as f64 - 1.0).abs() < 0.05, "parry: {parry}, the reference: {surely}\n{table}");
+
+    // A tick that moved by little finds what a cold one finds there, and so does one that did not move.
+    for method in ["BoundingSphere", "Circumsphere", "Closest", "Refined"] {
+        let method = cold(method);
+        let there = touching_counts[&(method.as_str(), "cold tick, where the motion ends")];
+        for what in ["tick, moved by 0.09 contact distances", "tick, unchanged"] {
+            let count = touching_counts[&(method.as_str(), what)];
+            // Spheres follow lazily: after a small motion they are not those of a cold tick.
+            if method != cold("Circumsphere") {
+                assert_eq!(count, there, "{method}, {what}: {table}");
+            }
+        }
+    }
+    assert_eq!(input["reference"].as_str().map(|name| name.starts_with("parry Bvh")), Some(true), "{table}");
+    assert!(table.contains(input["reference"].as_str().expect("a name")), "{table}");
+}
+
+#[test]
+fn what_it_cannot_read_is_refused_by_name() {
+    for (arguments, named) in [
+        (vec!["no/such/file.bin"], "no/such/file.bin"),
+        (vec!["--frames", "7..9", "--sheet", "8", "--peers="], "--frames 7..9"),
+        (vec!["--contact-distance-edges", "-1"], "--contact-distance-edges"),
+    ] {
+        let output = Command::new(example_program("compare")).args(&arguments).output().expect("the program starts");
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(named) && !message.contains("panicked"), "{arguments:?}: {message}");
+    }
+}
