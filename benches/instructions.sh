@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Instructions of one cold tick on a crumpled sheet, by valgrind's callgrind: each stage of the kernel by itself, and the
-# whole plugin with each method. Unlike times they are the same on a busy machine.
+# whole plugin with each method. Unlike times they are the same on a busy machine. Valgrind knows no AVX-512: kernels that
+# choose by the processor run as they do on AVX2.
 #
 #   benches/instructions.sh [TRIANGLES]    default 20000
 set -euo pipefail
@@ -18,21 +19,31 @@ if [ -z "$program" ]; then
     exit 2
 fi
 
-# Prints "instructions function" for every function with more than a ten thousandth of them, callees included.
+# Prints "instructions function" for every function of the program's own, callees included. The tool lists a function once
+# for each way in which its file is named: the first has all of it.
 inclusive() {
     valgrind --tool=callgrind --callgrind-out-file="$folder/out" "$program" "$@" >"$folder/log" 2>&1 ||
         { cat "$folder/log" >&2; exit 1; }
-    callgrind_annotate --inclusive=yes --threshold=99.99 "$folder/out" |
-        sed -n 's/^ *\([0-9,]*\) ([ 0-9.]*%) *[^ ]*:\([^ ]*\).*/\1 \2/p'
+    callgrind_annotate --inclusive=yes --threshold=99.99 "$folder/out" 2>/dev/null |
+        sed -n 's/^ *\([0-9,]*\) ([ 0-9.]*%) *[^ ]*:stages::\([^ ]*\).*/\1 \2/p'
+}
+
+# Prints the count of every function whose name begins so, each once.
+print_counts() {
+    local seen=" " count name
+    while read -r count name; do
+        case "$name" in "$1"*) ;; *) continue ;; esac
+        case "$seen" in *" $name "*) continue ;; esac
+        seen="$seen$name "
+        printf '%18s  %s\n' "$count" "${2:-${name#"$1"}}"
+    done
 }
 
 valgrind --version
 echo "$triangles triangles"
 echo "kernel, stage by stage:"
-inclusive --once "$triangles" | sed -n 's/^\([0-9,]*\) stages::kernel::\(.*\)/    \1 \2/p' |
-    while read -r count name; do printf '%18s  %s\n' "$count" "$name"; done
+inclusive --once "$triangles" | print_counts kernel::
 echo "whole cold tick of the plugin:"
 for method in BoundingSphere Circumsphere Closest Refined Polygon; do
-    inclusive --tick "$method" "$triangles" | sed -n 's/^\([0-9,]*\) stages::cold_tick.*/\1/p' |
-        while read -r count; do printf '%18s  %s\n' "$count" "$method"; done
+    inclusive --tick "$method" "$triangles" | print_counts cold_tick "$method"
 done

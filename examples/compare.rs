@@ -167,7 +167,7 @@ fn measure(input: &Input, options: &Options) -> Report {
     }
     progress.set_message("building and starting peers");
     progress.tick();
-    let (peers, mut faults) = peers::contestants(&options.peers, input, &threads);
+    let (peers, mut faults) = peers::contestants(if options.no_peers { &[] } else { &options.peers }, input, &threads);
     contestants.extend(peers);
     let (log, failed) = measure::play(input, contestants, options.repeat, |message| {
         progress.set_message(message.to_owned());

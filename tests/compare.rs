@@ -53,7 +53,7 @@ fn everyone_counts_what_the_reference_counts() {
     write_recording(&file, &recording).expect("the sheet can be written");
     let output = Command::new(example_program("compare"))
         .arg(&file)
-        .args(["--repeat", "2", "--peers=", "--json"])
+        .args(["--repeat", "2", "--no-peers", "--json"])
         .arg(&json)
         .output()
         .expect("the program starts");
@@ -128,8 +128,8 @@ fn everyone_counts_what_the_reference_counts() {
 fn what_it_cannot_read_is_refused_by_name() {
     for (arguments, named) in [
         (vec!["no/such/file.bin"], "no/such/file.bin"),
-        (vec!["--frames", "7..9", "--sheet", "8", "--peers="], "--frames 7..9"),
-        (vec!["--contact-distance-edges", "-1"], "--contact-distance-edges"),
+        (vec!["--frames", "7..9", "--sheet", "8", "--no-peers"], "--frames 7..9"),
+        (vec!["--contact-distance-edges=-1"], "--contact-distance-edges"),
     ] {
         let output = Command::new(example_program("compare")).args(&arguments).output().expect("the program starts");
         let message = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -30,8 +30,11 @@ pub struct Options {
     pub sheet: u32,
     /// Peers beside parry. They are built when they are asked for: obvhs and rapier with cargo, which takes some
     /// minutes the first time, Embree with the system's C compiler
-    #[arg(long, value_enum, value_delimiter = ',', num_args = 0.., default_values_t = Peer::ALL)]
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Peer::ALL)]
     pub peers: Vec<Peer>,
+    /// Compare with parry alone
+    #[arg(long, conflicts_with = "peers")]
+    pub no_peers: bool,
     /// Write everything that was measured
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
