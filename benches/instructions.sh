@@ -32,7 +32,7 @@ inclusive() {
 print_counts() {
     local seen=" " count name
     while read -r count name; do
-        case "$name" in "$1"*) ;; *) continue ;; esac
+        case "$name" in "$1"*::*) continue ;; "$1"*) ;; *) continue ;; esac
         case "$seen" in *" $name "*) continue ;; esac
         seen="$seen$name "
         printf '%18s  %s\n' "$count" "${2:-${name#"$1"}}"

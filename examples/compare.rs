@@ -36,6 +36,7 @@ use circumsphere_support::{
 };
 use clap::Parser;
 use frames::NoSuchFrames;
+use headline::Headline;
 use indicatif::{ProgressBar, ProgressStyle};
 use input::Input;
 use machine::Machine;
@@ -49,6 +50,8 @@ use serde::Serialize;
 mod frames;
 #[expect(dead_code, reason = "nothing is recorded where times are measured")]
 mod headless;
+#[path = "compare/headline.rs"]
+mod headline;
 #[path = "compare/input.rs"]
 mod input;
 #[path = "compare/machine.rs"]
@@ -95,6 +98,7 @@ enum CompareError {
 struct Comparison {
     machine: Machine,
     inputs: Vec<Report>,
+    headline: Headline,
 }
 
 fn main() -> ExitCode {
@@ -114,10 +118,7 @@ fn recordings(options: &Options) -> Result<Vec<(String, Recording, usize)>, Comp
         let triangles = states[0].triangles.clone();
         let sheet = Recording { triangles, frames: states.into_iter().map(|state| state.positions).collect() };
         let scene = Recording::from_bytes(EMBEDDED_SCENE, Path::new(EMBEDDED_NAME))?;
-        return Ok(vec![
-            ("a crumpled sheet".to_owned(), sheet, 0),
-            (EMBEDDED_NAME.to_owned(), scene, EMBEDDED_FRAME),
-        ]);
+        return Ok(vec![("a crumpled sheet".to_owned(), sheet, 0), (EMBEDDED_NAME.to_owned(), scene, EMBEDDED_FRAME)]);
     }
     let is_recording = |file: &Path| file.extension().is_some_and(|extension| extension == "bin");
     let name = |file: &Path| file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
@@ -143,10 +144,13 @@ fn compare(options: &Options) -> Result<(), CompareError> {
         let _ = write!(io::stdout(), "{report}");
         inputs.push(report);
     }
+    let headline = Headline::measure();
+    let _ = write!(io::stdout(), "{headline}");
     let machine = Machine::new([load, machine::load()]);
     let _ = write!(io::stdout(), "\n{machine}");
     if let Some(path) = &options.json {
-        let text = serde_json::to_string_pretty(&Comparison { machine, inputs }).expect("numbers and names are JSON");
+        let text = serde_json::to_string_pretty(&Comparison { machine, inputs, headline })
+            .expect("numbers and names are JSON");
         fs::write(path, text).map_err(|source| CompareError::Write { path: path.clone(), source })?;
     }
     Ok(())

@@ -6,8 +6,8 @@
 use bevy_circumsphere::kernel::{
     bounds::{Aabb, triangle_bounds},
     circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
-    conservative::{NearPair, near_pairs},
     cone::SafetyCones,
+    conservative::{NearPair, near_pairs},
     curvature::{CurvatureEstimator, Curvatures},
     exact::cull::{cull_by_closest_features, cull_by_planes},
     ids::TriangleId,

@@ -39,23 +39,31 @@ static MADE: LazyLock<(Sheet, Stages)> = LazyLock::new(|| {
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let number = |text: Option<&str>| text.map_or(Ok(TRIANGLES), str::parse);
-    match arguments.iter().map(String::as_str).collect::<Vec<_>>().as_slice() {
-        ["--once", rest @ ..] if rest.len() <= 1 => number(rest.first().copied()).map(run_stages_once).is_ok(),
-        ["--tick", method, rest @ ..] if rest.len() <= 1 => {
-            let method = ContactMethod::ALL.into_iter().find(|known| format!("{known:?}") == *method);
-            method.zip(number(rest.first().copied()).ok()).map(|(method, triangles)| run_tick(method, triangles)).is_some()
-        }
-        _ => {
-            divan::main();
-            true
-        }
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    if run(&arguments).is_some() {
+        return ExitCode::SUCCESS;
     }
-    .then_some(ExitCode::SUCCESS)
-    .unwrap_or_else(|| {
-        eprintln!("error: expected --once [TRIANGLES] or --tick METHOD [TRIANGLES], METHOD one of {:?}", ContactMethod::ALL);
-        ExitCode::from(2)
-    })
+    let methods = ContactMethod::ALL;
+    eprintln!("error: expected --once [TRIANGLES] or --tick METHOD [TRIANGLES], METHOD one of {methods:?}");
+    ExitCode::from(2)
+}
+
+/// Does what is asked for; `None` where that cannot be understood.
+fn run(arguments: &[&str]) -> Option<()> {
+    let triangles = |rest: &[&str]| match rest {
+        [] => Some(TRIANGLES),
+        [number] => number.parse().ok().filter(|&number| number > 0),
+        _ => None,
+    };
+    match arguments {
+        ["--once", rest @ ..] => run_stages_once(triangles(rest)?),
+        ["--tick", method, rest @ ..] => {
+            let method = ContactMethod::ALL.into_iter().find(|known| format!("{known:?}") == *method)?;
+            run_tick(method, triangles(rest)?);
+        }
+        _ => divan::main(),
+    }
+    Some(())
 }
 
 fn run_stages_once(triangles: usize) {

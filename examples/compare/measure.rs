@@ -10,9 +10,9 @@ use serde::Serialize;
 use super::input::{Input, Tick};
 
 /// Whoever takes longer than this for a round takes part only in the first [`ROUNDS_OF_THE_SLOW`] of them.
-const SLOW: Duration = Duration::from_millis(1500);
+const SLOW: Duration = Duration::from_millis(2500);
 
-const ROUNDS_OF_THE_SLOW: u32 = 5;
+const ROUNDS_OF_THE_SLOW: u32 = 7;
 
 /// What was found in a tick. `None` where a row does not count it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -61,15 +61,7 @@ pub struct Log {
 }
 
 impl Log {
-    pub fn add(
-        &mut self,
-        who: &str,
-        what: &str,
-        threads: usize,
-        level: Level,
-        duration: Duration,
-        counts: Counts,
-    ) {
+    pub fn add(&mut self, who: &str, what: &str, threads: usize, level: Level, duration: Duration, counts: Counts) {
         let is_it = |row: &Row| row.who == who && row.what == what && row.threads == threads;
         let place = self.rows.iter().position(is_it).unwrap_or_else(|| {
             self.rows.push(Row {

@@ -16,7 +16,7 @@ pub struct Options {
     /// Distance at which a pair of triangles touches, times the mean length of the edges of the first frame
     #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = positive)]
     pub contact_distance_edges: f64,
-    /// How often everyone is measured; who takes seconds is measured five times at most
+    /// How often everyone is measured; who takes seconds is measured seven times at most
     #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..))]
     pub repeat: u32,
     /// The most threads of ours and of Embree's; everyone is measured on one as well

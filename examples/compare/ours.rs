@@ -66,7 +66,7 @@ impl Ours {
 
     /// One tick on the clock: the whole update, of which the stages are parts.
     fn measure(&mut self, what: &str, log: &mut Log, with_stages: bool) {
-        let (duration, _) = timed(|| self.app.update());
+        let (duration, ()) = timed(|| self.app.update());
         let who = method_name(self.method);
         log.add(&who, what, self.threads, Level::Whole, duration, self.counts());
         if with_stages {

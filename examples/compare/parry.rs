@@ -180,15 +180,12 @@ impl Contestant for Queries {
             });
         });
         let reach = self.contact_distance;
-        let (distance, touching) = self.count(&tick.now, |a, b| {
-            query::distance(&at, a, &at, b).is_ok_and(|measured| measured.distance <= reach)
-        });
-        let (contact, contacts) = self.count(&tick.now, |a, b| {
-            query::contact(&at, a, &at, b, reach).is_ok_and(|contact| contact.is_some())
-        });
-        let (intersection, crossing) = self.count(&tick.now, |a, b| {
-            query::intersection_test(&at, a, &at, b).is_ok_and(|tested| tested.intersecting)
-        });
+        let (distance, touching) = self
+            .count(&tick.now, |a, b| query::distance(&at, a, &at, b).is_ok_and(|measured| measured.distance <= reach));
+        let (contact, contacts) =
+            self.count(&tick.now, |a, b| query::contact(&at, a, &at, b, reach).is_ok_and(|contact| contact.is_some()));
+        let (intersection, crossing) = self
+            .count(&tick.now, |a, b| query::intersection_test(&at, a, &at, b).is_ok_and(|tested| tested.intersecting));
         let apart = Some(self.pairs.len() as u64);
         let counts = Counts { apart, tested: apart, ..Counts::default() };
         let touching = Counts { touching: Some(touching), ..counts };

@@ -132,7 +132,7 @@ fn start(peer: Peer, input: &Input, threads: usize) -> Result<Program, String> {
         .ticks
         .iter()
         .flat_map(|tick| [&tick.before, &tick.now])
-        .map(|positions| positions.iter().map(|position| position.to_array()).collect())
+        .map(|positions| positions.iter().map(glam::Vec3::to_array).collect())
         .collect();
     // Neighbors are those that share a vertex, so the welded mesh is the one to give.
     let recording = Recording { triangles: input.welded.clone(), frames };
@@ -150,7 +150,8 @@ fn start(peer: Peer, input: &Input, threads: usize) -> Result<Program, String> {
     let answers = BufReader::new(child.stdout.take().ok_or("it has no output")?);
     let mut program = Program { name: String::new(), threads, child, questions, answers, _folder: folder };
     let line = program.line()?;
-    program.name = line.strip_prefix("peer ").ok_or_else(|| format!("it says {line:?}"))?.to_owned();
+    let name = line.strip_prefix("peer ").ok_or_else(|| format!("it says {line:?}"))?;
+    name.clone_into(&mut program.name);
     let _ = fs::remove_file(&scene);
     Ok(program)
 }

@@ -52,7 +52,7 @@ pub struct RowReport {
 #[derive(Serialize)]
 pub struct Bar {
     pub what: String,
-    pub bar: String,
+    pub limit: String,
     /// Of medians; none where one of the two was not measured.
     pub ratio: Option<f64>,
     /// The same of the least times, which other programs disturb less.
@@ -60,11 +60,11 @@ pub struct Bar {
     pub holds: Option<bool>,
 }
 
-/// The value that a share of a sorted list does not exceed, between two of them in proportion.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let place = share * (sorted.len() - 1) as f64;
-    let (low, high) = (place.floor() as usize, place.ceil() as usize);
-    sorted[low] + (sorted[high] - sorted[low]) * (place - low as f64)
+/// The value that so many quarters of a sorted list do not exceed, between two of them in proportion.
+fn quartile(sorted: &[f64], quarters: usize) -> f64 {
+    let place = quarters * (sorted.len() - 1);
+    let (low, high) = (sorted[place / 4], sorted[place.div_ceil(4)]);
+    low + (high - low) * (place % 4) as f64 / 4.0
 }
 
 fn mean_counts(row: &Row) -> Counts {
@@ -91,9 +91,9 @@ impl RowReport {
             threads: row.threads,
             level: row.level,
             samples: times.len(),
-            median_ms: quantile(&times, 0.5),
+            median_ms: quartile(&times, 2),
             least_ms: times[0],
-            quartiles_ms: [quantile(&times, 0.25), quantile(&times, 0.75)],
+            quartiles_ms: [quartile(&times, 1), quartile(&times, 3)],
             ratio: 0.0,
             counts: mean_counts(row),
             is_unsteady: row.is_unsteady,
@@ -182,14 +182,20 @@ impl Report {
                 "> 1",
             ),
             ("Refined, moved / cold", (refined, MOVED, 1), (refined, COLD_MOVED, 1), Limit::AtMost(0.35), "≤ 0.35"),
-            ("Refined, unchanged / cold", (refined, UNCHANGED, 1), (refined, COLD_MOVED, 1), Limit::AtMost(0.01), "≤ 0.01"),
+            (
+                "Refined, unchanged / cold",
+                (refined, UNCHANGED, 1),
+                (refined, COLD_MOVED, 1),
+                Limit::AtMost(0.01),
+                "≤ 0.01",
+            ),
         ];
         if most_threads > 1 {
             let pooled = (refined, COLD, most_threads);
             bars.push(("Refined, cold, one thread / several", cold, pooled, Limit::AtLeast(1.7), "≥ 1.7 on two"));
         }
         bars.into_iter()
-            .map(|(what, over, under, limit, bar)| {
+            .map(|(what, over, under, limit, text)| {
                 let rows = self.row(over).zip(self.row(under));
                 let ratio = rows.map(|(over, under)| over.median_ms / under.median_ms);
                 let holds = ratio.map(|ratio| match limit {
@@ -197,7 +203,7 @@ impl Report {
                     Limit::AtLeast(least) => ratio >= least,
                 });
                 let least_ratio = rows.map(|(over, under)| over.least_ms / under.least_ms);
-                Bar { what: what.to_owned(), bar: bar.to_owned(), ratio, least_ratio, holds }
+                Bar { what: what.to_owned(), limit: text.to_owned(), ratio, least_ratio, holds }
             })
             .collect()
     }
@@ -281,7 +287,7 @@ impl Display for Report {
                 None => "not measured",
             };
             let (of_medians, of_minima) = (ratio(bar.ratio), ratio(bar.least_ratio));
-            writeln!(out, "{:48} {:>14} {of_medians:>10} {of_minima:>10}  {verdict}", bar.what, bar.bar)?;
+            writeln!(out, "{:48} {:>14} {of_medians:>10} {of_minima:>10}  {verdict}", bar.what, bar.limit)?;
         }
         for fault in &self.faults {
             writeln!(out, "{fault}")?;
@@ -310,6 +316,10 @@ impl Display for Machine {
             self.profile
         )?;
         let load = self.load.map(|load| load.map_or_else(|| "unknown".to_owned(), |load| format!("{load:.1}")));
-        writeln!(out, "load of the machine before {}, after {}: above 1, others took part of the time", load[0], load[1])
+        writeln!(
+            out,
+            "load of the machine before {}, after {}: above 1, others took part of the time",
+            load[0], load[1]
+        )
     }
 }

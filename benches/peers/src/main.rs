@@ -55,7 +55,9 @@ fn main() -> ExitCode {
 fn serve() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [who, file, growth, _threads] = arguments.as_slice() else {
-        return Err("expected obvhs or rapier, a recording, half the contact distance, and the number of threads".into());
+        return Err(
+            "expected obvhs or rapier, a recording, half the contact distance, and the number of threads".into()
+        );
     };
     let recording = read_recording(&[PathBuf::from(file)])?;
     let growth: f32 = growth.parse()?;

@@ -16,8 +16,8 @@ pub use cloth_fall::{
     CLOTH_TRIANGLES, CLOTH_VERTICES, FRAMES, FRAMES_PER_SECOND, TORUS_TRIANGLES, TORUS_VERTICES, cloth_fall,
     cloth_fall_start,
 };
-pub use crumpled_sheet::crumpled_sheet;
 pub use corrupted::{duplicate_vertices, ragged_slivers, triangle_soup};
+pub use crumpled_sheet::crumpled_sheet;
 pub use moving::{Fineness, MOVING_SCENES, MovingBody, MovingScene, growing_sheets, moving_scene};
 pub use shapes::{Diagonals, cuboid, cylinder_side, grid, icosphere, saddle, sheet_stack, torus, twisted_rod};
 
