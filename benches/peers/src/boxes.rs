@@ -89,14 +89,14 @@ impl Obvhs {
                 if !a.aabb().intersect_aabb(b.aabb()) {
                     continue;
                 }
-                match (a.is_leaf(), b.is_leaf()) {
-                    (true, true) => count += 1,
-                    (true, false) => crossings.extend([[first, b.first_index], [first, b.first_index + 1]]),
-                    (false, true) => crossings.extend([[a.first_index, second], [a.first_index + 1, second]]),
-                    (false, false) if a.aabb().half_area() >= b.aabb().half_area() => {
-                        crossings.extend([[a.first_index, second], [a.first_index + 1, second]]);
-                    }
-                    (false, false) => crossings.extend([[first, b.first_index], [first, b.first_index + 1]]),
+                // The larger one is opened, unless it is a leaf.
+                let opens_first = !a.is_leaf() && (b.is_leaf() || a.aabb().half_area() >= b.aabb().half_area());
+                if a.is_leaf() && b.is_leaf() {
+                    count += 1;
+                } else if opens_first {
+                    crossings.extend([[a.first_index, second], [a.first_index + 1, second]]);
+                } else {
+                    crossings.extend([[first, b.first_index], [first, b.first_index + 1]]);
                 }
             }
         }
