@@ -98,7 +98,7 @@ enum CompareError {
 struct Comparison {
     machine: Machine,
     inputs: Vec<Report>,
-    headline: Headline,
+    headline: Option<Headline>,
 }
 
 fn main() -> ExitCode {
@@ -144,8 +144,10 @@ fn compare(options: &Options) -> Result<(), CompareError> {
         let _ = write!(io::stdout(), "{report}");
         inputs.push(report);
     }
-    let headline = Headline::measure();
-    let _ = write!(io::stdout(), "{headline}");
+    let headline = (!options.no_headline).then(Headline::measure);
+    if let Some(headline) = &headline {
+        let _ = write!(io::stdout(), "{headline}");
+    }
     let machine = Machine::new([load, machine::load()]);
     let _ = write!(io::stdout(), "\n{machine}");
     if let Some(path) = &options.json {

@@ -53,7 +53,7 @@ fn everyone_counts_what_the_reference_counts() {
     write_recording(&file, &recording).expect("the sheet can be written");
     let output = Command::new(example_program("compare"))
         .arg(&file)
-        .args(["--repeat", "2", "--no-peers", "--json"])
+        .args(["--repeat", "2", "--no-peers", "--no-headline", "--json"])
         .arg(&json)
         .output()
         .expect("the program starts");

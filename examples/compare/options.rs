@@ -35,6 +35,9 @@ pub struct Options {
     /// Compare with parry alone
     #[arg(long, conflicts_with = "peers")]
     pub no_peers: bool,
+    /// Leave out the size of the source paper's headline, 3,000 deforming vertices against 100,000 static triangles
+    #[arg(long)]
+    pub no_headline: bool,
     /// Write everything that was measured
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
