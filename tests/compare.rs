@@ -1,7 +1,8 @@
 //! The comparison program as its users call it: what its table says of a small mesh agrees among all who count alike, and
 //! with the f64 reference.
 //!
-//! Without the peers that are programs of their own: their counts are compared where the program is run with them.
+//! Of the peers that are programs of their own only Embree takes part, and only where it is installed: the others take minutes
+//! to build. The program itself compares all counts that should agree, whoever takes part.
 
 use std::{collections::BTreeMap, fs, process::Command};
 
@@ -53,7 +54,7 @@ fn everyone_counts_what_the_reference_counts() {
     write_recording(&file, &recording).expect("the sheet can be written");
     let output = Command::new(example_program("compare"))
         .arg(&file)
-        .args(["--repeat", "2", "--no-peers", "--no-headline", "--json"])
+        .args(["--repeat", "2", "--peers", "embree", "--no-headline", "--json"])
         .arg(&json)
         .output()
         .expect("the program starts");
@@ -64,7 +65,18 @@ fn everyone_counts_what_the_reference_counts() {
     let comparison: Value = serde_json::from_str(&text).expect("the measurements are JSON");
     let input = &comparison["inputs"][0];
     let rows = input["rows"].as_array().expect("there are rows");
-    assert_eq!(input["faults"], Value::Array(Vec::new()), "{table}");
+    let has_embree = rows.iter().any(|row| row["who"] == "Embree");
+    let faults = input["faults"].as_array().expect("a list");
+    if has_embree {
+        assert!(faults.is_empty(), "{table}");
+    } else {
+        // One for each number of threads, and nothing else.
+        assert!(
+            faults.len() == 2 && faults.iter().all(|fault| fault.to_string().contains("Embree is missing")),
+            "{table}"
+        );
+        eprintln!("Embree's counts are not compared: {}", faults[0]);
+    }
     assert!(rows.iter().all(|row| row["is_unsteady"] == false), "{table}");
     assert!((input["contact_distance"].as_f64().expect("a number") / distance - 1.0).abs() < 1.0e-12);
 
@@ -72,7 +84,8 @@ fn everyone_counts_what_the_reference_counts() {
     let boxes = |distance: f64| box_pairs(&positions, &triangles, distance).len() as u64;
     let [fewest, most] = [1.0 - BOX_BAND, 1.0 + BOX_BAND].map(|factor| boxes(factor * distance));
     let box_counts = counts(rows, "box_pairs");
-    assert_eq!(box_counts.len(), 6, "three rows of pairs for each strategy of parry's: {table}");
+    let expected = if has_embree { 6 + 2 } else { 6 };
+    assert_eq!(box_counts.len(), expected, "three rows of pairs for each strategy of parry's: {table}");
     assert!(box_counts.values().all(|&count| (fewest..=most).contains(&count)), "{fewest}..={most}: {table}");
     // Had the boxes not been grown, there would be fewer.
     assert!(boxes(0.0) < fewest, "{table}");

@@ -1,6 +1,9 @@
 //! What was measured, as a table, as answers to the bars of the project, and as JSON.
 
-use std::fmt::{self, Display, Formatter};
+use std::{
+    collections::BTreeMap,
+    fmt::{self, Display, Formatter},
+};
 
 use bevy_circumsphere::ContactMethod;
 use serde::Serialize;
@@ -142,11 +145,37 @@ impl Report {
             faults,
         };
         report.bars = report.answer_bars();
+        let disagreements = report.disagreements();
+        report.faults.extend(disagreements);
         report
     }
 
     fn row(&self, (who, what, threads): (&str, &str, usize)) -> Option<&RowReport> {
         self.rows.iter().find(|row| row.who == who && row.what == what && row.threads == threads)
+    }
+
+    /// Who counts otherwise than the others though all should count the same: pairs of boxes, everyone; touching pairs at the
+    /// measured positions, our exact methods.
+    fn disagreements(&self) -> Vec<String> {
+        let exact: Vec<String> =
+            ContactMethod::ALL.into_iter().filter(|method| method.is_exact()).map(method_name).collect();
+        let boxes = self.rows.iter().map(|row| (row, row.counts.box_pairs, "pairs of boxes"));
+        let touching = self
+            .rows
+            .iter()
+            .filter(|row| row.what == COLD && exact.contains(&row.who))
+            .map(|row| (row, row.counts.touching, "touching pairs"));
+        let mut first: BTreeMap<&str, u64> = BTreeMap::new();
+        boxes
+            .chain(touching)
+            .filter_map(|(row, count, what)| {
+                let count = count?;
+                let others = *first.entry(what).or_insert(count);
+                let RowReport { who, what: row, threads, .. } = row;
+                (count != others)
+                    .then(|| format!("{who}, {row}, on {threads}: {count} {what}, where others have {others}"))
+            })
+            .collect()
     }
 
     fn answer_bars(&self) -> Vec<Bar> {
