@@ -9,8 +9,9 @@ const WAVES: usize = 12;
 
 /// A square sheet of about `triangles` triangles, crumpled so that it folds over and passes through itself.
 ///
-/// `phase` shifts the waves that crumple it, in radians: 0 and 0.05 are two states of one moving sheet. Its edges are
-/// about 1 long wherever it is not stretched, however many triangles it has, so that contacts and triangles grow alike.
+/// `phase` shifts the waves that crumple it, in radians: 0 and 0.05 are two states of one moving sheet. Its edges were 1
+/// long before it was crumpled, which stretches them to some 2.7 in the mean, however many triangles it has: contacts
+/// and triangles grow alike.
 ///
 /// # Panics
 ///
