@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use circumsphere_support::scenes::{
-    Diagonals, Mesh, cuboid, cylinder_side, duplicate_vertices, grid, icosphere, merge, ragged_slivers, saddle,
-    sheet_stack, torus, triangle_soup, twisted_rod,
+    Diagonals, Mesh, crumpled_sheet, cuboid, cylinder_side, duplicate_vertices, grid, icosphere, merge, ragged_slivers,
+    saddle, sheet_stack, torus, triangle_soup, twisted_rod,
 };
 
 /// Rounding of coordinates of about 1 that went through a dozen operations in f32.
@@ -320,4 +320,32 @@ fn duplicate_vertices_keeps_every_position_exactly() {
     assert_eq!(soup.positions.len(), 3 * mesh.triangles.len());
     assert!(soup.triangles.iter().flatten().copied().eq(0..240));
     assert!(corners(&mesh).eq(corners(&soup)));
+}
+
+#[test]
+fn crumpled_sheets_of_any_fineness_have_alike_edges_and_move_with_their_phase() {
+    let mean_edge = |mesh: &Mesh| {
+        let lengths: Vec<f64> = corners(mesh)
+            .flat_map(|[a, b, c]| [(a, b), (b, c), (c, a)])
+            .map(|(from, to)| length(subtract(to, from)))
+            .collect();
+        lengths.iter().sum::<f64>() / lengths.len() as f64
+    };
+    for (asked, made) in [(1, 2), (200, 200), (1_000, 968), (20_000, 20_000)] {
+        let mesh = crumpled_sheet(asked, 0.0);
+        assert_eq!(mesh.triangles.len(), made);
+        assert_eq!(mesh, crumpled_sheet(asked, 0.0));
+        let moved = crumpled_sheet(asked, 0.05);
+        assert_eq!(mesh.triangles, moved.triangles);
+        let displacements = mesh.positions.iter().zip(&moved.positions).map(|(&from, &to)| {
+            let difference: [f64; 3] = std::array::from_fn(|axis| f64::from(to[axis]) - f64::from(from[axis]));
+            length(difference)
+        });
+        // Every vertex moves, and none by more than the waves' amplitudes, 12 of up to about 10, times the phase.
+        assert!(displacements.into_iter().all(|moved| moved > 0.0 && moved < 12.0 * 10.0 * 0.05));
+        if made > 2 {
+            // Stretched by the waves, and no more so where there are more triangles.
+            assert!((1.5..4.0).contains(&mean_edge(&mesh)), "{}", mean_edge(&mesh));
+        }
+    }
 }
