@@ -90,6 +90,8 @@ enum CompareError {
     Mesh { name: String, source: TopologyError },
     #[error(transparent)]
     Frames(#[from] NoSuchFrames),
+    #[error(transparent)]
+    Rerun(#[from] headless::recording::RecordingError),
     #[error("{}: {source}", .path.display())]
     Write { path: PathBuf, source: io::Error },
 }
@@ -140,6 +142,9 @@ fn compare(options: &Options) -> Result<(), CompareError> {
         };
         let input = Input::new(name.clone(), &recording, frames, options.contact_distance_edges)
             .map_err(|source| CompareError::Mesh { name, source })?;
+        if let Some(folder) = &options.recording.rerun {
+            record(&input, options, folder)?;
+        }
         let report = measure(&input, options);
         // Whoever reads the table may stop reading.
         let _ = write!(io::stdout(), "{report}");
@@ -155,6 +160,16 @@ fn compare(options: &Options) -> Result<(), CompareError> {
         let text = serde_json::to_string_pretty(&Comparison { machine, inputs, headline })
             .expect("numbers and names are JSON");
         fs::write(path, text).map_err(|source| CompareError::Write { path: path.clone(), source })?;
+    }
+    Ok(())
+}
+
+/// Records what is measured, each method into a file of its own.
+fn record(input: &Input, options: &Options, folder: &Path) -> Result<(), CompareError> {
+    fs::create_dir_all(folder).map_err(|source| CompareError::Write { path: folder.to_owned(), source })?;
+    for method in ContactMethod::ALL {
+        let path = folder.join(format!("{}_{method:?}.rrd", input.name.replace(' ', "_")));
+        Ours::record(input, method, options.recording.recorder(&path)?);
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Parser;
 
-use super::{frames::FrameRange, peers::Peer};
+use super::{frames::FrameRange, headless::recording::RecordingOptions, peers::Peer};
 
 /// Time our methods and what others offer on the same mesh in one run, and print one table.
 #[derive(Parser, Debug)]
@@ -41,6 +41,8 @@ pub struct Options {
     /// Write everything that was measured
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    #[command(flatten)]
+    pub recording: RecordingOptions,
 }
 
 fn positive(text: &str) -> Result<f64, String> {

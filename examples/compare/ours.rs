@@ -34,8 +34,21 @@ pub fn method_name(method: ContactMethod) -> String {
 
 impl Ours {
     pub fn new(input: &Input, method: ContactMethod, threads: usize) -> Self {
+        Self::recorded(input, method, threads, Recorder::default())
+    }
+
+    /// Plays the frames once for the recorder, and measures nothing.
+    pub fn record(input: &Input, method: ContactMethod, recorder: Recorder) {
+        let mut ours = Self::recorded(input, method, 1, recorder);
+        for tick in &input.ticks {
+            move_surface(&mut ours.app, ours.surface, tick.now.clone());
+            detect(&mut ours.app);
+        }
+    }
+
+    fn recorded(input: &Input, method: ContactMethod, threads: usize, recorder: Recorder) -> Self {
         let settings = CircumsphereSettings { threads, ..CircumsphereSettings::default() };
-        let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, Recorder::default());
+        let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, recorder);
         let positions = &input.ticks[0].now;
         let (surface, positions) =
             DeformableSurface::from_mesh(positions, &input.triangles).expect("the mesh has been accepted before");
