@@ -124,8 +124,8 @@ pub enum ContactMethod {
     /// centers separate the triangles, and that line lies in both safety cones. Fast and smooth, and misses some contacts.
     Circumsphere,
     /// Touching is when the triangles cross or come within the contact distance. Misses none. Of a pair that does not
-    /// cross only the closest features make a contact, where `Refined` has all within the contact distance; takes a part
-    /// of its time.
+    /// cross only the closest features make a contact, where `Refined` has all within the contact distance; takes less
+    /// time where many triangles touch.
     Closest,
     /// Touching is when the triangles cross or come within the contact distance. Misses none.
     #[default]
