@@ -119,8 +119,8 @@ fn add_pair([triangle_a, triangle_b]: [u32; 2], distance: f64, settings: &PairSe
 /// Tests candidate pairs of two surfaces exactly, like [`refine_pairs`], and appends what it finds: the same pairs, but of
 /// a pair that is apart only the closest features make a contact, which takes less time where many touch. Pairs that cross,
 /// or of which single precision does not see which features are closest, are examined as [`refine_pairs`] does, after all
-/// others. Each pair reports its own closest features, whatever others contain them: to those they need not be the closest. It culls
-/// whatever the settings say.
+/// others. Each pair reports its own closest features, whatever others contain them: to those they need not be the closest.
+/// It culls whatever the settings say.
 pub fn refine_closest(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,

@@ -7,7 +7,7 @@ use super::{
     colors,
     recorder::{Layer, Share, TickWriter, path, row_bytes},
     settings::RerunSettings,
-    tick::{ALL_PAIRS, Detected, MANY_PAIRS, Names},
+    tick::{ALL_PAIRS, Detected, MANY_PAIRS, Names, has_passed},
     values,
 };
 use crate::{
@@ -88,11 +88,6 @@ fn grouped(pairs: Vec<Vec<Drawn<'_>>>) -> Vec<(&str, Vec<Drawn<'_>>)> {
     } else {
         pairs.into_iter().map(|contacts| (contacts[0].pair, contacts)).collect()
     }
-}
-
-/// Whether the two sides have passed each other here, or cross.
-fn has_passed(contact: &Contact) -> bool {
-    contact.distance() < 0.0 || contact.is_crossing()
 }
 
 fn passed<'a>(contacts: &[Drawn<'a>]) -> Vec<Drawn<'a>> {

@@ -13,11 +13,11 @@ use super::{
     colors,
     recorder::{Layer, TickWriter, path},
     settings::{LevelOfDetail, RerunSettings},
-    tick::{Detected, Names, Touch, Touches, transform},
+    tick::{Detected, Names, Touch, Touches, scene_bounds, transform},
     wires::wires,
 };
 use crate::{
-    kernel::{bounds::Aabb, exact::rigid_shape::ShapeGeometry, pose::Pose, topology::SurfaceTopology},
+    kernel::{exact::rigid_shape::ShapeGeometry, pose::Pose, topology::SurfaceTopology},
     surface::{ActiveSurface, ActiveSurfaces},
 };
 
@@ -43,7 +43,7 @@ const EMPTY_SCENE: Scene = Scene { center: Vec3::ZERO, reach: 10.0 };
 impl Scene {
     /// `None` where there are no surfaces.
     fn of(active: &ActiveSurfaces) -> Option<Self> {
-        let bounds = active.surfaces.iter().fold(Aabb::EMPTY, |bounds, surface| bounds.union(&surface.world_bounds));
+        let bounds = scene_bounds(active);
         let reach = (bounds.max - bounds.min).length();
         (reach.is_finite() && reach > 0.0).then(|| Self { center: (bounds.min + bounds.max) * 0.5, reach })
     }

@@ -36,11 +36,10 @@ use self::{
     meshes::ShownBodies,
     recorder::{Layer, Shown, Thinned, TickWriter},
     series::Series,
-    tick::{Detected, Names, Touches},
+    tick::{Detected, Names, Touches, scene_bounds},
 };
 use crate::{
     contacts::{SurfaceContacts, SurfaceQuarantined, TouchingSides},
-    kernel::bounds::Aabb,
     schedule::{DeformableSystems, HostSchedule, run_detection},
     surface::{ActiveSurfaces, DeformableSurface, RigidShape, SurfacePositions},
 };
@@ -263,11 +262,8 @@ fn record_detection(
 
 /// Tells the viewer which way is up, and how to show it all.
 fn lay_out(stream: &RecordingStream, active: &ActiveSurfaces) {
-    let mut shown = Shown::default();
-    let mut writer = TickWriter::new(stream, TimePoint::default(), usize::MAX, &mut shown);
-    writer.timeless_row(recorder::path([]), &ViewCoordinates::RIGHT_HAND_Y_UP());
-    let bounds = active.surfaces.iter().fold(Aabb::EMPTY, |bounds, surface| bounds.union(&surface.world_bounds));
-    if let Err(error) = blueprint::send(stream, &bounds) {
+    let up = stream.log_static(recorder::path([]), &ViewCoordinates::RIGHT_HAND_Y_UP());
+    if let Err(error) = up.and_then(|()| blueprint::send(stream, &scene_bounds(active))) {
         log::warn!("the recording has no layout: {error}");
     }
 }

@@ -95,27 +95,22 @@ pub(super) fn draw(
     draw_spheres(writer, settings.spheres, touches, &surfaces);
     draw_cones(writer, settings.cones, touches, &surfaces);
     let threshold = detected.settings.recipe().curvature_threshold;
-    draw_faces(writer, Layer::Curvature, settings.curvature, touches, &surfaces, |caps| {
+    draw_faces(writer, Layer::Curvature, settings.curvature, touches, &surfaces, |caps, kept| {
+        let of = |numbers: &[f32]| kept.iter().map(|&triangle| numbers[triangle as usize]).collect::<Vec<_>>();
+        let curvatures = of(&caps.curvature.curvatures);
         // As the curvature factor takes it: at 1 and −1 the sphere is no longer offset.
-        let relative = |triangle: usize| {
-            let (radius, height) = (caps.spheres.radii[triangle], caps.spheres.heights[triangle]);
-            caps.curvature.curvatures[triangle] * (radius * radius - height * height).max(0.0).sqrt() / threshold
+        let relative = |((curvature, radius), height): ((&f32, f32), f32)| {
+            curvature * (radius * radius - height * height).max(0.0).sqrt() / threshold
         };
-        let relative: Vec<f32> = (0..caps.spheres.radii.len()).map(relative).collect();
-        let values = move |kept: &[u32]| {
-            let curvatures: Vec<f32> = kept.iter().map(|&kept| caps.curvature.curvatures[kept as usize]).collect();
-            values::number(values::triangles(kept), "curvature", &curvatures)
-        };
-        (relative.into_iter().map(colors::curvature).collect(), Box::new(values))
+        let shapes = curvatures.iter().zip(of(&caps.spheres.radii)).zip(of(&caps.spheres.heights));
+        let face_colors = shapes.map(relative).map(colors::curvature).collect();
+        (face_colors, values::number(values::triangles(kept), "curvature", &curvatures))
     });
-    draw_faces(writer, Layer::RecipeAge, settings.recipe_age, touches, &surfaces, |caps| {
-        let ages: Vec<u32> = caps.spheres.recipe_ages().collect();
-        let age_colors = ages.iter().copied().map(colors::age).collect();
-        let values = move |kept: &[u32]| {
-            let ages: Vec<u32> = kept.iter().map(|&kept| ages[kept as usize]).collect();
-            values::whole(values::triangles(kept), "recipe_age", &ages)
-        };
-        (age_colors, Box::new(values))
+    draw_faces(writer, Layer::RecipeAge, settings.recipe_age, touches, &surfaces, |caps, kept| {
+        let all: Vec<u32> = caps.spheres.recipe_ages().collect();
+        let ages: Vec<u32> = kept.iter().map(|&triangle| all[triangle as usize]).collect();
+        let face_colors = ages.iter().copied().map(colors::age).collect();
+        (face_colors, values::whole(values::triangles(kept), "recipe_age", &ages))
     });
     draw_trees(writer, settings.tree_levels, &surfaces);
 }
@@ -211,17 +206,14 @@ fn draw_cones(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches, 
     }
 }
 
-/// The colors of all triangles, and the numbers of some.
-type Faces<'a> = (Vec<Color>, Box<dyn Fn(&[u32]) -> AnyValues + 'a>);
-
-/// Draws triangles that share no vertex, each in its own color.
-fn draw_faces<'a>(
+/// Draws triangles that share no vertex, each in its own color. `faces` gives the colors and numbers of some triangles.
+fn draw_faces(
     writer: &mut TickWriter,
     layer: Layer,
     level: LevelOfDetail,
     touches: &Touches,
-    surfaces: &'a [Drawn],
-    faces: impl Fn(Caps<'a>) -> Faces<'a>,
+    surfaces: &[Drawn],
+    faces: impl Fn(Caps, &[u32]) -> (Vec<Color>, AnyValues),
 ) {
     let carrying = surfaces.iter().filter_map(|drawn| drawn.caps.map(|caps| (drawn, caps)));
     let wanted: Vec<_> = carrying.map(|(drawn, caps)| (drawn, caps, touches.triangles(level, drawn.place))).collect();
@@ -233,13 +225,13 @@ fn draw_faces<'a>(
         if kept.is_empty() {
             continue;
         }
-        let (face_colors, values) = faces(caps);
+        let (face_colors, values) = faces(caps, &kept);
         let corners: Vec<[Vec3; 3]> = kept.iter().map(|&triangle| drawn.corners(triangle)).collect();
         // Without normals the viewer does not shade, which would make other colors of these.
         let mesh = Mesh3D::update_fields()
             .with_vertex_positions(corners.iter().flatten().map(Vec3::to_array))
-            .with_vertex_colors(kept.iter().flat_map(|&triangle| [face_colors[triangle as usize]; 3]));
-        let rows: [&dyn AsComponents; 3] = [&mesh, &values(&kept), &drawn.pose];
+            .with_vertex_colors(face_colors.into_iter().flat_map(|color| [color; 3]));
+        let rows: [&dyn AsComponents; 3] = [&mesh, &values, &drawn.pose];
         writer.passing_row(path([layer.name(), &drawn.name]), &rows);
     }
 }

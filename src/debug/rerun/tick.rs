@@ -11,14 +11,14 @@ use rerun::{Transform3D, components::TransformMat3x3};
 
 use super::settings::LevelOfDetail;
 use crate::{
-    contacts::{ContactSide, ContactStore, StoredPair, SurfaceContacts},
+    contacts::{Contact, ContactSide, ContactStore, StoredPair, SurfaceContacts},
     detection::{
         CandidateTrianglePairs, Circumspheres, DetectionDiagnostics, EnclosingBalls, PairFates, SurfacePair,
         TriangleCones, TriangleCurvature,
         broad_phase::{OtherSide, SurfaceTree},
         surfaces_with_method,
     },
-    kernel::{ids::VertexId, pose::Pose},
+    kernel::{bounds::Aabb, ids::VertexId, pose::Pose},
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces, ContactMethod, RigidShape, SurfacePositions, first_non_finite},
 };
@@ -86,6 +86,16 @@ pub(super) enum Touch {
     Penetrating,
 }
 
+/// Whether the two sides have passed each other here, or cross.
+pub(super) fn has_passed(contact: &Contact) -> bool {
+    contact.distance() < 0.0 || contact.is_crossing()
+}
+
+/// The box around all surfaces; empty where there are none.
+pub(super) fn scene_bounds(active: &ActiveSurfaces) -> Aabb {
+    active.surfaces.iter().fold(Aabb::EMPTY, |bounds, surface| bounds.union(&surface.world_bounds))
+}
+
 /// For each active surface what its triangles do, and which of them are near a contact.
 pub(super) struct Touches {
     pub(super) triangles: Vec<Vec<Touch>>,
@@ -113,7 +123,7 @@ impl Touches {
             for touching in &detected.store.touching[pair.touching.clone()] {
                 mark(pair, [touching.triangle_a, touching.triangle_b], Touch::Touching);
             }
-            for contact in contacts.filter(|contact| contact.distance() < 0.0 || contact.is_crossing()) {
+            for contact in contacts.filter(has_passed) {
                 let (a, b) = contact.triangles();
                 mark(pair, [a, b].map(|triangle| triangle.map_or(0, |triangle| triangle.0)), Touch::Penetrating);
             }
