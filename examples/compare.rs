@@ -36,6 +36,7 @@ use circumsphere_support::{
     scenes::crumpled_sheet,
 };
 use clap::Parser;
+use embedded::{EMBEDDED_NAME, embedded_scene};
 use frames::NoSuchFrames;
 use headline::Headline;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -47,9 +48,11 @@ use ours::Ours;
 use report::Report;
 use serde::Serialize;
 
+#[path = "headless/embedded.rs"]
+mod embedded;
 #[path = "headless/frames.rs"]
 mod frames;
-#[expect(dead_code, reason = "nothing is recorded where times are measured")]
+#[expect(dead_code, reason = "what a detection did is read from the diagnostics here")]
 mod headless;
 #[path = "compare/headline.rs"]
 mod headline;
@@ -70,10 +73,7 @@ mod peers;
 #[path = "compare/report.rs"]
 mod report;
 
-/// A scene of the project's own making, so that the first run needs no data.
-const EMBEDDED_SCENE: &[u8] = include_bytes!("../assets/cloth_fall.bin");
-const EMBEDDED_NAME: &str = "the embedded scene";
-/// A frame of it in which the cloth lies in folds.
+/// A frame of the embedded scene in which the cloth lies in folds.
 const EMBEDDED_FRAME: usize = 100;
 
 /// How far the waves of the crumpled sheet move from one frame to the other, in radians.
@@ -120,8 +120,8 @@ fn recordings(options: &Options) -> Result<Vec<(String, Recording, usize)>, Comp
         let states = [0.0, SHEET_PHASE].map(|phase| crumpled_sheet(options.sheet as usize, phase));
         let triangles = states[0].triangles.clone();
         let sheet = Recording { triangles, frames: states.into_iter().map(|state| state.positions).collect() };
-        let scene = Recording::from_bytes(EMBEDDED_SCENE, Path::new(EMBEDDED_NAME))?;
-        return Ok(vec![("a crumpled sheet".to_owned(), sheet, 0), (EMBEDDED_NAME.to_owned(), scene, EMBEDDED_FRAME)]);
+        let scene = (EMBEDDED_NAME.to_owned(), embedded_scene()?, EMBEDDED_FRAME);
+        return Ok(vec![("a crumpled sheet".to_owned(), sheet, 0), scene]);
     }
     let is_recording = |file: &Path| file.extension().is_some_and(|extension| extension == "bin");
     let name = |file: &Path| file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();

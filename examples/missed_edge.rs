@@ -6,6 +6,8 @@
 
 #[expect(dead_code, reason = "here the pairs of a detection count, not its times")]
 mod headless;
+#[path = "headless/method.rs"]
+mod method;
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -23,15 +25,13 @@ use bevy_circumsphere::{
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
 use circumsphere_support::scenes::{MovingScene, beam_on_mattress};
-use clap::{
-    ArgAction, Parser,
-    builder::{PossibleValuesParser, TypedValueParser},
-};
+use clap::{ArgAction, Parser};
 use glam::Vec3;
 use headless::{
     detect, headless_app, move_surface,
     recording::{Recorder, RecordingError, RecordingOptions},
 };
+use method::Method;
 
 /// Half the contact distance: a tenth of the mattress's edges.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.01);
@@ -39,21 +39,13 @@ const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.01);
 /// Bad input of any kind: the shell's convention for a wrong call.
 const BAD_INPUT: u8 = 2;
 
-const METHODS: [(&str, ContactMethod); 5] = [
-    ("bounding-sphere", ContactMethod::BoundingSphere),
-    ("circumsphere", ContactMethod::Circumsphere),
-    ("closest", ContactMethod::Closest),
-    ("refined", ContactMethod::Refined),
-    ("polygon", ContactMethod::Polygon),
-];
-
 /// Watch a method miss the edge of a beam that is lowered onto a mattress, and see where it does.
 #[derive(Parser, Debug)]
 #[command(name = "missed_edge", allow_negative_numbers = true)]
 struct Options {
     /// The method that is held against Refined
-    #[arg(long, default_value = "circumsphere", value_parser = method_parser())]
-    method: ContactMethod,
+    #[arg(long, value_enum, default_value_t = Method::Circumsphere)]
+    method: Method,
     /// Height of a flat triangle's sphere center below its plane, in radii of the triangle
     #[arg(long, default_value_t = CircumsphereSettings::default().phi)]
     phi: f32,
@@ -79,12 +71,6 @@ enum MissedEdgeError {
     Mesh(#[from] TopologyError),
     #[error(transparent)]
     Recording(#[from] RecordingError),
-}
-
-fn method_parser() -> impl TypedValueParser<Value = ContactMethod> {
-    PossibleValuesParser::new(METHODS.map(|(name, _)| name)).map(|wanted| {
-        METHODS.into_iter().find(|(name, _)| *name == wanted).expect("the parser lets no other name through").1
-    })
 }
 
 fn main() -> ExitCode {
@@ -181,7 +167,7 @@ fn compare(options: &Options) -> Result<Comparison, MissedEdgeError> {
         ..CircumsphereSettings::default()
     };
     let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;
-    let mut asked = Stage::new(&scene, options.method, settings, recorder.unwrap_or_default())?;
+    let mut asked = Stage::new(&scene, options.method.into(), settings, recorder.unwrap_or_default())?;
     let mut refined = Stage::new(&scene, ContactMethod::Refined, settings, Recorder::default())?;
     let height = |body: usize, tick: usize| scene.bodies[body].ticks[tick].iter().map(|position| position[1]);
     let play = |tick: usize| {
@@ -195,7 +181,7 @@ fn compare(options: &Options) -> Result<Comparison, MissedEdgeError> {
             dropped: asked.fates(touching.difference(&found).copied().collect()),
         }
     };
-    Ok(Comparison { method: options.method, ticks: (0..usize::from(options.ticks)).map(play).collect() })
+    Ok(Comparison { method: options.method.into(), ticks: (0..usize::from(options.ticks)).map(play).collect() })
 }
 
 impl Display for Comparison {

@@ -3,9 +3,13 @@
 //! `cargo run --release --example replay -- [FILES…] [options]`; `--help` lists the options. Without files it plays an
 //! embedded scene: a cloth that falls over a ball and a deforming torus and folds onto itself.
 
+#[path = "headless/embedded.rs"]
+mod embedded;
 #[path = "headless/frames.rs"]
 mod frames;
 mod headless;
+#[path = "headless/method.rs"]
+mod method;
 #[path = "replay/options.rs"]
 mod options;
 #[path = "replay/output.rs"]
@@ -17,21 +21,17 @@ mod report;
 
 use std::{
     io::{self, Write},
-    path::Path,
     process::ExitCode,
 };
 
 use circumsphere_support::{
-    recording::{Recording, RecordingError, read_recording},
+    recording::{RecordingError, read_recording},
     scenes::CLOTH_FALL_BODIES,
 };
 use clap::Parser;
+use embedded::{EMBEDDED_NAME, embedded_scene};
 use options::{Options, OptionsError};
 use output::OutputError;
-
-/// A scene of the project's own making, so that the first run needs no data.
-const EMBEDDED_SCENE: &[u8] = include_bytes!("../assets/cloth_fall.bin");
-const EMBEDDED_NAME: &str = "the embedded scene";
 
 /// Bad input of any kind: the shell's convention for a wrong call.
 const BAD_INPUT: u8 = 2;
@@ -63,7 +63,7 @@ fn main() -> ExitCode {
 fn replay(options: &Options) -> Result<(), ReplayError> {
     let name = options.input_name(EMBEDDED_NAME);
     let (recording, names) = if options.files.is_empty() {
-        (Recording::from_bytes(EMBEDDED_SCENE, Path::new(EMBEDDED_NAME))?, &CLOTH_FALL_BODIES[..])
+        (embedded_scene()?, &CLOTH_FALL_BODIES[..])
     } else {
         (read_recording(&options.files)?, &[][..])
     };

@@ -2,13 +2,14 @@
 
 use std::{ops::Range, path::PathBuf};
 
-use bevy_circumsphere::{CircumsphereSettings, ContactMethod, kernel::curvature::CurvatureEstimator};
+use bevy_circumsphere::{CircumsphereSettings, kernel::curvature::CurvatureEstimator};
 use clap::{ArgAction, Parser, ValueEnum};
 use serde::Serialize;
 
 use super::{
     frames::{FrameRange, NoSuchFrames},
     headless::recording::RecordingOptions,
+    method::Method,
 };
 
 /// Contact distance where none is given, in mean edges.
@@ -76,28 +77,6 @@ pub struct Options {
     /// Write times and counts
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    BoundingSphere,
-    Circumsphere,
-    Closest,
-    Refined,
-    Polygon,
-}
-
-impl From<Method> for ContactMethod {
-    fn from(method: Method) -> Self {
-        match method {
-            Method::BoundingSphere => Self::BoundingSphere,
-            Method::Circumsphere => Self::Circumsphere,
-            Method::Closest => Self::Closest,
-            Method::Refined => Self::Refined,
-            Method::Polygon => Self::Polygon,
-        }
-    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
