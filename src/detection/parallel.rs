@@ -1,6 +1,9 @@
 //! Spreads a list of pairs over Bevy's compute task pool, with results in the order of the list.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::{
+    ops::Range,
+    sync::atomic::{AtomicUsize, Ordering},
+};
 
 use bevy_tasks::ComputeTaskPool;
 
@@ -48,4 +51,45 @@ pub(super) fn map_chunks<T: Send + 'static>(
         .collect();
     results.sort_unstable_by_key(|&(chunk, _)| chunk);
     results.into_iter().map(|(_, result)| result).collect()
+}
+
+/// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with a list to append to, and appends the lists to
+/// `results` in order. Returns the sum of what `work` returns. One thread, or a single part, never touches the pool.
+pub(super) fn append_ranges<T: Send + 'static>(
+    count: usize,
+    chunk: usize,
+    threads: usize,
+    results: &mut Vec<T>,
+    work: impl Fn(Range<usize>, &mut Vec<T>) -> usize + Sync,
+) -> usize {
+    let part_count = count.div_ceil(chunk);
+    let threads = available_threads(threads).min(part_count);
+    if threads <= 1 {
+        return work(0..count, results);
+    }
+    let next = AtomicUsize::new(0);
+    let take_parts = || {
+        let mut done = Vec::new();
+        loop {
+            let part = next.fetch_add(1, Ordering::Relaxed);
+            if part >= part_count {
+                return done;
+            }
+            let mut found = Vec::new();
+            let sum = work(part * chunk..((part + 1) * chunk).min(count), &mut found);
+            done.push((part, found, sum));
+        }
+    };
+    let mut parts: Vec<(usize, Vec<T>, usize)> = ComputeTaskPool::get()
+        .scope(|scope| {
+            for _ in 0..threads {
+                scope.spawn(async { take_parts() });
+            }
+        })
+        .into_iter()
+        .flatten()
+        .collect();
+    parts.sort_unstable_by_key(|&(part, ..)| part);
+    parts.iter_mut().for_each(|(_, found, _)| results.append(found));
+    parts.iter().map(|&(.., sum)| sum).sum()
 }

@@ -15,6 +15,7 @@ pub mod curvature;
 pub mod exact;
 pub mod ids;
 mod lanes;
+pub mod leaf_triangles;
 pub mod pair;
 pub mod pair_fate;
 pub mod pose;

@@ -71,7 +71,7 @@ impl SurfaceSide<'_> {
     }
 
     /// How far rounding may have put a position from where it is.
-    pub(super) fn rounding(&self) -> f32 {
+    pub(crate) fn rounding(&self) -> f32 {
         self.moved.map_or(0.0, |moved| moved.rounding)
     }
 }

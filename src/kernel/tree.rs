@@ -1,91 +1,115 @@
-//! A bounding volume tree over boxes, with eight boxes to a leaf in structure-of-arrays form.
+//! A bounding volume tree over boxes, eight to a leaf and eight children to a node, in structure-of-arrays form.
 //!
-//! Built once over a surface's triangles, refitted every tick, traversed against itself, another tree or a box. One
-//! node box test decides about eight triangles, one leaf test compares a box with eight others lane by lane. The same
-//! tree holds triangles of a surface and surfaces of a world. Split: at the median along the longest side of the
-//! centroids' bounds, into full leaves.
+//! Built once over a surface's triangles, refitted every tick, traversed against itself, another tree or a box. A box is
+//! compared with the eight of a node or leaf at once. The same tree holds triangles of a surface and surfaces of a world.
+//! Split: three times at the median along the longest side of the centroids' bounds, into full leaves. A traversal goes
+//! leaf by leaf of one tree, each on its own, so that it can be cut into parts anywhere.
 
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use std::ops::Range;
+
+use arrayvec::ArrayVec;
+use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::Vec3;
 
-use super::bounds::Aabb;
+use super::{
+    bounds::Aabb,
+    leaf_triangles::{PairCull, Separation},
+};
 
-/// Boxes to a leaf.
+/// Boxes to a leaf, and children to a node.
 pub const LEAF_WIDTH: usize = 8;
 
 /// Marks an unused lane of a leaf.
 const NO_ITEM: u32 = u32::MAX;
 
-/// Below this depth of recursion every tree of 2²⁸ items ends; stacks are sized by it.
-const STACK_RESERVE: usize = 128;
+/// A tree of 2²⁸ items is less than ten nodes deep, and of each level all but one child may wait.
+const STACK: usize = 128;
+
+/// Eight boxes side by side. Unused ones are not numbers, and overlap nothing.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
+struct Boxes {
+    min: [[f32; LEAF_WIDTH]; 3],
+    max: [[f32; LEAF_WIDTH]; 3],
+}
+
+impl Boxes {
+    const UNUSED: Self = Self { min: [[f32::NAN; LEAF_WIDTH]; 3], max: [[f32::NAN; LEAF_WIDTH]; 3] };
+
+    fn set(&mut self, lane: usize, bounds: &Aabb) {
+        for axis in 0..3 {
+            self.min[axis][lane] = bounds.min[axis];
+            self.max[axis][lane] = bounds.max[axis];
+        }
+    }
+
+    #[inline(always)]
+    fn get(&self, lane: usize) -> Aabb {
+        let corner = |side: &[[f32; LEAF_WIDTH]; 3]| Vec3::new(side[0][lane], side[1][lane], side[2][lane]);
+        Aabb { min: corner(&self.min), max: corner(&self.max) }
+    }
+
+    /// One bit for each box that overlaps `bounds`.
+    #[inline(always)]
+    fn overlapping<S: Simd>(&self, simd: S, bounds: &Aabb) -> u32 {
+        let within = |axis: usize| {
+            f32x8::from_slice(simd, &self.min[axis]).simd_le(bounds.max[axis])
+                & f32x8::from_slice(simd, &self.max[axis]).simd_ge(bounds.min[axis])
+        };
+        (within(0) & within(1) & within(2)).to_bitmask() as u32
+    }
+}
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
+    boxes: Boxes,
+    /// The box around all children.
     bounds: Aabb,
-    /// Inner node: the place of the second child; the first follows its parent. Leaf: the leaf's number.
-    link: u32,
-    is_leaf: bool,
+    /// Places of nodes, or of leaves where the bit in `leaf_children` is set.
+    children: [u32; LEAF_WIDTH],
+    /// The leaf after the last one below each child.
+    ends: [u32; LEAF_WIDTH],
+    leaf_children: u32,
+    child_count: u32,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Leaf {
-    min: [[f32; LEAF_WIDTH]; 3],
-    max: [[f32; LEAF_WIDTH]; 3],
+    boxes: Boxes,
+    bounds: Aabb,
     items: [u32; LEAF_WIDTH],
     count: u32,
 }
 
 impl Leaf {
-    fn new(items: &[u32]) -> Self {
-        let mut leaf = Self {
-            min: [[f32::INFINITY; LEAF_WIDTH]; 3],
-            max: [[f32::NEG_INFINITY; LEAF_WIDTH]; 3],
-            items: [NO_ITEM; LEAF_WIDTH],
-            count: items.len() as u32,
-        };
-        leaf.items[..items.len()].copy_from_slice(items);
+    fn new(items: &[(Vec3, u32)]) -> Self {
+        let mut leaf =
+            Self { boxes: Boxes::UNUSED, bounds: Aabb::EMPTY, items: [NO_ITEM; LEAF_WIDTH], count: items.len() as u32 };
+        for (lane, &(_, item)) in leaf.items.iter_mut().zip(items) {
+            *lane = item;
+        }
         leaf
     }
 
-    fn refit(&mut self, bounds: &[Aabb]) -> Aabb {
-        let mut whole = Aabb::EMPTY;
+    fn refit(&mut self, bounds: &[Aabb]) {
+        self.bounds = Aabb::EMPTY;
         for lane in 0..self.count as usize {
             let item = &bounds[self.items[lane] as usize];
-            for axis in 0..3 {
-                self.min[axis][lane] = item.min[axis];
-                self.max[axis][lane] = item.max[axis];
-            }
+            self.boxes.set(lane, item);
             // A box that is empty or not a number overlaps nothing, and must not make a node that overlaps nothing.
             if item.min.cmple(item.max).all() {
-                whole = whole.union(item);
+                self.bounds = self.bounds.union(item);
             }
         }
-        whole
-    }
-
-    fn lane(&self, lane: usize) -> Aabb {
-        let corner = |side: &[[f32; LEAF_WIDTH]; 3]| Vec3::new(side[0][lane], side[1][lane], side[2][lane]);
-        Aabb { min: corner(&self.min), max: corner(&self.max) }
-    }
-
-    /// One bit for each lane that overlaps `bounds`.
-    #[inline]
-    fn overlapping_lanes(&self, bounds: &Aabb) -> u32 {
-        let mut hits = [true; LEAF_WIDTH];
-        for axis in 0..3 {
-            let (low, high) = (bounds.min[axis], bounds.max[axis]);
-            for lane in 0..LEAF_WIDTH {
-                hits[lane] &= (self.min[axis][lane] <= high) & (self.max[axis][lane] >= low);
-            }
-        }
-        // Unused lanes are empty, yet a box that reaches to infinity would overlap them.
-        let used = (1u32 << self.count) - 1;
-        hits.iter().enumerate().fold(0, |bits, (lane, &hit)| bits | (u32::from(hit) << lane)) & used
     }
 }
 
 /// A bounding volume tree over a fixed number of items.
 #[derive(Clone, Debug, Default)]
 pub struct BoxTree {
+    /// The root first, and children after their parents.
     nodes: Vec<Node>,
     leaves: Vec<Leaf>,
     item_count: usize,
@@ -120,30 +144,37 @@ impl BoxTree {
         self.built_cost = self.cost;
     }
 
-    fn build(&mut self, items: &mut [(Vec3, u32)]) {
-        let node = self.nodes.len();
-        self.nodes.push(Node { bounds: Aabb::EMPTY, link: 0, is_leaf: items.len() <= LEAF_WIDTH });
-        if items.len() <= LEAF_WIDTH {
-            let mut lanes = [NO_ITEM; LEAF_WIDTH];
-            for (lane, &(_, item)) in lanes.iter_mut().zip(items.iter()) {
-                *lane = item;
-            }
-            self.nodes[node].link = self.leaves.len() as u32;
-            self.leaves.push(Leaf::new(&lanes[..items.len()]));
-            return;
-        }
-        let spread = Aabb::from_points(items.iter().map(|&(center, _)| center));
-        let size = spread.max - spread.min;
-        let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
-        // Whole leaves to the left, so that at most one leaf of the tree is not full.
-        let middle = items.len().div_ceil(LEAF_WIDTH).div_ceil(2) * LEAF_WIDTH;
-        items.select_nth_unstable_by(middle, |(center, item), (other_center, other_item)| {
-            center[axis].total_cmp(&other_center[axis]).then(item.cmp(other_item))
+    /// Appends the node of some items and everything below.
+    fn build(&mut self, items: &mut [(Vec3, u32)]) -> u32 {
+        let place = self.nodes.len();
+        self.nodes.push(Node {
+            boxes: Boxes::UNUSED,
+            bounds: Aabb::EMPTY,
+            children: [0; LEAF_WIDTH],
+            ends: [0; LEAF_WIDTH],
+            leaf_children: 0,
+            child_count: 0,
         });
-        let (left, right) = items.split_at_mut(middle);
-        self.build(left);
-        self.nodes[node].link = self.nodes.len() as u32;
-        self.build(right);
+        let mut parts: ArrayVec<&mut [(Vec3, u32)], LEAF_WIDTH> = ArrayVec::new();
+        parts.push(items);
+        for _ in 0..LEAF_WIDTH.ilog2() {
+            parts = parts.into_iter().flat_map(halves).filter(|part| !part.is_empty()).collect();
+        }
+        for (lane, part) in parts.into_iter().enumerate() {
+            let child = if part.len() <= LEAF_WIDTH {
+                self.leaves.push(Leaf::new(part));
+                self.nodes[place].leaf_children |= 1 << lane;
+                self.leaves.len() as u32 - 1
+            } else {
+                self.build(part)
+            };
+            let end = self.leaves.len() as u32;
+            let node = &mut self.nodes[place];
+            node.children[lane] = child;
+            node.ends[lane] = end;
+            node.child_count += 1;
+        }
+        place as u32
     }
 
     /// Takes over the structure of another tree, and keeps its own memory; [`refit`](Self::refit) is to follow.
@@ -162,16 +193,23 @@ impl BoxTree {
     pub fn refit(&mut self, bounds: &[Aabb]) {
         assert_eq!(bounds.len(), self.item_count, "a tree is refitted with as many boxes as it was built with");
         let mut area = 0.0;
+        for leaf in &mut self.leaves {
+            leaf.refit(bounds);
+            area += leaf.bounds.half_area();
+        }
         // Children stand after their parent, so backwards every child is ready before its parent asks.
-        for node in (0..self.nodes.len()).rev() {
-            let Node { link, is_leaf, .. } = self.nodes[node];
-            let bounds = if is_leaf {
-                self.leaves[link as usize].refit(bounds)
-            } else {
-                self.nodes[node + 1].bounds.union(&self.nodes[link as usize].bounds)
-            };
-            area += bounds.half_area();
-            self.nodes[node].bounds = bounds;
+        for place in (0..self.nodes.len()).rev() {
+            let Node { children, leaf_children, child_count, .. } = self.nodes[place];
+            let mut whole = Aabb::EMPTY;
+            for lane in 0..child_count as usize {
+                let child = children[lane] as usize;
+                let is_leaf = leaf_children & (1 << lane) != 0;
+                let bounds = if is_leaf { self.leaves[child].bounds } else { self.nodes[child].bounds };
+                whole = whole.union(&bounds);
+                self.nodes[place].boxes.set(lane, &bounds);
+            }
+            area += whole.half_area();
+            self.nodes[place].bounds = whole;
         }
         let whole = self.bounds().half_area();
         self.cost = if whole > 0.0 { area / whole } else { 0.0 };
@@ -190,14 +228,17 @@ impl BoxTree {
         self.nodes.first().map_or(Aabb::EMPTY, |root| root.bounds)
     }
 
-    /// Calls `visit` with the level (0 is the root) and the box of every node, parents before their children.
+    /// Calls `visit` with the level (0 is the root) and the box of every node and leaf, parents before their children.
     pub fn for_each_node(&self, mut visit: impl FnMut(u32, &Aabb)) {
         let mut levels = vec![0; self.nodes.len()];
         for (place, node) in self.nodes.iter().enumerate() {
             visit(levels[place], &node.bounds);
-            if !node.is_leaf {
-                for child in [place + 1, node.link as usize] {
+            for lane in 0..node.child_count as usize {
+                let child = node.children[lane] as usize;
+                if node.leaf_children & (1 << lane) == 0 {
                     levels[child] = levels[place] + 1;
+                } else {
+                    visit(levels[place] + 1, &self.leaves[child].bounds);
                 }
             }
         }
@@ -215,92 +256,175 @@ impl BoxTree {
         self.item_count == 0
     }
 
+    /// How many leaves there are: what [`self_pairs_of`](Self::self_pairs_of) and [`pairs_of`](Self::pairs_of) can be cut
+    /// into.
+    #[must_use]
+    pub fn leaf_count(&self) -> usize {
+        self.leaves.len()
+    }
+
+    /// The items of a leaf.
+    pub(super) fn leaf_items(&self, leaf: usize) -> &[u32] {
+        let Leaf { items, count, .. } = &self.leaves[leaf];
+        &items[..*count as usize]
+    }
+
+    /// The box around the items of a leaf.
+    pub(super) fn leaf_bounds(&self, leaf: usize) -> &Aabb {
+        &self.leaves[leaf].bounds
+    }
+
     /// Calls `visit` with every item whose box overlaps `bounds`, in the tree's order.
     pub fn query(&self, bounds: &Aabb, mut visit: impl FnMut(u32)) {
-        let mut stack = Vec::with_capacity(STACK_RESERVE);
-        if !self.nodes.is_empty() {
-            stack.push(0u32);
+        dispatch!(Level::new(), simd => {
+            self.for_each_leaf(simd, bounds, 0, |place| {
+                let leaf = &self.leaves[place];
+                for_each_lane(leaf.boxes.overlapping(simd, bounds), |lane| visit(leaf.items[lane]));
+            });
+        });
+    }
+
+    /// Calls `visit` with every leaf from `first` on whose box overlaps `bounds`, in order.
+    #[inline(always)]
+    fn for_each_leaf<S: Simd>(&self, simd: S, bounds: &Aabb, first: u32, mut visit: impl FnMut(usize)) {
+        if self.nodes.is_empty() {
+            return;
         }
+        // Leaves of one node are visited together, before or after the subtrees beside them: the order is that of the
+        // structure, the same in every traversal.
+        let mut stack: ArrayVec<u32, STACK> = ArrayVec::new();
+        stack.push(0);
         while let Some(place) = stack.pop() {
             let node = &self.nodes[place as usize];
-            if !node.bounds.overlaps(bounds) {
-                continue;
-            }
-            if node.is_leaf {
-                let leaf = &self.leaves[node.link as usize];
-                for_each_lane(leaf.overlapping_lanes(bounds), |lane| visit(leaf.items[lane]));
-            } else {
-                stack.extend([node.link, place + 1]);
-            }
+            let hits = node.boxes.overlapping(simd, bounds);
+            for_each_lane(hits & node.leaf_children, |lane| {
+                if node.children[lane] >= first {
+                    visit(node.children[lane] as usize);
+                }
+            });
+            for_each_lane(hits & !node.leaf_children, |lane| {
+                if node.ends[lane] > first {
+                    stack.push(node.children[lane]);
+                }
+            });
         }
     }
 
     /// Appends every pair of items whose boxes overlap, lower item first, in the tree's order.
     pub fn self_pairs(&self, pairs: &mut Vec<[u32; 2]>) {
-        self.self_pairs_where(|_| true, pairs);
+        self.self_pairs_of(0..self.leaf_count(), None, pairs);
     }
 
-    /// The same for the pairs that pass `keep`; the others take no memory.
-    pub fn self_pairs_where(&self, keep: impl Fn([u32; 2]) -> bool, pairs: &mut Vec<[u32; 2]>) {
-        let mut visit = |first: u32, second: u32| {
-            let pair = [first.min(second), first.max(second)];
-            if keep(pair) {
-                pairs.push(pair);
-            }
-        };
-        let mut crossings = Vec::with_capacity(STACK_RESERVE);
-        for (place, node) in self.nodes.iter().enumerate() {
-            if node.is_leaf {
-                let leaf = &self.leaves[node.link as usize];
-                for lane in 0..leaf.count as usize {
-                    let later = leaf.overlapping_lanes(&leaf.lane(lane)) & (!0u32 << (lane + 1));
-                    for_each_lane(later, |other| visit(leaf.items[lane], leaf.items[other]));
-                }
-            } else {
-                crossings.push([place as u32 + 1, node.link]);
-                self.cross(self, &mut crossings, &mut visit);
-            }
+    /// The same for the pairs with one item in `leaves` and the other there or after, without those that `cull` drops.
+    /// Returns how many there are without culling by planes.
+    pub fn self_pairs_of(&self, leaves: Range<usize>, cull: Option<&PairCull<'_>>, pairs: &mut Vec<[u32; 2]>) -> usize {
+        dispatch!(Level::new(), simd => self.self_pairs_in_lanes(simd, leaves, cull, pairs))
+    }
+
+    #[inline(always)]
+    fn self_pairs_in_lanes<S: Simd>(
+        &self,
+        simd: S,
+        leaves: Range<usize>,
+        cull: Option<&PairCull<'_>>,
+        pairs: &mut Vec<[u32; 2]>,
+    ) -> usize {
+        let mut count = 0;
+        for place in leaves {
+            let leaf = &self.leaves[place];
+            self.for_each_leaf(simd, &leaf.bounds, place as u32, |other_place| {
+                let other = &self.leaves[other_place];
+                let separation = cull.map(|cull| cull.between([place, other_place]));
+                for_each_lane(leaf.boxes.overlapping(simd, &other.bounds), |lane| {
+                    let later = if place == other_place { !0u32 << (lane + 1) } else { !0 };
+                    let mut hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
+                    let (left, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
+                    count += apart;
+                    hits = left;
+                    let item = leaf.items[lane];
+                    for_each_lane(hits, |other_lane| {
+                        let other_item = other.items[other_lane];
+                        pairs.push([item.min(other_item), item.max(other_item)]);
+                    });
+                });
+            });
         }
+        count
     }
 
     /// Appends every pair of an item of this tree and one of `other` whose boxes overlap, in the trees' order.
     pub fn pairs_with(&self, other: &Self, pairs: &mut Vec<[u32; 2]>) {
-        if self.nodes.is_empty() || other.nodes.is_empty() {
-            return;
-        }
-        self.cross(other, &mut vec![[0, 0]], &mut |first, second| pairs.push([first, second]));
+        self.pairs_of(0..self.leaf_count(), other, None, pairs);
     }
 
-    fn cross(&self, other: &Self, crossings: &mut Vec<[u32; 2]>, visit: &mut impl FnMut(u32, u32)) {
-        while let Some([first, second]) = crossings.pop() {
-            let (a, b) = (&self.nodes[first as usize], &other.nodes[second as usize]);
-            if !a.bounds.overlaps(&b.bounds) {
-                continue;
-            }
-            match (a.is_leaf, b.is_leaf) {
-                (true, true) => {
-                    let (leaf, other_leaf) = (&self.leaves[a.link as usize], &other.leaves[b.link as usize]);
-                    for_each_lane(leaf.overlapping_lanes(&b.bounds), |lane| {
-                        for_each_lane(other_leaf.overlapping_lanes(&leaf.lane(lane)), |other_lane| {
-                            visit(leaf.items[lane], other_leaf.items[other_lane]);
-                        });
-                    });
-                }
-                (false, true) => crossings.extend([[a.link, second], [first + 1, second]]),
-                (true, false) => crossings.extend([[first, b.link], [first, second + 1]]),
-                (false, false) => {
-                    if a.bounds.half_area() >= b.bounds.half_area() {
-                        crossings.extend([[a.link, second], [first + 1, second]]);
-                    } else {
-                        crossings.extend([[first, b.link], [first, second + 1]]);
-                    }
-                }
-            }
+    /// The same for the items in `leaves` of this tree, without those that `cull` drops. Returns how many there are
+    /// without culling by planes.
+    pub fn pairs_of(
+        &self,
+        leaves: Range<usize>,
+        other: &Self,
+        cull: Option<&PairCull<'_>>,
+        pairs: &mut Vec<[u32; 2]>,
+    ) -> usize {
+        dispatch!(Level::new(), simd => self.pairs_in_lanes(simd, leaves, other, cull, pairs))
+    }
+
+    #[inline(always)]
+    fn pairs_in_lanes<S: Simd>(
+        &self,
+        simd: S,
+        leaves: Range<usize>,
+        other_tree: &Self,
+        cull: Option<&PairCull<'_>>,
+        pairs: &mut Vec<[u32; 2]>,
+    ) -> usize {
+        let mut count = 0;
+        for place in leaves {
+            let leaf = &self.leaves[place];
+            other_tree.for_each_leaf(simd, &leaf.bounds, 0, |other_place| {
+                let other = &other_tree.leaves[other_place];
+                let separation = cull.map(|cull| cull.between([place, other_place]));
+                for_each_lane(leaf.boxes.overlapping(simd, &other.bounds), |lane| {
+                    let hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane));
+                    let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
+                    count += apart;
+                    for_each_lane(hits, |other_lane| pairs.push([leaf.items[lane], other.items[other_lane]]));
+                });
+            });
         }
+        count
     }
 }
 
-#[inline]
+/// The lanes of `hits` that are left, and how many were left before planes were asked.
+#[inline(always)]
+fn cull_lanes<S: Simd>(simd: S, separation: Option<&Separation<'_>>, lane: usize, hits: u32) -> (u32, usize) {
+    match separation {
+        Some(separation) if hits != 0 => {
+            let apart = hits & !separation.neighbors(simd, lane);
+            (apart & !separation.separated(simd, lane), apart.count_ones() as usize)
+        }
+        _ => (hits, hits.count_ones() as usize),
+    }
+}
+
+/// Both halves of some items, the first of whole leaves, so that at most one leaf of the tree is not full; all of
+/// them and nothing where one leaf holds them.
+fn halves(items: &mut [(Vec3, u32)]) -> [&mut [(Vec3, u32)]; 2] {
+    if items.len() <= LEAF_WIDTH {
+        return [items, &mut []];
+    }
+    let spread = Aabb::from_points(items.iter().map(|&(center, _)| center));
+    let size = spread.max - spread.min;
+    let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
+    let middle = items.len().div_ceil(LEAF_WIDTH).div_ceil(2) * LEAF_WIDTH;
+    items.select_nth_unstable_by(middle, |(center, item), (other_center, other_item)| {
+        center[axis].total_cmp(&other_center[axis]).then(item.cmp(other_item))
+    });
+    items.split_at_mut(middle).into()
+}
+
+#[inline(always)]
 fn for_each_lane(mut lanes: u32, mut visit: impl FnMut(usize)) {
     while lanes != 0 {
         visit(lanes.trailing_zeros() as usize);

@@ -6,15 +6,27 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
-    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, brute_force::pair_with_shape_brute_force, shape_bounds,
+    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair,
+    brute_force::pair_with_shape_brute_force, shape_bounds,
 };
 use crate::{
-    detection::{DetectionDiagnostics, TriangleBounds},
-    kernel::{ids::TriangleId, topology::SurfaceTopology, tree::BoxTree},
+    detection::{
+        DetectionDiagnostics, TriangleBounds,
+        parallel::append_ranges,
+        sides::{pair_settings, surface_sides},
+    },
+    kernel::{
+        leaf_triangles::{LeafTriangles, PairCull},
+        topology::SurfaceTopology,
+        tree::BoxTree,
+    },
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
-    surface::ActiveSurfaces,
+    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
+
+/// Leaves whose pairs one thread looks for at a time.
+const LEAVES_AT_ONCE: usize = 64;
 
 /// A tree is built anew once its boxes have grown by this factor relative to the surface: a refitted tree answers
 /// correctly however old it is, only ever more slowly.
@@ -24,6 +36,9 @@ const REBUILD_DECAY: f32 = 1.5;
 #[derive(Component, Default)]
 pub struct SurfaceTree {
     tree: BoxTree,
+    triangles: LeafTriangles,
+    /// How many times the boxes had been computed when the triangles followed them last.
+    triangles_followed: u64,
     topology: Option<Arc<SurfaceTopology>>,
     /// How many times the boxes had been computed when the tree followed them last.
     followed: u64,
@@ -51,20 +66,22 @@ impl Plugin for TreeBroadPhasePlugin {
 
 fn update_trees(
     active: Res<ActiveSurfaces>,
+    candidates: Res<CandidateTrianglePairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut surfaces: Query<(&TriangleBounds, &mut SurfaceTree)>,
+    mut surfaces: Query<(&SurfacePositions, &TriangleBounds, &mut SurfaceTree)>,
 ) {
     let start = Instant::now();
-    for surface in &active.surfaces {
-        let Ok((bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
+    let culled = culled_surfaces(&active, &candidates);
+    for (surface, culled) in active.surfaces.iter().zip(culled) {
+        let Ok((positions, bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
+        let tree = &mut *tree;
         if tree.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, &surface.topology)) {
-            if tree.followed == bounds.computed() {
-                continue;
-            }
-            tree.tree.refit(&bounds.triangles);
-            if tree.tree.decay() > REBUILD_DECAY {
-                tree.tree.rebuild(&bounds.triangles);
-                diagnostics.trees_rebuilt += 1;
+            if tree.followed != bounds.computed() {
+                tree.tree.refit(&bounds.triangles);
+                if tree.tree.decay() > REBUILD_DECAY {
+                    tree.tree.rebuild(&bounds.triangles);
+                    diagnostics.trees_rebuilt += 1;
+                }
             }
         } else {
             let build = Instant::now();
@@ -73,9 +90,32 @@ fn update_trees(
             diagnostics.first_tree_builds += build.elapsed();
         }
         tree.followed = bounds.computed();
+        if culled && tree.triangles_followed != tree.followed {
+            tree.triangles.update(&tree.tree, &surface.topology, &positions.0);
+            tree.triangles_followed = tree.followed;
+        }
     }
     let start = start + diagnostics.first_tree_builds;
     diagnostics.finish("tree update", start, 0, 0);
+}
+
+/// For each active surface whether a traversal asks about its triangles.
+fn culled_surfaces(active: &ActiveSurfaces, candidates: &CandidateTrianglePairs) -> Vec<bool> {
+    let mut culled = vec![false; active.surfaces.len()];
+    for pair in &candidates.pairs {
+        if let OtherSide::Surface(second) = pair.second {
+            culled[pair.first] = true;
+            culled[second] = true;
+        }
+    }
+    culled
+}
+
+/// The tree and triangles of a surface in the frame of a pair, where that is not the surface's own.
+#[derive(Default)]
+struct MovedTree {
+    tree: BoxTree,
+    triangles: LeafTriangles,
 }
 
 fn pair_triangles(
@@ -83,31 +123,49 @@ fn pair_triangles(
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut moved: Local<BoxTree>,
-    surfaces: Query<(&TriangleBounds, &SurfaceTree)>,
+    mut moved: Local<MovedTree>,
+    surfaces: Query<(&SurfacePositions, &TriangleBounds, &SurfaceTree)>,
 ) {
     let start = Instant::now();
+    let mut overlapping = 0;
     for pair in &mut candidates.pairs {
         let first = &active.surfaces[pair.first];
-        let Ok((bounds, tree)) = surfaces.get(first.entity) else { continue };
+        let Ok((own, bounds, tree)) = surfaces.get(first.entity) else { continue };
+        let threads = settings.threads;
         match pair.second {
-            _ if pair.is_self() => {
-                let apart = |[a, b]: [u32; 2]| !first.topology.share_vertex(TriangleId(a), TriangleId(b));
-                tree.tree.self_pairs_where(apart, &mut pair.triangles);
-            }
             OtherSide::Surface(second) => {
-                let Ok((_, other)) = surfaces.get(active.surfaces[second].entity) else { continue };
-                if pair.moved_bounds.is_empty() {
-                    tree.tree.pairs_with(&other.tree, &mut pair.triangles);
+                let second = &active.surfaces[second];
+                let Ok((other, _, other_tree)) = surfaces.get(second.entity) else { continue };
+                let planes = plane_range(&active, pair, &settings, own, other);
+                let mut list = std::mem::take(&mut pair.triangles);
+                if pair.is_self() {
+                    let cull = PairCull { triangles: [&tree.triangles; 2], neighbors: true, planes };
+                    overlapping +=
+                        append_ranges(tree.tree.leaf_count(), LEAVES_AT_ONCE, threads, &mut list, |leaves, pairs| {
+                            tree.tree.self_pairs_of(leaves, Some(&cull), pairs)
+                        });
                 } else {
-                    // The moved surface's tree keeps its structure; only its boxes are those of the common frame.
-                    moved.copy_structure(if pair.frame == Frame::First { &other.tree } else { &tree.tree });
-                    moved.refit(&pair.moved_bounds);
-                    match pair.frame {
-                        Frame::First => tree.tree.pairs_with(&moved, &mut pair.triangles),
-                        Frame::Second => moved.pairs_with(&other.tree, &mut pair.triangles),
+                    let mut sides = [(&tree.tree, &tree.triangles), (&other_tree.tree, &other_tree.triangles)];
+                    if !pair.moved_bounds.is_empty() {
+                        // The moved surface's tree keeps its structure; only its boxes are those of the common frame.
+                        let (place, surface) = if pair.frame == Frame::First { (1, second) } else { (0, first) };
+                        moved.tree.copy_structure(sides[place].0);
+                        moved.tree.refit(&pair.moved_bounds);
+                        let MovedTree { tree, triangles } = &mut *moved;
+                        triangles.update(tree, &surface.topology, &pair.moved_positions);
+                        sides[place] = (tree, triangles);
                     }
+                    let cull = planes.map(|range| PairCull {
+                        triangles: [sides[0].1, sides[1].1],
+                        neighbors: false,
+                        planes: Some(range),
+                    });
+                    overlapping +=
+                        append_ranges(sides[0].0.leaf_count(), LEAVES_AT_ONCE, threads, &mut list, |leaves, pairs| {
+                            sides[0].0.pairs_of(leaves, sides[1].0, cull.as_ref(), pairs)
+                        });
                 }
+                pair.triangles = list;
             }
             OtherSide::Shape(place) => {
                 let shape = &active.shapes[place];
@@ -117,9 +175,27 @@ fn pair_triangles(
                     // A shape without a box, a half-space, has nothing to ask the tree with.
                     pair_with_shape_brute_force(pair, shape, first, settings.margin(), &bounds.triangles);
                 }
+                overlapping += pair.triangles.len();
             }
         }
     }
     let count = candidates.triangle_pair_count();
-    diagnostics.finish("broad phase", start, 0, count);
+    diagnostics.finish("broad phase", start, overlapping, count);
+}
+
+/// The distance beyond which planes that part two triangles decide, where a pair's method goes by that; in the unit of
+/// the pair's frame.
+fn plane_range(
+    active: &ActiveSurfaces,
+    pair: &SurfacePair,
+    settings: &CircumsphereSettings,
+    own: &SurfacePositions,
+    other: &SurfacePositions,
+) -> Option<f32> {
+    if pair.method == ContactMethod::BoundingSphere {
+        return None;
+    }
+    let pair_settings = pair_settings(pair, settings);
+    let [a, b] = surface_sides(active, pair, own, other)?;
+    pair_settings.cull.then(|| (pair_settings.range / pair_settings.scale) as f32 + a.rounding() + b.rounding())
 }

@@ -15,8 +15,8 @@ use crate::kernel::lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, nor
 
 /// Gaps must exceed the range by this factor, and by [`ROUNDING`] times the pair's extent, before a pair is rejected:
 /// the projections' own rounding is a few units in the last place of the extent (6e-8 each).
-const RANGE_SLACK: f32 = 1.0 + 1.0e-5;
-const ROUNDING: f32 = 2.0e-6;
+pub(in crate::kernel) const RANGE_SLACK: f32 = 1.0 + 1.0e-5;
+pub(in crate::kernel) const ROUNDING: f32 = 2.0e-6;
 
 /// A squared direction below this is too close to the smallest f32 to be relied on.
 const LEAST_SQUARED: f32 = 1.0e-30;

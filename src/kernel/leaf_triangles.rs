@@ -1,0 +1,206 @@
+//! The triangles of a tree's leaves, eight side by side, with their planes: what a traversal drops before a pair is made.
+//!
+//! A triangle of one leaf is compared with the eight of another without gathering anything. Neighbors go by their
+//! vertices, others by the slabs of either plane: two triangles whose projections on a direction of length 1 are farther
+//! apart than a distance are themselves farther apart, however the direction was rounded. Everything is kept relative to the
+//! leaf's own center, so that rounding is that of the leaves' size and distance, wherever the surface is.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{Level, dispatch, f32x8, prelude::*, u32x8};
+use glam::Vec3;
+
+use super::{
+    exact::cull::{RANGE_SLACK, ROUNDING},
+    topology::SurfaceTopology,
+    tree::{BoxTree, LEAF_WIDTH},
+};
+
+/// A squared normal below this is too close to the smallest f32 to be relied on: such a triangle's plane separates nothing.
+const LEAST_SQUARED: f32 = 1.0e-30;
+
+/// Marks the corners of an unused lane, and of no triangle.
+const NO_VERTEX: u32 = u32::MAX;
+
+type Row = [f32; LEAF_WIDTH];
+
+/// The triangles of one leaf.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
+struct Block {
+    /// By corner and axis, relative to `origin`.
+    corners: [[Row; 3]; 3],
+    /// Of length 1 but for rounding; zero where a triangle has no area to speak of.
+    normals: [Row; 3],
+    /// Where each triangle's own projections on its normal begin and end.
+    low: Row,
+    high: Row,
+    vertices: [[u32; LEAF_WIDTH]; 3],
+    origin: Vec3,
+    /// No projection of a corner on a direction of length 1 exceeds it.
+    extent: f32,
+}
+
+impl Block {
+    const EMPTY: Self = Self {
+        corners: [[[0.0; LEAF_WIDTH]; 3]; 3],
+        normals: [[0.0; LEAF_WIDTH]; 3],
+        low: [0.0; LEAF_WIDTH],
+        high: [0.0; LEAF_WIDTH],
+        vertices: [[NO_VERTEX; LEAF_WIDTH]; 3],
+        origin: Vec3::ZERO,
+        extent: 0.0,
+    };
+}
+
+/// The triangles of a [`BoxTree`]'s leaves.
+#[derive(Clone, Debug, Default)]
+pub struct LeafTriangles {
+    blocks: Vec<Block>,
+}
+
+impl LeafTriangles {
+    /// Follows the leaves of `tree`, which is over the triangles of `topology` at `positions`.
+    pub fn update(&mut self, tree: &BoxTree, topology: &SurfaceTopology, positions: &[Vec3]) {
+        self.blocks.resize(tree.leaf_count(), Block::EMPTY);
+        let (triangles, welded) = (topology.triangles(), topology.welded_triangles());
+        for (leaf, block) in self.blocks.iter_mut().enumerate() {
+            let bounds = tree.leaf_bounds(leaf);
+            block.origin = (bounds.min + bounds.max) * 0.5;
+            block.extent = (bounds.max - bounds.min).element_sum();
+            for (lane, &triangle) in tree.leaf_items(leaf).iter().enumerate() {
+                let triangle = triangle as usize;
+                for corner in 0..3 {
+                    let place = positions[triangles[triangle][corner] as usize] - block.origin;
+                    block.corners[corner][0][lane] = place.x;
+                    block.corners[corner][1][lane] = place.y;
+                    block.corners[corner][2][lane] = place.z;
+                    block.vertices[corner][lane] = welded[triangle][corner];
+                }
+            }
+        }
+        dispatch!(Level::new(), simd => {
+            for block in &mut self.blocks {
+                block.measure_planes(simd);
+            }
+        });
+    }
+
+    /// The memory that is used, in bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.blocks.capacity() * size_of::<Block>()
+    }
+}
+
+impl Block {
+    #[inline(always)]
+    fn corner<S: Simd>(&self, simd: S, corner: usize) -> [f32x8<S>; 3] {
+        let [x, y, z] = &self.corners[corner];
+        [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)]
+    }
+
+    #[inline(always)]
+    fn measure_planes<S: Simd>(&mut self, simd: S) {
+        let [a, b, c] = [self.corner(simd, 0), self.corner(simd, 1), self.corner(simd, 2)];
+        let (u, v) = (minus(b, a), minus(c, a));
+        let normal = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        let squared = dot(normal, normal);
+        let reliable = squared.simd_gt(LEAST_SQUARED) & squared.simd_lt(f32::MAX);
+        let scale = reliable.select(f32x8::splat(simd, 1.0) / squared.sqrt(), f32x8::splat(simd, 0.0));
+        let normal = [normal[0] * scale, normal[1] * scale, normal[2] * scale];
+        // An unreliable normal may be infinite, and infinity times zero is no number.
+        let zero = f32x8::splat(simd, 0.0);
+        let normal = [0, 1, 2].map(|axis| reliable.select(normal[axis], zero));
+        let heights = [dot(normal, a), dot(normal, b), dot(normal, c)];
+        for axis in 0..3 {
+            normal[axis].store_slice(&mut self.normals[axis]);
+        }
+        heights[0].min(heights[1]).min(heights[2]).store_slice(&mut self.low);
+        heights[0].max(heights[1]).max(heights[2]).store_slice(&mut self.high);
+    }
+}
+
+#[inline(always)]
+fn minus<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> f32x8<S> {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// What drops pairs during a traversal.
+#[derive(Clone, Copy, Debug)]
+pub struct PairCull<'a> {
+    /// The triangles of both trees, the one that is gone through leaf by leaf first; in a self-collision the same.
+    pub triangles: [&'a LeafTriangles; 2],
+    /// Drops triangles of one surface that share a welded vertex.
+    pub neighbors: bool,
+    /// Drops triangles that either plane keeps farther apart than this, in the unit of the positions, 0 or more.
+    pub planes: Option<f32>,
+}
+
+impl<'a> PairCull<'a> {
+    #[inline(always)]
+    pub(super) fn between(&self, leaves: [usize; 2]) -> Separation<'a> {
+        let [own, other] = [0, 1].map(|side| &self.triangles[side].blocks[leaves[side]]);
+        let offset = own.origin - other.origin;
+        let extent = own.extent + other.extent + offset.abs().element_sum();
+        let needed = self.planes.map(|range| range * RANGE_SLACK + extent * ROUNDING);
+        Separation { own, other, offset, needed, neighbors: self.neighbors }
+    }
+}
+
+/// Two leaves, and what is known of them.
+pub(super) struct Separation<'a> {
+    own: &'a Block,
+    other: &'a Block,
+    /// From the frame of the first leaf to that of the second.
+    offset: Vec3,
+    /// Projections farther apart than this prove that triangles are.
+    needed: Option<f32>,
+    neighbors: bool,
+}
+
+impl Separation<'_> {
+    /// The lanes of the second leaf that share a vertex with a triangle of the first.
+    #[inline(always)]
+    pub(super) fn neighbors<S: Simd>(&self, simd: S, lane: usize) -> u32 {
+        if !self.neighbors {
+            return 0;
+        }
+        let others = [0, 1, 2].map(|corner| u32x8::from_slice(simd, &self.other.vertices[corner]));
+        let shared = |corner: usize| {
+            let vertex = u32x8::splat(simd, self.own.vertices[corner][lane]);
+            others[0].simd_eq(vertex) | others[1].simd_eq(vertex) | others[2].simd_eq(vertex)
+        };
+        (shared(0) | shared(1) | shared(2)).to_bitmask() as u32
+    }
+
+    /// The lanes of the second leaf that a triangle of the first is kept apart from by either plane.
+    #[inline(always)]
+    pub(super) fn separated<S: Simd>(&self, simd: S, lane: usize) -> u32 {
+        let Some(needed) = self.needed else { return 0 };
+        let (own, other) = (self.own, self.other);
+        let corners = [other.corner(simd, 0), other.corner(simd, 1), other.corner(simd, 2)];
+        let normal = [own.normals[0][lane], own.normals[1][lane], own.normals[2][lane]];
+        let shift = normal[0] * self.offset.x + normal[1] * self.offset.y + normal[2] * self.offset.z;
+        let along = normal.map(|value| f32x8::splat(simd, value));
+        let heights = [dot(along, corners[0]), dot(along, corners[1]), dot(along, corners[2])];
+        let (low, high) = (heights[0].min(heights[1]).min(heights[2]), heights[0].max(heights[1]).max(heights[2]));
+        let own_gap = (low - (own.high[lane] + shift)).max((own.low[lane] + shift) - high);
+
+        let normals = [0, 1, 2].map(|axis| f32x8::from_slice(simd, &other.normals[axis]));
+        let height = |corner: usize| {
+            let place = [0, 1, 2].map(|axis| own.corners[corner][axis][lane] + self.offset[axis]);
+            dot(normals, place.map(|value| f32x8::splat(simd, value)))
+        };
+        let heights = [height(0), height(1), height(2)];
+        let (low, high) = (heights[0].min(heights[1]).min(heights[2]), heights[0].max(heights[1]).max(heights[2]));
+        let other_gap =
+            (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);
+        (own_gap.simd_gt(needed) | other_gap.simd_gt(needed)).to_bitmask() as u32
+    }
+}
