@@ -330,6 +330,7 @@ impl BoxTree {
         pairs: &mut Vec<[u32; 2]>,
     ) -> usize {
         let mut count = 0;
+        let mut recent = Recent::new();
         for place in leaves {
             let leaf = &self.leaves[place];
             self.for_each_leaf(simd, &leaf.bounds, place as u32, |other_place| {
@@ -337,18 +338,18 @@ impl BoxTree {
                 let separation = cull.map(|cull| cull.between([place, other_place]));
                 for_each_lane(leaf.boxes.overlapping(simd, &other.bounds), |lane| {
                     let later = if place == other_place { !0u32 << (lane + 1) } else { !0 };
-                    let mut hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
-                    let (left, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
-                    count += apart;
-                    hits = left;
-                    let item = leaf.items[lane];
-                    for_each_lane(hits, |other_lane| {
-                        let other_item = other.items[other_lane];
-                        pairs.push([item.min(other_item), item.max(other_item)]);
-                    });
+                    let hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
+                    if hits != 0 {
+                        let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
+                        count += apart;
+                        let item = leaf.items[lane];
+                        let ordered = other.items.map(|other| [item.min(other), item.max(other)]);
+                        recent.push(&ordered, hits, pairs);
+                    }
                 });
             });
         }
+        recent.flush(pairs);
         count
     }
 
@@ -379,6 +380,7 @@ impl BoxTree {
         pairs: &mut Vec<[u32; 2]>,
     ) -> usize {
         let mut count = 0;
+        let mut recent = Recent::new();
         for place in leaves {
             let leaf = &self.leaves[place];
             other_tree.for_each_leaf(simd, &leaf.bounds, 0, |other_place| {
@@ -386,12 +388,15 @@ impl BoxTree {
                 let separation = cull.map(|cull| cull.between([place, other_place]));
                 for_each_lane(leaf.boxes.overlapping(simd, &other.bounds), |lane| {
                     let hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane));
-                    let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
-                    count += apart;
-                    for_each_lane(hits, |other_lane| pairs.push([leaf.items[lane], other.items[other_lane]]));
+                    if hits != 0 {
+                        let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
+                        count += apart;
+                        recent.push(&other.items.map(|other| [leaf.items[lane], other]), hits, pairs);
+                    }
                 });
             });
         }
+        recent.flush(pairs);
         count
     }
 }
@@ -400,11 +405,42 @@ impl BoxTree {
 #[inline(always)]
 fn cull_lanes<S: Simd>(simd: S, separation: Option<&Separation<'_>>, lane: usize, hits: u32) -> (u32, usize) {
     match separation {
-        Some(separation) if hits != 0 => {
+        Some(separation) => {
             let apart = hits & !separation.neighbors(simd, lane);
             (apart & !separation.separated(simd, lane), apart.count_ones() as usize)
         }
-        _ => (hits, hits.count_ones() as usize),
+        None => (hits, hits.count_ones() as usize),
+    }
+}
+
+/// Pairs on their way to a list. Which of eight are kept is hard to foresee: so all are written, and the next ones over
+/// those that are not.
+struct Recent {
+    pairs: [[u32; 2]; Self::ROOM],
+    count: usize,
+}
+
+impl Recent {
+    const ROOM: usize = 256;
+
+    fn new() -> Self {
+        Self { pairs: [[0; 2]; Self::ROOM], count: 0 }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, pairs: &[[u32; 2]; LEAF_WIDTH], kept: u32, list: &mut Vec<[u32; 2]>) {
+        if self.count > Self::ROOM - LEAF_WIDTH {
+            self.flush(list);
+        }
+        for (lane, &pair) in pairs.iter().enumerate() {
+            self.pairs[self.count % Self::ROOM] = pair;
+            self.count += (kept >> lane & 1) as usize;
+        }
+    }
+
+    fn flush(&mut self, list: &mut Vec<[u32; 2]>) {
+        list.extend_from_slice(&self.pairs[..self.count]);
+        self.count = 0;
     }
 }
 
