@@ -6,7 +6,8 @@ use bevy_circumsphere::kernel::{
     ids::TriangleId,
     pair::{FoundPairs, PairSettings, SurfaceSide},
     reference::triangle_distance,
-    refine::{refine_closest, refine_pairs, settle_penetrations},
+    refine::{refine_closest, refine_pairs},
+    settle::settle_penetrations,
 };
 use circumsphere_support::bars::{BAND, SEPARATION_TOLERANCE};
 use glam::Vec3;

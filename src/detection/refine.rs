@@ -14,7 +14,8 @@ use super::{
 use crate::{
     kernel::{
         pair::FoundPairs,
-        refine::{refine_closest, refine_pairs, refine_shape, settle_penetrations},
+        refine::{refine_closest, refine_pairs, refine_shape},
+        settle::settle_penetrations,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,

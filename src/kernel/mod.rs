@@ -21,6 +21,7 @@ pub mod pair_fate;
 pub mod pose;
 pub mod reference;
 pub mod refine;
+pub mod settle;
 pub mod smooth_normal;
 pub mod sphere_pairs;
 pub mod topology;
