@@ -51,6 +51,7 @@ impl<'a> MovedSide<'a> {
 
 impl SurfaceSide<'_> {
     /// The corners of a triangle in the frame of the pair, not rounded.
+    #[inline]
     pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
         let [first, second, third] = self.topology.triangles()[triangle as usize];
         let corner = |vertex: u32| match &self.moved {

@@ -11,10 +11,10 @@ use super::{
     conservative::near_pairs,
     contact::{CompactContact, TouchingPair, canonical_order},
     exact::{
-        Feature, FeaturePair, PairProximity, PairScreen, Proximity,
+        Cases, Feature, FeaturePair, PairProximity, PairScreen, Proximity,
         barycentric::point_at,
         cull::{cull_by_closest_features, cull_by_planes},
-        examine_screened,
+        examine_pair, examine_screened,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         side::face_normal,
         triangle_pair::TIE,
@@ -63,40 +63,82 @@ pub(super) fn refine_pairs_in_steps(
         observer.passed(PairFate::ClosestFeatures, close.iter().copied());
         pairs = &close;
     }
-    examine_pairs(a, b, pairs, settings, found, |triangles, _, proximity| {
-        reports(a, b, settings.same_surface, triangles, proximity.features)
-    });
+    if settings.cull {
+        let wanted = |triangles, cases| reported_cases(a, b, settings.same_surface, triangles, cases);
+        examine_pairs(a, b, pairs, settings, found, wanted, |_, _| true);
+    } else {
+        examine_pairs_alone(a, b, pairs, settings, found);
+    }
 }
 
-/// Tests pairs exactly, whatever any cull says of them. Which of a pair's features make a contact is up to `makes_contact`.
+/// Tests pairs exactly, eight side by side first. Of each only those features are looked at that are `wanted` or on the
+/// boundaries of both; which of them make a contact is up to `makes_contact`.
 fn examine_pairs(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     pairs: &[[u32; 2]],
     settings: &PairSettings,
     found: &mut FoundPairs,
-    makes_contact: impl Fn([u32; 2], &PairProximity, &Proximity) -> bool,
+    wanted: impl Fn([u32; 2], Cases) -> Cases,
+    makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
 ) {
     let range = settings.range / settings.scale;
     found.examined += pairs.len();
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
     for pairs in pairs.chunks(PairScreen::WIDTH) {
-        let corners = pairs.iter().map(|&[triangle_a, triangle_b]| [a.corners(triangle_a), b.corners(triangle_b)]);
-        for pair in screen.screen(corners, range) {
+        for (lane, &[triangle_a, triangle_b]) in pairs.iter().enumerate() {
+            screen.set(lane, &[a.corners(triangle_a), b.corners(triangle_b)]);
+        }
+        for pair in screen.screen(pairs.len(), range) {
             let triangles = pairs[pair.place];
-            examine_screened(&pair, range, &mut proximity);
+            let wanted = wanted(triangles, pair.cases);
+            if pair.is_distance_only(wanted) {
+                let distance = pair.distance() * settings.scale;
+                if distance <= settings.range {
+                    add_pair(triangles, distance, settings, found);
+                }
+                continue;
+            }
+            let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
+            examine_screened(&pair, &corners, range, wanted, &mut proximity);
             let distance = proximity.distance * settings.scale;
             if distance > settings.range {
                 continue;
             }
             add_pair(triangles, distance, settings, found);
-            let corners = [&pair.corners[0], &pair.corners[1]];
             for features in &proximity.proximities {
                 let is_reported = features.distance * settings.scale <= settings.reported_distance;
-                if is_reported && makes_contact(triangles, &proximity, features) {
-                    found.contacts.push(contact(a, b, settings, triangles, corners, features));
+                if is_reported && makes_contact(&proximity, features) {
+                    found.contacts.push(contact(a, b, settings, triangles, &corners, features));
                 }
+            }
+        }
+    }
+}
+
+/// Tests pairs exactly, each for itself and whole: what the other ways are measured by.
+fn examine_pairs_alone(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    pairs: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+) {
+    let mut proximity = PairProximity::default();
+    found.examined += pairs.len();
+    for &triangles in pairs {
+        let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
+        examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
+        let distance = proximity.distance * settings.scale;
+        if distance > settings.range {
+            continue;
+        }
+        add_pair(triangles, distance, settings, found);
+        for features in &proximity.proximities {
+            let is_reported = features.distance * settings.scale <= settings.reported_distance;
+            if is_reported && reports(a, b, settings.same_surface, triangles, features.features) {
+                found.contacts.push(contact(a, b, settings, triangles, &corners, features));
             }
         }
     }
@@ -146,18 +188,18 @@ pub(super) fn refine_closest_in_steps(
     let mut doubtful = Vec::new();
     for pair in &near {
         let [triangle_a, triangle_b] = pair.triangles;
-        let corners = [&a.corners(triangle_a), &b.corners(triangle_b)];
-        let Some(closest) = pair.closest_features(corners) else {
+        let corners = [a.corners(triangle_a), b.corners(triangle_b)];
+        let Some(closest) = pair.closest_features([&corners[0], &corners[1]]) else {
             doubtful.push(pair.triangles);
             continue;
         };
         let distance = closest.distance * settings.scale;
         add_pair(pair.triangles, distance, settings, found);
         if distance <= settings.reported_distance {
-            found.contacts.push(contact(a, b, settings, pair.triangles, corners, &closest));
+            found.contacts.push(contact(a, b, settings, pair.triangles, &corners, &closest));
         }
     }
-    examine_pairs(a, b, &doubtful, settings, found, |_, pair, features| {
+    examine_pairs(a, b, &doubtful, settings, found, |_, cases| cases, |pair, features| {
         pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
     });
 }
@@ -195,6 +237,48 @@ pub fn refine_shape(
                 .filter(|proximity| proximity.distance * settings.scale <= settings.reported_distance)
                 .map(|proximity| CompactContact::with_shape(topology, positions, triangle, proximity, settings.scale)),
         );
+    }
+}
+
+/// Those of a pair's cases that it reports, see [`reports`]. Mostly the first triangles of both features are a pair, and
+/// only that one reports them: which triangles are first is known to the topology.
+fn reported_cases(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    same_surface: bool,
+    triangles: [u32; 2],
+    cases: Cases,
+) -> Cases {
+    let sides = [a, b];
+    let first = [0, 1].map(|side| sides[side].topology.first_of(TriangleId(triangles[side])));
+    let reported = Cases::between(first[0], first[1]);
+    let others = cases.without(reported).without_boundary();
+    let is_welded = a.topology.is_welded() || b.topology.is_welded();
+    if others.are_none() || !same_surface && !is_welded {
+        return reported;
+    }
+    others.each().fold(reported, |reported, case| {
+        let parts = case.parts();
+        if !is_welded {
+            let first = [0, 1].map(|side| match parts[side] {
+                part @ 0..6 => triangles_around(sides[side], triangles[side], feature(part)).map_or(0, |around| around[0]),
+                _ => triangles[side],
+            });
+            if !a.topology.share_vertex(TriangleId(first[0]), TriangleId(first[1])) {
+                return reported;
+            }
+        }
+        let features = FeaturePair { a: feature(parts[0]), b: feature(parts[1]) };
+        if reports(a, b, same_surface, triangles, features) { reported.or(case) } else { reported }
+    })
+}
+
+/// The part of a triangle with a number, as [`Cases::parts`] gives it.
+fn feature(part: usize) -> Feature {
+    match part {
+        0..3 => Feature::Vertex(part as u8),
+        3..6 => Feature::Edge(part as u8 - 3),
+        _ => Feature::Face,
     }
 }
 
@@ -267,7 +351,7 @@ fn contact(
     b: &SurfaceSide<'_>,
     settings: &PairSettings,
     triangles: [u32; 2],
-    corners: [&[DVec3; 3]; 2],
+    corners: &[[DVec3; 3]; 2],
     proximity: &Proximity,
 ) -> CompactContact {
     let mut normal = direction_of(proximity.separation).unwrap_or_else(|| way_out(a, b, triangles, corners, proximity));
@@ -277,7 +361,7 @@ fn contact(
         distance = -distance;
     }
     let weights = proximity.barycentric_b;
-    let point_b = point_at(corners[1], &weights);
+    let point_b = point_at(&corners[1], &weights);
     CompactContact::between_triangles(
         [a, b],
         triangles,
@@ -329,7 +413,7 @@ fn way_out(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     triangles: [u32; 2],
-    corners: [&[DVec3; 3]; 2],
+    corners: &[[DVec3; 3]; 2],
     proximity: &Proximity,
 ) -> DVec3 {
     let from_b_to_a = (corners[0].iter().sum::<DVec3>() - corners[1].iter().sum::<DVec3>()) / 3.0;
@@ -338,12 +422,12 @@ fn way_out(
     let direction = match (features.a, features.b) {
         (Feature::Face, _) if a.one_sided => -a.outward(triangles[0], Feature::Face),
         (_, Feature::Face) if b.one_sided => b.outward(triangles[1], Feature::Face),
-        (Feature::Face, _) => towards_a(face_normal(corners[0])),
+        (Feature::Face, _) => towards_a(face_normal(&corners[0])),
         (Feature::Edge(edge_a), Feature::Edge(edge_b)) => {
             let along = |side: usize, edge: u8| corners[side][(edge as usize + 1) % 3] - corners[side][edge as usize];
             towards_a(along(0, edge_a).cross(along(1, edge_b)))
         }
-        _ => towards_a(face_normal(corners[1])),
+        _ => towards_a(face_normal(&corners[1])),
     };
     direction.try_normalize().or_else(|| from_b_to_a.try_normalize()).unwrap_or(DVec3::Y)
 }

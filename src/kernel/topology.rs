@@ -74,6 +74,7 @@ pub struct SurfaceTopology {
     triangle_edges: Vec<[u32; 3]>,
     edge_triangles: Incidence,
     vertex_triangles: Incidence,
+    first_of: Vec<u8>,
     report: TopologyReport,
 }
 
@@ -113,6 +114,7 @@ impl Incidence {
         Self { offsets, triangles }
     }
 
+    #[inline]
     fn around(&self, element: u32) -> &[u32] {
         let element = element as usize;
         &self.triangles[self.offsets[element] as usize..self.offsets[element + 1] as usize]
@@ -139,6 +141,16 @@ impl SurfaceTopology {
         }
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
+        let first_of = (0..triangles.len())
+            .map(|triangle| {
+                let is_first = |around: &[u32]| u8::from(around[0] as usize == triangle);
+                (0..3).fold(0, |parts, k| {
+                    parts
+                        | is_first(vertex_triangles.around(welded_triangles[triangle][k])) << k
+                        | is_first(edge_triangles.around(triangle_edges[triangle][k])) << (3 + k)
+                })
+            })
+            .collect();
         let mut topology = Self {
             vertex_count: positions.len(),
             triangles: triangles.to_vec(),
@@ -148,6 +160,7 @@ impl SurfaceTopology {
             triangle_edges,
             edge_triangles,
             vertex_triangles,
+            first_of,
             report: TopologyReport::default(),
         };
         topology.report = topology.inspect();
@@ -191,18 +204,21 @@ impl SurfaceTopology {
 
     /// The triangles, as the caller's vertex numbers.
     #[must_use]
+    #[inline]
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
     /// The triangles as welded vertices: each is named by the first vertex with the same position.
     #[must_use]
+    #[inline]
     pub fn welded_triangles(&self) -> &[[u32; 3]] {
         &self.welded_triangles
     }
 
     /// For each of the caller's vertices the first one with exactly the same position.
     #[must_use]
+    #[inline]
     pub fn weld(&self) -> &[u32] {
         &self.weld
     }
@@ -216,12 +232,27 @@ impl SurfaceTopology {
 
     /// The edges of each triangle: edge `k` joins its corners `k` and `k + 1`.
     #[must_use]
+    #[inline]
     pub fn triangle_edges(&self) -> &[[u32; 3]] {
         &self.triangle_edges
     }
 
+    /// Of which of its vertices and edges a triangle is the first of all around them: bits 0 to 2 its corners, 3 to 5 its
+    /// edges.
+    #[inline]
+    pub(crate) fn first_of(&self, triangle: TriangleId) -> u8 {
+        self.first_of[triangle.index()]
+    }
+
+    /// Whether any two vertices are welded.
+    #[inline]
+    pub(crate) fn is_welded(&self) -> bool {
+        self.report.welded_vertices > 0
+    }
+
     /// The triangles around an edge, ascending.
     #[must_use]
+    #[inline]
     pub fn triangles_of_edge(&self, edge: EdgeId) -> &[u32] {
         self.edge_triangles.around(edge.0)
     }
@@ -231,12 +262,14 @@ impl SurfaceTopology {
     /// # Panics
     /// If there is no such vertex.
     #[must_use]
+    #[inline]
     pub fn triangles_of_vertex(&self, vertex: VertexId) -> &[u32] {
         self.vertex_triangles.around(self.weld[vertex.index()])
     }
 
     /// Whether two triangles share a welded vertex. Such a pair is never reported as touching.
     #[must_use]
+    #[inline]
     pub fn share_vertex(&self, a: TriangleId, b: TriangleId) -> bool {
         let [a0, a1, a2] = self.welded_triangles[a.index()];
         let other = self.welded_triangles[b.index()];

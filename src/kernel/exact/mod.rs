@@ -12,6 +12,6 @@ pub mod side;
 pub mod triangle_pair;
 
 pub use feature::{Feature, FeatureCase, FeatureKind, FeaturePair};
-pub(in crate::kernel) use screen::PairScreen;
+pub(in crate::kernel) use screen::{Cases, PairScreen};
 pub use triangle_pair::{PairProximity, Proximity, examine_pair};
 pub(in crate::kernel) use triangle_pair::{examine_case, examine_screened};

@@ -1,14 +1,20 @@
-//! Which features of eight pairs of triangles can count, side by side, before the exact test looks at those of each pair.
+//! Which features of eight pairs of triangles count, and how far apart the triangles are, side by side, before any pair is
+//! looked at alone.
 //!
 //! The arithmetic is that of `triangle_pair`, operation by operation, so that a feature passes here exactly where it
-//! passes there: what is left out changes the time, never the result.
+//! passes there and a distance is the same number. Only edges that pierce a face are told by the signs of volumes that
+//! are computed another way: what may be of either sign passes, and is left to the exact test.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
+use fearless_simd::{Level, dispatch, f64x8, mask64x8, prelude::*, u64x8};
 use glam::DVec3;
 
 use super::triangle_pair::{PARALLEL_SINE, ROUND_OFF};
-use crate::kernel::lanes::{DoubleLanes, DoubleMask, DoubleVectorLanes, WIDTH};
+
+/// A volume of three edges may be of either sign where it is below this share of the cube of the pair's largest
+/// coordinate: seven times what its rounding amounts to.
+const VOLUME_ROUNDING: f64 = 1.0e-12;
 
 /// Features of a pair of triangles, one bit each: a vertex over a face, two edges, an edge that pierces a face, or
 /// anything on the boundaries of both.
@@ -18,6 +24,7 @@ pub(in crate::kernel) struct Cases(u32);
 impl Cases {
     pub(in crate::kernel) const ALL: Self = Self(u32::MAX);
     pub(super) const BOUNDARY: Self = Self(1 << 21);
+    const PIERCING: Self = Self(0b11_1111 << 15);
 
     pub(super) const fn vertex_face(vertex_of_a: bool, vertex: usize) -> Self {
         Self(1 << (if vertex_of_a { vertex } else { 3 + vertex }))
@@ -31,30 +38,116 @@ impl Cases {
         Self(1 << (if edge_of_a { 15 + edge } else { 18 + edge }))
     }
 
-    pub(super) const fn contain(self, case: Self) -> bool {
+    /// Those between some of the vertices and edges of either triangle: bits 0 to 2 its vertices, 3 to 5 its edges.
+    pub(in crate::kernel) const fn between(parts_of_a: u8, parts_of_b: u8) -> Self {
+        let (vertices, edges) = ([parts_of_a & 7, parts_of_b & 7], [parts_of_a >> 3 & 7, parts_of_b >> 3 & 7]);
+        let [vertices_of_a, vertices_of_b] = [vertices[0] as u32, vertices[1] as u32];
+        let [edges_of_a, edges_of_b] = [edges[0] as u32, edges[1] as u32];
+        // Bit k spread to three places each, times three bits: every pair of edges.
+        let spread = edges_of_a & 1 | (edges_of_a & 2) << 2 | (edges_of_a & 4) << 4;
+        Self(vertices_of_a | vertices_of_b << 3 | (spread * edges_of_b) << 6 | edges_of_a << 15 | edges_of_b << 18)
+    }
+
+    pub(in crate::kernel) const fn contain(self, case: Self) -> bool {
         self.0 & case.0 != 0
+    }
+
+    pub(in crate::kernel) const fn are_none(self) -> bool {
+        self.0 == 0
+    }
+
+    /// Whether an edge may pierce a face.
+    pub(in crate::kernel) const fn may_cross(self) -> bool {
+        self.contain(Self::PIERCING)
+    }
+
+    pub(in crate::kernel) const fn and(self, other: Self) -> Self {
+        Self(self.0 & other.0)
+    }
+
+    pub(in crate::kernel) const fn or(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    pub(in crate::kernel) const fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    /// Without what is on the boundaries of both.
+    pub(in crate::kernel) const fn without_boundary(self) -> Self {
+        self.without(Self::BOUNDARY)
+    }
+
+    /// Each of them alone.
+    pub(in crate::kernel) fn each(self) -> impl Iterator<Item = Self> {
+        let mut left = self.0;
+        std::iter::from_fn(move || {
+            let next = left & left.wrapping_neg();
+            left &= !next;
+            (next != 0).then_some(Self(next))
+        })
+    }
+
+    /// The part of the first and of the second triangle that a single case is about, numbered as in
+    /// [`between`](Self::between); 6 is the face.
+    pub(in crate::kernel) const fn parts(self) -> [usize; 2] {
+        let number = self.0.trailing_zeros() as usize;
+        match number {
+            0..3 => [number, 6],
+            3..6 => [6, number - 3],
+            6..15 => [3 + (number - 6) / 3, 3 + (number - 6) % 3],
+            15..18 => [3 + number - 15, 6],
+            _ => [6, 3 + number - 18],
+        }
     }
 }
 
 /// A pair of triangles that may be within range.
-pub(in crate::kernel) struct ScreenedPair<'a> {
+#[derive(Clone, Copy, Debug)]
+pub(in crate::kernel) struct ScreenedPair {
     /// Its place among those that were screened.
     pub(in crate::kernel) place: usize,
-    /// Corners of the first and second triangle.
-    pub(in crate::kernel) corners: &'a [[DVec3; 3]; 2],
-    /// What of it can count.
+    /// What of it counts, or may.
     pub(in crate::kernel) cases: Cases,
     /// Least squared distance of a vertex of either from an edge of the other.
-    pub(in crate::kernel) boundary: f64,
+    pub(super) boundary: f64,
+    /// Squared distance of the two, unless they cross.
+    pub(super) nearest: f64,
+    /// The largest coordinate of either.
+    pub(super) largest: f64,
 }
+
+impl ScreenedPair {
+    /// Whether all that is left of the pair is its distance: it does not cross, nothing of it is in `wanted`, and its
+    /// boundaries are not what is closest.
+    pub(in crate::kernel) fn is_distance_only(&self, wanted: Cases) -> bool {
+        !self.cases.may_cross()
+            && self.cases.and(wanted).without_boundary().are_none()
+            && !(self.cases.contain(Cases::BOUNDARY) && self.boundary <= self.nearest)
+    }
+
+    /// The distance of two triangles that do not cross.
+    pub(in crate::kernel) fn distance(&self) -> f64 {
+        let distance = self.nearest.sqrt();
+        if distance <= ROUND_OFF * self.largest { 0.0 } else { distance }
+    }
+}
+
+/// How many pairs are screened at a time.
+const WIDTH: usize = 8;
+
+/// A vector of each of eight pairs.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Rows([[f64; WIDTH]; 3]);
 
 /// Eight pairs of triangles and what is known of them.
 pub(in crate::kernel) struct PairScreen {
-    corners: [[[DVec3; 3]; 2]; WIDTH],
-    a: [DoubleVectorLanes; 3],
-    b: [DoubleVectorLanes; 3],
-    boundary: DoubleLanes,
+    corners: [[Rows; 3]; 2],
     cases: [u64; WIDTH],
+    boundary: [f64; WIDTH],
+    nearest: [f64; WIDTH],
+    largest: [f64; WIDTH],
 }
 
 impl PairScreen {
@@ -62,196 +155,232 @@ impl PairScreen {
 
     pub(in crate::kernel) fn new() -> Self {
         Self {
-            corners: [[[DVec3::ZERO; 3]; 2]; WIDTH],
-            a: [DoubleVectorLanes::ZERO; 3],
-            b: [DoubleVectorLanes::ZERO; 3],
-            boundary: DoubleLanes::ZERO,
+            corners: [[Rows([[0.0; WIDTH]; 3]); 3]; 2],
             cases: [0; WIDTH],
+            boundary: [0.0; WIDTH],
+            nearest: [0.0; WIDTH],
+            largest: [0.0; WIDTH],
         }
     }
 
-    /// Screens up to eight pairs of triangles for `range` (0 or more), and gives those that may be within it.
-    pub(in crate::kernel) fn screen(
-        &mut self,
-        pairs: impl ExactSizeIterator<Item = [[DVec3; 3]; 2]>,
-        range: f64,
-    ) -> impl Iterator<Item = ScreenedPair<'_>> {
-        let count = pairs.len().min(WIDTH);
-        for (lane, corners) in pairs.enumerate().take(WIDTH) {
-            let origin = corners[0][0];
-            for k in 0..3 {
-                self.a[k].set(lane, corners[0][k] - origin);
-                self.b[k].set(lane, corners[1][k] - origin);
+    /// Puts a pair of triangles into a lane.
+    #[inline]
+    pub(in crate::kernel) fn set(&mut self, lane: usize, corners: &[[DVec3; 3]; 2]) {
+        let origin = corners[0][0];
+        for (rows, corners) in self.corners.iter_mut().zip(corners) {
+            for (rows, &corner) in rows.iter_mut().zip(corners) {
+                let place = corner - origin;
+                rows.0[0][lane] = place.x;
+                rows.0[1][lane] = place.y;
+                rows.0[2][lane] = place.z;
             }
-            self.corners[lane] = corners;
         }
-        screen(&self.a, &self.b, range, &mut self.boundary, &mut self.cases);
+    }
+
+    /// Screens the pairs in the first lanes for `range` (0 or more), and gives those that may be within it.
+    pub(in crate::kernel) fn screen(&mut self, count: usize, range: f64) -> impl Iterator<Item = ScreenedPair> + '_ {
+        dispatch!(Level::new(), simd => self.screen_in_lanes(simd, range));
         let screened = |place: usize| ScreenedPair {
             place,
-            corners: &self.corners[place],
             cases: Cases(self.cases[place] as u32),
-            boundary: self.boundary.0[place],
+            boundary: self.boundary[place],
+            nearest: self.nearest[place],
+            largest: self.largest[place],
         };
-        (0..count).map(screened).filter(|pair| pair.cases.0 != 0)
+        (0..count).map(screened).filter(|pair| !pair.cases.are_none())
+    }
+
+    #[inline(always)]
+    fn screen_in_lanes<S: Simd>(&mut self, simd: S, range: f64) {
+        let triangles = self.corners.each_ref().map(|corners| {
+            corners.each_ref().map(|Rows([x, y, z])| {
+                Vectors { x: f64x8::from_slice(simd, x), y: f64x8::from_slice(simd, y), z: f64x8::from_slice(simd, z) }
+            })
+        });
+        let mut largest = f64x8::splat(simd, 0.0);
+        for corner in triangles.iter().flatten() {
+            largest = largest.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
+        }
+        let range = (largest * ROUND_OFF).max(range);
+        let range_squared = range * range;
+        let [a, b] = [Side::new(simd, triangles[0]), Side::new(simd, triangles[1])];
+
+        let boundary = least_boundary_distance_squared(simd, &a, &b).min(least_boundary_distance_squared(simd, &b, &a));
+        let mut found = Found { cases: u64x8::splat(simd, 0), nearest: boundary };
+        found.add(!boundary.simd_gt(range_squared), Cases::BOUNDARY);
+        let heights_over_b = vertices_over_face(&a, &b, range_squared, true, &mut found);
+        let heights_over_a = vertices_over_face(&b, &a, range_squared, false, &mut found);
+        let mut volumes = [[f64x8::splat(simd, 0.0); 3]; 3];
+        for edge_a in 0..3 {
+            for edge_b in 0..3 {
+                volumes[edge_a][edge_b] = edge_edge(simd, &a, &b, [edge_a, edge_b], range_squared, &mut found);
+            }
+        }
+        let rounding = largest * largest * largest * VOLUME_ROUNDING;
+        for edge in 0..3 {
+            let [along_a, along_b] = [volumes[edge], [volumes[0][edge], volumes[1][edge], volumes[2][edge]]];
+            let of_a = may_pierce(simd, &heights_over_b, edge, along_a, rounding);
+            let of_b = may_pierce(simd, &heights_over_a, edge, along_b, rounding);
+            found.add(of_a, Cases::piercing(true, edge));
+            found.add(of_b, Cases::piercing(false, edge));
+        }
+        found.cases.store_slice(&mut self.cases);
+        found.nearest.store_slice(&mut self.nearest);
+        boundary.store_slice(&mut self.boundary);
+        largest.store_slice(&mut self.largest);
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Vectors<S: Simd> {
+    x: f64x8<S>,
+    y: f64x8<S>,
+    z: f64x8<S>,
+}
+
+impl<S: Simd> Vectors<S> {
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
+    }
+
+    #[inline(always)]
+    fn scaled(self, factor: f64x8<S>) -> Self {
+        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+    }
+
+    #[inline(always)]
+    fn dot(self, other: Self) -> f64x8<S> {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+
+    #[inline(always)]
+    fn cross(self, other: Self) -> Self {
+        Self {
+            x: self.y * other.z - self.z * other.y,
+            y: self.z * other.x - self.x * other.z,
+            z: self.x * other.y - self.y * other.x,
+        }
     }
 }
 
 /// A triangle of each pair with what every case needs.
-struct SideLanes<'a> {
-    corners: &'a [DoubleVectorLanes; 3],
-    edges: [DoubleVectorLanes; 3],
-    inverse_lengths_squared: [DoubleLanes; 3],
-    normal: DoubleVectorLanes,
-    normal_length_squared: DoubleLanes,
+struct Side<S: Simd> {
+    corners: [Vectors<S>; 3],
+    edges: [Vectors<S>; 3],
+    lengths_squared: [f64x8<S>; 3],
+    normal: Vectors<S>,
 }
 
-impl<'a> SideLanes<'a> {
+impl<S: Simd> Side<S> {
     #[inline(always)]
-    fn new(corners: &'a [DoubleVectorLanes; 3]) -> Self {
-        let edges = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
-        let mut inverse_lengths_squared = [DoubleLanes::ZERO; 3];
-        for k in 0..3 {
-            let squared = edges[k].dot(edges[k]);
-            let long = squared.greater_than(DoubleLanes::ZERO);
-            inverse_lengths_squared[k] = DoubleLanes::select(long, squared.recip(), DoubleLanes::ZERO);
-        }
-        let normal = edges[0].cross(edges[1]);
-        Self { corners, edges, inverse_lengths_squared, normal, normal_length_squared: normal.dot(normal) }
+    fn new(_: S, corners: [Vectors<S>; 3]) -> Self {
+        let edges = [corners[1].minus(corners[0]), corners[2].minus(corners[1]), corners[0].minus(corners[2])];
+        let lengths_squared = [edges[0].dot(edges[0]), edges[1].dot(edges[1]), edges[2].dot(edges[2])];
+        Self { corners, edges, lengths_squared, normal: edges[0].cross(edges[1]) }
     }
 }
 
-/// The cases found so far, one bit each.
-struct CaseLanes([u64; WIDTH]);
+/// The cases found so far, one bit each, and the least squared distance.
+struct Found<S: Simd> {
+    cases: u64x8<S>,
+    nearest: f64x8<S>,
+}
 
-impl CaseLanes {
+impl<S: Simd> Found<S> {
     #[inline(always)]
-    fn add(&mut self, possible: DoubleMask, Cases(case): Cases) {
-        for lane in 0..WIDTH {
-            self.0[lane] |= possible.0[lane] & u64::from(case);
-        }
+    fn add(&mut self, possible: mask64x8<S>, Cases(case): Cases) {
+        self.cases = possible.select(self.cases | u64::from(case), self.cases);
     }
-}
 
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
-fn screen(
-    a: &[DoubleVectorLanes; 3],
-    b: &[DoubleVectorLanes; 3],
-    range: f64,
-    boundary: &mut DoubleLanes,
-    cases: &mut [u64; WIDTH],
-) {
-    let mut largest = DoubleLanes::ZERO;
-    for corners in [a, b] {
-        for corner in corners {
-            largest = largest.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
-        }
+    #[inline(always)]
+    fn add_distance(&mut self, possible: mask64x8<S>, case: Cases, distance_squared: f64x8<S>) {
+        self.add(possible, case);
+        self.nearest = possible.select(self.nearest.min(distance_squared), self.nearest);
     }
-    let range = DoubleLanes::splat(range).max(DoubleLanes::splat(ROUND_OFF) * largest);
-    let range_squared = range * range;
-    let (a, b) = (SideLanes::new(a), SideLanes::new(b));
-    let mut found = CaseLanes([0; WIDTH]);
-    let least = least_boundary_distance_squared(&a, &b).min(least_boundary_distance_squared(&b, &a));
-    *boundary = least;
-    found.add(least.greater_than(range_squared).not(), Cases::BOUNDARY);
-    vertices_over_face(&a, &b, range_squared, true, &mut found);
-    vertices_over_face(&b, &a, range_squared, false, &mut found);
-    for edge_a in 0..3 {
-        for edge_b in 0..3 {
-            edge_edge(&a, &b, edge_a, edge_b, range_squared, &mut found);
-        }
-    }
-    pierce(&a, &b, true, &mut found);
-    pierce(&b, &a, false, &mut found);
-    *cases = found.0;
 }
 
 #[inline(always)]
-fn least_boundary_distance_squared(own: &SideLanes<'_>, other: &SideLanes<'_>) -> DoubleLanes {
-    let mut least = DoubleLanes::splat(f64::INFINITY);
-    for vertex in 0..3 {
-        for edge in 0..3 {
-            let from_start = own.corners[vertex] - other.corners[edge];
-            let along = from_start.dot(other.edges[edge]) * other.inverse_lengths_squared[edge];
-            let along = along.max(DoubleLanes::ZERO).min(DoubleLanes::splat(1.0));
-            let between = from_start - other.edges[edge].scaled(along);
+fn least_boundary_distance_squared<S: Simd>(simd: S, own: &Side<S>, other: &Side<S>) -> f64x8<S> {
+    let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
+    let mut least = f64x8::splat(simd, f64::INFINITY);
+    for edge in 0..3 {
+        let squared = other.lengths_squared[edge];
+        let inverse = squared.simd_gt(zero).select(one / squared, zero);
+        for vertex in 0..3 {
+            let from_start = own.corners[vertex].minus(other.corners[edge]);
+            let along = (from_start.dot(other.edges[edge]) * inverse).max(zero).min(one);
+            let between = from_start.minus(other.edges[edge].scaled(along));
             least = least.min(between.dot(between));
         }
     }
     least
 }
 
+/// Returns how high each vertex is, in lengths of the face's normal.
 #[inline(always)]
-fn vertices_over_face(
-    own: &SideLanes<'_>,
-    other: &SideLanes<'_>,
-    range_squared: DoubleLanes,
+fn vertices_over_face<S: Simd>(
+    own: &Side<S>,
+    other: &Side<S>,
+    range_squared: f64x8<S>,
     vertex_of_a: bool,
-    found: &mut CaseLanes,
-) {
-    for vertex in 0..3 {
-        let position = own.corners[vertex];
-        let height = other.normal.dot(position - other.corners[0]);
-        let distance_squared = height * height / other.normal_length_squared;
-        let mut possible = distance_squared.greater_than(range_squared).not();
-        for k in 0..3 {
-            let area = other.normal.dot(other.edges[k].cross(position - other.corners[k]));
-            possible = possible.and(DoubleLanes::ZERO.greater_than(area).not());
-        }
-        found.add(possible, Cases::vertex_face(vertex_of_a, vertex));
-    }
+    found: &mut Found<S>,
+) -> [f64x8<S>; 3] {
+    let normal_squared = other.normal.dot(other.normal);
+    [0, 1, 2].map(|vertex| {
+        let from_corners = other.corners.map(|corner| own.corners[vertex].minus(corner));
+        let height = other.normal.dot(from_corners[0]);
+        let distance_squared = height * height / normal_squared;
+        let area = |k: usize| other.normal.dot(other.edges[k].cross(from_corners[k]));
+        let outside = area(0).simd_le(0.0) | area(1).simd_le(0.0) | area(2).simd_le(0.0);
+        let possible = distance_squared.simd_le(range_squared) & !outside;
+        found.add_distance(possible, Cases::vertex_face(vertex_of_a, vertex), distance_squared);
+        height
+    })
 }
 
+/// Returns six times the volume between the edges, but for the sign.
 #[inline(always)]
-fn edge_edge(
-    a: &SideLanes<'_>,
-    b: &SideLanes<'_>,
-    edge_a: usize,
-    edge_b: usize,
-    range_squared: DoubleLanes,
-    found: &mut CaseLanes,
-) {
+fn edge_edge<S: Simd>(
+    simd: S,
+    a: &Side<S>,
+    b: &Side<S>,
+    [edge_a, edge_b]: [usize; 2],
+    range_squared: f64x8<S>,
+    found: &mut Found<S>,
+) -> f64x8<S> {
+    let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
     let (u, v) = (a.edges[edge_a], b.edges[edge_b]);
     let normal = u.cross(v);
     let normal_squared = normal.dot(normal);
-    let between = b.corners[edge_b] - a.corners[edge_a];
+    let between = b.corners[edge_b].minus(a.corners[edge_a]);
     let height = normal.dot(between);
-    let inverse = normal_squared.recip();
+    let inverse = one / normal_squared;
     let distance_squared = height * height * inverse;
-    let parallel = DoubleLanes::splat(PARALLEL_SINE * PARALLEL_SINE) * u.dot(u) * v.dot(v);
+    let lengths_squared = a.lengths_squared[edge_a] * (PARALLEL_SINE * PARALLEL_SINE) * b.lengths_squared[edge_b];
     let along_a = between.cross(v).dot(normal) * inverse;
     let along_b = between.cross(u).dot(normal) * inverse;
-    let one = DoubleLanes::splat(1.0);
-    let possible = normal_squared
-        .greater_than(parallel)
-        .and(distance_squared.greater_than(range_squared).not())
-        .and(along_a.greater_than(DoubleLanes::ZERO))
-        .and(one.greater_than(along_a))
-        .and(along_b.greater_than(DoubleLanes::ZERO))
-        .and(one.greater_than(along_b));
-    found.add(possible, Cases::edges(edge_a, edge_b));
+    let inside = along_a.simd_gt(zero) & along_a.simd_lt(one) & along_b.simd_gt(zero) & along_b.simd_lt(one);
+    let possible = inside & !(normal_squared.simd_le(lengths_squared) | distance_squared.simd_gt(range_squared));
+    found.add_distance(possible, Cases::edges(edge_a, edge_b), distance_squared);
+    height
 }
 
+/// Whether the ends of an edge may lie on different sides of a face's plane, and the face's three edges pass it on the same
+/// side.
 #[inline(always)]
-fn pierce(own: &SideLanes<'_>, other: &SideLanes<'_>, edge_of_a: bool, found: &mut CaseLanes) {
-    let zero = DoubleLanes::ZERO;
-    let mut heights = [zero; 3];
-    for k in 0..3 {
-        heights[k] = other.normal.dot(own.corners[k] - other.corners[0]);
-    }
-    for edge in 0..3 {
-        let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
-        let same_side =
-            from.greater_than(zero).and(to.greater_than(zero)).or(zero.greater_than(from).and(zero.greater_than(to)));
-        let start = own.corners[edge];
-        let corners = [other.corners[0] - start, other.corners[1] - start, other.corners[2] - start];
-        let mut least = DoubleLanes::splat(f64::INFINITY);
-        let mut largest = DoubleLanes::splat(f64::NEG_INFINITY);
-        for k in 0..3 {
-            let volume = own.edges[edge].dot(corners[(k + 1) % 3].cross(corners[(k + 2) % 3]));
-            least = least.min(volume);
-            largest = largest.max(volume);
-        }
-        let passed_on_both_sides = zero.greater_than(least).and(largest.greater_than(zero));
-        found.add(same_side.or(passed_on_both_sides).not(), Cases::piercing(edge_of_a, edge));
-    }
+fn may_pierce<S: Simd>(
+    simd: S,
+    heights: &[f64x8<S>; 3],
+    edge: usize,
+    volumes: [f64x8<S>; 3],
+    rounding: f64x8<S>,
+) -> mask64x8<S> {
+    let zero = f64x8::splat(simd, 0.0);
+    let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
+    let same_side = (from.simd_gt(zero) & to.simd_gt(zero)) | (from.simd_lt(zero) & to.simd_lt(zero));
+    let least = volumes[0].min(volumes[1]).min(volumes[2]);
+    let largest = volumes[0].max(volumes[1]).max(volumes[2]);
+    let passed_on_both_sides = least.simd_lt(-rounding) & largest.simd_gt(rounding);
+    !(same_side | passed_on_both_sides)
 }

@@ -107,13 +107,63 @@ impl Sides {
 pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut PairProximity) {
     let (a, b) = local_sides(a, b);
     let boundary = least_boundary_distance_squared(&a, &b).min(least_boundary_distance_squared(&b, &a));
-    examine_cases(&a, &b, range, Cases::ALL, boundary, found);
+    let nothing = ROUND_OFF * largest_coordinate(&a).max(largest_coordinate(&b));
+    let range = range.max(nothing);
+    let range_squared = range * range;
+    found.proximities.clear();
+    let mut nearest = boundary;
+    for vertex in 0..3 {
+        nearest = nearest.min(vertex_face(&a, &b, vertex, range_squared, true, &mut found.proximities));
+        nearest = nearest.min(vertex_face(&b, &a, vertex, range_squared, false, &mut found.proximities));
+    }
+    for edge_a in 0..3 {
+        for edge_b in 0..3 {
+            nearest = nearest.min(edge_edge(&a, &b, edge_a, edge_b, range_squared, &mut found.proximities));
+        }
+    }
+    let crossing = pierce(&a, &b, true, Cases::ALL, found) | pierce(&b, &a, false, Cases::ALL, found);
+    found.conclude(&a, &b, crossing, range_squared, boundary, nearest, nothing);
 }
 
-/// The same for a pair that was screened for the same range.
-pub(in crate::kernel) fn examine_screened(pair: &ScreenedPair<'_>, range: f64, found: &mut PairProximity) {
-    let (a, b) = local_sides(&pair.corners[0], &pair.corners[1]);
-    examine_cases(&a, &b, range, pair.cases, pair.boundary, found);
+/// The same for a pair that was screened for the same range, except that only those of its feature pairs are found that
+/// are in `wanted`, or the closest and on the boundaries of both.
+pub(in crate::kernel) fn examine_screened(
+    pair: &ScreenedPair,
+    corners: &[[DVec3; 3]; 2],
+    range: f64,
+    wanted: Cases,
+    found: &mut PairProximity,
+) {
+    let (a, b) = local_sides(&corners[0], &corners[1]);
+    let nothing = ROUND_OFF * pair.largest;
+    let range = range.max(nothing);
+    let range_squared = range * range;
+    let cases = pair.cases.and(wanted);
+    found.proximities.clear();
+    for vertex in 0..3 {
+        if cases.contain(Cases::vertex_face(true, vertex)) {
+            vertex_face(&a, &b, vertex, range_squared, true, &mut found.proximities);
+        }
+        if cases.contain(Cases::vertex_face(false, vertex)) {
+            vertex_face(&b, &a, vertex, range_squared, false, &mut found.proximities);
+        }
+    }
+    for edge_a in 0..3 {
+        for edge_b in 0..3 {
+            if cases.contain(Cases::edges(edge_a, edge_b)) {
+                edge_edge(&a, &b, edge_a, edge_b, range_squared, &mut found.proximities);
+            }
+        }
+    }
+    let mut crossing = pair.cases.may_cross() && pierce(&a, &b, true, cases, found) | pierce(&b, &a, false, cases, found);
+    if !crossing && pair.cases.may_cross() {
+        // Of the others it is enough that there is one.
+        let others = pair.cases.without(wanted);
+        let before = found.proximities.len();
+        crossing = pierce(&a, &b, true, others, found) || pierce(&b, &a, false, others, found);
+        found.proximities.truncate(before);
+    }
+    found.conclude(&a, &b, crossing, range_squared, pair.boundary, pair.nearest, nothing);
 }
 
 /// Both triangles relative to the first one's first corner.
@@ -123,42 +173,31 @@ fn local_sides(a: &[DVec3; 3], b: &[DVec3; 3]) -> (Sides, Sides) {
     (local(a), local(b))
 }
 
-/// Examines those features that can count. `boundary` is the least squared distance of a vertex of either from an edge of
-/// the other.
-fn examine_cases(a: &Sides, b: &Sides, range: f64, cases: Cases, boundary: f64, found: &mut PairProximity) {
-    let nearby = &mut found.proximities;
-    nearby.clear();
-    let nothing = ROUND_OFF * largest_coordinate(a).max(largest_coordinate(b));
-    let range = range.max(nothing);
-    let range_squared = range * range;
-
-    let mut nearest = boundary;
-    for vertex in 0..3 {
-        if cases.contain(Cases::vertex_face(true, vertex)) {
-            nearest = nearest.min(vertex_face(a, b, vertex, range_squared, true, nearby));
+impl PairProximity {
+    /// Settles the distance, and adds what is on the boundaries of both, if that is the closest. Distances are squared
+    /// but for `nothing`, below which they are none.
+    #[expect(clippy::too_many_arguments, reason = "what the two ways to examine a pair have in common")]
+    fn conclude(
+        &mut self,
+        a: &Sides,
+        b: &Sides,
+        crossing: bool,
+        range: f64,
+        boundary: f64,
+        nearest: f64,
+        nothing: f64,
+    ) {
+        if !crossing && boundary <= range && boundary <= nearest {
+            let most = (boundary * (1.0 + TIE)).min(range);
+            boundary_proximities(a, b, true, most, &mut self.proximities);
+            boundary_proximities(b, a, false, most, &mut self.proximities);
         }
-        if cases.contain(Cases::vertex_face(false, vertex)) {
-            nearest = nearest.min(vertex_face(b, a, vertex, range_squared, false, nearby));
-        }
-    }
-    for edge_a in 0..3 {
-        for edge_b in 0..3 {
-            if cases.contain(Cases::edges(edge_a, edge_b)) {
-                nearest = nearest.min(edge_edge(a, b, edge_a, edge_b, range_squared, nearby));
+        self.distance = if crossing { 0.0 } else { nearest.sqrt() };
+        if self.distance <= nothing {
+            self.distance = 0.0;
+            for proximity in self.proximities.iter_mut().filter(|proximity| proximity.distance <= nothing) {
+                proximity.distance = 0.0;
             }
-        }
-    }
-    let crossing = pierce(a, b, true, cases, nearby) | pierce(b, a, false, cases, nearby);
-    if !crossing && boundary <= range_squared && boundary <= nearest {
-        let most = (boundary * (1.0 + TIE)).min(range_squared);
-        boundary_proximities(a, b, true, most, nearby);
-        boundary_proximities(b, a, false, most, nearby);
-    }
-    found.distance = if crossing { 0.0 } else { nearest.sqrt() };
-    if found.distance <= nothing {
-        found.distance = 0.0;
-        for proximity in found.proximities.iter_mut().filter(|proximity| proximity.distance <= nothing) {
-            proximity.distance = 0.0;
         }
     }
 }
@@ -313,7 +352,7 @@ fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: 
 
 /// Edges of `own` that pierce the face of `other`: their ends lie on different sides of its plane, and its three edges
 /// pass the piercing edge on the same side.
-fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, cases: Cases, found: &mut Proximities) -> bool {
+fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, cases: Cases, found: &mut PairProximity) -> bool {
     let height = |corner: DVec3| other.normal.dot(corner - other.corners[0]);
     let heights = [height(own.corners[0]), height(own.corners[1]), height(own.corners[2])];
     let mut pierced = false;
@@ -346,7 +385,7 @@ fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, cases: Cases, found: &mut
             separation: DVec3::ZERO,
             distance: 0.0,
         };
-        found.push(if edge_of_a { proximity } else { proximity.swapped() });
+        found.proximities.push(if edge_of_a { proximity } else { proximity.swapped() });
     }
     pierced
 }
