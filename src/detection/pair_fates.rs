@@ -13,7 +13,7 @@ use super::{
 use crate::{
     kernel::{
         ids::TriangleId,
-        pair_fate::{PairFate, ball_fates, cap_fates, closest_fates, refined_fates, shape_fates},
+        pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, shape_fates},
     },
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
@@ -121,8 +121,7 @@ impl PairFates<'_, '_> {
                     let (own, ..) = self.surfaces.get(self.active.surfaces[pair.first].entity).ok()?;
                     let (other, ..) = self.surfaces.get(self.active.surfaces[second].entity).ok()?;
                     let [a, b] = surface_sides(&self.active, pair, own, other)?;
-                    let fates_of = if pair.method == ContactMethod::Closest { closest_fates } else { refined_fates };
-                    Some(map(&|chunk, fates| fates_of(&a, &b, chunk, &settings, fates)))
+                    Some(map(&|chunk, fates| exact_fates(&a, &b, chunk, &settings, fates)))
                 }
             },
         }

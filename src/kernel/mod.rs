@@ -9,7 +9,6 @@ pub mod bounds;
 pub mod ccd;
 pub mod circumsphere;
 pub mod cone;
-pub mod conservative;
 pub mod contact;
 pub mod curvature;
 pub mod exact;

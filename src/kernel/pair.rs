@@ -98,7 +98,7 @@ pub struct PairSettings {
 /// What a list of pairs amounts to.
 #[derive(Clone, Debug)]
 pub struct FoundPairs {
-    /// Pairs of triangles that touch, in the order of the candidates; by `Closest` those that had to be examined come last.
+    /// Pairs of triangles that touch, in the order of the candidates.
     pub touching: Vec<TouchingPair>,
     /// Contacts in the same order. The same one may occur several times, under the same key.
     pub contacts: Vec<CompactContact>,

@@ -4,15 +4,13 @@
 //! pairs are left. So the answer is that of the stages, and costs nothing where nobody asks. Read by
 //! `detection::PairFates`.
 
-use std::collections::HashSet;
-
 use glam::Vec3;
 
 use super::{
     exact::rigid_shape::ShapeGeometry,
-    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pose::Pose,
-    refine::{refine_closest_in_steps, refine_pairs_in_steps, refine_shape},
+    refine::{refine_closest, refine_shape},
     sphere_pairs::{
         BallSide, CapSide, ball_contacts, cap_contacts, meeting_caps, overlapping_balls_in_steps,
         overlapping_caps_in_steps,
@@ -42,9 +40,6 @@ pub enum PairFate {
     /// the method knows, it is not the surface that is met there. `Circumsphere`, and the step at which that method misses
     /// pairs that touch.
     Cone,
-    /// Along the direction between their closest features, as single precision finds them, the two are farther apart
-    /// than matters. `Closest` and `Refined`.
-    ClosestFeatures,
     /// Farther apart than the contact distance, as far as the method measures it. Any method. Within the
     /// [margin](field@crate::CircumsphereSettings::margin) such a pair still has contacts.
     Distance,
@@ -54,13 +49,12 @@ pub enum PairFate {
 
 impl PairFate {
     /// All of them, in order.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 7] = [
         Self::Neighbors,
         Self::Planes,
         Self::Spheres,
         Self::CenterLine,
         Self::Cone,
-        Self::ClosestFeatures,
         Self::Distance,
         Self::Touching,
     ];
@@ -74,7 +68,6 @@ impl PairFate {
             Self::Spheres => "spheres",
             Self::CenterLine => "center line",
             Self::Cone => "cone",
-            Self::ClosestFeatures => "closest features",
             Self::Distance => "distance",
             Self::Touching => "touching",
         }
@@ -158,8 +151,9 @@ pub fn cap_fates(
     fates.passed(PairFate::Distance, touching(&found));
 }
 
-/// Appends the fate of each candidate by the method `Refined`, or `Polygon` where the settings ask for no cull.
-pub fn refined_fates(
+/// Appends the fate of each candidate by the methods that are exact. Which candidates planes have dropped is up to the broad
+/// phase.
+pub fn exact_fates(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
@@ -168,24 +162,9 @@ pub fn refined_fates(
 ) {
     let mut fates = Fates::append(candidates, fates);
     let mut found = FoundPairs::default();
-    refine_pairs_in_steps(a, b, candidates, settings, &mut found, &mut fates);
+    fates.passed(PairFate::Neighbors, without_neighbors(a, candidates, settings).iter().copied());
+    refine_closest(a, b, candidates, settings, &mut found);
     fates.passed(PairFate::Distance, touching(&found));
-}
-
-/// Appends the fate of each candidate by the method `Closest`.
-pub fn closest_fates(
-    a: &SurfaceSide<'_>,
-    b: &SurfaceSide<'_>,
-    candidates: &[[u32; 2]],
-    settings: &PairSettings,
-    fates: &mut Vec<PairFate>,
-) {
-    let mut fates = Fates::append(candidates, fates);
-    let mut found = FoundPairs::default();
-    refine_closest_in_steps(a, b, candidates, settings, &mut found, &mut fates);
-    // Those that had to be examined come last.
-    let touching: HashSet<[u32; 2]> = touching(&found).collect();
-    fates.passed(PairFate::Distance, candidates.iter().copied().filter(|pair| touching.contains(pair)));
 }
 
 /// Appends the fate of each candidate triangle near a rigid shape; see [`refine_shape`] for what they are of.

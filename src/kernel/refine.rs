@@ -8,12 +8,10 @@
 use glam::{DVec3, Vec3};
 
 use super::{
-    conservative::near_pairs,
     contact::{CompactContact, TouchingPair, canonical_order},
     exact::{
-        Cases, Feature, FeaturePair, PairProximity, PairScreen, Proximity,
+        Cases, Feature, FeaturePair, PairProximity, PairScreen, Proximity, ScreenedPair,
         barycentric::point_at,
-        cull::{cull_by_closest_features, cull_by_planes},
         examine_pair, examine_screened,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         side::face_normal,
@@ -21,7 +19,6 @@ use super::{
     },
     ids::{EdgeId, TriangleId, VertexId},
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
-    pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
     topology::SurfaceTopology,
 };
@@ -34,41 +31,30 @@ pub fn refine_pairs(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    refine_pairs_in_steps(a, b, candidates, settings, found, &mut Unobserved);
+    let pairs = without_neighbors(a, candidates, settings);
+    if settings.cull {
+        let wanted = |triangles, pair: &ScreenedPair| reported_cases(a, b, settings.same_surface, triangles, pair.cases);
+        examine_pairs(a, b, &pairs, settings, found, wanted, |_, _| true);
+    } else {
+        examine_pairs_alone(a, b, &pairs, settings, found);
+    }
 }
 
-/// [`refine_pairs`], telling after each step before the exact test which pairs are left.
-pub(super) fn refine_pairs_in_steps(
+/// Tests candidate pairs of two surfaces exactly, like [`refine_pairs`], and appends what it finds: the same pairs, but of
+/// a pair that is apart only the closest features make a contact, of several that are equally close one. Each pair
+/// reports its own closest features, whatever others contain them: to those they need not be the closest.
+pub fn refine_closest(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
     settings: &PairSettings,
     found: &mut FoundPairs,
-    observer: &mut impl StepObserver,
 ) {
-    let range = settings.range / settings.scale;
-    let apart = without_neighbors(a, candidates, settings);
-    observer.passed(PairFate::Neighbors, apart.iter().copied());
-    let mut pairs = &*apart;
-    let mut close = Vec::new();
-    if settings.cull {
-        let positions = [a.positions, b.positions];
-        let triangles = [a.topology.triangles(), b.topology.triangles()];
-        // The positions to cull by are rounded, those to test by are not.
-        let range = (range + f64::from(a.rounding() + b.rounding())) as f32;
-        let mut past_planes = Vec::with_capacity(pairs.len());
-        cull_by_planes(positions, triangles, pairs, range, &mut past_planes);
-        observer.passed(PairFate::Planes, past_planes.iter().copied());
-        cull_by_closest_features(positions, triangles, &past_planes, range, &mut close);
-        observer.passed(PairFate::ClosestFeatures, close.iter().copied());
-        pairs = &close;
-    }
-    if settings.cull {
-        let wanted = |triangles, cases| reported_cases(a, b, settings.same_surface, triangles, cases);
-        examine_pairs(a, b, pairs, settings, found, wanted, |_, _| true);
-    } else {
-        examine_pairs_alone(a, b, pairs, settings, found);
-    }
+    let pairs = without_neighbors(a, candidates, settings);
+    let wanted = |_, pair: &ScreenedPair| if pair.cases.may_cross() { pair.cases } else { pair.closest };
+    examine_pairs(a, b, &pairs, settings, found, wanted, |pair, features| {
+        pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
+    });
 }
 
 /// Tests pairs exactly, eight side by side first. Of each only those features are looked at that are `wanted` or on the
@@ -79,7 +65,7 @@ fn examine_pairs(
     pairs: &[[u32; 2]],
     settings: &PairSettings,
     found: &mut FoundPairs,
-    wanted: impl Fn([u32; 2], Cases) -> Cases,
+    wanted: impl Fn([u32; 2], &ScreenedPair) -> Cases,
     makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
 ) {
     let range = settings.range / settings.scale;
@@ -92,7 +78,7 @@ fn examine_pairs(
         }
         for pair in screen.screen(pairs.len(), range) {
             let triangles = pairs[pair.place];
-            let wanted = wanted(triangles, pair.cases);
+            let wanted = wanted(triangles, &pair);
             if pair.is_distance_only(wanted) {
                 let distance = pair.distance() * settings.scale;
                 if distance <= settings.range {
@@ -151,59 +137,6 @@ fn add_pair([triangle_a, triangle_b]: [u32; 2], distance: f64, settings: &PairSe
     }
 }
 
-/// Tests candidate pairs of two surfaces exactly, like [`refine_pairs`], and appends what it finds: the same pairs, but of
-/// a pair that is apart only the closest features make a contact, which takes less time where many touch. Pairs that cross,
-/// or of which single precision does not see which features are closest, are examined as [`refine_pairs`] does, after all
-/// others. Each pair reports its own closest features, whatever others contain them: to those they need not be the closest.
-/// It culls whatever the settings say.
-pub fn refine_closest(
-    a: &SurfaceSide<'_>,
-    b: &SurfaceSide<'_>,
-    candidates: &[[u32; 2]],
-    settings: &PairSettings,
-    found: &mut FoundPairs,
-) {
-    refine_closest_in_steps(a, b, candidates, settings, found, &mut Unobserved);
-}
-
-/// [`refine_closest`], telling after each step before the exact test which pairs are left.
-pub(super) fn refine_closest_in_steps(
-    a: &SurfaceSide<'_>,
-    b: &SurfaceSide<'_>,
-    candidates: &[[u32; 2]],
-    settings: &PairSettings,
-    found: &mut FoundPairs,
-    observer: &mut impl StepObserver,
-) {
-    let range = (settings.range / settings.scale) as f32 + a.rounding() + b.rounding();
-    let positions = [a.positions, b.positions];
-    let triangles = [a.topology.triangles(), b.topology.triangles()];
-    let (mut past_planes, mut near) = (Vec::with_capacity(candidates.len()), Vec::new());
-    let apart = without_neighbors(a, candidates, settings);
-    observer.passed(PairFate::Neighbors, apart.iter().copied());
-    cull_by_planes(positions, triangles, &apart, range, &mut past_planes);
-    observer.passed(PairFate::Planes, past_planes.iter().copied());
-    near_pairs(positions, triangles, &past_planes, range, &mut near);
-    observer.passed(PairFate::ClosestFeatures, near.iter().map(|pair| pair.triangles));
-    let mut doubtful = Vec::new();
-    for pair in &near {
-        let [triangle_a, triangle_b] = pair.triangles;
-        let corners = [a.corners(triangle_a), b.corners(triangle_b)];
-        let Some(closest) = pair.closest_features([&corners[0], &corners[1]]) else {
-            doubtful.push(pair.triangles);
-            continue;
-        };
-        let distance = closest.distance * settings.scale;
-        add_pair(pair.triangles, distance, settings, found);
-        if distance <= settings.reported_distance {
-            found.contacts.push(contact(a, b, settings, pair.triangles, &corners, &closest));
-        }
-    }
-    examine_pairs(a, b, &doubtful, settings, found, |_, cases| cases, |pair, features| {
-        pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
-    });
-}
-
 /// Tests candidate triangles of a surface exactly against a rigid shape and appends what it finds. `pose` brings the
 /// surface into the shape's frame, which is the frame of the pair.
 pub fn refine_shape(
@@ -249,28 +182,30 @@ fn reported_cases(
     triangles: [u32; 2],
     cases: Cases,
 ) -> Cases {
-    let sides = [a, b];
-    let first = [0, 1].map(|side| sides[side].topology.first_of(TriangleId(triangles[side])));
-    let reported = Cases::between(first[0], first[1]);
+    let first_of_a = a.topology.first_of(TriangleId(triangles[0]));
+    let first_of_b = b.topology.first_of(TriangleId(triangles[1]));
+    let reported = Cases::between(first_of_a, first_of_b);
     let others = cases.without(reported).without_boundary();
     let is_welded = a.topology.is_welded() || b.topology.is_welded();
     if others.are_none() || !same_surface && !is_welded {
         return reported;
     }
-    others.each().fold(reported, |reported, case| {
-        let parts = case.parts();
+    let mut found = reported;
+    for case in others.each() {
+        let [part_a, part_b] = case.parts();
         if !is_welded {
-            let first = [0, 1].map(|side| match parts[side] {
-                part @ 0..6 => triangles_around(sides[side], triangles[side], feature(part)).map_or(0, |around| around[0]),
-                _ => triangles[side],
-            });
-            if !a.topology.share_vertex(TriangleId(first[0]), TriangleId(first[1])) {
-                return reported;
+            let first_a = a.topology.first_around(TriangleId(triangles[0]), part_a);
+            let first_b = b.topology.first_around(TriangleId(triangles[1]), part_b);
+            if !a.topology.share_vertex(first_a, first_b) {
+                continue;
             }
         }
-        let features = FeaturePair { a: feature(parts[0]), b: feature(parts[1]) };
-        if reports(a, b, same_surface, triangles, features) { reported.or(case) } else { reported }
-    })
+        let features = FeaturePair { a: feature(part_a), b: feature(part_b) };
+        if reports(a, b, same_surface, triangles, features) {
+            found = found.or(case);
+        }
+    }
+    found
 }
 
 /// The part of a triangle with a number, as [`Cases::parts`] gives it.

@@ -75,6 +75,7 @@ pub struct SurfaceTopology {
     edge_triangles: Incidence,
     vertex_triangles: Incidence,
     first_of: Vec<u8>,
+    first_around: Vec<[u32; 6]>,
     report: TopologyReport,
 }
 
@@ -141,16 +142,17 @@ impl SurfaceTopology {
         }
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
-        let first_of = (0..triangles.len())
-            .map(|triangle| {
-                let is_first = |around: &[u32]| u8::from(around[0] as usize == triangle);
-                (0..3).fold(0, |parts, k| {
-                    parts
-                        | is_first(vertex_triangles.around(welded_triangles[triangle][k])) << k
-                        | is_first(edge_triangles.around(triangle_edges[triangle][k])) << (3 + k)
-                })
+        let first_around: Vec<[u32; 6]> = (welded_triangles.iter().zip(&triangle_edges))
+            .map(|(corners, sides)| {
+                let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
+                let [d, e, f] = sides.map(|edge| edge_triangles.around(edge)[0]);
+                [a, b, c, d, e, f]
             })
             .collect();
+        let own_parts = |(triangle, first): (usize, &[u32; 6])| {
+            (0..6).fold(0, |parts, part| parts | u8::from(first[part] as usize == triangle) << part)
+        };
+        let first_of = first_around.iter().enumerate().map(own_parts).collect();
         let mut topology = Self {
             vertex_count: positions.len(),
             triangles: triangles.to_vec(),
@@ -161,6 +163,7 @@ impl SurfaceTopology {
             edge_triangles,
             vertex_triangles,
             first_of,
+            first_around,
             report: TopologyReport::default(),
         };
         topology.report = topology.inspect();
@@ -242,6 +245,12 @@ impl SurfaceTopology {
     #[inline]
     pub(crate) fn first_of(&self, triangle: TriangleId) -> u8 {
         self.first_of[triangle.index()]
+    }
+
+    /// The first triangle around a part of a triangle: 0 to 2 its corners, 3 to 5 its edges, 6 the triangle itself.
+    #[inline]
+    pub(crate) fn first_around(&self, triangle: TriangleId, part: usize) -> TriangleId {
+        TriangleId(self.first_around[triangle.index()].get(part).copied().unwrap_or(triangle.0))
     }
 
     /// Whether any two vertices are welded.

@@ -59,7 +59,6 @@ pub(super) const fn fate(fate: PairFate) -> Color {
         PairFate::Spheres => SKY_BLUE,
         PairFate::CenterLine => BLUE,
         PairFate::Cone => PURPLE,
-        PairFate::ClosestFeatures => GREEN,
         PairFate::Distance => YELLOW,
         PairFate::Touching => TOUCHING,
     }

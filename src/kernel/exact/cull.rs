@@ -1,8 +1,8 @@
 //! Conservative rejection of triangle pairs, eight at a time, by a slab that separates them.
 //!
 //! Two triangles whose projections on any direction are farther apart than a distance are themselves farther apart, so
-//! every direction gives a proof, however it was found and rounded: the triangles' normals, the direction between their
-//! closest features as f32 finds them, which is the best there is, or one that a method has already. What no direction
+//! every direction gives a proof, however it was found and rounded: the triangles' normals, or one that a method has
+//! already. What no direction
 //! rejects goes on to the next test; what lies within range is never rejected.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
@@ -11,7 +11,7 @@ use std::cmp::Ordering;
 
 use glam::{DVec3, Vec3};
 
-use crate::kernel::lanes::{Connection, Lanes, PairLanes, VectorLanes, WIDTH, normal, project};
+use crate::kernel::lanes::{Lanes, PairLanes, VectorLanes, WIDTH, normal, project};
 
 /// Gaps must exceed the range by this factor, and by [`ROUNDING`] times the pair's extent, before a pair is rejected:
 /// the projections' own rounding is a few units in the last place of the extent (6e-8 each).
@@ -38,11 +38,6 @@ impl PairLanes {
     #[inline(always)]
     fn excess_along_normals(&self, range: Lanes) -> Lanes {
         self.excess_along(normal(&self.a), range).max(self.excess_along(normal(&self.b), range))
-    }
-
-    #[inline(always)]
-    fn excess_along_closest_features(&self, range: Lanes) -> Lanes {
-        self.excess_along(Connection::closest::<false>(&self.a, &self.b).direction, range)
     }
 }
 
@@ -79,23 +74,6 @@ pub(in crate::kernel) fn cull_by_directions(
         lanes.gather(positions, triangles, pairs);
         along.gather(directions);
         keep(pairs, &lanes.excess_along(along, Lanes::splat(range)), kept);
-    }
-}
-
-/// Appends the pairs that the direction between their closest features does not separate by more than `range`: all that
-/// are within it, and few that are not.
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
-pub fn cull_by_closest_features(
-    positions: [&[Vec3]; 2],
-    triangles: [&[[u32; 3]]; 2],
-    pairs: &[[u32; 2]],
-    range: f32,
-    kept: &mut Vec<[u32; 2]>,
-) {
-    let mut lanes = PairLanes::EMPTY;
-    for pairs in pairs.chunks(WIDTH) {
-        lanes.gather(positions, triangles, pairs);
-        keep(pairs, &lanes.excess_along_closest_features(Lanes::splat(range)), kept);
     }
 }
 

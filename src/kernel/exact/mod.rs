@@ -11,7 +11,7 @@ mod screen;
 pub mod side;
 pub mod triangle_pair;
 
-pub use feature::{Feature, FeatureCase, FeatureKind, FeaturePair};
-pub(in crate::kernel) use screen::{Cases, PairScreen};
+pub use feature::{Feature, FeatureKind, FeaturePair};
+pub(in crate::kernel) use screen::{Cases, PairScreen, ScreenedPair};
 pub use triangle_pair::{PairProximity, Proximity, examine_pair};
-pub(in crate::kernel) use triangle_pair::{examine_case, examine_screened};
+pub(in crate::kernel) use triangle_pair::examine_screened;

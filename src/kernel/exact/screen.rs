@@ -115,6 +115,9 @@ pub(in crate::kernel) struct ScreenedPair {
     pub(super) nearest: f64,
     /// The largest coordinate of either.
     pub(super) largest: f64,
+    /// Which of the vertices over faces and pairs of edges is closest, the first of those that are equally close; none
+    /// where boundaries are closer.
+    pub(in crate::kernel) closest: Cases,
 }
 
 impl ScreenedPair {
@@ -145,6 +148,7 @@ struct Rows([[f64; WIDTH]; 3]);
 pub(in crate::kernel) struct PairScreen {
     corners: [[Rows; 3]; 2],
     cases: [u64; WIDTH],
+    closest: [u64; WIDTH],
     boundary: [f64; WIDTH],
     nearest: [f64; WIDTH],
     largest: [f64; WIDTH],
@@ -157,6 +161,7 @@ impl PairScreen {
         Self {
             corners: [[Rows([[0.0; WIDTH]; 3]); 3]; 2],
             cases: [0; WIDTH],
+            closest: [0; WIDTH],
             boundary: [0.0; WIDTH],
             nearest: [0.0; WIDTH],
             largest: [0.0; WIDTH],
@@ -186,31 +191,33 @@ impl PairScreen {
             boundary: self.boundary[place],
             nearest: self.nearest[place],
             largest: self.largest[place],
+            closest: Cases(self.closest[place] as u32),
         };
         (0..count).map(screened).filter(|pair| !pair.cases.are_none())
     }
 
     #[inline(always)]
     fn screen_in_lanes<S: Simd>(&mut self, simd: S, range: f64) {
-        let triangles = self.corners.each_ref().map(|corners| {
-            corners.each_ref().map(|Rows([x, y, z])| {
-                Vectors { x: f64x8::from_slice(simd, x), y: f64x8::from_slice(simd, y), z: f64x8::from_slice(simd, z) }
-            })
-        });
-        let mut largest = f64x8::splat(simd, 0.0);
-        for corner in triangles.iter().flatten() {
-            largest = largest.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
+        let zero = f64x8::splat(simd, 0.0);
+        let mut triangles = [[Vectors { x: zero, y: zero, z: zero }; 3]; 2];
+        let mut largest = zero;
+        for side in 0..2 {
+            for corner in 0..3 {
+                let place = Vectors::load(simd, &self.corners[side][corner]);
+                largest = largest.max(place.x.abs()).max(place.y.abs()).max(place.z.abs());
+                triangles[side][corner] = place;
+            }
         }
         let range = (largest * ROUND_OFF).max(range);
         let range_squared = range * range;
-        let [a, b] = [Side::new(simd, triangles[0]), Side::new(simd, triangles[1])];
+        let (a, b) = (Side::new(simd, triangles[0]), Side::new(simd, triangles[1]));
 
         let boundary = least_boundary_distance_squared(simd, &a, &b).min(least_boundary_distance_squared(simd, &b, &a));
-        let mut found = Found { cases: u64x8::splat(simd, 0), nearest: boundary };
+        let mut found = Found { cases: u64x8::splat(simd, 0), nearest: boundary, closest: u64x8::splat(simd, 0) };
         found.add(!boundary.simd_gt(range_squared), Cases::BOUNDARY);
         let heights_over_b = vertices_over_face(&a, &b, range_squared, true, &mut found);
         let heights_over_a = vertices_over_face(&b, &a, range_squared, false, &mut found);
-        let mut volumes = [[f64x8::splat(simd, 0.0); 3]; 3];
+        let mut volumes = [[zero; 3]; 3];
         for edge_a in 0..3 {
             for edge_b in 0..3 {
                 volumes[edge_a][edge_b] = edge_edge(simd, &a, &b, [edge_a, edge_b], range_squared, &mut found);
@@ -225,6 +232,7 @@ impl PairScreen {
             found.add(of_b, Cases::piercing(false, edge));
         }
         found.cases.store_slice(&mut self.cases);
+        found.closest.store_slice(&mut self.closest);
         found.nearest.store_slice(&mut self.nearest);
         boundary.store_slice(&mut self.boundary);
         largest.store_slice(&mut self.largest);
@@ -239,6 +247,11 @@ struct Vectors<S: Simd> {
 }
 
 impl<S: Simd> Vectors<S> {
+    #[inline(always)]
+    fn load(simd: S, Rows([x, y, z]): &Rows) -> Self {
+        Self { x: f64x8::from_slice(simd, x), y: f64x8::from_slice(simd, y), z: f64x8::from_slice(simd, z) }
+    }
+
     #[inline(always)]
     fn minus(self, other: Self) -> Self {
         Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
@@ -281,10 +294,11 @@ impl<S: Simd> Side<S> {
     }
 }
 
-/// The cases found so far, one bit each, and the least squared distance.
+/// The cases found so far, one bit each, the least squared distance, and whose it is.
 struct Found<S: Simd> {
     cases: u64x8<S>,
     nearest: f64x8<S>,
+    closest: u64x8<S>,
 }
 
 impl<S: Simd> Found<S> {
@@ -296,7 +310,9 @@ impl<S: Simd> Found<S> {
     #[inline(always)]
     fn add_distance(&mut self, possible: mask64x8<S>, case: Cases, distance_squared: f64x8<S>) {
         self.add(possible, case);
-        self.nearest = possible.select(self.nearest.min(distance_squared), self.nearest);
+        let nearer = possible & distance_squared.simd_lt(self.nearest);
+        self.nearest = nearer.select(distance_squared, self.nearest);
+        self.closest = nearer.select(u64x8::splat(self.cases.simd, u64::from(case.0)), self.closest);
     }
 }
 
@@ -327,16 +343,21 @@ fn vertices_over_face<S: Simd>(
     found: &mut Found<S>,
 ) -> [f64x8<S>; 3] {
     let normal_squared = other.normal.dot(other.normal);
-    [0, 1, 2].map(|vertex| {
-        let from_corners = other.corners.map(|corner| own.corners[vertex].minus(corner));
-        let height = other.normal.dot(from_corners[0]);
+    let mut heights = [normal_squared; 3];
+    for vertex in 0..3 {
+        let from_first = own.corners[vertex].minus(other.corners[0]);
+        let height = other.normal.dot(from_first);
         let distance_squared = height * height / normal_squared;
-        let area = |k: usize| other.normal.dot(other.edges[k].cross(from_corners[k]));
-        let outside = area(0).simd_le(0.0) | area(1).simd_le(0.0) | area(2).simd_le(0.0);
-        let possible = distance_squared.simd_le(range_squared) & !outside;
+        let mut possible = distance_squared.simd_le(range_squared);
+        for k in 0..3 {
+            let from_corner = own.corners[vertex].minus(other.corners[k]);
+            let area = other.normal.dot(other.edges[k].cross(from_corner));
+            possible = possible & !area.simd_le(0.0);
+        }
         found.add_distance(possible, Cases::vertex_face(vertex_of_a, vertex), distance_squared);
-        height
-    })
+        heights[vertex] = height;
+    }
+    heights
 }
 
 /// Returns six times the volume between the edges, but for the sign.

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::{
     barycentric::{corner_weights, edge_weights, normalized, point_at},
-    feature::{Feature, FeatureCase, FeaturePair, FeaturePlaces},
+    feature::{Feature, FeaturePair},
     screen::{Cases, ScreenedPair},
 };
 
@@ -204,30 +204,6 @@ impl PairProximity {
 
 fn largest_coordinate(triangle: &Sides) -> f64 {
     triangle.corners.iter().fold(0.0, |largest: f64, corner| largest.max(corner.abs().max_element()))
-}
-
-/// Examines one pair of features of two triangles; `None` where a vertex is not over the inside of the face, or two edges
-/// are not closest between their ends, so that other features are closer.
-pub(in crate::kernel) fn examine_case(a: &[DVec3; 3], b: &[DVec3; 3], case: FeatureCase) -> Option<Proximity> {
-    let (a, b) = local_sides(a, b);
-    let mut found = ArrayVec::new();
-    match case.places() {
-        FeaturePlaces::VertexEdge { vertex_of_a, vertex, edge } => {
-            let (own, other) = if vertex_of_a { (&a, &b) } else { (&b, &a) };
-            let (along, distance_squared) = vertex_edge(own, other, vertex, edge);
-            let proximity = boundary_proximity(own, other, vertex, edge, along, distance_squared);
-            Some(if vertex_of_a { proximity } else { proximity.swapped() })
-        }
-        FeaturePlaces::VertexFace { vertex_of_a, vertex } => {
-            let (own, other) = if vertex_of_a { (&a, &b) } else { (&b, &a) };
-            vertex_face(own, other, vertex, f64::INFINITY, vertex_of_a, &mut found);
-            found.pop()
-        }
-        FeaturePlaces::EdgeEdge { edge_a, edge_b } => {
-            edge_edge(&a, &b, edge_a, edge_b, f64::INFINITY, &mut found);
-            found.pop()
-        }
-    }
 }
 
 /// Where along an edge of `other` a vertex of `own` is closest, 0–1, and the squared distance.

@@ -1,18 +1,15 @@
 //! Eight numbers or vectors side by side, in arrays that the compiler turns into vector instructions.
 //!
-//! The arithmetic of the culls (`exact::cull`) and of `conservative` in single precision, and of `exact::screen` in double
-//! precision. Everything is inlined into a function that is compiled for several instruction sets and chosen at run time,
+//! The arithmetic of the culls (`exact::cull`). Everything is inlined into a function that is compiled for several instruction sets and chosen at run time,
 //! so a default build uses the machine's widest: what is not inlined is not compiled for it.
 
-mod closest;
 mod pairs;
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use glam::{DVec3, Vec3};
 
-pub(in crate::kernel) use closest::Connection;
-pub(in crate::kernel) use pairs::{PairLanes, edges, normal, project};
+pub(in crate::kernel) use pairs::{PairLanes, normal, project};
 
 /// How many pairs are worked on at a time.
 pub(in crate::kernel) const WIDTH: usize = 8;

@@ -50,11 +50,6 @@ impl PairLanes {
 }
 
 #[inline(always)]
-pub(in crate::kernel) fn edges(corners: &[VectorLanes; 3]) -> [VectorLanes; 3] {
-    [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]]
-}
-
-#[inline(always)]
 pub(in crate::kernel) fn normal(corners: &[VectorLanes; 3]) -> VectorLanes {
     (corners[1] - corners[0]).cross(corners[2] - corners[0])
 }
