@@ -18,6 +18,7 @@ const FEATURE_BITS: u32 = 28;
 pub struct ContactKey(pub u64);
 
 impl ContactKey {
+    #[inline]
     fn new(features: FeaturePair, number_a: u32, number_b: u32) -> Self {
         let kinds = rank(features.a) * 3 + rank(features.b);
         Self((kinds << (2 * FEATURE_BITS)) | (u64::from(number_a) << FEATURE_BITS) | u64::from(number_b))
@@ -37,7 +38,19 @@ const fn rank(feature: Feature) -> u64 {
 /// because they coincided once may have moved apart since: such a vertex has its own number, and an edge with such an
 /// end a number after all edges.
 #[must_use]
+#[inline]
 pub fn feature_number(topology: &SurfaceTopology, positions: &[Vec3], triangle: u32, feature: Feature) -> u32 {
+    if topology.is_welded() {
+        return welded_feature_number(topology, positions, triangle, feature);
+    }
+    match feature {
+        Feature::Vertex(corner) => topology.triangles()[triangle as usize][corner as usize],
+        Feature::Edge(edge) => topology.triangle_edges()[triangle as usize][edge as usize],
+        Feature::Face => triangle,
+    }
+}
+
+fn welded_feature_number(topology: &SurfaceTopology, positions: &[Vec3], triangle: u32, feature: Feature) -> u32 {
     let vertex = |corner: usize| {
         let own = topology.triangles()[triangle as usize][corner];
         let welded = topology.welded_triangles()[triangle as usize][corner];
@@ -110,13 +123,17 @@ impl CompactContact {
         normal: DVec3,
         distance: f64,
     ) -> Self {
-        let (ordered, [first, second]) = canonical_order(sides, triangles, same_surface, features);
-        let number = |side: usize, triangle: u32, feature: Feature| {
-            feature_number(sides[side].topology, sides[side].positions, triangle, feature)
-        };
+        let [a, b] = sides;
+        let number_a = feature_number(a.topology, a.positions, triangles[0], features.a);
+        let number_b = feature_number(b.topology, b.positions, triangles[1], features.b);
+        let swapped = same_surface && (rank(features.b), number_b) < (rank(features.a), number_a);
         Self {
-            key: ContactKey::new(ordered, number(0, first, ordered.a), number(1, second, ordered.b)),
-            swapped: [first, second] != triangles,
+            key: if swapped {
+                ContactKey::new(features.swapped(), number_b, number_a)
+            } else {
+                ContactKey::new(features, number_a, number_b)
+            },
+            swapped,
             triangle_a: triangles[0],
             triangle_b: triangles[1],
             features,

@@ -111,7 +111,8 @@ impl Block {
         let normal = [normal[0] * scale, normal[1] * scale, normal[2] * scale];
         // An unreliable normal may be infinite, and infinity times zero is no number.
         let zero = f32x8::splat(simd, 0.0);
-        let normal = [0, 1, 2].map(|axis| reliable.select(normal[axis], zero));
+        let normal =
+            [reliable.select(normal[0], zero), reliable.select(normal[1], zero), reliable.select(normal[2], zero)];
         let heights = [dot(normal, a), dot(normal, b), dot(normal, c)];
         for axis in 0..3 {
             normal[axis].store_slice(&mut self.normals[axis]);
@@ -119,6 +120,11 @@ impl Block {
         heights[0].min(heights[1]).min(heights[2]).store_slice(&mut self.low);
         heights[0].max(heights[1]).max(heights[2]).store_slice(&mut self.high);
     }
+}
+
+#[inline(always)]
+fn splat<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [f32x8<S>; 3] {
+    [f32x8::splat(simd, x), f32x8::splat(simd, y), f32x8::splat(simd, z)]
 }
 
 #[inline(always)]
@@ -145,10 +151,13 @@ pub struct PairCull<'a> {
 impl<'a> PairCull<'a> {
     #[inline(always)]
     pub(super) fn between(&self, leaves: [usize; 2]) -> Separation<'a> {
-        let [own, other] = [0, 1].map(|side| &self.triangles[side].blocks[leaves[side]]);
+        let (own, other) = (&self.triangles[0].blocks[leaves[0]], &self.triangles[1].blocks[leaves[1]]);
         let offset = own.origin - other.origin;
         let extent = own.extent + other.extent + offset.abs().element_sum();
-        let needed = self.planes.map(|range| range * RANGE_SLACK + extent * ROUNDING);
+        let needed = match self.planes {
+            Some(range) => range * RANGE_SLACK + extent * ROUNDING,
+            None => f32::INFINITY,
+        };
         Separation { own, other, offset, needed, neighbors: self.neighbors }
     }
 }
@@ -160,7 +169,7 @@ pub(super) struct Separation<'a> {
     /// From the frame of the first leaf to that of the second.
     offset: Vec3,
     /// Projections farther apart than this prove that triangles are.
-    needed: Option<f32>,
+    needed: f32,
     neighbors: bool,
 }
 
@@ -171,33 +180,40 @@ impl Separation<'_> {
         if !self.neighbors {
             return 0;
         }
-        let others = [0, 1, 2].map(|corner| u32x8::from_slice(simd, &self.other.vertices[corner]));
-        let shared = |corner: usize| {
-            let vertex = u32x8::splat(simd, self.own.vertices[corner][lane]);
-            others[0].simd_eq(vertex) | others[1].simd_eq(vertex) | others[2].simd_eq(vertex)
-        };
-        (shared(0) | shared(1) | shared(2)).to_bitmask() as u32
+        let others = &self.other.vertices;
+        let (first, second) = (u32x8::from_slice(simd, &others[0]), u32x8::from_slice(simd, &others[1]));
+        let third = u32x8::from_slice(simd, &others[2]);
+        let [a, b, c] = &self.own.vertices;
+        let (a, b, c) = (a[lane], b[lane], c[lane]);
+        let of_first = first.simd_eq(a) | first.simd_eq(b) | first.simd_eq(c);
+        let of_second = second.simd_eq(a) | second.simd_eq(b) | second.simd_eq(c);
+        let of_third = third.simd_eq(a) | third.simd_eq(b) | third.simd_eq(c);
+        (of_first | of_second | of_third).to_bitmask() as u32
     }
 
     /// The lanes of the second leaf that a triangle of the first is kept apart from by either plane.
     #[inline(always)]
     pub(super) fn separated<S: Simd>(&self, simd: S, lane: usize) -> u32 {
-        let Some(needed) = self.needed else { return 0 };
-        let (own, other) = (self.own, self.other);
+        let (own, other, needed) = (self.own, self.other, self.needed);
+        if needed == f32::INFINITY {
+            return 0;
+        }
         let corners = [other.corner(simd, 0), other.corner(simd, 1), other.corner(simd, 2)];
         let normal = [own.normals[0][lane], own.normals[1][lane], own.normals[2][lane]];
         let shift = normal[0] * self.offset.x + normal[1] * self.offset.y + normal[2] * self.offset.z;
-        let along = normal.map(|value| f32x8::splat(simd, value));
+        let along = splat(simd, normal);
         let heights = [dot(along, corners[0]), dot(along, corners[1]), dot(along, corners[2])];
         let (low, high) = (heights[0].min(heights[1]).min(heights[2]), heights[0].max(heights[1]).max(heights[2]));
         let own_gap = (low - (own.high[lane] + shift)).max((own.low[lane] + shift) - high);
 
-        let normals = [0, 1, 2].map(|axis| f32x8::from_slice(simd, &other.normals[axis]));
-        let height = |corner: usize| {
-            let place = [0, 1, 2].map(|axis| own.corners[corner][axis][lane] + self.offset[axis]);
-            dot(normals, place.map(|value| f32x8::splat(simd, value)))
-        };
-        let heights = [height(0), height(1), height(2)];
+        let [x, y, z] = &other.normals;
+        let normals = [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)];
+        let mut heights = heights;
+        for corner in 0..3 {
+            let [x, y, z] = &own.corners[corner];
+            let place = [x[lane] + self.offset.x, y[lane] + self.offset.y, z[lane] + self.offset.z];
+            heights[corner] = dot(normals, splat(simd, place));
+        }
         let (low, high) = (heights[0].min(heights[1]).min(heights[2]), heights[0].max(heights[1]).max(heights[2]));
         let other_gap =
             (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);

@@ -73,8 +73,8 @@ fn examine_pairs(
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
     for pairs in pairs.chunks(PairScreen::WIDTH) {
-        for (lane, &[triangle_a, triangle_b]) in pairs.iter().enumerate() {
-            screen.set(lane, &[a.corners(triangle_a), b.corners(triangle_b)]);
+        for (place, side) in [a, b].into_iter().enumerate() {
+            fill(&mut screen, place, side, pairs);
         }
         for pair in screen.screen(pairs.len(), range) {
             let triangles = pairs[pair.place];
@@ -99,6 +99,22 @@ fn examine_pairs(
                     found.contacts.push(contact(a, b, settings, triangles, &corners, features));
                 }
             }
+        }
+    }
+}
+
+/// Puts one side's triangles of up to eight pairs into the lanes of a screen.
+fn fill(screen: &mut PairScreen, place: usize, side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
+    let triangles = side.topology.triangles();
+    for (lane, pair) in pairs.iter().enumerate().take(PairScreen::WIDTH) {
+        if side.moved.is_some() {
+            for (corner, position) in side.corners(pair[place]).into_iter().enumerate() {
+                screen.set(place, corner, lane, position);
+            }
+            continue;
+        }
+        for (corner, vertex) in triangles[pair[place] as usize].into_iter().enumerate() {
+            screen.set(place, corner, lane, side.positions[vertex as usize].as_dvec3());
         }
     }
 }
@@ -187,20 +203,23 @@ fn reported_cases(
     let reported = Cases::between(first_of_a, first_of_b);
     let others = cases.without(reported).without_boundary();
     let is_welded = a.topology.is_welded() || b.topology.is_welded();
-    if others.are_none() || !same_surface && !is_welded {
+    // The first triangles are a pair of neighbors only where they are close on the surface.
+    let firsts_may_meet =
+        same_surface && a.topology.firsts_may_meet(TriangleId(triangles[0]), TriangleId(triangles[1]));
+    if others.are_none() || !firsts_may_meet && !is_welded {
         return reported;
     }
     let mut found = reported;
     for case in others.each() {
         let [part_a, part_b] = case.parts();
+        let features = FeaturePair { a: feature(part_a), b: feature(part_b) };
         if !is_welded {
-            let first_a = a.topology.first_around(TriangleId(triangles[0]), part_a);
-            let first_b = b.topology.first_around(TriangleId(triangles[1]), part_b);
-            if !a.topology.share_vertex(first_a, first_b) {
+            let first_a = triangles_around(a, triangles[0], features.a).map_or(triangles[0], |around| around[0]);
+            let first_b = triangles_around(b, triangles[1], features.b).map_or(triangles[1], |around| around[0]);
+            if !a.topology.share_vertex(TriangleId(first_a), TriangleId(first_b)) {
                 continue;
             }
         }
-        let features = FeaturePair { a: feature(part_a), b: feature(part_b) };
         if reports(a, b, same_surface, triangles, features) {
             found = found.or(case);
         }

@@ -75,7 +75,7 @@ pub struct SurfaceTopology {
     edge_triangles: Incidence,
     vertex_triangles: Incidence,
     first_of: Vec<u8>,
-    first_around: Vec<[u32; 6]>,
+    reach: Vec<[u32; 2]>,
     report: TopologyReport,
 }
 
@@ -142,17 +142,22 @@ impl SurfaceTopology {
         }
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
-        let first_around: Vec<[u32; 6]> = (welded_triangles.iter().zip(&triangle_edges))
-            .map(|(corners, sides)| {
-                let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
-                let [d, e, f] = sides.map(|edge| edge_triangles.around(edge)[0]);
-                [a, b, c, d, e, f]
-            })
-            .collect();
-        let own_parts = |(triangle, first): (usize, &[u32; 6])| {
-            (0..6).fold(0, |parts, part| parts | u8::from(first[part] as usize == triangle) << part)
-        };
-        let first_of = first_around.iter().enumerate().map(own_parts).collect();
+        let order = breadth_first_order(&welded_triangles, &vertex_triangles);
+        let (mut first_of, mut reach) = (Vec::with_capacity(triangles.len()), Vec::with_capacity(triangles.len()));
+        for (triangle, corners) in welded_triangles.iter().enumerate() {
+            let (mut parts, mut lowest, mut highest) = (0, u32::MAX, 0);
+            let around_corners = corners.iter().map(|&vertex| vertex_triangles.around(vertex)[0]);
+            let around_edges = triangle_edges[triangle].iter().map(|&edge| edge_triangles.around(edge)[0]);
+            for (part, first) in around_corners.chain(around_edges).enumerate() {
+                parts |= u8::from(first as usize == triangle) << part;
+                for &vertex in &welded_triangles[first as usize] {
+                    let place = order[vertex as usize];
+                    (lowest, highest) = (lowest.min(place), highest.max(place));
+                }
+            }
+            first_of.push(parts);
+            reach.push([lowest, highest]);
+        }
         let mut topology = Self {
             vertex_count: positions.len(),
             triangles: triangles.to_vec(),
@@ -163,7 +168,7 @@ impl SurfaceTopology {
             edge_triangles,
             vertex_triangles,
             first_of,
-            first_around,
+            reach,
             report: TopologyReport::default(),
         };
         topology.report = topology.inspect();
@@ -247,10 +252,13 @@ impl SurfaceTopology {
         self.first_of[triangle.index()]
     }
 
-    /// The first triangle around a part of a triangle: 0 to 2 its corners, 3 to 5 its edges, 6 the triangle itself.
+    /// Whether the first triangles around the vertices and edges of one triangle may share a vertex with those of another.
+    /// Where it is false they do not; where it is true, that is all that the ranges of their vertices in an order along the
+    /// surface tell.
     #[inline]
-    pub(crate) fn first_around(&self, triangle: TriangleId, part: usize) -> TriangleId {
-        TriangleId(self.first_around[triangle.index()].get(part).copied().unwrap_or(triangle.0))
+    pub(crate) fn firsts_may_meet(&self, a: TriangleId, b: TriangleId) -> bool {
+        let ([low_a, high_a], [low_b, high_b]) = (self.reach[a.index()], self.reach[b.index()]);
+        low_a <= high_b && low_b <= high_a
     }
 
     /// Whether any two vertices are welded.
@@ -373,6 +381,33 @@ fn exact_weld(positions: &[Vec3]) -> Vec<u32> {
         .enumerate()
         .map(|(vertex, position)| *first.entry(bits(position)).or_insert(vertex as u32))
         .collect()
+}
+
+/// For each vertex its place in an order in which neighbors are close to each other, whatever the caller's order is.
+fn breadth_first_order(triangles: &[[u32; 3]], around: &Incidence) -> Vec<u32> {
+    const UNSEEN: u32 = u32::MAX;
+    let mut order = vec![UNSEEN; around.offsets.len() - 1];
+    let mut open = Vec::with_capacity(order.len());
+    let mut next = 0;
+    for seed in triangles.iter().map(|corners| corners[0]) {
+        if order[seed as usize] != UNSEEN {
+            continue;
+        }
+        order[seed as usize] = open.len() as u32;
+        open.push(seed);
+        while next < open.len() {
+            for &triangle in around.around(open[next]) {
+                for vertex in triangles[triangle as usize] {
+                    if order[vertex as usize] == UNSEEN {
+                        order[vertex as usize] = open.len() as u32;
+                        open.push(vertex);
+                    }
+                }
+            }
+            next += 1;
+        }
+    }
+    order
 }
 
 fn unique_edges(welded_triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {

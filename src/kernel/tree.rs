@@ -47,18 +47,25 @@ impl Boxes {
 
     #[inline(always)]
     fn get(&self, lane: usize) -> Aabb {
-        let corner = |side: &[[f32; LEAF_WIDTH]; 3]| Vec3::new(side[0][lane], side[1][lane], side[2][lane]);
-        Aabb { min: corner(&self.min), max: corner(&self.max) }
+        let (min, max) = (&self.min, &self.max);
+        Aabb {
+            min: Vec3::new(min[0][lane], min[1][lane], min[2][lane]),
+            max: Vec3::new(max[0][lane], max[1][lane], max[2][lane]),
+        }
     }
 
     /// One bit for each box that overlaps `bounds`.
     #[inline(always)]
     fn overlapping<S: Simd>(&self, simd: S, bounds: &Aabb) -> u32 {
-        let within = |axis: usize| {
-            f32x8::from_slice(simd, &self.min[axis]).simd_le(bounds.max[axis])
-                & f32x8::from_slice(simd, &self.max[axis]).simd_ge(bounds.min[axis])
-        };
-        (within(0) & within(1) & within(2)).to_bitmask() as u32
+        let [x, y, z] = &self.min;
+        let begin = f32x8::from_slice(simd, x).simd_le(bounds.max.x)
+            & f32x8::from_slice(simd, y).simd_le(bounds.max.y)
+            & f32x8::from_slice(simd, z).simd_le(bounds.max.z);
+        let [x, y, z] = &self.max;
+        let end = f32x8::from_slice(simd, x).simd_ge(bounds.min.x)
+            & f32x8::from_slice(simd, y).simd_ge(bounds.min.y)
+            & f32x8::from_slice(simd, z).simd_ge(bounds.min.z);
+        (begin & end).to_bitmask() as u32
     }
 }
 
@@ -335,7 +342,10 @@ impl BoxTree {
             let leaf = &self.leaves[place];
             self.for_each_leaf(simd, &leaf.bounds, place as u32, |other_place| {
                 let other = &self.leaves[other_place];
-                let separation = cull.map(|cull| cull.between([place, other_place]));
+                let separation = match cull {
+                    Some(cull) => Some(cull.between([place, other_place])),
+                    None => None,
+                };
                 for_each_lane(leaf.boxes.overlapping(simd, &other.bounds), |lane| {
                     let later = if place == other_place { !0u32 << (lane + 1) } else { !0 };
                     let hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
@@ -385,7 +395,10 @@ impl BoxTree {
             let leaf = &self.leaves[place];
             other_tree.for_each_leaf(simd, &leaf.bounds, 0, |other_place| {
                 let other = &other_tree.leaves[other_place];
-                let separation = cull.map(|cull| cull.between([place, other_place]));
+                let separation = match cull {
+                    Some(cull) => Some(cull.between([place, other_place])),
+                    None => None,
+                };
                 for_each_lane(leaf.boxes.overlapping(simd, &other.bounds), |lane| {
                     let hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane));
                     if hits != 0 {

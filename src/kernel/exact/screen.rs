@@ -168,18 +168,11 @@ impl PairScreen {
         }
     }
 
-    /// Puts a pair of triangles into a lane.
-    #[inline]
-    pub(in crate::kernel) fn set(&mut self, lane: usize, corners: &[[DVec3; 3]; 2]) {
-        let origin = corners[0][0];
-        for (rows, corners) in self.corners.iter_mut().zip(corners) {
-            for (rows, &corner) in rows.iter_mut().zip(corners) {
-                let place = corner - origin;
-                rows.0[0][lane] = place.x;
-                rows.0[1][lane] = place.y;
-                rows.0[2][lane] = place.z;
-            }
-        }
+    /// Puts a corner of the first or second triangle of a pair into a lane.
+    #[inline(always)]
+    pub(in crate::kernel) fn set(&mut self, side: usize, corner: usize, lane: usize, place: DVec3) {
+        let Rows([x, y, z]) = &mut self.corners[side][corner];
+        (x[lane], y[lane], z[lane]) = (place.x, place.y, place.z);
     }
 
     /// Screens the pairs in the first lanes for `range` (0 or more), and gives those that may be within it.
@@ -201,9 +194,10 @@ impl PairScreen {
         let zero = f64x8::splat(simd, 0.0);
         let mut triangles = [[Vectors { x: zero, y: zero, z: zero }; 3]; 2];
         let mut largest = zero;
+        let origin = Vectors::load(simd, &self.corners[0][0]);
         for side in 0..2 {
             for corner in 0..3 {
-                let place = Vectors::load(simd, &self.corners[side][corner]);
+                let place = Vectors::load(simd, &self.corners[side][corner]).minus(origin);
                 largest = largest.max(place.x.abs()).max(place.y.abs()).max(place.z.abs());
                 triangles[side][corner] = place;
             }
