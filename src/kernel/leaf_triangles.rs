@@ -1,7 +1,7 @@
 //! The triangles of a tree's leaves, eight side by side, with their planes: what a traversal drops before a pair is made.
 //!
 //! A triangle of one leaf is compared with the eight of another without gathering anything. Neighbors go by their
-//! vertices, others by the slabs of either plane: two triangles whose projections on a direction of length 1 are farther
+//! vertices, others by slabs along either plane's normal and along the line between the centroids: two triangles whose projections on a direction of length 1 are farther
 //! apart than a distance are themselves farther apart, however the direction was rounded. Everything is kept relative to the
 //! leaf's own center, so that rounding is that of the leaves' size and distance, wherever the surface is.
 
@@ -128,6 +128,19 @@ fn splat<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [f32x8<S>; 3] {
 }
 
 #[inline(always)]
+fn plus<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+/// The interval of a triangle's projections on a direction of any length.
+#[inline(always)]
+fn project<S: Simd>(corners: [[f32x8<S>; 3]; 3], direction: [f32x8<S>; 3]) -> (f32x8<S>, f32x8<S>) {
+    let (first, second, third) =
+        (dot(direction, corners[0]), dot(direction, corners[1]), dot(direction, corners[2]));
+    (first.min(second).min(third), first.max(second).max(third))
+}
+
+#[inline(always)]
 fn minus<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
@@ -144,8 +157,10 @@ pub struct PairCull<'a> {
     pub triangles: [&'a LeafTriangles; 2],
     /// Drops triangles of one surface that share a welded vertex.
     pub neighbors: bool,
-    /// Drops triangles that either plane keeps farther apart than this, in the unit of the positions, 0 or more.
-    pub planes: Option<f32>,
+    /// Drops triangles that a slab keeps farther apart than this, in the unit of the positions, 0 or more.
+    pub slabs: Option<f32>,
+    /// Whether slabs along the line between the centroids count too, and not only those along the normals.
+    pub centroids: bool,
 }
 
 impl<'a> PairCull<'a> {
@@ -154,11 +169,11 @@ impl<'a> PairCull<'a> {
         let (own, other) = (&self.triangles[0].blocks[leaves[0]], &self.triangles[1].blocks[leaves[1]]);
         let offset = own.origin - other.origin;
         let extent = own.extent + other.extent + offset.abs().element_sum();
-        let needed = match self.planes {
+        let needed = match self.slabs {
             Some(range) => range * RANGE_SLACK + extent * ROUNDING,
             None => f32::INFINITY,
         };
-        Separation { own, other, offset, needed, neighbors: self.neighbors }
+        Separation { own, other, offset, needed, neighbors: self.neighbors, centroids: self.centroids }
     }
 }
 
@@ -171,6 +186,7 @@ pub(super) struct Separation<'a> {
     /// Projections farther apart than this prove that triangles are.
     needed: f32,
     neighbors: bool,
+    centroids: bool,
 }
 
 impl Separation<'_> {
@@ -191,32 +207,40 @@ impl Separation<'_> {
         (of_first | of_second | of_third).to_bitmask() as u32
     }
 
-    /// The lanes of the second leaf that a triangle of the first is kept apart from by either plane.
+    /// The lanes of the second leaf that a triangle of the first is kept apart from: by either plane, or across the line
+    /// between the centroids, which parts those that lie beside each other in nearly one plane. Only `asked` lanes count.
     #[inline(always)]
-    pub(super) fn separated<S: Simd>(&self, simd: S, lane: usize) -> u32 {
+    pub(super) fn separated<S: Simd>(&self, simd: S, lane: usize, asked: u32) -> u32 {
         let (own, other, needed) = (self.own, self.other, self.needed);
         if needed == f32::INFINITY {
             return 0;
         }
-        let corners = [other.corner(simd, 0), other.corner(simd, 1), other.corner(simd, 2)];
+        let others = [other.corner(simd, 0), other.corner(simd, 1), other.corner(simd, 2)];
         let normal = [own.normals[0][lane], own.normals[1][lane], own.normals[2][lane]];
         let shift = normal[0] * self.offset.x + normal[1] * self.offset.y + normal[2] * self.offset.z;
-        let along = splat(simd, normal);
-        let heights = [dot(along, corners[0]), dot(along, corners[1]), dot(along, corners[2])];
-        let (low, high) = (heights[0].min(heights[1]).min(heights[2]), heights[0].max(heights[1]).max(heights[2]));
+        let (low, high) = project(others, splat(simd, normal));
         let own_gap = (low - (own.high[lane] + shift)).max((own.low[lane] + shift) - high);
 
-        let [x, y, z] = &other.normals;
-        let normals = [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)];
-        let mut heights = heights;
+        let mut corners = others;
         for corner in 0..3 {
             let [x, y, z] = &own.corners[corner];
-            let place = [x[lane] + self.offset.x, y[lane] + self.offset.y, z[lane] + self.offset.z];
-            heights[corner] = dot(normals, splat(simd, place));
+            corners[corner] = splat(simd, [x[lane] + self.offset.x, y[lane] + self.offset.y, z[lane] + self.offset.z]);
         }
-        let (low, high) = (heights[0].min(heights[1]).min(heights[2]), heights[0].max(heights[1]).max(heights[2]));
+        let [x, y, z] = &other.normals;
+        let normals = [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)];
+        let (low, high) = project(corners, normals);
         let other_gap =
             (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);
-        (own_gap.simd_gt(needed) | other_gap.simd_gt(needed)).to_bitmask() as u32
+        let by_planes = (own_gap.simd_gt(needed) | other_gap.simd_gt(needed)).to_bitmask() as u32;
+        if !self.centroids || asked & !by_planes == 0 {
+            return by_planes;
+        }
+
+        let between = minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
+        let ((low, high), (own_low, own_high)) = (project(others, between), project(corners, between));
+        let gap = (low - own_high).max(own_low - high);
+        let squared = dot(between, between);
+        let along_line = gap.simd_gt(squared.sqrt() * needed) & squared.simd_gt(LEAST_SQUARED);
+        by_planes | along_line.to_bitmask() as u32
     }
 }

@@ -323,7 +323,7 @@ impl BoxTree {
     }
 
     /// The same for the pairs with one item in `leaves` and the other there or after, without those that `cull` drops.
-    /// Returns how many there are without culling by planes.
+    /// Returns how many there are without culling by slabs.
     pub fn self_pairs_of(&self, leaves: Range<usize>, cull: Option<&PairCull<'_>>, pairs: &mut Vec<[u32; 2]>) -> usize {
         dispatch!(Level::new(), simd => self.self_pairs_in_lanes(simd, leaves, cull, pairs))
     }
@@ -369,7 +369,7 @@ impl BoxTree {
     }
 
     /// The same for the items in `leaves` of this tree, without those that `cull` drops. Returns how many there are
-    /// without culling by planes.
+    /// without culling by slabs.
     pub fn pairs_of(
         &self,
         leaves: Range<usize>,
@@ -414,13 +414,13 @@ impl BoxTree {
     }
 }
 
-/// The lanes of `hits` that are left, and how many were left before planes were asked.
+/// The lanes of `hits` that are left, and how many were left before slabs were asked.
 #[inline(always)]
 fn cull_lanes<S: Simd>(simd: S, separation: Option<&Separation<'_>>, lane: usize, hits: u32) -> (u32, usize) {
     match separation {
         Some(separation) => {
             let apart = hits & !separation.neighbors(simd, lane);
-            (apart & !separation.separated(simd, lane), apart.count_ones() as usize)
+            (apart & !separation.separated(simd, lane, apart), apart.count_ones() as usize)
         }
         None => (hits, hits.count_ones() as usize),
     }

@@ -136,10 +136,12 @@ fn pair_triangles(
             OtherSide::Surface(second) => {
                 let second = &active.surfaces[second];
                 let Ok((other, _, other_tree)) = surfaces.get(second.entity) else { continue };
-                let planes = plane_range(&active, pair, &settings, own, other);
+                let slabs = slab_range(&active, pair, &settings, own, other);
+                // The spheres' method counts by planes, and must count the same whoever finds its pairs.
+                let centroids = pair.method.is_exact();
                 let mut list = std::mem::take(&mut pair.triangles);
                 if pair.is_self() {
-                    let cull = PairCull { triangles: [&tree.triangles; 2], neighbors: true, planes };
+                    let cull = PairCull { triangles: [&tree.triangles; 2], neighbors: true, slabs, centroids };
                     overlapping +=
                         append_ranges(tree.tree.leaf_count(), LEAVES_AT_ONCE, threads, &mut list, |leaves, pairs| {
                             tree.tree.self_pairs_of(leaves, Some(&cull), pairs)
@@ -155,10 +157,11 @@ fn pair_triangles(
                         triangles.update(tree, &surface.topology, &pair.moved_positions);
                         sides[place] = (tree, triangles);
                     }
-                    let cull = planes.map(|range| PairCull {
+                    let cull = slabs.map(|range| PairCull {
                         triangles: [sides[0].1, sides[1].1],
                         neighbors: false,
-                        planes: Some(range),
+                        slabs: Some(range),
+                        centroids,
                     });
                     overlapping +=
                         append_ranges(sides[0].0.leaf_count(), LEAVES_AT_ONCE, threads, &mut list, |leaves, pairs| {
@@ -183,9 +186,9 @@ fn pair_triangles(
     diagnostics.finish("broad phase", start, overlapping, count);
 }
 
-/// The distance beyond which planes that part two triangles decide, where a pair's method goes by that; in the unit of
+/// The distance beyond which slabs that part two triangles decide, where a pair's method goes by that; in the unit of
 /// the pair's frame.
-fn plane_range(
+fn slab_range(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
     settings: &CircumsphereSettings,
