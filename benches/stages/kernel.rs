@@ -7,10 +7,9 @@ use bevy_circumsphere::kernel::{
     bounds::{Aabb, triangle_bounds},
     circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
     cone::SafetyCones,
-    conservative::{NearPair, near_pairs},
     curvature::{CurvatureEstimator, Curvatures},
-    exact::cull::{cull_by_closest_features, cull_by_planes},
-    ids::TriangleId,
+    exact::cull::cull_by_planes,
+    leaf_triangles::{LeafTriangles, PairCull},
     pair::{FoundPairs, PairSettings, SurfaceSide},
     refine::{refine_closest, refine_pairs},
     sphere_pairs::{
@@ -41,9 +40,9 @@ pub struct Stages {
     pub bounds: Vec<Aabb>,
     pub tree: BoxTree,
     pub candidates: Vec<[u32; 2]>,
+    pub leaf_triangles: LeafTriangles,
     pub past_planes: Vec<[u32; 2]>,
-    pub close: Vec<[u32; 2]>,
-    pub near: Vec<NearPair>,
+    pub past_slabs: Vec<[u32; 2]>,
     pub balls: Vec<Ball>,
     pub curvatures: Curvatures,
     pub spheres: OffsetSpheres,
@@ -97,10 +96,10 @@ pub const STAGES: [(&str, Stage); 17] = [
     ("build", build),
     ("bounds", bounds),
     ("refit_tree", refit_tree),
+    ("leaf_triangles", leaf_triangles),
     ("self_pairs", self_pairs),
     ("planes", planes),
-    ("closest_features", closest_features),
-    ("near", near),
+    ("self_pairs_past_slabs", self_pairs_past_slabs),
     ("refined", refined),
     ("closest", closest),
     ("curvature", curvature),
@@ -130,11 +129,17 @@ pub fn refit_tree(_: &Sheet, stages: &mut Stages) {
     stages.tree.refit(&stages.bounds);
 }
 
+/// Of boxes alone, neighbors left out.
 #[inline(never)]
-pub fn self_pairs(sheet: &Sheet, stages: &mut Stages) {
+pub fn self_pairs(_: &Sheet, stages: &mut Stages) {
     stages.candidates.clear();
-    let apart = |[a, b]: [u32; 2]| !sheet.topology.share_vertex(TriangleId(a), TriangleId(b));
-    stages.tree.self_pairs_where(apart, &mut stages.candidates);
+    let cull = PairCull { triangles: [&stages.leaf_triangles; 2], neighbors: true, slabs: None, centroids: false };
+    stages.tree.self_pairs_of(0..stages.tree.leaf_count(), Some(&cull), &mut stages.candidates);
+}
+
+#[inline(never)]
+pub fn leaf_triangles(sheet: &Sheet, stages: &mut Stages) {
+    stages.leaf_triangles.update(&stages.tree, &sheet.topology, &sheet.positions);
 }
 
 #[inline(never)]
@@ -144,32 +149,27 @@ pub fn planes(sheet: &Sheet, stages: &mut Stages) {
     cull_by_planes(positions, triangles, &stages.candidates, sheet.range(), &mut stages.past_planes);
 }
 
+/// Of boxes and slabs, as the exact methods have it.
 #[inline(never)]
-pub fn closest_features(sheet: &Sheet, stages: &mut Stages) {
-    stages.close.clear();
-    let (positions, triangles) = (sheet.both_positions(), sheet.both_triangles());
-    cull_by_closest_features(positions, triangles, &stages.past_planes, sheet.range(), &mut stages.close);
+pub fn self_pairs_past_slabs(sheet: &Sheet, stages: &mut Stages) {
+    stages.past_slabs.clear();
+    let (triangles, slabs) = ([&stages.leaf_triangles; 2], Some(sheet.range()));
+    let cull = PairCull { triangles, neighbors: true, slabs, centroids: true };
+    stages.tree.self_pairs_of(0..stages.tree.leaf_count(), Some(&cull), &mut stages.past_slabs);
 }
 
-#[inline(never)]
-pub fn near(sheet: &Sheet, stages: &mut Stages) {
-    stages.near.clear();
-    let (positions, triangles) = (sheet.both_positions(), sheet.both_triangles());
-    near_pairs(positions, triangles, &stages.past_planes, sheet.range(), &mut stages.near);
-}
-
-/// The whole of `Refined`, its culls included.
+/// `Refined`, of what slabs have left.
 #[inline(never)]
 pub fn refined(sheet: &Sheet, stages: &mut Stages) {
     stages.found.clear();
-    refine_pairs(&sheet.side(), &sheet.side(), &stages.candidates, &sheet.settings, &mut stages.found);
+    refine_pairs(&sheet.side(), &sheet.side(), &stages.past_slabs, &sheet.settings, &mut stages.found);
 }
 
-/// The whole of `Closest`, its culls included.
+/// `Closest`, of what slabs have left.
 #[inline(never)]
 pub fn closest(sheet: &Sheet, stages: &mut Stages) {
     stages.found.clear();
-    refine_closest(&sheet.side(), &sheet.side(), &stages.candidates, &sheet.settings, &mut stages.found);
+    refine_closest(&sheet.side(), &sheet.side(), &stages.past_slabs, &sheet.settings, &mut stages.found);
 }
 
 #[inline(never)]

@@ -22,7 +22,7 @@ use self::{
 };
 
 /// Triangles of the sheet: more than fit into a processor's own caches, few enough for a run in seconds.
-const TRIANGLES: usize = 20_000;
+const TRIANGLES: usize = 90_000;
 
 /// How far the sheet's waves move from one state to the next, in radians.
 const PHASE: f64 = 0.05;

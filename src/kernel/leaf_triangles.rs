@@ -222,9 +222,10 @@ impl Separation<'_> {
         let own_gap = (low - (own.high[lane] + shift)).max((own.low[lane] + shift) - high);
 
         let mut corners = others;
+        let offset = splat(simd, self.offset.to_array());
         for corner in 0..3 {
             let [x, y, z] = &own.corners[corner];
-            corners[corner] = splat(simd, [x[lane] + self.offset.x, y[lane] + self.offset.y, z[lane] + self.offset.z]);
+            corners[corner] = plus(splat(simd, [x[lane], y[lane], z[lane]]), offset);
         }
         let [x, y, z] = &other.normals;
         let normals = [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)];

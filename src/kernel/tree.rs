@@ -10,7 +10,7 @@
 use std::ops::Range;
 
 use arrayvec::ArrayVec;
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 use glam::Vec3;
 
 use super::{
@@ -352,9 +352,8 @@ impl BoxTree {
                     if hits != 0 {
                         let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
                         count += apart;
-                        let item = leaf.items[lane];
-                        let ordered = other.items.map(|other| [item.min(other), item.max(other)]);
-                        recent.push(&ordered, hits, pairs);
+                        let (item, others) = (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
+                        recent.push(simd, item.min(others), item.max(others), hits, pairs);
                     }
                 });
             });
@@ -404,7 +403,8 @@ impl BoxTree {
                     if hits != 0 {
                         let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
                         count += apart;
-                        recent.push(&other.items.map(|other| [leaf.items[lane], other]), hits, pairs);
+                        let (item, others) = (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
+                        recent.push(simd, item, others, hits, pairs);
                     }
                 });
             });
@@ -426,10 +426,10 @@ fn cull_lanes<S: Simd>(simd: S, separation: Option<&Separation<'_>>, lane: usize
     }
 }
 
-/// Pairs on their way to a list. Which of eight are kept is hard to foresee: so all are written, and the next ones over
-/// those that are not.
+/// Pairs on their way to a list. Which of eight are kept is hard to foresee: so all are written, those that are kept
+/// first, and the next ones over the others.
 struct Recent {
-    pairs: [[u32; 2]; Self::ROOM],
+    items: [u32; 2 * Self::ROOM],
     count: usize,
 }
 
@@ -437,22 +437,32 @@ impl Recent {
     const ROOM: usize = 256;
 
     fn new() -> Self {
-        Self { pairs: [[0; 2]; Self::ROOM], count: 0 }
+        Self { items: [0; 2 * Self::ROOM], count: 0 }
     }
 
     #[inline(always)]
-    fn push(&mut self, pairs: &[[u32; 2]; LEAF_WIDTH], kept: u32, list: &mut Vec<[u32; 2]>) {
+    fn push<S: Simd>(
+        &mut self,
+        simd: S,
+        firsts: u32x8<S>,
+        seconds: u32x8<S>,
+        kept: u32,
+        list: &mut Vec<[u32; 2]>,
+    ) {
         if self.count > Self::ROOM - LEAF_WIDTH {
             self.flush(list);
         }
-        for (lane, &pair) in pairs.iter().enumerate() {
-            self.pairs[self.count % Self::ROOM] = pair;
-            self.count += (kept >> lane & 1) as usize;
-        }
+        let mask = mask32x8::from_bitmask(simd, u64::from(kept));
+        let (low, high) = firsts.compress(mask).interleave(seconds.compress(mask));
+        let room = &mut self.items[2 * self.count..][..2 * LEAF_WIDTH];
+        low.store_slice(&mut room[..LEAF_WIDTH]);
+        high.store_slice(&mut room[LEAF_WIDTH..]);
+        self.count += kept.count_ones() as usize;
     }
 
+    #[inline(never)]
     fn flush(&mut self, list: &mut Vec<[u32; 2]>) {
-        list.extend_from_slice(&self.pairs[..self.count]);
+        list.extend_from_slice(self.items[..2 * self.count].as_chunks().0);
         self.count = 0;
     }
 }
