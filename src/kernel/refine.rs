@@ -73,9 +73,8 @@ fn examine_pairs(
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
     for pairs in pairs.chunks(PairScreen::WIDTH) {
-        for (place, side) in [a, b].into_iter().enumerate() {
-            fill(&mut screen, place, side, pairs);
-        }
+        fill(&mut screen, 0, a, pairs);
+        fill(&mut screen, 1, b, pairs);
         for pair in screen.screen(pairs.len(), range) {
             let triangles = pairs[pair.place];
             let wanted = wanted(triangles, &pair);
@@ -104,18 +103,19 @@ fn examine_pairs(
 }
 
 /// Puts one side's triangles of up to eight pairs into the lanes of a screen.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "so that it is compiled for each side")]
 fn fill(screen: &mut PairScreen, place: usize, side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
     let triangles = side.topology.triangles();
     for (lane, pair) in pairs.iter().enumerate().take(PairScreen::WIDTH) {
-        if side.moved.is_some() {
-            for (corner, position) in side.corners(pair[place]).into_iter().enumerate() {
-                screen.set(place, corner, lane, position);
-            }
-            continue;
-        }
-        for (corner, vertex) in triangles[pair[place] as usize].into_iter().enumerate() {
-            screen.set(place, corner, lane, side.positions[vertex as usize].as_dvec3());
-        }
+        let corners = if side.moved.is_some() {
+            side.corners(pair[place])
+        } else {
+            let [first, second, third] = triangles[pair[place] as usize];
+            let position = |vertex: u32| side.positions[vertex as usize].as_dvec3();
+            [position(first), position(second), position(third)]
+        };
+        screen.set(place, lane, corners);
     }
 }
 
@@ -214,9 +214,9 @@ fn reported_cases(
         let [part_a, part_b] = case.parts();
         let features = FeaturePair { a: feature(part_a), b: feature(part_b) };
         if !is_welded {
-            let first_a = triangles_around(a, triangles[0], features.a).map_or(triangles[0], |around| around[0]);
-            let first_b = triangles_around(b, triangles[1], features.b).map_or(triangles[1], |around| around[0]);
-            if !a.topology.share_vertex(TriangleId(first_a), TriangleId(first_b)) {
+            let first_a = a.topology.first_around(TriangleId(triangles[0]), part_a);
+            let first_b = b.topology.first_around(TriangleId(triangles[1]), part_b);
+            if !a.topology.share_vertex(first_a, first_b) {
                 continue;
             }
         }

@@ -75,6 +75,7 @@ pub struct SurfaceTopology {
     edge_triangles: Incidence,
     vertex_triangles: Incidence,
     first_of: Vec<u8>,
+    first_around: Vec<[u32; 6]>,
     reach: Vec<[u32; 2]>,
     report: TopologyReport,
 }
@@ -143,12 +144,15 @@ impl SurfaceTopology {
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
         let order = breadth_first_order(&welded_triangles, &vertex_triangles);
-        let (mut first_of, mut reach) = (Vec::with_capacity(triangles.len()), Vec::with_capacity(triangles.len()));
+        let count = triangles.len();
+        let (mut first_of, mut first_around) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let mut reach = Vec::with_capacity(count);
         for (triangle, corners) in welded_triangles.iter().enumerate() {
             let (mut parts, mut lowest, mut highest) = (0, u32::MAX, 0);
-            let around_corners = corners.iter().map(|&vertex| vertex_triangles.around(vertex)[0]);
-            let around_edges = triangle_edges[triangle].iter().map(|&edge| edge_triangles.around(edge)[0]);
-            for (part, first) in around_corners.chain(around_edges).enumerate() {
+            let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
+            let [d, e, f] = triangle_edges[triangle].map(|edge| edge_triangles.around(edge)[0]);
+            let firsts = [a, b, c, d, e, f];
+            for (part, first) in firsts.into_iter().enumerate() {
                 parts |= u8::from(first as usize == triangle) << part;
                 for &vertex in &welded_triangles[first as usize] {
                     let place = order[vertex as usize];
@@ -156,6 +160,7 @@ impl SurfaceTopology {
                 }
             }
             first_of.push(parts);
+            first_around.push(firsts);
             reach.push([lowest, highest]);
         }
         let mut topology = Self {
@@ -168,6 +173,7 @@ impl SurfaceTopology {
             edge_triangles,
             vertex_triangles,
             first_of,
+            first_around,
             reach,
             report: TopologyReport::default(),
         };
@@ -250,6 +256,12 @@ impl SurfaceTopology {
     #[inline]
     pub(crate) fn first_of(&self, triangle: TriangleId) -> u8 {
         self.first_of[triangle.index()]
+    }
+
+    /// The first triangle around a part of a triangle: 0 to 2 its corners, 3 to 5 its edges, 6 the triangle itself.
+    #[inline]
+    pub(crate) fn first_around(&self, triangle: TriangleId, part: usize) -> TriangleId {
+        TriangleId(self.first_around[triangle.index()].get(part).copied().unwrap_or(triangle.0))
     }
 
     /// Whether the first triangles around the vertices and edges of one triangle may share a vertex with those of another.

@@ -10,7 +10,7 @@
 use fearless_simd::{Level, dispatch, f64x8, mask64x8, prelude::*, u64x8};
 use glam::DVec3;
 
-use super::triangle_pair::{PARALLEL_SINE, ROUND_OFF};
+use super::triangle_pair::{PARALLEL_SINE, ROUND_OFF, TIE};
 
 /// A volume of three edges may be of either sign where it is below this share of the cube of the pair's largest
 /// coordinate: seven times what its rounding amounts to.
@@ -111,6 +111,9 @@ pub(in crate::kernel) struct ScreenedPair {
     pub(in crate::kernel) cases: Cases,
     /// Least squared distance of a vertex of either from an edge of the other.
     pub(super) boundary: f64,
+    /// Which vertices and edges are that close, or nearly: bit `3 v + e` for vertex `v` of the first triangle and edge `e` of
+    /// the second, nine bits further for a vertex of the second.
+    pub(super) on_boundary: u32,
     /// Squared distance of the two, unless they cross.
     pub(super) nearest: f64,
     /// The largest coordinate of either.
@@ -150,6 +153,7 @@ pub(in crate::kernel) struct PairScreen {
     cases: [u64; WIDTH],
     closest: [u64; WIDTH],
     boundary: [f64; WIDTH],
+    on_boundary: [u64; WIDTH],
     nearest: [f64; WIDTH],
     largest: [f64; WIDTH],
 }
@@ -163,16 +167,19 @@ impl PairScreen {
             cases: [0; WIDTH],
             closest: [0; WIDTH],
             boundary: [0.0; WIDTH],
+            on_boundary: [0; WIDTH],
             nearest: [0.0; WIDTH],
             largest: [0.0; WIDTH],
         }
     }
 
-    /// Puts a corner of the first or second triangle of a pair into a lane.
+    /// Puts the first or second triangle of a pair into a lane.
     #[inline(always)]
-    pub(in crate::kernel) fn set(&mut self, side: usize, corner: usize, lane: usize, place: DVec3) {
-        let Rows([x, y, z]) = &mut self.corners[side][corner];
-        (x[lane], y[lane], z[lane]) = (place.x, place.y, place.z);
+    pub(in crate::kernel) fn set(&mut self, side: usize, lane: usize, corners: [DVec3; 3]) {
+        for corner in 0..3 {
+            let Rows([x, y, z]) = &mut self.corners[side][corner];
+            (x[lane], y[lane], z[lane]) = (corners[corner].x, corners[corner].y, corners[corner].z);
+        }
     }
 
     /// Screens the pairs in the first lanes for `range` (0 or more), and gives those that may be within it.
@@ -182,6 +189,7 @@ impl PairScreen {
             place,
             cases: Cases(self.cases[place] as u32),
             boundary: self.boundary[place],
+            on_boundary: self.on_boundary[place] as u32,
             nearest: self.nearest[place],
             largest: self.largest[place],
             closest: Cases(self.closest[place] as u32),
@@ -206,7 +214,19 @@ impl PairScreen {
         let range_squared = range * range;
         let (a, b) = (Side::new(simd, triangles[0]), Side::new(simd, triangles[1]));
 
-        let boundary = least_boundary_distance_squared(simd, &a, &b).min(least_boundary_distance_squared(simd, &b, &a));
+        let mut boundaries = [zero; 18];
+        vertices_and_edges(simd, &a, &b, &mut boundaries[..9]);
+        vertices_and_edges(simd, &b, &a, &mut boundaries[9..]);
+        let mut boundary = boundaries[0];
+        for &distance_squared in &boundaries[1..] {
+            boundary = boundary.min(distance_squared);
+        }
+        let tie = boundary * (1.0 + TIE);
+        let mut on_boundary = u64x8::splat(simd, 0);
+        for (place, &distance_squared) in boundaries.iter().enumerate() {
+            on_boundary = distance_squared.simd_le(tie).select(on_boundary | (1u64 << place), on_boundary);
+        }
+        on_boundary.store_slice(&mut self.on_boundary);
         let mut found = Found { cases: u64x8::splat(simd, 0), nearest: boundary, closest: u64x8::splat(simd, 0) };
         found.add(!boundary.simd_gt(range_squared), Cases::BOUNDARY);
         let heights_over_b = vertices_over_face(&a, &b, range_squared, true, &mut found);
@@ -310,10 +330,10 @@ impl<S: Simd> Found<S> {
     }
 }
 
+/// The squared distance of every vertex of one from every edge of the other.
 #[inline(always)]
-fn least_boundary_distance_squared<S: Simd>(simd: S, own: &Side<S>, other: &Side<S>) -> f64x8<S> {
+fn vertices_and_edges<S: Simd>(simd: S, own: &Side<S>, other: &Side<S>, distances_squared: &mut [f64x8<S>]) {
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
-    let mut least = f64x8::splat(simd, f64::INFINITY);
     for edge in 0..3 {
         let squared = other.lengths_squared[edge];
         let inverse = squared.simd_gt(zero).select(one / squared, zero);
@@ -321,10 +341,9 @@ fn least_boundary_distance_squared<S: Simd>(simd: S, own: &Side<S>, other: &Side
             let from_start = own.corners[vertex].minus(other.corners[edge]);
             let along = (from_start.dot(other.edges[edge]) * inverse).max(zero).min(one);
             let between = from_start.minus(other.edges[edge].scaled(along));
-            least = least.min(between.dot(between));
+            distances_squared[3 * vertex + edge] = between.dot(between);
         }
     }
-    least
 }
 
 /// Returns how high each vertex is, in lengths of the face's normal.
