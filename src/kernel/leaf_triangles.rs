@@ -200,11 +200,12 @@ impl Separation<'_> {
         let (first, second) = (u32x8::from_slice(simd, &others[0]), u32x8::from_slice(simd, &others[1]));
         let third = u32x8::from_slice(simd, &others[2]);
         let [a, b, c] = &self.own.vertices;
-        let (a, b, c) = (a[lane], b[lane], c[lane]);
-        let of_first = first.simd_eq(a) | first.simd_eq(b) | first.simd_eq(c);
-        let of_second = second.simd_eq(a) | second.simd_eq(b) | second.simd_eq(c);
-        let of_third = third.simd_eq(a) | third.simd_eq(b) | third.simd_eq(c);
-        (of_first | of_second | of_third).to_bitmask() as u32
+        // Equal numbers differ in no bit, and one comparison tells of all nine.
+        let (a, b, c) = (u32x8::splat(simd, a[lane]), u32x8::splat(simd, b[lane]), u32x8::splat(simd, c[lane]));
+        let of_first = (first ^ a).min(first ^ b).min(first ^ c);
+        let of_second = (second ^ a).min(second ^ b).min(second ^ c);
+        let of_third = (third ^ a).min(third ^ b).min(third ^ c);
+        of_first.min(of_second).min(of_third).simd_eq(0).to_bitmask() as u32
     }
 
     /// The lanes of the second leaf that a triangle of the first is kept apart from: by either plane, or across the line
