@@ -26,6 +26,7 @@ impl ContactKey {
 }
 
 /// Vertices before edges before faces.
+#[inline]
 const fn rank(feature: Feature) -> u64 {
     match feature {
         Feature::Vertex(_) => 0,
@@ -112,6 +113,7 @@ impl CompactContact {
     /// Names a contact and rounds it to storage precision. In a self-collision (`same_surface`) a feature pair is the
     /// same from either side, so its key does not depend on which triangle came first.
     #[expect(clippy::too_many_arguments, reason = "one argument per field of the record")]
+    #[inline]
     pub(crate) fn between_triangles(
         sides: [&SurfaceSide<'_>; 2],
         triangles: [u32; 2],

@@ -74,10 +74,20 @@ pub struct SurfaceTopology {
     triangle_edges: Vec<[u32; 3]>,
     edge_triangles: Incidence,
     vertex_triangles: Incidence,
-    first_of: Vec<u8>,
+    surroundings: Vec<Surroundings>,
     first_around: Vec<[u32; 6]>,
-    reach: Vec<[u32; 2]>,
     report: TopologyReport,
+}
+
+/// What a triangle is to its neighbors, in one place.
+#[derive(Clone, Copy, Debug)]
+struct Surroundings {
+    /// The lowest and the highest vertex of the first triangles around its vertices and edges, in an order along the
+    /// surface.
+    lowest: u32,
+    highest: u32,
+    /// Which of those triangles it is itself, one bit each.
+    first_of: u8,
 }
 
 /// For each element of one kind the triangles around it, in ascending order, as one flat list with offsets.
@@ -145,8 +155,7 @@ impl SurfaceTopology {
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
         let order = breadth_first_order(&welded_triangles, &vertex_triangles);
         let count = triangles.len();
-        let (mut first_of, mut first_around) = (Vec::with_capacity(count), Vec::with_capacity(count));
-        let mut reach = Vec::with_capacity(count);
+        let (mut surroundings, mut first_around) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for (triangle, corners) in welded_triangles.iter().enumerate() {
             let (mut parts, mut lowest, mut highest) = (0, u32::MAX, 0);
             let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
@@ -159,9 +168,8 @@ impl SurfaceTopology {
                     (lowest, highest) = (lowest.min(place), highest.max(place));
                 }
             }
-            first_of.push(parts);
+            surroundings.push(Surroundings { first_of: parts, lowest, highest });
             first_around.push(firsts);
-            reach.push([lowest, highest]);
         }
         let mut topology = Self {
             vertex_count: positions.len(),
@@ -172,9 +180,8 @@ impl SurfaceTopology {
             triangle_edges,
             edge_triangles,
             vertex_triangles,
-            first_of,
+            surroundings,
             first_around,
-            reach,
             report: TopologyReport::default(),
         };
         topology.report = topology.inspect();
@@ -255,7 +262,7 @@ impl SurfaceTopology {
     /// edges.
     #[inline]
     pub(crate) fn first_of(&self, triangle: TriangleId) -> u8 {
-        self.first_of[triangle.index()]
+        self.surroundings[triangle.index()].first_of
     }
 
     /// The first triangle around a part of a triangle: 0 to 2 its corners, 3 to 5 its edges, 6 the triangle itself.
@@ -269,8 +276,8 @@ impl SurfaceTopology {
     /// surface tell.
     #[inline]
     pub(crate) fn firsts_may_meet(&self, a: TriangleId, b: TriangleId) -> bool {
-        let ([low_a, high_a], [low_b, high_b]) = (self.reach[a.index()], self.reach[b.index()]);
-        low_a <= high_b && low_b <= high_a
+        let (a, b) = (&self.surroundings[a.index()], &self.surroundings[b.index()]);
+        a.lowest <= b.highest && b.lowest <= a.highest
     }
 
     /// Whether any two vertices are welded.

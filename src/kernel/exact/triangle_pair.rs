@@ -127,6 +127,7 @@ pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut Pair
 
 /// The same for a pair that was screened for the same range, except that only those of its feature pairs are found that
 /// are in `wanted`, or the closest and on the boundaries of both.
+#[inline]
 pub(in crate::kernel) fn examine_screened(
     pair: &ScreenedPair,
     corners: &[[DVec3; 3]; 2],
@@ -167,6 +168,7 @@ pub(in crate::kernel) fn examine_screened(
 }
 
 /// Both triangles relative to the first one's first corner.
+#[inline]
 fn local_sides(a: &[DVec3; 3], b: &[DVec3; 3]) -> (Sides, Sides) {
     let origin = a[0];
     let local = |corners: &[DVec3; 3]| Sides::new([corners[0] - origin, corners[1] - origin, corners[2] - origin]);
@@ -178,6 +180,7 @@ impl PairProximity {
     /// but for `nothing`, below which they are none; beside that of the boundaries stands which of their parts to look at,
     /// see [`ScreenedPair`].
     #[expect(clippy::too_many_arguments, reason = "what the two ways to examine a pair have in common")]
+    #[inline]
     fn conclude(
         &mut self,
         a: &Sides,
@@ -208,6 +211,7 @@ fn largest_coordinate(triangle: &Sides) -> f64 {
 }
 
 /// Where along an edge of `other` a vertex of `own` is closest, 0–1, and the squared distance.
+#[inline]
 fn vertex_edge(own: &Sides, other: &Sides, vertex: usize, edge: usize) -> (f64, f64) {
     let from_start = own.corners[vertex] - other.corners[edge];
     let along = (from_start.dot(other.edges[edge]) * other.inverse_lengths_squared[edge]).clamp(0.0, 1.0);
@@ -248,6 +252,7 @@ fn boundary_proximities(
 }
 
 /// A vertex of `own` and the place along an edge of `other` that is closest to it, or the corner there.
+#[inline]
 fn boundary_proximity(
     own: &Sides,
     other: &Sides,
