@@ -16,6 +16,11 @@ use super::triangle_pair::{PARALLEL_SINE, ROUND_OFF, TIE};
 /// coordinate: seven times what its rounding amounts to.
 const VOLUME_ROUNDING: f64 = 1.0e-12;
 
+/// An edge pierces a face beyond doubt where its rise over the face, times the pair's size, is more than this share of the fourth
+/// power of the largest coordinate: then the volumes' rounding moves the point of piercing by less than a tenth of what
+/// `triangle_pair` allows, 3e-13 of that power over the rise and the size against 1e-10.
+const FIRM_PIERCING: f64 = 3.0e-2;
+
 /// Features of a pair of triangles, one bit each: a vertex over a face, two edges, an edge that pierces a face, or
 /// anything on the boundaries of both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,18 +123,30 @@ pub(in crate::kernel) struct ScreenedPair {
     pub(super) nearest: f64,
     /// The largest coordinate of either.
     pub(super) largest: f64,
+    /// Which of the edges that may pierce a face do.
+    certain: Cases,
     /// Which of the vertices over faces and pairs of edges is closest, the first of those that are equally close; none
     /// where boundaries are closer.
     pub(in crate::kernel) closest: Cases,
 }
 
 impl ScreenedPair {
-    /// Whether all that is left of the pair is its distance: it does not cross, nothing of it is in `wanted`, and its
-    /// boundaries are not what is closest.
-    pub(in crate::kernel) fn is_distance_only(&self, wanted: Cases) -> bool {
-        !self.cases.may_cross()
-            && self.cases.and(wanted).without_boundary().are_none()
-            && !(self.cases.contain(Cases::BOUNDARY) && self.boundary <= self.nearest)
+    /// Whether the two cross; `None` where the screen is in doubt.
+    pub(in crate::kernel) fn crosses(&self) -> Option<bool> {
+        match self.cases.and(Cases::PIERCING).without(self.certain) {
+            doubtful if doubtful.are_none() => Some(self.cases.may_cross()),
+            _ => None,
+        }
+    }
+
+    /// Whether nothing is closer than the boundaries of both.
+    pub(in crate::kernel) fn is_closest_on_boundary(&self) -> bool {
+        self.cases.contain(Cases::BOUNDARY) && self.boundary <= self.nearest
+    }
+
+    /// The distance below which the pair's features touch as far as f64 tells.
+    pub(in crate::kernel) fn nothing(&self) -> f64 {
+        ROUND_OFF * self.largest
     }
 
     /// The distance of two triangles that do not cross.
@@ -140,18 +157,35 @@ impl ScreenedPair {
 }
 
 /// How many pairs are screened at a time.
-const WIDTH: usize = 8;
+pub(super) const WIDTH: usize = 8;
 
 /// A vector of each of eight pairs.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Rows([[f64; WIDTH]; 3]);
+pub(super) struct Rows([[f64; WIDTH]; 3]);
+
+impl Rows {
+    pub(super) const ZERO: Self = Self([[0.0; WIDTH]; 3]);
+
+    #[inline(always)]
+    pub(super) fn set(&mut self, lane: usize, place: DVec3) {
+        let Self([x, y, z]) = self;
+        (x[lane], y[lane], z[lane]) = (place.x, place.y, place.z);
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&self, lane: usize) -> DVec3 {
+        let Self([x, y, z]) = self;
+        DVec3::new(x[lane], y[lane], z[lane])
+    }
+}
 
 /// Eight pairs of triangles and what is known of them.
 pub(in crate::kernel) struct PairScreen {
     corners: [[Rows; 3]; 2],
     cases: [u64; WIDTH],
     closest: [u64; WIDTH],
+    certain: [u64; WIDTH],
     boundary: [f64; WIDTH],
     on_boundary: [u64; WIDTH],
     nearest: [f64; WIDTH],
@@ -163,9 +197,10 @@ impl PairScreen {
 
     pub(in crate::kernel) fn new() -> Self {
         Self {
-            corners: [[Rows([[0.0; WIDTH]; 3]); 3]; 2],
+            corners: [[Rows::ZERO; 3]; 2],
             cases: [0; WIDTH],
             closest: [0; WIDTH],
+            certain: [0; WIDTH],
             boundary: [0.0; WIDTH],
             on_boundary: [0; WIDTH],
             nearest: [0.0; WIDTH],
@@ -177,8 +212,7 @@ impl PairScreen {
     #[inline(always)]
     pub(in crate::kernel) fn set(&mut self, side: usize, lane: usize, corners: [DVec3; 3]) {
         for corner in 0..3 {
-            let Rows([x, y, z]) = &mut self.corners[side][corner];
-            (x[lane], y[lane], z[lane]) = (corners[corner].x, corners[corner].y, corners[corner].z);
+            self.corners[side][corner].set(lane, corners[corner]);
         }
     }
 
@@ -192,6 +226,7 @@ impl PairScreen {
             on_boundary: self.on_boundary[place] as u32,
             nearest: self.nearest[place],
             largest: self.largest[place],
+            certain: Cases(self.certain[place] as u32),
             closest: Cases(self.closest[place] as u32),
         };
         (0..count).map(screened).filter(|pair| !pair.cases.are_none())
@@ -237,14 +272,24 @@ impl PairScreen {
                 volumes[edge_a][edge_b] = edge_edge(simd, &a, &b, [edge_a, edge_b], range_squared, &mut found);
             }
         }
-        let rounding = largest * largest * largest * VOLUME_ROUNDING;
+        let cube = largest * largest * largest;
+        let (rounding, firm) = (cube * VOLUME_ROUNDING, cube * largest * FIRM_PIERCING);
+        let mut certain = u64x8::splat(simd, 0);
         for edge in 0..3 {
             let [along_a, along_b] = [volumes[edge], [volumes[0][edge], volumes[1][edge], volumes[2][edge]]];
-            let of_a = may_pierce(simd, &heights_over_b, edge, along_a, rounding);
-            let of_b = may_pierce(simd, &heights_over_a, edge, along_b, rounding);
-            found.add(of_a, Cases::piercing(true, edge));
-            found.add(of_b, Cases::piercing(false, edge));
+            for (of_a, own, other, heights, volumes) in
+                [(true, &a, &b, &heights_over_b, along_a), (false, &b, &a, &heights_over_a, along_b)]
+            {
+                let (possible, clear) = may_pierce(simd, heights, edge, volumes, rounding);
+                let case = Cases::piercing(of_a, edge);
+                found.add(possible, case);
+                let size_squared = own.lengths_squared[edge] + other.lengths_squared[0] + other.lengths_squared[1];
+                let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
+                let is_firm = clear & ((from - to).abs() * size_squared.sqrt()).simd_gt(firm);
+                certain = is_firm.select(certain | u64::from(case.0), certain);
+            }
         }
+        certain.store_slice(&mut self.certain);
         found.cases.store_slice(&mut self.cases);
         found.closest.store_slice(&mut self.closest);
         found.nearest.store_slice(&mut self.nearest);
@@ -254,7 +299,7 @@ impl PairScreen {
 }
 
 #[derive(Clone, Copy)]
-struct Vectors<S: Simd> {
+pub(super) struct Vectors<S: Simd> {
     x: f64x8<S>,
     y: f64x8<S>,
     z: f64x8<S>,
@@ -262,27 +307,50 @@ struct Vectors<S: Simd> {
 
 impl<S: Simd> Vectors<S> {
     #[inline(always)]
-    fn load(simd: S, Rows([x, y, z]): &Rows) -> Self {
+    pub(super) fn load(simd: S, Rows([x, y, z]): &Rows) -> Self {
         Self { x: f64x8::from_slice(simd, x), y: f64x8::from_slice(simd, y), z: f64x8::from_slice(simd, z) }
     }
 
     #[inline(always)]
-    fn minus(self, other: Self) -> Self {
+    pub(super) fn store(self, Rows([x, y, z]): &mut Rows) {
+        self.x.store_slice(x);
+        self.y.store_slice(y);
+        self.z.store_slice(z);
+    }
+
+    #[inline(always)]
+    pub(super) fn select(mask: mask64x8<S>, yes: Self, no: Self) -> Self {
+        Self { x: mask.select(yes.x, no.x), y: mask.select(yes.y, no.y), z: mask.select(yes.z, no.z) }
+    }
+
+    /// Turned round in some lanes.
+    #[inline(always)]
+    pub(super) fn negated(self, mask: mask64x8<S>) -> Self {
+        Self::select(mask, Self { x: -self.x, y: -self.y, z: -self.z }, self)
+    }
+
+    #[inline(always)]
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
+    }
+
+    #[inline(always)]
+    pub(super) fn minus(self, other: Self) -> Self {
         Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
     }
 
     #[inline(always)]
-    fn scaled(self, factor: f64x8<S>) -> Self {
+    pub(super) fn scaled(self, factor: f64x8<S>) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
 
     #[inline(always)]
-    fn dot(self, other: Self) -> f64x8<S> {
+    pub(super) fn dot(self, other: Self) -> f64x8<S> {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
     #[inline(always)]
-    fn cross(self, other: Self) -> Self {
+    pub(super) fn cross(self, other: Self) -> Self {
         Self {
             x: self.y * other.z - self.z * other.y,
             y: self.z * other.x - self.x * other.z,
@@ -401,7 +469,7 @@ fn edge_edge<S: Simd>(
 }
 
 /// Whether the ends of an edge may lie on different sides of a face's plane, and the face's three edges pass it on the same
-/// side.
+/// side; and whether there is no doubt about either.
 #[inline(always)]
 fn may_pierce<S: Simd>(
     simd: S,
@@ -409,12 +477,14 @@ fn may_pierce<S: Simd>(
     edge: usize,
     volumes: [f64x8<S>; 3],
     rounding: f64x8<S>,
-) -> mask64x8<S> {
+) -> (mask64x8<S>, mask64x8<S>) {
     let zero = f64x8::splat(simd, 0.0);
     let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
     let same_side = (from.simd_gt(zero) & to.simd_gt(zero)) | (from.simd_lt(zero) & to.simd_lt(zero));
     let least = volumes[0].min(volumes[1]).min(volumes[2]);
     let largest = volumes[0].max(volumes[1]).max(volumes[2]);
     let passed_on_both_sides = least.simd_lt(-rounding) & largest.simd_gt(rounding);
-    !(same_side | passed_on_both_sides)
+    let on_both_sides = (from.simd_gt(zero) & to.simd_lt(zero)) | (from.simd_lt(zero) & to.simd_gt(zero));
+    let passed_on_one_side = least.simd_gt(rounding) | largest.simd_lt(-rounding);
+    (!(same_side | passed_on_both_sides), on_both_sides & passed_on_one_side)
 }
