@@ -13,6 +13,7 @@ mod pair_fates;
 mod parallel;
 mod refine;
 mod refit;
+mod settle;
 mod sides;
 
 pub use bounds::{BoundsPlugin, TriangleBounds};

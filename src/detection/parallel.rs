@@ -2,7 +2,10 @@
 
 use std::{
     ops::Range,
-    sync::atomic::{AtomicUsize, Ordering},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
 };
 
 use bevy_tasks::ComputeTaskPool;
@@ -92,4 +95,35 @@ pub(super) fn append_ranges<T: Send + 'static>(
     parts.sort_unstable_by_key(|&(part, ..)| part);
     parts.iter_mut().for_each(|(_, found, _)| results.append(found));
     parts.iter().map(|&(.., sum)| sum).sum()
+}
+
+/// Calls `work` on consecutive chunks of `items`, each with the results of the same places to write. The chunks are the
+/// same for any number of threads. One thread, or one chunk, never touches the pool and allocates nothing.
+pub(crate) fn fill_chunks<T: Sync, R: Send>(
+    items: &[T],
+    results: &mut [R],
+    chunk: usize,
+    threads: usize,
+    work: impl Fn(&[T], &mut [R]) + Sync,
+) {
+    let threads = available_threads(threads).min(items.len().div_ceil(chunk));
+    let chunks = items.chunks(chunk).zip(results.chunks_mut(chunk));
+    if threads <= 1 {
+        for (items, results) in chunks {
+            work(items, results);
+        }
+        return;
+    }
+    let chunks = Mutex::new(chunks);
+    let next = || chunks.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let take_chunks = || {
+        while let Some((items, results)) = next() {
+            work(items, results);
+        }
+    };
+    ComputeTaskPool::get().scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(async { take_chunks() });
+        }
+    });
 }

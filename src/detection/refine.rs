@@ -9,13 +9,13 @@ use super::{
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
     diagnostics::DetectionDiagnostics,
     parallel::map_chunks,
+    settle::SettleBuffers,
     sides::{pair_settings, surface_sides},
 };
 use crate::{
     kernel::{
         pair::FoundPairs,
         refine::{refine_closest, refine_pairs, refine_shape},
-        settle::settle_penetrations,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -45,6 +45,7 @@ fn refine(
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     mut refined: ResMut<RefinedTrianglePairs>,
+    mut buffers: Local<SettleBuffers>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: Query<&SurfacePositions>,
 ) {
@@ -56,7 +57,7 @@ fn refine(
         if !pair.method.is_exact() {
             continue;
         }
-        refine_pair(&active, pair, &settings, &surfaces, refined);
+        refine_pair(&active, pair, &settings, &surfaces, refined, &mut buffers);
         pairs_in += pair.triangles.len();
         pairs_out += refined.touching.len();
         examined += refined.examined;
@@ -74,6 +75,7 @@ fn refine_pair(
     settings: &CircumsphereSettings,
     surfaces: &Query<&SurfacePositions>,
     refined: &mut FoundPairs,
+    buffers: &mut SettleBuffers,
 ) {
     let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
@@ -94,7 +96,7 @@ fn refine_pair(
             let Some([a, b]) = surface_sides(active, pair, own, other) else { return };
             let test = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
             collect(&|chunk, found| test(&a, &b, chunk, &pair_settings, found));
-            settle_penetrations(&a, &b, &pair.triangles, &pair_settings, &mut refined.contacts);
+            buffers.settle([&a, &b], &pair.triangles, &pair_settings, settings.threads, &mut refined.contacts);
         }
         OtherSide::Shape(place) => {
             let (shape, pose) = (&active.shapes[place].geometry, &pair.relative_pose);
