@@ -97,33 +97,45 @@ pub(super) fn append_ranges<T: Send + 'static>(
     parts.iter().map(|&(.., sum)| sum).sum()
 }
 
-/// Calls `work` on consecutive chunks of `items`, each with the results of the same places to write. The chunks are the
-/// same for any number of threads. One thread, or one chunk, never touches the pool and allocates nothing.
+/// Calls `work` on consecutive chunks of `items`, each with the place of its first one and with the results of the same
+/// places to write. The chunks are the same for any number of threads.
 pub(crate) fn fill_chunks<T: Sync, R: Send>(
     items: &[T],
     results: &mut [R],
     chunk: usize,
     threads: usize,
-    work: impl Fn(&[T], &mut [R]) + Sync,
+    work: impl Fn(usize, &[T], &mut [R]) + Sync,
 ) {
-    let threads = available_threads(threads).min(items.len().div_ceil(chunk));
-    let chunks = items.chunks(chunk).zip(results.chunks_mut(chunk));
+    let chunks = items.chunks(chunk).zip(results.chunks_mut(chunk)).enumerate();
+    let count = items.len().div_ceil(chunk);
+    hand_out(chunks, count, threads, |(number, (items, results))| work(number * chunk, items, results));
+}
+
+/// Gives each of some tasks, about `count`, to whichever thread is free. One thread, or one task, never touches the pool
+/// and allocates nothing.
+pub(crate) fn hand_out<P: Send>(
+    tasks: impl Iterator<Item = P> + Send,
+    count: usize,
+    threads: usize,
+    work: impl Fn(P) + Sync,
+) {
+    let threads = available_threads(threads).min(count);
     if threads <= 1 {
-        for (items, results) in chunks {
-            work(items, results);
+        for task in tasks {
+            work(task);
         }
         return;
     }
-    let chunks = Mutex::new(chunks);
-    let next = || chunks.lock().unwrap_or_else(PoisonError::into_inner).next();
-    let take_chunks = || {
-        while let Some((items, results)) = next() {
-            work(items, results);
+    let tasks = Mutex::new(tasks);
+    let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let take_tasks = || {
+        while let Some(task) = next() {
+            work(task);
         }
     };
     ComputeTaskPool::get().scope(|scope| {
         for _ in 0..threads {
-            scope.spawn(async { take_chunks() });
+            scope.spawn(async { take_tasks() });
         }
     });
 }

@@ -31,7 +31,7 @@ impl SettleBuffers {
         settling.prepare(a, b, candidates, settings, contacts);
         findings.clear();
         findings.resize(settling.questions().len(), Finding::default());
-        fill_chunks(settling.questions(), findings, CHUNK, threads, |questions, findings| {
+        fill_chunks(settling.questions(), findings, CHUNK, threads, |_, questions, findings| {
             settling.look(a, b, contacts, questions, findings);
         });
         settling.carry_out(findings, settings, contacts);
