@@ -239,7 +239,7 @@ impl Report {
 }
 
 /// Digits in groups of three.
-fn grouped(count: u64) -> String {
+pub fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let mut text = String::new();
     for (place, digit) in digits.chars().enumerate() {
@@ -252,7 +252,7 @@ fn grouped(count: u64) -> String {
 }
 
 /// A time or ratio with three digits that matter.
-fn short(value: f64) -> String {
+pub fn short(value: f64) -> String {
     match value {
         value if !value.is_finite() => "-".to_owned(),
         value if value >= 99.95 => format!("{value:.0}"),
