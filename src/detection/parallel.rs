@@ -139,3 +139,47 @@ pub(crate) fn hand_out<P: Send>(
         }
     });
 }
+
+/// Calls `work` with every item and how many threads it may use for it, `threads` or one. Items that weigh less
+/// than two chunks are shared out among the threads, each as a whole; the others come after them one by one. What is to be
+/// done with an item does not depend on that. Where there is little to share out, the pool is not touched.
+pub(super) fn for_each_weighed<T: Send>(
+    items: &mut [T],
+    threads: usize,
+    chunk: usize,
+    weight: impl Fn(usize, &T) -> usize + Sync,
+    work: impl Fn(usize, &mut T, usize) + Sync,
+) {
+    if available_threads(threads) <= 1 {
+        return items.iter_mut().enumerate().for_each(|(place, item)| work(place, item, 1));
+    }
+    let is_light = |place: usize, item: &T| weight(place, item) < 2 * chunk;
+    let weights = items.iter().enumerate().map(|(place, item)| (is_light(place, item), weight(place, item)));
+    let to_share: usize = weights.filter(|(is_light, _)| *is_light).map(|(_, weight)| weight).sum();
+    let light = items.iter_mut().enumerate().filter(|(place, item)| is_light(*place, item));
+    hand_out(light, to_share / chunk, threads, |(place, item)| work(place, item, 1));
+    for (place, item) in items.iter_mut().enumerate().filter(|(place, item)| !is_light(*place, item)) {
+        work(place, item, threads);
+    }
+}
+
+/// Buffers that are kept from tick to tick, one for each thread that works at the same time.
+pub(super) struct Buffers<T>(Mutex<Vec<T>>);
+
+impl<T> Default for Buffers<T> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl<T: Default> Buffers<T> {
+    /// Calls `work` with a buffer that nobody else uses meanwhile.
+    pub(super) fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
+        let spare = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let taken = spare().pop();
+        let mut buffer = taken.unwrap_or_default();
+        let result = work(&mut buffer);
+        spare().push(buffer);
+        result
+    }
+}

@@ -1,10 +1,11 @@
 //! Stage 2: which surfaces and shapes are near each other, and which of their triangles' boxes overlap.
 //!
-//! This plugin pairs surfaces and brings each pair into one frame. The pairs of triangles are found by one algorithm
-//! plugin beside it; every algorithm gives the same pairs. To use your own, disable [`TreeBroadPhasePlugin`] and add a
-//! system in [`BroadPhaseSystems::PairTriangles`] that fills [`SurfacePair::triangles`].
+//! This plugin pairs surfaces. The pairs of triangles are found by one algorithm plugin beside it; every algorithm gives the
+//! same pairs. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in [`BroadPhaseSystems::PairTriangles`]
+//! that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by [`SurfacePair::mover`].
 
 mod brute_force;
+mod moved;
 mod tree;
 
 use std::time::Instant;
@@ -14,22 +15,23 @@ use bevy_ecs::prelude::*;
 use glam::Vec3;
 
 pub use brute_force::BruteForceBroadPhasePlugin;
+pub use moved::TriangleMover;
 pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
 
 use super::{
-    bounds::{frame_growth, moved_box, world_growth},
+    bounds::{moved_box, world_growth},
     diagnostics::DetectionDiagnostics,
 };
 use crate::{
     contacts::EVENT_HYSTERESIS,
     kernel::{
-        bounds::{Aabb, triangle_bounds},
+        bounds::Aabb,
         pose::Pose,
         tree::BoxTree,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod, SurfacePositions},
+    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
 };
 
 /// The two steps of the broad phase, in this order.
@@ -80,10 +82,11 @@ pub struct SurfacePair {
     pub frame_pose: Pose,
     /// From the other side's own frame to that frame.
     pub relative_pose: Pose,
-    /// Vertices of the other surface in that frame; empty where its own are.
+    /// Vertices of the other surface in that frame, and not numbers where no triangle of theirs was [asked
+    /// for](Self::mover); empty where none was, or its own are in that frame.
     pub moved_positions: Vec<Vec3>,
-    /// Boxes of the other surface's triangles in that frame; empty where its own are.
-    pub moved_bounds: Vec<Aabb>,
+    /// How far rounding may have put one of those from where it is, in the unit of the frame.
+    pub moved_rounding: f32,
     /// Pairs of triangles whose boxes overlap: of the first and the second surface, in a self-collision the lower
     /// one first and those that share a vertex left out; with a shape the second is 0.
     pub triangles: Vec<[u32; 2]>,
@@ -150,7 +153,6 @@ fn pair_surfaces(
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    positions: Query<&SurfacePositions>,
 ) {
     let start = Instant::now();
     let surfaces = &active.surfaces;
@@ -168,28 +170,14 @@ fn pair_surfaces(
     spare.reverse();
     let mut reuse = || {
         let mut buffers: Buffers =
-            spare.pop().map(|pair| (pair.triangles, pair.moved_positions, pair.moved_bounds)).unwrap_or_default();
+            spare.pop().map(|pair| (pair.triangles, pair.moved_positions)).unwrap_or_default();
         buffers.0.clear();
         buffers.1.clear();
-        buffers.2.clear();
         buffers
     };
     for [first, second] in places {
         let [first, second] = [first as usize, second as usize];
-        let mut pair = surface_pair(surfaces, first, second, settings.margin(), reuse());
-        let moved = match pair.frame {
-            _ if pair.relative_pose == Pose::IDENTITY => None,
-            Frame::First => Some(&surfaces[second]),
-            Frame::Second => Some(&surfaces[first]),
-        };
-        if let Some(surface) = moved
-            && let Ok(positions) = positions.get(surface.entity)
-        {
-            pair.relative_pose.transform_points(&positions.0, &mut pair.moved_positions);
-            let growth = frame_growth(surface.thickness, settings.margin(), pair.frame_pose.scale());
-            triangle_bounds(&pair.moved_positions, surface.topology.triangles(), growth, &mut pair.moved_bounds);
-        }
-        candidates.pairs.push(pair);
+        candidates.pairs.push(surface_pair(surfaces, first, second, settings.margin(), reuse()));
     }
     let mut with_shapes = Vec::new();
     for (place, shape) in active.shapes.iter().enumerate() {
@@ -213,7 +201,7 @@ fn pair_surfaces(
     diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
 }
 
-type Buffers = (Vec<[u32; 2]>, Vec<Vec3>, Vec<Aabb>);
+type Buffers = (Vec<[u32; 2]>, Vec<Vec3>);
 
 fn range(contact_distance: f32, margin: f32) -> f32 {
     (contact_distance * (1.0 + EVENT_HYSTERESIS)).max(contact_distance + margin)
@@ -224,7 +212,7 @@ fn surface_pair(
     first: usize,
     second: usize,
     margin: f32,
-    (triangles, moved_positions, moved_bounds): Buffers,
+    (triangles, moved_positions): Buffers,
 ) -> SurfacePair {
     let (a, b) = (&surfaces[first], &surfaces[second]);
     let contact_distance = a.thickness + b.thickness;
@@ -245,7 +233,7 @@ fn surface_pair(
         frame_pose,
         relative_pose,
         moved_positions,
-        moved_bounds,
+        moved_rounding: 0.0,
         triangles,
     }
 }
@@ -256,7 +244,7 @@ fn shape_pair(
     shape: &ActiveShape,
     place: usize,
     margin: f32,
-    (triangles, moved_positions, moved_bounds): Buffers,
+    (triangles, moved_positions): Buffers,
 ) -> SurfacePair {
     SurfacePair {
         first,
@@ -269,7 +257,7 @@ fn shape_pair(
         frame_pose: shape.pose,
         relative_pose: surface.pose.relative_to(&shape.pose),
         moved_positions,
-        moved_bounds,
+        moved_rounding: 0.0,
         triangles,
     }
 }
