@@ -11,7 +11,7 @@ use std::{
 use bevy_tasks::ComputeTaskPool;
 
 /// Pairs handed out at a time: enough work to outweigh the handing out, few enough to balance.
-const CHUNK: usize = 4096;
+pub(super) const CHUNK: usize = 4096;
 
 /// How many threads may work, the calling one included: `wanted`, or where that is 0 all that the pool has.
 fn available_threads(wanted: usize) -> usize {
@@ -22,17 +22,18 @@ fn available_threads(wanted: usize) -> usize {
     }
 }
 
-/// Calls `work` on consecutive chunks of `pairs` and returns the results in order. The chunks are the same for any
-/// number of threads. One thread, or a short list, never touches the pool.
-pub(super) fn map_chunks<T: Send + 'static>(
+/// Calls `work` on consecutive chunks of `pairs`, each with results to append to, and joins them in order. The chunks are the
+/// same for any number of threads. One thread, or a short list, never touches the pool and allocates nothing.
+pub(super) fn append_chunks<T: Default + Send + 'static>(
     pairs: &[[u32; 2]],
     threads: usize,
-    work: impl Fn(&[[u32; 2]]) -> T + Sync,
-) -> Vec<T> {
-    let chunk_count = pairs.len().div_ceil(CHUNK);
-    let threads = available_threads(threads).min(chunk_count);
+    results: &mut T,
+    work: impl Fn(&[[u32; 2]], &mut T) + Sync,
+    join: impl Fn(&mut T, T),
+) {
+    let threads = available_threads(threads).min(pairs.len().div_ceil(CHUNK));
     if threads <= 1 {
-        return pairs.chunks(CHUNK).map(work).collect();
+        return pairs.chunks(CHUNK).for_each(|chunk| work(chunk, results));
     }
     let next = AtomicUsize::new(0);
     let take_chunks = || {
@@ -40,10 +41,12 @@ pub(super) fn map_chunks<T: Send + 'static>(
         loop {
             let chunk = next.fetch_add(1, Ordering::Relaxed);
             let Some(pairs) = pairs.chunks(CHUNK).nth(chunk) else { return done };
-            done.push((chunk, work(pairs)));
+            let mut found = T::default();
+            work(pairs, &mut found);
+            done.push((chunk, found));
         }
     };
-    let mut results: Vec<(usize, T)> = ComputeTaskPool::get()
+    let mut parts: Vec<(usize, T)> = ComputeTaskPool::get()
         .scope(|scope| {
             for _ in 0..threads {
                 scope.spawn(async { take_chunks() });
@@ -52,8 +55,8 @@ pub(super) fn map_chunks<T: Send + 'static>(
         .into_iter()
         .flatten()
         .collect();
-    results.sort_unstable_by_key(|&(chunk, _)| chunk);
-    results.into_iter().map(|(_, result)| result).collect()
+    parts.sort_unstable_by_key(|&(chunk, _)| chunk);
+    parts.into_iter().for_each(|(_, found)| join(results, found));
 }
 
 /// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with a list to append to, and appends the lists to

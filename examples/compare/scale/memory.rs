@@ -172,13 +172,7 @@ impl Display for Memory {
         writeln!(out, "{:44} {:>14} {:>14}", "", "without pairs", "crumpled")?;
         writeln!(out, "{:44} {:>14} {:>14}", "", "bytes a △", "bytes")?;
         for part in self.parts.iter().filter(|part| part.bytes > 0) {
-            writeln!(
-                out,
-                "    {:40} {:>14.1} {:>14}",
-                part.name,
-                part.bytes_per_triangle,
-                grouped(part.bytes as u64)
-            )?;
+            writeln!(out, "    {:40} {:>14.1} {:>14}", part.name, part.bytes_per_triangle, grouped(part.bytes as u64))?;
         }
         writeln!(
             out,

@@ -257,7 +257,8 @@ impl Display for Series {
         line("", per_triangle(|size| size.candidates), "candidates a △")?;
         line("", per_triangle(|size| size.contacts), "contacts a △")?;
         for growth in &self.stages {
-            let name = if growth.stage == WHOLE { "  cold tick, ms".to_owned() } else { format!("    {}", growth.stage) };
+            let name =
+                if growth.stage == WHOLE { "  cold tick, ms".to_owned() } else { format!("    {}", growth.stage) };
             let slope = growth.slope.map_or_else(|| "-".to_owned(), |slope| format!("slope {slope:.2}"));
             line(&name, growth.median_ms.iter().map(|&time| short(time)).collect(), &slope)?;
         }

@@ -12,7 +12,7 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
-    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair,
+    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, REBUILD_DECAY, SurfacePair,
     brute_force::pair_with_shape_brute_force,
     moved::{Reach, TriangleMover},
     shape_bounds,
@@ -37,9 +37,8 @@ use crate::{
 /// Leaves whose pairs one thread looks for at a time.
 const LEAVES_AT_ONCE: usize = 64;
 
-/// A tree is built anew once its boxes have grown by this factor relative to the surface: a refitted tree answers
-/// correctly however old it is, only ever more slowly.
-const REBUILD_DECAY: f32 = 1.5;
+/// Leaves of a pair that are worth more than one thread, by half.
+const LEAVES_OF_ONE: usize = 256;
 
 /// The tree over a surface's triangles, and the mesh it was built for.
 #[derive(Component, Default)]
@@ -164,7 +163,7 @@ fn pair_triangles(
     for_each_weighed(
         &mut candidates.pairs,
         settings.threads,
-        LEAVES_AT_ONCE,
+        LEAVES_OF_ONE,
         |_, pair| weight(pair),
         |_, pair, threads| {
             let found = match pair.second {
