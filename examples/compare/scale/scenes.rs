@@ -35,7 +35,8 @@ impl Scene {
 
     /// `count` bodies in a lattice, `spacing` apart, each turned its own way and off its place by at most `jitter`.
     fn lattice(count: usize, mesh: &Mesh, spacing: f32, jitter: f32) -> Self {
-        let side = (1..).find(|side: &usize| side.pow(3) >= count).unwrap_or(1);
+        // As high as it is wide where that comes out even: the outside of a heap touches less than its inside.
+        let side = (count as f64).cbrt().round() as usize;
         let mut random = Random::new(count as u64);
         let bodies = (0..count)
             .map(|number| {

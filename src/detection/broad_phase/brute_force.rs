@@ -92,11 +92,12 @@ pub(super) fn pair_with_shape_brute_force(
     bounds: &[Aabb],
 ) {
     let reach = shape_bounds(pair, shape, surface, margin);
+    let mut triangles = std::mem::take(&mut pair.triangles);
     let reached = (0u32..).zip(bounds).filter(|(_, bounds)| match (&reach, &*shape.geometry) {
         (Some(reach), _) => reach.overlaps(bounds),
         (None, ShapeGeometry::HalfSpace { normal }) => reaches_half_space(pair, *normal, bounds),
         (None, _) => true,
     });
-    let reached: Vec<[u32; 2]> = reached.map(|(triangle, _)| [triangle, 0]).collect();
-    pair.triangles.extend(reached);
+    triangles.extend(reached.map(|(triangle, _)| [triangle, 0]));
+    pair.triangles = triangles;
 }

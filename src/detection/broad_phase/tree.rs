@@ -76,11 +76,12 @@ fn update_trees(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
+    mut culled: Local<Vec<bool>>,
     mut surfaces: Query<(&SurfacePositions, &TriangleBounds, &mut SurfaceTree)>,
 ) {
     let start = Instant::now();
-    let culled = culled_surfaces(&active, &candidates);
-    for (surface, culled) in active.surfaces.iter().zip(culled) {
+    mark_culled_surfaces(&active, &candidates, &mut culled);
+    for (surface, &culled) in active.surfaces.iter().zip(&*culled) {
         let Ok((positions, bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
         let tree = &mut *tree;
         if tree.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, &surface.topology)) {
@@ -107,16 +108,17 @@ fn update_trees(
     diagnostics.finish("tree update", start, 0, 0);
 }
 
-/// For each active surface whether a traversal asks about its triangles.
-fn culled_surfaces(active: &ActiveSurfaces, candidates: &CandidateTrianglePairs) -> Vec<bool> {
-    let mut culled = vec![false; active.surfaces.len()];
+/// Marks for each active surface whether a traversal asks about its triangles. Of a surface that is moved it asks about
+/// others.
+fn mark_culled_surfaces(active: &ActiveSurfaces, candidates: &CandidateTrianglePairs, culled: &mut Vec<bool>) {
+    culled.clear();
+    culled.resize(active.surfaces.len(), false);
     for pair in &candidates.pairs {
         if let OtherSide::Surface(second) = pair.second {
-            culled[pair.first] = true;
-            culled[second] = true;
+            culled[pair.first] |= !pair.is_moved() || pair.frame == Frame::First;
+            culled[second] |= !pair.is_moved() || pair.frame == Frame::Second;
         }
     }
-    culled
 }
 
 /// Those triangles of a surface that reach into the box of another, in the other's frame.
