@@ -82,6 +82,8 @@ pub struct SurfacePair {
     pub frame_pose: Pose,
     /// From the other side's own frame to that frame.
     pub relative_pose: Pose,
+    /// Triangles of the other surface that may be near, with their boxes in that frame, where the algorithm lists them.
+    pub moved_triangles: Vec<(u32, Aabb)>,
     /// Vertices of the other surface in that frame, and not numbers where no triangle of theirs was [asked
     /// for](Self::mover); empty where none was, or its own are in that frame.
     pub moved_positions: Vec<Vec3>,
@@ -174,9 +176,14 @@ impl PairingBuffers {
     }
 
     fn reuse(&mut self) -> PairLists {
-        let mut lists = self.spare.pop().map(|pair| (pair.triangles, pair.moved_positions)).unwrap_or_default();
+        let mut lists: PairLists = self
+            .spare
+            .pop()
+            .map(|pair| (pair.triangles, pair.moved_triangles, pair.moved_positions))
+            .unwrap_or_default();
         lists.0.clear();
         lists.1.clear();
+        lists.2.clear();
         lists
     }
 }
@@ -235,8 +242,8 @@ fn pair_surfaces(
     diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
 }
 
-/// Triangles and moved positions.
-type PairLists = (Vec<[u32; 2]>, Vec<Vec3>);
+/// Pairs of triangles, moved triangles and moved positions.
+type PairLists = (Vec<[u32; 2]>, Vec<(u32, Aabb)>, Vec<Vec3>);
 
 fn range(contact_distance: f32, margin: f32) -> f32 {
     (contact_distance * (1.0 + EVENT_HYSTERESIS)).max(contact_distance + margin)
@@ -247,7 +254,7 @@ fn surface_pair(
     first: usize,
     second: usize,
     margin: f32,
-    (triangles, moved_positions): PairLists,
+    (triangles, moved_triangles, moved_positions): PairLists,
 ) -> SurfacePair {
     let (a, b) = (&surfaces[first], &surfaces[second]);
     let contact_distance = a.thickness + b.thickness;
@@ -267,6 +274,7 @@ fn surface_pair(
         frame,
         frame_pose,
         relative_pose,
+        moved_triangles,
         moved_positions,
         moved_rounding: 0.0,
         triangles,
@@ -279,7 +287,7 @@ fn shape_pair(
     shape: &ActiveShape,
     place: usize,
     margin: f32,
-    (triangles, moved_positions): PairLists,
+    (triangles, moved_triangles, moved_positions): PairLists,
 ) -> SurfacePair {
     SurfacePair {
         first,
@@ -291,6 +299,7 @@ fn shape_pair(
         frame: Frame::Second,
         frame_pose: shape.pose,
         relative_pose: surface.pose.relative_to(&shape.pose),
+        moved_triangles,
         moved_positions,
         moved_rounding: 0.0,
         triangles,

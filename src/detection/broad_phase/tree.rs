@@ -13,9 +13,7 @@ use bevy_ecs::prelude::*;
 
 use super::{
     BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, REBUILD_DECAY, SurfacePair,
-    brute_force::pair_with_shape_brute_force,
-    moved::{Reach, TriangleMover},
-    shape_bounds,
+    brute_force::pair_with_shape_brute_force, moved::Reach, shape_bounds,
 };
 use crate::{
     detection::{
@@ -24,7 +22,6 @@ use crate::{
         sides::{pair_settings, surface_sides},
     },
     kernel::{
-        bounds::Aabb,
         leaf_triangles::{LeafTriangles, PairCull},
         topology::SurfaceTopology,
         tree::{BoxTree, LEAF_WIDTH},
@@ -39,6 +36,9 @@ const LEAVES_AT_ONCE: usize = 64;
 
 /// Leaves of a pair that are worth more than one thread, by half.
 const LEAVES_OF_ONE: usize = 256;
+
+/// How many leaves of work it is to find out what of one surface reaches another.
+const LEAVES_LOOKED_AT: usize = 16;
 
 /// The tree over a surface's triangles, and the mesh it was built for.
 #[derive(Component, Default)]
@@ -72,17 +72,20 @@ impl Plugin for TreeBroadPhasePlugin {
     }
 }
 
+type TreesToUpdate<'w, 's> =
+    Query<'w, 's, (&'static SurfacePositions, &'static TriangleBounds, &'static mut SurfaceTree)>;
+
 fn update_trees(
     active: Res<ActiveSurfaces>,
-    candidates: Res<CandidateTrianglePairs>,
+    settings: Res<CircumsphereSettings>,
+    mut candidates: ResMut<CandidateTrianglePairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut culled: Local<Vec<bool>>,
-    mut surfaces: Query<(&SurfacePositions, &TriangleBounds, &mut SurfaceTree)>,
+    mut surfaces: TreesToUpdate,
 ) {
     let start = Instant::now();
-    mark_culled_surfaces(&active, &candidates, &mut culled);
-    for (surface, &culled) in active.surfaces.iter().zip(&*culled) {
-        let Ok((positions, bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
+    for surface in &active.surfaces {
+        let Ok((_, bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
         let tree = &mut *tree;
         if tree.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, &surface.topology)) {
             if tree.followed != bounds.computed() {
@@ -99,6 +102,19 @@ fn update_trees(
             diagnostics.first_tree_builds += build.elapsed();
         }
         tree.followed = bounds.computed();
+    }
+    let trees = surfaces.as_readonly();
+    for_each_weighed(
+        &mut candidates.pairs,
+        settings.threads,
+        LEAVES_OF_ONE,
+        |_, pair| usize::from(pair.is_moved()) * LEAVES_LOOKED_AT,
+        |_, pair, _| move_triangles(&active, &settings, pair, &trees),
+    );
+    mark_culled_surfaces(&active, &candidates, &mut culled);
+    for (surface, &culled) in active.surfaces.iter().zip(&*culled) {
+        let Ok((positions, _, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
+        let tree = &mut *tree;
         if culled && tree.triangles_followed != tree.followed {
             tree.triangles.update(&tree.tree, &surface.topology, &positions.0);
             tree.triangles_followed = tree.followed;
@@ -108,41 +124,61 @@ fn update_trees(
     diagnostics.finish("tree update", start, 0, 0);
 }
 
-/// Marks for each active surface whether a traversal asks about its triangles. Of a surface that is moved it asks about
-/// others.
+/// Brings over what of a pair's moved surface reaches the other one's box.
+fn move_triangles(
+    active: &ActiveSurfaces,
+    settings: &CircumsphereSettings,
+    pair: &mut SurfacePair,
+    surfaces: &Query<(&SurfacePositions, &TriangleBounds, &SurfaceTree)>,
+) {
+    let OtherSide::Surface(second) = pair.second else { return };
+    let sides = match pair.frame {
+        Frame::First => [second, pair.first],
+        Frame::Second => [pair.first, second],
+    };
+    let [surface, other] = sides.map(|place| &active.surfaces[place]);
+    if !pair.is_moved() {
+        return;
+    }
+    let (Ok((own, _, tree)), Ok((.., other_tree))) = (surfaces.get(surface.entity), surfaces.get(other.entity)) else {
+        return;
+    };
+    let target = other_tree.tree.bounds();
+    let reach = Reach::new(&pair.relative_pose, &target);
+    if !reach.is_reached_by(&tree.tree.bounds()) {
+        return;
+    }
+    let mut reaching = std::mem::take(&mut pair.moved_triangles);
+    let mut mover = pair.mover(surface, own, settings.margin());
+    tree.tree.visit_where(
+        |bounds| reach.is_reached_by(bounds),
+        |items| {
+            let bounds = items.iter().map(|&triangle| (triangle, mover.bounds(triangle)));
+            reaching.extend(bounds.filter(|(_, bounds)| bounds.overlaps(&target)));
+        },
+    );
+    pair.moved_triangles = reaching;
+}
+
+/// Marks for each active surface whether a traversal asks about its triangles where they are: of one that is moved it asks
+/// about those that were brought over.
 fn mark_culled_surfaces(active: &ActiveSurfaces, candidates: &CandidateTrianglePairs, culled: &mut Vec<bool>) {
     culled.clear();
     culled.resize(active.surfaces.len(), false);
     for pair in &candidates.pairs {
         if let OtherSide::Surface(second) = pair.second {
-            culled[pair.first] |= !pair.is_moved() || pair.frame == Frame::First;
-            culled[second] |= !pair.is_moved() || pair.frame == Frame::Second;
+            let reached = !pair.moved_triangles.is_empty();
+            culled[pair.first] |= !pair.is_moved() || (reached && pair.frame == Frame::First);
+            culled[second] |= !pair.is_moved() || (reached && pair.frame == Frame::Second);
         }
     }
 }
 
-/// Those triangles of a surface that reach into the box of another, in the other's frame.
+/// Triangles in the frame of another surface, as the leaves of a tree without nodes.
 #[derive(Default)]
-struct MovedTriangles {
-    reaching: Vec<(u32, Aabb)>,
-    /// Leaves and no nodes.
+struct MovedLeaves {
     leaves: BoxTree,
     triangles: LeafTriangles,
-}
-
-impl MovedTriangles {
-    /// Brings over what of `tree`, the pair's moved surface's, reaches `target`.
-    fn collect(&mut self, mover: &mut TriangleMover<'_>, reach: &Reach, target: &Aabb, tree: &BoxTree) {
-        self.reaching.clear();
-        tree.visit_where(
-            |bounds| reach.is_reached_by(bounds),
-            |items| {
-                let bounds = items.iter().map(|&triangle| (triangle, mover.bounds(triangle)));
-                self.reaching.extend(bounds.filter(|(_, bounds)| bounds.overlaps(target)));
-            },
-        );
-        self.leaves.collect_leaves(&self.reaching);
-    }
 }
 
 type TreeQuery<'w, 's> = Query<'w, 's, (&'static SurfacePositions, &'static TriangleBounds, &'static SurfaceTree)>;
@@ -152,7 +188,7 @@ fn pair_triangles(
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    buffers: Local<Buffers<MovedTriangles>>,
+    buffers: Local<Buffers<MovedLeaves>>,
     surfaces: TreeQuery,
 ) {
     let start = Instant::now();
@@ -205,7 +241,7 @@ fn pair_surface(
     pair: &mut SurfacePair,
     second: usize,
     surfaces: &TreeQuery,
-    moved: &mut MovedTriangles,
+    moved: &mut MovedLeaves,
     threads: usize,
 ) -> Option<usize> {
     let (own, _, own_tree) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
@@ -213,21 +249,13 @@ fn pair_surface(
     let mut sides = [(&own_tree.tree, &own_tree.triangles), (&other_tree.tree, &other_tree.triangles)];
     // The side that is gone through leaf by leaf, while the other one is asked what is near.
     let mut side = usize::from(sides[1].0.leaf_count() < sides[0].0.leaf_count());
-    if let Some(surface) = pair.moved_surface(active) {
-        side = if pair.frame == Frame::First { 1 } else { 0 };
-        let target = sides[1 - side].0.bounds();
-        let reach = Reach::new(&pair.relative_pose, &target);
-        if !reach.is_reached_by(&sides[side].0.bounds()) {
-            return Some(0);
-        }
-        let mut mover = pair.mover(surface, [own, other][side], settings.margin());
-        moved.collect(&mut mover, &reach, &target, sides[side].0);
-        if moved.reaching.is_empty() {
-            return Some(0);
-        }
-    }
     let slabs = slab_range(active, pair, settings, own, other);
     if let Some(surface) = pair.moved_surface(active) {
+        if pair.moved_triangles.is_empty() {
+            return Some(0);
+        }
+        side = if pair.frame == Frame::First { 1 } else { 0 };
+        moved.leaves.collect_leaves(&pair.moved_triangles);
         if slabs.is_some() {
             moved.triangles.update(&moved.leaves, &surface.topology, &pair.moved_positions);
         }
