@@ -151,6 +151,9 @@ impl BoxTree {
                 .map(|(item, bounds)| ((bounds.min + bounds.max) * 0.5, item as u32))
                 .collect();
             self.build(&mut items);
+            // A tree that is built anew has as many nodes and leaves as before.
+            self.nodes.shrink_to_fit();
+            self.leaves.shrink_to_fit();
         }
         self.refit(bounds);
         self.built_cost = self.cost;
