@@ -1,21 +1,22 @@
 //! Last stage: what the stages found becomes the store of this tick.
 //!
-//! Contacts are sorted by key and made unique, and a two-sided contact keeps the side it was on in the last tick.
+//! Contacts of spheres are made here; the writer beside this sorts and stores all of them.
 
 use std::{collections::HashMap, sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
-use super::store::{ContactSide, ContactStore, StoredPair};
+use super::{
+    store::{ContactSide, ContactStore, StoredPair},
+    write::{StoreWriter, WriteBuffers},
+};
 use crate::{
     detection::{
         CandidateTrianglePairs, DetectionDiagnostics, MeetingCaps, OverlappingTrianglePairs, RefinedTrianglePairs,
         SphereQuery, SurfacePair, broad_phase::OtherSide, pair_settings, with_balls, with_caps,
     },
     kernel::{
-        contact::CompactContact,
-        exact::FeatureKind,
         pair::FoundPairs,
         sphere_pairs::{ball_contacts, cap_contacts},
     },
@@ -41,9 +42,10 @@ fn gather_contacts(
     overlapping: Res<OverlappingTrianglePairs>,
     meeting: Res<MeetingCaps>,
     settings: Res<CircumsphereSettings>,
-    mut refined: ResMut<RefinedTrianglePairs>,
+    refined: Res<RefinedTrianglePairs>,
     mut store: ResMut<ContactStore>,
     mut previous: Local<ContactStore>,
+    mut buffers: Local<WriteBuffers>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     spheres: SphereQuery,
 ) {
@@ -51,15 +53,14 @@ fn gather_contacts(
     std::mem::swap(&mut *store, &mut *previous);
     store.tick = previous.tick + 1;
     store.pairs.clear();
-    store.contacts.clear();
-    store.touching.clear();
     let places: HashMap<(ContactSide, ContactSide), usize> =
         previous.pairs.iter().enumerate().map(|(place, pair)| ((pair.a, pair.b), place)).collect();
 
+    let mut writer = StoreWriter::new(&mut store, &mut buffers, settings.threads);
     let mut spheres_found = FoundPairs::default();
     for (place, pair) in candidates.pairs.iter().enumerate() {
         let found = if pair.method.is_exact() {
-            &mut refined.pairs[place]
+            &refined.pairs[place]
         } else {
             spheres_found.clear();
             let (pair_settings, found) = (pair_settings(pair, &settings), &mut spheres_found);
@@ -72,33 +73,25 @@ fn gather_contacts(
                     ball_contacts(a, b, &overlapping.pairs[place], &pair_settings, found);
                 });
             }
-            &mut spheres_found
+            &spheres_found
         };
         if found.contacts.is_empty() && found.nearest > f64::from(pair.range) {
             continue;
         }
-        // Stable: neighboring faces of a shape report a shared edge alike up to the sign of a zero, and the first one
-        // of them has to stay the first whatever the order of the candidates.
-        found.contacts.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
-        found.contacts.dedup_by_key(|contact| contact.key);
-        found.touching.sort_unstable_by_key(|pair| (pair.triangle_a, pair.triangle_b));
-
-        let stored = stored_pair(&active, pair, &store, found);
-        if keeps_sides(&active, pair)
-            && let Some(&before) = places.get(&(stored.a, stored.b))
-        {
-            let before = &previous.contacts[previous.pairs[before].contacts.clone()];
-            keep_sides(&mut found.contacts, before);
-        }
-        store.contacts.extend_from_slice(&found.contacts);
-        store.touching.extend_from_slice(&found.touching);
-        store.pairs.push(stored);
+        let mut stored = stored_pair(&active, pair, found.nearest);
+        let before = places.get(&(stored.a, stored.b)).filter(|_| keeps_sides(&active, pair));
+        let before = before.map_or(&[][..], |&before| &previous.contacts[previous.pairs[before].contacts.clone()]);
+        stored.contacts = writer.write_contacts(&found.contacts, before);
+        stored.touching = writer.write_touching(&found.touching);
+        writer.store.pairs.push(stored);
     }
+    writer.finish();
     index_entities(&mut store);
     diagnostics.finish("contacts", start, candidates.pairs.len(), store.contacts.len());
 }
 
-fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore, found: &FoundPairs) -> StoredPair {
+/// A pair as the store keeps it, without its contacts.
+fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, nearest: f64) -> StoredPair {
     let first = &active.surfaces[pair.first];
     // Behind a surface's own face may be just the other side of a thin wall.
     let has_inside = |surface: &ActiveSurface| surface.one_sided && !pair.is_self();
@@ -119,9 +112,9 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore
         a: ContactSide::Surface(first.entity),
         b,
         contact_distance: pair.contact_distance,
-        nearest: found.nearest,
-        contacts: store.contacts.len()..store.contacts.len() + found.contacts.len(),
-        touching: store.touching.len()..store.touching.len() + found.touching.len(),
+        nearest,
+        contacts: 0..0,
+        touching: 0..0,
         frame_pose: pair.frame_pose,
         topology_a: Arc::clone(&first.topology),
         topology_b,
@@ -150,22 +143,4 @@ fn keeps_sides(active: &ActiveSurfaces, pair: &SurfacePair) -> bool {
     let (first, second) = (&active.surfaces[pair.first], &active.surfaces[second]);
     let remembered = !first.fresh && !second.fresh;
     remembered && pair.method.is_exact() && (pair.is_self() || !(first.one_sided || second.one_sided))
-}
-
-/// A contact whose normal has turned round since the last tick has passed through: it keeps the side it was on, and
-/// its distance is negative. Both lists are sorted by key.
-fn keep_sides(contacts: &mut [CompactContact], before: &[CompactContact]) {
-    // In a self-collision either of the two features may have come first.
-    let normal = |contact: &CompactContact| if contact.swapped { -contact.normal } else { contact.normal };
-    let mut before = before.iter().peekable();
-    for contact in contacts {
-        while before.next_if(|other| other.key < contact.key).is_some() {}
-        let Some(last) = before.next_if(|other| other.key == contact.key) else { continue };
-        // Around a corner or a rim a direction may turn without anything having passed.
-        let has_sides = matches!(contact.features.kind(), FeatureKind::VertexFace | FeatureKind::EdgeEdge);
-        if has_sides && normal(contact).dot(normal(last)) < 0.0 {
-            contact.normal = -contact.normal;
-            contact.distance = -contact.distance;
-        }
-    }
 }

@@ -9,7 +9,7 @@ use super::{
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
     overlap::OverlappingTrianglePairs,
-    parallel::map_chunks,
+    parallel::{CHUNK, append_chunks, for_each_weighed},
     sides::{SphereQuery, pair_settings, with_caps},
 };
 use crate::{
@@ -47,25 +47,30 @@ fn test_cones(
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
-    let (mut pairs_in, mut pairs_out) = (0, 0);
     meeting.pairs.resize_with(candidates.pairs.len(), Vec::new);
-    for ((pair, overlapping), meeting) in candidates.pairs.iter().zip(&overlapping.pairs).zip(&mut meeting.pairs) {
-        meeting.clear();
-        if pair.method != ContactMethod::Circumsphere {
-            continue;
-        }
-        let pair_settings = pair_settings(pair, &settings);
-        let chunks = with_caps(&active, &surfaces, pair, |a, b| {
-            map_chunks(overlapping, settings.threads, |chunk| {
-                let mut kept = Vec::new();
-                meeting_caps(a, b, chunk, &pair_settings, &mut kept);
-                kept
-            })
-        });
-        meeting.extend(chunks.into_iter().flatten().flatten());
-        pairs_in += overlapping.len();
-        pairs_out += meeting.len();
-    }
+    let uses_cones = |place: usize| candidates.pairs[place].method == ContactMethod::Circumsphere;
+    for_each_weighed(
+        &mut meeting.pairs,
+        settings.threads,
+        CHUNK,
+        |place, _| overlapping.pairs[place].len(),
+        |place, meeting, threads| {
+            let (pair, overlapping) = (&candidates.pairs[place], &overlapping.pairs[place]);
+            meeting.clear();
+            if overlapping.is_empty() || !uses_cones(place) {
+                return;
+            }
+            let pair_settings = pair_settings(pair, &settings);
+            with_caps(&active, &surfaces, pair, |a, b| {
+                let test =
+                    |chunk: &[[u32; 2]], kept: &mut Vec<CapPair>| meeting_caps(a, b, chunk, &pair_settings, kept);
+                append_chunks(overlapping, threads, meeting, test, |kept, mut later| kept.append(&mut later));
+            });
+        },
+    );
+    let tested = overlapping.pairs.iter().enumerate().filter(|&(place, _)| uses_cones(place));
+    let pairs_in = tested.map(|(_, overlapping)| overlapping.len()).sum();
+    let pairs_out = meeting.pairs.iter().map(Vec::len).sum();
     if candidates.pairs.iter().any(|pair| pair.method == ContactMethod::Circumsphere) {
         diagnostics.finish("cone", start, pairs_in, pairs_out);
     }

@@ -6,9 +6,9 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
-    broad_phase::CandidateTrianglePairs,
+    broad_phase::{CandidateTrianglePairs, SurfacePair},
     diagnostics::DetectionDiagnostics,
-    parallel::map_chunks,
+    parallel::{CHUNK, append_chunks, for_each_weighed},
     sides::{SphereQuery, pair_settings, with_balls, with_caps},
 };
 use crate::{
@@ -45,33 +45,38 @@ fn test_overlap(
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
-    let (mut pairs_in, mut pairs_out) = (0, 0);
     overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
-    for (pair, overlapping) in candidates.pairs.iter().zip(&mut overlapping.pairs) {
-        overlapping.clear();
-        let pair_settings = pair_settings(pair, &settings);
-        let threads = settings.threads;
-        let chunks = match pair.method {
-            ContactMethod::BoundingSphere => with_balls(&active, &surfaces, pair, |a, b| {
-                map_chunks(&pair.triangles, threads, |chunk| {
-                    let mut kept = Vec::new();
-                    overlapping_balls(a, b, chunk, &pair_settings, &mut kept);
-                    kept
-                })
-            }),
-            ContactMethod::Circumsphere => with_caps(&active, &surfaces, pair, |a, b| {
-                map_chunks(&pair.triangles, threads, |chunk| {
-                    let mut kept = Vec::new();
-                    overlapping_caps(a, b, chunk, &pair_settings, &mut kept);
-                    kept
-                })
-            }),
-            ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => continue,
-        };
-        overlapping.extend(chunks.into_iter().flatten().flatten());
-        pairs_in += pair.triangles.len();
-        pairs_out += overlapping.len();
-    }
+    let uses_spheres =
+        |pair: &SurfacePair| matches!(pair.method, ContactMethod::BoundingSphere | ContactMethod::Circumsphere);
+    for_each_weighed(
+        &mut overlapping.pairs,
+        settings.threads,
+        CHUNK,
+        |place, _| candidates.pairs[place].triangles.len(),
+        |place, overlapping, threads| {
+            let pair = &candidates.pairs[place];
+            overlapping.clear();
+            if pair.triangles.is_empty() || !uses_spheres(pair) {
+                return;
+            }
+            let pair_settings = pair_settings(pair, &settings);
+            let mut keep = |test: &(dyn Fn(&[[u32; 2]], &mut Vec<[u32; 2]>) + Sync)| {
+                append_chunks(&pair.triangles, threads, overlapping, test, |kept, mut later| kept.append(&mut later));
+            };
+            if pair.method == ContactMethod::BoundingSphere {
+                with_balls(&active, &surfaces, pair, |a, b| {
+                    keep(&|chunk, kept| overlapping_balls(a, b, chunk, &pair_settings, kept));
+                });
+            } else {
+                with_caps(&active, &surfaces, pair, |a, b| {
+                    keep(&|chunk, kept| overlapping_caps(a, b, chunk, &pair_settings, kept));
+                });
+            }
+        },
+    );
+    let pairs_in: usize =
+        candidates.pairs.iter().filter(|pair| uses_spheres(pair)).map(|pair| pair.triangles.len()).sum();
+    let pairs_out = overlapping.pairs.iter().map(Vec::len).sum();
     if pairs_in > 0 {
         diagnostics.finish("overlap", start, pairs_in, pairs_out);
     }

@@ -51,7 +51,8 @@ pub(crate) fn surface_sides<'a>(
         let surface = &active.surfaces[place];
         // Behind a surface's own face may be just the other side of a thin wall.
         let one_sided = surface.one_sided && !pair.is_self();
-        let moved = moving(pose).map(|pose| MovedSide::new(&own_positions.0, pose, positions));
+        let rounding = pair.moved_rounding;
+        let moved = moving(pose).map(|pose| MovedSide { own_positions: &own_positions.0, pose, rounding });
         SurfaceSide { topology: &surface.topology, positions, moved, one_sided, mirrored: pose.is_mirrored() }
     };
     Some([side(pair.first, first_positions, positions_a, pose_a), side(second, second_positions, positions_b, pose_b)])

@@ -11,7 +11,7 @@ use super::{
 };
 
 /// Bits of a feature's number within a key.
-const FEATURE_BITS: u32 = 28;
+pub(super) const FEATURE_BITS: u32 = 28;
 
 /// Names a contact within its pair of surfaces: the kind of both features and their [numbers](feature_number). The same two features have the same key in every tick, so a solver can keep what it knows about them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -434,10 +434,12 @@ fn unique_edges(welded_triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>)
         let (from, to) = (corners[k], corners[(k + 1) % 3]);
         [from.min(to), from.max(to)]
     };
-    let mut edges: Vec<[u32; 2]> =
-        welded_triangles.iter().flat_map(|corners| (0..3).map(move |k| side(corners, k))).collect();
+    let mut edges = Vec::with_capacity(3 * welded_triangles.len());
+    edges.extend(welded_triangles.iter().flat_map(|corners| [0, 1, 2].map(|k| side(corners, k))));
     edges.sort_unstable();
     edges.dedup();
+    // Most are named twice.
+    edges.shrink_to_fit();
     let number = |edge: [u32; 2]| edges.binary_search(&edge).expect("every triangle's edges were collected") as u32;
     let triangle_edges = welded_triangles.iter().map(|corners| [0, 1, 2].map(|k| number(side(corners, k)))).collect();
     (edges, triangle_edges)

@@ -4,7 +4,7 @@ mod ccd;
 #[path = "../reference/common.rs"]
 mod common;
 mod cone;
-mod conservative;
+mod contact_order;
 mod curvature;
 mod exact;
 mod narrow_phase;
