@@ -269,9 +269,9 @@ fn reported_cases(
         let [part_a, part_b] = case.parts();
         let features = FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) };
         if !is_welded {
-            let first_a = a.topology.first_around(TriangleId(triangles[0]), part_a);
-            let first_b = b.topology.first_around(TriangleId(triangles[1]), part_b);
-            if !a.topology.share_vertex(first_a, first_b) {
+            let first_a = triangles_around(a, triangles[0], features.a).map_or(triangles[0], |around| around[0]);
+            let first_b = triangles_around(b, triangles[1], features.b).map_or(triangles[1], |around| around[0]);
+            if !a.topology.share_vertex(TriangleId(first_a), TriangleId(first_b)) {
                 continue;
             }
         }

@@ -14,6 +14,9 @@ use super::ids::{EdgeId, TriangleId, VertexId};
 /// contact's key.
 pub const MAX_ELEMENTS: usize = (1 << 28) - 1;
 
+/// From so many vertices of each component the distances along the surface are known.
+const LANDMARKS: usize = 4;
+
 /// What makes a list of positions and triangles unusable as a surface.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum TopologyError {
@@ -75,17 +78,15 @@ pub struct SurfaceTopology {
     edge_triangles: Incidence,
     vertex_triangles: Incidence,
     surroundings: Vec<Surroundings>,
-    first_around: Vec<[u32; 6]>,
     report: TopologyReport,
 }
 
 /// What a triangle is to its neighbors, in one place.
 #[derive(Clone, Copy, Debug)]
 struct Surroundings {
-    /// The lowest and the highest vertex of the first triangles around its vertices and edges, in an order along the
-    /// surface.
-    lowest: u32,
-    highest: u32,
+    /// How far the vertices of the first triangles around its own vertices and edges are from each landmark, in edges.
+    lowest: [u16; LANDMARKS],
+    highest: [u16; LANDMARKS],
     /// Which of those triangles it is itself, one bit each.
     first_of: u8,
 }
@@ -153,23 +154,22 @@ impl SurfaceTopology {
         }
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
-        let order = breadth_first_order(&welded_triangles, &vertex_triangles);
-        let count = triangles.len();
-        let (mut surroundings, mut first_around) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let distances = landmark_distances(&welded_triangles, &vertex_triangles);
+        let mut surroundings = Vec::with_capacity(triangles.len());
         for (triangle, corners) in welded_triangles.iter().enumerate() {
-            let (mut parts, mut lowest, mut highest) = (0, u32::MAX, 0);
+            let (mut parts, mut lowest, mut highest) = (0, [u16::MAX; LANDMARKS], [0; LANDMARKS]);
             let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
             let [d, e, f] = triangle_edges[triangle].map(|edge| edge_triangles.around(edge)[0]);
-            let firsts = [a, b, c, d, e, f];
-            for (part, first) in firsts.into_iter().enumerate() {
+            for (part, first) in [a, b, c, d, e, f].into_iter().enumerate() {
                 parts |= u8::from(first as usize == triangle) << part;
                 for &vertex in &welded_triangles[first as usize] {
-                    let place = order[vertex as usize];
-                    (lowest, highest) = (lowest.min(place), highest.max(place));
+                    for (landmark, &distance) in distances[vertex as usize].iter().enumerate() {
+                        lowest[landmark] = lowest[landmark].min(distance);
+                        highest[landmark] = highest[landmark].max(distance);
+                    }
                 }
             }
             surroundings.push(Surroundings { first_of: parts, lowest, highest });
-            first_around.push(firsts);
         }
         let mut topology = Self {
             vertex_count: positions.len(),
@@ -181,7 +181,6 @@ impl SurfaceTopology {
             edge_triangles,
             vertex_triangles,
             surroundings,
-            first_around,
             report: TopologyReport::default(),
         };
         topology.report = topology.inspect();
@@ -265,19 +264,15 @@ impl SurfaceTopology {
         self.surroundings[triangle.index()].first_of
     }
 
-    /// The first triangle around a part of a triangle: 0 to 2 its corners, 3 to 5 its edges, 6 the triangle itself.
-    #[inline]
-    pub(crate) fn first_around(&self, triangle: TriangleId, part: usize) -> TriangleId {
-        TriangleId(self.first_around[triangle.index()].get(part).copied().unwrap_or(triangle.0))
-    }
-
     /// Whether the first triangles around the vertices and edges of one triangle may share a vertex with those of another.
-    /// Where it is false they do not; where it is true, that is all that the ranges of their vertices in an order along the
-    /// surface tell.
+    /// Where it is false they do not; where it is true, that is all that the distances from the landmarks tell.
     #[inline]
     pub(crate) fn firsts_may_meet(&self, a: TriangleId, b: TriangleId) -> bool {
         let (a, b) = (&self.surroundings[a.index()], &self.surroundings[b.index()]);
-        a.lowest <= b.highest && b.lowest <= a.highest
+        let meet = |landmark: usize| {
+            (a.lowest[landmark] <= b.highest[landmark]) & (b.lowest[landmark] <= a.highest[landmark])
+        };
+        (0..LANDMARKS).fold(true, |may_meet, landmark| may_meet & meet(landmark))
     }
 
     /// Whether any two vertices are welded.
@@ -402,31 +397,51 @@ fn exact_weld(positions: &[Vec3]) -> Vec<u32> {
         .collect()
 }
 
-/// For each vertex its place in an order in which neighbors are close to each other, whatever the caller's order is.
-fn breadth_first_order(triangles: &[[u32; 3]], around: &Incidence) -> Vec<u32> {
+/// For each vertex how many edges away it is from each of some landmarks, which are chosen one after the other, each as
+/// far from those before as there is. Every component has landmarks of its own, and higher numbers than the one before.
+fn landmark_distances(triangles: &[[u32; 3]], around: &Incidence) -> Vec<[u16; LANDMARKS]> {
     const UNSEEN: u32 = u32::MAX;
-    let mut order = vec![UNSEEN; around.offsets.len() - 1];
-    let mut open = Vec::with_capacity(order.len());
-    let mut next = 0;
-    for seed in triangles.iter().map(|corners| corners[0]) {
-        if order[seed as usize] != UNSEEN {
-            continue;
-        }
-        order[seed as usize] = open.len() as u32;
-        open.push(seed);
-        while next < open.len() {
-            for &triangle in around.around(open[next]) {
-                for vertex in triangles[triangle as usize] {
-                    if order[vertex as usize] == UNSEEN {
-                        order[vertex as usize] = open.len() as u32;
-                        open.push(vertex);
+    let count = around.offsets.len() - 1;
+    let mut distances = vec![[u16::MAX; LANDMARKS]; count];
+    let mut seeds: Vec<u32> = triangles.iter().map(|corners| corners[0]).collect();
+    let mut nearest = vec![UNSEEN; count];
+    let (mut levels, mut open) = (Vec::new(), Vec::with_capacity(count));
+    for landmark in 0..LANDMARKS {
+        levels.clear();
+        levels.resize(count, UNSEEN);
+        let (mut base, mut next_seeds) = (0, Vec::new());
+        for &seed in &seeds {
+            if levels[seed as usize] != UNSEEN {
+                continue;
+            }
+            open.clear();
+            open.push(seed);
+            levels[seed as usize] = base;
+            let (mut next, mut farthest) = (0, seed);
+            while next < open.len() {
+                let vertex = open[next];
+                let level = levels[vertex as usize];
+                distances[vertex as usize][landmark] = u16::try_from(level).unwrap_or(u16::MAX);
+                nearest[vertex as usize] = nearest[vertex as usize].min(level - base);
+                if nearest[vertex as usize] >= nearest[farthest as usize] {
+                    farthest = vertex;
+                }
+                for &triangle in around.around(vertex) {
+                    for neighbor in triangles[triangle as usize] {
+                        if levels[neighbor as usize] == UNSEEN {
+                            levels[neighbor as usize] = level + 1;
+                            open.push(neighbor);
+                        }
                     }
                 }
+                next += 1;
             }
-            next += 1;
+            base = levels[open[open.len() - 1] as usize] + 1;
+            next_seeds.push(farthest);
         }
+        seeds = next_seeds;
     }
-    order
+    distances
 }
 
 fn unique_edges(welded_triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {
