@@ -24,6 +24,7 @@ const CHUNK: usize = 8192;
 pub(super) struct WriteBuffers {
     order: ContactOrder,
     counts: Vec<u32>,
+    touching: Vec<TouchingPair>,
     /// How long each part of the list is, and how many contacts it keeps.
     parts: Vec<[usize; 2]>,
 }
@@ -79,7 +80,8 @@ impl<'a> StoreWriter<'a> {
     pub(super) fn write_touching(&mut self, found: &[TouchingPair]) -> Range<usize> {
         let start = self.touching;
         let sorted = room_for(&mut self.store.touching, start, found.len(), found.first());
-        sort_touching(found, sorted, &mut self.buffers.counts);
+        let WriteBuffers { counts, touching, .. } = &mut *self.buffers;
+        sort_touching(found, sorted, counts, touching);
         self.touching += found.len();
         start..self.touching
     }
