@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::store::ContactStore;
+use super::store::{ContactStore, StoredPair};
 use crate::{
     detection::{fill_chunks, hand_out},
     kernel::{
@@ -84,6 +84,23 @@ impl<'a> StoreWriter<'a> {
         sort_touching(found, sorted, counts, touching);
         self.touching += found.len();
         start..self.touching
+    }
+
+    /// Writes a pair again as it is in another store.
+    pub(super) fn keep(&mut self, pair: &StoredPair, other: &ContactStore) {
+        let (contacts, touching) = (&other.contacts[pair.contacts.clone()], &other.touching[pair.touching.clone()]);
+        let room = room_for(&mut self.store.contacts, self.contacts, contacts.len(), contacts.first());
+        room.copy_from_slice(contacts);
+        let room = room_for(&mut self.store.touching, self.touching, touching.len(), touching.first());
+        room.copy_from_slice(touching);
+        let [first_contact, first_touching] = [self.contacts, self.touching];
+        self.contacts += contacts.len();
+        self.touching += touching.len();
+        self.store.pairs.push(StoredPair {
+            contacts: first_contact..self.contacts,
+            touching: first_touching..self.touching,
+            ..pair.clone()
+        });
     }
 
     /// Drops what is left of an earlier tick.
