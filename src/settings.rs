@@ -42,7 +42,8 @@ pub struct CircumsphereSettings {
     /// many as Bevy's compute task pool has, where the app has one. Contacts are the same for any number.
     pub threads: usize,
     /// Whether a pair of surfaces that is as it was in the last tick, bit by bit, keeps what was found then. Default true.
-    /// Contacts are the same either way: false is for measuring what a tick costs in which everything has moved.
+    /// Contacts are the same either way: false is for measuring what a tick costs in which everything has moved. Systems
+    /// of your own that write to what a stage wrote are heeded: everything is found anew then, in that tick and the next.
     pub memory: bool,
 }
 

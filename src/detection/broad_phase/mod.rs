@@ -2,7 +2,8 @@
 //!
 //! This plugin pairs surfaces. The pairs of triangles are found by one algorithm plugin beside it; every algorithm gives the
 //! same pairs. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in [`BroadPhaseSystems::PairTriangles`]
-//! that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by [`SurfacePair::mover`].
+//! that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by [`SurfacePair::mover`]. Of unchanged pairs
+//! nothing is [kept](CircumsphereSettings::memory) then: only the algorithms here say which lists are theirs.
 
 mod brute_force;
 mod moved;
