@@ -92,7 +92,9 @@ impl Twin {
             }
             2 | 3 => {
                 let offset = Vec3::new(small(random), small(random), small(random));
-                positions.iter_mut().for_each(|position| *position += offset);
+                for position in &mut positions {
+                    *position += offset;
+                }
                 write_positions(app, entity, &positions);
             }
             4 => {
