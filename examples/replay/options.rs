@@ -60,7 +60,7 @@ pub struct Options {
     /// Play everything N times, each time in a fresh app, and report medians
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub repeat: u32,
-    /// Detect each frame N times in a row in one app that remembers what it did before
+    /// Detect each frame N times in a row in one app, with the trees and buffers of the time before, as if it had moved
     #[arg(long)]
     pub warm: bool,
     /// Threads that may work on one frame; 1 bypasses any pool

@@ -175,6 +175,8 @@ impl<'a> Stage<'a> {
             widen_cones: settings.widen_cones,
             estimator: settings.estimator.into(),
             threads: settings.threads,
+            // A frame that is detected again stands for one that has moved.
+            memory: !settings.warm,
             ..CircumsphereSettings::default()
         };
         let mut app = headless_app(plugins, circumsphere_settings, recorder);

@@ -5,7 +5,7 @@
 use std::{collections::HashMap, sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
-use bevy_ecs::prelude::*;
+use bevy_ecs::{change_detection::Tick, prelude::*};
 
 use super::{
     store::{ContactSide, ContactStore, StoredPair},
@@ -13,8 +13,9 @@ use super::{
 };
 use crate::{
     detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, MeetingCaps, OverlappingTrianglePairs, RefinedTrianglePairs,
-        SphereQuery, SurfacePair, broad_phase::OtherSide, pair_settings, with_balls, with_caps,
+        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, MeetingCaps, OverlappingTrianglePairs,
+        RefinedTrianglePairs, SphereQuery, StageList, SurfacePair, broad_phase::OtherSide, pair_settings, with_balls,
+        with_caps,
     },
     kernel::{
         pair::FoundPairs,
@@ -30,9 +31,24 @@ pub struct ContactsPlugin;
 
 impl Plugin for ContactsPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<ContactStore>();
+        app.init_resource::<ContactStore>().init_resource::<DetectionMemory>();
         app.add_systems(SurfaceDetection, gather_contacts.in_set(SurfaceDetectionSystems::Contacts));
     }
+}
+
+/// Where the pairs of the last detection are in the store that they were written to.
+#[derive(Default)]
+struct KeptPairs {
+    /// For each of [`CandidateTrianglePairs`] its place in the store, where it is stored.
+    places: Vec<Option<u32>>,
+    /// The same of the detection before, while this one is gathered.
+    last_places: Vec<Option<u32>>,
+    /// The places in that store by sides.
+    by_sides: HashMap<(ContactSide, ContactSide), usize>,
+    /// The contacts of a pair that is tested by spheres.
+    spheres_found: FoundPairs,
+    /// The change tick of that store: somebody else may have written to it since.
+    seal: Option<Tick>,
 }
 
 #[expect(clippy::too_many_arguments, reason = "the last stage reads every stage before it")]
@@ -45,25 +61,49 @@ fn gather_contacts(
     refined: Res<RefinedTrianglePairs>,
     mut store: ResMut<ContactStore>,
     mut previous: Local<ContactStore>,
+    mut kept: Local<KeptPairs>,
     mut buffers: Local<WriteBuffers>,
+    mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     spheres: SphereQuery,
 ) {
     let start = Instant::now();
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    memory.reads(StageList::Overlapping, overlapping.last_changed());
+    memory.reads(StageList::Meeting, meeting.last_changed());
+    memory.reads(StageList::Refined, refined.last_changed());
+    diagnostics.pairs_kept = memory.kept_count();
+    let is_own = kept.seal == Some(store.last_changed());
+    if is_own && memory.keeps_all() {
+        store.tick += 1;
+        kept.seal = Some(store.last_changed());
+        diagnostics.finish("contacts", start, 0, store.contacts.len());
+        return;
+    }
     std::mem::swap(&mut *store, &mut *previous);
     store.tick = previous.tick + 1;
     store.pairs.clear();
-    let places: HashMap<(ContactSide, ContactSide), usize> =
-        previous.pairs.iter().enumerate().map(|(place, pair)| ((pair.a, pair.b), place)).collect();
+    let KeptPairs { places: stored_places, last_places, by_sides, spheres_found, .. } = &mut *kept;
+    by_sides.clear();
+    by_sides.extend(previous.pairs.iter().enumerate().map(|(place, pair)| ((pair.a, pair.b), place)));
+    std::mem::swap(stored_places, last_places);
+    stored_places.clear();
 
     let mut writer = StoreWriter::new(&mut store, &mut buffers, settings.threads);
-    let mut spheres_found = FoundPairs::default();
     for (place, pair) in candidates.pairs.iter().enumerate() {
+        if let Some(origin) = memory.origin(place).filter(|_| is_own) {
+            let last = last_places[origin].map(|last| &previous.pairs[last as usize]);
+            stored_places.push(last.map(|_| writer.store.pairs.len() as u32));
+            if let Some(last) = last {
+                writer.keep(last, &previous);
+            }
+            continue;
+        }
         let found = if pair.method.is_exact() {
             &refined.pairs[place]
         } else {
             spheres_found.clear();
-            let (pair_settings, found) = (pair_settings(pair, &settings), &mut spheres_found);
+            let (pair_settings, found) = (pair_settings(pair, &settings), &mut *spheres_found);
             if pair.method == ContactMethod::Circumsphere {
                 with_caps(&active, &spheres, pair, |a, b| {
                     cap_contacts(a, b, &meeting.pairs[place], &pair_settings, found);
@@ -73,13 +113,15 @@ fn gather_contacts(
                     ball_contacts(a, b, &overlapping.pairs[place], &pair_settings, found);
                 });
             }
-            &spheres_found
+            &*spheres_found
         };
         if found.contacts.is_empty() && found.nearest > f64::from(pair.range) {
+            stored_places.push(None);
             continue;
         }
+        stored_places.push(Some(writer.store.pairs.len() as u32));
         let mut stored = stored_pair(&active, pair, found.nearest);
-        let before = places.get(&(stored.a, stored.b)).filter(|_| keeps_sides(&active, pair));
+        let before = by_sides.get(&(stored.a, stored.b)).filter(|_| keeps_sides(&active, pair));
         let before = before.map_or(&[][..], |&before| &previous.contacts[previous.pairs[before].contacts.clone()]);
         stored.contacts = writer.write_contacts(&found.contacts, before);
         stored.touching = writer.write_touching(&found.touching);
@@ -87,6 +129,7 @@ fn gather_contacts(
     }
     writer.finish();
     index_entities(&mut store);
+    kept.seal = Some(store.last_changed());
     diagnostics.finish("contacts", start, candidates.pairs.len(), store.contacts.len());
 }
 

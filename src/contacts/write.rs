@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::store::ContactStore;
+use super::store::{ContactStore, StoredPair};
 use crate::{
     detection::{fill_chunks, hand_out},
     kernel::{
@@ -24,6 +24,7 @@ const CHUNK: usize = 8192;
 pub(super) struct WriteBuffers {
     order: ContactOrder,
     counts: Vec<u32>,
+    touching: Vec<TouchingPair>,
     /// How long each part of the list is, and how many contacts it keeps.
     parts: Vec<[usize; 2]>,
 }
@@ -79,9 +80,27 @@ impl<'a> StoreWriter<'a> {
     pub(super) fn write_touching(&mut self, found: &[TouchingPair]) -> Range<usize> {
         let start = self.touching;
         let sorted = room_for(&mut self.store.touching, start, found.len(), found.first());
-        sort_touching(found, sorted, &mut self.buffers.counts);
+        let WriteBuffers { counts, touching, .. } = &mut *self.buffers;
+        sort_touching(found, sorted, counts, touching);
         self.touching += found.len();
         start..self.touching
+    }
+
+    /// Writes a pair again as it is in another store.
+    pub(super) fn keep(&mut self, pair: &StoredPair, other: &ContactStore) {
+        let (contacts, touching) = (&other.contacts[pair.contacts.clone()], &other.touching[pair.touching.clone()]);
+        let room = room_for(&mut self.store.contacts, self.contacts, contacts.len(), contacts.first());
+        room.copy_from_slice(contacts);
+        let room = room_for(&mut self.store.touching, self.touching, touching.len(), touching.first());
+        room.copy_from_slice(touching);
+        let [first_contact, first_touching] = [self.contacts, self.touching];
+        self.contacts += contacts.len();
+        self.touching += touching.len();
+        self.store.pairs.push(StoredPair {
+            contacts: first_contact..self.contacts,
+            touching: first_touching..self.touching,
+            ..pair.clone()
+        });
     }
 
     /// Drops what is left of an earlier tick.

@@ -46,7 +46,7 @@ impl TriangleBounds {
     /// Brings the boxes up to date. Whether anything had to be computed.
     fn update(&mut self, positions: &[Vec3], topology: &Arc<SurfaceTopology>, growth: f32) -> bool {
         let same_mesh = self.topology.as_ref().is_some_and(|other| Arc::ptr_eq(other, topology));
-        if same_mesh && self.growth == growth && self.positions == positions {
+        if same_mesh && self.growth == growth && has_bits_of(&self.positions, positions) {
             return false;
         }
         self.whole = triangle_bounds(positions, topology.triangles(), growth, &mut self.triangles);
@@ -57,6 +57,20 @@ impl TriangleBounds {
         self.growth = growth;
         true
     }
+}
+
+/// Whether two lists of positions are the same bit by bit, down to the sign of a zero: contacts have it too.
+fn has_bits_of(positions: &[Vec3], others: &[Vec3]) -> bool {
+    /// Enough for the loop over a block to be worth more than the question after it.
+    const BLOCK: usize = 64;
+    let differing = |one: &Vec3, other: &Vec3| {
+        let bits = |axis: usize| one[axis].to_bits() ^ other[axis].to_bits();
+        bits(0) | bits(1) | bits(2)
+    };
+    let is_same = |(block, others): (&[Vec3], &[Vec3])| {
+        block.iter().zip(others).fold(0, |bits, (one, other)| bits | differing(one, other)) == 0
+    };
+    positions.len() == others.len() && positions.chunks(BLOCK).zip(others.chunks(BLOCK)).all(is_same)
 }
 
 /// Computes the boxes.

@@ -8,6 +8,7 @@ use bevy_ecs::prelude::*;
 use super::{
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
+    memory::{DetectionMemory, StageList},
     overlap::OverlappingTrianglePairs,
     parallel::{CHUNK, append_chunks, for_each_weighed},
     sides::{SphereQuery, pair_settings, with_caps},
@@ -32,30 +33,41 @@ pub struct ConePlugin;
 
 impl Plugin for ConePlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<MeetingCaps>();
+        app.init_resource::<MeetingCaps>().init_resource::<DetectionMemory>();
         app.add_systems(SurfaceDetection, test_cones.in_set(SurfaceDetectionSystems::Cone));
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
 fn test_cones(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     overlapping: Res<OverlappingTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     mut meeting: ResMut<MeetingCaps>,
+    mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    memory.reads(StageList::Overlapping, overlapping.last_changed());
+    memory.writes(StageList::Meeting, meeting.last_changed());
+    memory.carry(&mut meeting.pairs);
     meeting.pairs.resize_with(candidates.pairs.len(), Vec::new);
-    let uses_cones = |place: usize| candidates.pairs[place].method == ContactMethod::Circumsphere;
+    memory.seal(StageList::Meeting, meeting.last_changed());
+    let uses_cones =
+        |place: usize| !memory.keeps(place) && candidates.pairs[place].method == ContactMethod::Circumsphere;
     for_each_weighed(
         &mut meeting.pairs,
         settings.threads,
         CHUNK,
-        |place, _| overlapping.pairs[place].len(),
+        |place, _| if memory.keeps(place) { 0 } else { overlapping.pairs[place].len() },
         |place, meeting, threads| {
             let (pair, overlapping) = (&candidates.pairs[place], &overlapping.pairs[place]);
+            if memory.keeps(place) {
+                return;
+            }
             meeting.clear();
             if overlapping.is_empty() || !uses_cones(place) {
                 return;
@@ -70,8 +82,8 @@ fn test_cones(
     );
     let tested = overlapping.pairs.iter().enumerate().filter(|&(place, _)| uses_cones(place));
     let pairs_in = tested.map(|(_, overlapping)| overlapping.len()).sum();
-    let pairs_out = meeting.pairs.iter().map(Vec::len).sum();
-    if candidates.pairs.iter().any(|pair| pair.method == ContactMethod::Circumsphere) {
+    let pairs_out = memory.changed(&meeting.pairs).map(Vec::len).sum();
+    if (0..candidates.pairs.len()).any(uses_cones) {
         diagnostics.finish("cone", start, pairs_in, pairs_out);
     }
 }

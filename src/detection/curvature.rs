@@ -6,8 +6,9 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
-    broad_phase::{CandidateTrianglePairs, OtherSide},
+    broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
+    memory::{DetectionMemory, check_spheres, seal_curvature},
 };
 use crate::{
     kernel::curvature::Curvatures,
@@ -26,11 +27,16 @@ pub struct CurvaturePlugin;
 
 impl Plugin for CurvaturePlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(SurfaceDetection, measure_curvature.in_set(SurfaceDetectionSystems::Curvature));
+        app.init_resource::<DetectionMemory>();
+        app.add_systems(
+            SurfaceDetection,
+            (check_spheres, measure_curvature, seal_curvature).chain().in_set(SurfaceDetectionSystems::Curvature),
+        );
     }
 }
 
 /// For each active surface whether it is part of a pair that is tested by `method`.
+#[cfg(feature = "rerun")]
 pub(crate) fn surfaces_with_method(
     active: &ActiveSurfaces,
     candidates: &CandidateTrianglePairs,
@@ -39,7 +45,7 @@ pub(crate) fn surfaces_with_method(
     let mut used = vec![false; active.surfaces.len()];
     for pair in candidates.pairs.iter().filter(|pair| pair.method == method) {
         used[pair.first] = true;
-        if let OtherSide::Surface(second) = pair.second {
+        if let super::broad_phase::OtherSide::Surface(second) = pair.second {
             used[second] = true;
         }
     }
@@ -50,10 +56,11 @@ fn measure_curvature(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
+    memory: Res<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&SurfacePositions, &mut TriangleCurvature)>,
 ) {
-    let used = surfaces_with_method(&active, &candidates, ContactMethod::Circumsphere);
+    let used = memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere);
     let start = Instant::now();
     let any_used = used.contains(&true);
     for (surface, used) in active.surfaces.iter().zip(used) {

@@ -25,6 +25,9 @@ pub struct DetectionDiagnostics {
     /// Surfaces whose triangles are where they were in the last detection, in their own frame: their boxes and trees were
     /// kept.
     pub surfaces_unmoved: usize,
+    /// Pairs of surfaces that are as they were in the last detection: what was found of them was kept, and the stages
+    /// count none of it.
+    pub pairs_kept: usize,
     /// Triangles whose sphere was made anew.
     pub recipes_refreshed: usize,
     /// Pairs that reached the exact test.

@@ -8,6 +8,7 @@ use bevy_ecs::prelude::*;
 use super::{
     broad_phase::{CandidateTrianglePairs, SurfacePair},
     diagnostics::DetectionDiagnostics,
+    memory::{DetectionMemory, StageList, check_spheres},
     parallel::{CHUNK, append_chunks, for_each_weighed},
     sides::{SphereQuery, pair_settings, with_balls, with_caps},
 };
@@ -31,8 +32,9 @@ pub struct OverlapPlugin;
 
 impl Plugin for OverlapPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<OverlappingTrianglePairs>();
-        app.add_systems(SurfaceDetection, test_overlap.in_set(SurfaceDetectionSystems::Overlap));
+        app.init_resource::<OverlappingTrianglePairs>().init_resource::<DetectionMemory>();
+        let systems = (check_spheres, test_overlap).chain();
+        app.add_systems(SurfaceDetection, systems.in_set(SurfaceDetectionSystems::Overlap));
     }
 }
 
@@ -41,19 +43,27 @@ fn test_overlap(
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     mut overlapping: ResMut<OverlappingTrianglePairs>,
+    mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    memory.writes(StageList::Overlapping, overlapping.last_changed());
+    memory.carry(&mut overlapping.pairs);
     overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
+    memory.seal(StageList::Overlapping, overlapping.last_changed());
     let uses_spheres =
         |pair: &SurfacePair| matches!(pair.method, ContactMethod::BoundingSphere | ContactMethod::Circumsphere);
     for_each_weighed(
         &mut overlapping.pairs,
         settings.threads,
         CHUNK,
-        |place, _| candidates.pairs[place].triangles.len(),
+        |place, _| if memory.keeps(place) { 0 } else { candidates.pairs[place].triangles.len() },
         |place, overlapping, threads| {
+            if memory.keeps(place) {
+                return;
+            }
             let pair = &candidates.pairs[place];
             overlapping.clear();
             if pair.triangles.is_empty() || !uses_spheres(pair) {
@@ -75,8 +85,8 @@ fn test_overlap(
         },
     );
     let pairs_in: usize =
-        candidates.pairs.iter().filter(|pair| uses_spheres(pair)).map(|pair| pair.triangles.len()).sum();
-    let pairs_out = overlapping.pairs.iter().map(Vec::len).sum();
+        memory.changed(&candidates.pairs).filter(|pair| uses_spheres(pair)).map(|pair| pair.triangles.len()).sum();
+    let pairs_out = memory.changed(&overlapping.pairs).map(Vec::len).sum();
     if pairs_in > 0 {
         diagnostics.finish("overlap", start, pairs_in, pairs_out);
     }

@@ -8,6 +8,7 @@ use bevy_ecs::prelude::*;
 use super::{
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
     diagnostics::DetectionDiagnostics,
+    memory::{DetectionMemory, StageList},
     parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
     settle::SettleBuffers,
     sides::{pair_settings, surface_sides},
@@ -35,28 +36,37 @@ pub struct RefinePlugin;
 
 impl Plugin for RefinePlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<RefinedTrianglePairs>();
+        app.init_resource::<RefinedTrianglePairs>().init_resource::<DetectionMemory>();
         app.add_systems(SurfaceDetection, refine.in_set(SurfaceDetectionSystems::Refine));
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
 fn refine(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     mut refined: ResMut<RefinedTrianglePairs>,
     buffers: Local<Buffers<SettleBuffers>>,
+    mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: Query<&SurfacePositions>,
 ) {
     let start = Instant::now();
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    memory.writes(StageList::Refined, refined.last_changed());
+    memory.carry(&mut refined.pairs);
     refined.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
+    memory.seal(StageList::Refined, refined.last_changed());
     for_each_weighed(
         &mut refined.pairs,
         settings.threads,
         CHUNK,
-        |place, _| candidates.pairs[place].triangles.len(),
+        |place, _| if memory.keeps(place) { 0 } else { candidates.pairs[place].triangles.len() },
         |place, refined, threads| {
+            if memory.keeps(place) {
+                return;
+            }
             let pair = &candidates.pairs[place];
             refined.clear();
             if pair.method.is_exact() && !pair.triangles.is_empty() {
@@ -66,10 +76,10 @@ fn refine(
             }
         },
     );
-    let tested = candidates.pairs.iter().filter(|pair| pair.method.is_exact());
+    let tested = memory.changed(&candidates.pairs).filter(|pair| pair.method.is_exact());
     let pairs_in: usize = tested.map(|pair| pair.triangles.len()).sum();
-    let pairs_out = refined.pairs.iter().map(|refined| refined.touching.len()).sum();
-    let examined = refined.pairs.iter().map(|refined| refined.examined).sum();
+    let pairs_out = memory.changed(&refined.pairs).map(|refined| refined.touching.len()).sum();
+    let examined = memory.changed(&refined.pairs).map(|refined| refined.examined).sum();
     diagnostics.pairs_examined = examined;
     if pairs_in > 0 {
         diagnostics.finish("refine", start, pairs_in, pairs_out);

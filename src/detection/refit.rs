@@ -7,8 +7,9 @@ use bevy_ecs::prelude::*;
 
 use super::{
     broad_phase::CandidateTrianglePairs,
-    curvature::{TriangleCurvature, surfaces_with_method},
+    curvature::TriangleCurvature,
     diagnostics::DetectionDiagnostics,
+    memory::{DetectionMemory, check_spheres, seal_spheres},
 };
 use crate::{
     kernel::{
@@ -41,17 +42,22 @@ pub struct RefitPlugin;
 
 impl Plugin for RefitPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(SurfaceDetection, (refit_balls, refit_spheres).chain().in_set(SurfaceDetectionSystems::Refit));
+        app.init_resource::<DetectionMemory>();
+        app.add_systems(
+            SurfaceDetection,
+            (check_spheres, refit_balls, refit_spheres, seal_spheres).chain().in_set(SurfaceDetectionSystems::Refit),
+        );
     }
 }
 
 fn refit_balls(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
+    memory: Res<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&SurfacePositions, &mut EnclosingBalls)>,
 ) {
-    let used = surfaces_with_method(&active, &candidates, ContactMethod::BoundingSphere);
+    let used = memory.surfaces_to_update(&active, &candidates, ContactMethod::BoundingSphere);
     let start = Instant::now();
     let any_used = used.contains(&true);
     for (surface, used) in active.surfaces.iter().zip(used) {
@@ -70,12 +76,13 @@ fn refit_balls(
 fn refit_spheres(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
+    memory: Res<DetectionMemory>,
     settings: Res<CircumsphereSettings>,
     mut last: Local<Option<(RecipeSettings, CurvatureEstimator)>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&SurfacePositions, &TriangleCurvature, &mut Circumspheres, &mut TriangleCones)>,
 ) {
-    let used = surfaces_with_method(&active, &candidates, ContactMethod::Circumsphere);
+    let used = memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere);
     let start = Instant::now();
     let mut any_used = false;
     let made_with = (settings.recipe(), settings.estimator);

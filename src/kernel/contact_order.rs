@@ -2,7 +2,7 @@
 //! triangles by their numbers.
 //!
 //! Reads the records where they were found and moves each of those that stay once, to where it belongs; what is sorted is
-//! small. Where there are many, by counting how many start with the same feature, else by comparison.
+//! small. Where there are many, by counting, first by second features and then by first ones, else by comparison.
 
 use super::contact::{CompactContact, FEATURE_BITS, TouchingPair};
 
@@ -11,9 +11,6 @@ const COUNTS_PER_RECORD: usize = 4;
 
 /// Fewer records than these are sorted by comparison.
 const FEWEST_COUNTED: usize = 64;
-
-/// Longer runs of records with the same first feature are left to a sort that does not mind how long they are.
-const LONGEST_INSERTION: usize = 24;
 
 /// A contact's name and place: what is sorted instead of it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,6 +24,11 @@ impl Entry {
     /// Kind and first feature.
     fn first(self) -> u64 {
         self.key >> FEATURE_BITS
+    }
+
+    /// Second feature.
+    fn second(self) -> u64 {
+        self.key & ((1 << FEATURE_BITS) - 1)
     }
 }
 
@@ -53,17 +55,18 @@ impl ContactOrder {
         }
     }
 
-    /// Brings the listed entries into the order of their first features, or into their last order straight away.
+    /// Sorts the listed entries by key, and those with the same key by place.
     pub fn arrange(&mut self) {
         let Self { entries, listed, counts } = self;
-        let ranges = FirstFeatures::of(listed);
-        if listed.len() < FEWEST_COUNTED || ranges.count > COUNTS_PER_RECORD * listed.len() {
-            std::mem::swap(entries, listed);
-            entries.sort_unstable_by_key(|entry| (entry.key, entry.place));
-        } else {
+        let (first, second) = (FirstFeatures::of(listed), Numbers::of(listed.iter().map(|entry| entry.second())));
+        if is_worth_counting(listed.len(), first.count.max(second.count)) {
             entries.resize(listed.len(), Entry::default());
-            scatter(listed, entries, counts, ranges.count, |entry| ranges.number(entry.first()));
+            scatter(listed, entries, counts, second.count, |entry| second.place(entry.second()));
+            scatter(entries, listed, counts, first.count, |entry| first.place(entry.first()));
+        } else {
+            listed.sort_unstable_by_key(|entry| (entry.key, entry.place));
         }
+        std::mem::swap(entries, listed);
     }
 
     /// The arranged entries in parts of about `length`, each of which can be finished without the others.
@@ -71,7 +74,7 @@ impl ContactOrder {
         let mut rest = &mut *self.entries;
         std::iter::from_fn(move || {
             let mut end = length.min(rest.len());
-            while end > 0 && end < rest.len() && rest[end].first() == rest[end - 1].first() {
+            while end > 0 && end < rest.len() && rest[end].key == rest[end - 1].key {
                 end += 1;
             }
             let (part, later) = std::mem::take(&mut rest).split_at_mut(end);
@@ -86,29 +89,18 @@ impl ContactOrder {
         &self.entries
     }
 
-    /// Sorts a part by key and moves to its front, of every key, the contact of the lowest triangles; of those with the
-    /// same triangles the first that was found. Returns how many there are.
+    /// Moves to the front of a part, of every key, the contact of the lowest triangles; of those with the same triangles the
+    /// first that was found. Returns how many there are.
     pub fn finish(part: &mut [Entry], contacts: &[CompactContact]) -> usize {
-        let mut start = 0;
-        while start < part.len() {
-            let first = part[start].first();
-            let length = part[start..].iter().take_while(|entry| entry.first() == first).count();
-            sort_run(&mut part[start..start + length], |entry| entry.key, |entry| (entry.key, entry.place));
-            start += length;
-        }
         let rank = |entry: Entry| (entry.triangle_a, contacts[entry.place as usize].triangle_b);
         let mut kept = 0;
         for place in 0..part.len() {
             let entry = part[place];
-            match kept {
-                0 => kept = 1,
-                _ if part[kept - 1].key != entry.key => {
-                    part[kept] = entry;
-                    kept += 1;
-                }
-                _ if entry.triangle_a > part[kept - 1].triangle_a => {}
-                _ if rank(entry) < rank(part[kept - 1]) => part[kept - 1] = entry,
-                _ => {}
+            if kept == 0 || part[kept - 1].key != entry.key {
+                part[kept] = entry;
+                kept += 1;
+            } else if entry.triangle_a <= part[kept - 1].triangle_a && rank(entry) < rank(part[kept - 1]) {
+                part[kept - 1] = entry;
             }
         }
         kept
@@ -149,9 +141,30 @@ impl FirstFeatures {
         Self { offsets, count }
     }
 
-    fn number(&self, first: u64) -> usize {
+    fn place(&self, first: u64) -> usize {
         first.wrapping_add(self.offsets[(first >> FEATURE_BITS) as usize]) as usize
     }
+}
+
+/// Numbers from the lowest to the highest.
+struct Numbers {
+    low: u64,
+    count: usize,
+}
+
+impl Numbers {
+    fn of(numbers: impl Iterator<Item = u64>) -> Self {
+        let (low, high) = numbers.fold((u64::MAX, 0), |(low, high), number| (low.min(number), high.max(number)));
+        Self { low, count: if low <= high { (high - low + 1) as usize } else { 0 } }
+    }
+
+    fn place(&self, number: u64) -> usize {
+        (number - self.low) as usize
+    }
+}
+
+fn is_worth_counting(records: usize, numbers: usize) -> bool {
+    records >= FEWEST_COUNTED && numbers <= COUNTS_PER_RECORD * records
 }
 
 /// Copies records into the order of their numbers, which are less than `count`; those with the same number stay in their
@@ -180,41 +193,21 @@ fn scatter<T: Copy>(
     }
 }
 
-/// Sorts a run by key; records with the same key stay in the order that they have, which `whole` sorts by too.
-#[inline]
-fn sort_run<T: Copy, K: Ord, W: Ord>(run: &mut [T], key: impl Fn(&T) -> K, whole: impl Fn(&T) -> W) {
-    if run.len() > LONGEST_INSERTION {
-        run.sort_unstable_by_key(whole);
-        return;
-    }
-    for place in 1..run.len() {
-        let record = run[place];
-        let mut to = place;
-        while to > 0 && key(&run[to - 1]) > key(&record) {
-            run[to] = run[to - 1];
-            to -= 1;
-        }
-        run[to] = record;
-    }
-}
-
-/// Copies touching pairs into the order of their triangles. `counts` is kept for its memory.
-pub fn sort_touching(touching: &[TouchingPair], sorted: &mut [TouchingPair], counts: &mut Vec<u32>) {
-    let (low, high) =
-        touching.iter().fold((u32::MAX, 0), |(low, high), pair| (low.min(pair.triangle_a), high.max(pair.triangle_a)));
-    let count = (high as usize + 1).saturating_sub(low as usize);
-    let order = |pair: &TouchingPair| (pair.triangle_a, pair.triangle_b);
-    if touching.len() < FEWEST_COUNTED || count > COUNTS_PER_RECORD * touching.len() {
+/// Copies touching pairs into the order of their triangles. `counts` and `between` are kept for their memory.
+pub fn sort_touching(
+    touching: &[TouchingPair],
+    sorted: &mut [TouchingPair],
+    counts: &mut Vec<u32>,
+    between: &mut Vec<TouchingPair>,
+) {
+    let numbers = |triangle: fn(&TouchingPair) -> u32| Numbers::of(touching.iter().map(|pair| triangle(pair).into()));
+    let (a, b) = (numbers(|pair| pair.triangle_a), numbers(|pair| pair.triangle_b));
+    if is_worth_counting(touching.len(), a.count.max(b.count)) {
+        between.resize(touching.len(), touching[0]);
+        scatter(touching, between, counts, b.count, |pair| b.place(pair.triangle_b.into()));
+        scatter(between, sorted, counts, a.count, |pair| a.place(pair.triangle_a.into()));
+    } else {
         sorted.copy_from_slice(touching);
-        sorted.sort_unstable_by_key(order);
-        return;
-    }
-    scatter(touching, sorted, counts, count, |pair| (pair.triangle_a - low) as usize);
-    let mut start = 0;
-    while start < sorted.len() {
-        let first = sorted[start].triangle_a;
-        let length = sorted[start..].iter().take_while(|pair| pair.triangle_a == first).count();
-        sort_run(&mut sorted[start..start + length], |pair| pair.triangle_b, |pair| pair.triangle_b);
-        start += length;
+        sorted.sort_unstable_by_key(|pair| (pair.triangle_a, pair.triangle_b));
     }
 }

@@ -121,6 +121,17 @@ impl Pose {
         if self == frame { Self::IDENTITY } else { frame.inverse().after(self) }
     }
 
+    /// Whether both move every point to the same bits, down to the sign of a zero.
+    #[must_use]
+    pub fn has_bits_of(&self, other: &Self) -> bool {
+        let bits = |pose: &Self| {
+            let [a, b, c, d, e, f, g, h, i] = pose.linear.to_cols_array();
+            let [x, y, z] = pose.translation.to_array();
+            [a, b, c, d, e, f, g, h, i, x, y, z, pose.scale].map(f64::to_bits)
+        };
+        bits(self) == bits(other)
+    }
+
     /// Moves a point.
     #[must_use]
     pub fn transform_point(&self, point: DVec3) -> DVec3 {

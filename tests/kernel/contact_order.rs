@@ -83,7 +83,7 @@ fn contacts_come_in_the_order_of_a_stable_sort_and_every_key_once() {
 #[test]
 fn touching_pairs_come_in_the_order_of_their_triangles() {
     let mut random = Random::new(6);
-    let mut counts = Vec::new();
+    let (mut counts, mut between) = (Vec::new(), Vec::new());
     for (count, triangles) in [(0, 1), (30, 4), (10_000, 800), (10_000, 20), (200, u32::MAX)] {
         let mut pairs: Vec<[u32; 2]> =
             (0..count).map(|_| [below(&mut random, triangles), below(&mut random, 100_000)]).collect();
@@ -97,7 +97,7 @@ fn touching_pairs_come_in_the_order_of_their_triangles() {
         let found: Vec<TouchingPair> = pairs.iter().copied().map(pair).collect();
         assert!(count < 30 || found != expected, "they have to be in disorder");
         let mut sorted = found.clone();
-        sort_touching(&found, &mut sorted, &mut counts);
+        sort_touching(&found, &mut sorted, &mut counts, &mut between);
         assert_eq!(sorted, expected, "{count} pairs of {triangles} triangles");
     }
 }

@@ -3,6 +3,7 @@
 mod features;
 mod hysteresis;
 mod instances;
+mod kept;
 mod life_cycle;
 mod margin;
 mod memory;

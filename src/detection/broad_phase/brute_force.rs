@@ -10,7 +10,7 @@ use super::{
     BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, reaches_half_space, shape_bounds,
 };
 use crate::{
-    detection::{DetectionDiagnostics, TriangleBounds},
+    detection::{DetectionDiagnostics, DetectionMemory, StageList, TriangleBounds},
     kernel::{
         bounds::{Aabb, pairs_between_brute_force, self_pairs_brute_force},
         exact::rigid_shape::ShapeGeometry,
@@ -45,12 +45,17 @@ fn pair_triangles(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
+    mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut moved: Local<Vec<Aabb>>,
     surfaces: Query<(&SurfacePositions, &TriangleBounds)>,
 ) {
     let start = Instant::now();
-    for pair in &mut candidates.pairs {
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    memory.hand_back_moved(&mut candidates.pairs);
+    memory.hand_back_candidates(&mut candidates.pairs);
+    let pairs = candidates.pairs.iter_mut().enumerate().filter(|&(place, _)| !memory.keeps(place));
+    for (_, pair) in pairs {
         let first = &active.surfaces[pair.first];
         let Ok((positions, bounds)) = surfaces.get(first.entity) else { continue };
         match pair.second {
@@ -79,7 +84,8 @@ fn pair_triangles(
             }
         }
     }
-    let count = candidates.triangle_pair_count();
+    memory.seal(StageList::Candidates, candidates.last_changed());
+    let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
     diagnostics.finish("broad phase", start, 0, count);
 }
 

@@ -2,7 +2,8 @@
 //!
 //! This plugin pairs surfaces. The pairs of triangles are found by one algorithm plugin beside it; every algorithm gives the
 //! same pairs. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in [`BroadPhaseSystems::PairTriangles`]
-//! that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by [`SurfacePair::mover`].
+//! that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by [`SurfacePair::mover`]. Of unchanged pairs
+//! nothing is [kept](CircumsphereSettings::memory) then: only the algorithms here say which lists are theirs.
 
 mod brute_force;
 mod moved;
@@ -19,8 +20,9 @@ pub use moved::TriangleMover;
 pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
 
 use super::{
-    bounds::{moved_box, world_growth},
+    bounds::{TriangleBounds, moved_box, world_growth},
     diagnostics::DetectionDiagnostics,
+    memory::{DetectionMemory, StageList},
 };
 use crate::{
     contacts::EVENT_HYSTERESIS,
@@ -139,7 +141,7 @@ pub struct BroadPhasePlugin;
 
 impl Plugin for BroadPhasePlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<CandidateTrianglePairs>();
+        app.init_resource::<CandidateTrianglePairs>().init_resource::<DetectionMemory>();
         app.configure_sets(
             SurfaceDetection,
             (BroadPhaseSystems::PairSurfaces, BroadPhaseSystems::PairTriangles)
@@ -157,6 +159,10 @@ struct PairingBuffers {
     tree: BoxTree,
     places: Vec<[u32; 2]>,
     with_shapes: Vec<[usize; 2]>,
+    /// The pairs of the last tick, as far as they may be kept.
+    last: Vec<Option<SurfacePair>>,
+    /// What those pair, ascending.
+    last_names: Vec<(bool, usize, usize)>,
     /// Pairs of earlier ticks, whose memory serves others: lists of triangles are large.
     spare: Vec<SurfacePair>,
 }
@@ -173,6 +179,13 @@ impl PairingBuffers {
         if tree.len() != bounds.len() || tree.decay() > REBUILD_DECAY {
             tree.rebuild(bounds);
         }
+    }
+
+    /// The pair of two sides as it was in the last detection, and its place there, if nothing about them has changed.
+    fn keep(&mut self, memory: &DetectionMemory, first: usize, second: OtherSide) -> Option<(SurfacePair, u32)> {
+        let (last_first, last_second) = memory.last_sides(first, second)?;
+        let place = self.last_names.binary_search(&name(last_first, last_second)).ok()?;
+        Some((SurfacePair { first, second, ..self.last[place].take()? }, place as u32))
     }
 
     fn reuse(&mut self) -> PairLists {
@@ -192,8 +205,10 @@ fn pair_surfaces(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
+    mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut buffers: Local<PairingBuffers>,
+    bounds: Query<&TriangleBounds>,
 ) {
     let start = Instant::now();
     let surfaces = &active.surfaces;
@@ -208,9 +223,22 @@ fn pair_surfaces(
 
     // As many as there are may wait to be used again: pairs come and go from tick to tick.
     buffers.spare.truncate(candidates.pairs.len());
-    buffers.spare.extend(candidates.pairs.drain(..).rev());
+    memory.begin(&active, &settings, candidates.last_changed(), &bounds);
+    buffers.last_names.clear();
+    buffers.last_names.extend(candidates.pairs.iter().map(|pair| name(pair.first, pair.second)));
+    buffers.last.clear();
+    buffers.last.extend(candidates.pairs.drain(..).map(Some));
+    let PairingBuffers { last, spare, .. } = &mut *buffers;
+    let changed = last.iter_mut().rev().filter(|pair| pair.as_ref().is_some_and(|pair| !memory.may_keep(pair)));
+    spare.extend(changed.filter_map(Option::take));
     for &[first, second] in &places {
         let [first, second] = [first as usize, second as usize];
+        if let Some((mut pair, origin)) = buffers.keep(&memory, first, OtherSide::Surface(second)) {
+            memory.keep_pair(origin, &mut pair);
+            candidates.pairs.push(pair);
+            continue;
+        }
+        memory.add_pair();
         candidates.pairs.push(surface_pair(surfaces, first, second, settings.margin(), buffers.reuse()));
     }
     let mut with_shapes = std::mem::take(&mut buffers.with_shapes);
@@ -232,14 +260,30 @@ fn pair_surfaces(
     }
     with_shapes.sort_unstable();
     for &[first, place] in &with_shapes {
+        if let Some((mut pair, origin)) = buffers.keep(&memory, first, OtherSide::Shape(place)) {
+            memory.keep_pair(origin, &mut pair);
+            candidates.pairs.push(pair);
+            continue;
+        }
+        memory.add_pair();
         let lists = buffers.reuse();
         let pair = shape_pair(&surfaces[first], first, &active.shapes[place], place, settings.margin(), lists);
         candidates.pairs.push(pair);
     }
+    memory.end_pairs();
+    memory.seal(StageList::Candidates, candidates.last_changed());
     buffers.places = places;
     buffers.with_shapes = with_shapes;
     let count = candidates.pairs.len();
     diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
+}
+
+/// Sorts pairs as the broad phase does: by their surfaces, those with shapes last.
+fn name(first: usize, second: OtherSide) -> (bool, usize, usize) {
+    match second {
+        OtherSide::Surface(second) => (false, first, second),
+        OtherSide::Shape(shape) => (true, first, shape),
+    }
 }
 
 /// Pairs of triangles, moved triangles and moved positions.

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     detection::{
-        DetectionDiagnostics, TriangleBounds,
+        DetectionDiagnostics, DetectionMemory, StageList, TriangleBounds,
         parallel::{Buffers, append_ranges, for_each_weighed},
         sides::{pair_settings, surface_sides},
     },
@@ -79,6 +79,7 @@ fn update_trees(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
+    mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut culled: Local<Vec<bool>>,
     mut surfaces: TreesToUpdate,
@@ -104,13 +105,20 @@ fn update_trees(
         tree.followed = bounds.computed();
     }
     let trees = surfaces.as_readonly();
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    memory.hand_back_moved(&mut candidates.pairs);
     for_each_weighed(
         &mut candidates.pairs,
         settings.threads,
         LEAVES_OF_ONE,
-        |_, pair| usize::from(pair.is_moved()) * LEAVES_LOOKED_AT,
-        |_, pair, _| move_triangles(&active, &settings, pair, &trees),
+        |place, pair| usize::from(pair.is_moved() && !memory.keeps(place)) * LEAVES_LOOKED_AT,
+        |place, pair, _| {
+            if !memory.keeps(place) {
+                move_triangles(&active, &settings, pair, &trees);
+            }
+        },
     );
+    memory.seal(StageList::Candidates, candidates.last_changed());
     mark_culled_surfaces(&active, &candidates, &mut culled);
     for (surface, &culled) in active.surfaces.iter().zip(&*culled) {
         let Ok((positions, _, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
@@ -187,11 +195,14 @@ fn pair_triangles(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
+    mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     buffers: Local<Buffers<MovedLeaves>>,
     surfaces: TreeQuery,
 ) {
     let start = Instant::now();
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    memory.hand_back_candidates(&mut candidates.pairs);
     let leaf_count = |place: usize| active.surfaces[place].topology.triangles().len() / LEAF_WIDTH;
     let weight = |pair: &SurfacePair| match pair.second {
         OtherSide::Surface(second) => leaf_count(pair.first).min(leaf_count(second)),
@@ -202,8 +213,11 @@ fn pair_triangles(
         &mut candidates.pairs,
         settings.threads,
         LEAVES_OF_ONE,
-        |_, pair| weight(pair),
-        |_, pair, threads| {
+        |place, pair| if memory.keeps(place) { 0 } else { weight(pair) },
+        |place, pair, threads| {
+            if memory.keeps(place) {
+                return;
+            }
             let found = match pair.second {
                 OtherSide::Surface(_) if pair.is_self() => pair_itself(&active, &settings, pair, &surfaces, threads),
                 OtherSide::Surface(second) => buffers.with(|moved| {
@@ -214,7 +228,8 @@ fn pair_triangles(
             overlapping.fetch_add(found, Ordering::Relaxed);
         },
     );
-    let count = candidates.triangle_pair_count();
+    memory.seal(StageList::Candidates, candidates.last_changed());
+    let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
     diagnostics.finish("broad phase", start, overlapping.into_inner(), count);
 }
 

@@ -1,0 +1,371 @@
+//! What an unchanged pair of surfaces keeps from the last detection: its candidates, what the stages made of them, and
+//! its contacts.
+//!
+//! A pair is kept where both sides are, bit by bit, what they were. That holds for lists and spheres only as long as
+//! nobody but the stages writes to them: each stage seals what it wrote by its change tick, and where a seal is broken
+//! everything is computed anew, in that detection and the next.
+
+use std::sync::Arc;
+
+use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
+use glam::Vec3;
+
+use super::{
+    bounds::TriangleBounds,
+    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
+    curvature::TriangleCurvature,
+    refit::{Circumspheres, EnclosingBalls, TriangleCones},
+};
+use crate::{
+    kernel::bounds::Aabb,
+    settings::CircumsphereSettings,
+    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
+};
+
+/// The lists that stages write.
+#[derive(Clone, Copy)]
+pub(crate) enum StageList {
+    Candidates,
+    Overlapping,
+    Meeting,
+    Refined,
+}
+
+/// What is known of the last detection, and which pairs of this one are kept from it.
+#[derive(Resource, Default)]
+pub(crate) struct DetectionMemory {
+    /// The surfaces of the last detection that began, and how often the boxes of each had been computed.
+    surfaces: Vec<(ActiveSurface, u64)>,
+    shapes: Vec<ActiveShape>,
+    settings: Option<CircumsphereSettings>,
+    /// For each surface and each shape of this detection its place in the last one, where nothing about it has changed.
+    unchanged: [Vec<Option<u32>>; 2],
+    /// For each of the last detection's whether it is one of those.
+    stays: [Vec<bool>; 2],
+    /// For each pair of this detection its place in the last one, where it is kept.
+    origins: Vec<Option<u32>>,
+    /// The candidates of those, until they are handed back.
+    candidates: Vec<Vec<[u32; 2]>>,
+    /// What was moved of those, until then.
+    moved: Vec<Moved>,
+    /// How many pairs the last detection had.
+    last_count: usize,
+    /// Whether every pair is kept, each at its place.
+    all_kept: bool,
+    /// Whether a detection has come to its end with every seal whole.
+    is_whole: bool,
+    seals: [Option<Tick>; 4],
+    /// Curvature, balls, spheres and cones of each surface.
+    sphere_seals: EntityHashMap<[Tick; 4]>,
+}
+
+/// What was brought into the frame of a pair, as the pair has it.
+#[derive(Default)]
+struct Moved {
+    triangles: Vec<(u32, Aabb)>,
+    positions: Vec<Vec3>,
+    rounding: f32,
+}
+
+/// The components that the sphere stages compute, with their change ticks.
+pub(super) type SphereComponents = (
+    Ref<'static, TriangleCurvature>,
+    Ref<'static, EnclosingBalls>,
+    Ref<'static, Circumspheres>,
+    Ref<'static, TriangleCones>,
+);
+
+impl DetectionMemory {
+    /// Begins a detection: finds out which surfaces and shapes have not changed since the last one, and remembers them all.
+    pub(super) fn begin(
+        &mut self,
+        active: &ActiveSurfaces,
+        settings: &CircumsphereSettings,
+        candidates_changed: Tick,
+        bounds: &Query<&TriangleBounds>,
+    ) {
+        let is_whole = std::mem::take(&mut self.is_whole) && self.is_sealed(StageList::Candidates, candidates_changed);
+        let keeps = is_whole && settings.memory && self.settings == Some(*settings);
+        self.settings = Some(*settings);
+        let Self { surfaces: last_surfaces, shapes: last_shapes, unchanged: [surfaces, shapes], stays, .. } =
+            &mut *self;
+        let computed = |surface: &ActiveSurface| bounds.get(surface.entity).map_or(0, TriangleBounds::computed);
+        surfaces.clear();
+        surfaces.extend(active.surfaces.iter().map(|surface| {
+            let place = last_surfaces.binary_search_by_key(&surface.order, |(last, _)| last.order).ok()?;
+            let (last, last_computed) = &last_surfaces[place];
+            let kept = keeps && !surface.fresh && is_same_surface(surface, last) && *last_computed == computed(surface);
+            kept.then_some(place as u32)
+        }));
+        shapes.clear();
+        shapes.extend(active.shapes.iter().map(|shape| {
+            let place = last_shapes.binary_search_by_key(&shape.order, |last| last.order).ok()?;
+            (keeps && is_same_shape(shape, &last_shapes[place])).then_some(place as u32)
+        }));
+        for ((stays, unchanged), count) in
+            stays.iter_mut().zip([&*surfaces, &*shapes]).zip([last_surfaces.len(), last_shapes.len()])
+        {
+            stays.clear();
+            stays.resize(count, false);
+            unchanged.iter().flatten().for_each(|&place| stays[place as usize] = true);
+        }
+        last_surfaces.clear();
+        last_surfaces.extend(active.surfaces.iter().map(|surface| (surface.clone(), computed(surface))));
+        last_shapes.clone_from(&active.shapes);
+        self.last_count = self.origins.len();
+        self.origins.clear();
+        self.candidates.clear();
+        self.moved.clear();
+    }
+
+    /// Whether both sides of a pair of the last detection are unchanged.
+    pub(super) fn may_keep(&self, last: &SurfacePair) -> bool {
+        let [surfaces, shapes] = &self.stays;
+        let stays = |places: &[bool], place: usize| places.get(place).is_some_and(|&stays| stays);
+        stays(surfaces, last.first)
+            && match last.second {
+                OtherSide::Surface(second) => stays(surfaces, second),
+                OtherSide::Shape(shape) => stays(shapes, shape),
+            }
+    }
+
+    /// What a surface, and a shape or surface, of this detection were in the last one, where nothing about them has
+    /// changed.
+    pub(super) fn last_sides(&self, first: usize, second: OtherSide) -> Option<(usize, OtherSide)> {
+        let [surfaces, shapes] = &self.unchanged;
+        let last_second = match second {
+            OtherSide::Surface(place) => OtherSide::Surface(surfaces[place]? as usize),
+            OtherSide::Shape(place) => OtherSide::Shape(shapes[place]? as usize),
+        };
+        Some((surfaces[first]? as usize, last_second))
+    }
+
+    /// Adds a pair that is new or has changed.
+    pub(super) fn add_pair(&mut self) {
+        self.origins.push(None);
+        self.candidates.push(Vec::new());
+        self.moved.push(Moved::default());
+    }
+
+    /// Adds a pair that is kept from its place in the last detection. Its lists are taken into custody until the steps that
+    /// else would fill them: somebody else's would fill them again.
+    pub(super) fn keep_pair(&mut self, origin: u32, pair: &mut SurfacePair) {
+        self.origins.push(Some(origin));
+        self.candidates.push(std::mem::take(&mut pair.triangles));
+        self.moved.push(Moved {
+            triangles: std::mem::take(&mut pair.moved_triangles),
+            positions: std::mem::take(&mut pair.moved_positions),
+            rounding: std::mem::take(&mut pair.moved_rounding),
+        });
+    }
+
+    /// Hands back what was moved of kept pairs.
+    pub(super) fn hand_back_moved(&mut self, pairs: &mut [SurfacePair]) {
+        for (place, pair) in pairs.iter_mut().enumerate() {
+            if self.keeps(place) {
+                let moved = std::mem::take(&mut self.moved[place]);
+                pair.moved_triangles = moved.triangles;
+                pair.moved_positions = moved.positions;
+                pair.moved_rounding = moved.rounding;
+            }
+        }
+    }
+
+    /// Hands back the candidates of kept pairs.
+    pub(super) fn hand_back_candidates(&mut self, pairs: &mut [SurfacePair]) {
+        for (place, pair) in pairs.iter_mut().enumerate() {
+            if self.keeps(place) {
+                pair.triangles = std::mem::take(&mut self.candidates[place]);
+            }
+        }
+    }
+
+    /// All pairs have been added.
+    pub(super) fn end_pairs(&mut self) {
+        let at_its_place = |(place, origin): (u32, &Option<u32>)| *origin == Some(place);
+        self.all_kept = self.origins.len() == self.last_count && (0..).zip(&self.origins).all(at_its_place);
+        self.is_whole = true;
+    }
+
+    /// Whether a pair of this detection is what it was in the last one.
+    pub(crate) fn keeps(&self, place: usize) -> bool {
+        self.origin(place).is_some()
+    }
+
+    /// A kept pair's place in the last detection.
+    pub(crate) fn origin(&self, place: usize) -> Option<usize> {
+        self.origins.get(place).copied().flatten().map(|origin| origin as usize)
+    }
+
+    /// Whether every pair is kept, and none has gone or moved to another place.
+    pub(crate) fn keeps_all(&self) -> bool {
+        self.all_kept
+    }
+
+    /// Those of a list with an item for each pair whose pairs are not kept.
+    pub(super) fn changed<'a, T>(&'a self, items: &'a [T]) -> impl Iterator<Item = &'a T> {
+        items.iter().enumerate().filter(|&(place, _)| !self.keeps(place)).map(|(_, item)| item)
+    }
+
+    pub(crate) fn kept_count(&self) -> usize {
+        self.origins.iter().flatten().count()
+    }
+
+    fn is_sealed(&self, list: StageList, changed: Tick) -> bool {
+        self.seals[list as usize] == Some(changed)
+    }
+
+    /// Nothing is kept in this detection from here on.
+    fn forget(&mut self) {
+        self.origins.fill(None);
+        self.all_kept = false;
+    }
+
+    /// A stage is about to read a list. Where somebody else has written to it, nothing is kept from here on, nor in the
+    /// next detection: what stages make of it now is not what they made of their own.
+    pub(crate) fn reads(&mut self, list: StageList, changed: Tick) {
+        if !self.is_sealed(list, changed) {
+            self.forget();
+            self.is_whole = false;
+        }
+    }
+
+    /// A stage is about to write its list. Where somebody else has written to it since the last detection, nothing is kept
+    /// from here on.
+    pub(super) fn writes(&mut self, list: StageList, changed: Tick) {
+        if !self.is_sealed(list, changed) {
+            self.forget();
+        }
+    }
+
+    /// Seals a list as its stage leaves it.
+    pub(super) fn seal(&mut self, list: StageList, changed: Tick) {
+        self.seals[list as usize] = Some(changed);
+    }
+
+    /// Brings the lists of kept pairs from their places in the last detection to those in this one. The others, as far as
+    /// there are any, are to be written anew.
+    pub(super) fn carry<T: Default>(&mut self, lists: &mut Vec<T>) {
+        // A stage that was added since the last detection has no lists yet.
+        if self.origins.iter().flatten().any(|&origin| origin as usize >= lists.len()) {
+            self.forget();
+        }
+        let stays = (0..).zip(&self.origins).all(|(place, origin)| origin.is_none_or(|origin| origin == place));
+        if stays {
+            return;
+        }
+        let mut last: Vec<Option<T>> = std::mem::take(lists).into_iter().map(Some).collect();
+        lists.extend(
+            self.origins
+                .iter()
+                .map(|origin| origin.and_then(|origin| last[origin as usize].take()))
+                .map(Option::unwrap_or_default),
+        );
+        // Their memory serves those that are written anew.
+        let mut spare = last.into_iter().flatten();
+        for (list, _) in lists.iter_mut().zip(&self.origins).filter(|(_, origin)| origin.is_none()) {
+            let Some(memory) = spare.next() else { break };
+            *list = memory;
+        }
+    }
+
+    /// For each active surface whether it is part of a pair that is tested by `method` and not kept.
+    pub(super) fn surfaces_to_update(
+        &self,
+        active: &ActiveSurfaces,
+        candidates: &CandidateTrianglePairs,
+        method: ContactMethod,
+    ) -> Vec<bool> {
+        let mut used = vec![false; active.surfaces.len()];
+        let pairs = candidates.pairs.iter().enumerate().filter(|(_, pair)| pair.method == method);
+        for (_, pair) in pairs.filter(|&(place, _)| !self.keeps(place)) {
+            used[pair.first] = true;
+            if let OtherSide::Surface(second) = pair.second {
+                used[second] = true;
+            }
+        }
+        used
+    }
+}
+
+/// Forgets everything where somebody else has written to the spheres of a kept pair, or to what they are made from.
+pub(super) fn check_spheres(
+    active: Res<ActiveSurfaces>,
+    candidates: Res<CandidateTrianglePairs>,
+    mut memory: ResMut<DetectionMemory>,
+    components: Query<SphereComponents>,
+) {
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    let is_broken = |surface: usize| {
+        let entity = active.surfaces[surface].entity;
+        let ticks = components.get(entity).map(|components| change_ticks(&components)).ok();
+        ticks.is_none() || ticks.as_ref() != memory.sphere_seals.get(&entity)
+    };
+    let has_spheres = |pair: &SurfacePair| !pair.method.is_exact();
+    let mut kept =
+        candidates.pairs.iter().enumerate().filter(|(place, pair)| memory.keeps(*place) && has_spheres(pair));
+    let broken = kept.any(|(_, pair)| match pair.second {
+        OtherSide::Surface(second) => is_broken(pair.first) || is_broken(second),
+        OtherSide::Shape(_) => false,
+    });
+    if broken {
+        memory.forget();
+    }
+}
+
+/// Seals the curvature of all surfaces that it has been measured of.
+pub(super) fn seal_curvature(mut memory: ResMut<DetectionMemory>, curvatures: Query<Ref<TriangleCurvature>>) {
+    for (&entity, seals) in &mut memory.sphere_seals {
+        if let Ok(curvature) = curvatures.get(entity) {
+            seals[0] = curvature.last_changed();
+        }
+    }
+}
+
+/// Seals the spheres of all surfaces that are tested by them, and what they are made from.
+pub(super) fn seal_spheres(
+    active: Res<ActiveSurfaces>,
+    candidates: Res<CandidateTrianglePairs>,
+    mut memory: ResMut<DetectionMemory>,
+    components: Query<SphereComponents>,
+) {
+    memory.sphere_seals.clear();
+    if candidates.pairs.iter().all(|pair| pair.method.is_exact()) {
+        return;
+    }
+    for surface in &active.surfaces {
+        if let Ok(components) = components.get(surface.entity) {
+            memory.sphere_seals.insert(surface.entity, change_ticks(&components));
+        }
+    }
+}
+
+fn change_ticks(
+    (curvature, balls, spheres, cones): &(
+        Ref<TriangleCurvature>,
+        Ref<EnclosingBalls>,
+        Ref<Circumspheres>,
+        Ref<TriangleCones>,
+    ),
+) -> [Tick; 4] {
+    [curvature.last_changed(), balls.last_changed(), spheres.last_changed(), cones.last_changed()]
+}
+
+/// Whether all that decides about a surface's contacts, but for its positions, is the same, and all that is stored of it.
+fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
+    surface.entity == last.entity
+        && Arc::ptr_eq(&surface.topology, &last.topology)
+        && surface.pose.has_bits_of(&last.pose)
+        && surface.thickness.to_bits() == last.thickness.to_bits()
+        && surface.method == last.method
+        && surface.one_sided == last.one_sided
+        && surface.events == last.events
+}
+
+/// The same of a shape.
+fn is_same_shape(shape: &ActiveShape, last: &ActiveShape) -> bool {
+    shape.entity == last.entity
+        && Arc::ptr_eq(&shape.geometry, &last.geometry)
+        && shape.pose.has_bits_of(&last.pose)
+        && shape.events == last.events
+}
