@@ -25,6 +25,7 @@ use serde::Serialize;
 use self::{memory::Memory, scenes::Scene};
 use super::{
     headless::{detect, headless_app, move_surface, recording::Recorder},
+    machine::processor_time,
     measure::timed,
     report::{grouped, short},
     statistics::{log_slope, median},
@@ -120,6 +121,8 @@ impl Growth {
 }
 
 const WHOLE: &str = "cold tick";
+/// The same without what others on the machine took, where the system tells.
+const PROCESSOR: &str = "cold tick, processor time";
 
 /// A scene in an app.
 struct Stage {
@@ -184,16 +187,20 @@ fn play(stage: &mut Stage, scene: &Scene) -> Vec<(&'static str, Vec<f64>)> {
             break;
         }
         stage.advance(scene);
+        let before = processor_time();
         let (duration, ()) = timed(|| stage.app.update());
+        let worked = processor_time().zip(before).map(|(after, before)| after.saturating_sub(before));
         if tick < 2 {
             continue;
         }
         times[0].1.push(milliseconds(duration));
-        for part in &stage.app.world().resource::<DetectionDiagnostics>().stages {
-            if let Some((_, times)) = times.iter_mut().find(|(name, _)| *name == part.name) {
-                times.push(milliseconds(part.duration));
+        let parts = &stage.app.world().resource::<DetectionDiagnostics>().stages;
+        let worked = worked.map(|worked| (PROCESSOR, worked));
+        for (part, duration) in worked.into_iter().chain(parts.iter().map(|part| (part.name, part.duration))) {
+            if let Some((_, times)) = times.iter_mut().find(|(name, _)| *name == part) {
+                times.push(milliseconds(duration));
             } else {
-                times.push((part.name, vec![milliseconds(part.duration)]));
+                times.push((part, vec![milliseconds(duration)]));
             }
         }
     }
@@ -305,22 +312,23 @@ impl Display for Scale {
         for memory in &self.memory {
             writeln!(out, "{memory}")?;
         }
-        writeln!(out, "{:60} {:>8} {:>10} {:>10}", "bar", "", "medians", "minima")?;
+        writeln!(out, "{:52} {:>8} {:>10} {:>10} {:>10}", "bar", "", "medians", "minima", "processor")?;
         let verdict = |holds: bool| if holds { "holds" } else { "does not hold" };
         for series in &self.series {
-            let whole = series.stages.iter().find(|growth| growth.stage == WHOLE);
-            if let Some((slope, least)) = whole.and_then(|growth| growth.slope.zip(growth.least_slope)) {
-                let what = format!("slope, {}, {}", series.scene, series.method);
-                let holds = verdict(slope <= STEEPEST);
-                writeln!(out, "{what:60} {:>8} {slope:>10.2} {least:>10.2}  {holds}", format!("≤ {STEEPEST}"))?;
-            }
+            let of = |stage: &str| series.stages.iter().find(|growth| growth.stage == stage);
+            let Some((whole, slope)) = of(WHOLE).and_then(|whole| Some((whole, whole.slope?))) else { continue };
+            let what = format!("slope, {}, {}", series.scene, series.method);
+            let number = |slope: Option<f64>| slope.map_or_else(|| "-".to_owned(), |slope| format!("{slope:.2}"));
+            let (least, processor) = (number(whole.least_slope), number(of(PROCESSOR).and_then(|growth| growth.slope)));
+            let (limit, holds) = (format!("≤ {STEEPEST}"), verdict(slope <= STEEPEST));
+            writeln!(out, "{what:52} {limit:>8} {slope:>10.2} {least:>10} {processor:>10}  {holds}")?;
         }
         for memory in &self.memory {
             let (what, bytes) =
                 (format!("bytes a triangle, {}", memory.method), memory.bytes_per_triangle_without_pairs);
             writeln!(
                 out,
-                "{what:60} {:>8} {bytes:>10.0} {:>10}  {}",
+                "{what:52} {:>8} {bytes:>10.0} {:>21}  {}",
                 format!("≤ {HEAVIEST}"),
                 "",
                 verdict(bytes <= HEAVIEST)
