@@ -1,6 +1,6 @@
 //! What the measurements were made on.
 
-use std::{fs, process::Command, time::Duration};
+use std::{fs, process::Command};
 
 use serde::Serialize;
 
@@ -68,24 +68,6 @@ macro_rules! compiled {
 
 pub fn load() -> Option<f64> {
     fs::read_to_string("/proc/loadavg").ok()?.split(' ').next()?.parse().ok()
-}
-
-/// What the calling thread has had of a processor so far, which others on the machine hardly change.
-#[cfg(target_os = "linux")]
-pub fn processor_time() -> Option<Duration> {
-    use nix::sys::{
-        resource::{UsageWho, getrusage},
-        time::TimeValLike,
-    };
-
-    let usage = getrusage(UsageWho::RUSAGE_THREAD).ok()?;
-    let microseconds = (usage.user_time() + usage.system_time()).num_microseconds();
-    u64::try_from(microseconds).ok().map(Duration::from_micros)
-}
-
-#[cfg(not(target_os = "linux"))]
-pub fn processor_time() -> Option<Duration> {
-    None
 }
 
 impl Machine {

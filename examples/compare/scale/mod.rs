@@ -20,12 +20,12 @@ use bevy_circumsphere::{
     prelude::*,
 };
 use bevy_ecs::prelude::*;
+use cpu_time::ThreadTime;
 use serde::Serialize;
 
 use self::{memory::Memory, scenes::Scene};
 use super::{
     headless::{detect, headless_app, move_surface, recording::Recorder},
-    machine::processor_time,
     measure::timed,
     report::{grouped, short},
     statistics::{log_slope, median},
@@ -121,7 +121,7 @@ impl Growth {
 }
 
 const WHOLE: &str = "cold tick";
-/// The same without what others on the machine took, where the system tells.
+/// The same without what others on the machine took.
 const PROCESSOR: &str = "cold tick, processor time";
 
 /// A scene in an app.
@@ -187,16 +187,16 @@ fn play(stage: &mut Stage, scene: &Scene) -> Vec<(&'static str, Vec<f64>)> {
             break;
         }
         stage.advance(scene);
-        let before = processor_time();
+        let processor = ThreadTime::now();
         let (duration, ()) = timed(|| stage.app.update());
-        let worked = processor_time().zip(before).map(|(after, before)| after.saturating_sub(before));
+        let worked = processor.elapsed();
         if tick < 2 {
             continue;
         }
         times[0].1.push(milliseconds(duration));
         let parts = &stage.app.world().resource::<DetectionDiagnostics>().stages;
-        let worked = worked.map(|worked| (PROCESSOR, worked));
-        for (part, duration) in worked.into_iter().chain(parts.iter().map(|part| (part.name, part.duration))) {
+        let parts = parts.iter().map(|part| (part.name, part.duration));
+        for (part, duration) in [(PROCESSOR, worked)].into_iter().chain(parts) {
             if let Some((_, times)) = times.iter_mut().find(|(name, _)| *name == part) {
                 times.push(milliseconds(duration));
             } else {
