@@ -229,14 +229,13 @@ fn measure_series(
             report(&format!("{name}, {} triangles: {method:?}", grouped(scene.triangles() as u64)));
             let mut stage = Stage::new(&scene, method);
             for (name, times) in play(&mut stage, &scene) {
-                let growth = match series.stages.iter().position(|growth| growth.stage == name) {
-                    Some(found) => &mut series.stages[found],
-                    None => {
-                        // A stage that smaller sizes had no use for.
-                        series.stages.push(Growth { stage: name, ..Growth::default() });
-                        series.stages.last_mut().expect("it was pushed")
-                    }
-                };
+                let known = series.stages.iter().position(|growth| growth.stage == name);
+                let stage = known.unwrap_or_else(|| {
+                    // Smaller sizes had no use for it.
+                    series.stages.push(Growth { stage: name, ..Growth::default() });
+                    series.stages.len() - 1
+                });
+                let growth = &mut series.stages[stage];
                 growth.resize(place);
                 growth.least_ms.push(times.iter().copied().fold(f64::INFINITY, f64::min));
                 growth.median_ms.push(median(times).unwrap_or_default());
