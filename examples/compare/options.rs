@@ -9,6 +9,7 @@ use super::{frames::FrameRange, headless::recording::RecordingOptions, peers::Pe
 /// Time our methods and what others offer on the same mesh in one run, and print one table.
 #[derive(Parser, Debug)]
 #[command(name = "compare")]
+#[expect(clippy::struct_excessive_bools, reason = "each is a switch of its own")]
 pub struct Options {
     /// The frames of one mesh in order (PLY or OBJ), or .bin recordings, each compared by itself; none: a crumpled sheet
     /// and the embedded scene

@@ -94,7 +94,7 @@ impl PairFates<'_, '_> {
         let map = |work: &(dyn Fn(&[[u32; 2]], &mut Vec<PairFate>) + Sync)| {
             let mut fates = Vec::new();
             append_chunks(triangles, self.settings.threads, &mut fates, work, |fates, mut later| {
-                fates.append(&mut later)
+                fates.append(&mut later);
             });
             fates
         };

@@ -73,6 +73,9 @@ const ELSEWHERE: &str = "elsewhere (the last tick's store, scratch)";
 const RESULTS: [&str; 5] =
     ["OverlappingTrianglePairs", "MeetingCaps", "RefinedTrianglePairs", "ContactStore", ELSEWHERE];
 
+/// Takes something away from the world, or from the sheet.
+type Take = fn(&mut World, Entity);
+
 fn take_component<T: Component>(world: &mut World, surface: Entity) {
     world.entity_mut(surface).remove::<T>();
 }
@@ -106,7 +109,6 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
     }
     let whole = (HEAP.current_usage() - before).saturating_sub(empty_bytes);
     let size = stage.size(scene);
-    type Take = fn(&mut World, Entity);
     let holders: [(&'static str, Take); 12] = [
         ("SurfacePositions", take_component::<SurfacePositions>),
         ("TriangleBounds", take_component::<TriangleBounds>),

@@ -20,6 +20,7 @@ use bevy_circumsphere::{
     prelude::*,
 };
 use bevy_ecs::prelude::*;
+use cpu_time::ThreadTime;
 use serde::Serialize;
 
 use self::{memory::Memory, scenes::Scene};
@@ -120,6 +121,8 @@ impl Growth {
 }
 
 const WHOLE: &str = "cold tick";
+/// The same without what others on the machine took.
+const PROCESSOR: &str = "cold tick, processor time";
 
 /// A scene in an app.
 struct Stage {
@@ -184,16 +187,20 @@ fn play(stage: &mut Stage, scene: &Scene) -> Vec<(&'static str, Vec<f64>)> {
             break;
         }
         stage.advance(scene);
+        let processor = ThreadTime::now();
         let (duration, ()) = timed(|| stage.app.update());
+        let worked = processor.elapsed();
         if tick < 2 {
             continue;
         }
         times[0].1.push(milliseconds(duration));
-        for part in &stage.app.world().resource::<DetectionDiagnostics>().stages {
-            if let Some((_, times)) = times.iter_mut().find(|(name, _)| *name == part.name) {
-                times.push(milliseconds(part.duration));
+        let parts = &stage.app.world().resource::<DetectionDiagnostics>().stages;
+        let parts = parts.iter().map(|part| (part.name, part.duration));
+        for (part, duration) in [(PROCESSOR, worked)].into_iter().chain(parts) {
+            if let Some((_, times)) = times.iter_mut().find(|(name, _)| *name == part) {
+                times.push(milliseconds(duration));
             } else {
-                times.push((part.name, vec![milliseconds(part.duration)]));
+                times.push((part, vec![milliseconds(duration)]));
             }
         }
     }
@@ -222,14 +229,13 @@ fn measure_series(
             report(&format!("{name}, {} triangles: {method:?}", grouped(scene.triangles() as u64)));
             let mut stage = Stage::new(&scene, method);
             for (name, times) in play(&mut stage, &scene) {
-                let growth = match series.stages.iter().position(|growth| growth.stage == name) {
-                    Some(found) => &mut series.stages[found],
-                    None => {
-                        // A stage that smaller sizes had no use for.
-                        series.stages.push(Growth { stage: name, ..Growth::default() });
-                        series.stages.last_mut().expect("it was pushed")
-                    }
-                };
+                let known = series.stages.iter().position(|growth| growth.stage == name);
+                let stage = known.unwrap_or_else(|| {
+                    // Smaller sizes had no use for it.
+                    series.stages.push(Growth { stage: name, ..Growth::default() });
+                    series.stages.len() - 1
+                });
+                let growth = &mut series.stages[stage];
                 growth.resize(place);
                 growth.least_ms.push(times.iter().copied().fold(f64::INFINITY, f64::min));
                 growth.median_ms.push(median(times).unwrap_or_default());
@@ -305,22 +311,23 @@ impl Display for Scale {
         for memory in &self.memory {
             writeln!(out, "{memory}")?;
         }
-        writeln!(out, "{:60} {:>8} {:>10} {:>10}", "bar", "", "medians", "minima")?;
+        writeln!(out, "{:52} {:>8} {:>10} {:>10} {:>10}", "bar", "", "medians", "minima", "processor")?;
         let verdict = |holds: bool| if holds { "holds" } else { "does not hold" };
         for series in &self.series {
-            let whole = series.stages.iter().find(|growth| growth.stage == WHOLE);
-            if let Some((slope, least)) = whole.and_then(|growth| growth.slope.zip(growth.least_slope)) {
-                let what = format!("slope, {}, {}", series.scene, series.method);
-                let holds = verdict(slope <= STEEPEST);
-                writeln!(out, "{what:60} {:>8} {slope:>10.2} {least:>10.2}  {holds}", format!("≤ {STEEPEST}"))?;
-            }
+            let of = |stage: &str| series.stages.iter().find(|growth| growth.stage == stage);
+            let Some((whole, slope)) = of(WHOLE).and_then(|whole| Some((whole, whole.slope?))) else { continue };
+            let what = format!("slope, {}, {}", series.scene, series.method);
+            let number = |slope: Option<f64>| slope.map_or_else(|| "-".to_owned(), |slope| format!("{slope:.2}"));
+            let (least, processor) = (number(whole.least_slope), number(of(PROCESSOR).and_then(|growth| growth.slope)));
+            let (limit, holds) = (format!("≤ {STEEPEST}"), verdict(slope <= STEEPEST));
+            writeln!(out, "{what:52} {limit:>8} {slope:>10.2} {least:>10} {processor:>10}  {holds}")?;
         }
         for memory in &self.memory {
             let (what, bytes) =
                 (format!("bytes a triangle, {}", memory.method), memory.bytes_per_triangle_without_pairs);
             writeln!(
                 out,
-                "{what:60} {:>8} {bytes:>10.0} {:>10}  {}",
+                "{what:52} {:>8} {bytes:>10.0} {:>21}  {}",
                 format!("≤ {HEAVIEST}"),
                 "",
                 verdict(bytes <= HEAVIEST)

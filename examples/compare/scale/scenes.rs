@@ -36,7 +36,8 @@ impl Scene {
     /// `count` bodies in a lattice, `spacing` apart, each turned its own way and off its place by at most `jitter`.
     fn lattice(count: usize, mesh: &Mesh, spacing: f32, jitter: f32) -> Self {
         // As high as it is wide where that comes out even: the outside of a heap touches less than its inside.
-        let side = (count as f64).cbrt().round() as usize;
+        let nearest = |side: &usize| side.pow(3).abs_diff(count);
+        let side = (1..=count).min_by_key(nearest).unwrap_or(1);
         let mut random = Random::new(count as u64);
         let bodies = (0..count)
             .map(|number| {
@@ -90,7 +91,7 @@ pub fn crumpled(triangles: usize) -> Scene {
 
 /// A tilted sheet and a triangle within its box, far from its triangles.
 pub fn lone(triangles: usize) -> Scene {
-    let side = (triangles as f64 / 2.0).sqrt().round().max(1.0) as usize;
+    let side = (triangles / 2).isqrt().max(1);
     let sheet = grid(side, side, side as f32, side as f32, Diagonals::Alternating).rotate([0.0, 0.0, 1.0], 0.8);
     let top = sheet.positions.iter().fold(0.0_f32, |top, position| top.max(position[1]));
     let triangle = Mesh { positions: vec![[-0.5; 3], [0.5, -0.5, 0.0], [0.0, 0.5, 0.5]], triangles: vec![[0, 1, 2]] };

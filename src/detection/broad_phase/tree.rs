@@ -269,7 +269,7 @@ fn pair_surface(
         if pair.moved_triangles.is_empty() {
             return Some(0);
         }
-        side = if pair.frame == Frame::First { 1 } else { 0 };
+        side = usize::from(pair.frame == Frame::First);
         moved.leaves.collect_leaves(&pair.moved_triangles);
         if slabs.is_some() {
             moved.triangles.update(&moved.leaves, &surface.topology, &pair.moved_positions);
