@@ -283,7 +283,7 @@ impl BoxTree {
     }
 
     /// The items of a leaf.
-    pub(super) fn leaf_items(&self, leaf: usize) -> &[u32] {
+    pub(crate) fn leaf_items(&self, leaf: usize) -> &[u32] {
         let Leaf { items, count, .. } = &self.leaves[leaf];
         &items[..*count as usize]
     }

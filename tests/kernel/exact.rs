@@ -2,11 +2,7 @@
 
 use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
 use bevy_circumsphere::kernel::{
-    exact::{
-        Feature, FeatureKind, FeaturePair, PairProximity, Proximity,
-        cull::cull_by_planes,
-        examine_pair,
-    },
+    exact::{Feature, FeatureKind, FeaturePair, PairProximity, Proximity, cull::cull_by_planes, examine_pair},
     reference::{ClosestKind, closest_features, segment_segment, triangle_distance},
 };
 use glam::{DVec3, Vec3};

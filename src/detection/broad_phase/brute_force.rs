@@ -80,7 +80,7 @@ fn pair_triangles(
         }
     }
     let count = candidates.triangle_pair_count();
-    diagnostics.finish("broad phase", start, 0, count);
+    diagnostics.finish("broad phase", start, count, count);
 }
 
 /// Appends the triangles of a surface whose boxes reach a shape.
