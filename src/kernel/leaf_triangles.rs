@@ -19,6 +19,10 @@ use super::{
 /// A squared normal below this is too close to the smallest f32 to be relied on: such a triangle's plane separates nothing.
 const LEAST_SQUARED: f32 = 1.0e-30;
 
+/// Of leaves that are larger, or farther from each other, nothing is known. Up to here a projection on any direction whose square
+/// is finite, below 1.9e19 long, is finite too; beyond, infinities of both signs would make gaps that are none.
+const LARGEST_EXTENT: f32 = 1.0e18;
+
 /// Marks the corners of an unused lane, and of no triangle.
 const NO_VERTEX: u32 = u32::MAX;
 
@@ -170,8 +174,8 @@ impl<'a> PairCull<'a> {
         let offset = own.origin - other.origin;
         let extent = own.extent + other.extent + offset.abs().element_sum();
         let needed = match self.slabs {
-            Some(range) => range * RANGE_SLACK + extent * ROUNDING,
-            None => f32::INFINITY,
+            Some(range) if extent <= LARGEST_EXTENT => range * RANGE_SLACK + extent * ROUNDING,
+            _ => f32::INFINITY,
         };
         Separation { own, other, offset, needed, neighbors: self.neighbors, centroids: self.centroids }
     }
