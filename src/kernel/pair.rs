@@ -100,7 +100,7 @@ pub struct PairSettings {
 pub struct FoundPairs {
     /// Pairs of triangles that touch, in the order of the candidates.
     pub touching: Vec<TouchingPair>,
-    /// Contacts in the same order. The same one may occur several times, under the same key.
+    /// Contacts, in no order. The same one may occur several times, under the same key; those come in the order of the candidates.
     pub contacts: Vec<CompactContact>,
     /// Distance of the nearest pair in world units, at least 0; infinite where none is within range.
     pub nearest: f64,

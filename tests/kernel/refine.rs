@@ -179,7 +179,7 @@ fn distances_are_negative_exactly_for_vertices_inside_the_other_sphere() {
         }
         let nearest = expected.iter().map(|pair| pair.distance).fold(f64::INFINITY, f64::min);
         assert!((found.nearest - nearest).abs() <= 1.0e-12);
-        assert!(found.examined < candidates.len() && found.examined >= found.touching.len());
+        assert_eq!(found.examined, candidates.len());
     }
     println!(
         "{inside_contacts} contacts of vertices inside, {outside_contacts} outside, {crossings} crossings, on \
@@ -648,10 +648,16 @@ fn refined_and_polygon_find_the_same_bit_by_bit_on_meshes_of_every_kind() {
             let ([refined, closest], [polygon, _]) = (find(true), find(false));
             assert_eq!(refined.touching, polygon.touching, "round {round}, {same_surface}");
             assert_eq!(refined.nearest.to_bits(), polygon.nearest.to_bits(), "round {round}, {same_surface}");
-            for (refined, polygon) in refined.contacts.iter().zip(&polygon.contacts) {
+            // Of those of one key the first one counts, whatever stands between them.
+            let [by_refined, by_polygon] = [&refined, &polygon].map(|found| {
+                let mut contacts = found.contacts.clone();
+                contacts.sort_by_key(|contact| contact.key);
+                contacts
+            });
+            for (refined, polygon) in by_refined.iter().zip(&by_polygon) {
                 assert_eq!(refined, polygon, "round {round}, {same_surface}");
             }
-            assert_eq!(refined.contacts.len(), polygon.contacts.len(), "round {round}, {same_surface}");
+            assert_eq!(by_refined.len(), by_polygon.len(), "round {round}, {same_surface}");
             assert_eq!(closest.touching, polygon.touching, "round {round}, {same_surface}");
             touching += polygon.touching.len();
             for contact in &polygon.contacts {
