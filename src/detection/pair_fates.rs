@@ -58,10 +58,10 @@ pub struct PairFates<'w, 's> {
 }
 
 impl PairFates<'_, '_> {
-    /// The fates of [`CandidateTrianglePairs::pairs`]`[place]`, in place of what `fates` held: of its `triangles` one each, in
-    /// their order, then [`PairFate::Planes`] of those that the broad phase dropped by slabs although their boxes overlap.
-    /// Empty where there is no such place, a surface is gone, or its positions have been resized since. Takes about as long
-    /// as the pair's own stages took.
+    /// The fates of [`CandidateTrianglePairs::pairs`]`[place]`, in place of what `fates` held: of its `triangles` one each,
+    /// in their order, then [`PairFate::Planes`] of those that the broad phase dropped by slabs although their boxes
+    /// overlap. Empty where there is no such place, a surface is gone, or its positions have been resized since. Takes about
+    /// as long as the pair's own stages took.
     pub fn of(&self, place: usize, fates: &mut Vec<([u32; 2], PairFate)>) {
         fates.clear();
         let Some(pair) = self.candidates.pairs.get(place) else { return };
@@ -102,8 +102,8 @@ impl PairFates<'_, '_> {
         dropped
     }
 
-    /// What `ask` hears from the trees that the broad phase traversed for a pair; `None` where it did not, or they are no longer
-    /// what was detected.
+    /// What `ask` hears from the trees that the broad phase traversed for a pair; `None` where it did not, or they are no
+    /// longer what was detected.
     fn traverse<T>(&self, pair: &SurfacePair, ask: impl FnOnce(Traversal<'_>) -> T) -> Option<T> {
         let OtherSide::Surface(second) = pair.second else { return None };
         if !self.is_as_detected(pair, &[]) {
@@ -134,7 +134,7 @@ impl PairFates<'_, '_> {
         let map = |work: &(dyn Fn(&[[u32; 2]], &mut Vec<PairFate>) + Sync)| {
             let mut fates = Vec::new();
             append_chunks(triangles, self.settings.threads, &mut fates, work, |fates, mut later| {
-                fates.append(&mut later)
+                fates.append(&mut later);
             });
             fates
         };

@@ -56,7 +56,9 @@ pub(super) fn append_chunks<T: Default + Send + 'static>(
         .flatten()
         .collect();
     parts.sort_unstable_by_key(|&(chunk, _)| chunk);
-    parts.into_iter().for_each(|(_, found)| join(results, found));
+    for (_, found) in parts {
+        join(results, found);
+    }
 }
 
 /// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with a list to append to, and appends the lists to
@@ -96,7 +98,9 @@ pub(super) fn append_ranges<T: Send + 'static>(
         .flatten()
         .collect();
     parts.sort_unstable_by_key(|&(part, ..)| part);
-    parts.iter_mut().for_each(|(_, found, _)| results.append(found));
+    for (_, found, _) in &mut parts {
+        results.append(found);
+    }
     parts.iter().map(|&(.., sum)| sum).sum()
 }
 

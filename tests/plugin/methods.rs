@@ -163,7 +163,10 @@ type Candidates = BTreeSet<(String, String, [u32; 2])>;
 
 /// The candidates, and what slabs dropped before it became one.
 fn candidates(app: &mut App) -> [Candidates; 2] {
-    let read = |fates: PairFates, candidates: Res<CandidateTrianglePairs>, active: Res<ActiveSurfaces>, names: Query<&Called>| {
+    let read = |fates: PairFates,
+                candidates: Res<CandidateTrianglePairs>,
+                active: Res<ActiveSurfaces>,
+                names: Query<&Called>| {
         let name = |entity: Entity| names.get(entity).expect("it is named").0.to_owned();
         let (mut sets, mut count) = ([Candidates::new(), Candidates::new()], 0);
         for (place, pair) in candidates.pairs.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Draws the pairs of triangles that the broad phase found, by what became of them.
+//! Draws the pairs of triangles whose boxes overlap, by what became of them.
 
 use glam::{DVec3, Vec3};
 use rerun::{AsComponents, LineStrips3D};

@@ -1,8 +1,9 @@
 //! Stage 2: which surfaces and shapes are near each other, and which of their triangles may be.
 //!
 //! This plugin pairs surfaces. The pairs of triangles are found by one algorithm plugin beside it; whichever it is, the same
-//! contacts come of them. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in [`BroadPhaseSystems::PairTriangles`]
-//! that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by [`SurfacePair::mover`].
+//! contacts come of them. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in
+//! [`BroadPhaseSystems::PairTriangles`] that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by
+//! [`SurfacePair::mover`].
 
 mod brute_force;
 mod moved;

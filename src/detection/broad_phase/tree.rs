@@ -253,7 +253,7 @@ impl<'a> Traversal<'a> {
             if pair.moved_triangles.is_empty() {
                 return None;
             }
-            side = if pair.frame == Frame::First { 1 } else { 0 };
+            side = usize::from(pair.frame == Frame::First);
             moved.leaves.collect_leaves(&pair.moved_triangles);
             if slabs.is_some() {
                 moved.triangles.update(&moved.leaves, &surface.topology, &pair.moved_positions);
@@ -299,7 +299,9 @@ impl<'a> Traversal<'a> {
             0
         });
         if self.is_reversed {
-            dropped.iter_mut().for_each(|triangles| triangles.reverse());
+            for triangles in &mut dropped {
+                triangles.reverse();
+            }
         }
         dropped
     }
@@ -321,8 +323,8 @@ impl<'a> Traversal<'a> {
     }
 }
 
-/// Pairs the triangles of two surfaces, or of one with itself. Returns how many boxes overlap; `None` where a surface is gone
-/// or nothing is near.
+/// Pairs the triangles of two surfaces, or of one with itself. Returns how many boxes overlap; `None` where a surface is
+/// gone or nothing is near.
 fn pair_surface(
     active: &ActiveSurfaces,
     settings: &CircumsphereSettings,
@@ -340,7 +342,9 @@ fn pair_surface(
         traversal.append(part, traversal.cull.as_ref(), pairs)
     });
     if traversal.is_reversed {
-        pair.triangles.iter_mut().for_each(|triangles| triangles.reverse());
+        for triangles in &mut pair.triangles {
+            triangles.reverse();
+        }
     }
     Some(found)
 }
