@@ -15,7 +15,8 @@
 //! The table says what everyone found, since not everyone finds the same. `box pairs` are pairs of boxes that overlap,
 //! neighbors included: everyone's must agree, and whoever's do not is named below the table, as are exact methods of ours that
 //! disagree. Ours never stores neighbors, and its boxes are larger by a thousandth of the contact
-//! distance, so `apart` differs by that. `tested` are pairs that reach an exact test in f64: `Closest` decides most in f32.
+//! distance, so `apart`, those of them that are no neighbors, differs by that. `tested` are pairs that reach an
+//! exact test in f64: those that no slab has parted.
 //! `BoundingSphere` and `Circumsphere` touch by another definition. parry's distance is f32 with absolute tolerances: its
 //! `touching` is near ours, and not exact. rapier has other contacts: see `benches/peers/src/rapier.rs`.
 //!

@@ -36,7 +36,7 @@ pub struct SurfaceDetection;
 pub enum SurfaceDetectionSystems {
     /// Boxes of triangles and surfaces.
     Bounds,
-    /// Pairs of surfaces, then pairs of triangles whose boxes overlap.
+    /// Pairs of surfaces, then pairs of triangles whose boxes overlap and that no slab parts.
     BroadPhase,
     /// Curvature and dihedral angles of triangles.
     Curvature,

@@ -1,11 +1,7 @@
 //! Our own methods, through the whole plugin in a headless app: cold, after a small motion, and unchanged.
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{
-    CircumsphereSettings, ContactStore,
-    detection::{CandidateTrianglePairs, DetectionDiagnostics},
-    prelude::*,
-};
+use bevy_circumsphere::{CircumsphereSettings, ContactStore, detection::DetectionDiagnostics, prelude::*};
 use bevy_ecs::prelude::*;
 
 use super::{
@@ -66,12 +62,16 @@ impl Ours {
 
     fn counts(&self) -> Counts {
         let world = self.app.world();
-        let store = world.resource::<ContactStore>();
+        let (store, diagnostics) = (world.resource::<ContactStore>(), world.resource::<DetectionDiagnostics>());
         Counts {
             box_pairs: None,
-            apart: Some(world.resource::<CandidateTrianglePairs>().triangle_pair_count() as u64),
-            tested: Some(world.resource::<DetectionDiagnostics>().pairs_examined as u64)
-                .filter(|_| self.method.is_exact()),
+            // What overlaps and is no neighbor, before slabs drop most of it.
+            apart: diagnostics
+                .stages
+                .iter()
+                .find(|stage| stage.name == "broad phase")
+                .map(|stage| stage.pairs_in as u64),
+            tested: Some(diagnostics.pairs_examined as u64).filter(|_| self.method.is_exact()),
             touching: Some(store.touching.len() as u64),
             contacts: Some(store.contacts.len() as u64),
         }

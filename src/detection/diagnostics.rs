@@ -11,9 +11,10 @@ pub struct StageDiagnostics {
     pub name: &'static str,
     /// How long it took.
     pub duration: Duration,
-    /// Pairs it was given.
+    /// Pairs it was given; of the broad phase: pairs of triangles whose boxes overlap, in a self-collision those that share a
+    /// vertex left out.
     pub pairs_in: usize,
-    /// Pairs it passed on; of the last stage: contacts.
+    /// Pairs it passed on; of the broad phase: candidates; of the last stage: contacts.
     pub pairs_out: usize,
 }
 
@@ -30,7 +31,7 @@ pub struct DetectionDiagnostics {
     pub pairs_kept: usize,
     /// Triangles whose sphere was made anew.
     pub recipes_refreshed: usize,
-    /// Pairs that reached the exact test.
+    /// Pairs that reached the exact test: candidates of the methods that are exact.
     pub pairs_examined: usize,
     /// First builds of a surface's tree, which its later ticks do without.
     pub first_tree_builds: Duration,

@@ -1,12 +1,14 @@
-//! Why two triangles do not touch: the step at which each candidate pair of the last detection was dropped.
+//! Why two triangles do not touch: the step at which each pair of the last detection was dropped.
 //!
 //! For debug layers, tests and the curious, after detection. The stages record nothing: their kernel functions run once
-//! more for the pairs that are asked for.
+//! more for the pairs that are asked for, and the traversal that dropped pairs by slabs runs with them and without.
+
+use std::collections::HashSet;
 
 use bevy_ecs::{prelude::*, system::SystemParam};
 
 use super::{
-    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
+    broad_phase::{CandidateTrianglePairs, MovedLeaves, OtherSide, SurfacePair, SurfaceTree, Traversal},
     parallel::append_chunks,
     sides::{SphereQuery, pair_settings, surface_sides, with_balls, with_caps},
 };
@@ -16,10 +18,10 @@ use crate::{
         pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, shape_fates},
     },
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod},
+    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
-/// Tells at which step of its method each candidate pair of triangles was dropped.
+/// Tells at which step each pair of triangles whose boxes overlap was dropped.
 ///
 /// It goes by what is there when it is asked: call it after [`DeformableSystems::Detect`](crate::DeformableSystems::Detect)
 /// and before positions or settings are written again, as they may be from
@@ -52,17 +54,20 @@ pub struct PairFates<'w, 's> {
     candidates: Res<'w, CandidateTrianglePairs>,
     settings: Res<'w, CircumsphereSettings>,
     surfaces: SphereQuery<'w, 's>,
+    trees: Query<'w, 's, (&'static SurfacePositions, &'static SurfaceTree)>,
 }
 
 impl PairFates<'_, '_> {
-    /// The fates of [`CandidateTrianglePairs::pairs`]`[place].triangles`, one each in their order, in place of what
-    /// `fates` held. Empty where there is no such place, a surface is gone, or its positions have been resized since.
-    /// Takes about as long as the pair's own stages took.
-    pub fn of(&self, place: usize, fates: &mut Vec<PairFate>) {
+    /// The fates of [`CandidateTrianglePairs::pairs`]`[place]`, in place of what `fates` held: of its `triangles` one each,
+    /// in their order, then [`PairFate::Planes`] of those that the broad phase dropped by slabs although their boxes
+    /// overlap. Empty where there is no such place, a surface is gone, or its positions have been resized since. Takes about
+    /// as long as the pair's own stages took.
+    pub fn of(&self, place: usize, fates: &mut Vec<([u32; 2], PairFate)>) {
         fates.clear();
-        if let Some(pair) = self.candidates.pairs.get(place) {
-            fates.extend(self.of_triangles(pair, &pair.triangles).unwrap_or_default());
-        }
+        let Some(pair) = self.candidates.pairs.get(place) else { return };
+        let Some(of_candidates) = self.of_triangles(pair, &pair.triangles) else { return };
+        fates.extend(pair.triangles.iter().copied().zip(of_candidates));
+        fates.extend(self.dropped_by_slabs(pair).into_iter().map(|triangles| (triangles, PairFate::Planes)));
     }
 
     /// The fate of two triangles, each with its entity, whichever comes first; of a rigid shape the triangle is
@@ -71,13 +76,48 @@ impl PairFates<'_, '_> {
     #[must_use]
     pub fn between(&self, a: (Entity, TriangleId), b: (Entity, TriangleId)) -> Option<PairFate> {
         self.candidates.pairs.iter().find_map(|pair| {
-            let ordered = [(a, b), (b, a)].into_iter().find_map(|(first, second)| {
-                let triangles = [first.1.0, second.1.0];
-                let paired = self.entities(pair)? == [first.0, second.0] && pair.triangles.contains(&triangles);
-                paired.then_some(triangles)
-            })?;
-            self.of_triangles(pair, &[ordered])?.first().copied()
+            let entities = self.entities(pair)?;
+            [(a, b), (b, a)].into_iter().filter(|(first, second)| entities == [first.0, second.0]).find_map(
+                |(first, second)| {
+                    let triangles = [first.1.0, second.1.0];
+                    if pair.triangles.contains(&triangles) {
+                        self.of_triangles(pair, &[triangles])?.first().copied()
+                    } else {
+                        let parts = |traversal: Traversal<'_>| traversal.is_dropped_by_slabs(triangles);
+                        self.traverse(pair, parts)?.then_some(PairFate::Planes)
+                    }
+                },
+            )
         })
+    }
+
+    /// The pairs of triangles that the broad phase dropped by slabs. Those are none where it was not the tree's.
+    pub(crate) fn dropped_by_slabs(&self, pair: &SurfacePair) -> Vec<[u32; 2]> {
+        let threads = self.settings.threads;
+        let mut dropped =
+            self.traverse(pair, |traversal| traversal.pairs_dropped_by_slabs(threads)).unwrap_or_default();
+        // A system that runs after the broad phase may have put one back.
+        let candidates: HashSet<[u32; 2]> = pair.triangles.iter().copied().collect();
+        dropped.retain(|triangles| !candidates.contains(triangles));
+        dropped
+    }
+
+    /// What `ask` hears from the trees that the broad phase traversed for a pair; `None` where it did not, or they are no
+    /// longer what was detected.
+    fn traverse<T>(&self, pair: &SurfacePair, ask: impl FnOnce(Traversal<'_>) -> T) -> Option<T> {
+        let OtherSide::Surface(second) = pair.second else { return None };
+        if !self.is_as_detected(pair, &[]) {
+            return None;
+        }
+        let moved = pair.moved_surface(&self.active).map(|surface| surface.entity);
+        let side = |place: usize| {
+            let surface = &self.active.surfaces[place];
+            let (positions, tree) = self.trees.get(surface.entity).ok()?;
+            let is_asked_in_place = moved != Some(surface.entity);
+            tree.is_current(&surface.topology, is_asked_in_place).then_some((positions, tree))
+        };
+        let (sides, mut leaves) = ([side(pair.first)?, side(second)?], MovedLeaves::default());
+        Some(ask(Traversal::new(&self.active, pair, &self.settings, sides, &mut leaves)?))
     }
 
     fn entities(&self, pair: &SurfacePair) -> Option<[Entity; 2]> {

@@ -1,9 +1,10 @@
 //! The triangles of a tree's leaves, eight side by side, with their planes: what a traversal drops before a pair is made.
 //!
 //! A triangle of one leaf is compared with the eight of another without gathering anything. Neighbors go by their
-//! vertices, others by slabs along either plane's normal and along the line between the centroids: two triangles whose projections on a direction of length 1 are farther
-//! apart than a distance are themselves farther apart, however the direction was rounded. Everything is kept relative to the
-//! leaf's own center, so that rounding is that of the leaves' size and distance, wherever the surface is.
+//! vertices, others by slabs along either plane's normal and along the line between the centroids: two triangles whose
+//! projections on a direction of length 1 are farther apart than a distance are themselves farther apart, however the
+//! direction was rounded. Everything is kept relative to the leaf's own center, so that rounding is that of the leaves'
+//! size and distance, wherever the surface is.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
@@ -18,6 +19,10 @@ use super::{
 
 /// A squared normal below this is too close to the smallest f32 to be relied on: such a triangle's plane separates nothing.
 const LEAST_SQUARED: f32 = 1.0e-30;
+
+/// Of leaves that are larger, or farther from each other, nothing is known. Up to here a projection on any direction
+/// whose square is finite, below 1.9e19 long, is finite too; beyond, infinities of both signs would make gaps that are none.
+const LARGEST_EXTENT: f32 = 1.0e18;
 
 /// Marks the corners of an unused lane, and of no triangle.
 const NO_VERTEX: u32 = u32::MAX;
@@ -135,8 +140,7 @@ fn plus<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
 /// The interval of a triangle's projections on a direction of any length.
 #[inline(always)]
 fn project<S: Simd>(corners: [[f32x8<S>; 3]; 3], direction: [f32x8<S>; 3]) -> (f32x8<S>, f32x8<S>) {
-    let (first, second, third) =
-        (dot(direction, corners[0]), dot(direction, corners[1]), dot(direction, corners[2]));
+    let (first, second, third) = (dot(direction, corners[0]), dot(direction, corners[1]), dot(direction, corners[2]));
     (first.min(second).min(third), first.max(second).max(third))
 }
 
@@ -170,8 +174,8 @@ impl<'a> PairCull<'a> {
         let offset = own.origin - other.origin;
         let extent = own.extent + other.extent + offset.abs().element_sum();
         let needed = match self.slabs {
-            Some(range) => range * RANGE_SLACK + extent * ROUNDING,
-            None => f32::INFINITY,
+            Some(range) if extent <= LARGEST_EXTENT => range * RANGE_SLACK + extent * ROUNDING,
+            _ => f32::INFINITY,
         };
         Separation { own, other, offset, needed, neighbors: self.neighbors, centroids: self.centroids }
     }
@@ -231,14 +235,14 @@ impl Separation<'_> {
         let [x, y, z] = &other.normals;
         let normals = [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)];
         let (low, high) = project(corners, normals);
-        let other_gap =
-            (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);
+        let other_gap = (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);
         let by_planes = (own_gap.simd_gt(needed) | other_gap.simd_gt(needed)).to_bitmask() as u32;
         if !self.centroids || asked & !by_planes == 0 {
             return by_planes;
         }
 
-        let between = minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
+        let between =
+            minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
         let ((low, high), (own_low, own_high)) = (project(others, between), project(corners, between));
         let gap = (low - own_high).max(own_low - high);
         let squared = dot(between, between);

@@ -88,8 +88,8 @@ pub struct PairSettings {
     pub range: f64,
     /// World length of a unit of the frame of the pair.
     pub scale: f64,
-    /// Whether conservative culls by planes come first. Before an exact test they change the time, never the result;
-    /// before caps they drop pairs that caps alone would let touch.
+    /// Whether a quicker test of eight pairs side by side comes first: a screen of features before exact ones, slabs before
+    /// caps. The screen changes the time, never the result; slabs drop pairs that caps alone would let touch.
     pub cull: bool,
     /// Whether both sides are the same surface.
     pub same_surface: bool,
@@ -100,7 +100,8 @@ pub struct PairSettings {
 pub struct FoundPairs {
     /// Pairs of triangles that touch, in the order of the candidates.
     pub touching: Vec<TouchingPair>,
-    /// Contacts in the same order. The same one may occur several times, under the same key.
+    /// Contacts, in no order. The same one may occur several times, under the same key; those come in the order of the
+    /// candidates.
     pub contacts: Vec<CompactContact>,
     /// Distance of the nearest pair in world units, at least 0; infinite where none is within range.
     pub nearest: f64,

@@ -1,8 +1,8 @@
-//! At which step of its method a candidate pair of triangles was dropped.
+//! At which step a pair of triangles whose boxes overlap was dropped.
 //!
 //! No stage records it: whoever asks runs the stages' own functions once more, and hears from them after each step which
 //! pairs are left. So the answer is that of the stages, and costs nothing where nobody asks. Read by
-//! `detection::PairFates`.
+//! `detection::PairFates`, which adds what slabs have dropped before there were candidates.
 
 use glam::Vec3;
 
@@ -18,8 +18,8 @@ use super::{
     topology::SurfaceTopology,
 };
 
-/// What became of a candidate pair: the step that dropped it, in the order in which the methods take them, or that it
-/// touches. Each method takes some of the steps; a rigid shape is only measured ([`Distance`](Self::Distance)).
+/// What became of a pair whose boxes overlap: the step that dropped it, in the order in which the methods take them, or that
+/// it touches. Each method takes some of the steps; a rigid shape is only measured ([`Distance`](Self::Distance)).
 ///
 /// What *matters* is the contact distance, or more where a margin or the end of contacts asks for it
 /// ([`SurfacePair::range`](crate::detection::SurfacePair::range)).
@@ -27,8 +27,11 @@ use super::{
 pub enum PairFate {
     /// The two share a vertex in a self-collision. The broad phases of this crate leave such pairs out already.
     Neighbors,
-    /// Along the normal of one of them the two are farther apart than matters. Any method but `BoundingSphere` and
-    /// `Polygon`; of `Circumsphere` only with [`plane_cull`](crate::CircumsphereSettings::plane_cull).
+    /// A slab keeps the two farther apart than matters: along the normal of one of them or, with `Refined` and `Closest`,
+    /// along the line between their centroids. The broad phase by trees drops such pairs before they are candidates. After
+    /// one that does not, `Circumsphere` drops those of the normals; `Refined` and `Closest` measure them
+    /// ([`Distance`](Self::Distance)). `Circumsphere` only with [`plane_cull`](crate::CircumsphereSettings::plane_cull);
+    /// not `BoundingSphere` and `Polygon`.
     Planes,
     /// The spheres of the two are farther apart than matters: their enclosing balls (`BoundingSphere`), or the offset
     /// spheres (`Circumsphere`).
@@ -49,15 +52,8 @@ pub enum PairFate {
 
 impl PairFate {
     /// All of them, in order.
-    pub const ALL: [Self; 7] = [
-        Self::Neighbors,
-        Self::Planes,
-        Self::Spheres,
-        Self::CenterLine,
-        Self::Cone,
-        Self::Distance,
-        Self::Touching,
-    ];
+    pub const ALL: [Self; 7] =
+        [Self::Neighbors, Self::Planes, Self::Spheres, Self::CenterLine, Self::Cone, Self::Distance, Self::Touching];
 
     /// A short name in lower case.
     #[must_use]
@@ -151,8 +147,7 @@ pub fn cap_fates(
     fates.passed(PairFate::Distance, touching(&found));
 }
 
-/// Appends the fate of each candidate by the methods that are exact. Which candidates planes have dropped is up to the broad
-/// phase.
+/// Appends the fate of each candidate by the methods that are exact. What slabs part the broad phase has dropped before.
 pub fn exact_fates(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,

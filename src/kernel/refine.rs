@@ -1,4 +1,4 @@
-//! The exact stage over a list of candidate pairs: adjacency, plane cull, exact distance, contacts.
+//! The exact stage over a list of candidate pairs: a screen of eight side by side, exact distance, contacts.
 //!
 //! Reads candidate triangle pairs and positions in one common frame, writes touching pairs and contacts. A feature
 //! that several triangles share is reported by one of them: the lowest pair of triangles that contains both features
@@ -10,7 +10,8 @@ use glam::{DVec3, Vec3};
 use super::{
     contact::{CompactContact, TouchingPair, canonical_order},
     exact::{
-        Cases, Feature, FeatureBatches, FeatureContact, FeaturePair, PairProximity, PairScreen, Proximity, ScreenedPair,
+        Cases, Feature, FeatureBatches, FeatureContact, FeaturePair, PairProximity, PairScreen, Proximity,
+        ScreenedPair,
         barycentric::point_at,
         examine_pair, examine_screened,
         rigid_shape::{ShapeGeometry, ShapeProximity},
@@ -33,7 +34,8 @@ pub fn refine_pairs(
 ) {
     let pairs = without_neighbors(a, candidates, settings);
     if settings.cull {
-        let wanted = |triangles, pair: &ScreenedPair| reported_cases(a, b, settings.same_surface, triangles, pair.cases);
+        let wanted =
+            |triangles, pair: &ScreenedPair| reported_cases(a, b, settings.same_surface, triangles, pair.cases);
         examine_pairs(a, b, &pairs, settings, found, wanted, |_, _| true);
     } else {
         examine_pairs_alone(a, b, &pairs, settings, found);

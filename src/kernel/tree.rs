@@ -6,6 +6,7 @@
 //! leaf by leaf of one tree, each on its own, so that it can be cut into parts anywhere.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::manual_map, reason = "closures are not reliably inlined")]
 
 use std::ops::Range;
 
@@ -283,7 +284,7 @@ impl BoxTree {
     }
 
     /// The items of a leaf.
-    pub(super) fn leaf_items(&self, leaf: usize) -> &[u32] {
+    pub(crate) fn leaf_items(&self, leaf: usize) -> &[u32] {
         let Leaf { items, count, .. } = &self.leaves[leaf];
         &items[..*count as usize]
     }
@@ -382,7 +383,8 @@ impl BoxTree {
                     if hits != 0 {
                         let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
                         count += apart;
-                        let (item, others) = (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
+                        let (item, others) =
+                            (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
                         recent.push(simd, item.min(others), item.max(others), hits, pairs);
                     }
                 });
@@ -433,7 +435,8 @@ impl BoxTree {
                     if hits != 0 {
                         let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
                         count += apart;
-                        let (item, others) = (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
+                        let (item, others) =
+                            (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
                         recent.push(simd, item, others, hits, pairs);
                     }
                 });
@@ -471,14 +474,7 @@ impl Recent {
     }
 
     #[inline(always)]
-    fn push<S: Simd>(
-        &mut self,
-        simd: S,
-        firsts: u32x8<S>,
-        seconds: u32x8<S>,
-        kept: u32,
-        list: &mut Vec<[u32; 2]>,
-    ) {
+    fn push<S: Simd>(&mut self, simd: S, firsts: u32x8<S>, seconds: u32x8<S>, kept: u32, list: &mut Vec<[u32; 2]>) {
         if self.count > Self::ROOM - LEAF_WIDTH {
             self.flush(list);
         }

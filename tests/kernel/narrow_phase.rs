@@ -22,7 +22,7 @@ const BAND: f64 = 1.0e-4;
 /// Bar for the error of a separation, relative to the larger of the contact distance and the smaller triangle's size.
 const SEPARATION_TOLERANCE: f64 = 1.0e-5;
 
-/// Pairs in one call, a number that leaves lanes of the culls unused.
+/// Pairs in one call, a number that leaves lanes of the screen unused.
 const BATCH: usize = 61;
 
 /// Kinds of pairs beside those of [`CATEGORIES`].
@@ -182,7 +182,7 @@ struct Tally {
     in_band: usize,
     missed: usize,
     false_pairs: usize,
-    culled_differently: usize,
+    screened_differently: usize,
     closest_differently: usize,
     without_contact: usize,
     worst_error: f64,
@@ -195,11 +195,11 @@ impl Tally {
         let contact_distance = batch.contact_distance;
         let found = batch.tested(topology, refine_pairs, true);
         if found.touching != batch.tested(topology, refine_pairs, false).touching {
-            self.culled_differently += 1;
-            fail("the cull changes what touches", 0);
+            self.screened_differently += 1;
+            fail("the screen changes what touches", 0);
         }
         let closest = batch.tested(topology, refine_closest, true);
-        if !closest.touching.keys().eq(found.touching.keys()) {
+        if closest.touching != found.touching {
             self.closest_differently += 1;
             fail("the closest features alone change what touches", 0);
         }
@@ -260,7 +260,7 @@ impl Tally {
             in_band: self.in_band + other.in_band,
             missed: self.missed + other.missed,
             false_pairs: self.false_pairs + other.false_pairs,
-            culled_differently: self.culled_differently + other.culled_differently,
+            screened_differently: self.screened_differently + other.screened_differently,
             closest_differently: self.closest_differently + other.closest_differently,
             without_contact: self.without_contact + other.without_contact,
             worst_error: self.worst_error.max(other.worst_error),
@@ -278,7 +278,7 @@ impl Tally {
             self.in_band,
             self.missed,
             self.false_pairs,
-            self.culled_differently,
+            self.screened_differently,
             self.closest_differently,
             self.without_contact,
             self.worst_error,
@@ -328,7 +328,7 @@ fn no_random_pair_is_missed_or_false_and_separations_are_true() {
         "band",
         "missed",
         "false",
-        "culls",
+        "screen",
         "closest",
         "no contact",
         "error",

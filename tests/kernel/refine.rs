@@ -15,7 +15,7 @@ use bevy_circumsphere::kernel::{
     refine::{refine_closest, refine_pairs},
     topology::SurfaceTopology,
 };
-use circumsphere_support::scenes::{Mesh, icosphere, merge, triangle_soup};
+use circumsphere_support::scenes::{Mesh, duplicate_vertices, icosphere, merge, triangle_soup};
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -179,7 +179,7 @@ fn distances_are_negative_exactly_for_vertices_inside_the_other_sphere() {
         }
         let nearest = expected.iter().map(|pair| pair.distance).fold(f64::INFINITY, f64::min);
         assert!((found.nearest - nearest).abs() <= 1.0e-12);
-        assert!(found.examined < candidates.len() && found.examined >= found.touching.len());
+        assert_eq!(found.examined, candidates.len());
     }
     println!(
         "{inside_contacts} contacts of vertices inside, {outside_contacts} outside, {crossings} crossings, on \
@@ -190,29 +190,29 @@ fn distances_are_negative_exactly_for_vertices_inside_the_other_sphere() {
 }
 
 #[test]
-fn culling_changes_nothing_but_the_number_of_exact_tests() {
+fn screening_changes_nothing_and_neither_does_a_cut_through_the_candidates() {
     let [(mesh_a, points_a), (mesh_b, points_b)] = overlapping_spheres(0.1);
     let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
-    let (mut culled, mut every) = (FoundPairs::default(), FoundPairs::default());
+    let (mut screened, mut every) = (FoundPairs::default(), FoundPairs::default());
     let (side_a, side_b) = (side(&a, &points_a, true), side(&b, &points_b, true));
-    refine_pairs(&side_a, &side_b, &candidates, &settings(false, true), &mut culled);
+    refine_pairs(&side_a, &side_b, &candidates, &settings(false, true), &mut screened);
     refine_pairs(&side_a, &side_b, &candidates, &settings(false, false), &mut every);
-    assert_eq!(culled.touching, every.touching);
-    assert_eq!(culled.contacts, every.contacts);
-    assert_eq!(culled.nearest, every.nearest);
-    assert_eq!(every.examined, candidates.len());
-    assert!(culled.examined * 2 < every.examined && !culled.contacts.is_empty());
+    assert_eq!(screened.touching, every.touching);
+    assert_eq!(screened.contacts, every.contacts);
+    assert_eq!(screened.nearest, every.nearest);
+    assert_eq!([screened.examined, every.examined], [candidates.len(); 2]);
+    assert!(screened.touching.len() > 100 && screened.contacts.len() > 100);
     // In parts, appended, it is the same.
     let (first, second) = candidates.split_at(candidates.len() / 3);
     let (mut head, mut tail) = (FoundPairs::default(), FoundPairs::default());
     refine_pairs(&side_a, &side_b, first, &settings(false, true), &mut head);
     refine_pairs(&side_a, &side_b, second, &settings(false, true), &mut tail);
     head.append(tail);
-    assert_eq!(head.contacts, culled.contacts);
-    assert_eq!(head.touching, culled.touching);
-    assert_eq!(head.nearest, culled.nearest);
+    assert_eq!(head.contacts, screened.contacts);
+    assert_eq!(head.touching, screened.touching);
+    assert_eq!(head.nearest, screened.nearest);
     head.clear();
     assert!(head.contacts.is_empty() && head.touching.is_empty() && head.nearest == f64::INFINITY);
 }
@@ -519,7 +519,7 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
         let surface = side(&topology, &positions, false);
         for range in [0.0, 0.01, REACH, 10.0] {
             let settings =
-                PairSettings { contact_distance: range, reported_distance: range, range, ..settings(false, false) };
+                PairSettings { contact_distance: range, reported_distance: range, range, ..settings(false, true) };
             let pairs = all_between(mesh.triangles.len(), mesh.triangles.len());
             let mut found = FoundPairs::default();
             refine_pairs(&surface, &surface, &pairs, &settings, &mut found);
@@ -554,4 +554,118 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
     }
     assert!(crossing > 1000 && within > crossing + 1000 && beyond > 1000, "{crossing} of {within}, {beyond} beyond");
     assert!(features > 10_000, "{features} features");
+}
+
+/// A surface as it was when its vertices were welded, and where they are now.
+struct Moved {
+    topology: SurfaceTopology,
+    positions: Vec<Vec3>,
+}
+
+impl Moved {
+    /// `step` is that of a grid on which positions are, or 0; of its vertices every `apart`th has left the place of those it
+    /// was welded to, where that is not 0.
+    fn new(mut mesh: Mesh, step: f32, apart: usize, random: &mut Random) -> Self {
+        for coordinate in mesh.positions.iter_mut().flatten().filter(|_| step > 0.0) {
+            *coordinate = (*coordinate / step).round() * step;
+        }
+        let mut positions = positions(&mesh);
+        let topology = SurfaceTopology::new(&positions, &mesh.triangles).expect("the mesh is valid");
+        for position in positions.iter_mut().step_by(apart.max(1)).filter(|_| apart > 0) {
+            *position += (random.vector() * 0.1).as_vec3();
+        }
+        Self { topology, positions }
+    }
+
+    fn side(&self, one_sided: bool) -> SurfaceSide<'_> {
+        side(&self.topology, &self.positions, one_sided)
+    }
+
+    fn count(&self) -> usize {
+        self.topology.triangles().len()
+    }
+}
+
+/// Pages on one edge, with some triangles of no area.
+fn book(pages: u8, random: &mut Random) -> Mesh {
+    let mut mesh = Mesh { positions: vec![[0.0; 3], [0.0, 0.0, 1.0]], triangles: Vec::new() };
+    for page in 0..u32::from(pages) {
+        let tip = random.vector().as_vec3() * 0.8;
+        mesh.positions.push(tip.to_array());
+        mesh.triangles.push(if page % 2 == 0 { [0, 1, 2 + page] } else { [1, 0, 2 + page] });
+        mesh.triangles.push([1, 2 + page, if page % 3 == 0 { 2 + page } else { 1 + page }]);
+    }
+    mesh
+}
+
+/// `Refined` looks only at those features of which tables of the topology say that this pair reports them, after eight pairs
+/// were screened side by side; `Polygon` examines each pair alone, and asks of each feature all triangles around it.
+#[test]
+fn refined_and_polygon_find_the_same_bit_by_bit_on_meshes_of_every_kind() {
+    let mut random = Random::new(20_261_120);
+    let mut kinds: BTreeMap<(bool, FeatureKind), usize> = BTreeMap::new();
+    let (mut touching, mut non_manifold, mut welded, mut collapsed) = (0, 0, 0, 0);
+    for round in 0..160 {
+        let mut mesh = |round: usize| {
+            let seed = random.bits();
+            let turned = icosphere(1, 0.6).rotate([0.3, 1.0, 0.2], round as f32);
+            let mesh = match round % 5 {
+                0 => triangle_soup(60, seed),
+                1 => merge(&[book(9, &mut random), book(12, &mut random).translate([0.1, 0.02, 0.3])]),
+                2 => merge(&[turned.clone(), turned.clone().translate([0.25, 0.0, 0.0])]),
+                3 => duplicate_vertices(&turned),
+                _ => {
+                    let (points, triangles) = crumpled(seed);
+                    Mesh { positions: points.iter().map(|point| point.to_array()).collect(), triangles }
+                }
+            };
+            let step = [0.0, 0.25, 0.125][random.below(3)];
+            let apart = [0, 0, 3][random.below(3)];
+            Moved::new(mesh, step, apart, &mut random)
+        };
+        let (first, second) = (mesh(round), mesh(round / 5));
+        for topology in [&first.topology, &second.topology] {
+            let report = topology.report();
+            non_manifold += report.non_manifold_edges;
+            welded += report.welded_vertices;
+            collapsed += report.collapsed_triangles;
+        }
+        let reach = [0.0, 0.02, REACH, 0.4][round % 4];
+        for same_surface in [true, false] {
+            let one_sided = !same_surface && round % 3 == 0;
+            let (a, b) = (first.side(one_sided), if same_surface { &first } else { &second });
+            let candidates =
+                if same_surface { all_within(first.count()) } else { all_between(first.count(), second.count()) };
+            let find = |cull: bool| {
+                let distances =
+                    PairSettings { contact_distance: reach, range: 1.5 * reach, ..settings(same_surface, cull) };
+                let distances = PairSettings { reported_distance: 1.2 * reach, ..distances };
+                let mut found = [FoundPairs::default(), FoundPairs::default()];
+                refine_pairs(&a, &b.side(one_sided), &candidates, &distances, &mut found[0]);
+                refine_closest(&a, &b.side(one_sided), &candidates, &distances, &mut found[1]);
+                found
+            };
+            let ([refined, closest], [polygon, _]) = (find(true), find(false));
+            assert_eq!(refined.touching, polygon.touching, "round {round}, {same_surface}");
+            assert_eq!(refined.nearest.to_bits(), polygon.nearest.to_bits(), "round {round}, {same_surface}");
+            // Of those of one key the first one counts, whatever stands between them.
+            let [by_refined, by_polygon] = [&refined, &polygon].map(|found| {
+                let mut contacts = found.contacts.clone();
+                contacts.sort_by_key(|contact| contact.key);
+                contacts
+            });
+            for (refined, polygon) in by_refined.iter().zip(&by_polygon) {
+                assert_eq!(refined, polygon, "round {round}, {same_surface}");
+            }
+            assert_eq!(by_refined.len(), by_polygon.len(), "round {round}, {same_surface}");
+            assert_eq!(closest.touching, polygon.touching, "round {round}, {same_surface}");
+            touching += polygon.touching.len();
+            for contact in &polygon.contacts {
+                *kinds.entry((same_surface, contact.features.kind())).or_default() += 1;
+            }
+        }
+    }
+    println!("{touching} pairs, {non_manifold} edges of many, {welded} welded, {collapsed} collapsed: {kinds:?}");
+    assert!(touching > 20_000 && non_manifold > 500 && welded > 500 && collapsed > 100);
+    assert!(kinds.len() == 10 && kinds.values().all(|&count| count > 200), "{kinds:?}");
 }

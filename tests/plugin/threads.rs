@@ -118,11 +118,7 @@ fn contacts_of_many_bodies_are_the_same_to_the_last_bit_for_any_number_of_thread
             first
         };
         let alone = found(1);
-        assert!(
-            alone.pairs.len() > 60 && alone.contacts.len() > 1000,
-            "{method:?}: {} contacts",
-            alone.contacts.len()
-        );
+        assert!(alone.pairs.len() > 60 && alone.contacts.len() > 1000, "{method:?}: {} contacts", alone.contacts.len());
         for threads in [0, 2, 3, 100] {
             assert!(found(threads) == alone, "{method:?}: {threads} threads give another result");
         }

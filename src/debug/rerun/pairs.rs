@@ -1,4 +1,4 @@
-//! Draws the pairs of triangles that the broad phase found, by what became of them.
+//! Draws the pairs of triangles whose boxes overlap, by what became of them.
 
 use glam::{DVec3, Vec3};
 use rerun::{AsComponents, LineStrips3D};
@@ -48,10 +48,14 @@ pub(super) fn draw(
         let fates = detected.fates.of_triangles(pair, &wanted).unwrap_or_default();
         let mut by_fate = vec![Vec::new(); PairFate::ALL.len()];
         for (triangles, fate) in wanted.into_iter().zip(fates) {
-            // Planes part most of them, and never wrongly.
-            if level == LevelOfDetail::All || fate != PairFate::Planes {
-                by_fate[fate as usize].push(triangles);
-            }
+            by_fate[fate as usize].push(triangles);
+        }
+        // Planes part most of them, and never wrongly.
+        let parted = &mut by_fate[PairFate::Planes as usize];
+        if level == LevelOfDetail::All {
+            parted.extend(detected.fates.dropped_by_slabs(pair));
+        } else {
+            parted.clear();
         }
         drawn.push(DrawnPair { pair, name: names.of_pair(detected.sides(pair)), by_fate });
     }

@@ -46,7 +46,7 @@ pub struct RerunSettings {
     pub contacts: bool,
     /// Where sides have passed each other, and where edges pierce faces. Default true.
     pub penetrations: bool,
-    /// Pairs of triangles that the broad phase found, by the step that dropped them, those that came farthest first.
+    /// Pairs of triangles whose boxes overlap, by the step that dropped them, those that came farthest first.
     /// Default near contacts.
     pub pairs: LevelOfDetail,
     /// Offset spheres, or enclosing balls. Default near contacts.

@@ -86,7 +86,7 @@ fn pair_triangles(
     }
     memory.seal(StageList::Candidates, candidates.last_changed());
     let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
-    diagnostics.finish("broad phase", start, 0, count);
+    diagnostics.finish("broad phase", start, count, count);
 }
 
 /// Appends the triangles of a surface whose boxes reach a shape.

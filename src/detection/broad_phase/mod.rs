@@ -1,9 +1,10 @@
-//! Stage 2: which surfaces and shapes are near each other, and which of their triangles' boxes overlap.
+//! Stage 2: which surfaces and shapes are near each other, and which of their triangles may be.
 //!
-//! This plugin pairs surfaces. The pairs of triangles are found by one algorithm plugin beside it; every algorithm gives the
-//! same pairs. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in [`BroadPhaseSystems::PairTriangles`]
-//! that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by [`SurfacePair::mover`]. Of unchanged pairs
-//! nothing is [kept](CircumsphereSettings::memory) then: only the algorithms here say which lists are theirs.
+//! This plugin pairs surfaces. The pairs of triangles are found by one algorithm plugin beside it; whichever it is, the same
+//! contacts come of them. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in
+//! [`BroadPhaseSystems::PairTriangles`] that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by
+//! [`SurfacePair::mover`]. Of unchanged pairs nothing is [kept](CircumsphereSettings::memory) then: only the algorithms here
+//! say which lists are theirs.
 
 mod brute_force;
 mod moved;
@@ -17,6 +18,7 @@ use glam::Vec3;
 
 pub use brute_force::BruteForceBroadPhasePlugin;
 pub use moved::TriangleMover;
+pub(super) use tree::{MovedLeaves, Traversal};
 pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
 
 use super::{
@@ -41,7 +43,7 @@ const REBUILD_DECAY: f32 = 1.5;
 pub enum BroadPhaseSystems {
     /// Surfaces and shapes whose boxes overlap are paired.
     PairSurfaces,
-    /// Triangles whose boxes overlap are paired.
+    /// Triangles whose boxes overlap, and that no slab parts, are paired.
     PairTriangles,
 }
 
@@ -63,7 +65,7 @@ pub enum Frame {
     Second,
 }
 
-/// A surface and what it may touch, and their triangles whose boxes overlap.
+/// A surface and what it may touch, and their triangles that may be within range.
 #[derive(Clone, Debug)]
 pub struct SurfacePair {
     /// The first side's place in [`ActiveSurfaces::surfaces`].
@@ -91,8 +93,10 @@ pub struct SurfacePair {
     pub moved_positions: Vec<Vec3>,
     /// How far rounding may have put one of those from where it is, in the unit of the frame.
     pub moved_rounding: f32,
-    /// Pairs of triangles whose boxes overlap: of the first and the second surface, in a self-collision the lower
-    /// one first and those that share a vertex left out; with a shape the second is 0.
+    /// The candidates, pairs of triangles whose boxes overlap: of the first and the second surface, in a self-collision
+    /// the lower one first and those that share a vertex left out; with a shape the second is 0. Those that a slab keeps
+    /// farther apart than the range may be left out where the method culls; the tree leaves them out, see
+    /// [`PairFate::Planes`](crate::kernel::pair_fate::PairFate::Planes).
     pub triangles: Vec<[u32; 2]>,
 }
 

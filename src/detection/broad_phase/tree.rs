@@ -1,6 +1,7 @@
 //! Pairs of triangles by a bounding volume tree per surface, refitted every tick.
 
 use std::{
+    ops::Range,
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering},
@@ -57,6 +58,12 @@ impl SurfaceTree {
     #[must_use]
     pub fn tree(&self) -> &BoxTree {
         &self.tree
+    }
+
+    /// Whether the tree is over as many triangles as a surface has, and, where `with_triangles`, they have followed it.
+    pub(in crate::detection) fn is_current(&self, topology: &SurfaceTopology, with_triangles: bool) -> bool {
+        let has_followed = !with_triangles || self.triangles_followed == self.followed;
+        self.tree.len() == topology.triangles().len() && has_followed
     }
 }
 
@@ -184,7 +191,7 @@ fn mark_culled_surfaces(active: &ActiveSurfaces, candidates: &CandidateTriangleP
 
 /// Triangles in the frame of another surface, as the leaves of a tree without nodes.
 #[derive(Default)]
-struct MovedLeaves {
+pub(in crate::detection) struct MovedLeaves {
     leaves: BoxTree,
     triangles: LeafTriangles,
 }
@@ -219,7 +226,6 @@ fn pair_triangles(
                 return;
             }
             let found = match pair.second {
-                OtherSide::Surface(_) if pair.is_self() => pair_itself(&active, &settings, pair, &surfaces, threads),
                 OtherSide::Surface(second) => buffers.with(|moved| {
                     pair_surface(&active, &settings, pair, second, &surfaces, moved, threads).unwrap_or_default()
                 }),
@@ -233,23 +239,107 @@ fn pair_triangles(
     diagnostics.finish("broad phase", start, overlapping.into_inner(), count);
 }
 
-/// Pairs the triangles of one surface. Returns how many boxes overlap, here and in the following.
-fn pair_itself(
-    active: &ActiveSurfaces,
-    settings: &CircumsphereSettings,
-    pair: &mut SurfacePair,
-    surfaces: &TreeQuery,
-    threads: usize,
-) -> usize {
-    let Ok((own, _, tree)) = surfaces.get(active.surfaces[pair.first].entity) else { return 0 };
-    let slabs = slab_range(active, pair, settings, own, own);
-    let cull = PairCull { triangles: [&tree.triangles; 2], neighbors: true, slabs, centroids: pair.method.is_exact() };
-    append_ranges(tree.tree.leaf_count(), LEAVES_AT_ONCE, threads, &mut pair.triangles, |leaves, pairs| {
-        tree.tree.self_pairs_of(leaves, Some(&cull), pairs)
-    })
+/// Two trees in one frame, which of them is gone through leaf by leaf while the other one is asked what is near, and what is
+/// dropped on the way.
+pub(in crate::detection) struct Traversal<'a> {
+    leaves: &'a BoxTree,
+    tree: &'a BoxTree,
+    is_self: bool,
+    /// Whether the leaves are those of the second surface.
+    is_reversed: bool,
+    /// `None` where nothing is dropped.
+    cull: Option<PairCull<'a>>,
 }
 
-/// Pairs the triangles of two surfaces. `None` where one of them is gone.
+impl<'a> Traversal<'a> {
+    /// Given the positions and trees of both surfaces, and room for the triangles of one that is moved. `None` where none of
+    /// them has been, or the second side is a shape.
+    pub(in crate::detection) fn new(
+        active: &ActiveSurfaces,
+        pair: &SurfacePair,
+        settings: &CircumsphereSettings,
+        [(own, own_tree), (other, other_tree)]: [(&SurfacePositions, &'a SurfaceTree); 2],
+        moved: &'a mut MovedLeaves,
+    ) -> Option<Self> {
+        let mut sides = [(&own_tree.tree, &own_tree.triangles), (&other_tree.tree, &other_tree.triangles)];
+        let mut side = usize::from(sides[1].0.leaf_count() < sides[0].0.leaf_count());
+        let slabs = slab_range(active, pair, settings, own, other);
+        if let Some(surface) = pair.moved_surface(active) {
+            if pair.moved_triangles.is_empty() {
+                return None;
+            }
+            side = usize::from(pair.frame == Frame::First);
+            moved.leaves.collect_leaves(&pair.moved_triangles);
+            if slabs.is_some() {
+                moved.triangles.update(&moved.leaves, &surface.topology, &pair.moved_positions);
+            }
+            sides[side] = (&moved.leaves, &moved.triangles);
+        }
+        let is_self = pair.is_self();
+        let ((leaves, triangles), (tree, tree_triangles)) = (sides[side], sides[1 - side]);
+        let cull = (is_self || slabs.is_some()).then_some(PairCull {
+            triangles: [triangles, tree_triangles],
+            neighbors: is_self,
+            slabs,
+            // The spheres' method counts by planes, and must count the same whoever finds its pairs.
+            centroids: pair.method.is_exact(),
+        });
+        Some(Self { leaves, tree, is_self, is_reversed: side == 1, cull })
+    }
+
+    /// Appends the pairs of triangles whose boxes overlap and that are not dropped, with the second surface's first where
+    /// the traversal is reversed. Returns how many there are without dropping any by slabs.
+    fn append(&self, leaves: Range<usize>, cull: Option<&PairCull<'_>>, pairs: &mut Vec<[u32; 2]>) -> usize {
+        if self.is_self {
+            self.tree.self_pairs_of(leaves, cull, pairs)
+        } else {
+            self.leaves.pairs_of(leaves, self.tree, cull, pairs)
+        }
+    }
+
+    fn append_dropped_by_slabs(&self, leaves: Range<usize>, dropped: &mut Vec<[u32; 2]>) {
+        let Some(cull) = self.cull.as_ref().filter(|cull| cull.slabs.is_some()) else { return };
+        let (mut all, mut kept) = (Vec::new(), Vec::new());
+        self.append(leaves.clone(), Some(&PairCull { slabs: None, ..*cull }), &mut all);
+        self.append(leaves, Some(cull), &mut kept);
+        let mut kept = kept.into_iter().peekable();
+        dropped.extend(all.into_iter().filter(|pair| kept.next_if_eq(pair).is_none()));
+    }
+
+    /// The pairs of triangles that only slabs have dropped.
+    pub(in crate::detection) fn pairs_dropped_by_slabs(&self, threads: usize) -> Vec<[u32; 2]> {
+        let mut dropped = Vec::new();
+        append_ranges(self.leaves.leaf_count(), LEAVES_AT_ONCE, threads, &mut dropped, |part, dropped| {
+            self.append_dropped_by_slabs(part, dropped);
+            0
+        });
+        if self.is_reversed {
+            for triangles in &mut dropped {
+                triangles.reverse();
+            }
+        }
+        dropped
+    }
+
+    /// Whether two triangles are such a pair, in a self-collision with the lower one first.
+    pub(in crate::detection) fn is_dropped_by_slabs(&self, mut triangles: [u32; 2]) -> bool {
+        if self.is_reversed {
+            triangles.reverse();
+        }
+        let mut dropped = Vec::new();
+        for leaf in 0..self.leaves.leaf_count() {
+            // In a self-collision a pair is found from the earlier one of its leaves.
+            let items = self.leaves.leaf_items(leaf);
+            if items.contains(&triangles[0]) || self.is_self && items.contains(&triangles[1]) {
+                self.append_dropped_by_slabs(leaf..leaf + 1, &mut dropped);
+            }
+        }
+        dropped.contains(&triangles)
+    }
+}
+
+/// Pairs the triangles of two surfaces, or of one with itself. Returns how many boxes overlap; `None` where a surface is
+/// gone or nothing is near.
 fn pair_surface(
     active: &ActiveSurfaces,
     settings: &CircumsphereSettings,
@@ -261,40 +351,20 @@ fn pair_surface(
 ) -> Option<usize> {
     let (own, _, own_tree) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
     let (other, _, other_tree) = surfaces.get(active.surfaces[second].entity).ok()?;
-    let mut sides = [(&own_tree.tree, &own_tree.triangles), (&other_tree.tree, &other_tree.triangles)];
-    // The side that is gone through leaf by leaf, while the other one is asked what is near.
-    let mut side = usize::from(sides[1].0.leaf_count() < sides[0].0.leaf_count());
-    let slabs = slab_range(active, pair, settings, own, other);
-    if let Some(surface) = pair.moved_surface(active) {
-        if pair.moved_triangles.is_empty() {
-            return Some(0);
-        }
-        side = usize::from(pair.frame == Frame::First);
-        moved.leaves.collect_leaves(&pair.moved_triangles);
-        if slabs.is_some() {
-            moved.triangles.update(&moved.leaves, &surface.topology, &pair.moved_positions);
-        }
-        sides[side] = (&moved.leaves, &moved.triangles);
-    }
-    let ((leaves, triangles), (tree, tree_triangles)) = (sides[side], sides[1 - side]);
-    // The spheres' method counts by planes, and must count the same whoever finds its pairs.
-    let centroids = pair.method.is_exact();
-    let cull = slabs.map(|range| PairCull {
-        triangles: [triangles, tree_triangles],
-        neighbors: false,
-        slabs: Some(range),
-        centroids,
+    let traversal = Traversal::new(active, pair, settings, [(own, own_tree), (other, other_tree)], moved)?;
+    let leaf_count = traversal.leaves.leaf_count();
+    let found = append_ranges(leaf_count, LEAVES_AT_ONCE, threads, &mut pair.triangles, |part, pairs| {
+        traversal.append(part, traversal.cull.as_ref(), pairs)
     });
-    let found = append_ranges(leaves.leaf_count(), LEAVES_AT_ONCE, threads, &mut pair.triangles, |part, pairs| {
-        leaves.pairs_of(part, tree, cull.as_ref(), pairs)
-    });
-    if side == 1 {
-        pair.triangles.iter_mut().for_each(|triangles| triangles.reverse());
+    if traversal.is_reversed {
+        for triangles in &mut pair.triangles {
+            triangles.reverse();
+        }
     }
     Some(found)
 }
 
-/// Pairs the triangles of a surface with a shape.
+/// Pairs the triangles of a surface with a shape. Returns how many boxes overlap.
 fn pair_shape(
     active: &ActiveSurfaces,
     settings: &CircumsphereSettings,

@@ -135,8 +135,7 @@ impl FeatureBatches {
                 _ => match own_feature {
                     Feature::Edge(edge) => {
                         let edge = edge as usize;
-                        task.from_b_to_a =
-                            (corners[0].iter().sum::<DVec3>() - corners[1].iter().sum::<DVec3>()) / 3.0;
+                        task.from_b_to_a = (corners[0].iter().sum::<DVec3>() - corners[1].iter().sum::<DVec3>()) / 3.0;
                         let points = [own[edge], own[(edge + 1) % 3], face[0], face[1], face[2]];
                         self.piercing.push(task, origin, &points);
                         if self.piercing.tasks.is_full() {
@@ -164,7 +163,8 @@ impl FeatureBatches {
 
     fn finish_vertex_face(&mut self, found: &mut impl FnMut(FeatureContact)) {
         let (batch, results) = (&mut self.vertex_face, &mut self.results);
-        let swap = batch.tasks.iter().enumerate().fold(0, |bits, (lane, task)| bits | u64::from(!task.first_is_a) << lane);
+        let swap =
+            batch.tasks.iter().enumerate().fold(0, |bits, (lane, task)| bits | u64::from(!task.first_is_a) << lane);
         dispatch!(Level::new(), simd => vertices_over_faces(simd, batch, swap, results));
         for (lane, task) in batch.tasks.drain(..).enumerate() {
             let Feature::Vertex(vertex) = (if task.first_is_a { task.features.a } else { task.features.b }) else {
@@ -191,7 +191,8 @@ impl FeatureBatches {
 
     fn finish_piercing(&mut self, found: &mut impl FnMut(FeatureContact)) {
         let (batch, results) = (&mut self.piercing, &mut self.results);
-        let swap = batch.tasks.iter().enumerate().fold(0, |bits, (lane, task)| bits | u64::from(!task.first_is_a) << lane);
+        let swap =
+            batch.tasks.iter().enumerate().fold(0, |bits, (lane, task)| bits | u64::from(!task.first_is_a) << lane);
         let mut across = Rows::ZERO;
         for (lane, task) in batch.tasks.iter().enumerate() {
             across.set(lane, task.from_b_to_a);

@@ -2,8 +2,8 @@
 //!
 //! Two triangles whose projections on any direction are farther apart than a distance are themselves farther apart, so
 //! every direction gives a proof, however it was found and rounded: the triangles' normals, or one that a method has
-//! already. What no direction
-//! rejects goes on to the next test; what lies within range is never rejected.
+//! already. What no direction rejects goes on to the next test; what lies within range is never rejected. Of candidates
+//! that no traversal has tested in its leaves already, see `leaf_triangles`, and before caps.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 

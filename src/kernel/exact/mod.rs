@@ -12,8 +12,8 @@ mod screen;
 pub mod side;
 pub mod triangle_pair;
 
-pub use feature::{Feature, FeatureKind, FeaturePair};
 pub(in crate::kernel) use batch::{FeatureBatches, FeatureContact};
+pub use feature::{Feature, FeatureKind, FeaturePair};
 pub(in crate::kernel) use screen::{Cases, PairScreen, ScreenedPair};
-pub use triangle_pair::{PairProximity, Proximity, examine_pair};
 pub(in crate::kernel) use triangle_pair::examine_screened;
+pub use triangle_pair::{PairProximity, Proximity, examine_pair};

@@ -433,7 +433,7 @@ fn vertices_over_face<S: Simd>(
         for k in 0..3 {
             let from_corner = own.corners[vertex].minus(other.corners[k]);
             let area = other.normal.dot(other.edges[k].cross(from_corner));
-            possible = possible & !area.simd_le(0.0);
+            possible &= !area.simd_le(0.0);
         }
         found.add_distance(possible, Cases::vertex_face(vertex_of_a, vertex), distance_squared);
         heights[vertex] = height;

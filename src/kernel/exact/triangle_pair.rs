@@ -156,7 +156,8 @@ pub(in crate::kernel) fn examine_screened(
             }
         }
     }
-    let mut crossing = pair.cases.may_cross() && pierce(&a, &b, true, cases, found) | pierce(&b, &a, false, cases, found);
+    let mut crossing =
+        pair.cases.may_cross() && pierce(&a, &b, true, cases, found) | pierce(&b, &a, false, cases, found);
     if !crossing && pair.cases.may_cross() {
         // Of the others it is enough that there is one.
         let others = pair.cases.without(wanted);
@@ -230,14 +231,7 @@ fn least_boundary_distance_squared(own: &Sides, other: &Sides) -> f64 {
 
 /// Those vertices of `own` of which it is `asked` that are within a squared distance of an edge of `other`, or of its start: the end of an edge is
 /// the start of the next one. Two vertices are reported from the first triangle only.
-fn boundary_proximities(
-    own: &Sides,
-    other: &Sides,
-    own_is_a: bool,
-    most: f64,
-    asked: u32,
-    found: &mut Proximities,
-) {
+fn boundary_proximities(own: &Sides, other: &Sides, own_is_a: bool, most: f64, asked: u32, found: &mut Proximities) {
     for vertex in 0..3 {
         for edge in (0..3).filter(|edge| asked >> (3 * vertex + edge) & 1 != 0) {
             let (along, distance_squared) = vertex_edge(own, other, vertex, edge);

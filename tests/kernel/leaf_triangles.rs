@@ -1,0 +1,286 @@
+//! What a traversal drops on its way: neighbors by their vertices, others by slabs; and that its parts make the whole.
+
+use std::collections::BTreeSet;
+
+use crate::{
+    common::{CATEGORIES, Random, Triangle, hard_pair},
+    truth::{exact, independent, positions},
+};
+use bevy_circumsphere::kernel::{
+    bounds::{Aabb, triangle_bounds},
+    ids::TriangleId,
+    leaf_triangles::{LeafTriangles, PairCull},
+    reference::triangle_distance,
+    topology::SurfaceTopology,
+    tree::{BoxTree, LEAF_WIDTH},
+};
+use circumsphere_support::scenes::{Mesh, duplicate_vertices, icosphere, merge, triangle_soup};
+use glam::{DVec3, Vec3};
+
+/// A mesh with its tree, as the broad phase has them.
+struct Surface {
+    topology: SurfaceTopology,
+    positions: Vec<Vec3>,
+    tree: BoxTree,
+    triangles: LeafTriangles,
+}
+
+impl Surface {
+    /// `range` is that at which pairs matter, of which every box has its half.
+    fn new(positions: Vec<Vec3>, triangles: &[[u32; 3]], range: f32) -> Self {
+        let topology = SurfaceTopology::new(&positions, triangles).expect("the mesh is valid");
+        let mut bounds = Vec::new();
+        triangle_bounds(&positions, triangles, 0.5 * range, &mut bounds);
+        let mut surface =
+            Self { tree: BoxTree::new(&bounds), topology, positions, triangles: LeafTriangles::default() };
+        surface.triangles.update(&surface.tree, &surface.topology, &surface.positions);
+        surface
+    }
+
+    fn of_triangles(triangles: &[Triangle], range: f32) -> Self {
+        let stored: Vec<[Vec3; 3]> = triangles.iter().map(|corners| corners.map(DVec3::as_vec3)).collect();
+        let (positions, triangles) = independent(&stored);
+        Self::new(positions, &triangles, range)
+    }
+
+    fn of_mesh(mesh: &Mesh, range: f32) -> Self {
+        Self::new(positions(mesh), &mesh.triangles, range)
+    }
+
+    /// The same triangles as a list of leaves in the order of the mesh, as a moved surface has them.
+    fn as_leaves(&self, range: f32) -> (BoxTree, LeafTriangles) {
+        let (mut bounds, mut leaves, mut triangles) = (Vec::new(), BoxTree::default(), LeafTriangles::default());
+        triangle_bounds(&self.positions, self.topology.triangles(), 0.5 * range, &mut bounds);
+        let items: Vec<(u32, Aabb)> = (0..).zip(bounds).collect();
+        leaves.collect_leaves(&items);
+        triangles.update(&leaves, &self.topology, &self.positions);
+        (leaves, triangles)
+    }
+
+    fn corners(&self, triangle: u32) -> Triangle {
+        exact(self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize]))
+    }
+}
+
+fn cull<'a>(triangles: [&'a LeafTriangles; 2], slabs: Option<f32>, centroids: bool) -> PairCull<'a> {
+    PairCull { triangles, neighbors: false, slabs, centroids }
+}
+
+/// Pairs that were rejected, and how many of all were beyond the range.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    within: usize,
+    beyond: usize,
+    rejected_by_planes: usize,
+    rejected: usize,
+}
+
+/// Asserts that of two surfaces, and of the first with itself, slabs reject nothing that is within range, and nothing else
+/// changes.
+fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
+    let (leaves, of_leaves) = a.as_leaves(range);
+    let whole = 0..a.tree.leaf_count();
+    for (sides, is_self) in [([a, b], false), ([a, a], true)] {
+        let mut all = Vec::new();
+        if is_self {
+            a.tree.self_pairs(&mut all);
+        } else {
+            a.tree.pairs_with(&b.tree, &mut all);
+        }
+        let distances: Vec<f64> = all
+            .iter()
+            .map(|&[first, second]| triangle_distance(&sides[0].corners(first), &sides[1].corners(second)))
+            .collect();
+        let assert_kept = |kept: &[[u32; 2]], count: usize| {
+            assert_eq!(count, all.len());
+            let mut left = kept.iter().peekable();
+            let mut rejected = 0;
+            for (pair, &distance) in all.iter().zip(&distances) {
+                if left.next_if_eq(&pair).is_none() {
+                    let corners = [sides[0].corners(pair[0]), sides[1].corners(pair[1])];
+                    assert!(distance > f64::from(range), "{distance:e} is within {range:e}: {corners:?}");
+                    rejected += 1;
+                }
+            }
+            assert!(left.next().is_none(), "pairs in another order, or of nowhere");
+            rejected
+        };
+        let traverse = |centroids: bool| {
+            let cull = cull(sides.map(|side| &side.triangles), Some(range), centroids);
+            let mut kept = Vec::new();
+            let count = if is_self {
+                a.tree.self_pairs_of(whole.clone(), Some(&cull), &mut kept)
+            } else {
+                a.tree.pairs_of(whole.clone(), &b.tree, Some(&cull), &mut kept)
+            };
+            (kept, count)
+        };
+        let (by_planes, count) = traverse(false);
+        tally.rejected_by_planes += assert_kept(&by_planes, count);
+        let (by_all, count) = traverse(true);
+        tally.rejected += assert_kept(&by_all, count);
+        tally.within += distances.iter().filter(|&&distance| distance <= f64::from(range)).count();
+        tally.beyond += distances.iter().filter(|&&distance| distance > f64::from(range)).count();
+        if !is_self {
+            // From leaves in another order: whatever is rejected is beyond the range there, too.
+            let cull = cull([&of_leaves, &b.triangles], Some(range), true);
+            let mut kept = Vec::new();
+            leaves.pairs_of(0..leaves.leaf_count(), &b.tree, Some(&cull), &mut kept);
+            let kept: BTreeSet<[u32; 2]> = kept.into_iter().collect();
+            for (pair, &distance) in all.iter().zip(&distances) {
+                assert!(kept.contains(pair) || distance > f64::from(range), "{distance:e} is within {range:e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn slabs_reject_no_pair_within_range() {
+    let mut random = Random::new(4);
+    let mut tally = Tally::default();
+    for index in 0..3_000 {
+        // Of one category; leaves that are not full, one, and several.
+        let count = 1 + random.below([1, 7, 8, 40][index / CATEGORIES.len() % 4]);
+        let mut hard: Vec<_> = (0..count).map(|_| hard_pair(&mut random, index % CATEGORIES.len())).collect();
+        if random.below(3) == 0 {
+            // All of them far from the origin, where f32 is coarse.
+            let size =
+                hard.iter().flat_map(|(a, b)| a.iter().chain(b)).map(|p| p.abs().max_element()).fold(0.0, f64::max);
+            let offset = random.direction() * size * random.power_of_ten(0.0, 3.0);
+            let moved = |triangle: Triangle| triangle.map(|p| (p + offset).as_vec3().as_dvec3());
+            // Where f32 ends they stay.
+            if size < 1.0e30 {
+                hard = hard.into_iter().map(|(a, b)| (moved(a), moved(b))).collect();
+            }
+        }
+        let (a, b) = &hard[random.below(count)];
+        let distance = triangle_distance(a, b);
+        let extent = a.iter().chain(b).map(|p| (*p - a[0]).abs().max_element()).fold(0.0, f64::max);
+        let range = match random.below(4) {
+            0 => 0.0,
+            // At the edge: exactly as far apart as one of the pairs, as f32 has it, rounded up.
+            1 => (distance as f32).next_up(),
+            2 => (distance * random.range(0.3, 1.5)) as f32,
+            _ => (extent * random.power_of_ten(-4.0, 0.0)) as f32,
+        };
+        let [first, second]: [Vec<Triangle>; 2] =
+            [hard.iter().map(|pair| pair.0).collect(), hard.iter().map(|pair| pair.1).collect()];
+        judge(&Surface::of_triangles(&first, range), &Surface::of_triangles(&second, range), range, &mut tally);
+    }
+    println!("{tally:?}");
+    assert!(tally.within > 20_000 && tally.beyond > 20_000);
+    // The line between the centroids adds to the planes.
+    assert!(tally.rejected_by_planes * 4 > tally.beyond && tally.rejected * 20 > tally.rejected_by_planes * 21);
+}
+
+/// Sums of products that overflow are infinite, of either sign, or no number, and make gaps that are none.
+#[test]
+fn slabs_reject_no_pair_within_range_where_f32_overflows() {
+    let mut random = Random::new(5);
+    let point = |x: f32, y: f32, z: f32| Vec3::new(x, y, z).as_dvec3();
+    // Found by the fuzz target `narrow_phase`.
+    let large = [point(0.0, 0.0, 3.184_344_8e-11), point(-3.522_885_4e25, -3.534_804e25, 4.482_079_4e-8)];
+    let large = [large[0], large[1], point(-3.536_107_8e25, 0.0, 0.0)];
+    let small = [point(0.0, 0.0, 0.0), point(0.0, 0.0, -35_651_584.0), point(-1.073_741_8e8, -1.073_741_8e8, -1.0e8)];
+    let mut pairs = vec![(large, small, 4.0), (small, large, 4.0)];
+    for _ in 0..60_000 {
+        // Up to a tenth of the largest number, every coordinate of a size of its own, or all of one.
+        let size = random.power_of_ten(15.0, 37.0);
+        let is_wild = random.below(2) == 0;
+        let mut coordinate = || {
+            let size = if is_wild { random.power_of_ten(0.0, 1.0) * size.powf(random.range(0.5, 1.0)) } else { size };
+            random.range(-1.0, 1.0) * size
+        };
+        let mut triangle = || [(); 3].map(|()| DVec3::new(coordinate(), coordinate(), coordinate()));
+        let (mut a, b) = (triangle(), triangle());
+        // Across each other: a corner of one in the middle of the other.
+        let through = (b[0] + b[1] + b[2]) / 3.0;
+        a[1] = through * 2.0 - a[0];
+        let stored = |triangle: Triangle| triangle.map(|p| p.as_vec3().as_dvec3());
+        pairs.push((stored(a), stored(b), (size * random.power_of_ten(-9.0, -3.0)) as f32));
+    }
+    let mut tally = Tally::default();
+    for (a, b, range) in pairs {
+        if a.iter().chain(&b).all(|p| p.is_finite()) {
+            judge(&Surface::of_triangles(&[a], range), &Surface::of_triangles(&[b], range), range, &mut tally);
+        }
+    }
+    println!("{tally:?}");
+    assert!(tally.within > 40_000);
+}
+
+/// Meshes with vertices that coincide, edges with many triangles, and triangles of no area.
+fn tangled_meshes() -> Vec<Mesh> {
+    let ball = icosphere(2, 1.0);
+    let fins = Mesh {
+        positions: (0..30)
+            .map(|k| [f32::from(k as u8 % 3), f32::from(k as u8 % 5) * 0.5, f32::from(k as u8) * 0.1])
+            .collect(),
+        triangles: (2..30).map(|k| [0, 1, k]).chain((4..28).map(|k| [k, k + 1, k + 1])).collect(),
+    };
+    vec![
+        duplicate_vertices(&ball),
+        merge(&[ball.clone(), ball.clone().scale(0.9), ball]),
+        merge(&[fins.clone(), fins.translate([0.3, 0.1, 0.2])]),
+        triangle_soup(700, 3),
+    ]
+}
+
+#[test]
+fn neighbors_are_dropped_exactly_where_triangles_share_a_vertex() {
+    let (mut dropped, mut left) = (0, 0);
+    for mesh in tangled_meshes() {
+        let surface = Surface::of_mesh(&mesh, 0.2);
+        let mut all = Vec::new();
+        surface.tree.self_pairs(&mut all);
+        let before = all.len();
+        all.retain(|&[a, b]| !surface.topology.share_vertex(TriangleId(a), TriangleId(b)));
+        let cull = PairCull { neighbors: true, ..cull([&surface.triangles; 2], None, true) };
+        let mut found = Vec::new();
+        let count = surface.tree.self_pairs_of(0..surface.tree.leaf_count(), Some(&cull), &mut found);
+        assert_eq!(found, all);
+        assert_eq!(count, all.len(), "what overlaps and is no neighbor");
+        dropped += before - all.len();
+        left += all.len();
+    }
+    println!("{dropped} neighbors, {left} others");
+    assert!(dropped > 5_000 && left > 5_000);
+}
+
+#[test]
+fn a_traversal_in_parts_finds_what_it_finds_as_a_whole_in_the_same_order() {
+    let mut random = Random::new(6);
+    let range = 0.05;
+    let (mut pairs, mut parts) = (0, 0);
+    for mesh in tangled_meshes() {
+        let surface = Surface::of_mesh(&mesh, range);
+        let other = Surface::of_mesh(&mesh.clone().rotate([1.0, 0.3, 0.2], 0.7).translate([0.2, 0.1, 0.0]), range);
+        let leaf_count = surface.tree.leaf_count();
+        assert!(leaf_count > 5 && surface.tree.len() > 5 * LEAF_WIDTH);
+        let of_itself = PairCull { neighbors: true, ..cull([&surface.triangles; 2], Some(range), true) };
+        let of_both = cull([&surface.triangles, &other.triangles], Some(range), true);
+        for round in 0..20 {
+            let (of_itself, of_both) = if round == 0 { (None, None) } else { (Some(&of_itself), Some(&of_both)) };
+            let traverse = |leaves: std::ops::Range<usize>, [own, both]: &mut [Vec<[u32; 2]>; 2]| {
+                [
+                    surface.tree.self_pairs_of(leaves.clone(), of_itself, own),
+                    surface.tree.pairs_of(leaves, &other.tree, of_both, both),
+                ]
+            };
+            let mut whole = [Vec::new(), Vec::new()];
+            let counts = traverse(0..leaf_count, &mut whole);
+            let mut in_parts = [Vec::new(), Vec::new()];
+            let (mut from, mut sums) = (0, [0; 2]);
+            while from < leaf_count {
+                let to = (from + random.below(2 + leaf_count / (1 + round))).min(leaf_count);
+                let part = traverse(from..to, &mut in_parts);
+                sums = [sums[0] + part[0], sums[1] + part[1]];
+                (from, parts) = (to, parts + 1);
+            }
+            assert_eq!((&whole, counts), (&in_parts, sums));
+            pairs += whole[0].len() + whole[1].len();
+        }
+    }
+    println!("{pairs} pairs in {parts} parts");
+    assert!(pairs > 10_000 && parts > 300);
+}
