@@ -10,18 +10,12 @@ use bevy_ecs::prelude::*;
 use super::store::{ContactSide, ContactStore, StoredPair};
 use crate::{
     detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, MeetingCaps, OverlappingTrianglePairs, RefinedTrianglePairs,
-        SphereQuery, SurfacePair, broad_phase::OtherSide, pair_settings, with_balls, with_caps,
+        CandidateTrianglePairs, DetectionDiagnostics, RefinedTrianglePairs, SphereContacts, SurfacePair,
+        broad_phase::OtherSide,
     },
-    kernel::{
-        contact::CompactContact,
-        exact::FeatureKind,
-        pair::FoundPairs,
-        sphere_pairs::{ball_contacts, cap_contacts},
-    },
+    kernel::{contact::CompactContact, exact::FeatureKind, pair::FoundPairs},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
-    settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces, ContactMethod},
+    surface::{ActiveSurface, ActiveSurfaces},
 };
 
 /// Gathers contacts into the [`ContactStore`].
@@ -34,18 +28,14 @@ impl Plugin for ContactsPlugin {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "the last stage reads every stage before it")]
 fn gather_contacts(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
-    overlapping: Res<OverlappingTrianglePairs>,
-    meeting: Res<MeetingCaps>,
-    settings: Res<CircumsphereSettings>,
+    mut spheres: ResMut<SphereContacts>,
     mut refined: ResMut<RefinedTrianglePairs>,
     mut store: ResMut<ContactStore>,
     mut previous: Local<ContactStore>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    spheres: SphereQuery,
 ) {
     let start = Instant::now();
     std::mem::swap(&mut *store, &mut *previous);
@@ -56,31 +46,19 @@ fn gather_contacts(
     let places: HashMap<(ContactSide, ContactSide), usize> =
         previous.pairs.iter().enumerate().map(|(place, pair)| ((pair.a, pair.b), place)).collect();
 
-    let mut spheres_found = FoundPairs::default();
     for (place, pair) in candidates.pairs.iter().enumerate() {
-        let found = if pair.method.is_exact() {
-            &mut refined.pairs[place]
-        } else {
-            spheres_found.clear();
-            let (pair_settings, found) = (pair_settings(pair, &settings), &mut spheres_found);
-            if pair.method == ContactMethod::Circumsphere {
-                with_caps(&active, &spheres, pair, |a, b| {
-                    cap_contacts(a, b, &meeting.pairs[place], &pair_settings, found);
-                });
-            } else {
-                with_balls(&active, &spheres, pair, |a, b| {
-                    ball_contacts(a, b, &overlapping.pairs[place], &pair_settings, found);
-                });
-            }
-            &mut spheres_found
-        };
+        let is_exact = pair.method.is_exact();
+        let found = if is_exact { &mut refined.pairs[place] } else { &mut spheres.pairs[place] };
         if found.contacts.is_empty() && found.nearest > f64::from(pair.range) {
             continue;
         }
-        // Stable: neighboring faces of a shape report a shared edge alike up to the sign of a zero, and the first one
-        // of them has to stay the first whatever the order of the candidates.
-        found.contacts.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
-        found.contacts.dedup_by_key(|contact| contact.key);
+        // Those of spheres are made in order.
+        if is_exact {
+            // Stable: neighboring faces of a shape report a shared edge alike up to the sign of a zero, and the first one
+            // of them has to stay the first whatever the order of the candidates.
+            found.contacts.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
+            found.contacts.dedup_by_key(|contact| contact.key);
+        }
         found.touching.sort_unstable_by_key(|pair| (pair.triangle_a, pair.triangle_b));
 
         let stored = stored_pair(&active, pair, &store, found);
@@ -90,12 +68,21 @@ fn gather_contacts(
             let before = &previous.contacts[previous.pairs[before].contacts.clone()];
             keep_sides(&mut found.contacts, before);
         }
-        store.contacts.extend_from_slice(&found.contacts);
-        store.touching.extend_from_slice(&found.touching);
+        append_or_swap(&mut store.contacts, &mut found.contacts);
+        append_or_swap(&mut store.touching, &mut found.touching);
         store.pairs.push(stored);
     }
     index_entities(&mut store);
     diagnostics.finish("contacts", start, candidates.pairs.len(), store.contacts.len());
+}
+
+/// Appends a list that is not needed any more. To an empty one it costs nothing, and leaves that one's memory behind.
+fn append_or_swap<T: Copy>(list: &mut Vec<T>, appended: &mut Vec<T>) {
+    if list.is_empty() {
+        std::mem::swap(list, appended);
+    } else {
+        list.extend_from_slice(appended);
+    }
 }
 
 fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore, found: &FoundPairs) -> StoredPair {

@@ -1,4 +1,4 @@
-//! Stage 5: candidates whose spheres overlap.
+//! Stage 5: candidates whose spheres overlap, and the contacts of enclosing balls.
 
 use std::time::Instant;
 
@@ -8,11 +8,15 @@ use bevy_ecs::prelude::*;
 use super::{
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
-    parallel::map_chunks,
+    parallel::collect_chunks,
     sides::{SphereQuery, pair_settings, with_balls, with_caps},
 };
 use crate::{
-    kernel::sphere_pairs::{overlapping_balls, overlapping_caps},
+    kernel::{
+        pair::FoundPairs,
+        pair_order::sort_pairs,
+        sphere_pairs::{ball_contacts, overlapping_balls, overlapping_caps},
+    },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
@@ -22,8 +26,16 @@ use crate::{
 /// [`CandidateTrianglePairs`]; empty where a pair's method does not use spheres.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct OverlappingTrianglePairs {
-    /// Pairs of triangles.
+    /// Pairs of triangles, in the order of the contacts they may give.
     pub pairs: Vec<Vec<[u32; 2]>>,
+}
+
+/// What the sphere methods found, one entry for each pair of surfaces in [`CandidateTrianglePairs`], sorted; empty where
+/// a pair's method does not use spheres.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct SphereContacts {
+    /// Touching pairs and contacts.
+    pub pairs: Vec<FoundPairs>,
 }
 
 /// Tests spheres for overlap.
@@ -31,8 +43,9 @@ pub struct OverlapPlugin;
 
 impl Plugin for OverlapPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<OverlappingTrianglePairs>();
-        app.add_systems(SurfaceDetection, test_overlap.in_set(SurfaceDetectionSystems::Overlap));
+        app.init_resource::<OverlappingTrianglePairs>().init_resource::<SphereContacts>();
+        let systems = (test_overlap, touch_by_balls).chain();
+        app.add_systems(SurfaceDetection, systems.in_set(SurfaceDetectionSystems::Overlap));
     }
 }
 
@@ -41,6 +54,7 @@ fn test_overlap(
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     mut overlapping: ResMut<OverlappingTrianglePairs>,
+    mut spare: Local<Vec<[u32; 2]>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
@@ -50,29 +64,54 @@ fn test_overlap(
     for (pair, overlapping) in candidates.pairs.iter().zip(&mut overlapping.pairs) {
         overlapping.clear();
         let pair_settings = pair_settings(pair, &settings);
-        let threads = settings.threads;
-        let chunks = match pair.method {
+        let (triangles, threads) = (&pair.triangles, settings.threads);
+        let append = |list: &mut Vec<[u32; 2]>, mut later: Vec<[u32; 2]>| list.append(&mut later);
+        match pair.method {
             ContactMethod::BoundingSphere => with_balls(&active, &surfaces, pair, |a, b| {
-                map_chunks(&pair.triangles, threads, |chunk| {
-                    let mut kept = Vec::new();
-                    overlapping_balls(a, b, chunk, &pair_settings, &mut kept);
-                    kept
-                })
+                let work = |chunk: &[[u32; 2]], kept: &mut _| overlapping_balls(a, b, chunk, &pair_settings, kept);
+                collect_chunks(triangles, threads, overlapping, work, append);
             }),
             ContactMethod::Circumsphere => with_caps(&active, &surfaces, pair, |a, b| {
-                map_chunks(&pair.triangles, threads, |chunk| {
-                    let mut kept = Vec::new();
-                    overlapping_caps(a, b, chunk, &pair_settings, &mut kept);
-                    kept
-                })
+                let work = |chunk: &[[u32; 2]], kept: &mut _| overlapping_caps(a, b, chunk, &pair_settings, kept);
+                collect_chunks(triangles, threads, overlapping, work, append);
             }),
             ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => continue,
         };
-        overlapping.extend(chunks.into_iter().flatten().flatten());
+        sort_pairs(overlapping, pair_settings.same_surface, &mut spare);
         pairs_in += pair.triangles.len();
         pairs_out += overlapping.len();
     }
     if pairs_in > 0 {
         diagnostics.finish("overlap", start, pairs_in, pairs_out);
+    }
+}
+
+fn touch_by_balls(
+    active: Res<ActiveSurfaces>,
+    candidates: Res<CandidateTrianglePairs>,
+    overlapping: Res<OverlappingTrianglePairs>,
+    settings: Res<CircumsphereSettings>,
+    mut contacts: ResMut<SphereContacts>,
+    mut diagnostics: ResMut<DetectionDiagnostics>,
+    surfaces: SphereQuery,
+) {
+    let start = Instant::now();
+    let (mut pairs_in, mut pairs_out) = (0, 0);
+    contacts.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
+    for ((pair, overlapping), found) in candidates.pairs.iter().zip(&overlapping.pairs).zip(&mut contacts.pairs) {
+        found.clear();
+        if pair.method != ContactMethod::BoundingSphere {
+            continue;
+        }
+        let pair_settings = pair_settings(pair, &settings);
+        with_balls(&active, &surfaces, pair, |a, b| {
+            let work = |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
+            collect_chunks(overlapping, settings.threads, found, work, FoundPairs::append_sorted);
+        });
+        pairs_in += overlapping.len();
+        pairs_out += found.touching.len();
+    }
+    if pairs_in > 0 {
+        diagnostics.finish("balls", start, pairs_in, pairs_out);
     }
 }

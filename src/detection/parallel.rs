@@ -19,6 +19,28 @@ fn available_threads(wanted: usize) -> usize {
     }
 }
 
+/// Calls `work` on consecutive chunks of `pairs`, each with results of its own, and has them appended to `results` in
+/// order. One thread, or a short list, writes all at once and straight into `results`.
+pub(super) fn collect_chunks<T: Default + Send + 'static>(
+    pairs: &[[u32; 2]],
+    threads: usize,
+    results: &mut T,
+    work: impl Fn(&[[u32; 2]], &mut T) + Sync,
+    append: impl Fn(&mut T, T),
+) {
+    if available_threads(threads).min(pairs.len().div_ceil(CHUNK)) <= 1 {
+        return work(pairs, results);
+    }
+    let chunks = map_chunks(pairs, threads, |chunk| {
+        let mut found = T::default();
+        work(chunk, &mut found);
+        found
+    });
+    for chunk in chunks {
+        append(results, chunk);
+    }
+}
+
 /// Calls `work` on consecutive chunks of `pairs` and returns the results in order. The chunks are the same for any
 /// number of threads. One thread, or a short list, never touches the pool.
 pub(super) fn map_chunks<T: Send + 'static>(

@@ -21,7 +21,7 @@ const ZERO_AREA: f32 = 1.0e-6;
 const RADIUS_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 /// Squares below this have lost precision to the end of f32, 2^23 times its least normal number.
-const LEAST_EXACT_SQUARE: f32 = f32::MIN_POSITIVE / f32::EPSILON;
+pub(super) const LEAST_EXACT_SQUARE: f32 = f32::MIN_POSITIVE / f32::EPSILON;
 
 /// A ball.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -12,7 +12,7 @@ use super::circumsphere::{OffsetSpheres, length};
 
 /// Slack of the cone comparison, as a cosine: a direction that the crease clamp puts exactly on the cone's boundary
 /// passes in spite of rounding.
-const BOUNDARY_SLACK: f32 = 1.0e-4;
+pub(super) const BOUNDARY_SLACK: f32 = 1.0e-4;
 
 /// How far a cone is widened beyond its triangle's spread, in radians (15°): over the recordings and the generated scenes
 /// it finds the most pairs at the same precision.
@@ -69,6 +69,7 @@ pub struct Cap {
 
 impl Cap {
     /// The cap of one triangle.
+    #[inline]
     #[must_use]
     pub fn of(spheres: &OffsetSpheres, cones: &SafetyCones, triangle: usize) -> Self {
         Self {

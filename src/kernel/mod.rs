@@ -17,6 +17,7 @@ mod lanes;
 pub mod leaf_triangles;
 pub mod pair;
 pub mod pair_fate;
+pub mod pair_order;
 pub mod pose;
 pub mod reference;
 pub mod refine;

@@ -8,11 +8,12 @@ use bevy_circumsphere::kernel::{
     bounds::{pairs_between_brute_force, triangle_bounds},
     circumsphere::{OffsetSpheres, RecipeSettings, enclosing_balls},
     cone::{Cap, SafetyCones, cap_contact, spheres_overlap},
+    contact::CompactContact,
     curvature::{CurvatureEstimator, Curvatures},
-    pair::{PairSettings, SurfaceSide},
+    pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
     reference::triangle_distance,
-    sphere_pairs::{BallSide, CapPair, CapSide, meeting_caps, overlapping_balls, overlapping_caps},
+    sphere_pairs::{BallSide, CapSide, meeting_caps, overlapping_balls, overlapping_caps},
     topology::SurfaceTopology,
 };
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere};
@@ -70,15 +71,16 @@ impl Body {
     }
 }
 
-fn meeting(a: &Body, b: &Body) -> (Vec<[u32; 2]>, Vec<CapPair>) {
+fn meeting(a: &Body, b: &Body) -> (Vec<[u32; 2]>, Vec<[u32; 2]>, FoundPairs) {
     let (mut boxes_a, mut boxes_b) = (Vec::new(), Vec::new());
     triangle_bounds(&a.positions, a.topology.triangles(), 0.5 * REACH, &mut boxes_a);
     triangle_bounds(&b.positions, b.topology.triangles(), 0.5 * REACH, &mut boxes_b);
     let (mut candidates, mut overlapping, mut meeting) = (Vec::new(), Vec::new(), Vec::new());
     pairs_between_brute_force(&boxes_a, &boxes_b, &mut candidates);
     overlapping_caps(&a.side(), &b.side(), &candidates, &settings(REACH, false), &mut overlapping);
-    meeting_caps(&a.side(), &b.side(), &overlapping, &settings(REACH, false), &mut meeting);
-    (candidates, meeting)
+    let mut found = FoundPairs::default();
+    meeting_caps(&a.side(), &b.side(), &overlapping, &settings(REACH, false), &mut meeting, &mut found);
+    (candidates, meeting, found)
 }
 
 /// A box turned by `turn` with its lowest point half the reach above the origin's plane, somewhere over the sheet.
@@ -100,9 +102,10 @@ fn found_over_plane(turns: &[DQuat], subdivisions: usize, phi: f32, random: &mut
         let placed = box_over_plane(&mesh, turn, random);
         for (clamp, found) in [true, false].into_iter().zip(&mut found) {
             let body = Body::new(&mesh, placed.clone(), clamp, phi);
-            let (candidates, pairs) = meeting(&body, &plane);
+            let (candidates, pairs, contacts) = meeting(&body, &plane);
             assert!(!candidates.is_empty(), "something is in reach");
-            assert!(pairs.iter().all(|pair| pair.contact.gap.is_finite() && pair.contact.direction.is_finite()));
+            let is_finite = |contact: &CompactContact| contact.distance.is_finite() && contact.normal.is_finite();
+            assert!(contacts.contacts.iter().all(is_finite));
             *found += usize::from(!pairs.is_empty());
         }
     }

@@ -3,12 +3,16 @@
 //! The arithmetic of the culls (`exact::cull`). Everything is inlined into a function that is compiled for several instruction sets and chosen at run time,
 //! so a default build uses the machine's widest: what is not inlined is not compiled for it.
 
+mod caps;
+mod corners;
 mod pairs;
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use glam::{DVec3, Vec3};
 
+pub(in crate::kernel) use caps::{BallLanes, CapContactLanes, CapLanes};
+pub(in crate::kernel) use corners::TrianglePairLanes;
 pub(in crate::kernel) use pairs::{PairLanes, normal, project};
 
 /// How many pairs are worked on at a time.

@@ -1,0 +1,154 @@
+//! Eight pairs of triangles side by side in double precision, not rounded even where a pose has moved them.
+//!
+//! What the contacts of spheres are measured on: how far apart two triangles are at least, and the weights of their
+//! corners at a point. The same arithmetic in the same order as one pair at a time in `exact`.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use glam::Vec3;
+
+use super::{DoubleLanes, DoubleMask, DoubleVectorLanes, Lanes, VectorLanes, WIDTH};
+use crate::kernel::pair::SurfaceSide;
+
+impl VectorLanes {
+    #[inline(always)]
+    pub(in crate::kernel) fn get(&self, lane: usize) -> Vec3 {
+        Vec3::new(self.x.0[lane], self.y.0[lane], self.z.0[lane])
+    }
+}
+
+impl DoubleVectorLanes {
+    #[inline(always)]
+    pub(in crate::kernel) fn rounded(self) -> VectorLanes {
+        VectorLanes { x: self.x.rounded(), y: self.y.rounded(), z: self.z.rounded() }
+    }
+
+    /// Of unit length, or zero where that cannot be told; and where it can.
+    #[inline(always)]
+    pub(in crate::kernel) fn normalized(self) -> (Self, DoubleMask) {
+        let inverse = self.dot(self).sqrt().recip();
+        let has_length =
+            inverse.greater_than(DoubleLanes::ZERO).and(DoubleLanes::splat(f64::INFINITY).greater_than(inverse));
+        (Self::select(has_length, self.scaled(inverse), Self::ZERO), has_length)
+    }
+
+    #[inline(always)]
+    fn zip(self, other: Self, combine: impl Fn(DoubleLanes, DoubleLanes) -> DoubleLanes) -> Self {
+        Self { x: combine(self.x, other.x), y: combine(self.y, other.y), z: combine(self.z, other.z) }
+    }
+}
+
+/// One triangle of each of eight pairs.
+pub(in crate::kernel) struct CornerLanes {
+    single: [VectorLanes; 3],
+    pub(in crate::kernel) corners: [DoubleVectorLanes; 3],
+}
+
+impl CornerLanes {
+    pub(in crate::kernel) const EMPTY: Self =
+        Self { single: [VectorLanes::ZERO; 3], corners: [DoubleVectorLanes::ZERO; 3] };
+
+    #[inline(always)]
+    pub(in crate::kernel) fn gather<const SIDE: usize>(&mut self, side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
+        if side.moved.is_some() {
+            self.gather_moved::<SIDE>(side, pairs);
+        } else {
+            gather_corners::<SIDE>(&mut self.single, side, pairs);
+            for corner in 0..3 {
+                self.corners[corner] = self.single[corner].widened();
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn gather_moved<const SIDE: usize>(&mut self, side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
+        for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
+            for (lanes, corner) in self.corners.iter_mut().zip(side.corners(pair[SIDE])) {
+                lanes.set(lane, corner);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn normal(&self) -> DoubleVectorLanes {
+        let [a, b, c] = self.corners;
+        (b - a).cross(c - a)
+    }
+
+    /// The first two of the weights that `exact::barycentric_of` gives.
+    #[inline(always)]
+    pub(in crate::kernel) fn barycentrics(&self, point: VectorLanes) -> [Lanes; 2] {
+        let (point, normal) = (point.widened(), self.normal());
+        let area = |from: usize, to: usize| {
+            let edge = self.corners[to] - self.corners[from];
+            normal.dot(edge.cross(point - self.corners[from])).max(DoubleLanes::ZERO)
+        };
+        let [first, second, third] = [area(1, 2), area(2, 0), area(0, 1)];
+        let sum = first + second + third;
+        let has_area = sum.greater_than(DoubleLanes::ZERO).and(DoubleLanes::splat(f64::INFINITY).greater_than(sum));
+        let weight =
+            |area: DoubleLanes| DoubleLanes::select(has_area, area / sum, DoubleLanes::splat(1.0 / 3.0)).rounded();
+        [weight(first), weight(second)]
+    }
+}
+
+// Kept apart for the same reason as the gathering of pairs.
+#[inline(never)]
+fn gather_corners<const SIDE: usize>(lanes: &mut [VectorLanes; 3], side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
+    let triangles = side.topology.triangles();
+    for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
+        let corners = triangles[pair[SIDE] as usize];
+        for k in 0..3 {
+            lanes[k].set(lane, side.positions[corners[k] as usize]);
+        }
+    }
+}
+
+/// Eight pairs of triangles.
+pub(in crate::kernel) struct TrianglePairLanes {
+    pub(in crate::kernel) a: CornerLanes,
+    pub(in crate::kernel) b: CornerLanes,
+}
+
+impl TrianglePairLanes {
+    pub(in crate::kernel) const EMPTY: Self = Self { a: CornerLanes::EMPTY, b: CornerLanes::EMPTY };
+
+    #[inline(always)]
+    pub(in crate::kernel) fn gather(&mut self, a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
+        self.a.gather::<0>(a, pairs);
+        self.b.gather::<1>(b, pairs);
+    }
+
+    /// How far apart the axis-aligned boxes of two triangles are along the axis that parts them most; 0 where they
+    /// overlap.
+    #[inline(always)]
+    pub(in crate::kernel) fn box_gap(&self) -> DoubleLanes {
+        let low = |corners: &[DoubleVectorLanes; 3]| {
+            corners[0].zip(corners[1], DoubleLanes::min).zip(corners[2], DoubleLanes::min)
+        };
+        let high = |corners: &[DoubleVectorLanes; 3]| {
+            corners[0].zip(corners[1], DoubleLanes::max).zip(corners[2], DoubleLanes::max)
+        };
+        let (a, b) = (&self.a.corners, &self.b.corners);
+        let apart = (low(a) - high(b)).zip(low(b) - high(a), DoubleLanes::max);
+        apart.x.max(apart.y).max(apart.z).max(DoubleLanes::ZERO)
+    }
+
+    /// How far apart two triangles are along either one's normal or a unit direction, whichever parts them most; 0
+    /// where none does.
+    #[inline(always)]
+    pub(in crate::kernel) fn gap_along_normals_and(&self, direction: DoubleVectorLanes) -> DoubleLanes {
+        let (a, b) = (&self.a.corners, &self.b.corners);
+        let origin = a[0];
+        let own = [a[0] - origin, a[1] - origin, a[2] - origin];
+        let other = [b[0] - origin, b[1] - origin, b[2] - origin];
+        let gap_along = |direction: DoubleVectorLanes| {
+            let [a, b, c] = [direction.dot(own[0]), direction.dot(own[1]), direction.dot(own[2])];
+            let [p, q, r] = [direction.dot(other[0]), direction.dot(other[1]), direction.dot(other[2])];
+            (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r))
+        };
+        let along_own = gap_along(self.a.normal().normalized().0);
+        let along_other = gap_along(self.b.normal().normalized().0);
+        along_own.max(along_other).max(gap_along(direction)).max(DoubleLanes::ZERO)
+    }
+}
