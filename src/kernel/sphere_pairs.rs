@@ -32,7 +32,7 @@ pub struct BallSide<'a> {
 
 impl BallSide<'_> {
     /// One triangle's ball in the frame of the pair.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn ball(&self, triangle: u32) -> Ball {
         let ball = self.balls[triangle as usize];
@@ -59,7 +59,7 @@ pub struct CapSide<'a> {
 
 impl CapSide<'_> {
     /// One triangle's sphere and cone in the frame of the pair.
-    #[inline]
+    #[inline(always)]
     #[must_use]
     pub fn cap(&self, triangle: u32) -> Cap {
         let cap = Cap::of(self.spheres, self.cones, triangle as usize);

@@ -33,8 +33,13 @@ impl DoubleVectorLanes {
     }
 
     #[inline(always)]
-    fn zip(self, other: Self, combine: impl Fn(DoubleLanes, DoubleLanes) -> DoubleLanes) -> Self {
-        Self { x: combine(self.x, other.x), y: combine(self.y, other.y), z: combine(self.z, other.z) }
+    fn min(self, other: Self) -> Self {
+        Self { x: self.x.min(other.x), y: self.y.min(other.y), z: self.z.min(other.z) }
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self { x: self.x.max(other.x), y: self.y.max(other.y), z: self.z.max(other.z) }
     }
 }
 
@@ -79,16 +84,32 @@ impl CornerLanes {
     #[inline(always)]
     pub(in crate::kernel) fn barycentrics(&self, point: VectorLanes) -> [Lanes; 2] {
         let (point, normal) = (point.widened(), self.normal());
-        let area = |from: usize, to: usize| {
-            let edge = self.corners[to] - self.corners[from];
-            normal.dot(edge.cross(point - self.corners[from])).max(DoubleLanes::ZERO)
-        };
-        let [first, second, third] = [area(1, 2), area(2, 0), area(0, 1)];
+        let first = self.area(1, 2, point, normal);
+        let second = self.area(2, 0, point, normal);
+        let third = self.area(0, 1, point, normal);
         let sum = first + second + third;
         let has_area = sum.greater_than(DoubleLanes::ZERO).and(DoubleLanes::splat(f64::INFINITY).greater_than(sum));
-        let weight =
-            |area: DoubleLanes| DoubleLanes::select(has_area, area / sum, DoubleLanes::splat(1.0 / 3.0)).rounded();
-        [weight(first), weight(second)]
+        let third = DoubleLanes::splat(1.0 / 3.0);
+        [
+            DoubleLanes::select(has_area, first / sum, third).rounded(),
+            DoubleLanes::select(has_area, second / sum, third).rounded(),
+        ]
+    }
+
+    #[inline(always)]
+    fn area(&self, from: usize, to: usize, point: DoubleVectorLanes, normal: DoubleVectorLanes) -> DoubleLanes {
+        let edge = self.corners[to] - self.corners[from];
+        normal.dot(edge.cross(point - self.corners[from])).max(DoubleLanes::ZERO)
+    }
+
+    #[inline(always)]
+    fn low(&self) -> DoubleVectorLanes {
+        self.corners[0].min(self.corners[1]).min(self.corners[2])
+    }
+
+    #[inline(always)]
+    fn high(&self) -> DoubleVectorLanes {
+        self.corners[0].max(self.corners[1]).max(self.corners[2])
     }
 }
 
@@ -123,14 +144,8 @@ impl TrianglePairLanes {
     /// overlap.
     #[inline(always)]
     pub(in crate::kernel) fn box_gap(&self) -> DoubleLanes {
-        let low = |corners: &[DoubleVectorLanes; 3]| {
-            corners[0].zip(corners[1], DoubleLanes::min).zip(corners[2], DoubleLanes::min)
-        };
-        let high = |corners: &[DoubleVectorLanes; 3]| {
-            corners[0].zip(corners[1], DoubleLanes::max).zip(corners[2], DoubleLanes::max)
-        };
-        let (a, b) = (&self.a.corners, &self.b.corners);
-        let apart = (low(a) - high(b)).zip(low(b) - high(a), DoubleLanes::max);
+        let (a, b) = (&self.a, &self.b);
+        let apart = (a.low() - b.high()).max(b.low() - a.high());
         apart.x.max(apart.y).max(apart.z).max(DoubleLanes::ZERO)
     }
 
@@ -142,13 +157,19 @@ impl TrianglePairLanes {
         let origin = a[0];
         let own = [a[0] - origin, a[1] - origin, a[2] - origin];
         let other = [b[0] - origin, b[1] - origin, b[2] - origin];
-        let gap_along = |direction: DoubleVectorLanes| {
-            let [a, b, c] = [direction.dot(own[0]), direction.dot(own[1]), direction.dot(own[2])];
-            let [p, q, r] = [direction.dot(other[0]), direction.dot(other[1]), direction.dot(other[2])];
-            (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r))
-        };
-        let along_own = gap_along(self.a.normal().normalized().0);
-        let along_other = gap_along(self.b.normal().normalized().0);
-        along_own.max(along_other).max(gap_along(direction)).max(DoubleLanes::ZERO)
+        let along_own = gap_along(self.a.normal().normalized().0, &own, &other);
+        let along_other = gap_along(self.b.normal().normalized().0, &own, &other);
+        along_own.max(along_other).max(gap_along(direction, &own, &other)).max(DoubleLanes::ZERO)
     }
+}
+
+#[inline(always)]
+fn gap_along(
+    direction: DoubleVectorLanes,
+    own: &[DoubleVectorLanes; 3],
+    other: &[DoubleVectorLanes; 3],
+) -> DoubleLanes {
+    let (a, b, c) = (direction.dot(own[0]), direction.dot(own[1]), direction.dot(own[2]));
+    let (p, q, r) = (direction.dot(other[0]), direction.dot(other[1]), direction.dot(other[2]));
+    (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r))
 }
