@@ -188,7 +188,7 @@ pub fn refit_spheres(sheet: &Sheet, stages: &mut Stages) {
 pub fn overlap_caps(sheet: &Sheet, stages: &mut Stages) {
     let Stages { spheres, cones, candidates, near_caps, .. } = stages;
     near_caps.clear();
-    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None };
+    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None, rows: None };
     overlapping_caps(&side, &side, candidates, &sheet.settings, near_caps);
 }
 
@@ -197,7 +197,7 @@ pub fn cone(sheet: &Sheet, stages: &mut Stages) {
     let Stages { spheres, cones, near_caps, meeting, found, .. } = stages;
     meeting.clear();
     found.clear();
-    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None };
+    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None, rows: None };
     meeting_caps(&side, &side, near_caps, &sheet.settings, meeting, found);
 }
 
@@ -210,7 +210,7 @@ pub fn refit_balls(sheet: &Sheet, stages: &mut Stages) {
 pub fn overlap_balls(sheet: &Sheet, stages: &mut Stages) {
     let Stages { balls, candidates, near_balls, .. } = stages;
     near_balls.clear();
-    let side = BallSide { surface: sheet.side(), balls, pose: None };
+    let side = BallSide { surface: sheet.side(), balls, pose: None, rows: None };
     overlapping_balls(&side, &side, candidates, &sheet.settings, near_balls);
 }
 
@@ -218,6 +218,6 @@ pub fn overlap_balls(sheet: &Sheet, stages: &mut Stages) {
 pub fn contacts_of_balls(sheet: &Sheet, stages: &mut Stages) {
     let Stages { balls, near_balls, found, .. } = stages;
     found.clear();
-    let side = BallSide { surface: sheet.side(), balls, pose: None };
+    let side = BallSide { surface: sheet.side(), balls, pose: None, rows: None };
     ball_contacts(&side, &side, near_balls, &sheet.settings, found);
 }

@@ -10,7 +10,7 @@ use super::{
     diagnostics::DetectionDiagnostics,
     overlap::{OverlappingTrianglePairs, SphereContacts},
     parallel::collect_chunks,
-    sides::{SphereQuery, pair_settings, with_caps},
+    sides::{SphereQuery, SphereRows, pair_settings, with_caps},
 };
 use crate::{
     kernel::{pair::FoundPairs, sphere_pairs::meeting_caps},
@@ -32,7 +32,7 @@ pub struct ConePlugin;
 
 impl Plugin for ConePlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<MeetingCaps>().init_resource::<SphereContacts>();
+        app.init_resource::<MeetingCaps>().init_resource::<SphereContacts>().init_resource::<SphereRows>();
         app.add_systems(SurfaceDetection, test_cones.in_set(SurfaceDetectionSystems::Cone));
     }
 }
@@ -42,6 +42,7 @@ fn test_cones(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     overlapping: Res<OverlappingTrianglePairs>,
+    rows: Res<SphereRows>,
     settings: Res<CircumsphereSettings>,
     mut meeting: ResMut<MeetingCaps>,
     mut contacts: ResMut<SphereContacts>,
@@ -61,7 +62,7 @@ fn test_cones(
         found.clear();
         let pair_settings = pair_settings(pair, &settings);
         let mut results = (std::mem::take(meeting), std::mem::take(found));
-        with_caps(&active, &surfaces, pair, |a, b| {
+        with_caps(&active, &surfaces, pair, &rows, |a, b| {
             collect_chunks(
                 overlapping,
                 settings.threads,

@@ -9,7 +9,7 @@ use super::{
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
     parallel::collect_chunks,
-    sides::{SphereQuery, pair_settings, with_balls, with_caps},
+    sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
 };
 use crate::{
     kernel::{
@@ -43,17 +43,19 @@ pub struct OverlapPlugin;
 
 impl Plugin for OverlapPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<OverlappingTrianglePairs>().init_resource::<SphereContacts>();
+        app.init_resource::<OverlappingTrianglePairs>().init_resource::<SphereContacts>().init_resource::<SphereRows>();
         let systems = (test_overlap, touch_by_balls).chain();
         app.add_systems(SurfaceDetection, systems.in_set(SurfaceDetectionSystems::Overlap));
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "the first of the sphere stages prepares for the others")]
 fn test_overlap(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     mut overlapping: ResMut<OverlappingTrianglePairs>,
+    mut rows: ResMut<SphereRows>,
     mut spare: Local<Vec<[u32; 2]>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
@@ -61,17 +63,18 @@ fn test_overlap(
     let start = Instant::now();
     let (mut pairs_in, mut pairs_out) = (0, 0);
     overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
+    rows.update(&active, &surfaces, &candidates);
     for (pair, overlapping) in candidates.pairs.iter().zip(&mut overlapping.pairs) {
         overlapping.clear();
         let pair_settings = pair_settings(pair, &settings);
         let (triangles, threads) = (&pair.triangles, settings.threads);
         let append = |list: &mut Vec<[u32; 2]>, mut later: Vec<[u32; 2]>| list.append(&mut later);
         match pair.method {
-            ContactMethod::BoundingSphere => with_balls(&active, &surfaces, pair, |a, b| {
+            ContactMethod::BoundingSphere => with_balls(&active, &surfaces, pair, &rows, |a, b| {
                 let work = |chunk: &[[u32; 2]], kept: &mut _| overlapping_balls(a, b, chunk, &pair_settings, kept);
                 collect_chunks(triangles, threads, overlapping, work, append);
             }),
-            ContactMethod::Circumsphere => with_caps(&active, &surfaces, pair, |a, b| {
+            ContactMethod::Circumsphere => with_caps(&active, &surfaces, pair, &rows, |a, b| {
                 let work = |chunk: &[[u32; 2]], kept: &mut _| overlapping_caps(a, b, chunk, &pair_settings, kept);
                 collect_chunks(triangles, threads, overlapping, work, append);
             }),
@@ -86,10 +89,12 @@ fn test_overlap(
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "the last of the sphere stages writes contacts")]
 fn touch_by_balls(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     overlapping: Res<OverlappingTrianglePairs>,
+    rows: Res<SphereRows>,
     settings: Res<CircumsphereSettings>,
     mut contacts: ResMut<SphereContacts>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
@@ -104,7 +109,7 @@ fn touch_by_balls(
             continue;
         }
         let pair_settings = pair_settings(pair, &settings);
-        with_balls(&active, &surfaces, pair, |a, b| {
+        with_balls(&active, &surfaces, pair, &rows, |a, b| {
             let work = |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
             collect_chunks(overlapping, settings.threads, found, work, FoundPairs::append_sorted);
         });

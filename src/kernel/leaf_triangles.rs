@@ -135,8 +135,7 @@ fn plus<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
 /// The interval of a triangle's projections on a direction of any length.
 #[inline(always)]
 fn project<S: Simd>(corners: [[f32x8<S>; 3]; 3], direction: [f32x8<S>; 3]) -> (f32x8<S>, f32x8<S>) {
-    let (first, second, third) =
-        (dot(direction, corners[0]), dot(direction, corners[1]), dot(direction, corners[2]));
+    let (first, second, third) = (dot(direction, corners[0]), dot(direction, corners[1]), dot(direction, corners[2]));
     (first.min(second).min(third), first.max(second).max(third))
 }
 
@@ -230,14 +229,14 @@ impl Separation<'_> {
         let [x, y, z] = &other.normals;
         let normals = [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)];
         let (low, high) = project(corners, normals);
-        let other_gap =
-            (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);
+        let other_gap = (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);
         let by_planes = (own_gap.simd_gt(needed) | other_gap.simd_gt(needed)).to_bitmask() as u32;
         if !self.centroids || asked & !by_planes == 0 {
             return by_planes;
         }
 
-        let between = minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
+        let between =
+            minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
         let ((low, high), (own_low, own_high)) = (project(others, between), project(corners, between));
         let gap = (low - own_high).max(own_low - high);
         let squared = dot(between, between);

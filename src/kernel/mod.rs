@@ -24,5 +24,6 @@ pub mod refine;
 pub mod settle;
 pub mod smooth_normal;
 pub mod sphere_pairs;
+pub mod sphere_rows;
 pub mod topology;
 pub mod tree;

@@ -48,15 +48,8 @@ pub enum PairFate {
 
 impl PairFate {
     /// All of them, in order.
-    pub const ALL: [Self; 7] = [
-        Self::Neighbors,
-        Self::Planes,
-        Self::Spheres,
-        Self::CenterLine,
-        Self::Cone,
-        Self::Distance,
-        Self::Touching,
-    ];
+    pub const ALL: [Self; 7] =
+        [Self::Neighbors, Self::Planes, Self::Spheres, Self::CenterLine, Self::Cone, Self::Distance, Self::Touching];
 
     /// A short name in lower case.
     #[must_use]

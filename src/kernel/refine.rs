@@ -33,7 +33,8 @@ pub fn refine_pairs(
 ) {
     let pairs = without_neighbors(a, candidates, settings);
     if settings.cull {
-        let wanted = |triangles, pair: &ScreenedPair| reported_cases(a, b, settings.same_surface, triangles, pair.cases);
+        let wanted =
+            |triangles, pair: &ScreenedPair| reported_cases(a, b, settings.same_surface, triangles, pair.cases);
         examine_pairs(a, b, &pairs, settings, found, wanted, |_, _| true);
     } else {
         examine_pairs_alone(a, b, &pairs, settings, found);

@@ -10,13 +10,11 @@ use super::{
     cone::{Cap, SafetyCones, cap_contact, spheres_overlap},
     contact::{CompactContact, FacePlace, TouchingPair},
     ids::TriangleId,
-    lanes::{
-        BallLanes, CapContactLanes, CapLanes, DoubleLanes, Lanes, Mask, PairLanes, TrianglePairLanes, VectorLanes,
-        WIDTH, normal,
-    },
+    lanes::{CapContactLanes, CapLanes, DoubleLanes, Lanes, Mask, PairLanes, TrianglePairLanes, VectorLanes, WIDTH},
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
+    sphere_rows::{BallRow, CapRow, RowLanes, rounded_corners},
 };
 
 /// The enclosing balls of one side, and the way to the frame of the pair.
@@ -28,9 +26,39 @@ pub struct BallSide<'a> {
     pub balls: &'a [Ball],
     /// From the side's own frame to the frame of the pair; `None` where they are the same.
     pub pose: Option<&'a Pose>,
+    /// [Its rows](Self::rows), where somebody has made them, and the side has not been moved.
+    pub rows: Option<&'a [BallRow]>,
 }
 
 impl BallSide<'_> {
+    /// Writes a row for each triangle: worth it where most triangles are in several pairs.
+    pub fn rows(&self, rows: &mut Vec<BallRow>) {
+        rows.clear();
+        rows.extend((0..self.balls.len() as u32).map(|triangle| self.row(triangle)));
+    }
+
+    #[inline(always)]
+    fn row(&self, triangle: u32) -> BallRow {
+        BallRow::of_ball(rounded_corners(&self.surface, triangle), &self.ball(triangle))
+    }
+
+    #[inline(always)]
+    fn gather<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes<2>) {
+        match self.rows {
+            Some(rows) => lanes.gather::<SIDE>(rows, pairs),
+            None => self.gather_one_by_one::<SIDE>(pairs, lanes),
+        }
+    }
+
+    // Kept apart, so that the lanes come from memory: of numbers it has just loaded one by one the compiler makes
+    // no vectors.
+    #[inline(never)]
+    fn gather_one_by_one<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes<2>) {
+        for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
+            lanes.set(lane, &self.row(pair[SIDE]));
+        }
+    }
+
     /// One triangle's ball in the frame of the pair.
     #[inline(always)]
     #[must_use]
@@ -55,9 +83,37 @@ pub struct CapSide<'a> {
     pub cones: &'a SafetyCones,
     /// From the side's own frame to the frame of the pair; `None` where they are the same.
     pub pose: Option<&'a Pose>,
+    /// [Its rows](Self::rows), where somebody has made them, and the side has not been moved.
+    pub rows: Option<&'a [CapRow]>,
 }
 
 impl CapSide<'_> {
+    /// Writes a row for each triangle: worth it where most triangles are in several pairs.
+    pub fn rows(&self, rows: &mut Vec<CapRow>) {
+        rows.clear();
+        rows.extend((0..self.spheres.radii.len() as u32).map(|triangle| self.row(triangle)));
+    }
+
+    #[inline(always)]
+    fn row(&self, triangle: u32) -> CapRow {
+        CapRow::of_cap(rounded_corners(&self.surface, triangle), &self.cap(triangle))
+    }
+
+    #[inline(always)]
+    fn gather<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes<3>) {
+        match self.rows {
+            Some(rows) => lanes.gather::<SIDE>(rows, pairs),
+            None => self.gather_one_by_one::<SIDE>(pairs, lanes),
+        }
+    }
+
+    #[inline(never)]
+    fn gather_one_by_one<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes<3>) {
+        for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
+            lanes.set(lane, &self.row(pair[SIDE]));
+        }
+    }
+
     /// One triangle's sphere and cone in the frame of the pair.
     #[inline(always)]
     #[must_use]
@@ -177,13 +233,12 @@ pub(super) fn overlapping_caps_in_steps<O: StepObserver>(
 
 /// The caps of eight pairs of triangles, of sheets those that face the other triangle.
 #[inline(always)]
-fn facing_caps(a: &CapSide<'_>, b: &CapSide<'_>, pairs: &[[u32; 2]], caps: &mut [CapLanes; 2]) -> [CapLanes; 2] {
-    caps[0].gather::<0>(a, pairs);
-    caps[1].gather::<1>(b, pairs);
-    let centers = [caps[0].in_plane_center(), caps[1].in_plane_center()];
+fn facing_caps(a: &CapSide<'_>, b: &CapSide<'_>, rows: &[RowLanes<3>; 2]) -> [CapLanes; 2] {
+    let [cap_a, cap_b] = [rows[0].cap(), rows[1].cap()];
+    let centers = [cap_a.in_plane_center(), cap_b.in_plane_center()];
     [
-        if a.surface.one_sided { caps[0] } else { caps[0].facing(centers[1]) },
-        if b.surface.one_sided { caps[1] } else { caps[1].facing(centers[0]) },
+        if a.surface.one_sided { cap_a } else { cap_a.facing(centers[1]) },
+        if b.surface.one_sided { cap_b } else { cap_b.facing(centers[0]) },
     ]
 }
 
@@ -199,31 +254,25 @@ fn keep_overlapping_caps(
 ) {
     let [planes, spheres, center_line] =
         [PairFate::Planes, PairFate::Spheres, PairFate::CenterLine].map(|step| steps.contains(&step));
-    let positions = [a.surface.positions, b.surface.positions];
-    let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
     let reach = (settings.range / settings.scale) as f32;
     let rounded_reach = Lanes::splat(reach + a.surface.rounding() + b.surface.rounding());
-    let mut corners = PairLanes::EMPTY;
-    let mut caps = [CapLanes::EMPTY; 2];
+    let mut rows = [RowLanes::EMPTY; 2];
     for pairs in pairs.chunks(WIDTH) {
+        a.gather::<0>(pairs, &mut rows[0]);
+        b.gather::<1>(pairs, &mut rows[1]);
+        let corners = PairLanes::of_corners(rows[0].corners(), rows[1].corners());
         let mut apart = Mask([0; WIDTH]);
-        if planes || center_line {
-            corners.gather(positions, triangles, pairs);
-        }
         if planes {
-            for direction in [normal(&corners.a), normal(&corners.b)] {
-                apart = apart.or(corners.excess_along(direction, rounded_reach).greater_than(Lanes::ZERO));
-            }
+            let along_normals = corners.excess_along_normals(rounded_reach);
+            apart = apart.or(along_normals.greater_than(Lanes::ZERO));
         }
-        if spheres || center_line {
-            let [cap_a, cap_b] = facing_caps(a, b, pairs, &mut caps);
-            if spheres {
-                apart = apart.or(cap_a.overlap(&cap_b, Lanes::splat(reach)).not());
-            }
-            if center_line {
-                let line = cap_a.center - cap_b.center;
-                apart = apart.or(corners.excess_along(line, rounded_reach).greater_than(Lanes::ZERO));
-            }
+        let [cap_a, cap_b] = facing_caps(a, b, &rows);
+        if spheres {
+            apart = apart.or(cap_a.overlap(&cap_b, Lanes::splat(reach)).not());
+        }
+        if center_line {
+            let line = cap_a.center - cap_b.center;
+            apart = apart.or(corners.excess_along(line, rounded_reach).greater_than(Lanes::ZERO));
         }
         keep(pairs, &apart, kept);
     }
@@ -324,22 +373,25 @@ pub fn ball_contacts(
     found.touching.reserve(overlapping.len());
     found.contacts.reserve(overlapping.len());
     let mut triangles = TrianglePairLanes::EMPTY;
-    let (mut own, mut other) = (BallLanes::EMPTY, BallLanes::EMPTY);
+    let mut rows = [RowLanes::EMPTY; 2];
     let up = VectorLanes { x: Lanes::ZERO, y: Lanes::splat(1.0), z: Lanes::ZERO };
     for pairs in overlapping.chunks(WIDTH) {
-        own.gather::<0>(a, pairs);
-        other.gather::<1>(b, pairs);
-        triangles.gather(&a.surface, &b.surface, pairs);
-        let between = own.center.widened() - other.center.widened();
+        a.gather::<0>(pairs, &mut rows[0]);
+        b.gather::<1>(pairs, &mut rows[1]);
+        triangles.a.fetch::<0>(&a.surface, pairs, &rows[0].corners());
+        triangles.b.fetch::<1>(&b.surface, pairs, &rows[1].corners());
+        let [own, other] = [rows[0].center(), rows[1].center()];
+        let [own_radius, other_radius] = [rows[0].radius(), rows[1].radius()];
+        let between = own.widened() - other.widened();
         let (direction, has_length) = between.normalized();
         let mut has_direction = Mask([0; WIDTH]);
         for lane in 0..WIDTH {
             has_direction.0[lane] = has_length.0[lane] as u32;
         }
         let normal = VectorLanes::select(has_direction, direction.rounded(), up);
-        let gap = between.dot(between).sqrt() - own.radius.widened() - other.radius.widened();
+        let gap = between.dot(between).sqrt() - own_radius.widened() - other_radius.widened();
         let contacts = FaceContacts {
-            points: [own.center - normal.scaled(own.radius), other.center.plus(normal.scaled(other.radius))],
+            points: [own - normal.scaled(own_radius), other.plus(normal.scaled(other_radius))],
             normal,
             gap,
             // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
@@ -364,10 +416,13 @@ pub fn meeting_caps(
     found.touching.reserve(overlapping.len());
     found.contacts.reserve(overlapping.len());
     let mut triangles = TrianglePairLanes::EMPTY;
-    let mut caps = [CapLanes::EMPTY; 2];
+    let mut rows = [RowLanes::EMPTY; 2];
     for pairs in overlapping.chunks(WIDTH) {
-        let [cap_a, cap_b] = facing_caps(a, b, pairs, &mut caps);
-        triangles.gather(&a.surface, &b.surface, pairs);
+        a.gather::<0>(pairs, &mut rows[0]);
+        b.gather::<1>(pairs, &mut rows[1]);
+        let [cap_a, cap_b] = facing_caps(a, b, &rows);
+        triangles.a.fetch::<0>(&a.surface, pairs, &rows[0].corners());
+        triangles.b.fetch::<1>(&b.surface, pairs, &rows[1].corners());
         let (mut contact, mut meet, extraordinary) = cap_a.contact(&cap_b);
         if extraordinary.any() {
             settle(&cap_a, &cap_b, &extraordinary, &mut contact, &mut meet);

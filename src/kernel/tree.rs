@@ -352,7 +352,8 @@ impl BoxTree {
                     if hits != 0 {
                         let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
                         count += apart;
-                        let (item, others) = (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
+                        let (item, others) =
+                            (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
                         recent.push(simd, item.min(others), item.max(others), hits, pairs);
                     }
                 });
@@ -403,7 +404,8 @@ impl BoxTree {
                     if hits != 0 {
                         let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
                         count += apart;
-                        let (item, others) = (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
+                        let (item, others) =
+                            (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
                         recent.push(simd, item, others, hits, pairs);
                     }
                 });
@@ -441,14 +443,7 @@ impl Recent {
     }
 
     #[inline(always)]
-    fn push<S: Simd>(
-        &mut self,
-        simd: S,
-        firsts: u32x8<S>,
-        seconds: u32x8<S>,
-        kept: u32,
-        list: &mut Vec<[u32; 2]>,
-    ) {
+    fn push<S: Simd>(&mut self, simd: S, firsts: u32x8<S>, seconds: u32x8<S>, kept: u32, list: &mut Vec<[u32; 2]>) {
         if self.count > Self::ROOM - LEAF_WIDTH {
             self.flush(list);
         }

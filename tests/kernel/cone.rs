@@ -67,6 +67,7 @@ impl Body {
             spheres: &self.spheres,
             cones: &self.cones,
             pose: None,
+            rows: None,
         }
     }
 }
@@ -390,8 +391,8 @@ fn overlapping_balls_lose_no_pair_within_reach() {
         let pose = Pose::from_affine(&affine).expect("similarity");
         let mut moved = Vec::new();
         pose.transform_points(&rest, &mut moved);
-        let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None };
-        let other = BallSide { surface: side(&topology, &moved), balls: &balls, pose: Some(&pose) };
+        let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None, rows: None };
+        let other = BallSide { surface: side(&topology, &moved), balls: &balls, pose: Some(&pose), rows: None };
         let mut overlapping = Vec::new();
         overlapping_balls(&own, &other, &all, &settings(REACH, false), &mut overlapping);
         kept += overlapping.len();
@@ -415,7 +416,7 @@ fn overlapping_balls_lose_no_pair_within_reach() {
     println!("{within} pairs within reach, {kept} of {} overlapping", 4 * all.len());
     assert!(within > 20 && kept < all.len());
     let mut overlapping = Vec::new();
-    let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None };
+    let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None, rows: None };
     overlapping_balls(&own, &own, &all, &settings(4.0 * REACH, true), &mut overlapping);
     assert!(overlapping.len() > 320);
     for &[first, second] in &overlapping {

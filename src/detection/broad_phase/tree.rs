@@ -6,8 +6,8 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
-    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair,
-    brute_force::pair_with_shape_brute_force, shape_bounds,
+    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, brute_force::pair_with_shape_brute_force,
+    shape_bounds,
 };
 use crate::{
     detection::{

@@ -13,5 +13,5 @@ pub mod triangle_pair;
 
 pub use feature::{Feature, FeatureKind, FeaturePair};
 pub(in crate::kernel) use screen::{Cases, PairScreen, ScreenedPair};
-pub use triangle_pair::{PairProximity, Proximity, examine_pair};
 pub(in crate::kernel) use triangle_pair::examine_screened;
+pub use triangle_pair::{PairProximity, Proximity, examine_pair};

@@ -155,7 +155,8 @@ pub(in crate::kernel) fn examine_screened(
             }
         }
     }
-    let mut crossing = pair.cases.may_cross() && pierce(&a, &b, true, cases, found) | pierce(&b, &a, false, cases, found);
+    let mut crossing =
+        pair.cases.may_cross() && pierce(&a, &b, true, cases, found) | pierce(&b, &a, false, cases, found);
     if !crossing && pair.cases.may_cross() {
         // Of the others it is enough that there is one.
         let others = pair.cases.without(wanted);

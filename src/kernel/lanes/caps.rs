@@ -7,9 +7,8 @@
 
 use super::{DoubleLanes, DoubleVectorLanes, Lanes, Mask, VectorLanes, WIDTH};
 use crate::kernel::{
-    circumsphere::{Ball, LEAST_EXACT_SQUARE},
+    circumsphere::LEAST_EXACT_SQUARE,
     cone::{BOUNDARY_SLACK, Cap},
-    sphere_pairs::{BallSide, CapSide},
 };
 
 impl Lanes {
@@ -69,26 +68,6 @@ impl VectorLanes {
     }
 }
 
-/// One ball of each of eight pairs.
-pub(in crate::kernel) struct BallLanes {
-    pub(in crate::kernel) center: VectorLanes,
-    pub(in crate::kernel) radius: Lanes,
-}
-
-impl BallLanes {
-    pub(in crate::kernel) const EMPTY: Self = Self { center: VectorLanes::ZERO, radius: Lanes::ZERO };
-
-    // Kept apart for the same reason as the gathering of pairs.
-    #[inline(never)]
-    pub(in crate::kernel) fn gather<const SIDE: usize>(&mut self, side: &BallSide<'_>, pairs: &[[u32; 2]]) {
-        for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
-            let Ball { center, radius } = side.ball(pair[SIDE]);
-            self.center.set(lane, center);
-            self.radius.0[lane] = radius;
-        }
-    }
-}
-
 /// One cap of each of eight pairs.
 #[derive(Clone, Copy)]
 pub(in crate::kernel) struct CapLanes {
@@ -108,27 +87,6 @@ pub(in crate::kernel) struct CapContactLanes {
 }
 
 impl CapLanes {
-    pub(in crate::kernel) const EMPTY: Self = Self {
-        center: VectorLanes::ZERO,
-        radius: Lanes::ZERO,
-        height: Lanes::ZERO,
-        axis: VectorLanes::ZERO,
-        cosine: Lanes::ZERO,
-    };
-
-    // Kept apart for the same reason as the gathering of pairs.
-    #[inline(never)]
-    pub(in crate::kernel) fn gather<const SIDE: usize>(&mut self, side: &CapSide<'_>, pairs: &[[u32; 2]]) {
-        for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
-            let Cap { center, radius, height, axis, cosine } = side.cap(pair[SIDE]);
-            self.center.set(lane, center);
-            self.radius.0[lane] = radius;
-            self.height.0[lane] = height;
-            self.axis.set(lane, axis);
-            self.cosine.0[lane] = cosine;
-        }
-    }
-
     /// The cap in one lane.
     pub(in crate::kernel) fn get(&self, lane: usize) -> Cap {
         Cap {

@@ -45,26 +45,30 @@ impl DoubleVectorLanes {
 
 /// One triangle of each of eight pairs.
 pub(in crate::kernel) struct CornerLanes {
-    single: [VectorLanes; 3],
-    pub(in crate::kernel) corners: [DoubleVectorLanes; 3],
+    corners: [DoubleVectorLanes; 3],
 }
 
 impl CornerLanes {
-    pub(in crate::kernel) const EMPTY: Self =
-        Self { single: [VectorLanes::ZERO; 3], corners: [DoubleVectorLanes::ZERO; 3] };
+    pub(in crate::kernel) const EMPTY: Self = Self { corners: [DoubleVectorLanes::ZERO; 3] };
 
+    /// `rounded` are the same corners as far as single precision holds them: all there is of a side that has not been moved.
     #[inline(always)]
-    pub(in crate::kernel) fn gather<const SIDE: usize>(&mut self, side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
+    pub(in crate::kernel) fn fetch<const SIDE: usize>(
+        &mut self,
+        side: &SurfaceSide<'_>,
+        pairs: &[[u32; 2]],
+        rounded: &[VectorLanes; 3],
+    ) {
         if side.moved.is_some() {
             self.gather_moved::<SIDE>(side, pairs);
         } else {
-            gather_corners::<SIDE>(&mut self.single, side, pairs);
             for corner in 0..3 {
-                self.corners[corner] = self.single[corner].widened();
+                self.corners[corner] = rounded[corner].widened();
             }
         }
     }
 
+    // Kept apart for the same reason as the gathering of pairs.
     #[inline(never)]
     fn gather_moved<const SIDE: usize>(&mut self, side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
         for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
@@ -113,18 +117,6 @@ impl CornerLanes {
     }
 }
 
-// Kept apart for the same reason as the gathering of pairs.
-#[inline(never)]
-fn gather_corners<const SIDE: usize>(lanes: &mut [VectorLanes; 3], side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
-    let triangles = side.topology.triangles();
-    for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
-        let corners = triangles[pair[SIDE] as usize];
-        for k in 0..3 {
-            lanes[k].set(lane, side.positions[corners[k] as usize]);
-        }
-    }
-}
-
 /// Eight pairs of triangles.
 pub(in crate::kernel) struct TrianglePairLanes {
     pub(in crate::kernel) a: CornerLanes,
@@ -133,12 +125,6 @@ pub(in crate::kernel) struct TrianglePairLanes {
 
 impl TrianglePairLanes {
     pub(in crate::kernel) const EMPTY: Self = Self { a: CornerLanes::EMPTY, b: CornerLanes::EMPTY };
-
-    #[inline(always)]
-    pub(in crate::kernel) fn gather(&mut self, a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
-        self.a.gather::<0>(a, pairs);
-        self.b.gather::<1>(b, pairs);
-    }
 
     /// How far apart the axis-aligned boxes of two triangles are along the axis that parts them most; 0 where they
     /// overlap.

@@ -14,7 +14,7 @@ use std::ops::{Add, Div, Mul, Sub};
 use glam::{DVec3, Vec3};
 
 pub(in crate::kernel) use angles::{arc_tangent, sine_cosine, tangent};
-pub(in crate::kernel) use caps::{BallLanes, CapContactLanes, CapLanes};
+pub(in crate::kernel) use caps::{CapContactLanes, CapLanes};
 pub(in crate::kernel) use corners::TrianglePairLanes;
 pub(in crate::kernel) use pairs::{PairLanes, normal, project};
 pub(in crate::kernel) use triangles::{EdgeChoice, FrameLanes, TriangleLanes};
@@ -182,14 +182,6 @@ macro_rules! lanes {
                 self.x.0[lane] = vector.x;
                 self.y.0[lane] = vector.y;
                 self.z.0[lane] = vector.z;
-            }
-
-            // Kept apart for the same reason as the gathering of pairs.
-            #[inline(never)]
-            pub(in crate::kernel) fn gather(&mut self, vectors: &[$Vector]) {
-                for (lane, &vector) in vectors.iter().enumerate().take(WIDTH) {
-                    self.set(lane, vector);
-                }
             }
 
             #[inline(always)]
