@@ -12,7 +12,7 @@ use crate::{
         pair::{MovedSide, PairSettings, SurfaceSide},
         pose::Pose,
         sphere_pairs::{BallSide, CapSide},
-        sphere_rows::{BallRow, CapRow},
+        sphere_rows::{BallRows, CapRows},
     },
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
@@ -66,8 +66,8 @@ fn moving(pose: &Pose) -> Option<&Pose> {
 /// The rows of the active surfaces whose triangles are in many candidate pairs, for each method; others have none.
 #[derive(Resource, Clone, Debug, Default)]
 pub(crate) struct SphereRows {
-    caps: Vec<Vec<CapRow>>,
-    balls: Vec<Vec<BallRow>>,
+    caps: Vec<CapRows>,
+    balls: Vec<BallRows>,
 }
 
 impl SphereRows {
@@ -79,8 +79,8 @@ impl SphereRows {
         candidates: &CandidateTrianglePairs,
     ) {
         let count = active.surfaces.len();
-        self.caps.resize_with(count, Vec::new);
-        self.balls.resize_with(count, Vec::new);
+        self.caps.resize_with(count, CapRows::default);
+        self.balls.resize_with(count, BallRows::default);
         for (place, active) in active.surfaces.iter().enumerate() {
             let Ok((positions, balls, spheres, cones)) = surfaces.get(active.entity) else { continue };
             let (topology, positions) = (&*active.topology, &*positions.0);
@@ -90,12 +90,12 @@ impl SphereRows {
                 let side = CapSide { surface, spheres: &spheres.0, cones: &cones.0, pose: None, rows: None };
                 side.rows(&mut self.caps[place]);
             } else {
-                self.caps[place] = Vec::new();
+                self.caps[place] = CapRows::default();
             }
             if is_worth_it(ContactMethod::BoundingSphere) {
                 BallSide { surface, balls: &balls.0, pose: None, rows: None }.rows(&mut self.balls[place]);
             } else {
-                self.balls[place] = Vec::new();
+                self.balls[place] = BallRows::default();
             }
         }
     }
@@ -110,11 +110,6 @@ fn pairs_of(place: usize, method: ContactMethod, candidates: &CandidateTriangleP
         if is_first || is_second { pair.triangles.len() } else { 0 }
     };
     candidates.pairs.iter().filter(|pair| pair.method == method).map(of_pair).sum()
-}
-
-/// The rows of a surface in its own frame, if there are any.
-fn made<'a, T>(rows: &'a [Vec<T>], place: usize, pose: Option<&Pose>) -> Option<&'a [T]> {
-    rows.get(place).filter(|rows| pose.is_none() && !rows.is_empty()).map(Vec::as_slice)
 }
 
 /// Calls `test` with the enclosing balls of both sides of a pair.
@@ -132,7 +127,7 @@ pub(crate) fn with_balls<T>(
     let [pose_a, pose_b] = pair.poses();
     let side = |place: usize, surface, balls, pose| {
         let pose = moving(pose);
-        BallSide { surface, balls, pose, rows: made(&rows.balls, place, pose) }
+        BallSide { surface, balls, pose, rows: rows.balls.get(place).filter(|rows| pose.is_none() && !rows.is_empty()) }
     };
     let (a, b) = (side(pair.first, surface_a, &balls_a.0, pose_a), side(second, surface_b, &balls_b.0, pose_b));
     Some(test(&a, &b))
@@ -153,7 +148,13 @@ pub(crate) fn with_caps<T>(
     let [pose_a, pose_b] = pair.poses();
     let side = |place: usize, surface, spheres, cones, pose| {
         let pose = moving(pose);
-        CapSide { surface, spheres, cones, pose, rows: made(&rows.caps, place, pose) }
+        CapSide {
+            surface,
+            spheres,
+            cones,
+            pose,
+            rows: rows.caps.get(place).filter(|rows| pose.is_none() && !rows.is_empty()),
+        }
     };
     let a = side(pair.first, surface_a, &spheres_a.0, &cones_a.0, pose_a);
     let b = side(second, surface_b, &spheres_b.0, &cones_b.0, pose_b);

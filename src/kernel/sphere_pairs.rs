@@ -14,7 +14,7 @@ use super::{
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
-    sphere_rows::{BallRow, CapRow, RowLanes, rounded_corners},
+    sphere_rows::{BallRows, CapRows, RowLanes, TriangleRow, rounded_corners},
 };
 
 /// The enclosing balls of one side, and the way to the frame of the pair.
@@ -27,25 +27,24 @@ pub struct BallSide<'a> {
     /// From the side's own frame to the frame of the pair; `None` where they are the same.
     pub pose: Option<&'a Pose>,
     /// [Its rows](Self::rows), where somebody has made them, and the side has not been moved.
-    pub rows: Option<&'a [BallRow]>,
+    pub rows: Option<&'a BallRows>,
 }
 
 impl BallSide<'_> {
     /// Writes a row for each triangle: worth it where most triangles are in several pairs.
-    pub fn rows(&self, rows: &mut Vec<BallRow>) {
-        rows.clear();
-        rows.extend((0..self.balls.len() as u32).map(|triangle| self.row(triangle)));
+    pub fn rows(&self, rows: &mut BallRows) {
+        rows.fill((0..self.balls.len() as u32).map(|triangle| self.row(triangle)));
     }
 
     #[inline(always)]
-    fn row(&self, triangle: u32) -> BallRow {
-        BallRow::of_ball(rounded_corners(&self.surface, triangle), &self.ball(triangle))
+    fn row(&self, triangle: u32) -> TriangleRow {
+        TriangleRow::of_ball(rounded_corners(&self.surface, triangle), &self.ball(triangle))
     }
 
     #[inline(always)]
-    fn gather<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes<2>) {
+    fn gather<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes) {
         match self.rows {
-            Some(rows) => lanes.gather::<SIDE>(rows, pairs),
+            Some(rows) => lanes.gather_balls::<SIDE>(rows, pairs),
             None => self.gather_one_by_one::<SIDE>(pairs, lanes),
         }
     }
@@ -53,9 +52,9 @@ impl BallSide<'_> {
     // Kept apart, so that the lanes come from memory: of numbers it has just loaded one by one the compiler makes
     // no vectors.
     #[inline(never)]
-    fn gather_one_by_one<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes<2>) {
+    fn gather_one_by_one<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes) {
         for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
-            lanes.set(lane, &self.row(pair[SIDE]));
+            lanes.set(lane, &self.row(pair[SIDE]), [0.0; 2]);
         }
     }
 
@@ -84,33 +83,33 @@ pub struct CapSide<'a> {
     /// From the side's own frame to the frame of the pair; `None` where they are the same.
     pub pose: Option<&'a Pose>,
     /// [Its rows](Self::rows), where somebody has made them, and the side has not been moved.
-    pub rows: Option<&'a [CapRow]>,
+    pub rows: Option<&'a CapRows>,
 }
 
 impl CapSide<'_> {
     /// Writes a row for each triangle: worth it where most triangles are in several pairs.
-    pub fn rows(&self, rows: &mut Vec<CapRow>) {
-        rows.clear();
-        rows.extend((0..self.spheres.radii.len() as u32).map(|triangle| self.row(triangle)));
+    pub fn rows(&self, rows: &mut CapRows) {
+        rows.fill((0..self.spheres.radii.len() as u32).map(|triangle| self.row(triangle)));
     }
 
     #[inline(always)]
-    fn row(&self, triangle: u32) -> CapRow {
-        CapRow::of_cap(rounded_corners(&self.surface, triangle), &self.cap(triangle))
+    fn row(&self, triangle: u32) -> (TriangleRow, [f32; 2]) {
+        TriangleRow::of_cap(rounded_corners(&self.surface, triangle), &self.cap(triangle))
     }
 
     #[inline(always)]
-    fn gather<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes<3>) {
+    fn gather<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes) {
         match self.rows {
-            Some(rows) => lanes.gather::<SIDE>(rows, pairs),
+            Some(rows) => lanes.gather_caps::<SIDE>(rows, pairs),
             None => self.gather_one_by_one::<SIDE>(pairs, lanes),
         }
     }
 
     #[inline(never)]
-    fn gather_one_by_one<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes<3>) {
+    fn gather_one_by_one<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes) {
         for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
-            lanes.set(lane, &self.row(pair[SIDE]));
+            let (row, rest) = self.row(pair[SIDE]);
+            lanes.set(lane, &row, rest);
         }
     }
 
@@ -233,7 +232,7 @@ pub(super) fn overlapping_caps_in_steps<O: StepObserver>(
 
 /// The caps of eight pairs of triangles, of sheets those that face the other triangle.
 #[inline(always)]
-fn facing_caps(a: &CapSide<'_>, b: &CapSide<'_>, rows: &[RowLanes<3>; 2]) -> [CapLanes; 2] {
+fn facing_caps(a: &CapSide<'_>, b: &CapSide<'_>, rows: &[RowLanes; 2]) -> [CapLanes; 2] {
     let [cap_a, cap_b] = [rows[0].cap(), rows[1].cap()];
     let centers = [cap_a.in_plane_center(), cap_b.in_plane_center()];
     [

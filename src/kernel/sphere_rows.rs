@@ -16,32 +16,70 @@ use super::{
     pair::SurfaceSide,
 };
 
-/// Some numbers of one triangle, in blocks of as many as there are lanes.
+/// The numbers of one triangle, in blocks of as many as there are lanes.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(32))]
-pub struct TriangleRow<const BLOCKS: usize>([[f32; WIDTH]; BLOCKS]);
+#[repr(align(64))]
+pub struct TriangleRow([[f32; WIDTH]; 2]);
 
-/// The corners of a triangle, its offset sphere and its cone.
-pub type CapRow = TriangleRow<3>;
+/// Rows with the corners of each triangle and its enclosing ball.
+#[derive(Clone, Debug, Default)]
+pub struct BallRows {
+    rows: Vec<TriangleRow>,
+}
 
-/// The corners of a triangle and its enclosing ball.
-pub type BallRow = TriangleRow<2>;
+/// Rows with the corners of each triangle, its offset sphere and its cone. A row is a line of the cache: the two numbers
+/// that it has no room for are together elsewhere.
+#[derive(Clone, Debug, Default)]
+pub struct CapRows {
+    rows: Vec<TriangleRow>,
+    rest: Vec<[f32; 2]>,
+}
 
-impl CapRow {
-    /// `corners` and `cap` in the same frame.
-    #[inline(always)]
-    pub(super) fn of_cap(corners: [Vec3; 3], cap: &Cap) -> Self {
-        let [a, b, c] = corners;
-        let Cap { center, radius, height, axis, cosine } = *cap;
-        Self([
-            [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y],
-            [c.z, center.x, center.y, center.z, radius, height, axis.x, axis.y],
-            [axis.z, cosine, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
-        ])
+impl BallRows {
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    pub(super) fn fill(&mut self, rows: impl Iterator<Item = TriangleRow>) {
+        self.rows.clear();
+        self.rows.extend(rows);
     }
 }
 
-impl BallRow {
+impl CapRows {
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    pub(super) fn fill(&mut self, rows: impl Iterator<Item = (TriangleRow, [f32; 2])>) {
+        self.rows.clear();
+        self.rest.clear();
+        self.rows.reserve(rows.size_hint().0);
+        self.rest.reserve(rows.size_hint().0);
+        for (row, rest) in rows {
+            self.rows.push(row);
+            self.rest.push(rest);
+        }
+    }
+}
+
+impl TriangleRow {
+    /// `corners` and `cap` in the same frame.
+    #[inline(always)]
+    pub(super) fn of_cap(corners: [Vec3; 3], cap: &Cap) -> (Self, [f32; 2]) {
+        let [a, b, c] = corners;
+        let Cap { center, radius, height, axis, cosine } = *cap;
+        let row = Self([
+            [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y],
+            [c.z, center.x, center.y, center.z, radius, height, axis.x, axis.y],
+        ]);
+        (row, [axis.z, cosine])
+    }
+
     /// `corners` and `ball` in the same frame.
     #[inline(always)]
     pub(super) fn of_ball(corners: [Vec3; 3], ball: &Ball) -> Self {
@@ -52,28 +90,37 @@ impl BallRow {
 
 /// The rows of one side of eight pairs, one number to the lanes.
 #[derive(Clone, Copy)]
-pub(super) struct RowLanes<const BLOCKS: usize>([[Lanes; WIDTH]; BLOCKS]);
+pub(super) struct RowLanes {
+    row: [[Lanes; WIDTH]; 2],
+    rest: [Lanes; 2],
+}
 
-impl<const BLOCKS: usize> RowLanes<BLOCKS> {
-    pub(super) const EMPTY: Self = Self([[Lanes::ZERO; WIDTH]; BLOCKS]);
+impl RowLanes {
+    pub(super) const EMPTY: Self = Self { row: [[Lanes::ZERO; WIDTH]; 2], rest: [Lanes::ZERO; 2] };
 
     /// The rows of the pairs' triangles on one side.
     #[inline(never)]
-    pub(super) fn gather<const SIDE: usize>(&mut self, rows: &[TriangleRow<BLOCKS>], pairs: &[[u32; 2]]) {
-        dispatch!(Level::new(), simd => self.transpose::<_, SIDE>(simd, rows, pairs));
+    pub(super) fn gather_balls<const SIDE: usize>(&mut self, rows: &BallRows, pairs: &[[u32; 2]]) {
+        dispatch!(Level::new(), simd => self.transpose(simd, &rows.rows, &places::<SIDE>(pairs)));
+    }
+
+    #[inline(never)]
+    pub(super) fn gather_caps<const SIDE: usize>(&mut self, rows: &CapRows, pairs: &[[u32; 2]]) {
+        let places = places::<SIDE>(pairs);
+        dispatch!(Level::new(), simd => self.transpose(simd, &rows.rows, &places));
+        for (lane, place) in places.into_iter().enumerate() {
+            let [axis_z, cosine] = rows.rest[place as usize];
+            self.rest[0].0[lane] = axis_z;
+            self.rest[1].0[lane] = cosine;
+        }
     }
 
     #[inline(always)]
-    fn transpose<S: Simd, const SIDE: usize>(&mut self, simd: S, rows: &[TriangleRow<BLOCKS>], pairs: &[[u32; 2]]) {
-        let Some(&last) = pairs.last() else { return };
-        let mut places = [last[SIDE] as usize; WIDTH];
-        for (place, pair) in places.iter_mut().zip(pairs) {
-            *place = pair[SIDE] as usize;
-        }
-        for (block, lanes) in self.0.iter_mut().enumerate() {
+    fn transpose<S: Simd>(&mut self, simd: S, rows: &[TriangleRow], places: &[u32; WIDTH]) {
+        for (block, lanes) in self.row.iter_mut().enumerate() {
             let mut square = [f32x8::splat(simd, 0.0); WIDTH];
             for lane in 0..WIDTH {
-                square[lane] = f32x8::from_slice(simd, &rows[places[lane]].0[block]);
+                square[lane] = f32x8::from_slice(simd, &rows[places[lane] as usize].0[block]);
             }
             // Each round turns the places' six binary digits by one: after three, rows are columns.
             for _ in 0..3 {
@@ -92,17 +139,19 @@ impl<const BLOCKS: usize> RowLanes<BLOCKS> {
 
     /// Rows that are made pair by pair.
     #[inline(always)]
-    pub(super) fn set(&mut self, lane: usize, row: &TriangleRow<BLOCKS>) {
-        for (lanes, numbers) in self.0.iter_mut().zip(&row.0) {
+    pub(super) fn set(&mut self, lane: usize, row: &TriangleRow, rest: [f32; 2]) {
+        for (lanes, numbers) in self.row.iter_mut().zip(&row.0) {
             for (lanes, &number) in lanes.iter_mut().zip(numbers) {
                 lanes.0[lane] = number;
             }
         }
+        self.rest[0].0[lane] = rest[0];
+        self.rest[1].0[lane] = rest[1];
     }
 
     #[inline(always)]
     fn number(&self, place: usize) -> Lanes {
-        self.0[place / WIDTH][place % WIDTH]
+        self.row[place / WIDTH][place % WIDTH]
     }
 
     #[inline(always)]
@@ -124,19 +173,27 @@ impl<const BLOCKS: usize> RowLanes<BLOCKS> {
     pub(super) fn radius(&self) -> Lanes {
         self.number(12)
     }
-}
 
-impl RowLanes<3> {
     #[inline(always)]
     pub(super) fn cap(&self) -> CapLanes {
         CapLanes {
             center: self.center(),
             radius: self.radius(),
             height: self.number(13),
-            axis: self.vector(14),
-            cosine: self.number(17),
+            axis: VectorLanes { x: self.number(14), y: self.number(15), z: self.rest[0] },
+            cosine: self.rest[1],
         }
     }
+}
+
+/// The triangles on one side of eight pairs; of fewer the last one fills up.
+#[inline(always)]
+fn places<const SIDE: usize>(pairs: &[[u32; 2]]) -> [u32; WIDTH] {
+    let mut places = [pairs.last().map_or(0, |last| last[SIDE]); WIDTH];
+    for (place, pair) in places.iter_mut().zip(pairs) {
+        *place = pair[SIDE];
+    }
+    places
 }
 
 /// The corners of a triangle in the frame of the pair, rounded.
