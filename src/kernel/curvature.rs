@@ -118,7 +118,7 @@ impl HingeLanes {
         let length = self.along.dot(self.along).sqrt();
         // (h_i + h_j) / 3 with h = doubled area / length.
         let distance = (self.doubled_areas[0] + self.doubled_areas[1]) / (Lanes::splat(3.0) * length);
-        let has_distance = distance.greater_than(flat).and(Lanes::splat(f32::INFINITY).greater_than(distance));
+        let has_distance = distance.greater_than(flat).and(distance.is_finite());
         [dihedral, Lanes::select(has_distance, dihedral / distance, flat)]
     }
 }

@@ -382,12 +382,7 @@ pub fn ball_contacts(
         let [own, other] = [rows[0].center(), rows[1].center()];
         let [own_radius, other_radius] = [rows[0].radius(), rows[1].radius()];
         let between = own.widened() - other.widened();
-        let (direction, has_length) = between.normalized();
-        let mut has_direction = Mask([0; WIDTH]);
-        for lane in 0..WIDTH {
-            has_direction.0[lane] = has_length.0[lane] as u32;
-        }
-        let normal = VectorLanes::select(has_direction, direction.rounded(), up);
+        let normal = between.normalized_or(up.widened()).rounded();
         let gap = between.dot(between).sqrt() - own_radius.widened() - other_radius.widened();
         let contacts = FaceContacts {
             points: [own - normal.scaled(own_radius), other.plus(normal.scaled(other_radius))],

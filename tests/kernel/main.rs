@@ -4,7 +4,6 @@ mod ccd;
 #[path = "../reference/common.rs"]
 mod common;
 mod cone;
-mod conservative;
 mod curvature;
 mod exact;
 mod narrow_phase;

@@ -135,7 +135,7 @@ impl CapLanes {
         let concentric = Lanes::splat(f32::EPSILON) * (a.radius + b.radius);
         let ordinary = squared
             .at_least(Lanes::splat(LEAST_EXACT_SQUARE))
-            .and(Lanes::splat(f32::MAX).at_least(squared))
+            .and(squared.is_finite())
             .and(length.greater_than(concentric));
         let direction = VectorLanes { x: between.x / length, y: between.y / length, z: between.z / length };
         let (toward_b, toward_a) = (direction.dot(a.axis), direction.dot(b.axis) * Lanes::splat(-1.0));

@@ -10,6 +10,17 @@ use glam::Vec3;
 use super::{DoubleLanes, DoubleMask, DoubleVectorLanes, Lanes, VectorLanes, WIDTH};
 use crate::kernel::pair::SurfaceSide;
 
+/// The inverse of a length is finite where the length is more than 2^-1024, a quarter of the least normal number.
+const LEAST_LENGTH: f64 = 0.25 * f64::MIN_POSITIVE;
+
+impl DoubleLanes {
+    // Of a comparison with infinity the compiler makes a question about bits, lane by lane.
+    #[inline(always)]
+    fn is_finite(self) -> DoubleMask {
+        Self::splat(1.0).greater_than(self - self)
+    }
+}
+
 impl VectorLanes {
     #[inline(always)]
     pub(in crate::kernel) fn get(&self, lane: usize) -> Vec3 {
@@ -23,13 +34,12 @@ impl DoubleVectorLanes {
         VectorLanes { x: self.x.rounded(), y: self.y.rounded(), z: self.z.rounded() }
     }
 
-    /// Of unit length, or zero where that cannot be told; and where it can.
+    /// Of unit length, or `otherwise` where that cannot be told.
     #[inline(always)]
-    pub(in crate::kernel) fn normalized(self) -> (Self, DoubleMask) {
-        let inverse = self.dot(self).sqrt().recip();
-        let has_length =
-            inverse.greater_than(DoubleLanes::ZERO).and(DoubleLanes::splat(f64::INFINITY).greater_than(inverse));
-        (Self::select(has_length, self.scaled(inverse), Self::ZERO), has_length)
+    pub(in crate::kernel) fn normalized_or(self, otherwise: Self) -> Self {
+        let length = self.dot(self).sqrt();
+        let has_length = length.greater_than(DoubleLanes::splat(LEAST_LENGTH)).and(length.is_finite());
+        Self::select(has_length, self.scaled(length.recip()), otherwise)
     }
 
     #[inline(always)]
@@ -92,7 +102,7 @@ impl CornerLanes {
         let second = self.area(2, 0, point, normal);
         let third = self.area(0, 1, point, normal);
         let sum = first + second + third;
-        let has_area = sum.greater_than(DoubleLanes::ZERO).and(DoubleLanes::splat(f64::INFINITY).greater_than(sum));
+        let has_area = sum.greater_than(DoubleLanes::ZERO).and(sum.is_finite());
         let third = DoubleLanes::splat(1.0 / 3.0);
         [
             DoubleLanes::select(has_area, first / sum, third).rounded(),
@@ -143,8 +153,8 @@ impl TrianglePairLanes {
         let origin = a[0];
         let own = [a[0] - origin, a[1] - origin, a[2] - origin];
         let other = [b[0] - origin, b[1] - origin, b[2] - origin];
-        let along_own = gap_along(self.a.normal().normalized().0, &own, &other);
-        let along_other = gap_along(self.b.normal().normalized().0, &own, &other);
+        let along_own = gap_along(self.a.normal().normalized_or(DoubleVectorLanes::ZERO), &own, &other);
+        let along_other = gap_along(self.b.normal().normalized_or(DoubleVectorLanes::ZERO), &own, &other);
         along_own.max(along_other).max(gap_along(direction, &own, &other)).max(DoubleLanes::ZERO)
     }
 }

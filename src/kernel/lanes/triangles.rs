@@ -11,10 +11,21 @@ use glam::Vec3;
 use super::{Lanes, Mask, VectorLanes, WIDTH};
 use crate::kernel::circumsphere::{LEAST_EXACT_SQUARE, RADIUS_SLACK, ZERO_AREA};
 
+/// The inverse of a length is finite where the length is more than 2^-128, a quarter of the least normal number.
+const LEAST_LENGTH: f32 = 0.25 * f32::MIN_POSITIVE;
+
+impl Lanes {
+    // Of a comparison with infinity the compiler makes a question about bits, lane by lane.
+    #[inline(always)]
+    pub(in crate::kernel) fn is_finite(self) -> Mask {
+        Self::splat(1.0).greater_than(self - self)
+    }
+}
+
 /// Where squares are exact enough to have their roots taken.
 #[inline(always)]
 fn is_exact(squared: Lanes) -> Mask {
-    squared.at_least(Lanes::splat(LEAST_EXACT_SQUARE)).and(Lanes::splat(f32::MAX).at_least(squared))
+    squared.at_least(Lanes::splat(LEAST_EXACT_SQUARE)).and(squared.is_finite())
 }
 
 /// The corners of eight triangles.
@@ -169,8 +180,8 @@ impl VectorLanes {
     /// Of unit length, or zero where that cannot be told; and where it can.
     #[inline(always)]
     pub(in crate::kernel) fn normalized(self) -> (Self, Mask) {
-        let inverse = self.dot(self).sqrt().recip();
-        let has_length = inverse.greater_than(Lanes::ZERO).and(Lanes::splat(f32::INFINITY).greater_than(inverse));
-        (Self::select(has_length, self.scaled(inverse), Self::ZERO), has_length)
+        let length = self.dot(self).sqrt();
+        let has_length = length.greater_than(Lanes::splat(LEAST_LENGTH)).and(length.is_finite());
+        (Self::select(has_length, self.scaled(length.recip()), Self::ZERO), has_length)
     }
 }
