@@ -117,6 +117,6 @@ fn touch_by_balls(
         pairs_out += found.touching.len();
     }
     if pairs_in > 0 {
-        diagnostics.finish("balls", start, pairs_in, pairs_out);
+        diagnostics.finish("ball contacts", start, pairs_in, pairs_out);
     }
 }
