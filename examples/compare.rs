@@ -45,7 +45,9 @@ use machine::Machine;
 use measure::Contestant;
 use options::Options;
 use ours::Ours;
+use peak_alloc::PeakAlloc;
 use report::Report;
+use scale::{Scale, Sweep};
 use serde::Serialize;
 
 #[path = "headless/embedded.rs"]
@@ -72,6 +74,15 @@ mod parry;
 mod peers;
 #[path = "compare/report.rs"]
 mod report;
+#[path = "compare/scale/mod.rs"]
+mod scale;
+#[expect(dead_code, reason = "spreads and fronts are for reports of errors")]
+#[path = "speed_vs_error/statistics.rs"]
+mod statistics;
+
+/// Counts what is on the heap, for the memory that surfaces and pairs take.
+#[global_allocator]
+static HEAP: PeakAlloc = PeakAlloc;
 
 /// A frame of the embedded scene in which the cloth lies in folds.
 const EMBEDDED_FRAME: usize = 100;
@@ -102,6 +113,7 @@ struct Comparison {
     machine: Machine,
     inputs: Vec<Report>,
     headline: Option<Headline>,
+    scale: Option<Scale>,
 }
 
 fn main() -> ExitCode {
@@ -154,10 +166,20 @@ fn compare(options: &Options) -> Result<(), CompareError> {
     if let Some(headline) = &headline {
         let _ = write!(io::stdout(), "{headline}");
     }
+    let sweep = if options.scale { Sweep::Long } else { Sweep::Short };
+    let scale = (!options.no_scale).then(|| {
+        let progress = spinner();
+        let scale = Scale::measure(sweep, |message| report_progress(&progress, message));
+        progress.finish_and_clear();
+        scale
+    });
+    if let Some(scale) = &scale {
+        let _ = write!(io::stdout(), "{scale}");
+    }
     let machine = Machine::new([load, machine::load()]);
     let _ = write!(io::stdout(), "\n{machine}");
     if let Some(path) = &options.json {
-        let text = serde_json::to_string_pretty(&Comparison { machine, inputs, headline })
+        let text = serde_json::to_string_pretty(&Comparison { machine, inputs, headline, scale })
             .expect("numbers and names are JSON");
         fs::write(path, text).map_err(|source| CompareError::Write { path: path.clone(), source })?;
     }
@@ -174,26 +196,32 @@ fn record(input: &Input, options: &Options, folder: &Path) -> Result<(), Compare
     Ok(())
 }
 
+fn spinner() -> ProgressBar {
+    ProgressBar::new_spinner()
+        .with_style(ProgressStyle::with_template("{elapsed} {msg}").expect("the template is well formed"))
+}
+
+fn report_progress(progress: &ProgressBar, message: &str) {
+    progress.set_message(message.to_owned());
+    progress.tick();
+}
+
 fn measure(input: &Input, options: &Options) -> Report {
-    let progress = ProgressBar::new_spinner()
-        .with_style(ProgressStyle::with_template("{elapsed} {msg}").expect("the template is well formed"));
+    let progress = spinner();
     let mut threads = vec![1, usize::from(options.threads)];
     threads.dedup();
-    progress.set_message("building");
-    progress.tick();
+    report_progress(&progress, "building");
     let mut contestants = parry::contestants(input);
     for method in ContactMethod::ALL {
         for &threads in &threads {
             contestants.push(Box::new(Ours::new(input, method, threads)) as Box<dyn Contestant>);
         }
     }
-    progress.set_message("building and starting peers");
-    progress.tick();
+    report_progress(&progress, "building and starting peers");
     let (peers, mut faults) = peers::contestants(if options.no_peers { &[] } else { &options.peers }, input, &threads);
     contestants.extend(peers);
     let (log, failed) = measure::play(input, contestants, options.repeat, |message| {
-        progress.set_message(message.to_owned());
-        progress.tick();
+        report_progress(&progress, message);
     });
     progress.finish_and_clear();
     faults.extend(failed);

@@ -54,7 +54,7 @@ fn everyone_counts_what_the_reference_counts() {
     write_recording(&file, &recording).expect("the sheet can be written");
     let output = Command::new(example_program("compare"))
         .arg(&file)
-        .args(["--repeat", "2", "--peers", "embree", "--no-headline", "--json"])
+        .args(["--repeat", "2", "--peers", "embree", "--no-headline", "--no-scale", "--json"])
         .arg(&json)
         .output()
         .expect("the program starts");

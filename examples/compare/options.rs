@@ -38,6 +38,12 @@ pub struct Options {
     /// Leave out the size of the source paper's headline, 3,000 deforming vertices against 100,000 static triangles
     #[arg(long)]
     pub no_headline: bool,
+    /// Measure how time grows up to 1,000,000 triangles, not 100,000; takes minutes
+    #[arg(long)]
+    pub scale: bool,
+    /// Leave out how time and memory grow
+    #[arg(long, conflicts_with = "scale")]
+    pub no_scale: bool,
     /// Write everything that was measured
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

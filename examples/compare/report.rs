@@ -29,6 +29,8 @@ pub struct Report {
     pub reference: String,
     pub rows: Vec<RowReport>,
     pub bars: Vec<Bar>,
+    /// What more threads than one gain, stage by stage.
+    pub speedups: Vec<Speedup>,
     /// Who is missing or failed, and why.
     pub faults: Vec<String>,
 }
@@ -61,6 +63,19 @@ pub struct Bar {
     /// The same of the least times, which other programs disturb less.
     pub least_ratio: Option<f64>,
     pub holds: Option<bool>,
+}
+
+/// One thread's time over that of several.
+#[derive(Serialize)]
+pub struct Speedup {
+    pub who: String,
+    pub what: String,
+    pub level: Level,
+    pub threads: usize,
+    /// Medians of one thread and of several.
+    pub milliseconds: [f64; 2],
+    pub ratio: f64,
+    pub least_ratio: f64,
 }
 
 /// The value that so many quarters of a sorted list do not exceed, between two of them in proportion.
@@ -142,9 +157,11 @@ impl Report {
             reference,
             rows,
             bars: Vec::new(),
+            speedups: Vec::new(),
             faults,
         };
         report.bars = report.answer_bars();
+        report.speedups = report.compare_threads();
         let disagreements = report.disagreements();
         report.faults.extend(disagreements);
         report
@@ -174,6 +191,27 @@ impl Report {
                 let RowReport { who, what: row, threads, .. } = row;
                 (count != others)
                     .then(|| format!("{who}, {row}, on {threads}: {count} {what}, where others have {others}"))
+            })
+            .collect()
+    }
+
+    fn compare_threads(&self) -> Vec<Speedup> {
+        let ours = ContactMethod::ALL.map(method_name);
+        // Of the ticks only the cold one is told stage by stage.
+        let is_told = |row: &&RowReport| row.level == Level::Part || row.what == COLD;
+        let several = self.rows.iter().filter(|row| row.threads > 1 && ours.contains(&row.who)).filter(is_told);
+        several
+            .filter_map(|row| {
+                let one = self.row((&row.who, &row.what, 1))?;
+                Some(Speedup {
+                    who: row.who.clone(),
+                    what: row.what.clone(),
+                    level: row.level,
+                    threads: row.threads,
+                    milliseconds: [one.median_ms, row.median_ms],
+                    ratio: one.median_ms / row.median_ms,
+                    least_ratio: one.least_ms / row.least_ms,
+                })
             })
             .collect()
     }
@@ -239,7 +277,7 @@ impl Report {
 }
 
 /// Digits in groups of three.
-fn grouped(count: u64) -> String {
+pub fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let mut text = String::new();
     for (place, digit) in digits.chars().enumerate() {
@@ -252,7 +290,7 @@ fn grouped(count: u64) -> String {
 }
 
 /// A time or ratio with three digits that matter.
-fn short(value: f64) -> String {
+pub fn short(value: f64) -> String {
     match value {
         value if !value.is_finite() => "-".to_owned(),
         value if value >= 99.95 => format!("{value:.0}"),
@@ -317,6 +355,22 @@ impl Display for Report {
             };
             let (of_medians, of_minima) = (ratio(bar.ratio), ratio(bar.least_ratio));
             writeln!(out, "{:48} {:>14} {of_medians:>10} {of_minima:>10}  {verdict}", bar.what, bar.limit)?;
+        }
+        if let Some(threads) = self.speedups.first().map(|speedup| speedup.threads) {
+            writeln!(
+                out,
+                "\n{:48} {:>10} {:>10} {:>10} {:>10}",
+                "one thread / several", "one ms", threads, "medians", "minima"
+            )?;
+        }
+        for speedup in &self.speedups {
+            let name = match speedup.level {
+                Level::Whole => format!("{}: {}", speedup.who, speedup.what),
+                Level::Part => format!("    {}", speedup.what),
+            };
+            let [one, several] = speedup.milliseconds.map(short);
+            let (ratio, least_ratio) = (short(speedup.ratio), short(speedup.least_ratio));
+            writeln!(out, "{name:48} {one:>10} {several:>10} {ratio:>10} {least_ratio:>10}")?;
         }
         for fault in &self.faults {
             writeln!(out, "{fault}")?;

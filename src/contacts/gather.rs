@@ -1,20 +1,23 @@
 //! Last stage: what the stages found becomes the store of this tick.
 //!
-//! Contacts are sorted by key and made unique, and a two-sided contact keeps the side it was on in the last tick.
+//! The writer beside this sorts and stores all of them.
 
 use std::{collections::HashMap, sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
-use super::store::{ContactSide, ContactStore, StoredPair};
+use super::{
+    store::{ContactSide, ContactStore, StoredPair},
+    write::{StoreWriter, WriteBuffers},
+};
 use crate::{
     detection::{
         CandidateTrianglePairs, DetectionDiagnostics, RefinedTrianglePairs, SphereContacts, SurfacePair,
         broad_phase::OtherSide,
     },
-    kernel::{contact::CompactContact, exact::FeatureKind, pair::FoundPairs},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
+    settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces},
 };
 
@@ -28,64 +31,50 @@ impl Plugin for ContactsPlugin {
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "the last stage reads every stage before it")]
 fn gather_contacts(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
+    settings: Res<CircumsphereSettings>,
+    refined: Res<RefinedTrianglePairs>,
     mut spheres: ResMut<SphereContacts>,
-    mut refined: ResMut<RefinedTrianglePairs>,
     mut store: ResMut<ContactStore>,
     mut previous: Local<ContactStore>,
+    mut buffers: Local<WriteBuffers>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
 ) {
     let start = Instant::now();
     std::mem::swap(&mut *store, &mut *previous);
     store.tick = previous.tick + 1;
     store.pairs.clear();
-    store.contacts.clear();
-    store.touching.clear();
     let places: HashMap<(ContactSide, ContactSide), usize> =
         previous.pairs.iter().enumerate().map(|(place, pair)| ((pair.a, pair.b), place)).collect();
 
+    let mut writer = StoreWriter::new(&mut store, &mut buffers, settings.threads);
     for (place, pair) in candidates.pairs.iter().enumerate() {
         let is_exact = pair.method.is_exact();
-        let found = if is_exact { &mut refined.pairs[place] } else { &mut spheres.pairs[place] };
+        let found = if is_exact { &refined.pairs[place] } else { &spheres.pairs[place] };
         if found.contacts.is_empty() && found.nearest > f64::from(pair.range) {
             continue;
         }
-        // Those of spheres are made in order.
+        let mut stored = stored_pair(&active, pair, found.nearest);
         if is_exact {
-            // Stable: neighboring faces of a shape report a shared edge alike up to the sign of a zero, and the first one
-            // of them has to stay the first whatever the order of the candidates.
-            found.contacts.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
-            found.contacts.dedup_by_key(|contact| contact.key);
+            let before = places.get(&(stored.a, stored.b)).filter(|_| keeps_sides(&active, pair));
+            let before = before.map_or(&[][..], |&before| &previous.contacts[previous.pairs[before].contacts.clone()]);
+            stored.contacts = writer.write_contacts(&found.contacts, before);
+            stored.touching = writer.write_touching(&found.touching);
+        } else {
+            [stored.contacts, stored.touching] = writer.take_over(&mut spheres.pairs[place]);
         }
-        found.touching.sort_unstable_by_key(|pair| (pair.triangle_a, pair.triangle_b));
-
-        let stored = stored_pair(&active, pair, &store, found);
-        if keeps_sides(&active, pair)
-            && let Some(&before) = places.get(&(stored.a, stored.b))
-        {
-            let before = &previous.contacts[previous.pairs[before].contacts.clone()];
-            keep_sides(&mut found.contacts, before);
-        }
-        append_or_swap(&mut store.contacts, &mut found.contacts);
-        append_or_swap(&mut store.touching, &mut found.touching);
-        store.pairs.push(stored);
+        writer.store.pairs.push(stored);
     }
+    writer.finish();
     index_entities(&mut store);
     diagnostics.finish("contacts", start, candidates.pairs.len(), store.contacts.len());
 }
 
-/// Appends a list that is not needed any more. To an empty one it costs nothing, and leaves that one's memory behind.
-fn append_or_swap<T: Copy>(list: &mut Vec<T>, appended: &mut Vec<T>) {
-    if list.is_empty() {
-        std::mem::swap(list, appended);
-    } else {
-        list.extend_from_slice(appended);
-    }
-}
-
-fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore, found: &FoundPairs) -> StoredPair {
+/// A pair as the store keeps it, without its contacts.
+fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, nearest: f64) -> StoredPair {
     let first = &active.surfaces[pair.first];
     // Behind a surface's own face may be just the other side of a thin wall.
     let has_inside = |surface: &ActiveSurface| surface.one_sided && !pair.is_self();
@@ -106,9 +95,9 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, store: &ContactStore
         a: ContactSide::Surface(first.entity),
         b,
         contact_distance: pair.contact_distance,
-        nearest: found.nearest,
-        contacts: store.contacts.len()..store.contacts.len() + found.contacts.len(),
-        touching: store.touching.len()..store.touching.len() + found.touching.len(),
+        nearest,
+        contacts: 0..0,
+        touching: 0..0,
         frame_pose: pair.frame_pose,
         topology_a: Arc::clone(&first.topology),
         topology_b,
@@ -137,22 +126,4 @@ fn keeps_sides(active: &ActiveSurfaces, pair: &SurfacePair) -> bool {
     let (first, second) = (&active.surfaces[pair.first], &active.surfaces[second]);
     let remembered = !first.fresh && !second.fresh;
     remembered && pair.method.is_exact() && (pair.is_self() || !(first.one_sided || second.one_sided))
-}
-
-/// A contact whose normal has turned round since the last tick has passed through: it keeps the side it was on, and
-/// its distance is negative. Both lists are sorted by key.
-fn keep_sides(contacts: &mut [CompactContact], before: &[CompactContact]) {
-    // In a self-collision either of the two features may have come first.
-    let normal = |contact: &CompactContact| if contact.swapped { -contact.normal } else { contact.normal };
-    let mut before = before.iter().peekable();
-    for contact in contacts {
-        while before.next_if(|other| other.key < contact.key).is_some() {}
-        let Some(last) = before.next_if(|other| other.key == contact.key) else { continue };
-        // Around a corner or a rim a direction may turn without anything having passed.
-        let has_sides = matches!(contact.features.kind(), FeatureKind::VertexFace | FeatureKind::EdgeEdge);
-        if has_sides && normal(contact).dot(normal(last)) < 0.0 {
-            contact.normal = -contact.normal;
-            contact.distance = -contact.distance;
-        }
-    }
 }

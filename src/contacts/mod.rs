@@ -4,6 +4,7 @@ mod events;
 mod gather;
 mod reading;
 mod store;
+mod write;
 
 pub(crate) use events::EVENT_HYSTERESIS;
 pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted, SurfaceQuarantined};

@@ -9,7 +9,7 @@ use super::{
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
     overlap::{OverlappingTrianglePairs, SphereContacts},
-    parallel::collect_chunks,
+    parallel::{CHUNK, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_caps},
 };
 use crate::{
@@ -46,38 +46,50 @@ fn test_cones(
     settings: Res<CircumsphereSettings>,
     mut meeting: ResMut<MeetingCaps>,
     mut contacts: ResMut<SphereContacts>,
+    mut both: Local<Vec<(Vec<[u32; 2]>, FoundPairs)>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
-    let (mut pairs_in, mut pairs_out) = (0, 0);
-    meeting.pairs.resize_with(candidates.pairs.len(), Vec::new);
-    contacts.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
-    let lists = overlapping.pairs.iter().zip(&mut meeting.pairs).zip(&mut contacts.pairs);
-    for (pair, ((overlapping, meeting), found)) in candidates.pairs.iter().zip(lists) {
-        meeting.clear();
-        if pair.method != ContactMethod::Circumsphere {
-            continue;
-        }
-        found.clear();
-        let pair_settings = pair_settings(pair, &settings);
-        let mut results = (std::mem::take(meeting), std::mem::take(found));
-        with_caps(&active, &surfaces, pair, &rows, |a, b| {
-            collect_chunks(
-                overlapping,
-                settings.threads,
-                &mut results,
-                |chunk, (meeting, found)| meeting_caps(a, b, chunk, &pair_settings, meeting, found),
-                |(meeting, found), mut later| {
-                    meeting.append(&mut later.0);
-                    found.append_sorted(later.1);
-                },
-            );
-        });
-        (*meeting, *found) = results;
-        pairs_in += overlapping.len();
-        pairs_out += meeting.len();
+    let count = candidates.pairs.len();
+    meeting.pairs.resize_with(count, Vec::new);
+    contacts.pairs.resize_with(count, FoundPairs::default);
+    both.extend(meeting.pairs.drain(..).zip(contacts.pairs.drain(..)));
+    let uses_cones = |place: usize| candidates.pairs[place].method == ContactMethod::Circumsphere;
+    for_each_weighed(
+        &mut both,
+        settings.threads,
+        CHUNK,
+        |place, _| overlapping.pairs[place].len(),
+        |place, both, threads| {
+            let (pair, overlapping) = (&candidates.pairs[place], &overlapping.pairs[place]);
+            both.0.clear();
+            if !uses_cones(place) {
+                return;
+            }
+            both.1.clear();
+            let pair_settings = pair_settings(pair, &settings);
+            with_caps(&active, &surfaces, pair, &rows, |a, b| {
+                append_chunks(
+                    overlapping,
+                    threads,
+                    both,
+                    |chunk, (meeting, found)| meeting_caps(a, b, chunk, &pair_settings, meeting, found),
+                    |(meeting, found), mut later| {
+                        meeting.append(&mut later.0);
+                        found.append_sorted(later.1);
+                    },
+                );
+            });
+        },
+    );
+    for (meeting_caps, found) in both.drain(..) {
+        meeting.pairs.push(meeting_caps);
+        contacts.pairs.push(found);
     }
+    let tested = overlapping.pairs.iter().enumerate().filter(|&(place, _)| uses_cones(place));
+    let pairs_in = tested.map(|(_, overlapping)| overlapping.len()).sum();
+    let pairs_out = meeting.pairs.iter().map(Vec::len).sum();
     if candidates.pairs.iter().any(|pair| pair.method == ContactMethod::Circumsphere) {
         diagnostics.finish("cone", start, pairs_in, pairs_out);
     }

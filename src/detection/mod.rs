@@ -13,6 +13,7 @@ mod pair_fates;
 mod parallel;
 mod refine;
 mod refit;
+mod settle;
 mod sides;
 
 pub use bounds::{BoundsPlugin, TriangleBounds};
@@ -26,5 +27,6 @@ pub use curvature::{CurvaturePlugin, TriangleCurvature};
 pub use diagnostics::{DetectionDiagnostics, StageDiagnostics};
 pub use overlap::{OverlapPlugin, OverlappingTrianglePairs, SphereContacts};
 pub use pair_fates::PairFates;
+pub(crate) use parallel::{fill_chunks, hand_out};
 pub use refine::{RefinePlugin, RefinedTrianglePairs};
 pub use refit::{Circumspheres, EnclosingBalls, RefitPlugin, TriangleCones};

@@ -6,9 +6,9 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
-    broad_phase::CandidateTrianglePairs,
+    broad_phase::{CandidateTrianglePairs, SurfacePair},
     diagnostics::DetectionDiagnostics,
-    parallel::collect_chunks,
+    parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
 };
 use crate::{
@@ -30,11 +30,11 @@ pub struct OverlappingTrianglePairs {
     pub pairs: Vec<Vec<[u32; 2]>>,
 }
 
-/// What the sphere methods found, one entry for each pair of surfaces in [`CandidateTrianglePairs`], sorted; empty where
-/// a pair's method does not use spheres.
+/// What the sphere methods found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a
+/// pair's method does not use spheres. The last stage takes the lists over, and leaves others behind.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct SphereContacts {
-    /// Touching pairs and contacts.
+    /// Touching pairs and contacts, in the order of their triangles.
     pub pairs: Vec<FoundPairs>,
 }
 
@@ -56,34 +56,45 @@ fn test_overlap(
     settings: Res<CircumsphereSettings>,
     mut overlapping: ResMut<OverlappingTrianglePairs>,
     mut rows: ResMut<SphereRows>,
-    mut spare: Local<Vec<[u32; 2]>>,
+    spare: Local<Buffers<Vec<[u32; 2]>>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
-    let (mut pairs_in, mut pairs_out) = (0, 0);
-    overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
     rows.update(&active, &surfaces, &candidates);
-    for (pair, overlapping) in candidates.pairs.iter().zip(&mut overlapping.pairs) {
-        overlapping.clear();
-        let pair_settings = pair_settings(pair, &settings);
-        let (triangles, threads) = (&pair.triangles, settings.threads);
-        let append = |list: &mut Vec<[u32; 2]>, mut later: Vec<[u32; 2]>| list.append(&mut later);
-        match pair.method {
-            ContactMethod::BoundingSphere => with_balls(&active, &surfaces, pair, &rows, |a, b| {
-                let work = |chunk: &[[u32; 2]], kept: &mut _| overlapping_balls(a, b, chunk, &pair_settings, kept);
-                collect_chunks(triangles, threads, overlapping, work, append);
-            }),
-            ContactMethod::Circumsphere => with_caps(&active, &surfaces, pair, &rows, |a, b| {
-                let work = |chunk: &[[u32; 2]], kept: &mut _| overlapping_caps(a, b, chunk, &pair_settings, kept);
-                collect_chunks(triangles, threads, overlapping, work, append);
-            }),
-            ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => continue,
-        };
-        sort_pairs(overlapping, pair_settings.same_surface, &mut spare);
-        pairs_in += pair.triangles.len();
-        pairs_out += overlapping.len();
-    }
+    overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
+    let uses_spheres =
+        |pair: &SurfacePair| matches!(pair.method, ContactMethod::BoundingSphere | ContactMethod::Circumsphere);
+    for_each_weighed(
+        &mut overlapping.pairs,
+        settings.threads,
+        CHUNK,
+        |place, _| candidates.pairs[place].triangles.len(),
+        |place, overlapping, threads| {
+            let pair = &candidates.pairs[place];
+            overlapping.clear();
+            if pair.triangles.is_empty() || !uses_spheres(pair) {
+                return;
+            }
+            let pair_settings = pair_settings(pair, &settings);
+            let mut keep = |test: &(dyn Fn(&[[u32; 2]], &mut Vec<[u32; 2]>) + Sync)| {
+                append_chunks(&pair.triangles, threads, overlapping, test, |kept, mut later| kept.append(&mut later));
+            };
+            if pair.method == ContactMethod::BoundingSphere {
+                with_balls(&active, &surfaces, pair, &rows, |a, b| {
+                    keep(&|chunk, kept| overlapping_balls(a, b, chunk, &pair_settings, kept));
+                });
+            } else {
+                with_caps(&active, &surfaces, pair, &rows, |a, b| {
+                    keep(&|chunk, kept| overlapping_caps(a, b, chunk, &pair_settings, kept));
+                });
+            }
+            spare.with(|spare| sort_pairs(overlapping, pair_settings.same_surface, spare));
+        },
+    );
+    let pairs_in: usize =
+        candidates.pairs.iter().filter(|pair| uses_spheres(pair)).map(|pair| pair.triangles.len()).sum();
+    let pairs_out = overlapping.pairs.iter().map(Vec::len).sum();
     if pairs_in > 0 {
         diagnostics.finish("overlap", start, pairs_in, pairs_out);
     }
@@ -101,21 +112,29 @@ fn touch_by_balls(
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
-    let (mut pairs_in, mut pairs_out) = (0, 0);
     contacts.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
-    for ((pair, overlapping), found) in candidates.pairs.iter().zip(&overlapping.pairs).zip(&mut contacts.pairs) {
-        found.clear();
-        if pair.method != ContactMethod::BoundingSphere {
-            continue;
-        }
-        let pair_settings = pair_settings(pair, &settings);
-        with_balls(&active, &surfaces, pair, &rows, |a, b| {
-            let work = |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
-            collect_chunks(overlapping, settings.threads, found, work, FoundPairs::append_sorted);
-        });
-        pairs_in += overlapping.len();
-        pairs_out += found.touching.len();
-    }
+    let uses_balls = |place: usize| candidates.pairs[place].method == ContactMethod::BoundingSphere;
+    for_each_weighed(
+        &mut contacts.pairs,
+        settings.threads,
+        CHUNK,
+        |place, _| overlapping.pairs[place].len(),
+        |place, found, threads| {
+            let (pair, overlapping) = (&candidates.pairs[place], &overlapping.pairs[place]);
+            found.clear();
+            if overlapping.is_empty() || !uses_balls(place) {
+                return;
+            }
+            let pair_settings = pair_settings(pair, &settings);
+            with_balls(&active, &surfaces, pair, &rows, |a, b| {
+                let work = |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
+                append_chunks(overlapping, threads, found, work, FoundPairs::append_sorted);
+            });
+        },
+    );
+    let tested = (0..candidates.pairs.len()).filter(|&place| uses_balls(place));
+    let counts = tested.map(|place| [overlapping.pairs[place].len(), contacts.pairs[place].touching.len()]);
+    let [pairs_in, pairs_out] = counts.fold([0; 2], |sums, counts| [sums[0] + counts[0], sums[1] + counts[1]]);
     if pairs_in > 0 {
         diagnostics.finish("ball contacts", start, pairs_in, pairs_out);
     }

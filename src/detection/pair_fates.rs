@@ -7,7 +7,7 @@ use bevy_ecs::{prelude::*, system::SystemParam};
 
 use super::{
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
-    parallel::map_chunks,
+    parallel::append_chunks,
     sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps},
 };
 use crate::{
@@ -92,12 +92,11 @@ impl PairFates<'_, '_> {
     pub(crate) fn of_triangles(&self, pair: &SurfacePair, triangles: &[[u32; 2]]) -> Option<Vec<PairFate>> {
         let settings = pair_settings(pair, &self.settings);
         let map = |work: &(dyn Fn(&[[u32; 2]], &mut Vec<PairFate>) + Sync)| {
-            let chunks = map_chunks(triangles, self.settings.threads, |chunk| {
-                let mut fates = Vec::new();
-                work(chunk, &mut fates);
-                fates
+            let mut fates = Vec::new();
+            append_chunks(triangles, self.settings.threads, &mut fates, work, |fates, mut later| {
+                fates.append(&mut later)
             });
-            chunks.into_iter().flatten().collect()
+            fates
         };
         if !self.is_as_detected(pair, triangles) {
             return None;

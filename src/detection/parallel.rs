@@ -2,13 +2,16 @@
 
 use std::{
     ops::Range,
-    sync::atomic::{AtomicUsize, Ordering},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
 };
 
 use bevy_tasks::ComputeTaskPool;
 
 /// Pairs handed out at a time: enough work to outweigh the handing out, few enough to balance.
-const CHUNK: usize = 4096;
+pub(super) const CHUNK: usize = 4096;
 
 /// How many threads may work, the calling one included: `wanted`, or where that is 0 all that the pool has.
 fn available_threads(wanted: usize) -> usize {
@@ -19,39 +22,18 @@ fn available_threads(wanted: usize) -> usize {
     }
 }
 
-/// Calls `work` on consecutive chunks of `pairs`, each with results of its own, and has them appended to `results` in
-/// order. One thread, or a short list, writes all at once and straight into `results`.
-pub(super) fn collect_chunks<T: Default + Send + 'static>(
+/// Calls `work` on consecutive chunks of `pairs`, each with results to append to, and joins them in order. The chunks are the
+/// same for any number of threads. One thread, or a short list, never touches the pool and allocates nothing.
+pub(super) fn append_chunks<T: Default + Send + 'static>(
     pairs: &[[u32; 2]],
     threads: usize,
     results: &mut T,
     work: impl Fn(&[[u32; 2]], &mut T) + Sync,
-    append: impl Fn(&mut T, T),
+    join: impl Fn(&mut T, T),
 ) {
-    if available_threads(threads).min(pairs.len().div_ceil(CHUNK)) <= 1 {
-        return work(pairs, results);
-    }
-    let chunks = map_chunks(pairs, threads, |chunk| {
-        let mut found = T::default();
-        work(chunk, &mut found);
-        found
-    });
-    for chunk in chunks {
-        append(results, chunk);
-    }
-}
-
-/// Calls `work` on consecutive chunks of `pairs` and returns the results in order. The chunks are the same for any
-/// number of threads. One thread, or a short list, never touches the pool.
-pub(super) fn map_chunks<T: Send + 'static>(
-    pairs: &[[u32; 2]],
-    threads: usize,
-    work: impl Fn(&[[u32; 2]]) -> T + Sync,
-) -> Vec<T> {
-    let chunk_count = pairs.len().div_ceil(CHUNK);
-    let threads = available_threads(threads).min(chunk_count);
+    let threads = available_threads(threads).min(pairs.len().div_ceil(CHUNK));
     if threads <= 1 {
-        return pairs.chunks(CHUNK).map(work).collect();
+        return pairs.chunks(CHUNK).for_each(|chunk| work(chunk, results));
     }
     let next = AtomicUsize::new(0);
     let take_chunks = || {
@@ -59,10 +41,12 @@ pub(super) fn map_chunks<T: Send + 'static>(
         loop {
             let chunk = next.fetch_add(1, Ordering::Relaxed);
             let Some(pairs) = pairs.chunks(CHUNK).nth(chunk) else { return done };
-            done.push((chunk, work(pairs)));
+            let mut found = T::default();
+            work(pairs, &mut found);
+            done.push((chunk, found));
         }
     };
-    let mut results: Vec<(usize, T)> = ComputeTaskPool::get()
+    let mut parts: Vec<(usize, T)> = ComputeTaskPool::get()
         .scope(|scope| {
             for _ in 0..threads {
                 scope.spawn(async { take_chunks() });
@@ -71,8 +55,8 @@ pub(super) fn map_chunks<T: Send + 'static>(
         .into_iter()
         .flatten()
         .collect();
-    results.sort_unstable_by_key(|&(chunk, _)| chunk);
-    results.into_iter().map(|(_, result)| result).collect()
+    parts.sort_unstable_by_key(|&(chunk, _)| chunk);
+    parts.into_iter().for_each(|(_, found)| join(results, found));
 }
 
 /// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with a list to append to, and appends the lists to
@@ -114,4 +98,91 @@ pub(super) fn append_ranges<T: Send + 'static>(
     parts.sort_unstable_by_key(|&(part, ..)| part);
     parts.iter_mut().for_each(|(_, found, _)| results.append(found));
     parts.iter().map(|&(.., sum)| sum).sum()
+}
+
+/// Calls `work` on consecutive chunks of `items`, each with the place of its first one and with the results of the same
+/// places to write. The chunks are the same for any number of threads.
+pub(crate) fn fill_chunks<T: Sync, R: Send>(
+    items: &[T],
+    results: &mut [R],
+    chunk: usize,
+    threads: usize,
+    work: impl Fn(usize, &[T], &mut [R]) + Sync,
+) {
+    let chunks = items.chunks(chunk).zip(results.chunks_mut(chunk)).enumerate();
+    let count = items.len().div_ceil(chunk);
+    hand_out(chunks, count, threads, |(number, (items, results))| work(number * chunk, items, results));
+}
+
+/// Gives each of some tasks, about `count`, to whichever thread is free. One thread, or one task, never touches the pool
+/// and allocates nothing.
+pub(crate) fn hand_out<P: Send>(
+    tasks: impl Iterator<Item = P> + Send,
+    count: usize,
+    threads: usize,
+    work: impl Fn(P) + Sync,
+) {
+    let threads = available_threads(threads).min(count);
+    if threads <= 1 {
+        for task in tasks {
+            work(task);
+        }
+        return;
+    }
+    let tasks = Mutex::new(tasks);
+    let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let take_tasks = || {
+        while let Some(task) = next() {
+            work(task);
+        }
+    };
+    ComputeTaskPool::get().scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(async { take_tasks() });
+        }
+    });
+}
+
+/// Calls `work` with every item and how many threads it may use for it, `threads` or one. Items that weigh less
+/// than two chunks are shared out among the threads, each as a whole; the others come after them one by one. What is to be
+/// done with an item does not depend on that. Where there is little to share out, the pool is not touched.
+pub(super) fn for_each_weighed<T: Send>(
+    items: &mut [T],
+    threads: usize,
+    chunk: usize,
+    weight: impl Fn(usize, &T) -> usize + Sync,
+    work: impl Fn(usize, &mut T, usize) + Sync,
+) {
+    if available_threads(threads) <= 1 {
+        return items.iter_mut().enumerate().for_each(|(place, item)| work(place, item, 1));
+    }
+    let is_light = |place: usize, item: &T| weight(place, item) < 2 * chunk;
+    let weights = items.iter().enumerate().map(|(place, item)| (is_light(place, item), weight(place, item)));
+    let to_share: usize = weights.filter(|(is_light, _)| *is_light).map(|(_, weight)| weight).sum();
+    let light = items.iter_mut().enumerate().filter(|(place, item)| is_light(*place, item));
+    hand_out(light, to_share / chunk, threads, |(place, item)| work(place, item, 1));
+    for (place, item) in items.iter_mut().enumerate().filter(|(place, item)| !is_light(*place, item)) {
+        work(place, item, threads);
+    }
+}
+
+/// Buffers that are kept from tick to tick, one for each thread that works at the same time.
+pub(super) struct Buffers<T>(Mutex<Vec<T>>);
+
+impl<T> Default for Buffers<T> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl<T: Default> Buffers<T> {
+    /// Calls `work` with a buffer that nobody else uses meanwhile.
+    pub(super) fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
+        let spare = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let taken = spare().pop();
+        let mut buffer = taken.unwrap_or_default();
+        let result = work(&mut buffer);
+        spare().push(buffer);
+        result
+    }
 }

@@ -8,14 +8,14 @@ use bevy_ecs::prelude::*;
 use super::{
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
     diagnostics::DetectionDiagnostics,
-    parallel::map_chunks,
+    parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
+    settle::SettleBuffers,
     sides::{pair_settings, surface_sides},
 };
 use crate::{
     kernel::{
         pair::FoundPairs,
         refine::{refine_closest, refine_pairs, refine_shape},
-        settle::settle_penetrations,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -45,22 +45,31 @@ fn refine(
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     mut refined: ResMut<RefinedTrianglePairs>,
+    buffers: Local<Buffers<SettleBuffers>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: Query<&SurfacePositions>,
 ) {
     let start = Instant::now();
-    let (mut pairs_in, mut pairs_out, mut examined) = (0, 0, 0);
     refined.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
-    for (pair, refined) in candidates.pairs.iter().zip(&mut refined.pairs) {
-        refined.clear();
-        if !pair.method.is_exact() {
-            continue;
-        }
-        refine_pair(&active, pair, &settings, &surfaces, refined);
-        pairs_in += pair.triangles.len();
-        pairs_out += refined.touching.len();
-        examined += refined.examined;
-    }
+    for_each_weighed(
+        &mut refined.pairs,
+        settings.threads,
+        CHUNK,
+        |place, _| candidates.pairs[place].triangles.len(),
+        |place, refined, threads| {
+            let pair = &candidates.pairs[place];
+            refined.clear();
+            if pair.method.is_exact() && !pair.triangles.is_empty() {
+                buffers.with(|buffers| {
+                    refine_pair(&active, pair, &settings, &surfaces, threads, refined, buffers);
+                });
+            }
+        },
+    );
+    let tested = candidates.pairs.iter().filter(|pair| pair.method.is_exact());
+    let pairs_in: usize = tested.map(|pair| pair.triangles.len()).sum();
+    let pairs_out = refined.pairs.iter().map(|refined| refined.touching.len()).sum();
+    let examined = refined.pairs.iter().map(|refined| refined.examined).sum();
     diagnostics.pairs_examined = examined;
     if pairs_in > 0 {
         diagnostics.finish("refine", start, pairs_in, pairs_out);
@@ -73,20 +82,15 @@ fn refine_pair(
     pair: &SurfacePair,
     settings: &CircumsphereSettings,
     surfaces: &Query<&SurfacePositions>,
+    threads: usize,
     refined: &mut FoundPairs,
+    buffers: &mut SettleBuffers,
 ) {
     let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
     let Ok(own) = surfaces.get(first.entity) else { return };
     let mut collect = |work: &(dyn Fn(&[[u32; 2]], &mut FoundPairs) + Sync)| {
-        let chunks = map_chunks(&pair.triangles, settings.threads, |chunk| {
-            let mut found = FoundPairs::default();
-            work(chunk, &mut found);
-            found
-        });
-        for chunk in chunks {
-            refined.append(chunk);
-        }
+        append_chunks(&pair.triangles, threads, refined, work, FoundPairs::append);
     };
     match pair.second {
         OtherSide::Surface(second) => {
@@ -94,7 +98,7 @@ fn refine_pair(
             let Some([a, b]) = surface_sides(active, pair, own, other) else { return };
             let test = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
             collect(&|chunk, found| test(&a, &b, chunk, &pair_settings, found));
-            settle_penetrations(&a, &b, &pair.triangles, &pair_settings, &mut refined.contacts);
+            buffers.settle([&a, &b], &pair.triangles, &pair_settings, threads, &mut refined.contacts);
         }
         OtherSide::Shape(place) => {
             let (shape, pose) = (&active.shapes[place].geometry, &pair.relative_pose);

@@ -52,7 +52,8 @@ pub(crate) fn surface_sides<'a>(
         let surface = &active.surfaces[place];
         // Behind a surface's own face may be just the other side of a thin wall.
         let one_sided = surface.one_sided && !pair.is_self();
-        let moved = moving(pose).map(|pose| MovedSide::new(&own_positions.0, pose, positions));
+        let rounding = pair.moved_rounding;
+        let moved = moving(pose).map(|pose| MovedSide { own_positions: &own_positions.0, pose, rounding });
         SurfaceSide { topology: &surface.topology, positions, moved, one_sided, mirrored: pose.is_mirrored() }
     };
     Some([side(pair.first, first_positions, positions_a, pose_a), side(second, second_positions, positions_b, pose_b)])
@@ -90,12 +91,12 @@ impl SphereRows {
                 let side = CapSide { surface, spheres: &spheres.0, cones: &cones.0, pose: None, rows: None };
                 side.rows(&mut self.caps[place]);
             } else {
-                self.caps[place] = CapRows::default();
+                self.caps[place].clear();
             }
             if is_worth_it(ContactMethod::BoundingSphere) {
                 BallSide { surface, balls: &balls.0, pose: None, rows: None }.rows(&mut self.balls[place]);
             } else {
-                self.balls[place] = BallRows::default();
+                self.balls[place].clear();
             }
         }
     }

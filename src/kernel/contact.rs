@@ -11,7 +11,7 @@ use super::{
 };
 
 /// Bits of a feature's number within a key.
-const FEATURE_BITS: u32 = 28;
+pub(super) const FEATURE_BITS: u32 = 28;
 
 /// Names a contact within its pair of surfaces: the kind of both features and their [numbers](feature_number). The same two features have the same key in every tick, so a solver can keep what it knows about them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -26,6 +26,7 @@ impl ContactKey {
 }
 
 /// Vertices before edges before faces.
+#[inline]
 const fn rank(feature: Feature) -> u64 {
     match feature {
         Feature::Vertex(_) => 0,
@@ -121,6 +122,7 @@ impl CompactContact {
     /// Names a contact and rounds it to storage precision. In a self-collision (`same_surface`) a feature pair is the
     /// same from either side, so its key does not depend on which triangle came first.
     #[expect(clippy::too_many_arguments, reason = "one argument per field of the record")]
+    #[inline]
     pub(crate) fn between_triangles(
         sides: [&SurfaceSide<'_>; 2],
         triangles: [u32; 2],

@@ -135,7 +135,8 @@ fn plus<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
 /// The interval of a triangle's projections on a direction of any length.
 #[inline(always)]
 fn project<S: Simd>(corners: [[f32x8<S>; 3]; 3], direction: [f32x8<S>; 3]) -> (f32x8<S>, f32x8<S>) {
-    let (first, second, third) = (dot(direction, corners[0]), dot(direction, corners[1]), dot(direction, corners[2]));
+    let (first, second, third) =
+        (dot(direction, corners[0]), dot(direction, corners[1]), dot(direction, corners[2]));
     (first.min(second).min(third), first.max(second).max(third))
 }
 
@@ -199,11 +200,12 @@ impl Separation<'_> {
         let (first, second) = (u32x8::from_slice(simd, &others[0]), u32x8::from_slice(simd, &others[1]));
         let third = u32x8::from_slice(simd, &others[2]);
         let [a, b, c] = &self.own.vertices;
-        let (a, b, c) = (a[lane], b[lane], c[lane]);
-        let of_first = first.simd_eq(a) | first.simd_eq(b) | first.simd_eq(c);
-        let of_second = second.simd_eq(a) | second.simd_eq(b) | second.simd_eq(c);
-        let of_third = third.simd_eq(a) | third.simd_eq(b) | third.simd_eq(c);
-        (of_first | of_second | of_third).to_bitmask() as u32
+        // Equal numbers differ in no bit, and one comparison tells of all nine.
+        let (a, b, c) = (u32x8::splat(simd, a[lane]), u32x8::splat(simd, b[lane]), u32x8::splat(simd, c[lane]));
+        let of_first = (first ^ a).min(first ^ b).min(first ^ c);
+        let of_second = (second ^ a).min(second ^ b).min(second ^ c);
+        let of_third = (third ^ a).min(third ^ b).min(third ^ c);
+        of_first.min(of_second).min(of_third).simd_eq(0).to_bitmask() as u32
     }
 
     /// The lanes of the second leaf that a triangle of the first is kept apart from: by either plane, or across the line
@@ -229,14 +231,14 @@ impl Separation<'_> {
         let [x, y, z] = &other.normals;
         let normals = [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)];
         let (low, high) = project(corners, normals);
-        let other_gap = (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);
+        let other_gap =
+            (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);
         let by_planes = (own_gap.simd_gt(needed) | other_gap.simd_gt(needed)).to_bitmask() as u32;
         if !self.centroids || asked & !by_planes == 0 {
             return by_planes;
         }
 
-        let between =
-            minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
+        let between = minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
         let ((low, high), (own_low, own_high)) = (project(others, between), project(corners, between));
         let gap = (low - own_high).max(own_low - high);
         let squared = dot(between, between);

@@ -10,6 +10,7 @@ pub mod ccd;
 pub mod circumsphere;
 pub mod cone;
 pub mod contact;
+pub mod contact_order;
 pub mod curvature;
 pub mod exact;
 pub mod ids;

@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use super::{
     contact::{CompactContact, TouchingPair, canonical_order},
     exact::{
-        Cases, Feature, FeaturePair, PairProximity, PairScreen, Proximity, ScreenedPair,
+        Cases, Feature, FeatureBatches, FeatureContact, FeaturePair, PairProximity, PairScreen, Proximity, ScreenedPair,
         barycentric::point_at,
         examine_pair, examine_screened,
         rigid_shape::{ShapeGeometry, ShapeProximity},
@@ -33,8 +33,7 @@ pub fn refine_pairs(
 ) {
     let pairs = without_neighbors(a, candidates, settings);
     if settings.cull {
-        let wanted =
-            |triangles, pair: &ScreenedPair| reported_cases(a, b, settings.same_surface, triangles, pair.cases);
+        let wanted = |triangles, pair: &ScreenedPair| reported_cases(a, b, settings.same_surface, triangles, pair.cases);
         examine_pairs(a, b, &pairs, settings, found, wanted, |_, _| true);
     } else {
         examine_pairs_alone(a, b, &pairs, settings, found);
@@ -73,50 +72,105 @@ fn examine_pairs(
     found.examined += pairs.len();
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
+    let mut batches = FeatureBatches::new();
+    let has_inside = a.one_sided || b.one_sided;
     for pairs in pairs.chunks(PairScreen::WIDTH) {
-        for (place, side) in [a, b].into_iter().enumerate() {
-            fill(&mut screen, place, side, pairs);
-        }
+        fill(&mut screen, 0, a, pairs);
+        fill(&mut screen, 1, b, pairs);
         for pair in screen.screen(pairs.len(), range) {
             let triangles = pairs[pair.place];
             let wanted = wanted(triangles, &pair);
-            if pair.is_distance_only(wanted) {
-                let distance = pair.distance() * settings.scale;
-                if distance <= settings.range {
+            let cases = pair.cases.and(wanted).without_boundary();
+            let corners = || [a.corners(triangles[0]), b.corners(triangles[1])];
+            match pair.crosses() {
+                Some(crosses) if (crosses || !pair.is_closest_on_boundary()) && (cases.are_none() || !has_inside) => {
+                    let distance = if crosses { 0.0 } else { pair.distance() } * settings.scale;
+                    if distance > settings.range {
+                        continue;
+                    }
                     add_pair(triangles, distance, settings, found);
+                    if !cases.are_none() {
+                        let contacts = &mut found.contacts;
+                        batches.add(triangles, &corners(), cases, pair.nothing(), |feature| {
+                            contacts.extend(feature_contact(a, b, settings, &feature));
+                        });
+                    }
                 }
-                continue;
-            }
-            let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
-            examine_screened(&pair, &corners, range, wanted, &mut proximity);
-            let distance = proximity.distance * settings.scale;
-            if distance > settings.range {
-                continue;
-            }
-            add_pair(triangles, distance, settings, found);
-            for features in &proximity.proximities {
-                let is_reported = features.distance * settings.scale <= settings.reported_distance;
-                if is_reported && makes_contact(&proximity, features) {
-                    found.contacts.push(contact(a, b, settings, triangles, &corners, features));
+                _ => {
+                    let corners = corners();
+                    examine_screened(&pair, &corners, range, wanted, &mut proximity);
+                    let distance = proximity.distance * settings.scale;
+                    if distance > settings.range {
+                        continue;
+                    }
+                    add_pair(triangles, distance, settings, found);
+                    for features in &proximity.proximities {
+                        let is_reported = features.distance * settings.scale <= settings.reported_distance;
+                        if is_reported && makes_contact(&proximity, features) {
+                            found.contacts.push(contact(a, b, settings, triangles, &corners, features));
+                        }
+                    }
                 }
             }
         }
     }
+    batches.finish(|feature| found.contacts.extend(feature_contact(a, b, settings, &feature)));
+}
+
+/// The contact of a feature pair of surfaces without an inside, where it is close enough to be reported.
+fn feature_contact(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    settings: &PairSettings,
+    feature: &FeatureContact,
+) -> Option<CompactContact> {
+    let Some(normal) = feature.normal else { return contact_alone(a, b, settings, feature) };
+    let distance = feature.distance * settings.scale;
+    (distance <= settings.reported_distance).then(|| {
+        CompactContact::between_triangles(
+            [a, b],
+            feature.triangles,
+            settings.same_surface,
+            feature.features,
+            feature.barycentrics[0],
+            feature.barycentrics[1],
+            feature.point_b,
+            normal,
+            distance,
+        )
+    })
+}
+
+/// The same by the test of the pair alone.
+#[cold]
+fn contact_alone(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    settings: &PairSettings,
+    feature: &FeatureContact,
+) -> Option<CompactContact> {
+    let corners = [a.corners(feature.triangles[0]), b.corners(feature.triangles[1])];
+    let mut proximity = PairProximity::default();
+    examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
+    let found = proximity.proximities.iter().find(|found| found.features == feature.features)?;
+    let is_reported = found.distance * settings.scale <= settings.reported_distance;
+    is_reported.then(|| contact(a, b, settings, feature.triangles, &corners, found))
 }
 
 /// Puts one side's triangles of up to eight pairs into the lanes of a screen.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "so that it is compiled for each side")]
 fn fill(screen: &mut PairScreen, place: usize, side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
     let triangles = side.topology.triangles();
     for (lane, pair) in pairs.iter().enumerate().take(PairScreen::WIDTH) {
-        if side.moved.is_some() {
-            for (corner, position) in side.corners(pair[place]).into_iter().enumerate() {
-                screen.set(place, corner, lane, position);
-            }
-            continue;
-        }
-        for (corner, vertex) in triangles[pair[place] as usize].into_iter().enumerate() {
-            screen.set(place, corner, lane, side.positions[vertex as usize].as_dvec3());
-        }
+        let corners = if side.moved.is_some() {
+            side.corners(pair[place])
+        } else {
+            let [first, second, third] = triangles[pair[place] as usize];
+            let position = |vertex: u32| side.positions[vertex as usize].as_dvec3();
+            [position(first), position(second), position(third)]
+        };
+        screen.set(place, lane, corners);
     }
 }
 
@@ -213,11 +267,11 @@ fn reported_cases(
     let mut found = reported;
     for case in others.each() {
         let [part_a, part_b] = case.parts();
-        let features = FeaturePair { a: feature(part_a), b: feature(part_b) };
+        let features = FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) };
         if !is_welded {
-            let first_a = triangles_around(a, triangles[0], features.a).map_or(triangles[0], |around| around[0]);
-            let first_b = triangles_around(b, triangles[1], features.b).map_or(triangles[1], |around| around[0]);
-            if !a.topology.share_vertex(TriangleId(first_a), TriangleId(first_b)) {
+            let first_a = a.topology.first_around(TriangleId(triangles[0]), part_a);
+            let first_b = b.topology.first_around(TriangleId(triangles[1]), part_b);
+            if !a.topology.share_vertex(first_a, first_b) {
                 continue;
             }
         }
@@ -226,15 +280,6 @@ fn reported_cases(
         }
     }
     found
-}
-
-/// The part of a triangle with a number, as [`Cases::parts`] gives it.
-fn feature(part: usize) -> Feature {
-    match part {
-        0..3 => Feature::Vertex(part as u8),
-        3..6 => Feature::Edge(part as u8 - 3),
-        _ => Feature::Face,
-    }
 }
 
 /// Whether this pair of triangles is the one that reports a feature pair. Pairs that are closest on a boundary are

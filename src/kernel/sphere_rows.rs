@@ -42,6 +42,11 @@ impl BallRows {
         self.rows.is_empty()
     }
 
+    /// Empties the list and keeps its memory.
+    pub fn clear(&mut self) {
+        self.rows.clear();
+    }
+
     pub(super) fn fill(&mut self, rows: impl Iterator<Item = TriangleRow>) {
         self.rows.clear();
         self.rows.extend(rows);
@@ -55,9 +60,14 @@ impl CapRows {
         self.rows.is_empty()
     }
 
-    pub(super) fn fill(&mut self, rows: impl Iterator<Item = (TriangleRow, [f32; 2])>) {
+    /// Empties the lists and keeps their memory.
+    pub fn clear(&mut self) {
         self.rows.clear();
         self.rest.clear();
+    }
+
+    pub(super) fn fill(&mut self, rows: impl Iterator<Item = (TriangleRow, [f32; 2])>) {
+        self.clear();
         self.rows.reserve(rows.size_hint().0);
         self.rest.reserve(rows.size_hint().0);
         for (row, rest) in rows {

@@ -74,8 +74,8 @@ pub struct SurfaceTopology {
     triangle_edges: Vec<[u32; 3]>,
     edge_triangles: Incidence,
     vertex_triangles: Incidence,
-    first_of: Vec<u8>,
-    reach: Vec<[u32; 2]>,
+    surroundings: Vec<Surroundings>,
+    first_around: Vec<[u32; 6]>,
     report: TopologyReport,
     hinges: OnceLock<Box<[Hinge]>>,
 }
@@ -96,6 +96,17 @@ pub(super) enum Hinge {
     },
     /// Three triangles or more.
     Branch,
+}
+
+/// What a triangle is to its neighbors, in one place.
+#[derive(Clone, Copy, Debug)]
+struct Surroundings {
+    /// The lowest and the highest vertex of the first triangles around its vertices and edges, in an order along the
+    /// surface.
+    lowest: u32,
+    highest: u32,
+    /// Which of those triangles it is itself, one bit each.
+    first_of: u8,
 }
 
 /// For each element of one kind the triangles around it, in ascending order, as one flat list with offsets.
@@ -162,20 +173,22 @@ impl SurfaceTopology {
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
         let order = breadth_first_order(&welded_triangles, &vertex_triangles);
-        let (mut first_of, mut reach) = (Vec::with_capacity(triangles.len()), Vec::with_capacity(triangles.len()));
+        let count = triangles.len();
+        let (mut surroundings, mut first_around) = (Vec::with_capacity(count), Vec::with_capacity(count));
         for (triangle, corners) in welded_triangles.iter().enumerate() {
             let (mut parts, mut lowest, mut highest) = (0, u32::MAX, 0);
-            let around_corners = corners.iter().map(|&vertex| vertex_triangles.around(vertex)[0]);
-            let around_edges = triangle_edges[triangle].iter().map(|&edge| edge_triangles.around(edge)[0]);
-            for (part, first) in around_corners.chain(around_edges).enumerate() {
+            let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
+            let [d, e, f] = triangle_edges[triangle].map(|edge| edge_triangles.around(edge)[0]);
+            let firsts = [a, b, c, d, e, f];
+            for (part, first) in firsts.into_iter().enumerate() {
                 parts |= u8::from(first as usize == triangle) << part;
                 for &vertex in &welded_triangles[first as usize] {
                     let place = order[vertex as usize];
                     (lowest, highest) = (lowest.min(place), highest.max(place));
                 }
             }
-            first_of.push(parts);
-            reach.push([lowest, highest]);
+            surroundings.push(Surroundings { first_of: parts, lowest, highest });
+            first_around.push(firsts);
         }
         let mut topology = Self {
             vertex_count: positions.len(),
@@ -186,8 +199,8 @@ impl SurfaceTopology {
             triangle_edges,
             edge_triangles,
             vertex_triangles,
-            first_of,
-            reach,
+            surroundings,
+            first_around,
             report: TopologyReport::default(),
             hinges: OnceLock::new(),
         };
@@ -291,7 +304,13 @@ impl SurfaceTopology {
     /// edges.
     #[inline]
     pub(crate) fn first_of(&self, triangle: TriangleId) -> u8 {
-        self.first_of[triangle.index()]
+        self.surroundings[triangle.index()].first_of
+    }
+
+    /// The first triangle around a part of a triangle: 0 to 2 its corners, 3 to 5 its edges, 6 the triangle itself.
+    #[inline]
+    pub(crate) fn first_around(&self, triangle: TriangleId, part: usize) -> TriangleId {
+        TriangleId(self.first_around[triangle.index()].get(part).copied().unwrap_or(triangle.0))
     }
 
     /// Whether the first triangles around the vertices and edges of one triangle may share a vertex with those of another.
@@ -299,8 +318,8 @@ impl SurfaceTopology {
     /// surface tell.
     #[inline]
     pub(crate) fn firsts_may_meet(&self, a: TriangleId, b: TriangleId) -> bool {
-        let ([low_a, high_a], [low_b, high_b]) = (self.reach[a.index()], self.reach[b.index()]);
-        low_a <= high_b && low_b <= high_a
+        let (a, b) = (&self.surroundings[a.index()], &self.surroundings[b.index()]);
+        a.lowest <= b.highest && b.lowest <= a.highest
     }
 
     /// Whether any two vertices are welded.
@@ -457,10 +476,12 @@ fn unique_edges(welded_triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>)
         let (from, to) = (corners[k], corners[(k + 1) % 3]);
         [from.min(to), from.max(to)]
     };
-    let mut edges: Vec<[u32; 2]> =
-        welded_triangles.iter().flat_map(|corners| (0..3).map(move |k| side(corners, k))).collect();
+    let mut edges = Vec::with_capacity(3 * welded_triangles.len());
+    edges.extend(welded_triangles.iter().flat_map(|corners| [0, 1, 2].map(|k| side(corners, k))));
     edges.sort_unstable();
     edges.dedup();
+    // Most are named twice.
+    edges.shrink_to_fit();
     let number = |edge: [u32; 2]| edges.binary_search(&edge).expect("every triangle's edges were collected") as u32;
     let triangle_edges = welded_triangles.iter().map(|corners| [0, 1, 2].map(|k| number(side(corners, k)))).collect();
     (edges, triangle_edges)

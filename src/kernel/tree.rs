@@ -91,19 +91,24 @@ struct Leaf {
 }
 
 impl Leaf {
-    fn new(items: &[(Vec3, u32)]) -> Self {
-        let mut leaf =
-            Self { boxes: Boxes::UNUSED, bounds: Aabb::EMPTY, items: [NO_ITEM; LEAF_WIDTH], count: items.len() as u32 };
-        for (lane, &(_, item)) in leaf.items.iter_mut().zip(items) {
+    fn new(items: impl Iterator<Item = u32>) -> Self {
+        let mut leaf = Self { boxes: Boxes::UNUSED, bounds: Aabb::EMPTY, items: [NO_ITEM; LEAF_WIDTH], count: 0 };
+        for (lane, item) in leaf.items.iter_mut().zip(items) {
             *lane = item;
+            leaf.count += 1;
         }
         leaf
     }
 
     fn refit(&mut self, bounds: &[Aabb]) {
+        let items = self.items;
+        self.set_boxes(items[..self.count as usize].iter().map(|&item| &bounds[item as usize]));
+    }
+
+    #[inline(always)]
+    fn set_boxes<'a>(&mut self, items: impl Iterator<Item = &'a Aabb>) {
         self.bounds = Aabb::EMPTY;
-        for lane in 0..self.count as usize {
-            let item = &bounds[self.items[lane] as usize];
+        for (lane, item) in items.enumerate() {
             self.boxes.set(lane, item);
             // A box that is empty or not a number overlaps nothing, and must not make a node that overlaps nothing.
             if item.min.cmple(item.max).all() {
@@ -146,6 +151,9 @@ impl BoxTree {
                 .map(|(item, bounds)| ((bounds.min + bounds.max) * 0.5, item as u32))
                 .collect();
             self.build(&mut items);
+            // A tree that is built anew has as many nodes and leaves as before.
+            self.nodes.shrink_to_fit();
+            self.leaves.shrink_to_fit();
         }
         self.refit(bounds);
         self.built_cost = self.cost;
@@ -169,7 +177,7 @@ impl BoxTree {
         }
         for (lane, part) in parts.into_iter().enumerate() {
             let child = if part.len() <= LEAF_WIDTH {
-                self.leaves.push(Leaf::new(part));
+                self.leaves.push(Leaf::new(part.iter().map(|&(_, item)| item)));
                 self.nodes[place].leaf_children |= 1 << lane;
                 self.leaves.len() as u32 - 1
             } else {
@@ -184,13 +192,17 @@ impl BoxTree {
         place as u32
     }
 
-    /// Takes over the structure of another tree, and keeps its own memory; [`refit`](Self::refit) is to follow.
-    pub fn copy_structure(&mut self, other: &Self) {
-        self.nodes.clone_from(&other.nodes);
-        self.leaves.clone_from(&other.leaves);
-        self.item_count = other.item_count;
-        self.built_cost = other.built_cost;
-        self.cost = other.cost;
+    /// Becomes a list of leaves over some items with their boxes, in their order: of a tree nothing but what
+    /// [`pairs_of`](Self::pairs_of) goes through leaf by leaf. Nothing is found in it.
+    pub fn collect_leaves(&mut self, items: &[(u32, Aabb)]) {
+        self.nodes.clear();
+        self.leaves.clear();
+        self.item_count = items.len();
+        for part in items.chunks(LEAF_WIDTH) {
+            let mut leaf = Leaf::new(part.iter().map(|&(item, _)| item));
+            leaf.set_boxes(part.iter().map(|(_, bounds)| bounds));
+            self.leaves.push(leaf);
+        }
     }
 
     /// Follows moved boxes without changing the tree's structure.
@@ -291,6 +303,24 @@ impl BoxTree {
         });
     }
 
+    /// Calls `visit` with the items of every leaf that `reaches` accepts the box of, and those of all nodes above it, in the
+    /// tree's order. No box of an item is asked about.
+    pub fn visit_where(&self, reaches: impl Fn(&Aabb) -> bool, mut visit: impl FnMut(&[u32])) {
+        let mut stack: ArrayVec<u32, STACK> = ArrayVec::new();
+        stack.extend((!self.nodes.is_empty()).then_some(0));
+        while let Some(place) = stack.pop() {
+            let node = &self.nodes[place as usize];
+            let reached = (0..node.child_count as usize).filter(|&lane| reaches(&node.boxes.get(lane)));
+            for lane in reached {
+                if node.leaf_children & (1 << lane) == 0 {
+                    stack.push(node.children[lane]);
+                } else {
+                    visit(self.leaf_items(node.children[lane] as usize));
+                }
+            }
+        }
+    }
+
     /// Calls `visit` with every leaf from `first` on whose box overlaps `bounds`, in order.
     #[inline(always)]
     fn for_each_leaf<S: Simd>(&self, simd: S, bounds: &Aabb, first: u32, mut visit: impl FnMut(usize)) {
@@ -352,8 +382,7 @@ impl BoxTree {
                     if hits != 0 {
                         let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
                         count += apart;
-                        let (item, others) =
-                            (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
+                        let (item, others) = (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
                         recent.push(simd, item.min(others), item.max(others), hits, pairs);
                     }
                 });
@@ -404,8 +433,7 @@ impl BoxTree {
                     if hits != 0 {
                         let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
                         count += apart;
-                        let (item, others) =
-                            (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
+                        let (item, others) = (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
                         recent.push(simd, item, others, hits, pairs);
                     }
                 });
@@ -443,7 +471,14 @@ impl Recent {
     }
 
     #[inline(always)]
-    fn push<S: Simd>(&mut self, simd: S, firsts: u32x8<S>, seconds: u32x8<S>, kept: u32, list: &mut Vec<[u32; 2]>) {
+    fn push<S: Simd>(
+        &mut self,
+        simd: S,
+        firsts: u32x8<S>,
+        seconds: u32x8<S>,
+        kept: u32,
+        list: &mut Vec<[u32; 2]>,
+    ) {
         if self.count > Self::ROOM - LEAF_WIDTH {
             self.flush(list);
         }

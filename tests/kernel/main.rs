@@ -4,6 +4,7 @@ mod ccd;
 #[path = "../reference/common.rs"]
 mod common;
 mod cone;
+mod contact_order;
 mod curvature;
 mod exact;
 mod narrow_phase;

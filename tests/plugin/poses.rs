@@ -1,7 +1,7 @@
 //! Where bodies stand in the world changes nothing about how they touch.
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::prelude::*;
+use bevy_circumsphere::{detection::CandidateTrianglePairs, prelude::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Mesh, icosphere};
@@ -236,5 +236,25 @@ fn a_turned_pair_touches_as_an_upright_one() {
             let swapped = between(&mut pair.app, pair.ball, pair.sheet);
             there.iter().zip(&swapped).for_each(|(one, other)| assert_swapped(one, other));
         }
+    }
+}
+
+/// Two balls that overlap by a tenth of their size: a plane that cuts a cap of that height off a ball of radius 1 meets the
+/// sphere within 25 degrees, and a box around the other ball reaches no farther.
+#[test]
+fn only_what_reaches_the_other_surface_is_moved() {
+    let mut app = app();
+    let turned = |x: f32, turn: f32| Transform::from_xyz(x, 0.0, 0.0).with_rotation(Quat::from_rotation_x(turn));
+    for (x, turn) in [(0.0, 0.3), (1.9, 1.0)] {
+        spawn(&mut app, &icosphere(4, 1.0), (thickness(0.2), turned(x, turn)));
+    }
+    app.update();
+    assert!(store(&app).touching.len() > 10);
+    let [pair] = &app.world().resource::<CandidateTrianglePairs>().pairs[..] else { panic!("there are two balls") };
+    let moved = pair.moved_positions.iter().filter(|position| position.is_finite()).count();
+    let whole = pair.moved_positions.len();
+    assert!(pair.is_moved() && moved > 10 && moved * 5 < whole, "{moved} of {whole} vertices");
+    for &[_, triangle] in &pair.triangles {
+        assert!(pair.moved_triangles.iter().any(|&(moved, _)| moved == triangle), "{triangle} was not moved");
     }
 }

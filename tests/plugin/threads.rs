@@ -6,7 +6,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{detection::CandidateTrianglePairs, kernel::exact::FeaturePair, prelude::*};
 use bevy_tasks::{ComputeTaskPool, TaskPoolBuilder};
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes::{Diagonals, grid, icosphere};
+use circumsphere_support::scenes::{Diagonals, grid, icosphere, torus};
 use glam::{Quat, Vec3};
 
 use crate::world::{Called, POOL_THREADS, app, spawn, store};
@@ -79,6 +79,50 @@ fn contacts_are_the_same_to_the_last_bit_for_any_number_of_threads() {
         };
         let alone = found(1);
         assert!(alone.pairs.len() >= 4 && alone.contacts.len() > 1000, "{method:?}: {} contacts", alone.contacts.len());
+        for threads in [0, 2, 3, 100] {
+            assert!(found(threads) == alone, "{method:?}: {threads} threads give another result");
+        }
+    }
+}
+
+/// A heap of rings, each in a few others: many pairs of surfaces, none of which is work for more than one thread.
+fn heap(method: ContactMethod, threads: usize) -> App {
+    let mut app = app();
+    app.insert_resource(CircumsphereSettings { threads, ..Default::default() });
+    let ring = torus(0.3, 0.25, 25, 20);
+    for number in 0..48_u8 {
+        let [x, y, z] = [number % 4, number / 4 % 4, number / 16].map(|cell| 0.8 * f32::from(cell));
+        let turned = Quat::from_rotation_x(f32::from(number)) * Quat::from_rotation_z(0.7 * f32::from(number));
+        let place = Transform::from_xyz(x, y, z).with_rotation(turned);
+        spawn(&mut app, &ring, (SurfaceThickness::World(0.02), method, Called("ring"), place));
+    }
+    app
+}
+
+#[test]
+fn contacts_of_many_bodies_are_the_same_to_the_last_bit_for_any_number_of_threads() {
+    let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(POOL_THREADS).build());
+    assert!(pool.thread_num() > 1, "the pool of this process has one thread: nothing to compare");
+    for method in [ContactMethod::Refined, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
+        let found = |threads: usize| {
+            let mut app = heap(method, threads);
+            app.update();
+            let first = bits(&app);
+            app.update();
+            assert!(first == bits(&app), "{method:?}: nothing has moved, yet the second tick differs");
+            let pairs = &app.world().resource::<CandidateTrianglePairs>().pairs;
+            let most = pairs.iter().map(|pair| pair.triangles.len()).max();
+            assert!(most < Some(4096), "{most:?} candidates are cut into parts");
+            let all: usize = pairs.iter().map(|pair| pair.triangles.len()).sum();
+            assert!(all > 4 * 4096, "{all} candidates are too few to be shared out");
+            first
+        };
+        let alone = found(1);
+        assert!(
+            alone.pairs.len() > 60 && alone.contacts.len() > 1000,
+            "{method:?}: {} contacts",
+            alone.contacts.len()
+        );
         for threads in [0, 2, 3, 100] {
             assert!(found(threads) == alone, "{method:?}: {threads} threads give another result");
         }

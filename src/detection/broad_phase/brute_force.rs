@@ -18,7 +18,7 @@ use crate::{
     },
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
-    surface::{ActiveShape, ActiveSurface, ActiveSurfaces},
+    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, SurfacePositions},
 };
 
 /// Finds pairs by comparing all boxes. Disable [`TreeBroadPhasePlugin`](super::TreeBroadPhasePlugin) and add this:
@@ -46,25 +46,32 @@ fn pair_triangles(
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    surfaces: Query<&TriangleBounds>,
+    mut moved: Local<Vec<Aabb>>,
+    surfaces: Query<(&SurfacePositions, &TriangleBounds)>,
 ) {
     let start = Instant::now();
     for pair in &mut candidates.pairs {
         let first = &active.surfaces[pair.first];
-        let Ok(bounds) = surfaces.get(first.entity) else { continue };
+        let Ok((positions, bounds)) = surfaces.get(first.entity) else { continue };
         match pair.second {
             _ if pair.is_self() => {
                 self_pairs_brute_force(&bounds.triangles, &mut pair.triangles);
                 pair.triangles.retain(|&[a, b]| !first.topology.share_vertex(TriangleId(a), TriangleId(b)));
             }
             OtherSide::Surface(second) => {
-                let Ok(other) = surfaces.get(active.surfaces[second].entity) else { continue };
-                let (bounds, other) = match pair.frame {
-                    _ if pair.moved_bounds.is_empty() => (&bounds.triangles, &other.triangles),
-                    Frame::First => (&bounds.triangles, &pair.moved_bounds),
-                    Frame::Second => (&pair.moved_bounds, &other.triangles),
-                };
-                pairs_between_brute_force(bounds, other, &mut pair.triangles);
+                let Ok((other_positions, other)) = surfaces.get(active.surfaces[second].entity) else { continue };
+                let mut sides = [&bounds.triangles, &other.triangles];
+                if let Some(surface) = pair.moved_surface(&active) {
+                    let (side, own) = match pair.frame {
+                        Frame::First => (1, other_positions),
+                        Frame::Second => (0, positions),
+                    };
+                    let mut mover = pair.mover(surface, own, settings.margin());
+                    moved.clear();
+                    moved.extend((0..surface.topology.triangles().len() as u32).map(|triangle| mover.bounds(triangle)));
+                    sides[side] = &moved;
+                }
+                pairs_between_brute_force(sides[0], sides[1], &mut pair.triangles);
             }
             OtherSide::Shape(place) => {
                 let shape = &active.shapes[place];
@@ -85,11 +92,12 @@ pub(super) fn pair_with_shape_brute_force(
     bounds: &[Aabb],
 ) {
     let reach = shape_bounds(pair, shape, surface, margin);
+    let mut triangles = std::mem::take(&mut pair.triangles);
     let reached = (0u32..).zip(bounds).filter(|(_, bounds)| match (&reach, &*shape.geometry) {
         (Some(reach), _) => reach.overlaps(bounds),
         (None, ShapeGeometry::HalfSpace { normal }) => reaches_half_space(pair, *normal, bounds),
         (None, _) => true,
     });
-    let reached: Vec<[u32; 2]> = reached.map(|(triangle, _)| [triangle, 0]).collect();
-    pair.triangles.extend(reached);
+    triangles.extend(reached.map(|(triangle, _)| [triangle, 0]));
+    pair.triangles = triangles;
 }

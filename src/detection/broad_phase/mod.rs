@@ -1,10 +1,11 @@
 //! Stage 2: which surfaces and shapes are near each other, and which of their triangles' boxes overlap.
 //!
-//! This plugin pairs surfaces and brings each pair into one frame. The pairs of triangles are found by one algorithm
-//! plugin beside it; every algorithm gives the same pairs. To use your own, disable [`TreeBroadPhasePlugin`] and add a
-//! system in [`BroadPhaseSystems::PairTriangles`] that fills [`SurfacePair::triangles`].
+//! This plugin pairs surfaces. The pairs of triangles are found by one algorithm plugin beside it; every algorithm gives the
+//! same pairs. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in [`BroadPhaseSystems::PairTriangles`]
+//! that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by [`SurfacePair::mover`].
 
 mod brute_force;
+mod moved;
 mod tree;
 
 use std::time::Instant;
@@ -14,23 +15,24 @@ use bevy_ecs::prelude::*;
 use glam::Vec3;
 
 pub use brute_force::BruteForceBroadPhasePlugin;
+pub use moved::TriangleMover;
 pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
 
 use super::{
-    bounds::{frame_growth, moved_box, world_growth},
+    bounds::{moved_box, world_growth},
     diagnostics::DetectionDiagnostics,
 };
 use crate::{
     contacts::EVENT_HYSTERESIS,
-    kernel::{
-        bounds::{Aabb, triangle_bounds},
-        pose::Pose,
-        tree::BoxTree,
-    },
+    kernel::{bounds::Aabb, pose::Pose, tree::BoxTree},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod, SurfacePositions},
+    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
 };
+
+/// A tree is built anew once its boxes have grown by this factor relative to the whole: a refitted tree answers
+/// correctly however old it is, only ever more slowly.
+const REBUILD_DECAY: f32 = 1.5;
 
 /// The two steps of the broad phase, in this order.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -80,10 +82,13 @@ pub struct SurfacePair {
     pub frame_pose: Pose,
     /// From the other side's own frame to that frame.
     pub relative_pose: Pose,
-    /// Vertices of the other surface in that frame; empty where its own are.
+    /// Triangles of the other surface that may be near, with their boxes in that frame, where the algorithm lists them.
+    pub moved_triangles: Vec<(u32, Aabb)>,
+    /// Vertices of the other surface in that frame, and not numbers where no triangle of theirs was [asked
+    /// for](Self::mover); empty where none was, or its own are in that frame.
     pub moved_positions: Vec<Vec3>,
-    /// Boxes of the other surface's triangles in that frame; empty where its own are.
-    pub moved_bounds: Vec<Aabb>,
+    /// How far rounding may have put one of those from where it is, in the unit of the frame.
+    pub moved_rounding: f32,
     /// Pairs of triangles whose boxes overlap: of the first and the second surface, in a self-collision the lower
     /// one first and those that share a vertex left out; with a shape the second is 0.
     pub triangles: Vec<[u32; 2]>,
@@ -145,75 +150,100 @@ impl Plugin for BroadPhasePlugin {
     }
 }
 
+/// What pairing surfaces keeps from tick to tick.
+#[derive(Default)]
+struct PairingBuffers {
+    bounds: Vec<Aabb>,
+    tree: BoxTree,
+    places: Vec<[u32; 2]>,
+    with_shapes: Vec<[usize; 2]>,
+    /// Pairs of earlier ticks, whose memory serves others: lists of triangles are large.
+    spare: Vec<SurfacePair>,
+}
+
+impl PairingBuffers {
+    /// Makes a tree over the surfaces, or lets that of the last tick follow them.
+    fn update_tree(&mut self, surfaces: &[ActiveSurface]) {
+        self.bounds.clear();
+        self.bounds.extend(surfaces.iter().map(|surface| surface.world_bounds));
+        let Self { bounds, tree, .. } = self;
+        if tree.len() == bounds.len() {
+            tree.refit(bounds);
+        }
+        if tree.len() != bounds.len() || tree.decay() > REBUILD_DECAY {
+            tree.rebuild(bounds);
+        }
+    }
+
+    fn reuse(&mut self) -> PairLists {
+        let mut lists: PairLists = self
+            .spare
+            .pop()
+            .map(|pair| (pair.triangles, pair.moved_triangles, pair.moved_positions))
+            .unwrap_or_default();
+        lists.0.clear();
+        lists.1.clear();
+        lists.2.clear();
+        lists
+    }
+}
+
 fn pair_surfaces(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    positions: Query<&SurfacePositions>,
+    mut buffers: Local<PairingBuffers>,
 ) {
     let start = Instant::now();
     let surfaces = &active.surfaces;
-    let bounds: Vec<Aabb> = surfaces.iter().map(|surface| surface.world_bounds).collect();
-    let tree = BoxTree::new(&bounds);
-    let mut places = Vec::new();
-    tree.self_pairs(&mut places);
+    buffers.update_tree(surfaces);
+    let mut places = std::mem::take(&mut buffers.places);
+    places.clear();
+    buffers.tree.self_pairs(&mut places);
     places.retain(|&[first, second]| surfaces[first as usize].layers.interacts_with(surfaces[second as usize].layers));
     let selves = surfaces.iter().enumerate().filter(|(_, surface)| surface.self_collision);
     places.extend(selves.map(|(place, _)| [place as u32, place as u32]));
     places.sort_unstable();
 
-    // Pair lists are large: their memory serves the next tick's pairs.
-    let mut spare = std::mem::take(&mut candidates.pairs);
-    spare.reverse();
-    let mut reuse = || {
-        let mut buffers: Buffers =
-            spare.pop().map(|pair| (pair.triangles, pair.moved_positions, pair.moved_bounds)).unwrap_or_default();
-        buffers.0.clear();
-        buffers.1.clear();
-        buffers.2.clear();
-        buffers
-    };
-    for [first, second] in places {
+    // As many as there are may wait to be used again: pairs come and go from tick to tick.
+    buffers.spare.truncate(candidates.pairs.len());
+    buffers.spare.extend(candidates.pairs.drain(..).rev());
+    for &[first, second] in &places {
         let [first, second] = [first as usize, second as usize];
-        let mut pair = surface_pair(surfaces, first, second, settings.margin(), reuse());
-        let moved = match pair.frame {
-            _ if pair.relative_pose == Pose::IDENTITY => None,
-            Frame::First => Some(&surfaces[second]),
-            Frame::Second => Some(&surfaces[first]),
-        };
-        if let Some(surface) = moved
-            && let Ok(positions) = positions.get(surface.entity)
-        {
-            pair.relative_pose.transform_points(&positions.0, &mut pair.moved_positions);
-            let growth = frame_growth(surface.thickness, settings.margin(), pair.frame_pose.scale());
-            triangle_bounds(&pair.moved_positions, surface.topology.triangles(), growth, &mut pair.moved_bounds);
-        }
-        candidates.pairs.push(pair);
+        candidates.pairs.push(surface_pair(surfaces, first, second, settings.margin(), buffers.reuse()));
     }
-    let mut with_shapes = Vec::new();
+    let mut with_shapes = std::mem::take(&mut buffers.with_shapes);
+    with_shapes.clear();
     for (place, shape) in active.shapes.iter().enumerate() {
         let meet = |surface: u32| surfaces[surface as usize].layers.interacts_with(shape.layers);
         match shape.geometry.bounds() {
             // The surfaces' boxes hold one half of the margin; a shape has no box of its own to hold the other.
-            Some(bounds) => tree.query(&moved_box(&bounds, &shape.pose).grown(0.5 * settings.margin()), |surface| {
-                with_shapes.extend(meet(surface).then_some([surface as usize, place]));
-            }),
+            Some(bounds) => {
+                let reach = moved_box(&bounds, &shape.pose).grown(0.5 * settings.margin());
+                buffers.tree.query(&reach, |surface| {
+                    with_shapes.extend(meet(surface).then_some([surface as usize, place]));
+                });
+            }
             None => with_shapes.extend(
                 (0..surfaces.len() as u32).filter(|&surface| meet(surface)).map(|surface| [surface as usize, place]),
             ),
         }
     }
     with_shapes.sort_unstable();
-    for [first, place] in with_shapes {
-        let pair = shape_pair(&surfaces[first], first, &active.shapes[place], place, settings.margin(), reuse());
+    for &[first, place] in &with_shapes {
+        let lists = buffers.reuse();
+        let pair = shape_pair(&surfaces[first], first, &active.shapes[place], place, settings.margin(), lists);
         candidates.pairs.push(pair);
     }
+    buffers.places = places;
+    buffers.with_shapes = with_shapes;
     let count = candidates.pairs.len();
     diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
 }
 
-type Buffers = (Vec<[u32; 2]>, Vec<Vec3>, Vec<Aabb>);
+/// Pairs of triangles, moved triangles and moved positions.
+type PairLists = (Vec<[u32; 2]>, Vec<(u32, Aabb)>, Vec<Vec3>);
 
 fn range(contact_distance: f32, margin: f32) -> f32 {
     (contact_distance * (1.0 + EVENT_HYSTERESIS)).max(contact_distance + margin)
@@ -224,7 +254,7 @@ fn surface_pair(
     first: usize,
     second: usize,
     margin: f32,
-    (triangles, moved_positions, moved_bounds): Buffers,
+    (triangles, moved_triangles, moved_positions): PairLists,
 ) -> SurfacePair {
     let (a, b) = (&surfaces[first], &surfaces[second]);
     let contact_distance = a.thickness + b.thickness;
@@ -244,8 +274,9 @@ fn surface_pair(
         frame,
         frame_pose,
         relative_pose,
+        moved_triangles,
         moved_positions,
-        moved_bounds,
+        moved_rounding: 0.0,
         triangles,
     }
 }
@@ -256,7 +287,7 @@ fn shape_pair(
     shape: &ActiveShape,
     place: usize,
     margin: f32,
-    (triangles, moved_positions, moved_bounds): Buffers,
+    (triangles, moved_triangles, moved_positions): PairLists,
 ) -> SurfacePair {
     SurfacePair {
         first,
@@ -268,8 +299,9 @@ fn shape_pair(
         frame: Frame::Second,
         frame_pose: shape.pose,
         relative_pose: surface.pose.relative_to(&shape.pose),
+        moved_triangles,
         moved_positions,
-        moved_bounds,
+        moved_rounding: 0.0,
         triangles,
     }
 }

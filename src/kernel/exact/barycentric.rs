@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 /// The weights of a corner.
+#[inline]
 pub(in crate::kernel) fn corner_weights(corner: usize) -> [f64; 3] {
     let mut weights = [0.0; 3];
     weights[corner] = 1.0;
@@ -10,6 +11,7 @@ pub(in crate::kernel) fn corner_weights(corner: usize) -> [f64; 3] {
 }
 
 /// The weights of a position along edge `edge`, 0 at corner `edge` and 1 at the next.
+#[inline]
 pub(in crate::kernel) fn edge_weights(edge: usize, along: f64) -> [f64; 3] {
     let mut weights = [0.0; 3];
     weights[edge] = 1.0 - along;
@@ -18,6 +20,7 @@ pub(in crate::kernel) fn edge_weights(edge: usize, along: f64) -> [f64; 3] {
 }
 
 /// Weights from three values of the same sign that are proportional to the areas opposite the corners.
+#[inline]
 pub(super) fn normalized(areas: [f64; 3]) -> [f64; 3] {
     let inverse = (areas[0] + areas[1] + areas[2]).recip();
     let (second, third) = (areas[1] * inverse, areas[2] * inverse);
@@ -26,6 +29,7 @@ pub(super) fn normalized(areas: [f64; 3]) -> [f64; 3] {
 
 /// The point that weights stand for.
 #[must_use]
+#[inline]
 pub fn point_at(corners: &[DVec3; 3], weights: &[f64; 3]) -> DVec3 {
     corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]
 }

@@ -11,6 +11,18 @@ pub enum Feature {
     Face,
 }
 
+impl Feature {
+    /// The part of a triangle with a number: 0 to 2 its corners, 3 to 5 its edges, 6 the face.
+    #[inline]
+    pub(in crate::kernel) fn of_part(part: usize) -> Self {
+        match part {
+            0..3 => Self::Vertex(part as u8),
+            3..6 => Self::Edge(part as u8 - 3),
+            _ => Self::Face,
+        }
+    }
+}
+
 /// What kinds of features meet in a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FeatureKind {

@@ -4,6 +4,7 @@
 //! taken as exact; every difference is formed in f64 relative to a corner of the pair.
 
 pub mod barycentric;
+mod batch;
 pub mod cull;
 pub mod feature;
 pub mod rigid_shape;
@@ -12,6 +13,7 @@ pub mod side;
 pub mod triangle_pair;
 
 pub use feature::{Feature, FeatureKind, FeaturePair};
+pub(in crate::kernel) use batch::{FeatureBatches, FeatureContact};
 pub(in crate::kernel) use screen::{Cases, PairScreen, ScreenedPair};
 pub(in crate::kernel) use triangle_pair::examine_screened;
 pub use triangle_pair::{PairProximity, Proximity, examine_pair};

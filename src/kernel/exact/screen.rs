@@ -10,11 +10,16 @@
 use fearless_simd::{Level, dispatch, f64x8, mask64x8, prelude::*, u64x8};
 use glam::DVec3;
 
-use super::triangle_pair::{PARALLEL_SINE, ROUND_OFF};
+use super::triangle_pair::{PARALLEL_SINE, ROUND_OFF, TIE};
 
 /// A volume of three edges may be of either sign where it is below this share of the cube of the pair's largest
 /// coordinate: seven times what its rounding amounts to.
 const VOLUME_ROUNDING: f64 = 1.0e-12;
+
+/// An edge pierces a face beyond doubt where its rise over the face, times the pair's size, is more than this share of the fourth
+/// power of the largest coordinate: then the volumes' rounding moves the point of piercing by less than a tenth of what
+/// `triangle_pair` allows, 3e-13 of that power over the rise and the size against 1e-10.
+const FIRM_PIERCING: f64 = 3.0e-2;
 
 /// Features of a pair of triangles, one bit each: a vertex over a face, two edges, an edge that pierces a face, or
 /// anything on the boundaries of both.
@@ -111,22 +116,37 @@ pub(in crate::kernel) struct ScreenedPair {
     pub(in crate::kernel) cases: Cases,
     /// Least squared distance of a vertex of either from an edge of the other.
     pub(super) boundary: f64,
+    /// Which vertices and edges are that close, or nearly: bit `3 v + e` for vertex `v` of the first triangle and edge `e` of
+    /// the second, nine bits further for a vertex of the second.
+    pub(super) on_boundary: u32,
     /// Squared distance of the two, unless they cross.
     pub(super) nearest: f64,
     /// The largest coordinate of either.
     pub(super) largest: f64,
+    /// Which of the edges that may pierce a face do.
+    certain: Cases,
     /// Which of the vertices over faces and pairs of edges is closest, the first of those that are equally close; none
     /// where boundaries are closer.
     pub(in crate::kernel) closest: Cases,
 }
 
 impl ScreenedPair {
-    /// Whether all that is left of the pair is its distance: it does not cross, nothing of it is in `wanted`, and its
-    /// boundaries are not what is closest.
-    pub(in crate::kernel) fn is_distance_only(&self, wanted: Cases) -> bool {
-        !self.cases.may_cross()
-            && self.cases.and(wanted).without_boundary().are_none()
-            && !(self.cases.contain(Cases::BOUNDARY) && self.boundary <= self.nearest)
+    /// Whether the two cross; `None` where the screen is in doubt.
+    pub(in crate::kernel) fn crosses(&self) -> Option<bool> {
+        match self.cases.and(Cases::PIERCING).without(self.certain) {
+            doubtful if doubtful.are_none() => Some(self.cases.may_cross()),
+            _ => None,
+        }
+    }
+
+    /// Whether nothing is closer than the boundaries of both.
+    pub(in crate::kernel) fn is_closest_on_boundary(&self) -> bool {
+        self.cases.contain(Cases::BOUNDARY) && self.boundary <= self.nearest
+    }
+
+    /// The distance below which the pair's features touch as far as f64 tells.
+    pub(in crate::kernel) fn nothing(&self) -> f64 {
+        ROUND_OFF * self.largest
     }
 
     /// The distance of two triangles that do not cross.
@@ -137,19 +157,37 @@ impl ScreenedPair {
 }
 
 /// How many pairs are screened at a time.
-const WIDTH: usize = 8;
+pub(super) const WIDTH: usize = 8;
 
 /// A vector of each of eight pairs.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Rows([[f64; WIDTH]; 3]);
+pub(super) struct Rows([[f64; WIDTH]; 3]);
+
+impl Rows {
+    pub(super) const ZERO: Self = Self([[0.0; WIDTH]; 3]);
+
+    #[inline(always)]
+    pub(super) fn set(&mut self, lane: usize, place: DVec3) {
+        let Self([x, y, z]) = self;
+        (x[lane], y[lane], z[lane]) = (place.x, place.y, place.z);
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&self, lane: usize) -> DVec3 {
+        let Self([x, y, z]) = self;
+        DVec3::new(x[lane], y[lane], z[lane])
+    }
+}
 
 /// Eight pairs of triangles and what is known of them.
 pub(in crate::kernel) struct PairScreen {
     corners: [[Rows; 3]; 2],
     cases: [u64; WIDTH],
     closest: [u64; WIDTH],
+    certain: [u64; WIDTH],
     boundary: [f64; WIDTH],
+    on_boundary: [u64; WIDTH],
     nearest: [f64; WIDTH],
     largest: [f64; WIDTH],
 }
@@ -159,20 +197,23 @@ impl PairScreen {
 
     pub(in crate::kernel) fn new() -> Self {
         Self {
-            corners: [[Rows([[0.0; WIDTH]; 3]); 3]; 2],
+            corners: [[Rows::ZERO; 3]; 2],
             cases: [0; WIDTH],
             closest: [0; WIDTH],
+            certain: [0; WIDTH],
             boundary: [0.0; WIDTH],
+            on_boundary: [0; WIDTH],
             nearest: [0.0; WIDTH],
             largest: [0.0; WIDTH],
         }
     }
 
-    /// Puts a corner of the first or second triangle of a pair into a lane.
+    /// Puts the first or second triangle of a pair into a lane.
     #[inline(always)]
-    pub(in crate::kernel) fn set(&mut self, side: usize, corner: usize, lane: usize, place: DVec3) {
-        let Rows([x, y, z]) = &mut self.corners[side][corner];
-        (x[lane], y[lane], z[lane]) = (place.x, place.y, place.z);
+    pub(in crate::kernel) fn set(&mut self, side: usize, lane: usize, corners: [DVec3; 3]) {
+        for corner in 0..3 {
+            self.corners[side][corner].set(lane, corners[corner]);
+        }
     }
 
     /// Screens the pairs in the first lanes for `range` (0 or more), and gives those that may be within it.
@@ -182,8 +223,10 @@ impl PairScreen {
             place,
             cases: Cases(self.cases[place] as u32),
             boundary: self.boundary[place],
+            on_boundary: self.on_boundary[place] as u32,
             nearest: self.nearest[place],
             largest: self.largest[place],
+            certain: Cases(self.certain[place] as u32),
             closest: Cases(self.closest[place] as u32),
         };
         (0..count).map(screened).filter(|pair| !pair.cases.are_none())
@@ -206,7 +249,19 @@ impl PairScreen {
         let range_squared = range * range;
         let (a, b) = (Side::new(simd, triangles[0]), Side::new(simd, triangles[1]));
 
-        let boundary = least_boundary_distance_squared(simd, &a, &b).min(least_boundary_distance_squared(simd, &b, &a));
+        let mut boundaries = [zero; 18];
+        vertices_and_edges(simd, &a, &b, &mut boundaries[..9]);
+        vertices_and_edges(simd, &b, &a, &mut boundaries[9..]);
+        let mut boundary = boundaries[0];
+        for &distance_squared in &boundaries[1..] {
+            boundary = boundary.min(distance_squared);
+        }
+        let tie = boundary * (1.0 + TIE);
+        let mut on_boundary = u64x8::splat(simd, 0);
+        for (place, &distance_squared) in boundaries.iter().enumerate() {
+            on_boundary = distance_squared.simd_le(tie).select(on_boundary | (1u64 << place), on_boundary);
+        }
+        on_boundary.store_slice(&mut self.on_boundary);
         let mut found = Found { cases: u64x8::splat(simd, 0), nearest: boundary, closest: u64x8::splat(simd, 0) };
         found.add(!boundary.simd_gt(range_squared), Cases::BOUNDARY);
         let heights_over_b = vertices_over_face(&a, &b, range_squared, true, &mut found);
@@ -217,14 +272,24 @@ impl PairScreen {
                 volumes[edge_a][edge_b] = edge_edge(simd, &a, &b, [edge_a, edge_b], range_squared, &mut found);
             }
         }
-        let rounding = largest * largest * largest * VOLUME_ROUNDING;
+        let cube = largest * largest * largest;
+        let (rounding, firm) = (cube * VOLUME_ROUNDING, cube * largest * FIRM_PIERCING);
+        let mut certain = u64x8::splat(simd, 0);
         for edge in 0..3 {
             let [along_a, along_b] = [volumes[edge], [volumes[0][edge], volumes[1][edge], volumes[2][edge]]];
-            let of_a = may_pierce(simd, &heights_over_b, edge, along_a, rounding);
-            let of_b = may_pierce(simd, &heights_over_a, edge, along_b, rounding);
-            found.add(of_a, Cases::piercing(true, edge));
-            found.add(of_b, Cases::piercing(false, edge));
+            for (of_a, own, other, heights, volumes) in
+                [(true, &a, &b, &heights_over_b, along_a), (false, &b, &a, &heights_over_a, along_b)]
+            {
+                let (possible, clear) = may_pierce(simd, heights, edge, volumes, rounding);
+                let case = Cases::piercing(of_a, edge);
+                found.add(possible, case);
+                let size_squared = own.lengths_squared[edge] + other.lengths_squared[0] + other.lengths_squared[1];
+                let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
+                let is_firm = clear & ((from - to).abs() * size_squared.sqrt()).simd_gt(firm);
+                certain = is_firm.select(certain | u64::from(case.0), certain);
+            }
         }
+        certain.store_slice(&mut self.certain);
         found.cases.store_slice(&mut self.cases);
         found.closest.store_slice(&mut self.closest);
         found.nearest.store_slice(&mut self.nearest);
@@ -234,7 +299,7 @@ impl PairScreen {
 }
 
 #[derive(Clone, Copy)]
-struct Vectors<S: Simd> {
+pub(super) struct Vectors<S: Simd> {
     x: f64x8<S>,
     y: f64x8<S>,
     z: f64x8<S>,
@@ -242,27 +307,50 @@ struct Vectors<S: Simd> {
 
 impl<S: Simd> Vectors<S> {
     #[inline(always)]
-    fn load(simd: S, Rows([x, y, z]): &Rows) -> Self {
+    pub(super) fn load(simd: S, Rows([x, y, z]): &Rows) -> Self {
         Self { x: f64x8::from_slice(simd, x), y: f64x8::from_slice(simd, y), z: f64x8::from_slice(simd, z) }
     }
 
     #[inline(always)]
-    fn minus(self, other: Self) -> Self {
+    pub(super) fn store(self, Rows([x, y, z]): &mut Rows) {
+        self.x.store_slice(x);
+        self.y.store_slice(y);
+        self.z.store_slice(z);
+    }
+
+    #[inline(always)]
+    pub(super) fn select(mask: mask64x8<S>, yes: Self, no: Self) -> Self {
+        Self { x: mask.select(yes.x, no.x), y: mask.select(yes.y, no.y), z: mask.select(yes.z, no.z) }
+    }
+
+    /// Turned round in some lanes.
+    #[inline(always)]
+    pub(super) fn negated(self, mask: mask64x8<S>) -> Self {
+        Self::select(mask, Self { x: -self.x, y: -self.y, z: -self.z }, self)
+    }
+
+    #[inline(always)]
+    pub(super) fn plus(self, other: Self) -> Self {
+        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
+    }
+
+    #[inline(always)]
+    pub(super) fn minus(self, other: Self) -> Self {
         Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
     }
 
     #[inline(always)]
-    fn scaled(self, factor: f64x8<S>) -> Self {
+    pub(super) fn scaled(self, factor: f64x8<S>) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
 
     #[inline(always)]
-    fn dot(self, other: Self) -> f64x8<S> {
+    pub(super) fn dot(self, other: Self) -> f64x8<S> {
         self.x * other.x + self.y * other.y + self.z * other.z
     }
 
     #[inline(always)]
-    fn cross(self, other: Self) -> Self {
+    pub(super) fn cross(self, other: Self) -> Self {
         Self {
             x: self.y * other.z - self.z * other.y,
             y: self.z * other.x - self.x * other.z,
@@ -310,10 +398,10 @@ impl<S: Simd> Found<S> {
     }
 }
 
+/// The squared distance of every vertex of one from every edge of the other.
 #[inline(always)]
-fn least_boundary_distance_squared<S: Simd>(simd: S, own: &Side<S>, other: &Side<S>) -> f64x8<S> {
+fn vertices_and_edges<S: Simd>(simd: S, own: &Side<S>, other: &Side<S>, distances_squared: &mut [f64x8<S>]) {
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
-    let mut least = f64x8::splat(simd, f64::INFINITY);
     for edge in 0..3 {
         let squared = other.lengths_squared[edge];
         let inverse = squared.simd_gt(zero).select(one / squared, zero);
@@ -321,10 +409,9 @@ fn least_boundary_distance_squared<S: Simd>(simd: S, own: &Side<S>, other: &Side
             let from_start = own.corners[vertex].minus(other.corners[edge]);
             let along = (from_start.dot(other.edges[edge]) * inverse).max(zero).min(one);
             let between = from_start.minus(other.edges[edge].scaled(along));
-            least = least.min(between.dot(between));
+            distances_squared[3 * vertex + edge] = between.dot(between);
         }
     }
-    least
 }
 
 /// Returns how high each vertex is, in lengths of the face's normal.
@@ -382,7 +469,7 @@ fn edge_edge<S: Simd>(
 }
 
 /// Whether the ends of an edge may lie on different sides of a face's plane, and the face's three edges pass it on the same
-/// side.
+/// side; and whether there is no doubt about either.
 #[inline(always)]
 fn may_pierce<S: Simd>(
     simd: S,
@@ -390,12 +477,14 @@ fn may_pierce<S: Simd>(
     edge: usize,
     volumes: [f64x8<S>; 3],
     rounding: f64x8<S>,
-) -> mask64x8<S> {
+) -> (mask64x8<S>, mask64x8<S>) {
     let zero = f64x8::splat(simd, 0.0);
     let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
     let same_side = (from.simd_gt(zero) & to.simd_gt(zero)) | (from.simd_lt(zero) & to.simd_lt(zero));
     let least = volumes[0].min(volumes[1]).min(volumes[2]);
     let largest = volumes[0].max(volumes[1]).max(volumes[2]);
     let passed_on_both_sides = least.simd_lt(-rounding) & largest.simd_gt(rounding);
-    !(same_side | passed_on_both_sides)
+    let on_both_sides = (from.simd_gt(zero) & to.simd_lt(zero)) | (from.simd_lt(zero) & to.simd_gt(zero));
+    let passed_on_one_side = least.simd_gt(rounding) | largest.simd_lt(-rounding);
+    (!(same_side | passed_on_both_sides), on_both_sides & passed_on_one_side)
 }

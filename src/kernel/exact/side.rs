@@ -18,6 +18,7 @@ fn corners(topology: &SurfaceTopology, positions: &[Vec3], triangle: usize) -> [
 
 /// Unit normal of a triangle; zero where it has no area.
 #[must_use]
+#[inline]
 pub fn face_normal(corners: &[DVec3; 3]) -> DVec3 {
     (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero()
 }

@@ -122,11 +122,12 @@ pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut Pair
         }
     }
     let crossing = pierce(&a, &b, true, Cases::ALL, found) | pierce(&b, &a, false, Cases::ALL, found);
-    found.conclude(&a, &b, crossing, range_squared, boundary, nearest, nothing);
+    found.conclude(&a, &b, crossing, range_squared, (boundary, u32::MAX), nearest, nothing);
 }
 
 /// The same for a pair that was screened for the same range, except that only those of its feature pairs are found that
 /// are in `wanted`, or the closest and on the boundaries of both.
+#[inline]
 pub(in crate::kernel) fn examine_screened(
     pair: &ScreenedPair,
     corners: &[[DVec3; 3]; 2],
@@ -164,10 +165,11 @@ pub(in crate::kernel) fn examine_screened(
         crossing = pierce(&a, &b, true, others, found) || pierce(&b, &a, false, others, found);
         found.proximities.truncate(before);
     }
-    found.conclude(&a, &b, crossing, range_squared, pair.boundary, pair.nearest, nothing);
+    found.conclude(&a, &b, crossing, range_squared, (pair.boundary, pair.on_boundary), pair.nearest, nothing);
 }
 
 /// Both triangles relative to the first one's first corner.
+#[inline]
 fn local_sides(a: &[DVec3; 3], b: &[DVec3; 3]) -> (Sides, Sides) {
     let origin = a[0];
     let local = |corners: &[DVec3; 3]| Sides::new([corners[0] - origin, corners[1] - origin, corners[2] - origin]);
@@ -176,22 +178,24 @@ fn local_sides(a: &[DVec3; 3], b: &[DVec3; 3]) -> (Sides, Sides) {
 
 impl PairProximity {
     /// Settles the distance, and adds what is on the boundaries of both, if that is the closest. Distances are squared
-    /// but for `nothing`, below which they are none.
+    /// but for `nothing`, below which they are none; beside that of the boundaries stands which of their parts to look at,
+    /// see [`ScreenedPair`].
     #[expect(clippy::too_many_arguments, reason = "what the two ways to examine a pair have in common")]
+    #[inline]
     fn conclude(
         &mut self,
         a: &Sides,
         b: &Sides,
         crossing: bool,
         range: f64,
-        boundary: f64,
+        (boundary, on_boundary): (f64, u32),
         nearest: f64,
         nothing: f64,
     ) {
         if !crossing && boundary <= range && boundary <= nearest {
             let most = (boundary * (1.0 + TIE)).min(range);
-            boundary_proximities(a, b, true, most, &mut self.proximities);
-            boundary_proximities(b, a, false, most, &mut self.proximities);
+            boundary_proximities(a, b, true, most, on_boundary, &mut self.proximities);
+            boundary_proximities(b, a, false, most, on_boundary >> 9, &mut self.proximities);
         }
         self.distance = if crossing { 0.0 } else { nearest.sqrt() };
         if self.distance <= nothing {
@@ -208,6 +212,7 @@ fn largest_coordinate(triangle: &Sides) -> f64 {
 }
 
 /// Where along an edge of `other` a vertex of `own` is closest, 0–1, and the squared distance.
+#[inline]
 fn vertex_edge(own: &Sides, other: &Sides, vertex: usize, edge: usize) -> (f64, f64) {
     let from_start = own.corners[vertex] - other.corners[edge];
     let along = (from_start.dot(other.edges[edge]) * other.inverse_lengths_squared[edge]).clamp(0.0, 1.0);
@@ -224,11 +229,18 @@ fn least_boundary_distance_squared(own: &Sides, other: &Sides) -> f64 {
     least
 }
 
-/// Vertices of `own` that are within a squared distance of an edge of `other`, or of its start: the end of an edge is
+/// Those vertices of `own` of which it is `asked` that are within a squared distance of an edge of `other`, or of its start: the end of an edge is
 /// the start of the next one. Two vertices are reported from the first triangle only.
-fn boundary_proximities(own: &Sides, other: &Sides, own_is_a: bool, most: f64, found: &mut Proximities) {
+fn boundary_proximities(
+    own: &Sides,
+    other: &Sides,
+    own_is_a: bool,
+    most: f64,
+    asked: u32,
+    found: &mut Proximities,
+) {
     for vertex in 0..3 {
-        for edge in 0..3 {
+        for edge in (0..3).filter(|edge| asked >> (3 * vertex + edge) & 1 != 0) {
             let (along, distance_squared) = vertex_edge(own, other, vertex, edge);
             let at_start = along <= AT_END;
             if distance_squared > most || along >= 1.0 - AT_END || at_start && !own_is_a {
@@ -241,6 +253,7 @@ fn boundary_proximities(own: &Sides, other: &Sides, own_is_a: bool, most: f64, f
 }
 
 /// A vertex of `own` and the place along an edge of `other` that is closest to it, or the corner there.
+#[inline]
 fn boundary_proximity(
     own: &Sides,
     other: &Sides,

@@ -1,0 +1,186 @@
+//! Where the bytes are.
+//!
+//! What holds them is taken away from the world one after the other, and the allocator is asked each time how much that has
+//! freed: nothing is left out, as what remains is stated too. Memory per triangle is that of a sheet that is tested against
+//! something in its box, and none of whose triangles is near it: no pair takes any. Pairs are weighed on a crumpled sheet.
+
+use std::fmt::{self, Display, Formatter};
+
+use bevy_circumsphere::{
+    detection::{
+        CandidateTrianglePairs, Circumspheres, EnclosingBalls, MeetingCaps, OverlappingTrianglePairs,
+        RefinedTrianglePairs, TriangleBounds, TriangleCones, TriangleCurvature, broad_phase::SurfaceTree,
+    },
+    kernel::topology::SurfaceTopology,
+    prelude::*,
+};
+use bevy_ecs::prelude::*;
+use serde::Serialize;
+
+use super::{
+    super::{
+        HEAP,
+        report::{grouped, short},
+    },
+    Stage,
+    scenes::{self, Scene},
+};
+
+/// Ticks before anything is weighed: buffers are swapped and reused from tick to tick.
+const TICKS: usize = 4;
+
+/// What one method holds.
+#[derive(Serialize)]
+pub struct Memory {
+    pub method: String,
+    pub triangles: usize,
+    /// All that a sheet without pairs takes, wherever it is.
+    pub bytes_per_triangle_without_pairs: f64,
+    candidates: usize,
+    contacts: usize,
+    parts: Vec<Part>,
+    bytes_per_candidate: f64,
+    bytes_per_contact: f64,
+    /// The most that a tick takes beyond what it leaves behind.
+    passing_bytes_per_candidate: f64,
+}
+
+/// One component or resource.
+#[derive(Serialize)]
+struct Part {
+    name: &'static str,
+    /// Of the sheet without pairs.
+    bytes_per_triangle: f64,
+    /// Of the crumpled sheet.
+    bytes: usize,
+}
+
+/// What a sheet takes, by what holds it.
+struct Weighed {
+    parts: Vec<(&'static str, usize)>,
+    candidates: usize,
+    contacts: usize,
+    /// Beyond what stays, at the worst moment of a tick.
+    passing: usize,
+}
+
+const TOPOLOGY: &str = "topology";
+const CANDIDATES: &str = "CandidateTrianglePairs";
+/// What only the stages themselves can reach.
+const ELSEWHERE: &str = "elsewhere (the last tick's store, scratch)";
+
+/// What holds the pairs that were found, rather than candidates.
+const RESULTS: [&str; 5] =
+    ["OverlappingTrianglePairs", "MeetingCaps", "RefinedTrianglePairs", "ContactStore", ELSEWHERE];
+
+fn take_component<T: Component>(world: &mut World, surface: Entity) {
+    world.entity_mut(surface).remove::<T>();
+}
+
+fn take_resource<T: Resource>(world: &mut World, _: Entity) {
+    world.remove_resource::<T>();
+}
+
+fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
+    let body = &scene.bodies[0];
+    // Shared by whoever refers to it, so it is not freed before the last one is.
+    let before = HEAP.current_usage();
+    let topology = SurfaceTopology::new(&body.states[0].positions, &body.triangles).expect("a scene has meshes");
+    let topology_bytes = HEAP.current_usage() - before;
+    drop(topology);
+
+    let before = HEAP.current_usage();
+    // What an app takes with nothing in it is not the sheet's.
+    let empty = Stage::new(&Scene { bodies: Vec::new(), ..*scene }, method);
+    let empty_bytes = HEAP.current_usage() - before;
+    drop(empty);
+
+    let before = HEAP.current_usage();
+    let mut stage = Stage::new(scene, method);
+    let mut passing = 0;
+    for _ in 0..TICKS {
+        stage.advance(scene);
+        HEAP.reset_peak_usage();
+        stage.app.update();
+        passing = HEAP.peak_usage() - HEAP.current_usage();
+    }
+    let whole = (HEAP.current_usage() - before).saturating_sub(empty_bytes);
+    let size = stage.size(scene);
+    type Take = fn(&mut World, Entity);
+    let holders: [(&'static str, Take); 12] = [
+        ("SurfacePositions", take_component::<SurfacePositions>),
+        ("TriangleBounds", take_component::<TriangleBounds>),
+        ("SurfaceTree", take_component::<SurfaceTree>),
+        ("TriangleCurvature", take_component::<TriangleCurvature>),
+        ("EnclosingBalls", take_component::<EnclosingBalls>),
+        ("Circumspheres", take_component::<Circumspheres>),
+        ("TriangleCones", take_component::<TriangleCones>),
+        (CANDIDATES, take_resource::<CandidateTrianglePairs>),
+        ("OverlappingTrianglePairs", take_resource::<OverlappingTrianglePairs>),
+        ("MeetingCaps", take_resource::<MeetingCaps>),
+        ("RefinedTrianglePairs", take_resource::<RefinedTrianglePairs>),
+        ("ContactStore", take_resource::<bevy_circumsphere::ContactStore>),
+    ];
+    let mut parts = vec![(TOPOLOGY, topology_bytes)];
+    for (name, take) in holders {
+        let before = HEAP.current_usage();
+        take(stage.app.world_mut(), stage.surfaces[0]);
+        parts.push((name, before.saturating_sub(HEAP.current_usage())));
+    }
+    let named: usize = parts.iter().map(|&(_, bytes)| bytes).sum();
+    parts.push((ELSEWHERE, whole.saturating_sub(named)));
+    Weighed { parts, candidates: size.candidates, contacts: size.contacts, passing }
+}
+
+impl Memory {
+    pub fn measure(method: ContactMethod, triangles: usize) -> Self {
+        let (lone, crumpled) = (scenes::lone(triangles), scenes::crumpled(triangles));
+        let (without, with) = (weigh(&lone, method), weigh(&crumpled, method));
+        assert_eq!(without.candidates, 0, "the lone sheet is for what no pair takes");
+        let lone_triangles = lone.triangles() as f64;
+        let parts: Vec<Part> = without
+            .parts
+            .iter()
+            .zip(&with.parts)
+            .map(|(&(name, lone), &(_, bytes))| Part { name, bytes_per_triangle: lone as f64 / lone_triangles, bytes })
+            .collect();
+        let bytes = |names: &[&str]| {
+            parts.iter().filter(|part| names.contains(&part.name)).map(|part| part.bytes).sum::<usize>() as f64
+        };
+        Self {
+            method: format!("{method:?}"),
+            triangles: crumpled.triangles(),
+            bytes_per_triangle_without_pairs: parts.iter().map(|part| part.bytes_per_triangle).sum(),
+            candidates: with.candidates,
+            contacts: with.contacts,
+            bytes_per_candidate: bytes(&[CANDIDATES]) / with.candidates as f64,
+            bytes_per_contact: bytes(&RESULTS) / with.contacts as f64,
+            passing_bytes_per_candidate: with.passing as f64 / with.candidates as f64,
+            parts,
+        }
+    }
+}
+
+impl Display for Memory {
+    fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
+        let counts = [self.triangles, self.candidates, self.contacts].map(|count| grouped(count as u64));
+        writeln!(
+            out,
+            "memory, {}: {} triangles, {} candidates, {} contacts",
+            self.method, counts[0], counts[1], counts[2]
+        )?;
+        writeln!(out, "{:44} {:>14} {:>14}", "", "without pairs", "crumpled")?;
+        writeln!(out, "{:44} {:>14} {:>14}", "", "bytes a △", "bytes")?;
+        for part in self.parts.iter().filter(|part| part.bytes > 0) {
+            writeln!(out, "    {:40} {:>14.1} {:>14}", part.name, part.bytes_per_triangle, grouped(part.bytes as u64))?;
+        }
+        writeln!(
+            out,
+            "{} bytes a triangle; {} a candidate in its list; {} a contact in all results; in passing {} a candidate",
+            short(self.bytes_per_triangle_without_pairs),
+            short(self.bytes_per_candidate),
+            short(self.bytes_per_contact),
+            short(self.passing_bytes_per_candidate)
+        )
+    }
+}

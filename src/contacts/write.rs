@@ -1,0 +1,147 @@
+//! Writes what was found of each pair of surfaces into the store: sorted by key, each key once, and a two-sided contact
+//! on the side it was on in the last tick.
+//!
+//! Every record is copied once, from where it was found to where it stays. The lists of an earlier tick are overwritten
+//! in place, so that in a steady scene nothing is allocated or cleared.
+
+use std::ops::Range;
+
+use super::store::ContactStore;
+use crate::{
+    detection::{fill_chunks, hand_out},
+    kernel::{
+        contact::{CompactContact, TouchingPair},
+        contact_order::{ContactOrder, sort_touching},
+        exact::FeatureKind,
+        pair::FoundPairs,
+    },
+};
+
+/// Contacts handed to a thread at a time.
+const CHUNK: usize = 8192;
+
+/// What writing keeps for its memory.
+#[derive(Default)]
+pub(super) struct WriteBuffers {
+    order: ContactOrder,
+    counts: Vec<u32>,
+    /// How long each part of the list is, and how many contacts it keeps.
+    parts: Vec<[usize; 2]>,
+}
+
+/// Overwrites a store pair by pair.
+pub(super) struct StoreWriter<'a> {
+    pub(super) store: &'a mut ContactStore,
+    buffers: &'a mut WriteBuffers,
+    threads: usize,
+    contacts: usize,
+    touching: usize,
+}
+
+impl<'a> StoreWriter<'a> {
+    pub(super) fn new(store: &'a mut ContactStore, buffers: &'a mut WriteBuffers, threads: usize) -> Self {
+        Self { store, buffers, threads, contacts: 0, touching: 0 }
+    }
+
+    /// Writes the contacts of a pair. `before` are those of the last tick, where sides are known from there.
+    pub(super) fn write_contacts(&mut self, found: &[CompactContact], before: &[CompactContact]) -> Range<usize> {
+        let start = self.contacts;
+        let WriteBuffers { order, parts, .. } = &mut *self.buffers;
+        let listed = order.listed(found.len());
+        fill_chunks(found, listed, CHUNK, self.threads, |start, found, entries| {
+            ContactOrder::list(found, start, entries);
+        });
+        order.arrange();
+        // Parts are at least that long, but for the last one.
+        parts.clear();
+        parts.resize(found.len().div_ceil(CHUNK), [0; 2]);
+        let part_count = parts.len();
+        hand_out(order.parts(CHUNK).zip(&mut *parts), part_count, self.threads, |(entries, part)| {
+            *part = [entries.len(), ContactOrder::finish(entries, found)];
+        });
+        let count = parts.iter().map(|[_, kept]| kept).sum();
+        let (mut entries, mut sorted) =
+            (order.entries(), room_for(&mut self.store.contacts, start, count, found.first()));
+        let copies = parts.iter().map(|&[length, kept]| {
+            let (own_entries, later) = entries.split_at(length);
+            let (own_sorted, later_sorted) = std::mem::take(&mut sorted).split_at_mut(kept);
+            (entries, sorted) = (later, later_sorted);
+            (&own_entries[..kept], own_sorted)
+        });
+        hand_out(copies, part_count, self.threads, |(entries, sorted)| {
+            ContactOrder::copy(entries, found, sorted);
+            keep_sides(sorted, before);
+        });
+        self.contacts += count;
+        start..self.contacts
+    }
+
+    /// Writes the touching triangles of a pair.
+    pub(super) fn write_touching(&mut self, found: &[TouchingPair]) -> Range<usize> {
+        let start = self.touching;
+        let sorted = room_for(&mut self.store.touching, start, found.len(), found.first());
+        sort_touching(found, sorted, &mut self.buffers.counts);
+        self.touching += found.len();
+        start..self.touching
+    }
+
+    /// Takes over what is sorted by key, each key once. The lists of the store are left in place of the first ones.
+    pub(super) fn take_over(&mut self, found: &mut FoundPairs) -> [Range<usize>; 2] {
+        let place = |pair: &TouchingPair| (pair.triangle_a, pair.triangle_b);
+        // Where a surface meets itself, contacts are sorted by the lower triangle, whichever stands first.
+        if !found.touching.is_sorted_by_key(place) {
+            found.touching.sort_unstable_by_key(place);
+        }
+        [
+            take_over(&mut self.store.contacts, &mut self.contacts, &mut found.contacts),
+            take_over(&mut self.store.touching, &mut self.touching, &mut found.touching),
+        ]
+    }
+
+    /// Drops what is left of an earlier tick.
+    pub(super) fn finish(self) {
+        self.store.contacts.truncate(self.contacts);
+        self.store.touching.truncate(self.touching);
+    }
+}
+
+/// Appends `found` to the first `count` items of a list.
+fn take_over<T: Copy>(list: &mut Vec<T>, count: &mut usize, found: &mut Vec<T>) -> Range<usize> {
+    let (start, added) = (*count, found.len());
+    if start == 0 {
+        std::mem::swap(list, found);
+    } else {
+        room_for(list, start, added, found.first()).copy_from_slice(found);
+    }
+    *count += added;
+    start..*count
+}
+
+/// The part of a list from `start` on, made longer where it is too short. What it holds is to be overwritten.
+fn room_for<'a, T: Copy>(list: &'a mut Vec<T>, start: usize, count: usize, any: Option<&T>) -> &'a mut [T] {
+    if let Some(&any) = any
+        && list.len() < start + count
+    {
+        list.resize(start + count, any);
+    }
+    &mut list[start..start + count]
+}
+
+/// A contact whose normal has turned round since the last tick has passed through: it keeps the side it was on, and
+/// its distance is negative. Both lists are sorted by key.
+fn keep_sides(contacts: &mut [CompactContact], before: &[CompactContact]) {
+    let Some(first) = contacts.first() else { return };
+    // In a self-collision either of the two features may have come first.
+    let normal = |contact: &CompactContact| if contact.swapped { -contact.normal } else { contact.normal };
+    let mut before = before[before.partition_point(|other| other.key < first.key)..].iter().peekable();
+    for contact in contacts {
+        while before.next_if(|other| other.key < contact.key).is_some() {}
+        let Some(last) = before.next_if(|other| other.key == contact.key) else { continue };
+        // Around a corner or a rim a direction may turn without anything having passed.
+        let has_sides = matches!(contact.features.kind(), FeatureKind::VertexFace | FeatureKind::EdgeEdge);
+        if has_sides && normal(contact).dot(normal(last)) < 0.0 {
+            contact.normal = -contact.normal;
+            contact.distance = -contact.distance;
+        }
+    }
+}

@@ -1,0 +1,39 @@
+//! Last step of the exact test of a pair: its penetrations are settled, on as many threads as there are.
+
+use super::parallel::fill_chunks;
+use crate::kernel::{
+    contact::CompactContact,
+    pair::{PairSettings, SurfaceSide},
+    settle::{Finding, Settling},
+};
+
+/// Contacts handed out at a time: each takes as long as several pairs of triangles.
+const CHUNK: usize = 256;
+
+/// What settling keeps for its memory.
+#[derive(Default)]
+pub(super) struct SettleBuffers {
+    settling: Settling,
+    findings: Vec<Finding>,
+}
+
+impl SettleBuffers {
+    /// Settles the penetrations among the contacts of a pair of surfaces.
+    pub(super) fn settle(
+        &mut self,
+        [a, b]: [&SurfaceSide<'_>; 2],
+        candidates: &[[u32; 2]],
+        settings: &PairSettings,
+        threads: usize,
+        contacts: &mut Vec<CompactContact>,
+    ) {
+        let Self { settling, findings } = self;
+        settling.prepare(a, b, candidates, settings, contacts);
+        findings.clear();
+        findings.resize(settling.questions().len(), Finding::default());
+        fill_chunks(settling.questions(), findings, CHUNK, threads, |_, questions, findings| {
+            settling.look(a, b, contacts, questions, findings);
+        });
+        settling.carry_out(findings, settings, contacts);
+    }
+}
