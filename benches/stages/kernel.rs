@@ -12,9 +12,7 @@ use bevy_circumsphere::kernel::{
     leaf_triangles::{LeafTriangles, PairCull},
     pair::{FoundPairs, PairSettings, SurfaceSide},
     refine::{refine_closest, refine_pairs},
-    sphere_pairs::{
-        BallSide, CapPair, CapSide, ball_contacts, cap_contacts, meeting_caps, overlapping_balls, overlapping_caps,
-    },
+    sphere_pairs::{BallSide, CapSide, ball_contacts, meeting_caps, overlapping_balls, overlapping_caps},
     topology::SurfaceTopology,
     tree::BoxTree,
 };
@@ -49,7 +47,7 @@ pub struct Stages {
     pub cones: SafetyCones,
     pub near_balls: Vec<[u32; 2]>,
     pub near_caps: Vec<[u32; 2]>,
-    pub meeting: Vec<CapPair>,
+    pub meeting: Vec<[u32; 2]>,
     pub found: FoundPairs,
 }
 
@@ -92,7 +90,7 @@ impl Sheet {
 pub type Stage = fn(&Sheet, &mut Stages);
 
 /// All of them in the order of the plugin, the tree's first build before them.
-pub const STAGES: [(&str, Stage); 17] = [
+pub const STAGES: [(&str, Stage); 16] = [
     ("build", build),
     ("bounds", bounds),
     ("refit_tree", refit_tree),
@@ -106,7 +104,6 @@ pub const STAGES: [(&str, Stage); 17] = [
     ("refit_spheres", refit_spheres),
     ("overlap_caps", overlap_caps),
     ("cone", cone),
-    ("contacts_of_caps", contacts_of_caps),
     ("refit_balls", refit_balls),
     ("overlap_balls", overlap_balls),
     ("contacts_of_balls", contacts_of_balls),
@@ -191,24 +188,17 @@ pub fn refit_spheres(sheet: &Sheet, stages: &mut Stages) {
 pub fn overlap_caps(sheet: &Sheet, stages: &mut Stages) {
     let Stages { spheres, cones, candidates, near_caps, .. } = stages;
     near_caps.clear();
-    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None };
+    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None, rows: None };
     overlapping_caps(&side, &side, candidates, &sheet.settings, near_caps);
 }
 
 #[inline(never)]
 pub fn cone(sheet: &Sheet, stages: &mut Stages) {
-    let Stages { spheres, cones, near_caps, meeting, .. } = stages;
+    let Stages { spheres, cones, near_caps, meeting, found, .. } = stages;
     meeting.clear();
-    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None };
-    meeting_caps(&side, &side, near_caps, &sheet.settings, meeting);
-}
-
-#[inline(never)]
-pub fn contacts_of_caps(sheet: &Sheet, stages: &mut Stages) {
-    let Stages { spheres, cones, meeting, found, .. } = stages;
     found.clear();
-    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None };
-    cap_contacts(&side, &side, meeting, &sheet.settings, found);
+    let side = CapSide { surface: sheet.side(), spheres, cones, pose: None, rows: None };
+    meeting_caps(&side, &side, near_caps, &sheet.settings, meeting, found);
 }
 
 #[inline(never)]
@@ -220,7 +210,7 @@ pub fn refit_balls(sheet: &Sheet, stages: &mut Stages) {
 pub fn overlap_balls(sheet: &Sheet, stages: &mut Stages) {
     let Stages { balls, candidates, near_balls, .. } = stages;
     near_balls.clear();
-    let side = BallSide { surface: sheet.side(), balls, pose: None };
+    let side = BallSide { surface: sheet.side(), balls, pose: None, rows: None };
     overlapping_balls(&side, &side, candidates, &sheet.settings, near_balls);
 }
 
@@ -228,6 +218,6 @@ pub fn overlap_balls(sheet: &Sheet, stages: &mut Stages) {
 pub fn contacts_of_balls(sheet: &Sheet, stages: &mut Stages) {
     let Stages { balls, near_balls, found, .. } = stages;
     found.clear();
-    let side = BallSide { surface: sheet.side(), balls, pose: None };
+    let side = BallSide { surface: sheet.side(), balls, pose: None, rows: None };
     ball_contacts(&side, &side, near_balls, &sheet.settings, found);
 }

@@ -6,11 +6,11 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
     detection::{
-        CandidateTrianglePairs, MeetingCaps, OverlappingTrianglePairs, RefinedTrianglePairs, StageDiagnostics,
+        CandidateTrianglePairs, MeetingCaps, OverlappingTrianglePairs, RefinedTrianglePairs, SphereContacts,
+        StageDiagnostics,
     },
     kernel::{
         contact::{CompactContact, TouchingPair},
-        sphere_pairs::CapPair,
         topology::SurfaceTopology,
     },
     prelude::*,
@@ -130,15 +130,17 @@ impl Stage {
         let candidates = &world.resource::<CandidateTrianglePairs>().pairs;
         let overlapping = &world.resource::<OverlappingTrianglePairs>().pairs;
         let meeting = &world.resource::<MeetingCaps>().pairs;
+        let spheres = &world.resource::<SphereContacts>().pairs;
         let refined = &world.resource::<RefinedTrianglePairs>().pairs;
         let store = world.resource::<ContactStore>();
         let pair = size_of::<[u32; 2]>();
         let (touching, contact) = (size_of::<TouchingPair>(), size_of::<CompactContact>());
         let candidate_lists = candidates.iter().map(|list| list.triangles.capacity() * pair).sum::<usize>()
             + overlapping.iter().map(|list| list.capacity() * pair).sum::<usize>()
-            + meeting.iter().map(|list| list.capacity() * size_of::<CapPair>()).sum::<usize>()
+            + meeting.iter().map(|list| list.capacity() * pair).sum::<usize>()
             + refined
                 .iter()
+                .chain(spheres)
                 .map(|found| found.touching.capacity() * touching + found.contacts.capacity() * contact)
                 .sum::<usize>();
         // The store of the tick before is kept too, and is as large.

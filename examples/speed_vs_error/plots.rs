@@ -469,7 +469,7 @@ const STAGE_GROUPS: [(&str, &[&str], &str); 8] = [
     ("broad phase", &["broad phase"], SKY),
     ("curvature", &["curvature"], YELLOW),
     ("spheres", &["refit", "refit balls"], ORANGE),
-    ("overlap", &["overlap"], BLUE),
+    ("overlap", &["overlap", "ball contacts"], BLUE),
     ("cone", &["cone"], PURPLE),
     ("refine", &["refine"], GREEN),
     ("contacts", &["contacts"], VERMILION),

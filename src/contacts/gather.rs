@@ -1,11 +1,11 @@
 //! Last stage: what the stages found becomes the store of this tick.
 //!
-//! Contacts of spheres are made here; the writer beside this sorts and stores all of them.
+//! The writer beside this sorts and stores all of them.
 
 use std::{collections::HashMap, sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
-use bevy_ecs::{change_detection::Tick, prelude::*};
+use bevy_ecs::prelude::*;
 
 use super::{
     store::{ContactSide, ContactStore, StoredPair},
@@ -13,17 +13,12 @@ use super::{
 };
 use crate::{
     detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, MeetingCaps, OverlappingTrianglePairs,
-        RefinedTrianglePairs, SphereQuery, StageList, SurfacePair, broad_phase::OtherSide, pair_settings, with_balls,
-        with_caps,
-    },
-    kernel::{
-        pair::FoundPairs,
-        sphere_pairs::{ball_contacts, cap_contacts},
+        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory,
+        RefinedTrianglePairs, SphereContacts, StageList, SurfacePair, broad_phase::OtherSide,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces, ContactMethod},
+    surface::{ActiveSurface, ActiveSurfaces},
 };
 
 /// Gathers contacts into the [`ContactStore`].
@@ -45,45 +40,37 @@ struct KeptPairs {
     last_places: Vec<Option<u32>>,
     /// The places in that store by sides.
     by_sides: HashMap<(ContactSide, ContactSide), usize>,
-    /// The contacts of a pair that is tested by spheres.
-    spheres_found: FoundPairs,
-    /// The change tick of that store: somebody else may have written to it since.
-    seal: Option<Tick>,
 }
 
 #[expect(clippy::too_many_arguments, reason = "the last stage reads every stage before it")]
 fn gather_contacts(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
-    overlapping: Res<OverlappingTrianglePairs>,
-    meeting: Res<MeetingCaps>,
     settings: Res<CircumsphereSettings>,
     refined: Res<RefinedTrianglePairs>,
+    mut spheres: ResMut<SphereContacts>,
     mut store: ResMut<ContactStore>,
     mut previous: Local<ContactStore>,
     mut kept: Local<KeptPairs>,
     mut buffers: Local<WriteBuffers>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    spheres: SphereQuery,
 ) {
     let start = Instant::now();
-    memory.reads(StageList::Candidates, candidates.last_changed());
-    memory.reads(StageList::Overlapping, overlapping.last_changed());
-    memory.reads(StageList::Meeting, meeting.last_changed());
-    memory.reads(StageList::Refined, refined.last_changed());
+    let is_spoiled = memory.is_spoiled(StageList::Candidates, candidates.last_changed())
+        | memory.is_spoiled(StageList::Refined, refined.last_changed())
+        | memory.is_spoiled(StageList::SphereContacts, spheres.last_changed());
     diagnostics.pairs_kept = memory.kept_count();
-    let is_own = kept.seal == Some(store.last_changed());
-    if is_own && memory.keeps_all() {
+    if memory.keeps_all() && !is_spoiled {
         store.tick += 1;
-        kept.seal = Some(store.last_changed());
+        memory.seal(StageList::Store, store.last_changed());
         diagnostics.finish("contacts", start, 0, store.contacts.len());
         return;
     }
     std::mem::swap(&mut *store, &mut *previous);
     store.tick = previous.tick + 1;
     store.pairs.clear();
-    let KeptPairs { places: stored_places, last_places, by_sides, spheres_found, .. } = &mut *kept;
+    let KeptPairs { places: stored_places, last_places, by_sides } = &mut *kept;
     by_sides.clear();
     by_sides.extend(previous.pairs.iter().enumerate().map(|(place, pair)| ((pair.a, pair.b), place)));
     std::mem::swap(stored_places, last_places);
@@ -91,7 +78,11 @@ fn gather_contacts(
 
     let mut writer = StoreWriter::new(&mut store, &mut buffers, settings.threads);
     for (place, pair) in candidates.pairs.iter().enumerate() {
-        if let Some(origin) = memory.origin(place).filter(|_| is_own) {
+        let is_exact = pair.method.is_exact();
+        // The contacts of kept pairs of spheres are nowhere else: those of the others somebody may have written to.
+        if let Some(origin) = memory.origin(place)
+            && !(is_exact && is_spoiled)
+        {
             let last = last_places[origin].map(|last| &previous.pairs[last as usize]);
             stored_places.push(last.map(|_| writer.store.pairs.len() as u32));
             if let Some(last) = last {
@@ -99,37 +90,27 @@ fn gather_contacts(
             }
             continue;
         }
-        let found = if pair.method.is_exact() {
-            &refined.pairs[place]
-        } else {
-            spheres_found.clear();
-            let (pair_settings, found) = (pair_settings(pair, &settings), &mut *spheres_found);
-            if pair.method == ContactMethod::Circumsphere {
-                with_caps(&active, &spheres, pair, |a, b| {
-                    cap_contacts(a, b, &meeting.pairs[place], &pair_settings, found);
-                });
-            } else {
-                with_balls(&active, &spheres, pair, |a, b| {
-                    ball_contacts(a, b, &overlapping.pairs[place], &pair_settings, found);
-                });
-            }
-            &*spheres_found
-        };
+        let found = if is_exact { &refined.pairs[place] } else { &spheres.pairs[place] };
         if found.contacts.is_empty() && found.nearest > f64::from(pair.range) {
             stored_places.push(None);
             continue;
         }
         stored_places.push(Some(writer.store.pairs.len() as u32));
         let mut stored = stored_pair(&active, pair, found.nearest);
-        let before = by_sides.get(&(stored.a, stored.b)).filter(|_| keeps_sides(&active, pair));
-        let before = before.map_or(&[][..], |&before| &previous.contacts[previous.pairs[before].contacts.clone()]);
-        stored.contacts = writer.write_contacts(&found.contacts, before);
-        stored.touching = writer.write_touching(&found.touching);
+        if is_exact {
+            let before = by_sides.get(&(stored.a, stored.b)).filter(|_| keeps_sides(&active, pair));
+            let before = before.map_or(&[][..], |&before| &previous.contacts[previous.pairs[before].contacts.clone()]);
+            stored.contacts = writer.write_contacts(&found.contacts, before);
+            stored.touching = writer.write_touching(&found.touching);
+        } else {
+            [stored.contacts, stored.touching] = writer.take_over(&mut spheres.pairs[place]);
+        }
         writer.store.pairs.push(stored);
     }
     writer.finish();
     index_entities(&mut store);
-    kept.seal = Some(store.last_changed());
+    memory.seal(StageList::SphereContacts, spheres.last_changed());
+    memory.seal(StageList::Store, store.last_changed());
     diagnostics.finish("contacts", start, candidates.pairs.len(), store.contacts.len());
 }
 

@@ -13,6 +13,7 @@ use crate::{
         contact::{CompactContact, TouchingPair},
         contact_order::{ContactOrder, sort_touching},
         exact::FeatureKind,
+        pair::FoundPairs,
     },
 };
 
@@ -103,11 +104,36 @@ impl<'a> StoreWriter<'a> {
         });
     }
 
+    /// Takes over what is sorted by key, each key once. The lists of the store are left in place of the first ones.
+    pub(super) fn take_over(&mut self, found: &mut FoundPairs) -> [Range<usize>; 2] {
+        let place = |pair: &TouchingPair| (pair.triangle_a, pair.triangle_b);
+        // Where a surface meets itself, contacts are sorted by the lower triangle, whichever stands first.
+        if !found.touching.is_sorted_by_key(place) {
+            found.touching.sort_unstable_by_key(place);
+        }
+        [
+            take_over(&mut self.store.contacts, &mut self.contacts, &mut found.contacts),
+            take_over(&mut self.store.touching, &mut self.touching, &mut found.touching),
+        ]
+    }
+
     /// Drops what is left of an earlier tick.
     pub(super) fn finish(self) {
         self.store.contacts.truncate(self.contacts);
         self.store.touching.truncate(self.touching);
     }
+}
+
+/// Appends `found` to the first `count` items of a list.
+fn take_over<T: Copy>(list: &mut Vec<T>, count: &mut usize, found: &mut Vec<T>) -> Range<usize> {
+    let (start, added) = (*count, found.len());
+    if start == 0 {
+        std::mem::swap(list, found);
+    } else {
+        room_for(list, start, added, found.first()).copy_from_slice(found);
+    }
+    *count += added;
+    start..*count
 }
 
 /// The part of a list from `start` on, made longer where it is too short. What it holds is to be overwritten.

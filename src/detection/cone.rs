@@ -1,4 +1,4 @@
-//! Stage 6: overlapping spheres whose line between the centers lies in both safety cones.
+//! Stage 6: overlapping spheres whose line between the centers lies in both safety cones, and their contacts.
 
 use std::time::Instant;
 
@@ -9,12 +9,12 @@ use super::{
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList},
-    overlap::OverlappingTrianglePairs,
+    overlap::{OverlappingTrianglePairs, SphereContacts},
     parallel::{CHUNK, append_chunks, for_each_weighed},
-    sides::{SphereQuery, pair_settings, with_caps},
+    sides::{SphereQuery, SphereRows, pair_settings, with_caps},
 };
 use crate::{
-    kernel::sphere_pairs::{CapPair, meeting_caps},
+    kernel::{pair::FoundPairs, sphere_pairs::meeting_caps},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
@@ -24,8 +24,8 @@ use crate::{
 /// not tested by cones.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct MeetingCaps {
-    /// Pairs of triangles with their contact, in the frame of the pair.
-    pub pairs: Vec<Vec<CapPair>>,
+    /// Pairs of triangles, in the order of the contacts they may give.
+    pub pairs: Vec<Vec<[u32; 2]>>,
 }
 
 /// Tests cones.
@@ -33,18 +33,24 @@ pub struct ConePlugin;
 
 impl Plugin for ConePlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<MeetingCaps>().init_resource::<DetectionMemory>();
+        app.init_resource::<MeetingCaps>()
+            .init_resource::<SphereContacts>()
+            .init_resource::<SphereRows>()
+            .init_resource::<DetectionMemory>();
         app.add_systems(SurfaceDetection, test_cones.in_set(SurfaceDetectionSystems::Cone));
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
+#[expect(clippy::too_many_arguments, reason = "the last of the sphere stages writes pairs and contacts")]
 fn test_cones(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     overlapping: Res<OverlappingTrianglePairs>,
+    rows: Res<SphereRows>,
     settings: Res<CircumsphereSettings>,
     mut meeting: ResMut<MeetingCaps>,
+    mut contacts: ResMut<SphereContacts>,
+    mut both: Local<Vec<(Vec<[u32; 2]>, FoundPairs)>>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
@@ -53,33 +59,50 @@ fn test_cones(
     memory.reads(StageList::Candidates, candidates.last_changed());
     memory.reads(StageList::Overlapping, overlapping.last_changed());
     memory.writes(StageList::Meeting, meeting.last_changed());
+    memory.writes(StageList::SphereContacts, contacts.last_changed());
     memory.carry(&mut meeting.pairs);
-    meeting.pairs.resize_with(candidates.pairs.len(), Vec::new);
+    let count = candidates.pairs.len();
+    meeting.pairs.resize_with(count, Vec::new);
+    contacts.pairs.resize_with(count, FoundPairs::default);
+    both.extend(meeting.pairs.drain(..).zip(contacts.pairs.drain(..)));
     memory.seal(StageList::Meeting, meeting.last_changed());
+    memory.seal(StageList::SphereContacts, contacts.last_changed());
     let uses_cones =
         |place: usize| !memory.keeps(place) && candidates.pairs[place].method == ContactMethod::Circumsphere;
     for_each_weighed(
-        &mut meeting.pairs,
+        &mut both,
         settings.threads,
         CHUNK,
         |place, _| if memory.keeps(place) { 0 } else { overlapping.pairs[place].len() },
-        |place, meeting, threads| {
+        |place, both, threads| {
             let (pair, overlapping) = (&candidates.pairs[place], &overlapping.pairs[place]);
             if memory.keeps(place) {
                 return;
             }
-            meeting.clear();
-            if overlapping.is_empty() || !uses_cones(place) {
+            both.0.clear();
+            if !uses_cones(place) {
                 return;
             }
+            both.1.clear();
             let pair_settings = pair_settings(pair, &settings);
-            with_caps(&active, &surfaces, pair, |a, b| {
-                let test =
-                    |chunk: &[[u32; 2]], kept: &mut Vec<CapPair>| meeting_caps(a, b, chunk, &pair_settings, kept);
-                append_chunks(overlapping, threads, meeting, test, |kept, mut later| kept.append(&mut later));
+            with_caps(&active, &surfaces, pair, &rows, |a, b| {
+                append_chunks(
+                    overlapping,
+                    threads,
+                    both,
+                    |chunk, (meeting, found)| meeting_caps(a, b, chunk, &pair_settings, meeting, found),
+                    |(meeting, found), mut later| {
+                        meeting.append(&mut later.0);
+                        found.append_sorted(later.1);
+                    },
+                );
             });
         },
     );
+    for (meeting_caps, found) in both.drain(..) {
+        meeting.pairs.push(meeting_caps);
+        contacts.pairs.push(found);
+    }
     let tested = overlapping.pairs.iter().enumerate().filter(|&(place, _)| uses_cones(place));
     let pairs_in = tested.map(|(_, overlapping)| overlapping.len()).sum();
     let pairs_out = memory.changed(&meeting.pairs).map(Vec::len).sum();

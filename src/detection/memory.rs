@@ -29,6 +29,9 @@ pub(crate) enum StageList {
     Overlapping,
     Meeting,
     Refined,
+    SphereContacts,
+    /// The [`ContactStore`](crate::contacts::ContactStore).
+    Store,
 }
 
 /// What is known of the last detection, and which pairs of this one are kept from it.
@@ -54,7 +57,7 @@ pub(crate) struct DetectionMemory {
     all_kept: bool,
     /// Whether a detection has come to its end with every seal whole.
     is_whole: bool,
-    seals: [Option<Tick>; 4],
+    seals: [Option<Tick>; 6],
     /// Curvature, balls, spheres and cones of each surface.
     sphere_seals: EntityHashMap<[Tick; 4]>,
 }
@@ -82,9 +85,12 @@ impl DetectionMemory {
         active: &ActiveSurfaces,
         settings: &CircumsphereSettings,
         candidates_changed: Tick,
+        store_changed: Option<Tick>,
         bounds: &Query<&TriangleBounds>,
     ) {
-        let is_whole = std::mem::take(&mut self.is_whole) && self.is_sealed(StageList::Candidates, candidates_changed);
+        let is_whole = std::mem::take(&mut self.is_whole)
+            && self.is_sealed(StageList::Candidates, candidates_changed)
+            && store_changed.is_none_or(|changed| self.is_sealed(StageList::Store, changed));
         let keeps = is_whole && settings.memory && self.settings == Some(*settings);
         self.settings = Some(*settings);
         let Self { surfaces: last_surfaces, shapes: last_shapes, unchanged: [surfaces, shapes], stays, .. } =
@@ -223,11 +229,19 @@ impl DetectionMemory {
 
     /// A stage is about to read a list. Where somebody else has written to it, nothing is kept from here on, nor in the
     /// next detection: what stages make of it now is not what they made of their own.
-    pub(crate) fn reads(&mut self, list: StageList, changed: Tick) {
+    pub(super) fn reads(&mut self, list: StageList, changed: Tick) {
         if !self.is_sealed(list, changed) {
             self.forget();
             self.is_whole = false;
         }
+    }
+
+    /// The last stage is about to read a list. Whether somebody else has written to it: then nothing is kept in the next
+    /// detection.
+    pub(crate) fn is_spoiled(&mut self, list: StageList, changed: Tick) -> bool {
+        let is_spoiled = !self.is_sealed(list, changed);
+        self.is_whole &= !is_spoiled;
+        is_spoiled
     }
 
     /// A stage is about to write its list. Where somebody else has written to it since the last detection, nothing is kept
@@ -239,7 +253,7 @@ impl DetectionMemory {
     }
 
     /// Seals a list as its stage leaves it.
-    pub(super) fn seal(&mut self, list: StageList, changed: Tick) {
+    pub(crate) fn seal(&mut self, list: StageList, changed: Tick) {
         self.seals[list as usize] = Some(changed);
     }
 

@@ -1,4 +1,4 @@
-//! Stage 5: candidates whose spheres overlap.
+//! Stage 5: candidates whose spheres overlap, and the contacts of enclosing balls.
 
 use std::time::Instant;
 
@@ -9,11 +9,15 @@ use super::{
     broad_phase::{CandidateTrianglePairs, SurfacePair},
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList, check_spheres},
-    parallel::{CHUNK, append_chunks, for_each_weighed},
-    sides::{SphereQuery, pair_settings, with_balls, with_caps},
+    parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
+    sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
 };
 use crate::{
-    kernel::sphere_pairs::{overlapping_balls, overlapping_caps},
+    kernel::{
+        pair::FoundPairs,
+        pair_order::sort_pairs,
+        sphere_pairs::{ball_contacts, overlapping_balls, overlapping_caps},
+    },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
@@ -23,8 +27,16 @@ use crate::{
 /// [`CandidateTrianglePairs`]; empty where a pair's method does not use spheres.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct OverlappingTrianglePairs {
-    /// Pairs of triangles.
+    /// Pairs of triangles, in the order of the contacts they may give.
     pub pairs: Vec<Vec<[u32; 2]>>,
+}
+
+/// What the sphere methods found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a
+/// pair's method does not use spheres. The last stage takes the lists over, and leaves others behind.
+#[derive(Resource, Clone, Debug, Default)]
+pub struct SphereContacts {
+    /// Touching pairs and contacts, in the order of their triangles.
+    pub pairs: Vec<FoundPairs>,
 }
 
 /// Tests spheres for overlap.
@@ -32,18 +44,24 @@ pub struct OverlapPlugin;
 
 impl Plugin for OverlapPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<OverlappingTrianglePairs>().init_resource::<DetectionMemory>();
-        let systems = (check_spheres, test_overlap).chain();
+        app.init_resource::<OverlappingTrianglePairs>()
+            .init_resource::<SphereContacts>()
+            .init_resource::<SphereRows>()
+            .init_resource::<DetectionMemory>();
+        let systems = (check_spheres, test_overlap, touch_by_balls).chain();
         app.add_systems(SurfaceDetection, systems.in_set(SurfaceDetectionSystems::Overlap));
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "the first of the sphere stages prepares for the others")]
 fn test_overlap(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     mut overlapping: ResMut<OverlappingTrianglePairs>,
     mut memory: ResMut<DetectionMemory>,
+    mut rows: ResMut<SphereRows>,
+    spare: Local<Buffers<Vec<[u32; 2]>>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
@@ -51,6 +69,9 @@ fn test_overlap(
     memory.reads(StageList::Candidates, candidates.last_changed());
     memory.writes(StageList::Overlapping, overlapping.last_changed());
     memory.carry(&mut overlapping.pairs);
+    if memory.changed(&candidates.pairs).any(|pair| !pair.method.is_exact()) {
+        rows.update(&active, &surfaces, &candidates);
+    }
     overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
     memory.seal(StageList::Overlapping, overlapping.last_changed());
     let uses_spheres =
@@ -74,14 +95,15 @@ fn test_overlap(
                 append_chunks(&pair.triangles, threads, overlapping, test, |kept, mut later| kept.append(&mut later));
             };
             if pair.method == ContactMethod::BoundingSphere {
-                with_balls(&active, &surfaces, pair, |a, b| {
+                with_balls(&active, &surfaces, pair, &rows, |a, b| {
                     keep(&|chunk, kept| overlapping_balls(a, b, chunk, &pair_settings, kept));
                 });
             } else {
-                with_caps(&active, &surfaces, pair, |a, b| {
+                with_caps(&active, &surfaces, pair, &rows, |a, b| {
                     keep(&|chunk, kept| overlapping_caps(a, b, chunk, &pair_settings, kept));
                 });
             }
+            spare.with(|spare| sort_pairs(overlapping, pair_settings.same_surface, spare));
         },
     );
     let pairs_in: usize =
@@ -89,5 +111,51 @@ fn test_overlap(
     let pairs_out = memory.changed(&overlapping.pairs).map(Vec::len).sum();
     if pairs_in > 0 {
         diagnostics.finish("overlap", start, pairs_in, pairs_out);
+    }
+}
+
+#[expect(clippy::too_many_arguments, reason = "the last of the sphere stages writes contacts")]
+fn touch_by_balls(
+    active: Res<ActiveSurfaces>,
+    candidates: Res<CandidateTrianglePairs>,
+    overlapping: Res<OverlappingTrianglePairs>,
+    rows: Res<SphereRows>,
+    settings: Res<CircumsphereSettings>,
+    mut contacts: ResMut<SphereContacts>,
+    mut memory: ResMut<DetectionMemory>,
+    mut diagnostics: ResMut<DetectionDiagnostics>,
+    surfaces: SphereQuery,
+) {
+    let start = Instant::now();
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    memory.reads(StageList::Overlapping, overlapping.last_changed());
+    memory.writes(StageList::SphereContacts, contacts.last_changed());
+    contacts.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
+    memory.seal(StageList::SphereContacts, contacts.last_changed());
+    let uses_balls =
+        |place: usize| !memory.keeps(place) && candidates.pairs[place].method == ContactMethod::BoundingSphere;
+    for_each_weighed(
+        &mut contacts.pairs,
+        settings.threads,
+        CHUNK,
+        |place, _| overlapping.pairs[place].len(),
+        |place, found, threads| {
+            let (pair, overlapping) = (&candidates.pairs[place], &overlapping.pairs[place]);
+            found.clear();
+            if overlapping.is_empty() || !uses_balls(place) {
+                return;
+            }
+            let pair_settings = pair_settings(pair, &settings);
+            with_balls(&active, &surfaces, pair, &rows, |a, b| {
+                let work = |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
+                append_chunks(overlapping, threads, found, work, FoundPairs::append_sorted);
+            });
+        },
+    );
+    let tested = (0..candidates.pairs.len()).filter(|&place| uses_balls(place));
+    let counts = tested.map(|place| [overlapping.pairs[place].len(), contacts.pairs[place].touching.len()]);
+    let [pairs_in, pairs_out] = counts.fold([0; 2], |sums, counts| [sums[0] + counts[0], sums[1] + counts[1]]);
+    if pairs_in > 0 {
+        diagnostics.finish("ball contacts", start, pairs_in, pairs_out);
     }
 }

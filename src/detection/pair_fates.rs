@@ -10,7 +10,7 @@ use bevy_ecs::{prelude::*, system::SystemParam};
 use super::{
     broad_phase::{CandidateTrianglePairs, MovedLeaves, OtherSide, SurfacePair, SurfaceTree, Traversal},
     parallel::append_chunks,
-    sides::{SphereQuery, pair_settings, surface_sides, with_balls, with_caps},
+    sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps},
 };
 use crate::{
     kernel::{
@@ -150,12 +150,16 @@ impl PairFates<'_, '_> {
                 }))
             }
             OtherSide::Surface(second) => match pair.method {
-                ContactMethod::BoundingSphere => with_balls(&self.active, &self.surfaces, pair, |a, b| {
-                    map(&|chunk, fates| ball_fates(a, b, chunk, &settings, fates))
-                }),
-                ContactMethod::Circumsphere => with_caps(&self.active, &self.surfaces, pair, |a, b| {
-                    map(&|chunk, fates| cap_fates(a, b, chunk, &settings, fates))
-                }),
+                ContactMethod::BoundingSphere => {
+                    with_balls(&self.active, &self.surfaces, pair, &SphereRows::default(), |a, b| {
+                        map(&|chunk, fates| ball_fates(a, b, chunk, &settings, fates))
+                    })
+                }
+                ContactMethod::Circumsphere => {
+                    with_caps(&self.active, &self.surfaces, pair, &SphereRows::default(), |a, b| {
+                        map(&|chunk, fates| cap_fates(a, b, chunk, &settings, fates))
+                    })
+                }
                 ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => {
                     let (own, ..) = self.surfaces.get(self.active.surfaces[pair.first].entity).ok()?;
                     let (other, ..) = self.surfaces.get(self.active.surfaces[second].entity).ok()?;

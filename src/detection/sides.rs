@@ -4,7 +4,7 @@ use bevy_ecs::prelude::*;
 use glam::Vec3;
 
 use super::{
-    broad_phase::{OtherSide, SurfacePair},
+    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
     refit::{Circumspheres, EnclosingBalls, TriangleCones},
 };
 use crate::{
@@ -12,6 +12,7 @@ use crate::{
         pair::{MovedSide, PairSettings, SurfaceSide},
         pose::Pose,
         sphere_pairs::{BallSide, CapSide},
+        sphere_rows::{BallRows, CapRows},
     },
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
@@ -63,11 +64,61 @@ fn moving(pose: &Pose) -> Option<&Pose> {
     (*pose != Pose::IDENTITY).then_some(pose)
 }
 
+/// The rows of the active surfaces whose triangles are in many candidate pairs, for each method; others have none.
+#[derive(Resource, Clone, Debug, Default)]
+pub(crate) struct SphereRows {
+    caps: Vec<CapRows>,
+    balls: Vec<BallRows>,
+}
+
+impl SphereRows {
+    /// Makes the rows of this tick.
+    pub(super) fn update(
+        &mut self,
+        active: &ActiveSurfaces,
+        surfaces: &SphereQuery,
+        candidates: &CandidateTrianglePairs,
+    ) {
+        let count = active.surfaces.len();
+        self.caps.resize_with(count, CapRows::default);
+        self.balls.resize_with(count, BallRows::default);
+        for (place, active) in active.surfaces.iter().enumerate() {
+            let Ok((positions, balls, spheres, cones)) = surfaces.get(active.entity) else { continue };
+            let (topology, positions) = (&*active.topology, &*positions.0);
+            let surface = SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false };
+            let is_worth_it = |method| pairs_of(place, method, candidates) >= topology.triangles().len();
+            if is_worth_it(ContactMethod::Circumsphere) {
+                let side = CapSide { surface, spheres: &spheres.0, cones: &cones.0, pose: None, rows: None };
+                side.rows(&mut self.caps[place]);
+            } else {
+                self.caps[place].clear();
+            }
+            if is_worth_it(ContactMethod::BoundingSphere) {
+                BallSide { surface, balls: &balls.0, pose: None, rows: None }.rows(&mut self.balls[place]);
+            } else {
+                self.balls[place].clear();
+            }
+        }
+    }
+}
+
+/// In how many pairs by a method the triangles of a surface are which has not to be moved for it.
+fn pairs_of(place: usize, method: ContactMethod, candidates: &CandidateTrianglePairs) -> usize {
+    let of_pair = |pair: &SurfacePair| {
+        let [pose_a, pose_b] = pair.poses();
+        let is_first = pair.first == place && moving(pose_a).is_none();
+        let is_second = pair.second == OtherSide::Surface(place) && moving(pose_b).is_none();
+        if is_first || is_second { pair.triangles.len() } else { 0 }
+    };
+    candidates.pairs.iter().filter(|pair| pair.method == method).map(of_pair).sum()
+}
+
 /// Calls `test` with the enclosing balls of both sides of a pair.
 pub(crate) fn with_balls<T>(
     active: &ActiveSurfaces,
     surfaces: &SphereQuery,
     pair: &SurfacePair,
+    rows: &SphereRows,
     test: impl FnOnce(&BallSide<'_>, &BallSide<'_>) -> T,
 ) -> Option<T> {
     let OtherSide::Surface(second) = pair.second else { return None };
@@ -75,8 +126,11 @@ pub(crate) fn with_balls<T>(
     let (other, balls_b, ..) = surfaces.get(active.surfaces[second].entity).ok()?;
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
-    let a = BallSide { surface: surface_a, balls: &balls_a.0, pose: moving(pose_a) };
-    let b = BallSide { surface: surface_b, balls: &balls_b.0, pose: moving(pose_b) };
+    let side = |place: usize, surface, balls, pose| {
+        let pose = moving(pose);
+        BallSide { surface, balls, pose, rows: rows.balls.get(place).filter(|rows| pose.is_none() && !rows.is_empty()) }
+    };
+    let (a, b) = (side(pair.first, surface_a, &balls_a.0, pose_a), side(second, surface_b, &balls_b.0, pose_b));
     Some(test(&a, &b))
 }
 
@@ -85,6 +139,7 @@ pub(crate) fn with_caps<T>(
     active: &ActiveSurfaces,
     surfaces: &SphereQuery,
     pair: &SurfacePair,
+    rows: &SphereRows,
     test: impl FnOnce(&CapSide<'_>, &CapSide<'_>) -> T,
 ) -> Option<T> {
     let OtherSide::Surface(second) = pair.second else { return None };
@@ -92,7 +147,17 @@ pub(crate) fn with_caps<T>(
     let (other, _, spheres_b, cones_b) = surfaces.get(active.surfaces[second].entity).ok()?;
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
-    let a = CapSide { surface: surface_a, spheres: &spheres_a.0, cones: &cones_a.0, pose: moving(pose_a) };
-    let b = CapSide { surface: surface_b, spheres: &spheres_b.0, cones: &cones_b.0, pose: moving(pose_b) };
+    let side = |place: usize, surface, spheres, cones, pose| {
+        let pose = moving(pose);
+        CapSide {
+            surface,
+            spheres,
+            cones,
+            pose,
+            rows: rows.caps.get(place).filter(|rows| pose.is_none() && !rows.is_empty()),
+        }
+    };
+    let a = side(pair.first, surface_a, &spheres_a.0, &cones_a.0, pose_a);
+    let b = side(second, surface_b, &spheres_b.0, &cones_b.0, pose_b);
     Some(test(&a, &b))
 }

@@ -6,22 +6,27 @@
 //! sphere overlap stage. Circumcenter: the classical barycenter formula, see [`circumcenter`]; offset and cone: the
 //! source paper's construction with the height clamped at creases.
 
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
 use glam::Vec3;
 
-use super::cone::SafetyCones;
+use super::{
+    cone::SafetyCones,
+    lanes::{EdgeChoice, FrameLanes, Lanes, Mask, TriangleLanes, VectorLanes, WIDTH, tangent},
+};
 
 /// How far an obtuse triangle's in-plane center may leave the midpoint of its longest edge, in halves of that edge.
 /// At √3 the circumcenter of a triangle with a largest angle of 150° is still reached.
 const OBTUSE_REACH: f32 = 1.732_050_8;
 
 /// A triangle whose normal is shorter than this, relative to the square of its longest edge, has no area.
-const ZERO_AREA: f32 = 1.0e-6;
+pub(super) const ZERO_AREA: f32 = 1.0e-6;
 
 /// Radii are lengthened by this factor, so that rounding never leaves a vertex outside its ball.
-const RADIUS_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
+pub(super) const RADIUS_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 /// Squares below this have lost precision to the end of f32, 2^23 times its least normal number.
-const LEAST_EXACT_SQUARE: f32 = f32::MIN_POSITIVE / f32::EPSILON;
+pub(super) const LEAST_EXACT_SQUARE: f32 = f32::MIN_POSITIVE / f32::EPSILON;
 
 /// A ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -156,8 +161,35 @@ pub fn enclosing_ball(corners: [Vec3; 3]) -> Ball {
 
 /// Writes [`enclosing_ball`] of every triangle into `balls`.
 pub fn enclosing_balls(positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut Vec<Ball>) {
-    balls.clear();
-    balls.extend(triangles.iter().map(|&corners| enclosing_ball(corners.map(|vertex| positions[vertex as usize]))));
+    balls.resize(triangles.len(), Ball { center: Vec3::ZERO, radius: 0.0 });
+    write_enclosing_balls(positions, triangles, balls);
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
+fn write_enclosing_balls(positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut [Ball]) {
+    let mut lanes = TriangleLanes::EMPTY;
+    for (triangles, balls) in triangles.chunks(WIDTH).zip(balls.chunks_mut(WIDTH)) {
+        lanes.gather(positions, triangles);
+        let (lengths, exact_lengths) = lanes.edge_lengths();
+        let frame = FrameLanes::new(&lanes, EdgeChoice::longest(&lengths));
+        let center = frame.point_across(frame.cotangent.max(Lanes::ZERO));
+        let (radius, exact_radius) = lanes.containing_radius(center);
+        write_balls(&center, &radius, balls);
+        let left = exact_lengths.and(frame.exact).and(exact_radius).not();
+        if left.any() {
+            for (lane, ball) in balls.iter_mut().enumerate().filter(|&(lane, _)| left.0[lane] != 0) {
+                *ball = enclosing_ball(triangles[lane].map(|vertex| positions[vertex as usize]));
+            }
+        }
+    }
+}
+
+// Kept apart: numbers that are stored side by side are computed side by side.
+#[inline(never)]
+fn write_balls(centers: &VectorLanes, radii: &Lanes, balls: &mut [Ball]) {
+    for (lane, ball) in balls.iter_mut().enumerate().take(WIDTH) {
+        *ball = Ball { center: centers.get(lane), radius: radii.0[lane] };
+    }
 }
 
 /// Cubic Hermite factor of the curvature: 1 on flat ground, 0 where `|curvature| · radius` reaches `threshold`
@@ -236,6 +268,157 @@ impl Recipe {
     }
 }
 
+/// The recipes of eight triangles.
+#[derive(Clone, Copy, Debug)]
+struct RecipeLanes {
+    /// Numbers from 0 to 2.
+    longest_edge: Lanes,
+    inward: Lanes,
+    height_ratio: Lanes,
+    lengths: [Lanes; 3],
+    dihedrals: [Lanes; 3],
+    made_at: [u32; WIDTH],
+}
+
+impl RecipeLanes {
+    const EMPTY: Self = Self {
+        longest_edge: Lanes::ZERO,
+        inward: Lanes::ZERO,
+        height_ratio: Lanes::ZERO,
+        lengths: [Lanes::ZERO; 3],
+        dihedrals: [Lanes::ZERO; 3],
+        made_at: [0; WIDTH],
+    };
+
+    fn get(&self, lane: usize) -> Recipe {
+        Recipe {
+            longest_edge: self.longest_edge.0[lane] as u8,
+            inward: self.inward.0[lane],
+            height_ratio: self.height_ratio.0[lane],
+            lengths: self.lengths.map(|lengths| lengths.0[lane]),
+            dihedrals: self.dihedrals.map(|dihedrals| dihedrals.0[lane]),
+            made_at: self.made_at[lane],
+        }
+    }
+
+    fn set(&mut self, lane: usize, recipe: &Recipe) {
+        self.longest_edge.0[lane] = f32::from(recipe.longest_edge);
+        self.inward.0[lane] = recipe.inward;
+        self.height_ratio.0[lane] = recipe.height_ratio;
+        for k in 0..3 {
+            self.lengths[k].0[lane] = recipe.lengths[k];
+            self.dihedrals[k].0[lane] = recipe.dihedrals[k];
+        }
+        self.made_at[lane] = recipe.made_at;
+    }
+
+    /// [`Recipe::shape_change`], of lengths that are not 0.
+    #[inline(always)]
+    fn shape_change(&self, lengths: &[Lanes; 3], dihedrals: &[Lanes; 3]) -> Lanes {
+        let mut change = Lanes::ZERO;
+        for k in 0..3 {
+            let stretch = (lengths[k] / self.lengths[k] - Lanes::splat(1.0)).abs();
+            change = change.max(stretch).max((dihedrals[k] - self.dihedrals[k]).abs());
+        }
+        change
+    }
+
+    /// [`Recipe::new`], written where asked. Returns where that is exact.
+    #[inline(always)]
+    fn refresh(&mut self, stale: Mask, shape: &ShapeLanes, settings: &RecipeSettings, made_at: u32) -> Mask {
+        let edge = EdgeChoice::longest(&shape.lengths);
+        let frame = FrameLanes::new(&shape.corners, edge);
+        let inward = frame.cotangent.max(Lanes::splat(-OBTUSE_REACH));
+        let center = frame.point_across(inward);
+        let (radius, exact_radius) = shape.corners.farthest_corner(center);
+        let bent = shape.curvatures.abs() * radius / Lanes::splat(settings.curvature_threshold);
+        let factor = curvature_factors(bent.max(Lanes::ZERO).min(Lanes::splat(1.0)));
+        let mut height = (Lanes::splat(settings.phi) * radius * factor).min(Lanes::splat(f32::MAX));
+        for k in 0..3 {
+            let along = shape.corners.edge(k).over(shape.lengths[k]);
+            let clearance = frame.normal.dot(along.cross(center - shape.corners.0[k])).max(Lanes::ZERO);
+            let dihedral = shape.dihedrals[k].max(Lanes::ZERO);
+            let slope = tangent(Lanes::splat(0.5) * dihedral).max(Lanes::splat(f32::MIN_POSITIVE));
+            let convex = dihedral.greater_than(Lanes::ZERO);
+            height = Lanes::select(convex, height.min(clearance / slope), height);
+        }
+        self.longest_edge = Lanes::select(stale, edge.numbers(), self.longest_edge);
+        self.inward = Lanes::select(stale, inward, self.inward);
+        self.height_ratio = Lanes::select(stale, height / radius, self.height_ratio);
+        for k in 0..3 {
+            self.lengths[k] = Lanes::select(stale, shape.lengths[k], self.lengths[k]);
+            self.dihedrals[k] = Lanes::select(stale, shape.dihedrals[k], self.dihedrals[k]);
+        }
+        for lane in 0..WIDTH {
+            self.made_at[lane] = if stale.0[lane] == 0 { self.made_at[lane] } else { made_at };
+        }
+        frame.exact.and(exact_radius)
+    }
+}
+
+#[inline(always)]
+fn curvature_factors(t: Lanes) -> Lanes {
+    let (one, two, three) = (Lanes::splat(1.0), Lanes::splat(2.0), Lanes::splat(3.0));
+    (one - three * t * t + two * t * t * t).max(Lanes::ZERO).min(one)
+}
+
+/// What recipes of eight triangles are made from, and whether they still hold.
+struct ShapeLanes {
+    corners: TriangleLanes,
+    lengths: [Lanes; 3],
+    dihedrals: [Lanes; 3],
+    curvatures: Lanes,
+}
+
+impl ShapeLanes {
+    const EMPTY: Self = Self {
+        corners: TriangleLanes::EMPTY,
+        lengths: [Lanes::ZERO; 3],
+        dihedrals: [Lanes::ZERO; 3],
+        curvatures: Lanes::ZERO,
+    };
+
+    // Kept apart for the same reason as the gathering of corners.
+    #[inline(never)]
+    fn gather(&mut self, curvatures: &[f32], dihedrals: &[[f32; 3]]) {
+        for (lane, (&curvature, dihedrals)) in curvatures.iter().zip(dihedrals).enumerate().take(WIDTH) {
+            self.curvatures.0[lane] = curvature;
+            for k in 0..3 {
+                self.dihedrals[k].0[lane] = dihedrals[k];
+            }
+        }
+    }
+}
+
+/// The spheres and cones of eight triangles.
+struct SphereLanes {
+    center: VectorLanes,
+    radius: Lanes,
+    height: Lanes,
+    axis: VectorLanes,
+    cosine: Lanes,
+    /// Where they are exact.
+    exact: Mask,
+}
+
+impl SphereLanes {
+    /// [`OffsetSpheres::follow`]
+    #[inline(always)]
+    fn new(recipes: &RecipeLanes, corners: &TriangleLanes) -> Self {
+        let origin = corners.0[0];
+        let local = corners.relative_to(origin);
+        let frame = FrameLanes::new(&local, EdgeChoice::numbered(&recipes.longest_edge));
+        let in_plane = frame.point_across(recipes.inward);
+        let (farthest, exact_farthest) = local.farthest_corner(in_plane);
+        let height = (recipes.height_ratio * farthest).min(Lanes::splat(f32::MAX));
+        let center = origin.plus(in_plane - frame.normal.scaled(height));
+        let (radius, exact_radius) = corners.containing_radius(center);
+        let exact = frame.exact.and(exact_farthest).and(exact_radius);
+        let cosine = (height / radius).min(Lanes::splat(1.0));
+        Self { center, radius, height, axis: frame.normal, cosine, exact }
+    }
+}
+
 /// The offset spheres of a surface's triangles, structure of arrays, and the recipes they follow.
 #[derive(Clone, Debug, Default)]
 pub struct OffsetSpheres {
@@ -245,7 +428,9 @@ pub struct OffsetSpheres {
     pub radii: Vec<f32>,
     /// Heights of the in-plane centers above the sphere centers.
     pub heights: Vec<f32>,
-    recipes: Vec<Recipe>,
+    recipes: Vec<RecipeLanes>,
+    /// How many triangles have recipes.
+    recipe_count: usize,
     /// How many times the spheres have been refitted.
     refits: u32,
 }
@@ -253,12 +438,13 @@ pub struct OffsetSpheres {
 impl OffsetSpheres {
     /// Forgets every recipe: the next [`refit`](Self::refit) makes all of them anew.
     pub fn forget(&mut self) {
-        self.recipes.clear();
+        self.recipe_count = 0;
     }
 
     /// How many [refits](Self::refit) ago each triangle's recipe was made: 0 where the last one made it.
     pub fn recipe_ages(&self) -> impl ExactSizeIterator<Item = u32> {
-        self.recipes.iter().map(|recipe| self.refits.wrapping_sub(recipe.made_at))
+        (0..self.recipe_count)
+            .map(|triangle| self.refits.wrapping_sub(self.recipes[triangle / WIDTH].made_at[triangle % WIDTH]))
     }
 
     /// Follows the current `positions`: refreshes the recipes of triangles whose shape has changed by more than
@@ -278,38 +464,43 @@ impl OffsetSpheres {
         cones: &mut SafetyCones,
     ) -> usize {
         let count = triangles.len();
-        let all_fresh = self.recipes.len() != count;
-        if all_fresh {
-            self.recipes.clear();
-            self.recipes.reserve(count);
-        }
+        let all_fresh = self.recipe_count != count;
+        self.recipes.resize(count.div_ceil(WIDTH), RecipeLanes::EMPTY);
+        self.recipe_count = count;
         self.centers.resize(count, Vec3::ZERO);
         self.radii.resize(count, 0.0);
         self.heights.resize(count, 0.0);
         cones.resize(count);
         self.refits = self.refits.wrapping_add(1);
-        let refits = self.refits;
-        let mut refreshed = 0;
-        for (triangle, vertices) in triangles.iter().enumerate() {
-            let corners = vertices.map(|vertex| positions[vertex as usize]);
-            let fresh = || Recipe::new(corners, curvatures[triangle], dihedrals[triangle], settings, refits);
-            if all_fresh {
-                self.recipes.push(fresh());
-                refreshed += 1;
-            } else {
-                let change = self.recipes[triangle].shape_change(edge_lengths(corners), dihedrals[triangle]);
-                if change > settings.delta || settings.delta <= 0.0 {
-                    self.recipes[triangle] = fresh();
-                    refreshed += 1;
-                }
-            }
-            self.follow(triangle, corners, cones);
-        }
-        refreshed
+        let shapes = Shapes { positions, triangles, curvatures, dihedrals };
+        refit_spheres(self, &shapes, all_fresh, settings, cones)
     }
 
-    fn follow(&mut self, triangle: usize, corners: [Vec3; 3], cones: &mut SafetyCones) {
-        let recipe = &self.recipes[triangle];
+    /// One triangle by itself. Whether its recipe had to be made.
+    #[cold]
+    fn refit_one(
+        &mut self,
+        shapes: &Shapes<'_>,
+        triangle: usize,
+        fresh: bool,
+        settings: RecipeSettings,
+        cones: &mut SafetyCones,
+    ) -> bool {
+        let corners = shapes.triangles[triangle].map(|vertex| shapes.positions[vertex as usize]);
+        let (curvature, dihedrals) = (shapes.curvatures[triangle], shapes.dihedrals[triangle]);
+        let (block, lane) = (&mut self.recipes[triangle / WIDTH], triangle % WIDTH);
+        let mut recipe = block.get(lane);
+        let stale =
+            fresh || settings.delta <= 0.0 || recipe.shape_change(edge_lengths(corners), dihedrals) > settings.delta;
+        if stale {
+            recipe = Recipe::new(corners, curvature, dihedrals, settings, self.refits);
+            block.set(lane, &recipe);
+        }
+        self.follow(&recipe, triangle, corners, cones);
+        stale
+    }
+
+    fn follow(&mut self, recipe: &Recipe, triangle: usize, corners: [Vec3; 3], cones: &mut SafetyCones) {
         // Relative to one corner, so that distance from the origin costs no precision.
         let origin = corners[0];
         let local = corners.map(|corner| finite(corner - origin));
@@ -333,4 +524,68 @@ impl OffsetSpheres {
             _ => SafetyCones::EVERYWHERE,
         };
     }
+
+    /// Writes the spheres and cones of the triangles from `first` on. Kept apart: numbers that are stored side by side are
+    /// computed side by side.
+    #[inline(never)]
+    fn write(&mut self, first: usize, lanes: &SphereLanes, cones: &mut SafetyCones) {
+        let end = (first + WIDTH).min(self.radii.len());
+        let count = end - first;
+        for (lane, (center, axis)) in
+            self.centers[first..end].iter_mut().zip(&mut cones.axes[first..end]).enumerate().take(WIDTH)
+        {
+            *center = lanes.center.get(lane);
+            *axis = lanes.axis.get(lane);
+        }
+        self.radii[first..end].copy_from_slice(&lanes.radius.0[..count]);
+        self.heights[first..end].copy_from_slice(&lanes.height.0[..count]);
+        cones.cosines[first..end].copy_from_slice(&lanes.cosine.0[..count]);
+    }
+}
+
+/// What spheres are made from.
+struct Shapes<'a> {
+    positions: &'a [Vec3],
+    triangles: &'a [[u32; 3]],
+    curvatures: &'a [f32],
+    dihedrals: &'a [[f32; 3]],
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
+fn refit_spheres(
+    spheres: &mut OffsetSpheres,
+    shapes: &Shapes<'_>,
+    all_fresh: bool,
+    settings: RecipeSettings,
+    cones: &mut SafetyCones,
+) -> usize {
+    let mut shape = ShapeLanes::EMPTY;
+    let always = Mask([if all_fresh || settings.delta <= 0.0 { u32::MAX } else { 0 }; WIDTH]);
+    let mut refreshed = 0;
+    for (block, triangles) in shapes.triangles.chunks(WIDTH).enumerate() {
+        let range = block * WIDTH..block * WIDTH + triangles.len();
+        shape.corners.gather(shapes.positions, triangles);
+        shape.gather(&shapes.curvatures[range.clone()], &shapes.dihedrals[range.clone()]);
+        let (lengths, mut exact) = shape.corners.edge_lengths();
+        shape.lengths = lengths;
+        let mut recipes = spheres.recipes[block];
+        let change = recipes.shape_change(&lengths, &shape.dihedrals);
+        let stale = always.or(change.greater_than(Lanes::splat(settings.delta)));
+        if stale.any() {
+            exact = exact.and(recipes.refresh(stale, &shape, &settings, spheres.refits).or(stale.not()));
+        }
+        let lanes = SphereLanes::new(&recipes, &shape.corners);
+        let exact = exact.and(lanes.exact);
+        // One that cannot be told sends its seven neighbors with it: there are few, and the same comes out.
+        if exact.not().any() {
+            for triangle in range {
+                refreshed += usize::from(spheres.refit_one(shapes, triangle, all_fresh, settings, cones));
+            }
+        } else {
+            spheres.recipes[block] = recipes;
+            spheres.write(range.start, &lanes, cones);
+            refreshed += stale.0.iter().take(range.len()).filter(|&&lane| lane != 0).count();
+        }
+    }
+    refreshed
 }

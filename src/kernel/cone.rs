@@ -8,11 +8,14 @@ use core::f32::consts::PI;
 
 use glam::Vec3;
 
-use super::circumsphere::{OffsetSpheres, length};
+use super::{
+    circumsphere::{OffsetSpheres, length},
+    lanes::{Lanes, WIDTH, sine_cosine},
+};
 
 /// Slack of the cone comparison, as a cosine: a direction that the crease clamp puts exactly on the cone's boundary
 /// passes in spite of rounding.
-const BOUNDARY_SLACK: f32 = 1.0e-4;
+pub(super) const BOUNDARY_SLACK: f32 = 1.0e-4;
 
 /// How far a cone is widened beyond its triangle's spread, in radians (15°): over the recordings and the generated scenes
 /// it finds the most pairs at the same precision.
@@ -42,13 +45,27 @@ impl SafetyCones {
     /// by 15° more: between the cones of two neighbors there are directions from which the edge they share is met,
     /// and which are in neither.
     pub fn widen(&mut self, spreads: &[f32]) {
-        for (cosine, spread) in self.cosines.iter_mut().zip(spreads) {
-            let (sine_added, cosine_added) = bevy_math::ops::sin_cos(spread + EXTRA_WIDENING);
-            let sine = (1.0 - *cosine * *cosine).max(0.0).sqrt();
-            // Half-angles are at least 0, so that their sum passes π where the sine of the sum turns negative.
-            let everything = spread + EXTRA_WIDENING >= PI || sine * cosine_added + *cosine * sine_added < 0.0;
-            *cosine = if everything { Self::EVERYWHERE } else { *cosine * cosine_added - sine * sine_added };
-        }
+        widen(&mut self.cosines, spreads);
+    }
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
+fn widen(cosines: &mut [f32], spreads: &[f32]) {
+    let (mut cosine, mut spread) = (Lanes::ZERO, Lanes::ZERO);
+    for (cosines, spreads) in cosines.chunks_mut(WIDTH).zip(spreads.chunks(WIDTH)) {
+        let count = cosines.len().min(spreads.len());
+        cosine.0[..count].copy_from_slice(&cosines[..count]);
+        spread.0[..count].copy_from_slice(&spreads[..count]);
+        let one = Lanes::splat(1.0);
+        let added = spread + Lanes::splat(EXTRA_WIDENING);
+        let (sine_added, cosine_added) = sine_cosine(added);
+        let sine = (one - cosine * cosine).max(Lanes::ZERO).sqrt();
+        // Half-angles are at least 0, so that their sum passes π where the sine of the sum turns negative.
+        let past_half_circle = Lanes::ZERO.greater_than(sine * cosine_added + cosine * sine_added);
+        let everything = added.at_least(Lanes::splat(PI)).or(past_half_circle);
+        let widened = cosine * cosine_added - sine * sine_added;
+        let widened = Lanes::select(everything, Lanes::splat(SafetyCones::EVERYWHERE), widened);
+        cosines[..count].copy_from_slice(&widened.0[..count]);
     }
 }
 
@@ -69,6 +86,7 @@ pub struct Cap {
 
 impl Cap {
     /// The cap of one triangle.
+    #[inline]
     #[must_use]
     pub fn of(spheres: &OffsetSpheres, cones: &SafetyCones, triangle: usize) -> Self {
         Self {

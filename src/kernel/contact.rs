@@ -109,6 +109,15 @@ pub struct TouchingPair {
     pub distance: f64,
 }
 
+/// Where two faces meet: the fields of the same names of a [`CompactContact`].
+#[derive(Clone, Copy)]
+pub(super) struct FacePlace {
+    pub(super) barycentrics: [[f32; 2]; 2],
+    pub(super) point_b: Vec3,
+    pub(super) normal: Vec3,
+    pub(super) distance: f32,
+}
+
 impl CompactContact {
     /// Names a contact and rounds it to storage precision. In a self-collision (`same_surface`) a feature pair is the
     /// same from either side, so its key does not depend on which triangle came first.
@@ -144,6 +153,26 @@ impl CompactContact {
             point_b: point_b.as_vec3(),
             normal: normal.as_vec3(),
             distance: distance as f32,
+        }
+    }
+
+    /// The contact of two whole triangles, which are known by their own numbers.
+    #[inline]
+    pub(super) fn between_faces(triangles: [u32; 2], same_surface: bool, place: FacePlace) -> Self {
+        let swapped = same_surface && triangles[1] < triangles[0];
+        let [first, second] = if swapped { [triangles[1], triangles[0]] } else { triangles };
+        let features = FeaturePair { a: Feature::Face, b: Feature::Face };
+        Self {
+            key: ContactKey::new(features, first, second),
+            swapped,
+            triangle_a: triangles[0],
+            triangle_b: triangles[1],
+            features,
+            barycentric_a: place.barycentrics[0],
+            barycentric_b: place.barycentrics[1],
+            point_b: place.point_b,
+            normal: place.normal,
+            distance: place.distance,
         }
     }
 

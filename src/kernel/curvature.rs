@@ -5,11 +5,17 @@
 //! the dual area is the mean curvature at valence three. First geometric stage of the sphere methods; `circumsphere`
 //! reads what it writes.
 
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
 use core::f32::consts::FRAC_PI_2;
 
 use glam::Vec3;
 
-use super::{ids::EdgeId, topology::SurfaceTopology};
+use super::{
+    ids::EdgeId,
+    lanes::{Lanes, TriangleLanes, VectorLanes, WIDTH, arc_tangent},
+    topology::{Hinge, SurfaceTopology},
+};
 
 /// How the curvature of a triangle is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,113 +41,156 @@ pub struct Curvatures {
     /// How far the surface's normal turns away from each triangle's own before the next triangle takes over: the largest
     /// angle to a neighbor, in radians from 0 to π; at a boundary at least π/2, as a rim is met from any side.
     pub spreads: Vec<f32>,
-    normals: Vec<Vec3>,
-    doubled_areas: Vec<f32>,
+    faces: Vec<Face>,
     centroids: Vec<Vec3>,
-    edge_dihedrals: Vec<f32>,
+    bends: Vec<Bend>,
+}
+
+/// A triangle as its edges see it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Face {
+    /// Of length 1, or zero where the triangle has no area.
+    normal: Vec3,
+    doubled_area: f32,
+}
+
+/// How the surface bends across an edge.
+#[derive(Clone, Copy, Debug, Default)]
+struct Bend {
+    dihedral: f32,
+    curvature: f32,
+    /// How far the surface's normal turns, π/2 at a rim.
+    turn: f32,
+    branches: bool,
+}
+
+/// Eight edges with a triangle on either side.
+struct HingeLanes {
+    /// From one end to the other, as the first triangle runs through it.
+    along: VectorLanes,
+    normals: [VectorLanes; 2],
+    doubled_areas: [Lanes; 2],
+    /// -1 where the second triangle is turned inside out.
+    facing: Lanes,
+    /// 0 where there is no triangle on the other side.
+    folds: Lanes,
+}
+
+impl HingeLanes {
+    const EMPTY: Self = Self {
+        along: VectorLanes::ZERO,
+        normals: [VectorLanes::ZERO; 2],
+        doubled_areas: [Lanes::ZERO; 2],
+        facing: Lanes::ZERO,
+        folds: Lanes::ZERO,
+    };
+
+    // Kept apart, so that the lanes come from memory: of numbers it has just loaded one by one the compiler makes
+    // no vectors.
+    #[inline(never)]
+    fn gather(&mut self, hinges: &[Hinge], faces: &[Face], positions: &[Vec3]) {
+        for (lane, hinge) in hinges.iter().enumerate().take(WIDTH) {
+            let Hinge::Fold { triangles, ends: [from, to], turned } = *hinge else {
+                self.folds.0[lane] = 0.0;
+                continue;
+            };
+            self.folds.0[lane] = 1.0;
+            self.facing.0[lane] = if turned { -1.0 } else { 1.0 };
+            self.along.set(lane, positions[to as usize] - positions[from as usize]);
+            for side in 0..2 {
+                let face = &faces[triangles[side] as usize];
+                self.normals[side].set(lane, face.normal);
+                self.doubled_areas[side].0[lane] = face.doubled_area;
+            }
+        }
+    }
+
+    /// The dihedral angle and the curvature across each edge; 0 where either triangle has no area.
+    #[inline(always)]
+    fn bend(&self) -> [Lanes; 2] {
+        let (normal, other) = (self.normals[0], self.normals[1].scaled(self.facing));
+        let sine = normal.cross(other).dot(self.along.normalized().0);
+        let cosine = normal.dot(other);
+        let flat = Lanes::ZERO;
+        let has_areas = normal.dot(normal).greater_than(flat).and(other.dot(other).greater_than(flat));
+        let dihedral = arc_tangent(sine, Lanes::select(has_areas, cosine, Lanes::splat(1.0)));
+        let dihedral = Lanes::select(has_areas.and(self.folds.greater_than(flat)), dihedral, flat);
+        let length = self.along.dot(self.along).sqrt();
+        // (h_i + h_j) / 3 with h = doubled area / length.
+        let distance = (self.doubled_areas[0] + self.doubled_areas[1]) / (Lanes::splat(3.0) * length);
+        let has_distance = distance.greater_than(flat).and(distance.is_finite());
+        [dihedral, Lanes::select(has_distance, dihedral / distance, flat)]
+    }
 }
 
 impl Curvatures {
     /// Measures the surface at the given positions.
     pub fn measure(&mut self, topology: &SurfaceTopology, positions: &[Vec3], estimator: CurvatureEstimator) {
+        self.faces.resize(topology.triangles().len(), Face::default());
+        measure_faces(topology.triangles(), positions, &mut self.faces);
+        self.bends.resize(topology.edges().len(), Bend::default());
+        measure_bends(topology.hinges(), &self.faces, positions, &mut self.bends);
+        self.centroids.clear();
+        if estimator == CurvatureEstimator::DualAngleDeficit {
+            self.centroids.extend(topology.triangles().iter().map(|corners| {
+                let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
+                a + ((b - a) + (c - a)) / 3.0
+            }));
+        }
         self.measure_triangles(topology, positions);
-        self.measure_edges(topology, positions);
-        self.curvatures.clear();
-        self.dihedrals.clear();
-        self.spreads.clear();
-        for triangle in 0..topology.triangles().len() {
-            let (dihedrals, edge_curvature) = self.signed_edge(topology, positions, triangle);
-            self.dihedrals.push(dihedrals);
-            let ends = topology.triangle_edges()[triangle]
-                .iter()
-                .any(|&edge| topology.triangles_of_edge(EdgeId(edge)).len() < 2);
-            let turned = dihedrals.iter().fold(0.0, |most: f32, angle| most.max(angle.abs()));
-            self.spreads.push(if ends { turned.max(FRAC_PI_2) } else { turned });
-            self.curvatures.push(match estimator {
-                CurvatureEstimator::SignedEdge => edge_curvature,
-                CurvatureEstimator::DualAngleDeficit => {
-                    self.dual_angle_deficit(topology, triangle).unwrap_or(edge_curvature)
+        if estimator == CurvatureEstimator::DualAngleDeficit {
+            for triangle in 0..topology.triangles().len() {
+                if let Some(curvature) = self.dual_angle_deficit(topology, triangle) {
+                    self.curvatures[triangle] = curvature;
                 }
-            });
+            }
         }
     }
 
     fn measure_triangles(&mut self, topology: &SurfaceTopology, positions: &[Vec3]) {
-        self.normals.clear();
-        self.doubled_areas.clear();
-        self.centroids.clear();
-        for corners in topology.triangles() {
-            let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
-            let (u, v) = (b - a, c - a);
-            // Scaled first: the square of an area is of order length⁴ and leaves the range of f32 before lengths do.
-            let extent = u.abs().max(v.abs()).max_element();
-            let normal = if extent > 0.0 { (u / extent).cross(v / extent) } else { Vec3::ZERO };
-            self.normals.push(normal.normalize_or_zero());
-            self.doubled_areas.push(normal.length() * extent * extent);
-            self.centroids.push(a + (u + v) / 3.0);
-        }
-    }
-
-    fn measure_edges(&mut self, topology: &SurfaceTopology, positions: &[Vec3]) {
-        self.edge_dihedrals.clear();
-        for edge in 0..topology.edges().len() as u32 {
-            let dihedral = match *topology.triangles_of_edge(EdgeId(edge)) {
-                [first, second] => self.dihedral(topology, positions, edge, first, second),
-                _ => 0.0,
-            };
-            self.edge_dihedrals.push(dihedral);
-        }
-    }
-
-    /// Angle between two triangles across their edge, as `first` sees it.
-    fn dihedral(&self, topology: &SurfaceTopology, positions: &[Vec3], edge: u32, first: u32, second: u32) -> f32 {
-        let corners = topology.triangles()[first as usize];
-        let Some(side) = (0..3).find(|&k| topology.triangle_edges()[first as usize][k] == edge) else { return 0.0 };
-        let along =
-            (positions[corners[(side + 1) % 3] as usize] - positions[corners[side] as usize]).normalize_or_zero();
-        let same_direction = topology.runs_forward(first, edge) == topology.runs_forward(second, edge);
-        let (normal, mut other) = (self.normals[first as usize], self.normals[second as usize]);
-        if same_direction {
-            other = -other;
-        }
-        if normal == Vec3::ZERO || other == Vec3::ZERO {
-            return 0.0;
-        }
-        bevy_math::ops::atan2(normal.cross(other).dot(along), normal.dot(other))
-    }
-
-    /// The dihedral angles of a triangle, and the `β/d` of largest magnitude.
-    fn signed_edge(&self, topology: &SurfaceTopology, positions: &[Vec3], triangle: usize) -> ([f32; 3], f32) {
-        let mut dihedrals = [0.0; 3];
-        let mut curvature: f32 = 0.0;
-        let corners = topology.triangles()[triangle];
-        for k in 0..3 {
-            let edge = topology.triangle_edges()[triangle][k];
-            let around = topology.triangles_of_edge(EdgeId(edge));
-            let own = triangle as u32;
-            let (dihedral, neighbor) = match *around {
-                [first, second] => (self.edge_dihedrals[edge as usize], if first == own { second } else { first }),
-                [_] | [] => continue,
-                // Non-manifold: the neighbor that folds most.
-                _ => around
-                    .iter()
-                    .filter(|&&other| other != own)
-                    .map(|&other| (self.dihedral(topology, positions, edge, own, other), other))
-                    .fold((0.0, own), |most, next| if next.0.abs() > f32::abs(most.0) { next } else { most }),
-            };
-            dihedrals[k] = dihedral;
-            let length = positions[corners[k] as usize].distance(positions[corners[(k + 1) % 3] as usize]);
-            let doubled_areas = self.doubled_areas[triangle] + self.doubled_areas[neighbor as usize];
-            // (h_i + h_j) / 3 with h = doubled area / length.
-            let distance = doubled_areas / (3.0 * length);
-            if distance > 0.0 && distance.is_finite() {
-                let edge_curvature = dihedral / distance;
-                if edge_curvature.abs() > curvature.abs() {
-                    curvature = edge_curvature;
+        self.curvatures.clear();
+        self.dihedrals.clear();
+        self.spreads.clear();
+        for (triangle, edges) in topology.triangle_edges().iter().enumerate() {
+            let mut bends = edges.map(|edge| self.bends[edge as usize]);
+            if bends.iter().any(|bend| bend.branches) {
+                for k in 0..3 {
+                    if bends[k].branches {
+                        bends[k] = self.steepest_bend(topology, positions, triangle, k);
+                    }
                 }
             }
+            self.dihedrals.push(bends.map(|bend| bend.dihedral));
+            self.spreads
+                .push(bends.iter().fold(0.0, |most: f32, bend| if bend.turn > most { bend.turn } else { most }));
+            let steeper =
+                |most: f32, bend: &Bend| if bend.curvature.abs() > most.abs() { bend.curvature } else { most };
+            let curvature = bends.iter().fold(0.0, steeper);
+            self.curvatures.push(if curvature.is_finite() { curvature } else { f32::MAX });
         }
-        (dihedrals, if curvature.is_finite() { curvature } else { f32::MAX })
+    }
+
+    /// The bend across edge `k` of a triangle to that of several neighbors which folds most.
+    #[cold]
+    fn steepest_bend(&self, topology: &SurfaceTopology, positions: &[Vec3], triangle: usize, k: usize) -> Bend {
+        let (own, edge) = (triangle as u32, topology.triangle_edges()[triangle][k]);
+        let corners = topology.triangles()[triangle];
+        // As the first one of the triangle's edges that is this one: a triangle may run through an edge twice.
+        let side = (0..3).find(|&side| topology.triangle_edges()[triangle][side] == edge).unwrap_or(k);
+        let mut steepest = Bend::default();
+        for &other in topology.triangles_of_edge(EdgeId(edge)).iter().filter(|&&other| other != own) {
+            let hinge = Hinge::Fold {
+                triangles: [own, other],
+                ends: [corners[side], corners[(side + 1) % 3]],
+                turned: topology.runs_forward(own, edge) == topology.runs_forward(other, edge),
+            };
+            let mut bend = [Bend::default()];
+            measure_bends(&[hinge], &self.faces, positions, &mut bend);
+            if bend[0].turn > steepest.turn {
+                steepest = bend[0];
+            }
+        }
+        steepest
     }
 
     /// `None` where the triangle has not exactly one neighbor across each edge, or the dual triangles have no area.
@@ -164,5 +213,51 @@ impl Curvatures {
         let deficit = (core::f32::consts::TAU - angles).max(0.0);
         let curvature = bevy_math::ops::sqrt(2.0 * deficit / doubled_areas);
         curvature.is_finite().then_some(curvature)
+    }
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
+fn measure_faces(triangles: &[[u32; 3]], positions: &[Vec3], faces: &mut [Face]) {
+    let mut lanes = TriangleLanes::EMPTY;
+    for (triangles, faces) in triangles.chunks(WIDTH).zip(faces.chunks_mut(WIDTH)) {
+        lanes.gather(positions, triangles);
+        let [a, b, c] = lanes.0;
+        let (u, v) = (b - a, c - a);
+        // Scaled first: the square of an area is of order length⁴ and leaves the range of f32 before lengths do.
+        let extent_u = u.x.abs().max(u.y.abs()).max(u.z.abs());
+        let extent = extent_u.max(v.x.abs()).max(v.y.abs()).max(v.z.abs());
+        let has_extent = extent.greater_than(Lanes::ZERO);
+        let normal = VectorLanes::select(has_extent, u.over(extent).cross(v.over(extent)), VectorLanes::ZERO);
+        let doubled_area = normal.dot(normal).sqrt() * extent * extent;
+        write_faces(&normal.normalized().0, &doubled_area, faces);
+    }
+}
+
+// Kept apart like the gathering: numbers that are stored side by side are computed side by side.
+#[inline(never)]
+fn write_faces(normals: &VectorLanes, doubled_areas: &Lanes, faces: &mut [Face]) {
+    for (lane, face) in faces.iter_mut().enumerate().take(WIDTH) {
+        *face = Face { normal: normals.get(lane), doubled_area: doubled_areas.0[lane] };
+    }
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
+fn measure_bends(hinges: &[Hinge], faces: &[Face], positions: &[Vec3], bends: &mut [Bend]) {
+    let mut lanes = HingeLanes::EMPTY;
+    for (hinges, bends) in hinges.chunks(WIDTH).zip(bends.chunks_mut(WIDTH)) {
+        lanes.gather(hinges, faces, positions);
+        write_bends(hinges, &lanes.bend(), bends);
+    }
+}
+
+#[inline(never)]
+fn write_bends(hinges: &[Hinge], [dihedrals, curvatures]: &[Lanes; 2], bends: &mut [Bend]) {
+    for (lane, (hinge, bend)) in hinges.iter().zip(bends).enumerate().take(WIDTH) {
+        let (dihedral, curvature) = (dihedrals.0[lane], curvatures.0[lane]);
+        *bend = match hinge {
+            Hinge::Rim => Bend { turn: FRAC_PI_2, ..Bend::default() },
+            Hinge::Fold { .. } => Bend { dihedral, curvature, turn: dihedral.abs(), branches: false },
+            Hinge::Branch => Bend { branches: true, ..Bend::default() },
+        };
     }
 }

@@ -124,6 +124,17 @@ impl FoundPairs {
         self.examined = 0;
     }
 
+    /// Appends what was found in a later part of the pairs by faces, which are sorted: a pair that stands on both sides of
+    /// the cut has one contact.
+    pub fn append_sorted(&mut self, mut later: Self) {
+        if let (Some(last), Some(first)) = (self.contacts.last(), later.contacts.first())
+            && last.key == first.key
+        {
+            later.contacts.remove(0);
+        }
+        self.append(later);
+    }
+
     /// Appends what was found in a later part of the candidates.
     pub fn append(&mut self, mut later: Self) {
         self.touching.append(&mut later.touching);

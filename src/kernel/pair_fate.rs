@@ -12,8 +12,7 @@ use super::{
     pose::Pose,
     refine::{refine_closest, refine_shape},
     sphere_pairs::{
-        BallSide, CapSide, ball_contacts, cap_contacts, meeting_caps, overlapping_balls_in_steps,
-        overlapping_caps_in_steps,
+        BallSide, CapSide, ball_contacts, meeting_caps, overlapping_balls_in_steps, overlapping_caps_in_steps,
     },
     topology::SurfaceTopology,
 };
@@ -72,6 +71,9 @@ impl PairFate {
 
 /// Hears after each step of a method which candidates are left, in their order.
 pub(super) trait StepObserver {
+    /// Whether anybody hears: else steps may be taken together, in whatever order is fastest.
+    const ASKS: bool;
+
     /// `step` has been taken, and `left` are the pairs that it did not drop.
     fn passed(&mut self, step: PairFate, left: impl Iterator<Item = [u32; 2]>);
 }
@@ -80,6 +82,8 @@ pub(super) trait StepObserver {
 pub(super) struct Unobserved;
 
 impl StepObserver for Unobserved {
+    const ASKS: bool = false;
+
     fn passed(&mut self, _: PairFate, _: impl Iterator<Item = [u32; 2]>) {}
 }
 
@@ -99,6 +103,8 @@ impl<'a> Fates<'a> {
 }
 
 impl StepObserver for Fates<'_> {
+    const ASKS: bool = true;
+
     fn passed(&mut self, step: PairFate, left: impl Iterator<Item = [u32; 2]>) {
         let mut left = left.peekable();
         for (candidate, fate) in self.candidates.iter().zip(&mut *self.fates) {
@@ -141,9 +147,8 @@ pub fn cap_fates(
     let mut fates = Fates::append(candidates, fates);
     let (mut overlapping, mut meeting, mut found) = (Vec::new(), Vec::new(), FoundPairs::default());
     overlapping_caps_in_steps(a, b, candidates, settings, &mut overlapping, &mut fates);
-    meeting_caps(a, b, &overlapping, settings, &mut meeting);
-    fates.passed(PairFate::Cone, meeting.iter().map(|pair| [pair.triangle_a, pair.triangle_b]));
-    cap_contacts(a, b, &meeting, settings, &mut found);
+    meeting_caps(a, b, &overlapping, settings, &mut meeting, &mut found);
+    fates.passed(PairFate::Cone, meeting.iter().copied());
     fates.passed(PairFate::Distance, touching(&found));
 }
 

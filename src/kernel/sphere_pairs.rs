@@ -1,23 +1,20 @@
 //! The approximate stages over a list of candidate pairs: sphere overlap, cone test, and the contacts they amount to.
 //!
-//! Reads candidate pairs and the spheres of both sides, writes the pairs that pass and their contacts. Spheres are kept
-//! in the frame of their own surface; those of a moved side are brought over pair by pair.
+//! Reads candidate pairs and the spheres of both sides, writes the pairs that pass and their contacts, eight pairs at a
+//! time. Spheres are kept in the frame of their own surface; those of a moved side are brought over pair by pair.
 
-use glam::{DVec3, Vec3};
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
 use super::{
     circumsphere::{Ball, OffsetSpheres},
-    cone::{Cap, CapContact, SafetyCones, cap_contact, spheres_overlap},
-    contact::{CompactContact, TouchingPair},
-    exact::{
-        Feature, FeaturePair,
-        barycentric::barycentric_of,
-        cull::{cull_by_directions, cull_by_planes, gap_along},
-        side::face_normal,
-    },
+    cone::{Cap, SafetyCones, cap_contact, spheres_overlap},
+    contact::{CompactContact, FacePlace, TouchingPair},
+    ids::TriangleId,
+    lanes::{CapContactLanes, CapLanes, DoubleLanes, Lanes, Mask, PairLanes, TrianglePairLanes, VectorLanes, WIDTH},
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
+    sphere_rows::{BallRows, CapRows, RowLanes, TriangleRow, rounded_corners},
 };
 
 /// The enclosing balls of one side, and the way to the frame of the pair.
@@ -29,10 +26,40 @@ pub struct BallSide<'a> {
     pub balls: &'a [Ball],
     /// From the side's own frame to the frame of the pair; `None` where they are the same.
     pub pose: Option<&'a Pose>,
+    /// [Its rows](Self::rows), where somebody has made them, and the side has not been moved.
+    pub rows: Option<&'a BallRows>,
 }
 
 impl BallSide<'_> {
+    /// Writes a row for each triangle: worth it where most triangles are in several pairs.
+    pub fn rows(&self, rows: &mut BallRows) {
+        rows.fill((0..self.balls.len() as u32).map(|triangle| self.row(triangle)));
+    }
+
+    #[inline(always)]
+    fn row(&self, triangle: u32) -> TriangleRow {
+        TriangleRow::of_ball(rounded_corners(&self.surface, triangle), &self.ball(triangle))
+    }
+
+    #[inline(always)]
+    fn gather<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes) {
+        match self.rows {
+            Some(rows) => lanes.gather_balls::<SIDE>(rows, pairs),
+            None => self.gather_one_by_one::<SIDE>(pairs, lanes),
+        }
+    }
+
+    // Kept apart, so that the lanes come from memory: of numbers it has just loaded one by one the compiler makes
+    // no vectors.
+    #[inline(never)]
+    fn gather_one_by_one<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes) {
+        for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
+            lanes.set(lane, &self.row(pair[SIDE]), [0.0; 2]);
+        }
+    }
+
     /// One triangle's ball in the frame of the pair.
+    #[inline(always)]
     #[must_use]
     pub fn ball(&self, triangle: u32) -> Ball {
         let ball = self.balls[triangle as usize];
@@ -55,10 +82,39 @@ pub struct CapSide<'a> {
     pub cones: &'a SafetyCones,
     /// From the side's own frame to the frame of the pair; `None` where they are the same.
     pub pose: Option<&'a Pose>,
+    /// [Its rows](Self::rows), where somebody has made them, and the side has not been moved.
+    pub rows: Option<&'a CapRows>,
 }
 
 impl CapSide<'_> {
+    /// Writes a row for each triangle: worth it where most triangles are in several pairs.
+    pub fn rows(&self, rows: &mut CapRows) {
+        rows.fill((0..self.spheres.radii.len() as u32).map(|triangle| self.row(triangle)));
+    }
+
+    #[inline(always)]
+    fn row(&self, triangle: u32) -> (TriangleRow, [f32; 2]) {
+        TriangleRow::of_cap(rounded_corners(&self.surface, triangle), &self.cap(triangle))
+    }
+
+    #[inline(always)]
+    fn gather<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes) {
+        match self.rows {
+            Some(rows) => lanes.gather_caps::<SIDE>(rows, pairs),
+            None => self.gather_one_by_one::<SIDE>(pairs, lanes),
+        }
+    }
+
+    #[inline(never)]
+    fn gather_one_by_one<const SIDE: usize>(&self, pairs: &[[u32; 2]], lanes: &mut RowLanes) {
+        for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
+            let (row, rest) = self.row(pair[SIDE]);
+            lanes.set(lane, &row, rest);
+        }
+    }
+
     /// One triangle's sphere and cone in the frame of the pair.
+    #[inline(always)]
     #[must_use]
     pub fn cap(&self, triangle: u32) -> Cap {
         let cap = Cap::of(self.spheres, self.cones, triangle as usize);
@@ -74,36 +130,6 @@ impl CapSide<'_> {
     }
 }
 
-/// The caps of a pair of triangles, of sheets those that face the other triangle.
-fn facing_caps(a: &CapSide<'_>, b: &CapSide<'_>, [triangle_a, triangle_b]: [u32; 2]) -> [Cap; 2] {
-    let (cap_a, cap_b) = (a.cap(triangle_a), b.cap(triangle_b));
-    let facing = |side: &CapSide<'_>, cap: &Cap, other: &Cap| {
-        if side.surface.one_sided { *cap } else { cap.facing(other.in_plane_center()) }
-    };
-    [facing(a, &cap_a, &cap_b), facing(b, &cap_b, &cap_a)]
-}
-
-/// A pair whose caps meet.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CapPair {
-    /// Triangle of the first side.
-    pub triangle_a: u32,
-    /// Triangle of the second side.
-    pub triangle_b: u32,
-    /// Where the line between the centers meets both triangles' planes, in the frame of the pair.
-    pub contact: CapContact,
-    /// How far apart the spheres, the triangles' boxes and, where asked, their planes keep the two, in the frame of the
-    /// pair; at least 0. They touch where it is no more than the contact distance.
-    pub distance: f64,
-}
-
-/// How far apart the axis-aligned boxes of two triangles are along the axis that parts them most; 0 where they overlap.
-fn box_gap(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
-    let (low_a, high_a) = (a[0].min(a[1]).min(a[2]), a[0].max(a[1]).max(a[2]));
-    let (low_b, high_b) = (b[0].min(b[1]).min(b[2]), b[0].max(b[1]).max(b[2]));
-    (low_a - high_b).max(low_b - high_a).max_element().max(0.0)
-}
-
 /// Appends the candidates whose enclosing balls come within range. In a self-collision, pairs that share a vertex are
 /// left out.
 pub fn overlapping_balls(
@@ -117,23 +143,41 @@ pub fn overlapping_balls(
 }
 
 /// [`overlapping_balls`], telling after each step which pairs are left.
-pub(super) fn overlapping_balls_in_steps(
+pub(super) fn overlapping_balls_in_steps<O: StepObserver>(
     a: &BallSide<'_>,
     b: &BallSide<'_>,
     candidates: &[[u32; 2]],
     settings: &PairSettings,
     overlapping: &mut Vec<[u32; 2]>,
-    observer: &mut impl StepObserver,
+    observer: &mut O,
 ) {
     let reach = (settings.range / settings.scale) as f32;
-    let before = overlapping.len();
-    let apart = without_neighbors(&a.surface, candidates, settings);
-    observer.passed(PairFate::Neighbors, apart.iter().copied());
-    overlapping.extend(apart.iter().filter(|&&[triangle_a, triangle_b]| {
+    let (before, topology) = (overlapping.len(), a.surface.topology);
+    if O::ASKS {
+        observer.passed(PairFate::Neighbors, without_neighbors(&a.surface, candidates, settings).iter().copied());
+    }
+    append_where(candidates, overlapping, |[triangle_a, triangle_b]| {
         let (ball_a, ball_b) = (a.ball(triangle_a), b.ball(triangle_b));
-        spheres_overlap(ball_a.center, ball_a.radius, ball_b.center, ball_b.radius, reach)
-    }));
-    observer.passed(PairFate::Spheres, overlapping[before..].iter().copied());
+        let meet = spheres_overlap(ball_a.center, ball_a.radius, ball_b.center, ball_b.radius, reach);
+        meet & !(settings.same_surface && topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b)))
+    });
+    if O::ASKS {
+        observer.passed(PairFate::Spheres, overlapping[before..].iter().copied());
+    }
+}
+
+/// Appends those of `pairs` that `keep`, without a branch that would be hard to predict.
+#[inline]
+fn append_where(pairs: &[[u32; 2]], kept: &mut Vec<[u32; 2]>, keep: impl Fn([u32; 2]) -> bool) {
+    let mut block = [[0; 2]; 64];
+    for pairs in pairs.chunks(block.len()) {
+        let mut count = 0;
+        for &pair in pairs {
+            block[count] = pair;
+            count += usize::from(keep(pair));
+        }
+        kept.extend_from_slice(&block[..count]);
+    }
 }
 
 /// Appends the candidates whose offset spheres come within range and, where asked, which neither their planes nor the
@@ -149,71 +193,175 @@ pub fn overlapping_caps(
 }
 
 /// [`overlapping_caps`], telling after each step which pairs are left.
-pub(super) fn overlapping_caps_in_steps(
+pub(super) fn overlapping_caps_in_steps<O: StepObserver>(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
     candidates: &[[u32; 2]],
     settings: &PairSettings,
     overlapping: &mut Vec<[u32; 2]>,
-    observer: &mut impl StepObserver,
+    observer: &mut O,
 ) {
-    let reach = (settings.range / settings.scale) as f32;
-    let before = overlapping.len();
-    let pairs = without_neighbors(&a.surface, candidates, settings);
-    observer.passed(PairFate::Neighbors, pairs.iter().copied());
-    let positions = [a.surface.positions, b.surface.positions];
-    let triangles = [a.surface.topology.triangles(), b.surface.topology.triangles()];
-    let spheres_meet = |pair: [u32; 2]| {
-        let [cap_a, cap_b] = facing_caps(a, b, pair);
-        let meet = spheres_overlap(cap_a.center, cap_a.radius, cap_b.center, cap_b.radius, reach);
-        meet.then_some(cap_a.center - cap_b.center)
-    };
-    if !settings.cull {
-        overlapping.extend(pairs.iter().copied().filter(|&pair| spheres_meet(pair).is_some()));
-        observer.passed(PairFate::Spheres, overlapping[before..].iter().copied());
+    let steps: &[PairFate] =
+        if settings.cull { &[PairFate::Planes, PairFate::Spheres, PairFate::CenterLine] } else { &[PairFate::Spheres] };
+    if O::ASKS {
+        let mut left = without_neighbors(&a.surface, candidates, settings).into_owned();
+        observer.passed(PairFate::Neighbors, left.iter().copied());
+        for &step in steps {
+            let mut passed = Vec::new();
+            keep_overlapping_caps(a, b, &left, &[step], settings, &mut passed);
+            observer.passed(step, passed.iter().copied());
+            left = passed;
+        }
+        overlapping.extend(left);
         return;
     }
-    // Planes first: they are compared eight pairs at a time and leave the fewest.
-    let mut past_planes = Vec::with_capacity(pairs.len());
-    let rounded_reach = reach + a.surface.rounding() + b.surface.rounding();
-    cull_by_planes(positions, triangles, &pairs, rounded_reach, &mut past_planes);
-    observer.passed(PairFate::Planes, past_planes.iter().copied());
-    let (past_spheres, lines): (Vec<_>, Vec<_>) =
-        past_planes.into_iter().filter_map(|pair| spheres_meet(pair).map(|line| (pair, line))).unzip();
-    observer.passed(PairFate::Spheres, past_spheres.iter().copied());
-    cull_by_directions(positions, triangles, &past_spheres, &lines, rounded_reach, overlapping);
-    observer.passed(PairFate::CenterLine, overlapping[before..].iter().copied());
+    let before = overlapping.len();
+    keep_overlapping_caps(a, b, candidates, steps, settings, overlapping);
+    if settings.same_surface {
+        // Last: the fewest pairs are left.
+        let mut count = before;
+        for place in before..overlapping.len() {
+            let [triangle_a, triangle_b] = overlapping[place];
+            overlapping[count] = [triangle_a, triangle_b];
+            let neighbors = a.surface.topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b));
+            count += usize::from(!neighbors);
+        }
+        overlapping.truncate(count);
+    }
 }
 
-/// Appends the pairs that pass the cone test, with their contact.
-pub fn meeting_caps(
+/// The caps of eight pairs of triangles, of sheets those that face the other triangle.
+#[inline(always)]
+fn facing_caps(a: &CapSide<'_>, b: &CapSide<'_>, rows: &[RowLanes; 2]) -> [CapLanes; 2] {
+    let [cap_a, cap_b] = [rows[0].cap(), rows[1].cap()];
+    let centers = [cap_a.in_plane_center(), cap_b.in_plane_center()];
+    [
+        if a.surface.one_sided { cap_a } else { cap_a.facing(centers[1]) },
+        if b.surface.one_sided { cap_b } else { cap_b.facing(centers[0]) },
+    ]
+}
+
+/// Appends the pairs that pass all of some steps.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
+fn keep_overlapping_caps(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
-    overlapping: &[[u32; 2]],
+    pairs: &[[u32; 2]],
+    steps: &[PairFate],
     settings: &PairSettings,
-    meeting: &mut Vec<CapPair>,
+    kept: &mut Vec<[u32; 2]>,
 ) {
-    meeting.extend(overlapping.iter().filter_map(|&[triangle_a, triangle_b]| {
-        let [cap_a, cap_b] = facing_caps(a, b, [triangle_a, triangle_b]);
-        let contact = cap_contact(&cap_a, &cap_b)?;
-        let between = cap_a.center.as_dvec3().distance(cap_b.center.as_dvec3());
-        let spheres = between - f64::from(cap_a.radius) - f64::from(cap_b.radius);
-        let (corners_a, corners_b) = (a.surface.corners(triangle_a), b.surface.corners(triangle_b));
-        let planes = if settings.cull {
-            [face_normal(&corners_a), face_normal(&corners_b), contact.direction.as_dvec3()]
-                .into_iter()
-                .map(|direction| gap_along(direction, &corners_a, &corners_b))
-                .fold(0.0, f64::max)
-        } else {
-            0.0
-        };
-        // Boxes always: candidates reach as far as the margin, and the pairs must not depend on it.
-        let distance = spheres.max(planes).max(box_gap(&corners_a, &corners_b));
-        Some(CapPair { triangle_a, triangle_b, contact, distance })
-    }));
+    let [planes, spheres, center_line] =
+        [PairFate::Planes, PairFate::Spheres, PairFate::CenterLine].map(|step| steps.contains(&step));
+    let reach = (settings.range / settings.scale) as f32;
+    let rounded_reach = Lanes::splat(reach + a.surface.rounding() + b.surface.rounding());
+    let mut rows = [RowLanes::EMPTY; 2];
+    for pairs in pairs.chunks(WIDTH) {
+        a.gather::<0>(pairs, &mut rows[0]);
+        b.gather::<1>(pairs, &mut rows[1]);
+        let corners = PairLanes::of_corners(rows[0].corners(), rows[1].corners());
+        let mut apart = Mask([0; WIDTH]);
+        if planes {
+            let along_normals = corners.excess_along_normals(rounded_reach);
+            apart = apart.or(along_normals.greater_than(Lanes::ZERO));
+        }
+        let [cap_a, cap_b] = facing_caps(a, b, &rows);
+        if spheres {
+            apart = apart.or(cap_a.overlap(&cap_b, Lanes::splat(reach)).not());
+        }
+        if center_line {
+            let line = cap_a.center - cap_b.center;
+            apart = apart.or(corners.excess_along(line, rounded_reach).greater_than(Lanes::ZERO));
+        }
+        keep(pairs, &apart, kept);
+    }
+}
+
+/// Appends the pairs that are not apart. Kept apart itself: numbers that are stored side by side are computed side by side.
+#[inline(never)]
+fn keep(pairs: &[[u32; 2]], apart: &Mask, kept: &mut Vec<[u32; 2]>) {
+    let (mut block, mut count) = ([[0; 2]; WIDTH], 0);
+    for (&pair, apart) in pairs.iter().zip(apart.0) {
+        block[count] = pair;
+        count += usize::from(apart == 0);
+    }
+    kept.extend_from_slice(&block[..count]);
+}
+
+/// Eight contacts of two whole triangles by their spheres, in the frame of the pair.
+struct FaceContacts {
+    /// Contact points on the first and the second side.
+    points: [VectorLanes; 2],
+    /// From the second side to the first.
+    normal: VectorLanes,
+    /// From one point to the other, along the normal.
+    gap: DoubleLanes,
+    /// What the distance of the two is at least, as far as the method knows; at least 0.
+    distance: DoubleLanes,
+    /// Where there is any contact.
+    meet: Mask,
+}
+
+/// What is written of eight contacts. In memory, and for the same reason as the lanes that are gathered.
+struct WrittenContacts {
+    barycentrics: [[Lanes; 2]; 2],
+    point_b: VectorLanes,
+    normal: VectorLanes,
+    /// In world units, like the distance.
+    gap: DoubleLanes,
+    distance: DoubleLanes,
+    meet: Mask,
+}
+
+impl FaceContacts {
+    #[inline(always)]
+    fn write(self, triangles: &TrianglePairLanes, settings: &PairSettings) -> WrittenContacts {
+        let scale = DoubleLanes::splat(settings.scale);
+        let distance = self.distance * scale;
+        WrittenContacts {
+            barycentrics: [triangles.a.barycentrics(self.points[0]), triangles.b.barycentrics(self.points[1])],
+            point_b: self.points[1],
+            normal: self.normal,
+            // Along the normal the two may be farther apart than what counts as the pair's distance.
+            gap: (self.gap * scale).min(distance),
+            distance,
+            meet: self.meet,
+        }
+    }
+}
+
+impl WrittenContacts {
+    /// Counts the pairs by their distances, and reports their contacts. A pair that is listed twice in a row has one.
+    #[inline(never)]
+    fn push(&self, pairs: &[[u32; 2]], settings: &PairSettings, found: &mut FoundPairs) {
+        for (lane, &[triangle_a, triangle_b]) in pairs.iter().enumerate().take(WIDTH) {
+            if self.meet.0[lane] == 0 {
+                continue;
+            }
+            let (distance, gap) = (self.distance.0[lane], self.gap.0[lane]);
+            found.nearest = found.nearest.min(distance.max(0.0));
+            if distance <= settings.contact_distance {
+                found.touching.push(TouchingPair { triangle_a, triangle_b, distance: gap.max(0.0) });
+            }
+            if distance <= settings.reported_distance {
+                let weights = |side: usize| self.barycentrics[side].each_ref().map(|weights| weights.0[lane]);
+                let place = FacePlace {
+                    barycentrics: [weights(0), weights(1)],
+                    point_b: self.point_b.get(lane),
+                    normal: self.normal.get(lane),
+                    distance: gap as f32,
+                };
+                let contact = CompactContact::between_faces([triangle_a, triangle_b], settings.same_surface, place);
+                if found.contacts.last().is_none_or(|last| last.key != contact.key) {
+                    found.contacts.push(contact);
+                }
+            }
+        }
+    }
 }
 
 /// Appends the contacts of pairs whose enclosing balls overlap.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
 pub fn ball_contacts(
     a: &BallSide<'_>,
     b: &BallSide<'_>,
@@ -221,88 +369,89 @@ pub fn ball_contacts(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    for &triangles in overlapping {
-        let (own, other) = (a.ball(triangles[0]), b.ball(triangles[1]));
-        let between = own.center.as_dvec3() - other.center.as_dvec3();
-        let normal = between.normalize_or(DVec3::Y).as_vec3();
-        let gap = between.length() - f64::from(own.radius) - f64::from(other.radius);
-        let corners = [a.surface.corners(triangles[0]), b.surface.corners(triangles[1])];
-        // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
-        let distance = gap.max(box_gap(&corners[0], &corners[1]));
-        let points = [own.center - normal * own.radius, other.center + normal * other.radius];
-        let contact = FaceContact::at(triangles, &corners, points, normal, distance, gap);
-        contact.push([&a.surface, &b.surface], settings, found);
+    found.touching.reserve(overlapping.len());
+    found.contacts.reserve(overlapping.len());
+    let mut triangles = TrianglePairLanes::EMPTY;
+    let mut rows = [RowLanes::EMPTY; 2];
+    let up = VectorLanes { x: Lanes::ZERO, y: Lanes::splat(1.0), z: Lanes::ZERO };
+    for pairs in overlapping.chunks(WIDTH) {
+        a.gather::<0>(pairs, &mut rows[0]);
+        b.gather::<1>(pairs, &mut rows[1]);
+        triangles.a.fetch::<0>(&a.surface, pairs, &rows[0].corners());
+        triangles.b.fetch::<1>(&b.surface, pairs, &rows[1].corners());
+        let [own, other] = [rows[0].center(), rows[1].center()];
+        let [own_radius, other_radius] = [rows[0].radius(), rows[1].radius()];
+        let between = own.widened() - other.widened();
+        let normal = between.normalized_or(up.widened()).rounded();
+        let gap = between.dot(between).sqrt() - own_radius.widened() - other_radius.widened();
+        let contacts = FaceContacts {
+            points: [own - normal.scaled(own_radius), other.plus(normal.scaled(other_radius))],
+            normal,
+            gap,
+            // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
+            distance: gap.max(triangles.box_gap()),
+            meet: Mask([u32::MAX; WIDTH]),
+        };
+        contacts.write(&triangles, settings).push(pairs, settings, found);
     }
 }
 
-/// Appends the contacts of pairs whose caps meet.
-pub fn cap_contacts(
+/// Appends the pairs that pass the cone test to `meeting`, and what contacts they amount to to `found`.
+#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
+pub fn meeting_caps(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
-    meeting: &[CapPair],
+    overlapping: &[[u32; 2]],
     settings: &PairSettings,
+    meeting: &mut Vec<[u32; 2]>,
     found: &mut FoundPairs,
 ) {
-    for &CapPair { triangle_a, triangle_b, contact, distance } in meeting {
-        let triangles = [triangle_a, triangle_b];
-        let corners = [a.surface.corners(triangle_a), b.surface.corners(triangle_b)];
-        let points = [contact.point_a, contact.point_b];
-        let (normal, gap) = (-contact.direction, f64::from(contact.gap));
-        let contact = FaceContact::at(triangles, &corners, points, normal, distance, gap);
-        contact.push([&a.surface, &b.surface], settings, found);
-    }
-}
-
-/// A contact of two whole triangles by their spheres, in the frame of the pair.
-struct FaceContact {
-    triangles: [u32; 2],
-    /// Weights of the corners at the contact points.
-    barycentrics: [[f64; 3]; 2],
-    point_b: DVec3,
-    /// From the second side to the first.
-    normal: DVec3,
-    /// What the distance of the two is at least, as far as the method knows; at least 0.
-    distance: f64,
-    /// From one point to the other, along the normal.
-    gap: f64,
-}
-
-impl FaceContact {
-    fn at(
-        triangles: [u32; 2],
-        corners: &[[DVec3; 3]; 2],
-        points: [Vec3; 2],
-        normal: Vec3,
-        distance: f64,
-        gap: f64,
-    ) -> Self {
-        let points = points.map(Vec3::as_dvec3);
-        let barycentrics = [barycentric_of(&corners[0], points[0]), barycentric_of(&corners[1], points[1])];
-        Self { triangles, barycentrics, point_b: points[1], normal: normal.as_dvec3(), distance, gap }
-    }
-
-    /// Counts the pair by its distance, and reports its contact.
-    fn push(&self, surfaces: [&SurfaceSide<'_>; 2], settings: &PairSettings, found: &mut FoundPairs) {
-        let distance = self.distance * settings.scale;
-        // Along the normal the two may be farther apart than what counts as the pair's distance.
-        let gap = (self.gap * settings.scale).min(distance);
-        found.nearest = found.nearest.min(distance.max(0.0));
-        if distance <= settings.contact_distance {
-            let [triangle_a, triangle_b] = self.triangles;
-            found.touching.push(TouchingPair { triangle_a, triangle_b, distance: gap.max(0.0) });
+    meeting.reserve(overlapping.len());
+    found.touching.reserve(overlapping.len());
+    found.contacts.reserve(overlapping.len());
+    let mut triangles = TrianglePairLanes::EMPTY;
+    let mut rows = [RowLanes::EMPTY; 2];
+    for pairs in overlapping.chunks(WIDTH) {
+        a.gather::<0>(pairs, &mut rows[0]);
+        b.gather::<1>(pairs, &mut rows[1]);
+        let [cap_a, cap_b] = facing_caps(a, b, &rows);
+        triangles.a.fetch::<0>(&a.surface, pairs, &rows[0].corners());
+        triangles.b.fetch::<1>(&b.surface, pairs, &rows[1].corners());
+        let (mut contact, mut meet, extraordinary) = cap_a.contact(&cap_b);
+        if extraordinary.any() {
+            settle(&cap_a, &cap_b, &extraordinary, &mut contact, &mut meet);
         }
-        if distance <= settings.reported_distance {
-            found.contacts.push(CompactContact::between_triangles(
-                surfaces,
-                self.triangles,
-                settings.same_surface,
-                FeaturePair { a: Feature::Face, b: Feature::Face },
-                self.barycentrics[0],
-                self.barycentrics[1],
-                self.point_b,
-                self.normal,
-                gap,
-            ));
+        keep(pairs, &meet.not(), meeting);
+        let between = cap_a.center.widened() - cap_b.center.widened();
+        let spheres = between.dot(between).sqrt() - cap_a.radius.widened() - cap_b.radius.widened();
+        // Boxes always: candidates reach as far as the margin, and the pairs must not depend on it.
+        let mut distance = spheres.max(triangles.box_gap());
+        if settings.cull {
+            distance = distance.max(triangles.gap_along_normals_and(contact.direction.widened()));
+        }
+        let contacts = FaceContacts {
+            points: [contact.point_a, contact.point_b],
+            normal: contact.direction.negated(),
+            gap: contact.gap.widened(),
+            distance,
+            meet,
+        };
+        contacts.write(&triangles, settings).push(pairs, settings, found);
+    }
+}
+
+/// Tests the pairs that eight at a time cannot be told of, one by one.
+#[cold]
+#[inline(never)]
+fn settle(a: &CapLanes, b: &CapLanes, extraordinary: &Mask, contacts: &mut CapContactLanes, meet: &mut Mask) {
+    for lane in (0..WIDTH).filter(|&lane| extraordinary.0[lane] != 0) {
+        let contact = cap_contact(&a.get(lane), &b.get(lane));
+        meet.0[lane] = if contact.is_some() { u32::MAX } else { 0 };
+        if let Some(contact) = contact {
+            contacts.point_a.set(lane, contact.point_a);
+            contacts.point_b.set(lane, contact.point_b);
+            contacts.direction.set(lane, contact.direction);
+            contacts.gap.0[lane] = contact.gap;
         }
     }
 }

@@ -4,7 +4,7 @@
 //! numbers. Each welded edge and vertex knows its triangles, so later stages can decide alone which of several
 //! triangles reports a shared feature. First in the flow: positions and triangles come in, adjacency goes out.
 
-use std::collections::HashMap;
+use std::{collections::HashMap, sync::OnceLock};
 
 use glam::Vec3;
 
@@ -79,6 +79,25 @@ pub struct SurfaceTopology {
     vertex_triangles: Incidence,
     surroundings: Vec<Surroundings>,
     report: TopologyReport,
+    hinges: OnceLock<Box<[Hinge]>>,
+}
+
+/// How the triangles around an edge fold there.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Hinge {
+    /// The edge ends the surface.
+    Rim,
+    /// Two triangles.
+    Fold {
+        /// The lower one first.
+        triangles: [u32; 2],
+        /// The ends of the edge as the first triangle runs through it and the caller numbered them.
+        ends: [u32; 2],
+        /// Whether the second triangle runs through it in the same direction, and so is turned inside out.
+        turned: bool,
+    },
+    /// Three triangles or more.
+    Branch,
 }
 
 /// What a triangle is to its neighbors, in one place.
@@ -182,6 +201,7 @@ impl SurfaceTopology {
             vertex_triangles,
             surroundings,
             report: TopologyReport::default(),
+            hinges: OnceLock::new(),
         };
         topology.report = topology.inspect();
         Ok(topology)
@@ -214,6 +234,28 @@ impl SurfaceTopology {
         let corners = self.welded_triangles[triangle as usize];
         let [first, second] = self.edges[edge as usize];
         (0..3).any(|k| corners[k] == first && corners[(k + 1) % 3] == second)
+    }
+
+    /// The hinge at each edge, found when they are first asked for.
+    pub(super) fn hinges(&self) -> &[Hinge] {
+        self.hinges.get_or_init(|| (0..self.edges.len() as u32).map(|edge| self.hinge(edge)).collect())
+    }
+
+    fn hinge(&self, edge: u32) -> Hinge {
+        match *self.edge_triangles.around(edge) {
+            [] | [_] => Hinge::Rim,
+            [first, second] => {
+                let edges = self.triangle_edges[first as usize];
+                let side = (0..3).find(|&k| edges[k] == edge).unwrap_or_default();
+                let corners = self.triangles[first as usize];
+                Hinge::Fold {
+                    triangles: [first, second],
+                    ends: [corners[side], corners[(side + 1) % 3]],
+                    turned: self.runs_forward(first, edge) == self.runs_forward(second, edge),
+                }
+            }
+            _ => Hinge::Branch,
+        }
     }
 
     /// How many positions the surface needs.

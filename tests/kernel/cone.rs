@@ -8,11 +8,12 @@ use bevy_circumsphere::kernel::{
     bounds::{pairs_between_brute_force, triangle_bounds},
     circumsphere::{OffsetSpheres, RecipeSettings, enclosing_balls},
     cone::{Cap, SafetyCones, cap_contact, spheres_overlap},
+    contact::CompactContact,
     curvature::{CurvatureEstimator, Curvatures},
-    pair::{PairSettings, SurfaceSide},
+    pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
     reference::triangle_distance,
-    sphere_pairs::{BallSide, CapPair, CapSide, meeting_caps, overlapping_balls, overlapping_caps},
+    sphere_pairs::{BallSide, CapSide, meeting_caps, overlapping_balls, overlapping_caps},
     topology::SurfaceTopology,
 };
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere};
@@ -66,19 +67,21 @@ impl Body {
             spheres: &self.spheres,
             cones: &self.cones,
             pose: None,
+            rows: None,
         }
     }
 }
 
-fn meeting(a: &Body, b: &Body) -> (Vec<[u32; 2]>, Vec<CapPair>) {
+fn meeting(a: &Body, b: &Body) -> (Vec<[u32; 2]>, Vec<[u32; 2]>, FoundPairs) {
     let (mut boxes_a, mut boxes_b) = (Vec::new(), Vec::new());
     triangle_bounds(&a.positions, a.topology.triangles(), 0.5 * REACH, &mut boxes_a);
     triangle_bounds(&b.positions, b.topology.triangles(), 0.5 * REACH, &mut boxes_b);
     let (mut candidates, mut overlapping, mut meeting) = (Vec::new(), Vec::new(), Vec::new());
     pairs_between_brute_force(&boxes_a, &boxes_b, &mut candidates);
     overlapping_caps(&a.side(), &b.side(), &candidates, &settings(REACH, false), &mut overlapping);
-    meeting_caps(&a.side(), &b.side(), &overlapping, &settings(REACH, false), &mut meeting);
-    (candidates, meeting)
+    let mut found = FoundPairs::default();
+    meeting_caps(&a.side(), &b.side(), &overlapping, &settings(REACH, false), &mut meeting, &mut found);
+    (candidates, meeting, found)
 }
 
 /// A box turned by `turn` with its lowest point half the reach above the origin's plane, somewhere over the sheet.
@@ -100,9 +103,10 @@ fn found_over_plane(turns: &[DQuat], subdivisions: usize, phi: f32, random: &mut
         let placed = box_over_plane(&mesh, turn, random);
         for (clamp, found) in [true, false].into_iter().zip(&mut found) {
             let body = Body::new(&mesh, placed.clone(), clamp, phi);
-            let (candidates, pairs) = meeting(&body, &plane);
+            let (candidates, pairs, contacts) = meeting(&body, &plane);
             assert!(!candidates.is_empty(), "something is in reach");
-            assert!(pairs.iter().all(|pair| pair.contact.gap.is_finite() && pair.contact.direction.is_finite()));
+            let is_finite = |contact: &CompactContact| contact.distance.is_finite() && contact.normal.is_finite();
+            assert!(contacts.contacts.iter().all(is_finite));
             *found += usize::from(!pairs.is_empty());
         }
     }
@@ -387,8 +391,8 @@ fn overlapping_balls_lose_no_pair_within_reach() {
         let pose = Pose::from_affine(&affine).expect("similarity");
         let mut moved = Vec::new();
         pose.transform_points(&rest, &mut moved);
-        let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None };
-        let other = BallSide { surface: side(&topology, &moved), balls: &balls, pose: Some(&pose) };
+        let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None, rows: None };
+        let other = BallSide { surface: side(&topology, &moved), balls: &balls, pose: Some(&pose), rows: None };
         let mut overlapping = Vec::new();
         overlapping_balls(&own, &other, &all, &settings(REACH, false), &mut overlapping);
         kept += overlapping.len();
@@ -412,7 +416,7 @@ fn overlapping_balls_lose_no_pair_within_reach() {
     println!("{within} pairs within reach, {kept} of {} overlapping", 4 * all.len());
     assert!(within > 20 && kept < all.len());
     let mut overlapping = Vec::new();
-    let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None };
+    let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None, rows: None };
     overlapping_balls(&own, &own, &all, &settings(4.0 * REACH, true), &mut overlapping);
     assert!(overlapping.len() > 320);
     for &[first, second] in &overlapping {

@@ -13,6 +13,7 @@ mod pose;
 mod refine;
 mod shapes;
 mod smooth_normal;
+mod sphere_contacts;
 mod spheres;
 mod steadiness;
 mod topology;

@@ -27,7 +27,7 @@ use super::{
     memory::{DetectionMemory, StageList},
 };
 use crate::{
-    contacts::EVENT_HYSTERESIS,
+    contacts::{ContactStore, EVENT_HYSTERESIS},
     kernel::{bounds::Aabb, pose::Pose, tree::BoxTree},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -212,6 +212,7 @@ fn pair_surfaces(
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut buffers: Local<PairingBuffers>,
+    store: Option<Res<ContactStore>>,
     bounds: Query<&TriangleBounds>,
 ) {
     let start = Instant::now();
@@ -227,7 +228,8 @@ fn pair_surfaces(
 
     // As many as there are may wait to be used again: pairs come and go from tick to tick.
     buffers.spare.truncate(candidates.pairs.len());
-    memory.begin(&active, &settings, candidates.last_changed(), &bounds);
+    let store_changed = store.map(|store| store.last_changed());
+    memory.begin(&active, &settings, candidates.last_changed(), store_changed, &bounds);
     buffers.last_names.clear();
     buffers.last_names.extend(candidates.pairs.iter().map(|pair| name(pair.first, pair.second)));
     buffers.last.clear();

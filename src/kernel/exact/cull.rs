@@ -9,7 +9,7 @@
 
 use std::cmp::Ordering;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use crate::kernel::lanes::{Lanes, PairLanes, VectorLanes, WIDTH, normal, project};
 
@@ -36,7 +36,7 @@ impl PairLanes {
     }
 
     #[inline(always)]
-    fn excess_along_normals(&self, range: Lanes) -> Lanes {
+    pub(in crate::kernel) fn excess_along_normals(&self, range: Lanes) -> Lanes {
         self.excess_along(normal(&self.a), range).max(self.excess_along(normal(&self.b), range))
     }
 }
@@ -58,25 +58,6 @@ pub fn cull_by_planes(
     }
 }
 
-/// Appends the pairs that the direction given with each does not separate by more than `range`.
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
-pub(in crate::kernel) fn cull_by_directions(
-    positions: [&[Vec3]; 2],
-    triangles: [&[[u32; 3]]; 2],
-    pairs: &[[u32; 2]],
-    directions: &[Vec3],
-    range: f32,
-    kept: &mut Vec<[u32; 2]>,
-) {
-    let mut lanes = PairLanes::EMPTY;
-    let mut along = VectorLanes::ZERO;
-    for (pairs, directions) in pairs.chunks(WIDTH).zip(directions.chunks(WIDTH)) {
-        lanes.gather(positions, triangles, pairs);
-        along.gather(directions);
-        keep(pairs, &lanes.excess_along(along, Lanes::splat(range)), kept);
-    }
-}
-
 /// Appends the pairs without excess. Kept apart like the gathering: numbers that are stored side by side are computed
 /// side by side.
 #[inline(never)]
@@ -87,11 +68,4 @@ fn keep(pairs: &[[u32; 2]], excess: &Lanes, kept: &mut Vec<[u32; 2]>) {
 /// Whether an excess proves a pair apart. One that is not a number, of coordinates near the end of f32, proves nothing.
 pub(in crate::kernel) fn proves_apart(excess: f32) -> bool {
     excess.partial_cmp(&0.0) == Some(Ordering::Greater)
-}
-
-/// How far apart two triangles are along a unit direction, in f64; 0 where they overlap or it is zero.
-pub(in crate::kernel) fn gap_along(direction: DVec3, own: &[DVec3; 3], other: &[DVec3; 3]) -> f64 {
-    let [a, b, c] = [0, 1, 2].map(|k| direction.dot(own[k] - own[0]));
-    let [p, q, r] = [0, 1, 2].map(|k| direction.dot(other[k] - own[0]));
-    (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r)).max(0.0)
 }

@@ -3,13 +3,21 @@
 //! The arithmetic of the culls (`exact::cull`). Everything is inlined into a function that is compiled for several instruction sets and chosen at run time,
 //! so a default build uses the machine's widest: what is not inlined is not compiled for it.
 
+mod angles;
+mod caps;
+mod corners;
 mod pairs;
+mod triangles;
 
 use std::ops::{Add, Div, Mul, Sub};
 
 use glam::{DVec3, Vec3};
 
+pub(in crate::kernel) use angles::{arc_tangent, sine_cosine, tangent};
+pub(in crate::kernel) use caps::{CapContactLanes, CapLanes};
+pub(in crate::kernel) use corners::TrianglePairLanes;
 pub(in crate::kernel) use pairs::{PairLanes, normal, project};
+pub(in crate::kernel) use triangles::{EdgeChoice, FrameLanes, TriangleLanes};
 
 /// How many pairs are worked on at a time.
 pub(in crate::kernel) const WIDTH: usize = 8;
@@ -18,7 +26,7 @@ pub(in crate::kernel) const WIDTH: usize = 8;
 macro_rules! lanes {
     ($Lanes:ident, $Mask:ident, $VectorLanes:ident, $number:ty, $bits:ty, $Vector:ty, $align:literal) => {
         /// One number of each of eight pairs.
-        #[derive(Clone, Copy)]
+        #[derive(Clone, Copy, Debug)]
         #[repr(align($align))]
         pub(in crate::kernel) struct $Lanes(pub(in crate::kernel) [$number; WIDTH]);
 
@@ -174,14 +182,6 @@ macro_rules! lanes {
                 self.x.0[lane] = vector.x;
                 self.y.0[lane] = vector.y;
                 self.z.0[lane] = vector.z;
-            }
-
-            // Kept apart for the same reason as the gathering of pairs.
-            #[inline(never)]
-            pub(in crate::kernel) fn gather(&mut self, vectors: &[$Vector]) {
-                for (lane, &vector) in vectors.iter().enumerate().take(WIDTH) {
-                    self.set(lane, vector);
-                }
             }
 
             #[inline(always)]

@@ -6,10 +6,6 @@ use glam::Vec3;
 
 use super::{Lanes, VectorLanes, WIDTH};
 
-/// Of pairs of a larger extent nothing is known. Up to here a projection on any direction whose square is finite, below
-/// 1.9e19 long, is finite too; beyond, infinities of both signs would add up to what is no number and proves nothing.
-const LARGEST_EXTENT: f32 = 1.0e18;
-
 /// Eight pairs of triangles, relative to the first triangle's first corner.
 pub(in crate::kernel) struct PairLanes {
     pub(in crate::kernel) a: [VectorLanes; 3],
@@ -20,6 +16,10 @@ pub(in crate::kernel) struct PairLanes {
 }
 
 impl PairLanes {
+    /// Of pairs of a larger extent nothing is known. Up to here a projection on any direction whose square is finite, below
+    /// 1.9e19 long, is finite too; beyond, infinities of both signs would add up to what is no number and proves nothing.
+    pub(in crate::kernel) const LARGEST_EXTENT: f32 = 1.0e18;
+
     pub(in crate::kernel) const EMPTY: Self =
         Self { a: [VectorLanes::ZERO; 3], b: [VectorLanes::ZERO; 3], extent: Lanes::ZERO };
 
@@ -44,7 +44,7 @@ impl PairLanes {
                 self.b[k].set(lane, corner_b);
             }
             let extent = largest.element_sum();
-            self.extent.0[lane] = if extent <= LARGEST_EXTENT { extent } else { f32::INFINITY };
+            self.extent.0[lane] = if extent <= Self::LARGEST_EXTENT { extent } else { f32::INFINITY };
         }
     }
 }

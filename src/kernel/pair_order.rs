@@ -1,0 +1,96 @@
+//! Sorts pairs of triangles into the order of the contacts they may give.
+//!
+//! Eight bytes a pair are moved rather than whole contacts: the sphere stages sort what overlaps, and make contacts in
+//! order. A radix sort, least significant digit first.
+
+/// Bits of a digit: the counts of its values stay in the first cache.
+const LARGEST_DIGIT: u32 = 12;
+
+/// Shorter lists are sorted by comparisons.
+const SHORT: usize = 256;
+
+/// Sorts `pairs` by their contacts' [keys](super::contact::ContactKey): by the first triangle, then by the second; of a
+/// surface with itself (`same_surface`) by the lower one, then by the higher. `spare` is room to work in.
+pub fn sort_pairs(pairs: &mut Vec<[u32; 2]>, same_surface: bool, spare: &mut Vec<[u32; 2]>) {
+    if same_surface && pairs.iter().any(|&[a, b]| b < a) {
+        pairs.sort_unstable_by_key(|&[a, b]| (a.min(b), a.max(b), a));
+    } else if pairs.len() < SHORT {
+        pairs.sort_unstable();
+    } else if !pairs.is_sorted() {
+        spare.resize(pairs.len(), [0; 2]);
+        let bits = [0, 1].map(|side| {
+            let largest = pairs.iter().fold(0, |largest, pair| pair[side].max(largest));
+            u32::BITS - largest.leading_zeros()
+        });
+        let all_bits = bits[0] + bits[1];
+        let digits = all_bits.div_ceil(LARGEST_DIGIT);
+        let width = all_bits.div_ceil(digits);
+        for digit in 0..digits {
+            distribute(pairs, spare, bits[1], digit * width, width);
+            std::mem::swap(pairs, spare);
+        }
+    }
+}
+
+/// Writes `pairs` into `sorted`, sorted by `width` bits from `shift` on of the number whose lower `low` bits are the second
+/// triangle, and the others the first; equals keep their order.
+fn distribute(pairs: &[[u32; 2]], sorted: &mut [[u32; 2]], low: u32, shift: u32, width: u32) {
+    const COUNT: usize = 1 << LARGEST_DIGIT;
+    let mut places = [0u32; COUNT];
+    let mask = (1 << width) - 1;
+    let digit = |&[first, second]: &[u32; 2]| {
+        let number = (u64::from(first) << low) | u64::from(second);
+        ((number >> shift) & mask) as usize % COUNT
+    };
+    for pair in pairs {
+        places[digit(pair)] += 1;
+    }
+    let mut next = 0;
+    for place in &mut places {
+        next += std::mem::replace(place, next);
+    }
+    for pair in pairs {
+        let place = &mut places[digit(pair)];
+        sorted[*place as usize] = *pair;
+        *place += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers that look random, below `end`.
+    fn numbers(count: usize, end: u32) -> impl Iterator<Item = u32> {
+        (0..count as u64)
+            .map(move |place| ((place * 2_654_435_761 + place * place * 40_503) % 4_294_967_291) as u32 % end)
+    }
+
+    #[test]
+    fn pairs_come_out_as_a_comparison_sorts_them() {
+        let mut spare = Vec::new();
+        for count in [0, 1, 2, SHORT - 1, SHORT, 5_000, 100_000] {
+            for end in [1, 2, 300, 92_230, 1 << 28] {
+                for same_surface in [false, true] {
+                    let second = numbers(2 * count, end).skip(count);
+                    let mut pairs: Vec<[u32; 2]> = numbers(count, end).zip(second).map(<[u32; 2]>::from).collect();
+                    let mut expected = pairs.clone();
+                    if same_surface {
+                        expected.sort_by_key(|&[a, b]| (a.min(b), a.max(b), a));
+                    } else {
+                        expected.sort();
+                    }
+                    assert!(count < SHORT || end < 300 || pairs != expected, "there is something to sort");
+                    sort_pairs(&mut pairs, same_surface, &mut spare);
+                    assert!(pairs == expected, "{count} pairs below {end}");
+                    // Lower triangle first, as broad phases list them: not by comparisons.
+                    let mut ordered: Vec<[u32; 2]> = pairs.iter().rev().map(|&[a, b]| [a.min(b), a.max(b)]).collect();
+                    let mut expected = ordered.clone();
+                    expected.sort();
+                    sort_pairs(&mut ordered, same_surface, &mut spare);
+                    assert!(ordered == expected, "{count} pairs below {end}");
+                }
+            }
+        }
+    }
+}

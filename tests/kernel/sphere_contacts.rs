@@ -1,0 +1,296 @@
+//! Contacts of spheres, eight at a time, are those of one pair at a time.
+
+use crate::{
+    common::Random,
+    truth::{ROUNDING, independent, positions},
+};
+use bevy_circumsphere::kernel::{
+    circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
+    cone::{Cap, SafetyCones, cap_contact},
+    curvature::{CurvatureEstimator, Curvatures},
+    exact::barycentric::barycentric_of,
+    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pose::Pose,
+    sphere_pairs::{BallSide, CapSide, ball_contacts, meeting_caps},
+    sphere_rows::{BallRows, CapRows},
+    topology::SurfaceTopology,
+};
+use circumsphere_support::scenes::crumpled_sheet;
+use glam::{Affine3A, DVec3, Quat, Vec3};
+
+/// Rounding of a handful of operations in f64 on coordinates of 100, below what single precision stores.
+const DOUBLE_ROUNDING: f64 = 1.0e-12;
+
+const SETTINGS: PairSettings = PairSettings {
+    contact_distance: 0.2,
+    reported_distance: 0.4,
+    range: 0.5,
+    scale: 1.5,
+    cull: true,
+    same_surface: false,
+};
+
+/// A surface with everything that the sphere stages ask for.
+struct Body {
+    topology: SurfaceTopology,
+    positions: Vec<Vec3>,
+    balls: Vec<Ball>,
+    spheres: OffsetSpheres,
+    cones: SafetyCones,
+}
+
+impl Body {
+    fn new(positions: Vec<Vec3>, triangles: &[[u32; 3]]) -> Self {
+        let topology = SurfaceTopology::new(&positions, triangles).expect("the mesh is valid");
+        let mut measured = Curvatures::default();
+        measured.measure(&topology, &positions, CurvatureEstimator::SignedEdge);
+        let (mut spheres, mut cones) = (OffsetSpheres::default(), SafetyCones::default());
+        let recipe = RecipeSettings { phi: 0.5, curvature_threshold: 2.0, delta: 0.7 };
+        spheres.refit(&positions, triangles, &measured.curvatures, &measured.dihedrals, recipe, &mut cones);
+        cones.widen(&measured.spreads);
+        let mut balls = Vec::new();
+        enclosing_balls(&positions, triangles, &mut balls);
+        Self { topology, positions, balls, spheres, cones }
+    }
+
+    fn surface(&self, one_sided: bool) -> SurfaceSide<'_> {
+        SurfaceSide { topology: &self.topology, positions: &self.positions, moved: None, one_sided, mirrored: false }
+    }
+
+    fn cap_side(&self, one_sided: bool) -> CapSide<'_> {
+        let surface = self.surface(one_sided);
+        CapSide { surface, spheres: &self.spheres, cones: &self.cones, pose: None, rows: None }
+    }
+
+    fn ball_side(&self) -> BallSide<'_> {
+        BallSide { surface: self.surface(true), balls: &self.balls, pose: None, rows: None }
+    }
+
+    fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize].as_dvec3())
+    }
+}
+
+/// A crumpled sheet, and triangles of all sizes and shapes: without area, twice in the same place, tiny, far out.
+fn bodies(random: &mut Random) -> [Body; 2] {
+    let sheet = crumpled_sheet(1_000, 0.0);
+    let mut triangles = Vec::new();
+    for index in 0..600 {
+        let place = random.vector() * [1.0, 1.0, 1.0e-20, 100.0][index % 4];
+        let size = [1.0, 0.1, 1.0e-25, 1.0e-3][index / 4 % 4];
+        let mut corners = [0, 1, 2].map(|_| (place + random.vector() * size).as_vec3());
+        match index % 11 {
+            0 => corners[2] = corners[0],
+            1 => corners = [corners[0]; 3],
+            2 => corners[2] = corners[0].midpoint(corners[1]),
+            _ => {}
+        }
+        triangles.extend([corners, corners]);
+    }
+    let (soup, list) = independent(&triangles);
+    [Body::new(positions(&sheet), &sheet.triangles), Body::new(soup, &list)]
+}
+
+fn random_pairs(random: &mut Random, a: &Body, b: &Body) -> Vec<[u32; 2]> {
+    let counts = [a, b].map(|body| body.topology.triangles().len());
+    let mut pairs: Vec<[u32; 2]> = (0..60_001).map(|_| counts.map(|count| random.below(count) as u32)).collect();
+    // The same triangle, and its twin, which is in the same place.
+    pairs.extend(
+        (0..counts[1].min(counts[0]) as u32).flat_map(|triangle| [[triangle, triangle], [triangle, triangle ^ 1]]),
+    );
+    pairs.sort_unstable();
+    pairs.dedup();
+    pairs
+}
+
+fn box_gap(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
+    let low = |corners: &[DVec3; 3]| corners[0].min(corners[1]).min(corners[2]);
+    let high = |corners: &[DVec3; 3]| corners[0].max(corners[1]).max(corners[2]);
+    (low(a) - high(b)).max(low(b) - high(a)).max_element().max(0.0)
+}
+
+fn gap_along(direction: DVec3, a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
+    let along = |corners: &[DVec3; 3]| corners.map(|corner| direction.dot(corner - a[0]));
+    let low = |values: [f64; 3]| values.into_iter().fold(f64::INFINITY, f64::min);
+    let high = |values: [f64; 3]| values.into_iter().fold(f64::NEG_INFINITY, f64::max);
+    (low(along(a)) - high(along(b))).max(low(along(b)) - high(along(a)))
+}
+
+fn unit_normal(corners: &[DVec3; 3]) -> DVec3 {
+    (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero()
+}
+
+/// What one pair amounts to, by itself.
+struct Expected {
+    points: [Vec3; 2],
+    normal: Vec3,
+    gap: f64,
+    distance: f64,
+}
+
+/// Holds what was found against what each pair amounts to. Returns how many contacts there are, and how many pairs touch.
+fn assert_found(
+    found: &FoundPairs,
+    [a, b]: [&Body; 2],
+    pairs: &[[u32; 2]],
+    expected: impl Fn([u32; 2]) -> Option<Expected>,
+) -> [usize; 2] {
+    let (mut contacts, mut touching, mut nearest) = (found.contacts.iter(), found.touching.iter(), f64::INFINITY);
+    for &[triangle_a, triangle_b] in pairs {
+        let Some(expected) = expected([triangle_a, triangle_b]) else { continue };
+        let distance = expected.distance * SETTINGS.scale;
+        let gap = (expected.gap * SETTINGS.scale).min(distance);
+        nearest = nearest.min(distance.max(0.0));
+        let slack = DOUBLE_ROUNDING * (1.0 + distance.abs());
+        let is_undecided = |limit: f64| (distance - limit).abs() <= slack;
+        assert!(!is_undecided(SETTINGS.contact_distance) && !is_undecided(SETTINGS.reported_distance));
+        if distance <= SETTINGS.contact_distance {
+            let pair = touching.next().expect("the pair touches");
+            assert_eq!([pair.triangle_a, pair.triangle_b], [triangle_a, triangle_b]);
+            assert!((pair.distance - gap.max(0.0)).abs() <= slack, "{pair:?}: {gap}");
+        }
+        if distance <= SETTINGS.reported_distance {
+            let contact = contacts.next().expect("the pair has a contact");
+            assert_eq!([contact.triangle_a, contact.triangle_b], [triangle_a, triangle_b]);
+            assert_eq!(contact.feature_numbers(), [triangle_a, triangle_b]);
+            assert_eq!(contact.point_b, expected.points[1]);
+            assert_eq!(contact.normal, expected.normal);
+            assert!((f64::from(contact.distance) - gap).abs() <= slack + ROUNDING * gap.abs(), "{contact:?}: {gap}");
+            let weights = [
+                (contact.barycentric_a, barycentric_of(&a.corners(triangle_a), expected.points[0].as_dvec3())),
+                (contact.barycentric_b, barycentric_of(&b.corners(triangle_b), expected.points[1].as_dvec3())),
+            ];
+            for (weights, expected) in weights {
+                assert_eq!(weights, [expected[0] as f32, expected[1] as f32], "{contact:?}");
+            }
+        }
+    }
+    assert!(contacts.next().is_none() && touching.next().is_none(), "more was found than there is");
+    assert!((found.nearest - nearest).abs() <= DOUBLE_ROUNDING || found.nearest == nearest);
+    [found.contacts.len(), found.touching.len()]
+}
+
+fn facing_caps(a: &CapSide<'_>, b: &CapSide<'_>, [triangle_a, triangle_b]: [u32; 2]) -> [Cap; 2] {
+    let (cap_a, cap_b) = (a.cap(triangle_a), b.cap(triangle_b));
+    [
+        if a.surface.one_sided { cap_a } else { cap_a.facing(cap_b.in_plane_center()) },
+        if b.surface.one_sided { cap_b } else { cap_b.facing(cap_a.in_plane_center()) },
+    ]
+}
+
+#[test]
+fn caps_eight_at_a_time_meet_where_one_pair_at_a_time_does() {
+    let mut random = Random::new(1);
+    let [sheet, soup] = bodies(&mut random);
+    let (mut concentric, mut met, mut counts) = (0, 0, [0; 2]);
+    for (one, other) in [(&sheet, &soup), (&soup, &sheet), (&sheet, &sheet), (&soup, &soup)] {
+        let pairs = random_pairs(&mut random, one, other);
+        for sides in [[true, true], [false, true], [false, false]] {
+            let (a, b) = (one.cap_side(sides[0]), other.cap_side(sides[1]));
+            let (mut meeting, mut found) = (Vec::new(), FoundPairs::default());
+            meeting_caps(&a, &b, &pairs, &SETTINGS, &mut meeting, &mut found);
+            let contact = |pair: [u32; 2]| {
+                let [cap_a, cap_b] = facing_caps(&a, &b, pair);
+                Some((cap_contact(&cap_a, &cap_b)?, cap_a, cap_b))
+            };
+            let expected: Vec<[u32; 2]> = pairs.iter().copied().filter(|&pair| contact(pair).is_some()).collect();
+            assert!(meeting == expected, "{} pairs meet, {} should", meeting.len(), expected.len());
+            met += meeting.len();
+            concentric += pairs
+                .iter()
+                .filter(|&&pair| {
+                    let [cap_a, cap_b] = facing_caps(&a, &b, pair);
+                    cap_a.center == cap_b.center
+                })
+                .count();
+            let found_counts = assert_found(&found, [one, other], &pairs, |pair| {
+                let (contact, cap_a, cap_b) = contact(pair)?;
+                let corners = [one.corners(pair[0]), other.corners(pair[1])];
+                let between = cap_a.center.as_dvec3().distance(cap_b.center.as_dvec3());
+                let directions = [unit_normal(&corners[0]), unit_normal(&corners[1]), contact.direction.as_dvec3()];
+                let planes = directions.map(|direction| gap_along(direction, &corners[0], &corners[1]));
+                let spheres = between - f64::from(cap_a.radius) - f64::from(cap_b.radius);
+                let distance = planes.into_iter().fold(spheres, f64::max).max(box_gap(&corners[0], &corners[1]));
+                let points = [contact.point_a, contact.point_b];
+                Some(Expected { points, normal: -contact.direction, gap: f64::from(contact.gap), distance })
+            });
+            counts = [counts[0] + found_counts[0], counts[1] + found_counts[1]];
+
+            // Rows are another way to the same numbers.
+            let (mut rows_a, mut rows_b) = (CapRows::default(), CapRows::default());
+            a.rows(&mut rows_a);
+            b.rows(&mut rows_b);
+            let (mut meeting_by_rows, mut found_by_rows) = (Vec::new(), FoundPairs::default());
+            let (a, b) = (CapSide { rows: Some(&rows_a), ..a }, CapSide { rows: Some(&rows_b), ..b });
+            meeting_caps(&a, &b, &pairs, &SETTINGS, &mut meeting_by_rows, &mut found_by_rows);
+            assert!(meeting_by_rows == meeting && found_by_rows.touching == found.touching);
+            assert!(found_by_rows.contacts == found.contacts && found_by_rows.nearest == found.nearest);
+        }
+    }
+    println!("{met} pairs of caps meet, {concentric} are concentric; contacts, touching: {counts:?}");
+    assert!(met > 50_000 && concentric > 5_000 && counts[0] > counts[1] + 1_000 && counts[1] > 10_000);
+}
+
+#[test]
+fn balls_eight_at_a_time_touch_where_one_pair_at_a_time_does() {
+    let mut random = Random::new(2);
+    let [sheet, soup] = bodies(&mut random);
+    let mut counts = [0; 2];
+    for (one, other) in [(&sheet, &soup), (&sheet, &sheet), (&soup, &soup)] {
+        let pairs = random_pairs(&mut random, one, other);
+        let (a, b) = (one.ball_side(), other.ball_side());
+        let mut found = FoundPairs::default();
+        ball_contacts(&a, &b, &pairs, &SETTINGS, &mut found);
+        let found_counts = assert_found(&found, [one, other], &pairs, |pair| {
+            let (own, other_ball) = (a.ball(pair[0]), b.ball(pair[1]));
+            let between = own.center.as_dvec3() - other_ball.center.as_dvec3();
+            let normal = between.normalize_or(DVec3::Y).as_vec3();
+            let gap = between.length() - f64::from(own.radius) - f64::from(other_ball.radius);
+            let distance = gap.max(box_gap(&one.corners(pair[0]), &other.corners(pair[1])));
+            let points = [own.center - normal * own.radius, other_ball.center + normal * other_ball.radius];
+            Some(Expected { points, normal, gap, distance })
+        });
+        counts = [counts[0] + found_counts[0], counts[1] + found_counts[1]];
+
+        let (mut rows_a, mut rows_b) = (BallRows::default(), BallRows::default());
+        a.rows(&mut rows_a);
+        b.rows(&mut rows_b);
+        let mut by_rows = FoundPairs::default();
+        let (a, b) = (BallSide { rows: Some(&rows_a), ..a }, BallSide { rows: Some(&rows_b), ..b });
+        ball_contacts(&a, &b, &pairs, &SETTINGS, &mut by_rows);
+        assert!(by_rows.touching == found.touching && by_rows.contacts == found.contacts);
+    }
+    println!("contacts, touching: {counts:?}");
+    assert!(counts[0] > counts[1] + 1_000 && counts[1] > 10_000);
+}
+
+/// Corners of a moved side are not rounded, and its caps are brought over one by one.
+#[test]
+fn a_moved_side_gives_the_contacts_of_the_mesh_that_stands_there() {
+    let mut random = Random::new(3);
+    let [sheet, _] = bodies(&mut random);
+    let pairs = random_pairs(&mut random, &sheet, &sheet);
+    let affine = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.3), Vec3::Y * 0.05);
+    let pose = Pose::from_affine(&affine).expect("a similarity");
+    let mut moved = Vec::new();
+    pose.transform_points(&sheet.positions, &mut moved);
+    let brought = bevy_circumsphere::kernel::pair::MovedSide::new(&sheet.positions, &pose, &moved);
+    let side = SurfaceSide { positions: &moved, moved: Some(brought), ..sheet.surface(true) };
+    let a = sheet.ball_side();
+    let b = BallSide { surface: side, pose: Some(&pose), ..a };
+    let standing = BallSide { surface: SurfaceSide { moved: None, ..side }, ..b };
+    let [found, expected] = [b, standing].map(|b| {
+        let mut found = FoundPairs::default();
+        ball_contacts(&a, &b, &pairs, &SETTINGS, &mut found);
+        found
+    });
+    assert!(found.contacts.len() > 1_000, "{}", found.contacts.len());
+    let near = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) <= 1.0e-3;
+    let keys = |found: &FoundPairs| found.contacts.iter().map(|contact| contact.key).collect::<Vec<_>>();
+    assert!(keys(&found) == keys(&expected));
+    for (contact, expected) in found.contacts.iter().zip(&expected.contacts) {
+        assert_eq!(contact.normal, expected.normal);
+        // Corners of a mesh of 2 are rounded by 1e-7, triangles are 0.1 wide, and slivers a hundredth of that.
+        assert!(near(contact.barycentric_b, expected.barycentric_b), "{contact:?} {expected:?}");
+    }
+}
