@@ -2,12 +2,15 @@
 //! judge it agrees.
 
 use bevy_circumsphere::kernel::{
+    bounds::triangle_bounds,
     contact::CompactContact,
     ids::TriangleId,
+    leaf_triangles::{LeafTriangles, PairCull},
     pair::{FoundPairs, PairSettings, SurfaceSide},
     reference::triangle_distance,
     refine::{refine_closest, refine_pairs},
     settle::settle_penetrations,
+    tree::BoxTree,
 };
 use circumsphere_support::bars::{BAND, SEPARATION_TOLERANCE};
 use glam::Vec3;
@@ -41,19 +44,21 @@ pub fn narrow_phase(bytes: &[u8]) {
     };
     let candidates = candidates(&surface_a, surface_b, same_surface);
     let found = detect(refine_pairs, [&a, &b], &candidates, &settings);
-    let culled = detect(refine_pairs, [&a, &b], &candidates, &PairSettings { cull: true, ..settings });
+    let screened = detect(refine_pairs, [&a, &b], &candidates, &PairSettings { cull: true, ..settings });
     let closest = detect(refine_closest, [&a, &b], &candidates, &settings);
     if !(surface_a.is_finite() && surface_b.is_finite() && contact_distance.is_finite()) {
         return;
     }
     check_numbers(&found, &settings);
     check_numbers(&closest, &settings);
-    if let Some(pair) = found.touching.iter().find(|pair| !culled.touching.contains(pair)) {
+    assert_eq!(found.touching, screened.touching, "the screen changed what touches");
+    assert_eq!(by_key(&found.contacts), by_key(&screened.contacts), "the screen changed the contacts");
+    assert_eq!(found.touching, closest.touching, "the closest features alone changed what touches");
+    let kept = traversed(&surface_a, surface_b, &settings);
+    if let Some(pair) = found.touching.iter().find(|pair| !kept.contains(&[pair.triangle_a, pair.triangle_b])) {
         let corners = [surface_a.corners(pair.triangle_a), surface_b.corners(pair.triangle_b)];
-        panic!("the cull lost {pair:?} within {contact_distance}: {corners:?}");
+        panic!("the traversal lost {pair:?} within {contact_distance}: {corners:?}");
     }
-    assert_eq!(found.touching, culled.touching, "the cull changed what touches");
-    assert_eq!(found.contacts, culled.contacts, "the cull changed the contacts");
     if surface_a.is_sane() && surface_b.is_sane() {
         for found in [&found, &closest] {
             check_against_reference(&surface_a, surface_b, &candidates, found, &settings);
@@ -71,6 +76,34 @@ fn candidates(a: &FuzzedSurface, b: &FuzzedSurface, same_surface: bool) -> Vec<[
     (0..count(a))
         .flat_map(|first| (if same_surface { first + 1 } else { 0 }..count(b)).map(move |second| [first, second]))
         .collect()
+}
+
+/// The pairs that are left after the trees of both surfaces were traversed.
+fn traversed(a: &FuzzedSurface, b: &FuzzedSurface, settings: &PairSettings) -> Vec<[u32; 2]> {
+    let range = settings.range as f32;
+    let [(tree, triangles), (other_tree, other_triangles)] = [a, b].map(|surface| {
+        let (mut bounds, mut leaves) = (Vec::new(), LeafTriangles::default());
+        triangle_bounds(&surface.positions, surface.topology.triangles(), 0.5 * range, &mut bounds);
+        let tree = BoxTree::new(&bounds);
+        leaves.update(&tree, &surface.topology, &surface.positions);
+        (tree, leaves)
+    });
+    let triangles = [&triangles, &other_triangles];
+    let cull = PairCull { triangles, neighbors: settings.same_surface, slabs: Some(range), centroids: true };
+    let mut kept = Vec::new();
+    if settings.same_surface {
+        tree.self_pairs_of(0..tree.leaf_count(), Some(&cull), &mut kept);
+    } else {
+        tree.pairs_of(0..tree.leaf_count(), &other_tree, Some(&cull), &mut kept);
+    }
+    kept
+}
+
+/// Of contacts of one key the first one counts, whatever stands between them.
+fn by_key(contacts: &[CompactContact]) -> Vec<CompactContact> {
+    let mut contacts = contacts.to_vec();
+    contacts.sort_by_key(|contact| contact.key);
+    contacts
 }
 
 fn detect(
