@@ -79,13 +79,13 @@ fn world_corners(world: &World, entity: Entity) -> Vec<[DVec3; 3]> {
 
 /// The steps that a pair can be dropped at.
 fn steps(pair: &SurfacePair, plane_cull: bool) -> &'static [PairFate] {
-    use PairFate::{CenterLine, ClosestFeatures, Cone, Distance, Planes, Spheres, Touching};
+    use PairFate::{CenterLine, Cone, Distance, Planes, Spheres, Touching};
     match pair.method {
         _ if matches!(pair.second, OtherSide::Shape(_)) => &[Distance, Touching],
         ContactMethod::BoundingSphere => &[Spheres, Distance, Touching],
         ContactMethod::Circumsphere if plane_cull => &[Planes, Spheres, CenterLine, Cone, Distance, Touching],
         ContactMethod::Circumsphere => &[Spheres, Cone, Distance, Touching],
-        ContactMethod::Closest | ContactMethod::Refined => &[Planes, ClosestFeatures, Distance, Touching],
+        ContactMethod::Closest | ContactMethod::Refined => &[Planes, Distance, Touching],
         ContactMethod::Polygon => &[Distance, Touching],
     }
 }
@@ -140,7 +140,7 @@ fn assert_reason(
     match fate {
         PairFate::Planes => assert!(planes > range - slack, "{what:?}: the planes leave {planes}"),
         // Steps after the planes; without them their gap says nothing.
-        PairFate::CenterLine | PairFate::ClosestFeatures => {
+        PairFate::CenterLine => {
             assert!(planes < range + slack, "{what:?}: the planes leave {planes}");
         }
         _ => {}
@@ -191,7 +191,7 @@ fn judge(app: &mut App, tally: &mut Tally) -> Named {
             }
             ContactMethod::Circumsphere => {
                 assert_eq!(sorted(PairFate::Cone), overlapping[place], "{what:?}");
-                assert_eq!(sorted(PairFate::ClosestFeatures), meeting[place], "{what:?}");
+                assert_eq!(sorted(PairFate::Distance), meeting[place], "{what:?}");
             }
             // It examines only pairs of which it cannot tell the closest features.
             ContactMethod::Closest => is_counted = false,
