@@ -13,8 +13,8 @@ use super::{
 };
 use crate::{
     detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory,
-        RefinedTrianglePairs, SphereContacts, StageList, SurfacePair, broad_phase::OtherSide,
+        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, RefinedTrianglePairs, SphereContacts, StageList,
+        SurfacePair, broad_phase::OtherSide,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,

@@ -292,7 +292,7 @@ impl RecipeLanes {
 
     fn get(&self, lane: usize) -> Recipe {
         Recipe {
-            longest_edge: self.longest_edge.0[lane] as u8,
+            longest_edge: u8::from(self.longest_edge.0[lane] >= 1.0) + u8::from(self.longest_edge.0[lane] >= 2.0),
             inward: self.inward.0[lane],
             height_ratio: self.height_ratio.0[lane],
             lengths: self.lengths.map(|lengths| lengths.0[lane]),

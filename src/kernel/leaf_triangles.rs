@@ -24,6 +24,10 @@ const LEAST_SQUARED: f32 = 1.0e-30;
 /// whose square is finite, below 1.9e19 long, is finite too; beyond, infinities of both signs would make gaps that are none.
 const LARGEST_EXTENT: f32 = 1.0e18;
 
+/// The error of a normal in f32, relative to the square of the leaf's extent: of both edges some units in the last place of
+/// the extent (6e-8 each), times the other edge.
+const NORMAL_ROUNDING: f32 = 5.0e-7;
+
 /// Marks the corners of an unused lane, and of no triangle.
 const NO_VERTEX: u32 = u32::MAX;
 
@@ -40,6 +44,8 @@ struct Block {
     /// Where each triangle's own projections on its normal begin and end.
     low: Row,
     high: Row,
+    /// How far each normal may be from the one in f64, as a sine; too large to be of use where there is none.
+    doubt: Row,
     vertices: [[u32; LEAF_WIDTH]; 3],
     origin: Vec3,
     /// No projection of a corner on a direction of length 1 exceeds it.
@@ -52,6 +58,7 @@ impl Block {
         normals: [[0.0; LEAF_WIDTH]; 3],
         low: [0.0; LEAF_WIDTH],
         high: [0.0; LEAF_WIDTH],
+        doubt: [0.0; LEAF_WIDTH],
         vertices: [[NO_VERTEX; LEAF_WIDTH]; 3],
         origin: Vec3::ZERO,
         extent: 0.0,
@@ -122,6 +129,8 @@ impl Block {
         for axis in 0..3 {
             normal[axis].store_slice(&mut self.normals[axis]);
         }
+        let doubt = scale * (self.extent * self.extent * NORMAL_ROUNDING);
+        reliable.select(doubt, f32x8::splat(simd, f32::MAX)).store_slice(&mut self.doubt);
         heights[0].min(heights[1]).min(heights[2]).store_slice(&mut self.low);
         heights[0].max(heights[1]).max(heights[2]).store_slice(&mut self.high);
     }
@@ -163,8 +172,9 @@ pub struct PairCull<'a> {
     pub neighbors: bool,
     /// Drops triangles that a slab keeps farther apart than this, in the unit of the positions, 0 or more.
     pub slabs: Option<f32>,
-    /// Whether slabs along the line between the centroids count too, and not only those along the normals.
-    pub centroids: bool,
+    /// Whether only slabs along the normals count, and only as f64 has them: for a method that goes by those itself, so
+    /// that it drops the same pairs wherever it gets them from. Else any direction counts, as it is rounded.
+    pub planes_only: bool,
 }
 
 impl<'a> PairCull<'a> {
@@ -177,7 +187,7 @@ impl<'a> PairCull<'a> {
             Some(range) if extent <= LARGEST_EXTENT => range * RANGE_SLACK + extent * ROUNDING,
             _ => f32::INFINITY,
         };
-        Separation { own, other, offset, needed, neighbors: self.neighbors, centroids: self.centroids }
+        Separation { own, other, offset, extent, needed, neighbors: self.neighbors, planes_only: self.planes_only }
     }
 }
 
@@ -187,10 +197,12 @@ pub(super) struct Separation<'a> {
     other: &'a Block,
     /// From the frame of the first leaf to that of the second.
     offset: Vec3,
+    /// No projection of a corner on a direction of length 1 exceeds it.
+    extent: f32,
     /// Projections farther apart than this prove that triangles are.
     needed: f32,
     neighbors: bool,
-    centroids: bool,
+    planes_only: bool,
 }
 
 impl Separation<'_> {
@@ -236,8 +248,13 @@ impl Separation<'_> {
         let normals = [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)];
         let (low, high) = project(corners, normals);
         let other_gap = (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);
+        if self.planes_only {
+            let own_needed = needed + own.doubt[lane] * self.extent;
+            let other_needed = f32x8::from_slice(simd, &other.doubt) * self.extent + needed;
+            return (own_gap.simd_gt(own_needed) | other_gap.simd_gt(other_needed)).to_bitmask() as u32;
+        }
         let by_planes = (own_gap.simd_gt(needed) | other_gap.simd_gt(needed)).to_bitmask() as u32;
-        if !self.centroids || asked & !by_planes == 0 {
+        if asked & !by_planes == 0 {
             return by_planes;
         }
 

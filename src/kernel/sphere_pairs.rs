@@ -259,7 +259,7 @@ fn keep_overlapping_caps(
     for pairs in pairs.chunks(WIDTH) {
         a.gather::<0>(pairs, &mut rows[0]);
         b.gather::<1>(pairs, &mut rows[1]);
-        let corners = PairLanes::of_corners(rows[0].corners(), rows[1].corners());
+        let corners = PairLanes::of_corners(&rows[0].corners(), &rows[1].corners());
         let mut apart = Mask([0; WIDTH]);
         if planes {
             let along_normals = corners.excess_along_normals(rounded_reach);

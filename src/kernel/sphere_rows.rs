@@ -216,7 +216,7 @@ pub(super) fn rounded_corners(side: &SurfaceSide<'_>, triangle: u32) -> [Vec3; 3
 impl PairLanes {
     /// Like [`gather`](Self::gather), of corners that are in lanes already.
     #[inline(always)]
-    pub(super) fn of_corners(a: [VectorLanes; 3], b: [VectorLanes; 3]) -> Self {
+    pub(super) fn of_corners(a: &[VectorLanes; 3], b: &[VectorLanes; 3]) -> Self {
         let origin = a[0];
         let (a, b) = ([a[0] - origin, a[1] - origin, a[2] - origin], [b[0] - origin, b[1] - origin, b[2] - origin]);
         let mut largest = VectorLanes::ZERO;

@@ -311,9 +311,8 @@ impl SurfaceTopology {
     #[inline]
     pub(crate) fn firsts_may_meet(&self, a: TriangleId, b: TriangleId) -> bool {
         let (a, b) = (&self.surroundings[a.index()], &self.surroundings[b.index()]);
-        let meet = |landmark: usize| {
-            (a.lowest[landmark] <= b.highest[landmark]) & (b.lowest[landmark] <= a.highest[landmark])
-        };
+        let meet =
+            |landmark: usize| (a.lowest[landmark] <= b.highest[landmark]) & (b.lowest[landmark] <= a.highest[landmark]);
         (0..LANDMARKS).fold(true, |may_meet, landmark| may_meet & meet(landmark))
     }
 

@@ -62,8 +62,8 @@ impl Surface {
     }
 }
 
-fn cull<'a>(triangles: [&'a LeafTriangles; 2], slabs: Option<f32>, centroids: bool) -> PairCull<'a> {
-    PairCull { triangles, neighbors: false, slabs, centroids }
+fn cull<'a>(triangles: [&'a LeafTriangles; 2], slabs: Option<f32>, planes_only: bool) -> PairCull<'a> {
+    PairCull { triangles, neighbors: false, slabs, planes_only }
 }
 
 /// Pairs that were rejected, and how many of all were beyond the range.
@@ -105,8 +105,8 @@ fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
             assert!(left.next().is_none(), "pairs in another order, or of nowhere");
             rejected
         };
-        let traverse = |centroids: bool| {
-            let cull = cull(sides.map(|side| &side.triangles), Some(range), centroids);
+        let traverse = |planes_only: bool| {
+            let cull = cull(sides.map(|side| &side.triangles), Some(range), planes_only);
             let mut kept = Vec::new();
             let count = if is_self {
                 a.tree.self_pairs_of(whole.clone(), Some(&cull), &mut kept)
@@ -115,15 +115,15 @@ fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
             };
             (kept, count)
         };
-        let (by_planes, count) = traverse(false);
+        let (by_planes, count) = traverse(true);
         tally.rejected_by_planes += assert_kept(&by_planes, count);
-        let (by_all, count) = traverse(true);
+        let (by_all, count) = traverse(false);
         tally.rejected += assert_kept(&by_all, count);
         tally.within += distances.iter().filter(|&&distance| distance <= f64::from(range)).count();
         tally.beyond += distances.iter().filter(|&&distance| distance > f64::from(range)).count();
         if !is_self {
             // From leaves in another order: whatever is rejected is beyond the range there, too.
-            let cull = cull([&of_leaves, &b.triangles], Some(range), true);
+            let cull = cull([&of_leaves, &b.triangles], Some(range), false);
             let mut kept = Vec::new();
             leaves.pairs_of(0..leaves.leaf_count(), &b.tree, Some(&cull), &mut kept);
             let kept: BTreeSet<[u32; 2]> = kept.into_iter().collect();
@@ -235,7 +235,7 @@ fn neighbors_are_dropped_exactly_where_triangles_share_a_vertex() {
         surface.tree.self_pairs(&mut all);
         let before = all.len();
         all.retain(|&[a, b]| !surface.topology.share_vertex(TriangleId(a), TriangleId(b)));
-        let cull = PairCull { neighbors: true, ..cull([&surface.triangles; 2], None, true) };
+        let cull = PairCull { neighbors: true, ..cull([&surface.triangles; 2], None, false) };
         let mut found = Vec::new();
         let count = surface.tree.self_pairs_of(0..surface.tree.leaf_count(), Some(&cull), &mut found);
         assert_eq!(found, all);
@@ -257,8 +257,8 @@ fn a_traversal_in_parts_finds_what_it_finds_as_a_whole_in_the_same_order() {
         let other = Surface::of_mesh(&mesh.clone().rotate([1.0, 0.3, 0.2], 0.7).translate([0.2, 0.1, 0.0]), range);
         let leaf_count = surface.tree.leaf_count();
         assert!(leaf_count > 5 && surface.tree.len() > 5 * LEAF_WIDTH);
-        let of_itself = PairCull { neighbors: true, ..cull([&surface.triangles; 2], Some(range), true) };
-        let of_both = cull([&surface.triangles, &other.triangles], Some(range), true);
+        let of_itself = PairCull { neighbors: true, ..cull([&surface.triangles; 2], Some(range), false) };
+        let of_both = cull([&surface.triangles, &other.triangles], Some(range), false);
         for round in 0..20 {
             let (of_itself, of_both) = if round == 0 { (None, None) } else { (Some(&of_itself), Some(&of_both)) };
             let traverse = |leaves: std::ops::Range<usize>, [own, both]: &mut [Vec<[u32; 2]>; 2]| {

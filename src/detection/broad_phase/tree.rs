@@ -282,7 +282,7 @@ impl<'a> Traversal<'a> {
             neighbors: is_self,
             slabs,
             // The spheres' method counts by planes, and must count the same whoever finds its pairs.
-            centroids: pair.method.is_exact(),
+            planes_only: !pair.method.is_exact(),
         });
         Some(Self { leaves, tree, is_self, is_reversed: side == 1, cull })
     }

@@ -64,14 +64,16 @@ impl DoubleLanes {
     }
 }
 
-/// The angle from the first axis of the plane to the direction (`x`, `y`), from −π to π. Not both may be 0.
+/// The angle from the first axis of the plane to the direction (`x`, `y`), from −π to π; 0 where both are 0.
 #[inline(always)]
 pub(in crate::kernel) fn arc_tangent(y: Lanes, x: Lanes) -> Lanes {
     let (y, x) = (y.widened(), x.widened());
     let (height, width) = (y.abs(), x.abs());
     let (low, high) = (height.min(width), height.max(width));
     let beyond = low.greater_than(high * DoubleLanes::splat(TAN_EIGHTH));
-    let ratio = DoubleLanes::select(beyond, low - high, low) / DoubleLanes::select(beyond, low + high, high);
+    // The direction (0, 0) has no angle, and gets 0.
+    let divisor = DoubleLanes::select(beyond, low + high, high).max(DoubleLanes::splat(f64::MIN_POSITIVE));
+    let ratio = DoubleLanes::select(beyond, low - high, low) / divisor;
     let start = DoubleLanes::select(beyond, DoubleLanes::splat(FRAC_PI_4), DoubleLanes::ZERO);
     let angle = start + ratio * polynomial(&ARC_TANGENT, ratio * ratio);
     let angle = DoubleLanes::select(height.greater_than(width), DoubleLanes::splat(FRAC_PI_2) - angle, angle);
@@ -161,8 +163,8 @@ mod tests {
 
     #[test]
     fn axes_and_opposite_directions_have_their_angles() {
-        let [y, x] = [[0.0, 1.0, 0.0, -1.0, -0.0, 1.0, -1.0, 1.0e-30], [1.0, 0.0, -1.0, 0.0, -1.0, 1.0, -1.0, -1.0]];
-        let expected = [0.0, FRAC_PI_2, PI, -FRAC_PI_2, -PI, FRAC_PI_4, -3.0 * FRAC_PI_4, PI];
+        let [y, x] = [[0.0, 1.0, 0.0, -1.0, -0.0, 1.0, -1.0, 0.0], [1.0, 0.0, -1.0, 0.0, -1.0, 1.0, -1.0, 0.0]];
+        let expected = [0.0, FRAC_PI_2, PI, -FRAC_PI_2, -PI, FRAC_PI_4, -3.0 * FRAC_PI_4, 0.0];
         assert_eq!(arc_tangent(Lanes(y), Lanes(x)).0, expected.map(|angle| angle as f32));
     }
 }

@@ -142,7 +142,7 @@ impl CapLanes {
         let slack = Lanes::splat(BOUNDARY_SLACK);
         let outside_a = (a.cosine - slack).greater_than(toward_b);
         let outside_b = (b.cosine - slack).greater_than(toward_a);
-        let (from_a, from_b) = (a.to_plane(toward_b), b.to_plane(toward_a));
+        let (from_a, from_b) = (a.height_along(toward_b), b.height_along(toward_a));
         let contact = CapContactLanes {
             point_a: a.center.plus(direction.scaled(from_a)),
             point_b: b.center - direction.scaled(from_b),
@@ -154,7 +154,7 @@ impl CapLanes {
 
     /// From the center to the triangle's plane, in a direction whose cosine with the axis is known.
     #[inline(always)]
-    fn to_plane(&self, toward: Lanes) -> Lanes {
+    fn height_along(&self, toward: Lanes) -> Lanes {
         let distance = (self.height / toward.max(Lanes::splat(f32::MIN_POSITIVE))).min(self.radius);
         Lanes::select(self.height.greater_than(Lanes::ZERO), distance, Lanes::ZERO)
     }

@@ -15,6 +15,7 @@ const LEAST_LENGTH: f64 = 0.25 * f64::MIN_POSITIVE;
 
 impl DoubleLanes {
     // Of a comparison with infinity the compiler makes a question about bits, lane by lane.
+    #[expect(clippy::eq_op, reason = "infinities and what is no number are no number apart from themselves")]
     #[inline(always)]
     fn is_finite(self) -> DoubleMask {
         Self::splat(1.0).greater_than(self - self)

@@ -16,6 +16,7 @@ const LEAST_LENGTH: f32 = 0.25 * f32::MIN_POSITIVE;
 
 impl Lanes {
     // Of a comparison with infinity the compiler makes a question about bits, lane by lane.
+    #[expect(clippy::eq_op, reason = "infinities and what is no number are no number apart from themselves")]
     #[inline(always)]
     pub(in crate::kernel) fn is_finite(self) -> Mask {
         Self::splat(1.0).greater_than(self - self)
@@ -120,8 +121,8 @@ impl EdgeChoice {
     }
 
     #[inline(always)]
-    fn of(&self, values: [VectorLanes; 3]) -> VectorLanes {
-        VectorLanes::select(self.third, values[2], VectorLanes::select(self.second, values[1], values[0]))
+    fn of(&self, [first, second, third]: [&VectorLanes; 3]) -> VectorLanes {
+        VectorLanes::select(self.third, *third, VectorLanes::select(self.second, *second, *first))
     }
 }
 
@@ -139,7 +140,7 @@ pub(in crate::kernel) struct FrameLanes {
 impl FrameLanes {
     #[inline(always)]
     pub(in crate::kernel) fn new(triangles: &TriangleLanes, edge: EdgeChoice) -> Self {
-        let [a, b, c] = triangles.0;
+        let [a, b, c] = &triangles.0;
         let (from, to, apex) = (edge.of([a, b, c]), edge.of([b, c, a]), edge.of([c, a, b]));
         let along = to - from;
         let squared = along.dot(along);
