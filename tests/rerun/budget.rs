@@ -161,7 +161,7 @@ fn a_budget_that_suffices_leaves_nothing_out() {
         ticks(&settings, 4).into_iter().flat_map(rows).collect::<Vec<Row>>()
     };
     let (enough, unlimited) = (of(RerunSettings::default().bytes_per_tick), of(usize::MAX));
-    assert!(unlimited.len() > 300);
+    assert!(unlimited.len() > 200, "{} rows", unlimited.len());
     assert!(enough == unlimited);
     assert!(!enough.iter().any(|row| row.path.last().is_some_and(|part| part == "warnings")));
 }
