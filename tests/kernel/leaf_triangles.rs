@@ -169,8 +169,8 @@ fn slabs_reject_no_pair_within_range() {
     }
     println!("{tally:?}");
     assert!(tally.within > 20_000 && tally.beyond > 20_000);
-    // The line between the centroids adds to the planes.
-    assert!(tally.rejected_by_planes * 4 > tally.beyond && tally.rejected * 20 > tally.rejected_by_planes * 21);
+    // Planes alone count only where f32 knows them, which of hard pairs is seldom.
+    assert!(tally.rejected * 3 > tally.beyond && tally.rejected_by_planes * 8 > tally.beyond);
 }
 
 /// Sums of products that overflow are infinite, of either sign, or no number, and make gaps that are none.
