@@ -10,7 +10,7 @@ use super::{
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList},
     overlap::{OverlappingTrianglePairs, SphereContacts},
-    parallel::{CHUNK, append_chunks, for_each_weighed},
+    parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_caps},
 };
 use crate::{
@@ -51,6 +51,7 @@ fn test_cones(
     mut meeting: ResMut<MeetingCaps>,
     mut contacts: ResMut<SphereContacts>,
     mut both: Local<Vec<(Vec<[u32; 2]>, FoundPairs)>>,
+    spare: Local<Buffers<(Vec<[u32; 2]>, FoundPairs)>>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
@@ -89,11 +90,12 @@ fn test_cones(
                 append_chunks(
                     overlapping,
                     threads,
+                    &spare,
                     both,
                     |chunk, (meeting, found)| meeting_caps(a, b, chunk, &pair_settings, meeting, found),
-                    |(meeting, found), mut later| {
-                        meeting.append(&mut later.0);
-                        found.append_sorted(later.1);
+                    |(meeting, found), (later_meeting, later_found)| {
+                        meeting.append(later_meeting);
+                        found.append_sorted(later_found);
                     },
                 );
             });

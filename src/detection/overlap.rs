@@ -92,7 +92,7 @@ fn test_overlap(
             }
             let pair_settings = pair_settings(pair, &settings);
             let mut keep = |test: &(dyn Fn(&[[u32; 2]], &mut Vec<[u32; 2]>) + Sync)| {
-                append_chunks(&pair.triangles, threads, overlapping, test, |kept, mut later| kept.append(&mut later));
+                append_chunks(&pair.triangles, threads, &spare, overlapping, test, Vec::append);
             };
             if pair.method == ContactMethod::BoundingSphere {
                 with_balls(&active, &surfaces, pair, &rows, |a, b| {
@@ -122,6 +122,7 @@ fn touch_by_balls(
     rows: Res<SphereRows>,
     settings: Res<CircumsphereSettings>,
     mut contacts: ResMut<SphereContacts>,
+    spare: Local<Buffers<FoundPairs>>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
@@ -148,7 +149,7 @@ fn touch_by_balls(
             let pair_settings = pair_settings(pair, &settings);
             with_balls(&active, &surfaces, pair, &rows, |a, b| {
                 let work = |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
-                append_chunks(overlapping, threads, found, work, FoundPairs::append_sorted);
+                append_chunks(overlapping, threads, &spare, found, work, FoundPairs::append_sorted);
             });
         },
     );

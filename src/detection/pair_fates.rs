@@ -9,7 +9,7 @@ use bevy_ecs::{prelude::*, system::SystemParam};
 
 use super::{
     broad_phase::{CandidateTrianglePairs, MovedLeaves, OtherSide, SurfacePair, SurfaceTree, Traversal},
-    parallel::append_chunks,
+    parallel::{Buffers, append_chunks},
     sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps},
 };
 use crate::{
@@ -133,9 +133,7 @@ impl PairFates<'_, '_> {
         let settings = pair_settings(pair, &self.settings);
         let map = |work: &(dyn Fn(&[[u32; 2]], &mut Vec<PairFate>) + Sync)| {
             let mut fates = Vec::new();
-            append_chunks(triangles, self.settings.threads, &mut fates, work, |fates, mut later| {
-                fates.append(&mut later);
-            });
+            append_chunks(triangles, self.settings.threads, &Buffers::default(), &mut fates, work, Vec::append);
             fates
         };
         if !self.is_as_detected(pair, triangles) {

@@ -10,6 +10,8 @@ use std::{
 
 use bevy_tasks::ComputeTaskPool;
 
+use crate::kernel::pair::FoundPairs;
+
 /// Pairs handed out at a time: enough work to outweigh the handing out, few enough to balance.
 pub(super) const CHUNK: usize = 4096;
 
@@ -22,58 +24,48 @@ fn available_threads(wanted: usize) -> usize {
     }
 }
 
-/// Calls `work` on consecutive chunks of `pairs`, each with results to append to, and joins them in order. The chunks are the
-/// same for any number of threads. One thread, or a short list, never touches the pool and allocates nothing.
-pub(super) fn append_chunks<T: Default + Send + 'static>(
-    pairs: &[[u32; 2]],
-    threads: usize,
-    results: &mut T,
-    work: impl Fn(&[[u32; 2]], &mut T) + Sync,
-    join: impl Fn(&mut T, T),
-) {
-    let threads = available_threads(threads).min(pairs.len().div_ceil(CHUNK));
-    if threads <= 1 {
-        return pairs.chunks(CHUNK).for_each(|chunk| work(chunk, results));
-    }
-    let next = AtomicUsize::new(0);
-    let take_chunks = || {
-        let mut done = Vec::new();
-        loop {
-            let chunk = next.fetch_add(1, Ordering::Relaxed);
-            let Some(pairs) = pairs.chunks(CHUNK).nth(chunk) else { return done };
-            let mut found = T::default();
-            work(pairs, &mut found);
-            done.push((chunk, found));
-        }
-    };
-    let mut parts: Vec<(usize, T)> = ComputeTaskPool::get()
-        .scope(|scope| {
-            for _ in 0..threads {
-                scope.spawn(async { take_chunks() });
-            }
-        })
-        .into_iter()
-        .flatten()
-        .collect();
-    parts.sort_unstable_by_key(|&(chunk, _)| chunk);
-    for (_, found) in parts {
-        join(results, found);
+/// What a stage finds, part by part.
+pub(super) trait Results: Default + Send + 'static {
+    /// Empties it and keeps its memory.
+    fn clear(&mut self);
+}
+
+impl<T: Send + 'static> Results for Vec<T> {
+    fn clear(&mut self) {
+        self.clear();
     }
 }
 
-/// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with a list to append to, and appends the lists to
-/// `results` in order. Returns the sum of what `work` returns. One thread, or a single part, never touches the pool.
-pub(super) fn append_ranges<T: Send + 'static>(
+impl Results for FoundPairs {
+    fn clear(&mut self) {
+        self.clear();
+    }
+}
+
+impl<T: Send + 'static> Results for (Vec<T>, FoundPairs) {
+    fn clear(&mut self) {
+        self.0.clear();
+        self.1.clear();
+    }
+}
+
+/// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with results to append to, and joins them in order.
+/// The parts are the same for any number of threads. One thread, or a single part, never touches the pool and allocates
+/// nothing; else the results of the parts are `spare` ones.
+fn append_parts<T: Results>(
     count: usize,
     chunk: usize,
     threads: usize,
-    results: &mut Vec<T>,
-    work: impl Fn(Range<usize>, &mut Vec<T>) -> usize + Sync,
-) -> usize {
+    spare: &Buffers<T>,
+    results: &mut T,
+    work: impl Fn(Range<usize>, &mut T) + Sync,
+    join: impl Fn(&mut T, &mut T),
+) {
     let part_count = count.div_ceil(chunk);
+    let range = |part: usize| part * chunk..((part + 1) * chunk).min(count);
     let threads = available_threads(threads).min(part_count);
     if threads <= 1 {
-        return work(0..count, results);
+        return (0..part_count).for_each(|part| work(range(part), results));
     }
     let next = AtomicUsize::new(0);
     let take_parts = || {
@@ -83,12 +75,13 @@ pub(super) fn append_ranges<T: Send + 'static>(
             if part >= part_count {
                 return done;
             }
-            let mut found = Vec::new();
-            let sum = work(part * chunk..((part + 1) * chunk).min(count), &mut found);
-            done.push((part, found, sum));
+            let mut found = spare.take();
+            found.clear();
+            work(range(part), &mut found);
+            done.push((part, found));
         }
     };
-    let mut parts: Vec<(usize, Vec<T>, usize)> = ComputeTaskPool::get()
+    let mut parts: Vec<(usize, T)> = ComputeTaskPool::get()
         .scope(|scope| {
             for _ in 0..threads {
                 scope.spawn(async { take_parts() });
@@ -97,11 +90,40 @@ pub(super) fn append_ranges<T: Send + 'static>(
         .into_iter()
         .flatten()
         .collect();
-    parts.sort_unstable_by_key(|&(part, ..)| part);
-    for (_, found, _) in &mut parts {
-        results.append(found);
+    parts.sort_unstable_by_key(|&(part, _)| part);
+    for (_, mut found) in parts {
+        join(results, &mut found);
+        spare.give(found);
     }
-    parts.iter().map(|&(.., sum)| sum).sum()
+}
+
+/// The same for consecutive chunks of `pairs`.
+pub(super) fn append_chunks<T: Results>(
+    pairs: &[[u32; 2]],
+    threads: usize,
+    spare: &Buffers<T>,
+    results: &mut T,
+    work: impl Fn(&[[u32; 2]], &mut T) + Sync,
+    join: impl Fn(&mut T, &mut T),
+) {
+    append_parts(pairs.len(), CHUNK, threads, spare, results, |range, found| work(&pairs[range], found), join);
+}
+
+/// The same for lists. Returns the sum of what `work` returns.
+pub(super) fn append_ranges<T: Send + 'static>(
+    count: usize,
+    chunk: usize,
+    threads: usize,
+    spare: &Buffers<Vec<T>>,
+    results: &mut Vec<T>,
+    work: impl Fn(Range<usize>, &mut Vec<T>) -> usize + Sync,
+) -> usize {
+    let sum = AtomicUsize::new(0);
+    let work = |range: Range<usize>, found: &mut Vec<T>| {
+        sum.fetch_add(work(range, found), Ordering::Relaxed);
+    };
+    append_parts(count, chunk, threads, spare, results, work, Vec::append);
+    sum.into_inner()
 }
 
 /// Calls `work` on consecutive chunks of `items`, each with the place of its first one and with the results of the same
@@ -182,11 +204,17 @@ impl<T> Default for Buffers<T> {
 impl<T: Default> Buffers<T> {
     /// Calls `work` with a buffer that nobody else uses meanwhile.
     pub(super) fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
-        let spare = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let taken = spare().pop();
-        let mut buffer = taken.unwrap_or_default();
+        let mut buffer = self.take();
         let result = work(&mut buffer);
-        spare().push(buffer);
+        self.give(buffer);
         result
+    }
+
+    fn take(&self) -> T {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
+    }
+
+    fn give(&self, buffer: T) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(buffer);
     }
 }

@@ -47,6 +47,7 @@ fn refine(
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     mut refined: ResMut<RefinedTrianglePairs>,
+    spare: Local<Buffers<FoundPairs>>,
     buffers: Local<Buffers<SettleBuffers>>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
@@ -71,7 +72,7 @@ fn refine(
             refined.clear();
             if pair.method.is_exact() && !pair.triangles.is_empty() {
                 buffers.with(|buffers| {
-                    refine_pair(&active, pair, &settings, &surfaces, threads, refined, buffers);
+                    refine_pair(&active, pair, &settings, &surfaces, threads, refined, &spare, buffers);
                 });
             }
         },
@@ -87,6 +88,7 @@ fn refine(
 }
 
 /// Does nothing where a surface is gone.
+#[expect(clippy::too_many_arguments, reason = "what a stage reads, and where it writes")]
 fn refine_pair(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
@@ -94,13 +96,14 @@ fn refine_pair(
     surfaces: &Query<&SurfacePositions>,
     threads: usize,
     refined: &mut FoundPairs,
+    spare: &Buffers<FoundPairs>,
     buffers: &mut SettleBuffers,
 ) {
     let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
     let Ok(own) = surfaces.get(first.entity) else { return };
     let mut collect = |work: &(dyn Fn(&[[u32; 2]], &mut FoundPairs) + Sync)| {
-        append_chunks(&pair.triangles, threads, refined, work, FoundPairs::append);
+        append_chunks(&pair.triangles, threads, spare, refined, work, FoundPairs::append);
     };
     match pair.second {
         OtherSide::Surface(second) => {

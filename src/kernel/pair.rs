@@ -126,7 +126,7 @@ impl FoundPairs {
 
     /// Appends what was found in a later part of the pairs by faces, which are sorted: a pair that stands on both sides of
     /// the cut has one contact.
-    pub fn append_sorted(&mut self, mut later: Self) {
+    pub fn append_sorted(&mut self, later: &mut Self) {
         if let (Some(last), Some(first)) = (self.contacts.last(), later.contacts.first())
             && last.key == first.key
         {
@@ -136,7 +136,7 @@ impl FoundPairs {
     }
 
     /// Appends what was found in a later part of the candidates.
-    pub fn append(&mut self, mut later: Self) {
+    pub fn append(&mut self, later: &mut Self) {
         self.touching.append(&mut later.touching);
         self.contacts.append(&mut later.contacts);
         self.nearest = self.nearest.min(later.nearest);

@@ -209,7 +209,7 @@ fn screening_changes_nothing_and_neither_does_a_cut_through_the_candidates() {
     let (mut head, mut tail) = (FoundPairs::default(), FoundPairs::default());
     refine_pairs(&side_a, &side_b, first, &settings(false, true), &mut head);
     refine_pairs(&side_a, &side_b, second, &settings(false, true), &mut tail);
-    head.append(tail);
+    head.append(&mut tail);
     assert_eq!(head.contacts, screened.contacts);
     assert_eq!(head.touching, screened.touching);
     assert_eq!(head.nearest, screened.nearest);

@@ -205,6 +205,7 @@ fn pair_triangles(
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     buffers: Local<Buffers<MovedLeaves>>,
+    spare: Local<Buffers<Vec<[u32; 2]>>>,
     surfaces: TreeQuery,
 ) {
     let start = Instant::now();
@@ -227,7 +228,8 @@ fn pair_triangles(
             }
             let found = match pair.second {
                 OtherSide::Surface(second) => buffers.with(|moved| {
-                    pair_surface(&active, &settings, pair, second, &surfaces, moved, threads).unwrap_or_default()
+                    pair_surface(&active, &settings, pair, second, &surfaces, moved, &spare, threads)
+                        .unwrap_or_default()
                 }),
                 OtherSide::Shape(place) => pair_shape(&active, &settings, pair, place, &surfaces),
             };
@@ -309,10 +311,17 @@ impl<'a> Traversal<'a> {
     /// The pairs of triangles that only slabs have dropped.
     pub(in crate::detection) fn pairs_dropped_by_slabs(&self, threads: usize) -> Vec<[u32; 2]> {
         let mut dropped = Vec::new();
-        append_ranges(self.leaves.leaf_count(), LEAVES_AT_ONCE, threads, &mut dropped, |part, dropped| {
-            self.append_dropped_by_slabs(part, dropped);
-            0
-        });
+        append_ranges(
+            self.leaves.leaf_count(),
+            LEAVES_AT_ONCE,
+            threads,
+            &Buffers::default(),
+            &mut dropped,
+            |part, dropped| {
+                self.append_dropped_by_slabs(part, dropped);
+                0
+            },
+        );
         if self.is_reversed {
             for triangles in &mut dropped {
                 triangles.reverse();
@@ -347,13 +356,14 @@ fn pair_surface(
     second: usize,
     surfaces: &TreeQuery,
     moved: &mut MovedLeaves,
+    spare: &Buffers<Vec<[u32; 2]>>,
     threads: usize,
 ) -> Option<usize> {
     let (own, _, own_tree) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
     let (other, _, other_tree) = surfaces.get(active.surfaces[second].entity).ok()?;
     let traversal = Traversal::new(active, pair, settings, [(own, own_tree), (other, other_tree)], moved)?;
     let leaf_count = traversal.leaves.leaf_count();
-    let found = append_ranges(leaf_count, LEAVES_AT_ONCE, threads, &mut pair.triangles, |part, pairs| {
+    let found = append_ranges(leaf_count, LEAVES_AT_ONCE, threads, spare, &mut pair.triangles, |part, pairs| {
         traversal.append(part, traversal.cull.as_ref(), pairs)
     });
     if traversal.is_reversed {
