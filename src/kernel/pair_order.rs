@@ -78,7 +78,7 @@ mod tests {
                     if same_surface {
                         expected.sort_by_key(|&[a, b]| (a.min(b), a.max(b), a));
                     } else {
-                        expected.sort();
+                        expected.sort_unstable();
                     }
                     assert!(count < SHORT || end < 300 || pairs != expected, "there is something to sort");
                     sort_pairs(&mut pairs, same_surface, &mut spare);
@@ -86,7 +86,7 @@ mod tests {
                     // Lower triangle first, as broad phases list them: not by comparisons.
                     let mut ordered: Vec<[u32; 2]> = pairs.iter().rev().map(|&[a, b]| [a.min(b), a.max(b)]).collect();
                     let mut expected = ordered.clone();
-                    expected.sort();
+                    expected.sort_unstable();
                     sort_pairs(&mut ordered, same_surface, &mut spare);
                     assert!(ordered == expected, "{count} pairs below {end}");
                 }

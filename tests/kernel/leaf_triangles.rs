@@ -62,7 +62,7 @@ impl Surface {
     }
 }
 
-fn cull<'a>(triangles: [&'a LeafTriangles; 2], slabs: Option<f32>, planes_only: bool) -> PairCull<'a> {
+fn cull(triangles: [&LeafTriangles; 2], slabs: Option<f32>, planes_only: bool) -> PairCull<'_> {
     PairCull { triangles, neighbors: false, slabs, planes_only }
 }
 
@@ -213,9 +213,7 @@ fn slabs_reject_no_pair_within_range_where_f32_overflows() {
 fn tangled_meshes() -> Vec<Mesh> {
     let ball = icosphere(2, 1.0);
     let fins = Mesh {
-        positions: (0..30)
-            .map(|k| [f32::from(k as u8 % 3), f32::from(k as u8 % 5) * 0.5, f32::from(k as u8) * 0.1])
-            .collect(),
+        positions: (0u8..30).map(|k| [f32::from(k % 3), f32::from(k % 5) * 0.5, f32::from(k) * 0.1]).collect(),
         triangles: (2..30).map(|k| [0, 1, k]).chain((4..28).map(|k| [k, k + 1, k + 1])).collect(),
     };
     vec![

@@ -616,7 +616,7 @@ fn refined_and_polygon_find_the_same_bit_by_bit_on_meshes_of_every_kind() {
                 3 => duplicate_vertices(&turned),
                 _ => {
                     let (points, triangles) = crumpled(seed);
-                    Mesh { positions: points.iter().map(|point| point.to_array()).collect(), triangles }
+                    Mesh { positions: points.iter().map(Vec3::to_array).collect(), triangles }
                 }
             };
             let step = [0.0, 0.25, 0.125][random.below(3)];

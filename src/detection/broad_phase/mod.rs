@@ -205,6 +205,7 @@ impl PairingBuffers {
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
 fn pair_surfaces(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,

@@ -198,6 +198,7 @@ pub(in crate::detection) struct MovedLeaves {
 
 type TreeQuery<'w, 's> = Query<'w, 's, (&'static SurfacePositions, &'static TriangleBounds, &'static SurfaceTree)>;
 
+#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
 fn pair_triangles(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
@@ -349,6 +350,7 @@ impl<'a> Traversal<'a> {
 
 /// Pairs the triangles of two surfaces, or of one with itself. Returns how many boxes overlap; `None` where a surface is
 /// gone or nothing is near.
+#[expect(clippy::too_many_arguments, reason = "what a stage reads, and where it writes")]
 fn pair_surface(
     active: &ActiveSurfaces,
     settings: &CircumsphereSettings,

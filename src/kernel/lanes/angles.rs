@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     /// Half a unit in the last place of f32, and what double precision adds to it.
-    const ROUNDED: f64 = 0.5000001;
+    const ROUNDED: f64 = 0.500_000_1;
 
     fn units(found: f32, expected: f64) -> f64 {
         let unit = f64::from((expected as f32).abs().next_up()) - f64::from((expected as f32).abs());
