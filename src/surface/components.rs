@@ -124,13 +124,12 @@ pub enum ContactMethod {
     /// centers separate the triangles, and that line lies in both safety cones. Fast and smooth, and misses some contacts.
     Circumsphere,
     /// Touching is when the triangles cross or come within the contact distance. Misses none. Of a pair that does not
-    /// cross only the closest features make a contact, where `Refined` has all within the contact distance; takes less
-    /// time where many triangles touch.
+    /// cross only the closest features make a contact, where `Refined` has all within the contact distance.
     Closest,
     /// Touching is when the triangles cross or come within the contact distance. Misses none.
     #[default]
     Refined,
-    /// The same result as `Refined`, with every candidate tested exactly: the baseline to compare with.
+    /// The same result as `Refined`, with every candidate tested exactly, alone and whole: the baseline to compare with.
     Polygon,
 }
 
