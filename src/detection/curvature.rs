@@ -35,23 +35,6 @@ impl Plugin for CurvaturePlugin {
     }
 }
 
-/// For each active surface whether it is part of a pair that is tested by `method`.
-#[cfg(feature = "rerun")]
-pub(crate) fn surfaces_with_method(
-    active: &ActiveSurfaces,
-    candidates: &CandidateTrianglePairs,
-    method: ContactMethod,
-) -> Vec<bool> {
-    let mut used = vec![false; active.surfaces.len()];
-    for pair in candidates.pairs.iter().filter(|pair| pair.method == method) {
-        used[pair.first] = true;
-        if let super::broad_phase::OtherSide::Surface(second) = pair.second {
-            used[second] = true;
-        }
-    }
-    used
-}
-
 fn measure_curvature(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,

@@ -12,7 +12,7 @@ use glam::Vec3;
 
 use super::{
     bounds::TriangleBounds,
-    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
+    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair, surfaces_with_method},
     curvature::TriangleCurvature,
     refit::{Circumspheres, EnclosingBalls, TriangleCones},
 };
@@ -290,15 +290,7 @@ impl DetectionMemory {
         candidates: &CandidateTrianglePairs,
         method: ContactMethod,
     ) -> Vec<bool> {
-        let mut used = vec![false; active.surfaces.len()];
-        let pairs = candidates.pairs.iter().enumerate().filter(|(_, pair)| pair.method == method);
-        for (_, pair) in pairs.filter(|&(place, _)| !self.keeps(place)) {
-            used[pair.first] = true;
-            if let OtherSide::Surface(second) = pair.second {
-                used[second] = true;
-            }
-        }
-        used
+        surfaces_with_method(active, self.changed(&candidates.pairs), method)
     }
 }
 

@@ -22,8 +22,6 @@ pub use broad_phase::{
     BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, SurfacePair, TreeBroadPhasePlugin,
 };
 pub use cone::{ConePlugin, MeetingCaps};
-#[cfg(feature = "rerun")]
-pub(crate) use curvature::surfaces_with_method;
 pub use curvature::{CurvaturePlugin, TriangleCurvature};
 pub use diagnostics::{DetectionDiagnostics, StageDiagnostics};
 pub(crate) use memory::{DetectionMemory, StageList};

@@ -69,13 +69,12 @@ fn test_overlap(
     memory.reads(StageList::Candidates, candidates.last_changed());
     memory.writes(StageList::Overlapping, overlapping.last_changed());
     memory.carry(&mut overlapping.pairs);
-    if memory.changed(&candidates.pairs).any(|pair| !pair.method.is_exact()) {
+    let uses_spheres = |pair: &SurfacePair| !pair.method.is_exact();
+    if memory.changed(&candidates.pairs).any(uses_spheres) {
         rows.update(&active, &surfaces, &candidates);
     }
     overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
     memory.seal(StageList::Overlapping, overlapping.last_changed());
-    let uses_spheres =
-        |pair: &SurfacePair| matches!(pair.method, ContactMethod::BoundingSphere | ContactMethod::Circumsphere);
     for_each_weighed(
         &mut overlapping.pairs,
         settings.threads,

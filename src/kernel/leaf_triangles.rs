@@ -12,17 +12,11 @@ use fearless_simd::{Level, dispatch, f32x8, prelude::*, u32x8};
 use glam::Vec3;
 
 use super::{
-    exact::cull::{RANGE_SLACK, ROUNDING},
+    exact::cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
+    lanes::PairLanes,
     topology::SurfaceTopology,
     tree::{BoxTree, LEAF_WIDTH},
 };
-
-/// A squared normal below this is too close to the smallest f32 to be relied on: such a triangle's plane separates nothing.
-const LEAST_SQUARED: f32 = 1.0e-30;
-
-/// Of leaves that are larger, or farther from each other, nothing is known. Up to here a projection on any direction
-/// whose square is finite, below 1.9e19 long, is finite too; beyond, infinities of both signs would make gaps that are none.
-const LARGEST_EXTENT: f32 = 1.0e18;
 
 /// The error of a normal in f32, relative to the square of the leaf's extent: of both edges some units in the last place of
 /// the extent (6e-8 each), times the other edge.
@@ -96,12 +90,6 @@ impl LeafTriangles {
                 block.measure_planes(simd);
             }
         });
-    }
-
-    /// The memory that is used, in bytes.
-    #[must_use]
-    pub fn bytes(&self) -> usize {
-        self.blocks.capacity() * size_of::<Block>()
     }
 }
 
@@ -184,7 +172,7 @@ impl<'a> PairCull<'a> {
         let offset = own.origin - other.origin;
         let extent = own.extent + other.extent + offset.abs().element_sum();
         let needed = match self.slabs {
-            Some(range) if extent <= LARGEST_EXTENT => range * RANGE_SLACK + extent * ROUNDING,
+            Some(range) if extent <= PairLanes::LARGEST_EXTENT => range * RANGE_SLACK + extent * ROUNDING,
             _ => f32::INFINITY,
         };
         Separation { own, other, offset, extent, needed, neighbors: self.neighbors, planes_only: self.planes_only }

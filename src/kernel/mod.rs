@@ -26,5 +26,6 @@ pub mod settle;
 pub mod smooth_normal;
 pub mod sphere_pairs;
 pub mod sphere_rows;
+mod surroundings;
 pub mod topology;
 pub mod tree;

@@ -101,17 +101,8 @@ fn examine_pairs(
                 _ => {
                     let corners = corners();
                     examine_screened(&pair, &corners, range, wanted, &mut proximity);
-                    let distance = proximity.distance * settings.scale;
-                    if distance > settings.range {
-                        continue;
-                    }
-                    add_pair(triangles, distance, settings, found);
-                    for features in &proximity.proximities {
-                        let is_reported = features.distance * settings.scale <= settings.reported_distance;
-                        if is_reported && makes_contact(&proximity, features) {
-                            found.contacts.push(contact(a, b, settings, triangles, &corners, features));
-                        }
-                    }
+                    let makes_contact = |features: &Proximity| makes_contact(&proximity, features);
+                    add_examined(a, b, settings, triangles, &corners, &proximity, makes_contact, found);
                 }
             }
         }
@@ -163,16 +154,8 @@ fn contact_alone(
 #[inline(always)]
 #[expect(clippy::inline_always, reason = "so that it is compiled for each side")]
 fn fill(screen: &mut PairScreen, place: usize, side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
-    let triangles = side.topology.triangles();
     for (lane, pair) in pairs.iter().enumerate().take(PairScreen::WIDTH) {
-        let corners = if side.moved.is_some() {
-            side.corners(pair[place])
-        } else {
-            let [first, second, third] = triangles[pair[place] as usize];
-            let position = |vertex: u32| side.positions[vertex as usize].as_dvec3();
-            [position(first), position(second), position(third)]
-        };
-        screen.set(place, lane, corners);
+        screen.set(place, lane, side.corners(pair[place]));
     }
 }
 
@@ -189,16 +172,32 @@ fn examine_pairs_alone(
     for &triangles in pairs {
         let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
         examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
-        let distance = proximity.distance * settings.scale;
-        if distance > settings.range {
-            continue;
-        }
-        add_pair(triangles, distance, settings, found);
-        for features in &proximity.proximities {
-            let is_reported = features.distance * settings.scale <= settings.reported_distance;
-            if is_reported && reports(a, b, settings.same_surface, triangles, features.features) {
-                found.contacts.push(contact(a, b, settings, triangles, &corners, features));
-            }
+        let makes_contact = |features: &Proximity| reports(a, b, settings.same_surface, triangles, features.features);
+        add_examined(a, b, settings, triangles, &corners, &proximity, makes_contact, found);
+    }
+}
+
+/// Adds what a pair amounts to that was looked at alone: nothing where it is beyond the range.
+#[expect(clippy::too_many_arguments, reason = "a pair, what is known of it, and where it goes")]
+fn add_examined(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    settings: &PairSettings,
+    triangles: [u32; 2],
+    corners: &[[DVec3; 3]; 2],
+    pair: &PairProximity,
+    makes_contact: impl Fn(&Proximity) -> bool,
+    found: &mut FoundPairs,
+) {
+    let distance = pair.distance * settings.scale;
+    if distance > settings.range {
+        return;
+    }
+    add_pair(triangles, distance, settings, found);
+    for features in &pair.proximities {
+        let is_reported = features.distance * settings.scale <= settings.reported_distance;
+        if is_reported && makes_contact(features) {
+            found.contacts.push(contact(a, b, settings, triangles, corners, features));
         }
     }
 }

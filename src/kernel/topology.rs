@@ -8,14 +8,14 @@ use std::{collections::HashMap, sync::OnceLock};
 
 use glam::Vec3;
 
-use super::ids::{EdgeId, TriangleId, VertexId};
+use super::{
+    ids::{EdgeId, TriangleId, VertexId},
+    surroundings::Surroundings,
+};
 
 /// The largest number of vertices, edges or triangles of one surface: feature numbers are packed into 28 bits of a
 /// contact's key.
 pub const MAX_ELEMENTS: usize = (1 << 28) - 1;
-
-/// From so many vertices of each component the distances along the surface are known.
-const LANDMARKS: usize = 4;
 
 /// What makes a list of positions and triangles unusable as a surface.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -100,24 +100,19 @@ pub(super) enum Hinge {
     Branch,
 }
 
-/// What a triangle is to its neighbors, in one place.
-#[derive(Clone, Copy, Debug)]
-struct Surroundings {
-    /// How far the vertices of the first triangles around its own vertices and edges are from each landmark, in edges.
-    lowest: [u16; LANDMARKS],
-    highest: [u16; LANDMARKS],
-    /// Which of those triangles it is itself, one bit each.
-    first_of: u8,
-}
-
 /// For each element of one kind the triangles around it, in ascending order, as one flat list with offsets.
 #[derive(Clone, Debug, Default)]
-struct Incidence {
+pub(super) struct Incidence {
     offsets: Vec<u32>,
     triangles: Vec<u32>,
 }
 
 impl Incidence {
+    /// How many elements there are.
+    pub(super) fn len(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
     /// `corners[t]` names the three elements of triangle `t`.
     fn new(element_count: usize, corners: &[[u32; 3]]) -> Self {
         let mut offsets = vec![0u32; element_count + 1];
@@ -147,7 +142,7 @@ impl Incidence {
     }
 
     #[inline]
-    fn around(&self, element: u32) -> &[u32] {
+    pub(super) fn around(&self, element: u32) -> &[u32] {
         let element = element as usize;
         &self.triangles[self.offsets[element] as usize..self.offsets[element + 1] as usize]
     }
@@ -173,23 +168,7 @@ impl SurfaceTopology {
         }
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
-        let distances = landmark_distances(&welded_triangles, &vertex_triangles);
-        let mut surroundings = Vec::with_capacity(triangles.len());
-        for (triangle, corners) in welded_triangles.iter().enumerate() {
-            let (mut parts, mut lowest, mut highest) = (0, [u16::MAX; LANDMARKS], [0; LANDMARKS]);
-            let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
-            let [d, e, f] = triangle_edges[triangle].map(|edge| edge_triangles.around(edge)[0]);
-            for (part, first) in [a, b, c, d, e, f].into_iter().enumerate() {
-                parts |= u8::from(first as usize == triangle) << part;
-                for &vertex in &welded_triangles[first as usize] {
-                    for (landmark, &distance) in distances[vertex as usize].iter().enumerate() {
-                        lowest[landmark] = lowest[landmark].min(distance);
-                        highest[landmark] = highest[landmark].max(distance);
-                    }
-                }
-            }
-            surroundings.push(Surroundings { first_of: parts, lowest, highest });
-        }
+        let surroundings = Surroundings::of_all(&welded_triangles, &triangle_edges, &vertex_triangles, &edge_triangles);
         let mut topology = Self {
             vertex_count: positions.len(),
             triangles: triangles.to_vec(),
@@ -310,10 +289,7 @@ impl SurfaceTopology {
     /// Where it is false they do not; where it is true, that is all that the distances from the landmarks tell.
     #[inline]
     pub(crate) fn firsts_may_meet(&self, a: TriangleId, b: TriangleId) -> bool {
-        let (a, b) = (&self.surroundings[a.index()], &self.surroundings[b.index()]);
-        let meet =
-            |landmark: usize| (a.lowest[landmark] <= b.highest[landmark]) & (b.lowest[landmark] <= a.highest[landmark]);
-        (0..LANDMARKS).fold(true, |may_meet, landmark| may_meet & meet(landmark))
+        self.surroundings[a.index()].may_meet(&self.surroundings[b.index()])
     }
 
     /// Whether any two vertices are welded.
@@ -436,53 +412,6 @@ fn exact_weld(positions: &[Vec3]) -> Vec<u32> {
         .enumerate()
         .map(|(vertex, position)| *first.entry(bits(position)).or_insert(vertex as u32))
         .collect()
-}
-
-/// For each vertex how many edges away it is from each of some landmarks, which are chosen one after the other, each as
-/// far from those before as there is. Every component has landmarks of its own, and higher numbers than the one before.
-fn landmark_distances(triangles: &[[u32; 3]], around: &Incidence) -> Vec<[u16; LANDMARKS]> {
-    const UNSEEN: u32 = u32::MAX;
-    let count = around.offsets.len() - 1;
-    let mut distances = vec![[u16::MAX; LANDMARKS]; count];
-    let mut seeds: Vec<u32> = triangles.iter().map(|corners| corners[0]).collect();
-    let mut nearest = vec![UNSEEN; count];
-    let (mut levels, mut open) = (Vec::new(), Vec::with_capacity(count));
-    for landmark in 0..LANDMARKS {
-        levels.clear();
-        levels.resize(count, UNSEEN);
-        let (mut base, mut next_seeds) = (0, Vec::new());
-        for &seed in &seeds {
-            if levels[seed as usize] != UNSEEN {
-                continue;
-            }
-            open.clear();
-            open.push(seed);
-            levels[seed as usize] = base;
-            let (mut next, mut farthest) = (0, seed);
-            while next < open.len() {
-                let vertex = open[next];
-                let level = levels[vertex as usize];
-                distances[vertex as usize][landmark] = u16::try_from(level).unwrap_or(u16::MAX);
-                nearest[vertex as usize] = nearest[vertex as usize].min(level - base);
-                if nearest[vertex as usize] >= nearest[farthest as usize] {
-                    farthest = vertex;
-                }
-                for &triangle in around.around(vertex) {
-                    for neighbor in triangles[triangle as usize] {
-                        if levels[neighbor as usize] == UNSEEN {
-                            levels[neighbor as usize] = level + 1;
-                            open.push(neighbor);
-                        }
-                    }
-                }
-                next += 1;
-            }
-            base = levels[open[open.len() - 1] as usize] + 1;
-            next_seeds.push(farthest);
-        }
-        seeds = next_seeds;
-    }
-    distances
 }
 
 fn unique_edges(welded_triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {

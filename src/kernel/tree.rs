@@ -356,42 +356,7 @@ impl BoxTree {
     /// The same for the pairs with one item in `leaves` and the other there or after, without those that `cull` drops.
     /// Returns how many there are without culling by slabs.
     pub fn self_pairs_of(&self, leaves: Range<usize>, cull: Option<&PairCull<'_>>, pairs: &mut Vec<[u32; 2]>) -> usize {
-        dispatch!(Level::new(), simd => self.self_pairs_in_lanes(simd, leaves, cull, pairs))
-    }
-
-    #[inline(always)]
-    fn self_pairs_in_lanes<S: Simd>(
-        &self,
-        simd: S,
-        leaves: Range<usize>,
-        cull: Option<&PairCull<'_>>,
-        pairs: &mut Vec<[u32; 2]>,
-    ) -> usize {
-        let mut count = 0;
-        let mut recent = Recent::new();
-        for place in leaves {
-            let leaf = &self.leaves[place];
-            self.for_each_leaf(simd, &leaf.bounds, place as u32, |other_place| {
-                let other = &self.leaves[other_place];
-                let separation = match cull {
-                    Some(cull) => Some(cull.between([place, other_place])),
-                    None => None,
-                };
-                for_each_lane(leaf.boxes.overlapping(simd, &other.bounds), |lane| {
-                    let later = if place == other_place { !0u32 << (lane + 1) } else { !0 };
-                    let hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
-                    if hits != 0 {
-                        let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
-                        count += apart;
-                        let (item, others) =
-                            (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
-                        recent.push(simd, item.min(others), item.max(others), hits, pairs);
-                    }
-                });
-            });
-        }
-        recent.flush(pairs);
-        count
+        dispatch!(Level::new(), simd => self.pairs_in_lanes::<true, _>(simd, leaves, self, cull, pairs))
     }
 
     /// Appends every pair of an item of this tree and one of `other` whose boxes overlap, in the trees' order.
@@ -408,11 +373,12 @@ impl BoxTree {
         cull: Option<&PairCull<'_>>,
         pairs: &mut Vec<[u32; 2]>,
     ) -> usize {
-        dispatch!(Level::new(), simd => self.pairs_in_lanes(simd, leaves, other, cull, pairs))
+        dispatch!(Level::new(), simd => self.pairs_in_lanes::<false, _>(simd, leaves, other, cull, pairs))
     }
 
+    /// Of a tree with itself (`SELF`) only the later leaves and lanes are asked, and the lower item comes first.
     #[inline(always)]
-    fn pairs_in_lanes<S: Simd>(
+    fn pairs_in_lanes<const SELF: bool, S: Simd>(
         &self,
         simd: S,
         leaves: Range<usize>,
@@ -424,20 +390,24 @@ impl BoxTree {
         let mut recent = Recent::new();
         for place in leaves {
             let leaf = &self.leaves[place];
-            other_tree.for_each_leaf(simd, &leaf.bounds, 0, |other_place| {
+            let first = if SELF { place as u32 } else { 0 };
+            other_tree.for_each_leaf(simd, &leaf.bounds, first, |other_place| {
                 let other = &other_tree.leaves[other_place];
                 let separation = match cull {
                     Some(cull) => Some(cull.between([place, other_place])),
                     None => None,
                 };
                 for_each_lane(leaf.boxes.overlapping(simd, &other.bounds), |lane| {
-                    let hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane));
+                    let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
+                    let hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
                     if hits != 0 {
                         let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
                         count += apart;
                         let (item, others) =
                             (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
-                        recent.push(simd, item, others, hits, pairs);
+                        let (firsts, seconds) =
+                            if SELF { (item.min(others), item.max(others)) } else { (item, others) };
+                        recent.push(simd, firsts, seconds, hits, pairs);
                     }
                 });
             });

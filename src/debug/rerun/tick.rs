@@ -15,8 +15,7 @@ use crate::{
     detection::{
         CandidateTrianglePairs, Circumspheres, DetectionDiagnostics, EnclosingBalls, PairFates, SurfacePair,
         TriangleCones, TriangleCurvature,
-        broad_phase::{OtherSide, SurfaceTree},
-        surfaces_with_method,
+        broad_phase::{OtherSide, SurfaceTree, surfaces_with_method},
     },
     kernel::{bounds::Aabb, ids::VertexId, pose::Pose},
     settings::CircumsphereSettings,
@@ -70,7 +69,7 @@ impl Detected<'_, '_> {
 
     /// For each active surface whether a pair of it was tested by `method` in this tick.
     pub(super) fn used_by(&self, method: ContactMethod) -> Vec<bool> {
-        surfaces_with_method(&self.active, &self.candidates, method)
+        surfaces_with_method(&self.active, self.candidates.pairs.iter(), method)
     }
 }
 

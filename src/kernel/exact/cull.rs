@@ -19,7 +19,7 @@ pub(in crate::kernel) const RANGE_SLACK: f32 = 1.0 + 1.0e-5;
 pub(in crate::kernel) const ROUNDING: f32 = 2.0e-6;
 
 /// A squared direction below this is too close to the smallest f32 to be relied on.
-const LEAST_SQUARED: f32 = 1.0e-30;
+pub(in crate::kernel) const LEAST_SQUARED: f32 = 1.0e-30;
 
 impl PairLanes {
     /// By how much the gap along `direction` exceeds the one that proves a pair apart, in units of the direction's
