@@ -70,7 +70,7 @@ impl Sheet {
 
     fn side(&self) -> SurfaceSide<'_> {
         let (topology, positions) = (&self.topology, &*self.positions);
-        SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false }
+        SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None }
     }
 
     fn range(&self) -> f32 {

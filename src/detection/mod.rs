@@ -6,6 +6,7 @@
 mod bounds;
 pub mod broad_phase;
 mod cone;
+mod corner_rows;
 mod curvature;
 mod diagnostics;
 mod memory;
@@ -22,6 +23,7 @@ pub use broad_phase::{
     BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, SurfacePair, TreeBroadPhasePlugin,
 };
 pub use cone::{ConePlugin, MeetingCaps};
+pub use corner_rows::SurfaceRows;
 pub use curvature::{CurvaturePlugin, TriangleCurvature};
 pub use diagnostics::{DetectionDiagnostics, StageDiagnostics};
 pub(crate) use memory::{DetectionMemory, StageList};

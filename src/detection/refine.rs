@@ -6,7 +6,9 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
+    bounds::TriangleBounds,
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
+    corner_rows::{SurfaceRows, fill_rows},
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList},
     parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
@@ -51,7 +53,8 @@ fn refine(
     buffers: Local<Buffers<SettleBuffers>>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    surfaces: Query<&SurfacePositions>,
+    mut row_counts: Local<Vec<usize>>,
+    mut surfaces: Query<(&SurfacePositions, &TriangleBounds, &mut SurfaceRows)>,
 ) {
     let start = Instant::now();
     memory.reads(StageList::Candidates, candidates.last_changed());
@@ -59,6 +62,8 @@ fn refine(
     memory.carry(&mut refined.pairs);
     refined.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
     memory.seal(StageList::Refined, refined.last_changed());
+    fill_rows(&active, memory.changed(&candidates.pairs), settings.threads, &mut row_counts, &mut surfaces);
+    let surfaces = surfaces.as_readonly();
     for_each_weighed(
         &mut refined.pairs,
         settings.threads,
@@ -93,7 +98,7 @@ fn refine_pair(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
     settings: &CircumsphereSettings,
-    surfaces: &Query<&SurfacePositions>,
+    surfaces: &Query<(&SurfacePositions, &TriangleBounds, &SurfaceRows)>,
     threads: usize,
     refined: &mut FoundPairs,
     spare: &Buffers<FoundPairs>,
@@ -101,14 +106,15 @@ fn refine_pair(
 ) {
     let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
-    let Ok(own) = surfaces.get(first.entity) else { return };
+    let Ok((own, own_bounds, own_rows)) = surfaces.get(first.entity) else { return };
     let mut collect = |work: &(dyn Fn(&[[u32; 2]], &mut FoundPairs) + Sync)| {
         append_chunks(&pair.triangles, threads, spare, refined, work, FoundPairs::append);
     };
     match pair.second {
         OtherSide::Surface(second) => {
-            let Ok(other) = surfaces.get(active.surfaces[second].entity) else { return };
-            let Some([a, b]) = surface_sides(active, pair, own, other) else { return };
+            let Ok((other, other_bounds, other_rows)) = surfaces.get(active.surfaces[second].entity) else { return };
+            let Some([mut a, mut b]) = surface_sides(active, pair, own, other) else { return };
+            (a.rows, b.rows) = (own_rows.current(own_bounds), other_rows.current(other_bounds));
             let test = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
             collect(&|chunk, found| test(&a, &b, chunk, &pair_settings, found));
             buffers.settle([&a, &b], &pair.triangles, &pair_settings, threads, &mut refined.contacts);

@@ -54,7 +54,14 @@ pub(crate) fn surface_sides<'a>(
         let one_sided = surface.one_sided && !pair.is_self();
         let rounding = pair.moved_rounding;
         let moved = moving(pose).map(|pose| MovedSide { own_positions: &own_positions.0, pose, rounding });
-        SurfaceSide { topology: &surface.topology, positions, moved, one_sided, mirrored: pose.is_mirrored() }
+        SurfaceSide {
+            topology: &surface.topology,
+            positions,
+            moved,
+            one_sided,
+            mirrored: pose.is_mirrored(),
+            rows: None,
+        }
     };
     Some([side(pair.first, first_positions, positions_a, pose_a), side(second, second_positions, positions_b, pose_b)])
 }
@@ -85,7 +92,8 @@ impl SphereRows {
         for (place, active) in active.surfaces.iter().enumerate() {
             let Ok((positions, balls, spheres, cones)) = surfaces.get(active.entity) else { continue };
             let (topology, positions) = (&*active.topology, &*positions.0);
-            let surface = SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false };
+            let surface =
+                SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None };
             let is_worth_it = |method| pairs_of(place, method, candidates) >= topology.triangles().len();
             if is_worth_it(ContactMethod::Circumsphere) {
                 let side = CapSide { surface, spheres: &spheres.0, cones: &cones.0, pose: None, rows: None };

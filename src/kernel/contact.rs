@@ -137,6 +137,24 @@ impl CompactContact {
         let [a, b] = sides;
         let number_a = feature_number(a.topology, a.positions, triangles[0], features.a);
         let number_b = feature_number(b.topology, b.positions, triangles[1], features.b);
+        let numbers = [number_a, number_b];
+        let barycentrics = [barycentric_a, barycentric_b];
+        Self::between_features(triangles, same_surface, features, numbers, barycentrics, point_b, normal, distance)
+    }
+
+    /// The same of features whose [numbers](feature_number) are known.
+    #[expect(clippy::too_many_arguments, reason = "one argument per field of the record")]
+    #[inline]
+    pub(super) fn between_features(
+        triangles: [u32; 2],
+        same_surface: bool,
+        features: FeaturePair,
+        [number_a, number_b]: [u32; 2],
+        [barycentric_a, barycentric_b]: [[f64; 3]; 2],
+        point_b: DVec3,
+        normal: DVec3,
+        distance: f64,
+    ) -> Self {
         let swapped = same_surface && (rank(features.b), number_b) < (rank(features.a), number_a);
         Self {
             key: if swapped {

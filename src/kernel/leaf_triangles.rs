@@ -8,7 +8,7 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f32x8, prelude::*, u32x8};
+use fearless_simd::{Level, dispatch, f32x8, prelude::*, u8x32, u32x8};
 use glam::Vec3;
 
 use super::{
@@ -212,34 +212,40 @@ impl Separation<'_> {
         of_first.min(of_second).min(of_third).simd_eq(0).to_bitmask() as u32
     }
 
-    /// The lanes of the second leaf that a triangle of the first is kept apart from: by either plane, or across the line
-    /// between the centroids, which parts those that lie beside each other in nearly one plane. Only `asked` lanes count.
+    /// Whether slabs are asked at all.
     #[inline(always)]
-    pub(super) fn separated<S: Simd>(&self, simd: S, lane: usize, asked: u32) -> u32 {
-        let (own, other, needed) = (self.own, self.other, self.needed);
-        if needed == f32::INFINITY {
-            return 0;
-        }
-        let others = [other.corner(simd, 0), other.corner(simd, 1), other.corner(simd, 2)];
-        let normal = [own.normals[0][lane], own.normals[1][lane], own.normals[2][lane]];
-        let shift = normal[0] * self.offset.x + normal[1] * self.offset.y + normal[2] * self.offset.z;
-        let (low, high) = project(others, splat(simd, normal));
-        let own_gap = (low - (own.high[lane] + shift)).max((own.low[lane] + shift) - high);
+    pub(super) fn has_slabs(&self) -> bool {
+        self.needed != f32::INFINITY
+    }
 
-        let mut corners = others;
+    /// Which of up to eight pairs of lanes are kept apart: by either plane, or across the line between the centroids, which
+    /// parts those that lie beside each other in nearly one plane. Only `asked` pairs count.
+    #[inline(always)]
+    pub(super) fn separated<S: Simd>(&self, simd: S, pairs: &LanePairs<S>, asked: u32) -> u32 {
+        let (own, other, needed) = (self.own, self.other, self.needed);
+        let [a, b, c] = &other.corners;
+        let others = [pairs.of_second(simd, a), pairs.of_second(simd, b), pairs.of_second(simd, c)];
+        let [a, b, c] = &own.corners;
         let offset = splat(simd, self.offset.to_array());
-        for corner in 0..3 {
-            let [x, y, z] = &own.corners[corner];
-            corners[corner] = plus(splat(simd, [x[lane], y[lane], z[lane]]), offset);
-        }
-        let [x, y, z] = &other.normals;
-        let normals = [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)];
-        let (low, high) = project(corners, normals);
-        let other_gap = (low - f32x8::from_slice(simd, &other.high)).max(f32x8::from_slice(simd, &other.low) - high);
+        let corners = [
+            plus(pairs.of_first(simd, a), offset),
+            plus(pairs.of_first(simd, b), offset),
+            plus(pairs.of_first(simd, c), offset),
+        ];
+
+        let normal = pairs.of_first(simd, &own.normals);
+        let shift = dot(normal, offset);
+        let (low, high) = project(others, normal);
+        let [own_low, own_high, own_doubt] = pairs.of_first(simd, &[own.low, own.high, own.doubt]);
+        let own_gap = (low - (own_high + shift)).max((own_low + shift) - high);
+
+        let (low, high) = project(corners, pairs.of_second(simd, &other.normals));
+        let [other_low, other_high, other_doubt] = pairs.of_second(simd, &[other.low, other.high, other.doubt]);
+        let other_gap = (low - other_high).max(other_low - high);
         if self.planes_only {
-            let own_needed = needed + own.doubt[lane] * self.extent;
-            let other_needed = f32x8::from_slice(simd, &other.doubt) * self.extent + needed;
-            return (own_gap.simd_gt(own_needed) | other_gap.simd_gt(other_needed)).to_bitmask() as u32;
+            let apart = own_gap.simd_gt(own_doubt * self.extent + needed)
+                | other_gap.simd_gt(other_doubt * self.extent + needed);
+            return apart.to_bitmask() as u32;
         }
         let by_planes = (own_gap.simd_gt(needed) | other_gap.simd_gt(needed)).to_bitmask() as u32;
         if asked & !by_planes == 0 {
@@ -253,5 +259,43 @@ impl Separation<'_> {
         let squared = dot(between, between);
         let along_line = gap.simd_gt(squared.sqrt() * needed) & squared.simd_gt(LEAST_SQUARED);
         by_planes | along_line.to_bitmask() as u32
+    }
+}
+
+/// Eight pairs of a lane of one leaf and a lane of another.
+pub(super) struct LanePairs<S: Simd> {
+    /// The bytes of the lanes, in vectors of eight numbers.
+    firsts: u8x32<S>,
+    seconds: u8x32<S>,
+}
+
+impl<S: Simd> LanePairs<S> {
+    /// `pairs` are each eight times the lane of the first leaf and the lane of the second.
+    #[inline(always)]
+    pub(super) fn new(simd: S, pairs: &[u32; LEAF_WIDTH]) -> Self {
+        let pairs = u32x8::from_slice(simd, pairs);
+        // A lane's number is four bytes long.
+        let bytes = |lane: u32x8<S>| (lane * 0x0404_0404 + 0x0302_0100).to_bytes();
+        Self { firsts: bytes(pairs >> 3), seconds: bytes(pairs & 7) }
+    }
+
+    #[inline(always)]
+    pub(super) fn items(&self, simd: S, firsts: &[u32; LEAF_WIDTH], seconds: &[u32; LEAF_WIDTH]) -> [u32x8<S>; 2] {
+        [
+            u32x8::from_slice(simd, firsts).swizzle_dyn(self.firsts),
+            u32x8::from_slice(simd, seconds).swizzle_dyn(self.seconds),
+        ]
+    }
+
+    #[inline(always)]
+    fn of_first(&self, simd: S, [x, y, z]: &[Row; 3]) -> [f32x8<S>; 3] {
+        let row = |row: &Row| f32x8::from_slice(simd, row).swizzle_dyn(self.firsts);
+        [row(x), row(y), row(z)]
+    }
+
+    #[inline(always)]
+    fn of_second(&self, simd: S, [x, y, z]: &[Row; 3]) -> [f32x8<S>; 3] {
+        let row = |row: &Row| f32x8::from_slice(simd, row).swizzle_dyn(self.seconds);
+        [row(x), row(y), row(z)]
     }
 }

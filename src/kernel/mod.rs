@@ -11,6 +11,7 @@ pub mod circumsphere;
 pub mod cone;
 pub mod contact;
 pub mod contact_order;
+pub mod corner_rows;
 pub mod curvature;
 pub mod exact;
 pub mod ids;

@@ -5,8 +5,9 @@ use std::borrow::Cow;
 use glam::{DVec3, Vec3};
 
 use super::{
-    contact::{CompactContact, TouchingPair},
-    exact::{Feature, side::outward_direction},
+    contact::{CompactContact, TouchingPair, feature_number},
+    corner_rows::{CornerRow, CornerRows},
+    exact::{Feature, ScreenedPair, side::outward_direction},
     ids::TriangleId,
     pose::Pose,
     topology::SurfaceTopology,
@@ -25,6 +26,8 @@ pub struct SurfaceSide<'a> {
     pub one_sided: bool,
     /// Whether the way to the frame of the pair turned its outward normals inward.
     pub mirrored: bool,
+    /// The rows of its triangles, where somebody has made them: worth it where most triangles are in several pairs.
+    pub rows: Option<&'a CornerRows>,
 }
 
 /// The way of a side to the frame of the pair. Far from that frame's origin f32 is coarse: exact tests move the
@@ -54,11 +57,26 @@ impl SurfaceSide<'_> {
     #[inline]
     pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
         let [first, second, third] = self.topology.triangles()[triangle as usize];
-        let corner = |vertex: u32| match &self.moved {
-            Some(moved) => moved.pose.transform_point(moved.own_positions[vertex as usize].as_dvec3()),
-            None => self.positions[vertex as usize].as_dvec3(),
-        };
+        let corner = |vertex: u32| self.moved_point(self.own_positions()[vertex as usize].as_dvec3());
         [corner(first), corner(second), corner(third)]
+    }
+
+    /// The vertices in the side's own frame.
+    #[inline]
+    pub(super) fn own_positions(&self) -> &[Vec3] {
+        self.moved.as_ref().map_or(self.positions, |moved| moved.own_positions)
+    }
+
+    /// A point of the side's own frame in the frame of the pair.
+    #[inline]
+    pub(super) fn moved_point(&self, point: DVec3) -> DVec3 {
+        self.moved.as_ref().map_or(point, |moved| moved.pose.transform_point(point))
+    }
+
+    /// Makes a row for one triangle.
+    #[inline]
+    pub(super) fn row(&self, triangle: u32) -> CornerRow {
+        CornerRow::new(self.topology, self.own_positions(), triangle)
     }
 
     pub(super) fn outward(&self, triangle: u32, feature: Feature) -> DVec3 {
@@ -74,6 +92,50 @@ impl SurfaceSide<'_> {
     /// How far rounding may have put a position from where it is.
     pub(crate) fn rounding(&self) -> f32 {
         self.moved.map_or(0.0, |moved| moved.rounding)
+    }
+}
+
+/// A pair of triangles by their rows.
+#[derive(Clone, Copy)]
+pub(super) struct RowPair<'a> {
+    /// Both sides in the frame of the pair.
+    pub(super) sides: [&'a SurfaceSide<'a>; 2],
+    /// One triangle of each.
+    pub(super) triangles: [u32; 2],
+    /// The rows of those.
+    pub(super) rows: [&'a CornerRow; 2],
+}
+
+impl RowPair<'_> {
+    /// A corner of either triangle in the frame of the pair, not rounded.
+    #[inline]
+    pub(super) fn corner(&self, side: usize, corner: usize) -> DVec3 {
+        self.sides[side].moved_point(self.rows[side].corner(corner))
+    }
+
+    /// The three corners of either triangle.
+    #[inline]
+    pub(super) fn corners(&self, side: usize) -> [DVec3; 3] {
+        [self.corner(side, 0), self.corner(side, 1), self.corner(side, 2)]
+    }
+
+    /// Whether the two share a vertex, given that the sides are the same surface. Where no vertices are welded, the
+    /// boundaries of such a pair meet exactly.
+    #[inline]
+    pub(super) fn are_neighbors(&self, pair: &ScreenedPair) -> bool {
+        let topology = self.sides[0].topology;
+        let [a, b] = self.triangles.map(TriangleId);
+        (pair.meets_boundary() || topology.is_welded()) && topology.share_vertex(a, b)
+    }
+
+    /// The [number](feature_number) of a feature of either triangle.
+    #[inline]
+    pub(super) fn number(&self, side: usize, feature: Feature) -> u32 {
+        let (SurfaceSide { topology, positions, .. }, triangle) = (self.sides[side], self.triangles[side]);
+        if topology.is_welded() {
+            return feature_number(topology, positions, triangle, feature);
+        }
+        self.rows[side].number(triangle, feature)
     }
 }
 

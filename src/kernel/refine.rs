@@ -9,17 +9,18 @@ use glam::{DVec3, Vec3};
 
 use super::{
     contact::{CompactContact, TouchingPair, canonical_order},
+    corner_rows::CornerRow,
     exact::{
         Cases, Feature, FeatureBatches, FeatureContact, FeaturePair, PairProximity, PairScreen, Proximity,
         ScreenedPair,
         barycentric::point_at,
-        examine_pair, examine_screened,
+        examine_boundaries, examine_pair, examine_screened,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         side::face_normal,
         triangle_pair::TIE,
     },
     ids::{EdgeId, TriangleId, VertexId},
-    pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
+    pair::{FoundPairs, PairSettings, RowPair, SurfaceSide, without_neighbors},
     pose::Pose,
     topology::SurfaceTopology,
 };
@@ -32,13 +33,11 @@ pub fn refine_pairs(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    let pairs = without_neighbors(a, candidates, settings);
     if settings.cull {
-        let wanted =
-            |triangles, pair: &ScreenedPair| reported_cases(a, b, settings.same_surface, triangles, pair.cases);
-        examine_pairs(a, b, &pairs, settings, found, wanted, |_, _| true);
+        let wanted = |rows: &RowPair<'_>, pair: &ScreenedPair| reported_cases(rows, settings.same_surface, pair.cases);
+        examine_pairs(a, b, candidates, settings, found, wanted, |_, _| true);
     } else {
-        examine_pairs_alone(a, b, &pairs, settings, found);
+        examine_pairs_alone(a, b, &without_neighbors(a, candidates, settings), settings, found);
     }
 }
 
@@ -52,9 +51,8 @@ pub fn refine_closest(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    let pairs = without_neighbors(a, candidates, settings);
-    let wanted = |_, pair: &ScreenedPair| if pair.cases.may_cross() { pair.cases } else { pair.closest };
-    examine_pairs(a, b, &pairs, settings, found, wanted, |pair, features| {
+    let wanted = |_: &RowPair<'_>, pair: &ScreenedPair| if pair.cases.may_cross() { pair.cases } else { pair.closest };
+    examine_pairs(a, b, candidates, settings, found, wanted, |pair, features| {
         pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
     });
 }
@@ -67,7 +65,7 @@ fn examine_pairs(
     pairs: &[[u32; 2]],
     settings: &PairSettings,
     found: &mut FoundPairs,
-    wanted: impl Fn([u32; 2], &ScreenedPair) -> Cases,
+    wanted: impl Fn(&RowPair<'_>, &ScreenedPair) -> Cases,
     makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
 ) {
     let range = settings.range / settings.scale;
@@ -76,30 +74,46 @@ fn examine_pairs(
     let mut screen = PairScreen::new();
     let mut batches = FeatureBatches::new();
     let has_inside = a.one_sided || b.one_sided;
+    let mut made = [[CornerRow::EMPTY; PairScreen::WIDTH]; 2];
+    let [made_a, made_b] = &mut made;
+    let poses = [a, b].map(|side| side.moved.map(|moved| moved.pose));
     for pairs in pairs.chunks(PairScreen::WIDTH) {
-        fill(&mut screen, 0, a, pairs);
-        fill(&mut screen, 1, b, pairs);
-        for pair in screen.screen(pairs.len(), range) {
+        let rows = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
+        for pair in screen.screen([&rows[0], &rows[1]], poses, pairs.len(), range) {
             let triangles = pairs[pair.place];
-            let wanted = wanted(triangles, &pair);
+            let rows = RowPair { sides: [a, b], triangles, rows: [rows[0][pair.place], rows[1][pair.place]] };
+            if settings.same_surface && rows.are_neighbors(&pair) {
+                found.examined -= 1;
+                continue;
+            }
+            let wanted = wanted(&rows, &pair);
             let cases = pair.cases.and(wanted).without_boundary();
-            let corners = || [a.corners(triangles[0]), b.corners(triangles[1])];
             match pair.crosses() {
-                Some(crosses) if (crosses || !pair.is_closest_on_boundary()) && (cases.are_none() || !has_inside) => {
+                Some(crosses) if cases.are_none() || !has_inside => {
                     let distance = if crosses { 0.0 } else { pair.distance() } * settings.scale;
                     if distance > settings.range {
                         continue;
                     }
                     add_pair(triangles, distance, settings, found);
+                    let contacts = &mut found.contacts;
                     if !cases.are_none() {
-                        let contacts = &mut found.contacts;
-                        batches.add(triangles, &corners(), cases, pair.nothing(), |feature| {
+                        batches.add(&rows, cases, pair.nothing(), |feature| {
                             contacts.extend(feature_contact(a, b, settings, &feature));
                         });
                     }
+                    if !crosses && pair.is_closest_on_boundary() && distance <= settings.reported_distance {
+                        let corners = [rows.corners(0), rows.corners(1)];
+                        proximity.proximities.clear();
+                        examine_boundaries(&pair, &corners, range, &mut proximity.proximities);
+                        for features in &proximity.proximities {
+                            if features.distance * settings.scale <= settings.reported_distance {
+                                contacts.push(contact(a, b, settings, triangles, &corners, features));
+                            }
+                        }
+                    }
                 }
                 _ => {
-                    let corners = corners();
+                    let corners = [rows.corners(0), rows.corners(1)];
                     examine_screened(&pair, &corners, range, wanted, &mut proximity);
                     let makes_contact = |features: &Proximity| makes_contact(&proximity, features);
                     add_examined(a, b, settings, triangles, &corners, &proximity, makes_contact, found);
@@ -108,6 +122,25 @@ fn examine_pairs(
         }
     }
     batches.finish(|feature| found.contacts.extend(feature_contact(a, b, settings, &feature)));
+}
+
+/// The rows of one side's triangles of up to eight pairs, of fewer the last one fills up. Where nobody has made them, they
+/// are `made`.
+#[inline(always)]
+#[expect(clippy::inline_always, reason = "so that it is compiled for each side")]
+fn rows_of<'a, const SIDE: usize>(
+    side: &SurfaceSide<'a>,
+    pairs: &[[u32; 2]],
+    made: &'a mut [CornerRow; PairScreen::WIDTH],
+) -> [&'a CornerRow; PairScreen::WIDTH] {
+    let triangle = |lane: usize| pairs[lane.min(pairs.len() - 1)][SIDE];
+    if let Some(rows) = side.rows {
+        return std::array::from_fn(|lane| rows.of(triangle(lane)));
+    }
+    for (row, pair) in made.iter_mut().zip(pairs) {
+        *row = side.row(pair[SIDE]);
+    }
+    std::array::from_fn(|lane| &made[lane.min(pairs.len() - 1)])
 }
 
 /// The contact of a feature pair of surfaces without an inside, where it is close enough to be reported.
@@ -120,13 +153,12 @@ fn feature_contact(
     let Some(normal) = feature.normal else { return contact_alone(a, b, settings, feature) };
     let distance = feature.distance * settings.scale;
     (distance <= settings.reported_distance).then(|| {
-        CompactContact::between_triangles(
-            [a, b],
+        CompactContact::between_features(
             feature.triangles,
             settings.same_surface,
             feature.features,
-            feature.barycentrics[0],
-            feature.barycentrics[1],
+            feature.numbers,
+            feature.barycentrics,
             feature.point_b,
             normal,
             distance,
@@ -148,15 +180,6 @@ fn contact_alone(
     let found = proximity.proximities.iter().find(|found| found.features == feature.features)?;
     let is_reported = found.distance * settings.scale <= settings.reported_distance;
     is_reported.then(|| contact(a, b, settings, feature.triangles, &corners, found))
-}
-
-/// Puts one side's triangles of up to eight pairs into the lanes of a screen.
-#[inline(always)]
-#[expect(clippy::inline_always, reason = "so that it is compiled for each side")]
-fn fill(screen: &mut PairScreen, place: usize, side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
-    for (lane, pair) in pairs.iter().enumerate().take(PairScreen::WIDTH) {
-        screen.set(place, lane, side.corners(pair[place]));
-    }
 }
 
 /// Tests pairs exactly, each for itself and whole: what the other ways are measured by.
@@ -247,21 +270,15 @@ pub fn refine_shape(
 
 /// Those of a pair's cases that it reports, see [`reports`]. Mostly the first triangles of both features are a pair, and
 /// only that one reports them: which triangles are first is known to the topology.
-fn reported_cases(
-    a: &SurfaceSide<'_>,
-    b: &SurfaceSide<'_>,
-    same_surface: bool,
-    triangles: [u32; 2],
-    cases: Cases,
-) -> Cases {
-    let first_of_a = a.topology.first_of(TriangleId(triangles[0]));
-    let first_of_b = b.topology.first_of(TriangleId(triangles[1]));
-    let reported = Cases::between(first_of_a, first_of_b);
+#[inline]
+fn reported_cases(pair: &RowPair<'_>, same_surface: bool, cases: Cases) -> Cases {
+    let ([a, b], triangles) = (pair.sides, pair.triangles);
+    let [around_a, around_b] = pair.rows.map(|row| row.surroundings);
+    let reported = Cases::between(around_a.first_of, around_b.first_of);
     let others = cases.without(reported).without_boundary();
     let is_welded = a.topology.is_welded() || b.topology.is_welded();
     // The first triangles are a pair of neighbors only where they are close on the surface.
-    let firsts_may_meet =
-        same_surface && a.topology.firsts_may_meet(TriangleId(triangles[0]), TriangleId(triangles[1]));
+    let firsts_may_meet = same_surface && around_a.firsts_may_meet(around_b);
     if others.are_none() || !firsts_may_meet && !is_welded {
         return reported;
     }
@@ -270,9 +287,9 @@ fn reported_cases(
         let [part_a, part_b] = case.parts();
         let features = FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) };
         if !is_welded {
-            let first_a = triangles_around(a, triangles[0], features.a).map_or(triangles[0], |around| around[0]);
-            let first_b = triangles_around(b, triangles[1], features.b).map_or(triangles[1], |around| around[0]);
-            if !a.topology.share_vertex(TriangleId(first_a), TriangleId(first_b)) {
+            let first_a = a.topology.first_around(TriangleId(triangles[0]), part_a);
+            let first_b = b.topology.first_around(TriangleId(triangles[1]), part_b);
+            if !a.topology.share_vertex(first_a, first_b) {
                 continue;
             }
         }

@@ -1,5 +1,5 @@
 //! What a triangle is to its neighbors along the surface: of which vertices and edges it is the first triangle, and how far
-//! from some landmarks those first triangles are.
+//! it is from some landmarks.
 //!
 //! Found with the topology. The exact stage tells by it, without looking anything else up, which of several triangles reports
 //! a shared feature.
@@ -7,62 +7,54 @@
 use super::topology::Incidence;
 
 /// From so many vertices of each component the distances along the surface are known.
-const LANDMARKS: usize = 4;
+const LANDMARKS: usize = 3;
 
-/// What a triangle is to its neighbors, in one place.
+/// Two triangles whose distances from a landmark differ by more have no first triangles that share a vertex: a triangle's
+/// vertices are an edge away from its first corner, and those of a triangle around one of them at most two.
+const FARTHEST: u8 = 4;
+
+/// What a triangle is to its neighbors, in as little room as it takes.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surroundings {
-    /// How far the vertices of the first triangles around its own vertices and edges are from each landmark, in edges.
-    lowest: [u16; LANDMARKS],
-    highest: [u16; LANDMARKS],
-    /// Which of those triangles it is itself, one bit each: 0 to 2 its corners, 3 to 5 its edges.
+    /// How far its first corner is from each landmark, in edges, without what 256 goes into.
+    distances: [u8; LANDMARKS],
+    /// Of which of its parts it is the first of the triangles around them, one bit each: 0 to 2 its corners, 3 to 5 its
+    /// edges.
     pub(super) first_of: u8,
 }
 
 impl Surroundings {
-    /// Those of all triangles, given as welded vertices and as edges, with the triangles around either.
-    pub(super) fn of_all(
-        triangles: &[[u32; 3]],
-        triangle_edges: &[[u32; 3]],
-        vertex_triangles: &Incidence,
-        edge_triangles: &Incidence,
-    ) -> Vec<Self> {
+    pub(super) const NONE: Self = Self { distances: [0; LANDMARKS], first_of: 0 };
+
+    /// Those of all triangles, given as welded vertices, with the first triangles around the parts of each and the triangles
+    /// around each vertex.
+    pub(super) fn of_all(triangles: &[[u32; 3]], firsts: &[[u32; 6]], vertex_triangles: &Incidence) -> Vec<Self> {
         let distances = landmark_distances(triangles, vertex_triangles);
-        let of_one = |(triangle, (corners, edges)): (usize, (&[u32; 3], &[u32; 3]))| {
-            let mut surroundings = Self { lowest: [u16::MAX; LANDMARKS], highest: [0; LANDMARKS], first_of: 0 };
-            let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
-            let [d, e, f] = edges.map(|edge| edge_triangles.around(edge)[0]);
-            for (part, first) in [a, b, c, d, e, f].into_iter().enumerate() {
-                surroundings.first_of |= u8::from(first as usize == triangle) << part;
-                for &vertex in &triangles[first as usize] {
-                    for (landmark, &distance) in distances[vertex as usize].iter().enumerate() {
-                        surroundings.lowest[landmark] = surroundings.lowest[landmark].min(distance);
-                        surroundings.highest[landmark] = surroundings.highest[landmark].max(distance);
-                    }
-                }
-            }
-            surroundings
+        let of_one = |(triangle, (corners, firsts)): (usize, (&[u32; 3], &[u32; 6]))| {
+            let is_first = |(part, &first): (usize, &u32)| u8::from(first as usize == triangle) << part;
+            Self { distances: distances[corners[0] as usize], first_of: firsts.iter().enumerate().map(is_first).sum() }
         };
-        triangles.iter().zip(triangle_edges).enumerate().map(of_one).collect()
+        triangles.iter().zip(firsts).enumerate().map(of_one).collect()
     }
 
-    /// Whether the first triangles around the one may share a vertex with those around the other.
+    /// Whether the first triangles around the vertices and edges of the one may share a vertex with those around those of
+    /// the other. Where it is false they do not; where it is true, that is all that the landmarks tell.
     #[inline]
-    pub(super) fn may_meet(&self, other: &Self) -> bool {
+    pub(super) fn firsts_may_meet(self, other: Self) -> bool {
         (0..LANDMARKS).fold(true, |may_meet, landmark| {
-            may_meet
-                & (self.lowest[landmark] <= other.highest[landmark])
-                & (other.lowest[landmark] <= self.highest[landmark])
+            let difference = self.distances[landmark].wrapping_sub(other.distances[landmark]);
+            may_meet & (difference.wrapping_add(FARTHEST) <= 2 * FARTHEST)
         })
     }
 }
 
 /// For each vertex how many edges away it is from each of some landmarks, which are chosen one after the other, each as
-/// far from those before as there is. Every component has landmarks of its own, and higher numbers than the one before.
-fn landmark_distances(triangles: &[[u32; 3]], around: &Incidence) -> Vec<[u16; LANDMARKS]> {
+/// far from those before as there is. Every component has landmarks of its own, and higher numbers than the one before. Of
+/// each number the last byte.
+fn landmark_distances(triangles: &[[u32; 3]], around: &Incidence) -> Vec<[u8; LANDMARKS]> {
     const UNSEEN: u32 = u32::MAX;
     let count = around.len();
-    let mut distances = vec![[u16::MAX; LANDMARKS]; count];
+    let mut distances = vec![[0; LANDMARKS]; count];
     let mut seeds: Vec<u32> = triangles.iter().map(|corners| corners[0]).collect();
     let mut nearest = vec![UNSEEN; count];
     let (mut levels, mut open) = (Vec::new(), Vec::with_capacity(count));
@@ -81,7 +73,7 @@ fn landmark_distances(triangles: &[[u32; 3]], around: &Incidence) -> Vec<[u16; L
             while next < open.len() {
                 let vertex = open[next];
                 let level = levels[vertex as usize];
-                distances[vertex as usize][landmark] = u16::try_from(level).unwrap_or(u16::MAX);
+                distances[vertex as usize][landmark] = level as u8;
                 nearest[vertex as usize] = nearest[vertex as usize].min(level - base);
                 if nearest[vertex as usize] >= nearest[farthest as usize] {
                     farthest = vertex;

@@ -77,6 +77,8 @@ pub struct SurfaceTopology {
     triangle_edges: Vec<[u32; 3]>,
     edge_triangles: Incidence,
     vertex_triangles: Incidence,
+    /// The first triangles around each triangle's vertices and edges.
+    firsts: Vec<[u32; 6]>,
     surroundings: Vec<Surroundings>,
     report: TopologyReport,
     hinges: OnceLock<Box<[Hinge]>>,
@@ -168,7 +170,16 @@ impl SurfaceTopology {
         }
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
-        let surroundings = Surroundings::of_all(&welded_triangles, &triangle_edges, &vertex_triangles, &edge_triangles);
+        let firsts: Vec<[u32; 6]> = welded_triangles
+            .iter()
+            .zip(&triangle_edges)
+            .map(|(corners, edges)| {
+                let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
+                let [d, e, f] = edges.map(|edge| edge_triangles.around(edge)[0]);
+                [a, b, c, d, e, f]
+            })
+            .collect();
+        let surroundings = Surroundings::of_all(&welded_triangles, &firsts, &vertex_triangles);
         let mut topology = Self {
             vertex_count: positions.len(),
             triangles: triangles.to_vec(),
@@ -178,6 +189,7 @@ impl SurfaceTopology {
             triangle_edges,
             edge_triangles,
             vertex_triangles,
+            firsts,
             surroundings,
             report: TopologyReport::default(),
             hinges: OnceLock::new(),
@@ -278,18 +290,16 @@ impl SurfaceTopology {
         &self.triangle_edges
     }
 
-    /// Of which of its vertices and edges a triangle is the first of all around them: bits 0 to 2 its corners, 3 to 5 its
-    /// edges.
+    /// The first triangle around a part of a triangle: 0 to 2 its corners, 3 to 5 its edges, 6 the triangle itself.
     #[inline]
-    pub(crate) fn first_of(&self, triangle: TriangleId) -> u8 {
-        self.surroundings[triangle.index()].first_of
+    pub(super) fn first_around(&self, triangle: TriangleId, part: usize) -> TriangleId {
+        TriangleId(self.firsts[triangle.index()].get(part).copied().unwrap_or(triangle.0))
     }
 
-    /// Whether the first triangles around the vertices and edges of one triangle may share a vertex with those of another.
-    /// Where it is false they do not; where it is true, that is all that the distances from the landmarks tell.
+    /// What a triangle is to its neighbors.
     #[inline]
-    pub(crate) fn firsts_may_meet(&self, a: TriangleId, b: TriangleId) -> bool {
-        self.surroundings[a.index()].may_meet(&self.surroundings[b.index()])
+    pub(super) fn surroundings(&self, triangle: TriangleId) -> Surroundings {
+        self.surroundings[triangle.index()]
     }
 
     /// Whether any two vertices are welded.

@@ -16,7 +16,7 @@ use glam::Vec3;
 
 use super::{
     bounds::Aabb,
-    leaf_triangles::{PairCull, Separation},
+    leaf_triangles::{LanePairs, PairCull},
 };
 
 /// Boxes to a leaf, and children to a node.
@@ -387,7 +387,7 @@ impl BoxTree {
         pairs: &mut Vec<[u32; 2]>,
     ) -> usize {
         let mut count = 0;
-        let mut recent = Recent::new();
+        let (mut hits, mut recent) = (LaneHits::new(), Recent::new());
         for place in leaves {
             let leaf = &self.leaves[place];
             let first = if SELF { place as u32 } else { 0 };
@@ -397,19 +397,29 @@ impl BoxTree {
                     Some(cull) => Some(cull.between([place, other_place])),
                     None => None,
                 };
+                hits.count = 0;
                 for_each_lane(leaf.boxes.overlapping(simd, &other.bounds), |lane| {
                     let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
-                    let hits = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
-                    if hits != 0 {
-                        let (hits, apart) = cull_lanes(simd, separation.as_ref(), lane, hits);
-                        count += apart;
-                        let (item, others) =
-                            (u32x8::splat(simd, leaf.items[lane]), u32x8::from_slice(simd, &other.items));
-                        let (firsts, seconds) =
-                            if SELF { (item.min(others), item.max(others)) } else { (item, others) };
-                        recent.push(simd, firsts, seconds, hits, pairs);
+                    let mut lanes = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
+                    if let Some(separation) = &separation
+                        && lanes != 0
+                    {
+                        lanes &= !separation.neighbors(simd, lane);
                     }
+                    hits.push(simd, lane, lanes);
                 });
+                count += hits.count;
+                for (pairs_of_lanes, mut kept) in hits.groups() {
+                    let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
+                    if let Some(separation) = &separation
+                        && separation.has_slabs()
+                    {
+                        kept &= !separation.separated(simd, &lane_pairs, kept);
+                    }
+                    let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
+                    let (firsts, seconds) = if SELF { (items.min(others), items.max(others)) } else { (items, others) };
+                    recent.push(simd, firsts, seconds, kept, pairs);
+                }
             });
         }
         recent.flush(pairs);
@@ -417,15 +427,37 @@ impl BoxTree {
     }
 }
 
-/// The lanes of `hits` that are left, and how many were left before slabs were asked.
-#[inline(always)]
-fn cull_lanes<S: Simd>(simd: S, separation: Option<&Separation<'_>>, lane: usize, hits: u32) -> (u32, usize) {
-    match separation {
-        Some(separation) => {
-            let apart = hits & !separation.neighbors(simd, lane);
-            (apart & !separation.separated(simd, lane, apart), apart.count_ones() as usize)
-        }
-        None => (hits, hits.count_ones() as usize),
+/// Pairs of lanes of two leaves whose boxes overlap, side by side: slabs are asked of eight at a time, whichever lanes they
+/// are of.
+struct LaneHits {
+    /// Eight times the lane of the first leaf, and the lane of the second.
+    pairs: [[u32; LEAF_WIDTH]; LEAF_WIDTH + 1],
+    count: usize,
+}
+
+impl LaneHits {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { pairs: [[0; LEAF_WIDTH]; LEAF_WIDTH + 1], count: 0 }
+    }
+
+    #[inline(always)]
+    fn push<S: Simd>(&mut self, simd: S, lane: usize, lanes: u32) {
+        const LANES: [u32; LEAF_WIDTH] = [0, 1, 2, 3, 4, 5, 6, 7];
+        let mask = mask32x8::from_bitmask(simd, u64::from(lanes));
+        let pairs = (u32x8::from_slice(simd, &LANES) + (LEAF_WIDTH * lane) as u32).compress(mask);
+        pairs.store_slice(&mut self.pairs.as_flattened_mut()[self.count..][..LEAF_WIDTH]);
+        self.count += lanes.count_ones() as usize;
+    }
+
+    /// Eight pairs at a time, with a bit for each that there is.
+    #[inline(always)]
+    fn groups(&self) -> impl Iterator<Item = (&[u32; LEAF_WIDTH], u32)> {
+        let groups = self.pairs[..self.count.div_ceil(LEAF_WIDTH)].iter().enumerate();
+        groups.map(|(group, pairs)| {
+            let left = self.count - group * LEAF_WIDTH;
+            (pairs, if left < LEAF_WIDTH { (1 << left) - 1 } else { 0xff })
+        })
     }
 }
 

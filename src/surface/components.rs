@@ -9,7 +9,8 @@ use glam::Vec3;
 use super::prepare::QuarantineReason;
 use crate::{
     detection::{
-        Circumspheres, EnclosingBalls, TriangleBounds, TriangleCones, TriangleCurvature, broad_phase::SurfaceTree,
+        Circumspheres, EnclosingBalls, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature,
+        broad_phase::SurfaceTree,
     },
     kernel::{
         ids::VertexId,
@@ -34,6 +35,7 @@ use crate::{
     Transform,
     TriangleBounds,
     SurfaceTree,
+    SurfaceRows,
     TriangleCurvature,
     EnclosingBalls,
     Circumspheres,

@@ -23,7 +23,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 const REACH: f32 = 0.05;
 
 fn side<'a>(topology: &'a SurfaceTopology, positions: &'a [Vec3]) -> SurfaceSide<'a> {
-    SurfaceSide { topology, positions, moved: None, one_sided: true, mirrored: false }
+    SurfaceSide { topology, positions, moved: None, one_sided: true, mirrored: false, rows: None }
 }
 
 fn settings(reach: f32, same_surface: bool) -> PairSettings {

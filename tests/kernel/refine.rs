@@ -26,7 +26,7 @@ fn settings(same_surface: bool, cull: bool) -> PairSettings {
 }
 
 fn side<'a>(topology: &'a SurfaceTopology, positions: &'a [Vec3], one_sided: bool) -> SurfaceSide<'a> {
-    SurfaceSide { topology, positions, moved: None, one_sided, mirrored: false }
+    SurfaceSide { topology, positions, moved: None, one_sided, mirrored: false, rows: None }
 }
 
 fn all_between(a: usize, b: usize) -> Vec<[u32; 2]> {
@@ -542,8 +542,11 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
                 refine_pairs(&a, &b, &[[0, 0]], &settings, &mut found);
                 examine_pair(&exact(alone[0]), &exact(alone[1]), range, &mut proximity);
                 let within = proximity.proximities.iter().filter(|_| proximity.distance <= range);
-                let expected: Vec<_> = within.filter(|near| near.distance <= range).map(|near| near.features).collect();
-                let reported: Vec<_> = found.contacts.iter().map(|contact| contact.features).collect();
+                let mut expected: Vec<_> =
+                    within.filter(|near| near.distance <= range).map(|near| near.features).collect();
+                let mut reported: Vec<_> = found.contacts.iter().map(|contact| contact.features).collect();
+                expected.sort_unstable();
+                reported.sort_unstable();
                 assert_eq!(reported, expected, "seed {seed}, range {range}");
                 features += expected.len();
             }

@@ -54,7 +54,14 @@ impl Body {
     }
 
     fn surface(&self, one_sided: bool) -> SurfaceSide<'_> {
-        SurfaceSide { topology: &self.topology, positions: &self.positions, moved: None, one_sided, mirrored: false }
+        SurfaceSide {
+            topology: &self.topology,
+            positions: &self.positions,
+            moved: None,
+            one_sided,
+            mirrored: false,
+            rows: None,
+        }
     }
 
     fn cap_side(&self, one_sided: bool) -> CapSide<'_> {

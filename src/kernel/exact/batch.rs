@@ -12,11 +12,47 @@ use glam::DVec3;
 use super::{
     barycentric::edge_weights,
     feature::{Feature, FeaturePair},
-    screen::{Cases, Rows, Vectors, WIDTH},
+    screen::{Cases, Vectors, WIDTH},
 };
+use crate::kernel::pair::RowPair;
 
 /// Of separations whose square is smaller, the direction is left to the test of a pair alone, which scales them first.
 const LEAST_SQUARED: f64 = 1.0e-150;
+
+/// A vector of each of eight pairs.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+pub(super) struct Rows([[f64; WIDTH]; 3]);
+
+impl Rows {
+    pub(super) const ZERO: Self = Self([[0.0; WIDTH]; 3]);
+
+    #[inline(always)]
+    pub(super) fn set(&mut self, lane: usize, place: DVec3) {
+        let Self([x, y, z]) = self;
+        (x[lane], y[lane], z[lane]) = (place.x, place.y, place.z);
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&self, lane: usize) -> DVec3 {
+        let Self([x, y, z]) = self;
+        DVec3::new(x[lane], y[lane], z[lane])
+    }
+}
+
+impl<S: Simd> Vectors<S> {
+    #[inline(always)]
+    fn load(simd: S, Rows([x, y, z]): &Rows) -> Self {
+        Self { x: f64x8::from_slice(simd, x), y: f64x8::from_slice(simd, y), z: f64x8::from_slice(simd, z) }
+    }
+
+    #[inline(always)]
+    fn store(self, Rows([x, y, z]): &mut Rows) {
+        self.x.store_slice(x);
+        self.y.store_slice(y);
+        self.z.store_slice(z);
+    }
+}
 
 /// A contact of two triangles that have no inside.
 #[derive(Clone, Copy, Debug)]
@@ -25,6 +61,8 @@ pub(in crate::kernel) struct FeatureContact {
     pub(in crate::kernel) triangles: [u32; 2],
     /// Which of their features.
     pub(in crate::kernel) features: FeaturePair,
+    /// The [numbers](crate::kernel::contact::feature_number) of those.
+    pub(in crate::kernel) numbers: [u32; 2],
     /// Weights of the corners of either triangle.
     pub(in crate::kernel) barycentrics: [[f64; 3]; 2],
     /// The point on the second triangle.
@@ -40,6 +78,7 @@ pub(in crate::kernel) struct FeatureContact {
 struct Task {
     triangles: [u32; 2],
     features: FeaturePair,
+    numbers: [u32; 2],
     /// Whether the first feature, the vertex or the piercing edge, is of the first triangle.
     first_is_a: bool,
     /// From the centroid of the second triangle to that of the first.
@@ -107,26 +146,29 @@ impl FeatureBatches {
 
     /// Adds cases of a pair of triangles, all of which count, and gives the contacts of whatever is complete by that.
     /// Distances up to `nothing` are none.
+    #[inline(always)]
     pub(in crate::kernel) fn add(
         &mut self,
-        triangles: [u32; 2],
-        corners: &[[DVec3; 3]; 2],
+        pair: &RowPair<'_>,
         cases: Cases,
         nothing: f64,
         mut found: impl FnMut(FeatureContact),
     ) {
-        let origin = corners[0][0];
+        let corner = |side: usize, corner: usize| pair.corner(side, corner);
+        let origin = corner(0, 0);
         for case in cases.each() {
             let [part_a, part_b] = case.parts();
             let features = FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) };
+            let numbers = [pair.number(0, features.a), pair.number(1, features.b)];
             let first_is_a = features.b == Feature::Face;
-            let mut task = Task { triangles, features, first_is_a, from_b_to_a: DVec3::ZERO, nothing };
-            let [own, face] = if first_is_a { [&corners[0], &corners[1]] } else { [&corners[1], &corners[0]] };
+            let mut task =
+                Task { triangles: pair.triangles, features, numbers, first_is_a, from_b_to_a: DVec3::ZERO, nothing };
+            let [own, face] = if first_is_a { [0, 1] } else { [1, 0] };
             let own_feature = if first_is_a { features.a } else { features.b };
             match (features.a, features.b) {
                 (Feature::Edge(edge_a), Feature::Edge(edge_b)) => {
                     let (a, b) = (edge_a as usize, edge_b as usize);
-                    let ends = [corners[0][a], corners[0][(a + 1) % 3], corners[1][b], corners[1][(b + 1) % 3]];
+                    let ends = [corner(0, a), corner(0, (a + 1) % 3), corner(1, b), corner(1, (b + 1) % 3)];
                     self.edge_edge.push(task, origin, &ends);
                     if self.edge_edge.tasks.is_full() {
                         self.finish_edge_edge(&mut found);
@@ -135,15 +177,18 @@ impl FeatureBatches {
                 _ => match own_feature {
                     Feature::Edge(edge) => {
                         let edge = edge as usize;
-                        task.from_b_to_a = (corners[0].iter().sum::<DVec3>() - corners[1].iter().sum::<DVec3>()) / 3.0;
-                        let points = [own[edge], own[(edge + 1) % 3], face[0], face[1], face[2]];
+                        let sum = |corners: [DVec3; 3]| corners.iter().sum::<DVec3>();
+                        task.from_b_to_a = (sum(pair.corners(0)) - sum(pair.corners(1))) / 3.0;
+                        let [first, second, third] = pair.corners(face);
+                        let points = [corner(own, edge), corner(own, (edge + 1) % 3), first, second, third];
                         self.piercing.push(task, origin, &points);
                         if self.piercing.tasks.is_full() {
                             self.finish_piercing(&mut found);
                         }
                     }
                     Feature::Vertex(vertex) => {
-                        self.vertex_face.push(task, origin, &[own[vertex as usize], face[0], face[1], face[2]]);
+                        let [first, second, third] = pair.corners(face);
+                        self.vertex_face.push(task, origin, &[corner(own, vertex as usize), first, second, third]);
                         if self.vertex_face.tasks.is_full() {
                             self.finish_vertex_face(&mut found);
                         }
@@ -223,6 +268,7 @@ impl Results {
         FeatureContact {
             triangles: task.triangles,
             features: task.features,
+            numbers: task.numbers,
             barycentrics: if task.first_is_a { weights } else { [weights[1], weights[0]] },
             point_b: self.point_b.get(lane),
             normal: reliable.then(|| self.direction.get(lane)),

@@ -14,7 +14,7 @@ pub enum Feature {
 impl Feature {
     /// The part of a triangle with a number: 0 to 2 its corners, 3 to 5 its edges, 6 the face.
     #[inline]
-    pub(in crate::kernel) fn of_part(part: usize) -> Self {
+    pub(in crate::kernel) const fn of_part(part: usize) -> Self {
         match part {
             0..3 => Self::Vertex(part as u8),
             3..6 => Self::Edge(part as u8 - 3),

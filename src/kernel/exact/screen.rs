@@ -7,10 +7,11 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f64x8, mask64x8, prelude::*, u64x8};
+use fearless_simd::{Level, dispatch, f32x4, f32x8, f64x8, mask64x8, prelude::*, u64x8};
 use glam::DVec3;
 
 use super::triangle_pair::{PARALLEL_SINE, ROUND_OFF, TIE};
+use crate::kernel::{corner_rows::CornerRow, pose::Pose};
 
 /// A volume of three edges may be of either sign where it is below this share of the cube of the pair's largest
 /// coordinate: seven times what its rounding amounts to.
@@ -121,6 +122,8 @@ pub(in crate::kernel) struct ScreenedPair {
     pub(super) on_boundary: u32,
     /// Squared distance of the two, unless they cross.
     pub(super) nearest: f64,
+    /// Its root.
+    distance: f64,
     /// The largest coordinate of either.
     pub(super) largest: f64,
     /// Which of the edges that may pierce a face do.
@@ -144,6 +147,11 @@ impl ScreenedPair {
         self.cases.contain(Cases::BOUNDARY) && self.boundary <= self.nearest
     }
 
+    /// Whether a vertex of either is on the boundary of the other without any distance.
+    pub(in crate::kernel) fn meets_boundary(&self) -> bool {
+        self.boundary == 0.0
+    }
+
     /// The distance below which the pair's features touch as far as f64 tells.
     pub(in crate::kernel) fn nothing(&self) -> f64 {
         ROUND_OFF * self.largest
@@ -151,44 +159,22 @@ impl ScreenedPair {
 
     /// The distance of two triangles that do not cross.
     pub(in crate::kernel) fn distance(&self) -> f64 {
-        let distance = self.nearest.sqrt();
-        if distance <= ROUND_OFF * self.largest { 0.0 } else { distance }
+        if self.distance <= self.nothing() { 0.0 } else { self.distance }
     }
 }
 
 /// How many pairs are screened at a time.
 pub(super) const WIDTH: usize = 8;
 
-/// A vector of each of eight pairs.
-#[derive(Clone, Copy)]
-#[repr(align(64))]
-pub(super) struct Rows([[f64; WIDTH]; 3]);
-
-impl Rows {
-    pub(super) const ZERO: Self = Self([[0.0; WIDTH]; 3]);
-
-    #[inline(always)]
-    pub(super) fn set(&mut self, lane: usize, place: DVec3) {
-        let Self([x, y, z]) = self;
-        (x[lane], y[lane], z[lane]) = (place.x, place.y, place.z);
-    }
-
-    #[inline(always)]
-    pub(super) fn get(&self, lane: usize) -> DVec3 {
-        let Self([x, y, z]) = self;
-        DVec3::new(x[lane], y[lane], z[lane])
-    }
-}
-
 /// Eight pairs of triangles and what is known of them.
 pub(in crate::kernel) struct PairScreen {
-    corners: [[Rows; 3]; 2],
     cases: [u64; WIDTH],
     closest: [u64; WIDTH],
     certain: [u64; WIDTH],
     boundary: [f64; WIDTH],
     on_boundary: [u64; WIDTH],
     nearest: [f64; WIDTH],
+    distance: [f64; WIDTH],
     largest: [f64; WIDTH],
 }
 
@@ -197,34 +183,34 @@ impl PairScreen {
 
     pub(in crate::kernel) fn new() -> Self {
         Self {
-            corners: [[Rows::ZERO; 3]; 2],
             cases: [0; WIDTH],
             closest: [0; WIDTH],
             certain: [0; WIDTH],
             boundary: [0.0; WIDTH],
             on_boundary: [0; WIDTH],
             nearest: [0.0; WIDTH],
+            distance: [0.0; WIDTH],
             largest: [0.0; WIDTH],
         }
     }
 
-    /// Puts the first or second triangle of a pair into a lane.
-    #[inline(always)]
-    pub(in crate::kernel) fn set(&mut self, side: usize, lane: usize, corners: [DVec3; 3]) {
-        for corner in 0..3 {
-            self.corners[side][corner].set(lane, corners[corner]);
-        }
-    }
-
-    /// Screens the pairs in the first lanes for `range` (0 or more), and gives those that may be within it.
-    pub(in crate::kernel) fn screen(&mut self, count: usize, range: f64) -> impl Iterator<Item = ScreenedPair> + '_ {
-        dispatch!(Level::new(), simd => self.screen_in_lanes(simd, range));
+    /// Screens pairs for `range` (0 or more), and gives those of the first `count` that may be within it. The triangles of
+    /// either side are given in the frame of the side's `pose`, if it has one.
+    pub(in crate::kernel) fn screen(
+        &mut self,
+        sides: [&[&CornerRow; WIDTH]; 2],
+        poses: [Option<&Pose>; 2],
+        count: usize,
+        range: f64,
+    ) -> impl Iterator<Item = ScreenedPair> + '_ {
+        dispatch!(Level::new(), simd => self.screen_in_lanes(simd, sides, poses, range));
         let screened = |place: usize| ScreenedPair {
             place,
             cases: Cases(self.cases[place] as u32),
             boundary: self.boundary[place],
             on_boundary: self.on_boundary[place] as u32,
             nearest: self.nearest[place],
+            distance: self.distance[place],
             largest: self.largest[place],
             certain: Cases(self.certain[place] as u32),
             closest: Cases(self.closest[place] as u32),
@@ -233,16 +219,21 @@ impl PairScreen {
     }
 
     #[inline(always)]
-    fn screen_in_lanes<S: Simd>(&mut self, simd: S, range: f64) {
+    fn screen_in_lanes<S: Simd>(
+        &mut self,
+        simd: S,
+        sides: [&[&CornerRow; WIDTH]; 2],
+        poses: [Option<&Pose>; 2],
+        range: f64,
+    ) {
         let zero = f64x8::splat(simd, 0.0);
-        let mut triangles = [[Vectors { x: zero, y: zero, z: zero }; 3]; 2];
+        let mut triangles = [corners_in_lanes(simd, sides[0], poses[0]), corners_in_lanes(simd, sides[1], poses[1])];
+        let origin = triangles[0][0];
         let mut largest = zero;
-        let origin = Vectors::load(simd, &self.corners[0][0]);
-        for side in 0..2 {
-            for corner in 0..3 {
-                let place = Vectors::load(simd, &self.corners[side][corner]).minus(origin);
-                largest = largest.max(place.x.abs()).max(place.y.abs()).max(place.z.abs());
-                triangles[side][corner] = place;
+        for corners in &mut triangles {
+            for corner in corners {
+                *corner = corner.minus(origin);
+                largest = largest.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
             }
         }
         let range = (largest * ROUND_OFF).max(range);
@@ -285,7 +276,8 @@ impl PairScreen {
                 found.add(possible, case);
                 let size_squared = own.lengths_squared[edge] + other.lengths_squared[0] + other.lengths_squared[1];
                 let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
-                let is_firm = clear & ((from - to).abs() * size_squared.sqrt()).simd_gt(firm);
+                let fall = from - to;
+                let is_firm = clear & (fall * fall * size_squared).simd_gt(firm * firm);
                 certain = is_firm.select(certain | u64::from(case.0), certain);
             }
         }
@@ -293,6 +285,7 @@ impl PairScreen {
         found.cases.store_slice(&mut self.cases);
         found.closest.store_slice(&mut self.closest);
         found.nearest.store_slice(&mut self.nearest);
+        found.nearest.sqrt().store_slice(&mut self.distance);
         boundary.store_slice(&mut self.boundary);
         largest.store_slice(&mut self.largest);
     }
@@ -300,22 +293,16 @@ impl PairScreen {
 
 #[derive(Clone, Copy)]
 pub(super) struct Vectors<S: Simd> {
-    x: f64x8<S>,
-    y: f64x8<S>,
-    z: f64x8<S>,
+    pub(super) x: f64x8<S>,
+    pub(super) y: f64x8<S>,
+    pub(super) z: f64x8<S>,
 }
 
 impl<S: Simd> Vectors<S> {
+    /// The same vector in every lane.
     #[inline(always)]
-    pub(super) fn load(simd: S, Rows([x, y, z]): &Rows) -> Self {
-        Self { x: f64x8::from_slice(simd, x), y: f64x8::from_slice(simd, y), z: f64x8::from_slice(simd, z) }
-    }
-
-    #[inline(always)]
-    pub(super) fn store(self, Rows([x, y, z]): &mut Rows) {
-        self.x.store_slice(x);
-        self.y.store_slice(y);
-        self.z.store_slice(z);
+    fn splat(simd: S, vector: DVec3) -> Self {
+        Self { x: f64x8::splat(simd, vector.x), y: f64x8::splat(simd, vector.y), z: f64x8::splat(simd, vector.z) }
     }
 
     #[inline(always)]
@@ -357,6 +344,57 @@ impl<S: Simd> Vectors<S> {
             z: self.x * other.y - self.y * other.x,
         }
     }
+}
+
+/// The corners of eight triangles, one number to the lanes, moved as [`Pose::transform_point`] does it.
+#[inline(always)]
+fn corners_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH], pose: Option<&Pose>) -> [Vectors<S>; 3] {
+    let numbers = numbers_in_lanes(simd, rows);
+    let corner = |place: usize| Vectors { x: numbers[3 * place], y: numbers[3 * place + 1], z: numbers[3 * place + 2] };
+    let corners = [corner(0), corner(1), corner(2)];
+    match pose {
+        Some(pose) => [moved(simd, pose, corners[0]), moved(simd, pose, corners[1]), moved(simd, pose, corners[2])],
+        None => corners,
+    }
+}
+
+/// The nine numbers of eight triangles: squares of four rows and four columns are turned round.
+#[inline(always)]
+fn numbers_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH]) -> [f64x8<S>; 9] {
+    let row = |lane: usize| rows[lane].corners.as_flattened();
+    let square = |first_row: usize, first: usize| {
+        let load = |place: usize| f32x4::from_slice(simd, &row(first_row + place)[first..first + 4]);
+        let ((a, b), (c, d)) = (load(0).interleave(load(2)), load(1).interleave(load(3)));
+        let ((first, second), (third, fourth)) = (a.interleave(c), b.interleave(d));
+        [first, second, third, fourth]
+    };
+    let [low, high] = [[square(0, 0), square(4, 0)], [square(0, 4), square(4, 4)]];
+    let last = [row(0)[8], row(1)[8], row(2)[8], row(3)[8], row(4)[8], row(5)[8], row(6)[8], row(7)[8]];
+    let widened = |column: f32x8<S>| {
+        let (low, high) = column.widen();
+        low.combine(high)
+    };
+    let column = |halves: &[[f32x4<S>; 4]; 2], place: usize| widened(halves[0][place].combine(halves[1][place]));
+    [
+        column(&low, 0),
+        column(&low, 1),
+        column(&low, 2),
+        column(&low, 3),
+        column(&high, 0),
+        column(&high, 1),
+        column(&high, 2),
+        column(&high, 3),
+        widened(f32x8::from_slice(simd, &last)),
+    ]
+}
+
+#[inline(always)]
+fn moved<S: Simd>(simd: S, pose: &Pose, point: Vectors<S>) -> Vectors<S> {
+    let affine = pose.to_affine();
+    let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
+    let along = |axis: DVec3, factor: f64x8<S>| Vectors::splat(simd, axis).scaled(factor);
+    let turned = along(x, point.x).plus(along(y, point.y)).plus(along(z, point.z));
+    turned.plus(Vectors::splat(simd, affine.translation))
 }
 
 /// A triangle of each pair with what every case needs.

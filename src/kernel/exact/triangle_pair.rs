@@ -92,11 +92,7 @@ struct Sides {
 impl Sides {
     fn new(corners: [DVec3; 3]) -> Self {
         let edges = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
-        let inverse = |edge: DVec3| {
-            let squared = edge.length_squared();
-            if squared > 0.0 { squared.recip() } else { 0.0 }
-        };
-        let inverse_lengths_squared = [inverse(edges[0]), inverse(edges[1]), inverse(edges[2])];
+        let inverse_lengths_squared = edges.map(inverse_length_squared);
         let normal = edges[0].cross(edges[1]);
         Self { corners, edges, inverse_lengths_squared, normal, normal_length_squared: normal.length_squared() }
     }
@@ -194,8 +190,8 @@ impl PairProximity {
     ) {
         if !crossing && boundary <= range && boundary <= nearest {
             let most = (boundary * (1.0 + TIE)).min(range);
-            boundary_proximities(a, b, true, most, on_boundary, &mut self.proximities);
-            boundary_proximities(b, a, false, most, on_boundary >> 9, &mut self.proximities);
+            boundary_proximities(&a.corners, &b.corners, true, most, on_boundary, &mut self.proximities);
+            boundary_proximities(&b.corners, &a.corners, false, most, on_boundary >> 9, &mut self.proximities);
         }
         self.distance = if crossing { 0.0 } else { nearest.sqrt() };
         if self.distance <= nothing {
@@ -211,64 +207,84 @@ fn largest_coordinate(triangle: &Sides) -> f64 {
     triangle.corners.iter().fold(0.0, |largest: f64, corner| largest.max(corner.abs().max_element()))
 }
 
-/// Where along an edge of `other` a vertex of `own` is closest, 0–1, and the squared distance.
+fn inverse_length_squared(edge: DVec3) -> f64 {
+    let squared = edge.length_squared();
+    if squared > 0.0 { squared.recip() } else { 0.0 }
+}
+
+/// Where along an edge a point is closest, 0–1, and the squared distance, given the way from the edge's start to the point.
 #[inline]
-fn vertex_edge(own: &Sides, other: &Sides, vertex: usize, edge: usize) -> (f64, f64) {
-    let from_start = own.corners[vertex] - other.corners[edge];
-    let along = (from_start.dot(other.edges[edge]) * other.inverse_lengths_squared[edge]).clamp(0.0, 1.0);
-    (along, (from_start - other.edges[edge] * along).length_squared())
+fn place_on_edge(from_start: DVec3, edge: DVec3, inverse_length_squared: f64) -> (f64, f64) {
+    let along = (from_start.dot(edge) * inverse_length_squared).clamp(0.0, 1.0);
+    (along, (from_start - edge * along).length_squared())
 }
 
 fn least_boundary_distance_squared(own: &Sides, other: &Sides) -> f64 {
     let mut least = f64::INFINITY;
     for vertex in 0..3 {
         for edge in 0..3 {
-            least = least.min(vertex_edge(own, other, vertex, edge).1);
+            let from_start = own.corners[vertex] - other.corners[edge];
+            least = least.min(place_on_edge(from_start, other.edges[edge], other.inverse_lengths_squared[edge]).1);
         }
     }
     least
 }
 
-/// Those vertices of `own` of which it is `asked` that are within a squared distance of an edge of `other`, or of its start: the end of an edge is
-/// the start of the next one. Two vertices are reported from the first triangle only.
-fn boundary_proximities(own: &Sides, other: &Sides, own_is_a: bool, most: f64, asked: u32, found: &mut Proximities) {
-    for vertex in 0..3 {
-        for edge in (0..3).filter(|edge| asked >> (3 * vertex + edge) & 1 != 0) {
-            let (along, distance_squared) = vertex_edge(own, other, vertex, edge);
-            let at_start = along <= AT_END;
-            if distance_squared > most || along >= 1.0 - AT_END || at_start && !own_is_a {
-                continue;
-            }
-            let proximity = boundary_proximity(own, other, vertex, edge, along, distance_squared);
-            found.push(if own_is_a { proximity } else { proximity.swapped() });
-        }
+/// What is closest on the boundaries of both triangles of a pair that was screened for the same range and that does not cross.
+#[inline]
+pub(in crate::kernel) fn examine_boundaries(
+    pair: &ScreenedPair,
+    [a, b]: &[[DVec3; 3]; 2],
+    range: f64,
+    found: &mut Proximities,
+) {
+    let nothing = pair.nothing();
+    let range = range.max(nothing);
+    let most = (pair.boundary * (1.0 + TIE)).min(range * range);
+    let (a, b) = (a.map(|corner| corner - a[0]), b.map(|corner| corner - a[0]));
+    boundary_proximities(&a, &b, true, most, pair.on_boundary, found);
+    boundary_proximities(&b, &a, false, most, pair.on_boundary >> 9, found);
+    for proximity in found.iter_mut().filter(|proximity| proximity.distance <= nothing) {
+        proximity.distance = 0.0;
     }
 }
 
-/// A vertex of `own` and the place along an edge of `other` that is closest to it, or the corner there.
+/// Those vertices of `own` that are within a squared distance of an edge of `other`, or of its start: the end of an edge is
+/// the start of the next one. Two vertices are reported from the first triangle only. Of which it is `asked`, bit
+/// `3 v + e` for vertex `v` and edge `e`.
 #[inline]
-fn boundary_proximity(
-    own: &Sides,
-    other: &Sides,
-    vertex: usize,
-    edge: usize,
-    along: f64,
-    distance_squared: f64,
-) -> Proximity {
-    let (feature, weights) = if along <= AT_END {
-        (Feature::Vertex(edge as u8), corner_weights(edge))
-    } else if along >= 1.0 - AT_END {
-        let end = (edge + 1) % 3;
-        (Feature::Vertex(end as u8), corner_weights(end))
-    } else {
-        (Feature::Edge(edge as u8), edge_weights(edge, along))
-    };
-    Proximity {
-        features: FeaturePair { a: Feature::Vertex(vertex as u8), b: feature },
-        barycentric_a: corner_weights(vertex),
-        barycentric_b: weights,
-        separation: own.corners[vertex] - point_at(&other.corners, &weights),
-        distance: distance_squared.sqrt(),
+fn boundary_proximities(
+    own: &[DVec3; 3],
+    other: &[DVec3; 3],
+    own_is_a: bool,
+    most: f64,
+    asked: u32,
+    found: &mut Proximities,
+) {
+    let mut left = asked & 0x1ff;
+    while left != 0 {
+        let (vertex, edge) = (left.trailing_zeros() as usize / 3, left.trailing_zeros() as usize % 3);
+        left &= left - 1;
+        let along_edge = other[(edge + 1) % 3] - other[edge];
+        let from_start = own[vertex] - other[edge];
+        let (along, distance_squared) = place_on_edge(from_start, along_edge, inverse_length_squared(along_edge));
+        let at_start = along <= AT_END;
+        if distance_squared > most || along >= 1.0 - AT_END || at_start && !own_is_a {
+            continue;
+        }
+        let (feature, weights) = if at_start {
+            (Feature::Vertex(edge as u8), corner_weights(edge))
+        } else {
+            (Feature::Edge(edge as u8), edge_weights(edge, along))
+        };
+        let proximity = Proximity {
+            features: FeaturePair { a: Feature::Vertex(vertex as u8), b: feature },
+            barycentric_a: corner_weights(vertex),
+            barycentric_b: weights,
+            separation: own[vertex] - point_at(other, &weights),
+            distance: distance_squared.sqrt(),
+        };
+        found.push(if own_is_a { proximity } else { proximity.swapped() });
     }
 }
 
