@@ -297,18 +297,18 @@ fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, swap: u64, results: &mut
     let local = [corners[0].minus(origin), corners[1].minus(origin), corners[2].minus(origin)];
     let edges = [local[1].minus(local[0]), local[2].minus(local[1]), local[0].minus(local[2])];
     let normal = edges[0].cross(edges[1]);
-    let normal_squared = normal.dot(normal);
+    let inverse = f64x8::splat(simd, 1.0) / normal.dot(normal);
     let height = normal.dot(position.minus(local[0]));
-    let distance_squared = height * height / normal_squared;
-    let first = normal.dot(edges[1].cross(position.minus(local[1])));
-    let second = normal.dot(edges[2].cross(position.minus(local[2])));
-    let third = normal.dot(edges[0].cross(position.minus(local[0])));
+    let distance_squared = height * height * inverse;
+    let first = normal.cross(edges[1]).dot(position.minus(local[1]));
+    let second = normal.cross(edges[2]).dot(position.minus(local[2]));
+    let third = normal.cross(edges[0]).dot(position.minus(local[0]));
     let (weights, point) = normalized(simd, [first, second, third], corners);
     weights[1].store_slice(&mut results.weights[0]);
     weights[2].store_slice(&mut results.weights[1]);
     let swapped = mask64x8::from_bitmask(simd, swap);
     Vectors::select(swapped, absolute, point).store(&mut results.point_b);
-    results.set_direction(simd, normal.scaled(height / normal_squared), swap);
+    results.set_direction(simd, normal.scaled(height * inverse), swap);
     distance_squared.sqrt().store_slice(&mut results.distance);
 }
 

@@ -255,8 +255,8 @@ impl PairScreen {
         on_boundary.store_slice(&mut self.on_boundary);
         let mut found = Found { cases: u64x8::splat(simd, 0), nearest: boundary, closest: u64x8::splat(simd, 0) };
         found.add(!boundary.simd_gt(range_squared), Cases::BOUNDARY);
-        let heights_over_b = vertices_over_face(&a, &b, range_squared, true, &mut found);
-        let heights_over_a = vertices_over_face(&b, &a, range_squared, false, &mut found);
+        let heights_over_b = vertices_over_face(simd, &a, &b, range_squared, true, &mut found);
+        let heights_over_a = vertices_over_face(simd, &b, &a, range_squared, false, &mut found);
         let mut volumes = [[zero; 3]; 3];
         for edge_a in 0..3 {
             for edge_b in 0..3 {
@@ -455,22 +455,25 @@ fn vertices_and_edges<S: Simd>(simd: S, own: &Side<S>, other: &Side<S>, distance
 /// Returns how high each vertex is, in lengths of the face's normal.
 #[inline(always)]
 fn vertices_over_face<S: Simd>(
+    simd: S,
     own: &Side<S>,
     other: &Side<S>,
     range_squared: f64x8<S>,
     vertex_of_a: bool,
     found: &mut Found<S>,
 ) -> [f64x8<S>; 3] {
-    let normal_squared = other.normal.dot(other.normal);
-    let mut heights = [normal_squared; 3];
+    let inward =
+        [other.normal.cross(other.edges[0]), other.normal.cross(other.edges[1]), other.normal.cross(other.edges[2])];
+    let inverse = f64x8::splat(simd, 1.0) / other.normal.dot(other.normal);
+    let mut heights = [inverse; 3];
     for vertex in 0..3 {
         let from_first = own.corners[vertex].minus(other.corners[0]);
         let height = other.normal.dot(from_first);
-        let distance_squared = height * height / normal_squared;
+        let distance_squared = height * height * inverse;
         let mut possible = distance_squared.simd_le(range_squared);
         for k in 0..3 {
             let from_corner = own.corners[vertex].minus(other.corners[k]);
-            let area = other.normal.dot(other.edges[k].cross(from_corner));
+            let area = inward[k].dot(from_corner);
             possible &= !area.simd_le(0.0);
         }
         found.add_distance(possible, Cases::vertex_face(vertex_of_a, vertex), distance_squared);

@@ -86,7 +86,9 @@ struct Sides {
     edges: [DVec3; 3],
     inverse_lengths_squared: [f64; 3],
     normal: DVec3,
-    normal_length_squared: f64,
+    inverse_normal_squared: f64,
+    /// In the plane, at right angles to each edge, away from it to the inside.
+    inward: [DVec3; 3],
 }
 
 impl Sides {
@@ -94,7 +96,9 @@ impl Sides {
         let edges = [corners[1] - corners[0], corners[2] - corners[1], corners[0] - corners[2]];
         let inverse_lengths_squared = edges.map(inverse_length_squared);
         let normal = edges[0].cross(edges[1]);
-        Self { corners, edges, inverse_lengths_squared, normal, normal_length_squared: normal.length_squared() }
+        let inward = edges.map(|edge| normal.cross(edge));
+        let inverse_normal_squared = normal.length_squared().recip();
+        Self { corners, edges, inverse_lengths_squared, normal, inverse_normal_squared, inward }
     }
 }
 
@@ -300,19 +304,19 @@ fn vertex_face(
 ) -> f64 {
     let position = own.corners[vertex];
     let height = other.normal.dot(position - other.corners[0]);
-    let distance_squared = height * height / other.normal_length_squared;
+    let distance_squared = height * height * other.inverse_normal_squared;
     // The distance from a face without area is not a number.
     if distance_squared > range_squared || distance_squared.is_nan() {
         return f64::INFINITY;
     }
-    let area = |k: usize| other.normal.dot(other.edges[k].cross(position - other.corners[k]));
+    let area = |k: usize| other.inward[k].dot(position - other.corners[k]);
     let areas = [area(1), area(2), area(0)];
     if areas[0] <= 0.0 || areas[1] <= 0.0 || areas[2] <= 0.0 {
         return f64::INFINITY;
     }
     let features = FeaturePair { a: Feature::Vertex(vertex as u8), b: Feature::Face };
     let (weights, face_weights) = (corner_weights(vertex), normalized(areas));
-    let separation = other.normal * (height / other.normal_length_squared);
+    let separation = other.normal * (height * other.inverse_normal_squared);
     let distance = distance_squared.sqrt();
     let proximity = Proximity { features, barycentric_a: weights, barycentric_b: face_weights, separation, distance };
     found.push(if vertex_of_a { proximity } else { proximity.swapped() });
