@@ -346,7 +346,7 @@ pub(super) fn triangles_around<'a>(side: &SurfaceSide<'a>, triangle: u32, featur
 /// Whether `candidate` still has the feature of `triangle` at the same place: vertices that were welded because they
 /// coincided once may have moved apart since.
 fn shares_feature(side: &SurfaceSide<'_>, triangle: u32, feature: Feature, candidate: u32) -> bool {
-    if candidate == triangle {
+    if candidate == triangle || !side.topology.is_welded() {
         return true;
     }
     let same_corner = |corner: usize| {
