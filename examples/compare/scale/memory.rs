@@ -9,7 +9,7 @@ use std::fmt::{self, Display, Formatter};
 use bevy_circumsphere::{
     detection::{
         CandidateTrianglePairs, Circumspheres, EnclosingBalls, MeetingCaps, OverlappingTrianglePairs,
-        RefinedTrianglePairs, TriangleBounds, TriangleCones, TriangleCurvature, broad_phase::SurfaceTree,
+        RefinedTrianglePairs, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature, broad_phase::SurfaceTree,
     },
     kernel::topology::SurfaceTopology,
     prelude::*,
@@ -34,7 +34,7 @@ const TICKS: usize = 4;
 pub struct Memory {
     pub method: String,
     pub triangles: usize,
-    /// All that a sheet without pairs takes, wherever it is.
+    /// All that a sheet without pairs takes, wherever it is, and the rows that it has with them.
     pub bytes_per_triangle_without_pairs: f64,
     candidates: usize,
     contacts: usize,
@@ -49,7 +49,7 @@ pub struct Memory {
 #[derive(Serialize)]
 struct Part {
     name: &'static str,
-    /// Of the sheet without pairs.
+    /// Of the sheet without pairs; of rows, which it does not have, of the crumpled one.
     bytes_per_triangle: f64,
     /// Of the crumpled sheet.
     bytes: usize,
@@ -65,6 +65,8 @@ struct Weighed {
 }
 
 const TOPOLOGY: &str = "topology";
+/// What a sheet has only where it is in many pairs, as much as a triangle takes.
+const ROWS: &str = "SurfaceRows";
 const CANDIDATES: &str = "CandidateTrianglePairs";
 /// What only the stages themselves can reach.
 const ELSEWHERE: &str = "elsewhere (the last tick's store, scratch)";
@@ -109,7 +111,7 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
     }
     let whole = (HEAP.current_usage() - before).saturating_sub(empty_bytes);
     let size = stage.size(scene);
-    let holders: [(&'static str, Take); 12] = [
+    let holders: [(&'static str, Take); 13] = [
         ("SurfacePositions", take_component::<SurfacePositions>),
         ("TriangleBounds", take_component::<TriangleBounds>),
         ("SurfaceTree", take_component::<SurfaceTree>),
@@ -117,6 +119,7 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
         ("EnclosingBalls", take_component::<EnclosingBalls>),
         ("Circumspheres", take_component::<Circumspheres>),
         ("TriangleCones", take_component::<TriangleCones>),
+        (ROWS, take_component::<SurfaceRows>),
         (CANDIDATES, take_resource::<CandidateTrianglePairs>),
         ("OverlappingTrianglePairs", take_resource::<OverlappingTrianglePairs>),
         ("MeetingCaps", take_resource::<MeetingCaps>),
@@ -144,7 +147,12 @@ impl Memory {
             .parts
             .iter()
             .zip(&with.parts)
-            .map(|(&(name, lone), &(_, bytes))| Part { name, bytes_per_triangle: lone as f64 / lone_triangles, bytes })
+            .map(|(&(name, lone), &(_, bytes))| {
+                let per_triangle = lone as f64 / lone_triangles;
+                let bytes_per_triangle =
+                    if name == ROWS { bytes as f64 / crumpled.triangles() as f64 } else { per_triangle };
+                Part { name, bytes_per_triangle, bytes }
+            })
             .collect();
         let bytes = |names: &[&str]| {
             parts.iter().filter(|part| names.contains(&part.name)).map(|part| part.bytes).sum::<usize>() as f64
