@@ -16,7 +16,8 @@ use crate::{
     kernel::{
         pair::FoundPairs,
         pair_order::PairSorter,
-        sphere_pairs::{ball_contacts, overlapping_balls, overlapping_caps},
+        sphere_contacts::ball_contacts,
+        sphere_pairs::{overlapping_balls, overlapping_caps},
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
