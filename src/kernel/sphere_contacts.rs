@@ -5,15 +5,15 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f64x8, mask32x8, prelude::*};
-use glam::DVec3;
+use fearless_simd::{Level, dispatch, f64x8, mask32x8, mask64x8, prelude::*};
+use glam::{DVec3, Vec3};
 
 use super::{
     cone::cap_contact,
     contact::{CompactContact, FacePlace, TouchingPair},
     lanes::{
-        CapContactLanes, CapLanes, CornerLanes, TrianglePairLanes, VectorLanes, VectorRows, WIDTH, first_lanes,
-        stored, widened,
+        CapContactLanes, CapLanes, CornerLanes, TrianglePairLanes, VectorLanes, WIDTH, first_lanes, rounded, stored,
+        transposed, widened,
     },
     pair::{FoundPairs, PairSettings},
     sphere_pairs::{BallSide, CapSide, facing_caps, keep},
@@ -21,6 +21,7 @@ use super::{
 
 /// Eight contacts of two whole triangles by their spheres, in the frame of the pair.
 struct FaceContacts<S: Simd> {
+    triangles: TrianglePairLanes<S>,
     /// Contact points on the first and the second side.
     points: [VectorLanes<S>; 2],
     /// From the second side to the first.
@@ -29,67 +30,53 @@ struct FaceContacts<S: Simd> {
     gap: f64x8<S>,
     /// What the distance of the two is at least, as far as the method knows; at least 0.
     distance: f64x8<S>,
-    /// One bit where there is any contact.
-    meet: u64,
-}
-
-/// What is written of eight contacts, lane by lane.
-struct WrittenContacts {
-    barycentrics: [[[f32; WIDTH]; 2]; 2],
-    point_b: VectorRows,
-    normal: VectorRows,
-    /// In world units, like the distance.
-    gap: [f64; WIDTH],
-    distance: [f64; WIDTH],
-    meet: u64,
+    /// Where there is any contact.
+    meet: mask32x8<S>,
 }
 
 impl<S: Simd> FaceContacts<S> {
+    /// Counts the pairs by their distances, and reports their contacts. A pair that is listed twice in a row has one.
     #[inline(always)]
-    fn write(self, triangles: &TrianglePairLanes<S>, settings: &PairSettings) -> WrittenContacts {
+    fn push(self, simd: S, pairs: &[[u32; 2]], settings: &PairSettings, found: &mut FoundPairs) {
         let distance = self.distance * settings.scale;
         // Along the normal the two may be farther apart than what counts as the pair's distance.
         let gap = (self.gap * settings.scale).min(distance);
-        let ([a, b], [c, d]) =
-            (triangles.a.barycentrics(self.points[0]), triangles.b.barycentrics(self.points[1]));
-        WrittenContacts {
-            barycentrics: [[stored(a), stored(b)], [stored(c), stored(d)]],
-            point_b: self.points[1].stored(),
-            normal: self.normal.stored(),
-            gap: gap.to_array(),
-            distance: distance.to_array(),
-            meet: self.meet,
-        }
+        let meet = self.meet.to_bitmask() & first_lanes(pairs.len());
+        let met = mask64x8::from_bitmask(simd, meet).select(distance, f64x8::splat(simd, f64::INFINITY));
+        found.nearest = found.nearest.min(met.reduce_min().max(0.0));
+
+        let positive = gap.max(0.0).to_array();
+        for_each_lane(met.simd_le(settings.contact_distance).to_bitmask() & meet, |lane| {
+            let [triangle_a, triangle_b] = pairs[lane];
+            found.touching.push(TouchingPair { triangle_a, triangle_b, distance: positive[lane] });
+        });
+
+        let [points_a, points_b] = self.points;
+        let ([a, b], [c, d]) = (self.triangles.a.barycentrics(points_a), self.triangles.b.barycentrics(points_b));
+        let rows = transposed([a, b, c, d, points_b.x, points_b.y, points_b.z, self.normal.x]);
+        let rows = rows.map(stored);
+        let rest = [stored(self.normal.y), stored(self.normal.z), stored(rounded(gap))];
+        for_each_lane(met.simd_le(settings.reported_distance).to_bitmask() & meet, |lane| {
+            let [a, b, c, d, x, y, z, normal_x] = rows[lane];
+            let place = FacePlace {
+                barycentrics: [[a, b], [c, d]],
+                point_b: Vec3::new(x, y, z),
+                normal: Vec3::new(normal_x, rest[0][lane], rest[1][lane]),
+                distance: rest[2][lane],
+            };
+            let contact = CompactContact::between_faces(pairs[lane], settings.same_surface, place);
+            if found.contacts.last().is_none_or(|last| last.key != contact.key) {
+                found.contacts.push(contact);
+            }
+        });
     }
 }
 
-impl WrittenContacts {
-    /// Counts the pairs by their distances, and reports their contacts. A pair that is listed twice in a row has one.
-    #[inline(always)]
-    fn push(&self, pairs: &[[u32; 2]], settings: &PairSettings, found: &mut FoundPairs) {
-        for (lane, &[triangle_a, triangle_b]) in pairs.iter().enumerate().take(WIDTH) {
-            if self.meet & (1 << lane) == 0 {
-                continue;
-            }
-            let (distance, gap) = (self.distance[lane], self.gap[lane]);
-            found.nearest = found.nearest.min(distance.max(0.0));
-            if distance <= settings.contact_distance {
-                found.touching.push(TouchingPair { triangle_a, triangle_b, distance: gap.max(0.0) });
-            }
-            if distance <= settings.reported_distance {
-                let weights = |side: usize| self.barycentrics[side].each_ref().map(|weights| weights[lane]);
-                let place = FacePlace {
-                    barycentrics: [weights(0), weights(1)],
-                    point_b: self.point_b.get(lane),
-                    normal: self.normal.get(lane),
-                    distance: gap as f32,
-                };
-                let contact = CompactContact::between_faces([triangle_a, triangle_b], settings.same_surface, place);
-                if found.contacts.last().is_none_or(|last| last.key != contact.key) {
-                    found.contacts.push(contact);
-                }
-            }
-        }
+#[inline(always)]
+fn for_each_lane(mut lanes: u64, mut visit: impl FnMut(usize)) {
+    while lanes != 0 {
+        visit(lanes.trailing_zeros() as usize % WIDTH);
+        lanes &= lanes - 1;
     }
 }
 
@@ -105,7 +92,7 @@ pub fn ball_contacts(
     found.contacts.reserve(overlapping.len());
     dispatch!(Level::new(), simd => {
         for pairs in overlapping.chunks(WIDTH) {
-            ball_contacts_in_lanes(simd, a, b, pairs, settings).push(pairs, settings, found);
+            ball_contacts_in_lanes(simd, a, b, pairs).push(simd, pairs, settings, found);
         }
     });
 }
@@ -116,8 +103,7 @@ fn ball_contacts_in_lanes<S: Simd>(
     a: &BallSide<'_>,
     b: &BallSide<'_>,
     pairs: &[[u32; 2]],
-    settings: &PairSettings,
-) -> WrittenContacts {
+) -> FaceContacts<S> {
     let rows = [a.gather::<0, S>(simd, pairs), b.gather::<1, S>(simd, pairs)];
     let triangles = TrianglePairLanes {
         a: CornerLanes::new::<0>(&a.surface, pairs, &rows[0].corners()),
@@ -128,15 +114,15 @@ fn ball_contacts_in_lanes<S: Simd>(
     let between = own.widened() - other.widened();
     let normal = between.normalized_or(DVec3::Y).rounded();
     let gap = between.dot(between).sqrt() - widened(own_radius) - widened(other_radius);
-    let contacts = FaceContacts {
+    FaceContacts {
         points: [own - normal.scaled(own_radius), other.plus(normal.scaled(other_radius))],
         normal,
         gap,
         // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
         distance: gap.max(triangles.box_gap()),
-        meet: u64::MAX,
-    };
-    contacts.write(&triangles, settings)
+        meet: mask32x8::splat(simd, true),
+        triangles,
+    }
 }
 
 /// Appends the pairs that pass the cone test to `meeting`, and what contacts they amount to to `found`.
@@ -154,8 +140,8 @@ pub fn meeting_caps(
     dispatch!(Level::new(), simd => {
         for pairs in overlapping.chunks(WIDTH) {
             let contacts = cap_contacts_in_lanes(simd, a, b, pairs, settings);
-            keep(pairs, contacts.meet, meeting);
-            contacts.push(pairs, settings, found);
+            keep(pairs, contacts.meet.to_bitmask(), meeting);
+            contacts.push(simd, pairs, settings, found);
         }
     });
 }
@@ -167,7 +153,7 @@ fn cap_contacts_in_lanes<S: Simd>(
     b: &CapSide<'_>,
     pairs: &[[u32; 2]],
     settings: &PairSettings,
-) -> WrittenContacts {
+) -> FaceContacts<S> {
     let rows = [a.gather::<0, S>(simd, pairs), b.gather::<1, S>(simd, pairs)];
     let [cap_a, cap_b] = facing_caps(a, b, &rows);
     let triangles = TrianglePairLanes {
@@ -186,14 +172,14 @@ fn cap_contacts_in_lanes<S: Simd>(
     if settings.cull {
         distance = distance.max(triangles.gap_along_normals_and(contact.direction.widened()));
     }
-    let contacts = FaceContacts {
+    FaceContacts {
+        triangles,
         points: [contact.point_a, contact.point_b],
         normal: contact.direction.negated(),
         gap: widened(contact.gap),
         distance,
-        meet: meet.to_bitmask(),
-    };
-    contacts.write(&triangles, settings)
+        meet,
+    }
 }
 
 /// Tests the pairs that eight at a time cannot be told of, one by one.

@@ -220,19 +220,7 @@ pub(super) fn overlapping_caps_in_steps<O: StepObserver>(
         overlapping.extend(left);
         return;
     }
-    let before = overlapping.len();
     keep_overlapping_caps(a, b, candidates, steps, settings, overlapping);
-    if settings.same_surface {
-        // Last: the fewest pairs are left.
-        let mut count = before;
-        for place in before..overlapping.len() {
-            let [triangle_a, triangle_b] = overlapping[place];
-            overlapping[count] = [triangle_a, triangle_b];
-            let neighbors = a.surface.topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b));
-            count += usize::from(!neighbors);
-        }
-        overlapping.truncate(count);
-    }
 }
 
 /// The caps of eight pairs of triangles, of sheets those that face the other triangle.
@@ -286,8 +274,23 @@ fn overlap_in_lanes<S: Simd>(
         if center_line {
             apart |= corners.excess_along(cap_a.center - cap_b.center, rounded_reach).simd_gt(0.0);
         }
-        keep(pairs, !apart.to_bitmask(), kept);
+        let mut apart = apart.to_bitmask();
+        if settings.same_surface {
+            apart |= neighbors(&a.surface, pairs);
+        }
+        keep(pairs, !apart, kept);
     }
+}
+
+/// One bit for each pair of triangles that share a vertex.
+#[inline(always)]
+fn neighbors(surface: &SurfaceSide<'_>, pairs: &[[u32; 2]]) -> u64 {
+    let mut bits = 0;
+    for (lane, &[triangle_a, triangle_b]) in pairs.iter().enumerate().take(WIDTH) {
+        let share_vertex = surface.topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b));
+        bits |= u64::from(share_vertex) << lane;
+    }
+    bits
 }
 
 /// Appends the pairs whose bits are set.

@@ -12,7 +12,7 @@ use glam::Vec3;
 use super::{
     circumsphere::Ball,
     cone::Cap,
-    lanes::{CapLanes, VectorLanes, WIDTH},
+    lanes::{CapLanes, VectorLanes, WIDTH, transposed},
     pair::SurfaceSide,
 };
 
@@ -132,7 +132,7 @@ impl<S: Simd> RowLanes<S> {
         let rows: [&TriangleRow; WIDTH] =
             [row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)];
         Self {
-            row: [transposed(simd, &rows, 0), transposed(simd, &rows, 1)],
+            row: [columns(simd, &rows, 0), columns(simd, &rows, 1)],
             rest: [f32x8::from_slice(simd, &rest[0]), f32x8::from_slice(simd, &rest[1])],
         }
     }
@@ -176,21 +176,12 @@ impl<S: Simd> RowLanes<S> {
 
 /// A block of eight rows, number by number.
 #[inline(always)]
-fn transposed<S: Simd>(simd: S, rows: &[&TriangleRow; WIDTH], block: usize) -> [f32x8<S>; WIDTH] {
+fn columns<S: Simd>(simd: S, rows: &[&TriangleRow; WIDTH], block: usize) -> [f32x8<S>; WIDTH] {
     let mut square = [f32x8::splat(simd, 0.0); WIDTH];
     for lane in 0..WIDTH {
         square[lane] = f32x8::from_slice(simd, &rows[lane].0[block]);
     }
-    // Each round turns the places' six binary digits by one: after three, rows are columns.
-    for _ in 0..3 {
-        let before = square;
-        for pair in 0..WIDTH / 2 {
-            let (even, odd) = before[pair].interleave(before[pair + WIDTH / 2]);
-            square[2 * pair] = even;
-            square[2 * pair + 1] = odd;
-        }
-    }
-    square
+    transposed(square)
 }
 
 /// The triangles on one side of eight pairs; of fewer the last one fills up.

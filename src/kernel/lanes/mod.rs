@@ -187,3 +187,18 @@ pub(in crate::kernel) fn stored<S: Simd>(numbers: f32x8<S>) -> [f32; WIDTH] {
 pub(in crate::kernel) fn first_lanes(count: usize) -> u64 {
     u64::MAX >> (u64::BITS as usize - count)
 }
+
+/// Eight rows of eight numbers, number by number.
+#[inline(always)]
+pub(in crate::kernel) fn transposed<S: Simd>(mut square: [f32x8<S>; WIDTH]) -> [f32x8<S>; WIDTH] {
+    // Each round turns the places' six binary digits by one: after three, rows are columns.
+    for _ in 0..3 {
+        let before = square;
+        for pair in 0..WIDTH / 2 {
+            let (even, odd) = before[pair].interleave(before[pair + WIDTH / 2]);
+            square[2 * pair] = even;
+            square[2 * pair + 1] = odd;
+        }
+    }
+    square
+}
