@@ -39,6 +39,14 @@ pub struct Ball {
     pub radius: f32,
 }
 
+impl From<Ball> for [f32; 4] {
+    /// The center, then the radius.
+    #[inline]
+    fn from(Ball { center, radius }: Ball) -> Self {
+        [center.x, center.y, center.z, radius]
+    }
+}
+
 /// A triangle seen from its longest edge, with everything relative to that edge's midpoint.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LongestEdgeFrame {

@@ -55,14 +55,36 @@ struct Face {
     doubled_area: f32,
 }
 
-/// How the surface bends across an edge.
+/// How the surface bends across an edge: the dihedral angle, or what there is instead of one, and the curvature.
 #[derive(Clone, Copy, Debug, Default)]
 struct Bend {
     dihedral: f32,
     curvature: f32,
+}
+
+impl Bend {
+    /// Where there is no triangle on the other side: no angle is as large.
+    const RIM: Self = Self { dihedral: f32::INFINITY, curvature: 0.0 };
+
+    /// Where there are several, each with an angle of its own.
+    const BRANCH: Self = Self { dihedral: f32::NAN, curvature: 0.0 };
+
+    #[inline]
+    fn branches(self) -> bool {
+        self.dihedral.is_nan()
+    }
+
+    /// 0 where there is none.
+    #[inline]
+    fn dihedral(self) -> f32 {
+        if self.dihedral == f32::INFINITY { 0.0 } else { self.dihedral }
+    }
+
     /// How far the surface's normal turns, π/2 at a rim.
-    turn: f32,
-    branches: bool,
+    #[inline]
+    fn turn(self) -> f32 {
+        if self.dihedral == f32::INFINITY { FRAC_PI_2 } else { self.dihedral.abs() }
+    }
 }
 
 /// Eight edges with a triangle on either side.
@@ -146,26 +168,32 @@ impl Curvatures {
     }
 
     fn measure_triangles(&mut self, topology: &SurfaceTopology, positions: &[Vec3]) {
-        self.curvatures.clear();
-        self.dihedrals.clear();
-        self.spreads.clear();
-        for (triangle, edges) in topology.triangle_edges().iter().enumerate() {
+        let count = topology.triangles().len();
+        let [mut curvatures, mut spreads] = [&mut self.curvatures, &mut self.spreads].map(std::mem::take);
+        let mut dihedrals = std::mem::take(&mut self.dihedrals);
+        curvatures.resize(count, 0.0);
+        dihedrals.resize(count, [0.0; 3]);
+        spreads.resize(count, 0.0);
+        let written = curvatures.iter_mut().zip(&mut dihedrals).zip(&mut spreads);
+        for (triangle, (edges, ((curvature, dihedrals), spread))) in
+            topology.triangle_edges().iter().zip(written).enumerate()
+        {
             let mut bends = edges.map(|edge| self.bends[edge as usize]);
-            if bends.iter().any(|bend| bend.branches) {
+            if bends.iter().any(|bend| bend.branches()) {
                 for k in 0..3 {
-                    if bends[k].branches {
+                    if bends[k].branches() {
                         bends[k] = self.steepest_bend(topology, positions, triangle, k);
                     }
                 }
             }
-            self.dihedrals.push(bends.map(|bend| bend.dihedral));
-            self.spreads
-                .push(bends.iter().fold(0.0, |most: f32, bend| if bend.turn > most { bend.turn } else { most }));
+            *dihedrals = bends.map(Bend::dihedral);
+            *spread = bends.map(Bend::turn).into_iter().fold(0.0, |most, turn| if turn > most { turn } else { most });
             let steeper =
                 |most: f32, bend: &Bend| if bend.curvature.abs() > most.abs() { bend.curvature } else { most };
-            let curvature = bends.iter().fold(0.0, steeper);
-            self.curvatures.push(if curvature.is_finite() { curvature } else { f32::MAX });
+            let steepest = bends.iter().fold(0.0, steeper);
+            *curvature = if steepest.is_finite() { steepest } else { f32::MAX };
         }
+        (self.curvatures, self.dihedrals, self.spreads) = (curvatures, dihedrals, spreads);
     }
 
     /// The bend across edge `k` of a triangle to that of several neighbors which folds most.
@@ -184,7 +212,7 @@ impl Curvatures {
             };
             let mut bend = [Bend::default()];
             measure_bends(&[hinge], &self.faces, positions, &mut bend);
-            if bend[0].turn > steepest.turn {
+            if bend[0].turn() > steepest.turn() {
                 steepest = bend[0];
             }
         }
@@ -247,9 +275,9 @@ fn write_bends(hinges: &[Hinge], dihedrals: &[f32; WIDTH], curvatures: &[f32; WI
     for (lane, (hinge, bend)) in hinges.iter().zip(bends).enumerate().take(WIDTH) {
         let (dihedral, curvature) = (dihedrals[lane], curvatures[lane]);
         *bend = match hinge {
-            Hinge::Rim => Bend { turn: FRAC_PI_2, ..Bend::default() },
-            Hinge::Fold { .. } => Bend { dihedral, curvature, turn: dihedral.abs(), branches: false },
-            Hinge::Branch => Bend { branches: true, ..Bend::default() },
+            Hinge::Rim => Bend::RIM,
+            Hinge::Fold { .. } => Bend { dihedral, curvature },
+            Hinge::Branch => Bend::BRANCH,
         };
     }
 }

@@ -21,6 +21,7 @@ pub mod pair;
 pub mod pair_fate;
 pub mod pair_order;
 pub mod pose;
+mod prefetch;
 mod recipe;
 pub mod reference;
 pub mod refine;

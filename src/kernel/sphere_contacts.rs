@@ -16,6 +16,7 @@ use super::{
         transposed, widened,
     },
     pair::{FoundPairs, PairSettings},
+    prefetch::to_ask_for,
     sphere_pairs::{BallSide, CapSide, facing_caps, keep},
 };
 
@@ -91,7 +92,11 @@ pub fn ball_contacts(
     found.touching.reserve(overlapping.len());
     found.contacts.reserve(overlapping.len());
     dispatch!(Level::new(), simd => {
-        for pairs in overlapping.chunks(WIDTH) {
+        for (block, pairs) in overlapping.chunks(WIDTH).enumerate() {
+            for &[triangle_a, triangle_b] in to_ask_for(overlapping, block) {
+                a.prefetch(triangle_a);
+                b.prefetch(triangle_b);
+            }
             ball_contacts_in_lanes(simd, a, b, pairs).push(simd, pairs, settings, found);
         }
     });
@@ -138,7 +143,11 @@ pub fn meeting_caps(
     found.touching.reserve(overlapping.len());
     found.contacts.reserve(overlapping.len());
     dispatch!(Level::new(), simd => {
-        for pairs in overlapping.chunks(WIDTH) {
+        for (block, pairs) in overlapping.chunks(WIDTH).enumerate() {
+            for &[triangle_a, triangle_b] in to_ask_for(overlapping, block) {
+                a.prefetch(triangle_a);
+                b.prefetch(triangle_b);
+            }
             let contacts = cap_contacts_in_lanes(simd, a, b, pairs, settings);
             keep(pairs, contacts.meet.to_bitmask(), meeting);
             contacts.push(simd, pairs, settings, found);

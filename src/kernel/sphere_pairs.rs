@@ -6,16 +6,17 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, mask32x8, prelude::*};
+use fearless_simd::{Level, dispatch, f32x4, f32x8, mask32x8, prelude::*};
 
 use super::{
     circumsphere::{Ball, OffsetSpheres},
-    cone::{Cap, SafetyCones, spheres_overlap},
+    cone::{Cap, SafetyCones},
     ids::TriangleId,
-    lanes::{CapLanes, PairLanes, WIDTH},
+    lanes::{CapLanes, PairLanes, VectorLanes, WIDTH, transposed},
     pair::{PairSettings, SurfaceSide, without_neighbors},
     pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
+    prefetch::{prefetch, to_ask_for},
     sphere_rows::{BallRows, CapRows, RowLanes, TriangleRow, rounded_corners},
 };
 
@@ -50,6 +51,14 @@ impl BallSide<'_> {
         }
         let rows = self.make_rows::<SIDE>(pairs);
         RowLanes::new(simd, |lane| &rows[lane], &[[0.0; WIDTH]; 2])
+    }
+
+    /// Asks for what is to be read of a triangle soon.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, triangle: u32) {
+        if let Some(rows) = self.rows {
+            rows.prefetch(triangle);
+        }
     }
 
     #[inline(never)]
@@ -109,6 +118,14 @@ impl CapSide<'_> {
         RowLanes::new(simd, |lane| &rows[lane], &rest)
     }
 
+    /// Asks for what is to be read of a triangle soon.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, triangle: u32) {
+        if let Some(rows) = self.rows {
+            rows.prefetch(triangle);
+        }
+    }
+
     #[inline(never)]
     fn make_rows<const SIDE: usize>(&self, pairs: &[[u32; 2]]) -> ([TriangleRow; WIDTH], [[f32; WIDTH]; 2]) {
         let (mut rows, mut rest) = ([TriangleRow::EMPTY; WIDTH], [[0.0; WIDTH]; 2]);
@@ -156,32 +173,49 @@ pub(super) fn overlapping_balls_in_steps<O: StepObserver>(
     overlapping: &mut Vec<[u32; 2]>,
     observer: &mut O,
 ) {
-    let reach = (settings.range / settings.scale) as f32;
-    let (before, topology) = (overlapping.len(), a.surface.topology);
+    let before = overlapping.len();
     if O::ASKS {
         observer.passed(PairFate::Neighbors, without_neighbors(&a.surface, candidates, settings).iter().copied());
     }
-    append_where(candidates, overlapping, |[triangle_a, triangle_b]| {
-        let (ball_a, ball_b) = (a.ball(triangle_a), b.ball(triangle_b));
-        let meet = spheres_overlap(ball_a.center, ball_a.radius, ball_b.center, ball_b.radius, reach);
-        meet & !(settings.same_surface && topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b)))
-    });
+    dispatch!(Level::new(), simd => keep_overlapping_balls(simd, a, b, candidates, settings, overlapping));
     if O::ASKS {
         observer.passed(PairFate::Spheres, overlapping[before..].iter().copied());
     }
 }
 
-/// Appends those of `pairs` that `keep`, without a branch that would be hard to predict.
-#[inline]
-fn append_where(pairs: &[[u32; 2]], kept: &mut Vec<[u32; 2]>, keep: impl Fn([u32; 2]) -> bool) {
-    let mut block = [[0; 2]; 64];
-    for pairs in pairs.chunks(block.len()) {
-        let mut count = 0;
-        for &pair in pairs {
-            block[count] = pair;
-            count += usize::from(keep(pair));
+/// Of each pair both balls, four numbers each, are the row that is turned into lanes.
+#[inline(always)]
+fn keep_overlapping_balls<S: Simd>(
+    simd: S,
+    a: &BallSide<'_>,
+    b: &BallSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    kept: &mut Vec<[u32; 2]>,
+) {
+    let reach = (settings.range / settings.scale) as f32;
+    for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
+        for &[triangle_a, triangle_b] in to_ask_for(candidates, block) {
+            prefetch(a.balls, triangle_a);
+            prefetch(b.balls, triangle_b);
+            if settings.same_surface {
+                prefetch(a.surface.topology.welded_triangles(), triangle_a);
+                prefetch(b.surface.topology.welded_triangles(), triangle_b);
+            }
         }
-        kept.extend_from_slice(&block[..count]);
+        let mut rows = [f32x8::splat(simd, 0.0); WIDTH];
+        for (row, &[triangle_a, triangle_b]) in rows.iter_mut().zip(pairs) {
+            let (ball_a, ball_b) = (a.ball(triangle_a), b.ball(triangle_b));
+            *row = f32x4::load_array(simd, ball_a.into()).combine(f32x4::load_array(simd, ball_b.into()));
+        }
+        let [x, y, z, radius_a, other_x, other_y, other_z, radius_b] = transposed(rows);
+        let between = VectorLanes { x, y, z } - VectorLanes { x: other_x, y: other_y, z: other_z };
+        let sum = radius_a + radius_b + reach;
+        let mut apart = (!between.dot(between).simd_le(sum * sum)).to_bitmask();
+        if settings.same_surface {
+            apart |= neighbors(&a.surface, pairs);
+        }
+        keep(pairs, !apart, kept);
     }
 }
 
@@ -251,7 +285,7 @@ fn overlap_in_lanes<S: Simd>(
     simd: S,
     a: &CapSide<'_>,
     b: &CapSide<'_>,
-    pairs: &[[u32; 2]],
+    candidates: &[[u32; 2]],
     steps: &[PairFate],
     settings: &PairSettings,
     kept: &mut Vec<[u32; 2]>,
@@ -260,7 +294,15 @@ fn overlap_in_lanes<S: Simd>(
         [PairFate::Planes, PairFate::Spheres, PairFate::CenterLine].map(|step| steps.contains(&step));
     let reach = (settings.range / settings.scale) as f32;
     let rounded_reach = reach + a.surface.rounding() + b.surface.rounding();
-    for pairs in pairs.chunks(WIDTH) {
+    for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
+        for &[triangle_a, triangle_b] in to_ask_for(candidates, block) {
+            a.prefetch(triangle_a);
+            b.prefetch(triangle_b);
+            if settings.same_surface {
+                prefetch(a.surface.topology.welded_triangles(), triangle_a);
+                prefetch(b.surface.topology.welded_triangles(), triangle_b);
+            }
+        }
         let rows = [a.gather::<0, S>(simd, pairs), b.gather::<1, S>(simd, pairs)];
         let corners = PairLanes::new(&rows[0].corners(), &rows[1].corners());
         let [cap_a, cap_b] = facing_caps(a, b, &rows);

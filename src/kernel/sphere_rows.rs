@@ -14,6 +14,7 @@ use super::{
     cone::Cap,
     lanes::{CapLanes, VectorLanes, WIDTH, transposed},
     pair::SurfaceSide,
+    prefetch::prefetch,
 };
 
 /// The numbers of one triangle, in blocks of as many as there are lanes.
@@ -51,6 +52,12 @@ impl BallRows {
         self.rows.clear();
     }
 
+    /// Asks for a row that is to be read soon.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, triangle: u32) {
+        prefetch(&self.rows, triangle);
+    }
+
     pub(super) fn fill(&mut self, rows: impl Iterator<Item = TriangleRow>) {
         self.rows.clear();
         self.rows.extend(rows);
@@ -68,6 +75,13 @@ impl CapRows {
     pub fn clear(&mut self) {
         self.rows.clear();
         self.rest.clear();
+    }
+
+    /// Asks for a row that is to be read soon.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, triangle: u32) {
+        prefetch(&self.rows, triangle);
+        prefetch(&self.rest, triangle);
     }
 
     pub(super) fn fill(&mut self, rows: impl Iterator<Item = (TriangleRow, [f32; 2])>) {
