@@ -3,11 +3,17 @@
 //! Eight bytes a pair are moved rather than whole contacts: the sphere stages sort what overlaps, and make contacts in
 //! order. A radix sort, least significant digit first.
 
+use super::prefetch::prefetch;
+
 /// Least bits of a digit: the counts of its values stay in the first cache.
 const LEAST_DIGIT: u32 = 12;
 
 /// Shorter lists are sorted by comparisons.
 const SHORT: usize = 256;
+
+/// How many pairs ahead the place is asked for that one is written to: with its neighbors it moves on until then, but
+/// hardly ever beyond the line of the cache.
+const AHEAD: usize = 64;
 
 /// Room to sort in, kept from list to list.
 #[derive(Clone, Debug, Default)]
@@ -53,17 +59,15 @@ impl PairSorter {
 
 /// Writes `pairs` into `sorted`, ordered by a number; equals keep their order. `places` says how many there are of each.
 #[inline]
-fn distribute(
-    pairs: &[[u32; 2]],
-    sorted: &mut [[u32; 2]],
-    places: &mut [u32],
-    number: impl Fn(&[u32; 2]) -> usize,
-) {
+fn distribute(pairs: &[[u32; 2]], sorted: &mut [[u32; 2]], places: &mut [u32], number: impl Fn(&[u32; 2]) -> usize) {
     let mut next = 0;
     for place in &mut *places {
         next += std::mem::replace(place, next);
     }
-    for pair in pairs {
+    for (here, pair) in pairs.iter().enumerate() {
+        if let Some(later) = pairs.get(here + AHEAD) {
+            prefetch(sorted, places[number(later)]);
+        }
         let place = &mut places[number(pair)];
         sorted[*place as usize] = *pair;
         *place += 1;

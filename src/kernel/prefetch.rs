@@ -5,7 +5,10 @@
 //! in the cache. Measured on `cloth_ball_92`: contacts of caps and of balls take 0.73 of the time without, overlap of caps
 //! 0.81.
 
-#![expect(clippy::inline_always, reason = "one instruction, in functions that are compiled for several instruction sets")]
+#![expect(
+    clippy::inline_always,
+    reason = "one instruction, in functions that are compiled for several instruction sets"
+)]
 
 use super::lanes::WIDTH;
 

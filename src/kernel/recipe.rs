@@ -31,7 +31,13 @@ pub(super) struct Recipe {
 }
 
 impl Recipe {
-    pub(super) fn new(corners: [Vec3; 3], curvature: f32, dihedrals: [f32; 3], settings: RecipeSettings, made_at: u32) -> Self {
+    pub(super) fn new(
+        corners: [Vec3; 3],
+        curvature: f32,
+        dihedrals: [f32; 3],
+        settings: RecipeSettings,
+        made_at: u32,
+    ) -> Self {
         let lengths = edge_lengths(corners);
         let edge = longest(lengths);
         let frame = LongestEdgeFrame::new(corners, edge);

@@ -103,12 +103,7 @@ pub fn ball_contacts(
 }
 
 #[inline(always)]
-fn ball_contacts_in_lanes<S: Simd>(
-    simd: S,
-    a: &BallSide<'_>,
-    b: &BallSide<'_>,
-    pairs: &[[u32; 2]],
-) -> FaceContacts<S> {
+fn ball_contacts_in_lanes<S: Simd>(simd: S, a: &BallSide<'_>, b: &BallSide<'_>, pairs: &[[u32; 2]]) -> FaceContacts<S> {
     let rows = [a.gather::<0, S>(simd, pairs), b.gather::<1, S>(simd, pairs)];
     let triangles = TrianglePairLanes {
         a: CornerLanes::new::<0>(&a.surface, pairs, &rows[0].corners()),

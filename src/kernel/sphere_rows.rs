@@ -143,8 +143,7 @@ impl<S: Simd> RowLanes<S> {
     /// Of rows that have been made pair by pair.
     #[inline(always)]
     pub(super) fn new<'a>(simd: S, row: impl Fn(usize) -> &'a TriangleRow, rest: &[[f32; WIDTH]; 2]) -> Self {
-        let rows: [&TriangleRow; WIDTH] =
-            [row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)];
+        let rows: [&TriangleRow; WIDTH] = [row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)];
         Self {
             row: [columns(simd, &rows, 0), columns(simd, &rows, 1)],
             rest: [f32x8::from_slice(simd, &rest[0]), f32x8::from_slice(simd, &rest[1])],

@@ -155,7 +155,8 @@ mod tests {
 
     #[test]
     fn axes_and_opposite_directions_have_their_angles() {
-        let [y, x]: [[f32; WIDTH]; 2] = [[0.0, 1.0, 0.0, -1.0, -0.0, 1.0, -1.0, 0.0], [1.0, 0.0, -1.0, 0.0, -1.0, 1.0, -1.0, 0.0]];
+        let [y, x]: [[f32; WIDTH]; 2] =
+            [[0.0, 1.0, 0.0, -1.0, -0.0, 1.0, -1.0, 0.0], [1.0, 0.0, -1.0, 0.0, -1.0, 1.0, -1.0, 0.0]];
         let expected = [0.0, FRAC_PI_2, PI, -FRAC_PI_2, -PI, FRAC_PI_4, -3.0 * FRAC_PI_4, 0.0];
         dispatch!(Level::new(), simd => {
             let found = arc_tangent(f32x8::from_slice(simd, &y), f32x8::from_slice(simd, &x));

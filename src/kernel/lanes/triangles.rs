@@ -135,8 +135,7 @@ impl<S: Simd> FrameLanes<S> {
         let doubled_area = cross.dot(cross).sqrt();
         let normal = cross.over(doubled_area);
         let (inward, has_inward) = normal.cross(along.scaled(scale)).normalized();
-        let exact =
-            is_exact(squared) & is_exact(cross.dot(cross)) & doubled_area.simd_gt(ZERO_AREA) & has_inward;
+        let exact = is_exact(squared) & is_exact(cross.dot(cross)) & doubled_area.simd_gt(ZERO_AREA) & has_inward;
         Self {
             midpoint: from.plus(along.scaled(half)),
             half_length: half * length,
