@@ -232,7 +232,7 @@ impl<S: Simd> SphereLanes<S> {
     fn new(recipes: &RecipeLanes<S>, corners: &TriangleLanes<S>) -> Self {
         let origin = corners.0[0];
         let local = corners.relative_to(origin);
-        let frame = FrameLanes::new(&local, EdgeChoice::numbered(recipes.longest_edge));
+        let frame = FrameLanes::new(&local, recipes.longest_edge);
         let in_plane = frame.point_across(recipes.inward);
         let (farthest, exact_farthest) = local.farthest_corner(in_plane);
         let height = (recipes.height_ratio * farthest).min(f32::MAX);

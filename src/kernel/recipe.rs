@@ -79,10 +79,9 @@ impl Recipe {
 
 /// The recipes of eight triangles, as they are kept.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(32))]
 pub(super) struct RecipeBlock {
-    /// Numbers from 0 to 2.
-    longest_edge: [f32; WIDTH],
+    /// One bit for each triangle whose longest edge is the second, and one where it is the third.
+    longest_edge: [u8; 2],
     inward: [f32; WIDTH],
     height_ratio: [f32; WIDTH],
     lengths: [[f32; WIDTH]; 3],
@@ -92,7 +91,7 @@ pub(super) struct RecipeBlock {
 
 impl RecipeBlock {
     pub(super) const EMPTY: Self = Self {
-        longest_edge: [0.0; WIDTH],
+        longest_edge: [0; 2],
         inward: [0.0; WIDTH],
         height_ratio: [0.0; WIDTH],
         lengths: [[0.0; WIDTH]; 3],
@@ -105,9 +104,9 @@ impl RecipeBlock {
     }
 
     pub(super) fn get(&self, lane: usize) -> Recipe {
-        let longest_edge = self.longest_edge[lane];
+        let [second, third] = self.longest_edge.map(|edge| edge >> lane & 1);
         Recipe {
-            longest_edge: u8::from(longest_edge >= 1.0) + u8::from(longest_edge >= 2.0),
+            longest_edge: second + 2 * third,
             inward: self.inward[lane],
             height_ratio: self.height_ratio[lane],
             lengths: self.lengths.map(|lengths| lengths[lane]),
@@ -117,7 +116,9 @@ impl RecipeBlock {
     }
 
     pub(super) fn set(&mut self, lane: usize, recipe: &Recipe) {
-        self.longest_edge[lane] = f32::from(recipe.longest_edge);
+        for (edge, bits) in (1..).zip(&mut self.longest_edge) {
+            *bits = *bits & !(1 << lane) | u8::from(recipe.longest_edge == edge) << lane;
+        }
         self.inward[lane] = recipe.inward;
         self.height_ratio[lane] = recipe.height_ratio;
         for k in 0..3 {
@@ -130,7 +131,7 @@ impl RecipeBlock {
 
 /// The recipes of eight triangles.
 pub(super) struct RecipeLanes<S: Simd> {
-    pub(super) longest_edge: f32x8<S>,
+    pub(super) longest_edge: EdgeChoice<S>,
     pub(super) inward: f32x8<S>,
     pub(super) height_ratio: f32x8<S>,
     lengths: [f32x8<S>; 3],
@@ -140,21 +141,20 @@ pub(super) struct RecipeLanes<S: Simd> {
 impl<S: Simd> RecipeLanes<S> {
     #[inline(always)]
     pub(super) fn load(simd: S, block: &RecipeBlock) -> Self {
-        let row = |row: &[f32; WIDTH]| f32x8::from_slice(simd, row);
         let ([a, b, c], [d, e, f]) = (&block.lengths, &block.dihedrals);
         Self {
-            longest_edge: row(&block.longest_edge),
-            inward: row(&block.inward),
-            height_ratio: row(&block.height_ratio),
-            lengths: [row(a), row(b), row(c)],
-            dihedrals: [row(d), row(e), row(f)],
+            longest_edge: EdgeChoice::from_bits(simd, block.longest_edge),
+            inward: f32x8::from_slice(simd, &block.inward),
+            height_ratio: f32x8::from_slice(simd, &block.height_ratio),
+            lengths: [f32x8::from_slice(simd, a), f32x8::from_slice(simd, b), f32x8::from_slice(simd, c)],
+            dihedrals: [f32x8::from_slice(simd, d), f32x8::from_slice(simd, e), f32x8::from_slice(simd, f)],
         }
     }
 
     /// Writes all of them, of which some have been made by now.
     #[inline(always)]
     pub(super) fn store(&self, block: &mut RecipeBlock, made: u64, made_at: u32) {
-        self.longest_edge.store_slice(&mut block.longest_edge);
+        block.longest_edge = self.longest_edge.bits();
         self.inward.store_slice(&mut block.inward);
         self.height_ratio.store_slice(&mut block.height_ratio);
         for k in 0..3 {
@@ -185,7 +185,6 @@ impl<S: Simd> RecipeLanes<S> {
         shape: &ShapeLanes<S>,
         settings: &RecipeSettings,
     ) -> mask32x8<S> {
-        let simd = shape.curvatures.simd;
         let edge = EdgeChoice::longest(&shape.lengths);
         let frame = FrameLanes::new(&shape.corners, edge);
         let inward = frame.cotangent.max(-OBTUSE_REACH);
@@ -201,7 +200,7 @@ impl<S: Simd> RecipeLanes<S> {
             let slope = tangent(dihedral * 0.5).max(f32::MIN_POSITIVE);
             height = dihedral.simd_gt(0.0).select(height.min(clearance / slope), height);
         }
-        self.longest_edge = stale.select(edge.numbers(simd), self.longest_edge);
+        self.longest_edge = edge.where_else(stale, self.longest_edge);
         self.inward = stale.select(inward, self.inward);
         self.height_ratio = stale.select(height / radius, self.height_ratio);
         for k in 0..3 {

@@ -90,16 +90,28 @@ impl<S: Simd> EdgeChoice<S> {
         Self { second: second & !third, third }
     }
 
-    /// The edges of these numbers.
+    /// The edges that [`bits`](Self::bits) tell.
     #[inline(always)]
-    pub(in crate::kernel) fn numbered(numbers: f32x8<S>) -> Self {
-        Self { second: numbers.simd_ge(1.0) & numbers.simd_le(1.0), third: numbers.simd_ge(2.0) }
+    pub(in crate::kernel) fn from_bits(simd: S, [second, third]: [u8; 2]) -> Self {
+        Self {
+            second: mask32x8::from_bitmask(simd, second.into()),
+            third: mask32x8::from_bitmask(simd, third.into()),
+        }
     }
 
+    /// One bit for each triangle whose edge is the second, and one where it is the third.
     #[inline(always)]
-    pub(in crate::kernel) fn numbers(&self, simd: S) -> f32x8<S> {
-        let [first, second, third] = [0.0, 1.0, 2.0].map(|number| f32x8::splat(simd, number));
-        self.third.select(third, self.second.select(second, first))
+    pub(in crate::kernel) fn bits(self) -> [u8; 2] {
+        [self.second.to_bitmask() as u8, self.third.to_bitmask() as u8]
+    }
+
+    /// This one where `mask` holds, else `other`.
+    #[inline(always)]
+    pub(in crate::kernel) fn where_else(self, mask: mask32x8<S>, other: Self) -> Self {
+        Self {
+            second: (mask & self.second) | (!mask & other.second),
+            third: (mask & self.third) | (!mask & other.third),
+        }
     }
 
     #[inline(always)]
