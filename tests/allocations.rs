@@ -29,7 +29,7 @@ const STEADY: usize = 6;
 
 /// Stages that still allocate: here to be seen, and to be struck off. Each has to, by one method at least, or it does not
 /// belong here.
-const STILL_ALLOCATE: [&str; 3] = ["curvature", "refit", "refine"];
+const STILL_ALLOCATE: [&str; 1] = ["refine"];
 
 /// How often memory was asked for before the first stage and after each, of one tick after the other.
 #[derive(Resource, Default)]

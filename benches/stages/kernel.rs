@@ -12,7 +12,8 @@ use bevy_circumsphere::kernel::{
     leaf_triangles::{LeafTriangles, PairCull},
     pair::{FoundPairs, PairSettings, SurfaceSide},
     refine::{refine_closest, refine_pairs},
-    sphere_pairs::{BallSide, CapSide, ball_contacts, meeting_caps, overlapping_balls, overlapping_caps},
+    sphere_contacts::{ball_contacts, meeting_caps},
+    sphere_pairs::{BallSide, CapSide, overlapping_balls, overlapping_caps},
     topology::SurfaceTopology,
     tree::BoxTree,
 };

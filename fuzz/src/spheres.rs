@@ -8,7 +8,8 @@ use bevy_circumsphere::kernel::{
     cone::SafetyCones,
     curvature::{CurvatureEstimator, Curvatures},
     pair::{FoundPairs, PairSettings},
-    sphere_pairs::{BallSide, CapSide, ball_contacts, meeting_caps, overlapping_balls, overlapping_caps},
+    sphere_contacts::{ball_contacts, meeting_caps},
+    sphere_pairs::{BallSide, CapSide, overlapping_balls, overlapping_caps},
 };
 use glam::Vec3;
 

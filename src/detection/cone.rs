@@ -14,7 +14,7 @@ use super::{
     sides::{SphereQuery, SphereRows, pair_settings, with_caps},
 };
 use crate::{
-    kernel::{pair::FoundPairs, sphere_pairs::meeting_caps},
+    kernel::{pair::FoundPairs, sphere_contacts::meeting_caps},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},

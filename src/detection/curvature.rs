@@ -40,13 +40,14 @@ fn measure_curvature(
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     memory: Res<DetectionMemory>,
+    mut used: Local<Vec<bool>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&SurfacePositions, &mut TriangleCurvature)>,
 ) {
-    let used = memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere);
+    memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere, &mut used);
     let start = Instant::now();
     let any_used = used.contains(&true);
-    for (surface, used) in active.surfaces.iter().zip(used) {
+    for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
         let Ok((positions, mut curvature)) = surfaces.get_mut(surface.entity) else { continue };
         if used {
             curvature.0.measure(&surface.topology, &positions.0, settings.estimator);

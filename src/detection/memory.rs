@@ -283,14 +283,15 @@ impl DetectionMemory {
         }
     }
 
-    /// For each active surface whether it is part of a pair that is tested by `method` and not kept.
+    /// Writes for each active surface whether it is part of a pair that is tested by `method` and not kept.
     pub(super) fn surfaces_to_update(
         &self,
         active: &ActiveSurfaces,
         candidates: &CandidateTrianglePairs,
         method: ContactMethod,
-    ) -> Vec<bool> {
-        surfaces_with_method(active, self.changed(&candidates.pairs), method)
+        used: &mut Vec<bool>,
+    ) {
+        surfaces_with_method(active, self.changed(&candidates.pairs), method, used);
     }
 }
 

@@ -15,8 +15,9 @@ use super::{
 use crate::{
     kernel::{
         pair::FoundPairs,
-        pair_order::sort_pairs,
-        sphere_pairs::{ball_contacts, overlapping_balls, overlapping_caps},
+        pair_order::PairSorter,
+        sphere_contacts::ball_contacts,
+        sphere_pairs::{overlapping_balls, overlapping_caps},
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -62,6 +63,7 @@ fn test_overlap(
     mut memory: ResMut<DetectionMemory>,
     mut rows: ResMut<SphereRows>,
     spare: Local<Buffers<Vec<[u32; 2]>>>,
+    sorters: Local<Buffers<PairSorter>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
@@ -102,7 +104,7 @@ fn test_overlap(
                     keep(&|chunk, kept| overlapping_caps(a, b, chunk, &pair_settings, kept));
                 });
             }
-            spare.with(|spare| sort_pairs(overlapping, pair_settings.same_surface, spare));
+            sorters.with(|sorter| sorter.sort(overlapping, pair_settings.same_surface));
         },
     );
     let pairs_in: usize =

@@ -54,13 +54,14 @@ fn refit_balls(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     memory: Res<DetectionMemory>,
+    mut used: Local<Vec<bool>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&SurfacePositions, &mut EnclosingBalls)>,
 ) {
-    let used = memory.surfaces_to_update(&active, &candidates, ContactMethod::BoundingSphere);
+    memory.surfaces_to_update(&active, &candidates, ContactMethod::BoundingSphere, &mut used);
     let start = Instant::now();
     let any_used = used.contains(&true);
-    for (surface, used) in active.surfaces.iter().zip(used) {
+    for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
         let Ok((positions, mut balls)) = surfaces.get_mut(surface.entity) else { continue };
         if used {
             enclosing_balls(&positions.0, surface.topology.triangles(), &mut balls.0);
@@ -73,16 +74,18 @@ fn refit_balls(
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "what spheres are made from, and what is remembered of them")]
 fn refit_spheres(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     memory: Res<DetectionMemory>,
+    mut used: Local<Vec<bool>>,
     settings: Res<CircumsphereSettings>,
     mut last: Local<Option<(RecipeSettings, CurvatureEstimator)>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&SurfacePositions, &TriangleCurvature, &mut Circumspheres, &mut TriangleCones)>,
 ) {
-    let used = memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere);
+    memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere, &mut used);
     let start = Instant::now();
     let mut any_used = false;
     let made_with = (settings.recipe(), settings.estimator);
@@ -91,7 +94,7 @@ fn refit_spheres(
         (RecipeSettings { delta: recipe.delta, ..made_with.0 }, made_with.1) != (recipe, estimator)
     });
     *last = Some(made_with);
-    for (surface, used) in active.surfaces.iter().zip(used) {
+    for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
         let Ok((positions, curvature, mut spheres, mut cones)) = surfaces.get_mut(surface.entity) else { continue };
         any_used |= used;
         if surface.method > ContactMethod::Circumsphere {

@@ -8,16 +8,18 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
+use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
 use super::{
     cone::SafetyCones,
-    lanes::{EdgeChoice, FrameLanes, Lanes, Mask, TriangleLanes, VectorLanes, WIDTH, tangent},
+    lanes::{EdgeChoice, FrameLanes, TriangleLanes, VectorLanes, WIDTH, first_lanes, stored},
+    recipe::{Recipe, RecipeBlock, RecipeLanes, ShapeLanes},
 };
 
 /// How far an obtuse triangle's in-plane center may leave the midpoint of its longest edge, in halves of that edge.
 /// At √3 the circumcenter of a triangle with a largest angle of 150° is still reached.
-const OBTUSE_REACH: f32 = 1.732_050_8;
+pub(super) const OBTUSE_REACH: f32 = 1.732_050_8;
 
 /// A triangle whose normal is shorter than this, relative to the square of its longest edge, has no area.
 pub(super) const ZERO_AREA: f32 = 1.0e-6;
@@ -37,22 +39,30 @@ pub struct Ball {
     pub radius: f32,
 }
 
+impl From<Ball> for [f32; 4] {
+    /// The center, then the radius.
+    #[inline]
+    fn from(Ball { center, radius }: Ball) -> Self {
+        [center.x, center.y, center.z, radius]
+    }
+}
+
 /// A triangle seen from its longest edge, with everything relative to that edge's midpoint.
 #[derive(Clone, Copy, Debug)]
-struct LongestEdgeFrame {
-    midpoint: Vec3,
+pub(super) struct LongestEdgeFrame {
+    pub(super) midpoint: Vec3,
     half_length: f32,
     /// Unit normal; `None` where the triangle has no area.
-    normal: Option<Vec3>,
+    pub(super) normal: Option<Vec3>,
     /// Unit vector in the plane, across the longest edge, towards the opposite corner.
     inward: Vec3,
     /// Cotangent of the angle opposite the longest edge, which is the largest angle.
-    cotangent: f32,
+    pub(super) cotangent: f32,
 }
 
 impl LongestEdgeFrame {
     /// `edge` names the longest edge, which joins the corners `edge` and `edge + 1`.
-    fn new(corners: [Vec3; 3], edge: usize) -> Self {
+    pub(super) fn new(corners: [Vec3; 3], edge: usize) -> Self {
         let (from, to, apex) = (corners[edge], corners[(edge + 1) % 3], corners[(edge + 2) % 3]);
         let along = finite(to - from);
         let length = length(along);
@@ -77,7 +87,7 @@ impl LongestEdgeFrame {
     }
 
     /// The point of the plane that is across the middle of the longest edge by a multiple of half of that edge.
-    fn point_across(&self, halves: f32) -> Vec3 {
+    pub(super) fn point_across(&self, halves: f32) -> Vec3 {
         self.midpoint + self.inward * (halves * self.half_length).min(f32::MAX)
     }
 }
@@ -98,16 +108,16 @@ fn finite(vector: Vec3) -> Vec3 {
     vector.clamp(Vec3::MIN, Vec3::MAX)
 }
 
-fn edge_lengths(corners: [Vec3; 3]) -> [f32; 3] {
+pub(super) fn edge_lengths(corners: [Vec3; 3]) -> [f32; 3] {
     [0, 1, 2].map(|k| length(corners[(k + 1) % 3] - corners[k]))
 }
 
-fn longest(lengths: [f32; 3]) -> usize {
+pub(super) fn longest(lengths: [f32; 3]) -> usize {
     // Ties go to the first, so that the choice depends on nothing but the lengths.
     (0..3).fold(0, |best, k| if lengths[k] > lengths[best] { k } else { best })
 }
 
-fn farthest_corner(corners: [Vec3; 3], center: Vec3) -> f32 {
+pub(super) fn farthest_corner(corners: [Vec3; 3], center: Vec3) -> f32 {
     corners.iter().map(|&corner| length(corner - center)).fold(0.0, f32::max)
 }
 
@@ -162,33 +172,26 @@ pub fn enclosing_ball(corners: [Vec3; 3]) -> Ball {
 /// Writes [`enclosing_ball`] of every triangle into `balls`.
 pub fn enclosing_balls(positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut Vec<Ball>) {
     balls.resize(triangles.len(), Ball { center: Vec3::ZERO, radius: 0.0 });
-    write_enclosing_balls(positions, triangles, balls);
+    dispatch!(Level::new(), simd => write_enclosing_balls(simd, positions, triangles, balls));
 }
 
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
-fn write_enclosing_balls(positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut [Ball]) {
-    let mut lanes = TriangleLanes::EMPTY;
+#[inline(always)]
+fn write_enclosing_balls<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut [Ball]) {
     for (triangles, balls) in triangles.chunks(WIDTH).zip(balls.chunks_mut(WIDTH)) {
-        lanes.gather(positions, triangles);
+        let lanes = TriangleLanes::gather(simd, positions, triangles);
         let (lengths, exact_lengths) = lanes.edge_lengths();
         let frame = FrameLanes::new(&lanes, EdgeChoice::longest(&lengths));
-        let center = frame.point_across(frame.cotangent.max(Lanes::ZERO));
+        let center = frame.point_across(frame.cotangent.max(0.0));
         let (radius, exact_radius) = lanes.containing_radius(center);
-        write_balls(&center, &radius, balls);
-        let left = exact_lengths.and(frame.exact).and(exact_radius).not();
-        if left.any() {
-            for (lane, ball) in balls.iter_mut().enumerate().filter(|&(lane, _)| left.0[lane] != 0) {
-                *ball = enclosing_ball(triangles[lane].map(|vertex| positions[vertex as usize]));
-            }
+        let (centers, radii) = (center.stored(), stored(radius));
+        let exact = (exact_lengths & frame.exact & exact_radius).to_bitmask();
+        for (lane, ball) in balls.iter_mut().enumerate().take(WIDTH) {
+            *ball = if exact & (1 << lane) == 0 {
+                enclosing_ball(triangles[lane].map(|vertex| positions[vertex as usize]))
+            } else {
+                Ball { center: centers.get(lane), radius: radii[lane] }
+            };
         }
-    }
-}
-
-// Kept apart: numbers that are stored side by side are computed side by side.
-#[inline(never)]
-fn write_balls(centers: &VectorLanes, radii: &Lanes, balls: &mut [Ball]) {
-    for (lane, ball) in balls.iter_mut().enumerate().take(WIDTH) {
-        *ball = Ball { center: centers.get(lane), radius: radii.0[lane] };
     }
 }
 
@@ -212,210 +215,31 @@ pub struct RecipeSettings {
     pub delta: f32,
 }
 
-/// How one triangle's sphere follows its vertices, and the shape it was made for.
-///
-/// The in-plane center is remembered as a multiple of half the longest edge, across that edge. Barycentric coordinates
-/// would do the same for the shape they were made for, but run away when a thin triangle changes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Recipe {
-    longest_edge: u8,
-    inward: f32,
-    height_ratio: f32,
-    lengths: [f32; 3],
-    dihedrals: [f32; 3],
-    /// The [count of refits](OffsetSpheres::refits) at which it was made.
-    made_at: u32,
-}
-
-impl Recipe {
-    fn new(corners: [Vec3; 3], curvature: f32, dihedrals: [f32; 3], settings: RecipeSettings, made_at: u32) -> Self {
-        let lengths = edge_lengths(corners);
-        let edge = longest(lengths);
-        let frame = LongestEdgeFrame::new(corners, edge);
-        let inward = frame.cotangent.max(-OBTUSE_REACH);
-        let mut recipe = Self { longest_edge: edge as u8, inward, height_ratio: 0.0, lengths, dihedrals, made_at };
-        let Some(normal) = frame.normal else { return recipe };
-        let center = frame.point_across(inward);
-        let radius = farthest_corner(corners, center);
-        let factor = curvature_factor(curvature, radius, settings.curvature_threshold);
-        let mut height = (settings.phi * radius * factor).min(f32::MAX);
-        for k in 0..3 {
-            if dihedrals[k] > 0.0 {
-                let edge = corners[(k + 1) % 3] - corners[k];
-                let along = if lengths[k] > 0.0 { edge / lengths[k] } else { Vec3::ZERO };
-                let clearance = normal.dot(along.cross(center - corners[k])).max(0.0);
-                height = height.min(clearance / bevy_math::ops::tan(0.5 * dihedrals[k]).abs().max(f32::MIN_POSITIVE));
-            }
-        }
-        if radius > 0.0 {
-            recipe.height_ratio = height / radius;
-        }
-        recipe
-    }
-
-    fn shape_change(&self, lengths: [f32; 3], dihedrals: [f32; 3]) -> f32 {
-        (0..3).fold(0.0, |change: f32, k| {
-            // A length that was 0 has no relative change: any other length is a new shape.
-            let stretch = if self.lengths[k] > 0.0 {
-                (lengths[k] / self.lengths[k] - 1.0).abs()
-            } else if lengths[k] > 0.0 {
-                f32::INFINITY
-            } else {
-                0.0
-            };
-            change.max(stretch).max((dihedrals[k] - self.dihedrals[k]).abs())
-        })
-    }
-}
-
-/// The recipes of eight triangles.
-#[derive(Clone, Copy, Debug)]
-struct RecipeLanes {
-    /// Numbers from 0 to 2.
-    longest_edge: Lanes,
-    inward: Lanes,
-    height_ratio: Lanes,
-    lengths: [Lanes; 3],
-    dihedrals: [Lanes; 3],
-    made_at: [u32; WIDTH],
-}
-
-impl RecipeLanes {
-    const EMPTY: Self = Self {
-        longest_edge: Lanes::ZERO,
-        inward: Lanes::ZERO,
-        height_ratio: Lanes::ZERO,
-        lengths: [Lanes::ZERO; 3],
-        dihedrals: [Lanes::ZERO; 3],
-        made_at: [0; WIDTH],
-    };
-
-    fn get(&self, lane: usize) -> Recipe {
-        Recipe {
-            longest_edge: u8::from(self.longest_edge.0[lane] >= 1.0) + u8::from(self.longest_edge.0[lane] >= 2.0),
-            inward: self.inward.0[lane],
-            height_ratio: self.height_ratio.0[lane],
-            lengths: self.lengths.map(|lengths| lengths.0[lane]),
-            dihedrals: self.dihedrals.map(|dihedrals| dihedrals.0[lane]),
-            made_at: self.made_at[lane],
-        }
-    }
-
-    fn set(&mut self, lane: usize, recipe: &Recipe) {
-        self.longest_edge.0[lane] = f32::from(recipe.longest_edge);
-        self.inward.0[lane] = recipe.inward;
-        self.height_ratio.0[lane] = recipe.height_ratio;
-        for k in 0..3 {
-            self.lengths[k].0[lane] = recipe.lengths[k];
-            self.dihedrals[k].0[lane] = recipe.dihedrals[k];
-        }
-        self.made_at[lane] = recipe.made_at;
-    }
-
-    /// [`Recipe::shape_change`], of lengths that are not 0.
-    #[inline(always)]
-    fn shape_change(&self, lengths: &[Lanes; 3], dihedrals: &[Lanes; 3]) -> Lanes {
-        let mut change = Lanes::ZERO;
-        for k in 0..3 {
-            let stretch = (lengths[k] / self.lengths[k] - Lanes::splat(1.0)).abs();
-            change = change.max(stretch).max((dihedrals[k] - self.dihedrals[k]).abs());
-        }
-        change
-    }
-
-    /// [`Recipe::new`], written where asked. Returns where that is exact.
-    #[inline(always)]
-    fn refresh(&mut self, stale: Mask, shape: &ShapeLanes, settings: &RecipeSettings, made_at: u32) -> Mask {
-        let edge = EdgeChoice::longest(&shape.lengths);
-        let frame = FrameLanes::new(&shape.corners, edge);
-        let inward = frame.cotangent.max(Lanes::splat(-OBTUSE_REACH));
-        let center = frame.point_across(inward);
-        let (radius, exact_radius) = shape.corners.farthest_corner(center);
-        let bent = shape.curvatures.abs() * radius / Lanes::splat(settings.curvature_threshold);
-        let factor = curvature_factors(bent.max(Lanes::ZERO).min(Lanes::splat(1.0)));
-        let mut height = (Lanes::splat(settings.phi) * radius * factor).min(Lanes::splat(f32::MAX));
-        for k in 0..3 {
-            let along = shape.corners.edge(k).over(shape.lengths[k]);
-            let clearance = frame.normal.dot(along.cross(center - shape.corners.0[k])).max(Lanes::ZERO);
-            let dihedral = shape.dihedrals[k].max(Lanes::ZERO);
-            let slope = tangent(Lanes::splat(0.5) * dihedral).max(Lanes::splat(f32::MIN_POSITIVE));
-            let convex = dihedral.greater_than(Lanes::ZERO);
-            height = Lanes::select(convex, height.min(clearance / slope), height);
-        }
-        self.longest_edge = Lanes::select(stale, edge.numbers(), self.longest_edge);
-        self.inward = Lanes::select(stale, inward, self.inward);
-        self.height_ratio = Lanes::select(stale, height / radius, self.height_ratio);
-        for k in 0..3 {
-            self.lengths[k] = Lanes::select(stale, shape.lengths[k], self.lengths[k]);
-            self.dihedrals[k] = Lanes::select(stale, shape.dihedrals[k], self.dihedrals[k]);
-        }
-        for lane in 0..WIDTH {
-            self.made_at[lane] = if stale.0[lane] == 0 { self.made_at[lane] } else { made_at };
-        }
-        frame.exact.and(exact_radius)
-    }
-}
-
-#[inline(always)]
-fn curvature_factors(t: Lanes) -> Lanes {
-    let (one, two, three) = (Lanes::splat(1.0), Lanes::splat(2.0), Lanes::splat(3.0));
-    (one - three * t * t + two * t * t * t).max(Lanes::ZERO).min(one)
-}
-
-/// What recipes of eight triangles are made from, and whether they still hold.
-struct ShapeLanes {
-    corners: TriangleLanes,
-    lengths: [Lanes; 3],
-    dihedrals: [Lanes; 3],
-    curvatures: Lanes,
-}
-
-impl ShapeLanes {
-    const EMPTY: Self = Self {
-        corners: TriangleLanes::EMPTY,
-        lengths: [Lanes::ZERO; 3],
-        dihedrals: [Lanes::ZERO; 3],
-        curvatures: Lanes::ZERO,
-    };
-
-    // Kept apart for the same reason as the gathering of corners.
-    #[inline(never)]
-    fn gather(&mut self, curvatures: &[f32], dihedrals: &[[f32; 3]]) {
-        for (lane, (&curvature, dihedrals)) in curvatures.iter().zip(dihedrals).enumerate().take(WIDTH) {
-            self.curvatures.0[lane] = curvature;
-            for k in 0..3 {
-                self.dihedrals[k].0[lane] = dihedrals[k];
-            }
-        }
-    }
-}
-
 /// The spheres and cones of eight triangles.
-struct SphereLanes {
-    center: VectorLanes,
-    radius: Lanes,
-    height: Lanes,
-    axis: VectorLanes,
-    cosine: Lanes,
+struct SphereLanes<S: Simd> {
+    center: VectorLanes<S>,
+    radius: f32x8<S>,
+    height: f32x8<S>,
+    axis: VectorLanes<S>,
+    cosine: f32x8<S>,
     /// Where they are exact.
-    exact: Mask,
+    exact: mask32x8<S>,
 }
 
-impl SphereLanes {
+impl<S: Simd> SphereLanes<S> {
     /// [`OffsetSpheres::follow`]
     #[inline(always)]
-    fn new(recipes: &RecipeLanes, corners: &TriangleLanes) -> Self {
+    fn new(recipes: &RecipeLanes<S>, corners: &TriangleLanes<S>) -> Self {
         let origin = corners.0[0];
         let local = corners.relative_to(origin);
-        let frame = FrameLanes::new(&local, EdgeChoice::numbered(&recipes.longest_edge));
+        let frame = FrameLanes::new(&local, recipes.longest_edge);
         let in_plane = frame.point_across(recipes.inward);
         let (farthest, exact_farthest) = local.farthest_corner(in_plane);
-        let height = (recipes.height_ratio * farthest).min(Lanes::splat(f32::MAX));
+        let height = (recipes.height_ratio * farthest).min(f32::MAX);
         let center = origin.plus(in_plane - frame.normal.scaled(height));
         let (radius, exact_radius) = corners.containing_radius(center);
-        let exact = frame.exact.and(exact_farthest).and(exact_radius);
-        let cosine = (height / radius).min(Lanes::splat(1.0));
-        Self { center, radius, height, axis: frame.normal, cosine, exact }
+        let exact = frame.exact & exact_farthest & exact_radius;
+        Self { center, radius, height, axis: frame.normal, cosine: (height / radius).min(1.0), exact }
     }
 }
 
@@ -428,7 +252,7 @@ pub struct OffsetSpheres {
     pub radii: Vec<f32>,
     /// Heights of the in-plane centers above the sphere centers.
     pub heights: Vec<f32>,
-    recipes: Vec<RecipeLanes>,
+    recipes: Vec<RecipeBlock>,
     /// How many triangles have recipes.
     recipe_count: usize,
     /// How many times the spheres have been refitted.
@@ -444,7 +268,7 @@ impl OffsetSpheres {
     /// How many [refits](Self::refit) ago each triangle's recipe was made: 0 where the last one made it.
     pub fn recipe_ages(&self) -> impl ExactSizeIterator<Item = u32> {
         (0..self.recipe_count)
-            .map(|triangle| self.refits.wrapping_sub(self.recipes[triangle / WIDTH].made_at[triangle % WIDTH]))
+            .map(|triangle| self.refits.wrapping_sub(self.recipes[triangle / WIDTH].made_at(triangle % WIDTH)))
     }
 
     /// Follows the current `positions`: refreshes the recipes of triangles whose shape has changed by more than
@@ -465,7 +289,7 @@ impl OffsetSpheres {
     ) -> usize {
         let count = triangles.len();
         let all_fresh = self.recipe_count != count;
-        self.recipes.resize(count.div_ceil(WIDTH), RecipeLanes::EMPTY);
+        self.recipes.resize(count.div_ceil(WIDTH), RecipeBlock::EMPTY);
         self.recipe_count = count;
         self.centers.resize(count, Vec3::ZERO);
         self.radii.resize(count, 0.0);
@@ -473,7 +297,7 @@ impl OffsetSpheres {
         cones.resize(count);
         self.refits = self.refits.wrapping_add(1);
         let shapes = Shapes { positions, triangles, curvatures, dihedrals };
-        refit_spheres(self, &shapes, all_fresh, settings, cones)
+        dispatch!(Level::new(), simd => refit_spheres(simd, self, &shapes, all_fresh, settings, cones))
     }
 
     /// One triangle by itself. Whether its recipe had to be made.
@@ -525,21 +349,21 @@ impl OffsetSpheres {
         };
     }
 
-    /// Writes the spheres and cones of the triangles from `first` on. Kept apart: numbers that are stored side by side are
-    /// computed side by side.
-    #[inline(never)]
-    fn write(&mut self, first: usize, lanes: &SphereLanes, cones: &mut SafetyCones) {
+    /// Writes the spheres and cones of the triangles from `first` on.
+    #[inline(always)]
+    fn write<S: Simd>(&mut self, first: usize, lanes: &SphereLanes<S>, cones: &mut SafetyCones) {
         let end = (first + WIDTH).min(self.radii.len());
         let count = end - first;
+        let (centers, axes) = (lanes.center.stored(), lanes.axis.stored());
         for (lane, (center, axis)) in
             self.centers[first..end].iter_mut().zip(&mut cones.axes[first..end]).enumerate().take(WIDTH)
         {
-            *center = lanes.center.get(lane);
-            *axis = lanes.axis.get(lane);
+            *center = centers.get(lane);
+            *axis = axes.get(lane);
         }
-        self.radii[first..end].copy_from_slice(&lanes.radius.0[..count]);
-        self.heights[first..end].copy_from_slice(&lanes.height.0[..count]);
-        cones.cosines[first..end].copy_from_slice(&lanes.cosine.0[..count]);
+        self.radii[first..end].copy_from_slice(&stored(lanes.radius)[..count]);
+        self.heights[first..end].copy_from_slice(&stored(lanes.height)[..count]);
+        cones.cosines[first..end].copy_from_slice(&stored(lanes.cosine)[..count]);
     }
 }
 
@@ -551,40 +375,43 @@ struct Shapes<'a> {
     dihedrals: &'a [[f32; 3]],
 }
 
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
-fn refit_spheres(
+#[inline(always)]
+fn refit_spheres<S: Simd>(
+    simd: S,
     spheres: &mut OffsetSpheres,
     shapes: &Shapes<'_>,
     all_fresh: bool,
     settings: RecipeSettings,
     cones: &mut SafetyCones,
 ) -> usize {
-    let mut shape = ShapeLanes::EMPTY;
-    let always = Mask([if all_fresh || settings.delta <= 0.0 { u32::MAX } else { 0 }; WIDTH]);
+    let always = mask32x8::splat(simd, all_fresh || settings.delta <= 0.0);
     let mut refreshed = 0;
     for (block, triangles) in shapes.triangles.chunks(WIDTH).enumerate() {
         let range = block * WIDTH..block * WIDTH + triangles.len();
-        shape.corners.gather(shapes.positions, triangles);
-        shape.gather(&shapes.curvatures[range.clone()], &shapes.dihedrals[range.clone()]);
-        let (lengths, mut exact) = shape.corners.edge_lengths();
-        shape.lengths = lengths;
-        let mut recipes = spheres.recipes[block];
-        let change = recipes.shape_change(&lengths, &shape.dihedrals);
-        let stale = always.or(change.greater_than(Lanes::splat(settings.delta)));
-        if stale.any() {
-            exact = exact.and(recipes.refresh(stale, &shape, &settings, spheres.refits).or(stale.not()));
+        let corners = TriangleLanes::gather(simd, shapes.positions, triangles);
+        let (lengths, mut exact) = corners.edge_lengths();
+        let (curvatures, dihedrals) = (&shapes.curvatures[range.clone()], &shapes.dihedrals[range.clone()]);
+        let shape = ShapeLanes::gather(simd, corners, lengths, curvatures, dihedrals);
+        let mut recipes = RecipeLanes::load(simd, &spheres.recipes[block]);
+        let change = recipes.shape_change(&shape);
+        let stale = always | change.simd_gt(settings.delta);
+        if stale.any_true() {
+            exact &= recipes.refresh(stale, &shape, &settings) | !stale;
         }
         let lanes = SphereLanes::new(&recipes, &shape.corners);
-        let exact = exact.and(lanes.exact);
+        let inexact = (!(exact & lanes.exact)).to_bitmask() & first_lanes(range.len());
         // One that cannot be told sends its seven neighbors with it: there are few, and the same comes out.
-        if exact.not().any() {
+        if inexact != 0 {
             for triangle in range {
                 refreshed += usize::from(spheres.refit_one(shapes, triangle, all_fresh, settings, cones));
             }
         } else {
-            spheres.recipes[block] = recipes;
+            let stale = stale.to_bitmask() & first_lanes(range.len());
+            if stale != 0 {
+                recipes.store(&mut spheres.recipes[block], stale, spheres.refits);
+            }
             spheres.write(range.start, &lanes, cones);
-            refreshed += stale.0.iter().take(range.len()).filter(|&&lane| lane != 0).count();
+            refreshed += stale.count_ones() as usize;
         }
     }
     refreshed

@@ -4,13 +4,16 @@
 //! Reads the spheres of `circumsphere`; the cone stage keeps the pairs that pass. The test alone misses contacts, so
 //! only the `Circumsphere` method rejects by it. The signed gap is the source paper's, put in terms of plane heights.
 
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
 use core::f32::consts::PI;
 
+use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::Vec3;
 
 use super::{
     circumsphere::{OffsetSpheres, length},
-    lanes::{Lanes, WIDTH, sine_cosine},
+    lanes::{WIDTH, sine_cosine, stored},
 };
 
 /// Slack of the cone comparison, as a cosine: a direction that the crease clamp puts exactly on the cone's boundary
@@ -45,27 +48,28 @@ impl SafetyCones {
     /// by 15° more: between the cones of two neighbors there are directions from which the edge they share is met,
     /// and which are in neither.
     pub fn widen(&mut self, spreads: &[f32]) {
-        widen(&mut self.cosines, spreads);
+        dispatch!(Level::new(), simd => widen(simd, &mut self.cosines, spreads));
     }
 }
 
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
-fn widen(cosines: &mut [f32], spreads: &[f32]) {
-    let (mut cosine, mut spread) = (Lanes::ZERO, Lanes::ZERO);
+#[inline(always)]
+fn widen<S: Simd>(simd: S, cosines: &mut [f32], spreads: &[f32]) {
+    let (mut cosine_row, mut spread_row) = ([0.0; WIDTH], [0.0; WIDTH]);
+    let one = f32x8::splat(simd, 1.0);
     for (cosines, spreads) in cosines.chunks_mut(WIDTH).zip(spreads.chunks(WIDTH)) {
         let count = cosines.len().min(spreads.len());
-        cosine.0[..count].copy_from_slice(&cosines[..count]);
-        spread.0[..count].copy_from_slice(&spreads[..count]);
-        let one = Lanes::splat(1.0);
-        let added = spread + Lanes::splat(EXTRA_WIDENING);
+        cosine_row[..count].copy_from_slice(&cosines[..count]);
+        spread_row[..count].copy_from_slice(&spreads[..count]);
+        let (cosine, spread) = (f32x8::from_slice(simd, &cosine_row), f32x8::from_slice(simd, &spread_row));
+        let added = spread + EXTRA_WIDENING;
         let (sine_added, cosine_added) = sine_cosine(added);
-        let sine = (one - cosine * cosine).max(Lanes::ZERO).sqrt();
+        let sine = (one - cosine * cosine).max(0.0).sqrt();
         // Half-angles are at least 0, so that their sum passes π where the sine of the sum turns negative.
-        let past_half_circle = Lanes::ZERO.greater_than(sine * cosine_added + cosine * sine_added);
-        let everything = added.at_least(Lanes::splat(PI)).or(past_half_circle);
+        let past_half_circle = (sine * cosine_added + cosine * sine_added).simd_lt(0.0);
+        let everything = added.simd_ge(PI) | past_half_circle;
         let widened = cosine * cosine_added - sine * sine_added;
-        let widened = Lanes::select(everything, Lanes::splat(SafetyCones::EVERYWHERE), widened);
-        cosines[..count].copy_from_slice(&widened.0[..count]);
+        let widened = everything.select(f32x8::splat(simd, SafetyCones::EVERYWHERE), widened);
+        cosines[..count].copy_from_slice(&stored(widened)[..count]);
     }
 }
 

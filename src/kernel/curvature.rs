@@ -9,11 +9,12 @@
 
 use core::f32::consts::FRAC_PI_2;
 
+use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::Vec3;
 
 use super::{
     ids::EdgeId,
-    lanes::{Lanes, TriangleLanes, VectorLanes, WIDTH, arc_tangent},
+    lanes::{TriangleLanes, VectorLanes, VectorRows, WIDTH, arc_tangent, stored},
     topology::{Hinge, SurfaceTopology},
 };
 
@@ -54,72 +55,91 @@ struct Face {
     doubled_area: f32,
 }
 
-/// How the surface bends across an edge.
+/// How the surface bends across an edge: the dihedral angle, or what there is instead of one, and the curvature.
 #[derive(Clone, Copy, Debug, Default)]
 struct Bend {
     dihedral: f32,
     curvature: f32,
+}
+
+impl Bend {
+    /// Where there is no triangle on the other side: no angle is as large.
+    const RIM: Self = Self { dihedral: f32::INFINITY, curvature: 0.0 };
+
+    /// Where there are several, each with an angle of its own.
+    const BRANCH: Self = Self { dihedral: f32::NAN, curvature: 0.0 };
+
+    #[inline]
+    fn branches(self) -> bool {
+        self.dihedral.is_nan()
+    }
+
+    /// 0 where there is none.
+    #[inline]
+    fn dihedral(self) -> f32 {
+        if self.dihedral == f32::INFINITY { 0.0 } else { self.dihedral }
+    }
+
     /// How far the surface's normal turns, π/2 at a rim.
-    turn: f32,
-    branches: bool,
+    #[inline]
+    fn turn(self) -> f32 {
+        if self.dihedral == f32::INFINITY { FRAC_PI_2 } else { self.dihedral.abs() }
+    }
 }
 
 /// Eight edges with a triangle on either side.
-struct HingeLanes {
+struct HingeLanes<S: Simd> {
     /// From one end to the other, as the first triangle runs through it.
-    along: VectorLanes,
-    normals: [VectorLanes; 2],
-    doubled_areas: [Lanes; 2],
+    along: VectorLanes<S>,
+    normals: [VectorLanes<S>; 2],
+    doubled_areas: [f32x8<S>; 2],
     /// -1 where the second triangle is turned inside out.
-    facing: Lanes,
+    facing: f32x8<S>,
     /// 0 where there is no triangle on the other side.
-    folds: Lanes,
+    folds: f32x8<S>,
 }
 
-impl HingeLanes {
-    const EMPTY: Self = Self {
-        along: VectorLanes::ZERO,
-        normals: [VectorLanes::ZERO; 2],
-        doubled_areas: [Lanes::ZERO; 2],
-        facing: Lanes::ZERO,
-        folds: Lanes::ZERO,
-    };
-
-    // Kept apart, so that the lanes come from memory: of numbers it has just loaded one by one the compiler makes
-    // no vectors.
-    #[inline(never)]
-    fn gather(&mut self, hinges: &[Hinge], faces: &[Face], positions: &[Vec3]) {
+impl<S: Simd> HingeLanes<S> {
+    #[inline(always)]
+    fn gather(simd: S, hinges: &[Hinge], faces: &[Face], positions: &[Vec3]) -> Self {
+        let (mut along, mut normals) = (VectorRows::ZERO, [VectorRows::ZERO; 2]);
+        let (mut doubled_areas, mut facing, mut folds) = ([[0.0; WIDTH]; 2], [0.0; WIDTH], [0.0; WIDTH]);
         for (lane, hinge) in hinges.iter().enumerate().take(WIDTH) {
-            let Hinge::Fold { triangles, ends: [from, to], turned } = *hinge else {
-                self.folds.0[lane] = 0.0;
-                continue;
-            };
-            self.folds.0[lane] = 1.0;
-            self.facing.0[lane] = if turned { -1.0 } else { 1.0 };
-            self.along.set(lane, positions[to as usize] - positions[from as usize]);
+            let Hinge::Fold { triangles, ends: [from, to], turned } = *hinge else { continue };
+            folds[lane] = 1.0;
+            facing[lane] = if turned { -1.0 } else { 1.0 };
+            along.set(lane, positions[to as usize] - positions[from as usize]);
             for side in 0..2 {
                 let face = &faces[triangles[side] as usize];
-                self.normals[side].set(lane, face.normal);
-                self.doubled_areas[side].0[lane] = face.doubled_area;
+                normals[side].set(lane, face.normal);
+                doubled_areas[side][lane] = face.doubled_area;
             }
+        }
+        Self {
+            along: VectorLanes::load(simd, &along),
+            normals: [VectorLanes::load(simd, &normals[0]), VectorLanes::load(simd, &normals[1])],
+            doubled_areas: [f32x8::from_slice(simd, &doubled_areas[0]), f32x8::from_slice(simd, &doubled_areas[1])],
+            facing: f32x8::from_slice(simd, &facing),
+            folds: f32x8::from_slice(simd, &folds),
         }
     }
 
     /// The dihedral angle and the curvature across each edge; 0 where either triangle has no area.
     #[inline(always)]
-    fn bend(&self) -> [Lanes; 2] {
+    fn bend(&self) -> [f32x8<S>; 2] {
+        let simd = self.facing.simd;
         let (normal, other) = (self.normals[0], self.normals[1].scaled(self.facing));
         let sine = normal.cross(other).dot(self.along.normalized().0);
         let cosine = normal.dot(other);
-        let flat = Lanes::ZERO;
-        let has_areas = normal.dot(normal).greater_than(flat).and(other.dot(other).greater_than(flat));
-        let dihedral = arc_tangent(sine, Lanes::select(has_areas, cosine, Lanes::splat(1.0)));
-        let dihedral = Lanes::select(has_areas.and(self.folds.greater_than(flat)), dihedral, flat);
+        let (flat, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+        let has_areas = normal.dot(normal).simd_gt(0.0) & other.dot(other).simd_gt(0.0);
+        let dihedral = arc_tangent(sine, has_areas.select(cosine, one));
+        let dihedral = (has_areas & self.folds.simd_gt(0.0)).select(dihedral, flat);
         let length = self.along.dot(self.along).sqrt();
         // (h_i + h_j) / 3 with h = doubled area / length.
-        let distance = (self.doubled_areas[0] + self.doubled_areas[1]) / (Lanes::splat(3.0) * length);
-        let has_distance = distance.greater_than(flat).and(distance.is_finite());
-        [dihedral, Lanes::select(has_distance, dihedral / distance, flat)]
+        let distance = (self.doubled_areas[0] + self.doubled_areas[1]) / (length * 3.0);
+        let has_distance = distance.simd_gt(0.0) & distance.is_finite();
+        [dihedral, has_distance.select(dihedral / distance, flat)]
     }
 }
 
@@ -127,7 +147,7 @@ impl Curvatures {
     /// Measures the surface at the given positions.
     pub fn measure(&mut self, topology: &SurfaceTopology, positions: &[Vec3], estimator: CurvatureEstimator) {
         self.faces.resize(topology.triangles().len(), Face::default());
-        measure_faces(topology.triangles(), positions, &mut self.faces);
+        dispatch!(Level::new(), simd => measure_faces(simd, topology.triangles(), positions, &mut self.faces));
         self.bends.resize(topology.edges().len(), Bend::default());
         measure_bends(topology.hinges(), &self.faces, positions, &mut self.bends);
         self.centroids.clear();
@@ -148,26 +168,32 @@ impl Curvatures {
     }
 
     fn measure_triangles(&mut self, topology: &SurfaceTopology, positions: &[Vec3]) {
-        self.curvatures.clear();
-        self.dihedrals.clear();
-        self.spreads.clear();
-        for (triangle, edges) in topology.triangle_edges().iter().enumerate() {
+        let count = topology.triangles().len();
+        let [mut curvatures, mut spreads] = [&mut self.curvatures, &mut self.spreads].map(std::mem::take);
+        let mut dihedrals = std::mem::take(&mut self.dihedrals);
+        curvatures.resize(count, 0.0);
+        dihedrals.resize(count, [0.0; 3]);
+        spreads.resize(count, 0.0);
+        let written = curvatures.iter_mut().zip(&mut dihedrals).zip(&mut spreads);
+        for (triangle, (edges, ((curvature, dihedrals), spread))) in
+            topology.triangle_edges().iter().zip(written).enumerate()
+        {
             let mut bends = edges.map(|edge| self.bends[edge as usize]);
-            if bends.iter().any(|bend| bend.branches) {
+            if bends.iter().any(|bend| bend.branches()) {
                 for k in 0..3 {
-                    if bends[k].branches {
+                    if bends[k].branches() {
                         bends[k] = self.steepest_bend(topology, positions, triangle, k);
                     }
                 }
             }
-            self.dihedrals.push(bends.map(|bend| bend.dihedral));
-            self.spreads
-                .push(bends.iter().fold(0.0, |most: f32, bend| if bend.turn > most { bend.turn } else { most }));
+            *dihedrals = bends.map(Bend::dihedral);
+            *spread = bends.map(Bend::turn).into_iter().fold(0.0, |most, turn| if turn > most { turn } else { most });
             let steeper =
                 |most: f32, bend: &Bend| if bend.curvature.abs() > most.abs() { bend.curvature } else { most };
-            let curvature = bends.iter().fold(0.0, steeper);
-            self.curvatures.push(if curvature.is_finite() { curvature } else { f32::MAX });
+            let steepest = bends.iter().fold(0.0, steeper);
+            *curvature = if steepest.is_finite() { steepest } else { f32::MAX };
         }
+        (self.curvatures, self.dihedrals, self.spreads) = (curvatures, dihedrals, spreads);
     }
 
     /// The bend across edge `k` of a triangle to that of several neighbors which folds most.
@@ -186,7 +212,7 @@ impl Curvatures {
             };
             let mut bend = [Bend::default()];
             measure_bends(&[hinge], &self.faces, positions, &mut bend);
-            if bend[0].turn > steepest.turn {
+            if bend[0].turn() > steepest.turn() {
                 steepest = bend[0];
             }
         }
@@ -216,48 +242,42 @@ impl Curvatures {
     }
 }
 
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
-fn measure_faces(triangles: &[[u32; 3]], positions: &[Vec3], faces: &mut [Face]) {
-    let mut lanes = TriangleLanes::EMPTY;
+#[inline(always)]
+fn measure_faces<S: Simd>(simd: S, triangles: &[[u32; 3]], positions: &[Vec3], faces: &mut [Face]) {
+    let nothing = VectorLanes::splat(simd, Vec3::ZERO);
     for (triangles, faces) in triangles.chunks(WIDTH).zip(faces.chunks_mut(WIDTH)) {
-        lanes.gather(positions, triangles);
-        let [a, b, c] = lanes.0;
+        let [a, b, c] = TriangleLanes::gather(simd, positions, triangles).0;
         let (u, v) = (b - a, c - a);
         // Scaled first: the square of an area is of order length⁴ and leaves the range of f32 before lengths do.
         let extent_u = u.x.abs().max(u.y.abs()).max(u.z.abs());
         let extent = extent_u.max(v.x.abs()).max(v.y.abs()).max(v.z.abs());
-        let has_extent = extent.greater_than(Lanes::ZERO);
-        let normal = VectorLanes::select(has_extent, u.over(extent).cross(v.over(extent)), VectorLanes::ZERO);
-        let doubled_area = normal.dot(normal).sqrt() * extent * extent;
-        write_faces(&normal.normalized().0, &doubled_area, faces);
+        let has_extent = extent.simd_gt(0.0);
+        let normal = VectorLanes::select(has_extent, u.over(extent).cross(v.over(extent)), nothing);
+        let doubled_areas = stored(normal.dot(normal).sqrt() * extent * extent);
+        let normals = normal.normalized().0.stored();
+        for (lane, face) in faces.iter_mut().enumerate().take(WIDTH) {
+            *face = Face { normal: normals.get(lane), doubled_area: doubled_areas[lane] };
+        }
     }
 }
 
-// Kept apart like the gathering: numbers that are stored side by side are computed side by side.
-#[inline(never)]
-fn write_faces(normals: &VectorLanes, doubled_areas: &Lanes, faces: &mut [Face]) {
-    for (lane, face) in faces.iter_mut().enumerate().take(WIDTH) {
-        *face = Face { normal: normals.get(lane), doubled_area: doubled_areas.0[lane] };
-    }
-}
-
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
 fn measure_bends(hinges: &[Hinge], faces: &[Face], positions: &[Vec3], bends: &mut [Bend]) {
-    let mut lanes = HingeLanes::EMPTY;
-    for (hinges, bends) in hinges.chunks(WIDTH).zip(bends.chunks_mut(WIDTH)) {
-        lanes.gather(hinges, faces, positions);
-        write_bends(hinges, &lanes.bend(), bends);
-    }
+    dispatch!(Level::new(), simd => {
+        for (hinges, bends) in hinges.chunks(WIDTH).zip(bends.chunks_mut(WIDTH)) {
+            let [dihedrals, curvatures] = HingeLanes::gather(simd, hinges, faces, positions).bend();
+            write_bends(hinges, &stored(dihedrals), &stored(curvatures), bends);
+        }
+    });
 }
 
-#[inline(never)]
-fn write_bends(hinges: &[Hinge], [dihedrals, curvatures]: &[Lanes; 2], bends: &mut [Bend]) {
+#[inline(always)]
+fn write_bends(hinges: &[Hinge], dihedrals: &[f32; WIDTH], curvatures: &[f32; WIDTH], bends: &mut [Bend]) {
     for (lane, (hinge, bend)) in hinges.iter().zip(bends).enumerate().take(WIDTH) {
-        let (dihedral, curvature) = (dihedrals.0[lane], curvatures.0[lane]);
+        let (dihedral, curvature) = (dihedrals[lane], curvatures[lane]);
         *bend = match hinge {
-            Hinge::Rim => Bend { turn: FRAC_PI_2, ..Bend::default() },
-            Hinge::Fold { .. } => Bend { dihedral, curvature, turn: dihedral.abs(), branches: false },
-            Hinge::Branch => Bend { branches: true, ..Bend::default() },
+            Hinge::Rim => Bend::RIM,
+            Hinge::Fold { .. } => Bend { dihedral, curvature },
+            Hinge::Branch => Bend::BRANCH,
         };
     }
 }

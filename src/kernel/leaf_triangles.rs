@@ -13,7 +13,7 @@ use glam::Vec3;
 
 use super::{
     exact::cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
-    lanes::PairLanes,
+    lanes::LARGEST_EXTENT,
     topology::SurfaceTopology,
     tree::{BoxTree, LEAF_WIDTH},
 };
@@ -172,7 +172,7 @@ impl<'a> PairCull<'a> {
         let offset = own.origin - other.origin;
         let extent = own.extent + other.extent + offset.abs().element_sum();
         let needed = match self.slabs {
-            Some(range) if extent <= PairLanes::LARGEST_EXTENT => range * RANGE_SLACK + extent * ROUNDING,
+            Some(range) if extent <= LARGEST_EXTENT => range * RANGE_SLACK + extent * ROUNDING,
             _ => f32::INFINITY,
         };
         Separation { own, other, offset, extent, needed, neighbors: self.neighbors, planes_only: self.planes_only }

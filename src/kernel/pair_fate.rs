@@ -11,9 +11,8 @@ use super::{
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pose::Pose,
     refine::{refine_closest, refine_shape},
-    sphere_pairs::{
-        BallSide, CapSide, ball_contacts, meeting_caps, overlapping_balls_in_steps, overlapping_caps_in_steps,
-    },
+    sphere_contacts::{ball_contacts, meeting_caps},
+    sphere_pairs::{BallSide, CapSide, overlapping_balls_in_steps, overlapping_caps_in_steps},
     topology::SurfaceTopology,
 };
 

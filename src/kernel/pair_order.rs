@@ -3,54 +3,72 @@
 //! Eight bytes a pair are moved rather than whole contacts: the sphere stages sort what overlaps, and make contacts in
 //! order. A radix sort, least significant digit first.
 
-/// Bits of a digit: the counts of its values stay in the first cache.
-const LARGEST_DIGIT: u32 = 12;
+use super::prefetch::prefetch;
+
+/// Least bits of a digit: the counts of its values stay in the first cache.
+const LEAST_DIGIT: u32 = 12;
 
 /// Shorter lists are sorted by comparisons.
 const SHORT: usize = 256;
 
-/// Sorts `pairs` by their contacts' [keys](super::contact::ContactKey): by the first triangle, then by the second; of a
-/// surface with itself (`same_surface`) by the lower one, then by the higher. `spare` is room to work in.
-pub fn sort_pairs(pairs: &mut Vec<[u32; 2]>, same_surface: bool, spare: &mut Vec<[u32; 2]>) {
-    if same_surface && pairs.iter().any(|&[a, b]| b < a) {
-        pairs.sort_unstable_by_key(|&[a, b]| (a.min(b), a.max(b), a));
-    } else if pairs.len() < SHORT {
-        pairs.sort_unstable();
-    } else if !pairs.is_sorted() {
-        spare.resize(pairs.len(), [0; 2]);
-        let bits = [0, 1].map(|side| {
-            let largest = pairs.iter().fold(0, |largest, pair| pair[side].max(largest));
-            u32::BITS - largest.leading_zeros()
-        });
-        let all_bits = bits[0] + bits[1];
-        let digits = all_bits.div_ceil(LARGEST_DIGIT);
-        let width = all_bits.div_ceil(digits);
-        for digit in 0..digits {
-            distribute(pairs, spare, bits[1], digit * width, width);
-            std::mem::swap(pairs, spare);
+/// How many pairs ahead the place is asked for that one is written to: with its neighbors it moves on until then, but
+/// hardly ever beyond the line of the cache.
+const AHEAD: usize = 64;
+
+/// Room to sort in, kept from list to list.
+#[derive(Clone, Debug, Default)]
+pub struct PairSorter {
+    between: Vec<[u32; 2]>,
+    places: Vec<u32>,
+}
+
+impl PairSorter {
+    /// Sorts `pairs` by their contacts' [keys](super::contact::ContactKey): by the first triangle, then by the second; of a
+    /// surface with itself (`same_surface`) by the lower one, then by the higher.
+    pub fn sort(&mut self, pairs: &mut Vec<[u32; 2]>, same_surface: bool) {
+        if same_surface && pairs.iter().any(|&[a, b]| b < a) {
+            pairs.sort_unstable_by_key(|&[a, b]| (a.min(b), a.max(b), a));
+        } else if pairs.len() < SHORT {
+            pairs.sort_unstable();
+        } else if !pairs.is_sorted() {
+            let largest = pairs.iter().fold([0; 2], |largest, pair| [0, 1].map(|side| pair[side].max(largest[side])));
+            let bits = largest.map(|largest| u32::BITS - largest.leading_zeros());
+            let all_bits = bits[0] + bits[1];
+            // Neighbors in the list are neighbors in space, so that a digit of as many values as there are pairs costs less
+            // than one more pass over them.
+            let digits = all_bits.div_ceil(pairs.len().ilog2().max(LEAST_DIGIT));
+            let width = all_bits.div_ceil(digits);
+            self.between.resize(pairs.len(), [0; 2]);
+            let number = |&[first, second]: &[u32; 2]| (u64::from(first) << bits[1]) | u64::from(second);
+            let digit = |number: u64, digit: u32| (number >> (digit * width)) as usize & ((1 << width) - 1);
+            self.places.clear();
+            self.places.resize((digits as usize) << width, 0);
+            for pair in &*pairs {
+                let number = number(pair);
+                for (place, places) in (0..digits).zip(self.places.chunks_exact_mut(1 << width)) {
+                    places[digit(number, place)] += 1;
+                }
+            }
+            for (place, places) in (0..digits).zip(self.places.chunks_exact_mut(1 << width)) {
+                distribute(pairs, &mut self.between, places, |pair| digit(number(pair), place));
+                std::mem::swap(pairs, &mut self.between);
+            }
         }
     }
 }
 
-/// Writes `pairs` into `sorted`, sorted by `width` bits from `shift` on of the number whose lower `low` bits are the second
-/// triangle, and the others the first; equals keep their order.
-fn distribute(pairs: &[[u32; 2]], sorted: &mut [[u32; 2]], low: u32, shift: u32, width: u32) {
-    const COUNT: usize = 1 << LARGEST_DIGIT;
-    let mut places = [0u32; COUNT];
-    let mask = (1 << width) - 1;
-    let digit = |&[first, second]: &[u32; 2]| {
-        let number = (u64::from(first) << low) | u64::from(second);
-        ((number >> shift) & mask) as usize % COUNT
-    };
-    for pair in pairs {
-        places[digit(pair)] += 1;
-    }
+/// Writes `pairs` into `sorted`, ordered by a number; equals keep their order. `places` says how many there are of each.
+#[inline]
+fn distribute(pairs: &[[u32; 2]], sorted: &mut [[u32; 2]], places: &mut [u32], number: impl Fn(&[u32; 2]) -> usize) {
     let mut next = 0;
-    for place in &mut places {
+    for place in &mut *places {
         next += std::mem::replace(place, next);
     }
-    for pair in pairs {
-        let place = &mut places[digit(pair)];
+    for (here, pair) in pairs.iter().enumerate() {
+        if let Some(later) = pairs.get(here + AHEAD) {
+            prefetch(sorted, places[number(later)]);
+        }
+        let place = &mut places[number(pair)];
         sorted[*place as usize] = *pair;
         *place += 1;
     }
@@ -68,7 +86,7 @@ mod tests {
 
     #[test]
     fn pairs_come_out_as_a_comparison_sorts_them() {
-        let mut spare = Vec::new();
+        let mut sorter = PairSorter::default();
         for count in [0, 1, 2, SHORT - 1, SHORT, 5_000, 100_000] {
             for end in [1, 2, 300, 92_230, 1 << 28] {
                 for same_surface in [false, true] {
@@ -81,13 +99,13 @@ mod tests {
                         expected.sort_unstable();
                     }
                     assert!(count < SHORT || end < 300 || pairs != expected, "there is something to sort");
-                    sort_pairs(&mut pairs, same_surface, &mut spare);
+                    sorter.sort(&mut pairs, same_surface);
                     assert!(pairs == expected, "{count} pairs below {end}");
                     // Lower triangle first, as broad phases list them: not by comparisons.
                     let mut ordered: Vec<[u32; 2]> = pairs.iter().rev().map(|&[a, b]| [a.min(b), a.max(b)]).collect();
                     let mut expected = ordered.clone();
                     expected.sort_unstable();
-                    sort_pairs(&mut ordered, same_surface, &mut spare);
+                    sorter.sort(&mut ordered, same_surface);
                     assert!(ordered == expected, "{count} pairs below {end}");
                 }
             }

@@ -6,20 +6,25 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{f32x8, prelude::*};
 use glam::Vec3;
 
 use super::{
     circumsphere::Ball,
     cone::Cap,
-    lanes::{CapLanes, Lanes, PairLanes, VectorLanes, WIDTH},
+    lanes::{CapLanes, VectorLanes, WIDTH, transposed},
     pair::SurfaceSide,
+    prefetch::prefetch,
 };
 
 /// The numbers of one triangle, in blocks of as many as there are lanes.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct TriangleRow([[f32; WIDTH]; 2]);
+
+impl TriangleRow {
+    pub(super) const EMPTY: Self = Self([[0.0; WIDTH]; 2]);
+}
 
 /// Rows with the corners of each triangle and its enclosing ball.
 #[derive(Clone, Debug, Default)]
@@ -47,6 +52,12 @@ impl BallRows {
         self.rows.clear();
     }
 
+    /// Asks for a row that is to be read soon.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, triangle: u32) {
+        prefetch(&self.rows, triangle);
+    }
+
     pub(super) fn fill(&mut self, rows: impl Iterator<Item = TriangleRow>) {
         self.rows.clear();
         self.rows.extend(rows);
@@ -64,6 +75,13 @@ impl CapRows {
     pub fn clear(&mut self) {
         self.rows.clear();
         self.rest.clear();
+    }
+
+    /// Asks for a row that is to be read soon.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, triangle: u32) {
+        prefetch(&self.rows, triangle);
+        prefetch(&self.rest, triangle);
     }
 
     pub(super) fn fill(&mut self, rows: impl Iterator<Item = (TriangleRow, [f32; 2])>) {
@@ -99,93 +117,66 @@ impl TriangleRow {
 }
 
 /// The rows of one side of eight pairs, one number to the lanes.
-#[derive(Clone, Copy)]
-pub(super) struct RowLanes {
-    row: [[Lanes; WIDTH]; 2],
-    rest: [Lanes; 2],
+pub(super) struct RowLanes<S: Simd> {
+    row: [[f32x8<S>; WIDTH]; 2],
+    rest: [f32x8<S>; 2],
 }
 
-impl RowLanes {
-    pub(super) const EMPTY: Self = Self { row: [[Lanes::ZERO; WIDTH]; 2], rest: [Lanes::ZERO; 2] };
-
+impl<S: Simd> RowLanes<S> {
     /// The rows of the pairs' triangles on one side.
-    #[inline(never)]
-    pub(super) fn gather_balls<const SIDE: usize>(&mut self, rows: &BallRows, pairs: &[[u32; 2]]) {
-        dispatch!(Level::new(), simd => self.transpose(simd, &rows.rows, &places::<SIDE>(pairs)));
-    }
-
-    #[inline(never)]
-    pub(super) fn gather_caps<const SIDE: usize>(&mut self, rows: &CapRows, pairs: &[[u32; 2]]) {
+    #[inline(always)]
+    pub(super) fn gather_balls<const SIDE: usize>(simd: S, rows: &BallRows, pairs: &[[u32; 2]]) -> Self {
         let places = places::<SIDE>(pairs);
-        dispatch!(Level::new(), simd => self.transpose(simd, &rows.rows, &places));
-        for (lane, place) in places.into_iter().enumerate() {
-            let [axis_z, cosine] = rows.rest[place as usize];
-            self.rest[0].0[lane] = axis_z;
-            self.rest[1].0[lane] = cosine;
+        Self::new(simd, |lane| &rows.rows[places[lane] as usize], &[[0.0; WIDTH]; 2])
+    }
+
+    #[inline(always)]
+    pub(super) fn gather_caps<const SIDE: usize>(simd: S, rows: &CapRows, pairs: &[[u32; 2]]) -> Self {
+        let places = places::<SIDE>(pairs);
+        let mut rest = [[0.0; WIDTH]; 2];
+        for (lane, &place) in places.iter().enumerate() {
+            [rest[0][lane], rest[1][lane]] = rows.rest[place as usize];
+        }
+        Self::new(simd, |lane| &rows.rows[places[lane] as usize], &rest)
+    }
+
+    /// Of rows that have been made pair by pair.
+    #[inline(always)]
+    pub(super) fn new<'a>(simd: S, row: impl Fn(usize) -> &'a TriangleRow, rest: &[[f32; WIDTH]; 2]) -> Self {
+        let rows: [&TriangleRow; WIDTH] = [row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)];
+        Self {
+            row: [columns(simd, &rows, 0), columns(simd, &rows, 1)],
+            rest: [f32x8::from_slice(simd, &rest[0]), f32x8::from_slice(simd, &rest[1])],
         }
     }
 
     #[inline(always)]
-    fn transpose<S: Simd>(&mut self, simd: S, rows: &[TriangleRow], places: &[u32; WIDTH]) {
-        for (block, lanes) in self.row.iter_mut().enumerate() {
-            let mut square = [f32x8::splat(simd, 0.0); WIDTH];
-            for lane in 0..WIDTH {
-                square[lane] = f32x8::from_slice(simd, &rows[places[lane] as usize].0[block]);
-            }
-            // Each round turns the places' six binary digits by one: after three, rows are columns.
-            for _ in 0..3 {
-                let before = square;
-                for pair in 0..WIDTH / 2 {
-                    let (even, odd) = before[pair].interleave(before[pair + WIDTH / 2]);
-                    square[2 * pair] = even;
-                    square[2 * pair + 1] = odd;
-                }
-            }
-            for (lanes, column) in lanes.iter_mut().zip(square) {
-                column.store_slice(&mut lanes.0);
-            }
-        }
-    }
-
-    /// Rows that are made pair by pair.
-    #[inline(always)]
-    pub(super) fn set(&mut self, lane: usize, row: &TriangleRow, rest: [f32; 2]) {
-        for (lanes, numbers) in self.row.iter_mut().zip(&row.0) {
-            for (lanes, &number) in lanes.iter_mut().zip(numbers) {
-                lanes.0[lane] = number;
-            }
-        }
-        self.rest[0].0[lane] = rest[0];
-        self.rest[1].0[lane] = rest[1];
-    }
-
-    #[inline(always)]
-    fn number(&self, place: usize) -> Lanes {
+    fn number(&self, place: usize) -> f32x8<S> {
         self.row[place / WIDTH][place % WIDTH]
     }
 
     #[inline(always)]
-    fn vector(&self, place: usize) -> VectorLanes {
+    fn vector(&self, place: usize) -> VectorLanes<S> {
         VectorLanes { x: self.number(place), y: self.number(place + 1), z: self.number(place + 2) }
     }
 
     #[inline(always)]
-    pub(super) fn corners(&self) -> [VectorLanes; 3] {
+    pub(super) fn corners(&self) -> [VectorLanes<S>; 3] {
         [self.vector(0), self.vector(3), self.vector(6)]
     }
 
     #[inline(always)]
-    pub(super) fn center(&self) -> VectorLanes {
+    pub(super) fn center(&self) -> VectorLanes<S> {
         self.vector(9)
     }
 
     #[inline(always)]
-    pub(super) fn radius(&self) -> Lanes {
+    pub(super) fn radius(&self) -> f32x8<S> {
         self.number(12)
     }
 
     #[inline(always)]
-    pub(super) fn cap(&self) -> CapLanes {
+    pub(super) fn cap(&self) -> CapLanes<S> {
         CapLanes {
             center: self.center(),
             radius: self.radius(),
@@ -194,6 +185,16 @@ impl RowLanes {
             cosine: self.rest[1],
         }
     }
+}
+
+/// A block of eight rows, number by number.
+#[inline(always)]
+fn columns<S: Simd>(simd: S, rows: &[&TriangleRow; WIDTH], block: usize) -> [f32x8<S>; WIDTH] {
+    let mut square = [f32x8::splat(simd, 0.0); WIDTH];
+    for lane in 0..WIDTH {
+        square[lane] = f32x8::from_slice(simd, &rows[lane].0[block]);
+    }
+    transposed(square)
 }
 
 /// The triangles on one side of eight pairs; of fewer the last one fills up.
@@ -211,22 +212,4 @@ fn places<const SIDE: usize>(pairs: &[[u32; 2]]) -> [u32; WIDTH] {
 pub(super) fn rounded_corners(side: &SurfaceSide<'_>, triangle: u32) -> [Vec3; 3] {
     let [a, b, c] = side.topology.triangles()[triangle as usize];
     [side.positions[a as usize], side.positions[b as usize], side.positions[c as usize]]
-}
-
-impl PairLanes {
-    /// Like [`gather`](Self::gather), of corners that are in lanes already.
-    #[inline(always)]
-    pub(super) fn of_corners(a: &[VectorLanes; 3], b: &[VectorLanes; 3]) -> Self {
-        let origin = a[0];
-        let (a, b) = ([a[0] - origin, a[1] - origin, a[2] - origin], [b[0] - origin, b[1] - origin, b[2] - origin]);
-        let mut largest = VectorLanes::ZERO;
-        for corner in [a[0], a[1], a[2], b[0], b[1], b[2]] {
-            largest.x = largest.x.max(corner.x.abs());
-            largest.y = largest.y.max(corner.y.abs());
-            largest.z = largest.z.max(corner.z.abs());
-        }
-        let extent = largest.x + largest.y + largest.z;
-        let is_known = Lanes::splat(Self::LARGEST_EXTENT).at_least(extent);
-        Self { a, b, extent: Lanes::select(is_known, extent, Lanes::splat(f32::INFINITY)) }
-    }
 }

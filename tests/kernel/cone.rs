@@ -13,7 +13,8 @@ use bevy_circumsphere::kernel::{
     pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
     reference::triangle_distance,
-    sphere_pairs::{BallSide, CapSide, meeting_caps, overlapping_balls, overlapping_caps},
+    sphere_contacts::meeting_caps,
+    sphere_pairs::{BallSide, CapSide, overlapping_balls, overlapping_caps},
     topology::SurfaceTopology,
 };
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere};

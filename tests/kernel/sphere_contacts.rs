@@ -11,7 +11,8 @@ use bevy_circumsphere::kernel::{
     exact::barycentric::barycentric_of,
     pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
-    sphere_pairs::{BallSide, CapSide, ball_contacts, meeting_caps},
+    sphere_contacts::{ball_contacts, meeting_caps},
+    sphere_pairs::{BallSide, CapSide},
     sphere_rows::{BallRows, CapRows},
     topology::SurfaceTopology,
 };

@@ -69,7 +69,9 @@ impl Detected<'_, '_> {
 
     /// For each active surface whether a pair of it was tested by `method` in this tick.
     pub(super) fn used_by(&self, method: ContactMethod) -> Vec<bool> {
-        surfaces_with_method(&self.active, self.candidates.pairs.iter(), method)
+        let mut used = Vec::new();
+        surfaces_with_method(&self.active, self.candidates.pairs.iter(), method, &mut used);
+        used
     }
 }
 

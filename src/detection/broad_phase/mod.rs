@@ -140,20 +140,21 @@ impl CandidateTrianglePairs {
     }
 }
 
-/// For each active surface whether it is part of one of some pairs that are tested by `method`.
+/// Writes for each active surface whether it is part of one of some pairs that are tested by `method`.
 pub(crate) fn surfaces_with_method<'a>(
     active: &ActiveSurfaces,
     pairs: impl Iterator<Item = &'a SurfacePair>,
     method: ContactMethod,
-) -> Vec<bool> {
-    let mut used = vec![false; active.surfaces.len()];
+    used: &mut Vec<bool>,
+) {
+    used.clear();
+    used.resize(active.surfaces.len(), false);
     for pair in pairs.filter(|pair| pair.method == method) {
         used[pair.first] = true;
         if let OtherSide::Surface(second) = pair.second {
             used[second] = true;
         }
     }
-    used
 }
 
 /// Pairs surfaces and shapes; needs one algorithm plugin beside it.

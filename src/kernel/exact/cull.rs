@@ -7,11 +7,10 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use std::cmp::Ordering;
-
+use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::Vec3;
 
-use crate::kernel::lanes::{Lanes, PairLanes, VectorLanes, WIDTH, normal, project};
+use crate::kernel::lanes::{PairLanes, TriangleLanes, VectorLanes, WIDTH};
 
 /// Gaps must exceed the range by this factor, and by [`ROUNDING`] times the pair's extent, before a pair is rejected:
 /// the projections' own rounding is a few units in the last place of the extent (6e-8 each).
@@ -21,29 +20,39 @@ pub(in crate::kernel) const ROUNDING: f32 = 2.0e-6;
 /// A squared direction below this is too close to the smallest f32 to be relied on.
 pub(in crate::kernel) const LEAST_SQUARED: f32 = 1.0e-30;
 
-impl PairLanes {
+impl<S: Simd> PairLanes<S> {
     /// By how much the gap along `direction` exceeds the one that proves a pair apart, in units of the direction's
     /// length: more than 0 where it does.
     #[inline(always)]
-    pub(in crate::kernel) fn excess_along(&self, direction: VectorLanes, range: Lanes) -> Lanes {
+    pub(in crate::kernel) fn excess_along(&self, direction: VectorLanes<S>, range: f32) -> f32x8<S> {
         let (low_a, high_a) = project(&self.a, direction);
         let (low_b, high_b) = project(&self.b, direction);
         let gap = (low_b - high_a).max(low_a - high_b);
         let squared = direction.dot(direction);
-        let needed = squared.sqrt() * (range * Lanes::splat(RANGE_SLACK) + self.extent * Lanes::splat(ROUNDING));
-        let reliable = squared.greater_than(Lanes::splat(LEAST_SQUARED));
-        Lanes::select(reliable, gap - needed, Lanes::splat(f32::NEG_INFINITY))
+        let needed = squared.sqrt() * (self.extent * ROUNDING + range * RANGE_SLACK);
+        squared.simd_gt(LEAST_SQUARED).select(gap - needed, f32x8::splat(gap.simd, f32::NEG_INFINITY))
     }
 
     #[inline(always)]
-    pub(in crate::kernel) fn excess_along_normals(&self, range: Lanes) -> Lanes {
+    pub(in crate::kernel) fn excess_along_normals(&self, range: f32) -> f32x8<S> {
         self.excess_along(normal(&self.a), range).max(self.excess_along(normal(&self.b), range))
     }
 }
 
+#[inline(always)]
+fn normal<S: Simd>(corners: &[VectorLanes<S>; 3]) -> VectorLanes<S> {
+    (corners[1] - corners[0]).cross(corners[2] - corners[0])
+}
+
+/// The interval of a triangle's projections on a direction of any length.
+#[inline(always)]
+fn project<S: Simd>(corners: &[VectorLanes<S>; 3], direction: VectorLanes<S>) -> (f32x8<S>, f32x8<S>) {
+    let (first, second, third) = (direction.dot(corners[0]), direction.dot(corners[1]), direction.dot(corners[2]));
+    (first.min(second).min(third), first.max(second).max(third))
+}
+
 /// Appends the pairs that their planes do not separate by more than `range` (in the unit of the positions, 0 or more).
 /// `positions` and `triangles` are those of the first and the second surface.
-#[multiversion::multiversion(targets("x86_64+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx2+fma", "x86_64+avx"))]
 pub fn cull_by_planes(
     positions: [&[Vec3]; 2],
     triangles: [&[[u32; 3]]; 2],
@@ -51,21 +60,29 @@ pub fn cull_by_planes(
     range: f32,
     kept: &mut Vec<[u32; 2]>,
 ) {
-    let mut lanes = PairLanes::EMPTY;
+    dispatch!(Level::new(), simd => cull_in_lanes(simd, positions, triangles, pairs, range, kept));
+}
+
+#[inline(always)]
+fn cull_in_lanes<S: Simd>(
+    simd: S,
+    positions: [&[Vec3]; 2],
+    triangles: [&[[u32; 3]]; 2],
+    pairs: &[[u32; 2]],
+    range: f32,
+    kept: &mut Vec<[u32; 2]>,
+) {
+    let mut of_pairs = [[[0; 3]; WIDTH]; 2];
     for pairs in pairs.chunks(WIDTH) {
-        lanes.gather(positions, triangles, pairs);
-        keep(pairs, &lanes.excess_along_normals(Lanes::splat(range)), kept);
+        for (lane, pair) in pairs.iter().enumerate() {
+            for side in 0..2 {
+                of_pairs[side][lane] = triangles[side][pair[side] as usize];
+            }
+        }
+        let a = TriangleLanes::gather(simd, positions[0], &of_pairs[0][..pairs.len()]);
+        let b = TriangleLanes::gather(simd, positions[1], &of_pairs[1][..pairs.len()]);
+        // An excess that is not a number, of coordinates near the end of f32, proves nothing.
+        let apart = PairLanes::new(&a.0, &b.0).excess_along_normals(range).simd_gt(0.0).to_bitmask();
+        kept.extend(pairs.iter().enumerate().filter(|&(lane, _)| apart & (1 << lane) == 0).map(|(_, &pair)| pair));
     }
-}
-
-/// Appends the pairs without excess. Kept apart like the gathering: numbers that are stored side by side are computed
-/// side by side.
-#[inline(never)]
-fn keep(pairs: &[[u32; 2]], excess: &Lanes, kept: &mut Vec<[u32; 2]>) {
-    kept.extend(pairs.iter().zip(excess.0).filter(|&(_, excess)| !proves_apart(excess)).map(|(&pair, _)| pair));
-}
-
-/// Whether an excess proves a pair apart. One that is not a number, of coordinates near the end of f32, proves nothing.
-pub(in crate::kernel) fn proves_apart(excess: f32) -> bool {
-    excess.partial_cmp(&0.0) == Some(Ordering::Greater)
 }

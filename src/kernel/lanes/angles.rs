@@ -8,7 +8,9 @@
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
-use super::{DoubleLanes, Lanes, WIDTH};
+use fearless_simd::{f32x8, f64x8, prelude::*};
+
+use super::{rounded, widened};
 
 /// tan(π/8), above which the difference of an angle from π/4 is the smaller one.
 const TAN_EIGHTH: f64 = 0.414_213_562_373_095_03;
@@ -45,81 +47,70 @@ const COSINE: [f64; 6] = [
 ];
 
 #[inline(always)]
-fn polynomial<const COUNT: usize>(coefficients: &[f64; COUNT], z: DoubleLanes) -> DoubleLanes {
-    let mut sum = DoubleLanes::splat(coefficients[COUNT - 1]);
+fn polynomial<S: Simd, const COUNT: usize>(coefficients: &[f64; COUNT], z: f64x8<S>) -> f64x8<S> {
+    let mut sum = f64x8::splat(z.simd, coefficients[COUNT - 1]);
     for power in (0..COUNT - 1).rev() {
-        sum = sum * z + DoubleLanes::splat(coefficients[power]);
+        sum = sum * z + coefficients[power];
     }
     sum
 }
 
-impl DoubleLanes {
-    #[inline(always)]
-    fn with_sign_of(self, other: Self) -> Self {
-        let mut result = self;
-        for lane in 0..WIDTH {
-            result.0[lane] = result.0[lane].copysign(other.0[lane]);
-        }
-        result
-    }
-}
-
 /// The angle from the first axis of the plane to the direction (`x`, `y`), from −π to π; 0 where both are 0.
 #[inline(always)]
-pub(in crate::kernel) fn arc_tangent(y: Lanes, x: Lanes) -> Lanes {
-    let (y, x) = (y.widened(), x.widened());
+pub(in crate::kernel) fn arc_tangent<S: Simd>(y: f32x8<S>, x: f32x8<S>) -> f32x8<S> {
+    let (y, x) = (widened(y), widened(x));
+    let [zero, quarter, half] = [0.0, FRAC_PI_2, PI].map(|angle| f64x8::splat(y.simd, angle));
     let (height, width) = (y.abs(), x.abs());
     let (low, high) = (height.min(width), height.max(width));
-    let beyond = low.greater_than(high * DoubleLanes::splat(TAN_EIGHTH));
+    let beyond = low.simd_gt(high * TAN_EIGHTH);
     // The direction (0, 0) has no angle, and gets 0.
-    let divisor = DoubleLanes::select(beyond, low + high, high).max(DoubleLanes::splat(f64::MIN_POSITIVE));
-    let ratio = DoubleLanes::select(beyond, low - high, low) / divisor;
-    let start = DoubleLanes::select(beyond, DoubleLanes::splat(FRAC_PI_4), DoubleLanes::ZERO);
+    let divisor = beyond.select(low + high, high).max(f64::MIN_POSITIVE);
+    let ratio = beyond.select(low - high, low) / divisor;
+    let start = beyond.select(f64x8::splat(y.simd, FRAC_PI_4), zero);
     let angle = start + ratio * polynomial(&ARC_TANGENT, ratio * ratio);
-    let angle = DoubleLanes::select(height.greater_than(width), DoubleLanes::splat(FRAC_PI_2) - angle, angle);
-    let backward = DoubleLanes::ZERO.greater_than(x);
-    let angle = DoubleLanes::select(backward, DoubleLanes::splat(PI) - angle, angle);
-    angle.with_sign_of(y).rounded()
+    let angle = height.simd_gt(width).select(quarter - angle, angle);
+    let angle = x.simd_lt(0.0).select(half - angle, angle);
+    rounded(angle.copysign(y))
 }
 
 /// Sine and cosine of angles from −π/4 to π/4.
 #[inline(always)]
-fn small_sine_cosine(angle: DoubleLanes) -> (DoubleLanes, DoubleLanes) {
+fn small_sine_cosine<S: Simd>(angle: f64x8<S>) -> (f64x8<S>, f64x8<S>) {
     let squared = angle * angle;
     (angle * polynomial(&SINE, squared), polynomial(&COSINE, squared))
 }
 
 /// Sine and cosine of angles from 0 to 5π/4.
 #[inline(always)]
-pub(in crate::kernel) fn sine_cosine(angle: Lanes) -> (Lanes, Lanes) {
-    let angle = angle.widened();
-    let half_circle = angle.greater_than(DoubleLanes::splat(3.0 * FRAC_PI_4));
-    let quarter = angle.greater_than(DoubleLanes::splat(FRAC_PI_4));
-    let from = DoubleLanes::select(quarter, DoubleLanes::splat(FRAC_PI_2), DoubleLanes::ZERO);
-    let from = DoubleLanes::select(half_circle, DoubleLanes::splat(PI), from);
+pub(in crate::kernel) fn sine_cosine<S: Simd>(angle: f32x8<S>) -> (f32x8<S>, f32x8<S>) {
+    let angle = widened(angle);
+    let half_circle = angle.simd_gt(3.0 * FRAC_PI_4);
+    let quarter = angle.simd_gt(FRAC_PI_4);
+    let [none, one, two] = [0.0, FRAC_PI_2, PI].map(|angle_of| f64x8::splat(angle.simd, angle_of));
+    let from = half_circle.select(two, quarter.select(one, none));
     let (sine, cosine) = small_sine_cosine(angle - from);
-    let minus = DoubleLanes::splat(-1.0);
     // A quarter on, a sine is a cosine and a cosine a negative sine; half a circle on, both change sign.
-    let turned_sine = DoubleLanes::select(quarter, cosine, sine);
-    let turned_cosine = DoubleLanes::select(quarter, sine * minus, cosine);
-    (
-        DoubleLanes::select(half_circle, sine * minus, turned_sine).rounded(),
-        DoubleLanes::select(half_circle, cosine * minus, turned_cosine).rounded(),
-    )
+    let turned_sine = quarter.select(cosine, sine);
+    let turned_cosine = quarter.select(-sine, cosine);
+    (rounded(half_circle.select(-sine, turned_sine)), rounded(half_circle.select(-cosine, turned_cosine)))
 }
 
 /// Tangent of angles from 0 to π/2.
 #[inline(always)]
-pub(in crate::kernel) fn tangent(angle: Lanes) -> Lanes {
-    let angle = angle.widened();
-    let steep = angle.greater_than(DoubleLanes::splat(FRAC_PI_4));
-    let (sine, cosine) = small_sine_cosine(DoubleLanes::select(steep, DoubleLanes::splat(FRAC_PI_2) - angle, angle));
-    (DoubleLanes::select(steep, cosine, sine) / DoubleLanes::select(steep, sine, cosine)).rounded()
+pub(in crate::kernel) fn tangent<S: Simd>(angle: f32x8<S>) -> f32x8<S> {
+    let angle = widened(angle);
+    let steep = angle.simd_gt(FRAC_PI_4);
+    let quarter = f64x8::splat(angle.simd, FRAC_PI_2);
+    let (sine, cosine) = small_sine_cosine(steep.select(quarter - angle, angle));
+    rounded(steep.select(cosine, sine) / steep.select(sine, cosine))
 }
 
 #[cfg(test)]
 mod tests {
+    use fearless_simd::{Level, dispatch};
+
     use super::*;
+    use crate::kernel::lanes::WIDTH;
 
     /// Half a unit in the last place of f32, and what double precision adds to it.
     const ROUNDED: f64 = 0.500_000_1;
@@ -129,30 +120,31 @@ mod tests {
         (f64::from(found) - expected).abs() / unit
     }
 
-    fn lanes(value: impl Fn(usize) -> f32) -> Lanes {
-        Lanes(std::array::from_fn(value))
-    }
-
     #[test]
     fn angles_and_tangents_are_those_of_double_precision_rounded_once() {
+        dispatch!(Level::new(), simd => compare_with_double_precision(simd));
+    }
+
+    #[inline(always)]
+    fn compare_with_double_precision<S: Simd>(simd: S) {
+        let lanes = |value: &dyn Fn(usize) -> f32| f32x8::from_fn(simd, value);
         let mut worst = [0.0f64; 4];
         for step in 0..50_000u32 {
             let at = |lane: usize| f64::from(step * 8 + lane as u32) / 400_000.0;
-            let turned = lanes(|lane| ((at(lane) - 0.5) * 2.0 * PI) as f32);
-            let (y, x) = (turned.widened(), turned.widened());
-            let (y, x) = (lanes(|lane| y.0[lane].sin() as f32), lanes(|lane| x.0[lane].cos() as f32));
+            let turned = |lane: usize| f64::from(((at(lane) - 0.5) * 2.0 * PI) as f32);
+            let (y, x) = (lanes(&|lane| turned(lane).sin() as f32), lanes(&|lane| turned(lane).cos() as f32));
             let found = arc_tangent(y, x);
-            let wide = lanes(|lane| (at(lane) * 1.25 * PI) as f32);
+            let wide = lanes(&|lane| (at(lane) * 1.25 * PI) as f32);
             let (sine, cosine) = sine_cosine(wide);
-            let acute = lanes(|lane| (at(lane) * FRAC_PI_2) as f32);
+            let acute = lanes(&|lane| (at(lane) * FRAC_PI_2) as f32);
             let slope = tangent(acute);
             for lane in 0..WIDTH {
-                let angle = f64::from(y.0[lane]).atan2(f64::from(x.0[lane]));
-                worst[0] = worst[0].max(units(found.0[lane], angle));
-                let (expected_sine, expected_cosine) = f64::from(wide.0[lane]).sin_cos();
-                worst[1] = worst[1].max(units(sine.0[lane], expected_sine));
-                worst[2] = worst[2].max(units(cosine.0[lane], expected_cosine));
-                worst[3] = worst[3].max(units(slope.0[lane], f64::from(acute.0[lane]).tan()));
+                let angle = f64::from(y[lane]).atan2(f64::from(x[lane]));
+                worst[0] = worst[0].max(units(found[lane], angle));
+                let (expected_sine, expected_cosine) = f64::from(wide[lane]).sin_cos();
+                worst[1] = worst[1].max(units(sine[lane], expected_sine));
+                worst[2] = worst[2].max(units(cosine[lane], expected_cosine));
+                worst[3] = worst[3].max(units(slope[lane], f64::from(acute[lane]).tan()));
             }
         }
         println!("worst error in units of the last place: {worst:?}");
@@ -163,8 +155,12 @@ mod tests {
 
     #[test]
     fn axes_and_opposite_directions_have_their_angles() {
-        let [y, x] = [[0.0, 1.0, 0.0, -1.0, -0.0, 1.0, -1.0, 0.0], [1.0, 0.0, -1.0, 0.0, -1.0, 1.0, -1.0, 0.0]];
+        let [y, x]: [[f32; WIDTH]; 2] =
+            [[0.0, 1.0, 0.0, -1.0, -0.0, 1.0, -1.0, 0.0], [1.0, 0.0, -1.0, 0.0, -1.0, 1.0, -1.0, 0.0]];
         let expected = [0.0, FRAC_PI_2, PI, -FRAC_PI_2, -PI, FRAC_PI_4, -3.0 * FRAC_PI_4, 0.0];
-        assert_eq!(arc_tangent(Lanes(y), Lanes(x)).0, expected.map(|angle| angle as f32));
+        dispatch!(Level::new(), simd => {
+            let found = arc_tangent(f32x8::from_slice(simd, &y), f32x8::from_slice(simd, &x));
+            assert_eq!(found.to_array(), expected.map(|angle| angle as f32));
+        });
     }
 }

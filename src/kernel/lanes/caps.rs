@@ -5,109 +5,54 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use super::{DoubleLanes, DoubleVectorLanes, Lanes, Mask, VectorLanes, WIDTH};
+use fearless_simd::{f32x8, mask32x8, prelude::*};
+
+use super::VectorLanes;
 use crate::kernel::{
     circumsphere::LEAST_EXACT_SQUARE,
     cone::{BOUNDARY_SLACK, Cap},
 };
 
-impl Lanes {
-    #[inline(always)]
-    pub(in crate::kernel) fn at_least(self, other: Self) -> Mask {
-        let mut mask = [0; WIDTH];
-        for lane in 0..WIDTH {
-            mask[lane] = if self.0[lane] >= other.0[lane] { u32::MAX } else { 0 };
-        }
-        Mask(mask)
-    }
-
-    #[inline(always)]
-    pub(in crate::kernel) fn widened(self) -> DoubleLanes {
-        let mut result = DoubleLanes::ZERO;
-        for lane in 0..WIDTH {
-            result.0[lane] = f64::from(self.0[lane]);
-        }
-        result
-    }
-}
-
-impl Mask {
-    /// Whether the condition holds anywhere.
-    #[inline(always)]
-    pub(in crate::kernel) fn any(self) -> bool {
-        self.0.iter().fold(0, |any, lane| any | lane) != 0
-    }
-}
-
-impl DoubleLanes {
-    #[inline(always)]
-    pub(in crate::kernel) fn rounded(self) -> Lanes {
-        let mut result = Lanes::ZERO;
-        for lane in 0..WIDTH {
-            result.0[lane] = self.0[lane] as f32;
-        }
-        result
-    }
-}
-
-impl VectorLanes {
-    #[inline(always)]
-    pub(in crate::kernel) fn widened(self) -> DoubleVectorLanes {
-        DoubleVectorLanes { x: self.x.widened(), y: self.y.widened(), z: self.z.widened() }
-    }
-
-    #[inline(always)]
-    pub(in crate::kernel) fn plus(self, other: Self) -> Self {
-        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
-    }
-
-    /// Unlike a difference from zero it turns the sign of zeros too.
-    #[inline(always)]
-    pub(in crate::kernel) fn negated(self) -> Self {
-        self.scaled(Lanes::splat(-1.0))
-    }
-}
-
 /// One cap of each of eight pairs.
 #[derive(Clone, Copy)]
-pub(in crate::kernel) struct CapLanes {
-    pub(in crate::kernel) center: VectorLanes,
-    pub(in crate::kernel) radius: Lanes,
-    pub(in crate::kernel) height: Lanes,
-    pub(in crate::kernel) axis: VectorLanes,
-    pub(in crate::kernel) cosine: Lanes,
+pub(in crate::kernel) struct CapLanes<S: Simd> {
+    pub(in crate::kernel) center: VectorLanes<S>,
+    pub(in crate::kernel) radius: f32x8<S>,
+    pub(in crate::kernel) height: f32x8<S>,
+    pub(in crate::kernel) axis: VectorLanes<S>,
+    pub(in crate::kernel) cosine: f32x8<S>,
 }
 
 /// [`CapContact`](crate::kernel::cone::CapContact) of eight pairs.
-pub(in crate::kernel) struct CapContactLanes {
-    pub(in crate::kernel) point_a: VectorLanes,
-    pub(in crate::kernel) point_b: VectorLanes,
-    pub(in crate::kernel) direction: VectorLanes,
-    pub(in crate::kernel) gap: Lanes,
+pub(in crate::kernel) struct CapContactLanes<S: Simd> {
+    pub(in crate::kernel) point_a: VectorLanes<S>,
+    pub(in crate::kernel) point_b: VectorLanes<S>,
+    pub(in crate::kernel) direction: VectorLanes<S>,
+    pub(in crate::kernel) gap: f32x8<S>,
 }
 
-impl CapLanes {
+impl<S: Simd> CapLanes<S> {
     /// The cap in one lane.
     pub(in crate::kernel) fn get(&self, lane: usize) -> Cap {
         Cap {
-            center: self.center.get(lane),
-            radius: self.radius.0[lane],
-            height: self.height.0[lane],
-            axis: self.axis.get(lane),
-            cosine: self.cosine.0[lane],
+            center: self.center.stored().get(lane),
+            radius: self.radius[lane],
+            height: self.height[lane],
+            axis: self.axis.stored().get(lane),
+            cosine: self.cosine[lane],
         }
     }
 
     #[inline(always)]
-    pub(in crate::kernel) fn in_plane_center(&self) -> VectorLanes {
+    pub(in crate::kernel) fn in_plane_center(&self) -> VectorLanes<S> {
         self.center.plus(self.axis.scaled(self.height))
     }
 
     /// [`Cap::facing`]
     #[inline(always)]
-    pub(in crate::kernel) fn facing(&self, point: VectorLanes) -> Self {
+    pub(in crate::kernel) fn facing(&self, point: VectorLanes<S>) -> Self {
         let in_plane = self.in_plane_center();
-        let toward = (point - in_plane).dot(self.axis).at_least(Lanes::ZERO);
+        let toward = (point - in_plane).dot(self.axis).simd_ge(0.0);
         let mirrored = in_plane.plus(self.axis.scaled(self.height));
         Self {
             center: VectorLanes::select(toward, self.center, mirrored),
@@ -118,30 +63,26 @@ impl CapLanes {
 
     /// [`spheres_overlap`](crate::kernel::cone::spheres_overlap)
     #[inline(always)]
-    pub(in crate::kernel) fn overlap(&self, other: &Self, reach: Lanes) -> Mask {
+    pub(in crate::kernel) fn overlap(&self, other: &Self, reach: f32) -> mask32x8<S> {
         let between = self.center - other.center;
         let sum = self.radius + other.radius + reach;
-        (sum * sum).at_least(between.dot(between))
+        (sum * sum).simd_ge(between.dot(between))
     }
 
     /// [`cap_contact`](crate::kernel::cone::cap_contact), where the pair passes the cone test, and where only that can
     /// tell: the caps are concentric, or the distance of their centers is too long or too short to be squared.
     #[inline(always)]
-    pub(in crate::kernel) fn contact(&self, other: &Self) -> (CapContactLanes, Mask, Mask) {
+    pub(in crate::kernel) fn contact(&self, other: &Self) -> (CapContactLanes<S>, mask32x8<S>, mask32x8<S>) {
         let (a, b) = (self, other);
         let between = b.center - a.center;
         let squared = between.dot(between);
         let length = squared.sqrt();
-        let concentric = Lanes::splat(f32::EPSILON) * (a.radius + b.radius);
-        let ordinary = squared
-            .at_least(Lanes::splat(LEAST_EXACT_SQUARE))
-            .and(squared.is_finite())
-            .and(length.greater_than(concentric));
-        let direction = VectorLanes { x: between.x / length, y: between.y / length, z: between.z / length };
-        let (toward_b, toward_a) = (direction.dot(a.axis), direction.dot(b.axis) * Lanes::splat(-1.0));
-        let slack = Lanes::splat(BOUNDARY_SLACK);
-        let outside_a = (a.cosine - slack).greater_than(toward_b);
-        let outside_b = (b.cosine - slack).greater_than(toward_a);
+        let concentric = (a.radius + b.radius) * f32::EPSILON;
+        let ordinary = squared.simd_ge(LEAST_EXACT_SQUARE) & squared.is_finite() & length.simd_gt(concentric);
+        let direction = between.over(length);
+        let (toward_b, toward_a) = (direction.dot(a.axis), -direction.dot(b.axis));
+        let outside_a = (a.cosine - BOUNDARY_SLACK).simd_gt(toward_b);
+        let outside_b = (b.cosine - BOUNDARY_SLACK).simd_gt(toward_a);
         let (from_a, from_b) = (a.height_along(toward_b), b.height_along(toward_a));
         let contact = CapContactLanes {
             point_a: a.center.plus(direction.scaled(from_a)),
@@ -149,13 +90,13 @@ impl CapLanes {
             direction,
             gap: length - from_a - from_b,
         };
-        (contact, outside_a.or(outside_b).not(), ordinary.not())
+        (contact, !(outside_a | outside_b), !ordinary)
     }
 
     /// From the center to the triangle's plane, in a direction whose cosine with the axis is known.
     #[inline(always)]
-    fn height_along(&self, toward: Lanes) -> Lanes {
-        let distance = (self.height / toward.max(Lanes::splat(f32::MIN_POSITIVE))).min(self.radius);
-        Lanes::select(self.height.greater_than(Lanes::ZERO), distance, Lanes::ZERO)
+    fn height_along(&self, toward: f32x8<S>) -> f32x8<S> {
+        let distance = (self.height / toward.max(f32::MIN_POSITIVE)).min(self.radius);
+        self.height.simd_gt(0.0).select(distance, f32x8::splat(self.height.simd, 0.0))
     }
 }

@@ -5,42 +5,24 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use glam::Vec3;
+use fearless_simd::{f32x8, f64x8, prelude::*};
+use glam::DVec3;
 
-use super::{DoubleLanes, DoubleMask, DoubleVectorLanes, Lanes, VectorLanes, WIDTH};
+use super::{DoubleVectorLanes, DoubleVectorRows, VectorLanes, WIDTH, rounded};
 use crate::kernel::pair::SurfaceSide;
 
 /// The inverse of a length is finite where the length is more than 2^-1024, a quarter of the least normal number.
 const LEAST_LENGTH: f64 = 0.25 * f64::MIN_POSITIVE;
 
-impl DoubleLanes {
-    // Of a comparison with infinity the compiler makes a question about bits, lane by lane.
-    #[expect(clippy::eq_op, reason = "infinities and what is no number are no number apart from themselves")]
-    #[inline(always)]
-    fn is_finite(self) -> DoubleMask {
-        Self::splat(1.0).greater_than(self - self)
-    }
-}
-
-impl VectorLanes {
-    #[inline(always)]
-    pub(in crate::kernel) fn get(&self, lane: usize) -> Vec3 {
-        Vec3::new(self.x.0[lane], self.y.0[lane], self.z.0[lane])
-    }
-}
-
-impl DoubleVectorLanes {
-    #[inline(always)]
-    pub(in crate::kernel) fn rounded(self) -> VectorLanes {
-        VectorLanes { x: self.x.rounded(), y: self.y.rounded(), z: self.z.rounded() }
-    }
-
+impl<S: Simd> DoubleVectorLanes<S> {
     /// Of unit length, or `otherwise` where that cannot be told.
     #[inline(always)]
-    pub(in crate::kernel) fn normalized_or(self, otherwise: Self) -> Self {
+    pub(in crate::kernel) fn normalized_or(self, otherwise: DVec3) -> Self {
+        let simd = self.x.simd;
         let length = self.dot(self).sqrt();
-        let has_length = length.greater_than(DoubleLanes::splat(LEAST_LENGTH)).and(length.is_finite());
-        Self::select(has_length, self.scaled(length.recip()), otherwise)
+        let has_length = length.simd_gt(LEAST_LENGTH) & length.is_finite();
+        let unit = self.scaled(f64x8::splat(simd, 1.0) / length);
+        Self::select(has_length, unit, Self::splat(simd, otherwise))
     }
 
     #[inline(always)]
@@ -55,117 +37,112 @@ impl DoubleVectorLanes {
 }
 
 /// One triangle of each of eight pairs.
-pub(in crate::kernel) struct CornerLanes {
-    corners: [DoubleVectorLanes; 3],
+pub(in crate::kernel) struct CornerLanes<S: Simd> {
+    corners: [DoubleVectorLanes<S>; 3],
 }
 
-impl CornerLanes {
-    pub(in crate::kernel) const EMPTY: Self = Self { corners: [DoubleVectorLanes::ZERO; 3] };
-
+impl<S: Simd> CornerLanes<S> {
     /// `rounded` are the same corners as far as single precision holds them: all there is of a side that has not been moved.
     #[inline(always)]
-    pub(in crate::kernel) fn fetch<const SIDE: usize>(
-        &mut self,
+    pub(in crate::kernel) fn new<const SIDE: usize>(
         side: &SurfaceSide<'_>,
         pairs: &[[u32; 2]],
-        rounded: &[VectorLanes; 3],
-    ) {
-        if side.moved.is_some() {
-            self.gather_moved::<SIDE>(side, pairs);
+        rounded: &[VectorLanes<S>; 3],
+    ) -> Self {
+        let [a, b, c] = rounded;
+        let corners = if side.moved.is_some() {
+            let simd = a.x.simd;
+            let [a, b, c] = &gather_moved::<SIDE>(side, pairs);
+            [DoubleVectorLanes::load(simd, a), DoubleVectorLanes::load(simd, b), DoubleVectorLanes::load(simd, c)]
         } else {
-            for corner in 0..3 {
-                self.corners[corner] = rounded[corner].widened();
-            }
-        }
-    }
-
-    // Kept apart for the same reason as the gathering of pairs.
-    #[inline(never)]
-    fn gather_moved<const SIDE: usize>(&mut self, side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) {
-        for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
-            for (lanes, corner) in self.corners.iter_mut().zip(side.corners(pair[SIDE])) {
-                lanes.set(lane, corner);
-            }
-        }
+            [a.widened(), b.widened(), c.widened()]
+        };
+        Self { corners }
     }
 
     #[inline(always)]
-    fn normal(&self) -> DoubleVectorLanes {
+    fn normal(&self) -> DoubleVectorLanes<S> {
         let [a, b, c] = self.corners;
         (b - a).cross(c - a)
     }
 
     /// The first two of the weights that `exact::barycentric_of` gives.
     #[inline(always)]
-    pub(in crate::kernel) fn barycentrics(&self, point: VectorLanes) -> [Lanes; 2] {
+    pub(in crate::kernel) fn barycentrics(&self, point: VectorLanes<S>) -> [f32x8<S>; 2] {
         let (point, normal) = (point.widened(), self.normal());
         let first = self.area(1, 2, point, normal);
         let second = self.area(2, 0, point, normal);
         let third = self.area(0, 1, point, normal);
         let sum = first + second + third;
-        let has_area = sum.greater_than(DoubleLanes::ZERO).and(sum.is_finite());
-        let third = DoubleLanes::splat(1.0 / 3.0);
-        [
-            DoubleLanes::select(has_area, first / sum, third).rounded(),
-            DoubleLanes::select(has_area, second / sum, third).rounded(),
-        ]
+        let has_area = sum.simd_gt(0.0) & sum.is_finite();
+        let third = f64x8::splat(sum.simd, 1.0 / 3.0);
+        [rounded(has_area.select(first / sum, third)), rounded(has_area.select(second / sum, third))]
     }
 
     #[inline(always)]
-    fn area(&self, from: usize, to: usize, point: DoubleVectorLanes, normal: DoubleVectorLanes) -> DoubleLanes {
+    fn area(&self, from: usize, to: usize, point: DoubleVectorLanes<S>, normal: DoubleVectorLanes<S>) -> f64x8<S> {
         let edge = self.corners[to] - self.corners[from];
-        normal.dot(edge.cross(point - self.corners[from])).max(DoubleLanes::ZERO)
+        normal.dot(edge.cross(point - self.corners[from])).max(0.0)
     }
 
     #[inline(always)]
-    fn low(&self) -> DoubleVectorLanes {
+    fn low(&self) -> DoubleVectorLanes<S> {
         self.corners[0].min(self.corners[1]).min(self.corners[2])
     }
 
     #[inline(always)]
-    fn high(&self) -> DoubleVectorLanes {
+    fn high(&self) -> DoubleVectorLanes<S> {
         self.corners[0].max(self.corners[1]).max(self.corners[2])
     }
 }
 
-/// Eight pairs of triangles.
-pub(in crate::kernel) struct TrianglePairLanes {
-    pub(in crate::kernel) a: CornerLanes,
-    pub(in crate::kernel) b: CornerLanes,
+#[inline(never)]
+fn gather_moved<const SIDE: usize>(side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) -> [DoubleVectorRows; 3] {
+    let mut rows = [DoubleVectorRows::ZERO; 3];
+    for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
+        for (rows, corner) in rows.iter_mut().zip(side.corners(pair[SIDE])) {
+            rows.set(lane, corner);
+        }
+    }
+    rows
 }
 
-impl TrianglePairLanes {
-    pub(in crate::kernel) const EMPTY: Self = Self { a: CornerLanes::EMPTY, b: CornerLanes::EMPTY };
+/// Eight pairs of triangles.
+pub(in crate::kernel) struct TrianglePairLanes<S: Simd> {
+    pub(in crate::kernel) a: CornerLanes<S>,
+    pub(in crate::kernel) b: CornerLanes<S>,
+}
 
+impl<S: Simd> TrianglePairLanes<S> {
     /// How far apart the axis-aligned boxes of two triangles are along the axis that parts them most; 0 where they
     /// overlap.
     #[inline(always)]
-    pub(in crate::kernel) fn box_gap(&self) -> DoubleLanes {
+    pub(in crate::kernel) fn box_gap(&self) -> f64x8<S> {
         let (a, b) = (&self.a, &self.b);
         let apart = (a.low() - b.high()).max(b.low() - a.high());
-        apart.x.max(apart.y).max(apart.z).max(DoubleLanes::ZERO)
+        apart.x.max(apart.y).max(apart.z).max(0.0)
     }
 
     /// How far apart two triangles are along either one's normal or a unit direction, whichever parts them most; 0
     /// where none does.
     #[inline(always)]
-    pub(in crate::kernel) fn gap_along_normals_and(&self, direction: DoubleVectorLanes) -> DoubleLanes {
+    pub(in crate::kernel) fn gap_along_normals_and(&self, direction: DoubleVectorLanes<S>) -> f64x8<S> {
         let (a, b) = (&self.a.corners, &self.b.corners);
         let origin = a[0];
         let own = [a[0] - origin, a[1] - origin, a[2] - origin];
         let other = [b[0] - origin, b[1] - origin, b[2] - origin];
-        let along_own = gap_along(self.a.normal().normalized_or(DoubleVectorLanes::ZERO), &own, &other);
-        let along_other = gap_along(self.b.normal().normalized_or(DoubleVectorLanes::ZERO), &own, &other);
-        along_own.max(along_other).max(gap_along(direction, &own, &other)).max(DoubleLanes::ZERO)
+        let along_own = gap_along(self.a.normal().normalized_or(DVec3::ZERO), &own, &other);
+        let along_other = gap_along(self.b.normal().normalized_or(DVec3::ZERO), &own, &other);
+        along_own.max(along_other).max(gap_along(direction, &own, &other)).max(0.0)
     }
 }
 
 #[inline(always)]
-fn gap_along(
-    direction: DoubleVectorLanes,
-    own: &[DoubleVectorLanes; 3],
-    other: &[DoubleVectorLanes; 3],
-) -> DoubleLanes {
+fn gap_along<S: Simd>(
+    direction: DoubleVectorLanes<S>,
+    own: &[DoubleVectorLanes<S>; 3],
+    other: &[DoubleVectorLanes<S>; 3],
+) -> f64x8<S> {
     let (a, b, c) = (direction.dot(own[0]), direction.dot(own[1]), direction.dot(own[2]));
     let (p, q, r) = (direction.dot(other[0]), direction.dot(other[1]), direction.dot(other[2]));
     (p.min(q).min(r) - a.max(b).max(c)).max(a.min(b).min(c) - p.max(q).max(r))

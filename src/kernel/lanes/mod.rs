@@ -1,7 +1,9 @@
-//! Eight numbers or vectors side by side, in arrays that the compiler turns into vector instructions.
+//! Vectors of eight triangles or pairs side by side.
 //!
-//! The arithmetic of the culls (`exact::cull`). Everything is inlined into a function that is compiled for several instruction sets and chosen at run time,
-//! so a default build uses the machine's widest: what is not inlined is not compiled for it.
+//! What the sphere stages compute with, over the lanes of `fearless_simd`: a kernel is dispatched as a whole to the widest
+//! instructions that the machine has, and everything below it is inlined into it.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
 mod angles;
 mod caps;
@@ -9,183 +11,57 @@ mod corners;
 mod pairs;
 mod triangles;
 
-use std::ops::{Add, Div, Mul, Sub};
+use std::ops::Sub;
 
+use fearless_simd::{f32x8, f64x8, mask32x8, mask64x8, prelude::*};
 use glam::{DVec3, Vec3};
 
 pub(in crate::kernel) use angles::{arc_tangent, sine_cosine, tangent};
 pub(in crate::kernel) use caps::{CapContactLanes, CapLanes};
-pub(in crate::kernel) use corners::TrianglePairLanes;
-pub(in crate::kernel) use pairs::{PairLanes, normal, project};
+pub(in crate::kernel) use corners::{CornerLanes, TrianglePairLanes};
+pub(in crate::kernel) use pairs::{LARGEST_EXTENT, PairLanes};
 pub(in crate::kernel) use triangles::{EdgeChoice, FrameLanes, TriangleLanes};
 
-/// How many pairs are worked on at a time.
+/// How many triangles or pairs are worked on at a time.
 pub(in crate::kernel) const WIDTH: usize = 8;
 
 /// The types of one precision.
-macro_rules! lanes {
-    ($Lanes:ident, $Mask:ident, $VectorLanes:ident, $number:ty, $bits:ty, $Vector:ty, $align:literal) => {
-        /// One number of each of eight pairs.
-        #[derive(Clone, Copy, Debug)]
-        #[repr(align($align))]
-        pub(in crate::kernel) struct $Lanes(pub(in crate::kernel) [$number; WIDTH]);
-
-        /// Where a condition holds: all bits of a lane set or none, which is what vector comparisons give.
-        #[derive(Clone, Copy)]
-        #[repr(align($align))]
-        pub(in crate::kernel) struct $Mask(pub(in crate::kernel) [$bits; WIDTH]);
-
+macro_rules! vectors {
+    ($Lanes:ident, $Rows:ident, $numbers:ident, $mask:ident, $number:ty, $Vector:ident, $align:literal) => {
         /// One vector of each of eight pairs.
         #[derive(Clone, Copy)]
-        pub(in crate::kernel) struct $VectorLanes {
-            pub(in crate::kernel) x: $Lanes,
-            pub(in crate::kernel) y: $Lanes,
-            pub(in crate::kernel) z: $Lanes,
+        pub(in crate::kernel) struct $Lanes<S: Simd> {
+            pub(in crate::kernel) x: $numbers<S>,
+            pub(in crate::kernel) y: $numbers<S>,
+            pub(in crate::kernel) z: $numbers<S>,
         }
 
-        #[allow(dead_code, reason = "not every precision needs all of it")]
-        impl $Lanes {
-            pub(in crate::kernel) const ZERO: Self = Self([0.0; WIDTH]);
+        /// The same in memory, where single lanes are read and written.
+        #[derive(Clone, Copy, Debug)]
+        #[repr(align($align))]
+        pub(in crate::kernel) struct $Rows([[$number; WIDTH]; 3]);
 
+        impl<S: Simd> $Lanes<S> {
             #[inline(always)]
-            pub(in crate::kernel) fn splat(value: $number) -> Self {
-                Self([value; WIDTH])
-            }
-
-            #[inline(always)]
-            fn zip(self, other: Self, combine: impl Fn($number, $number) -> $number) -> Self {
-                let mut result = Self::ZERO;
-                for lane in 0..WIDTH {
-                    result.0[lane] = combine(self.0[lane], other.0[lane]);
+            pub(in crate::kernel) fn splat(simd: S, vector: $Vector) -> Self {
+                Self {
+                    x: $numbers::splat(simd, vector.x),
+                    y: $numbers::splat(simd, vector.y),
+                    z: $numbers::splat(simd, vector.z),
                 }
-                result
-            }
-
-            // Comparisons rather than min, whose care for NaN costs instructions.
-            #[inline(always)]
-            pub(in crate::kernel) fn min(self, other: Self) -> Self {
-                self.zip(other, |a, b| if a < b { a } else { b })
             }
 
             #[inline(always)]
-            pub(in crate::kernel) fn max(self, other: Self) -> Self {
-                self.zip(other, |a, b| if a > b { a } else { b })
-            }
-
-            #[inline(always)]
-            pub(in crate::kernel) fn sqrt(self) -> Self {
-                let mut result = self;
-                for lane in 0..WIDTH {
-                    result.0[lane] = result.0[lane].sqrt();
+            pub(in crate::kernel) fn load(simd: S, $Rows([x, y, z]): &$Rows) -> Self {
+                Self {
+                    x: $numbers::from_slice(simd, x),
+                    y: $numbers::from_slice(simd, y),
+                    z: $numbers::from_slice(simd, z),
                 }
-                result
             }
 
             #[inline(always)]
-            pub(in crate::kernel) fn recip(self) -> Self {
-                self.zip(self, |value, _| 1.0 / value)
-            }
-
-            #[inline(always)]
-            pub(in crate::kernel) fn abs(self) -> Self {
-                self.zip(self, |value, _| value.abs())
-            }
-
-            #[inline(always)]
-            pub(in crate::kernel) fn greater_than(self, other: Self) -> $Mask {
-                let mut mask = [0; WIDTH];
-                for lane in 0..WIDTH {
-                    mask[lane] = if self.0[lane] > other.0[lane] { <$bits>::MAX } else { 0 };
-                }
-                $Mask(mask)
-            }
-
-            #[inline(always)]
-            pub(in crate::kernel) fn select(mask: $Mask, yes: Self, no: Self) -> Self {
-                let mut result = no;
-                for lane in 0..WIDTH {
-                    let bits = (yes.0[lane].to_bits() & mask.0[lane]) | (no.0[lane].to_bits() & !mask.0[lane]);
-                    result.0[lane] = <$number>::from_bits(bits);
-                }
-                result
-            }
-        }
-
-        #[allow(dead_code, reason = "not every precision needs all of it")]
-        impl $Mask {
-            #[inline(always)]
-            pub(in crate::kernel) fn or(self, other: Self) -> Self {
-                let mut mask = self;
-                for lane in 0..WIDTH {
-                    mask.0[lane] |= other.0[lane];
-                }
-                mask
-            }
-
-            #[inline(always)]
-            pub(in crate::kernel) fn not(self) -> Self {
-                let mut mask = self;
-                for lane in 0..WIDTH {
-                    mask.0[lane] = !mask.0[lane];
-                }
-                mask
-            }
-
-            #[inline(always)]
-            pub(in crate::kernel) fn and(self, other: Self) -> Self {
-                let mut mask = self;
-                for lane in 0..WIDTH {
-                    mask.0[lane] &= other.0[lane];
-                }
-                mask
-            }
-        }
-
-        impl Add for $Lanes {
-            type Output = Self;
-            #[inline(always)]
-            fn add(self, other: Self) -> Self {
-                self.zip(other, |a, b| a + b)
-            }
-        }
-
-        impl Sub for $Lanes {
-            type Output = Self;
-            #[inline(always)]
-            fn sub(self, other: Self) -> Self {
-                self.zip(other, |a, b| a - b)
-            }
-        }
-
-        impl Div for $Lanes {
-            type Output = Self;
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                self.zip(other, |a, b| a / b)
-            }
-        }
-
-        impl Mul for $Lanes {
-            type Output = Self;
-            #[inline(always)]
-            fn mul(self, other: Self) -> Self {
-                self.zip(other, |a, b| a * b)
-            }
-        }
-
-        #[allow(dead_code, reason = "not every precision needs all of it")]
-        impl $VectorLanes {
-            pub(in crate::kernel) const ZERO: Self = Self { x: $Lanes::ZERO, y: $Lanes::ZERO, z: $Lanes::ZERO };
-
-            #[inline(always)]
-            pub(in crate::kernel) fn set(&mut self, lane: usize, vector: $Vector) {
-                self.x.0[lane] = vector.x;
-                self.y.0[lane] = vector.y;
-                self.z.0[lane] = vector.z;
-            }
-
-            #[inline(always)]
-            pub(in crate::kernel) fn dot(self, other: Self) -> $Lanes {
+            pub(in crate::kernel) fn dot(self, other: Self) -> $numbers<S> {
                 self.x * other.x + self.y * other.y + self.z * other.z
             }
 
@@ -199,29 +75,130 @@ macro_rules! lanes {
             }
 
             #[inline(always)]
-            pub(in crate::kernel) fn scaled(self, factor: $Lanes) -> Self {
+            pub(in crate::kernel) fn scaled(self, factor: $numbers<S>) -> Self {
                 Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
             }
 
             #[inline(always)]
-            pub(in crate::kernel) fn select(mask: $Mask, yes: Self, no: Self) -> Self {
-                Self {
-                    x: $Lanes::select(mask, yes.x, no.x),
-                    y: $Lanes::select(mask, yes.y, no.y),
-                    z: $Lanes::select(mask, yes.z, no.z),
-                }
+            pub(in crate::kernel) fn select(mask: $mask<S>, yes: Self, no: Self) -> Self {
+                Self { x: mask.select(yes.x, no.x), y: mask.select(yes.y, no.y), z: mask.select(yes.z, no.z) }
             }
         }
 
-        impl Sub for $VectorLanes {
+        impl<S: Simd> Sub for $Lanes<S> {
             type Output = Self;
             #[inline(always)]
             fn sub(self, other: Self) -> Self {
                 Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
             }
         }
+
+        impl $Rows {
+            pub(in crate::kernel) const ZERO: Self = Self([[0.0; WIDTH]; 3]);
+
+            #[inline(always)]
+            pub(in crate::kernel) fn set(&mut self, lane: usize, vector: $Vector) {
+                let Self([x, y, z]) = self;
+                (x[lane], y[lane], z[lane]) = (vector.x, vector.y, vector.z);
+            }
+        }
     };
 }
 
-lanes!(Lanes, Mask, VectorLanes, f32, u32, Vec3, 32);
-lanes!(DoubleLanes, DoubleMask, DoubleVectorLanes, f64, u64, DVec3, 64);
+vectors!(VectorLanes, VectorRows, f32x8, mask32x8, f32, Vec3, 32);
+vectors!(DoubleVectorLanes, DoubleVectorRows, f64x8, mask64x8, f64, DVec3, 64);
+
+impl VectorRows {
+    #[inline(always)]
+    pub(in crate::kernel) fn get(&self, lane: usize) -> Vec3 {
+        let Self([x, y, z]) = self;
+        Vec3::new(x[lane], y[lane], z[lane])
+    }
+}
+
+impl<S: Simd> VectorLanes<S> {
+    #[inline(always)]
+    pub(in crate::kernel) fn store(self, VectorRows([x, y, z]): &mut VectorRows) {
+        self.x.store_slice(x);
+        self.y.store_slice(y);
+        self.z.store_slice(z);
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn stored(self) -> VectorRows {
+        let mut rows = VectorRows::ZERO;
+        self.store(&mut rows);
+        rows
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn plus(self, other: Self) -> Self {
+        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn over(self, divisor: f32x8<S>) -> Self {
+        Self { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
+    }
+
+    /// Unlike a difference from zero it turns the sign of zeros too.
+    #[inline(always)]
+    pub(in crate::kernel) fn negated(self) -> Self {
+        Self { x: -self.x, y: -self.y, z: -self.z }
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn widened(self) -> DoubleVectorLanes<S> {
+        DoubleVectorLanes { x: widened(self.x), y: widened(self.y), z: widened(self.z) }
+    }
+}
+
+impl<S: Simd> DoubleVectorLanes<S> {
+    #[inline(always)]
+    pub(in crate::kernel) fn rounded(self) -> VectorLanes<S> {
+        VectorLanes { x: rounded(self.x), y: rounded(self.y), z: rounded(self.z) }
+    }
+}
+
+/// The same numbers in double precision.
+#[inline(always)]
+pub(in crate::kernel) fn widened<S: Simd>(numbers: f32x8<S>) -> f64x8<S> {
+    let (low, high) = numbers.widen();
+    low.combine(high)
+}
+
+/// The nearest numbers in single precision.
+#[inline(always)]
+pub(in crate::kernel) fn rounded<S: Simd>(numbers: f64x8<S>) -> f32x8<S> {
+    let (low, high) = numbers.split();
+    low.narrow(high)
+}
+
+/// The numbers of eight lanes in memory.
+#[inline(always)]
+pub(in crate::kernel) fn stored<S: Simd>(numbers: f32x8<S>) -> [f32; WIDTH] {
+    let mut row = [0.0; WIDTH];
+    numbers.store_slice(&mut row);
+    row
+}
+
+/// One bit for each of some lanes, at least one of them.
+#[inline(always)]
+pub(in crate::kernel) fn first_lanes(count: usize) -> u64 {
+    u64::MAX >> (u64::BITS as usize - count)
+}
+
+/// Eight rows of eight numbers, number by number.
+#[inline(always)]
+pub(in crate::kernel) fn transposed<S: Simd>(mut square: [f32x8<S>; WIDTH]) -> [f32x8<S>; WIDTH] {
+    // Each round turns the places' six binary digits by one: after three, rows are columns.
+    for _ in 0..3 {
+        let before = square;
+        for pair in 0..WIDTH / 2 {
+            let (even, odd) = before[pair].interleave(before[pair + WIDTH / 2]);
+            square[2 * pair] = even;
+            square[2 * pair + 1] = odd;
+        }
+    }
+    square
+}

@@ -6,158 +6,151 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
+use fearless_simd::{f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
-use super::{Lanes, Mask, VectorLanes, WIDTH};
+use super::{VectorLanes, VectorRows, WIDTH};
 use crate::kernel::circumsphere::{LEAST_EXACT_SQUARE, RADIUS_SLACK, ZERO_AREA};
 
 /// The inverse of a length is finite where the length is more than 2^-128, a quarter of the least normal number.
 const LEAST_LENGTH: f32 = 0.25 * f32::MIN_POSITIVE;
 
-impl Lanes {
-    // Of a comparison with infinity the compiler makes a question about bits, lane by lane.
-    #[expect(clippy::eq_op, reason = "infinities and what is no number are no number apart from themselves")]
-    #[inline(always)]
-    pub(in crate::kernel) fn is_finite(self) -> Mask {
-        Self::splat(1.0).greater_than(self - self)
-    }
-}
-
 /// Where squares are exact enough to have their roots taken.
 #[inline(always)]
-fn is_exact(squared: Lanes) -> Mask {
-    squared.at_least(Lanes::splat(LEAST_EXACT_SQUARE)).and(squared.is_finite())
+fn is_exact<S: Simd>(squared: f32x8<S>) -> mask32x8<S> {
+    squared.simd_ge(LEAST_EXACT_SQUARE) & squared.is_finite()
 }
 
 /// The corners of eight triangles.
 #[derive(Clone, Copy)]
-pub(in crate::kernel) struct TriangleLanes(pub(in crate::kernel) [VectorLanes; 3]);
+pub(in crate::kernel) struct TriangleLanes<S: Simd>(pub(in crate::kernel) [VectorLanes<S>; 3]);
 
-impl TriangleLanes {
-    pub(in crate::kernel) const EMPTY: Self = Self([VectorLanes::ZERO; 3]);
-
-    // Kept apart for the same reason as the gathering of pairs.
-    #[inline(never)]
-    pub(in crate::kernel) fn gather(&mut self, positions: &[Vec3], triangles: &[[u32; 3]]) {
+impl<S: Simd> TriangleLanes<S> {
+    /// The first eight of `triangles`; where there are fewer, the other lanes are of no account.
+    #[inline(always)]
+    pub(in crate::kernel) fn gather(simd: S, positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+        let mut rows = [VectorRows::ZERO; 3];
         for (lane, corners) in triangles.iter().enumerate().take(WIDTH) {
             for k in 0..3 {
-                self.0[k].set(lane, positions[corners[k] as usize]);
+                rows[k].set(lane, positions[corners[k] as usize]);
             }
         }
+        let [a, b, c] = &rows;
+        Self([VectorLanes::load(simd, a), VectorLanes::load(simd, b), VectorLanes::load(simd, c)])
     }
 
     #[inline(always)]
-    pub(in crate::kernel) fn relative_to(&self, origin: VectorLanes) -> Self {
+    pub(in crate::kernel) fn relative_to(&self, origin: VectorLanes<S>) -> Self {
         Self([self.0[0] - origin, self.0[1] - origin, self.0[2] - origin])
     }
 
     /// Edge `k` joins the corners `k` and `k + 1`.
     #[inline(always)]
-    pub(in crate::kernel) fn edge(&self, k: usize) -> VectorLanes {
+    pub(in crate::kernel) fn edge(&self, k: usize) -> VectorLanes<S> {
         self.0[(k + 1) % 3] - self.0[k]
     }
 
     /// The lengths of the edges, and where they are exact.
     #[inline(always)]
-    pub(in crate::kernel) fn edge_lengths(&self) -> ([Lanes; 3], Mask) {
-        let mut lengths = [Lanes::ZERO; 3];
-        let mut exact = Mask([u32::MAX; WIDTH]);
-        for k in 0..3 {
-            let edge = self.edge(k);
-            let squared = edge.dot(edge);
-            exact = exact.and(is_exact(squared));
-            lengths[k] = squared.sqrt();
-        }
-        (lengths, exact)
+    pub(in crate::kernel) fn edge_lengths(&self) -> ([f32x8<S>; 3], mask32x8<S>) {
+        let [a, b, c] = [self.edge(0), self.edge(1), self.edge(2)];
+        let [a, b, c] = [a.dot(a), b.dot(b), c.dot(c)];
+        ([a.sqrt(), b.sqrt(), c.sqrt()], is_exact(a) & is_exact(b) & is_exact(c))
     }
 
     /// Distance of the farthest corner from a point, and where it is exact.
     #[inline(always)]
-    pub(in crate::kernel) fn farthest_corner(&self, center: VectorLanes) -> (Lanes, Mask) {
-        let mut farthest = Lanes::ZERO;
-        for k in 0..3 {
-            let away = self.0[k] - center;
-            farthest = farthest.max(away.dot(away));
-        }
+    pub(in crate::kernel) fn farthest_corner(&self, center: VectorLanes<S>) -> (f32x8<S>, mask32x8<S>) {
+        let [a, b, c] = [self.0[0] - center, self.0[1] - center, self.0[2] - center];
+        let farthest = a.dot(a).max(b.dot(b)).max(c.dot(c));
         (farthest.sqrt(), is_exact(farthest))
     }
 
     /// The radius of a ball around a point that contains the triangle, and where it is exact.
     #[inline(always)]
-    pub(in crate::kernel) fn containing_radius(&self, center: VectorLanes) -> (Lanes, Mask) {
+    pub(in crate::kernel) fn containing_radius(&self, center: VectorLanes<S>) -> (f32x8<S>, mask32x8<S>) {
         let (farthest, exact) = self.farthest_corner(center);
-        ((farthest * Lanes::splat(RADIUS_SLACK)).min(Lanes::splat(f32::MAX)), exact)
+        ((farthest * RADIUS_SLACK).min(f32::MAX), exact)
     }
 }
 
 /// One edge of each of eight triangles: which of the two masks holds, else the first.
 #[derive(Clone, Copy)]
-pub(in crate::kernel) struct EdgeChoice {
-    second: Mask,
-    third: Mask,
+pub(in crate::kernel) struct EdgeChoice<S: Simd> {
+    second: mask32x8<S>,
+    third: mask32x8<S>,
 }
 
-impl EdgeChoice {
+impl<S: Simd> EdgeChoice<S> {
     /// The longest edges; of edges of the same length the first.
     #[inline(always)]
-    pub(in crate::kernel) fn longest(lengths: &[Lanes; 3]) -> Self {
-        let second = lengths[1].greater_than(lengths[0]);
-        let third = lengths[2].greater_than(Lanes::select(second, lengths[1], lengths[0]));
-        Self { second: second.and(third.not()), third }
+    pub(in crate::kernel) fn longest(lengths: &[f32x8<S>; 3]) -> Self {
+        let second = lengths[1].simd_gt(lengths[0]);
+        let third = lengths[2].simd_gt(second.select(lengths[1], lengths[0]));
+        Self { second: second & !third, third }
     }
 
-    /// The edges of these numbers.
+    /// The edges that [`bits`](Self::bits) tell.
     #[inline(always)]
-    pub(in crate::kernel) fn numbered(numbers: &Lanes) -> Self {
+    pub(in crate::kernel) fn from_bits(simd: S, [second, third]: [u8; 2]) -> Self {
         Self {
-            second: numbers.at_least(Lanes::splat(1.0)).and(Lanes::splat(1.0).at_least(*numbers)),
-            third: numbers.at_least(Lanes::splat(2.0)),
+            second: mask32x8::from_bitmask(simd, second.into()),
+            third: mask32x8::from_bitmask(simd, third.into()),
+        }
+    }
+
+    /// One bit for each triangle whose edge is the second, and one where it is the third.
+    #[inline(always)]
+    pub(in crate::kernel) fn bits(self) -> [u8; 2] {
+        [self.second.to_bitmask() as u8, self.third.to_bitmask() as u8]
+    }
+
+    /// This one where `mask` holds, else `other`.
+    #[inline(always)]
+    pub(in crate::kernel) fn where_else(self, mask: mask32x8<S>, other: Self) -> Self {
+        Self {
+            second: (mask & self.second) | (!mask & other.second),
+            third: (mask & self.third) | (!mask & other.third),
         }
     }
 
     #[inline(always)]
-    pub(in crate::kernel) fn numbers(&self) -> Lanes {
-        Lanes::select(self.third, Lanes::splat(2.0), Lanes::select(self.second, Lanes::splat(1.0), Lanes::ZERO))
-    }
-
-    #[inline(always)]
-    fn of(&self, [first, second, third]: [&VectorLanes; 3]) -> VectorLanes {
+    fn of(&self, [first, second, third]: [&VectorLanes<S>; 3]) -> VectorLanes<S> {
         VectorLanes::select(self.third, *third, VectorLanes::select(self.second, *second, *first))
     }
 }
 
 /// [`LongestEdgeFrame`](crate::kernel::circumsphere) of eight triangles.
-pub(in crate::kernel) struct FrameLanes {
-    pub(in crate::kernel) midpoint: VectorLanes,
-    pub(in crate::kernel) half_length: Lanes,
-    pub(in crate::kernel) normal: VectorLanes,
-    pub(in crate::kernel) inward: VectorLanes,
-    pub(in crate::kernel) cotangent: Lanes,
+pub(in crate::kernel) struct FrameLanes<S: Simd> {
+    pub(in crate::kernel) midpoint: VectorLanes<S>,
+    pub(in crate::kernel) half_length: f32x8<S>,
+    pub(in crate::kernel) normal: VectorLanes<S>,
+    pub(in crate::kernel) inward: VectorLanes<S>,
+    pub(in crate::kernel) cotangent: f32x8<S>,
     /// Where the triangle has an area and its lengths are exact.
-    pub(in crate::kernel) exact: Mask,
+    pub(in crate::kernel) exact: mask32x8<S>,
 }
 
-impl FrameLanes {
+impl<S: Simd> FrameLanes<S> {
     #[inline(always)]
-    pub(in crate::kernel) fn new(triangles: &TriangleLanes, edge: EdgeChoice) -> Self {
+    pub(in crate::kernel) fn new(triangles: &TriangleLanes<S>, edge: EdgeChoice<S>) -> Self {
         let [a, b, c] = &triangles.0;
+        let simd = a.x.simd;
         let (from, to, apex) = (edge.of([a, b, c]), edge.of([b, c, a]), edge.of([c, a, b]));
+        let (half, one) = (f32x8::splat(simd, 0.5), f32x8::splat(simd, 1.0));
         let along = to - from;
         let squared = along.dot(along);
         let length = squared.sqrt();
-        let scale = length.recip();
+        let scale = one / length;
         let (u, v) = ((from - apex).scaled(scale), (to - apex).scaled(scale));
         let cross = u.cross(v);
         let doubled_area = cross.dot(cross).sqrt();
         let normal = cross.over(doubled_area);
         let (inward, has_inward) = normal.cross(along.scaled(scale)).normalized();
-        let exact = is_exact(squared)
-            .and(is_exact(cross.dot(cross)))
-            .and(doubled_area.greater_than(Lanes::splat(ZERO_AREA)))
-            .and(has_inward);
+        let exact = is_exact(squared) & is_exact(cross.dot(cross)) & doubled_area.simd_gt(ZERO_AREA) & has_inward;
         Self {
-            midpoint: from.plus(along.scaled(Lanes::splat(0.5))),
-            half_length: Lanes::splat(0.5) * length,
+            midpoint: from.plus(along.scaled(half)),
+            half_length: half * length,
             normal,
             inward,
             cotangent: u.dot(v) / doubled_area,
@@ -166,23 +159,20 @@ impl FrameLanes {
     }
 
     #[inline(always)]
-    pub(in crate::kernel) fn point_across(&self, halves: Lanes) -> VectorLanes {
-        let across = (halves * self.half_length).min(Lanes::splat(f32::MAX));
+    pub(in crate::kernel) fn point_across(&self, halves: f32x8<S>) -> VectorLanes<S> {
+        let across = (halves * self.half_length).min(f32::MAX);
         self.midpoint.plus(self.inward.scaled(across))
     }
 }
 
-impl VectorLanes {
-    #[inline(always)]
-    pub(in crate::kernel) fn over(self, divisor: Lanes) -> Self {
-        Self { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
-    }
-
+impl<S: Simd> VectorLanes<S> {
     /// Of unit length, or zero where that cannot be told; and where it can.
     #[inline(always)]
-    pub(in crate::kernel) fn normalized(self) -> (Self, Mask) {
+    pub(in crate::kernel) fn normalized(self) -> (Self, mask32x8<S>) {
+        let simd = self.x.simd;
         let length = self.dot(self).sqrt();
-        let has_length = length.greater_than(Lanes::splat(LEAST_LENGTH)).and(length.is_finite());
-        (Self::select(has_length, self.scaled(length.recip()), Self::ZERO), has_length)
+        let has_length = length.simd_gt(LEAST_LENGTH) & length.is_finite();
+        let unit = self.scaled(f32x8::splat(simd, 1.0) / length);
+        (Self::select(has_length, unit, Self::splat(simd, Vec3::ZERO)), has_length)
     }
 }

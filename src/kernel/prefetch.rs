@@ -1,0 +1,42 @@
+//! Asks for what is to be read soon.
+//!
+//! A list of pairs says long before which triangles will be looked up. The processor sees only as far as the instructions
+//! it has taken in, less than one block of eight pairs: so the loops over pairs ask some blocks ahead, and find everything
+//! in the cache. Measured on `cloth_ball_92`: contacts of caps and of balls take 0.73 of the time without, overlap of caps
+//! 0.81.
+
+#![expect(
+    clippy::inline_always,
+    reason = "one instruction, in functions that are compiled for several instruction sets"
+)]
+
+use super::lanes::WIDTH;
+
+/// How many blocks ahead: one takes less time than a line from the third cache, but not much.
+const AHEAD: usize = 3;
+
+/// Of pairs that are worked on in blocks of eight, those to ask for at the beginning of a block.
+#[inline(always)]
+pub(super) fn to_ask_for(pairs: &[[u32; 2]], block: usize) -> &[[u32; 2]] {
+    let start = ((block + AHEAD) * WIDTH).min(pairs.len());
+    let end = (start + WIDTH).min(pairs.len());
+    &pairs[start..end]
+}
+
+/// Brings an item of a list into the cache, where the platform has an instruction for it. Beyond the end nothing happens.
+#[cfg(target_arch = "x86_64")]
+#[expect(unsafe_code, reason = "the instruction takes a pointer")]
+#[inline(always)]
+pub(super) fn prefetch<T>(list: &[T], place: u32) {
+    use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+
+    if let Some(item) = list.get(place as usize) {
+        // SAFETY: the instruction is part of every x86-64 and reads nothing that a program can see, whatever the address.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>((&raw const *item).cast()) };
+    }
+}
+
+/// Brings an item of a list into the cache, where the platform has an instruction for it. Beyond the end nothing happens.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+pub(super) fn prefetch<T>(_: &[T], _: u32) {}
