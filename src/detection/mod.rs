@@ -29,6 +29,6 @@ pub use diagnostics::{DetectionDiagnostics, StageDiagnostics};
 pub(crate) use memory::{DetectionMemory, StageList};
 pub use overlap::{OverlapPlugin, OverlappingTrianglePairs, SphereContacts};
 pub use pair_fates::PairFates;
-pub(crate) use parallel::{fill_chunks, hand_out};
+pub(crate) use parallel::Threads;
 pub use refine::{RefinePlugin, RefinedTrianglePairs};
 pub use refit::{Circumspheres, EnclosingBalls, RefitPlugin, TriangleCones};
