@@ -20,7 +20,8 @@ mod sides;
 
 pub use bounds::{BoundsPlugin, TriangleBounds};
 pub use broad_phase::{
-    BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, SurfacePair, TreeBroadPhasePlugin,
+    BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, ParryBroadPhasePlugin, SurfacePair,
+    TreeBroadPhasePlugin,
 };
 pub use cone::{ConePlugin, MeetingCaps};
 pub use corner_rows::SurfaceRows;
