@@ -84,6 +84,7 @@ pub struct Options {
 pub enum BroadPhase {
     Tree,
     BruteForce,
+    Parry,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]

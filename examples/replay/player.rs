@@ -8,7 +8,7 @@ use std::{
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
-    detection::{BroadPhasePlugin, BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
+    detection::{BroadPhasePlugin, BruteForceBroadPhasePlugin, ParryBroadPhasePlugin, TreeBroadPhasePlugin},
     kernel::topology::{SurfaceTopology, TopologyError},
     prelude::*,
 };
@@ -165,6 +165,9 @@ impl<'a> Stage<'a> {
             BroadPhase::Tree => plugins,
             BroadPhase::BruteForce => {
                 plugins.disable::<TreeBroadPhasePlugin>().add_after::<BroadPhasePlugin>(BruteForceBroadPhasePlugin)
+            }
+            BroadPhase::Parry => {
+                plugins.disable::<TreeBroadPhasePlugin>().add_after::<BroadPhasePlugin>(ParryBroadPhasePlugin)
             }
         };
         let circumsphere_settings = CircumsphereSettings {

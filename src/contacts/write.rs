@@ -8,71 +8,44 @@ use std::ops::Range;
 
 use super::store::{ContactStore, StoredPair};
 use crate::{
-    detection::{fill_chunks, hand_out},
+    detection::Threads,
     kernel::{
         contact::{CompactContact, TouchingPair},
-        contact_order::{ContactOrder, sort_touching},
+        contact_order::{ContactOrder, TouchingOrder, copy_in_order},
         exact::FeatureKind,
         pair::FoundPairs,
     },
 };
 
-/// Contacts handed to a thread at a time.
-const CHUNK: usize = 8192;
-
 /// What writing keeps for its memory.
 #[derive(Default)]
 pub(super) struct WriteBuffers {
     order: ContactOrder,
-    counts: Vec<u32>,
-    touching: Vec<TouchingPair>,
-    /// How long each part of the list is, and how many contacts it keeps.
-    parts: Vec<[usize; 2]>,
+    touching: TouchingOrder,
 }
 
 /// Overwrites a store pair by pair.
 pub(super) struct StoreWriter<'a> {
     pub(super) store: &'a mut ContactStore,
     buffers: &'a mut WriteBuffers,
-    threads: usize,
+    threads: Threads,
     contacts: usize,
     touching: usize,
 }
 
 impl<'a> StoreWriter<'a> {
     pub(super) fn new(store: &'a mut ContactStore, buffers: &'a mut WriteBuffers, threads: usize) -> Self {
+        let threads = Threads(threads);
         Self { store, buffers, threads, contacts: 0, touching: 0 }
     }
 
     /// Writes the contacts of a pair. `before` are those of the last tick, where sides are known from there.
     pub(super) fn write_contacts(&mut self, found: &[CompactContact], before: &[CompactContact]) -> Range<usize> {
-        let start = self.contacts;
-        let WriteBuffers { order, parts, .. } = &mut *self.buffers;
-        let listed = order.listed(found.len());
-        fill_chunks(found, listed, CHUNK, self.threads, |start, found, entries| {
-            ContactOrder::list(found, start, entries);
-        });
-        order.arrange();
-        // Parts are at least that long, but for the last one.
-        parts.clear();
-        parts.resize(found.len().div_ceil(CHUNK), [0; 2]);
-        let part_count = parts.len();
-        hand_out(order.parts(CHUNK).zip(&mut *parts), part_count, self.threads, |(entries, part)| {
-            *part = [entries.len(), ContactOrder::finish(entries, found)];
-        });
-        let count = parts.iter().map(|[_, kept]| kept).sum();
-        let (mut entries, mut sorted) =
-            (order.entries(), room_for(&mut self.store.contacts, start, count, found.first()));
-        let copies = parts.iter().map(|&[length, kept]| {
-            let (own_entries, later) = entries.split_at(length);
-            let (own_sorted, later_sorted) = std::mem::take(&mut sorted).split_at_mut(kept);
-            (entries, sorted) = (later, later_sorted);
-            (&own_entries[..kept], own_sorted)
-        });
-        hand_out(copies, part_count, self.threads, |(entries, sorted)| {
-            ContactOrder::copy(entries, found, sorted);
-            keep_sides(sorted, before);
-        });
+        let (start, order) = (self.contacts, &mut self.buffers.order);
+        order.arrange(found, &self.threads);
+        let count = order.count();
+        let sorted = room_for(&mut self.store.contacts, start, count, found.first());
+        copy_in_order(found, order.parts(), count, sorted, &self.threads, |sorted| keep_sides(sorted, before));
         self.contacts += count;
         start..self.contacts
     }
@@ -81,8 +54,7 @@ impl<'a> StoreWriter<'a> {
     pub(super) fn write_touching(&mut self, found: &[TouchingPair]) -> Range<usize> {
         let start = self.touching;
         let sorted = room_for(&mut self.store.touching, start, found.len(), found.first());
-        let WriteBuffers { counts, touching, .. } = &mut *self.buffers;
-        sort_touching(found, sorted, counts, touching);
+        self.buffers.touching.sort(found, sorted, &self.threads);
         self.touching += found.len();
         start..self.touching
     }

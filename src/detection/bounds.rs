@@ -6,11 +6,14 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 use glam::Vec3;
 
-use super::diagnostics::DetectionDiagnostics;
+use super::{
+    diagnostics::DetectionDiagnostics,
+    parallel::{Threads, for_each_weighed},
+};
 use crate::{
     contacts::EVENT_HYSTERESIS,
     kernel::{
-        bounds::{Aabb, triangle_bounds},
+        bounds::{Aabb, triangle_bounds_on},
         pose::Pose,
         topology::SurfaceTopology,
     },
@@ -44,12 +47,13 @@ impl TriangleBounds {
     }
 
     /// Brings the boxes up to date. Whether anything had to be computed.
-    fn update(&mut self, positions: &[Vec3], topology: &Arc<SurfaceTopology>, growth: f32) -> bool {
+    fn update(&mut self, positions: &[Vec3], topology: &Arc<SurfaceTopology>, growth: f32, threads: usize) -> bool {
         let same_mesh = self.topology.as_ref().is_some_and(|other| Arc::ptr_eq(other, topology));
         if same_mesh && self.growth == growth && has_bits_of(&self.positions, positions) {
             return false;
         }
-        self.whole = triangle_bounds(positions, topology.triangles(), growth, &mut self.triangles);
+        let triangles = topology.triangles();
+        self.whole = triangle_bounds_on(&Threads(threads), positions, triangles, growth, &mut self.triangles);
         self.computed += 1;
         self.positions.clear();
         self.positions.extend_from_slice(positions);
@@ -57,6 +61,16 @@ impl TriangleBounds {
         self.growth = growth;
         true
     }
+}
+
+/// Triangles of a surface that are worth more than one thread, by half.
+const TRIANGLES_OF_ONE: usize = 8192;
+
+/// The boxes of an active surface, away from it while threads share them out.
+struct TakenBounds {
+    place: usize,
+    bounds: TriangleBounds,
+    has_moved: bool,
 }
 
 /// Whether two lists of positions are the same bit by bit, down to the sign of a zero: contacts have it too.
@@ -110,6 +124,7 @@ fn compute_bounds(
     mut active: ResMut<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
+    mut taken: Local<Vec<TakenBounds>>,
     mut surfaces: Query<(&SurfacePositions, &mut TriangleBounds)>,
 ) {
     diagnostics.begin_detection();
@@ -121,12 +136,28 @@ fn compute_bounds(
             positions.0.len() == surface.topology.vertex_count() && first_non_finite(&positions.0).is_none()
         })
     });
-    for surface in &mut active.surfaces {
-        let Ok((positions, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
-        let growth = frame_growth(surface.thickness, settings.margin(), surface.pose.scale());
-        if !bounds.update(&positions.0, &surface.topology, growth) {
-            diagnostics.surfaces_unmoved += 1;
-        }
+    for (place, surface) in active.surfaces.iter().enumerate() {
+        let Ok((_, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
+        taken.push(TakenBounds { place, bounds: std::mem::take(&mut *bounds), has_moved: false });
+    }
+    let all_positions = surfaces.as_readonly();
+    for_each_weighed(
+        &mut taken,
+        settings.threads,
+        TRIANGLES_OF_ONE,
+        |_, taken| active.surfaces[taken.place].topology.triangles().len(),
+        |_, taken, threads| {
+            let surface = &active.surfaces[taken.place];
+            let Ok((positions, _)) = all_positions.get(surface.entity) else { return };
+            let growth = frame_growth(surface.thickness, settings.margin(), surface.pose.scale());
+            taken.has_moved = taken.bounds.update(&positions.0, &surface.topology, growth, threads);
+        },
+    );
+    for TakenBounds { place, bounds: updated, has_moved } in taken.drain(..) {
+        let surface = &mut active.surfaces[place];
+        let Ok((_, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
+        *bounds = updated;
+        diagnostics.surfaces_unmoved += usize::from(!has_moved);
         surface.world_bounds = moved_box(&bounds.whole, &surface.pose);
     }
     diagnostics.finish(DetectionDiagnostics::FIRST_DETECTION_STAGE, start, 0, 0);

@@ -20,7 +20,8 @@ mod sides;
 
 pub use bounds::{BoundsPlugin, TriangleBounds};
 pub use broad_phase::{
-    BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, SurfacePair, TreeBroadPhasePlugin,
+    BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, ParryBroadPhasePlugin, SurfacePair,
+    TreeBroadPhasePlugin,
 };
 pub use cone::{ConePlugin, MeetingCaps};
 pub use corner_rows::SurfaceRows;
@@ -29,6 +30,6 @@ pub use diagnostics::{DetectionDiagnostics, StageDiagnostics};
 pub(crate) use memory::{DetectionMemory, StageList};
 pub use overlap::{OverlapPlugin, OverlappingTrianglePairs, SphereContacts};
 pub use pair_fates::PairFates;
-pub(crate) use parallel::{fill_chunks, hand_out};
+pub(crate) use parallel::Threads;
 pub use refine::{RefinePlugin, RefinedTrianglePairs};
 pub use refit::{Circumspheres, EnclosingBalls, RefitPlugin, TriangleCones};

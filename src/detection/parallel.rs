@@ -10,7 +10,7 @@ use std::{
 
 use bevy_tasks::ComputeTaskPool;
 
-use crate::kernel::pair::FoundPairs;
+use crate::kernel::{pair::FoundPairs, share::Share};
 
 /// Pairs handed out at a time: enough work to outweigh the handing out, few enough to balance.
 pub(super) const CHUNK: usize = 4096;
@@ -21,6 +21,16 @@ fn available_threads(wanted: usize) -> usize {
         (1, _) | (_, None) => 1,
         (0, Some(pool)) => pool.thread_num() + 1,
         (wanted, Some(pool)) => wanted.min(pool.thread_num() + 1),
+    }
+}
+
+/// The threads that kernel functions may share their tasks among: as many as wanted, or with 0 all that the pool has.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Threads(pub(crate) usize);
+
+impl Share for Threads {
+    fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync) {
+        hand_out(tasks, count, self.0, work);
     }
 }
 
@@ -128,7 +138,7 @@ pub(super) fn append_ranges<T: Send + 'static>(
 
 /// Calls `work` on consecutive chunks of `items`, each with the place of its first one and with the results of the same
 /// places to write. The chunks are the same for any number of threads.
-pub(crate) fn fill_chunks<T: Sync, R: Send>(
+pub(super) fn fill_chunks<T: Sync, R: Send>(
     items: &[T],
     results: &mut [R],
     chunk: usize,
@@ -142,12 +152,7 @@ pub(crate) fn fill_chunks<T: Sync, R: Send>(
 
 /// Gives each of some tasks, about `count`, to whichever thread is free. One thread, or one task, never touches the pool
 /// and allocates nothing.
-pub(crate) fn hand_out<P: Send>(
-    tasks: impl Iterator<Item = P> + Send,
-    count: usize,
-    threads: usize,
-    work: impl Fn(P) + Sync,
-) {
+fn hand_out<P: Send>(tasks: impl Iterator<Item = P> + Send, count: usize, threads: usize, work: impl Fn(P) + Sync) {
     let threads = available_threads(threads).min(count);
     if threads <= 1 {
         for task in tasks {

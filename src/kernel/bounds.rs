@@ -5,9 +5,15 @@
 
 use glam::Vec3;
 
+use super::share::{OneByOne, Share};
+
 /// Boxes are grown by this many units in the last place of their largest coordinate besides, so that f32 rounding of
 /// their planes never loses a pair.
 const ROUNDING_GROWTH: f32 = 2.0 * f32::EPSILON;
+
+/// Triangles of one task, and into how many at most they are cut.
+const LEAST_PART: usize = 8192;
+const MOST_PARTS: usize = 64;
 
 /// An axis-aligned box. Empty where a minimum exceeds its maximum.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,18 +74,31 @@ impl Aabb {
 /// Writes the box of every triangle, grown by `growth`, into `bounds` and returns the box around all of them. A box
 /// that is not a number is written, overlaps nothing, and is left out of the box around all.
 pub fn triangle_bounds(positions: &[Vec3], triangles: &[[u32; 3]], growth: f32, bounds: &mut Vec<Aabb>) -> Aabb {
-    bounds.clear();
-    bounds.reserve(triangles.len());
-    let mut whole = Aabb::EMPTY;
-    for corners in triangles {
-        let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
-        let grown = Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }.grown(growth);
-        if grown.min.cmple(grown.max).all() {
-            whole = whole.union(&grown);
+    triangle_bounds_on(&OneByOne, positions, triangles, growth, bounds)
+}
+
+/// The same in tasks that may be shared.
+pub fn triangle_bounds_on(
+    share: &impl Share,
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+    growth: f32,
+    bounds: &mut Vec<Aabb>,
+) -> Aabb {
+    bounds.resize(triangles.len(), Aabb::EMPTY);
+    let part = triangles.len().div_ceil(MOST_PARTS).max(LEAST_PART);
+    let mut wholes = [Aabb::EMPTY; MOST_PARTS];
+    let parts = triangles.chunks(part).zip(bounds.chunks_mut(part)).zip(&mut wholes);
+    share.hand_out(parts, triangles.len().div_ceil(part), |((triangles, bounds), whole)| {
+        for (corners, bounds) in triangles.iter().zip(bounds) {
+            let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
+            *bounds = Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }.grown(growth);
+            if bounds.min.cmple(bounds.max).all() {
+                *whole = whole.union(bounds);
+            }
         }
-        bounds.push(grown);
-    }
-    whole
+    });
+    wholes.iter().fold(Aabb::EMPTY, |all, whole| all.union(whole))
 }
 
 /// Writes every pair of overlapping boxes of one list, lower index first, sorted, by comparing all of them.

@@ -1,213 +1,97 @@
 //! Brings what was found of a pair of surfaces into the order of the store: contacts by key, each key once, and touching
 //! triangles by their numbers.
 //!
-//! Reads the records where they were found and moves each of those that stay once, to where it belongs; what is sorted is
-//! small. Where there are many, by counting, first by second features and then by first ones, else by comparison.
+//! Reads the records where they were found and copies each of those that stay once, to where it belongs; what is sorted is
+//! small.
 
-use super::contact::{CompactContact, FEATURE_BITS, TouchingPair};
+use super::{
+    contact::{CompactContact, FEATURE_BITS, TouchingPair},
+    key_order::{KeyOrder, Places, joined},
+    share::Share,
+};
 
-/// Counting visits every number between the lowest and the highest once: it pays up to this many of them a record.
-const COUNTS_PER_RECORD: usize = 4;
+/// Records listed or copied by one task.
+const CHUNK: usize = 8192;
 
-/// Fewer records than these are sorted by comparison.
-const FEWEST_COUNTED: usize = 64;
-
-/// A contact's name and place: what is sorted instead of it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Entry {
-    key: u64,
-    triangle_a: u32,
-    place: u32,
-}
-
-impl Entry {
-    /// Kind and first feature.
-    fn first(self) -> u64 {
-        self.key >> FEATURE_BITS
-    }
-
-    /// Second feature.
-    fn second(self) -> u64 {
-        self.key & ((1 << FEATURE_BITS) - 1)
-    }
-}
-
-/// The order of a pair's contacts, in three steps: [`list`](Self::list), [`arrange`](Self::arrange), and for each
-/// [part](Self::parts) [`finish`](Self::finish). The first and the last may be split among threads. Keeps its memory.
+/// The order of a pair's contacts. Keeps its memory.
 #[derive(Clone, Debug, Default)]
 pub struct ContactOrder {
-    entries: Vec<Entry>,
-    listed: Vec<Entry>,
-    counts: Vec<u32>,
+    order: KeyOrder,
+    /// The triangles of every contact.
+    triangles: Vec<u64>,
 }
 
 impl ContactOrder {
-    /// Room for the entries of as many contacts.
-    pub fn listed(&mut self, count: usize) -> &mut [Entry] {
-        self.listed.resize(count, Entry::default());
-        &mut self.listed
-    }
-
-    /// Writes the entries of contacts, of which the first is at `start` in its list.
-    pub fn list(contacts: &[CompactContact], start: usize, entries: &mut [Entry]) {
-        for ((place, contact), entry) in (start as u32..).zip(contacts).zip(entries) {
-            *entry = Entry { key: contact.key.0, triangle_a: contact.triangle_a, place };
-        }
-    }
-
-    /// Sorts the listed entries by key, and those with the same key by place.
-    pub fn arrange(&mut self) {
-        let Self { entries, listed, counts } = self;
-        let (first, second) = (FirstFeatures::of(listed), Numbers::of(listed.iter().map(|entry| entry.second())));
-        if is_worth_counting(listed.len(), first.count.max(second.count)) {
-            entries.resize(listed.len(), Entry::default());
-            scatter(listed, entries, counts, second.count, |entry| second.place(entry.second()));
-            scatter(entries, listed, counts, first.count, |entry| first.place(entry.first()));
-        } else {
-            listed.sort_unstable_by_key(|entry| (entry.key, entry.place));
-        }
-        std::mem::swap(entries, listed);
-    }
-
-    /// The arranged entries in parts of about `length`, each of which can be finished without the others.
-    pub fn parts(&mut self, length: usize) -> impl Iterator<Item = &mut [Entry]> {
-        let mut rest = &mut *self.entries;
-        std::iter::from_fn(move || {
-            let mut end = length.min(rest.len());
-            while end > 0 && end < rest.len() && rest[end].key == rest[end - 1].key {
-                end += 1;
+    /// Finds which contacts stay, and their order: of every key the one of the lowest triangles, of those with the same
+    /// triangles the first that was found.
+    pub fn arrange(&mut self, contacts: &[CompactContact], share: &impl Share) {
+        let Self { order, triangles } = self;
+        triangles.resize(contacts.len(), 0);
+        let lists = order.keys(contacts.len()).chunks_mut(CHUNK).zip(triangles.chunks_mut(CHUNK));
+        let chunks = contacts.chunks(CHUNK).zip(lists);
+        share.hand_out(chunks, contacts.len().div_ceil(CHUNK), |(contacts, (keys, triangles))| {
+            for ((contact, key), triangles) in contacts.iter().zip(keys).zip(triangles) {
+                *key = key_in_halves(contact.key.0);
+                *triangles = joined(contact.triangle_a, contact.triangle_b);
             }
-            let (part, later) = std::mem::take(&mut rest).split_at_mut(end);
-            rest = later;
-            (!part.is_empty()).then_some(part)
-        })
-    }
-
-    /// The entries as they are by now.
-    #[must_use]
-    pub fn entries(&self) -> &[Entry] {
-        &self.entries
-    }
-
-    /// Moves to the front of a part, of every key, the contact of the lowest triangles; of those with the same triangles the
-    /// first that was found. Returns how many there are.
-    pub fn finish(part: &mut [Entry], contacts: &[CompactContact]) -> usize {
-        let rank = |entry: Entry| (entry.triangle_a, contacts[entry.place as usize].triangle_b);
-        let mut kept = 0;
-        for place in 0..part.len() {
-            let entry = part[place];
-            if kept == 0 || part[kept - 1].key != entry.key {
-                part[kept] = entry;
-                kept += 1;
-            } else if entry.triangle_a <= part[kept - 1].triangle_a && rank(entry) < rank(part[kept - 1]) {
-                part[kept - 1] = entry;
-            }
-        }
-        kept
-    }
-
-    /// Copies the contacts of finished entries.
-    pub fn copy(entries: &[Entry], contacts: &[CompactContact], sorted: &mut [CompactContact]) {
-        for (entry, sorted) in entries.iter().zip(sorted) {
-            *sorted = contacts[entry.place as usize];
-        }
-    }
-}
-
-/// Numbers kinds and first features without a gap between the kinds, in their order.
-struct FirstFeatures {
-    /// What to add to a feature of each kind, wrapping round.
-    offsets: [u64; KINDS],
-    count: usize,
-}
-
-/// Room for every number that a key has left for the kinds; there are nine.
-const KINDS: usize = 16;
-
-impl FirstFeatures {
-    fn of(entries: &[Entry]) -> Self {
-        let mut ranges = [(u64::MAX, 0); KINDS];
-        for entry in entries {
-            let first = entry.first();
-            let range = &mut ranges[(first >> FEATURE_BITS) as usize];
-            *range = (range.0.min(first), range.1.max(first));
-        }
-        let mut count = 0;
-        let offsets = ranges.map(|(low, high)| {
-            let offset = (count as u64).wrapping_sub(low);
-            count += if low <= high { (high - low + 1) as usize } else { 0 };
-            offset
         });
-        Self { offsets, count }
+        order.arrange(share, Some(&|later, earlier| triangles[later] < triangles[earlier]));
     }
 
-    fn place(&self, first: u64) -> usize {
-        first.wrapping_add(self.offsets[(first >> FEATURE_BITS) as usize]) as usize
-    }
-}
-
-/// Numbers from the lowest to the highest.
-struct Numbers {
-    low: u64,
-    count: usize,
-}
-
-impl Numbers {
-    fn of(numbers: impl Iterator<Item = u64>) -> Self {
-        let (low, high) = numbers.fold((u64::MAX, 0), |(low, high), number| (low.min(number), high.max(number)));
-        Self { low, count: if low <= high { (high - low + 1) as usize } else { 0 } }
+    /// How many contacts stay.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.order.count()
     }
 
-    fn place(&self, number: u64) -> usize {
-        (number - self.low) as usize
+    /// The places of the contacts that stay, in parts that are not empty.
+    pub fn parts(&self) -> impl Iterator<Item = Places<'_>> {
+        self.order.parts()
     }
 }
 
-fn is_worth_counting(records: usize, numbers: usize) -> bool {
-    records >= FEWEST_COUNTED && numbers <= COUNTS_PER_RECORD * records
+/// Kind and first feature in one half of a number, the second feature in the other.
+fn key_in_halves(key: u64) -> u64 {
+    joined((key >> FEATURE_BITS) as u32, (key & ((1 << FEATURE_BITS) - 1)) as u32)
 }
 
-/// Copies records into the order of their numbers, which are less than `count`; those with the same number stay in their
-/// order.
-#[inline]
-fn scatter<T: Copy>(
+/// Sorts touching pairs by their triangles. Keeps its memory.
+#[derive(Clone, Debug, Default)]
+pub struct TouchingOrder(KeyOrder);
+
+impl TouchingOrder {
+    /// Writes touching pairs in their order.
+    pub fn sort(&mut self, touching: &[TouchingPair], sorted: &mut [TouchingPair], share: &impl Share) {
+        let order = &mut self.0;
+        let lists = touching.chunks(CHUNK).zip(order.keys(touching.len()).chunks_mut(CHUNK));
+        share.hand_out(lists, touching.len().div_ceil(CHUNK), |(touching, keys)| {
+            for (pair, key) in touching.iter().zip(keys) {
+                *key = joined(pair.triangle_a, pair.triangle_b);
+            }
+        });
+        order.arrange(share, None);
+        copy_in_order(touching, order.parts(), touching.len(), sorted, share, |_| ());
+    }
+}
+
+/// Copies the records of some places, `count` in all, one part after the other, each of which is finished by `finish`.
+pub fn copy_in_order<'a, T: Copy + Send + Sync>(
     records: &[T],
-    ordered: &mut [T],
-    counts: &mut Vec<u32>,
+    parts: impl Iterator<Item = Places<'a>> + Send,
     count: usize,
-    number: impl Fn(T) -> usize,
+    mut sorted: &mut [T],
+    share: &impl Share,
+    finish: impl Fn(&mut [T]) + Sync,
 ) {
-    counts.clear();
-    counts.resize(count, 0);
-    for &record in records {
-        counts[number(record)] += 1;
-    }
-    let mut start = 0;
-    for count in counts.iter_mut() {
-        start += std::mem::replace(count, start);
-    }
-    for &record in records {
-        let place = &mut counts[number(record)];
-        ordered[*place as usize] = record;
-        *place += 1;
-    }
-}
-
-/// Copies touching pairs into the order of their triangles. `counts` and `between` are kept for their memory.
-pub fn sort_touching(
-    touching: &[TouchingPair],
-    sorted: &mut [TouchingPair],
-    counts: &mut Vec<u32>,
-    between: &mut Vec<TouchingPair>,
-) {
-    let numbers = |triangle: fn(&TouchingPair) -> u32| Numbers::of(touching.iter().map(|pair| triangle(pair).into()));
-    let (a, b) = (numbers(|pair| pair.triangle_a), numbers(|pair| pair.triangle_b));
-    if is_worth_counting(touching.len(), a.count.max(b.count)) {
-        between.resize(touching.len(), touching[0]);
-        scatter(touching, between, counts, b.count, |pair| b.place(pair.triangle_b.into()));
-        scatter(between, sorted, counts, a.count, |pair| a.place(pair.triangle_a.into()));
-    } else {
-        sorted.copy_from_slice(touching);
-        sorted.sort_unstable_by_key(|pair| (pair.triangle_a, pair.triangle_b));
-    }
+    let copies = parts.map(|part| {
+        let (own, later) = std::mem::take(&mut sorted).split_at_mut(part.len());
+        sorted = later;
+        (part, own)
+    });
+    share.hand_out(copies, count.div_ceil(CHUNK), |(places, sorted)| {
+        for (place, sorted) in places.iter().zip(&mut *sorted) {
+            *sorted = records[place];
+        }
+        finish(sorted);
+    });
 }

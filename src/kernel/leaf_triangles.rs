@@ -14,6 +14,7 @@ use glam::Vec3;
 use super::{
     exact::cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
     lanes::LARGEST_EXTENT,
+    share::{OneByOne, Share},
     topology::SurfaceTopology,
     tree::{BoxTree, LEAF_WIDTH},
 };
@@ -21,6 +22,9 @@ use super::{
 /// The error of a normal in f32, relative to the square of the leaf's extent: of both edges some units in the last place of
 /// the extent (6e-8 each), times the other edge.
 const NORMAL_ROUNDING: f32 = 5.0e-7;
+
+/// Leaves that one task follows.
+const BLOCKS_AT_ONCE: usize = 1024;
 
 /// Marks the corners of an unused lane, and of no triangle.
 const NO_VERTEX: u32 = u32::MAX;
@@ -68,27 +72,20 @@ pub struct LeafTriangles {
 impl LeafTriangles {
     /// Follows the leaves of `tree`, which is over the triangles of `topology` at `positions`.
     pub fn update(&mut self, tree: &BoxTree, topology: &SurfaceTopology, positions: &[Vec3]) {
+        self.update_on(&OneByOne, tree, topology, positions);
+    }
+
+    /// The same in tasks that may be shared.
+    pub fn update_on(&mut self, share: &impl Share, tree: &BoxTree, topology: &SurfaceTopology, positions: &[Vec3]) {
         self.blocks.resize(tree.leaf_count(), Block::EMPTY);
-        let (triangles, welded) = (topology.triangles(), topology.welded_triangles());
-        for (leaf, block) in self.blocks.iter_mut().enumerate() {
-            let bounds = tree.leaf_bounds(leaf);
-            block.origin = (bounds.min + bounds.max) * 0.5;
-            block.extent = (bounds.max - bounds.min).element_sum();
-            for (lane, &triangle) in tree.leaf_items(leaf).iter().enumerate() {
-                let triangle = triangle as usize;
-                for corner in 0..3 {
-                    let place = positions[triangles[triangle][corner] as usize] - block.origin;
-                    block.corners[corner][0][lane] = place.x;
-                    block.corners[corner][1][lane] = place.y;
-                    block.corners[corner][2][lane] = place.z;
-                    block.vertices[corner][lane] = welded[triangle][corner];
+        let task_count = self.blocks.len().div_ceil(BLOCKS_AT_ONCE);
+        share.hand_out(self.blocks.chunks_mut(BLOCKS_AT_ONCE).enumerate(), task_count, |(task, blocks)| {
+            dispatch!(Level::new(), simd => {
+                for (leaf, block) in (task * BLOCKS_AT_ONCE..).zip(&mut *blocks) {
+                    block.gather(tree, leaf, topology, positions);
+                    block.measure_planes(simd);
                 }
-            }
-        }
-        dispatch!(Level::new(), simd => {
-            for block in &mut self.blocks {
-                block.measure_planes(simd);
-            }
+            });
         });
     }
 }
@@ -98,6 +95,24 @@ impl Block {
     fn corner<S: Simd>(&self, simd: S, corner: usize) -> [f32x8<S>; 3] {
         let [x, y, z] = &self.corners[corner];
         [f32x8::from_slice(simd, x), f32x8::from_slice(simd, y), f32x8::from_slice(simd, z)]
+    }
+
+    #[inline(always)]
+    fn gather(&mut self, tree: &BoxTree, leaf: usize, topology: &SurfaceTopology, positions: &[Vec3]) {
+        let (triangles, welded) = (topology.triangles(), topology.welded_triangles());
+        let bounds = tree.leaf_bounds(leaf);
+        self.origin = (bounds.min + bounds.max) * 0.5;
+        self.extent = (bounds.max - bounds.min).element_sum();
+        for (lane, &triangle) in tree.leaf_items(leaf).iter().enumerate() {
+            let triangle = triangle as usize;
+            for corner in 0..3 {
+                let place = positions[triangles[triangle][corner] as usize] - self.origin;
+                self.corners[corner][0][lane] = place.x;
+                self.corners[corner][1][lane] = place.y;
+                self.corners[corner][2][lane] = place.z;
+                self.vertices[corner][lane] = welded[triangle][corner];
+            }
+        }
     }
 
     #[inline(always)]

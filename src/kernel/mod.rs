@@ -6,6 +6,7 @@
 //! angles in radians, curvature in 1/length.
 
 pub mod bounds;
+
 pub mod ccd;
 pub mod circumsphere;
 pub mod cone;
@@ -15,6 +16,7 @@ pub mod corner_rows;
 pub mod curvature;
 pub mod exact;
 pub mod ids;
+pub mod key_order;
 mod lanes;
 pub mod leaf_triangles;
 pub mod pair;
@@ -26,6 +28,7 @@ mod recipe;
 pub mod reference;
 pub mod refine;
 pub mod settle;
+pub mod share;
 pub mod smooth_normal;
 pub mod sphere_contacts;
 pub mod sphere_pairs;

@@ -2,8 +2,8 @@
 //!
 //! Built once over a surface's triangles, refitted every tick, traversed against itself, another tree or a box. A box is
 //! compared with the eight of a node or leaf at once. The same tree holds triangles of a surface and surfaces of a world.
-//! Split: three times at the median along the longest side of the centroids' bounds, into full leaves. A traversal goes
-//! leaf by leaf of one tree, each on its own, so that it can be cut into parts anywhere.
+//! A traversal goes leaf by leaf of one tree, each on its own, so that it can be cut into parts anywhere. How a tree is
+//! built and how it follows its boxes stands beside this.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 #![expect(clippy::manual_map, reason = "closures are not reliably inlined")]
@@ -14,10 +14,14 @@ use arrayvec::ArrayVec;
 use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 use glam::Vec3;
 
+use self::build::Arrangement;
 use super::{
     bounds::Aabb,
     leaf_triangles::{LanePairs, PairCull},
 };
+
+mod build;
+mod refit;
 
 /// Boxes to a leaf, and children to a node.
 pub const LEAF_WIDTH: usize = 8;
@@ -91,34 +95,6 @@ struct Leaf {
     count: u32,
 }
 
-impl Leaf {
-    fn new(items: impl Iterator<Item = u32>) -> Self {
-        let mut leaf = Self { boxes: Boxes::UNUSED, bounds: Aabb::EMPTY, items: [NO_ITEM; LEAF_WIDTH], count: 0 };
-        for (lane, item) in leaf.items.iter_mut().zip(items) {
-            *lane = item;
-            leaf.count += 1;
-        }
-        leaf
-    }
-
-    fn refit(&mut self, bounds: &[Aabb]) {
-        let items = self.items;
-        self.set_boxes(items[..self.count as usize].iter().map(|&item| &bounds[item as usize]));
-    }
-
-    #[inline(always)]
-    fn set_boxes<'a>(&mut self, items: impl Iterator<Item = &'a Aabb>) {
-        self.bounds = Aabb::EMPTY;
-        for (lane, item) in items.enumerate() {
-            self.boxes.set(lane, item);
-            // A box that is empty or not a number overlaps nothing, and must not make a node that overlaps nothing.
-            if item.min.cmple(item.max).all() {
-                self.bounds = self.bounds.union(item);
-            }
-        }
-    }
-}
-
 /// A bounding volume tree over a fixed number of items.
 #[derive(Clone, Debug, Default)]
 pub struct BoxTree {
@@ -129,112 +105,12 @@ pub struct BoxTree {
     /// Total area of the nodes' boxes relative to the root's when the tree was built.
     built_cost: f32,
     cost: f32,
+    /// Whether items have got other leaves since the boxes were fitted.
+    is_new: bool,
+    rebuild: Option<Arrangement>,
 }
 
 impl BoxTree {
-    /// Builds a tree over `bounds`, item `i` having the box `bounds[i]`.
-    #[must_use]
-    pub fn new(bounds: &[Aabb]) -> Self {
-        let mut tree = Self::default();
-        tree.rebuild(bounds);
-        tree
-    }
-
-    /// Builds the tree anew over `bounds`.
-    pub fn rebuild(&mut self, bounds: &[Aabb]) {
-        self.nodes.clear();
-        self.leaves.clear();
-        self.item_count = bounds.len();
-        if !bounds.is_empty() {
-            let mut items: Vec<(Vec3, u32)> = bounds
-                .iter()
-                .enumerate()
-                .map(|(item, bounds)| ((bounds.min + bounds.max) * 0.5, item as u32))
-                .collect();
-            self.build(&mut items);
-            // A tree that is built anew has as many nodes and leaves as before.
-            self.nodes.shrink_to_fit();
-            self.leaves.shrink_to_fit();
-        }
-        self.refit(bounds);
-        self.built_cost = self.cost;
-    }
-
-    /// Appends the node of some items and everything below.
-    fn build(&mut self, items: &mut [(Vec3, u32)]) -> u32 {
-        let place = self.nodes.len();
-        self.nodes.push(Node {
-            boxes: Boxes::UNUSED,
-            bounds: Aabb::EMPTY,
-            children: [0; LEAF_WIDTH],
-            ends: [0; LEAF_WIDTH],
-            leaf_children: 0,
-            child_count: 0,
-        });
-        let mut parts: ArrayVec<&mut [(Vec3, u32)], LEAF_WIDTH> = ArrayVec::new();
-        parts.push(items);
-        for _ in 0..LEAF_WIDTH.ilog2() {
-            parts = parts.into_iter().flat_map(halves).filter(|part| !part.is_empty()).collect();
-        }
-        for (lane, part) in parts.into_iter().enumerate() {
-            let child = if part.len() <= LEAF_WIDTH {
-                self.leaves.push(Leaf::new(part.iter().map(|&(_, item)| item)));
-                self.nodes[place].leaf_children |= 1 << lane;
-                self.leaves.len() as u32 - 1
-            } else {
-                self.build(part)
-            };
-            let end = self.leaves.len() as u32;
-            let node = &mut self.nodes[place];
-            node.children[lane] = child;
-            node.ends[lane] = end;
-            node.child_count += 1;
-        }
-        place as u32
-    }
-
-    /// Becomes a list of leaves over some items with their boxes, in their order: of a tree nothing but what
-    /// [`pairs_of`](Self::pairs_of) goes through leaf by leaf. Nothing is found in it.
-    pub fn collect_leaves(&mut self, items: &[(u32, Aabb)]) {
-        self.nodes.clear();
-        self.leaves.clear();
-        self.item_count = items.len();
-        for part in items.chunks(LEAF_WIDTH) {
-            let mut leaf = Leaf::new(part.iter().map(|&(item, _)| item));
-            leaf.set_boxes(part.iter().map(|(_, bounds)| bounds));
-            self.leaves.push(leaf);
-        }
-    }
-
-    /// Follows moved boxes without changing the tree's structure.
-    ///
-    /// # Panics
-    /// If `bounds` has another length than the tree was built with.
-    pub fn refit(&mut self, bounds: &[Aabb]) {
-        assert_eq!(bounds.len(), self.item_count, "a tree is refitted with as many boxes as it was built with");
-        let mut area = 0.0;
-        for leaf in &mut self.leaves {
-            leaf.refit(bounds);
-            area += leaf.bounds.half_area();
-        }
-        // Children stand after their parent, so backwards every child is ready before its parent asks.
-        for place in (0..self.nodes.len()).rev() {
-            let Node { children, leaf_children, child_count, .. } = self.nodes[place];
-            let mut whole = Aabb::EMPTY;
-            for lane in 0..child_count as usize {
-                let child = children[lane] as usize;
-                let is_leaf = leaf_children & (1 << lane) != 0;
-                let bounds = if is_leaf { self.leaves[child].bounds } else { self.nodes[child].bounds };
-                whole = whole.union(&bounds);
-                self.nodes[place].boxes.set(lane, &bounds);
-            }
-            area += whole.half_area();
-            self.nodes[place].bounds = whole;
-        }
-        let whole = self.bounds().half_area();
-        self.cost = if whole > 0.0 { area / whole } else { 0.0 };
-    }
-
     /// How much larger the nodes are, relative to the whole, than when the tree was built. 1 after a build; a tree
     /// that has grown far beyond answers more slowly than a new one.
     #[must_use]
@@ -493,22 +369,6 @@ impl Recent {
         list.extend_from_slice(self.items[..2 * self.count].as_chunks().0);
         self.count = 0;
     }
-}
-
-/// Both halves of some items, the first of whole leaves, so that at most one leaf of the tree is not full; all of
-/// them and nothing where one leaf holds them.
-fn halves(items: &mut [(Vec3, u32)]) -> [&mut [(Vec3, u32)]; 2] {
-    if items.len() <= LEAF_WIDTH {
-        return [items, &mut []];
-    }
-    let spread = Aabb::from_points(items.iter().map(|&(center, _)| center));
-    let size = spread.max - spread.min;
-    let axis = if size.x >= size.y && size.x >= size.z { 0 } else { 1 + usize::from(size.z > size.y) };
-    let middle = items.len().div_ceil(LEAF_WIDTH).div_ceil(2) * LEAF_WIDTH;
-    items.select_nth_unstable_by(middle, |(center, item), (other_center, other_item)| {
-        center[axis].total_cmp(&other_center[axis]).then(item.cmp(other_item))
-    });
-    items.split_at_mut(middle).into()
 }
 
 #[inline(always)]

@@ -3,7 +3,7 @@
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore,
-    detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
+    detection::{BruteForceBroadPhasePlugin, ParryBroadPhasePlugin, TreeBroadPhasePlugin},
     kernel::{
         contact::{CompactContact, TouchingPair},
         reference::{
@@ -21,6 +21,7 @@ use glam::{DVec3, Vec3};
 pub enum BroadPhase {
     Tree,
     BruteForce,
+    Parry,
 }
 
 /// A self-colliding mesh in an app of its own.
@@ -43,6 +44,9 @@ impl Detector {
             BroadPhase::BruteForce => app
                 .add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>())
                 .add_plugins(BruteForceBroadPhasePlugin),
+            BroadPhase::Parry => app
+                .add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>())
+                .add_plugins(ParryBroadPhasePlugin),
         };
         let surface = DeformableSurface::from_mesh(rest, triangles).expect("the mesh is valid");
         let thickness = SurfaceThickness::World((0.5 * distance) as f32);

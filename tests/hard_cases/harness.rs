@@ -10,7 +10,7 @@ use std::{
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore, StoredPair,
-    detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
+    detection::{BruteForceBroadPhasePlugin, ParryBroadPhasePlugin, TreeBroadPhasePlugin},
     kernel::{
         contact::{CompactContact, TouchingPair},
         reference::{
@@ -34,12 +34,13 @@ use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
 /// Weights and normals are stored in f32: a handful of roundings.
 const STORAGE: f32 = 8.0 * f32::EPSILON;
 
-pub const BROAD_PHASES: [BroadPhase; 2] = [BroadPhase::Tree, BroadPhase::BruteForce];
+pub const BROAD_PHASES: [BroadPhase; 3] = [BroadPhase::Tree, BroadPhase::BruteForce, BroadPhase::Parry];
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BroadPhase {
     Tree,
     BruteForce,
+    Parry,
 }
 
 /// Every method with every broad phase.
@@ -471,6 +472,9 @@ pub fn new_app(broad_phase: BroadPhase, settings: CircumsphereSettings) -> App {
         BroadPhase::BruteForce => app
             .add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>())
             .add_plugins(BruteForceBroadPhasePlugin),
+        BroadPhase::Parry => app
+            .add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>())
+            .add_plugins(ParryBroadPhasePlugin),
     };
     // Handing a few small systems to worker threads costs more than they do.
     for schedule in [First.intern(), Update.intern()] {

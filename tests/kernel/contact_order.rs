@@ -2,11 +2,14 @@
 
 use bevy_circumsphere::kernel::{
     contact::{CompactContact, ContactKey, TouchingPair},
-    contact_order::{ContactOrder, sort_touching},
+    contact_order::{ContactOrder, TouchingOrder, copy_in_order},
     exact::{Feature, FeaturePair},
+    share::{OneByOne, Share},
 };
 use circumsphere_support::random::Random;
 use glam::Vec3;
+
+use crate::last_first::LastFirst;
 
 fn below(random: &mut Random, end: u32) -> u32 {
     random.below(end.into()) as u32
@@ -46,16 +49,10 @@ fn contacts(random: &mut Random, count: usize, numbers: u32, copies: u32) -> Vec
     contacts
 }
 
-fn in_parts(order: &mut ContactOrder, found: &[CompactContact], length: usize) -> Vec<CompactContact> {
-    ContactOrder::list(found, 0, order.listed(found.len()));
-    order.arrange();
-    let mut sorted = Vec::new();
-    for part in order.parts(length) {
-        let kept = ContactOrder::finish(part, found);
-        let start = sorted.len();
-        sorted.resize(start + kept, found[0]);
-        ContactOrder::copy(&part[..kept], found, &mut sorted[start..]);
-    }
+fn in_order(order: &mut ContactOrder, found: &[CompactContact], share: &impl Share) -> Vec<CompactContact> {
+    order.arrange(found, share);
+    let mut sorted = found[..order.count()].to_vec();
+    copy_in_order(found, order.parts(), order.count(), &mut sorted, share, |_| ());
     sorted
 }
 
@@ -64,18 +61,25 @@ fn contacts_come_in_the_order_of_a_stable_sort_and_every_key_once() {
     let mut random = Random::new(5);
     let mut order = ContactOrder::default();
     let mut dropped = 0;
-    // Sorted by comparison because they are few, by counting, and by comparison because they are thinly spread.
-    for (count, numbers, copies) in
-        [(0, 5, 1), (1, 5, 1), (40, 9, 4), (5000, 700, 6), (20_000, 9000, 3), (300, 1 << 27, 2)]
-    {
+    // Sorted by comparison because they are few, by counting, by comparison because they are thinly spread, and as the
+    // first but with so many on few features that whole buckets are of one number.
+    for (count, numbers, copies) in [
+        (0, 5, 1),
+        (1, 5, 1),
+        (40, 9, 4),
+        (5000, 700, 6),
+        (20_000, 9000, 3),
+        (300, 1 << 27, 2),
+        (60_000, 1 << 27, 1),
+        (60_000, 70, 2),
+    ] {
         let found = contacts(&mut random, count, numbers, copies);
         let mut expected = found.clone();
         expected.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
         expected.dedup_by_key(|contact| contact.key);
         dropped += found.len() - expected.len();
-        for length in [1, 100, usize::MAX] {
-            assert_eq!(in_parts(&mut order, &found, length), expected, "{count} contacts in parts of {length}");
-        }
+        assert_eq!(in_order(&mut order, &found, &OneByOne), expected, "{count} contacts");
+        assert_eq!(in_order(&mut order, &found, &LastFirst), expected, "{count} contacts, last task first");
     }
     assert!(dropped > 10_000, "only {dropped} contacts were found more than once");
 }
@@ -83,8 +87,10 @@ fn contacts_come_in_the_order_of_a_stable_sort_and_every_key_once() {
 #[test]
 fn touching_pairs_come_in_the_order_of_their_triangles() {
     let mut random = Random::new(6);
-    let (mut counts, mut between) = (Vec::new(), Vec::new());
-    for (count, triangles) in [(0, 1), (30, 4), (10_000, 800), (10_000, 20), (200, u32::MAX)] {
+    let mut order = TouchingOrder::default();
+    for (count, triangles) in
+        [(0, 1), (30, 4), (10_000, 800), (10_000, 20), (200, u32::MAX), (40_000, 30_000), (40_000, u32::MAX)]
+    {
         let mut pairs: Vec<[u32; 2]> =
             (0..count).map(|_| [below(&mut random, triangles), below(&mut random, 100_000)]).collect();
         pairs.sort_unstable();
@@ -97,7 +103,10 @@ fn touching_pairs_come_in_the_order_of_their_triangles() {
         let found: Vec<TouchingPair> = pairs.iter().copied().map(pair).collect();
         assert!(count < 30 || found != expected, "they have to be in disorder");
         let mut sorted = found.clone();
-        sort_touching(&found, &mut sorted, &mut counts, &mut between);
+        order.sort(&found, &mut sorted, &OneByOne);
         assert_eq!(sorted, expected, "{count} pairs of {triangles} triangles");
+        sorted.fill(TouchingPair { triangle_a: 0, triangle_b: 0, distance: 0.0 });
+        order.sort(&found, &mut sorted, &LastFirst);
+        assert_eq!(sorted, expected, "{count} pairs of {triangles} triangles, last task first");
     }
 }

@@ -7,6 +7,7 @@ mod cone;
 mod contact_order;
 mod curvature;
 mod exact;
+mod last_first;
 mod leaf_triangles;
 mod narrow_phase;
 mod pose;

@@ -1,6 +1,6 @@
 //! The bounding volume tree against comparing every box with every other.
 
-use crate::common::Random;
+use crate::{common::Random, last_first::LastFirst};
 use bevy_circumsphere::kernel::{
     bounds::{Aabb, pairs_between_brute_force, self_pairs_brute_force, triangle_bounds},
     tree::{BoxTree, LEAF_WIDTH},
@@ -309,4 +309,75 @@ fn grown_boxes_of_triangles_in_range_overlap() {
         checked += 1;
     }
     assert!(checked > 10_000);
+}
+
+/// Small boxes in a cube, so many of them that a tree has several levels.
+fn small_boxes(random: &mut Random, count: usize) -> Vec<Aabb> {
+    (0..count)
+        .map(|_| {
+            let low = random.vector().as_vec3();
+            Aabb { min: low, max: low + Vec3::splat(0.03) }
+        })
+        .collect()
+}
+
+#[test]
+fn a_refit_in_tasks_leaves_the_same_tree_whichever_task_is_first() {
+    let mut random = Random::new(11);
+    // A root of leaves alone, of leaves and nodes, of nodes alone.
+    for count in [1, 9, 60, 65, 200, 500, 513, 3_000] {
+        let (first, second) = (small_boxes(&mut random, count), small_boxes(&mut random, count));
+        let (mut one_by_one, mut last_first) = (BoxTree::new(&first), BoxTree::new(&first));
+        one_by_one.refit(&second);
+        last_first.refit_on(&LastFirst, &second);
+        assert_eq!(one_by_one.decay().to_bits(), last_first.decay().to_bits(), "{count} boxes");
+        let nodes = |tree: &BoxTree| {
+            let mut nodes = Vec::new();
+            tree.for_each_node(|level, bounds| nodes.push((level, *bounds)));
+            nodes
+        };
+        assert_eq!(nodes(&one_by_one), nodes(&last_first), "{count} boxes");
+        let pairs = |tree: &BoxTree| {
+            let mut pairs = Vec::new();
+            tree.self_pairs(&mut pairs);
+            pairs
+        };
+        assert_eq!(pairs(&one_by_one), pairs(&last_first), "{count} boxes");
+        assert_eq!(sorted(pairs(&last_first)), brute_self(&second), "{count} boxes");
+    }
+}
+
+#[test]
+fn a_tree_that_is_built_anew_in_slices_is_right_at_every_slice_and_as_good_as_a_new_one_after_the_last() {
+    let mut random = Random::new(12);
+    for count in [1, 9, 65, 1_000, 3_000] {
+        let (first, mut second) = (small_boxes(&mut random, count), small_boxes(&mut random, count));
+        let mut tree = BoxTree::new(&first);
+        tree.refit(&second);
+        let decayed = tree.decay();
+        tree.begin_rebuild(&second);
+        let centers = second.clone();
+        let mut slices = 1;
+        while !tree.go_on_rebuilding() {
+            assert!(tree.is_rebuilding());
+            slices += 1;
+            for bounds in &mut second {
+                let shift = (random.vector() * 0.001).as_vec3();
+                *bounds = Aabb { min: bounds.min + shift, max: bounds.max + shift };
+            }
+            tree.refit(&second);
+            let mut found = Vec::new();
+            tree.self_pairs(&mut found);
+            assert_eq!(sorted(found), brute_self(&second), "{count} boxes, slice {slices}");
+        }
+        assert!(!tree.is_rebuilding() && !tree.go_on_rebuilding());
+        tree.refit(&centers);
+        assert_eq!(tree.decay(), 1.0);
+        let (mut found, mut of_new) = (Vec::new(), Vec::new());
+        tree.self_pairs(&mut found);
+        BoxTree::new(&centers).self_pairs(&mut of_new);
+        assert_eq!(found, of_new, "{count} boxes, in the order of a tree that is built at once");
+        println!("{count} boxes: {slices} slices, {decayed} times as large before");
+        assert!(count < 1_000 || (slices >= 4 && decayed > 2.0), "{slices} slices, decayed by {decayed}");
+    }
 }

@@ -12,6 +12,7 @@ mod order;
 mod pair_fates;
 mod poses;
 mod quarantine;
+mod rebuild;
 mod rest;
 mod rigid_shapes;
 mod setup;

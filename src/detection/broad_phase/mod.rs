@@ -8,6 +8,7 @@
 
 mod brute_force;
 mod moved;
+mod parry;
 mod tree;
 
 use std::time::Instant;
@@ -18,6 +19,7 @@ use glam::Vec3;
 
 pub use brute_force::BruteForceBroadPhasePlugin;
 pub use moved::TriangleMover;
+pub use parry::ParryBroadPhasePlugin;
 pub(super) use tree::{MovedLeaves, Traversal};
 pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
 

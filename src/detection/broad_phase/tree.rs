@@ -6,20 +6,21 @@ use std::{
         Arc,
         atomic::{AtomicUsize, Ordering},
     },
-    time::Instant,
+    time::{Duration, Instant},
 };
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
+use self::follow::{Outcome, TakenTree, update_each};
 use super::{
-    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, REBUILD_DECAY, SurfacePair,
-    brute_force::pair_with_shape_brute_force, moved::Reach, shape_bounds,
+    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, brute_force::pair_with_shape_brute_force,
+    moved::Reach, shape_bounds,
 };
 use crate::{
     detection::{
         DetectionDiagnostics, DetectionMemory, StageList, TriangleBounds,
-        parallel::{Buffers, append_ranges, for_each_weighed},
+        parallel::{Buffers, Threads, append_ranges, for_each_weighed},
         sides::{pair_settings, surface_sides},
     },
     kernel::{
@@ -31,6 +32,8 @@ use crate::{
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
+
+mod follow;
 
 /// Leaves whose pairs one thread looks for at a time.
 const LEAVES_AT_ONCE: usize = 64;
@@ -89,28 +92,20 @@ fn update_trees(
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut culled: Local<Vec<bool>>,
+    mut taken: Local<Vec<TakenTree>>,
     mut surfaces: TreesToUpdate,
 ) {
     let start = Instant::now();
-    for surface in &active.surfaces {
-        let Ok((_, bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
-        let tree = &mut *tree;
-        if tree.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, &surface.topology)) {
-            if tree.followed != bounds.computed() {
-                tree.tree.refit(&bounds.triangles);
-                if tree.tree.decay() > REBUILD_DECAY {
-                    tree.tree.rebuild(&bounds.triangles);
-                    diagnostics.trees_rebuilt += 1;
-                }
-            }
-        } else {
-            let build = Instant::now();
-            tree.tree.rebuild(&bounds.triangles);
-            tree.topology = Some(Arc::clone(&surface.topology));
-            diagnostics.first_tree_builds += build.elapsed();
-        }
-        tree.followed = bounds.computed();
+    update_each(&active, &mut taken, &mut surfaces, settings.threads, |_, tree, (_, bounds), surface, threads| {
+        tree.follow(surface, bounds, threads)
+    });
+    let mut first_builds = Duration::ZERO;
+    for outcome in taken.drain(..).map(|taken| taken.outcome) {
+        diagnostics.trees_rebuilt += usize::from(outcome.is_rebuilt);
+        first_builds += outcome.first_build;
     }
+    // Several threads build several trees at the same time.
+    diagnostics.first_tree_builds += first_builds.min(start.elapsed());
     let trees = surfaces.as_readonly();
     memory.reads(StageList::Candidates, candidates.last_changed());
     memory.hand_back_moved(&mut candidates.pairs);
@@ -127,14 +122,20 @@ fn update_trees(
     );
     memory.seal(StageList::Candidates, candidates.last_changed());
     mark_culled_surfaces(&active, &candidates, &mut culled);
-    for (surface, &culled) in active.surfaces.iter().zip(&*culled) {
-        let Ok((positions, _, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
-        let tree = &mut *tree;
-        if culled && tree.triangles_followed != tree.followed {
-            tree.triangles.update(&tree.tree, &surface.topology, &positions.0);
-            tree.triangles_followed = tree.followed;
-        }
-    }
+    update_each(
+        &active,
+        &mut taken,
+        &mut surfaces,
+        settings.threads,
+        |place, tree, (positions, _), surface, threads| {
+            if culled[place] && tree.triangles_followed != tree.followed {
+                tree.triangles.update_on(&Threads(threads), &tree.tree, &surface.topology, &positions.0);
+                tree.triangles_followed = tree.followed;
+            }
+            Outcome::default()
+        },
+    );
+    taken.clear();
     let start = start + diagnostics.first_tree_builds;
     diagnostics.finish("tree update", start, 0, 0);
 }

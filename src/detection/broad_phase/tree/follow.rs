@@ -1,0 +1,95 @@
+//! Trees follow the boxes of their surfaces: those of one large surface in tasks, those of many small ones side by side. A
+//! tree that its mesh has outgrown is built anew.
+
+use std::{
+    sync::Arc,
+    time::{Duration, Instant},
+};
+
+use super::{SurfaceTree, TreesToUpdate};
+use crate::{
+    detection::{
+        TriangleBounds,
+        broad_phase::REBUILD_DECAY,
+        parallel::{Threads, for_each_weighed},
+    },
+    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
+};
+
+/// A surface's tree is built anew in slices, a tick each, but at once where it is worse than this: to ask it takes longer
+/// then than to build it.
+const REBUILD_AT_ONCE_DECAY: f32 = 4.0;
+
+/// Triangles of a surface that are worth more than one thread, by half.
+const TRIANGLES_OF_ONE: usize = 8192;
+
+impl SurfaceTree {
+    /// Follows the boxes of its surface.
+    pub(super) fn follow(&mut self, surface: &ActiveSurface, bounds: &TriangleBounds, threads: usize) -> Outcome {
+        let mut outcome = Outcome::default();
+        if self.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, &surface.topology)) {
+            if self.followed != bounds.computed() {
+                outcome.is_rebuilt = self.tree.go_on_rebuilding();
+                self.tree.refit_on(&Threads(threads), &bounds.triangles);
+                if self.tree.decay() > REBUILD_AT_ONCE_DECAY {
+                    self.tree.rebuild(&bounds.triangles);
+                    outcome.is_rebuilt = true;
+                } else if self.tree.decay() > REBUILD_DECAY && !self.tree.is_rebuilding() {
+                    self.tree.begin_rebuild(&bounds.triangles);
+                }
+            }
+        } else {
+            let build = Instant::now();
+            self.tree.rebuild(&bounds.triangles);
+            self.topology = Some(Arc::clone(&surface.topology));
+            outcome.first_build = build.elapsed();
+        }
+        self.followed = bounds.computed();
+        outcome
+    }
+}
+
+/// What became of a surface's tree.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Outcome {
+    pub(super) is_rebuilt: bool,
+    pub(super) first_build: Duration,
+}
+
+/// The tree of an active surface, away from it while threads share them out.
+pub(super) struct TakenTree {
+    place: usize,
+    tree: SurfaceTree,
+    pub(super) outcome: Outcome,
+}
+
+/// Calls `update` with the place of every active surface, its tree, its positions and boxes, and how many threads may work on
+/// it. `taken` is empty, and then tells what became of each.
+pub(super) fn update_each(
+    active: &ActiveSurfaces,
+    taken: &mut Vec<TakenTree>,
+    surfaces: &mut TreesToUpdate,
+    threads: usize,
+    update: impl Fn(usize, &mut SurfaceTree, (&SurfacePositions, &TriangleBounds), &ActiveSurface, usize) -> Outcome + Sync,
+) {
+    for (place, surface) in active.surfaces.iter().enumerate() {
+        let Ok((_, _, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
+        taken.push(TakenTree { place, tree: std::mem::take(&mut *tree), outcome: Outcome::default() });
+    }
+    let others = surfaces.as_readonly();
+    for_each_weighed(
+        taken,
+        threads,
+        TRIANGLES_OF_ONE,
+        |_, taken| active.surfaces[taken.place].topology.triangles().len(),
+        |_, TakenTree { place, tree, outcome }, threads| {
+            let surface = &active.surfaces[*place];
+            let Ok((positions, bounds, _)) = others.get(surface.entity) else { return };
+            *outcome = update(*place, tree, (positions, bounds), surface, threads);
+        },
+    );
+    for TakenTree { place, tree: updated, .. } in taken {
+        let Ok((_, _, mut tree)) = surfaces.get_mut(active.surfaces[*place].entity) else { continue };
+        *tree = std::mem::take(updated);
+    }
+}

@@ -1,0 +1,19 @@
+//! How functions of the kernel hand out tasks that do not depend on each other.
+//!
+//! The kernel knows of no threads: whoever calls it says where its tasks run. What comes of them is the same anywhere.
+
+/// Runs tasks, all of them before it returns, in any order and on any thread.
+pub trait Share {
+    /// Calls `work` with each of some tasks, about `count`.
+    fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync);
+}
+
+/// One task after the other, on the thread of the caller.
+#[derive(Clone, Copy, Debug)]
+pub struct OneByOne;
+
+impl Share for OneByOne {
+    fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
+        tasks.for_each(work);
+    }
+}
