@@ -7,7 +7,9 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{exact::Feature, ids::TriangleId, surroundings::Surroundings, topology::SurfaceTopology};
+use super::{
+    exact::Feature, ids::TriangleId, prefetch::prefetch, surroundings::Surroundings, topology::SurfaceTopology,
+};
 
 /// One triangle, in a line of the cache.
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +73,11 @@ impl CornerRows {
         for (triangle, row) in (first..).zip(rows) {
             *row = CornerRow::new(topology, positions, triangle);
         }
+    }
+
+    #[inline(always)]
+    pub(super) fn prefetch(&self, triangle: u32) {
+        prefetch(&self.rows, triangle);
     }
 
     #[inline(always)]

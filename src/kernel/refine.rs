@@ -22,6 +22,7 @@ use super::{
     ids::{EdgeId, TriangleId, VertexId},
     pair::{FoundPairs, PairSettings, RowPair, SurfaceSide, without_neighbors},
     pose::Pose,
+    prefetch::to_ask_for,
     topology::SurfaceTopology,
 };
 
@@ -62,14 +63,14 @@ pub fn refine_closest(
 fn examine_pairs(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
-    pairs: &[[u32; 2]],
+    candidates: &[[u32; 2]],
     settings: &PairSettings,
     found: &mut FoundPairs,
     wanted: impl Fn(&RowPair<'_>, &ScreenedPair) -> Cases,
     makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
 ) {
     let range = settings.range / settings.scale;
-    found.examined += pairs.len();
+    found.examined += candidates.len();
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
     let mut batches = FeatureBatches::new();
@@ -77,7 +78,13 @@ fn examine_pairs(
     let mut made = [[CornerRow::EMPTY; PairScreen::WIDTH]; 2];
     let [made_a, made_b] = &mut made;
     let poses = [a, b].map(|side| side.moved.map(|moved| moved.pose));
-    for pairs in pairs.chunks(PairScreen::WIDTH) {
+    for (block, pairs) in candidates.chunks(PairScreen::WIDTH).enumerate() {
+        if let (Some(rows_a), Some(rows_b)) = (a.rows, b.rows) {
+            for &[triangle_a, triangle_b] in to_ask_for(candidates, block) {
+                rows_a.prefetch(triangle_a);
+                rows_b.prefetch(triangle_b);
+            }
+        }
         let rows = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
         for pair in screen.screen([&rows[0], &rows[1]], poses, pairs.len(), range) {
             let triangles = pairs[pair.place];

@@ -93,10 +93,7 @@ impl<S: Simd> EdgeChoice<S> {
     /// The edges that [`bits`](Self::bits) tell.
     #[inline(always)]
     pub(in crate::kernel) fn from_bits(simd: S, [second, third]: [u8; 2]) -> Self {
-        Self {
-            second: mask32x8::from_bitmask(simd, second.into()),
-            third: mask32x8::from_bitmask(simd, third.into()),
-        }
+        Self { second: mask32x8::from_bitmask(simd, second.into()), third: mask32x8::from_bitmask(simd, third.into()) }
     }
 
     /// One bit for each triangle whose edge is the second, and one where it is the third.
