@@ -2,7 +2,7 @@
 //!
 //! Written by `refine` and the sphere stages, sorted and stored by the `contacts` room.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::{
     exact::{Feature, FeaturePair, rigid_shape::ShapeProximity},
@@ -119,30 +119,9 @@ pub(super) struct FacePlace {
 }
 
 impl CompactContact {
-    /// Names a contact and rounds it to storage precision. In a self-collision (`same_surface`) a feature pair is the
-    /// same from either side, so its key does not depend on which triangle came first.
-    #[expect(clippy::too_many_arguments, reason = "one argument per field of the record")]
-    #[inline]
-    pub(crate) fn between_triangles(
-        sides: [&SurfaceSide<'_>; 2],
-        triangles: [u32; 2],
-        same_surface: bool,
-        features: FeaturePair,
-        barycentric_a: [f64; 3],
-        barycentric_b: [f64; 3],
-        point_b: DVec3,
-        normal: DVec3,
-        distance: f64,
-    ) -> Self {
-        let [a, b] = sides;
-        let number_a = feature_number(a.topology, a.positions, triangles[0], features.a);
-        let number_b = feature_number(b.topology, b.positions, triangles[1], features.b);
-        let numbers = [number_a, number_b];
-        let barycentrics = [barycentric_a, barycentric_b];
-        Self::between_features(triangles, same_surface, features, numbers, barycentrics, point_b, normal, distance)
-    }
-
-    /// The same of features whose [numbers](feature_number) are known.
+    /// Names a contact of two triangles by the [numbers](feature_number) of its features. In a self-collision
+    /// (`same_surface`) a feature pair is the same from either side, so its key does not depend on which triangle came
+    /// first. Barycentrics are the weights of the first two corners of either triangle.
     #[expect(clippy::too_many_arguments, reason = "one argument per field of the record")]
     #[inline]
     pub(super) fn between_features(
@@ -150,10 +129,10 @@ impl CompactContact {
         same_surface: bool,
         features: FeaturePair,
         [number_a, number_b]: [u32; 2],
-        [barycentric_a, barycentric_b]: [[f64; 3]; 2],
-        point_b: DVec3,
-        normal: DVec3,
-        distance: f64,
+        [barycentric_a, barycentric_b]: [[f32; 2]; 2],
+        point_b: Vec3,
+        normal: Vec3,
+        distance: f32,
     ) -> Self {
         let swapped = same_surface && (rank(features.b), number_b) < (rank(features.a), number_a);
         Self {
@@ -166,11 +145,11 @@ impl CompactContact {
             triangle_a: triangles[0],
             triangle_b: triangles[1],
             features,
-            barycentric_a: [barycentric_a[0] as f32, barycentric_a[1] as f32],
-            barycentric_b: [barycentric_b[0] as f32, barycentric_b[1] as f32],
-            point_b: point_b.as_vec3(),
-            normal: normal.as_vec3(),
-            distance: distance as f32,
+            barycentric_a,
+            barycentric_b,
+            point_b,
+            normal,
+            distance,
         }
     }
 

@@ -8,11 +8,10 @@
 use glam::{DVec3, Vec3};
 
 use super::{
-    contact::{CompactContact, TouchingPair, canonical_order},
+    contact::{CompactContact, TouchingPair, canonical_order, feature_number},
     corner_rows::CornerRow,
     exact::{
-        Cases, Feature, FeatureBatches, FeatureContact, FeaturePair, PairProximity, PairScreen, Proximity,
-        ScreenedPair,
+        Cases, Feature, FeatureBatches, FeaturePair, PairProximity, PairScreen, Proximity, ScreenedPair,
         barycentric::point_at,
         examine_boundaries, examine_pair, examine_screened,
         rigid_shape::{ShapeGeometry, ShapeProximity},
@@ -73,7 +72,7 @@ fn examine_pairs(
     found.examined += candidates.len();
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
-    let mut batches = FeatureBatches::new();
+    let mut batches = FeatureBatches::new(settings);
     let has_inside = a.one_sided || b.one_sided;
     let mut made = [[CornerRow::EMPTY; PairScreen::WIDTH]; 2];
     let [made_a, made_b] = &mut made;
@@ -104,9 +103,7 @@ fn examine_pairs(
                     add_pair(triangles, distance, settings, found);
                     let contacts = &mut found.contacts;
                     if !cases.are_none() {
-                        batches.add(&rows, cases, pair.nothing(), |feature| {
-                            contacts.extend(feature_contact(a, b, settings, &feature));
-                        });
+                        batches.add(&rows, cases, pair.nothing(), contacts);
                     }
                     if !crosses && pair.is_closest_on_boundary() && distance <= settings.reported_distance {
                         let corners = [rows.corners(0), rows.corners(1)];
@@ -114,7 +111,9 @@ fn examine_pairs(
                         examine_boundaries(&pair, &corners, range, &mut proximity.proximities);
                         for features in &proximity.proximities {
                             if features.distance * settings.scale <= settings.reported_distance {
-                                contacts.push(contact(a, b, settings, triangles, &corners, features));
+                                let numbers =
+                                    [rows.number(0, features.features.a), rows.number(1, features.features.b)];
+                                contacts.push(contact(a, b, settings, triangles, numbers, &corners, features));
                             }
                         }
                     }
@@ -128,7 +127,10 @@ fn examine_pairs(
             }
         }
     }
-    batches.finish(|feature| found.contacts.extend(feature_contact(a, b, settings, &feature)));
+    batches.finish(&mut found.contacts);
+    for (triangles, features) in batches.doubtful {
+        found.contacts.extend(contact_alone(a, b, settings, triangles, features));
+    }
 }
 
 /// The rows of one side's triangles of up to eight pairs, of fewer the last one fills up. Where nobody has made them, they
@@ -150,43 +152,20 @@ fn rows_of<'a, const SIDE: usize>(
     std::array::from_fn(|lane| &made[lane.min(pairs.len() - 1)])
 }
 
-/// The contact of a feature pair of surfaces without an inside, where it is close enough to be reported.
-fn feature_contact(
-    a: &SurfaceSide<'_>,
-    b: &SurfaceSide<'_>,
-    settings: &PairSettings,
-    feature: &FeatureContact,
-) -> Option<CompactContact> {
-    let Some(normal) = feature.normal else { return contact_alone(a, b, settings, feature) };
-    let distance = feature.distance * settings.scale;
-    (distance <= settings.reported_distance).then(|| {
-        CompactContact::between_features(
-            feature.triangles,
-            settings.same_surface,
-            feature.features,
-            feature.numbers,
-            feature.barycentrics,
-            feature.point_b,
-            normal,
-            distance,
-        )
-    })
-}
-
-/// The same by the test of the pair alone.
-#[cold]
+/// The contact of a feature pair by the test of its triangles alone, where it is close enough to be reported.
 fn contact_alone(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     settings: &PairSettings,
-    feature: &FeatureContact,
+    triangles: [u32; 2],
+    features: FeaturePair,
 ) -> Option<CompactContact> {
-    let corners = [a.corners(feature.triangles[0]), b.corners(feature.triangles[1])];
+    let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
     let mut proximity = PairProximity::default();
     examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
-    let found = proximity.proximities.iter().find(|found| found.features == feature.features)?;
+    let found = proximity.proximities.iter().find(|found| found.features == features)?;
     let is_reported = found.distance * settings.scale <= settings.reported_distance;
-    is_reported.then(|| contact(a, b, settings, feature.triangles, &corners, found))
+    is_reported.then(|| contact(a, b, settings, triangles, numbers(a, b, triangles, features), &corners, found))
 }
 
 /// Tests pairs exactly, each for itself and whole: what the other ways are measured by.
@@ -227,7 +206,8 @@ fn add_examined(
     for features in &pair.proximities {
         let is_reported = features.distance * settings.scale <= settings.reported_distance;
         if is_reported && makes_contact(features) {
-            found.contacts.push(contact(a, b, settings, triangles, corners, features));
+            let numbers = numbers(a, b, triangles, features.features);
+            found.contacts.push(contact(a, b, settings, triangles, numbers, corners, features));
         }
     }
 }
@@ -291,8 +271,7 @@ fn reported_cases(pair: &RowPair<'_>, same_surface: bool, cases: Cases) -> Cases
     }
     let mut found = reported;
     for case in others.each() {
-        let [part_a, part_b] = case.parts();
-        let features = FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) };
+        let ([part_a, part_b], features) = (case.parts(), case.features());
         if !is_welded {
             let first_a = a.topology.first_around(TriangleId(triangles[0]), part_a);
             let first_b = b.topology.first_around(TriangleId(triangles[1]), part_b);
@@ -371,11 +350,21 @@ fn shares_feature(side: &SurfaceSide<'_>, triangle: u32, feature: Feature, candi
     }
 }
 
+/// The [numbers](feature_number) of features.
+fn numbers(a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, triangles: [u32; 2], features: FeaturePair) -> [u32; 2] {
+    [
+        feature_number(a.topology, a.positions, triangles[0], features.a),
+        feature_number(b.topology, b.positions, triangles[1], features.b),
+    ]
+}
+
+/// A contact between features of these `numbers`.
 fn contact(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     settings: &PairSettings,
     triangles: [u32; 2],
+    numbers: [u32; 2],
     corners: &[[DVec3; 3]; 2],
     proximity: &Proximity,
 ) -> CompactContact {
@@ -387,16 +376,15 @@ fn contact(
     }
     let weights = proximity.barycentric_b;
     let point_b = point_at(&corners[1], &weights);
-    CompactContact::between_triangles(
-        [a, b],
+    CompactContact::between_features(
         triangles,
         settings.same_surface,
         proximity.features,
-        proximity.barycentric_a,
-        weights,
-        point_b,
-        normal,
-        distance,
+        numbers,
+        [proximity.barycentric_a, weights].map(|[first, second, _]| [first as f32, second as f32]),
+        point_b.as_vec3(),
+        normal.as_vec3(),
+        distance as f32,
     )
 }
 

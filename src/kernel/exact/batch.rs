@@ -6,15 +6,17 @@
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
 use arrayvec::ArrayVec;
-use fearless_simd::{Level, dispatch, f64x8, mask64x8, prelude::*};
-use glam::DVec3;
+use fearless_simd::{Level, dispatch, f32x8, f64x8, mask64x8, prelude::*};
+use glam::{DVec3, Vec3};
 
 use super::{
-    barycentric::edge_weights,
     feature::{Feature, FeaturePair},
     screen::{Cases, Vectors, WIDTH},
 };
-use crate::kernel::pair::RowPair;
+use crate::kernel::{
+    contact::CompactContact,
+    pair::{PairSettings, RowPair},
+};
 
 /// Of separations whose square is smaller, the direction is left to the test of a pair alone, which scales them first.
 const LEAST_SQUARED: f64 = 1.0e-150;
@@ -22,21 +24,15 @@ const LEAST_SQUARED: f64 = 1.0e-150;
 /// A vector of each of eight pairs.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-pub(super) struct Rows([[f64; WIDTH]; 3]);
+struct Rows([[f64; WIDTH]; 3]);
 
 impl Rows {
-    pub(super) const ZERO: Self = Self([[0.0; WIDTH]; 3]);
+    const ZERO: Self = Self([[0.0; WIDTH]; 3]);
 
     #[inline(always)]
-    pub(super) fn set(&mut self, lane: usize, place: DVec3) {
+    fn set(&mut self, lane: usize, place: DVec3) {
         let Self([x, y, z]) = self;
         (x[lane], y[lane], z[lane]) = (place.x, place.y, place.z);
-    }
-
-    #[inline(always)]
-    pub(super) fn get(&self, lane: usize) -> DVec3 {
-        let Self([x, y, z]) = self;
-        DVec3::new(x[lane], y[lane], z[lane])
     }
 }
 
@@ -45,32 +41,6 @@ impl<S: Simd> Vectors<S> {
     fn load(simd: S, Rows([x, y, z]): &Rows) -> Self {
         Self { x: f64x8::from_slice(simd, x), y: f64x8::from_slice(simd, y), z: f64x8::from_slice(simd, z) }
     }
-
-    #[inline(always)]
-    fn store(self, Rows([x, y, z]): &mut Rows) {
-        self.x.store_slice(x);
-        self.y.store_slice(y);
-        self.z.store_slice(z);
-    }
-}
-
-/// A contact of two triangles that have no inside.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::kernel) struct FeatureContact {
-    /// The two triangles.
-    pub(in crate::kernel) triangles: [u32; 2],
-    /// Which of their features.
-    pub(in crate::kernel) features: FeaturePair,
-    /// The [numbers](crate::kernel::contact::feature_number) of those.
-    pub(in crate::kernel) numbers: [u32; 2],
-    /// Weights of the corners of either triangle.
-    pub(in crate::kernel) barycentrics: [[f64; 3]; 2],
-    /// The point on the second triangle.
-    pub(in crate::kernel) point_b: DVec3,
-    /// Unit vector from the second to the first; `None` where it is too short to tell.
-    pub(in crate::kernel) normal: Option<DVec3>,
-    /// Distance of the two points.
-    pub(in crate::kernel) distance: f64,
 }
 
 /// One feature pair on its way.
@@ -78,13 +48,17 @@ pub(in crate::kernel) struct FeatureContact {
 struct Task {
     triangles: [u32; 2],
     features: FeaturePair,
+    /// Of those, see [`feature_number`](crate::kernel::contact::feature_number).
     numbers: [u32; 2],
-    /// Whether the first feature, the vertex or the piercing edge, is of the first triangle.
-    first_is_a: bool,
-    /// From the centroid of the second triangle to that of the first.
-    from_b_to_a: DVec3,
-    /// Below this a distance is none.
-    nothing: f64,
+}
+
+impl Task {
+    #[inline(always)]
+    fn new(pair: &RowPair<'_>, case: Cases) -> Self {
+        let features = case.features();
+        let numbers = [pair.number(0, features.a), pair.number(1, features.b)];
+        Self { triangles: pair.triangles, features, numbers }
+    }
 }
 
 /// The tasks of one kind that wait for their company, with up to five points each: those of the feature named first, then
@@ -92,59 +66,87 @@ struct Task {
 struct Batch {
     points: [Rows; 5],
     origin: Rows,
+    /// Below this a distance is none.
+    nothing: [f64; WIDTH],
+    /// Where the feature named first is of the second triangle, one bit each.
+    swapped: u64,
     tasks: ArrayVec<Task, WIDTH>,
 }
 
 impl Batch {
     fn new() -> Self {
-        Self { points: [Rows::ZERO; 5], origin: Rows::ZERO, tasks: ArrayVec::new() }
+        let tasks = ArrayVec::new();
+        Self { points: [Rows::ZERO; 5], origin: Rows::ZERO, nothing: [0.0; WIDTH], swapped: 0, tasks }
     }
 
+    /// Adds a task, of which the feature named first is on the given side. Whether they are complete.
     #[inline(always)]
-    fn push(&mut self, task: Task, origin: DVec3, points: &[DVec3]) {
+    fn push(&mut self, task: Task, first: usize, origin: DVec3, points: &[DVec3], nothing: f64) -> bool {
         let lane = self.tasks.len();
         for (rows, &point) in self.points.iter_mut().zip(points) {
             rows.set(lane, point);
         }
         self.origin.set(lane, origin);
+        self.nothing[lane] = nothing;
+        self.swapped |= (first as u64) << lane;
         self.tasks.push(task);
+        self.tasks.is_full()
     }
 }
 
-/// What comes out of a batch.
+/// What comes out of a batch, rounded as contacts are.
 struct Results {
-    /// Along the first feature where it is an edge.
-    along: [f64; WIDTH],
-    /// Along the second edge, or the weights of the face's last two corners.
-    weights: [[f64; WIDTH]; 2],
-    point_b: Rows,
-    direction: Rows,
-    distance: [f64; WIDTH],
+    /// Weights of the start and the end of the first feature where it is an edge.
+    first: [[f32; WIDTH]; 2],
+    /// Those of the start and the end of the second edge, or of the face's first two corners.
+    second: [[f32; WIDTH]; 2],
+    point_b: [[f32; WIDTH]; 3],
+    normal: [[f32; WIDTH]; 3],
+    distance: [f32; WIDTH],
+    /// The contacts whose points are far enough apart for a direction, one bit each.
     reliable: u64,
+    /// Those of them that are near enough to be reported.
+    reported: u64,
 }
 
-/// All kinds, and what is found of them.
+/// All kinds of feature pairs of surfaces that have no inside, and what becomes of them.
 pub(in crate::kernel) struct FeatureBatches {
     vertex_face: Batch,
     edge_edge: Batch,
     piercing: Batch,
+    /// From the centroid of the second triangle to that of the first, of piercing edges.
+    across: Rows,
     results: Results,
+    limits: Limits,
+    same_surface: bool,
+    /// Feature pairs too close for a direction: their contacts only the test of the pair alone can tell.
+    pub(in crate::kernel) doubtful: Vec<([u32; 2], FeaturePair)>,
 }
 
 impl FeatureBatches {
-    pub(in crate::kernel) fn new() -> Self {
+    pub(in crate::kernel) fn new(settings: &PairSettings) -> Self {
         let results = Results {
-            along: [0.0; WIDTH],
-            weights: [[0.0; WIDTH]; 2],
-            point_b: Rows::ZERO,
-            direction: Rows::ZERO,
+            first: [[0.0; WIDTH]; 2],
+            second: [[0.0; WIDTH]; 2],
+            point_b: [[0.0; WIDTH]; 3],
+            normal: [[0.0; WIDTH]; 3],
             distance: [0.0; WIDTH],
             reliable: 0,
+            reported: 0,
         };
-        Self { vertex_face: Batch::new(), edge_edge: Batch::new(), piercing: Batch::new(), results }
+        Self {
+            vertex_face: Batch::new(),
+            edge_edge: Batch::new(),
+            piercing: Batch::new(),
+            across: Rows::ZERO,
+            results,
+            limits: Limits { scale: settings.scale, reported: settings.reported_distance },
+            same_surface: settings.same_surface,
+            doubtful: Vec::new(),
+        }
     }
 
-    /// Adds cases of a pair of triangles, all of which count, and gives the contacts of whatever is complete by that.
+    /// Adds cases of a pair of triangles, all of which count, and appends the contacts of whatever is complete by that.
     /// Distances up to `nothing` are none.
     #[inline(always)]
     pub(in crate::kernel) fn add(
@@ -152,143 +154,167 @@ impl FeatureBatches {
         pair: &RowPair<'_>,
         cases: Cases,
         nothing: f64,
-        mut found: impl FnMut(FeatureContact),
+        contacts: &mut Vec<CompactContact>,
     ) {
         let corner = |side: usize, corner: usize| pair.corner(side, corner);
         let origin = corner(0, 0);
-        for case in cases.each() {
-            let [part_a, part_b] = case.parts();
-            let features = FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) };
-            let numbers = [pair.number(0, features.a), pair.number(1, features.b)];
-            let first_is_a = features.b == Feature::Face;
-            let mut task =
-                Task { triangles: pair.triangles, features, numbers, first_is_a, from_b_to_a: DVec3::ZERO, nothing };
-            let [own, face] = if first_is_a { [0, 1] } else { [1, 0] };
-            let own_feature = if first_is_a { features.a } else { features.b };
-            match (features.a, features.b) {
-                (Feature::Edge(edge_a), Feature::Edge(edge_b)) => {
-                    let (a, b) = (edge_a as usize, edge_b as usize);
-                    let ends = [corner(0, a), corner(0, (a + 1) % 3), corner(1, b), corner(1, (b + 1) % 3)];
-                    self.edge_edge.push(task, origin, &ends);
-                    if self.edge_edge.tasks.is_full() {
-                        self.finish_edge_edge(&mut found);
-                    }
-                }
-                _ => match own_feature {
-                    Feature::Edge(edge) => {
-                        let edge = edge as usize;
-                        let sum = |corners: [DVec3; 3]| corners.iter().sum::<DVec3>();
-                        task.from_b_to_a = (sum(pair.corners(0)) - sum(pair.corners(1))) / 3.0;
-                        let [first, second, third] = pair.corners(face);
-                        let points = [corner(own, edge), corner(own, (edge + 1) % 3), first, second, third];
-                        self.piercing.push(task, origin, &points);
-                        if self.piercing.tasks.is_full() {
-                            self.finish_piercing(&mut found);
-                        }
-                    }
-                    Feature::Vertex(vertex) => {
-                        let [first, second, third] = pair.corners(face);
-                        self.vertex_face.push(task, origin, &[corner(own, vertex as usize), first, second, third]);
-                        if self.vertex_face.tasks.is_full() {
-                            self.finish_vertex_face(&mut found);
-                        }
-                    }
-                    Feature::Face => {}
-                },
+        for case in cases.and(Cases::EDGES).each() {
+            let [a, b] = case.parts().map(|part| part - 3);
+            let ends = [corner(0, a), corner(0, (a + 1) % 3), corner(1, b), corner(1, (b + 1) % 3)];
+            if self.edge_edge.push(Task::new(pair, case), 0, origin, &ends, nothing) {
+                self.finish_edge_edge(contacts);
+            }
+        }
+        for case in cases.and(Cases::VERTICES_OVER_FACES).each() {
+            let task = Task::new(pair, case);
+            let side = usize::from(task.features.b != Feature::Face);
+            let [first, second, third] = pair.corners(1 - side);
+            let points = [corner(side, case.parts()[side]), first, second, third];
+            if self.vertex_face.push(task, side, origin, &points, nothing) {
+                self.finish_vertex_face(contacts);
+            }
+        }
+        for case in cases.and(Cases::PIERCING).each() {
+            let task = Task::new(pair, case);
+            let side = usize::from(task.features.b != Feature::Face);
+            let sum = |corners: [DVec3; 3]| corners.iter().sum::<DVec3>();
+            self.across.set(self.piercing.tasks.len(), (sum(pair.corners(0)) - sum(pair.corners(1))) / 3.0);
+            let (edge, [first, second, third]) = (case.parts()[side] - 3, pair.corners(1 - side));
+            let points = [corner(side, edge), corner(side, (edge + 1) % 3), first, second, third];
+            if self.piercing.push(task, side, origin, &points, nothing) {
+                self.finish_piercing(contacts);
             }
         }
     }
 
-    /// Gives the contacts of all that is left.
-    pub(in crate::kernel) fn finish(&mut self, mut found: impl FnMut(FeatureContact)) {
-        self.finish_vertex_face(&mut found);
-        self.finish_edge_edge(&mut found);
-        self.finish_piercing(&mut found);
+    /// Appends the contacts of all that is left.
+    pub(in crate::kernel) fn finish(&mut self, contacts: &mut Vec<CompactContact>) {
+        self.finish_vertex_face(contacts);
+        self.finish_edge_edge(contacts);
+        self.finish_piercing(contacts);
     }
 
-    fn finish_vertex_face(&mut self, found: &mut impl FnMut(FeatureContact)) {
-        let (batch, results) = (&mut self.vertex_face, &mut self.results);
-        let swap =
-            batch.tasks.iter().enumerate().fold(0, |bits, (lane, task)| bits | u64::from(!task.first_is_a) << lane);
-        dispatch!(Level::new(), simd => vertices_over_faces(simd, batch, swap, results));
-        for (lane, task) in batch.tasks.drain(..).enumerate() {
-            let Feature::Vertex(vertex) = (if task.first_is_a { task.features.a } else { task.features.b }) else {
-                continue;
-            };
-            let mut weights = [[0.0; 3]; 2];
-            weights[0][vertex as usize] = 1.0;
-            weights[1] = results.face_weights(lane);
-            found(results.contact(lane, &task, weights));
-        }
+    fn finish_vertex_face(&mut self, contacts: &mut Vec<CompactContact>) {
+        let Self { vertex_face: batch, results, doubtful, limits, .. } = self;
+        dispatch!(Level::new(), simd => vertices_over_faces(simd, batch, *limits, results));
+        results.append(batch, self.same_surface, contacts, doubtful);
     }
 
-    fn finish_edge_edge(&mut self, found: &mut impl FnMut(FeatureContact)) {
-        let (batch, results) = (&mut self.edge_edge, &mut self.results);
-        dispatch!(Level::new(), simd => pairs_of_edges(simd, batch, results));
-        for (lane, mut task) in batch.tasks.drain(..).enumerate() {
-            let (Feature::Edge(edge_a), Feature::Edge(edge_b)) = (task.features.a, task.features.b) else { continue };
-            task.first_is_a = true;
-            let [along_a, along_b] = [results.along[lane], results.weights[0][lane]];
-            let weights = [edge_weights(edge_a as usize, along_a), edge_weights(edge_b as usize, along_b)];
-            found(results.contact(lane, &task, weights));
-        }
+    fn finish_edge_edge(&mut self, contacts: &mut Vec<CompactContact>) {
+        let Self { edge_edge: batch, results, doubtful, limits, .. } = self;
+        dispatch!(Level::new(), simd => pairs_of_edges(simd, batch, *limits, results));
+        results.append(batch, self.same_surface, contacts, doubtful);
     }
 
-    fn finish_piercing(&mut self, found: &mut impl FnMut(FeatureContact)) {
-        let (batch, results) = (&mut self.piercing, &mut self.results);
-        let swap =
-            batch.tasks.iter().enumerate().fold(0, |bits, (lane, task)| bits | u64::from(!task.first_is_a) << lane);
-        let mut across = Rows::ZERO;
-        for (lane, task) in batch.tasks.iter().enumerate() {
-            across.set(lane, task.from_b_to_a);
-        }
-        dispatch!(Level::new(), simd => edges_through_faces(simd, batch, &across, swap, results));
-        for (lane, task) in batch.tasks.drain(..).enumerate() {
-            let Feature::Edge(edge) = (if task.first_is_a { task.features.a } else { task.features.b }) else {
-                continue;
-            };
-            let weights = [edge_weights(edge as usize, results.along[lane]), results.face_weights(lane)];
-            found(results.contact(lane, &task, weights));
-        }
+    fn finish_piercing(&mut self, contacts: &mut Vec<CompactContact>) {
+        let Self { piercing: batch, across, results, doubtful, limits, .. } = self;
+        dispatch!(Level::new(), simd => edges_through_faces(simd, batch, across, *limits, results));
+        results.append(batch, self.same_surface, contacts, doubtful);
     }
 }
 
+/// Up to where contacts are reported, and how many world units one of the pair's frame is.
+#[derive(Clone, Copy)]
+struct Limits {
+    scale: f64,
+    reported: f64,
+}
+
 impl Results {
+    /// Appends the contacts of a batch, and empties it.
     #[inline(always)]
-    fn face_weights(&self, lane: usize) -> [f64; 3] {
-        let [second, third] = [self.weights[0][lane], self.weights[1][lane]];
-        [1.0 - second - third, second, third]
-    }
-
-    /// `weights` are those of the feature named first, then of the other.
-    #[inline(always)]
-    fn contact(&self, lane: usize, task: &Task, weights: [[f64; 3]; 2]) -> FeatureContact {
-        let distance = self.distance[lane];
-        let reliable = self.reliable >> lane & 1 != 0 && (distance > task.nothing || distance == 0.0);
-        FeatureContact {
-            triangles: task.triangles,
-            features: task.features,
-            numbers: task.numbers,
-            barycentrics: if task.first_is_a { weights } else { [weights[1], weights[0]] },
-            point_b: self.point_b.get(lane),
-            normal: reliable.then(|| self.direction.get(lane)),
-            distance,
+    fn append(
+        &self,
+        batch: &mut Batch,
+        same_surface: bool,
+        contacts: &mut Vec<CompactContact>,
+        doubtful: &mut Vec<([u32; 2], FeaturePair)>,
+    ) {
+        let lanes = (1 << batch.tasks.len()) - 1;
+        let contact = |(lane, task): (usize, &Task)| self.contact(lane, task, same_surface);
+        let tasks = batch.tasks.iter().enumerate();
+        if self.reported & lanes == lanes {
+            // Written where they stay: whoever copies a record that has just been put together waits for its parts.
+            contacts.extend(tasks.map(contact));
+        } else {
+            for (lane, task) in tasks {
+                if self.reliable >> lane & 1 == 0 {
+                    doubtful.push((task.triangles, task.features));
+                } else if self.reported >> lane & 1 != 0 {
+                    contacts.push(contact((lane, task)));
+                }
+            }
         }
+        batch.swapped = 0;
+        batch.tasks.clear();
     }
 
-    /// Keeps the direction of a separation, turned round in some lanes.
     #[inline(always)]
-    fn set_direction<S: Simd>(&mut self, simd: S, separation: Vectors<S>, swap: u64) {
+    fn contact(&self, lane: usize, task: &Task, same_surface: bool) -> CompactContact {
+        let FeaturePair { a, b } = task.features;
+        let [first, second] = [&self.first, &self.second].map(|[start, end]| [start[lane], end[lane]]);
+        let weights = |feature: Feature, edge: [f32; 2]| {
+            let [start, end] = edge;
+            match feature {
+                Feature::Vertex(corner) => [f32::from(corner == 0), f32::from(corner == 1)],
+                Feature::Edge(0) => [start, end],
+                Feature::Edge(1) => [0.0, start],
+                Feature::Edge(_) => [end, 0.0],
+                Feature::Face => second,
+            }
+        };
+        // An edge that pierces a face is named first, whichever side it is of.
+        let of_b = if matches!(a, Feature::Face) { first } else { second };
+        let vector = |[x, y, z]: &[[f32; WIDTH]; 3]| Vec3::new(x[lane], y[lane], z[lane]);
+        CompactContact::between_features(
+            task.triangles,
+            same_surface,
+            task.features,
+            task.numbers,
+            [weights(a, first), weights(b, of_b)],
+            vector(&self.point_b),
+            vector(&self.normal),
+            self.distance[lane],
+        )
+    }
+
+    /// Keeps how long separations are, and which of them and of their directions can be relied on. Returns the
+    /// directions.
+    #[inline(always)]
+    fn set_distance<S: Simd>(
+        &mut self,
+        simd: S,
+        separation: Vectors<S>,
+        distance: f64x8<S>,
+        batch: &Batch,
+        limits: Limits,
+    ) -> Vectors<S> {
         let squared = separation.dot(separation);
-        let reliable = squared.simd_gt(LEAST_SQUARED) & squared.simd_lt(f64::MAX);
+        let is_something = distance.simd_gt(f64x8::from_slice(simd, &batch.nothing)) | distance.simd_eq(0.0);
+        let reliable = squared.simd_gt(LEAST_SQUARED) & squared.simd_lt(f64::MAX) & is_something;
+        let scaled = distance * limits.scale;
         self.reliable = reliable.to_bitmask();
-        let direction = separation.scaled(f64x8::splat(simd, 1.0) / squared.sqrt());
-        direction.negated(mask64x8::from_bitmask(simd, swap)).store(&mut self.direction);
+        self.reported = (reliable & scaled.simd_le(limits.reported)).to_bitmask();
+        rounded(scaled).store_slice(&mut self.distance);
+        separation.scaled(f64x8::splat(simd, 1.0) / squared.sqrt())
     }
 }
 
 #[inline(always)]
-fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, swap: u64, results: &mut Results) {
+fn rounded<S: Simd>(numbers: f64x8<S>) -> f32x8<S> {
+    let (low, high) = numbers.split();
+    low.narrow(high)
+}
+
+#[inline(always)]
+fn store<S: Simd>(vectors: Vectors<S>, [x, y, z]: &mut [[f32; WIDTH]; 3]) {
+    rounded(vectors.x).store_slice(x);
+    rounded(vectors.y).store_slice(y);
+    rounded(vectors.z).store_slice(z);
+}
+
+#[inline(always)]
+fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, limits: Limits, results: &mut Results) {
     let origin = Vectors::load(simd, &batch.origin);
     let [vertex, first, second, third, _] = &batch.points;
     let corners = [Vectors::load(simd, first), Vectors::load(simd, second), Vectors::load(simd, third)];
@@ -304,16 +330,17 @@ fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, swap: u64, results: &mut
     let second = normal.cross(edges[2]).dot(position.minus(local[2]));
     let third = normal.cross(edges[0]).dot(position.minus(local[0]));
     let (weights, point) = normalized(simd, [first, second, third], corners);
-    weights[1].store_slice(&mut results.weights[0]);
-    weights[2].store_slice(&mut results.weights[1]);
-    let swapped = mask64x8::from_bitmask(simd, swap);
-    Vectors::select(swapped, absolute, point).store(&mut results.point_b);
-    results.set_direction(simd, normal.scaled(height * inverse), swap);
-    distance_squared.sqrt().store_slice(&mut results.distance);
+    rounded(weights[0]).store_slice(&mut results.second[0]);
+    rounded(weights[1]).store_slice(&mut results.second[1]);
+    let swapped = mask64x8::from_bitmask(simd, batch.swapped);
+    store(Vectors::select(swapped, absolute, point), &mut results.point_b);
+    let separation = normal.scaled(height * inverse);
+    let direction = results.set_distance(simd, separation, distance_squared.sqrt(), batch, limits);
+    store(direction.negated(swapped), &mut results.normal);
 }
 
 #[inline(always)]
-fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, results: &mut Results) {
+fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, limits: Limits, results: &mut Results) {
     let origin = Vectors::load(simd, &batch.origin);
     let [start_a, end_a, start_b, end_b, _] = &batch.points;
     let (start_a, end_a) = (Vectors::load(simd, start_a).minus(origin), Vectors::load(simd, end_a).minus(origin));
@@ -328,16 +355,20 @@ fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, results: &mut Results) {
     let distance_squared = height * height * inverse;
     let along_a = between.cross(v).dot(normal) * inverse;
     let along_b = between.cross(u).dot(normal) * inverse;
-    along_a.store_slice(&mut results.along);
-    along_b.store_slice(&mut results.weights[0]);
-    absolute_start.scaled(one - along_b).plus(absolute_end.scaled(along_b)).store(&mut results.point_b);
-    results.set_direction(simd, normal.scaled(-height * inverse), 0);
-    distance_squared.sqrt().store_slice(&mut results.distance);
+    let (from_a, from_b) = (one - along_a, one - along_b);
+    rounded(from_a).store_slice(&mut results.first[0]);
+    rounded(along_a).store_slice(&mut results.first[1]);
+    rounded(from_b).store_slice(&mut results.second[0]);
+    rounded(along_b).store_slice(&mut results.second[1]);
+    store(absolute_start.scaled(from_b).plus(absolute_end.scaled(along_b)), &mut results.point_b);
+    let separation = normal.scaled(-height * inverse);
+    let direction = results.set_distance(simd, separation, distance_squared.sqrt(), batch, limits);
+    store(direction, &mut results.normal);
 }
 
-/// `across` is the way from the second triangle to the first, `swap` where the face is of the first.
+/// `across` is the way from the second triangle to the first.
 #[inline(always)]
-fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, across: &Rows, swap: u64, results: &mut Results) {
+fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, across: &Rows, limits: Limits, results: &mut Results) {
     let origin = Vectors::load(simd, &batch.origin);
     let [start, end, first, second, third] = &batch.points;
     let corners = [Vectors::load(simd, first), Vectors::load(simd, second), Vectors::load(simd, third)];
@@ -351,20 +382,21 @@ fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, across: &Rows, swap: u64
     let volumes = [edge.dot(q.cross(r)), edge.dot(r.cross(p)), edge.dot(p.cross(q))];
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
     let along = (from / (from - to)).max(zero).min(one);
-    along.store_slice(&mut results.along);
+    rounded(one - along).store_slice(&mut results.first[0]);
+    rounded(along).store_slice(&mut results.first[1]);
     let (weights, point_on_face) = normalized(simd, volumes, corners);
-    weights[1].store_slice(&mut results.weights[0]);
-    weights[2].store_slice(&mut results.weights[1]);
+    rounded(weights[0]).store_slice(&mut results.second[0]);
+    rounded(weights[1]).store_slice(&mut results.second[1]);
     let point_on_edge = absolute_start.scaled(one - along).plus(absolute_end.scaled(along));
-    let swapped = mask64x8::from_bitmask(simd, swap);
-    Vectors::select(swapped, point_on_edge, point_on_face).store(&mut results.point_b);
+    let swapped = mask64x8::from_bitmask(simd, batch.swapped);
+    store(Vectors::select(swapped, point_on_edge, point_on_face), &mut results.point_b);
 
     // The normal of the face, on the side where more of the first triangle lies.
     let normal = corners[1].minus(corners[0]).cross(corners[2].minus(corners[0]));
     let normal = normal.scaled(one / normal.dot(normal).sqrt());
     let away = normal.dot(Vectors::load(simd, across)).simd_lt(zero);
-    results.set_direction(simd, normal.negated(away), 0);
-    zero.store_slice(&mut results.distance);
+    let direction = results.set_distance(simd, normal, zero, batch, limits);
+    store(direction.negated(away), &mut results.normal);
 }
 
 /// Weights that are proportional to three values of the same sign, and the point they stand for.

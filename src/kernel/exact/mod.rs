@@ -12,7 +12,7 @@ mod screen;
 pub mod side;
 pub mod triangle_pair;
 
-pub(in crate::kernel) use batch::{FeatureBatches, FeatureContact};
+pub(in crate::kernel) use batch::FeatureBatches;
 pub use feature::{Feature, FeatureKind, FeaturePair};
 pub(in crate::kernel) use screen::{Cases, PairScreen, ScreenedPair};
 pub use triangle_pair::{PairProximity, Proximity, examine_pair};

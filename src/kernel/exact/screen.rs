@@ -10,7 +10,10 @@
 use fearless_simd::{Level, dispatch, f32x4, f32x8, f64x8, mask64x8, prelude::*, u64x8};
 use glam::DVec3;
 
-use super::triangle_pair::{PARALLEL_SINE, ROUND_OFF, TIE};
+use super::{
+    feature::{Feature, FeaturePair},
+    triangle_pair::{PARALLEL_SINE, ROUND_OFF, TIE},
+};
 use crate::kernel::{corner_rows::CornerRow, pose::Pose};
 
 /// A volume of three edges may be of either sign where it is below this share of the cube of the pair's largest
@@ -30,7 +33,9 @@ pub(in crate::kernel) struct Cases(u32);
 impl Cases {
     pub(in crate::kernel) const ALL: Self = Self(u32::MAX);
     pub(super) const BOUNDARY: Self = Self(1 << 21);
-    const PIERCING: Self = Self(0b11_1111 << 15);
+    pub(super) const VERTICES_OVER_FACES: Self = Self(0b11_1111);
+    pub(super) const EDGES: Self = Self(0b1_1111_1111 << 6);
+    pub(super) const PIERCING: Self = Self(0b11_1111 << 15);
 
     pub(super) const fn vertex_face(vertex_of_a: bool, vertex: usize) -> Self {
         Self(1 << (if vertex_of_a { vertex } else { 3 + vertex }))
@@ -92,6 +97,12 @@ impl Cases {
             left &= !next;
             (next != 0).then_some(Self(next))
         })
+    }
+
+    /// The features that a single case is about.
+    pub(in crate::kernel) const fn features(self) -> FeaturePair {
+        let [part_a, part_b] = self.parts();
+        FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) }
     }
 
     /// The part of the first and of the second triangle that a single case is about, numbered as in
