@@ -39,38 +39,39 @@ impl PairSorter {
             let digits = all_bits.div_ceil(pairs.len().ilog2().max(LEAST_DIGIT));
             let width = all_bits.div_ceil(digits);
             self.between.resize(pairs.len(), [0; 2]);
-            let number = |&[first, second]: &[u32; 2]| (u64::from(first) << bits[1]) | u64::from(second);
-            let digit = |number: u64, digit: u32| (number >> (digit * width)) as usize & ((1 << width) - 1);
-            self.places.clear();
-            self.places.resize((digits as usize) << width, 0);
-            for pair in &*pairs {
-                let number = number(pair);
-                for (place, places) in (0..digits).zip(self.places.chunks_exact_mut(1 << width)) {
-                    places[digit(number, place)] += 1;
-                }
-            }
-            for (place, places) in (0..digits).zip(self.places.chunks_exact_mut(1 << width)) {
-                distribute(pairs, &mut self.between, places, |pair| digit(number(pair), place));
+            for digit in 0..digits {
+                self.distribute(pairs, bits[1], digit * width, width);
                 std::mem::swap(pairs, &mut self.between);
             }
         }
     }
-}
 
-/// Writes `pairs` into `sorted`, ordered by a number; equals keep their order. `places` says how many there are of each.
-#[inline]
-fn distribute(pairs: &[[u32; 2]], sorted: &mut [[u32; 2]], places: &mut [u32], number: impl Fn(&[u32; 2]) -> usize) {
-    let mut next = 0;
-    for place in &mut *places {
-        next += std::mem::replace(place, next);
-    }
-    for (here, pair) in pairs.iter().enumerate() {
-        if let Some(later) = pairs.get(here + AHEAD) {
-            prefetch(sorted, places[number(later)]);
+    /// Writes `pairs` between, sorted by `width` bits from `shift` on of the number whose lower `low` bits are the second
+    /// triangle, and the others the first; equals keep their order.
+    fn distribute(&mut self, pairs: &[[u32; 2]], low: u32, shift: u32, width: u32) {
+        let Self { between, places } = self;
+        let mask = (1 << width) - 1;
+        let digit = |&[first, second]: &[u32; 2]| {
+            let number = (u64::from(first) << low) | u64::from(second);
+            ((number >> shift) & mask) as usize
+        };
+        places.clear();
+        places.resize(1 << width, 0);
+        for pair in pairs {
+            places[digit(pair)] += 1;
         }
-        let place = &mut places[number(pair)];
-        sorted[*place as usize] = *pair;
-        *place += 1;
+        let mut next = 0;
+        for place in &mut *places {
+            next += std::mem::replace(place, next);
+        }
+        for (here, pair) in pairs.iter().enumerate() {
+            if let Some(later) = pairs.get(here + AHEAD) {
+                prefetch(between, places[digit(later)]);
+            }
+            let place = &mut places[digit(pair)];
+            between[*place as usize] = *pair;
+            *place += 1;
+        }
     }
 }
 
