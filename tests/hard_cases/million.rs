@@ -47,7 +47,7 @@ fn a_million_triangles_meet_a_small_body_only_where_it_is() {
     let sheet = Body::new(&sheet, THIN);
     let mut tally = Tally::default();
     for (method, most_of_itself) in ContactMethod::ALL.into_iter().zip(FALSE_OF_ITSELF) {
-        let [tree, brute_force] = BROAD_PHASES.map(|broad_phase| {
+        let [tree, brute_force, parry] = BROAD_PHASES.map(|broad_phase| {
             // The sheet meets itself too where that is looked for by the tree: brute force would compare 5e11 boxes.
             let sheet = sheet.clone();
             let sheet = if broad_phase == BroadPhase::Tree { sheet.meeting_itself() } else { sheet };
@@ -63,6 +63,7 @@ fn a_million_triangles_meet_a_small_body_only_where_it_is() {
         });
         let what = format!("{method:?}");
         tree.assert_same_bits(&brute_force, &what);
+        tree.assert_same_bits(&parry, &what);
         tally.add(method, &renumbered(tree, &local), &truth, &what);
     }
     tally.assert_as(MILLION);

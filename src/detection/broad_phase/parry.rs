@@ -1,7 +1,11 @@
 //! Pairs of triangles by parry's own tree, on one thread: what [`TreeBroadPhasePlugin`](super::TreeBroadPhasePlugin) is
 //! compared with, stage for stage.
 
-use std::{collections::HashMap, sync::Arc, time::Instant};
+use std::{
+    collections::HashMap,
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -58,7 +62,8 @@ struct ParryTrees {
 }
 
 impl ParryTrees {
-    fn follow(&mut self, surface: &ActiveSurface, bounds: &TriangleBounds) {
+    /// Returns how long a first build took.
+    fn follow(&mut self, surface: &ActiveSurface, bounds: &TriangleBounds) -> Duration {
         let boxes = (0u32..).zip(bounds.triangles.iter().map(parry_box));
         let followed = bounds.computed();
         match self.trees.get_mut(&surface.entity).filter(|tree| Arc::ptr_eq(&tree.topology, &surface.topology)) {
@@ -71,12 +76,15 @@ impl ParryTrees {
                 tree.followed = followed;
             }
             None => {
+                let build = Instant::now();
                 let boxes = boxes.map(|(triangle, bounds)| (triangle as usize, bounds));
                 let tree = Bvh::from_iter(BvhBuildStrategy::Binned, boxes);
                 let tree = ParryTree { tree, topology: Arc::clone(&surface.topology), followed };
                 self.trees.insert(surface.entity, tree);
+                return build.elapsed();
             }
         }
+        Duration::ZERO
     }
 }
 
@@ -97,8 +105,9 @@ fn pair_triangles(
     trees.trees.retain(|entity, _| active.surfaces.iter().any(|surface| surface.entity == *entity));
     for surface in &active.surfaces {
         let Ok((_, bounds)) = surfaces.get(surface.entity) else { continue };
-        trees.follow(surface, bounds);
+        diagnostics.first_tree_builds += trees.follow(surface, bounds);
     }
+    let start = start + diagnostics.first_tree_builds;
     diagnostics.finish("tree update", start, 0, 0);
 
     let start = Instant::now();
