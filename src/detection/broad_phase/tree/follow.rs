@@ -16,9 +16,12 @@ use crate::{
     surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
 };
 
-/// A surface's tree is built anew in slices, a tick each, but at once where it is worse than this: to ask it takes longer
-/// then than to build it.
+/// A tree that has decayed is built anew in slices, a tick each. Where it is as bad as this before they have begun, all of it
+/// has changed at once: then it is built at once, since to ask it until the last slice would take longer.
 const REBUILD_AT_ONCE_DECAY: f32 = 4.0;
+
+/// The same where they have begun.
+const BREAK_OFF_DECAY: f32 = 16.0;
 
 /// Triangles of a surface that are worth more than one thread, by half.
 const TRIANGLES_OF_ONE: usize = 8192;
@@ -31,10 +34,11 @@ impl SurfaceTree {
             if self.followed != bounds.computed() {
                 outcome.is_rebuilt = self.tree.go_on_rebuilding();
                 self.tree.refit_on(&Threads(threads), &bounds.triangles);
-                if self.tree.decay() > REBUILD_AT_ONCE_DECAY {
+                let has_begun = self.tree.is_rebuilding();
+                if self.tree.decay() > if has_begun { BREAK_OFF_DECAY } else { REBUILD_AT_ONCE_DECAY } {
                     self.tree.rebuild(&bounds.triangles);
                     outcome.is_rebuilt = true;
-                } else if self.tree.decay() > REBUILD_DECAY && !self.tree.is_rebuilding() {
+                } else if self.tree.decay() > REBUILD_DECAY && !has_begun {
                     self.tree.begin_rebuild(&bounds.triangles);
                 }
             }
