@@ -64,7 +64,7 @@ impl TriangleBounds {
 }
 
 /// Triangles of a surface that are worth more than one thread, by half.
-const TRIANGLES_OF_ONE: usize = 8192;
+const TRIANGLES_OF_ONE: usize = 65_536;
 
 /// The boxes of an active surface, away from it while threads share them out.
 struct TakenBounds {

@@ -11,8 +11,9 @@ use super::share::{OneByOne, Share};
 /// their planes never loses a pair.
 const ROUNDING_GROWTH: f32 = 2.0 * f32::EPSILON;
 
-/// Triangles of one task, and into how many at most they are cut.
-const LEAST_PART: usize = 8192;
+/// Triangles of one task at least, whose boxes take as long as to wake another thread, and into how many tasks at most they
+/// are cut.
+const LEAST_PART: usize = 65_536;
 const MOST_PARTS: usize = 64;
 
 /// An axis-aligned box. Empty where a minimum exceeds its maximum.
@@ -89,7 +90,7 @@ pub fn triangle_bounds_on(
     let part = triangles.len().div_ceil(MOST_PARTS).max(LEAST_PART);
     let mut wholes = [Aabb::EMPTY; MOST_PARTS];
     let parts = triangles.chunks(part).zip(bounds.chunks_mut(part)).zip(&mut wholes);
-    share.hand_out(parts, triangles.len().div_ceil(part), |((triangles, bounds), whole)| {
+    share.hand_out(parts, triangles.len() / LEAST_PART, |((triangles, bounds), whole)| {
         for (corners, bounds) in triangles.iter().zip(bounds) {
             let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
             *bounds = Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }.grown(growth);

@@ -6,7 +6,7 @@
 
 use super::{
     contact::{CompactContact, FEATURE_BITS, TouchingPair},
-    key_order::{KeyOrder, Places, joined},
+    key_order::{KeyOrder, Places, RECORDS_OF_ONE, joined},
     share::Share,
 };
 
@@ -29,7 +29,7 @@ impl ContactOrder {
         triangles.resize(contacts.len(), 0);
         let lists = order.keys(contacts.len()).chunks_mut(CHUNK).zip(triangles.chunks_mut(CHUNK));
         let chunks = contacts.chunks(CHUNK).zip(lists);
-        share.hand_out(chunks, contacts.len().div_ceil(CHUNK), |(contacts, (keys, triangles))| {
+        share.hand_out(chunks, contacts.len() / RECORDS_OF_ONE, |(contacts, (keys, triangles))| {
             for ((contact, key), triangles) in contacts.iter().zip(keys).zip(triangles) {
                 *key = key_in_halves(contact.key.0);
                 *triangles = joined(contact.triangle_a, contact.triangle_b);
@@ -64,7 +64,7 @@ impl TouchingOrder {
     pub fn sort(&mut self, touching: &[TouchingPair], sorted: &mut [TouchingPair], share: &impl Share) {
         let order = &mut self.0;
         let lists = touching.chunks(CHUNK).zip(order.keys(touching.len()).chunks_mut(CHUNK));
-        share.hand_out(lists, touching.len().div_ceil(CHUNK), |(touching, keys)| {
+        share.hand_out(lists, touching.len() / RECORDS_OF_ONE, |(touching, keys)| {
             for (pair, key) in touching.iter().zip(keys) {
                 *key = joined(pair.triangle_a, pair.triangle_b);
             }
@@ -88,7 +88,7 @@ pub fn copy_in_order<'a, T: Copy + Send + Sync>(
         sorted = later;
         (part, own)
     });
-    share.hand_out(copies, count.div_ceil(CHUNK), |(places, sorted)| {
+    share.hand_out(copies, count / RECORDS_OF_ONE, |(places, sorted)| {
         for (place, sorted) in places.iter().zip(&mut *sorted) {
             *sorted = records[place];
         }

@@ -9,6 +9,9 @@ use super::share::Share;
 /// Keys listed and dealt out by one task.
 const CHUNK: usize = 8192;
 
+/// Fewer records than these are not worth another thread: to wake it takes as long as to sort them.
+pub(super) const RECORDS_OF_ONE: usize = 32_768;
+
 /// Keys of a bucket, where first numbers are evenly spread: up to twice as many fit into the nearest cache.
 const OF_BUCKET: usize = 1024;
 
@@ -268,7 +271,7 @@ impl KeyOrder {
         self.sorted.resize(count, 0);
         let chunk_count = count.div_ceil(CHUNK);
         self.ranges.resize(chunk_count, Ranges::EMPTY);
-        share.hand_out(self.listed.chunks(CHUNK).zip(&mut self.ranges), chunk_count, |(keys, ranges)| {
+        share.hand_out(self.listed.chunks(CHUNK).zip(&mut self.ranges), count / RECORDS_OF_ONE, |(keys, ranges)| {
             *ranges = Ranges::of(keys);
         });
         let ranges = self.ranges.iter().fold(Ranges::EMPTY, |all, ranges| all.union(ranges));
@@ -283,11 +286,12 @@ impl KeyOrder {
 
     fn deal(&mut self, packing: &Packing, share: &impl Share) {
         let Self { listed, dealt, ends, starts, .. } = self;
+        let most_threads = listed.len() / RECORDS_OF_ONE;
         let chunk_count = listed.len().div_ceil(CHUNK);
         dealt.resize(listed.len(), 0);
         ends.resize(chunk_count * packing.bucket_count, 0);
         let dealt = dealt.chunks_mut(CHUNK).zip(ends.chunks_mut(packing.bucket_count));
-        share.hand_out(listed.chunks(CHUNK).zip(dealt).enumerate(), chunk_count, |(chunk, (keys, (dealt, ends)))| {
+        share.hand_out(listed.chunks(CHUNK).zip(dealt).enumerate(), most_threads, |(chunk, (keys, (dealt, ends)))| {
             packing.deal(keys, chunk * CHUNK, dealt, ends);
         });
         starts.clear();
@@ -307,6 +311,7 @@ impl KeyOrder {
         replaces: Option<&(dyn Fn(usize, usize) -> bool + Sync)>,
     ) {
         let Self { listed, dealt, ends, starts, sorted, parts, .. } = self;
+        let most_threads = listed.len() / RECORDS_OF_ONE;
         self.place_bits = packing.place_bits;
         let lists_of = |bucket: usize| {
             dealt.chunks(CHUNK).zip(ends.chunks(packing.bucket_count)).map(move |(dealt, ends)| {
@@ -327,7 +332,7 @@ impl KeyOrder {
             rest = (later, other_later);
             (first..last, sorted, other, part)
         });
-        share.hand_out(tasks, part_count, |(buckets, sorted, other, part)| {
+        share.hand_out(tasks, most_threads, |(buckets, sorted, other, part)| {
             let start = starts[buckets.start];
             part.kept = 0;
             for bucket in buckets {
