@@ -26,6 +26,10 @@ const NORMAL_ROUNDING: f32 = 5.0e-7;
 /// Leaves that one task follows.
 const BLOCKS_AT_ONCE: usize = 1024;
 
+/// Leaves gathered before the first of them is read again, by whole rows: which a processor waits for that has just written
+/// them number by number.
+const GATHERED_AHEAD: usize = 16;
+
 /// Marks the corners of an unused lane, and of no triangle.
 const NO_VERTEX: u32 = u32::MAX;
 
@@ -81,9 +85,14 @@ impl LeafTriangles {
         let task_count = self.blocks.len().div_ceil(BLOCKS_AT_ONCE);
         share.hand_out(self.blocks.chunks_mut(BLOCKS_AT_ONCE).enumerate(), task_count, |(task, blocks)| {
             dispatch!(Level::new(), simd => {
-                for (leaf, block) in (task * BLOCKS_AT_ONCE..).zip(&mut *blocks) {
-                    block.gather(tree, leaf, topology, positions);
-                    block.measure_planes(simd);
+                let mut leaves = task * BLOCKS_AT_ONCE..;
+                for blocks in blocks.chunks_mut(GATHERED_AHEAD) {
+                    for (block, leaf) in blocks.iter_mut().zip(&mut leaves) {
+                        block.gather(tree, leaf, topology, positions);
+                    }
+                    for block in blocks {
+                        block.measure_planes(simd);
+                    }
                 }
             });
         });
