@@ -168,7 +168,8 @@ impl Packing {
         let digit_bits = bits.div_ceil(digit_count);
         let is_short = sorted.len() < FEWEST_COUNTED;
         // Every digit brings the keys from one of the lists to the other one.
-        let (mut from, mut to) = if is_short || digit_count % 2 == 0 { (sorted, other) } else { (other, sorted) };
+        let (mut from, mut to) =
+            if is_short || digit_count.is_multiple_of(2) { (sorted, other) } else { (other, sorted) };
         let mut rest = &mut *from;
         for list in lists {
             let (own, later) = std::mem::take(&mut rest).split_at_mut(list.len());

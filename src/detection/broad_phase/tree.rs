@@ -85,6 +85,7 @@ impl Plugin for TreeBroadPhasePlugin {
 type TreesToUpdate<'w, 's> =
     Query<'w, 's, (&'static SurfacePositions, &'static TriangleBounds, &'static mut SurfaceTree)>;
 
+#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
 fn update_trees(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,

@@ -26,8 +26,9 @@ pub(super) struct Arrangement {
 impl Arrangement {
     fn new(bounds: &[Aabb]) -> Self {
         let center = |bounds: &Aabb| (bounds.min + bounds.max) * 0.5;
-        let items = bounds.iter().map(center).zip(0..).collect();
-        Self { items, pending: vec![0..bounds.len()] }
+        let items: Vec<(Vec3, u32)> = bounds.iter().map(center).zip(0..).collect();
+        let pending = std::iter::once(0..items.len()).collect();
+        Self { items, pending }
     }
 
     /// Splits until at least as many items have been gone through, each time anew, or nothing is left to split. Whether it
@@ -92,6 +93,9 @@ impl BoxTree {
     }
 
     /// Begins to build the tree anew over the boxes as they are now.
+    ///
+    /// # Panics
+    /// If `bounds` has another length than the tree was built with.
     pub fn begin_rebuild(&mut self, bounds: &[Aabb]) {
         assert_eq!(bounds.len(), self.item_count, "a tree is built anew over as many boxes as it was built with");
         self.rebuild = Some(Arrangement::new(bounds));
