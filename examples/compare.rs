@@ -8,8 +8,9 @@
 //! *Cold* is a tick at which the mesh has new positions, the tick before was of another shape (the frame before; the one
 //! after for the first; of a mesh that never moves, one with every vertex a contact distance away), and
 //! [`Teleported`](bevy_circumsphere::Teleported) forbids the use of anything remembered. Trees stay and are refitted, as the
-//! others' are. *Moved* is the mean of four ticks that follow, in each of which every vertex moves by 0.09 contact distances,
-//! each in a direction of its own; *unchanged* is the tick after that, to which nothing is written. Ours are timed from outside:
+//! others' are. *Moved* is the mean of twelve ticks that follow, in each of which every vertex moves by 0.09 contact distances,
+//! each in a direction of its own; those that go by a list of an earlier tick, and those that make one, are stated beside it;
+//! *unchanged* is the tick after that, to which nothing is written. Ours are timed from outside:
 //! the whole update of the app, contacts stored.
 //!
 //! The table says what everyone found, since not everyone finds the same. `box pairs` are pairs of boxes that overlap,

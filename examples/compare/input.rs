@@ -4,8 +4,9 @@ use bevy_circumsphere::kernel::topology::{SurfaceTopology, TopologyError};
 use circumsphere_support::{random::Random, recording::Recording};
 use glam::Vec3;
 
-/// Ticks after the cold one, in each of which every vertex moves by [`DRIFT`].
-const DRIFT_TICKS: usize = 4;
+/// Ticks after the cold one, in each of which every vertex moves by [`DRIFT`]: enough for what is remembered to be renewed
+/// twice.
+const DRIFT_TICKS: usize = 12;
 
 /// How far a vertex moves in such a tick, in contact distances: less than a tenth.
 const DRIFT: f32 = 0.09;

@@ -1,5 +1,7 @@
 //! Our own methods, through the whole plugin in a headless app: cold, after a small motion, and unchanged.
 
+use std::time::Duration;
+
 use bevy_app::prelude::*;
 use bevy_circumsphere::{CircumsphereSettings, ContactStore, detection::DetectionDiagnostics, prelude::*};
 use bevy_ecs::prelude::*;
@@ -14,6 +16,9 @@ pub const COLD: &str = "cold tick";
 /// The same where the small motion ends: what a moved and an unchanged tick are stated against, as they find the same.
 pub const COLD_MOVED: &str = "cold tick, where the motion ends";
 pub const MOVED: &str = "tick, moved by 0.09 contact distances";
+/// Those of them that go by a list of an earlier tick, and those that do not.
+pub const FOLLOWED: &str = "of those, by a list of an earlier tick";
+pub const RENEWED: &str = "of those, that make a list";
 pub const UNCHANGED: &str = "tick, unchanged";
 
 /// One method on one number of threads.
@@ -107,16 +112,21 @@ impl Contestant for Ours {
         if self.method == ContactMethod::Polygon {
             return Ok(());
         }
-        let mut drift = Log::default();
+        let mut ticks = [(FOLLOWED, Duration::ZERO, 0), (RENEWED, Duration::ZERO, 0)];
         for positions in &tick.drift {
             move_surface(&mut self.app, self.surface, positions.clone());
-            self.measure(MOVED, &mut drift, false);
+            let (duration, ()) = timed(|| self.app.update());
+            let is_followed = self.app.world().resource::<DetectionDiagnostics>().lists_followed > 0;
+            let (_, sum, count) = &mut ticks[usize::from(!is_followed)];
+            (*sum, *count) = (*sum + duration, *count + 1);
         }
         // All of them together: what is remembered has to be renewed now and then, and that is part of the price.
-        let row = &drift.rows[0];
-        let mean = row.milliseconds.iter().sum::<f64>() / row.milliseconds.len() as f64;
-        let mean = std::time::Duration::from_secs_f64(mean * 1.0e-3);
-        log.add(&row.who, MOVED, self.threads, Level::Whole, mean, self.counts());
+        let [(_, followed, followed_count), (_, renewed, renewed_count)] = ticks;
+        let (who, mean) = (method_name(self.method), (followed + renewed) / (followed_count + renewed_count));
+        log.add(&who, MOVED, self.threads, Level::Whole, mean, self.counts());
+        for (what, sum, count) in ticks.into_iter().filter(|(.., count)| followed_count > 0 && *count > 0) {
+            log.add(&who, what, self.threads, Level::Part, sum / count, Counts::default());
+        }
         self.measure(UNCHANGED, log, false);
         move_surface(&mut self.app, self.surface, tick.before.clone());
         self.teleport();

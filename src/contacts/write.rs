@@ -54,7 +54,12 @@ impl<'a> StoreWriter<'a> {
     pub(super) fn write_touching(&mut self, found: &[TouchingPair]) -> Range<usize> {
         let start = self.touching;
         let sorted = room_for(&mut self.store.touching, start, found.len(), found.first());
-        self.buffers.touching.sort(found, sorted, &self.threads);
+        if found.is_sorted_by_key(|pair| (pair.triangle_a, pair.triangle_b)) {
+            // What came of a sorted list.
+            sorted.copy_from_slice(found);
+        } else {
+            self.buffers.touching.sort(found, sorted, &self.threads);
+        }
         self.touching += found.len();
         start..self.touching
     }

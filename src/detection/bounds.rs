@@ -14,6 +14,7 @@ use crate::{
     contacts::EVENT_HYSTERESIS,
     kernel::{
         bounds::{Aabb, triangle_bounds_on},
+        motion::Motion,
         pose::Pose,
         topology::SurfaceTopology,
     },
@@ -35,6 +36,8 @@ pub struct TriangleBounds {
     whole: Aabb,
     /// How many times they have been computed: what was made from them is as old as the count it was made at.
     computed: u64,
+    /// From the positions of the computation before to those of the last one.
+    motion: Motion,
     positions: Vec<Vec3>,
     topology: Option<Arc<SurfaceTopology>>,
     growth: f32,
@@ -46,12 +49,27 @@ impl TriangleBounds {
         self.computed
     }
 
+    /// The box of all triangles.
+    pub(super) fn whole(&self) -> &Aabb {
+        &self.whole
+    }
+
+    /// How the surface has moved in its own frame from when its boxes had been computed as many times.
+    pub(super) fn motion_since(&self, computed: u64) -> Motion {
+        match self.computed.checked_sub(computed) {
+            Some(0) => Motion::REST,
+            Some(1) => self.motion,
+            _ => Motion::UNKNOWN,
+        }
+    }
+
     /// Brings the boxes up to date. Whether anything had to be computed.
     fn update(&mut self, positions: &[Vec3], topology: &Arc<SurfaceTopology>, growth: f32, threads: usize) -> bool {
         let same_mesh = self.topology.as_ref().is_some_and(|other| Arc::ptr_eq(other, topology));
         if same_mesh && self.growth == growth && has_bits_of(&self.positions, positions) {
             return false;
         }
+        self.motion = if same_mesh { Motion::between(&self.positions, positions) } else { Motion::UNKNOWN };
         let triangles = topology.triangles();
         self.whole = triangle_bounds_on(&Threads(threads), positions, triangles, growth, &mut self.triangles);
         self.computed += 1;

@@ -12,7 +12,7 @@ pub struct StageDiagnostics {
     /// How long it took.
     pub duration: Duration,
     /// Pairs it was given; of the broad phase: pairs of triangles whose boxes overlap, in a self-collision those that share a
-    /// vertex left out.
+    /// vertex left out, and where a list of an earlier tick is followed those on it.
     pub pairs_in: usize,
     /// Pairs it passed on; of the broad phase: candidates; of the last stage: contacts.
     pub pairs_out: usize,
@@ -29,6 +29,13 @@ pub struct DetectionDiagnostics {
     /// Pairs of surfaces that are as they were in the last detection: what was found of them was kept, and the stages
     /// count none of it.
     pub pairs_kept: usize,
+    /// Pairs of surfaces that have moved so little that their candidates came from a list of an earlier tick.
+    pub lists_followed: usize,
+    /// Pairs of surfaces that such a list was made for in this tick.
+    pub lists_made: usize,
+    /// Pairs of triangles on the lists of earlier ticks that were passed over: what is remembered of their distances, less what the surfaces
+    /// have moved since, still exceeds the range.
+    pub pairs_passed_over: usize,
     /// Triangles whose sphere was made anew.
     pub recipes_refreshed: usize,
     /// Pairs that reached the exact test: candidates of the methods that are exact.

@@ -57,6 +57,8 @@ pub(crate) struct DetectionMemory {
     all_kept: bool,
     /// Whether a detection has come to its end with every seal whole.
     is_whole: bool,
+    /// Whether nobody but the stages has written to the candidates, since the last detection began.
+    is_undisturbed: bool,
     seals: [Option<Tick>; 6],
     /// Curvature, balls, spheres and cones of each surface.
     sphere_seals: EntityHashMap<[Tick; 4]>,
@@ -88,8 +90,9 @@ impl DetectionMemory {
         store_changed: Option<Tick>,
         bounds: &Query<&TriangleBounds>,
     ) {
+        self.is_undisturbed = self.is_sealed(StageList::Candidates, candidates_changed);
         let is_whole = std::mem::take(&mut self.is_whole)
-            && self.is_sealed(StageList::Candidates, candidates_changed)
+            && self.is_undisturbed
             && store_changed.is_none_or(|changed| self.is_sealed(StageList::Store, changed));
         let keeps = is_whole && settings.memory && self.settings == Some(*settings);
         self.settings = Some(*settings);
@@ -208,6 +211,11 @@ impl DetectionMemory {
         self.all_kept
     }
 
+    /// Whether nobody but the stages has written to the candidates, since the last detection began.
+    pub(super) fn is_undisturbed(&self) -> bool {
+        self.is_undisturbed
+    }
+
     /// Those of a list with an item for each pair whose pairs are not kept.
     pub(super) fn changed<'a, T>(&'a self, items: &'a [T]) -> impl Iterator<Item = &'a T> {
         items.iter().enumerate().filter(|&(place, _)| !self.keeps(place)).map(|(_, item)| item)
@@ -228,12 +236,14 @@ impl DetectionMemory {
     }
 
     /// A stage is about to read a list. Where somebody else has written to it, nothing is kept from here on, nor in the
-    /// next detection: what stages make of it now is not what they made of their own.
-    pub(super) fn reads(&mut self, list: StageList, changed: Tick) {
-        if !self.is_sealed(list, changed) {
+    /// next detection: what stages make of it now is not what they made of their own. Whether nobody has.
+    pub(super) fn reads(&mut self, list: StageList, changed: Tick) -> bool {
+        let is_sealed = self.is_sealed(list, changed);
+        if !is_sealed {
             self.forget();
             self.is_whole = false;
         }
+        is_sealed
     }
 
     /// The last stage is about to read a list. Whether somebody else has written to it: then nothing is kept in the next

@@ -8,7 +8,9 @@ use std::collections::HashSet;
 use bevy_ecs::{prelude::*, system::SystemParam};
 
 use super::{
+    bounds::TriangleBounds,
     broad_phase::{CandidateTrianglePairs, MovedLeaves, OtherSide, SurfacePair, SurfaceTree, Traversal},
+    kept_pairs::KeptPairs,
     parallel::{Buffers, append_chunks},
     sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps},
 };
@@ -53,21 +55,23 @@ pub struct PairFates<'w, 's> {
     active: Res<'w, ActiveSurfaces>,
     candidates: Res<'w, CandidateTrianglePairs>,
     settings: Res<'w, CircumsphereSettings>,
+    kept: Res<'w, KeptPairs>,
     surfaces: SphereQuery<'w, 's>,
-    trees: Query<'w, 's, (&'static SurfacePositions, &'static SurfaceTree)>,
+    trees: Query<'w, 's, (&'static SurfacePositions, &'static TriangleBounds, &'static SurfaceTree)>,
 }
 
 impl PairFates<'_, '_> {
     /// The fates of [`CandidateTrianglePairs::pairs`]`[place]`, in place of what `fates` held: of its `triangles` one each,
     /// in their order, then [`PairFate::Planes`] of those that the broad phase dropped by slabs although their boxes
-    /// overlap. Empty where there is no such place, a surface is gone, or its positions have been resized since. Takes about
+    /// overlap, or where it went by a list of an earlier tick, [`PairFate::Remembered`] of those that it passed over. Empty where there is no such place, a surface is gone, or its positions have been resized since. Takes about
     /// as long as the pair's own stages took.
     pub fn of(&self, place: usize, fates: &mut Vec<([u32; 2], PairFate)>) {
         fates.clear();
         let Some(pair) = self.candidates.pairs.get(place) else { return };
         let Some(of_candidates) = self.of_triangles(pair, &pair.triangles) else { return };
         fates.extend(pair.triangles.iter().copied().zip(of_candidates));
-        fates.extend(self.dropped_by_slabs(pair).into_iter().map(|triangles| (triangles, PairFate::Planes)));
+        fates.extend(self.remembered(place, pair).into_iter().map(|triangles| (triangles, PairFate::Remembered)));
+        fates.extend(self.dropped_by_slabs(place, pair).into_iter().map(|triangles| (triangles, PairFate::Planes)));
     }
 
     /// The fate of two triangles, each with its entity, whichever comes first; of a rigid shape the triangle is
@@ -75,13 +79,16 @@ impl PairFates<'_, '_> {
     /// surface is not asked to meet itself, …), and where [`of`](Self::of) is empty.
     #[must_use]
     pub fn between(&self, a: (Entity, TriangleId), b: (Entity, TriangleId)) -> Option<PairFate> {
-        self.candidates.pairs.iter().find_map(|pair| {
+        self.candidates.pairs.iter().enumerate().find_map(|(place, pair)| {
             let entities = self.entities(pair)?;
             [(a, b), (b, a)].into_iter().filter(|(first, second)| entities == [first.0, second.0]).find_map(
                 |(first, second)| {
                     let triangles = [first.1.0, second.1.0];
                     if pair.triangles.contains(&triangles) {
                         self.of_triangles(pair, &[triangles])?.first().copied()
+                    } else if let Some(mut listed) = self.kept.followed(place) {
+                        let is_whole = self.is_as_detected(pair, &[triangles]);
+                        (is_whole && listed.any(|other| other == triangles)).then_some(PairFate::Remembered)
                     } else {
                         let parts = |traversal: Traversal<'_>| traversal.is_dropped_by_slabs(triangles);
                         self.traverse(pair, parts)?.then_some(PairFate::Planes)
@@ -91,8 +98,20 @@ impl PairFates<'_, '_> {
         })
     }
 
+    /// The pairs of triangles that were passed over by what is remembered of them.
+    pub(crate) fn remembered(&self, place: usize, pair: &SurfacePair) -> Vec<[u32; 2]> {
+        let Some(listed) = self.kept.followed(place).filter(|_| self.is_as_detected(pair, &[])) else {
+            return Vec::new();
+        };
+        let candidates: HashSet<[u32; 2]> = pair.triangles.iter().copied().collect();
+        listed.filter(|triangles| !candidates.contains(triangles)).collect()
+    }
+
     /// The pairs of triangles that the broad phase dropped by slabs. Those are none where it was not the tree's.
-    pub(crate) fn dropped_by_slabs(&self, pair: &SurfacePair) -> Vec<[u32; 2]> {
+    pub(crate) fn dropped_by_slabs(&self, place: usize, pair: &SurfacePair) -> Vec<[u32; 2]> {
+        if self.kept.followed(place).is_some() {
+            return Vec::new();
+        }
         let threads = self.settings.threads;
         let mut dropped =
             self.traverse(pair, |traversal| traversal.pairs_dropped_by_slabs(threads)).unwrap_or_default();
@@ -112,9 +131,9 @@ impl PairFates<'_, '_> {
         let moved = pair.moved_surface(&self.active).map(|surface| surface.entity);
         let side = |place: usize| {
             let surface = &self.active.surfaces[place];
-            let (positions, tree) = self.trees.get(surface.entity).ok()?;
+            let (positions, bounds, tree) = self.trees.get(surface.entity).ok()?;
             let is_asked_in_place = moved != Some(surface.entity);
-            tree.is_current(&surface.topology, is_asked_in_place).then_some((positions, tree))
+            tree.is_current(&surface.topology, bounds.computed(), is_asked_in_place).then_some((positions, tree))
         };
         let (sides, mut leaves) = ([side(pair.first)?, side(second)?], MovedLeaves::default());
         Some(ask(Traversal::new(&self.active, pair, &self.settings, sides, &mut leaves)?))

@@ -10,7 +10,7 @@ use std::{
 
 use bevy_tasks::ComputeTaskPool;
 
-use crate::kernel::{pair::FoundPairs, share::Share};
+use crate::kernel::{bounded_pairs::BoundedPairs, pair::FoundPairs, share::Share};
 
 /// Pairs handed out at a time: enough work to outweigh the handing out, few enough to balance.
 pub(super) const CHUNK: usize = 4096;
@@ -46,6 +46,12 @@ impl<T: Send + 'static> Results for Vec<T> {
     }
 }
 
+impl Results for BoundedPairs {
+    fn clear(&mut self) {
+        self.clear();
+    }
+}
+
 impl Results for FoundPairs {
     fn clear(&mut self) {
         self.clear();
@@ -62,7 +68,7 @@ impl<T: Send + 'static> Results for (Vec<T>, FoundPairs) {
 /// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with results to append to, and joins them in order.
 /// The parts are the same for any number of threads. One thread, or a single part, never touches the pool and allocates
 /// nothing; else the results of the parts are `spare` ones.
-fn append_parts<T: Results>(
+pub(super) fn append_parts<T: Results>(
     count: usize,
     chunk: usize,
     threads: usize,

@@ -10,6 +10,7 @@ use super::{
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
     corner_rows::{SurfaceRows, fill_rows},
     diagnostics::DetectionDiagnostics,
+    kept_pairs::{KeptPairs, ListUse},
     memory::{DetectionMemory, StageList},
     parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
     settle::SettleBuffers,
@@ -38,7 +39,7 @@ pub struct RefinePlugin;
 
 impl Plugin for RefinePlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<RefinedTrianglePairs>().init_resource::<DetectionMemory>();
+        app.init_resource::<RefinedTrianglePairs>().init_resource::<DetectionMemory>().init_resource::<KeptPairs>();
         app.add_systems(SurfaceDetection, refine.in_set(SurfaceDetectionSystems::Refine));
     }
 }
@@ -52,12 +53,15 @@ fn refine(
     spare: Local<Buffers<FoundPairs>>,
     buffers: Local<Buffers<SettleBuffers>>,
     mut memory: ResMut<DetectionMemory>,
+    mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut row_counts: Local<Vec<usize>>,
     mut surfaces: Query<(&SurfacePositions, &TriangleBounds, &mut SurfaceRows)>,
 ) {
     let start = Instant::now();
-    memory.reads(StageList::Candidates, candidates.last_changed());
+    if !memory.reads(StageList::Candidates, candidates.last_changed()) {
+        kept.forget();
+    }
     memory.writes(StageList::Refined, refined.last_changed());
     memory.carry(&mut refined.pairs);
     refined.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
@@ -75,6 +79,7 @@ fn refine(
             }
             let pair = &candidates.pairs[place];
             refined.clear();
+            refined.wants_lower_bounds = kept.list_use(place) != ListUse::None;
             if pair.method.is_exact() && !pair.triangles.is_empty() {
                 buffers.with(|buffers| {
                     refine_pair(&active, pair, &settings, &surfaces, threads, refined, &spare, buffers);
@@ -82,6 +87,9 @@ fn refine(
             }
         },
     );
+    for (place, refined) in refined.pairs.iter().enumerate().filter(|(_, refined)| refined.wants_lower_bounds) {
+        kept.learn(place, &refined.lower_bounds);
+    }
     let tested = memory.changed(&candidates.pairs).filter(|pair| pair.method.is_exact());
     let pairs_in: usize = tested.map(|pair| pair.triangles.len()).sum();
     let pairs_out = memory.changed(&refined.pairs).map(|refined| refined.touching.len()).sum();
@@ -107,7 +115,12 @@ fn refine_pair(
     let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
     let Ok((own, own_bounds, own_rows)) = surfaces.get(first.entity) else { return };
+    let wants_lower_bounds = refined.wants_lower_bounds;
     let mut collect = |work: &(dyn Fn(&[[u32; 2]], &mut FoundPairs) + Sync)| {
+        let work = |chunk: &[[u32; 2]], found: &mut FoundPairs| {
+            found.wants_lower_bounds = wants_lower_bounds;
+            work(chunk, found);
+        };
         append_chunks(&pair.triangles, threads, spare, refined, work, FoundPairs::append);
     };
     match pair.second {

@@ -8,6 +8,8 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
+mod lower_bounds;
+
 use fearless_simd::{Level, dispatch, f32x8, prelude::*, u8x32, u32x8};
 use glam::Vec3;
 
@@ -246,27 +248,12 @@ impl Separation<'_> {
     /// parts those that lie beside each other in nearly one plane. Only `asked` pairs count.
     #[inline(always)]
     pub(super) fn separated<S: Simd>(&self, simd: S, pairs: &LanePairs<S>, asked: u32) -> u32 {
-        let (own, other, needed) = (self.own, self.other, self.needed);
-        let [a, b, c] = &other.corners;
-        let others = [pairs.of_second(simd, a), pairs.of_second(simd, b), pairs.of_second(simd, c)];
-        let [a, b, c] = &own.corners;
-        let offset = splat(simd, self.offset.to_array());
-        let corners = [
-            plus(pairs.of_first(simd, a), offset),
-            plus(pairs.of_first(simd, b), offset),
-            plus(pairs.of_first(simd, c), offset),
-        ];
-
-        let normal = pairs.of_first(simd, &own.normals);
-        let shift = dot(normal, offset);
-        let (low, high) = project(others, normal);
-        let [own_low, own_high, own_doubt] = pairs.of_first(simd, &[own.low, own.high, own.doubt]);
-        let own_gap = (low - (own_high + shift)).max((own_low + shift) - high);
-
-        let (low, high) = project(corners, pairs.of_second(simd, &other.normals));
-        let [other_low, other_high, other_doubt] = pairs.of_second(simd, &[other.low, other.high, other.doubt]);
-        let other_gap = (low - other_high).max(other_low - high);
+        let needed = self.needed;
+        let corners = self.corners(simd, pairs);
+        let [own_gap, other_gap] = self.plane_gaps(simd, pairs, &corners);
         if self.planes_only {
+            let own_doubt = pairs.row_of_first(simd, &self.own.doubt);
+            let other_doubt = pairs.row_of_second(simd, &self.other.doubt);
             let apart = own_gap.simd_gt(own_doubt * self.extent + needed)
                 | other_gap.simd_gt(other_doubt * self.extent + needed);
             return apart.to_bitmask() as u32;
@@ -275,15 +262,53 @@ impl Separation<'_> {
         if asked & !by_planes == 0 {
             return by_planes;
         }
-
-        let between =
-            minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
-        let ((low, high), (own_low, own_high)) = (project(others, between), project(corners, between));
-        let gap = (low - own_high).max(own_low - high);
+        let (gap, between) = line_gap(&corners);
         let squared = dot(between, between);
         let along_line = gap.simd_gt(squared.sqrt() * needed) & squared.simd_gt(LEAST_SQUARED);
         by_planes | along_line.to_bitmask() as u32
     }
+
+    /// The corners of the triangles of the first leaf and of the second, in the frame of the second.
+    #[inline(always)]
+    fn corners<S: Simd>(&self, simd: S, pairs: &LanePairs<S>) -> [[[f32x8<S>; 3]; 3]; 2] {
+        let [a, b, c] = &self.other.corners;
+        let others = [pairs.of_second(simd, a), pairs.of_second(simd, b), pairs.of_second(simd, c)];
+        let [a, b, c] = &self.own.corners;
+        let offset = splat(simd, self.offset.to_array());
+        let corners = [
+            plus(pairs.of_first(simd, a), offset),
+            plus(pairs.of_first(simd, b), offset),
+            plus(pairs.of_first(simd, c), offset),
+        ];
+        [corners, others]
+    }
+
+    /// How far apart the triangles are along the normal of the first, and of the second.
+    #[inline(always)]
+    fn plane_gaps<S: Simd>(
+        &self,
+        simd: S,
+        pairs: &LanePairs<S>,
+        [corners, others]: &[[[f32x8<S>; 3]; 3]; 2],
+    ) -> [f32x8<S>; 2] {
+        let (own, other) = (self.own, self.other);
+        let normal = pairs.of_first(simd, &own.normals);
+        let shift = dot(normal, splat(simd, self.offset.to_array()));
+        let (low, high) = project(*others, normal);
+        let (own_low, own_high) = (pairs.row_of_first(simd, &own.low), pairs.row_of_first(simd, &own.high));
+        let own_gap = (low - (own_high + shift)).max((own_low + shift) - high);
+        let (low, high) = project(*corners, pairs.of_second(simd, &other.normals));
+        let (other_low, other_high) = (pairs.row_of_second(simd, &other.low), pairs.row_of_second(simd, &other.high));
+        [own_gap, (low - other_high).max(other_low - high)]
+    }
+}
+
+/// How far apart triangles are along the line between their centroids, in lengths of what stands beside it.
+#[inline(always)]
+fn line_gap<S: Simd>([corners, others]: &[[[f32x8<S>; 3]; 3]; 2]) -> (f32x8<S>, [f32x8<S>; 3]) {
+    let between = minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
+    let ((low, high), (own_low, own_high)) = (project(*others, between), project(*corners, between));
+    ((low - own_high).max(own_low - high), between)
 }
 
 /// Eight pairs of a lane of one leaf and a lane of another.
@@ -312,14 +337,22 @@ impl<S: Simd> LanePairs<S> {
     }
 
     #[inline(always)]
+    fn row_of_first(&self, simd: S, row: &Row) -> f32x8<S> {
+        f32x8::from_slice(simd, row).swizzle_dyn(self.firsts)
+    }
+
+    #[inline(always)]
+    fn row_of_second(&self, simd: S, row: &Row) -> f32x8<S> {
+        f32x8::from_slice(simd, row).swizzle_dyn(self.seconds)
+    }
+
+    #[inline(always)]
     fn of_first(&self, simd: S, [x, y, z]: &[Row; 3]) -> [f32x8<S>; 3] {
-        let row = |row: &Row| f32x8::from_slice(simd, row).swizzle_dyn(self.firsts);
-        [row(x), row(y), row(z)]
+        [self.row_of_first(simd, x), self.row_of_first(simd, y), self.row_of_first(simd, z)]
     }
 
     #[inline(always)]
     fn of_second(&self, simd: S, [x, y, z]: &[Row; 3]) -> [f32x8<S>; 3] {
-        let row = |row: &Row| f32x8::from_slice(simd, row).swizzle_dyn(self.seconds);
-        [row(x), row(y), row(z)]
+        [self.row_of_second(simd, x), self.row_of_second(simd, y), self.row_of_second(simd, z)]
     }
 }

@@ -5,6 +5,7 @@
 //! truth that tests and reports go by, stand beside them. Lengths are in the unit of the positions,
 //! angles in radians, curvature in 1/length.
 
+pub mod bounded_pairs;
 pub mod bounds;
 
 pub mod ccd;
@@ -19,6 +20,7 @@ pub mod ids;
 pub mod key_order;
 mod lanes;
 pub mod leaf_triangles;
+pub mod motion;
 pub mod pair;
 pub mod pair_fate;
 pub mod pair_order;

@@ -169,11 +169,23 @@ pub struct FoundPairs {
     pub nearest: f64,
     /// How many pairs reached the exact test.
     pub examined: usize,
+    /// Of each candidate of the exact test, in their order, a lower bound of its distance in the unit of the frame of the
+    /// pair, rounded down: its distance, but for rounding, where it is apart, even beyond the range. Only where wanted.
+    pub lower_bounds: Vec<f32>,
+    /// Whether those are wanted: not unless somebody says so.
+    pub wants_lower_bounds: bool,
 }
 
 impl Default for FoundPairs {
     fn default() -> Self {
-        Self { touching: Vec::new(), contacts: Vec::new(), nearest: f64::INFINITY, examined: 0 }
+        Self {
+            touching: Vec::new(),
+            contacts: Vec::new(),
+            nearest: f64::INFINITY,
+            examined: 0,
+            lower_bounds: Vec::new(),
+            wants_lower_bounds: false,
+        }
     }
 }
 
@@ -184,6 +196,7 @@ impl FoundPairs {
         self.contacts.clear();
         self.nearest = f64::INFINITY;
         self.examined = 0;
+        self.lower_bounds.clear();
     }
 
     /// Appends what was found in a later part of the pairs by faces, which are sorted: a pair that stands on both sides of
@@ -203,6 +216,7 @@ impl FoundPairs {
         self.contacts.append(&mut later.contacts);
         self.nearest = self.nearest.min(later.nearest);
         self.examined += later.examined;
+        self.lower_bounds.append(&mut later.lower_bounds);
     }
 }
 

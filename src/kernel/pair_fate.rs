@@ -25,6 +25,11 @@ use super::{
 pub enum PairFate {
     /// The two share a vertex in a self-collision. The broad phases of this crate leave such pairs out already.
     Neighbors,
+    /// What is remembered of the distance of the two, less what their surfaces have moved since, exceeds what matters: they
+    /// were passed over without a look. `Refined` and `Closest`, where surfaces have [moved a
+    /// little](field@crate::CircumsphereSettings::memory); of such surfaces' other pairs whose boxes may overlap nothing is
+    /// known.
+    Remembered,
     /// A slab keeps the two farther apart than matters: along the normal of one of them or, with `Refined` and `Closest`,
     /// along the line between their centroids. The broad phase by trees drops such pairs before they are candidates. After
     /// one that does not, `Circumsphere` drops those of the normals; `Refined` and `Closest` measure them
@@ -50,14 +55,23 @@ pub enum PairFate {
 
 impl PairFate {
     /// All of them, in order.
-    pub const ALL: [Self; 7] =
-        [Self::Neighbors, Self::Planes, Self::Spheres, Self::CenterLine, Self::Cone, Self::Distance, Self::Touching];
+    pub const ALL: [Self; 8] = [
+        Self::Neighbors,
+        Self::Remembered,
+        Self::Planes,
+        Self::Spheres,
+        Self::CenterLine,
+        Self::Cone,
+        Self::Distance,
+        Self::Touching,
+    ];
 
     /// A short name in lower case.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::Neighbors => "neighbors",
+            Self::Remembered => "remembered",
             Self::Planes => "planes",
             Self::Spheres => "spheres",
             Self::CenterLine => "center line",

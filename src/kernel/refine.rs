@@ -5,6 +5,7 @@
 //! and shares no vertex. That can be decided from the topology alone, because every such pair touches too. Where only the
 //! closest features are wanted, every pair reports its own.
 
+use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3};
 
 use super::{
@@ -15,6 +16,7 @@ use super::{
         barycentric::point_at,
         examine_boundaries, examine_pair, examine_screened,
         rigid_shape::{ShapeGeometry, ShapeProximity},
+        rounded_down,
         side::face_normal,
         triangle_pair::TIE,
     },
@@ -73,6 +75,8 @@ fn examine_pairs(
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
     let mut batches = FeatureBatches::new(settings);
+    // Pairs that the screen was in doubt about.
+    let mut apart: ArrayVec<(usize, f64), { PairScreen::WIDTH }> = ArrayVec::new();
     let has_inside = a.one_sided || b.one_sided;
     let mut made = [[CornerRow::EMPTY; PairScreen::WIDTH]; 2];
     let [made_a, made_b] = &mut made;
@@ -121,9 +125,19 @@ fn examine_pairs(
                 _ => {
                     let corners = [rows.corners(0), rows.corners(1)];
                     examine_screened(&pair, &corners, range, wanted, &mut proximity);
+                    if found.wants_lower_bounds && proximity.distance > range {
+                        apart.push((pair.place, proximity.distance - pair.nothing()));
+                    }
                     let makes_contact = |features: &Proximity| makes_contact(&proximity, features);
                     add_examined(a, b, settings, triangles, &corners, &proximity, makes_contact, found);
                 }
+            }
+        }
+        if found.wants_lower_bounds {
+            let first = found.lower_bounds.len();
+            found.lower_bounds.extend_from_slice(&screen.lower_bounds()[..pairs.len()]);
+            for (place, distance) in apart.drain(..) {
+                found.lower_bounds[first + place] = rounded_down(distance);
             }
         }
     }

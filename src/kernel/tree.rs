@@ -8,6 +8,8 @@
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 #![expect(clippy::manual_map, reason = "closures are not reliably inlined")]
 
+mod bounded;
+
 use std::ops::Range;
 
 use arrayvec::ArrayVec;

@@ -1,5 +1,6 @@
 //! The geometry kernel against f64 arithmetic, closed forms, parry and brute force.
 
+mod bounded_pairs;
 mod ccd;
 #[path = "../reference/common.rs"]
 mod common;

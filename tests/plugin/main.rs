@@ -17,6 +17,7 @@ mod rest;
 mod rigid_shapes;
 mod setup;
 mod sides;
+mod slow;
 mod smooth_normals;
 #[cfg(feature = "parallel")]
 mod threads;

@@ -196,7 +196,8 @@ fn the_tree_finds_the_candidates_of_brute_force_but_for_those_that_slabs_drop() 
         for margin in [0.0, 0.2] {
             let [mut tree, mut brute_force] = [app(), app_with_brute_force()];
             for app in [&mut tree, &mut brute_force] {
-                app.insert_resource(CircumsphereSettings { margin, ..Default::default() });
+                // What is remembered of pairs is not what the tree finds.
+                app.insert_resource(CircumsphereSettings { margin, memory: false, ..Default::default() });
                 mixed_scene(app, method);
             }
             for tick in 0..3 {

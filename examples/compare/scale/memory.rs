@@ -8,7 +8,7 @@ use std::fmt::{self, Display, Formatter};
 
 use bevy_circumsphere::{
     detection::{
-        CandidateTrianglePairs, Circumspheres, EnclosingBalls, MeetingCaps, OverlappingTrianglePairs,
+        CandidateTrianglePairs, Circumspheres, EnclosingBalls, KeptPairs, MeetingCaps, OverlappingTrianglePairs,
         RefinedTrianglePairs, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature, broad_phase::SurfaceTree,
     },
     kernel::topology::SurfaceTopology,
@@ -41,6 +41,9 @@ pub struct Memory {
     parts: Vec<Part>,
     bytes_per_candidate: f64,
     bytes_per_contact: f64,
+    listed: usize,
+    /// None where nothing is listed.
+    bytes_per_listed: Option<f64>,
     /// The most that a tick takes beyond what it leaves behind.
     passing_bytes_per_candidate: f64,
 }
@@ -60,6 +63,8 @@ struct Weighed {
     parts: Vec<(&'static str, usize)>,
     candidates: usize,
     contacts: usize,
+    /// Pairs on lists that outlive a tick.
+    listed: usize,
     /// Beyond what stays, at the worst moment of a tick.
     passing: usize,
 }
@@ -68,6 +73,7 @@ const TOPOLOGY: &str = "topology";
 /// What a sheet has only where it is in many pairs, as much as a triangle takes.
 const ROWS: &str = "SurfaceRows";
 const CANDIDATES: &str = "CandidateTrianglePairs";
+const LISTS: &str = "KeptPairs (of a mesh that moves a little)";
 /// What only the stages themselves can reach.
 const ELSEWHERE: &str = "elsewhere (the last tick's store, scratch)";
 
@@ -109,6 +115,10 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
         stage.app.update();
         passing = HEAP.peak_usage() - HEAP.current_usage();
     }
+    // A mesh that moves a little has lists besides.
+    stage.creep();
+    stage.app.update();
+    let listed = stage.app.world().resource::<KeptPairs>().listed();
     let whole = (HEAP.current_usage() - before).saturating_sub(empty_bytes);
     let size = stage.size(scene);
     let holders: [(&'static str, Take); 13] = [
@@ -121,6 +131,7 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
         ("TriangleCones", take_component::<TriangleCones>),
         (ROWS, take_component::<SurfaceRows>),
         (CANDIDATES, take_resource::<CandidateTrianglePairs>),
+        (LISTS, take_resource::<KeptPairs>),
         ("OverlappingTrianglePairs", take_resource::<OverlappingTrianglePairs>),
         ("MeetingCaps", take_resource::<MeetingCaps>),
         ("RefinedTrianglePairs", take_resource::<RefinedTrianglePairs>),
@@ -134,7 +145,7 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
     }
     let named: usize = parts.iter().map(|&(_, bytes)| bytes).sum();
     parts.push((ELSEWHERE, whole.saturating_sub(named)));
-    Weighed { parts, candidates: size.candidates, contacts: size.contacts, passing }
+    Weighed { parts, candidates: size.candidates, contacts: size.contacts, listed, passing }
 }
 
 impl Memory {
@@ -164,6 +175,8 @@ impl Memory {
             candidates: with.candidates,
             contacts: with.contacts,
             bytes_per_candidate: bytes(&[CANDIDATES]) / with.candidates as f64,
+            listed: with.listed,
+            bytes_per_listed: (with.listed > 0).then(|| bytes(&[LISTS]) / with.listed as f64),
             bytes_per_contact: bytes(&RESULTS) / with.contacts as f64,
             passing_bytes_per_candidate: with.passing as f64 / with.candidates as f64,
             parts,
@@ -191,6 +204,15 @@ impl Display for Memory {
             short(self.bytes_per_candidate),
             short(self.bytes_per_contact),
             short(self.passing_bytes_per_candidate)
-        )
+        )?;
+        if let Some(bytes) = self.bytes_per_listed {
+            let listed = grouped(self.listed as u64);
+            writeln!(
+                out,
+                "{} bytes for each of {listed} pairs that are listed while the mesh moves a little",
+                short(bytes)
+            )?;
+        }
+        Ok(())
     }
 }

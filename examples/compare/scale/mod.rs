@@ -20,7 +20,9 @@ use bevy_circumsphere::{
     prelude::*,
 };
 use bevy_ecs::prelude::*;
+use circumsphere_support::random::Random;
 use cpu_time::ThreadTime;
+use glam::Vec3;
 use serde::Serialize;
 
 use self::{memory::Memory, scenes::Scene};
@@ -120,6 +122,9 @@ impl Growth {
     }
 }
 
+/// How far such a vertex moves along an axis, where edges were 1 long: far less than the contact distance.
+const CREEP: f32 = 1.0e-3;
+
 const WHOLE: &str = "cold tick";
 /// The same without what others on the machine took.
 const PROCESSOR: &str = "cold tick, processor time";
@@ -157,6 +162,17 @@ impl Stage {
             let state = &body.states[self.tick % 2];
             move_surface(&mut self.app, surface, state.positions.clone());
             self.app.world_mut().entity_mut(surface).insert((state.pose, Teleported));
+        }
+    }
+
+    /// Moves every vertex a little from where it is, each in a direction of its own.
+    fn creep(&mut self) {
+        let mut random = Random::new(1);
+        for &surface in &self.surfaces {
+            let Some(mut positions) = self.app.world_mut().get_mut::<SurfacePositions>(surface) else { continue };
+            for position in &mut positions.0 {
+                *position += CREEP * Vec3::from_array(std::array::from_fn(|_| random.signed_unit()));
+            }
         }
     }
 

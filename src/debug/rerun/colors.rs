@@ -55,7 +55,7 @@ pub(super) fn surface(place: usize) -> Color {
 /// The color of pairs by what became of them.
 pub(super) const fn fate(fate: PairFate) -> Color {
     match fate {
-        PairFate::Neighbors | PairFate::Planes => GREY,
+        PairFate::Neighbors | PairFate::Remembered | PairFate::Planes => GREY,
         PairFate::Spheres => SKY_BLUE,
         PairFate::CenterLine => BLUE,
         PairFate::Cone => PURPLE,

@@ -35,10 +35,10 @@ pub(super) fn draw(
         return;
     }
     let mut drawn = Vec::new();
-    for pair in &detected.candidates.pairs {
+    for (place, pair) in detected.candidates.pairs.iter().enumerate() {
         let wants = |&[first, second]: &[u32; 2]| {
             let wants_second = match pair.second {
-                OtherSide::Surface(place) => touches.wants(level, place, second),
+                OtherSide::Surface(other) => touches.wants(level, other, second),
                 OtherSide::Shape(_) => true,
             };
             wants_second && touches.wants(level, pair.first, first)
@@ -53,7 +53,8 @@ pub(super) fn draw(
         // Planes part most of them, and never wrongly.
         let parted = &mut by_fate[PairFate::Planes as usize];
         if level == LevelOfDetail::All {
-            parted.extend(detected.fates.dropped_by_slabs(pair));
+            parted.extend(detected.fates.dropped_by_slabs(place, pair));
+            by_fate[PairFate::Remembered as usize].extend(detected.fates.remembered(place, pair));
         } else {
             parted.clear();
         }

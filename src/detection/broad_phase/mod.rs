@@ -3,8 +3,8 @@
 //! This plugin pairs surfaces. The pairs of triangles are found by one algorithm plugin beside it; whichever it is, the same
 //! contacts come of them. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in
 //! [`BroadPhaseSystems::PairTriangles`] that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by
-//! [`SurfacePair::mover`]. Of unchanged pairs nothing is [kept](CircumsphereSettings::memory) then: only the algorithms here
-//! say which lists are theirs.
+//! [`SurfacePair::mover`]. Of unchanged pairs, and of those that have moved a little, nothing is
+//! [kept](CircumsphereSettings::memory) then: only the algorithms here say which lists are theirs.
 
 mod brute_force;
 mod moved;
@@ -26,6 +26,7 @@ pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
 use super::{
     bounds::{TriangleBounds, moved_box, world_growth},
     diagnostics::DetectionDiagnostics,
+    kept_pairs::KeptPairs,
     memory::{DetectionMemory, StageList},
 };
 use crate::{
@@ -98,7 +99,8 @@ pub struct SurfacePair {
     /// The candidates, pairs of triangles whose boxes overlap: of the first and the second surface, in a self-collision
     /// the lower one first and those that share a vertex left out; with a shape the second is 0. Those that a slab keeps
     /// farther apart than the range may be left out where the method culls; the tree leaves them out, see
-    /// [`PairFate::Planes`](crate::kernel::pair_fate::PairFate::Planes).
+    /// [`PairFate::Planes`](crate::kernel::pair_fate::PairFate::Planes), and so may be others that are known to be farther
+    /// apart, see [`PairFate::Remembered`](crate::kernel::pair_fate::PairFate::Remembered).
     pub triangles: Vec<[u32; 2]>,
 }
 
@@ -164,7 +166,7 @@ pub struct BroadPhasePlugin;
 
 impl Plugin for BroadPhasePlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<CandidateTrianglePairs>().init_resource::<DetectionMemory>();
+        app.init_resource::<CandidateTrianglePairs>().init_resource::<DetectionMemory>().init_resource::<KeptPairs>();
         app.configure_sets(
             SurfaceDetection,
             (BroadPhaseSystems::PairSurfaces, BroadPhaseSystems::PairTriangles)

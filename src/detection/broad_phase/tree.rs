@@ -1,4 +1,5 @@
-//! Pairs of triangles by a bounding volume tree per surface, refitted every tick.
+//! Pairs of triangles by a bounding volume tree per surface, refitted wherever a pair asks it, and by the lists of pairs that
+//! need not ask.
 
 use std::{
     ops::Range,
@@ -12,7 +13,10 @@ use std::{
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
-use self::follow::{Outcome, TakenTree, update_each};
+use self::{
+    follow::{Outcome, TakenTree, update_each},
+    lists::{make_list, mark_idle_trees},
+};
 use super::{
     BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, brute_force::pair_with_shape_brute_force,
     moved::Reach, shape_bounds,
@@ -20,10 +24,12 @@ use super::{
 use crate::{
     detection::{
         DetectionDiagnostics, DetectionMemory, StageList, TriangleBounds,
+        kept_pairs::{KeptPairs, ListUse},
         parallel::{Buffers, Threads, append_ranges, for_each_weighed},
         sides::{pair_settings, surface_sides},
     },
     kernel::{
+        bounded_pairs::BoundedPairs,
         leaf_triangles::{LeafTriangles, PairCull},
         topology::SurfaceTopology,
         tree::{BoxTree, LEAF_WIDTH},
@@ -34,6 +40,7 @@ use crate::{
 };
 
 mod follow;
+mod lists;
 
 /// Leaves whose pairs one thread looks for at a time.
 const LEAVES_AT_ONCE: usize = 64;
@@ -43,6 +50,9 @@ const LEAVES_OF_ONE: usize = 256;
 
 /// How many leaves of work it is to find out what of one surface reaches another.
 const LEAVES_LOOKED_AT: usize = 16;
+
+/// Pairs on a list that are looked through in the time of the pairs of a leaf.
+const PAIRS_OF_A_LEAF: usize = 2000;
 
 /// The tree over a surface's triangles, and the mesh it was built for.
 #[derive(Component, Default)]
@@ -57,16 +67,24 @@ pub struct SurfaceTree {
 }
 
 impl SurfaceTree {
-    /// The tree over the surface's [`TriangleBounds`], in the surface's own frame; empty before the first detection.
+    /// The tree over the surface's [`TriangleBounds`], in the surface's own frame; empty before the first detection. It
+    /// follows them in every detection in which one of the surface's pairs is looked for in it, or the surface has none: not
+    /// where all of them are as they were or have [moved a little](crate::CircumsphereSettings::memory).
     #[must_use]
     pub fn tree(&self) -> &BoxTree {
         &self.tree
     }
 
     /// Whether the tree is over as many triangles as a surface has, and, where `with_triangles`, they have followed it.
-    pub(in crate::detection) fn is_current(&self, topology: &SurfaceTopology, with_triangles: bool) -> bool {
+    /// `computed` is how many times the surface's boxes have been computed.
+    pub(in crate::detection) fn is_current(
+        &self,
+        topology: &SurfaceTopology,
+        computed: u64,
+        with_triangles: bool,
+    ) -> bool {
         let has_followed = !with_triangles || self.triangles_followed == self.followed;
-        self.tree.len() == topology.triangles().len() && has_followed
+        self.tree.len() == topology.triangles().len() && self.followed == computed && has_followed
     }
 }
 
@@ -91,14 +109,20 @@ fn update_trees(
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
     mut memory: ResMut<DetectionMemory>,
+    mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut culled: Local<Vec<bool>>,
+    mut marked: Local<[Vec<bool>; 2]>,
     mut taken: Local<Vec<TakenTree>>,
+    bounds: Query<&TriangleBounds>,
     mut surfaces: TreesToUpdate,
 ) {
     let start = Instant::now();
-    update_each(&active, &mut taken, &mut surfaces, settings.threads, |_, tree, (_, bounds), surface, threads| {
-        tree.follow(surface, bounds, threads)
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    kept.begin(&active, &candidates, &settings, &memory, &bounds);
+    let [idle, culled] = &mut *marked;
+    mark_idle_trees(&active, &candidates, &memory, &kept, idle);
+    update_each(&active, &mut taken, &mut surfaces, settings.threads, |place, tree, (_, bounds), surface, threads| {
+        if idle[place] { Outcome::default() } else { tree.follow(surface, bounds, threads) }
     });
     let mut first_builds = Duration::ZERO;
     for outcome in taken.drain(..).map(|taken| taken.outcome) {
@@ -108,7 +132,6 @@ fn update_trees(
     // Several threads build several trees at the same time.
     diagnostics.first_tree_builds += first_builds.min(start.elapsed());
     let trees = surfaces.as_readonly();
-    memory.reads(StageList::Candidates, candidates.last_changed());
     memory.hand_back_moved(&mut candidates.pairs);
     for_each_weighed(
         &mut candidates.pairs,
@@ -122,14 +145,14 @@ fn update_trees(
         },
     );
     memory.seal(StageList::Candidates, candidates.last_changed());
-    mark_culled_surfaces(&active, &candidates, &mut culled);
+    mark_culled_surfaces(&active, &candidates, culled);
     update_each(
         &active,
         &mut taken,
         &mut surfaces,
         settings.threads,
         |place, tree, (positions, _), surface, threads| {
-            if culled[place] && tree.triangles_followed != tree.followed {
+            if culled[place] && !idle[place] && tree.triangles_followed != tree.followed {
                 tree.triangles.update_on(&Threads(threads), &tree.tree, &surface.topology, &positions.0);
                 tree.triangles_followed = tree.followed;
             }
@@ -206,27 +229,67 @@ fn pair_triangles(
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
     mut memory: ResMut<DetectionMemory>,
+    mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     buffers: Local<Buffers<MovedLeaves>>,
     spare: Local<Buffers<Vec<[u32; 2]>>>,
-    surfaces: TreeQuery,
+    spare_lists: Local<Buffers<BoundedPairs>>,
+    mut surfaces: TreesToUpdate,
 ) {
     let start = Instant::now();
-    memory.reads(StageList::Candidates, candidates.last_changed());
+    let is_untouched = memory.reads(StageList::Candidates, candidates.last_changed());
+    if !is_untouched || kept.lists.len() != candidates.pairs.len() {
+        // Whose lists are whose is no longer known, and trees that nobody was to ask are asked.
+        kept.forget();
+        for surface in &active.surfaces {
+            let Ok((positions, bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
+            let tree = &mut *tree;
+            tree.follow(surface, bounds, settings.threads);
+            tree.triangles.update(&tree.tree, &surface.topology, &positions.0);
+            tree.triangles_followed = tree.followed;
+        }
+    }
+    let surfaces = surfaces.as_readonly();
     memory.hand_back_candidates(&mut candidates.pairs);
     let leaf_count = |place: usize| active.surfaces[place].topology.triangles().len() / LEAF_WIDTH;
     let weight = |pair: &SurfacePair| match pair.second {
         OtherSide::Surface(second) => leaf_count(pair.first).min(leaf_count(second)),
         OtherSide::Shape(_) => 1,
     };
+    let triangle_count = |pair: &SurfacePair| match pair.second {
+        OtherSide::Surface(second) if !pair.is_self() => LEAF_WIDTH * (leaf_count(pair.first) + leaf_count(second)),
+        _ => LEAF_WIDTH * leaf_count(pair.first),
+    };
     let overlapping = AtomicUsize::new(0);
+    for_each_weighed(
+        &mut kept.lists,
+        settings.threads,
+        LEAVES_OF_ONE,
+        |place, list| match list.list_use {
+            ListUse::None => 0,
+            ListUse::Made => weight(&candidates.pairs[place]),
+            ListUse::Followed => list.pairs.len() / PAIRS_OF_A_LEAF,
+        },
+        |place, list, threads| {
+            if list.list_use == ListUse::Made {
+                make_list(&active, &settings, &candidates.pairs[place], list, &surfaces, &spare_lists, threads);
+            }
+            if list.list_use != ListUse::None {
+                overlapping.fetch_add(list.pairs.len(), Ordering::Relaxed);
+                list.find_near(triangle_count(&candidates.pairs[place]));
+            }
+        },
+    );
     for_each_weighed(
         &mut candidates.pairs,
         settings.threads,
         LEAVES_OF_ONE,
-        |place, pair| if memory.keeps(place) { 0 } else { weight(pair) },
+        |place, pair| {
+            let is_found = memory.keeps(place) || kept.list_use(place) != ListUse::None;
+            if is_found { 0 } else { weight(pair) }
+        },
         |place, pair, threads| {
-            if memory.keeps(place) {
+            if memory.keeps(place) || kept.list_use(place) != ListUse::None {
                 return;
             }
             let found = match pair.second {
@@ -239,6 +302,8 @@ fn pair_triangles(
             overlapping.fetch_add(found, Ordering::Relaxed);
         },
     );
+    kept.count(&mut diagnostics);
+    kept.hand_over(&mut candidates.pairs);
     memory.seal(StageList::Candidates, candidates.last_changed());
     let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
     diagnostics.finish("broad phase", start, overlapping.into_inner(), count);
@@ -299,6 +364,16 @@ impl<'a> Traversal<'a> {
             self.tree.self_pairs_of(leaves, cull, pairs)
         } else {
             self.leaves.pairs_of(leaves, self.tree, cull, pairs)
+        }
+    }
+
+    /// Appends the pairs within a skin besides, with bounds. Only where there is a cull. Returns how many pairs there are
+    /// without dropping any by slabs.
+    fn append_bounded(&self, leaves: Range<usize>, range: f32, skin: f32, pairs: &mut BoundedPairs) -> usize {
+        match &self.cull {
+            Some(cull) if self.is_self => self.tree.bounded_self_pairs_of(leaves, range, skin, cull, pairs),
+            Some(cull) => self.leaves.bounded_pairs_of(leaves, self.tree, range, skin, cull, pairs),
+            None => 0,
         }
     }
 

@@ -14,6 +14,6 @@ pub mod triangle_pair;
 
 pub(in crate::kernel) use batch::FeatureBatches;
 pub use feature::{Feature, FeatureKind, FeaturePair};
-pub(in crate::kernel) use screen::{Cases, PairScreen, ScreenedPair};
+pub(in crate::kernel) use screen::{Cases, PairScreen, ScreenedPair, rounded_down};
 pub use triangle_pair::{PairProximity, Proximity, examine_pair};
 pub(in crate::kernel) use triangle_pair::{examine_boundaries, examine_screened};

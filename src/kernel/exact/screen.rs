@@ -174,6 +174,13 @@ impl ScreenedPair {
     }
 }
 
+/// A lower bound of a distance in f32.
+#[inline]
+pub(in crate::kernel) fn rounded_down(distance: f64) -> f32 {
+    // The conversion rounds to the nearest, at most by half of that.
+    (distance * (1.0 - f64::from(f32::EPSILON))).max(0.0) as f32
+}
+
 /// How many pairs are screened at a time.
 pub(super) const WIDTH: usize = 8;
 
@@ -227,6 +234,19 @@ impl PairScreen {
             closest: Cases(self.closest[place] as u32),
         };
         (0..count).map(screened).filter(|pair| !pair.cases.are_none())
+    }
+
+    /// Lower bounds of the distances of the pairs, as they were screened: within the range or not, the distance but for
+    /// rounding, and 0 of pairs that may cross.
+    #[inline]
+    pub(in crate::kernel) fn lower_bounds(&self) -> [f32; WIDTH] {
+        let mut bounds = [0.0; WIDTH];
+        for place in 0..WIDTH {
+            let apart = rounded_down(self.distance[place] - ROUND_OFF * self.largest[place]);
+            let may_cross = self.cases[place] & u64::from(Cases::PIERCING.0) != 0;
+            bounds[place] = if may_cross { 0.0 } else { apart };
+        }
+        bounds
     }
 
     #[inline(always)]
@@ -438,9 +458,16 @@ impl<S: Simd> Found<S> {
         self.cases = possible.select(self.cases | u64::from(case), self.cases);
     }
 
+    /// A distance counts wherever there is one, a case only within the range.
     #[inline(always)]
-    fn add_distance(&mut self, possible: mask64x8<S>, case: Cases, distance_squared: f64x8<S>) {
-        self.add(possible, case);
+    fn add_distance(
+        &mut self,
+        possible: mask64x8<S>,
+        within_range: mask64x8<S>,
+        case: Cases,
+        distance_squared: f64x8<S>,
+    ) {
+        self.add(possible & within_range, case);
         let nearer = possible & distance_squared.simd_lt(self.nearest);
         self.nearest = nearer.select(distance_squared, self.nearest);
         self.closest = nearer.select(u64x8::splat(self.cases.simd, u64::from(case.0)), self.closest);
@@ -481,13 +508,15 @@ fn vertices_over_face<S: Simd>(
         let from_first = own.corners[vertex].minus(other.corners[0]);
         let height = other.normal.dot(from_first);
         let distance_squared = height * height * inverse;
-        let mut possible = distance_squared.simd_le(range_squared);
+        // Of a face without an area it is no number, or infinite.
+        let mut possible = distance_squared.simd_lt(f64::INFINITY);
         for k in 0..3 {
             let from_corner = own.corners[vertex].minus(other.corners[k]);
             let area = inward[k].dot(from_corner);
             possible &= !area.simd_le(0.0);
         }
-        found.add_distance(possible, Cases::vertex_face(vertex_of_a, vertex), distance_squared);
+        let within_range = distance_squared.simd_le(range_squared);
+        found.add_distance(possible, within_range, Cases::vertex_face(vertex_of_a, vertex), distance_squared);
         heights[vertex] = height;
     }
     heights
@@ -515,8 +544,9 @@ fn edge_edge<S: Simd>(
     let along_a = between.cross(v).dot(normal) * inverse;
     let along_b = between.cross(u).dot(normal) * inverse;
     let inside = along_a.simd_gt(zero) & along_a.simd_lt(one) & along_b.simd_gt(zero) & along_b.simd_lt(one);
-    let possible = inside & !(normal_squared.simd_le(lengths_squared) | distance_squared.simd_gt(range_squared));
-    found.add_distance(possible, Cases::edges(edge_a, edge_b), distance_squared);
+    let possible = inside & !normal_squared.simd_le(lengths_squared);
+    let within_range = !distance_squared.simd_gt(range_squared);
+    found.add_distance(possible, within_range, Cases::edges(edge_a, edge_b), distance_squared);
     height
 }
 

@@ -1,0 +1,83 @@
+//! Lists that outlive a tick, as far as trees go: they make them, and rest where every pair goes by one.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::{LEAVES_AT_ONCE, MovedLeaves, Traversal, TreeQuery};
+use crate::{
+    detection::{
+        CandidateTrianglePairs, DetectionMemory, SurfacePair,
+        broad_phase::OtherSide,
+        kept_pairs::{KeptList, KeptPairs, ListUse},
+        parallel::{Buffers, append_parts},
+    },
+    kernel::bounded_pairs::BoundedPairs,
+    settings::CircumsphereSettings,
+    surface::ActiveSurfaces,
+};
+
+/// Marks for each active surface whether nobody asks its tree: there are pairs of it, and all of them are kept or go by their
+/// lists.
+pub(super) fn mark_idle_trees(
+    active: &ActiveSurfaces,
+    candidates: &CandidateTrianglePairs,
+    memory: &DetectionMemory,
+    kept: &KeptPairs,
+    idle: &mut Vec<bool>,
+) {
+    idle.clear();
+    idle.resize(active.surfaces.len(), false);
+    let asks = |place: usize| !memory.keeps(place) && kept.list_use(place) != ListUse::Followed;
+    for asking in [false, true] {
+        for (_, pair) in candidates.pairs.iter().enumerate().filter(|&(place, _)| asks(place) == asking) {
+            idle[pair.first] = !asking;
+            if let OtherSide::Surface(second) = pair.second {
+                idle[second] = !asking;
+            }
+        }
+    }
+}
+
+/// Makes the list of a pair of surfaces.
+pub(super) fn make_list(
+    active: &ActiveSurfaces,
+    settings: &CircumsphereSettings,
+    pair: &SurfacePair,
+    list: &mut KeptList,
+    surfaces: &TreeQuery,
+    spare: &Buffers<BoundedPairs>,
+    threads: usize,
+) {
+    let OtherSide::Surface(second) = pair.second else { return };
+    let [Ok((own, _, own_tree)), Ok((other, _, other_tree))] =
+        [pair.first, second].map(|place| surfaces.get(active.surfaces[place].entity))
+    else {
+        return;
+    };
+    let (skin, mut moved) = (list.skin(), MovedLeaves::default());
+    let sides = [(own, own_tree), (other, other_tree)];
+    let Some(mut traversal) = Traversal::new(active, pair, settings, sides, &mut moved) else { return };
+    let Some(cull) = traversal.cull.as_mut() else { return };
+    let Some(range) = cull.slabs else { return };
+    cull.slabs = Some(range + skin);
+    let leaf_count = traversal.leaves.leaf_count();
+    let looked_at = AtomicUsize::new(0);
+    append_parts(
+        leaf_count,
+        LEAVES_AT_ONCE,
+        threads,
+        spare,
+        &mut list.pairs,
+        |part, pairs| {
+            looked_at.fetch_add(traversal.append_bounded(part, range, skin, pairs), Ordering::Relaxed);
+        },
+        BoundedPairs::append,
+    );
+    list.looked_at = looked_at.into_inner();
+    if traversal.is_reversed {
+        list.pairs.reverse();
+    }
+    if list.is_worth_sorting() {
+        let count = |place: usize| active.surfaces[place].topology.triangles().len();
+        list.pairs.sort(count(pair.first).max(count(second)));
+    }
+}

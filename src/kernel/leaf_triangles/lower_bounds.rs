@@ -1,0 +1,31 @@
+//! Lower bounds of distances by the slabs of a traversal, for pairs that are remembered.
+
+use fearless_simd::{f32x8, prelude::*};
+
+use super::{LEAST_SQUARED, LanePairs, RANGE_SLACK, ROUNDING, Separation, dot, line_gap};
+
+impl Separation<'_> {
+    /// Those of the `asked` of up to eight pairs of lanes that no slab keeps apart, and lower bounds of their distances by
+    /// the widest slab: 0 where none says anything.
+    #[inline(always)]
+    pub(in crate::kernel) fn lower_bounds<S: Simd>(
+        &self,
+        simd: S,
+        pairs: &LanePairs<S>,
+        asked: u32,
+    ) -> (u32, f32x8<S>) {
+        let (zero, needed) = (f32x8::splat(simd, 0.0), self.needed);
+        if !self.has_slabs() {
+            return (asked, zero);
+        }
+        let corners = self.corners(simd, pairs);
+        let [own_gap, other_gap] = self.plane_gaps(simd, pairs, &corners);
+        let by_planes = own_gap.max(other_gap);
+        let (gap, between) = line_gap(&corners);
+        let squared = dot(between, between);
+        let along_line = squared.simd_gt(LEAST_SQUARED).select(gap / squared.sqrt(), zero);
+        let widest = by_planes.max(along_line);
+        let bounds = (widest - self.extent * ROUNDING) * (1.0 / RANGE_SLACK);
+        (asked & !widest.simd_gt(needed).to_bitmask() as u32, bounds.simd_gt(0.0).select(bounds, zero))
+    }
+}

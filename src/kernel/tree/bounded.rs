@@ -1,0 +1,149 @@
+//! Traversal for pairs that are remembered: those within a greater distance, each with a lower bound of its own.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use std::ops::Range;
+
+use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
+
+use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, LaneHits, for_each_lane};
+use crate::kernel::{
+    bounded_pairs::BoundedPairs,
+    leaf_triangles::{LanePairs, PairCull},
+};
+
+impl BoxTree {
+    /// Appends the pairs of items of which one is in `leaves` and the other there or after whose boxes are no farther apart
+    /// than `skin`, without those that `cull` drops, lower item first. Two boxes are grown by `range` or more
+    /// together: what is in them is farther apart by it. Returns how many pairs there are without culling by slabs.
+    pub fn bounded_self_pairs_of(
+        &self,
+        leaves: Range<usize>,
+        range: f32,
+        skin: f32,
+        cull: &PairCull<'_>,
+        pairs: &mut BoundedPairs,
+    ) -> usize {
+        dispatch!(Level::new(), simd => self.bounded_in_lanes::<true, _>(simd, leaves, self, [range, skin], cull, pairs))
+    }
+
+    /// The same for the items in `leaves` of this tree and all of another one.
+    pub fn bounded_pairs_of(
+        &self,
+        leaves: Range<usize>,
+        other: &Self,
+        range: f32,
+        skin: f32,
+        cull: &PairCull<'_>,
+        pairs: &mut BoundedPairs,
+    ) -> usize {
+        dispatch!(Level::new(), simd => self.bounded_in_lanes::<false, _>(simd, leaves, other, [range, skin], cull, pairs))
+    }
+
+    #[inline(always)]
+    fn bounded_in_lanes<const SELF: bool, S: Simd>(
+        &self,
+        simd: S,
+        leaves: Range<usize>,
+        other_tree: &Self,
+        [range, skin]: [f32; 2],
+        cull: &PairCull<'_>,
+        pairs: &mut BoundedPairs,
+    ) -> usize {
+        let mut count = 0;
+        let (mut hits, mut recent) = (LaneHits::new(), Recent::new());
+        let mut all_gaps = [0.0; (LEAF_WIDTH + 1) * LEAF_WIDTH];
+        for place in leaves {
+            let leaf = &self.leaves[place];
+            let first = if SELF { place as u32 } else { 0 };
+            other_tree.for_each_leaf(simd, &leaf.bounds.grown(skin), first, |other_place| {
+                let other = &other_tree.leaves[other_place];
+                let separation = cull.between([place, other_place]);
+                hits.count = 0;
+                for_each_lane(leaf.boxes.overlapping(simd, &other.bounds.grown(skin)), |lane| {
+                    let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
+                    let gaps = other.boxes.gaps(simd, &leaf.boxes.get(lane));
+                    let mut lanes = gaps.simd_le(skin).to_bitmask() as u32 & later;
+                    if lanes != 0 {
+                        lanes &= !separation.neighbors(simd, lane);
+                    }
+                    let mask = mask32x8::from_bitmask(simd, u64::from(lanes));
+                    gaps.compress(mask).store_slice(&mut all_gaps[hits.count..][..LEAF_WIDTH]);
+                    hits.push(simd, lane, lanes);
+                });
+                count += hits.count;
+                for ((pairs_of_lanes, asked), gaps) in hits.groups().zip(all_gaps.chunks(LEAF_WIDTH)) {
+                    let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
+                    let (kept, by_slabs) = separation.lower_bounds(simd, &lane_pairs, asked);
+                    // The boxes hold what they were grown by.
+                    let gaps = f32x8::from_slice(simd, gaps);
+                    let by_boxes = gaps.simd_gt(0.0).select(gaps + range, f32x8::splat(simd, 0.0));
+                    let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
+                    let (firsts, seconds) = if SELF { (items.min(others), items.max(others)) } else { (items, others) };
+                    recent.push(simd, [firsts, seconds], by_slabs.max(by_boxes), kept, pairs);
+                }
+            });
+        }
+        recent.flush(pairs);
+        count
+    }
+}
+
+impl Boxes {
+    /// How far apart each box and another one are along the axis along which they are farthest apart; negative where they
+    /// overlap, no number where there is no box.
+    #[inline(always)]
+    fn gaps<S: Simd>(&self, simd: S, bounds: &Aabb) -> f32x8<S> {
+        let [mut gaps, zero] = [f32x8::splat(simd, f32::NEG_INFINITY), f32x8::splat(simd, 0.0)];
+        for axis in 0..3 {
+            let (min, max) = (f32x8::from_slice(simd, &self.min[axis]), f32x8::from_slice(simd, &self.max[axis]));
+            let (low, high) = (zero + bounds.min[axis], zero + bounds.max[axis]);
+            gaps = gaps.max((min - high).max(low - max));
+        }
+        // A maximum need not be what is no number.
+        let is_number = f32x8::from_slice(simd, &self.min[0]).simd_le(f32::MAX);
+        is_number.select(gaps, f32x8::splat(simd, f32::NAN))
+    }
+}
+
+/// Pairs on their way to the list, as in the traversal without bounds.
+struct Recent {
+    firsts: [u32; Self::ROOM],
+    seconds: [u32; Self::ROOM],
+    bounds: [f32; Self::ROOM],
+    count: usize,
+}
+
+impl Recent {
+    const ROOM: usize = 256;
+
+    fn new() -> Self {
+        Self { firsts: [0; Self::ROOM], seconds: [0; Self::ROOM], bounds: [0.0; Self::ROOM], count: 0 }
+    }
+
+    #[inline(always)]
+    fn push<S: Simd>(
+        &mut self,
+        simd: S,
+        [firsts, seconds]: [u32x8<S>; 2],
+        bounds: f32x8<S>,
+        kept: u32,
+        pairs: &mut BoundedPairs,
+    ) {
+        if self.count > Self::ROOM - LEAF_WIDTH {
+            self.flush(pairs);
+        }
+        let mask = mask32x8::from_bitmask(simd, u64::from(kept));
+        let room = self.count..self.count + LEAF_WIDTH;
+        firsts.compress(mask).store_slice(&mut self.firsts[room.clone()]);
+        seconds.compress(mask).store_slice(&mut self.seconds[room.clone()]);
+        bounds.compress(mask).store_slice(&mut self.bounds[room]);
+        self.count += kept.count_ones() as usize;
+    }
+
+    #[inline(never)]
+    fn flush(&mut self, pairs: &mut BoundedPairs) {
+        let count = std::mem::take(&mut self.count);
+        pairs.extend_from_slices(&self.firsts[..count], &self.seconds[..count], &self.bounds[..count]);
+    }
+}
