@@ -121,7 +121,7 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
     let listed = stage.app.world().resource::<KeptPairs>().listed();
     let whole = (HEAP.current_usage() - before).saturating_sub(empty_bytes);
     let size = stage.size(scene);
-    let holders: [(&'static str, Take); 13] = [
+    let holders: [(&'static str, Take); 14] = [
         ("SurfacePositions", take_component::<SurfacePositions>),
         ("TriangleBounds", take_component::<TriangleBounds>),
         ("SurfaceTree", take_component::<SurfaceTree>),
