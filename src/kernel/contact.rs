@@ -6,7 +6,6 @@ use glam::Vec3;
 
 use super::{
     exact::{Feature, FeaturePair, rigid_shape::ShapeProximity},
-    pair::SurfaceSide,
     topology::SurfaceTopology,
 };
 
@@ -212,24 +211,5 @@ impl CompactContact {
             normal: proximity.normal.as_vec3(),
             distance: (proximity.distance * scale) as f32,
         }
-    }
-}
-
-/// Puts the features of a self-collision into the order that its key uses: vertex before edge before face, and of two
-/// of a kind the lower number first.
-pub(crate) fn canonical_order(
-    sides: [&SurfaceSide<'_>; 2],
-    triangles: [u32; 2],
-    same_surface: bool,
-    features: FeaturePair,
-) -> (FeaturePair, [u32; 2]) {
-    let name = |side: usize, feature: Feature| {
-        let SurfaceSide { topology, positions, .. } = sides[side];
-        (rank(feature), feature_number(topology, positions, triangles[side], feature))
-    };
-    if same_surface && name(1, features.b) < name(0, features.a) {
-        (features.swapped(), [triangles[1], triangles[0]])
-    } else {
-        (features, triangles)
     }
 }

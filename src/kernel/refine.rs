@@ -1,15 +1,15 @@
 //! The exact stage over a list of candidate pairs: a screen of eight side by side, exact distance, contacts.
 //!
-//! Reads candidate triangle pairs and positions in one common frame, writes touching pairs and contacts. A feature
-//! that several triangles share is reported by one of them: the lowest pair of triangles that contains both features
-//! and shares no vertex. That can be decided from the topology alone, because every such pair touches too. Where only the
-//! closest features are wanted, every pair reports its own.
+//! Reads candidate triangle pairs and positions in one common frame, writes touching pairs and contacts. Of a feature pair
+//! that several pairs of triangles have the contact of the lowest stays, when contacts are brought into their order. Mostly
+//! only that one is written: the pair of the first triangles around both features, which the topology knows alone, because
+//! every pair that has both touches too. Where only the closest features are wanted, every pair reports its own.
 
 use arrayvec::ArrayVec;
 use glam::{DVec3, Vec3};
 
 use super::{
-    contact::{CompactContact, TouchingPair, canonical_order, feature_number},
+    contact::{CompactContact, TouchingPair, feature_number},
     corner_rows::CornerRow,
     exact::{
         Cases, Feature, FeatureBatches, FeaturePair, PairProximity, PairScreen, Proximity, ScreenedPair,
@@ -269,8 +269,8 @@ pub fn refine_shape(
     }
 }
 
-/// Those of a pair's cases that it reports, see [`reports`]. Mostly the first triangles of both features are a pair, and
-/// only that one reports them: which triangles are first is known to the topology.
+/// Those of a pair's cases that it reports, see [`reports`]: mostly those of which its triangles are the first, which is in
+/// their rows.
 #[inline]
 fn reported_cases(pair: &RowPair<'_>, same_surface: bool, cases: Cases) -> Cases {
     let ([a, b], triangles) = (pair.sides, pair.triangles);
@@ -278,7 +278,7 @@ fn reported_cases(pair: &RowPair<'_>, same_surface: bool, cases: Cases) -> Cases
     let reported = Cases::between(around_a.first_of, around_b.first_of);
     let others = cases.without(reported).without_boundary();
     let is_welded = a.topology.is_welded() || b.topology.is_welded();
-    // The first triangles are a pair of neighbors only where they are close on the surface.
+    // The first triangles are neighbors only where they are close on the surface.
     let firsts_may_meet = same_surface && around_a.firsts_may_meet(around_b);
     if others.are_none() || !firsts_may_meet && !is_welded {
         return reported;
@@ -286,22 +286,23 @@ fn reported_cases(pair: &RowPair<'_>, same_surface: bool, cases: Cases) -> Cases
     let mut found = reported;
     for case in others.each() {
         let ([part_a, part_b], features) = (case.parts(), case.features());
-        if !is_welded {
+        let is_reported = if is_welded {
+            reports(a, b, same_surface, triangles, features)
+        } else {
             let first_a = a.topology.first_around(TriangleId(triangles[0]), part_a);
             let first_b = b.topology.first_around(TriangleId(triangles[1]), part_b);
-            if !a.topology.share_vertex(first_a, first_b) {
-                continue;
-            }
-        }
-        if reports(a, b, same_surface, triangles, features) {
+            a.topology.share_vertex(first_a, first_b)
+        };
+        if is_reported {
             found = found.or(case);
         }
     }
     found
 }
 
-/// Whether this pair of triangles is the one that reports a feature pair. Pairs that are closest on a boundary are
-/// reported wherever they are closest, and told apart by their key later.
+/// Whether this pair of triangles reports a feature pair: where the first triangles around both features are a pair, only
+/// that one does. Where those are neighbors, which are no pair, every pair does that has both features, and they are told
+/// apart by their key later, as are pairs that are closest on a boundary.
 fn reports(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -315,19 +316,12 @@ fn reports(
     ) {
         return true;
     }
-    let (features, [first, second]) = canonical_order([a, b], triangles, same_surface, features);
-    let (own, other) = (&[first][..], &[second][..]);
-    let around_first = triangles_around(a, first, features.a).unwrap_or(own);
-    let around_second = triangles_around(b, second, features.b).unwrap_or(other);
-    for &candidate in around_first.iter().filter(|&&candidate| shares_feature(a, first, features.a, candidate)) {
-        for &partner in around_second.iter().filter(|&&partner| shares_feature(b, second, features.b, partner)) {
-            if !same_surface || !a.topology.share_vertex(TriangleId(candidate), TriangleId(partner)) {
-                return [candidate, partner] == [first, second];
-            }
-        }
-    }
-    // Unreachable: the pair itself shares no vertex.
-    true
+    let first_around = |side: &SurfaceSide<'_>, triangle: u32, feature: Feature| {
+        let around = triangles_around(side, triangle, feature).unwrap_or_default();
+        around.iter().copied().find(|&candidate| shares_feature(side, triangle, feature, candidate)).unwrap_or(triangle)
+    };
+    let firsts = [first_around(a, triangles[0], features.a), first_around(b, triangles[1], features.b)];
+    firsts == triangles || same_surface && a.topology.share_vertex(TriangleId(firsts[0]), TriangleId(firsts[1]))
 }
 
 pub(super) fn triangles_around<'a>(side: &SurfaceSide<'a>, triangle: u32, feature: Feature) -> Option<&'a [u32]> {
