@@ -66,8 +66,7 @@ fn by_key(contacts: &[CompactContact], same_surface: bool) -> BTreeMap<ContactKe
     let mut kept: BTreeMap<ContactKey, CompactContact> = BTreeMap::new();
     for contact in contacts {
         let lowest = kept.entry(contact.key).or_insert(*contact);
-        let [triangles, lowest_triangles] =
-            [&*contact, &*lowest].map(|contact| (contact.triangle_a, contact.triangle_b));
+        let [triangles, lowest_triangles] = [contact, &*lowest].map(|contact| (contact.triangle_a, contact.triangle_b));
         if triangles != lowest_triangles {
             assert!(same_surface || is_on_a_boundary(contact), "{contact:?} {lowest:?}");
             assert!((contact.distance - lowest.distance).abs() <= 1.0e-6, "{contact:?} {lowest:?}");
