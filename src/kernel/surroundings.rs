@@ -26,15 +26,24 @@ pub(super) struct Surroundings {
 impl Surroundings {
     pub(super) const NONE: Self = Self { distances: [0; LANDMARKS], first_of: 0 };
 
-    /// Those of all triangles, given as welded vertices, with the first triangles around the parts of each and the triangles
-    /// around each vertex.
-    pub(super) fn of_all(triangles: &[[u32; 3]], firsts: &[[u32; 6]], vertex_triangles: &Incidence) -> Vec<Self> {
+    /// Those of all triangles, given as welded vertices and as edges, with the triangles around either.
+    pub(super) fn of_all(
+        triangles: &[[u32; 3]],
+        triangle_edges: &[[u32; 3]],
+        vertex_triangles: &Incidence,
+        edge_triangles: &Incidence,
+    ) -> Vec<Self> {
         let distances = landmark_distances(triangles, vertex_triangles);
-        let of_one = |(triangle, (corners, firsts)): (usize, (&[u32; 3], &[u32; 6]))| {
-            let is_first = |(part, &first): (usize, &u32)| u8::from(first as usize == triangle) << part;
-            Self { distances: distances[corners[0] as usize], first_of: firsts.iter().enumerate().map(is_first).sum() }
+        let of_one = |(triangle, (corners, edges)): (usize, (&[u32; 3], &[u32; 3]))| {
+            let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
+            let [d, e, f] = edges.map(|edge| edge_triangles.around(edge)[0]);
+            let is_first = |(part, first): (usize, u32)| u8::from(first as usize == triangle) << part;
+            Self {
+                distances: distances[corners[0] as usize],
+                first_of: [a, b, c, d, e, f].into_iter().enumerate().map(is_first).sum(),
+            }
         };
-        triangles.iter().zip(firsts).enumerate().map(of_one).collect()
+        triangles.iter().zip(triangle_edges).enumerate().map(of_one).collect()
     }
 
     /// Whether the first triangles around the vertices and edges of the one may share a vertex with those around those of

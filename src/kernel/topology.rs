@@ -77,11 +77,11 @@ pub struct SurfaceTopology {
     triangle_edges: Vec<[u32; 3]>,
     edge_triangles: Incidence,
     vertex_triangles: Incidence,
-    /// The first triangles around each triangle's vertices and edges.
-    firsts: Vec<[u32; 6]>,
     surroundings: Vec<Surroundings>,
     report: TopologyReport,
     hinges: OnceLock<Box<[Hinge]>>,
+    /// The first triangles around each triangle's vertices and edges, once an exact test has asked.
+    firsts: OnceLock<Box<[[u32; 6]]>>,
 }
 
 /// How the triangles around an edge fold there.
@@ -170,16 +170,7 @@ impl SurfaceTopology {
         }
         let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
         let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
-        let firsts: Vec<[u32; 6]> = welded_triangles
-            .iter()
-            .zip(&triangle_edges)
-            .map(|(corners, edges)| {
-                let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
-                let [d, e, f] = edges.map(|edge| edge_triangles.around(edge)[0]);
-                [a, b, c, d, e, f]
-            })
-            .collect();
-        let surroundings = Surroundings::of_all(&welded_triangles, &firsts, &vertex_triangles);
+        let surroundings = Surroundings::of_all(&welded_triangles, &triangle_edges, &vertex_triangles, &edge_triangles);
         let mut topology = Self {
             vertex_count: positions.len(),
             triangles: triangles.to_vec(),
@@ -189,10 +180,10 @@ impl SurfaceTopology {
             triangle_edges,
             edge_triangles,
             vertex_triangles,
-            firsts,
             surroundings,
             report: TopologyReport::default(),
             hinges: OnceLock::new(),
+            firsts: OnceLock::new(),
         };
         topology.report = topology.inspect();
         Ok(topology)
@@ -293,7 +284,19 @@ impl SurfaceTopology {
     /// The first triangle around a part of a triangle: 0 to 2 its corners, 3 to 5 its edges, 6 the triangle itself.
     #[inline]
     pub(super) fn first_around(&self, triangle: TriangleId, part: usize) -> TriangleId {
-        TriangleId(self.firsts[triangle.index()].get(part).copied().unwrap_or(triangle.0))
+        let firsts = self.firsts.get().map_or_else(|| self.find_firsts(), |firsts| &**firsts);
+        TriangleId(firsts[triangle.index()].get(part).copied().unwrap_or(triangle.0))
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn find_firsts(&self) -> &[[u32; 6]] {
+        let of_one = |(corners, edges): (&[u32; 3], &[u32; 3])| {
+            let [a, b, c] = corners.map(|vertex| self.vertex_triangles.around(vertex)[0]);
+            let [d, e, f] = edges.map(|edge| self.edge_triangles.around(edge)[0]);
+            [a, b, c, d, e, f]
+        };
+        self.firsts.get_or_init(|| self.welded_triangles.iter().zip(&self.triangle_edges).map(of_one).collect())
     }
 
     /// What a triangle is to its neighbors.

@@ -3,6 +3,7 @@
 //! What holds them is taken away from the world one after the other, and the allocator is asked each time how much that has
 //! freed: nothing is left out, as what remains is stated too. Memory per triangle is that of a sheet that is tested against
 //! something in its box, and none of whose triangles is near it: no pair takes any. Pairs are weighed on a crumpled sheet.
+//! What its topology adds once it meets itself under an exact method, six numbers a triangle, is among what is elsewhere.
 
 use std::fmt::{self, Display, Formatter};
 
