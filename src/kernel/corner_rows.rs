@@ -8,7 +8,11 @@
 use glam::{DVec3, Vec3};
 
 use super::{
-    exact::Feature, ids::TriangleId, prefetch::prefetch, surroundings::Surroundings, topology::SurfaceTopology,
+    exact::Feature,
+    ids::TriangleId,
+    prefetch::{Prefetch, prefetch},
+    surroundings::Surroundings,
+    topology::SurfaceTopology,
 };
 
 /// One triangle, in a line of the cache.
@@ -76,12 +80,14 @@ impl CornerRows {
     }
 
     #[inline(always)]
-    pub(super) fn prefetch(&self, triangle: u32) {
-        prefetch(&self.rows, triangle);
-    }
-
-    #[inline(always)]
     pub(super) fn of(&self, triangle: u32) -> &CornerRow {
         &self.rows[triangle as usize]
+    }
+}
+
+impl Prefetch for CornerRows {
+    #[inline(always)]
+    fn prefetch(&self, triangle: u32) {
+        prefetch(&self.rows, triangle);
     }
 }

@@ -15,12 +15,21 @@ use super::lanes::WIDTH;
 /// How many blocks ahead: one takes less time than a line from the third cache, but not much.
 const AHEAD: usize = 3;
 
-/// Of pairs that are worked on in blocks of eight, those to ask for at the beginning of a block.
+/// What is read of the triangles of one side of pairs.
+pub(super) trait Prefetch {
+    /// Asks for what is to be read of a triangle soon.
+    fn prefetch(&self, triangle: u32);
+}
+
+/// Of pairs that are worked on in blocks of eight, asks at the beginning of a block for what is to be read of a later one.
 #[inline(always)]
-pub(super) fn to_ask_for(pairs: &[[u32; 2]], block: usize) -> &[[u32; 2]] {
+pub(super) fn ask_ahead(a: &impl Prefetch, b: &impl Prefetch, pairs: &[[u32; 2]], block: usize) {
     let start = ((block + AHEAD) * WIDTH).min(pairs.len());
     let end = (start + WIDTH).min(pairs.len());
-    &pairs[start..end]
+    for &[triangle_a, triangle_b] in &pairs[start..end] {
+        a.prefetch(triangle_a);
+        b.prefetch(triangle_b);
+    }
 }
 
 /// Brings an item of a list into the cache, where the platform has an instruction for it. Beyond the end nothing happens.

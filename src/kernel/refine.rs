@@ -23,7 +23,7 @@ use super::{
     ids::{EdgeId, TriangleId, VertexId},
     pair::{FoundPairs, PairSettings, RowPair, SurfaceSide, without_neighbors},
     pose::Pose,
-    prefetch::to_ask_for,
+    prefetch::ask_ahead,
     topology::SurfaceTopology,
 };
 
@@ -83,10 +83,7 @@ fn examine_pairs(
     let poses = [a, b].map(|side| side.moved.map(|moved| moved.pose));
     for (block, pairs) in candidates.chunks(PairScreen::WIDTH).enumerate() {
         if let (Some(rows_a), Some(rows_b)) = (a.rows, b.rows) {
-            for &[triangle_a, triangle_b] in to_ask_for(candidates, block) {
-                rows_a.prefetch(triangle_a);
-                rows_b.prefetch(triangle_b);
-            }
+            ask_ahead(rows_a, rows_b, candidates, block);
         }
         let rows = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
         for pair in screen.screen([&rows[0], &rows[1]], poses, pairs.len(), range) {

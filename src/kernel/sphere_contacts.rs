@@ -16,7 +16,7 @@ use super::{
         transposed, widened,
     },
     pair::{FoundPairs, PairSettings},
-    prefetch::to_ask_for,
+    prefetch::ask_ahead,
     sphere_pairs::{BallSide, CapSide, facing_caps, keep},
 };
 
@@ -93,10 +93,7 @@ pub fn ball_contacts(
     found.contacts.reserve(overlapping.len());
     dispatch!(Level::new(), simd => {
         for (block, pairs) in overlapping.chunks(WIDTH).enumerate() {
-            for &[triangle_a, triangle_b] in to_ask_for(overlapping, block) {
-                a.prefetch(triangle_a);
-                b.prefetch(triangle_b);
-            }
+            ask_ahead(a, b, overlapping, block);
             ball_contacts_in_lanes(simd, a, b, pairs).push(simd, pairs, settings, found);
         }
     });
@@ -139,10 +136,7 @@ pub fn meeting_caps(
     found.contacts.reserve(overlapping.len());
     dispatch!(Level::new(), simd => {
         for (block, pairs) in overlapping.chunks(WIDTH).enumerate() {
-            for &[triangle_a, triangle_b] in to_ask_for(overlapping, block) {
-                a.prefetch(triangle_a);
-                b.prefetch(triangle_b);
-            }
+            ask_ahead(a, b, overlapping, block);
             let contacts = cap_contacts_in_lanes(simd, a, b, pairs, settings);
             keep(pairs, contacts.meet.to_bitmask(), meeting);
             contacts.push(simd, pairs, settings, found);

@@ -16,7 +16,7 @@ use super::{
     pair::{PairSettings, SurfaceSide, without_neighbors},
     pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
-    prefetch::{prefetch, to_ask_for},
+    prefetch::{Prefetch, ask_ahead, prefetch},
     sphere_rows::{BallRows, CapRows, RowLanes, TriangleRow, rounded_corners},
 };
 
@@ -31,6 +31,15 @@ pub struct BallSide<'a> {
     pub pose: Option<&'a Pose>,
     /// [Its rows](Self::rows), where somebody has made them, and the side has not been moved.
     pub rows: Option<&'a BallRows>,
+}
+
+impl Prefetch for BallSide<'_> {
+    #[inline(always)]
+    fn prefetch(&self, triangle: u32) {
+        if let Some(rows) = self.rows {
+            rows.prefetch(triangle);
+        }
+    }
 }
 
 impl BallSide<'_> {
@@ -51,14 +60,6 @@ impl BallSide<'_> {
         }
         let rows = self.make_rows::<SIDE>(pairs);
         RowLanes::new(simd, |lane| &rows[lane], &[[0.0; WIDTH]; 2])
-    }
-
-    /// Asks for what is to be read of a triangle soon.
-    #[inline(always)]
-    pub(super) fn prefetch(&self, triangle: u32) {
-        if let Some(rows) = self.rows {
-            rows.prefetch(triangle);
-        }
     }
 
     #[inline(never)]
@@ -98,6 +99,15 @@ pub struct CapSide<'a> {
     pub rows: Option<&'a CapRows>,
 }
 
+impl Prefetch for CapSide<'_> {
+    #[inline(always)]
+    fn prefetch(&self, triangle: u32) {
+        if let Some(rows) = self.rows {
+            rows.prefetch(triangle);
+        }
+    }
+}
+
 impl CapSide<'_> {
     /// Writes a row for each triangle: worth it where most triangles are in several pairs.
     pub fn rows(&self, rows: &mut CapRows) {
@@ -116,14 +126,6 @@ impl CapSide<'_> {
         }
         let (rows, rest) = self.make_rows::<SIDE>(pairs);
         RowLanes::new(simd, |lane| &rows[lane], &rest)
-    }
-
-    /// Asks for what is to be read of a triangle soon.
-    #[inline(always)]
-    pub(super) fn prefetch(&self, triangle: u32) {
-        if let Some(rows) = self.rows {
-            rows.prefetch(triangle);
-        }
     }
 
     #[inline(never)]
@@ -183,6 +185,22 @@ pub(super) fn overlapping_balls_in_steps<O: StepObserver>(
     }
 }
 
+/// What the overlap of balls reads of one side.
+struct OverlapNumbers<'a> {
+    side: &'a BallSide<'a>,
+    settings: &'a PairSettings,
+}
+
+impl Prefetch for OverlapNumbers<'_> {
+    #[inline(always)]
+    fn prefetch(&self, triangle: u32) {
+        prefetch(self.side.balls, triangle);
+        if self.settings.same_surface {
+            prefetch(self.side.surface.topology.welded_triangles(), triangle);
+        }
+    }
+}
+
 /// Of each pair both balls, four numbers each, are the row that is turned into lanes.
 #[inline(always)]
 fn keep_overlapping_balls<S: Simd>(
@@ -195,14 +213,7 @@ fn keep_overlapping_balls<S: Simd>(
 ) {
     let reach = (settings.range / settings.scale) as f32;
     for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
-        for &[triangle_a, triangle_b] in to_ask_for(candidates, block) {
-            prefetch(a.balls, triangle_a);
-            prefetch(b.balls, triangle_b);
-            if settings.same_surface {
-                prefetch(a.surface.topology.welded_triangles(), triangle_a);
-                prefetch(b.surface.topology.welded_triangles(), triangle_b);
-            }
-        }
+        ask_ahead(&OverlapNumbers { side: a, settings }, &OverlapNumbers { side: b, settings }, candidates, block);
         let mut rows = [f32x8::splat(simd, 0.0); WIDTH];
         for (row, &[triangle_a, triangle_b]) in rows.iter_mut().zip(pairs) {
             let (ball_a, ball_b) = (a.ball(triangle_a), b.ball(triangle_b));
@@ -295,14 +306,7 @@ fn overlap_in_lanes<S: Simd>(
     let reach = (settings.range / settings.scale) as f32;
     let rounded_reach = reach + a.surface.rounding() + b.surface.rounding();
     for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
-        for &[triangle_a, triangle_b] in to_ask_for(candidates, block) {
-            a.prefetch(triangle_a);
-            b.prefetch(triangle_b);
-            if settings.same_surface {
-                prefetch(a.surface.topology.welded_triangles(), triangle_a);
-                prefetch(b.surface.topology.welded_triangles(), triangle_b);
-            }
-        }
+        ask_ahead(a, b, candidates, block);
         let rows = [a.gather::<0, S>(simd, pairs), b.gather::<1, S>(simd, pairs)];
         let corners = PairLanes::new(&rows[0].corners(), &rows[1].corners());
         let [cap_a, cap_b] = facing_caps(a, b, &rows);

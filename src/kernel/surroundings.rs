@@ -35,12 +35,11 @@ impl Surroundings {
     ) -> Vec<Self> {
         let distances = landmark_distances(triangles, vertex_triangles);
         let of_one = |(triangle, (corners, edges)): (usize, (&[u32; 3], &[u32; 3]))| {
-            let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
-            let [d, e, f] = edges.map(|edge| edge_triangles.around(edge)[0]);
+            let firsts = first_triangles(corners, edges, vertex_triangles, edge_triangles);
             let is_first = |(part, first): (usize, u32)| u8::from(first as usize == triangle) << part;
             Self {
                 distances: distances[corners[0] as usize],
-                first_of: [a, b, c, d, e, f].into_iter().enumerate().map(is_first).sum(),
+                first_of: firsts.into_iter().enumerate().map(is_first).sum(),
             }
         };
         triangles.iter().zip(triangle_edges).enumerate().map(of_one).collect()
@@ -55,6 +54,18 @@ impl Surroundings {
             may_meet & (difference.wrapping_add(FARTHEST) <= 2 * FARTHEST)
         })
     }
+}
+
+/// The first triangles around the vertices and the edges of a triangle.
+pub(super) fn first_triangles(
+    corners: &[u32; 3],
+    edges: &[u32; 3],
+    vertex_triangles: &Incidence,
+    edge_triangles: &Incidence,
+) -> [u32; 6] {
+    let [a, b, c] = corners.map(|vertex| vertex_triangles.around(vertex)[0]);
+    let [d, e, f] = edges.map(|edge| edge_triangles.around(edge)[0]);
+    [a, b, c, d, e, f]
 }
 
 /// For each vertex how many edges away it is from each of some landmarks, which are chosen one after the other, each as

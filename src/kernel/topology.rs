@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::{
     ids::{EdgeId, TriangleId, VertexId},
-    surroundings::Surroundings,
+    surroundings::{Surroundings, first_triangles},
 };
 
 /// The largest number of vertices, edges or triangles of one surface: feature numbers are packed into 28 bits of a
@@ -291,11 +291,7 @@ impl SurfaceTopology {
     #[cold]
     #[inline(never)]
     fn find_firsts(&self) -> &[[u32; 6]] {
-        let of_one = |(corners, edges): (&[u32; 3], &[u32; 3])| {
-            let [a, b, c] = corners.map(|vertex| self.vertex_triangles.around(vertex)[0]);
-            let [d, e, f] = edges.map(|edge| self.edge_triangles.around(edge)[0]);
-            [a, b, c, d, e, f]
-        };
+        let of_one = |(corners, edges)| first_triangles(corners, edges, &self.vertex_triangles, &self.edge_triangles);
         self.firsts.get_or_init(|| self.welded_triangles.iter().zip(&self.triangle_edges).map(of_one).collect())
     }
 

@@ -4,51 +4,24 @@ use std::collections::BTreeMap;
 
 use bevy_circumsphere::kernel::{
     bounded_pairs::BoundedPairs,
-    bounds::triangle_bounds,
     ids::TriangleId,
-    leaf_triangles::{LeafTriangles, PairCull},
+    leaf_triangles::PairCull,
     motion::Motion,
     pair::{FoundPairs, PairSettings, SurfaceSide},
     reference::triangle_distance,
     refine::{refine_closest, refine_pairs},
-    topology::SurfaceTopology,
-    tree::BoxTree,
 };
 use circumsphere_support::{
     random::Random,
     scenes::{Mesh, crumpled_sheet, ragged_slivers, triangle_soup},
 };
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
-use crate::truth::{exact, positions};
+use crate::surface_tree::Surface;
 
-/// A mesh with its tree, as the broad phase has them.
-struct Surface {
-    topology: SurfaceTopology,
-    positions: Vec<Vec3>,
-    tree: BoxTree,
-    triangles: LeafTriangles,
-}
-
-impl Surface {
-    fn new(mesh: &Mesh, range: f32) -> Self {
-        let positions = positions(mesh);
-        let topology = SurfaceTopology::new(&positions, &mesh.triangles).expect("it is a mesh");
-        let mut bounds = Vec::new();
-        triangle_bounds(&positions, topology.triangles(), 0.5 * range, &mut bounds);
-        let (tree, mut triangles) = (BoxTree::new(&bounds), LeafTriangles::default());
-        triangles.update(&tree, &topology, &positions);
-        Self { topology, positions, tree, triangles }
-    }
-
-    fn corners(&self, triangle: u32) -> [DVec3; 3] {
-        exact(self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize]))
-    }
-
-    fn side(&self) -> SurfaceSide<'_> {
-        let (topology, positions) = (&self.topology, &self.positions);
-        SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None }
-    }
+fn side(surface: &Surface) -> SurfaceSide<'_> {
+    let Surface { topology, positions, .. } = surface;
+    SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None }
 }
 
 fn meshes() -> [(&'static str, Mesh, f32); 3] {
@@ -66,10 +39,10 @@ fn near(pairs: &BoundedPairs, limit: f32) -> Vec<[u32; 2]> {
 #[test]
 fn a_list_has_every_pair_within_the_skin_and_bounds_no_greater_than_the_distances() {
     for (name, mesh, range) in meshes() {
-        let (a, skin) = (Surface::new(&mesh, range), 0.8 * range);
+        let (a, skin) = (Surface::of_mesh(&mesh, range), 0.8 * range);
         let mut moved = mesh.clone();
         moved.positions.iter_mut().for_each(|point| *point = [point[0] + 0.3 * range, point[1], point[2] + range]);
-        let b = Surface::new(&moved, range);
+        let b = Surface::of_mesh(&moved, range);
         for is_self in [true, false] {
             let other = if is_self { &a } else { &b };
             let cull = PairCull {
@@ -139,7 +112,7 @@ fn a_list_has_every_pair_within_the_skin_and_bounds_no_greater_than_the_distance
 #[test]
 fn lower_bounds_of_the_exact_test_are_the_distances_within_the_range_and_beyond() {
     for (name, mesh, range) in meshes() {
-        let surface = Surface::new(&mesh, range);
+        let surface = Surface::of_mesh(&mesh, range);
         let count = surface.topology.triangles().len() as u32;
         let apart = |&[a, b]: &[u32; 2]| !surface.topology.share_vertex(TriangleId(a), TriangleId(b));
         let all: Vec<[u32; 2]> =
@@ -156,8 +129,8 @@ fn lower_bounds_of_the_exact_test_are_the_distances_within_the_range_and_beyond(
         for test in [refine_pairs, refine_closest] {
             let [mut found, mut without] =
                 [true, false].map(|wants_lower_bounds| FoundPairs { wants_lower_bounds, ..FoundPairs::default() });
-            test(&surface.side(), &surface.side(), &all, &settings, &mut found);
-            test(&surface.side(), &surface.side(), &all, &settings, &mut without);
+            test(&side(&surface), &side(&surface), &all, &settings, &mut found);
+            test(&side(&surface), &side(&surface), &all, &settings, &mut without);
             assert_eq!((&found.touching, &found.contacts), (&without.touching, &without.contacts), "{name}");
             assert!(without.lower_bounds.is_empty());
             assert_eq!(found.lower_bounds.len(), all.len());

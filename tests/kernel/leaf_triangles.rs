@@ -4,62 +4,33 @@ use std::collections::BTreeSet;
 
 use crate::{
     common::{CATEGORIES, Random, Triangle, hard_pair},
-    truth::{exact, independent, positions},
+    surface_tree::Surface,
+    truth::independent,
 };
 use bevy_circumsphere::kernel::{
     bounds::{Aabb, triangle_bounds},
     ids::TriangleId,
     leaf_triangles::{LeafTriangles, PairCull},
     reference::triangle_distance,
-    topology::SurfaceTopology,
     tree::{BoxTree, LEAF_WIDTH},
 };
 use circumsphere_support::scenes::{Mesh, duplicate_vertices, icosphere, merge, triangle_soup};
 use glam::{DVec3, Vec3};
 
-/// A mesh with its tree, as the broad phase has them.
-struct Surface {
-    topology: SurfaceTopology,
-    positions: Vec<Vec3>,
-    tree: BoxTree,
-    triangles: LeafTriangles,
+fn of_triangles(triangles: &[Triangle], range: f32) -> Surface {
+    let stored: Vec<[Vec3; 3]> = triangles.iter().map(|corners| corners.map(DVec3::as_vec3)).collect();
+    let (positions, triangles) = independent(&stored);
+    Surface::new(positions, &triangles, range)
 }
 
-impl Surface {
-    /// `range` is that at which pairs matter, of which every box has its half.
-    fn new(positions: Vec<Vec3>, triangles: &[[u32; 3]], range: f32) -> Self {
-        let topology = SurfaceTopology::new(&positions, triangles).expect("the mesh is valid");
-        let mut bounds = Vec::new();
-        triangle_bounds(&positions, triangles, 0.5 * range, &mut bounds);
-        let mut surface =
-            Self { tree: BoxTree::new(&bounds), topology, positions, triangles: LeafTriangles::default() };
-        surface.triangles.update(&surface.tree, &surface.topology, &surface.positions);
-        surface
-    }
-
-    fn of_triangles(triangles: &[Triangle], range: f32) -> Self {
-        let stored: Vec<[Vec3; 3]> = triangles.iter().map(|corners| corners.map(DVec3::as_vec3)).collect();
-        let (positions, triangles) = independent(&stored);
-        Self::new(positions, &triangles, range)
-    }
-
-    fn of_mesh(mesh: &Mesh, range: f32) -> Self {
-        Self::new(positions(mesh), &mesh.triangles, range)
-    }
-
-    /// The same triangles as a list of leaves in the order of the mesh, as a moved surface has them.
-    fn as_leaves(&self, range: f32) -> (BoxTree, LeafTriangles) {
-        let (mut bounds, mut leaves, mut triangles) = (Vec::new(), BoxTree::default(), LeafTriangles::default());
-        triangle_bounds(&self.positions, self.topology.triangles(), 0.5 * range, &mut bounds);
-        let items: Vec<(u32, Aabb)> = (0..).zip(bounds).collect();
-        leaves.collect_leaves(&items);
-        triangles.update(&leaves, &self.topology, &self.positions);
-        (leaves, triangles)
-    }
-
-    fn corners(&self, triangle: u32) -> Triangle {
-        exact(self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize]))
-    }
+/// The same triangles as a list of leaves in the order of the mesh, as a moved surface has them.
+fn as_leaves(surface: &Surface, range: f32) -> (BoxTree, LeafTriangles) {
+    let (mut bounds, mut leaves, mut triangles) = (Vec::new(), BoxTree::default(), LeafTriangles::default());
+    triangle_bounds(&surface.positions, surface.topology.triangles(), 0.5 * range, &mut bounds);
+    let items: Vec<(u32, Aabb)> = (0..).zip(bounds).collect();
+    leaves.collect_leaves(&items);
+    triangles.update(&leaves, &surface.topology, &surface.positions);
+    (leaves, triangles)
 }
 
 fn cull(triangles: [&LeafTriangles; 2], slabs: Option<f32>, planes_only: bool) -> PairCull<'_> {
@@ -78,7 +49,7 @@ struct Tally {
 /// Asserts that of two surfaces, and of the first with itself, slabs reject nothing that is within range, and nothing else
 /// changes.
 fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
-    let (leaves, of_leaves) = a.as_leaves(range);
+    let (leaves, of_leaves) = as_leaves(a, range);
     let whole = 0..a.tree.leaf_count();
     for (sides, is_self) in [([a, b], false), ([a, a], true)] {
         let mut all = Vec::new();
@@ -165,7 +136,7 @@ fn slabs_reject_no_pair_within_range() {
         };
         let [first, second]: [Vec<Triangle>; 2] =
             [hard.iter().map(|pair| pair.0).collect(), hard.iter().map(|pair| pair.1).collect()];
-        judge(&Surface::of_triangles(&first, range), &Surface::of_triangles(&second, range), range, &mut tally);
+        judge(&of_triangles(&first, range), &of_triangles(&second, range), range, &mut tally);
     }
     println!("{tally:?}");
     assert!(tally.within > 20_000 && tally.beyond > 20_000);
@@ -202,7 +173,7 @@ fn slabs_reject_no_pair_within_range_where_f32_overflows() {
     let mut tally = Tally::default();
     for (a, b, range) in pairs {
         if a.iter().chain(&b).all(|p| p.is_finite()) {
-            judge(&Surface::of_triangles(&[a], range), &Surface::of_triangles(&[b], range), range, &mut tally);
+            judge(&of_triangles(&[a], range), &of_triangles(&[b], range), range, &mut tally);
         }
     }
     println!("{tally:?}");

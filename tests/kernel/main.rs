@@ -18,6 +18,7 @@ mod smooth_normal;
 mod sphere_contacts;
 mod spheres;
 mod steadiness;
+mod surface_tree;
 mod topology;
 mod tree;
 mod truth;

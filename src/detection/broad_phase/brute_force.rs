@@ -1,16 +1,15 @@
 //! Pairs of triangles by comparing every box with every other: the measure of every other broad phase, and the
 //! fastest one for a handful of triangles.
 
-use std::time::Instant;
-
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
-    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, reaches_half_space, shape_bounds,
+    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, fill_pairs, reaches_half_space,
+    shape_bounds,
 };
 use crate::{
-    detection::{DetectionDiagnostics, DetectionMemory, StageList, TriangleBounds},
+    detection::{DetectionDiagnostics, DetectionMemory, TriangleBounds},
     kernel::{
         bounds::{Aabb, pairs_between_brute_force, self_pairs_brute_force},
         exact::rigid_shape::ShapeGeometry,
@@ -44,27 +43,22 @@ impl Plugin for BruteForceBroadPhasePlugin {
 fn pair_triangles(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
-    mut candidates: ResMut<CandidateTrianglePairs>,
+    candidates: ResMut<CandidateTrianglePairs>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut moved: Local<Vec<Aabb>>,
     surfaces: Query<(&SurfacePositions, &TriangleBounds)>,
 ) {
-    let start = Instant::now();
-    memory.reads(StageList::Candidates, candidates.last_changed());
-    memory.hand_back_moved(&mut candidates.pairs);
-    memory.hand_back_candidates(&mut candidates.pairs);
-    let pairs = candidates.pairs.iter_mut().enumerate().filter(|&(place, _)| !memory.keeps(place));
-    for (_, pair) in pairs {
+    fill_pairs(candidates, &mut memory, &mut diagnostics, |pair| {
         let first = &active.surfaces[pair.first];
-        let Ok((positions, bounds)) = surfaces.get(first.entity) else { continue };
+        let Ok((positions, bounds)) = surfaces.get(first.entity) else { return };
         match pair.second {
             _ if pair.is_self() => {
                 self_pairs_brute_force(&bounds.triangles, &mut pair.triangles);
                 pair.triangles.retain(|&[a, b]| !first.topology.share_vertex(TriangleId(a), TriangleId(b)));
             }
             OtherSide::Surface(second) => {
-                let Ok((other_positions, other)) = surfaces.get(active.surfaces[second].entity) else { continue };
+                let Ok((other_positions, other)) = surfaces.get(active.surfaces[second].entity) else { return };
                 let mut sides = [&bounds.triangles, &other.triangles];
                 if let Some(surface) = pair.moved_surface(&active) {
                     let (side, own) = match pair.frame {
@@ -83,10 +77,7 @@ fn pair_triangles(
                 pair_with_shape_brute_force(pair, shape, first, settings.margin(), &bounds.triangles);
             }
         }
-    }
-    memory.seal(StageList::Candidates, candidates.last_changed());
-    let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
-    diagnostics.finish("broad phase", start, count, count);
+    });
 }
 
 /// Appends the triangles of a surface whose boxes reach a shape.

@@ -306,6 +306,24 @@ fn pair_surfaces(
     diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
 }
 
+/// Fills the candidates of every pair that is not kept, one after the other, for an algorithm that keeps no lists of its own.
+fn fill_pairs(
+    mut candidates: ResMut<CandidateTrianglePairs>,
+    memory: &mut DetectionMemory,
+    diagnostics: &mut DetectionDiagnostics,
+    mut fill: impl FnMut(&mut SurfacePair),
+) {
+    let start = Instant::now();
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    memory.hand_back_moved(&mut candidates.pairs);
+    memory.hand_back_candidates(&mut candidates.pairs);
+    let pairs = candidates.pairs.iter_mut().enumerate().filter(|&(place, _)| !memory.keeps(place));
+    pairs.for_each(|(_, pair)| fill(pair));
+    memory.seal(StageList::Candidates, candidates.last_changed());
+    let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
+    diagnostics.finish("broad phase", start, count, count);
+}
+
 /// Sorts pairs as the broad phase does: by their surfaces, those with shapes last.
 fn name(first: usize, second: OtherSide) -> (bool, usize, usize) {
     match second {

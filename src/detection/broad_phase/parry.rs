@@ -15,10 +15,11 @@ use parry3d::{
 };
 
 use super::{
-    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, brute_force::pair_with_shape_brute_force, shape_bounds,
+    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, brute_force::pair_with_shape_brute_force, fill_pairs,
+    shape_bounds,
 };
 use crate::{
-    detection::{DetectionDiagnostics, DetectionMemory, StageList, TriangleBounds},
+    detection::{DetectionDiagnostics, DetectionMemory, TriangleBounds},
     kernel::{bounds::Aabb, ids::TriangleId, topology::SurfaceTopology},
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
@@ -95,7 +96,7 @@ fn parry_box(bounds: &Aabb) -> bounding_volume::Aabb {
 fn pair_triangles(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
-    mut candidates: ResMut<CandidateTrianglePairs>,
+    candidates: ResMut<CandidateTrianglePairs>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut trees: Local<ParryTrees>,
@@ -110,15 +111,10 @@ fn pair_triangles(
     let start = start + diagnostics.first_tree_builds;
     diagnostics.finish("tree update", start, 0, 0);
 
-    let start = Instant::now();
     let ParryTrees { trees, workspace } = &mut *trees;
-    memory.reads(StageList::Candidates, candidates.last_changed());
-    memory.hand_back_moved(&mut candidates.pairs);
-    memory.hand_back_candidates(&mut candidates.pairs);
-    let pairs = candidates.pairs.iter_mut().enumerate().filter(|&(place, _)| !memory.keeps(place));
-    for (_, pair) in pairs {
+    fill_pairs(candidates, &mut memory, &mut diagnostics, |pair| {
         let first = &active.surfaces[pair.first];
-        let Ok((positions, bounds)) = surfaces.get(first.entity) else { continue };
+        let Ok((positions, bounds)) = surfaces.get(first.entity) else { return };
         let tree = &trees[&first.entity].tree;
         let mut found = std::mem::take(&mut pair.triangles);
         match pair.second {
@@ -131,7 +127,7 @@ fn pair_triangles(
             }
             OtherSide::Surface(second) => {
                 let second = &active.surfaces[second];
-                let Ok((other_positions, other_bounds)) = surfaces.get(second.entity) else { continue };
+                let Ok((other_positions, other_bounds)) = surfaces.get(second.entity) else { return };
                 // The boxes of one side ask the tree of the other one: those of the side that is moved, else of the second.
                 let asks_first = pair.is_moved() && pair.frame == Frame::Second;
                 let (asking, own, own_bounds, asked) = if asks_first {
@@ -158,8 +154,5 @@ fn pair_triangles(
             }
         }
         pair.triangles = found;
-    }
-    memory.seal(StageList::Candidates, candidates.last_changed());
-    let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
-    diagnostics.finish("broad phase", start, count, count);
+    });
 }

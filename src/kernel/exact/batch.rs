@@ -6,42 +6,21 @@
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
 use arrayvec::ArrayVec;
-use fearless_simd::{Level, dispatch, f32x8, f64x8, mask64x8, prelude::*};
-use glam::{DVec3, Vec3};
+use fearless_simd::{Level, dispatch, f64x8, mask64x8, prelude::*};
+use glam::DVec3;
 
 use super::{
+    cases::Cases,
     feature::{Feature, FeaturePair},
-    screen::{Cases, Vectors, WIDTH},
 };
 use crate::kernel::{
     contact::CompactContact,
+    lanes::{DoubleVectorLanes, DoubleVectorRows, VectorRows, WIDTH, rounded},
     pair::{PairSettings, RowPair},
 };
 
 /// Of separations whose square is smaller, the direction is left to the test of a pair alone, which scales them first.
 const LEAST_SQUARED: f64 = 1.0e-150;
-
-/// A vector of each of eight pairs.
-#[derive(Clone, Copy)]
-#[repr(align(64))]
-struct Rows([[f64; WIDTH]; 3]);
-
-impl Rows {
-    const ZERO: Self = Self([[0.0; WIDTH]; 3]);
-
-    #[inline(always)]
-    fn set(&mut self, lane: usize, place: DVec3) {
-        let Self([x, y, z]) = self;
-        (x[lane], y[lane], z[lane]) = (place.x, place.y, place.z);
-    }
-}
-
-impl<S: Simd> Vectors<S> {
-    #[inline(always)]
-    fn load(simd: S, Rows([x, y, z]): &Rows) -> Self {
-        Self { x: f64x8::from_slice(simd, x), y: f64x8::from_slice(simd, y), z: f64x8::from_slice(simd, z) }
-    }
-}
 
 /// One feature pair on its way.
 #[derive(Clone, Copy)]
@@ -64,8 +43,8 @@ impl Task {
 /// The tasks of one kind that wait for their company, with up to five points each: those of the feature named first, then
 /// those of the other.
 struct Batch {
-    points: [Rows; 5],
-    origin: Rows,
+    points: [DoubleVectorRows; 5],
+    origin: DoubleVectorRows,
     /// Below this a distance is none.
     nothing: [f64; WIDTH],
     /// Where the feature named first is of the second triangle, one bit each.
@@ -76,7 +55,13 @@ struct Batch {
 impl Batch {
     fn new() -> Self {
         let tasks = ArrayVec::new();
-        Self { points: [Rows::ZERO; 5], origin: Rows::ZERO, nothing: [0.0; WIDTH], swapped: 0, tasks }
+        Self {
+            points: [DoubleVectorRows::ZERO; 5],
+            origin: DoubleVectorRows::ZERO,
+            nothing: [0.0; WIDTH],
+            swapped: 0,
+            tasks,
+        }
     }
 
     /// Adds a task, of which the feature named first is on the given side. Whether they are complete.
@@ -100,8 +85,8 @@ struct Results {
     first: [[f32; WIDTH]; 2],
     /// Those of the start and the end of the second edge, or of the face's first two corners.
     second: [[f32; WIDTH]; 2],
-    point_b: [[f32; WIDTH]; 3],
-    normal: [[f32; WIDTH]; 3],
+    point_b: VectorRows,
+    normal: VectorRows,
     distance: [f32; WIDTH],
     /// The contacts whose points are far enough apart for a direction, one bit each.
     reliable: u64,
@@ -115,7 +100,7 @@ pub(in crate::kernel) struct FeatureBatches {
     edge_edge: Batch,
     piercing: Batch,
     /// From the centroid of the second triangle to that of the first, of piercing edges.
-    across: Rows,
+    across: DoubleVectorRows,
     results: Results,
     limits: Limits,
     same_surface: bool,
@@ -128,8 +113,8 @@ impl FeatureBatches {
         let results = Results {
             first: [[0.0; WIDTH]; 2],
             second: [[0.0; WIDTH]; 2],
-            point_b: [[0.0; WIDTH]; 3],
-            normal: [[0.0; WIDTH]; 3],
+            point_b: VectorRows::ZERO,
+            normal: VectorRows::ZERO,
             distance: [0.0; WIDTH],
             reliable: 0,
             reported: 0,
@@ -138,7 +123,7 @@ impl FeatureBatches {
             vertex_face: Batch::new(),
             edge_edge: Batch::new(),
             piercing: Batch::new(),
-            across: Rows::ZERO,
+            across: DoubleVectorRows::ZERO,
             results,
             limits: Limits { scale: settings.scale, reported: settings.reported_distance },
             same_surface: settings.same_surface,
@@ -265,15 +250,14 @@ impl Results {
         };
         // An edge that pierces a face is named first, whichever side it is of.
         let of_b = if matches!(a, Feature::Face) { first } else { second };
-        let vector = |[x, y, z]: &[[f32; WIDTH]; 3]| Vec3::new(x[lane], y[lane], z[lane]);
         CompactContact::between_features(
             task.triangles,
             same_surface,
             task.features,
             task.numbers,
             [weights(a, first), weights(b, of_b)],
-            vector(&self.point_b),
-            vector(&self.normal),
+            self.point_b.get(lane),
+            self.normal.get(lane),
             self.distance[lane],
         )
     }
@@ -284,11 +268,11 @@ impl Results {
     fn set_distance<S: Simd>(
         &mut self,
         simd: S,
-        separation: Vectors<S>,
+        separation: DoubleVectorLanes<S>,
         distance: f64x8<S>,
         batch: &Batch,
         limits: Limits,
-    ) -> Vectors<S> {
+    ) -> DoubleVectorLanes<S> {
         let squared = separation.dot(separation);
         let is_something = distance.simd_gt(f64x8::from_slice(simd, &batch.nothing)) | distance.simd_eq(0.0);
         let reliable = squared.simd_gt(LEAST_SQUARED) & squared.simd_lt(f64::MAX) & is_something;
@@ -301,54 +285,46 @@ impl Results {
 }
 
 #[inline(always)]
-fn rounded<S: Simd>(numbers: f64x8<S>) -> f32x8<S> {
-    let (low, high) = numbers.split();
-    low.narrow(high)
-}
-
-#[inline(always)]
-fn store<S: Simd>(vectors: Vectors<S>, [x, y, z]: &mut [[f32; WIDTH]; 3]) {
-    rounded(vectors.x).store_slice(x);
-    rounded(vectors.y).store_slice(y);
-    rounded(vectors.z).store_slice(z);
-}
-
-#[inline(always)]
 fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, limits: Limits, results: &mut Results) {
-    let origin = Vectors::load(simd, &batch.origin);
+    let origin = DoubleVectorLanes::load(simd, &batch.origin);
     let [vertex, first, second, third, _] = &batch.points;
-    let corners = [Vectors::load(simd, first), Vectors::load(simd, second), Vectors::load(simd, third)];
-    let absolute = Vectors::load(simd, vertex);
-    let position = absolute.minus(origin);
-    let local = [corners[0].minus(origin), corners[1].minus(origin), corners[2].minus(origin)];
-    let edges = [local[1].minus(local[0]), local[2].minus(local[1]), local[0].minus(local[2])];
+    let corners = [
+        DoubleVectorLanes::load(simd, first),
+        DoubleVectorLanes::load(simd, second),
+        DoubleVectorLanes::load(simd, third),
+    ];
+    let absolute = DoubleVectorLanes::load(simd, vertex);
+    let position = absolute - origin;
+    let local = [(corners[0] - origin), (corners[1] - origin), (corners[2] - origin)];
+    let edges = [(local[1] - local[0]), (local[2] - local[1]), (local[0] - local[2])];
     let normal = edges[0].cross(edges[1]);
     let inverse = f64x8::splat(simd, 1.0) / normal.dot(normal);
-    let height = normal.dot(position.minus(local[0]));
+    let height = normal.dot(position - local[0]);
     let distance_squared = height * height * inverse;
-    let first = normal.cross(edges[1]).dot(position.minus(local[1]));
-    let second = normal.cross(edges[2]).dot(position.minus(local[2]));
-    let third = normal.cross(edges[0]).dot(position.minus(local[0]));
+    let first = normal.cross(edges[1]).dot(position - local[1]);
+    let second = normal.cross(edges[2]).dot(position - local[2]);
+    let third = normal.cross(edges[0]).dot(position - local[0]);
     let (weights, point) = normalized(simd, [first, second, third], corners);
     rounded(weights[0]).store_slice(&mut results.second[0]);
     rounded(weights[1]).store_slice(&mut results.second[1]);
     let swapped = mask64x8::from_bitmask(simd, batch.swapped);
-    store(Vectors::select(swapped, absolute, point), &mut results.point_b);
+    DoubleVectorLanes::select(swapped, absolute, point).rounded().store(&mut results.point_b);
     let separation = normal.scaled(height * inverse);
     let direction = results.set_distance(simd, separation, distance_squared.sqrt(), batch, limits);
-    store(direction.negated(swapped), &mut results.normal);
+    DoubleVectorLanes::select(swapped, direction.negated(), direction).rounded().store(&mut results.normal);
 }
 
 #[inline(always)]
 fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, limits: Limits, results: &mut Results) {
-    let origin = Vectors::load(simd, &batch.origin);
+    let origin = DoubleVectorLanes::load(simd, &batch.origin);
     let [start_a, end_a, start_b, end_b, _] = &batch.points;
-    let (start_a, end_a) = (Vectors::load(simd, start_a).minus(origin), Vectors::load(simd, end_a).minus(origin));
-    let (absolute_start, absolute_end) = (Vectors::load(simd, start_b), Vectors::load(simd, end_b));
-    let (start_b, end_b) = (absolute_start.minus(origin), absolute_end.minus(origin));
-    let (u, v) = (end_a.minus(start_a), end_b.minus(start_b));
+    let (start_a, end_a) =
+        (DoubleVectorLanes::load(simd, start_a) - origin, DoubleVectorLanes::load(simd, end_a) - origin);
+    let (absolute_start, absolute_end) = (DoubleVectorLanes::load(simd, start_b), DoubleVectorLanes::load(simd, end_b));
+    let (start_b, end_b) = ((absolute_start - origin), (absolute_end - origin));
+    let (u, v) = ((end_a - start_a), (end_b - start_b));
     let normal = u.cross(v);
-    let between = start_b.minus(start_a);
+    let between = start_b - start_a;
     let height = normal.dot(between);
     let one = f64x8::splat(simd, 1.0);
     let inverse = one / normal.dot(normal);
@@ -360,25 +336,35 @@ fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, limits: Limits, results: &mut
     rounded(along_a).store_slice(&mut results.first[1]);
     rounded(from_b).store_slice(&mut results.second[0]);
     rounded(along_b).store_slice(&mut results.second[1]);
-    store(absolute_start.scaled(from_b).plus(absolute_end.scaled(along_b)), &mut results.point_b);
+    absolute_start.scaled(from_b).plus(absolute_end.scaled(along_b)).rounded().store(&mut results.point_b);
     let separation = normal.scaled(-height * inverse);
     let direction = results.set_distance(simd, separation, distance_squared.sqrt(), batch, limits);
-    store(direction, &mut results.normal);
+    direction.rounded().store(&mut results.normal);
 }
 
 /// `across` is the way from the second triangle to the first.
 #[inline(always)]
-fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, across: &Rows, limits: Limits, results: &mut Results) {
-    let origin = Vectors::load(simd, &batch.origin);
+fn edges_through_faces<S: Simd>(
+    simd: S,
+    batch: &Batch,
+    across: &DoubleVectorRows,
+    limits: Limits,
+    results: &mut Results,
+) {
+    let origin = DoubleVectorLanes::load(simd, &batch.origin);
     let [start, end, first, second, third] = &batch.points;
-    let corners = [Vectors::load(simd, first), Vectors::load(simd, second), Vectors::load(simd, third)];
-    let (absolute_start, absolute_end) = (Vectors::load(simd, start), Vectors::load(simd, end));
-    let (start, end) = (absolute_start.minus(origin), absolute_end.minus(origin));
-    let local = [corners[0].minus(origin), corners[1].minus(origin), corners[2].minus(origin)];
-    let edge = end.minus(start);
-    let normal = local[1].minus(local[0]).cross(local[2].minus(local[1]));
-    let (from, to) = (normal.dot(start.minus(local[0])), normal.dot(end.minus(local[0])));
-    let (p, q, r) = (local[0].minus(start), local[1].minus(start), local[2].minus(start));
+    let corners = [
+        DoubleVectorLanes::load(simd, first),
+        DoubleVectorLanes::load(simd, second),
+        DoubleVectorLanes::load(simd, third),
+    ];
+    let (absolute_start, absolute_end) = (DoubleVectorLanes::load(simd, start), DoubleVectorLanes::load(simd, end));
+    let (start, end) = ((absolute_start - origin), (absolute_end - origin));
+    let local = [(corners[0] - origin), (corners[1] - origin), (corners[2] - origin)];
+    let edge = end - start;
+    let normal = (local[1] - local[0]).cross(local[2] - local[1]);
+    let (from, to) = (normal.dot(start - local[0]), normal.dot(end - local[0]));
+    let (p, q, r) = ((local[0] - start), (local[1] - start), (local[2] - start));
     let volumes = [edge.dot(q.cross(r)), edge.dot(r.cross(p)), edge.dot(p.cross(q))];
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
     let along = (from / (from - to)).max(zero).min(one);
@@ -389,19 +375,23 @@ fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, across: &Rows, limits: L
     rounded(weights[1]).store_slice(&mut results.second[1]);
     let point_on_edge = absolute_start.scaled(one - along).plus(absolute_end.scaled(along));
     let swapped = mask64x8::from_bitmask(simd, batch.swapped);
-    store(Vectors::select(swapped, point_on_edge, point_on_face), &mut results.point_b);
+    DoubleVectorLanes::select(swapped, point_on_edge, point_on_face).rounded().store(&mut results.point_b);
 
     // The normal of the face, on the side where more of the first triangle lies.
-    let normal = corners[1].minus(corners[0]).cross(corners[2].minus(corners[0]));
+    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let normal = normal.scaled(one / normal.dot(normal).sqrt());
-    let away = normal.dot(Vectors::load(simd, across)).simd_lt(zero);
+    let away = normal.dot(DoubleVectorLanes::load(simd, across)).simd_lt(zero);
     let direction = results.set_distance(simd, normal, zero, batch, limits);
-    store(direction.negated(away), &mut results.normal);
+    DoubleVectorLanes::select(away, direction.negated(), direction).rounded().store(&mut results.normal);
 }
 
 /// Weights that are proportional to three values of the same sign, and the point they stand for.
 #[inline(always)]
-fn normalized<S: Simd>(simd: S, areas: [f64x8<S>; 3], corners: [Vectors<S>; 3]) -> ([f64x8<S>; 3], Vectors<S>) {
+fn normalized<S: Simd>(
+    simd: S,
+    areas: [f64x8<S>; 3],
+    corners: [DoubleVectorLanes<S>; 3],
+) -> ([f64x8<S>; 3], DoubleVectorLanes<S>) {
     let one = f64x8::splat(simd, 1.0);
     let inverse = one / (areas[0] + areas[1] + areas[2]);
     let (second, third) = (areas[1] * inverse, areas[2] * inverse);

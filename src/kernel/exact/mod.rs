@@ -5,6 +5,7 @@
 
 pub mod barycentric;
 mod batch;
+mod cases;
 pub mod cull;
 pub mod feature;
 pub mod rigid_shape;
@@ -13,7 +14,8 @@ pub mod side;
 pub mod triangle_pair;
 
 pub(in crate::kernel) use batch::FeatureBatches;
+pub(in crate::kernel) use cases::Cases;
 pub use feature::{Feature, FeatureKind, FeaturePair};
-pub(in crate::kernel) use screen::{Cases, PairScreen, ScreenedPair, rounded_down};
+pub(in crate::kernel) use screen::{PairScreen, ScreenedPair, rounded_down};
 pub use triangle_pair::{PairProximity, Proximity, examine_pair};
 pub(in crate::kernel) use triangle_pair::{examine_boundaries, examine_screened};

@@ -11,10 +11,14 @@ use fearless_simd::{Level, dispatch, f32x4, f32x8, f64x8, mask64x8, prelude::*, 
 use glam::DVec3;
 
 use super::{
-    feature::{Feature, FeaturePair},
+    cases::Cases,
     triangle_pair::{PARALLEL_SINE, ROUND_OFF, TIE},
 };
-use crate::kernel::{corner_rows::CornerRow, pose::Pose};
+use crate::kernel::{
+    corner_rows::CornerRow,
+    lanes::{DoubleVectorLanes, WIDTH, widened},
+    pose::Pose,
+};
 
 /// A volume of three edges may be of either sign where it is below this share of the cube of the pair's largest
 /// coordinate: seven times what its rounding amounts to.
@@ -24,100 +28,6 @@ const VOLUME_ROUNDING: f64 = 1.0e-12;
 /// power of the largest coordinate: then the volumes' rounding moves the point of piercing by less than a tenth of what
 /// `triangle_pair` allows, 3e-13 of that power over the rise and the size against 1e-10.
 const FIRM_PIERCING: f64 = 3.0e-2;
-
-/// Features of a pair of triangles, one bit each: a vertex over a face, two edges, an edge that pierces a face, or
-/// anything on the boundaries of both.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::kernel) struct Cases(u32);
-
-impl Cases {
-    pub(in crate::kernel) const ALL: Self = Self(u32::MAX);
-    pub(super) const BOUNDARY: Self = Self(1 << 21);
-    pub(super) const VERTICES_OVER_FACES: Self = Self(0b11_1111);
-    pub(super) const EDGES: Self = Self(0b1_1111_1111 << 6);
-    pub(super) const PIERCING: Self = Self(0b11_1111 << 15);
-
-    pub(super) const fn vertex_face(vertex_of_a: bool, vertex: usize) -> Self {
-        Self(1 << (if vertex_of_a { vertex } else { 3 + vertex }))
-    }
-
-    pub(super) const fn edges(edge_a: usize, edge_b: usize) -> Self {
-        Self(1 << (6 + 3 * edge_a + edge_b))
-    }
-
-    pub(super) const fn piercing(edge_of_a: bool, edge: usize) -> Self {
-        Self(1 << (if edge_of_a { 15 + edge } else { 18 + edge }))
-    }
-
-    /// Those between some of the vertices and edges of either triangle: bits 0 to 2 its vertices, 3 to 5 its edges.
-    pub(in crate::kernel) const fn between(parts_of_a: u8, parts_of_b: u8) -> Self {
-        let (vertices, edges) = ([parts_of_a & 7, parts_of_b & 7], [parts_of_a >> 3 & 7, parts_of_b >> 3 & 7]);
-        let [vertices_of_a, vertices_of_b] = [vertices[0] as u32, vertices[1] as u32];
-        let [edges_of_a, edges_of_b] = [edges[0] as u32, edges[1] as u32];
-        // Bit k spread to three places each, times three bits: every pair of edges.
-        let spread = edges_of_a & 1 | (edges_of_a & 2) << 2 | (edges_of_a & 4) << 4;
-        Self(vertices_of_a | vertices_of_b << 3 | (spread * edges_of_b) << 6 | edges_of_a << 15 | edges_of_b << 18)
-    }
-
-    pub(in crate::kernel) const fn contain(self, case: Self) -> bool {
-        self.0 & case.0 != 0
-    }
-
-    pub(in crate::kernel) const fn are_none(self) -> bool {
-        self.0 == 0
-    }
-
-    /// Whether an edge may pierce a face.
-    pub(in crate::kernel) const fn may_cross(self) -> bool {
-        self.contain(Self::PIERCING)
-    }
-
-    pub(in crate::kernel) const fn and(self, other: Self) -> Self {
-        Self(self.0 & other.0)
-    }
-
-    pub(in crate::kernel) const fn or(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-
-    pub(in crate::kernel) const fn without(self, other: Self) -> Self {
-        Self(self.0 & !other.0)
-    }
-
-    /// Without what is on the boundaries of both.
-    pub(in crate::kernel) const fn without_boundary(self) -> Self {
-        self.without(Self::BOUNDARY)
-    }
-
-    /// Each of them alone.
-    pub(in crate::kernel) fn each(self) -> impl Iterator<Item = Self> {
-        let mut left = self.0;
-        std::iter::from_fn(move || {
-            let next = left & left.wrapping_neg();
-            left &= !next;
-            (next != 0).then_some(Self(next))
-        })
-    }
-
-    /// The features that a single case is about.
-    pub(in crate::kernel) const fn features(self) -> FeaturePair {
-        let [part_a, part_b] = self.parts();
-        FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) }
-    }
-
-    /// The part of the first and of the second triangle that a single case is about, numbered as in
-    /// [`between`](Self::between); 6 is the face.
-    pub(in crate::kernel) const fn parts(self) -> [usize; 2] {
-        let number = self.0.trailing_zeros() as usize;
-        match number {
-            0..3 => [number, 6],
-            3..6 => [6, number - 3],
-            6..15 => [3 + (number - 6) / 3, 3 + (number - 6) % 3],
-            15..18 => [3 + number - 15, 6],
-            _ => [6, 3 + number - 18],
-        }
-    }
-}
 
 /// A pair of triangles that may be within range.
 #[derive(Clone, Copy, Debug)]
@@ -180,9 +90,6 @@ pub(in crate::kernel) fn rounded_down(distance: f64) -> f32 {
     // The conversion rounds to the nearest, at most by half of that.
     (distance * (1.0 - f64::from(f32::EPSILON))).max(0.0) as f32
 }
-
-/// How many pairs are screened at a time.
-pub(super) const WIDTH: usize = 8;
 
 /// Eight pairs of triangles and what is known of them.
 pub(in crate::kernel) struct PairScreen {
@@ -263,7 +170,7 @@ impl PairScreen {
         let mut largest = zero;
         for corners in &mut triangles {
             for corner in corners {
-                *corner = corner.minus(origin);
+                *corner = *corner - origin;
                 largest = largest.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
             }
         }
@@ -322,66 +229,15 @@ impl PairScreen {
     }
 }
 
-#[derive(Clone, Copy)]
-pub(super) struct Vectors<S: Simd> {
-    pub(super) x: f64x8<S>,
-    pub(super) y: f64x8<S>,
-    pub(super) z: f64x8<S>,
-}
-
-impl<S: Simd> Vectors<S> {
-    /// The same vector in every lane.
-    #[inline(always)]
-    fn splat(simd: S, vector: DVec3) -> Self {
-        Self { x: f64x8::splat(simd, vector.x), y: f64x8::splat(simd, vector.y), z: f64x8::splat(simd, vector.z) }
-    }
-
-    #[inline(always)]
-    pub(super) fn select(mask: mask64x8<S>, yes: Self, no: Self) -> Self {
-        Self { x: mask.select(yes.x, no.x), y: mask.select(yes.y, no.y), z: mask.select(yes.z, no.z) }
-    }
-
-    /// Turned round in some lanes.
-    #[inline(always)]
-    pub(super) fn negated(self, mask: mask64x8<S>) -> Self {
-        Self::select(mask, Self { x: -self.x, y: -self.y, z: -self.z }, self)
-    }
-
-    #[inline(always)]
-    pub(super) fn plus(self, other: Self) -> Self {
-        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
-    }
-
-    #[inline(always)]
-    pub(super) fn minus(self, other: Self) -> Self {
-        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
-    }
-
-    #[inline(always)]
-    pub(super) fn scaled(self, factor: f64x8<S>) -> Self {
-        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
-    }
-
-    #[inline(always)]
-    pub(super) fn dot(self, other: Self) -> f64x8<S> {
-        self.x * other.x + self.y * other.y + self.z * other.z
-    }
-
-    #[inline(always)]
-    pub(super) fn cross(self, other: Self) -> Self {
-        Self {
-            x: self.y * other.z - self.z * other.y,
-            y: self.z * other.x - self.x * other.z,
-            z: self.x * other.y - self.y * other.x,
-        }
-    }
-}
-
 /// The corners of eight triangles, one number to the lanes, moved as [`Pose::transform_point`] does it.
 #[inline(always)]
-fn corners_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH], pose: Option<&Pose>) -> [Vectors<S>; 3] {
+fn corners_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH], pose: Option<&Pose>) -> [DoubleVectorLanes<S>; 3] {
     let numbers = numbers_in_lanes(simd, rows);
-    let corner = |place: usize| Vectors { x: numbers[3 * place], y: numbers[3 * place + 1], z: numbers[3 * place + 2] };
+    let corner = |place: usize| DoubleVectorLanes {
+        x: numbers[3 * place],
+        y: numbers[3 * place + 1],
+        z: numbers[3 * place + 2],
+    };
     let corners = [corner(0), corner(1), corner(2)];
     match pose {
         Some(pose) => [moved(simd, pose, corners[0]), moved(simd, pose, corners[1]), moved(simd, pose, corners[2])],
@@ -401,10 +257,6 @@ fn numbers_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH]) -> [f64x8<S>; 
     };
     let [low, high] = [[square(0, 0), square(4, 0)], [square(0, 4), square(4, 4)]];
     let last = [row(0)[8], row(1)[8], row(2)[8], row(3)[8], row(4)[8], row(5)[8], row(6)[8], row(7)[8]];
-    let widened = |column: f32x8<S>| {
-        let (low, high) = column.widen();
-        low.combine(high)
-    };
     let column = |halves: &[[f32x4<S>; 4]; 2], place: usize| widened(halves[0][place].combine(halves[1][place]));
     [
         column(&low, 0),
@@ -420,26 +272,26 @@ fn numbers_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH]) -> [f64x8<S>; 
 }
 
 #[inline(always)]
-fn moved<S: Simd>(simd: S, pose: &Pose, point: Vectors<S>) -> Vectors<S> {
+fn moved<S: Simd>(simd: S, pose: &Pose, point: DoubleVectorLanes<S>) -> DoubleVectorLanes<S> {
     let affine = pose.to_affine();
     let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
-    let along = |axis: DVec3, factor: f64x8<S>| Vectors::splat(simd, axis).scaled(factor);
+    let along = |axis: DVec3, factor: f64x8<S>| DoubleVectorLanes::splat(simd, axis).scaled(factor);
     let turned = along(x, point.x).plus(along(y, point.y)).plus(along(z, point.z));
-    turned.plus(Vectors::splat(simd, affine.translation))
+    turned.plus(DoubleVectorLanes::splat(simd, affine.translation))
 }
 
 /// A triangle of each pair with what every case needs.
 struct Side<S: Simd> {
-    corners: [Vectors<S>; 3],
-    edges: [Vectors<S>; 3],
+    corners: [DoubleVectorLanes<S>; 3],
+    edges: [DoubleVectorLanes<S>; 3],
     lengths_squared: [f64x8<S>; 3],
-    normal: Vectors<S>,
+    normal: DoubleVectorLanes<S>,
 }
 
 impl<S: Simd> Side<S> {
     #[inline(always)]
-    fn new(_: S, corners: [Vectors<S>; 3]) -> Self {
-        let edges = [corners[1].minus(corners[0]), corners[2].minus(corners[1]), corners[0].minus(corners[2])];
+    fn new(_: S, corners: [DoubleVectorLanes<S>; 3]) -> Self {
+        let edges = [(corners[1] - corners[0]), (corners[2] - corners[1]), (corners[0] - corners[2])];
         let lengths_squared = [edges[0].dot(edges[0]), edges[1].dot(edges[1]), edges[2].dot(edges[2])];
         Self { corners, edges, lengths_squared, normal: edges[0].cross(edges[1]) }
     }
@@ -482,9 +334,9 @@ fn vertices_and_edges<S: Simd>(simd: S, own: &Side<S>, other: &Side<S>, distance
         let squared = other.lengths_squared[edge];
         let inverse = squared.simd_gt(zero).select(one / squared, zero);
         for vertex in 0..3 {
-            let from_start = own.corners[vertex].minus(other.corners[edge]);
+            let from_start = own.corners[vertex] - other.corners[edge];
             let along = (from_start.dot(other.edges[edge]) * inverse).max(zero).min(one);
-            let between = from_start.minus(other.edges[edge].scaled(along));
+            let between = from_start - other.edges[edge].scaled(along);
             distances_squared[3 * vertex + edge] = between.dot(between);
         }
     }
@@ -505,13 +357,13 @@ fn vertices_over_face<S: Simd>(
     let inverse = f64x8::splat(simd, 1.0) / other.normal.dot(other.normal);
     let mut heights = [inverse; 3];
     for vertex in 0..3 {
-        let from_first = own.corners[vertex].minus(other.corners[0]);
+        let from_first = own.corners[vertex] - other.corners[0];
         let height = other.normal.dot(from_first);
         let distance_squared = height * height * inverse;
         // Of a face without an area it is no number, or infinite.
         let mut possible = distance_squared.simd_lt(f64::INFINITY);
         for k in 0..3 {
-            let from_corner = own.corners[vertex].minus(other.corners[k]);
+            let from_corner = own.corners[vertex] - other.corners[k];
             let area = inward[k].dot(from_corner);
             possible &= !area.simd_le(0.0);
         }
@@ -536,7 +388,7 @@ fn edge_edge<S: Simd>(
     let (u, v) = (a.edges[edge_a], b.edges[edge_b]);
     let normal = u.cross(v);
     let normal_squared = normal.dot(normal);
-    let between = b.corners[edge_b].minus(a.corners[edge_a]);
+    let between = b.corners[edge_b] - a.corners[edge_a];
     let height = normal.dot(between);
     let inverse = one / normal_squared;
     let distance_squared = height * height * inverse;

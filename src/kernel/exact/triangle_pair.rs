@@ -10,8 +10,9 @@ use glam::DVec3;
 
 use super::{
     barycentric::{corner_weights, edge_weights, normalized, point_at},
+    cases::Cases,
     feature::{Feature, FeaturePair},
-    screen::{Cases, ScreenedPair},
+    screen::ScreenedPair,
 };
 
 /// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, and one for

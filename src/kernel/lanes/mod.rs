@@ -75,6 +75,17 @@ macro_rules! vectors {
             }
 
             #[inline(always)]
+            pub(in crate::kernel) fn plus(self, other: Self) -> Self {
+                Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
+            }
+
+            /// Unlike a difference from zero it turns the sign of zeros too.
+            #[inline(always)]
+            pub(in crate::kernel) fn negated(self) -> Self {
+                Self { x: -self.x, y: -self.y, z: -self.z }
+            }
+
+            #[inline(always)]
             pub(in crate::kernel) fn scaled(self, factor: $numbers<S>) -> Self {
                 Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
             }
@@ -132,19 +143,8 @@ impl<S: Simd> VectorLanes<S> {
     }
 
     #[inline(always)]
-    pub(in crate::kernel) fn plus(self, other: Self) -> Self {
-        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
-    }
-
-    #[inline(always)]
     pub(in crate::kernel) fn over(self, divisor: f32x8<S>) -> Self {
         Self { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
-    }
-
-    /// Unlike a difference from zero it turns the sign of zeros too.
-    #[inline(always)]
-    pub(in crate::kernel) fn negated(self) -> Self {
-        Self { x: -self.x, y: -self.y, z: -self.z }
     }
 
     #[inline(always)]

@@ -1,0 +1,38 @@
+//! Meshes with their trees, for what goes through those.
+
+use bevy_circumsphere::kernel::{
+    bounds::triangle_bounds, leaf_triangles::LeafTriangles, topology::SurfaceTopology, tree::BoxTree,
+};
+use circumsphere_support::scenes::Mesh;
+use glam::{DVec3, Vec3};
+
+use crate::truth::{exact, positions};
+
+/// A mesh with its tree, as the broad phase has them.
+pub struct Surface {
+    pub topology: SurfaceTopology,
+    pub positions: Vec<Vec3>,
+    pub tree: BoxTree,
+    pub triangles: LeafTriangles,
+}
+
+impl Surface {
+    /// `range` is that at which pairs matter, of which every box has its half.
+    pub fn new(positions: Vec<Vec3>, triangles: &[[u32; 3]], range: f32) -> Self {
+        let topology = SurfaceTopology::new(&positions, triangles).expect("the mesh is valid");
+        let mut bounds = Vec::new();
+        triangle_bounds(&positions, triangles, 0.5 * range, &mut bounds);
+        let mut surface =
+            Self { tree: BoxTree::new(&bounds), topology, positions, triangles: LeafTriangles::default() };
+        surface.triangles.update(&surface.tree, &surface.topology, &surface.positions);
+        surface
+    }
+
+    pub fn of_mesh(mesh: &Mesh, range: f32) -> Self {
+        Self::new(positions(mesh), &mesh.triangles, range)
+    }
+
+    pub fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        exact(self.topology.triangles()[triangle as usize].map(|vertex| self.positions[vertex as usize]))
+    }
+}
