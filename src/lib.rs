@@ -6,6 +6,7 @@ pub mod debug;
 pub mod detection;
 pub mod kernel;
 mod plugins;
+pub mod response;
 pub mod schedule;
 pub mod settings;
 pub mod surface;

@@ -12,4 +12,5 @@ pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted
 pub(crate) use events::{Touching, TouchingSides};
 pub use gather::ContactsPlugin;
 pub use reading::{Contact, SmoothNormals, StencilEntry, SurfaceContacts};
+pub(crate) use store::PairOrder;
 pub use store::{ContactSide, ContactStore, StoredPair};

@@ -1,0 +1,95 @@
+//! Two triangles that want to meet at an angle.
+//!
+//! The constraint is `2 sin(θ/2)` of the dihedral angle, less its value at rest: the angle itself while it is small, and
+//! without a jump where a hinge is folded flat. Gradients of the angle: Bridson, Marino and Fedkiw 2003, "Simulation of
+//! Clothing with Folds and Wrinkles".
+
+use glam::DVec3;
+
+use crate::response::particles::Particles;
+
+/// Triangles whose doubled area is below this share of their longest edge's square have no direction.
+const LEAST_AREA: f64 = 1.0e-9;
+
+/// An inner edge, the two corners opposite of it, and the bend at rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hinge {
+    /// Numbered within their body: the ends of the edge, the corner of the triangle that runs along the edge, and
+    /// that of the one that runs against it.
+    pub corners: [u32; 4],
+    /// `2 sin(θ/2)` at rest, −2 to 2: θ is 0 where flat, positive where the two fall away from their normals.
+    pub bend: f64,
+}
+
+/// The bend of a hinge and its gradients.
+struct Bend {
+    value: f64,
+    gradients: [DVec3; 4],
+}
+
+/// Evaluates a hinge at four points; `None` where a triangle has no area.
+fn bend(points: &[DVec3; 4]) -> Option<Bend> {
+    let [start, end, left, right] = *points;
+    let edge = end - start;
+    let (normal_left, normal_right) = (edge.cross(left - start), (right - start).cross(edge));
+    let (area_left, area_right) = (normal_left.length_squared(), normal_right.length_squared());
+    let length_squared = edge.length_squared();
+    let longest = points.iter().map(|point| point.distance_squared(start).max(point.distance_squared(end)));
+    let longest = longest.fold(length_squared, f64::max);
+    let least = (LEAST_AREA * longest).powi(2);
+    if length_squared == 0.0 || area_left <= least || area_right <= least {
+        return None;
+    }
+    let length = length_squared.sqrt();
+    let scale = (area_left * area_right).sqrt().recip();
+    let cosine = (normal_left.dot(normal_right) * scale).clamp(-1.0, 1.0);
+    let sine = normal_left.cross(normal_right).dot(edge) * scale / length;
+    // Half angles without inverse functions, each where it does not cancel.
+    let half_cosine = (0.5 * (1.0 + cosine)).sqrt();
+    let half_sine = (0.5 * (1.0 - cosine)).sqrt();
+    let (half_sine, half_cosine) = if cosine > 0.0 {
+        (0.5 * sine / half_cosine, half_cosine)
+    } else {
+        (half_sine.copysign(sine), 0.5 * sine.abs() / half_sine)
+    };
+    let (lift_left, lift_right) = (normal_left / area_left, normal_right / area_right);
+    let along = |point: DVec3, from: DVec3| (point - from).dot(edge) / length;
+    let angle_gradients = [
+        -lift_left * along(left, end) - lift_right * along(right, end),
+        lift_left * along(left, start) + lift_right * along(right, start),
+        -lift_left * length,
+        -lift_right * length,
+    ];
+    Some(Bend { value: 2.0 * half_sine, gradients: angle_gradients.map(|gradient| gradient * half_cosine) })
+}
+
+impl Hinge {
+    /// The bend at four points, 0 where a triangle has no area.
+    #[must_use]
+    pub fn bend_at(points: &[DVec3; 4]) -> f64 {
+        bend(points).map_or(0.0, |bend| bend.value)
+    }
+
+    /// Moves the four corners toward the bend at rest. `first` is the body's first particle, `compliance` is that of the
+    /// step (`α / h²`), and `multiplier` what this constraint has gathered in it.
+    #[inline]
+    pub fn solve(&self, particles: &mut Particles, first: usize, compliance: f64, multiplier: &mut f64) {
+        let places = self.corners.map(|corner| first + corner as usize);
+        let Some(bend) = bend(&places.map(|place| particles.position[place])) else { return };
+        let weights = places.map(|place| particles.inverse_mass[place]);
+        let weight: f64 = weights.iter().zip(&bend.gradients).map(|(w, gradient)| w * gradient.length_squared()).sum();
+        if weight + compliance <= f64::MIN_POSITIVE {
+            return;
+        }
+        let change = (self.bend - bend.value - compliance * *multiplier) / (weight + compliance);
+        *multiplier += change;
+        for corner in 0..4 {
+            particles.position[places[corner]] += bend.gradients[corner] * (weights[corner] * change);
+        }
+    }
+}
+
+#[cfg(test)]
+pub(super) fn value_and_gradients(points: &[DVec3; 4]) -> Option<(f64, [DVec3; 4])> {
+    bend(points).map(|bend| (bend.value, bend.gradients))
+}

@@ -1,0 +1,39 @@
+//! Two particles that want to be at a distance.
+
+use glam::DVec3;
+
+use crate::response::particles::Particles;
+
+/// An edge and its length at rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spring {
+    /// The particles at its ends, numbered within their body.
+    pub ends: [u32; 2],
+    /// Length at rest in world units, 0 or more.
+    pub length: f64,
+}
+
+impl Spring {
+    /// Moves both ends toward their distance at rest. `first` is the body's first particle, `compliance` is that of
+    /// the step (`α / h²`), and `multiplier` what this constraint has gathered in it.
+    #[inline]
+    pub fn solve(&self, particles: &mut Particles, first: usize, compliance: f64, multiplier: &mut f64) {
+        let [a, b] = self.ends.map(|end| first + end as usize);
+        let [weight_a, weight_b] = [particles.inverse_mass[a], particles.inverse_mass[b]];
+        let weight = weight_a + weight_b;
+        if weight == 0.0 {
+            return;
+        }
+        let between = particles.position[a] - particles.position[b];
+        let length = between.length();
+        // Ends in one place have no direction to part in; something else will move them.
+        if length == 0.0 {
+            return;
+        }
+        let direction: DVec3 = between / length;
+        let change = (self.length - length - compliance * *multiplier) / (weight + compliance);
+        *multiplier += change;
+        particles.position[a] += direction * (change * weight_a);
+        particles.position[b] -= direction * (change * weight_b);
+    }
+}

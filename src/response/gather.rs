@@ -1,0 +1,389 @@
+//! From entities to the solver: bodies become particles, contacts become constraints on them.
+//!
+//! Every body's vertices are particles in world space; of everything else only the vertices that contacts touch are.
+//! Constraints are sorted by what they act on, so that the order in which contacts come does not matter.
+
+use std::{collections::HashSet, sync::Arc};
+
+use arrayvec::ArrayVec;
+use bevy_ecs::{entity::EntityHashMap, prelude::*, system::SystemParam};
+use glam::{DVec3, Vec3};
+
+use super::{
+    body::{SurfaceFriction, XpbdBody},
+    contact::{ContactConstraint, Features},
+    features::{edge_edge, vertex_face},
+    particles::Particles,
+    solver::{Solver, SolverBody},
+};
+use crate::{
+    contacts::{ContactSide, ContactStore, PairOrder, StoredPair},
+    kernel::{
+        contact::{CompactContact, ContactKey},
+        exact::{Feature, side::face_normal},
+        pose::Pose,
+        topology::SurfaceTopology,
+    },
+    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
+};
+
+/// A vertex that is no particle.
+const NONE: u32 = u32::MAX;
+
+/// What stands or is moved by the game: where it was in the last tick, and which of its vertices are particles in this.
+#[derive(Default)]
+struct Driven {
+    positions: Vec<Vec3>,
+    pose: Pose,
+    slots: Vec<u32>,
+    used: Vec<u32>,
+    /// The tick in which it was last seen.
+    tick: u64,
+}
+
+/// Turns the contacts of a tick into constraints. Remembers where driven surfaces and shapes were.
+#[derive(Default)]
+pub(super) struct Gatherer {
+    driven: EntityHashMap<Driven>,
+    bodies: EntityHashMap<usize>,
+    tick: u64,
+    /// The contacts of all pairs with a body, by what they are named by, with their pair's place and their own.
+    order: Vec<(PairOrder, ContactKey, [u32; 2], [u32; 2])>,
+    known: HashSet<Features4>,
+}
+
+/// Which contacts the solver watches: those whose separation is no more than twice what their own vertices move by
+/// in the tick, and some slack.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Watch {
+    /// The tick's, in seconds.
+    pub(super) duration: f64,
+    /// In world units.
+    pub(super) slack: f64,
+}
+
+/// The particles of a feature pair, and whether they are two edges.
+type Features4 = (bool, [u32; 4]);
+
+/// One side of a pair, as the solver knows it.
+enum Side<'a> {
+    Body { first: usize, topology: &'a SurfaceTopology },
+    Driven { entity: Entity, topology: &'a SurfaceTopology },
+    Shape { entity: Entity },
+}
+
+/// What the response reads of the world.
+#[derive(SystemParam)]
+pub(super) struct Scene<'w, 's> {
+    pub(super) active: Res<'w, ActiveSurfaces>,
+    pub(super) positions: Query<'w, 's, (&'static SurfacePositions, Option<&'static XpbdBody>)>,
+    store: Res<'w, ContactStore>,
+    frictions: Query<'w, 's, &'static SurfaceFriction>,
+}
+
+impl Scene<'_, '_> {
+    fn friction(&self, pair: &StoredPair) -> [f64; 2] {
+        let of = |side: ContactSide| self.frictions.get(side.entity()).copied().unwrap_or_default();
+        of(pair.a).between(of(pair.b))
+    }
+}
+
+impl Gatherer {
+    /// Forgets the particles of the last tick.
+    pub(super) fn begin(&mut self) {
+        self.tick += 1;
+        self.bodies.clear();
+        for driven in self.driven.values_mut() {
+            for vertex in driven.used.drain(..) {
+                driven.slots[vertex as usize] = NONE;
+            }
+        }
+    }
+
+    /// Makes a body's vertices particles. Pinned ones go from where the body last wrote them to where they are now.
+    pub(super) fn add_body(
+        &mut self,
+        solver: &mut Solver,
+        surface: &ActiveSurface,
+        positions: &[Vec3],
+        body: &XpbdBody,
+    ) {
+        let Solver { particles, bodies, .. } = solver;
+        let first = particles.len();
+        let world = |position: Vec3| surface.pose.transform_point(position.as_dvec3());
+        let follows = body.written.len() == positions.len() && !surface.fresh;
+        let weld = surface.topology.weld();
+        for (vertex, &position) in positions.iter().enumerate() {
+            let inverse_mass = f64::from(body.inverse_masses[vertex]);
+            if inverse_mass > 0.0 {
+                particles.push_moved(world(position), body.velocities[vertex].as_dvec3(), inverse_mass);
+            } else {
+                let start = if follows { body.written[vertex] } else { position };
+                particles.push_driven(world(start), world(position));
+            }
+            let own = weld[vertex] as usize;
+            if own != vertex && inverse_mass <= 0.0 && particles.inverse_mass[first + own] > 0.0 {
+                particles.pin(first + own, first + vertex);
+            }
+        }
+        let (topology, rest) = (Arc::clone(&surface.topology), Arc::clone(&body.rest));
+        bodies.push(SolverBody::new(first, topology, rest, body.material, surface.pose.scale()));
+        self.bodies.insert(surface.entity, first);
+    }
+
+    /// Makes constraints of all contacts that have a body on one side.
+    pub(super) fn add_contacts(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>, watch: Watch) {
+        let mut order = std::mem::take(&mut self.order);
+        order.clear();
+        for (pair_place, pair) in (0..).zip(&scene.store.pairs) {
+            let is_body = |side: ContactSide| self.bodies.contains_key(&side.entity());
+            if !is_body(pair.a) && !is_body(pair.b) {
+                continue;
+            }
+            self.follow_driven(scene, pair);
+            order.extend(pair.contacts.clone().map(|place| {
+                let record = &scene.store.contacts[place];
+                (pair.order, record.key, [record.triangle_a, record.triangle_b], [pair_place, place as u32])
+            }));
+        }
+        if !order.is_sorted() {
+            order.sort_unstable();
+        }
+        self.known.clear();
+        let mut last = (u32::MAX, [0.0; 2]);
+        let Watch { duration, slack } = watch;
+        for &(_, _, _, [pair_place, place]) in &order {
+            let pair = &scene.store.pairs[pair_place as usize];
+            if last.0 != pair_place {
+                last = (pair_place, scene.friction(pair));
+            }
+            let record = &scene.store.contacts[place as usize];
+            let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else { continue };
+            let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
+            if separation > slack + 2.0 * duration * constraint.fastest(&solver.particles, duration) {
+                continue;
+            }
+            // A vertex over a rim is near each part of the face it belongs to.
+            let is_new = match constraint.features {
+                Features::VertexFace(places) => self.known.insert((false, places)),
+                Features::EdgeEdge(places) => self.known.insert((true, places)),
+                Features::Plane { .. } => true,
+            };
+            if is_new {
+                solver.contacts.push(constraint);
+            }
+        }
+        self.order = order;
+    }
+
+    /// Remembers where the driven sides of this tick are.
+    pub(super) fn end(&mut self, scene: &Scene<'_, '_>) {
+        let Self { driven, tick, .. } = self;
+        driven.retain(|_, driven| driven.tick == *tick);
+        for surface in &scene.active.surfaces {
+            if let (Some(driven), Ok((positions, _))) =
+                (driven.get_mut(&surface.entity), scene.positions.get(surface.entity))
+            {
+                driven.positions.clone_from(&positions.0);
+                driven.pose = surface.pose;
+            }
+        }
+        for shape in &scene.active.shapes {
+            if let Some(driven) = driven.get_mut(&shape.entity) {
+                driven.pose = shape.pose;
+            }
+        }
+    }
+
+    /// Looks up where the driven sides of a pair were, or takes them to have stood still.
+    fn follow_driven(&mut self, scene: &Scene<'_, '_>, pair: &StoredPair) {
+        let topologies = [Some(&pair.topology_a), pair.topology_b.as_ref()];
+        for ((side, topology), pose) in [pair.a, pair.b].into_iter().zip(topologies).zip(pair.poses) {
+            let entity = side.entity();
+            if self.bodies.contains_key(&entity) {
+                continue;
+            }
+            let driven = self.driven.entry(entity).or_insert_with(|| Driven { pose, ..Driven::default() });
+            if driven.tick + 1 < self.tick {
+                driven.pose = pose;
+                driven.positions.clear();
+            }
+            driven.tick = self.tick;
+            let Some(topology) = topology else { continue };
+            driven.slots.resize(topology.vertex_count(), NONE);
+            if driven.positions.len() != topology.vertex_count()
+                && let Ok((positions, _)) = scene.positions.get(entity)
+            {
+                driven.positions.clone_from(&positions.0);
+                driven.pose = pose;
+            }
+        }
+    }
+
+    fn side<'a>(&self, side: ContactSide, topology: Option<&'a Arc<SurfaceTopology>>) -> Side<'a> {
+        let entity = side.entity();
+        match (self.bodies.get(&entity), topology) {
+            (Some(&first), Some(topology)) => Side::Body { first, topology },
+            (None, Some(topology)) => Side::Driven { entity, topology },
+            (_, None) => Side::Shape { entity },
+        }
+    }
+
+    /// The particles of a triangle's corners.
+    fn corners(
+        &mut self,
+        particles: &mut Particles,
+        scene: &Scene<'_, '_>,
+        side: &Side<'_>,
+        pose: &Pose,
+        triangle: u32,
+    ) -> Option<[u32; 3]> {
+        match side {
+            Side::Body { first, topology } => {
+                Some(topology.welded_triangles()[triangle as usize].map(|vertex| *first as u32 + vertex))
+            }
+            Side::Driven { entity, topology } => {
+                let driven = self.driven.get_mut(entity)?;
+                let (now, _) = scene.positions.get(*entity).ok()?;
+                let corners = topology.welded_triangles()[triangle as usize];
+                Some(corners.map(|vertex| {
+                    let slot = &mut driven.slots[vertex as usize];
+                    if *slot == NONE {
+                        *slot = particles.len() as u32;
+                        driven.used.push(vertex);
+                        let start = driven.pose.transform_point(driven.positions[vertex as usize].as_dvec3());
+                        particles.push_driven(start, pose.transform_point(now.0[vertex as usize].as_dvec3()));
+                    }
+                    *slot
+                }))
+            }
+            Side::Shape { .. } => None,
+        }
+    }
+
+    fn constraint(
+        &mut self,
+        particles: &mut Particles,
+        scene: &Scene<'_, '_>,
+        pair: &StoredPair,
+        record: &CompactContact,
+        friction: [f64; 2],
+    ) -> Option<ContactConstraint> {
+        let distance = f64::from(pair.contact_distance);
+        let normal = pair.frame_pose.transform_direction(record.normal.as_dvec3()).normalize_or_zero();
+        if normal == DVec3::ZERO {
+            return None;
+        }
+        let (side_a, side_b) = (self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, pair.topology_b.as_ref()));
+        let a = self.corners(particles, scene, &side_a, &pair.poses[0], record.triangle_a)?;
+        let b = self.corners(particles, scene, &side_b, &pair.poses[1], record.triangle_b);
+        let Some(b) = b else {
+            let Side::Shape { entity } = side_b else { return None };
+            return Some(self.against_shape(particles, pair, record, (a, entity, normal), friction));
+        };
+        let penetrated = record.distance < 0.0;
+        let (vertex_side, features, normal) = match (record.features.a, record.features.b) {
+            (Feature::Vertex(corner), Feature::Face) => (0, face_of(a[corner as usize], b), normal),
+            (Feature::Face, Feature::Vertex(corner)) => (1, face_of(b[corner as usize], a), -normal),
+            (Feature::Edge(edge_a), Feature::Edge(edge_b)) => (2, edges_of(a, edge_a, b, edge_b), normal),
+            (Feature::Vertex(corner), _) if !penetrated => (0, face_of(a[corner as usize], b), normal),
+            (_, Feature::Vertex(corner)) if !penetrated => (1, face_of(b[corner as usize], a), -normal),
+            // A crossing has neither depth nor direction.
+            (Feature::Edge(_), Feature::Face) | (Feature::Face, Feature::Edge(_)) => return None,
+            _ => (2, flat(particles, record, [a, b], normal, distance), normal),
+        };
+        let mut constraint = ContactConstraint::new(features, normal, distance, friction);
+        let one_sided = vertex_side < 2 && pair.one_sided[1 - vertex_side];
+        look_where_it_began(&mut constraint, particles, one_sided);
+        Some(constraint)
+    }
+
+    /// A contact with a rigid shape: the point on the shape goes where the shape goes.
+    fn against_shape(
+        &mut self,
+        particles: &mut Particles,
+        pair: &StoredPair,
+        record: &CompactContact,
+        (corners, shape, normal): ([u32; 3], Entity, DVec3),
+        friction: [f64; 2],
+    ) -> ContactConstraint {
+        let now = pair.poses[1];
+        let before = self.driven.get(&shape).map_or(now, |driven| driven.pose);
+        let point = pair.frame_pose.transform_point(record.point_b.as_dvec3());
+        let start = if before.has_bits_of(&now) {
+            point
+        } else {
+            before.transform_point(now.inverse().transform_point(point))
+        };
+        let place = particles.len() as u32;
+        particles.push_driven(start, point);
+        let weights = completed(record.features.a, record.barycentric_a);
+        let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
+        entries.extend(corners.into_iter().zip(weights).filter(|&(_, weight)| weight != 0.0));
+        entries.push((place, -1.0));
+        let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
+        let offset = separation - normal.dot(detected_sum(particles, &entries));
+        let features = Features::Plane { particles: entries, offset };
+        ContactConstraint::new(features, normal, f64::from(pair.contact_distance), friction)
+    }
+}
+
+fn face_of(vertex: u32, [a, b, c]: [u32; 3]) -> Features {
+    Features::VertexFace([vertex, a, b, c])
+}
+
+fn edges_of(a: [u32; 3], edge_a: u8, b: [u32; 3], edge_b: u8) -> Features {
+    let ends = |corners: [u32; 3], edge: u8| [corners[edge as usize], corners[(edge as usize + 1) % 3]];
+    let ([a0, a1], [b0, b1]) = (ends(a, edge_a), ends(b, edge_b));
+    Features::EdgeEdge([a0, a1, b0, b1])
+}
+
+/// All three weights from the first two, none for corners that are no part of the feature.
+fn completed(feature: Feature, [first, second]: [f32; 2]) -> [f64; 3] {
+    let [first, second] = [f64::from(first), f64::from(second)];
+    match feature {
+        Feature::Edge(0) => [first, 1.0 - first, 0.0],
+        _ => [first, second, 1.0 - first - second],
+    }
+}
+
+/// A contact whose normal and weights stay for the tick: of spheres, and of features that have penetrated at a rim.
+fn flat(
+    particles: &Particles,
+    record: &CompactContact,
+    [a, b]: [[u32; 3]; 2],
+    normal: DVec3,
+    distance: f64,
+) -> Features {
+    let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
+    entries.extend(a.into_iter().zip(completed(record.features.a, record.barycentric_a)));
+    let weights_b = completed(record.features.b, record.barycentric_b);
+    entries.extend(b.into_iter().zip(weights_b.map(|weight| -weight)));
+    entries.retain(|&mut (_, weight)| weight != 0.0);
+    let separation = f64::from(record.distance) - distance;
+    let offset = separation - normal.dot(detected_sum(particles, &entries));
+    Features::Plane { particles: entries, offset }
+}
+
+/// The weighted sum of particles where detection saw them: bodies when the tick began, all else where the tick ends.
+fn detected_sum(particles: &Particles, entries: &[(u32, f64)]) -> DVec3 {
+    entries.iter().map(|&(particle, weight)| particles.end[particle as usize] * weight).sum()
+}
+
+/// Where the other side has moved since the last tick, detection has seen the two at different times: the direction is
+/// taken from where both were when the tick began.
+fn look_where_it_began(constraint: &mut ContactConstraint, particles: &Particles, one_sided: bool) {
+    let (Features::VertexFace(places) | Features::EdgeEdge(places)) = &constraint.features else { return };
+    let has_moved = |&place: &u32| particles.start[place as usize] != particles.end[place as usize];
+    if !places.iter().any(has_moved) {
+        return;
+    }
+    let points = places.map(|place| particles.start[place as usize]);
+    let between = |weights: [f64; 4]| -> DVec3 { points.iter().zip(weights).map(|(&point, weight)| point * weight).sum() };
+    let direction = match &constraint.features {
+        Features::VertexFace(_) if one_sided => face_normal(&[points[1], points[2], points[3]]),
+        Features::VertexFace(_) => between(vertex_face(&points, constraint.normal).weights),
+        _ => between(edge_edge(&points, constraint.normal).weights),
+    };
+    constraint.normal = direction.try_normalize().unwrap_or(constraint.normal);
+}

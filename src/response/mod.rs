@@ -1,0 +1,97 @@
+//! Response: an optional stage that moves bodies and answers contacts, by extended position-based dynamics.
+//!
+//! Reads the contacts of the tick, writes positions and velocities at its end. It is no physics engine: enough that cloth and
+//! soft bodies run out of the box. A game with a solver of its own leaves the plugin out and reads the same contacts.
+//!
+//! ```
+//! use bevy_app::prelude::*;
+//! use bevy_circumsphere::{prelude::*, response::*};
+//! use bevy_time::{Time, prelude::*};
+//! use glam::Vec3;
+//! use std::time::Duration;
+//!
+//! let mut app = App::new();
+//! app.add_plugins((DeformableCollisionPlugins::new(Update), XpbdResponsePlugin::new(Update))).init_resource::<Time>();
+//! let corners = [Vec3::Y, Vec3::Y + Vec3::X, Vec3::Y + Vec3::Z];
+//! let (surface, positions) = DeformableSurface::from_mesh(&corners, &[[0, 2, 1]])?;
+//! let body = XpbdBody::new(&surface, &positions, XpbdMaterial::CLOTH)?;
+//! let falling = app.world_mut().spawn((surface, positions, body)).id();
+//! app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
+//! for _ in 0..120 {
+//!     app.world_mut().resource_mut::<Time>().advance_by(Duration::from_millis(16));
+//!     app.update();
+//! }
+//! let height = app.world().get::<SurfacePositions>(falling).unwrap().0[0].y;
+//! assert!((0.0..0.1).contains(&height), "it lies on the ground");
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod body;
+mod constraints;
+mod contact;
+mod features;
+mod gather;
+mod particles;
+mod respond;
+mod settings;
+mod solver;
+
+use bevy_app::prelude::*;
+use bevy_ecs::{
+    prelude::*,
+    schedule::{InternedScheduleLabel, ScheduleLabel},
+};
+use bevy_time::Time;
+
+pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
+pub use respond::XpbdDiagnostics;
+pub use settings::XpbdSettings;
+
+use crate::{schedule::DeformableSystems, surface::SurfacePlugin};
+
+/// Moves every [`XpbdBody`] and answers its contacts. Needs [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins)
+/// in the same schedule, and a clock: the `Time` resource tells how long a tick is.
+///
+/// While the game leaves [`CircumsphereSettings::margin`](crate::CircumsphereSettings::margin) at 0, the margin follows what
+/// the bodies move by in a tick.
+pub struct XpbdResponsePlugin {
+    schedule: InternedScheduleLabel,
+}
+
+impl XpbdResponsePlugin {
+    /// Responds in `schedule`, the one that contacts are detected in.
+    #[must_use]
+    pub fn new(schedule: impl ScheduleLabel) -> Self {
+        Self { schedule: schedule.intern() }
+    }
+}
+
+impl Default for XpbdResponsePlugin {
+    /// In [`FixedPostUpdate`], as detection is by default.
+    fn default() -> Self {
+        Self::new(FixedPostUpdate)
+    }
+}
+
+impl Plugin for XpbdResponsePlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<XpbdSettings>().init_resource::<XpbdDiagnostics>().init_resource::<respond::Response>();
+        app.add_systems(
+            self.schedule,
+            (
+                respond::choose_margin.in_set(DeformableSystems::Predict),
+                respond::respond.in_set(DeformableSystems::Respond),
+                respond::write_back.in_set(DeformableSystems::Writeback),
+            ),
+        );
+    }
+
+    fn finish(&self, app: &mut App) {
+        if !app.is_plugin_added::<SurfacePlugin>() {
+            log::warn!("bodies meet nothing without DeformableCollisionPlugins: add them to the same schedule");
+        }
+        if !app.world().contains_resource::<Time>() {
+            log::warn!("bodies stand still without a clock: add TimePlugin, or a Time resource that you advance");
+        }
+    }
+}

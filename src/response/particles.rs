@@ -1,0 +1,120 @@
+//! The particles of one tick: the vertices of all bodies, and those other vertices that contacts touch.
+
+use glam::DVec3;
+
+/// Particles in world space and double precision, in structure-of-arrays form.
+///
+/// A particle with an inverse mass of 0 goes from `start` to `end` in a straight line, whatever pushes it.
+#[derive(Clone, Debug, Default)]
+pub struct Particles {
+    /// Where it was when the tick began.
+    pub start: Vec<DVec3>,
+    /// Where it has to be when the tick ends, if it has no mass to be moved by.
+    pub end: Vec<DVec3>,
+    /// Where it was when the step began.
+    pub previous: Vec<DVec3>,
+    /// Where it is.
+    pub position: Vec<DVec3>,
+    /// World units per second.
+    pub velocity: Vec<DVec3>,
+    /// One over its mass; 0 where nothing moves it.
+    pub inverse_mass: Vec<f64>,
+}
+
+impl Particles {
+    /// How many there are.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.start.len()
+    }
+
+    /// Forgets all particles.
+    pub fn clear(&mut self) {
+        let Self { start, end, previous, position, velocity, inverse_mass } = self;
+        inverse_mass.clear();
+        for list in [start, end, previous, position, velocity] {
+            list.clear();
+        }
+    }
+
+    /// Appends a particle that forces move.
+    pub fn push_moved(&mut self, position: DVec3, velocity: DVec3, inverse_mass: f64) {
+        self.push(position, position, velocity, inverse_mass);
+    }
+
+    /// Appends a particle that goes its own way.
+    pub fn push_driven(&mut self, start: DVec3, end: DVec3) {
+        self.push(start, end, DVec3::ZERO, 0.0);
+    }
+
+    /// How fast a particle is when a tick of `duration` seconds begins.
+    #[must_use]
+    pub fn speed(&self, particle: usize, duration: f64) -> f64 {
+        if self.inverse_mass[particle] > 0.0 {
+            self.velocity[particle].length()
+        } else {
+            self.start[particle].distance(self.end[particle]) / duration
+        }
+    }
+
+    /// Makes a particle go the way of another one that is driven.
+    pub fn pin(&mut self, particle: usize, to: usize) {
+        self.inverse_mass[particle] = 0.0;
+        self.velocity[particle] = DVec3::ZERO;
+        self.start[particle] = self.start[to];
+        self.end[particle] = self.end[to];
+        self.previous[particle] = self.start[to];
+        self.position[particle] = self.start[to];
+    }
+
+    fn push(&mut self, start: DVec3, end: DVec3, velocity: DVec3, inverse_mass: f64) {
+        self.start.push(start);
+        self.end.push(end);
+        self.previous.push(start);
+        self.position.push(start);
+        self.velocity.push(velocity);
+        self.inverse_mass.push(inverse_mass);
+    }
+
+    /// The farthest that a particle would go in a step of length `step` if nothing held it, the driven ones in step number
+    /// `substep` of `substeps`.
+    #[must_use]
+    pub fn farthest_way(&self, step: f64, gravity: DVec3, substep: u32, substeps: u32) -> f64 {
+        let share = f64::from(substep) / f64::from(substeps);
+        let way = |particle: usize| self.way(particle, step, gravity, share).1.length_squared();
+        (0..self.len()).map(way).fold(0.0, f64::max).sqrt()
+    }
+
+    /// The next velocity of a particle and the way it goes with it.
+    #[inline]
+    fn way(&self, particle: usize, step: f64, gravity: DVec3, share: f64) -> (DVec3, DVec3) {
+        if self.inverse_mass[particle] > 0.0 {
+            let velocity = self.velocity[particle] + gravity * step;
+            (velocity, velocity * step)
+        } else {
+            let way = self.start[particle].lerp(self.end[particle], share) - self.position[particle];
+            (way / step, way)
+        }
+    }
+
+    /// Begins a step of length `step` in which the driven particles reach `share` of their way.
+    pub fn predict(&mut self, step: f64, gravity: DVec3, share: f64) {
+        for particle in 0..self.len() {
+            let (velocity, way) = self.way(particle, step, gravity, share);
+            self.velocity[particle] = velocity;
+            self.previous[particle] = self.position[particle];
+            self.position[particle] += way;
+        }
+    }
+
+    /// Ends a step: velocities are what positions have changed by. Returns the farthest that a particle went.
+    pub fn update_velocities(&mut self, step: f64) -> f64 {
+        let mut farthest: f64 = 0.0;
+        for particle in 0..self.len() {
+            let way = self.position[particle] - self.previous[particle];
+            self.velocity[particle] = way / step;
+            farthest = farthest.max(way.length_squared());
+        }
+        farthest.sqrt()
+    }
+}

@@ -1,0 +1,150 @@
+//! One tick of extended position-based dynamics with small steps: predict, solve, take velocities from positions.
+//!
+//! Knows particles and constraints, nothing of entities. Everything runs in one fixed order on one thread, so that the
+//! result is the same bit by bit however many threads detection has used.
+
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::{
+    body::{RestShape, XpbdMaterial},
+    constraints::solve_volume,
+    contact::ContactConstraint,
+    particles::Particles,
+    settings::XpbdSettings,
+};
+use crate::kernel::topology::SurfaceTopology;
+
+/// The particles of one body and what holds them together.
+pub(super) struct SolverBody {
+    /// Its first particle; the others follow in the order of its vertices.
+    pub(super) first: usize,
+    pub(super) topology: Arc<SurfaceTopology>,
+    pub(super) rest: Arc<RestShape>,
+    pub(super) material: XpbdMaterial,
+    /// World length of a unit of its own frame.
+    pub(super) scale: f64,
+    /// Of springs, hinges and the volume, in one step.
+    multipliers: Vec<f64>,
+}
+
+impl SolverBody {
+    pub(super) fn new(
+        first: usize,
+        topology: Arc<SurfaceTopology>,
+        rest: Arc<RestShape>,
+        material: XpbdMaterial,
+        scale: f64,
+    ) -> Self {
+        let multipliers = vec![0.0; rest.springs.len() + rest.hinges.len() + 1];
+        Self { first, topology, rest, material, scale, multipliers }
+    }
+
+    fn vertex_count(&self) -> usize {
+        self.topology.vertex_count()
+    }
+
+    fn slow_down(&self, particles: &mut Particles, step: f64) {
+        let kept = (1.0 - f64::from(self.material.drag) * step).max(0.0);
+        let own = self.first..self.first + self.vertex_count();
+        particles.velocity[own].iter_mut().for_each(|velocity| *velocity *= kept);
+    }
+
+    fn solve(&mut self, particles: &mut Particles, step: f64, gradients: &mut Vec<DVec3>) {
+        let own = (self.first, self.vertex_count());
+        let per_step = |compliance: f32| f64::from(compliance) / (step * step);
+        let (springs, others) = self.multipliers.split_at_mut(self.rest.springs.len());
+        let (hinges, volume) = others.split_at_mut(self.rest.hinges.len());
+        if self.material.stretch_compliance.is_finite() {
+            let compliance = per_step(self.material.stretch_compliance);
+            for (spring, multiplier) in self.rest.springs.iter().zip(springs) {
+                let spring = super::constraints::Spring { length: spring.length * self.scale, ..*spring };
+                spring.solve(particles, self.first, compliance, multiplier);
+            }
+        }
+        if self.material.bend_compliance.is_finite() {
+            let compliance = per_step(self.material.bend_compliance);
+            for (hinge, multiplier) in self.rest.hinges.iter().zip(hinges) {
+                hinge.solve(particles, self.first, compliance, multiplier);
+            }
+        }
+        if let (Some(rest), true) = (self.rest.volume, self.material.volume_compliance.is_finite()) {
+            let compliance = per_step(self.material.volume_compliance);
+            let wanted = rest * self.scale.powi(3);
+            let triangles = self.topology.welded_triangles();
+            solve_volume(particles, own, triangles, wanted, compliance, &mut volume[0], gradients);
+        }
+    }
+}
+
+/// Everything that one tick moves. Emptied and filled again every tick; keeps its memory.
+#[derive(Default)]
+pub(super) struct Solver {
+    pub(super) particles: Particles,
+    pub(super) bodies: Vec<SolverBody>,
+    pub(super) contacts: Vec<ContactConstraint>,
+    /// The contacts that may act in the current step.
+    acting: Vec<u32>,
+    gradients: Vec<DVec3>,
+}
+
+/// What a tick of the solver did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Solved {
+    /// How often a contact was solved for.
+    pub(super) contact_solves: usize,
+    /// How many contacts pushed in the last step.
+    pub(super) pressing: usize,
+}
+
+impl Solver {
+    pub(super) fn clear(&mut self) {
+        self.particles.clear();
+        self.bodies.clear();
+        self.contacts.clear();
+    }
+
+    /// Moves everything on by `duration` seconds, more than 0.
+    pub(super) fn advance(&mut self, duration: f64, settings: &XpbdSettings) -> Solved {
+        let step = duration / f64::from(settings.substeps);
+        let gravity = settings.gravity.as_dvec3();
+        let mut solved = Solved::default();
+        let mut travelled = 0.0;
+        for substep in 1..=settings.substeps {
+            self.bodies.iter().for_each(|body| body.slow_down(&mut self.particles, step));
+            let reach = self.particles.farthest_way(step, gravity, substep, settings.substeps);
+            self.choose_contacts(travelled, reach, step, settings);
+            let share = f64::from(substep) / f64::from(settings.substeps);
+            self.particles.predict(step, gravity, share);
+            for body in &mut self.bodies {
+                body.multipliers.fill(0.0);
+            }
+            for _ in 0..settings.iterations {
+                for body in &mut self.bodies {
+                    body.solve(&mut self.particles, step, &mut self.gradients);
+                }
+                for &contact in &self.acting {
+                    self.contacts[contact as usize].solve(&mut self.particles);
+                }
+                solved.contact_solves += self.acting.len();
+            }
+            travelled += self.particles.update_velocities(step);
+            for &contact in &self.acting {
+                self.contacts[contact as usize].settle_velocity(&mut self.particles);
+            }
+        }
+        solved.pressing = self.contacts.iter().filter(|contact| contact.multiplier() > 0.0).count();
+        solved
+    }
+
+    fn choose_contacts(&mut self, travelled: f64, reach: f64, step: f64, settings: &XpbdSettings) {
+        self.acting.clear();
+        for (place, contact) in self.contacts.iter_mut().enumerate() {
+            let push_out = f64::from(settings.push_out_speed) * contact.distance * step;
+            if contact.begin_step(&self.particles, travelled, reach, push_out) {
+                self.acting.push(place as u32);
+            }
+        }
+    }
+}
