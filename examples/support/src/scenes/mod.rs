@@ -4,13 +4,23 @@
 //! simulation of colliding cloth makes another recording of a difference in the last bit.
 
 mod beam_on_mattress;
+mod bodies;
+mod cloth;
 mod cloth_fall;
 mod corrupted;
 mod crumpled_sheet;
+mod figure;
+mod instrument;
 mod moving;
+mod pile;
+mod points;
+mod revolution;
 mod shapes;
+mod tray;
 
 pub use beam_on_mattress::beam_on_mattress;
+pub use bodies::{capsule, closed_target, lobed_ball, needle, organ, rounded_cuboid};
+pub use cloth::{cloth, cloth_corners, cloth_layers};
 pub use cloth_fall::{
     BALL_CENTER, BALL_RADIUS, BALL_TRIANGLES, BALL_VERTICES, CLOTH_EDGE, CLOTH_FALL_BODIES, CLOTH_SIDE_VERTICES,
     CLOTH_TRIANGLES, CLOTH_VERTICES, FRAMES, FRAMES_PER_SECOND, TORUS_TRIANGLES, TORUS_VERTICES, cloth_fall,
@@ -18,8 +28,18 @@ pub use cloth_fall::{
 };
 pub use corrupted::{duplicate_vertices, ragged_slivers, triangle_soup};
 pub use crumpled_sheet::crumpled_sheet;
+pub use figure::{
+    FIGURE_EASE, FIGURE_HEIGHT, FIGURE_LIMBS, FIGURE_STEP, SKIRT_HEM, SKIRT_WAIST, pelvis_offset, skirt,
+    skirt_waist_vertices, walking_figure,
+};
+pub use instrument::{
+    INSTRUMENT_CLEARANCE, INSTRUMENT_DEPTH, INSTRUMENT_END, INSTRUMENT_HALF_LENGTH, INSTRUMENT_RADIUS,
+    INSTRUMENT_SLIDE_END, INSTRUMENT_SLIDE_START, instrument, instrument_pose,
+};
 pub use moving::{Fineness, MOVING_SCENES, MovingBody, MovingScene, growing_sheets, moving_scene};
+pub use pile::{PILE_BODIES, PILE_BODY_REACH, PILE_TRAY_SIZE, pile_body, pile_start, pile_tray, soft_shapes};
 pub use shapes::{Diagonals, cuboid, cylinder_side, grid, icosphere, saddle, sheet_stack, torus, twisted_rod};
+pub use tray::{RIB_HEIGHT, RIB_TOP, RIB_WIDTH, TRAY_THICKNESS, ribbed_tray};
 
 /// A triangle mesh. Triangles run counter-clockwise as seen from outside, or from the side a shape names.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,0 +1,166 @@
+//! Closed bodies that scenes of soft and rigid bodies are made of. All lengths are metres.
+//!
+//! The organ is a radial graph over the sphere: each direction has one point, so that it cannot cross itself.
+
+use std::f64::consts::FRAC_PI_2;
+
+use super::points::{Point, cross, subtract, unit};
+use super::revolution::{Circle, revolve};
+use super::shapes::box_lattice;
+use super::{Mesh, icosphere};
+
+/// Segments around a [`needle`].
+const NEEDLE_SEGMENTS: usize = 8;
+
+/// Bands of triangles along the shaft of a [`needle`].
+const NEEDLE_BANDS: usize = 5;
+
+/// The part of a [`needle`]'s length that its point takes.
+const NEEDLE_POINT: f64 = 0.2;
+
+/// Half the size of the [`organ`] along x, y and z before lobes are added, in metres.
+const ORGAN_HALF_EXTENTS: Point = [0.095, 0.055, 0.07];
+
+/// A closed capsule around the y axis, its middle at the origin: all points at `radius` metres from the segment that
+/// reaches `half_length` metres up and down.
+///
+/// The vertices lie on the capsule. Circles on the cylinder have `segments_around` vertices, those on the caps as many
+/// fewer as they are shorter, so that triangles are nearly equilateral if the circles lie as far apart as the vertices on
+/// them. The first vertex is the upper pole, the last one the lower.
+///
+/// # Panics
+///
+/// Panics if `segments_around` is below 3, one of the other two numbers 0, or one of the lengths not positive.
+pub fn capsule(
+    radius: f32,
+    half_length: f32,
+    segments_around: usize,
+    segments_along_cylinder: usize,
+    rings_per_cap: usize,
+) -> Mesh {
+    assert!(segments_around >= 3, "a capsule needs 3 segments around");
+    assert!(segments_along_cylinder > 0 && rings_per_cap > 0, "a capsule needs a segment along and a ring on its cap");
+    assert!(radius > 0.0 && half_length > 0.0, "a capsule has a radius and a length");
+    let (radius, half_length) = (f64::from(radius), f64::from(half_length));
+    // From the pole to just before the equator, around the middle of a cap.
+    let cap: Vec<Circle> = (1..rings_per_cap)
+        .map(|ring| {
+            let angle = FRAC_PI_2 * ring as f64 / rings_per_cap as f64;
+            let segments = (segments_around as f64 * libm::sin(angle)).round() as usize;
+            Circle { height: radius * libm::cos(angle), radius: radius * libm::sin(angle), segments: segments.max(3) }
+        })
+        .collect();
+    let mut circles = vec![Circle::point(half_length + radius)];
+    circles.extend(cap.iter().map(|circle| Circle { height: half_length + circle.height, ..*circle }));
+    circles.extend((0..=segments_along_cylinder).map(|segment| {
+        let height = half_length * (1.0 - 2.0 * segment as f64 / segments_along_cylinder as f64);
+        Circle { height, radius, segments: segments_around }
+    }));
+    circles.extend(cap.iter().rev().map(|circle| Circle { height: -half_length - circle.height, ..*circle }));
+    circles.push(Circle::point(-half_length - radius));
+    revolve(&circles)
+}
+
+/// A closed needle of 96 triangles along the y axis: its tip at the origin, its flat head
+/// `length` metres above.
+///
+/// Its shaft has the `radius` in metres; the lowest fifth is the point, a cone. The triangles are as slender as the needle.
+/// The last vertex is the tip.
+///
+/// # Panics
+///
+/// Panics if one of the lengths is not positive.
+pub fn needle(length: f32, radius: f32) -> Mesh {
+    assert!(length > 0.0 && radius > 0.0, "a needle has a length and a radius");
+    let (length, radius) = (f64::from(length), f64::from(radius));
+    let mut circles = vec![Circle::point(length)];
+    circles.extend((0..=NEEDLE_BANDS).map(|band| {
+        let share = band as f64 / NEEDLE_BANDS as f64;
+        Circle { height: length * (1.0 - (1.0 - NEEDLE_POINT) * share), radius, segments: NEEDLE_SEGMENTS }
+    }));
+    circles.push(Circle::point(0.0));
+    revolve(&circles)
+}
+
+/// A closed, smooth body of about 0.2 m along x, with two lobes and a shallow cleft between them, like a liver.
+///
+/// The origin lies inside it, its smooth back faces up along y. It is an [`icosphere`] of that `level` pushed outwards:
+/// 1,280 triangles at level 3, 5,120 at level 4. Every level samples the same surface.
+pub fn organ(level: u32) -> Mesh {
+    let mut mesh = icosphere(level, 1.0);
+    for position in &mut mesh.positions {
+        *position = organ_point(unit(position.map(f64::from))).map(|coordinate| coordinate as f32);
+    }
+    mesh
+}
+
+/// The closed surface that a [`needle`] goes through: the [`organ`] in 1,280 triangles.
+pub fn closed_target() -> Mesh {
+    organ(3)
+}
+
+/// The point of the organ's surface in a direction, a unit vector of the sphere before it is stretched.
+pub(super) fn organ_point(direction: Point) -> Point {
+    let [x, y, z] = direction;
+    let lobes = 0.10 * x + 0.06 * (x * x - z * z) + 0.20 * x * y * z;
+    // The lower side is hollow, where other organs would lie.
+    let below = 0.5 * (1.0 - y);
+    let hollow = 0.10 * below * below * below * below;
+    // The cleft runs over the front and the lower side only: the upper side stays smooth.
+    let across = (x + 0.2) / 0.25;
+    let side = 0.5 * (1.0 + 0.8 * z - 0.6 * y);
+    let cleft = 0.26 * libm::exp(-across * across) * side * side * side;
+    let radius = 1.0 + lobes - hollow - cleft;
+    std::array::from_fn(|axis| radius * direction[axis] * ORGAN_HALF_EXTENTS[axis])
+}
+
+/// The unit vector that stands outward on the organ at [`organ_point`] of that direction, which is not ±z.
+pub(super) fn organ_normal(direction: Point) -> Point {
+    // Differences over twice this arc are exact to 1e-10 of the surface's size, far below what f32 can store.
+    const STEP: f64 = 1e-5;
+    let first = unit(cross([0.0, 0.0, 1.0], direction));
+    let second = cross(direction, first);
+    let tangent = |side: Point| {
+        let at = |step: f64| organ_point(unit(std::array::from_fn(|axis| direction[axis] + step * side[axis])));
+        subtract(at(STEP), at(-STEP))
+    };
+    unit(cross(tangent(first), tangent(second)))
+}
+
+/// A closed ball around the origin with four lobes, between 3/4 and 5/4 of `radius` metres from it.
+///
+/// It is an [`icosphere`] of that `level` pushed outwards, so that it does not cross itself.
+pub fn lobed_ball(level: u32, radius: f32) -> Mesh {
+    let mut mesh = icosphere(level, 1.0);
+    for position in &mut mesh.positions {
+        let direction = unit(position.map(f64::from));
+        // The product of the coordinates is at most 1 / sqrt(27), on the diagonals of space.
+        let lobes = 0.25 * 27.0_f64.sqrt() * direction[0] * direction[1] * direction[2];
+        *position = direction.map(|coordinate| (coordinate * (1.0 + lobes) * f64::from(radius)) as f32);
+    }
+    mesh
+}
+
+/// A closed box around the origin with edges rounded by `rounding` metres, which reaches `half_extents` metres.
+///
+/// It has 12 n² triangles for n `subdivisions`. The faces between the rounded edges are flat; cells beyond them form the
+/// rounded edges.
+///
+/// # Panics
+///
+/// Panics if there are no subdivisions, or the rounding is not below the smallest half extent.
+pub fn rounded_cuboid(half_extents: [f32; 3], rounding: f32, subdivisions: usize) -> Mesh {
+    assert!(half_extents.iter().all(|&extent| rounding < extent), "the rounding is smaller than the box");
+    let rounding = f64::from(rounding);
+    let mut mesh = box_lattice([subdivisions; 3]);
+    for position in &mut mesh.positions {
+        let half = half_extents.map(f64::from);
+        let core: Point = half.map(|extent| extent - rounding);
+        let flat: Point = std::array::from_fn(|axis| f64::from(position[axis]) * half[axis]);
+        let inner: Point = std::array::from_fn(|axis| flat[axis].clamp(-core[axis], core[axis]));
+        // Every point of the box's surface lies outside the core, so there is a direction.
+        let outward = unit(subtract(flat, inner));
+        *position = std::array::from_fn(|axis| (inner[axis] + rounding * outward[axis]) as f32);
+    }
+    mesh
+}

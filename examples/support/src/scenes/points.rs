@@ -1,0 +1,60 @@
+//! Arithmetic of points in `f64`, for scenes that are computed exactly and stored in `f32` at the end.
+//!
+//! Rotations are unit quaternions in the order x, y, z, w.
+
+/// A point or a vector.
+pub(super) type Point = [f64; 3];
+
+/// `a + factor * b`.
+pub(super) fn advance(a: Point, factor: f64, b: Point) -> Point {
+    std::array::from_fn(|axis| a[axis] + factor * b[axis])
+}
+
+/// `a - b`.
+pub(super) fn subtract(a: Point, b: Point) -> Point {
+    advance(a, -1.0, b)
+}
+
+/// The point `share` of the way from `a` to `b`.
+pub(super) fn between(a: Point, b: Point, share: f64) -> Point {
+    advance(a, share, subtract(b, a))
+}
+
+/// The inner product.
+pub(super) fn dot(a: Point, b: Point) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The outer product.
+pub(super) fn cross(a: Point, b: Point) -> Point {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// The direction of a vector that is not zero.
+pub(super) fn unit(a: Point) -> Point {
+    let length = dot(a, a).sqrt();
+    a.map(|coordinate| coordinate / length)
+}
+
+/// The shortest rotation that turns the y axis into the unit vector `direction`, which is not −y.
+pub(super) fn rotation_from_y(direction: Point) -> [f64; 4] {
+    let [x, y, z] = direction;
+    // The axis is y × direction; the half angle comes from the sum of both vectors.
+    let quaternion = [z, 0.0, -x, 1.0 + y];
+    let length = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
+    quaternion.map(|part| part / length)
+}
+
+/// `point` turned by a unit quaternion.
+pub(super) fn rotate([x, y, z, w]: [f64; 4], point: Point) -> Point {
+    let axis = [x, y, z];
+    let twice = cross(axis, point).map(|coordinate| 2.0 * coordinate);
+    let turned = cross(axis, twice);
+    std::array::from_fn(|axis| point[axis] + w * twice[axis] + turned[axis])
+}
+
+/// From 0 at `from` to 1 at `to`, constant outside, with two continuous derivatives.
+pub(super) fn ease(from: f64, to: f64, moment: f64) -> f64 {
+    let share = ((moment - from) / (to - from)).clamp(0.0, 1.0);
+    share * share * share * (10.0 + share * (6.0 * share - 15.0))
+}
