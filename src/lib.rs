@@ -23,10 +23,11 @@ pub mod prelude {
 
     pub use crate::{
         contacts::{
-            Contact, ContactSide, SmoothNormals, StencilEntry, SurfaceContactEnded, SurfaceContactStarted,
-            SurfaceContacts, SurfaceQuarantined,
+            Contact, ContactSide, Impact, SmoothNormals, StencilEntry, SurfaceContactEnded, SurfaceContactStarted,
+            SurfaceContacts, SurfaceImpacts, SurfaceQuarantined,
         },
         kernel::{
+            ccd::ImpactCause,
             contact::ContactKey,
             exact::{Feature, FeatureKind},
             ids::{TriangleId, VertexId},
@@ -38,7 +39,7 @@ pub mod prelude {
         surface::{
             ContactEventsEnabled, ContactMethod, DeformableSurface, QuarantineReason, RigidShape, SelfCollision,
             Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus,
-            SurfaceThickness, Teleported,
+            SurfaceThickness, SweptCollision, SweptTarget, Teleported,
         },
     };
 }

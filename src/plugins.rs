@@ -7,7 +7,7 @@ use crate::{
     contacts::{ContactEventsPlugin, ContactsPlugin},
     detection::{
         BoundsPlugin, BroadPhasePlugin, ConePlugin, CurvaturePlugin, OverlapPlugin, RefinePlugin, RefitPlugin,
-        TreeBroadPhasePlugin,
+        SweptPlugin, TreeBroadPhasePlugin,
     },
     schedule::DeformableSchedulePlugin,
     surface::SurfacePlugin,
@@ -48,6 +48,7 @@ impl PluginGroup for DeformableCollisionPlugins {
             .add(OverlapPlugin)
             .add(ConePlugin)
             .add(RefinePlugin)
+            .add(SweptPlugin)
             .add(ContactsPlugin)
             .add(ContactEventsPlugin::new(self.schedule))
     }

@@ -48,6 +48,9 @@ pub enum SurfaceDetectionSystems {
     Cone,
     /// Pairs tested exactly.
     Refine,
+    /// First impacts of fast surfaces, of those with [`SweptCollision`](crate::SweptCollision). It finds pairs of its own
+    /// by what surfaces sweep, and leaves those of the other stages as they are.
+    Swept,
     /// Contacts gathered, sorted and stored.
     Contacts,
 }
@@ -103,6 +106,7 @@ impl Plugin for DeformableSchedulePlugin {
                         SurfaceDetectionSystems::Overlap,
                         SurfaceDetectionSystems::Cone,
                         SurfaceDetectionSystems::Refine,
+                        SurfaceDetectionSystems::Swept,
                         SurfaceDetectionSystems::Contacts,
                     )
                         .chain(),

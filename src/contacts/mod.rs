@@ -1,7 +1,8 @@
-//! Contacts: gathered from the stages, sorted, stored, read and announced.
+//! Contacts: gathered from the stages, sorted, stored, read and announced; and impacts of fast motion, stored and read.
 
 mod events;
 mod gather;
+mod impacts;
 mod reading;
 mod store;
 mod write;
@@ -11,6 +12,7 @@ pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted
 #[cfg(feature = "rerun")]
 pub(crate) use events::{Touching, TouchingSides};
 pub use gather::ContactsPlugin;
+pub use impacts::{Impact, SurfaceImpacts, SweptImpact, SweptImpacts, SweptPair};
 pub use reading::{Contact, SmoothNormals, StencilEntry, SurfaceContacts};
 pub(crate) use store::PairOrder;
 pub use store::{ContactSide, ContactStore, StoredPair};

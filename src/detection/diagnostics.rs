@@ -14,7 +14,7 @@ pub struct StageDiagnostics {
     /// Pairs it was given; of the broad phase: pairs of triangles whose boxes overlap, in a self-collision those that share a
     /// vertex left out, and where a list of an earlier tick is followed those on it.
     pub pairs_in: usize,
-    /// Pairs it passed on; of the broad phase: candidates; of the last stage: contacts.
+    /// Pairs it passed on; of the broad phase: candidates; of the swept stage: impacts; of the last stage: contacts.
     pub pairs_out: usize,
 }
 
@@ -44,6 +44,11 @@ pub struct DetectionDiagnostics {
     pub first_tree_builds: Duration,
     /// Trees built anew because the mesh had outgrown them.
     pub trees_rebuilt: usize,
+    /// Trees over what triangles sweep that were built in this tick, for the first time or anew: of surfaces that a fast
+    /// one comes near, or that are fast. Not among the first builds and rebuilds above.
+    pub swept_trees_built: usize,
+    /// Such trees that have followed their boxes. Those of surfaces at rest are kept as they are.
+    pub swept_trees_refitted: usize,
     tick_start: Option<Instant>,
     total: Duration,
 }

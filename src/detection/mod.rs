@@ -1,6 +1,6 @@
 //! The stages between positions and contacts: one small plugin each, a thin adapter over the kernel.
 //!
-//! bounds → broad phase → curvature → refit → overlap → cone → refine. Each stage reads what earlier ones wrote and
+//! bounds → broad phase → curvature → refit → overlap → cone → refine → swept. Each stage reads what earlier ones wrote and
 //! writes its own components or resource, aligned with the pairs of surfaces that the broad phase found.
 
 mod bounds;
@@ -18,6 +18,7 @@ mod refine;
 mod refit;
 mod settle;
 mod sides;
+mod swept;
 
 pub use bounds::{BoundsPlugin, TriangleBounds};
 pub use broad_phase::{
@@ -35,3 +36,4 @@ pub use pair_fates::PairFates;
 pub(crate) use parallel::Threads;
 pub use refine::{RefinePlugin, RefinedTrianglePairs};
 pub use refit::{Circumspheres, EnclosingBalls, RefitPlugin, TriangleCones};
+pub use swept::{PreviousPositions, SweptPlugin};

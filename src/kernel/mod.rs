@@ -1,8 +1,8 @@
 //! Pure geometry: slices in, the caller's buffers out, no ECS type.
 //!
 //! Everything here can be used without Bevy's app. Later rooms (`surface`, `detection`, `contacts`) are adapters that
-//! fetch components, call these functions and store what they return; `ccd`, which no stage calls yet, and `reference`, the
-//! truth that tests and reports go by, stand beside them. Lengths are in the unit of the positions,
+//! fetch components, call these functions and store what they return; `reference`, the truth that tests and reports go by,
+//! stands beside them. Lengths are in the unit of the positions,
 //! angles in radians, curvature in 1/length.
 
 pub mod bounded_pairs;

@@ -9,8 +9,8 @@ use glam::Vec3;
 use super::prepare::QuarantineReason;
 use crate::{
     detection::{
-        Circumspheres, EnclosingBalls, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature,
-        broad_phase::SurfaceTree,
+        Circumspheres, EnclosingBalls, PreviousPositions, SurfaceRows, TriangleBounds, TriangleCones,
+        TriangleCurvature, broad_phase::SurfaceTree,
     },
     kernel::{
         ids::VertexId,
@@ -116,6 +116,43 @@ impl Default for SurfaceThickness {
 /// positions of the first mesh, are neighbors and not tested against each other.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SelfCollision;
+
+/// Has the surface's motion since the last tick swept against every surface that it meets by its layers, and with
+/// [`SelfCollision`] against itself: what passes through another surface between two ticks is found, with the time at
+/// which it first meets it. Read by [`SurfaceImpacts`](crate::SurfaceImpacts). For bullets, thin sheets, whatever may move
+/// farther than its contact distance in a tick; contacts are the same with or without it.
+///
+/// - Vertices move in straight lines in the world between where they were in the last detection and where they are. With a
+///   [`SweptTarget`] they do so between where they are and that.
+/// - A surface without this component stands where it is now, even if it has moved since the last tick. Give it to both
+///   of two that move.
+/// - Only what is fast is tested: pairs of triangles of which at least one has a vertex that moves farther than half
+///   of its surface's thickness, less what the larger of both surfaces moves by as a whole. What passes through each
+///   other more slowly is in contact before and after, within half of the contact distance. A surface of which nothing is fast costs a look at its vertices.
+/// - An impact is when two triangles are at distance 0, thickness left aside. A time is never later than the true one,
+///   and earlier by no more than the way that f64 rounds, some 1e-13 of the size of the surfaces. What touches or crosses before it
+///   moves is an impact at time 0.
+/// - In its first tick, after a jump ([`Teleported`]) and after a pause a surface has no motion, not even to a target.
+/// - Rigid shapes are not swept against.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[require(PreviousPositions)]
+#[component(on_remove = Self::on_remove)]
+pub struct SweptCollision;
+
+impl SweptCollision {
+    fn on_remove(mut world: DeferredWorld, context: HookContext) {
+        world.commands().entity(context.entity).try_remove::<PreviousPositions>();
+    }
+}
+
+/// Where a solver expects the vertices of a surface with [`SweptCollision`] at the end of this tick, in the surface's own
+/// frame and the order of [`SurfacePositions`]: the way from the current positions to these is swept instead of that since
+/// the last tick. Write it in [`DeformableSystems::Predict`](crate::DeformableSystems::Predict).
+///
+/// Ignored where it is empty, has another length than the positions, or a coordinate is not finite. It stays until it is
+/// written again: empty it after a jump.
+#[derive(Component, Clone, Debug, Default, PartialEq)]
+pub struct SweptTarget(pub Vec<Vec3>);
 
 /// How a pair of triangles is tested. Of two different methods the more exact one, the later here, decides.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]

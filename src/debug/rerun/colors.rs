@@ -78,6 +78,7 @@ pub(super) fn curve(name: &str) -> Option<Color> {
         "refit" | "refit balls" | "recipes refreshed" => Some(PURPLE),
         "overlap" | "ball contacts" => Some(YELLOW),
         "cone" => Some(GREEN),
+        "swept" => grey(185),
         "refine" | "normal jump in turns" | "penetration found" => Some(ORANGE),
         "contacts" | "largest motion" | "penetration left" => Some(VERMILION),
         "recording" | "examined" | "largest jitter" => Some(WHITE),

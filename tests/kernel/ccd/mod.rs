@@ -3,6 +3,7 @@
 mod designs;
 mod families;
 mod feature;
+mod sweep;
 mod swept_balls;
 mod triangle_pair;
 mod truth;

@@ -1,0 +1,207 @@
+//! Impacts of fast motion: what the swept stage found in the last detection, and how systems read it.
+//!
+//! An impact says when two moving triangles first meet; a contact says how two stand to each other now. Neither implies the
+//! other.
+
+use std::sync::Arc;
+
+use arrayvec::ArrayVec;
+use bevy_ecs::{prelude::*, system::SystemParam};
+use glam::Vec3;
+
+use super::reading::StencilEntry;
+use crate::kernel::{
+    ccd::ImpactCause,
+    exact::{Feature, FeatureKind, FeaturePair},
+    ids::{TriangleId, VertexId},
+    topology::SurfaceTopology,
+};
+
+/// The first impact of two triangles of a pair of surfaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SweptImpact {
+    /// 0 where the motion begins, 1 where it ends. Never later than the true time.
+    pub time: f64,
+    /// Why the search for the time ended there: see [`ImpactCause`].
+    pub cause: ImpactCause,
+    /// A triangle of the first surface; of one surface with itself the lower one.
+    pub triangle_a: TriangleId,
+    /// A triangle of the second surface.
+    pub triangle_b: TriangleId,
+    /// What of the triangles meets: a vertex and a face or two edges; an edge and a face where they cross to begin with.
+    pub features: FeaturePair,
+    /// Weights of the first triangle's corners at that time; they sum to 1.
+    pub barycentric_a: [f32; 3],
+    /// Weights of the second triangle's corners at that time; they sum to 1.
+    pub barycentric_b: [f32; 3],
+    /// World unit vector from the second surface to the first, at that time. Zero where they cross, or touch, to begin
+    /// with.
+    pub normal: Vec3,
+}
+
+/// Two surfaces that meet on their way, or one that meets itself.
+#[derive(Clone, Debug)]
+pub struct SweptPair {
+    /// The first surface by its [order](crate::SurfaceOrder).
+    pub a: Entity,
+    /// The second one: the same in a self-collision.
+    pub b: Entity,
+    /// The first impact of each two triangles, by the first triangle, then the second.
+    pub impacts: Vec<SweptImpact>,
+    /// The place of the earliest impact; of several at the same time the first in the list.
+    pub(crate) earliest: usize,
+    pub(crate) topologies: [Arc<SurfaceTopology>; 2],
+}
+
+/// The impacts of the last detection, of surfaces that have [`SweptCollision`](crate::SweptCollision). Pairs that do not
+/// meet are left out.
+///
+/// Most systems read it through [`SurfaceImpacts`].
+#[derive(Resource, Clone, Debug, Default)]
+pub struct SweptImpacts {
+    /// The pairs, in the order of both sides.
+    pub pairs: Vec<SweptPair>,
+}
+
+/// Reads the impacts of the last detection. Does not borrow positions, so a solver can write them meanwhile.
+///
+/// ```
+/// # use bevy_circumsphere::prelude::*;
+/// fn stop_in_time(impacts: SurfaceImpacts) {
+///     for impact in impacts.iter().filter(|impact| impact.time() < 1.0) {
+///         println!("{} meets {} at {}", impact.a(), impact.b(), impact.time());
+///     }
+/// }
+/// # bevy_ecs::system::IntoSystem::into_system(stop_in_time);
+/// ```
+#[derive(SystemParam)]
+pub struct SurfaceImpacts<'w> {
+    found: Res<'w, SweptImpacts>,
+}
+
+impl SurfaceImpacts<'_> {
+    /// Every impact once, in the order of [`SweptImpacts`].
+    pub fn iter(&self) -> impl Iterator<Item = Impact<'_>> {
+        self.found.pairs.iter().flat_map(|pair| pair.read(false))
+    }
+
+    /// The impacts of one surface, itself as the first side of each. An impact of two surfaces is among those of both;
+    /// [`iter`](Self::iter) has it once.
+    pub fn of(&self, entity: Entity) -> impl Iterator<Item = Impact<'_>> {
+        let pairs = self.found.pairs.iter().filter(move |pair| pair.a == entity || pair.b == entity);
+        pairs.flat_map(move |pair| pair.read(pair.a != entity))
+    }
+
+    /// The impacts between two surfaces, `a` as the first side of each. Twice the same entity: those of a surface with
+    /// itself.
+    pub fn between(&self, a: Entity, b: Entity) -> impl Iterator<Item = Impact<'_>> {
+        self.pairs_between(a, b).flat_map(move |pair| pair.read(pair.a != a))
+    }
+
+    /// The earliest impact between two surfaces, `a` as its first side. Of several at the same time the one whose
+    /// triangles come first.
+    #[must_use]
+    pub fn first(&self, a: Entity, b: Entity) -> Option<Impact<'_>> {
+        self.pairs_between(a, b).find_map(|pair| pair.read(pair.a != a).nth(pair.earliest))
+    }
+
+    fn pairs_between(&self, a: Entity, b: Entity) -> impl Iterator<Item = &SweptPair> {
+        self.found.pairs.iter().filter(move |pair| [pair.a, pair.b] == [a, b] || [pair.b, pair.a] == [a, b])
+    }
+}
+
+impl SweptPair {
+    fn read(&self, swapped: bool) -> impl Iterator<Item = Impact<'_>> {
+        self.impacts.iter().map(move |record| Impact { pair: self, record, swapped })
+    }
+}
+
+/// An impact, read from one of its sides.
+#[derive(Clone, Copy, Debug)]
+pub struct Impact<'a> {
+    pair: &'a SweptPair,
+    record: &'a SweptImpact,
+    swapped: bool,
+}
+
+impl Impact<'_> {
+    /// Picks by side: what stands first in the record, or second.
+    fn pick<T>(&self, first: T, second: T) -> (T, T) {
+        if self.swapped { (second, first) } else { (first, second) }
+    }
+
+    /// The first side.
+    #[must_use]
+    pub fn a(&self) -> Entity {
+        self.pick(self.pair.a, self.pair.b).0
+    }
+
+    /// The second side.
+    #[must_use]
+    pub fn b(&self) -> Entity {
+        self.pick(self.pair.a, self.pair.b).1
+    }
+
+    /// When the triangles meet: 0 where the motion begins, 1 where it ends. Never later than the true time.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.record.time
+    }
+
+    /// Whether the triangles reach each other on their way, or touch or cross to begin with.
+    #[must_use]
+    pub fn cause(&self) -> ImpactCause {
+        self.record.cause
+    }
+
+    /// What kinds of features meet.
+    #[must_use]
+    pub fn kind(&self) -> FeatureKind {
+        self.record.features.kind()
+    }
+
+    /// The features of the first and the second side, as places within their triangles.
+    #[must_use]
+    pub fn features(&self) -> (Feature, Feature) {
+        self.pick(self.record.features.a, self.record.features.b)
+    }
+
+    /// Triangles of the first and the second side, as the game numbered them.
+    #[must_use]
+    pub fn triangles(&self) -> (TriangleId, TriangleId) {
+        self.pick(self.record.triangle_a, self.record.triangle_b)
+    }
+
+    /// Weights of the corners of the first and the second triangle where they meet. Each sums to 1.
+    #[must_use]
+    pub fn barycentrics(&self) -> ([f32; 3], [f32; 3]) {
+        self.pick(self.record.barycentric_a, self.record.barycentric_b)
+    }
+
+    /// World unit normal from the second side to the first, when they meet. Zero where they cross, or touch, to begin
+    /// with.
+    #[must_use]
+    pub fn normal(&self) -> Vec3 {
+        if self.swapped { -self.record.normal } else { self.record.normal }
+    }
+
+    /// The vertices that meet, with their signed shares: at most three a side.
+    #[must_use]
+    pub fn stencil(&self) -> ArrayVec<StencilEntry, 6> {
+        let normal = self.normal();
+        let mut stencil = ArrayVec::new();
+        let mut side =
+            |entity: Entity, topology: &SurfaceTopology, triangle: TriangleId, weights: [f32; 3], sign: f32| {
+                for (&vertex, weight) in topology.triangles()[triangle.index()].iter().zip(weights) {
+                    if weight != 0.0 {
+                        stencil.push(StencilEntry { entity, vertex: VertexId(vertex), weight: sign * weight, normal });
+                    }
+                }
+            };
+        let (sign_a, sign_b) = self.pick(1.0, -1.0);
+        let [topology_a, topology_b] = &self.pair.topologies;
+        side(self.pair.a, topology_a, self.record.triangle_a, self.record.barycentric_a, sign_a);
+        side(self.pair.b, topology_b, self.record.triangle_b, self.record.barycentric_b, sign_b);
+        stencil
+    }
+}

@@ -1,0 +1,296 @@
+//! First impacts of two moving meshes, or of one with itself: from positions at both ends of a step to a sorted list.
+//!
+//! Continuous detection as a whole, for a caller that keeps one [`SweepTree`] a mesh: boxes that triangles sweep, then
+//! balls, then [`first_impacts`]. Only what is fast is swept, and what a step costs follows that.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use super::{
+    pair_list::{MovingSide, PairImpact, first_impacts},
+    sweep_tree::{SweepTree, rounded_up},
+    swept_balls::{MovingBall, first_impact_of_balls},
+    triangle_pair::MovingTriangle,
+};
+use crate::kernel::{
+    bounds::{Aabb, pairs_between_brute_force},
+    circumsphere::Ball,
+    topology::SurfaceTopology,
+    tree::BoxTree,
+};
+
+/// Leaves of eight triangles whose pairs are looked for and tested at a time: as many candidates as may wait are bounded
+/// by them.
+pub const SWEEP_PART: usize = 16;
+
+/// A ball in single precision is made larger by this factor for what its radius is rounded by on the way there.
+const RADIUS_SLACK: f64 = 1.0 + 4.0 * f64::EPSILON;
+
+/// A mesh whose vertices move in straight lines from the start of a step to its end.
+///
+/// All positions that are asked about together are in one frame, that of both meshes and of both ends. A frame that moves
+/// along with the meshes, see [`drift`], makes most of a fast common motion disappear.
+#[derive(Clone, Copy, Debug)]
+pub struct SweptMesh<'a> {
+    /// Its triangles.
+    pub topology: &'a SurfaceTopology,
+    /// Its vertices when the step begins.
+    pub start: &'a [DVec3],
+    /// Its vertices when the step ends. May be the same slice: then the mesh is at rest.
+    pub end: &'a [DVec3],
+    /// A triangle with a vertex that moves farther than this is fast. 0 or more; infinite: none is.
+    ///
+    /// Pairs of which neither triangle is fast are not tested. With half of the distance at which the meshes touch for
+    /// each of them, such a pair that passes through each other was touching before, or is afterwards: their relative
+    /// motion is within the sum. That holds in any frame.
+    pub reach: f64,
+}
+
+impl SweptMesh<'_> {
+    /// The corners of a triangle at both ends.
+    #[must_use]
+    pub fn triangle(&self, triangle: u32) -> MovingTriangle {
+        let vertices = self.topology.triangles()[triangle as usize];
+        let corners = |positions: &[DVec3]| vertices.map(|vertex| positions[vertex as usize]);
+        MovingTriangle { start: corners(self.start), end: corners(self.end) }
+    }
+
+    /// Whether a vertex of a triangle moves farther than the reach. Not where a coordinate is no number.
+    #[must_use]
+    pub fn is_fast(&self, triangle: u32) -> bool {
+        let MovingTriangle { start, end } = self.triangle(triangle);
+        (0..3).any(|corner| (end[corner] - start[corner]).length() > self.reach)
+    }
+
+    fn side(&self) -> MovingSide<'_, DVec3> {
+        MovingSide { topology: self.topology, start: self.start, end: self.end }
+    }
+}
+
+/// The motion that vertices have in common: the middle of the box around all of their motions. Zero where there are none,
+/// or a motion is not finite.
+///
+/// Added to the positions at the start, of all meshes that are asked about together, it takes that motion away: paths stay
+/// straight and impacts what they are, boxes become smaller, and fewer triangles are fast.
+#[must_use]
+pub fn drift(start: &[DVec3], end: &[DVec3]) -> DVec3 {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for (start, end) in start.iter().zip(end) {
+        let motion = *end - *start;
+        if !motion.is_finite() {
+            return DVec3::ZERO;
+        }
+        (low, high) = (low.min(motion), high.max(motion));
+    }
+    let middle = low + (high - low) * 0.5;
+    if middle.is_finite() { middle } else { DVec3::ZERO }
+}
+
+/// Two meshes that are swept against each other, or one against itself, with their boxes.
+#[derive(Clone, Copy, Debug)]
+pub struct Sweep<'a> {
+    /// The first mesh and its boxes, [up to date](SweepTree::update).
+    pub a: (SweptMesh<'a>, &'a SweepTree),
+    /// The second one; in a sweep of one mesh against itself the same as the first.
+    pub b: (SweptMesh<'a>, &'a SweepTree),
+    /// Whether both are one surface: then triangles are paired once, the lower one first, and features that share a
+    /// welded vertex are left out.
+    pub same_surface: bool,
+    /// The distance that counts as an impact, 0 or more.
+    pub separation: f64,
+}
+
+/// The triangles of one side that may meet something of the other, in leaves.
+#[derive(Clone, Debug, Default)]
+pub struct SweepLeaves {
+    items: Vec<(u32, Aabb)>,
+    leaves: BoxTree,
+}
+
+impl SweepLeaves {
+    /// How many leaves there are: what [`Sweep::append_part`] can be cut into.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.leaves.leaf_count()
+    }
+
+    /// Whether nothing can meet.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+impl Sweep<'_> {
+    /// Whether the first side is cut into leaves, and the tree of the second one asked. Of two meshes the larger one's
+    /// tree is asked, where it has one that follows its boxes.
+    fn asks_second(&self) -> bool {
+        let size = |tree: &SweepTree| (tree.tree().is_some(), tree.boxes().len());
+        self.same_surface || size(self.b.1) >= size(self.a.1)
+    }
+
+    /// The side that is cut into leaves, and the one whose tree is asked.
+    fn sides(&self) -> [&SweepTree; 2] {
+        if self.asks_second() { [self.a.1, self.b.1] } else { [self.b.1, self.a.1] }
+    }
+
+    /// Finds the triangles of one side that may meet some of the other.
+    ///
+    /// # Panics
+    /// If boxes are not those of as many triangles as their mesh has.
+    pub fn collect(&self, leaves: &mut SweepLeaves) {
+        for (mesh, tree) in [&self.a, &self.b] {
+            assert_eq!(mesh.topology.triangles().len(), tree.boxes().len(), "the boxes are updated before a sweep");
+        }
+        leaves.items.clear();
+        let [own, other] = self.sides();
+        if own.fast_count() + other.fast_count() > 0 {
+            let growth = rounded_up(self.separation);
+            let mut add = |triangle: u32| {
+                let is_fast = own.is_fast(triangle);
+                let bounds = own.boxes()[triangle as usize].grown(growth);
+                let reach = if is_fast { other.bounds() } else { other.fast_bounds() };
+                // Of one surface every pair has a fast triangle that is asked about.
+                if is_fast || !self.same_surface && bounds.overlaps(reach) {
+                    leaves.items.push((triangle, bounds));
+                }
+            };
+            // In the order of the tree, triangles of a leaf are near each other.
+            match own.tree() {
+                Some(tree) => (0..tree.leaf_count()).flat_map(|leaf| tree.leaf_items(leaf)).for_each(|&item| add(item)),
+                None => (0..own.boxes().len() as u32).for_each(add),
+            }
+        }
+        leaves.leaves.collect_leaves(&leaves.items);
+    }
+
+    /// Appends the first impact of each pair with a triangle of some leaves. Returns how many pairs have boxes that overlap.
+    ///
+    /// What the parts of all leaves append together, in whatever order, is what [`sweep`] finds before it sorts.
+    pub fn append_part(
+        &self,
+        leaves: &SweepLeaves,
+        part: Range<usize>,
+        candidates: &mut Vec<[u32; 2]>,
+        impacts: &mut Vec<PairImpact>,
+    ) -> usize {
+        candidates.clear();
+        let [own, other] = self.sides();
+        match other.tree() {
+            Some(tree) => {
+                leaves.leaves.pairs_of(part, tree, None, candidates);
+            }
+            None => {
+                let items = part.flat_map(|leaf| leaves.leaves.leaf_items(leaf)).copied();
+                let (items, boxes): (Vec<u32>, Vec<Aabb>) =
+                    items.map(|item| (item, own.boxes()[item as usize].grown(rounded_up(self.separation)))).unzip();
+                pairs_between_brute_force(&boxes, other.boxes(), candidates);
+                candidates.iter_mut().for_each(|pair| pair[0] = items[pair[0] as usize]);
+            }
+        }
+        let asks_second = self.asks_second();
+        candidates.retain_mut(|pair| {
+            let [first, second] = *pair;
+            if self.same_surface {
+                // Where both are fast, both are asked about.
+                *pair = [first.min(second), first.max(second)];
+                return first < second || first > second && !other.is_fast(second);
+            }
+            if !asks_second {
+                *pair = [second, first];
+            }
+            own.is_fast(first) || other.is_fast(second)
+        });
+        let count = candidates.len();
+        candidates.retain(|pair| self.balls_may_meet(*pair));
+        first_impacts(&self.a.0.side(), &self.b.0.side(), self.same_surface, candidates, self.separation, impacts);
+        count
+    }
+
+    fn balls_may_meet(&self, [a, b]: [u32; 2]) -> bool {
+        let (a, b) = (moving_ball(&self.a.0.triangle(a)), moving_ball(&self.b.0.triangle(b)));
+        let is_known = |ball: &MovingBall| ball.start.radius.is_finite() && ball.end.radius.is_finite();
+        // Coordinates beyond single precision have no ball.
+        !(is_known(&a) && is_known(&b)) || first_impact_of_balls(&a, &b, self.separation).is_some()
+    }
+}
+
+/// Balls about the middle of the corners.
+fn moving_ball(triangle: &MovingTriangle) -> MovingBall {
+    let ball = |corners: &[DVec3; 3]| {
+        let center = ((corners[0] + corners[1] + corners[2]) / 3.0).as_vec3();
+        let radius = corners.iter().map(|corner| corner.distance(center.as_dvec3())).fold(0.0, f64::max);
+        Ball { center, radius: rounded_up(radius * RADIUS_SLACK) }
+    };
+    MovingBall { start: ball(&triangle.start), end: ball(&triangle.end) }
+}
+
+/// What [`sweep`] keeps for its memory.
+#[derive(Clone, Debug, Default)]
+pub struct SweepBuffers {
+    leaves: SweepLeaves,
+    candidates: Vec<[u32; 2]>,
+}
+
+/// Appends the first impact of every two triangles of which at least one is fast and that come within `separation`,
+/// sorted by the triangle of the first mesh, then that of the second. Returns how many pairs have boxes that overlap.
+///
+/// Both trees must be [updated](SweepTree::update) with the meshes as they are; the one over the larger mesh should
+/// follow its boxes too ([`SweepTree::update_tree`]), or each of its boxes is looked at for each triangle of the other.
+/// Where `same_surface` is set both meshes are the same, triangles that share welded vertices meet by features that do not,
+/// and the lower triangle comes first. A time is never later than the first time at which the distance of two triangles is
+/// at most `separation`, 0 or more, but for what the caller has rounded positions by: add that to `separation`.
+///
+/// ```
+/// use bevy_circumsphere::kernel::{
+///     ccd::{SweepBuffers, SweepTree, SweptMesh, sweep},
+///     topology::SurfaceTopology,
+/// };
+/// use glam::{DVec3, Vec3};
+///
+/// let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+/// let topology = SurfaceTopology::new(&corners, &[[0, 1, 2]])?;
+/// let floor = corners.map(Vec3::as_dvec3);
+/// let [above, below] = [1.0, -3.0].map(|height| floor.map(|corner| corner + DVec3::Z * height));
+/// let resting = SweptMesh { topology: &topology, start: &floor, end: &floor, reach: 0.01 };
+/// let falling = SweptMesh { start: &above, end: &below, ..resting };
+/// let mut trees = [SweepTree::default(), SweepTree::default()];
+/// trees[0].update(&resting);
+/// trees[0].update_tree();
+/// trees[1].update(&falling);
+/// let mut impacts = Vec::new();
+/// sweep(&resting, &trees[0], &falling, &trees[1], false, 0.0, &mut SweepBuffers::default(), &mut impacts);
+/// assert!((impacts[0].impact.time - 0.25).abs() < 1.0e-12);
+/// # Ok::<(), bevy_circumsphere::kernel::topology::TopologyError>(())
+/// ```
+///
+/// # Panics
+/// If boxes are not those of as many triangles as their mesh has.
+#[expect(clippy::too_many_arguments, reason = "two sides, how to take them, and the caller's buffers")]
+pub fn sweep(
+    a: &SweptMesh<'_>,
+    tree_a: &SweepTree,
+    b: &SweptMesh<'_>,
+    tree_b: &SweepTree,
+    same_surface: bool,
+    separation: f64,
+    buffers: &mut SweepBuffers,
+    impacts: &mut Vec<PairImpact>,
+) -> usize {
+    let sweep = Sweep { a: (*a, tree_a), b: (*b, tree_b), same_surface, separation };
+    sweep.collect(&mut buffers.leaves);
+    let (first, mut candidates) = (impacts.len(), 0);
+    let count = buffers.leaves.len();
+    for start in (0..count).step_by(SWEEP_PART) {
+        let part = start..(start + SWEEP_PART).min(count);
+        candidates += sweep.append_part(&buffers.leaves, part, &mut buffers.candidates, impacts);
+    }
+    sort_impacts(&mut impacts[first..]);
+    candidates
+}
+
+/// Brings impacts into the order of [`sweep`].
+pub fn sort_impacts(impacts: &mut [PairImpact]) {
+    impacts.sort_unstable_by_key(|found| [found.triangle_a, found.triangle_b]);
+}
