@@ -26,10 +26,10 @@ fn main() {
             let d = world.resource::<DetectionDiagnostics>();
             let x = world.resource::<XpbdDiagnostics>();
             println!(
-                "{tick:5} mean {:.2e} most {:.2e} energy {:9.5} crossings {} contacts {} pressing {} margin {:.4} detect {:?} gather {:?} solve {:?}",
+                "{tick:5} mean {:.2e} most {:.2e} energy {:9.5} crossings {} contacts {} pressing {} margin {:.4} detect {:?} gather {:?} solve {:?} impacts {} stopped {} left {} guard {:?}",
                 way.mean, way.most, measure::energy(&stage), measure::crossings(&stage), x.contacts, x.pressing,
                 world.resource::<bevy_circumsphere::CircumsphereSettings>().margin,
-                d.total(), x.gathering, x.solving
+                d.total(), x.gathering, x.solving, x.impacts, x.vertices_stopped, x.impacts_remaining, x.guarding
             );
         }
     }

@@ -25,8 +25,13 @@ pub fn cloth_drop(cells: usize, variation: &Variation, recorder: Recorder) -> Cl
     let mesh = grid(cells, cells, 1.0, 1.0, Diagonals::Alternating);
     let mesh = mesh.rotate([0.0, 1.0, 0.0], 0.3).translate([0.02, BALL_RADIUS + 0.05, 0.01]);
     let thickness = SurfaceThickness::World(0.002);
-    let cloth = stage.add_body(&mesh, XpbdMaterial::CLOTH, |body| body, thickness);
+    let mut material = XpbdMaterial::CLOTH;
+    if let Ok(m) = std::env::var("BEND") { material.bend_compliance = m.parse().unwrap(); }
+    if let Ok(m) = std::env::var("STRETCH") { material.stretch_compliance = m.parse().unwrap(); }
+    if let Ok(m) = std::env::var("DAMP") { material.damping = m.parse().unwrap(); }
+    let cloth = stage.add_body(&mesh, material, |body| body, thickness);
     if std::env::var("NOSELF").is_err() { stage.app.world_mut().entity_mut(cloth).insert(SelfCollision); }
+    if std::env::var("CCD").is_ok() { stage.app.world_mut().entity_mut(cloth).insert(SweptCollision); }
     if let Ok(m) = std::env::var("MARGIN") { stage.app.world_mut().resource_mut::<CircumsphereSettings>().margin = m.parse().unwrap(); }
     if let Ok(m) = std::env::var("SUB") { stage.app.world_mut().resource_mut::<XpbdSettings>().substeps = m.parse().unwrap(); }
     if let Ok(m) = std::env::var("PUSH") { stage.app.world_mut().resource_mut::<XpbdSettings>().push_out_speed = m.parse().unwrap(); }

@@ -24,7 +24,7 @@ use crate::{
         pose::Pose,
         topology::SurfaceTopology,
     },
-    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
+    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions, SweptCollision},
 };
 
 /// A vertex that is no particle.
@@ -79,9 +79,31 @@ pub(super) struct Scene<'w, 's> {
     pub(super) positions: Query<'w, 's, (&'static SurfacePositions, Option<&'static XpbdBody>)>,
     store: Res<'w, ContactStore>,
     frictions: Query<'w, 's, &'static SurfaceFriction>,
+    swept: Query<'w, 's, (), With<SweptCollision>>,
 }
 
 impl Scene<'_, '_> {
+    pub(super) fn is_any_swept(&self) -> bool {
+        !self.swept.is_empty()
+    }
+
+    pub(super) fn is_swept(&self, entity: Entity) -> bool {
+        self.swept.contains(entity)
+    }
+
+    /// The distance from a surface to what is nearest to it, as far as detection reaches.
+    pub(super) fn nearest(&self, entity: Entity) -> Option<f64> {
+        let distances = self.store.pairs_of(entity).map(|pair| pair.nearest.min(f64::from(pair.contact_distance)));
+        distances.reduce(f64::min)
+    }
+
+    /// The distance of two surfaces, as far as detection reaches.
+    pub(super) fn nearest_of(&self, a: Entity, b: Entity) -> Option<f64> {
+        let sides = |pair: &&StoredPair| [pair.a.entity(), pair.b.entity()];
+        let joins = |pair: &&StoredPair| sides(pair) == [a, b] || sides(pair) == [b, a];
+        self.store.pairs_of(a).find(joins).map(|pair| pair.nearest)
+    }
+
     fn friction(&self, pair: &StoredPair) -> [f64; 2] {
         let of = |side: ContactSide| self.frictions.get(side.entity()).copied().unwrap_or_default();
         of(pair.a).between(of(pair.b))
@@ -129,6 +151,11 @@ impl Gatherer {
         let (topology, rest) = (Arc::clone(&surface.topology), Arc::clone(&body.rest));
         bodies.push(SolverBody::new(first, topology, rest, body.material, surface.pose.scale()));
         self.bodies.insert(surface.entity, first);
+    }
+
+    /// The first particle of a body.
+    pub(super) fn first_particle(&self, entity: Entity) -> Option<usize> {
+        self.bodies.get(&entity).copied()
     }
 
     /// Makes constraints of all contacts that have a body on one side.
