@@ -29,6 +29,8 @@ pub fn cloth_drop(cells: usize, variation: &Variation, recorder: Recorder) -> Cl
     if let Ok(m) = std::env::var("BEND") { material.bend_compliance = m.parse().unwrap(); }
     if let Ok(m) = std::env::var("STRETCH") { material.stretch_compliance = m.parse().unwrap(); }
     if let Ok(m) = std::env::var("DAMP") { material.damping = m.parse().unwrap(); }
+    if let Ok(m) = std::env::var("DRAG") { material.drag = m.parse().unwrap(); }
+    if let Ok(m) = std::env::var("ITER") { stage.app.world_mut().resource_mut::<XpbdSettings>().iterations = m.parse().unwrap(); }
     let cloth = stage.add_body(&mesh, material, |body| body, thickness);
     if std::env::var("NOSELF").is_err() { stage.app.world_mut().entity_mut(cloth).insert(SelfCollision); }
     if std::env::var("CCD").is_ok() { stage.app.world_mut().entity_mut(cloth).insert(SweptCollision); }
