@@ -68,23 +68,18 @@ impl SweptMesh<'_> {
     }
 }
 
-/// The motion that vertices have in common: the middle of the box around all of their motions. Zero where there are none,
-/// or a motion is not finite.
+/// The motion that vertices have in common: their mean motion. Zero where there are none, where a motion is not finite,
+/// and where they would move no less without it, as when most rest while some move.
 ///
 /// Added to the positions at the start, of all meshes that are asked about together, it takes that motion away: paths stay
 /// straight and impacts what they are, boxes become smaller, and fewer triangles are fast.
 #[must_use]
 pub fn drift(start: &[DVec3], end: &[DVec3]) -> DVec3 {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for (start, end) in start.iter().zip(end) {
-        let motion = *end - *start;
-        if !motion.is_finite() {
-            return DVec3::ZERO;
-        }
-        (low, high) = (low.min(motion), high.max(motion));
-    }
-    let middle = low + (high - low) * 0.5;
-    if middle.is_finite() { middle } else { DVec3::ZERO }
+    let motions = || start.iter().zip(end).map(|(start, end)| *end - *start);
+    let mean = motions().sum::<DVec3>() / start.len().min(end.len()) as f64;
+    let way = |drift: DVec3| motions().map(|motion| (motion - drift).abs().element_sum()).sum::<f64>();
+    // Written so that no number makes it zero.
+    if way(mean) < way(DVec3::ZERO) { mean } else { DVec3::ZERO }
 }
 
 /// Two meshes that are swept against each other, or one against itself, with their boxes.
