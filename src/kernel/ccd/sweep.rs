@@ -172,16 +172,15 @@ impl Sweep<'_> {
     ) -> usize {
         candidates.clear();
         let [own, other] = self.sides();
-        match other.tree() {
-            Some(tree) => {
-                leaves.leaves.pairs_of(part, tree, None, candidates);
-            }
-            None => {
-                let items = part.flat_map(|leaf| leaves.leaves.leaf_items(leaf)).copied();
-                let (items, boxes): (Vec<u32>, Vec<Aabb>) =
-                    items.map(|item| (item, own.boxes()[item as usize].grown(rounded_up(self.separation)))).unzip();
-                pairs_between_brute_force(&boxes, other.boxes(), candidates);
-                candidates.iter_mut().for_each(|pair| pair[0] = items[pair[0] as usize]);
+        if let Some(tree) = other.tree() {
+            leaves.leaves.pairs_of(part, tree, None, candidates);
+        } else {
+            let growth = rounded_up(self.separation);
+            let items: Vec<u32> = part.flat_map(|leaf| leaves.leaves.leaf_items(leaf)).copied().collect();
+            let boxes: Vec<Aabb> = items.iter().map(|&item| own.boxes()[item as usize].grown(growth)).collect();
+            pairs_between_brute_force(&boxes, other.boxes(), candidates);
+            for pair in &mut *candidates {
+                pair[0] = items[pair[0] as usize];
             }
         }
         let asks_second = self.asks_second();
