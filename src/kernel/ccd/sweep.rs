@@ -20,9 +20,8 @@ use crate::kernel::{
     tree::BoxTree,
 };
 
-/// Leaves of eight triangles whose pairs are looked for and tested at a time: as many candidates as may wait are bounded
-/// by them.
-pub const SWEEP_PART: usize = 16;
+/// Leaves of eight triangles whose pairs are looked for and tested at a time: so many bound the candidates that wait.
+pub const SWEEP_PART: usize = 4;
 
 /// A ball in single precision is made larger by this factor for what its radius is rounded by on the way there.
 const RADIUS_SLACK: f64 = 1.0 + 4.0 * f64::EPSILON;
@@ -41,9 +40,9 @@ pub struct SweptMesh<'a> {
     pub end: &'a [DVec3],
     /// A triangle with a vertex that moves farther than this is fast. 0 or more; infinite: none is.
     ///
-    /// Pairs of which neither triangle is fast are not tested. With half of the distance at which the meshes touch for
-    /// each of them, such a pair that passes through each other was touching before, or is afterwards: their relative
-    /// motion is within the sum. That holds in any frame.
+    /// Pairs of which neither triangle is fast are not tested. Such a pair that passes through each other is within the
+    /// sum of both reaches when the step begins and when it ends, since that is how far one moves relative to the other
+    /// at most. This holds in any frame.
     pub reach: f64,
 }
 
