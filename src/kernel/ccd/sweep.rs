@@ -20,9 +20,8 @@ use crate::kernel::{
     tree::BoxTree,
 };
 
-/// Leaves of eight triangles whose pairs are looked for and tested at a time: as many candidates as may wait are bounded
-/// by them.
-pub const SWEEP_PART: usize = 16;
+/// Leaves of eight triangles whose pairs are looked for and tested at a time: so many bound the candidates that wait.
+pub const SWEEP_PART: usize = 4;
 
 /// A ball in single precision is made larger by this factor for what its radius is rounded by on the way there.
 const RADIUS_SLACK: f64 = 1.0 + 4.0 * f64::EPSILON;
@@ -41,9 +40,9 @@ pub struct SweptMesh<'a> {
     pub end: &'a [DVec3],
     /// A triangle with a vertex that moves farther than this is fast. 0 or more; infinite: none is.
     ///
-    /// Pairs of which neither triangle is fast are not tested. With half of the distance at which the meshes touch for
-    /// each of them, such a pair that passes through each other was touching before, or is afterwards: their relative
-    /// motion is within the sum. That holds in any frame.
+    /// Pairs of which neither triangle is fast are not tested. Such a pair that passes through each other is within the
+    /// sum of both reaches when the step begins and when it ends, since that is how far one moves relative to the other
+    /// at most. This holds in any frame.
     pub reach: f64,
 }
 
@@ -68,23 +67,18 @@ impl SweptMesh<'_> {
     }
 }
 
-/// The motion that vertices have in common: the middle of the box around all of their motions. Zero where there are none,
-/// or a motion is not finite.
+/// The motion that vertices have in common: their mean motion. Zero where there are none, where a motion is not finite,
+/// and where they would move no less without it, as when most rest while some move.
 ///
 /// Added to the positions at the start, of all meshes that are asked about together, it takes that motion away: paths stay
 /// straight and impacts what they are, boxes become smaller, and fewer triangles are fast.
 #[must_use]
 pub fn drift(start: &[DVec3], end: &[DVec3]) -> DVec3 {
-    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for (start, end) in start.iter().zip(end) {
-        let motion = *end - *start;
-        if !motion.is_finite() {
-            return DVec3::ZERO;
-        }
-        (low, high) = (low.min(motion), high.max(motion));
-    }
-    let middle = low + (high - low) * 0.5;
-    if middle.is_finite() { middle } else { DVec3::ZERO }
+    let motions = || start.iter().zip(end).map(|(start, end)| *end - *start);
+    let mean = motions().sum::<DVec3>() / start.len().min(end.len()) as f64;
+    let way = |drift: DVec3| motions().map(|motion| (motion - drift).abs().element_sum()).sum::<f64>();
+    // Written so that no number makes it zero.
+    if way(mean) < way(DVec3::ZERO) { mean } else { DVec3::ZERO }
 }
 
 /// Two meshes that are swept against each other, or one against itself, with their boxes.
@@ -177,16 +171,15 @@ impl Sweep<'_> {
     ) -> usize {
         candidates.clear();
         let [own, other] = self.sides();
-        match other.tree() {
-            Some(tree) => {
-                leaves.leaves.pairs_of(part, tree, None, candidates);
-            }
-            None => {
-                let items = part.flat_map(|leaf| leaves.leaves.leaf_items(leaf)).copied();
-                let (items, boxes): (Vec<u32>, Vec<Aabb>) =
-                    items.map(|item| (item, own.boxes()[item as usize].grown(rounded_up(self.separation)))).unzip();
-                pairs_between_brute_force(&boxes, other.boxes(), candidates);
-                candidates.iter_mut().for_each(|pair| pair[0] = items[pair[0] as usize]);
+        if let Some(tree) = other.tree() {
+            leaves.leaves.pairs_of(part, tree, None, candidates);
+        } else {
+            let growth = rounded_up(self.separation);
+            let items: Vec<u32> = part.flat_map(|leaf| leaves.leaves.leaf_items(leaf)).copied().collect();
+            let boxes: Vec<Aabb> = items.iter().map(|&item| own.boxes()[item as usize].grown(growth)).collect();
+            pairs_between_brute_force(&boxes, other.boxes(), candidates);
+            for pair in &mut *candidates {
+                pair[0] = items[pair[0] as usize];
             }
         }
         let asks_second = self.asks_second();

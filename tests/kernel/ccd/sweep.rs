@@ -292,7 +292,8 @@ fn a_common_motion_makes_nothing_fast_and_changes_no_impact() {
         a.end.iter_mut().for_each(|end| *end += fall);
         let falling = Body { end: b.start.iter().map(|start| *start + fall).collect(), ..b };
         let together = drift(&falling.start, &falling.end);
-        assert!(together.distance(fall) < 1.0e-14, "{together} {fall}");
+        // A sum of some fifty motions of 20, divided again.
+        assert!(together.distance(fall) < 1.0e-12, "{together} {fall}");
         let along = |starts: &[DVec3]| starts.iter().map(|start| *start + together).collect::<Vec<_>>();
         let (start_a, start_b) = (along(&a.start), along(&falling.start));
         let (a, b) = (SweptMesh { start: &start_a, ..a.mesh() }, SweptMesh { start: &start_b, ..falling.mesh() });
@@ -308,6 +309,8 @@ fn a_common_motion_makes_nothing_fast_and_changes_no_impact() {
         found += moving.len();
     }
     assert!(found > 200, "{found}");
+    // Three of four rest.
+    assert_eq!(drift(&[DVec3::ZERO; 4], &[DVec3::ZERO, DVec3::ZERO, DVec3::X, DVec3::ZERO]), DVec3::ZERO);
     assert_eq!(drift(&[], &[]), DVec3::ZERO);
     assert_eq!(drift(&[DVec3::ZERO, DVec3::ZERO], &[DVec3::X, DVec3::splat(f64::NAN)]), DVec3::ZERO);
     assert_eq!(drift(&[DVec3::ZERO], &[DVec3::splat(f64::INFINITY)]), DVec3::ZERO);
