@@ -11,7 +11,7 @@ use crate::{
         ids::{EdgeId, VertexId},
         topology::SurfaceTopology,
     },
-    surface::{DeformableSurface, SurfacePositions},
+    surface::{DeformableSurface, SurfacePositions, SweptTarget},
 };
 
 /// What a body is made of. A compliance is one over a stiffness: 0 is as stiff as the solver can make it, infinite is no
@@ -188,6 +188,7 @@ fn hinge(topology: &SurfaceTopology, edge: u32, first: u32, second: u32, points:
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Component, Clone, Debug)]
+#[require(SweptTarget)]
 pub struct XpbdBody {
     /// The velocity of every vertex, in world units per second.
     pub velocities: Vec<Vec3>,

@@ -17,7 +17,7 @@ use super::{
     solver::{Solver, SolverBody},
 };
 use crate::{
-    contacts::{ContactSide, ContactStore, PairOrder, StoredPair},
+    contacts::{ContactSide, ContactStore, PairOrder, StoredPair, SweptImpacts},
     kernel::{
         contact::{CompactContact, ContactKey},
         exact::{Feature, side::face_normal},
@@ -80,6 +80,7 @@ pub(super) struct Scene<'w, 's> {
     store: Res<'w, ContactStore>,
     frictions: Query<'w, 's, &'static SurfaceFriction>,
     swept: Query<'w, 's, (), With<SweptCollision>>,
+    impacts: Option<Res<'w, SweptImpacts>>,
 }
 
 impl Scene<'_, '_> {
@@ -104,9 +105,9 @@ impl Scene<'_, '_> {
         self.store.pairs_of(a).find(joins).map(|pair| pair.nearest)
     }
 
-    fn friction(&self, pair: &StoredPair) -> [f64; 2] {
-        let of = |side: ContactSide| self.frictions.get(side.entity()).copied().unwrap_or_default();
-        of(pair.a).between(of(pair.b))
+    fn friction(&self, a: Entity, b: Entity) -> [f64; 2] {
+        let of = |entity| self.frictions.get(entity).copied().unwrap_or_default();
+        of(a).between(of(b))
     }
 }
 
@@ -167,7 +168,8 @@ impl Gatherer {
             if !is_body(pair.a) && !is_body(pair.b) {
                 continue;
             }
-            self.follow_driven(scene, pair);
+            self.follow(scene, pair.a.entity(), Some(&pair.topology_a), &pair.poses[0]);
+            self.follow(scene, pair.b.entity(), pair.topology_b.as_ref(), &pair.poses[1]);
             order.extend(pair.contacts.clone().map(|place| {
                 let record = &scene.store.contacts[place];
                 (pair.order, record.key, [record.triangle_a, record.triangle_b], [pair_place, place as u32])
@@ -182,7 +184,7 @@ impl Gatherer {
         for &(_, _, _, [pair_place, place]) in &order {
             let pair = &scene.store.pairs[pair_place as usize];
             if last.0 != pair_place {
-                last = (pair_place, scene.friction(pair));
+                last = (pair_place, scene.friction(pair.a.entity(), pair.b.entity()));
             }
             let record = &scene.store.contacts[place as usize];
             let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else { continue };
@@ -191,12 +193,7 @@ impl Gatherer {
                 continue;
             }
             // A vertex over a rim is near each part of the face it belongs to.
-            let is_new = match constraint.features {
-                Features::VertexFace(places) => self.known.insert((false, places)),
-                Features::EdgeEdge(places) => self.known.insert((true, places)),
-                Features::Plane { .. } => true,
-            };
-            if is_new {
+            if self.is_new(&constraint.features) {
                 solver.contacts.push(constraint);
             }
         }
@@ -222,28 +219,83 @@ impl Gatherer {
         }
     }
 
-    /// Looks up where the driven sides of a pair were, or takes them to have stood still.
-    fn follow_driven(&mut self, scene: &Scene<'_, '_>, pair: &StoredPair) {
-        let topologies = [Some(&pair.topology_a), pair.topology_b.as_ref()];
-        for ((side, topology), pose) in [pair.a, pair.b].into_iter().zip(topologies).zip(pair.poses) {
-            let entity = side.entity();
-            if self.bodies.contains_key(&entity) {
+    /// Makes constraints of what bodies would meet on their ways, if nothing pushed them: all that is there, not only what
+    /// would come first. Normals and weights stay those of the impacts.
+    pub(super) fn add_impacts(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>) {
+        let Some(impacts) = &scene.impacts else { return };
+        for pair in &impacts.pairs {
+            let sides = [pair.a, pair.b];
+            if !sides.iter().any(|entity| self.bodies.contains_key(entity)) {
                 continue;
             }
-            let driven = self.driven.entry(entity).or_insert_with(|| Driven { pose, ..Driven::default() });
-            if driven.tick + 1 < self.tick {
-                driven.pose = pose;
-                driven.positions.clear();
+            let surfaces = sides.map(|entity| scene.active.surfaces.iter().find(|surface| surface.entity == entity));
+            let [Some(a), Some(b)] = surfaces else { continue };
+            for surface in [a, b] {
+                self.follow(scene, surface.entity, Some(&surface.topology), &surface.pose);
             }
-            driven.tick = self.tick;
-            let Some(topology) = topology else { continue };
-            driven.slots.resize(topology.vertex_count(), NONE);
-            if driven.positions.len() != topology.vertex_count()
-                && let Ok((positions, _)) = scene.positions.get(entity)
-            {
-                driven.positions.clone_from(&positions.0);
-                driven.pose = pose;
+            let (side_a, side_b) = (
+                self.side(ContactSide::Surface(a.entity), Some(&a.topology)),
+                self.side(ContactSide::Surface(b.entity), Some(&b.topology)),
+            );
+            let distance = f64::from(a.thickness) + f64::from(b.thickness);
+            let friction = scene.friction(pair.a, pair.b);
+            for impact in &pair.impacts {
+                let Some(normal) = impact.normal.as_dvec3().try_normalize() else { continue };
+                let corners_a = self.corners(&mut solver.particles, scene, &side_a, &a.pose, impact.triangle_a.0);
+                let corners_b = self.corners(&mut solver.particles, scene, &side_b, &b.pose, impact.triangle_b.0);
+                let (Some(corners_a), Some(corners_b)) = (corners_a, corners_b) else { continue };
+                let named = match (impact.features.a, impact.features.b) {
+                    (Feature::Vertex(corner), Feature::Face) => face_of(corners_a[corner as usize], corners_b),
+                    (Feature::Face, Feature::Vertex(corner)) => face_of(corners_b[corner as usize], corners_a),
+                    (Feature::Edge(edge_a), Feature::Edge(edge_b)) => edges_of(corners_a, edge_a, corners_b, edge_b),
+                    _ => continue,
+                };
+                if !self.is_new(&named) {
+                    continue;
+                }
+                let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
+                entries.extend(corners_a.into_iter().zip(impact.barycentric_a.map(f64::from)));
+                entries.extend(corners_b.into_iter().zip(impact.barycentric_b.map(|weight| -f64::from(weight))));
+                entries.retain(|&mut (_, weight)| weight != 0.0);
+                let features = Features::Plane { particles: entries, offset: -distance };
+                solver.contacts.push(ContactConstraint::new(features, normal, distance, friction));
             }
+        }
+    }
+
+    /// Whether a feature pair is not among the constraints yet.
+    fn is_new(&mut self, features: &Features) -> bool {
+        match features {
+            Features::VertexFace(places) => self.known.insert((false, *places)),
+            Features::EdgeEdge(places) => self.known.insert((true, *places)),
+            Features::Plane { .. } => true,
+        }
+    }
+
+    /// Looks up where a side of a pair was if nothing moves it here, or takes it to have stood still.
+    fn follow(
+        &mut self,
+        scene: &Scene<'_, '_>,
+        entity: Entity,
+        topology: Option<&Arc<SurfaceTopology>>,
+        pose: &Pose,
+    ) {
+        if self.bodies.contains_key(&entity) {
+            return;
+        }
+        let driven = self.driven.entry(entity).or_insert_with(|| Driven { pose: *pose, ..Driven::default() });
+        if driven.tick + 1 < self.tick {
+            driven.pose = *pose;
+            driven.positions.clear();
+        }
+        driven.tick = self.tick;
+        let Some(topology) = topology else { return };
+        driven.slots.resize(topology.vertex_count(), NONE);
+        if driven.positions.len() != topology.vertex_count()
+            && let Ok((positions, _)) = scene.positions.get(entity)
+        {
+            driven.positions.clone_from(&positions.0);
+            driven.pose = *pose;
         }
     }
 

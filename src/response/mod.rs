@@ -80,7 +80,7 @@ impl Plugin for XpbdResponsePlugin {
         app.add_systems(
             self.schedule,
             (
-                respond::choose_margin.in_set(DeformableSystems::Predict),
+                (respond::choose_margin, respond::aim).in_set(DeformableSystems::Predict),
                 respond::respond.in_set(DeformableSystems::Respond),
                 respond::write_back.in_set(DeformableSystems::Writeback),
             ),

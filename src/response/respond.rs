@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, DeformableSurface, SurfacePositions},
+    surface::{ActiveSurfaces, DeformableSurface, SurfacePositions, SweptCollision, SweptTarget},
 };
 
 /// What the response did in the last tick.
@@ -108,6 +108,33 @@ pub(super) fn choose_margin(
     }
 }
 
+/// Tells the swept stage where bodies with [`SweptCollision`] would go if nothing pushed them.
+pub(super) fn aim(
+    time: Option<Res<Time>>,
+    settings: Res<XpbdSettings>,
+    active: Res<ActiveSurfaces>,
+    mut bodies: Query<(&SurfacePositions, &XpbdBody, &mut SweptTarget), With<SweptCollision>>,
+) {
+    let duration = time.map_or(0.0, |time| time.delta_secs_f64());
+    let fall = settings.in_range().gravity.as_dvec3() * duration;
+    for surface in &active.surfaces {
+        let Ok((positions, body, mut target)) = bodies.get_mut(surface.entity) else { continue };
+        target.0.clear();
+        if body.check(positions.0.len()).is_err() {
+            continue;
+        }
+        let own = surface.pose.inverse();
+        let motions = body.velocities.iter().zip(&body.inverse_masses);
+        target.0.extend(positions.0.iter().zip(motions).map(|(&position, (velocity, &inverse_mass))| {
+            if inverse_mass <= 0.0 {
+                return position;
+            }
+            let world = surface.pose.transform_point(position.as_dvec3());
+            own.transform_point(world + (velocity.as_dvec3() + fall) * duration).as_vec3()
+        }));
+    }
+}
+
 /// Solves the tick.
 pub(super) fn respond(
     time: Option<Res<Time>>,
@@ -146,6 +173,7 @@ pub(super) fn respond(
     refused.clear();
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
     gatherer.add_contacts(solver, &scene, Watch { duration, slack: f64::from(*slack) });
+    gatherer.add_impacts(solver, &scene);
     gatherer.end(&scene);
     diagnostics.bodies = moved.len();
     diagnostics.contacts = solver.contacts.len();
