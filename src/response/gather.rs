@@ -158,7 +158,9 @@ impl Gatherer {
                 last = (pair_place, scene.friction(pair));
             }
             let record = &scene.store.contacts[place as usize];
-            let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else { continue };
+            let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else {
+                continue;
+            };
             let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
             if separation > slack + 2.0 * duration * constraint.fastest(&solver.particles, duration) {
                 continue;
@@ -310,11 +312,8 @@ impl Gatherer {
         let now = pair.poses[1];
         let before = self.driven.get(&shape).map_or(now, |driven| driven.pose);
         let point = pair.frame_pose.transform_point(record.point_b.as_dvec3());
-        let start = if before.has_bits_of(&now) {
-            point
-        } else {
-            before.transform_point(now.inverse().transform_point(point))
-        };
+        let start =
+            if before.has_bits_of(&now) { point } else { before.transform_point(now.inverse().transform_point(point)) };
         let place = particles.len() as u32;
         particles.push_driven(start, point);
         let weights = completed(record.features.a, record.barycentric_a);
@@ -379,7 +378,8 @@ fn look_where_it_began(constraint: &mut ContactConstraint, particles: &Particles
         return;
     }
     let points = places.map(|place| particles.start[place as usize]);
-    let between = |weights: [f64; 4]| -> DVec3 { points.iter().zip(weights).map(|(&point, weight)| point * weight).sum() };
+    let between =
+        |weights: [f64; 4]| -> DVec3 { points.iter().zip(weights).map(|(&point, weight)| point * weight).sum() };
     let direction = match &constraint.features {
         Features::VertexFace(_) if one_sided => face_normal(&[points[1], points[2], points[3]]),
         Features::VertexFace(_) => between(vertex_face(&points, constraint.normal).weights),
