@@ -29,8 +29,11 @@ const TISSUE: XpbdMaterial = XpbdMaterial {
 const FRICTION: SurfaceFriction = SurfaceFriction { static_coefficient: 0.2, dynamic_coefficient: 0.1 };
 
 /// An organ that is held below, and an instrument that comes down on it, slides for two seconds and lifts.
+///
+/// Without gravity: the shape at rest is the one that the organ has under its own weight.
 pub fn soft_tissue(variation: &Variation, recorder: Recorder) -> Scene {
-    let mut stage = Stage::new(variation, recorder);
+    let response = XpbdSettings { gravity: Vec3::ZERO, ..variation.response };
+    let mut stage = Stage::new(&Variation { response, ..*variation }, recorder);
     let tissue = organ(variation.extent.pick(2, 4));
     let held: Vec<VertexId> = (0..)
         .zip(&tissue.positions)
