@@ -30,6 +30,9 @@ pub struct XpbdMaterial {
     pub volume_compliance: f32,
     /// Share of the velocity that is lost to the air, per second. 0 or more. Default 0.2.
     pub drag: f32,
+    /// How fast oscillations along the edges die, per second. 0 or more. Default 100: without it, the little that a substep
+    /// leaves of a stretch swings on.
+    pub damping: f32,
 }
 
 impl XpbdMaterial {
@@ -40,6 +43,7 @@ impl XpbdMaterial {
         bend_compliance: 3.0e4,
         volume_compliance: f32::INFINITY,
         drag: 0.2,
+        damping: 100.0,
     };
 
     /// A ball of rubber: a skin that stretches a little around a volume that stays.
@@ -49,6 +53,7 @@ impl XpbdMaterial {
         bend_compliance: 1.0e1,
         volume_compliance: 0.0,
         drag: 0.2,
+        damping: 100.0,
     };
 }
 
@@ -285,8 +290,9 @@ fn check_material(material: &XpbdMaterial) -> Result<(), XpbdBodyError> {
     if !(material.area_density.is_finite() && material.area_density > 0.0) {
         return wrong("the area density", material.area_density, "finite and more than 0");
     }
-    if !(material.drag.is_finite() && material.drag >= 0.0) {
-        return wrong("the drag", material.drag, "finite and 0 or more");
+    let rates = [("the drag", material.drag), ("the damping", material.damping)];
+    if let Some((what, value)) = rates.into_iter().find(|&(_, value)| !(value.is_finite() && value >= 0.0)) {
+        return wrong(what, value, "finite and 0 or more");
     }
     let compliances = [
         ("the stretch compliance", material.stretch_compliance),

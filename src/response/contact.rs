@@ -41,10 +41,11 @@ pub struct ContactConstraint {
     pub distance: f64,
     /// Static and dynamic friction.
     pub friction: [f64; 2],
-    /// How much of the separation was missing at most when the tick began, and may be made up for over some steps.
     step: Step,
-    /// Separation when it was last looked at, and how far everything had gone by then.
-    seen: (f64, f64),
+    /// Separation when the last step ended.
+    left: f64,
+    /// A lower bound of the separation, and how far everything had gone when it held.
+    clear: (f64, f64),
 }
 
 /// A contact in one step.
@@ -67,8 +68,8 @@ impl ContactConstraint {
     /// A contact; `normal` is the unit vector from the second side to the first.
     #[must_use]
     pub fn new(features: Features, normal: DVec3, distance: f64, friction: [f64; 2]) -> Self {
-        let seen = (f64::NEG_INFINITY, 0.0);
-        Self { features, normal, distance, friction, step: Step::default(), seen }
+        let clear = (f64::NEG_INFINITY, 0.0);
+        Self { features, normal, distance, friction, step: Step::default(), left: 0.0, clear }
     }
 
     /// The greatest speed of a particle that it acts on, in a tick of `duration` seconds.
@@ -89,20 +90,28 @@ impl ContactConstraint {
         self.step.multiplier
     }
 
-    /// Looks where the features are when a step begins, before anything has moved. `travelled` is how far the fastest
-    /// particle has gone since the tick began, and `reach` how far one may go in this step: a contact that cannot close in
-    /// it is left out, and `false` is returned. What separation is missing is made up for by at most `push_out`.
+    /// Looks where the features are when a tick begins.
+    pub fn begin_tick(&mut self, particles: &Particles) {
+        let separation = self.look(particles);
+        self.left = separation;
+        self.clear = (separation, 0.0);
+    }
+
+    /// Looks where the features are in a step, once everything has moved as it would without them. `travelled` is how far
+    /// the fastest particle has gone since the tick began, and `reach` how far one has gone in this step: a contact that
+    /// cannot close in it is passed over, and `false` is returned. What separation is missing already is made up for by at
+    /// most `push_out`.
     pub fn begin_step(&mut self, particles: &Particles, travelled: f64, reach: f64, push_out: f64) -> bool {
-        let (separation, then) = self.seen;
-        if separation - 2.0 * (travelled - then) > 2.0 * reach {
-            self.step.multiplier = 0.0;
+        self.step.multiplier = 0.0;
+        let (separation, then) = self.clear;
+        // Solving may move what is pushed as far again.
+        if separation - 2.0 * (travelled - then) > 4.0 * reach {
             return false;
         }
         let separation = self.look(particles);
-        self.seen = (separation, travelled);
-        self.step.multiplier = 0.0;
-        self.step.sliding = DVec3::ZERO;
+        self.clear = (separation - 2.0 * reach, travelled);
         if separation > 2.0 * reach {
+            self.left = separation;
             return false;
         }
         let weighted = |&(particle, weight): &(u32, f64)| particles.inverse_mass[particle as usize] * weight * weight;
@@ -110,9 +119,15 @@ impl ContactConstraint {
         if self.step.weight <= 0.0 {
             return false;
         }
-        self.step.target = (separation + push_out).min(0.0);
+        self.step.sliding = DVec3::ZERO;
+        self.step.target = (self.left + push_out).min(0.0);
         self.step.opening = self.normal.dot(self.sum(&particles.velocity));
         true
+    }
+
+    /// Ends a step in which the contact took part: sees what separation is left.
+    pub fn end_step(&mut self, particles: &Particles) {
+        self.left = self.separation(particles);
     }
 
     /// Fills in this step's weights and offset, and returns the separation.
@@ -124,12 +139,8 @@ impl ContactConstraint {
                 step.offset = *offset;
                 return self.separation(particles);
             }
-            Features::VertexFace(places) => {
-                vertex_face(&places.map(|place| particles.position[place as usize]), self.normal)
-            }
-            Features::EdgeEdge(places) => {
-                edge_edge(&places.map(|place| particles.position[place as usize]), self.normal)
-            }
+            Features::VertexFace(places) => vertex_face(&places.map(|place| particles.position[place as usize]), self.normal),
+            Features::EdgeEdge(places) => edge_edge(&places.map(|place| particles.position[place as usize]), self.normal),
         };
         let (Features::VertexFace(places) | Features::EdgeEdge(places)) = &self.features else { return 0.0 };
         let Meeting { weights, normal, distance: _ } = meeting;
@@ -170,7 +181,9 @@ impl ContactConstraint {
             .step
             .particles
             .iter()
-            .map(|&(place, weight)| (particles.position[place as usize] - particles.previous[place as usize]) * weight)
+            .map(|&(place, weight)| {
+                (particles.position[place as usize] - particles.previous[place as usize]) * weight
+            })
             .sum();
         let slid = slid - self.normal * self.normal.dot(slid);
         let wanted = self.step.sliding - slid / self.step.weight;

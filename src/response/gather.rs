@@ -24,7 +24,7 @@ use crate::{
         pose::Pose,
         topology::SurfaceTopology,
     },
-    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
+    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions, SweptCollision},
 };
 
 /// A vertex that is no particle.
@@ -79,9 +79,31 @@ pub(super) struct Scene<'w, 's> {
     pub(super) positions: Query<'w, 's, (&'static SurfacePositions, Option<&'static XpbdBody>)>,
     store: Res<'w, ContactStore>,
     frictions: Query<'w, 's, &'static SurfaceFriction>,
+    swept: Query<'w, 's, (), With<SweptCollision>>,
 }
 
 impl Scene<'_, '_> {
+    pub(super) fn is_any_swept(&self) -> bool {
+        !self.swept.is_empty()
+    }
+
+    pub(super) fn is_swept(&self, entity: Entity) -> bool {
+        self.swept.contains(entity)
+    }
+
+    /// The distance from a surface to what is nearest to it, as far as detection reaches.
+    pub(super) fn nearest(&self, entity: Entity) -> Option<f64> {
+        let distances = self.store.pairs_of(entity).map(|pair| pair.nearest.min(f64::from(pair.contact_distance)));
+        distances.reduce(f64::min)
+    }
+
+    /// The distance of two surfaces, as far as detection reaches.
+    pub(super) fn nearest_of(&self, a: Entity, b: Entity) -> Option<f64> {
+        let sides = |pair: &&StoredPair| [pair.a.entity(), pair.b.entity()];
+        let joins = |pair: &&StoredPair| sides(pair) == [a, b] || sides(pair) == [b, a];
+        self.store.pairs_of(a).find(joins).map(|pair| pair.nearest)
+    }
+
     fn friction(&self, pair: &StoredPair) -> [f64; 2] {
         let of = |side: ContactSide| self.frictions.get(side.entity()).copied().unwrap_or_default();
         of(pair.a).between(of(pair.b))
@@ -131,6 +153,11 @@ impl Gatherer {
         self.bodies.insert(surface.entity, first);
     }
 
+    /// The first particle of a body.
+    pub(super) fn first_particle(&self, entity: Entity) -> Option<usize> {
+        self.bodies.get(&entity).copied()
+    }
+
     /// Makes constraints of all contacts that have a body on one side.
     pub(super) fn add_contacts(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>, watch: Watch) {
         let mut order = std::mem::take(&mut self.order);
@@ -158,9 +185,7 @@ impl Gatherer {
                 last = (pair_place, scene.friction(pair));
             }
             let record = &scene.store.contacts[place as usize];
-            let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else {
-                continue;
-            };
+            let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else { continue };
             let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
             if separation > slack + 2.0 * duration * constraint.fastest(&solver.particles, duration) {
                 continue;
@@ -312,8 +337,11 @@ impl Gatherer {
         let now = pair.poses[1];
         let before = self.driven.get(&shape).map_or(now, |driven| driven.pose);
         let point = pair.frame_pose.transform_point(record.point_b.as_dvec3());
-        let start =
-            if before.has_bits_of(&now) { point } else { before.transform_point(now.inverse().transform_point(point)) };
+        let start = if before.has_bits_of(&now) {
+            point
+        } else {
+            before.transform_point(now.inverse().transform_point(point))
+        };
         let place = particles.len() as u32;
         particles.push_driven(start, point);
         let weights = completed(record.features.a, record.barycentric_a);
@@ -378,8 +406,7 @@ fn look_where_it_began(constraint: &mut ContactConstraint, particles: &Particles
         return;
     }
     let points = places.map(|place| particles.start[place as usize]);
-    let between =
-        |weights: [f64; 4]| -> DVec3 { points.iter().zip(weights).map(|(&point, weight)| point * weight).sum() };
+    let between = |weights: [f64; 4]| -> DVec3 { points.iter().zip(weights).map(|(&point, weight)| point * weight).sum() };
     let direction = match &constraint.features {
         Features::VertexFace(_) if one_sided => face_normal(&[points[1], points[2], points[3]]),
         Features::VertexFace(_) => between(vertex_face(&points, constraint.normal).weights),

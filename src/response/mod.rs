@@ -31,6 +31,7 @@ mod constraints;
 mod contact;
 mod features;
 mod gather;
+mod guard;
 mod particles;
 mod respond;
 mod settings;

@@ -76,35 +76,25 @@ impl Particles {
         self.inverse_mass.push(inverse_mass);
     }
 
-    /// The farthest that a particle would go in a step of length `step` if nothing held it, the driven ones in step number
-    /// `substep` of `substeps`.
-    #[must_use]
-    pub fn farthest_way(&self, step: f64, gravity: DVec3, substep: u32, substeps: u32) -> f64 {
-        let share = f64::from(substep) / f64::from(substeps);
-        let way = |particle: usize| self.way(particle, step, gravity, share).1.length_squared();
-        (0..self.len()).map(way).fold(0.0, f64::max).sqrt()
-    }
-
-    /// The next velocity of a particle and the way it goes with it.
-    #[inline]
-    fn way(&self, particle: usize, step: f64, gravity: DVec3, share: f64) -> (DVec3, DVec3) {
-        if self.inverse_mass[particle] > 0.0 {
-            let velocity = self.velocity[particle] + gravity * step;
-            (velocity, velocity * step)
-        } else {
-            let way = self.start[particle].lerp(self.end[particle], share) - self.position[particle];
-            (way / step, way)
-        }
-    }
-
-    /// Begins a step of length `step` in which the driven particles reach `share` of their way.
-    pub fn predict(&mut self, step: f64, gravity: DVec3, share: f64) {
+    /// Begins a step of length `step` in which the driven particles reach `share` of their way. Returns the farthest that a
+    /// particle goes.
+    pub fn predict(&mut self, step: f64, gravity: DVec3, share: f64) -> f64 {
+        let mut farthest: f64 = 0.0;
         for particle in 0..self.len() {
-            let (velocity, way) = self.way(particle, step, gravity, share);
-            self.velocity[particle] = velocity;
-            self.previous[particle] = self.position[particle];
-            self.position[particle] += way;
+            let position = self.position[particle];
+            let way = if self.inverse_mass[particle] > 0.0 {
+                self.velocity[particle] += gravity * step;
+                self.velocity[particle] * step
+            } else {
+                let way = self.start[particle].lerp(self.end[particle], share) - position;
+                self.velocity[particle] = way / step;
+                way
+            };
+            self.previous[particle] = position;
+            self.position[particle] = position + way;
+            farthest = farthest.max(way.length_squared());
         }
+        farthest.sqrt()
     }
 
     /// Ends a step: velocities are what positions have changed by. Returns the farthest that a particle went.

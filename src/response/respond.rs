@@ -8,6 +8,7 @@ use bevy_time::Time;
 use super::{
     body::XpbdBody,
     gather::{Gatherer, Scene, Watch},
+    guard::Guard,
     settings::XpbdSettings,
     solver::Solver,
 };
@@ -31,6 +32,14 @@ pub struct XpbdDiagnostics {
     pub gathering: Duration,
     /// Solving.
     pub solving: Duration,
+    /// Impacts on the ways of bodies with [`SweptCollision`](crate::SweptCollision) that contacts had not prevented.
+    pub impacts: usize,
+    /// Vertices that were stopped short of them.
+    pub vertices_stopped: usize,
+    /// Impacts that could not be prevented: something that nothing moves has hit a body.
+    pub impacts_remaining: usize,
+    /// Looking for impacts.
+    pub guarding: Duration,
     /// Bodies that could not be moved in this tick and why: they stand until that is mended.
     pub refused: Vec<(Entity, super::XpbdBodyError)>,
 }
@@ -40,6 +49,7 @@ pub struct XpbdDiagnostics {
 pub(super) struct Response {
     solver: Solver,
     gatherer: Gatherer,
+    guard: Guard,
     /// The bodies of this tick, in the order of the solver's.
     moved: Vec<Entity>,
     /// The margin that was chosen last: another one is the game's.
@@ -116,7 +126,7 @@ pub(super) fn respond(
     }
     let settings = settings.in_range();
     let start = Instant::now();
-    let Response { solver, gatherer, moved, refused, slack, .. } = response;
+    let Response { solver, gatherer, guard, moved, refused, slack, .. } = response;
     gatherer.begin();
     for surface in &scene.active.surfaces {
         let Ok((positions, Some(body))) = scene.positions.get(surface.entity) else { continue };
@@ -145,6 +155,13 @@ pub(super) fn respond(
     diagnostics.contact_solves = solved.contact_solves;
     diagnostics.pressing = solved.pressing;
     diagnostics.solving = start.elapsed();
+    let start = Instant::now();
+    solver.follow_welds();
+    let guarded = guard.stop(&mut solver.particles, &scene, |entity| gatherer.first_particle(entity));
+    diagnostics.impacts = guarded.impacts;
+    diagnostics.vertices_stopped = guarded.stopped;
+    diagnostics.impacts_remaining = guarded.remaining;
+    diagnostics.guarding = start.elapsed();
 }
 
 /// Writes positions and velocities to the bodies.

@@ -51,6 +51,14 @@ impl SolverBody {
         particles.velocity[own].iter_mut().for_each(|velocity| *velocity *= kept);
     }
 
+    fn damp(&self, particles: &mut Particles, step: f64) {
+        let damped = f64::from(self.material.damping) * step;
+        let share = damped / (1.0 + damped);
+        if share > 0.0 {
+            self.rest.springs.iter().for_each(|spring| spring.damp(particles, self.first, share));
+        }
+    }
+
     fn solve(&mut self, particles: &mut Particles, step: f64, gradients: &mut Vec<DVec3>) {
         let own = (self.first, self.vertex_count());
         let per_step = |compliance: f32| f64::from(compliance) / (step * step);
@@ -111,12 +119,12 @@ impl Solver {
         let gravity = settings.gravity.as_dvec3();
         let mut solved = Solved::default();
         let mut travelled = 0.0;
+        self.contacts.iter_mut().for_each(|contact| contact.begin_tick(&self.particles));
         for substep in 1..=settings.substeps {
             self.bodies.iter().for_each(|body| body.slow_down(&mut self.particles, step));
-            let reach = self.particles.farthest_way(step, gravity, substep, settings.substeps);
-            self.choose_contacts(travelled, reach, step, settings);
             let share = f64::from(substep) / f64::from(settings.substeps);
-            self.particles.predict(step, gravity, share);
+            let reach = self.particles.predict(step, gravity, share);
+            self.choose_contacts(travelled, reach, step, settings);
             for body in &mut self.bodies {
                 body.multipliers.fill(0.0);
             }
@@ -130,12 +138,27 @@ impl Solver {
                 solved.contact_solves += self.acting.len();
             }
             travelled += self.particles.update_velocities(step);
+            self.bodies.iter().for_each(|body| body.damp(&mut self.particles, step));
             for &contact in &self.acting {
-                self.contacts[contact as usize].settle_velocity(&mut self.particles);
+                let contact = &mut self.contacts[contact as usize];
+                contact.end_step(&self.particles);
+                contact.settle_velocity(&mut self.particles);
             }
         }
         solved.pressing = self.contacts.iter().filter(|contact| contact.multiplier() > 0.0).count();
         solved
+    }
+
+    /// Vertices that are welded to others go where those went.
+    pub(super) fn follow_welds(&mut self) {
+        for body in self.bodies.iter().filter(|body| body.topology.is_welded()) {
+            for (vertex, &weld) in body.topology.weld().iter().enumerate() {
+                let (particle, followed) = (body.first + vertex, body.first + weld as usize);
+                self.particles.start[particle] = self.particles.start[followed];
+                self.particles.position[particle] = self.particles.position[followed];
+                self.particles.velocity[particle] = self.particles.velocity[followed];
+            }
+        }
     }
 
     fn choose_contacts(&mut self, travelled: f64, reach: f64, step: f64, settings: &XpbdSettings) {

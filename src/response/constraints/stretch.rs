@@ -36,4 +36,21 @@ impl Spring {
         particles.position[a] += direction * (change * weight_a);
         particles.position[b] -= direction * (change * weight_b);
     }
+
+    /// Takes away a share of the velocity with which the ends part or close in; their common momentum stays.
+    #[inline]
+    pub fn damp(&self, particles: &mut Particles, first: usize, share: f64) {
+        let [a, b] = self.ends.map(|end| first + end as usize);
+        let [weight_a, weight_b] = [particles.inverse_mass[a], particles.inverse_mass[b]];
+        let weight = weight_a + weight_b;
+        let between = particles.position[a] - particles.position[b];
+        let squared = between.length_squared();
+        if weight == 0.0 || squared == 0.0 {
+            return;
+        }
+        let opening = between.dot(particles.velocity[a] - particles.velocity[b]);
+        let change = between * (-share * opening / (squared * weight));
+        particles.velocity[a] += change * weight_a;
+        particles.velocity[b] -= change * weight_b;
+    }
 }
