@@ -48,6 +48,7 @@ const STEEL: XpbdMaterial = XpbdMaterial {
     stretch_compliance: 0.0,
     bend_compliance: 0.0,
     volume_compliance: f32::INFINITY,
+    damping: 100.0,
     drag: 0.0,
 };
 

@@ -98,7 +98,7 @@ impl Measure {
         let world = scene.stage.app.world();
         let detection = world.resource::<DetectionDiagnostics>().total();
         let response = world.resource::<XpbdDiagnostics>();
-        let (pressing, response) = (response.pressing, response.gathering + response.solving);
+        let (pressing, response) = (response.pressing, response.gathering + response.solving + response.guarding);
         let mut tick =
             Tick { detection, response, whole, pressing, energy: Energy::of(&scene.stage), ..Tick::default() };
         let touching = self.look_at_contacts(&mut scene.stage, &mut tick);

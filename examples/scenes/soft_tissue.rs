@@ -22,6 +22,7 @@ const TISSUE: XpbdMaterial = XpbdMaterial {
     stretch_compliance: 1.0e-4,
     bend_compliance: 1.0e1,
     volume_compliance: 0.0,
+    damping: 100.0,
     drag: 2.0,
 };
 
