@@ -1,32 +1,30 @@
-//! Sheets of cloth that fall on each other.
+//! Sheets of cloth that fall on each other and on the ground.
 
 use bevy_circumsphere::{prelude::*, response::*};
-use bevy_ecs::prelude::*;
 use circumsphere_support::scenes::{Diagonals, grid};
+use glam::Vec3;
 
-use super::{Stage, Variation};
+use super::{Scene, Stage, Variation};
 use crate::headless::recording::Recorder;
 
-/// Sheets above the ground, each turned a little against the one below.
-pub struct Layers {
-    pub stage: Stage,
-    pub sheets: Vec<Entity>,
-}
+/// Half the contact distance, in meters.
+const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.002);
 
-/// `count` sheets of half a meter and `cells` by `cells`.
-pub fn layers(count: usize, cells: usize, variation: &Variation, recorder: Recorder) -> Layers {
+/// How far the sheets are above each other at the start, in meters.
+const GAP: f32 = 0.02;
+
+/// Ten sheets of half a meter above the ground, each turned a little against the one below.
+pub fn layers(variation: &Variation, recorder: Recorder) -> Scene {
     let mut stage = Stage::new(variation, recorder);
-    if let Ok(m) = std::env::var("PUSH") { stage.app.world_mut().resource_mut::<XpbdSettings>().push_out_speed = m.parse().unwrap(); }
-    if let Ok(m) = std::env::var("SUB") { stage.app.world_mut().resource_mut::<XpbdSettings>().substeps = m.parse().unwrap(); }
-    if let Ok(m) = std::env::var("ITER") { stage.app.world_mut().resource_mut::<XpbdSettings>().iterations = m.parse().unwrap(); }
-    stage.app.world_mut().spawn(RigidShape(SharedShape::halfspace(glam::Vec3::Y)));
-    let thickness = SurfaceThickness::World(0.002);
-    let sheets = (0..count)
-        .map(|layer| {
-            let mesh = grid(cells, cells, 0.5, 0.5, Diagonals::Alternating);
-            let mesh = mesh.rotate([0.0, 1.0, 0.0], 0.21 * layer as f32).translate([0.0, 0.05 + 0.02 * layer as f32, 0.0]);
-            stage.add_body(&mesh, XpbdMaterial::CLOTH, |body| body, (SelfCollision, SweptCollision, thickness))
-        })
-        .collect();
-    Layers { stage, sheets }
+    stage.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
+    let (count, cells) = variation.extent.pick((3_u8, 6), (10, 20));
+    for layer in (0..count).map(f32::from) {
+        let sheet = grid(cells, cells, 0.5, 0.5, Diagonals::Alternating);
+        let sheet = sheet.rotate([0.0, 1.0, 0.0], 0.21 * layer).translate([0.0, 0.05 + GAP * layer, 0.0]);
+        stage.add_body("sheet", &sheet, XpbdMaterial::CLOTH, |body| body, (SelfCollision, THICKNESS));
+    }
+    Scene::new(stage, 600).passed(|stage| {
+        let below = |&entity: &_| stage.positions(entity).iter().filter(|position| position.y < 0.0).count();
+        stage.bodies.iter().map(below).sum()
+    })
 }

@@ -1,63 +1,170 @@
-//! Measures of a running scene.
+//! What a tick of a scene did, and what a whole run amounts to.
 
-use bevy_circumsphere::{ContactStore, prelude::*, response::*};
+use std::{
+    collections::{BTreeSet, HashSet},
+    iter::Sum,
+    ops::{Add, Range},
+    time::{Duration, Instant},
+};
+
+use bevy_circumsphere::{
+    contacts::ContactSide, detection::DetectionDiagnostics, kernel::contact::ContactKey, prelude::*, response::*,
+};
 use bevy_ecs::prelude::*;
 use glam::Vec3;
 
-use super::Stage;
+use super::{Energy, Scene, Stage};
 
-/// Follows the motion of some bodies.
-#[derive(Default)]
-pub struct Motion {
-    last: Vec<Vec<Vec3>>,
+/// Contacts count as touching up to this share of the contact distance beyond it: what rests is at the contact distance
+/// give or take a rounding, and must not count as parting in every second tick.
+const TOUCHING: f32 = 0.05;
+
+/// How far vertices that are in contact go, in mean edges of their surface, summed up so that ticks can be added.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Jitter {
+    /// `|x_t − x_{t−1}|`.
+    step: f64,
+    /// `|x_t − 2 x_{t−1} + x_{t−2}|`: what of it is no steady motion.
+    second: f64,
+    count: usize,
 }
 
-/// How far vertices went in one tick, in mean edges of their surface.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Way {
-    /// On average over all vertices.
-    pub mean: f64,
-    /// The farthest.
-    pub most: f64,
-}
+impl Jitter {
+    /// The mean way of a vertex in a tick; 0 where nothing was in contact.
+    pub fn step(&self) -> f64 {
+        self.step / self.count.max(1) as f64
+    }
 
-impl Motion {
-    /// How far the vertices of the bodies have gone since the last call; 0 at the first.
-    pub fn step(&mut self, stage: &Stage) -> Way {
-        let (mut sum, mut most, mut count) = (0.0, 0.0_f64, 0usize);
-        self.last.resize_with(stage.bodies.len(), Vec::new);
-        for (&entity, last) in stage.bodies.iter().zip(&mut self.last) {
-            let edge = stage.app.world().get::<DeformableSurface>(entity).map_or(1.0, DeformableSurface::mean_edge);
-            let positions = stage.positions(entity);
-            for (position, last) in positions.iter().zip(last.iter()) {
-                let way = f64::from(position.distance(*last) / edge);
-                sum += way;
-                most = most.max(way);
-                count += 1;
-            }
-            last.clear();
-            last.extend_from_slice(positions);
-        }
-        Way { mean: if count > 0 { sum / count as f64 } else { 0.0 }, most }
+    /// The mean second difference.
+    pub fn second_difference(&self) -> f64 {
+        self.second / self.count.max(1) as f64
     }
 }
 
-/// Energy of motion and of height of all bodies, in joules.
-pub fn energy(stage: &Stage) -> f64 {
-    let world = stage.app.world();
-    let gravity = world.resource::<XpbdSettings>().gravity;
-    let of_body = |&entity: &Entity| {
-        let Some(body) = world.get::<XpbdBody>(entity) else { return 0.0 };
-        let height = |(position, &inverse): (&Vec3, &f32)| {
-            if inverse > 0.0 { -f64::from(gravity.dot(*position)) / f64::from(inverse) } else { 0.0 }
-        };
-        body.kinetic_energy() + stage.positions(entity).iter().zip(&body.inverse_masses).map(height).sum::<f64>()
-    };
-    stage.bodies.iter().map(of_body).sum()
+impl Add for Jitter {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self { step: self.step + other.step, second: self.second + other.second, count: self.count + other.count }
+    }
 }
 
-/// How many contacts are crossings, edges that pierce a face.
-pub fn crossings(stage: &Stage) -> usize {
-    let store = stage.app.world().resource::<ContactStore>();
-    store.contacts.iter().filter(|contact| contact.features.kind() == FeatureKind::EdgeFace).count()
+impl Sum for Jitter {
+    fn sum<I: Iterator<Item = Self>>(jitters: I) -> Self {
+        jitters.fold(Self::default(), Add::add)
+    }
+}
+
+/// What a tick did. Contacts are those that were detected when it began, everything else is as it ended.
+#[derive(Clone, Debug, Default)]
+pub struct Tick {
+    /// Time of detection.
+    pub detection: Duration,
+    /// Time of the response.
+    pub response: Duration,
+    /// Time of the whole tick, what Bevy adds to it included.
+    pub whole: Duration,
+    /// Pairs of features within the contact distance.
+    pub contacts: usize,
+    /// Contacts that pushed in the last substep.
+    pub pressing: usize,
+    /// How much nearer than the contact distance the nearest contact is, in world units; 0 where none is.
+    pub deepest: f64,
+    /// The same, the mean of all contacts that are nearer.
+    pub mean_depth: f64,
+    /// Contacts that are crossings, an edge that pierces a face, by the detection.
+    pub crossings: usize,
+    /// Contacts that are not in both this tick and the last, of those in one of them; 0 where there is none.
+    pub churn: f64,
+    /// Of the vertices in contact.
+    pub jitter: Jitter,
+    pub energy: Energy,
+}
+
+/// Plays a scene and looks at every tick.
+#[derive(Default)]
+pub struct Measure {
+    /// Where the vertices of each body were one and two ticks ago.
+    last: Vec<[Vec<Vec3>; 2]>,
+    contacts: HashSet<(ContactSide, ContactSide, ContactKey)>,
+}
+
+impl Measure {
+    /// Plays the next tick.
+    pub fn tick(&mut self, scene: &mut Scene) -> Tick {
+        let start = Instant::now();
+        scene.tick();
+        let whole = start.elapsed();
+        let world = scene.stage.app.world();
+        let detection = world.resource::<DetectionDiagnostics>().total();
+        let response = world.resource::<XpbdDiagnostics>();
+        let (pressing, response) = (response.pressing, response.gathering + response.solving + response.guarding);
+        let mut tick =
+            Tick { detection, response, whole, pressing, energy: Energy::of(&scene.stage), ..Tick::default() };
+        let touching = self.look_at_contacts(&mut scene.stage, &mut tick);
+        tick.jitter = self.follow(&scene.stage, &touching);
+        tick
+    }
+
+    /// Fills in what contacts tell, and gives the vertices in contact.
+    fn look_at_contacts(&mut self, stage: &mut Stage, tick: &mut Tick) -> BTreeSet<(Entity, VertexId)> {
+        let mut touching = BTreeSet::new();
+        let mut named = HashSet::with_capacity(self.contacts.len());
+        let (mut depths, mut deep) = (0.0, 0usize);
+        stage.with_contacts(|contacts| {
+            for contact in contacts.iter() {
+                if contact.separation() > TOUCHING * contact.contact_distance() {
+                    continue;
+                }
+                named.insert((contact.a(), contact.b(), contact.key()));
+                let (first, second) = contact.feature_vertices();
+                touching.extend(first.into_iter().map(|vertex| (contact.a().entity(), vertex)));
+                touching.extend(second.into_iter().map(|vertex| (contact.b().entity(), vertex)));
+                tick.crossings += usize::from(contact.is_crossing());
+                let depth = -f64::from(contact.separation());
+                if depth > 0.0 {
+                    depths += depth;
+                    deep += 1;
+                    tick.deepest = tick.deepest.max(depth);
+                }
+            }
+        });
+        tick.contacts = named.len();
+        tick.mean_depth = depths / deep.max(1) as f64;
+        let shared = named.intersection(&self.contacts).count();
+        let all = named.len() + self.contacts.len() - shared;
+        tick.churn = (all - shared) as f64 / all.max(1) as f64;
+        self.contacts = named;
+        touching
+    }
+
+    /// How far the vertices have gone, two ticks after the first look.
+    fn follow(&mut self, stage: &Stage, touching: &BTreeSet<(Entity, VertexId)>) -> Jitter {
+        let mut jitter = Jitter::default();
+        self.last.resize_with(stage.bodies.len(), <[Vec<Vec3>; 2]>::default);
+        for (&entity, [last, before]) in stage.bodies.iter().zip(&mut self.last) {
+            let edge = f64::from(stage.surface(entity).mean_edge());
+            let positions = stage.positions(entity);
+            let own = touching.range((entity, VertexId(0))..=(entity, VertexId(u32::MAX)));
+            if before.len() == positions.len() {
+                for vertex in own.map(|(_, vertex)| vertex.index()) {
+                    let [now, last, before] =
+                        [positions[vertex], last[vertex], before[vertex]].map(|position| position.as_dvec3());
+                    jitter.step += now.distance(last) / edge;
+                    jitter.second += (now - 2.0 * last + before).length() / edge;
+                    jitter.count += 1;
+                }
+            }
+            std::mem::swap(last, before);
+            last.clear();
+            last.extend_from_slice(positions);
+        }
+        jitter
+    }
+}
+
+/// The ticks of `played` that are settled: those that the scene names, or the last quarter where it has not come so far.
+pub fn settled(scene: &Scene, played: usize) -> Range<usize> {
+    let named = scene.settled.start as usize..played.min(scene.settled.end as usize);
+    if named.is_empty() { played - played / 4..played } else { named }
 }

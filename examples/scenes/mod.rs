@@ -1,93 +1,135 @@
-//! The physics scenes that the examples play: each a headless app with bodies in it, moved tick by tick.
+//! The physics scenes that the examples, the experiments and the tests play: bodies, what they meet, and what moves.
+//!
+//! A scene is built by name and played tick by tick; `measure` looks at what a tick did, `truth` judges the result in f64.
 
-pub mod layers;
-pub mod cloth_drop;
+pub mod bullet_cloth;
+mod cloth_drop;
+mod energy;
+mod layers;
 pub mod measure;
+pub mod options;
+mod pile;
+pub mod program;
+mod skirt;
+mod soft_tissue;
+mod stage;
+pub mod truth;
 
-use std::time::Duration;
+use std::ops::Range;
 
-use bevy_app::prelude::*;
 use bevy_circumsphere::{prelude::*, response::*};
-use bevy_ecs::prelude::*;
-use bevy_time::Time;
-use circumsphere_support::scenes::Mesh;
-use glam::Vec3;
 
-use crate::headless::{headless_app, recording::Recorder};
+pub use self::{
+    bullet_cloth::Shot,
+    energy::Energy,
+    stage::{Stage, TICK},
+};
+use crate::headless::recording::Recorder;
 
-/// How long a tick is.
-pub const TICK: Duration = Duration::from_nanos(1_000_000_000 / 60);
+/// The names that [`scene`] knows.
+pub const SCENES: [&str; 6] = ["cloth_drop", "layers", "soft_tissue", "pile", "skirt", "bullet_cloth"];
+
+/// The scene of that name, or `None` where there is none.
+pub fn scene(name: &str, variation: &Variation, recorder: Recorder) -> Option<Scene> {
+    let build = match name {
+        "cloth_drop" => cloth_drop::cloth_drop,
+        "layers" => layers::layers,
+        "soft_tissue" => soft_tissue::soft_tissue,
+        "pile" => pile::pile,
+        "skirt" => skirt::skirt,
+        "bullet_cloth" => bullet_cloth::bullet_cloth,
+        _ => return None,
+    };
+    Some(build(variation, recorder))
+}
+
+/// How large a scene is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Extent {
+    /// Some hundred triangles: for tests.
+    Small,
+    /// Some thousand.
+    #[default]
+    Usual,
+}
+
+impl Extent {
+    fn pick<T>(self, small: T, usual: T) -> T {
+        match self {
+            Self::Small => small,
+            Self::Usual => usual,
+        }
+    }
+}
 
 /// What can be varied about a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Variation {
     /// How contacts are detected.
     pub method: ContactMethod,
-    /// Settings of the detection, its threads among them.
+    /// Settings of the detection, its threads among them: 1 by default.
     pub detection: CircumsphereSettings,
     /// Settings of the response.
     pub response: XpbdSettings,
+    /// Whether everything that moves has [`SweptCollision`]; true by default.
+    pub continuous: bool,
+    /// How large it is.
+    pub extent: Extent,
+    /// What `bullet_cloth` shoots at what.
+    pub shot: Shot,
 }
 
 impl Default for Variation {
     fn default() -> Self {
-        let detection = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };
-        Self { method: ContactMethod::default(), detection, response: XpbdSettings::default() }
+        Self {
+            method: ContactMethod::default(),
+            detection: CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() },
+            response: XpbdSettings::default(),
+            continuous: true,
+            extent: Extent::default(),
+            shot: Shot::default(),
+        }
     }
 }
 
 /// A scene that is being played.
-pub struct Stage {
-    /// The world.
-    pub app: App,
-    /// Everything that moves by physics.
-    pub bodies: Vec<Entity>,
-    method: ContactMethod,
+pub struct Scene {
+    /// Its world.
+    pub stage: Stage,
+    /// How many ticks it takes to see what it is about.
+    pub ticks: u32,
+    /// The ticks in which nothing new happens, of those: where jitter tells something.
+    pub settled: Range<u32>,
+    /// Moves what physics does not move to where it is at a time, in seconds since the start.
+    animate: Box<dyn FnMut(&mut Stage, f64)>,
+    /// How many vertices are where they can only have come through something, closed surfaces left aside.
+    passed: Box<dyn Fn(&Stage) -> usize>,
 }
 
-impl Stage {
-    /// An empty scene, that `recorder` records.
-    pub fn new(variation: &Variation, recorder: Recorder) -> Self {
-        let plugins = DeformableCollisionPlugins::new(Update).build().add(XpbdResponsePlugin::new(Update));
-        let mut app = headless_app(plugins, variation.detection, recorder);
-        app.insert_resource(variation.response);
-        Self { app, bodies: Vec::new(), method: variation.method }
+impl Scene {
+    /// A scene in which only physics moves something. The last quarter of its ticks is settled.
+    fn new(stage: Stage, ticks: u32) -> Self {
+        let settled = ticks - ticks / 4..ticks;
+        Self { stage, ticks, settled, animate: Box::new(|_, _| ()), passed: Box::new(|_| 0) }
     }
 
-    /// Adds a surface that physics does not move.
-    pub fn add_obstacle(&mut self, mesh: &Mesh, extra: impl Bundle) -> Entity {
-        let (surface, positions) = surface_of(mesh);
-        self.app.world_mut().spawn((surface, positions, self.method, extra)).id()
+    fn animated(self, animate: impl FnMut(&mut Stage, f64) + 'static) -> Self {
+        Self { animate: Box::new(animate), ..self }
     }
 
-    /// Adds a body.
-    pub fn add_body(
-        &mut self,
-        mesh: &Mesh,
-        material: XpbdMaterial,
-        change: impl FnOnce(XpbdBody) -> XpbdBody,
-        extra: impl Bundle,
-    ) -> Entity {
-        let (surface, positions) = surface_of(mesh);
-        let body = XpbdBody::new(&surface, &positions, material).expect("the meshes of scenes are sound");
-        let entity = self.app.world_mut().spawn((surface, positions, change(body), self.method, extra)).id();
-        self.bodies.push(entity);
-        entity
+    fn passed(self, passed: impl Fn(&Stage) -> usize + 'static) -> Self {
+        Self { passed: Box::new(passed), ..self }
     }
 
     /// Plays one tick.
     pub fn tick(&mut self) {
-        self.app.world_mut().resource_mut::<Time>().advance_by(TICK);
-        self.app.update();
+        let time = self.stage.next_time();
+        (self.animate)(&mut self.stage, time);
+        self.stage.tick();
     }
 
-    /// Where a surface is.
-    pub fn positions(&self, entity: Entity) -> &[Vec3] {
-        &self.app.world().get::<SurfacePositions>(entity).expect("the scene's surfaces stay").0
+    /// How many vertices of bodies have tunnelled: are inside a closed surface, or behind what they cannot have passed.
+    pub fn tunnelled(&self) -> usize {
+        truth::vertices_inside(&self.stage) + (self.passed)(&self.stage)
     }
-}
-
-fn surface_of(mesh: &Mesh) -> (DeformableSurface, SurfacePositions) {
-    let positions: Vec<Vec3> = mesh.positions.iter().map(|&position| Vec3::from(position)).collect();
-    DeformableSurface::from_mesh(&positions, &mesh.triangles).expect("the meshes of scenes are sound")
 }

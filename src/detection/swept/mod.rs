@@ -204,7 +204,7 @@ impl PreviousPositions {
 fn path_of<'a>(surface: &ActiveSurface, item: &SweptItemReadOnlyItem<'a, '_>, detection: u64) -> Path<'a> {
     let (now, pose) = (&item.positions.0, surface.pose);
     let still = Path::still(now, pose);
-    if !item.swept || surface.fresh {
+    if !item.swept {
         return still;
     }
     let target = item.target.map(|target| &target.0);
@@ -212,6 +212,7 @@ fn path_of<'a>(surface: &ActiveSurface, item: &SweptItemReadOnlyItem<'a, '_>, de
         return Path { end: target, ..still };
     }
     match item.previous {
+        Some(_) if surface.fresh => still,
         Some(previous) if previous.detection + 1 == detection && previous.positions.len() == now.len() => {
             if previous.computed != item.bounds.computed() {
                 return Path { start: &previous.positions, start_pose: previous.pose, ..still };

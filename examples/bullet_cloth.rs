@@ -1,0 +1,42 @@
+//! A ball shot at a pinned sheet, a sheet at a sheet, or a needle at a closed surface: does it tunnel?
+//!
+//! `cargo run --release --example bullet_cloth -- [options]`; `--help` lists the options.
+
+#[expect(dead_code, reason = "scenes advance the clock themselves")]
+mod headless;
+#[path = "headless/method.rs"]
+mod method;
+#[expect(dead_code, reason = "a program plays one of them")]
+mod scenes;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use scenes::{Shot, bullet_cloth::Target, options::SceneOptions, program::run};
+
+/// Shoot something at what should stop it.
+#[derive(Parser, Debug)]
+#[command(name = "bullet_cloth")]
+struct Options {
+    /// What is shot at what
+    #[arg(long, value_enum, default_value_t = Shot::default().target)]
+    target: Target,
+    /// How far it flies in a tick, in thicknesses of 2 mm
+    #[arg(long, value_name = "X", default_value_t = Shot::default().speed, value_parser = speed)]
+    speed: f32,
+    #[command(flatten)]
+    scene: SceneOptions,
+}
+
+/// The fastest that is shot: beyond it single precision does not tell where in its flight something is.
+const FASTEST: f32 = 100_000.0;
+
+fn speed(text: &str) -> Result<f32, String> {
+    let speed = text.parse().map_err(|_| format!("'{text}' is not a number"))?;
+    if (0.0..=FASTEST).contains(&speed) { Ok(speed) } else { Err(format!("expected 0 to {FASTEST}")) }
+}
+
+fn main() -> ExitCode {
+    let Options { target, speed, scene } = Options::parse();
+    run("bullet_cloth", &scene, Shot { target, speed })
+}

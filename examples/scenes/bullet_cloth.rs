@@ -1,0 +1,130 @@
+//! Tunnelling: something is shot at what should stop it, at so many thicknesses a tick.
+
+use bevy_circumsphere::{prelude::*, response::*};
+use bevy_ecs::prelude::*;
+use circumsphere_support::scenes::{Diagonals, Mesh, closed_target, grid, icosphere, needle};
+use clap::ValueEnum;
+use glam::{DVec3, Vec3};
+
+use super::{Scene, Stage, TICK, Variation, truth::Closed};
+use crate::headless::recording::Recorder;
+
+/// Half the contact distance, in meters.
+const THICKNESS: f32 = 0.002;
+
+/// The width of the sheet that is shot at, in meters.
+const SHEET: f32 = 0.5;
+
+/// What is shot at what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Target {
+    /// A ball at a sheet that is held along its border
+    Sheet,
+    /// A sheet, flat, at a larger one that is held along its border
+    SheetBySheet,
+    /// A needle at a closed surface that stands
+    Closed,
+}
+
+/// What is shot, and how fast.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shot {
+    /// At what.
+    pub target: Target,
+    /// In thicknesses of 2 mm a tick.
+    pub speed: f32,
+}
+
+impl Default for Shot {
+    /// A ball at 36 m/s.
+    fn default() -> Self {
+        Self { target: Target::Sheet, speed: 300.0 }
+    }
+}
+
+/// A needle of steel keeps its shape.
+const STEEL: XpbdMaterial = XpbdMaterial {
+    area_density: 8.0,
+    stretch_compliance: 0.0,
+    bend_compliance: 0.0,
+    volume_compliance: f32::INFINITY,
+    damping: 100.0,
+    drag: 0.0,
+};
+
+/// Shoots downwards; reaches the target in the second tick.
+pub fn bullet_cloth(variation: &Variation, recorder: Recorder) -> Scene {
+    let mut stage = Stage::new(variation, recorder);
+    let Shot { target, speed } = variation.shot;
+    let way = speed * THICKNESS;
+    // The first tick is to be over before anything meets, and the way to go no whole number of ticks.
+    let gap = 3.0 * THICKNESS + 1.37 * way;
+    let shot = |body: XpbdBody| body.moving(Vec3::NEG_Y * (way / TICK.as_secs_f32()));
+    let thickness = SurfaceThickness::World(THICKNESS);
+    let scene = |stage| Scene::new(stage, 60);
+    match target {
+        Target::Sheet => {
+            let sheet = add_sheet(&mut stage, variation);
+            let radius = 0.05;
+            let ball = icosphere(variation.extent.pick(1, 2), radius).translate([0.013, radius + gap, 0.007]);
+            let ball = stage.add_body("ball", &ball, XpbdMaterial::SOFT, shot, thickness);
+            scene(stage).passed(move |stage| behind_sheet(stage, sheet, ball))
+        }
+        Target::SheetBySheet => {
+            let sheet = add_sheet(&mut stage, variation);
+            let cells = variation.extent.pick(6, 16);
+            let other = grid(cells, cells, 0.3, 0.3, Diagonals::Alternating).rotate([0.0, 1.0, 0.0], 0.4);
+            let other = other.translate([0.013, gap, 0.007]);
+            let other = stage.add_body("shot sheet", &other, XpbdMaterial::CLOTH, shot, (thickness, SelfCollision));
+            scene(stage).passed(move |stage| behind_sheet(stage, sheet, other))
+        }
+        Target::Closed => {
+            let closed = closed_target();
+            let highest = closed.positions.iter().map(|position| position[1]).fold(f32::MIN, f32::max);
+            let closed = stage.add_obstacle("target", &closed, thickness);
+            let needle = needle(0.1, 0.002).translate([0.013, highest + gap, 0.007]);
+            let needle = stage.add_body("needle", &needle, STEEL, shot, thickness);
+            scene(stage).passed(move |stage| below(stage, closed, needle))
+        }
+    }
+}
+
+/// A sheet in the plane y = 0, held along its border.
+fn add_sheet(stage: &mut Stage, variation: &Variation) -> Entity {
+    let cells = variation.extent.pick(10, 30);
+    let sheet = grid(cells, cells, SHEET, SHEET, Diagonals::Alternating);
+    let border = border(&sheet);
+    let extra = (SurfaceThickness::World(THICKNESS), SelfCollision);
+    stage.add_body("sheet", &sheet, XpbdMaterial::CLOTH, |body| body.pinned(border), extra)
+}
+
+fn border(sheet: &Mesh) -> Vec<VertexId> {
+    let is_outer = |position: &[f32; 3]| position[0].abs().max(position[2].abs()) > 0.4999 * SHEET;
+    (0..).zip(&sheet.positions).filter(|(_, position)| is_outer(position)).map(|(vertex, _)| VertexId(vertex)).collect()
+}
+
+/// How many vertices of what was shot are below the plane of the sheet's border, and not in the pocket that the sheet
+/// makes: between itself and where it was at rest.
+fn behind_sheet(stage: &Stage, sheet: Entity, shot: Entity) -> usize {
+    let current = stage.world_positions(sheet);
+    let triangles = stage.surface(sheet).topology().triangles();
+    let first = current.len() as u32;
+    let turned = triangles.iter().map(|&[a, b, c]| [first + a, first + c, first + b]);
+    let triangles: Vec<[u32; 3]> = triangles.iter().copied().chain(turned).collect();
+    let positions: Vec<DVec3> = current.into_iter().chain(stage.rest(sheet).iter().copied()).collect();
+    let pocket = Closed::new(&positions, &triangles);
+    let is_behind = |point: &&DVec3| point.y < 0.0 && !pocket.contains(**point);
+    stage.world_positions(shot).iter().filter(is_behind).count()
+}
+
+/// How many vertices are straight below a surface that they came to from above.
+fn below(stage: &Stage, surface: Entity, shot: Entity) -> usize {
+    let surface = stage.world_positions(surface);
+    let (low, high) =
+        surface.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
+    let is_below = |point: &&DVec3| {
+        let beside = point.x < low.x || point.x > high.x || point.z < low.z || point.z > high.z;
+        point.y < low.y && !beside
+    };
+    stage.world_positions(shot).iter().filter(is_below).count()
+}

@@ -1,0 +1,124 @@
+//! The program of a scene: plays it as the command line asks, and prints what came of it.
+
+use std::{
+    fmt::{self, Display, Formatter},
+    io::{self, Write},
+    process::ExitCode,
+    time::Duration,
+};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::{
+    Scene, Shot, Variation,
+    measure::{Jitter, Measure, Tick, settled},
+    options::SceneOptions,
+    scene, truth,
+};
+use crate::headless::recording::RecordingError;
+
+/// Bad input of any kind: the shell's convention for a wrong call.
+const BAD_INPUT: u8 = 2;
+
+/// Plays the scene of that name, prints a table, and tells the shell how it went.
+pub fn run(name: &str, options: &SceneOptions, shot: Shot) -> ExitCode {
+    match play(name, options, &Variation { shot, ..options.variation() }) {
+        Ok(outcome) => {
+            // Whoever reads the table may stop reading.
+            let _ = write!(io::stdout(), "{name}: {outcome}");
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(BAD_INPUT)
+        }
+    }
+}
+
+fn play(name: &str, options: &SceneOptions, variation: &Variation) -> Result<Outcome, RecordingError> {
+    let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;
+    let mut scene = scene(name, variation, recorder.unwrap_or_default()).expect("a program has a scene of its name");
+    let ticks = options.ticks.unwrap_or(scene.ticks);
+    // Drawn on a terminal alone.
+    let progress = ProgressBar::new(u64::from(ticks)).with_style(
+        ProgressStyle::with_template("{bar:40} {pos}/{len} ticks, {eta} left").expect("the template is well formed"),
+    );
+    let mut measure = Measure::default();
+    let played = (0..ticks).map(|_| {
+        progress.inc(1);
+        measure.tick(&mut scene)
+    });
+    let played = played.collect();
+    progress.finish_and_clear();
+    Ok(Outcome {
+        bodies: scene.stage.bodies.len(),
+        triangles: scene.stage.triangle_count(),
+        threads: options.threads,
+        crossing: truth::crossing_pairs(&scene.stage),
+        tunnelled: scene.tunnelled(),
+        hash: scene.stage.hash(),
+        scene,
+        ticks: played,
+    })
+}
+
+/// What came of playing a scene.
+struct Outcome {
+    scene: Scene,
+    bodies: usize,
+    triangles: usize,
+    threads: u16,
+    ticks: Vec<Tick>,
+    crossing: usize,
+    tunnelled: usize,
+    hash: u64,
+}
+
+impl Display for Outcome {
+    fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
+        let ticks = self.ticks.len();
+        let mean = |time: fn(&Tick) -> Duration| {
+            self.ticks.iter().map(time).sum::<Duration>().as_secs_f64() * 1.0e3 / ticks.max(1) as f64
+        };
+        let millimeters = 1.0e3;
+        let deepest = |ticks: &[Tick]| ticks.iter().map(|tick| tick.deepest).fold(0.0, f64::max) * millimeters;
+        let settled = settled(&self.scene, ticks);
+        let (first, last) = (&self.ticks[0], &self.ticks[ticks - 1]);
+        let quiet = &self.ticks[settled.clone()];
+        let jitter: Jitter = quiet.iter().map(|tick| tick.jitter).sum();
+        let churn = quiet.iter().map(|tick| tick.churn).sum::<f64>() / quiet.len().max(1) as f64;
+        let Self { bodies, triangles, threads, crossing, tunnelled, hash, .. } = self;
+        writeln!(out, "{bodies} bodies, {triangles} triangles, {ticks} ticks on {threads} thread(s)\n")?;
+        let mut row = |name: &str, value: String| writeln!(out, "{name:<34}{value}");
+        let [detection, response, whole] =
+            [mean(|tick| tick.detection), mean(|tick| tick.response), mean(|tick| tick.whole)];
+        row("time of a tick", format!("{whole:.2} ms: detection {detection:.2}, response {response:.2}"))?;
+        let most = self.ticks.iter().map(|tick| tick.contacts).max().unwrap_or(0);
+        row("contacts", format!("{} at the end, at most {most}", last.contacts))?;
+        let depths = [deepest(&self.ticks[ticks - 1..]), deepest(&self.ticks)];
+        row("too near, the nearest", format!("{:.3} mm at the end, at most {:.3} mm", depths[0], depths[1]))?;
+        row("triangles that cross at the end", format!("{crossing} pairs"))?;
+        row("vertices that have tunnelled", tunnelled.to_string())?;
+        row(
+            "jitter",
+            format!(
+                "{:.1e} edges a tick, second difference {:.1e} (ticks {} to {})",
+                jitter.step(),
+                jitter.second_difference(),
+                settled.start + 1,
+                settled.end
+            ),
+        )?;
+        row("contacts that come or go a tick", format!("{:.1} %", 100.0 * churn))?;
+        row(
+            "energy",
+            format!(
+                "{:.4} J to {:.4} J, {:.1e} J of it motion",
+                first.energy.total(),
+                last.energy.total(),
+                last.energy.kinetic
+            ),
+        )?;
+        row("hash of the end", format!("{hash:016x}"))
+    }
+}

@@ -1,0 +1,167 @@
+//! The world of a scene: a headless app with bodies and obstacles in it, advanced by hand.
+
+use std::time::Duration;
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{prelude::*, response::*};
+use bevy_ecs::{prelude::*, system::SystemState};
+use bevy_time::Time;
+use bevy_transform::components::Transform;
+use circumsphere_support::scenes::Mesh;
+use glam::{DVec3, Vec3};
+
+use super::Variation;
+use crate::headless::{headless_app, recording::Recorder};
+
+/// How long a tick is.
+pub const TICK: Duration = Duration::from_nanos(1_000_000_000 / 60);
+
+/// The world of a scene.
+pub struct Stage {
+    /// The app.
+    pub app: App,
+    /// Everything that moves by physics.
+    pub bodies: Vec<Entity>,
+    /// The surfaces that stand, or move as the scene writes them.
+    pub obstacles: Vec<Entity>,
+    /// How many ticks have been played.
+    pub ticks: u32,
+    contacts: SystemState<SurfaceContacts<'static>>,
+    method: ContactMethod,
+    continuous: bool,
+}
+
+/// Where the vertices of a body have been put, in its own frame: the shape that it returns to.
+#[derive(Component, Clone, Debug)]
+struct RestPositions(Vec<DVec3>);
+
+impl Stage {
+    /// An empty world, that `recorder` records.
+    pub fn new(variation: &Variation, recorder: Recorder) -> Self {
+        let plugins = DeformableCollisionPlugins::new(Update).build().add(XpbdResponsePlugin::new(Update));
+        let mut app = headless_app(plugins, variation.detection, recorder);
+        app.insert_resource(variation.response);
+        let contacts = SystemState::new(app.world_mut());
+        let &Variation { method, continuous, .. } = variation;
+        Self { app, bodies: Vec::new(), obstacles: Vec::new(), ticks: 0, contacts, method, continuous }
+    }
+
+    /// Adds a surface that stands.
+    pub fn add_obstacle(&mut self, name: &'static str, mesh: &Mesh, extra: impl Bundle) -> Entity {
+        let (surface, positions) = surface_of(mesh);
+        let entity = self.app.world_mut().spawn((surface, positions, self.method, Name::new(name), extra)).id();
+        self.obstacles.push(entity);
+        entity
+    }
+
+    /// Adds a surface that the scene moves, by positions or by its transform.
+    pub fn add_moving_obstacle(&mut self, name: &'static str, mesh: &Mesh, extra: impl Bundle) -> Entity {
+        let entity = self.add_obstacle(name, mesh, extra);
+        self.sweep(entity);
+        entity
+    }
+
+    /// Adds a body.
+    pub fn add_body(
+        &mut self,
+        name: &'static str,
+        mesh: &Mesh,
+        material: XpbdMaterial,
+        change: impl FnOnce(XpbdBody) -> XpbdBody,
+        extra: impl Bundle,
+    ) -> Entity {
+        let (surface, positions) = surface_of(mesh);
+        let body = XpbdBody::new(&surface, &positions, material).expect("the meshes of scenes are sound");
+        let rest = RestPositions(positions.0.iter().map(|position| position.as_dvec3()).collect());
+        let bundle = (surface, positions, change(body), rest, self.method, Name::new(name), extra);
+        let entity = self.app.world_mut().spawn(bundle).id();
+        self.bodies.push(entity);
+        self.sweep(entity);
+        entity
+    }
+
+    fn sweep(&mut self, entity: Entity) {
+        if self.continuous {
+            self.app.world_mut().entity_mut(entity).insert(SweptCollision);
+        }
+    }
+
+    /// When the next tick ends, in seconds since the start.
+    pub fn next_time(&self) -> f64 {
+        f64::from(self.ticks + 1) * TICK.as_secs_f64()
+    }
+
+    /// Plays one tick.
+    pub fn tick(&mut self) {
+        self.ticks += 1;
+        self.app.world_mut().resource_mut::<Time>().advance_by(TICK);
+        self.app.update();
+    }
+
+    /// All surfaces, bodies first.
+    pub fn surfaces(&self) -> impl Iterator<Item = Entity> {
+        self.bodies.iter().chain(&self.obstacles).copied()
+    }
+
+    /// Where the vertices of a surface are, in its own frame.
+    pub fn positions(&self, entity: Entity) -> &[Vec3] {
+        &self.app.world().get::<SurfacePositions>(entity).expect("the scene's surfaces stay").0
+    }
+
+    /// Where the vertices of a surface are in the world.
+    pub fn world_positions(&self, entity: Entity) -> Vec<DVec3> {
+        let transform = self.app.world().get::<Transform>(entity).copied().unwrap_or_default();
+        let (turn, offset) = (transform.rotation.as_dquat().normalize(), transform.translation.as_dvec3());
+        self.positions(entity).iter().map(|position| turn * position.as_dvec3() + offset).collect()
+    }
+
+    /// Where the vertices of a body were when it was added.
+    pub fn rest(&self, body: Entity) -> &[DVec3] {
+        &self.app.world().get::<RestPositions>(body).expect("the scene's bodies stay").0
+    }
+
+    /// What a surface is made of.
+    pub fn surface(&self, entity: Entity) -> &DeformableSurface {
+        self.app.world().get::<DeformableSurface>(entity).expect("the scene's surfaces stay")
+    }
+
+    /// How many triangles all surfaces have.
+    pub fn triangle_count(&self) -> usize {
+        self.surfaces().map(|entity| self.surface(entity).topology().triangles().len()).sum()
+    }
+
+    /// Reads the contacts of the last tick.
+    pub fn with_contacts<T>(&mut self, read: impl FnOnce(&SurfaceContacts<'_>) -> T) -> T {
+        let contacts = self.contacts.get(self.app.world()).expect("the plugins keep a contact store");
+        read(&contacts)
+    }
+
+    /// Writes the positions of a surface that the scene moves, or of the pinned vertices of a body.
+    pub fn move_vertices(&mut self, entity: Entity, positions: impl IntoIterator<Item = (usize, Vec3)>) {
+        let mut current = self.app.world_mut().get_mut::<SurfacePositions>(entity).expect("the scene's surfaces stay");
+        for (vertex, position) in positions {
+            current.0[vertex] = position;
+        }
+    }
+
+    /// A number that tells one state of the bodies from another: the FNV-1a hash of all positions and velocities.
+    pub fn hash(&self) -> u64 {
+        const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
+        const PRIME: u64 = 0x0100_0000_01b3;
+        let mut hash = OFFSET_BASIS;
+        for &entity in &self.bodies {
+            let body = self.app.world().get::<XpbdBody>(entity).expect("the scene's bodies stay");
+            for vector in self.positions(entity).iter().chain(&body.velocities) {
+                for byte in vector.to_array().into_iter().flat_map(|coordinate| coordinate.to_bits().to_le_bytes()) {
+                    hash = (hash ^ u64::from(byte)).wrapping_mul(PRIME);
+                }
+            }
+        }
+        hash
+    }
+}
+
+fn surface_of(mesh: &Mesh) -> (DeformableSurface, SurfacePositions) {
+    let positions: Vec<Vec3> = mesh.positions.iter().map(|&position| Vec3::from(position)).collect();
+    DeformableSurface::from_mesh(&positions, &mesh.triangles).expect("the meshes of scenes are sound")
+}
