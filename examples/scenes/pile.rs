@@ -9,13 +9,16 @@ use crate::headless::recording::Recorder;
 /// Half the contact distance, in meters.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.001);
 
+/// Foam that sinks through a liquid, at 1.6 m/s at most.
+const FOAM: XpbdMaterial = XpbdMaterial { drag: 6.0, ..XpbdMaterial::SOFT };
+
 /// A hundred soft bodies above the tray.
 pub fn pile(variation: &Variation, recorder: Recorder) -> Scene {
     let mut stage = Stage::new(variation, recorder);
     stage.add_obstacle("tray", &pile_tray(), THICKNESS);
     for index in 0..variation.extent.pick(6, PILE_BODIES) {
         let body = pile_body(index).translate(pile_start(index));
-        stage.add_body("soft body", &body, XpbdMaterial::SOFT, |body| body, THICKNESS);
+        stage.add_body("soft body", &body, FOAM, |body| body, THICKNESS);
     }
     Scene::new(stage, 240)
 }
