@@ -95,10 +95,11 @@ fn what_nothing_holds_falls_as_far_as_the_steps_of_a_tick_add_up_to() {
     play(&mut scene, ticks);
     let settings = *scene.stage.app.world().resource::<XpbdSettings>();
     let step = TICK.as_secs_f64() / f64::from(settings.substeps);
-    let kept = 1.0 - f64::from(XpbdMaterial::SOFT.drag) * step;
+    let material = scene.stage.app.world().get::<XpbdBody>(body).expect("it is a body").material;
+    let kept = 1.0 - f64::from(material.drag) * step;
     let (mut speed, mut fallen) = (0.0, 0.0);
     for _ in 0..ticks * settings.substeps {
-        speed = speed * kept + 9.81 * step;
+        speed = speed * kept - f64::from(settings.gravity.y) * step;
         fallen += speed * step;
     }
     let found = start - center(&scene);
