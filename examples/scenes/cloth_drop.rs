@@ -1,6 +1,6 @@
 //! The stable scene: a cloth that meets itself falls onto a ball and hangs over it.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use circumsphere_support::scenes::{Diagonals, grid, icosphere};
 
 use super::{Scene, Stage, Variation};

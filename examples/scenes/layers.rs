@@ -1,6 +1,6 @@
 //! Sheets of cloth that fall on each other and on the ground.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use circumsphere_support::scenes::{Diagonals, grid};
 use glam::Vec3;
 

@@ -17,7 +17,7 @@ pub mod truth;
 
 use std::ops::Range;
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{prelude::*, response::XpbdSettings};
 
 pub use self::{
     bullet_cloth::Shot,

@@ -1,6 +1,9 @@
 //! The efficiency scene: soft bodies of mixed shapes drop into a ribbed tray.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{
+    prelude::*,
+    response::{XpbdMaterial, XpbdSettings},
+};
 use circumsphere_support::scenes::{PILE_BODIES, pile_body, pile_start, pile_tray};
 use glam::Vec3;
 

@@ -1,6 +1,6 @@
 //! What a scene moves by itself is where it is said to be, and what falls freely is where a parabola says.
 
-use bevy_circumsphere::response::*;
+use bevy_circumsphere::response::{XpbdBody, XpbdSettings};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{

@@ -1,6 +1,6 @@
 //! The judges themselves: what they count, counted by hand.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use circumsphere_support::scenes::{Diagonals, Mesh, grid, icosphere, torus};
 use glam::{DVec3, Vec3};
 
