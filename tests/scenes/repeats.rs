@@ -4,7 +4,7 @@ use bevy_tasks::{ComputeTaskPool, TaskPoolBuilder};
 
 use crate::{play, scenes::SCENES, small};
 
-/// Enough for things to meet in every scene but the organ's, where [`later`](self) a tool is still on its way down.
+/// Enough for things to meet in most scenes; the organ's instrument is still on its way down.
 const TICKS: u32 = 24;
 
 #[test]
