@@ -118,6 +118,15 @@ fn a_ball_that_nothing_stops_has_tunnelled_with_every_vertex() {
 }
 
 #[test]
+fn a_vertex_that_is_nowhere_has_not_been_stopped() {
+    let mut scene = small("bullet_cloth", 1);
+    assert_eq!(scene.tunnelled(), 0);
+    let shot = *scene.stage.bodies.last().expect("something is shot");
+    scene.stage.move_vertices(shot, [(3, Vec3::NAN), (5, Vec3::INFINITY)]);
+    assert_eq!(scene.tunnelled(), 2);
+}
+
+#[test]
 fn energy_is_that_of_the_formulas() {
     let mut stage = empty();
     let material =
