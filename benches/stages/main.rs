@@ -7,6 +7,7 @@
 #[path = "../../examples/headless/mod.rs"]
 mod headless;
 mod kernel;
+mod response;
 
 use std::{process::ExitCode, sync::LazyLock};
 

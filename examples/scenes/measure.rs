@@ -67,6 +67,8 @@ pub struct Tick {
     pub whole: Duration,
     /// Pairs of features within the contact distance.
     pub contacts: usize,
+    /// Contacts that the solver watched.
+    pub watched: usize,
     /// Contacts that pushed in the last substep.
     pub pressing: usize,
     /// How much nearer than the contact distance the nearest contact is, in world units; 0 where none is.
@@ -99,9 +101,10 @@ impl Measure {
         let world = scene.stage.app.world();
         let detection = world.resource::<DetectionDiagnostics>().total();
         let response = world.resource::<XpbdDiagnostics>();
-        let (pressing, response) = (response.pressing, response.gathering + response.solving + response.guarding);
+        let (watched, pressing) = (response.contacts, response.pressing);
+        let response = response.gathering + response.solving + response.guarding;
         let mut tick =
-            Tick { detection, response, whole, pressing, energy: Energy::of(&scene.stage), ..Tick::default() };
+            Tick { detection, response, whole, watched, pressing, energy: Energy::of(&scene.stage), ..Tick::default() };
         let touching = self.look_at_contacts(&mut scene.stage, &mut tick);
         tick.jitter = self.follow(&scene.stage, &touching);
         tick

@@ -95,6 +95,13 @@ impl Display for Outcome {
         row("time of a tick", format!("{whole:.2} ms: detection {detection:.2}, response {response:.2}"))?;
         let most = self.ticks.iter().map(|tick| tick.contacts).max().unwrap_or(0);
         row("contacts", format!("{} at the end, at most {most}", last.contacts))?;
+        let watched = self.ticks.iter().map(|tick| tick.watched).sum::<usize>() as f64 / ticks.max(1) as f64;
+        if watched > 0.0 {
+            row(
+                "response to a contact",
+                format!("{:.2} µs a tick, of {watched:.0} watched", 1.0e3 * response / watched),
+            )?;
+        }
         let depths = [deepest(&self.ticks[ticks - 1..]), deepest(&self.ticks)];
         row("too near, the nearest", format!("{:.3} mm at the end, at most {:.3} mm", depths[0], depths[1]))?;
         row("triangles that cross at the end", format!("{crossing} pairs"))?;

@@ -16,8 +16,8 @@ use crate::harness::{Scene, TICK, mean};
 fn slide(friction: f32, obstacle_is_shape: bool) -> f64 {
     let mut scene = Scene::new();
     let friction = SurfaceFriction { static_coefficient: friction, dynamic_coefficient: friction };
-    let angle = 0.5_f32.atan();
-    let downhill = Vec3::new(angle.cos(), -angle.sin(), 0.0);
+    let downhill = Vec3::new(0.8_f32.sqrt(), -0.2_f32.sqrt(), 0.0);
+    let angle = 0.5_f64.atan() as f32;
     if obstacle_is_shape {
         let up = Quat::from_rotation_z(-angle) * Vec3::Y;
         scene.app.world_mut().spawn((RigidShape(SharedShape::halfspace(up)), friction));

@@ -19,7 +19,7 @@ fn goes_through(thicknesses_a_tick: f32, swept: bool, random: &mut Random) -> bo
     let cells = 12u32;
     let sheet = grid(cells as usize, cells as usize, 0.5, 0.5, Diagonals::Alternating);
     let row = cells + 1;
-    let border = |vertex: u32| vertex % row == 0 || vertex % row == cells || vertex < row || vertex >= cells * row;
+    let border = |vertex: u32| [vertex % row, vertex / row].iter().any(|&place| place == 0 || place == cells);
     let pins = (0..row * row).filter(|&vertex| border(vertex)).map(VertexId);
     let thickness = SurfaceThickness::World(THICKNESS);
     scene.add_changed(&sheet, XpbdMaterial::CLOTH, |body| body.pinned(pins), thickness);
