@@ -101,7 +101,7 @@ use crate::{schedule::DeformableSystems, surface::SurfacePlugin};
 /// Moves every [`XpbdBody`] and answers its contacts. Needs [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins)
 /// in the same schedule, and a clock: the `Time` resource tells how long a tick is.
 ///
-/// While the game leaves [`CircumsphereSettings::margin`](crate::CircumsphereSettings::margin) at 0, the margin follows what
+/// While the game leaves [`CircumsphereSettings::margin`](field@crate::CircumsphereSettings::margin) at 0, the margin follows what
 /// the bodies move by in a tick.
 pub struct XpbdResponsePlugin {
     schedule: InternedScheduleLabel,
