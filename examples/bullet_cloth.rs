@@ -16,7 +16,7 @@ use scenes::{Shot, bullet_cloth::Target, options::SceneOptions, program::run};
 
 /// Shoot something at what should stop it.
 #[derive(Parser, Debug)]
-#[command(name = "bullet_cloth")]
+#[command(name = "bullet_cloth", allow_negative_numbers = true)]
 struct Options {
     /// What is shot at what
     #[arg(long, value_enum, default_value_t = Shot::default().target)]

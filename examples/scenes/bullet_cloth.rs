@@ -1,6 +1,9 @@
 //! Tunnelling: something is shot at what should stop it, at so many thicknesses a tick.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{
+    prelude::*,
+    response::{XpbdBody, XpbdMaterial},
+};
 use bevy_ecs::prelude::*;
 use circumsphere_support::scenes::{Diagonals, Mesh, closed_target, grid, icosphere, needle};
 use clap::ValueEnum;

@@ -1,6 +1,6 @@
 //! The stable scene: a cloth that meets itself falls onto a ball and hangs over it.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use circumsphere_support::scenes::{Diagonals, grid, icosphere};
 
 use super::{Scene, Stage, Variation};
@@ -21,5 +21,5 @@ pub fn cloth_drop(variation: &Variation, recorder: Recorder) -> Scene {
     let cloth = grid(cells, cells, 1.0, 1.0, Diagonals::Alternating);
     let cloth = cloth.rotate([0.0, 1.0, 0.0], 0.3).translate([0.02, BALL_RADIUS + 0.05, 0.01]);
     stage.add_body("cloth", &cloth, XpbdMaterial::CLOTH, |body| body, (SelfCollision, THICKNESS));
-    Scene::new(stage, 600)
+    Scene::new(stage, 300)
 }

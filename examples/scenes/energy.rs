@@ -2,7 +2,7 @@
 
 use bevy_circumsphere::{
     kernel::{ids::EdgeId, topology::SurfaceTopology},
-    response::*,
+    response::{XpbdBody, XpbdMaterial, XpbdSettings},
 };
 use glam::{DVec3, Vec3};
 

@@ -1,6 +1,6 @@
 //! Sheets of cloth that fall on each other and on the ground.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use circumsphere_support::scenes::{Diagonals, grid};
 use glam::Vec3;
 
@@ -23,7 +23,7 @@ pub fn layers(variation: &Variation, recorder: Recorder) -> Scene {
         let sheet = sheet.rotate([0.0, 1.0, 0.0], 0.21 * layer).translate([0.0, 0.05 + GAP * layer, 0.0]);
         stage.add_body("sheet", &sheet, XpbdMaterial::CLOTH, |body| body, (SelfCollision, THICKNESS));
     }
-    Scene::new(stage, 600).passed(|stage| {
+    Scene::new(stage, 180).passed(|stage| {
         let below = |&entity: &_| stage.positions(entity).iter().filter(|position| position.y < 0.0).count();
         stage.bodies.iter().map(below).sum()
     })

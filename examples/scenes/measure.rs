@@ -8,7 +8,8 @@ use std::{
 };
 
 use bevy_circumsphere::{
-    contacts::ContactSide, detection::DetectionDiagnostics, kernel::contact::ContactKey, prelude::*, response::*,
+    contacts::ContactSide, detection::DetectionDiagnostics, kernel::contact::ContactKey, prelude::*,
+    response::XpbdDiagnostics,
 };
 use bevy_ecs::prelude::*;
 use glam::Vec3;
@@ -148,8 +149,7 @@ impl Measure {
             let own = touching.range((entity, VertexId(0))..=(entity, VertexId(u32::MAX)));
             if before.len() == positions.len() {
                 for vertex in own.map(|(_, vertex)| vertex.index()) {
-                    let [now, last, before] =
-                        [positions[vertex], last[vertex], before[vertex]].map(|position| position.as_dvec3());
+                    let [now, last, before] = [positions[vertex], last[vertex], before[vertex]].map(Vec3::as_dvec3);
                     jitter.step += now.distance(last) / edge;
                     jitter.second += (now - 2.0 * last + before).length() / edge;
                     jitter.count += 1;

@@ -17,7 +17,7 @@ pub mod truth;
 
 use std::ops::Range;
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{prelude::*, response::XpbdSettings};
 
 pub use self::{
     bullet_cloth::Shot,
@@ -128,8 +128,9 @@ impl Scene {
         self.stage.tick();
     }
 
-    /// How many vertices of bodies have tunnelled: are inside a closed surface, or behind what they cannot have passed.
+    /// How many vertices of bodies have tunnelled: are inside a closed surface, or behind what they cannot have passed. Those
+    /// that are nowhere count too, or a body that has burst would pass for one that was stopped.
     pub fn tunnelled(&self) -> usize {
-        truth::vertices_inside(&self.stage) + (self.passed)(&self.stage)
+        truth::vertices_nowhere(&self.stage) + truth::vertices_inside(&self.stage) + (self.passed)(&self.stage)
     }
 }

@@ -1,7 +1,11 @@
 //! The efficiency scene: soft bodies of mixed shapes drop into a ribbed tray.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{
+    prelude::*,
+    response::{XpbdMaterial, XpbdSettings},
+};
 use circumsphere_support::scenes::{PILE_BODIES, pile_body, pile_start, pile_tray};
+use glam::Vec3;
 
 use super::{Scene, Stage, Variation};
 use crate::headless::recording::Recorder;
@@ -9,13 +13,20 @@ use crate::headless::recording::Recorder;
 /// Half the contact distance, in meters.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.001);
 
-/// A hundred soft bodies above the tray.
+/// Foam in a liquid.
+const FOAM: XpbdMaterial = XpbdMaterial { drag: 5.0, ..XpbdMaterial::SOFT };
+
+/// What of gravity the liquid leaves, in m/s²: with its drag the foam sinks at 0.3 m/s, 5 mm a tick.
+const GRAVITY: Vec3 = Vec3::new(0.0, -1.5, 0.0);
+
+/// A hundred soft bodies above the tray, in a liquid.
 pub fn pile(variation: &Variation, recorder: Recorder) -> Scene {
-    let mut stage = Stage::new(variation, recorder);
+    let response = XpbdSettings { gravity: GRAVITY, ..variation.response };
+    let mut stage = Stage::new(&Variation { response, ..*variation }, recorder);
     stage.add_obstacle("tray", &pile_tray(), THICKNESS);
     for index in 0..variation.extent.pick(6, PILE_BODIES) {
         let body = pile_body(index).translate(pile_start(index));
-        stage.add_body("soft body", &body, XpbdMaterial::SOFT, |body| body, THICKNESS);
+        stage.add_body("soft body", &body, FOAM, |body| body, THICKNESS);
     }
-    Scene::new(stage, 240)
+    Scene::new(stage, 300)
 }

@@ -1,13 +1,13 @@
 //! Cloth over a character: a skirt hangs from the waist of a figure that begins to walk.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use bevy_ecs::prelude::*;
 use circumsphere_support::scenes::{
     self, FIGURE_EASE, FIGURE_LIMBS, FIGURE_STEP, Mesh, pelvis_offset, skirt_waist_vertices, walking_figure,
 };
 use glam::Vec3;
 
-use super::{Scene, Stage, TICK, Variation};
+use super::{Scene, Stage, Variation, stage::tick_at};
 use crate::headless::recording::Recorder;
 
 /// Half the contact distance, in meters.
@@ -34,7 +34,6 @@ pub fn skirt(variation: &Variation, recorder: Recorder) -> Scene {
     let pins: Vec<VertexId> = waist.iter().map(|&(vertex, _)| VertexId(vertex as u32)).collect();
     let skirt =
         stage.add_body("skirt", &cloth, XpbdMaterial::CLOTH, |body| body.pinned(pins), (SelfCollision, THICKNESS));
-    let tick_at = |seconds: f64| (seconds / TICK.as_secs_f64()) as u32;
     let mut scene = Scene::new(stage, tick_at(FIGURE_EASE + STEPS * FIGURE_STEP)).animated(move |stage, time| {
         for (&limb, Mesh { positions, .. }) in limbs.iter().zip(walking_figure(time)) {
             stage.move_vertices(limb, positions.into_iter().map(Vec3::from).enumerate());

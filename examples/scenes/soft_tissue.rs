@@ -1,13 +1,16 @@
 //! The precision scene: an instrument presses into a soft organ, slides over it and lifts.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{
+    prelude::*,
+    response::{SurfaceFriction, XpbdMaterial, XpbdSettings},
+};
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{
     INSTRUMENT_END, INSTRUMENT_SLIDE_END, INSTRUMENT_SLIDE_START, instrument, instrument_pose, organ,
 };
 use glam::{Quat, Vec3};
 
-use super::{Scene, Stage, TICK, Variation};
+use super::{Scene, Stage, Variation, stage::tick_at};
 use crate::headless::recording::Recorder;
 
 /// Half the contact distance, in meters.
@@ -43,7 +46,6 @@ pub fn soft_tissue(variation: &Variation, recorder: Recorder) -> Scene {
         .collect();
     stage.add_body("organ", &tissue, TISSUE, |body| body.pinned(held), (THICKNESS, FRICTION));
     let tool = stage.add_moving_obstacle("instrument", &instrument(), (THICKNESS, FRICTION, pose(0.0)));
-    let tick_at = |seconds: f64| (seconds / TICK.as_secs_f64()) as u32;
     let mut scene = Scene::new(stage, tick_at(INSTRUMENT_END)).animated(move |stage, time| {
         *stage.app.world_mut().get_mut::<Transform>(tool).expect("the instrument stays") = pose(time);
     });

@@ -3,7 +3,10 @@
 use std::time::Duration;
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{
+    prelude::*,
+    response::{XpbdBody, XpbdMaterial, XpbdResponsePlugin},
+};
 use bevy_ecs::{prelude::*, system::SystemState};
 use bevy_time::Time;
 use bevy_transform::components::Transform;
@@ -15,6 +18,11 @@ use crate::headless::{headless_app, recording::Recorder};
 
 /// How long a tick is.
 pub const TICK: Duration = Duration::from_nanos(1_000_000_000 / 60);
+
+/// How many whole ticks there are in some seconds.
+pub(super) fn tick_at(seconds: f64) -> u32 {
+    (Duration::from_secs_f64(seconds).as_nanos() / TICK.as_nanos()) as u32
+}
 
 /// The world of a scene.
 pub struct Stage {

@@ -36,6 +36,12 @@ pub fn crossing_pairs(stage: &Stage) -> usize {
         .count()
 }
 
+/// How many vertices of bodies have a coordinate that is not finite.
+pub fn vertices_nowhere(stage: &Stage) -> usize {
+    let nowhere = |&entity: &Entity| stage.positions(entity).iter().filter(|position| !position.is_finite()).count();
+    stage.bodies.iter().map(nowhere).sum()
+}
+
 /// How many vertices of bodies are inside another surface that is closed.
 pub fn vertices_inside(stage: &Stage) -> usize {
     let world: Vec<(Entity, Vec<DVec3>)> =

@@ -15,12 +15,14 @@ use super::{
     features::{edge_edge, vertex_face},
     particles::Particles,
     solver::{Solver, SolverBody},
+    untangle::untangling_direction,
 };
 use crate::{
     contacts::{ContactSide, ContactStore, PairOrder, StoredPair, SweptImpacts},
     kernel::{
         contact::{CompactContact, ContactKey},
-        exact::{Feature, side::face_normal},
+        exact::{Feature, FeatureKind, side::face_normal},
+        ids::EdgeId,
         pose::Pose,
         topology::SurfaceTopology,
     },
@@ -50,6 +52,8 @@ pub(super) struct Gatherer {
     /// The contacts of all pairs with a body, by what they are named by, with their pair's place and their own.
     order: Vec<(PairOrder, ContactKey, [u32; 2], [u32; 2])>,
     known: HashSet<Features4>,
+    /// The vertices of the triangles that cross in this pair.
+    tangled: HashSet<u32>,
 }
 
 /// Which contacts the solver watches: those whose separation is no more than twice what their own vertices move by
@@ -185,6 +189,7 @@ impl Gatherer {
             let pair = &scene.store.pairs[pair_place as usize];
             if last.0 != pair_place {
                 last = (pair_place, scene.friction(pair.a.entity(), pair.b.entity()));
+                self.find_tangled(&mut solver.particles, scene, pair);
             }
             let record = &scene.store.contacts[place as usize];
             let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else { continue };
@@ -259,6 +264,25 @@ impl Gatherer {
                 entries.retain(|&mut (_, weight)| weight != 0.0);
                 let features = Features::Plane { particles: entries, offset: -distance };
                 solver.contacts.push(ContactConstraint::new(features, normal, distance, friction));
+            }
+        }
+    }
+
+    /// Lists the corners of the triangles of a pair that cross.
+    fn find_tangled(&mut self, particles: &mut Particles, scene: &Scene<'_, '_>, pair: &StoredPair) {
+        self.tangled.clear();
+        if pair.nearest > 0.0 || pair.one_sided.contains(&true) {
+            return;
+        }
+        let Some(topology_b) = &pair.topology_b else { return };
+        let sides = [self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, Some(topology_b))];
+        for record in &scene.store.contacts[pair.contacts.clone()] {
+            if record.features.kind() != FeatureKind::EdgeFace {
+                continue;
+            }
+            for ((side, pose), triangle) in sides.iter().zip(&pair.poses).zip([record.triangle_a, record.triangle_b]) {
+                let corners = self.corners(particles, scene, side, pose, triangle);
+                self.tangled.extend(corners.into_iter().flatten());
             }
         }
     }
@@ -360,17 +384,29 @@ impl Gatherer {
             let Side::Shape { entity } = side_b else { return None };
             return Some(self.against_shape(particles, pair, record, (a, entity, normal), friction));
         };
-        let penetrated = record.distance < 0.0;
+        let has_inside = pair.one_sided.contains(&true);
+        // What a guard has kept apart has not passed, whatever side a rotation has brought it to.
+        let is_apart = pair.nearest > 0.0 && [pair.a, pair.b].iter().any(|side| scene.is_swept(side.entity()));
+        let is_wrong_side = record.distance < 0.0 && !has_inside && is_apart;
+        let normal = if is_wrong_side { -normal } else { normal };
+        let penetrated = record.distance < 0.0 && !is_wrong_side;
         let (vertex_side, features, normal) = match (record.features.a, record.features.b) {
             (Feature::Vertex(corner), Feature::Face) => (0, face_of(a[corner as usize], b), normal),
             (Feature::Face, Feature::Vertex(corner)) => (1, face_of(b[corner as usize], a), -normal),
             (Feature::Edge(edge_a), Feature::Edge(edge_b)) => (2, edges_of(a, edge_a, b, edge_b), normal),
             (Feature::Vertex(corner), _) if !penetrated => (0, face_of(a[corner as usize], b), normal),
             (_, Feature::Vertex(corner)) if !penetrated => (1, face_of(b[corner as usize], a), -normal),
-            // A crossing has neither depth nor direction.
-            (Feature::Edge(_), Feature::Face) | (Feature::Face, Feature::Edge(_)) => return None,
+            (Feature::Edge(_), Feature::Face) | (Feature::Face, Feature::Edge(_)) => {
+                let firsts = [pair.a, pair.b].map(|side| self.first_particle(side.entity()));
+                return if has_inside { None } else { untangling(particles, pair, record, [a, b], firsts) };
+            }
             _ => (2, flat(particles, record, [a, b], normal, distance), normal),
         };
+        // Beside a crossing, what is on the wrong side would be held there.
+        let is_tangled = |corners: [u32; 3]| corners.iter().any(|corner| self.tangled.contains(corner));
+        if !penetrated && is_tangled(a) && is_tangled(b) {
+            return None;
+        }
         let mut constraint = ContactConstraint::new(features, normal, distance, friction);
         let one_sided = vertex_side < 2 && pair.one_sided[1 - vertex_side];
         look_where_it_began(&mut constraint, particles, one_sided);
@@ -424,6 +460,43 @@ fn completed(feature: Feature, [first, second]: [f32; 2]) -> [f64; 3] {
         Feature::Edge(0) => [first, 1.0 - first, 0.0],
         _ => [first, second, 1.0 - first - second],
     }
+}
+
+/// The constraint of a crossing without memory: the edge moves against the face by a contact distance, so that the curve
+/// in which the two surfaces cross becomes shorter.
+fn untangling(
+    particles: &Particles,
+    pair: &StoredPair,
+    record: &CompactContact,
+    [a, b]: [[u32; 3]; 2],
+    firsts: [Option<usize>; 2],
+) -> Option<ContactConstraint> {
+    let topology_b = pair.topology_b.as_ref()?;
+    let (topology, triangle, corners, edge, face, first_particle, sign) = match (record.features.a, record.features.b) {
+        (Feature::Edge(edge), Feature::Face) => (&pair.topology_a, record.triangle_a, a, edge as usize, b, firsts[0], 1.0),
+        (Feature::Face, Feature::Edge(edge)) => (topology_b, record.triangle_b, b, edge as usize, a, firsts[1], -1.0),
+        _ => return None,
+    };
+    let [start, end] = [corners[edge], corners[(edge + 1) % 3]];
+    let at = |particle: u32| particles.start[particle as usize];
+    let around = topology.triangles_of_edge(EdgeId(topology.triangle_edges()[triangle as usize][edge]));
+    let beside = around.iter().filter_map(|&other| {
+        if other == triangle {
+            return Some(at(corners[(edge + 2) % 3]));
+        }
+        let first_particle = first_particle?;
+        let corners = topology.welded_triangles()[other as usize].map(|vertex| first_particle as u32 + vertex);
+        corners.into_iter().find(|corner| ![start, end].contains(corner)).map(at)
+    });
+    let direction = untangling_direction([at(start), at(end)], &face.map(at), beside)?;
+    let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
+    entries.extend(a.into_iter().zip(completed(record.features.a, record.barycentric_a)));
+    entries.extend(b.into_iter().zip(completed(record.features.b, record.barycentric_b).map(|weight| -weight)));
+    entries.retain(|&mut (_, weight)| weight != 0.0);
+    let normal = direction * sign;
+    let distance = f64::from(pair.contact_distance);
+    let offset = -distance - normal.dot(detected_sum(particles, &entries));
+    Some(ContactConstraint::new(Features::Plane { particles: entries, offset }, normal, distance, [0.0; 2]))
 }
 
 /// A contact whose normal and weights stay for the tick: of spheres, and of features that have penetrated at a rim.

@@ -36,6 +36,7 @@ mod particles;
 mod respond;
 mod settings;
 mod solver;
+mod untangle;
 
 use bevy_app::prelude::*;
 use bevy_ecs::{

@@ -11,6 +11,13 @@ use crate::response::particles::Particles;
 /// Triangles whose doubled area is below this share of their longest edge's square have no direction.
 const LEAST_AREA: f64 = 1.0e-9;
 
+/// Corners move by at most this share of a triangle's height at a time.
+const FARTHEST: f64 = 0.2;
+
+/// Of the bend that is missing, one solution makes up this share where nothing gives: hinges around a vertex pull at the same
+/// corners, and all together would overshoot.
+const RELAXATION: f64 = 0.5;
+
 /// An inner edge, the two corners opposite of it, and the bend at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hinge {
@@ -24,6 +31,8 @@ pub struct Hinge {
 /// The bend of a hinge and its gradients.
 struct Bend {
     value: f64,
+    /// Height of the lower triangle over the edge.
+    height: f64,
     gradients: [DVec3; 4],
 }
 
@@ -60,7 +69,8 @@ fn bend(points: &[DVec3; 4]) -> Option<Bend> {
         -lift_left * length,
         -lift_right * length,
     ];
-    Some(Bend { value: 2.0 * half_sine, gradients: angle_gradients.map(|gradient| gradient * half_cosine) })
+    let height = area_left.min(area_right).sqrt() / length;
+    Some(Bend { value: 2.0 * half_sine, height, gradients: angle_gradients.map(|gradient| gradient * half_cosine) })
 }
 
 impl Hinge {
@@ -81,7 +91,14 @@ impl Hinge {
         if weight + compliance <= f64::MIN_POSITIVE {
             return;
         }
-        let change = (self.bend - bend.value - compliance * *multiplier) / (weight + compliance);
+        let change = (self.bend - bend.value - compliance * *multiplier) / (weight / RELAXATION + compliance);
+        // The gradients hold while no corner moves by more than a part of its height over the edge.
+        let farthest = (0..4).map(|corner| bend.gradients[corner].length() * weights[corner]).fold(0.0, f64::max);
+        let change = if farthest * change.abs() > FARTHEST * bend.height {
+            (FARTHEST * bend.height / farthest).copysign(change)
+        } else {
+            change
+        };
         *multiplier += change;
         for corner in 0..4 {
             particles.position[places[corner]] += bend.gradients[corner] * (weights[corner] * change);

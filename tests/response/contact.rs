@@ -1,0 +1,160 @@
+//! Contacts and friction against closed forms.
+
+use bevy_circumsphere::{ContactStore, DeformableSystems, prelude::*, response::*};
+use bevy_app::prelude::*;
+use bevy_ecs::prelude::*;
+use bevy_transform::components::Transform;
+use circumsphere_support::{
+    random::Random,
+    scenes::{Diagonals, cuboid, grid, icosphere},
+};
+use glam::{Quat, Vec3};
+
+use crate::harness::{Scene, TICK, mean};
+
+/// A flat sheet that slides down a slope of a quarter of a turn less 63.4 degrees: `tan = 1/2`. How far it goes in a second.
+fn slide(friction: f32, obstacle_is_shape: bool) -> f64 {
+    let mut scene = Scene::new();
+    let friction = SurfaceFriction { static_coefficient: friction, dynamic_coefficient: friction };
+    let angle = 0.5_f32.atan();
+    let downhill = Vec3::new(angle.cos(), -angle.sin(), 0.0);
+    if obstacle_is_shape {
+        let up = Quat::from_rotation_z(-angle) * Vec3::Y;
+        scene.app.world_mut().spawn((RigidShape(SharedShape::halfspace(up)), friction));
+    } else {
+        let slope = grid(12, 12, 12.0, 12.0, Diagonals::Alternating).rotate([0.0, 0.0, 1.0], -angle);
+        scene.add_obstacle(&slope, (friction, SurfaceThickness::World(0.005)));
+    }
+    let distance = if obstacle_is_shape { 0.005 } else { 0.01 };
+    let sheet = grid(4, 4, 0.4, 0.4, Diagonals::Alternating).translate([0.0, distance, 0.03]);
+    let sheet = sheet.rotate([0.0, 0.0, 1.0], -angle);
+    let material = XpbdMaterial { drag: 0.0, ..XpbdMaterial::CLOTH };
+    let body = scene.add(&sheet, material, (friction, SurfaceThickness::World(0.005)));
+    let before = mean(scene.positions(body));
+    scene.run(60);
+    (mean(scene.positions(body)) - before).dot(downhill.as_dvec3())
+}
+
+#[test]
+fn a_sheet_slides_as_the_dynamic_friction_says_and_rests_where_the_static_one_holds() {
+    let (sine, cosine) = (0.2_f64.sqrt(), 0.8_f64.sqrt());
+    for is_shape in [true, false] {
+        for friction in [0.0, 0.2, 0.4] {
+            let slid = slide(friction as f32, is_shape);
+            let expected = 0.5 * 9.81 * (sine - friction * cosine);
+            // A step more or less in 600, and the way from facet to facet.
+            assert!((slid - expected).abs() < 0.02 * 0.5 * 9.81 * sine, "{is_shape} {friction}: {slid} {expected}");
+        }
+        let held = slide(0.6, is_shape);
+        assert!(held.abs() < 1e-3, "{is_shape}: {held}");
+    }
+}
+
+#[test]
+fn a_sheet_rests_at_the_contact_distance() {
+    for mesh_floor in [false, true] {
+        let mut scene = Scene::new();
+        let expected = if mesh_floor {
+            scene.add_obstacle(&grid(5, 5, 2.0, 2.0, Diagonals::Uniform), SurfaceThickness::World(0.003));
+            0.01
+        } else {
+            scene.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
+            0.007
+        };
+        let sheet = grid(8, 8, 0.5, 0.5, Diagonals::Alternating).translate([0.011, 0.05, 0.017]);
+        let body = scene.add(&sheet, XpbdMaterial::CLOTH, SurfaceThickness::World(0.007));
+        scene.run(120);
+        for position in scene.positions(body) {
+            assert!((position.y - expected).abs() < 2e-4, "{mesh_floor} {position}");
+        }
+    }
+}
+
+#[test]
+fn two_bodies_that_meet_keep_their_momentum_and_stick_together() {
+    let mut scene = Scene::new();
+    scene.settings().gravity = Vec3::ZERO;
+    let material = XpbdMaterial { drag: 0.0, ..XpbdMaterial::SOFT };
+    let thickness = SurfaceThickness::World(0.004);
+    let [left, right] = [-1.0_f32, 1.0].map(|side| {
+        let ball = icosphere(2, 0.1).translate([0.13 * side, 0.0, 0.011 * side]);
+        scene.add_changed(&ball, material, |body| body.moving(Vec3::NEG_X * 0.5 * side), thickness)
+    });
+    let momentum = |scene: &Scene| mean(&scene.body(left).velocities) + mean(&scene.body(right).velocities);
+    assert!(momentum(&scene).length() < 1e-7);
+    let mut met = 0;
+    for _ in 0..60 {
+        scene.tick(TICK);
+        met += usize::from(scene.diagnostics().pressing > 0);
+    }
+    assert!(met > 0);
+    // Both balls are equal, so that equal means of velocities are equal momenta, up to how masses differ from vertex to
+    // vertex: that of the vertex means is some percent of what was exchanged.
+    assert!(momentum(&scene).length() < 0.02, "{}", momentum(&scene));
+    let gap = mean(scene.positions(right)).x - mean(scene.positions(left)).x;
+    assert!(gap > 0.15, "they have not passed through each other: {gap}");
+}
+
+#[test]
+fn a_driven_surface_pushes_a_cloth_along() {
+    let mut scene = Scene::new();
+    scene.settings().gravity = Vec3::ZERO;
+    let plate = scene.add_obstacle(&cuboid([0.3, 0.02, 0.3], 3), (SurfaceThickness::World(0.005), Transform::default()));
+    let sheet = grid(10, 10, 0.4, 0.4, Diagonals::Alternating).translate([0.0, 0.05, 0.0]);
+    let body = scene.add(&sheet, XpbdMaterial::CLOTH, SurfaceThickness::World(0.005));
+    for tick in 0..60 {
+        // 0.3 m in a second: half the contact distance a tick.
+        let height = 0.3 * (tick + 1) as f32 / 60.0;
+        scene.app.world_mut().get_mut::<Transform>(plate).unwrap().translation.y = height;
+        scene.tick(TICK);
+        for position in scene.positions(body) {
+            assert!(position.y > height + 0.02, "tick {tick}: {position} is in the plate at {height}");
+        }
+    }
+}
+
+/// Shuffles the contacts of every pair, as a store from elsewhere might have them.
+fn shuffle(mut store: ResMut<ContactStore>) {
+    let mut random = Random::new(11);
+    let store = &mut *store;
+    for pair in &store.pairs {
+        let contacts = &mut store.contacts[pair.contacts.clone()];
+        for place in (1..contacts.len()).rev() {
+            contacts.swap(place, random.below(place as u64 + 1) as usize);
+        }
+    }
+}
+
+#[test]
+fn the_order_of_contacts_does_not_matter() {
+    let ends = [false, true].map(|shuffled| {
+        let mut scene = Scene::new();
+        if shuffled {
+            scene.app.add_systems(Update, shuffle.after(DeformableSystems::Detect).before(DeformableSystems::Respond));
+        }
+        scene.add_obstacle(&icosphere(3, 0.2), ());
+        let sheet = grid(12, 12, 0.6, 0.6, Diagonals::Alternating).translate([0.01, 0.23, 0.02]);
+        let body = scene.add(&sheet, XpbdMaterial::CLOTH, (SelfCollision, SurfaceThickness::World(0.003)));
+        let mut most = 0;
+        for _ in 0..60 {
+            scene.tick(TICK);
+            most = most.max(scene.diagnostics().contacts);
+        }
+        assert!(most > 100, "{most}");
+        scene.positions(body).iter().map(|position| position.to_array().map(f32::to_bits)).collect::<Vec<_>>()
+    });
+    assert_eq!(ends[0], ends[1]);
+}
+
+#[test]
+fn every_method_carries_a_sheet() {
+    for method in ContactMethod::ALL {
+        let mut scene = Scene::new();
+        scene.add_obstacle(&icosphere(3, 0.2), method);
+        let sheet = grid(12, 12, 0.5, 0.5, Diagonals::Alternating).translate([0.01, 0.23, 0.02]);
+        let body = scene.add(&sheet, XpbdMaterial::CLOTH, (method, SurfaceThickness::World(0.003)));
+        scene.run(60);
+        let middle = scene.positions(body)[6 * 13 + 6];
+        assert!(middle.is_finite() && middle.y > 0.19, "{method:?}: {middle}");
+    }
+}

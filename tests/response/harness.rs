@@ -1,0 +1,92 @@
+//! A headless world with a response, ticked by hand.
+
+use std::time::Duration;
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{prelude::*, response::*};
+use bevy_ecs::prelude::*;
+use bevy_time::Time;
+use circumsphere_support::scenes::Mesh;
+use glam::Vec3;
+
+/// A tick of a sixtieth of a second, in seconds.
+pub const TICK: f64 = 1.0 / 60.0;
+
+pub struct Scene {
+    pub app: App,
+}
+
+impl Scene {
+    pub fn new() -> Self {
+        let mut app = App::new();
+        app.add_plugins((DeformableCollisionPlugins::new(Update), XpbdResponsePlugin::new(Update)));
+        app.init_resource::<Time>();
+        app.finish();
+        app.cleanup();
+        app.world_mut().resource_mut::<CircumsphereSettings>().threads = 1;
+        Self { app }
+    }
+
+    pub fn settings(&mut self) -> Mut<'_, XpbdSettings> {
+        self.app.world_mut().resource_mut::<XpbdSettings>()
+    }
+
+    pub fn add(&mut self, mesh: &Mesh, material: XpbdMaterial, extra: impl Bundle) -> Entity {
+        self.add_changed(mesh, material, |body| body, extra)
+    }
+
+    pub fn add_changed(
+        &mut self,
+        mesh: &Mesh,
+        material: XpbdMaterial,
+        change: impl FnOnce(XpbdBody) -> XpbdBody,
+        extra: impl Bundle,
+    ) -> Entity {
+        let (surface, positions) = surface_of(mesh);
+        let body = change(XpbdBody::new(&surface, &positions, material).unwrap());
+        self.app.world_mut().spawn((surface, positions, body, extra)).id()
+    }
+
+    pub fn add_obstacle(&mut self, mesh: &Mesh, extra: impl Bundle) -> Entity {
+        let (surface, positions) = surface_of(mesh);
+        self.app.world_mut().spawn((surface, positions, extra)).id()
+    }
+
+    pub fn tick(&mut self, seconds: f64) {
+        self.app.world_mut().resource_mut::<Time>().advance_by(Duration::from_secs_f64(seconds));
+        self.app.update();
+    }
+
+    pub fn run(&mut self, ticks: usize) {
+        (0..ticks).for_each(|_| self.tick(TICK));
+    }
+
+    pub fn positions(&self, entity: Entity) -> &[Vec3] {
+        &self.app.world().get::<SurfacePositions>(entity).unwrap().0
+    }
+
+    pub fn body(&self, entity: Entity) -> &XpbdBody {
+        self.app.world().get::<XpbdBody>(entity).unwrap()
+    }
+
+    pub fn body_mut(&mut self, entity: Entity) -> Mut<'_, XpbdBody> {
+        self.app.world_mut().get_mut::<XpbdBody>(entity).unwrap()
+    }
+
+    pub fn diagnostics(&self) -> &XpbdDiagnostics {
+        self.app.world().resource::<XpbdDiagnostics>()
+    }
+}
+
+pub fn surface_of(mesh: &Mesh) -> (DeformableSurface, SurfacePositions) {
+    let positions: Vec<Vec3> = mesh.positions.iter().map(|&position| Vec3::from(position)).collect();
+    DeformableSurface::from_mesh(&positions, &mesh.triangles).unwrap()
+}
+
+/// A material without any loss, to compare with closed forms.
+pub const LOSSLESS: XpbdMaterial = XpbdMaterial { drag: 0.0, damping: 0.0, ..XpbdMaterial::CLOTH };
+
+/// The mean of some vectors.
+pub fn mean(values: &[Vec3]) -> glam::DVec3 {
+    values.iter().map(|value| value.as_dvec3()).sum::<glam::DVec3>() / values.len() as f64
+}

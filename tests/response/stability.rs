@@ -1,0 +1,129 @@
+//! What must not blow up, whatever a game does.
+
+use bevy_circumsphere::{prelude::*, response::*};
+use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere, needle, pile_body, torus};
+use glam::Vec3;
+
+use crate::harness::{Scene, TICK};
+
+/// The greatest speed of a vertex, in meters per second; not a number if one is not.
+fn fastest(scene: &Scene, entity: bevy_ecs::entity::Entity) -> f32 {
+    let speeds = scene.body(entity).velocities.iter().map(|velocity| velocity.length());
+    speeds.fold(0.0, |fastest, speed| if speed > fastest || speed.is_nan() { speed } else { fastest })
+}
+
+#[test]
+fn bodies_of_any_shape_fly_on_without_shaking() {
+    let meshes: Vec<(&str, Mesh)> = vec![
+        ("needle", needle(0.2, 0.004)),
+        ("ball", icosphere(2, 0.1)),
+        ("box", cuboid([0.1, 0.1, 0.1], 4)),
+        ("ring", torus(0.1, 0.03, 16, 8)),
+        ("sheet", grid(8, 8, 0.2, 0.2, Diagonals::Alternating)),
+        ("pile", pile_body(3)),
+    ];
+    for (name, mesh) in meshes {
+        let stiff = XpbdMaterial { stretch_compliance: 0.0, bend_compliance: 0.0, ..XpbdMaterial::SOFT };
+        let stiff_skin = XpbdMaterial { volume_compliance: f32::INFINITY, ..stiff };
+        for material in [XpbdMaterial::SOFT, XpbdMaterial::CLOTH, stiff, stiff_skin] {
+            let mut scene = Scene::new();
+            scene.settings().gravity = Vec3::ZERO;
+            let material = XpbdMaterial { drag: 0.0, ..material };
+            let body = scene.add_changed(&mesh, material, |body| body.moving(Vec3::X), ());
+            scene.run(60);
+            // Rounding to single precision is a micrometer a tick at this distance, a thousandth of this bound.
+            let speed = fastest(&scene, body);
+            assert!((speed - 1.0).abs() < 0.1, "{name} {material:?}: {speed}");
+        }
+    }
+}
+
+/// Runs a cloth that is held at two corners and hangs onto a ball, whatever `change` does to it in the tenth tick, and
+/// checks that everything stays where it can be.
+fn survives(change: impl Fn(&mut Scene, bevy_ecs::entity::Entity) -> f64, prepare: impl Fn(XpbdBody) -> XpbdBody) {
+    let mut scene = Scene::new();
+    scene.add_obstacle(&icosphere(3, 0.2).translate([0.0, -0.25, 0.0]), ());
+    let sheet = grid(10, 10, 0.5, 0.5, Diagonals::Alternating);
+    let pinned = |body: XpbdBody| prepare(body.pinned([VertexId(0), VertexId(10)]));
+    let body = scene.add_changed(&sheet, XpbdMaterial::CLOTH, pinned, (SelfCollision, SweptCollision));
+    for tick in 0..120 {
+        let seconds = if tick == 10 { change(&mut scene, body) } else { TICK };
+        scene.tick(seconds);
+        for position in scene.positions(body) {
+            // The diagonal of the cloth is 0.71 m long, and nothing is farther from a pin than that and some stretch.
+            assert!(position.is_finite() && position.length() < 1.5, "tick {tick}: {position}");
+        }
+    }
+    let speed = fastest(&scene, body);
+    assert!(speed < 5.0, "{speed}");
+}
+
+#[test]
+fn a_mass_ratio_of_a_thousand_holds() {
+    let heavy = |mut body: XpbdBody| {
+        body.inverse_masses[115] /= 1000.0;
+        body
+    };
+    survives(|_, _| TICK, heavy);
+    let light = |mut body: XpbdBody| {
+        (0..60).for_each(|vertex| body.inverse_masses[2 * vertex + 1] *= 1000.0);
+        body
+    };
+    survives(|_, _| TICK, light);
+}
+
+#[test]
+fn a_tick_without_time_changes_nothing() {
+    let mut scene = Scene::new();
+    let body = scene.add(&icosphere(2, 0.1), XpbdMaterial::SOFT, ());
+    scene.run(5);
+    let (positions, velocities) = (scene.positions(body).to_vec(), scene.body(body).velocities.clone());
+    scene.app.world_mut().resource_mut::<bevy_time::Time>().advance_by(std::time::Duration::ZERO);
+    scene.app.update();
+    assert_eq!(scene.positions(body), positions);
+    assert_eq!(scene.body(body).velocities, velocities);
+    survives(|_, _| 0.0, |body| body);
+}
+
+#[test]
+fn a_tick_ten_times_as_long_is_survived() {
+    survives(|_, _| 10.0 * TICK, |body| body);
+}
+
+#[test]
+fn a_vertex_without_mass_is_refused_and_its_body_stands_until_it_has_one() {
+    let mut scene = Scene::new();
+    let sheet = grid(2, 2, 0.2, 0.2, Diagonals::Uniform);
+    let body = scene.add(&sheet, XpbdMaterial::CLOTH, ());
+    let other = scene.add(&sheet.translate([1.0, 0.0, 0.0]), XpbdMaterial::CLOTH, ());
+    let sound = scene.body(body).inverse_masses[4];
+    // One over no mass at all.
+    for wrong in [f32::INFINITY, f32::NAN, -1.0] {
+        scene.body_mut(body).inverse_masses[4] = wrong;
+        let (before, others) = (scene.positions(body).to_vec(), scene.positions(other)[0].y);
+        scene.run(3);
+        assert_eq!(scene.positions(body), before);
+        assert!(scene.positions(other)[0].y < others, "the others go on");
+        let refused = &scene.diagnostics().refused;
+        assert!(matches!(refused[..], [(entity, XpbdBodyError::InverseMass(VertexId(4), _))] if entity == body));
+    }
+    scene.body_mut(body).inverse_masses[4] = sound;
+    scene.run(3);
+    assert!(scene.positions(body)[0].y < 0.0);
+}
+
+#[test]
+fn a_vertex_of_triangles_without_area_has_a_mass() {
+    let mut mesh = grid(2, 2, 0.2, 0.2, Diagonals::Uniform);
+    // A spike without an area, and a vertex that no triangle has.
+    let spike = mesh.positions.len() as u32;
+    mesh.positions.push(mesh.positions[4]);
+    mesh.positions.push([0.5, 0.5, 0.5]);
+    mesh.positions[spike as usize][1] += 0.1;
+    mesh.triangles.push([4, spike, 4]);
+    let mut scene = Scene::new();
+    let body = scene.add(&mesh, XpbdMaterial::CLOTH, SelfCollision);
+    assert!(scene.body(body).inverse_masses.iter().all(|&inverse| inverse.is_finite() && inverse > 0.0));
+    scene.run(30);
+    assert!(scene.positions(body).iter().all(|position| position.is_finite()));
+}

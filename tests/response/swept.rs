@@ -1,0 +1,63 @@
+//! Bodies with continuous detection: nothing goes through anything, at any speed.
+
+use bevy_circumsphere::{prelude::*, response::*};
+use circumsphere_support::{
+    random::Random,
+    scenes::{Diagonals, grid, icosphere},
+};
+use glam::Vec3;
+
+use crate::harness::Scene;
+
+/// Half the contact distance, in meters.
+const THICKNESS: f32 = 0.002;
+
+/// Shoots a ball at a sheet that is held along its border, and tells whether it is behind in the end.
+fn goes_through(thicknesses_a_tick: f32, swept: bool, random: &mut Random) -> bool {
+    let mut scene = Scene::new();
+    scene.settings().gravity = Vec3::ZERO;
+    let cells = 12u32;
+    let sheet = grid(cells as usize, cells as usize, 0.5, 0.5, Diagonals::Alternating);
+    let row = cells + 1;
+    let border = |vertex: u32| vertex % row == 0 || vertex % row == cells || vertex < row || vertex >= cells * row;
+    let pins = (0..row * row).filter(|&vertex| border(vertex)).map(VertexId);
+    let thickness = SurfaceThickness::World(THICKNESS);
+    scene.add_changed(&sheet, XpbdMaterial::CLOTH, |body| body.pinned(pins), thickness);
+    let way = thicknesses_a_tick * THICKNESS;
+    let direction = Vec3::new(0.1 * random.signed_unit(), -1.0, 0.1 * random.signed_unit());
+    let aim = Vec3::new(0.1 * random.signed_unit(), 0.0, 0.1 * random.signed_unit());
+    let start = aim + Vec3::Y * 0.04 - direction * (1.3 * way);
+    let ball = icosphere(1, 0.03).translate(start.to_array());
+    let velocity = direction * (way * 60.0);
+    let body = scene.add_changed(&ball, XpbdMaterial::SOFT, |body| body.moving(velocity), thickness);
+    if swept {
+        scene.app.world_mut().entity_mut(body).insert(SweptCollision);
+    }
+    scene.run(12);
+    // The sheet is stretched by no more than its own width.
+    scene.positions(body).iter().any(|position| !position.is_finite() || position.y < -0.5)
+        || scene.positions(body).iter().all(|position| position.y < 0.0) && !scene_holds(&scene, body)
+}
+
+/// Whether a body below the sheet's plane lies in the pocket that it has pushed into the sheet: the sheet is there, too.
+fn scene_holds(scene: &Scene, body: bevy_ecs::entity::Entity) -> bool {
+    let lowest = scene.positions(body).iter().map(|position| position.y).fold(f32::MAX, f32::min);
+    scene.app.world().iter_entities().filter(|entity| entity.id() != body).any(|entity| {
+        entity.get::<SurfacePositions>().is_some_and(|positions| {
+            positions.0.iter().any(|position| position.y < lowest + THICKNESS)
+        })
+    })
+}
+
+#[test]
+fn a_ball_never_goes_through_a_sheet() {
+    let mut random = Random::new(3);
+    let mut without = 0;
+    for speed in [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0] {
+        for _ in 0..3 {
+            assert!(!goes_through(speed, true, &mut random), "{speed}");
+            without += usize::from(goes_through(speed, false, &mut random));
+        }
+    }
+    assert!(without > 3, "without it, some go through: {without}");
+}
