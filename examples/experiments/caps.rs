@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use super::{
     ReportError,
-    finding::{Finding, Outcome, figure, percent, table},
+    finding::{Finding, Outcome, figure, happens_less, percent, table},
     headless::{detect, headless_app, move_surface, recording::Recorder},
     options::Extent,
     scenes::{Shot, bullet_cloth::Target},
@@ -54,6 +54,9 @@ pub struct CapsRow {
     pub needless_share: f64,
     /// Of the pairs that are reported, those that do not touch.
     pub false_share: f64,
+    /// Which shots tunnelled: the same were made with every setting.
+    #[serde(skip)]
+    pub which: Vec<bool>,
 }
 
 /// A scene and which of its triangles touch, tick by tick.
@@ -77,7 +80,8 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Result<Vec<CapsRow>, R
             let base = with_caps(phi, curvature_threshold);
             let counts: Vec<usize> =
                 speeds.iter().flat_map(|&speed| shoot(&base, Shot { target: Target::Sheet, speed }, shots)).collect();
-            let tunnelled = counts.iter().filter(|&&count| count > 0).count();
+            let which: Vec<bool> = counts.iter().map(|&count| count > 0).collect();
+            let tunnelled = which.iter().filter(|&&one| one).count();
             let mut all = Counted::default();
             let mut on_edge = Counted::default();
             for judged in &scenes {
@@ -99,6 +103,7 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Result<Vec<CapsRow>, R
                 examined_pairs: all.examined,
                 needless_share: share(all.examined - all.matched.min(all.examined), all.examined),
                 false_share: share(all.found - all.matched, all.found),
+                which,
             });
             progress.inc(1);
         }
@@ -227,13 +232,10 @@ pub fn finding(rows: &[CapsRow]) -> Finding {
             outcome: Outcome::Undecided,
         };
     };
-    let judge = |holds: bool, is_equal: bool| match (holds, is_equal) {
-        (_, true) => Outcome::Undecided,
-        (true, _) => Outcome::Holds,
-        (false, _) => Outcome::Fails,
-    };
     let least = rows.iter().map(|row| row.phi).fold(f32::INFINITY, f32::min);
     let largest = rows.iter().map(|row| row.phi).fold(0.0, f32::max);
+    let which = |phi: f32| rows.iter().filter(move |row| row.phi == phi).flat_map(|row| &row.which);
+    let spares = if needless[1] < needless[0] { Outcome::Holds } else { Outcome::Fails };
     let both = |[first, last]: [f64; 2]| format!("{} and {}", percent(first), percent(last));
     Finding {
         claim: claim.to_owned(),
@@ -244,10 +246,7 @@ pub fn finding(rows: &[CapsRow]) -> Finding {
             both(needless),
             both(missed)
         ),
-        outcome: Outcome::all(&[
-            judge(tunnelling[0] < tunnelling[1], tunnelling[0] == tunnelling[1]),
-            judge(needless[1] < needless[0], needless[0] == needless[1]),
-        ]),
+        outcome: Outcome::all(&[happens_less(which(least), which(largest)), spares]),
     }
 }
 

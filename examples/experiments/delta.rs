@@ -50,7 +50,7 @@ pub struct DeltaRow {
     pub time_detection_ms: f64,
     /// Largest over least of the repetitions.
     pub time_detection_spread: f64,
-    /// Spheres made anew in a tick, of all that deform.
+    /// Spheres made anew in a tick, of those of all triangles.
     pub refreshed_share: f64,
     /// How far the tops of the caps are from those of fresh ones, in mean edges.
     pub surface_error_edges: f64,
@@ -76,7 +76,7 @@ struct Run {
 /// Plays every scene at every δ, repetition by repetition, so that a disturbance of the machine does not hit one δ alone.
 pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<DeltaRow> {
     let deltas = extent.pick(&DELTAS[4..6], &DELTAS[..]);
-    let (repetitions, ticks) = extent.pick((1, 30), (3, usize::MAX));
+    let (repetitions, ticks) = extent.pick((1, 30), (3, 360));
     progress.set_length((repetitions * KINDS.len() * deltas.len()) as u64);
     let mut runs: Vec<Vec<Run>> = (0..KINDS.len() * deltas.len()).map(|_| Vec::new()).collect();
     for repetition in 0..repetitions {
@@ -185,7 +185,8 @@ fn row((kind, scene): (&'static str, &'static str), delta: f32, runs: &[Run]) ->
 
 /// The largest over the least; numbers below `least` count as that.
 fn spread(values: &[f64], least: f64) -> f64 {
-    let (low, high) = values.iter().fold((f64::INFINITY, least), |(low, high), &value| (low.min(value), high.max(value)));
+    let (low, high) =
+        values.iter().fold((f64::INFINITY, least), |(low, high), &value| (low.min(value), high.max(value)));
     high / low.max(least)
 }
 

@@ -11,7 +11,7 @@ pub enum Outcome {
     /// Part of what is claimed.
     HoldsInPart,
     Fails,
-    /// The differences are no larger than those between repetitions of one setting.
+    /// The differences are no larger than those that chance makes.
     Undecided,
 }
 
@@ -31,13 +31,33 @@ impl Outcome {
     }
 }
 
+/// Whether less happens to one than to the other, of two to whom the same was done again and again. What matters is how often
+/// it happened to one of them alone: chance parts those evenly, give or take twice the root of their number (a sign
+/// test).
+pub fn happens_less<'a>(own: impl IntoIterator<Item = &'a bool>, other: impl IntoIterator<Item = &'a bool>) -> Outcome {
+    let (mut own_alone, mut other_alone) = (0_i32, 0_i32);
+    for (&own, &other) in own.into_iter().zip(other) {
+        own_alone += i32::from(own && !other);
+        other_alone += i32::from(other && !own);
+    }
+    let chance = 2.0 * f64::from(own_alone + other_alone).sqrt();
+    let difference = f64::from(other_alone - own_alone);
+    if difference.abs() <= chance {
+        Outcome::Undecided
+    } else if difference > 0.0 {
+        Outcome::Holds
+    } else {
+        Outcome::Fails
+    }
+}
+
 impl Display for Outcome {
     fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
         out.write_str(match self {
             Self::Holds => "holds",
             Self::HoldsInPart => "holds in part",
             Self::Fails => "does not hold",
-            Self::Undecided => "cannot be told: repetitions differ as much",
+            Self::Undecided => "cannot be told: chance does as much",
         })
     }
 }

@@ -18,6 +18,7 @@ use super::{
 enum Axes {
     Linear,
     LogX,
+    LogY,
     LogBoth,
 }
 
@@ -26,7 +27,7 @@ type Series = (Vec<(f64, f64)>, usize);
 
 /// Lines over a setting, with room for the outermost markers; nothing where there is no point.
 fn panel(series: &[Series], title: &str, [x, y]: [&str; 2], axes: Axes, top: Option<f64>) -> (Vec<Plot>, Layout) {
-    let is_log_y = axes == Axes::LogBoth;
+    let is_log_y = matches!(axes, Axes::LogY | Axes::LogBoth);
     let is_drawn = |&(_, y): &(f64, f64)| y.is_finite() && (!is_log_y || y > 0.0);
     let mut plots: Vec<Plot> = Vec::new();
     let (mut left, mut right, mut low, mut high) = (f64::INFINITY, 0.0_f64, f64::INFINITY, 0.0_f64);
@@ -48,8 +49,9 @@ fn panel(series: &[Series], title: &str, [x, y]: [&str; 2], axes: Axes, top: Opt
     let high = top.unwrap_or(if high > 0.0 { high } else { 1.0 });
     let mut layout = layout(&plots, title, x, y).with_tick_format(plain_numbers());
     layout = match axes {
-        Axes::Linear => {
+        Axes::Linear | Axes::LogY => {
             let room = 0.03 * (right - left).max(1.0e-9);
+            let layout = if is_log_y { layout.with_log_y() } else { layout };
             layout.with_x_axis_min(left - room).with_x_axis_max(right + room)
         }
         Axes::LogX => layout.with_log_x().with_x_axis_min(left / 1.3).with_x_axis_max(right * 1.3),
@@ -80,7 +82,7 @@ pub fn delta(rows: &[DeltaRow]) -> Sheet {
         ("time of refresh (µs a tick)", |row| Some(row.time_refresh_us), Axes::Linear),
         ("spheres refreshed (% a tick)", |row| Some(100.0 * row.refreshed_share), Axes::Linear),
         ("tops of caps off (edges)", |row| Some(row.surface_error_edges), Axes::Linear),
-        ("trembling (edges a tick)", |row| row.trembling, Axes::Linear),
+        ("trembling (edges a tick)", |row| row.trembling, Axes::LogY),
     ];
     let panels = measures.into_iter().map(|(label, value, axes)| {
         let series: Vec<Series> = KINDS

@@ -108,7 +108,7 @@ fn head(options: &Options, study: &Study) -> String {
          *Trembling* is the mean second difference of the positions of all free vertices in the ticks in which a scene has \
          settled, in mean edges a tick: what of their motion is not steady. *Churn* is the share of contacts that come or go in a \
          tick. A run *flew apart* if a vertex became faster than 30 m/s, where nothing should exceed 5; it ends there, and no \
-         figure but its times is taken from it.\n",
+         figure but its times is taken from it. `Refined` and `Polygon` find the same: where a line is missing, it lies under the other.\n",
         figure(study.seconds),
         machine.processor,
         machine.processors,
@@ -138,13 +138,13 @@ fn how(experiment: Experiment) -> String {
         ),
         Experiment::Iterations => format!(
             "The same scenes by four methods, with {SUBSTEPS} substeps a tick, so that iterations count, and 1 to 32 of these; no continuous \
-             detection; two runs each from starts that differ a little. What is left of penetration is measured at the end by the exact method, \
+             detection; two runs each from starts that differ a little. What is left of penetration is measured at the end of the settled ticks by the exact method, \
              whatever method has played: how much nearer than the contact distance contacts are, in contact distances (1: \
              surfaces meet), the mean of those that are, and the most."
         ),
         Experiment::Tunnelling => format!(
             "A ball at a pinned sheet, a sheet at a pinned sheet, a needle at a closed surface that stands: the small `bullet_cloth`, without gravity, at \
-             0.5 to 1,000 thicknesses a tick of {} ms. Six shots each (with continuous detection two), from a fixed seed: turned, moved aside, and begun at another \
+             0.5 to 1,000 thicknesses a tick of {} ms. Ten shots each (with continuous detection two), from a fixed seed: turned, moved aside, and begun at another \
              moment of a tick; the same for every method. A shot tunnels if after 30 ticks one vertex is on the \
              wrong side, judged in f64: behind the sheet, or inside or behind the closed surface.",
             figure(1.0e3 * tunnelling::seconds_per_tick())

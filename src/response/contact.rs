@@ -139,8 +139,12 @@ impl ContactConstraint {
                 step.offset = *offset;
                 return self.separation(particles);
             }
-            Features::VertexFace(places) => vertex_face(&places.map(|place| particles.position[place as usize]), self.normal),
-            Features::EdgeEdge(places) => edge_edge(&places.map(|place| particles.position[place as usize]), self.normal),
+            Features::VertexFace(places) => {
+                vertex_face(&places.map(|place| particles.position[place as usize]), self.normal)
+            }
+            Features::EdgeEdge(places) => {
+                edge_edge(&places.map(|place| particles.position[place as usize]), self.normal)
+            }
         };
         let (Features::VertexFace(places) | Features::EdgeEdge(places)) = &self.features else { return 0.0 };
         let Meeting { weights, normal, distance: _ } = meeting;
@@ -181,9 +185,7 @@ impl ContactConstraint {
             .step
             .particles
             .iter()
-            .map(|&(place, weight)| {
-                (particles.position[place as usize] - particles.previous[place as usize]) * weight
-            })
+            .map(|&(place, weight)| (particles.position[place as usize] - particles.previous[place as usize]) * weight)
             .sum();
         let slid = slid - self.normal * self.normal.dot(slid);
         let wanted = self.step.sliding - slid / self.step.weight;

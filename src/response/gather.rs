@@ -192,7 +192,9 @@ impl Gatherer {
                 self.find_tangled(&mut solver.particles, scene, pair);
             }
             let record = &scene.store.contacts[place as usize];
-            let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else { continue };
+            let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else {
+                continue;
+            };
             let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
             if separation > slack + 2.0 * duration * constraint.fastest(&solver.particles, duration) {
                 continue;
@@ -297,13 +299,7 @@ impl Gatherer {
     }
 
     /// Looks up where a side of a pair was if nothing moves it here, or takes it to have stood still.
-    fn follow(
-        &mut self,
-        scene: &Scene<'_, '_>,
-        entity: Entity,
-        topology: Option<&Arc<SurfaceTopology>>,
-        pose: &Pose,
-    ) {
+    fn follow(&mut self, scene: &Scene<'_, '_>, entity: Entity, topology: Option<&Arc<SurfaceTopology>>, pose: &Pose) {
         if self.bodies.contains_key(&entity) {
             return;
         }
@@ -425,11 +421,8 @@ impl Gatherer {
         let now = pair.poses[1];
         let before = self.driven.get(&shape).map_or(now, |driven| driven.pose);
         let point = pair.frame_pose.transform_point(record.point_b.as_dvec3());
-        let start = if before.has_bits_of(&now) {
-            point
-        } else {
-            before.transform_point(now.inverse().transform_point(point))
-        };
+        let start =
+            if before.has_bits_of(&now) { point } else { before.transform_point(now.inverse().transform_point(point)) };
         let place = particles.len() as u32;
         particles.push_driven(start, point);
         let weights = completed(record.features.a, record.barycentric_a);
@@ -473,7 +466,9 @@ fn untangling(
 ) -> Option<ContactConstraint> {
     let topology_b = pair.topology_b.as_ref()?;
     let (topology, triangle, corners, edge, face, first_particle, sign) = match (record.features.a, record.features.b) {
-        (Feature::Edge(edge), Feature::Face) => (&pair.topology_a, record.triangle_a, a, edge as usize, b, firsts[0], 1.0),
+        (Feature::Edge(edge), Feature::Face) => {
+            (&pair.topology_a, record.triangle_a, a, edge as usize, b, firsts[0], 1.0)
+        }
         (Feature::Face, Feature::Edge(edge)) => (topology_b, record.triangle_b, b, edge as usize, a, firsts[1], -1.0),
         _ => return None,
     };
@@ -531,7 +526,8 @@ fn look_where_it_began(constraint: &mut ContactConstraint, particles: &Particles
         return;
     }
     let points = places.map(|place| particles.start[place as usize]);
-    let between = |weights: [f64; 4]| -> DVec3 { points.iter().zip(weights).map(|(&point, weight)| point * weight).sum() };
+    let between =
+        |weights: [f64; 4]| -> DVec3 { points.iter().zip(weights).map(|(&point, weight)| point * weight).sum() };
     let direction = match &constraint.features {
         Features::VertexFace(_) if one_sided => face_normal(&[points[1], points[2], points[3]]),
         Features::VertexFace(_) => between(vertex_face(&points, constraint.normal).weights),

@@ -313,7 +313,9 @@ fn hold(
 ) -> bool {
     let mut is_held = false;
     let features = [found.impact.features.a, found.impact.features.b];
-    for ((mesh, triangle), feature) in [(mesh_a, found.triangle_a), (mesh_b, found.triangle_b)].into_iter().zip(features) {
+    for ((mesh, triangle), feature) in
+        [(mesh_a, found.triangle_a), (mesh_b, found.triangle_b)].into_iter().zip(features)
+    {
         let Some(first) = mesh.first else { continue };
         let mut shorten = |particle: usize, share: f64| {
             if particles.inverse_mass[particle] > 0.0 && shares[particle] > 0.0 {

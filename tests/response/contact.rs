@@ -1,7 +1,7 @@
 //! Contacts and friction against closed forms.
 
-use bevy_circumsphere::{ContactStore, DeformableSystems, prelude::*, response::*};
 use bevy_app::prelude::*;
+use bevy_circumsphere::{ContactStore, DeformableSystems, prelude::*, response::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::{
@@ -99,7 +99,8 @@ fn two_bodies_that_meet_keep_their_momentum_and_stick_together() {
 fn a_driven_surface_pushes_a_cloth_along() {
     let mut scene = Scene::new();
     scene.settings().gravity = Vec3::ZERO;
-    let plate = scene.add_obstacle(&cuboid([0.3, 0.02, 0.3], 3), (SurfaceThickness::World(0.005), Transform::default()));
+    let plate =
+        scene.add_obstacle(&cuboid([0.3, 0.02, 0.3], 3), (SurfaceThickness::World(0.005), Transform::default()));
     let sheet = grid(10, 10, 0.4, 0.4, Diagonals::Alternating).translate([0.0, 0.05, 0.0]);
     let body = scene.add(&sheet, XpbdMaterial::CLOTH, SurfaceThickness::World(0.005));
     for tick in 0..60 {

@@ -43,9 +43,9 @@ fn goes_through(thicknesses_a_tick: f32, swept: bool, random: &mut Random) -> bo
 fn scene_holds(scene: &Scene, body: bevy_ecs::entity::Entity) -> bool {
     let lowest = scene.positions(body).iter().map(|position| position.y).fold(f32::MAX, f32::min);
     scene.app.world().iter_entities().filter(|entity| entity.id() != body).any(|entity| {
-        entity.get::<SurfacePositions>().is_some_and(|positions| {
-            positions.0.iter().any(|position| position.y < lowest + THICKNESS)
-        })
+        entity
+            .get::<SurfacePositions>()
+            .is_some_and(|positions| positions.0.iter().any(|position| position.y < lowest + THICKNESS))
     })
 }
 

@@ -20,7 +20,10 @@ fn a_hinge_tells_twice_the_sine_of_half_its_angle() {
         let angle = f64::from(step) * 0.1;
         let bend = Hinge::bend_at(&folded(angle));
         assert!((bend.abs() - 2.0 * (0.5 * angle).sin().abs()).abs() < 1e-12, "{angle}: {bend}");
-        assert_eq!(bend > 0.0, Hinge::bend_at(&folded(1.0)) > 0.0 && angle > 0.0 || angle < 0.0 && Hinge::bend_at(&folded(-1.0)) > 0.0);
+        assert_eq!(
+            bend > 0.0,
+            Hinge::bend_at(&folded(1.0)) > 0.0 && angle > 0.0 || angle < 0.0 && Hinge::bend_at(&folded(-1.0)) > 0.0
+        );
     }
 }
 
@@ -39,7 +42,10 @@ fn gradients_of_a_hinge_are_those_of_its_value() {
                 };
                 let slope = (at(nudge) - at(-nudge)) / (2.0 * nudge);
                 // Differences err by the nudge squared and by rounding over the nudge.
-                assert!((slope - gradients[corner][axis]).abs() < 1e-7, "{angle} {corner} {axis}: {slope} {gradients:?}");
+                assert!(
+                    (slope - gradients[corner][axis]).abs() < 1e-7,
+                    "{angle} {corner} {axis}: {slope} {gradients:?}"
+                );
             }
         }
     }
