@@ -13,11 +13,11 @@ use crate::headless::recording::Recorder;
 /// Half the contact distance, in meters.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.001);
 
-/// Foam in a liquid.
-const FOAM: XpbdMaterial = XpbdMaterial { drag: 5.0, ..XpbdMaterial::SOFT };
+/// Foam rubber.
+const FOAM: XpbdMaterial = XpbdMaterial { drag: 0.5, ..XpbdMaterial::SOFT };
 
-/// What of gravity the liquid leaves, in m/s²: with its drag the foam sinks at 0.3 m/s, 5 mm a tick.
-const GRAVITY: Vec3 = Vec3::new(0.0, -1.5, 0.0);
+/// Of the earth, in m/s².
+const GRAVITY: Vec3 = Vec3::new(0.0, -9.81, 0.0);
 
 /// A hundred soft bodies above the tray, in a liquid.
 pub fn pile(variation: &Variation, recorder: Recorder) -> Scene {

@@ -37,6 +37,8 @@ pub struct ContactConstraint {
     pub features: Features,
     /// Unit vector from the second side to the first where they were last looked at.
     pub normal: DVec3,
+    /// That when the tick began.
+    first_normal: DVec3,
     /// The distance to keep.
     pub distance: f64,
     /// Static and dynamic friction.
@@ -69,7 +71,13 @@ impl ContactConstraint {
     #[must_use]
     pub fn new(features: Features, normal: DVec3, distance: f64, friction: [f64; 2]) -> Self {
         let clear = (f64::NEG_INFINITY, 0.0);
-        Self { features, normal, distance, friction, step: Step::default(), left: 0.0, clear }
+        Self { features, normal, first_normal: normal, distance, friction, step: Step::default(), left: 0.0, clear }
+    }
+
+    /// Tells on which side the first feature is when the tick begins.
+    pub fn set_normal(&mut self, normal: DVec3) {
+        self.normal = normal;
+        self.first_normal = normal;
     }
 
     /// The greatest speed of a particle that it acts on, in a tick of `duration` seconds.
@@ -92,6 +100,7 @@ impl ContactConstraint {
 
     /// Looks where the features are when a tick begins.
     pub fn begin_tick(&mut self, particles: &Particles) {
+        self.normal = self.first_normal;
         let separation = self.look(particles);
         self.left = separation;
         self.clear = (separation, 0.0);

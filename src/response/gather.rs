@@ -21,7 +21,7 @@ use crate::{
     contacts::{ContactSide, ContactStore, PairOrder, StoredPair, SweptImpacts},
     kernel::{
         contact::{CompactContact, ContactKey},
-        exact::{Feature, FeatureKind, side::face_normal},
+        exact::{Feature, FeatureKind, FeaturePair, side::face_normal},
         ids::EdgeId,
         pose::Pose,
         topology::SurfaceTopology,
@@ -41,6 +41,15 @@ struct Driven {
     used: Vec<u32>,
     /// The tick in which it was last seen.
     tick: u64,
+}
+
+/// Where two triangles would meet on their ways.
+pub(super) struct Meeting {
+    pub(super) triangles: [u32; 2],
+    pub(super) features: FeaturePair,
+    pub(super) barycentrics: [[f64; 3]; 2],
+    /// From the second to the first, in the world.
+    pub(super) normal: DVec3,
 }
 
 /// Turns the contacts of a tick into constraints. Remembers where driven surfaces and shapes were.
@@ -237,37 +246,51 @@ impl Gatherer {
             }
             let surfaces = sides.map(|entity| scene.active.surfaces.iter().find(|surface| surface.entity == entity));
             let [Some(a), Some(b)] = surfaces else { continue };
-            for surface in [a, b] {
-                self.follow(scene, surface.entity, Some(&surface.topology), &surface.pose);
-            }
-            let (side_a, side_b) = (
-                self.side(ContactSide::Surface(a.entity), Some(&a.topology)),
-                self.side(ContactSide::Surface(b.entity), Some(&b.topology)),
-            );
-            let distance = f64::from(a.thickness) + f64::from(b.thickness);
-            let friction = scene.friction(pair.a, pair.b);
             for impact in &pair.impacts {
-                let Some(normal) = impact.normal.as_dvec3().try_normalize() else { continue };
-                let corners_a = self.corners(&mut solver.particles, scene, &side_a, &a.pose, impact.triangle_a.0);
-                let corners_b = self.corners(&mut solver.particles, scene, &side_b, &b.pose, impact.triangle_b.0);
-                let (Some(corners_a), Some(corners_b)) = (corners_a, corners_b) else { continue };
-                let named = match (impact.features.a, impact.features.b) {
-                    (Feature::Vertex(corner), Feature::Face) => face_of(corners_a[corner as usize], corners_b),
-                    (Feature::Face, Feature::Vertex(corner)) => face_of(corners_b[corner as usize], corners_a),
-                    (Feature::Edge(edge_a), Feature::Edge(edge_b)) => edges_of(corners_a, edge_a, corners_b, edge_b),
-                    _ => continue,
+                let found = Meeting {
+                    triangles: [impact.triangle_a.0, impact.triangle_b.0],
+                    features: impact.features,
+                    barycentrics: [impact.barycentric_a, impact.barycentric_b].map(|weights| weights.map(f64::from)),
+                    normal: impact.normal.as_dvec3(),
                 };
-                if !self.is_new(&named) {
-                    continue;
-                }
-                let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
-                entries.extend(corners_a.into_iter().zip(impact.barycentric_a.map(f64::from)));
-                entries.extend(corners_b.into_iter().zip(impact.barycentric_b.map(|weight| -f64::from(weight))));
-                entries.retain(|&mut (_, weight)| weight != 0.0);
-                let features = Features::Plane { particles: entries, offset: -distance };
-                solver.contacts.push(ContactConstraint::new(features, normal, distance, friction));
+                self.add_impact(solver, scene, [a, b], &found);
             }
         }
+    }
+
+    /// Makes a constraint of two triangles that would meet; `false` where it is among the constraints already.
+    pub(super) fn add_impact(
+        &mut self,
+        solver: &mut Solver,
+        scene: &Scene<'_, '_>,
+        [a, b]: [&ActiveSurface; 2],
+        found: &Meeting,
+    ) -> bool {
+        let Some(normal) = found.normal.try_normalize() else { return false };
+        let [corners_a, corners_b] = [(a, found.triangles[0]), (b, found.triangles[1])].map(|(surface, triangle)| {
+            self.follow(scene, surface.entity, Some(&surface.topology), &surface.pose);
+            let side = self.side(ContactSide::Surface(surface.entity), Some(&surface.topology));
+            self.corners(&mut solver.particles, scene, &side, &surface.pose, triangle)
+        });
+        let (Some(corners_a), Some(corners_b)) = (corners_a, corners_b) else { return false };
+        let named = match (found.features.a, found.features.b) {
+            (Feature::Vertex(corner), Feature::Face) => face_of(corners_a[corner as usize], corners_b),
+            (Feature::Face, Feature::Vertex(corner)) => face_of(corners_b[corner as usize], corners_a),
+            (Feature::Edge(edge_a), Feature::Edge(edge_b)) => edges_of(corners_a, edge_a, corners_b, edge_b),
+            _ => return false,
+        };
+        if !self.is_new(&named) {
+            return false;
+        }
+        let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
+        entries.extend(corners_a.into_iter().zip(found.barycentrics[0]));
+        entries.extend(corners_b.into_iter().zip(found.barycentrics[1].map(|weight| -weight)));
+        entries.retain(|&mut (_, weight)| weight != 0.0);
+        let distance = f64::from(a.thickness) + f64::from(b.thickness);
+        let features = Features::Plane { particles: entries, offset: -distance };
+        let friction = scene.friction(a.entity, b.entity);
+        solver.contacts.push(ContactConstraint::new(features, normal, distance, friction));
+        true
     }
 
     /// Lists the corners of the triangles of a pair that cross.
@@ -533,5 +556,7 @@ fn look_where_it_began(constraint: &mut ContactConstraint, particles: &Particles
         Features::VertexFace(_) => between(vertex_face(&points, constraint.normal).weights),
         _ => between(edge_edge(&points, constraint.normal).weights),
     };
-    constraint.normal = direction.try_normalize().unwrap_or(constraint.normal);
+    if let Some(direction) = direction.try_normalize() {
+        constraint.set_normal(direction);
+    }
 }

@@ -9,7 +9,10 @@ use std::sync::Arc;
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use glam::{DVec3, Vec3};
 
-use super::{gather::Scene, particles::Particles};
+use super::{
+    gather::{Meeting, Scene},
+    particles::Particles,
+};
 use crate::{
     kernel::{
         ccd::{ImpactCause, PairImpact, SweepBuffers, SweepTree, SweptMesh, sweep},
@@ -75,6 +78,8 @@ impl Obstacle {
 
 /// One mesh of a tick.
 struct Mesh {
+    /// Its place among the active surfaces.
+    place: usize,
     entity: Entity,
     topology: Arc<SurfaceTopology>,
     layers: SurfaceLayers,
@@ -139,23 +144,73 @@ pub(super) struct Guard {
     shares: Vec<f64>,
     solved: Vec<DVec3>,
     impacts: Vec<PairImpact>,
+    /// What meets on the ways that were solved for, with the places of both meshes.
+    found: Vec<([usize; 2], PairImpact)>,
     buffers: SweepBuffers,
     tick: u64,
 }
 
 impl Guard {
-    /// Stops what would go through something on its way from where the tick began to where it was solved to be. `first`
-    /// tells the first particle of a surface that is a body.
-    pub(super) fn stop(
+    /// Looks what would go through something on its way from where the tick began to where it was solved to be. `first` tells
+    /// the first particle of a surface that is a body. Returns how many impacts there are.
+    pub(super) fn begin(
         &mut self,
-        particles: &mut Particles,
+        particles: &Particles,
         scene: &Scene<'_, '_>,
         first: impl Fn(Entity) -> Option<usize>,
-    ) -> Guarded {
-        let mut guarded = Guarded::default();
+    ) -> usize {
         self.tick += 1;
+        self.pairs.clear();
+        self.found.clear();
         if scene.is_any_swept() {
             self.gather(particles, scene, first);
+            self.find(particles);
+        }
+        self.found.len()
+    }
+
+    /// Looks again, after the tick was solved again.
+    pub(super) fn look_again(&mut self, particles: &Particles, scene: &Scene<'_, '_>) -> usize {
+        for mesh in self.meshes.iter_mut().filter(|mesh| mesh.first.is_some()) {
+            mesh.stale = true;
+            mesh.follow_ways(particles);
+        }
+        self.pair_meshes(scene);
+        self.find(particles);
+        self.found.len()
+    }
+
+    /// What was found last: the places of both surfaces among the active ones, and how they meet.
+    pub(super) fn found(&self) -> impl Iterator<Item = ([usize; 2], Meeting)> {
+        self.found.iter().map(|(places, found)| {
+            let impact = &found.impact;
+            let meeting = Meeting {
+                triangles: [found.triangle_a, found.triangle_b],
+                features: impact.features,
+                barycentrics: [impact.barycentric_a, impact.barycentric_b],
+                normal: impact.normal,
+            };
+            (places.map(|place| self.meshes[place].place), meeting)
+        })
+    }
+
+    fn find(&mut self, particles: &Particles) {
+        let Self { meshes, pairs, found, impacts, buffers, .. } = self;
+        found.clear();
+        for &MeshPair { places: [a, b], separation } in &*pairs {
+            impacts.clear();
+            let (mesh_a, mesh_b) = (&meshes[a], &meshes[b]);
+            let (swept_a, swept_b) = (mesh_a.swept(particles), mesh_b.swept(particles));
+            sweep(&swept_a, &mesh_a.tree, &swept_b, &mesh_b.tree, a == b, separation, buffers, impacts);
+            let met = impacts.iter().filter(|found| is_met(found.impact.cause));
+            found.extend(met.map(|&impact| ([a, b], impact)));
+        }
+    }
+
+    /// Stops what would still go through something.
+    pub(super) fn stop(&mut self, particles: &mut Particles) -> Guarded {
+        let mut guarded = Guarded { impacts: self.found.len(), ..Guarded::default() };
+        if !self.found.is_empty() {
             self.run(particles, &mut guarded);
         }
         let Self { kept, meshes, tick, .. } = self;
@@ -170,7 +225,7 @@ impl Guard {
     fn gather(&mut self, particles: &Particles, scene: &Scene<'_, '_>, first: impl Fn(Entity) -> Option<usize>) {
         let Self { kept, meshes, tick, .. } = self;
         let mut has_obstacle_moved = false;
-        for surface in &scene.active.surfaces {
+        for (place, surface) in scene.active.surfaces.iter().enumerate() {
             let Some((positions, _)) = scene.positions.get(surface.entity).ok() else { continue };
             let first = first(surface.entity);
             let (mut obstacle, tree, last) = match kept.remove(&surface.entity) {
@@ -183,6 +238,7 @@ impl Guard {
                 has_obstacle_moved |= stale && obstacle.start != obstacle.end;
             }
             meshes.push(Mesh {
+                place,
                 entity: surface.entity,
                 topology: Arc::clone(&surface.topology),
                 layers: surface.layers,
@@ -229,9 +285,6 @@ impl Guard {
     }
 
     fn run(&mut self, particles: &mut Particles, guarded: &mut Guarded) {
-        if self.pairs.is_empty() {
-            return;
-        }
         self.shares.clear();
         self.shares.resize(particles.len(), 1.0);
         self.solved.clone_from(&particles.position);
@@ -250,11 +303,8 @@ impl Guard {
                 let (trees, buffers) = ((&mesh_a.tree, &mesh_b.tree), &mut self.buffers);
                 sweep(&swept_a, trees.0, &swept_b, trees.1, a == b, separation, buffers, &mut self.impacts);
                 for found in &self.impacts {
-                    if matches!(found.impact.cause, ImpactCause::Within | ImpactCause::Crossing) {
+                    if !is_met(found.impact.cause) {
                         continue;
-                    }
-                    if round == 0 {
-                        guarded.impacts += 1;
                     }
                     let held = hold(mesh_a, mesh_b, particles, &mut self.shares, found, round);
                     is_clear &= !held;
@@ -300,6 +350,11 @@ impl Guard {
             }
         }
     }
+}
+
+/// Whether two triangles meet on their ways; what is together when these begin cannot be kept apart.
+fn is_met(cause: ImpactCause) -> bool {
+    !matches!(cause, ImpactCause::Within | ImpactCause::Crossing)
 }
 
 /// Shortens the ways of what meets; `false` where nothing of it can be stopped any more.

@@ -10,7 +10,7 @@ use super::{
     gather::{Gatherer, Scene, Watch},
     guard::Guard,
     settings::XpbdSettings,
-    solver::Solver,
+    solver::{Solved, Solver},
 };
 use crate::{
     settings::CircumsphereSettings,
@@ -32,13 +32,15 @@ pub struct XpbdDiagnostics {
     pub gathering: Duration,
     /// Solving.
     pub solving: Duration,
+    /// How often the tick was solved again, with what bodies would have met on their ways.
+    pub solved_again: usize,
     /// Impacts on the ways of bodies with [`SweptCollision`](crate::SweptCollision) that contacts had not prevented.
     pub impacts: usize,
     /// Vertices that were stopped short of them.
     pub vertices_stopped: usize,
     /// Impacts that could not be prevented: something that nothing moves has hit a body.
     pub impacts_remaining: usize,
-    /// Looking for impacts.
+    /// Looking for impacts, and solving again.
     pub guarding: Duration,
     /// Bodies that could not be moved in this tick and why: they stand until that is mended.
     pub refused: Vec<(Entity, super::XpbdBodyError)>,
@@ -62,6 +64,9 @@ pub(super) struct Response {
 /// Margins in mean edges of the finest body: at rest, and at most.
 const LEAST_MARGIN: f32 = 0.125;
 const MOST_MARGIN: f32 = 0.5;
+
+/// How often a tick is solved at most.
+const MOST_SOLUTIONS: usize = 4;
 
 /// Widens the margin to what bodies will move by in this tick, in powers of two: what may touch within the tick is
 /// detected when it begins. A margin that the game has set stays.
@@ -174,18 +179,37 @@ pub(super) fn respond(
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
     gatherer.add_contacts(solver, &scene, Watch { duration, slack: f64::from(*slack) });
     gatherer.add_impacts(solver, &scene);
-    gatherer.end(&scene);
     diagnostics.bodies = moved.len();
     diagnostics.contacts = solver.contacts.len();
     diagnostics.gathering = start.elapsed();
     let start = Instant::now();
+    solver.remember();
     let solved = solver.advance(duration, &settings);
-    diagnostics.contact_solves = solved.contact_solves;
-    diagnostics.pressing = solved.pressing;
     diagnostics.solving = start.elapsed();
     let start = Instant::now();
     solver.follow_welds();
-    let guarded = guard.stop(&mut solver.particles, &scene, |entity| gatherer.first_particle(entity));
+    let mut met = guard.begin(&solver.particles, &scene, |entity| gatherer.first_particle(entity));
+    let mut solved_again = Solved::default();
+    while met > 0 && diagnostics.solved_again < MOST_SOLUTIONS - 1 {
+        let mut is_any_new = false;
+        for (places, meeting) in guard.found() {
+            let surfaces = places.map(|place| &scene.active.surfaces[place]);
+            is_any_new |= gatherer.add_impact(solver, &scene, surfaces, &meeting);
+        }
+        if !is_any_new {
+            break;
+        }
+        diagnostics.solved_again += 1;
+        solver.begin_again();
+        solved_again = solver.advance(duration, &settings);
+        solver.follow_welds();
+        met = guard.look_again(&solver.particles, &scene);
+    }
+    let solved = if diagnostics.solved_again > 0 { solved_again } else { solved };
+    diagnostics.contact_solves = solved.contact_solves;
+    diagnostics.pressing = solved.pressing;
+    gatherer.end(&scene);
+    let guarded = guard.stop(&mut solver.particles);
     diagnostics.impacts = guarded.impacts;
     diagnostics.vertices_stopped = guarded.stopped;
     diagnostics.impacts_remaining = guarded.remaining;

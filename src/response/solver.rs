@@ -95,6 +95,8 @@ pub(super) struct Solver {
     /// The contacts that may act in the current step.
     acting: Vec<u32>,
     gradients: Vec<DVec3>,
+    /// Velocities when the tick began.
+    first_velocities: Vec<DVec3>,
 }
 
 /// What a tick of the solver did.
@@ -111,6 +113,18 @@ impl Solver {
         self.particles.clear();
         self.bodies.clear();
         self.contacts.clear();
+    }
+
+    /// Remembers the beginning of a tick, to begin it again.
+    pub(super) fn remember(&mut self) {
+        self.first_velocities.clone_from(&self.particles.velocity);
+    }
+
+    /// Begins the tick again. Particles that have come since begin it now.
+    pub(super) fn begin_again(&mut self) {
+        let Particles { start, position, velocity, .. } = &mut self.particles;
+        position.clone_from(start);
+        velocity[..self.first_velocities.len()].copy_from_slice(&self.first_velocities);
     }
 
     /// Moves everything on by `duration` seconds, more than 0.
