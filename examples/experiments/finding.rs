@@ -82,7 +82,14 @@ pub fn figure(value: f64) -> String {
     if size == 0.0 {
         "0".to_owned()
     } else if (1.0e-3..1.0e5).contains(&size) {
-        let digits = (2 - size.log10().floor() as i32).max(0) as usize;
+        let digits = match size {
+            100.0.. => 0,
+            10.0.. => 1,
+            1.0.. => 2,
+            0.1.. => 3,
+            0.01.. => 4,
+            _ => 5,
+        };
         let text = format!("{value:.digits$}");
         if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
     } else {

@@ -1,7 +1,7 @@
 //! Plays a scene, tick by tick, for an experiment: from a start that is a little another one each time, and only as long as
 //! it does not fly apart.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{prelude::*, response::XpbdBody};
 use bevy_ecs::prelude::*;
 use circumsphere_support::random::Random;
 use glam::Vec3;
@@ -125,7 +125,7 @@ impl Player {
             let [last, before] = [&self.last[0][place], &self.last[1][place]];
             for (vertex, now) in stage.positions(entity).iter().enumerate() {
                 if body.inverse_masses[vertex] > 0.0 {
-                    let [now, last, before] = [*now, last[vertex], before[vertex]].map(|position| position.as_dvec3());
+                    let [now, last, before] = [*now, last[vertex], before[vertex]].map(Vec3::as_dvec3);
                     sum += (now - 2.0 * last + before).length() / edge;
                     count += 1;
                 }

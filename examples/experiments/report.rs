@@ -34,6 +34,7 @@ pub struct Study {
 }
 
 /// A method's name in a table.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serializers call it so")]
 pub fn name_of_method<S: Serializer>(method: &ContactMethod, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(&format_args!("{method:?}"))
 }

@@ -85,6 +85,7 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<SizesRow> {
 }
 
 /// The ground, then the cloths.
+#[expect(clippy::cast_sign_loss, reason = "roots and multiples are not negative")]
 fn meshes(multiple: f64) -> (Mesh, Vec<Mesh>) {
     let cells = (STATIC * multiple / 2.0).sqrt().round() as usize;
     let width = cells as f32 * CELL;

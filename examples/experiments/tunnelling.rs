@@ -90,8 +90,8 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<TunnellingRow> {
 pub fn shoot(base: &Variation, shot: Shot, shots: usize) -> Vec<usize> {
     // Without weight: the speed is the one that is told.
     let response = XpbdSettings { gravity: Vec3::ZERO, ..base.response };
-    let variation = Variation { shot, response, ..*base };
-    let mut random = Random::new(0x0005_EED0_F5_407);
+    let variation = Variation { response, shot, ..*base };
+    let mut random = Random::new(0x005E_ED0F_5407);
     (0..shots)
         .map(|_| {
             let mut scene = scene("bullet_cloth", &variation, Recorder::default()).expect("there is such a scene");

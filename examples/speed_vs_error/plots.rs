@@ -10,7 +10,7 @@ use super::{
     configurations::{DEFAULT_DISTANCE, estimator_name},
     drawing::{
         BLACK, BLUE, COLORS, DASHES, GREEN, ORANGE, PURPLE, SHAPES, SKY, Sheet, VERMILION, YELLOW, layout, line_entry,
-        line_panel, marked_line, marker_entry, plain_numbers,
+        marked_line, marker_entry, plain_numbers,
     },
     measure::Measured,
     pooled::Pooled,
