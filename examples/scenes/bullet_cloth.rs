@@ -106,8 +106,8 @@ fn border(sheet: &Mesh) -> Vec<VertexId> {
     (0..).zip(&sheet.positions).filter(|(_, position)| is_outer(position)).map(|(vertex, _)| VertexId(vertex)).collect()
 }
 
-/// How many vertices of what was shot are below the sheet's border, and not in the pocket that the sheet makes: between itself
-/// and where it was at rest.
+/// How many vertices of what was shot are straight below where the sheet was at rest, and not in the pocket that the sheet
+/// makes: between itself and there. What bounced off may have fallen down beside it.
 fn behind_sheet(stage: &Stage, sheet: Entity, shot: Entity) -> usize {
     let current = stage.world_positions(sheet);
     let triangles = stage.surface(sheet).topology().triangles();
@@ -116,9 +116,11 @@ fn behind_sheet(stage: &Stage, sheet: Entity, shot: Entity) -> usize {
     let triangles: Vec<[u32; 3]> = triangles.iter().copied().chain(turned).collect();
     let positions: Vec<DVec3> = current.into_iter().chain(stage.rest(sheet).iter().copied()).collect();
     let pocket = Closed::new(&positions, &triangles);
-    // What is beside the border may have gone around it.
-    let is_beside = |point: &DVec3| point.x.abs().max(point.z.abs()) > f64::from(0.5 * SHEET);
-    let is_behind = |point: &&DVec3| point.y < 0.0 && !is_beside(point) && !pocket.contains(**point);
+    let half = 0.5 * f64::from(SHEET);
+    let is_behind = |point: &&DVec3| {
+        let beside = point.x.abs() > half || point.z.abs() > half;
+        point.y < 0.0 && !beside && !pocket.contains(**point)
+    };
     stage.world_positions(shot).iter().filter(is_behind).count()
 }
 

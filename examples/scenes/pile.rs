@@ -1,11 +1,7 @@
 //! The efficiency scene: soft bodies of mixed shapes drop into a ribbed tray.
 
-use bevy_circumsphere::{
-    prelude::*,
-    response::{XpbdMaterial, XpbdSettings},
-};
+use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use circumsphere_support::scenes::{PILE_BODIES, pile_body, pile_start, pile_tray};
-use glam::Vec3;
 
 use super::{Scene, Stage, Variation};
 use crate::headless::recording::Recorder;
@@ -16,13 +12,9 @@ const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.001);
 /// Foam rubber.
 const FOAM: XpbdMaterial = XpbdMaterial { drag: 0.5, ..XpbdMaterial::SOFT };
 
-/// Of the earth, in m/s².
-const GRAVITY: Vec3 = Vec3::new(0.0, -9.81, 0.0);
-
-/// A hundred soft bodies above the tray, in a liquid.
+/// A hundred soft bodies above the tray.
 pub fn pile(variation: &Variation, recorder: Recorder) -> Scene {
-    let response = XpbdSettings { gravity: GRAVITY, ..variation.response };
-    let mut stage = Stage::new(&Variation { response, ..*variation }, recorder);
+    let mut stage = Stage::new(variation, recorder);
     stage.add_obstacle("tray", &pile_tray(), THICKNESS);
     for index in 0..variation.extent.pick(6, PILE_BODIES) {
         let body = pile_body(index).translate(pile_start(index));

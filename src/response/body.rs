@@ -224,7 +224,9 @@ impl XpbdBody {
         for &triangle in topology.welded_triangles() {
             let [a, b, c] = triangle.map(|vertex| positions.0[vertex as usize].as_dvec3());
             let share = (b - a).cross(c - a).length() / 6.0;
-            triangle.iter().for_each(|&vertex| areas[vertex as usize] += share);
+            for vertex in triangle {
+                areas[vertex as usize] += share;
+            }
         }
         let (mut total, mut counted) = (0.0, 0usize);
         for &area in areas.iter().filter(|&&area| area > 0.0) {
@@ -301,8 +303,7 @@ fn check_material(material: &XpbdMaterial) -> Result<(), XpbdBodyError> {
         ("the bend compliance", material.bend_compliance),
         ("the volume compliance", material.volume_compliance),
     ];
-    // Not a number is not 0 or more either.
-    match compliances.into_iter().find(|&(_, value)| !(value >= 0.0)) {
+    match compliances.into_iter().find(|&(_, value)| value.is_nan() || value < 0.0) {
         Some((what, value)) => wrong(what, value, "0 or more, where infinite is no resistance"),
         None => Ok(()),
     }

@@ -12,17 +12,15 @@ use glam::{DVec3, Vec3};
 use super::{
     body::{SurfaceFriction, XpbdBody},
     contact::{ContactConstraint, Features},
-    features::{edge_edge, vertex_face},
     particles::Particles,
+    record::{completed, detected_sum, edges_of, face_of, flat, look_where_it_began, untangling},
     solver::{Solver, SolverBody},
-    untangle::untangling_direction,
 };
 use crate::{
     contacts::{ContactSide, ContactStore, PairOrder, StoredPair, SweptImpacts},
     kernel::{
         contact::{CompactContact, ContactKey},
-        exact::{Feature, FeatureKind, FeaturePair, side::face_normal},
-        ids::EdgeId,
+        exact::{Feature, FeatureKind, FeaturePair},
         pose::Pose,
         topology::SurfaceTopology,
     },
@@ -456,107 +454,5 @@ impl Gatherer {
         let offset = separation - normal.dot(detected_sum(particles, &entries));
         let features = Features::Plane { particles: entries, offset };
         ContactConstraint::new(features, normal, f64::from(pair.contact_distance), friction)
-    }
-}
-
-fn face_of(vertex: u32, [a, b, c]: [u32; 3]) -> Features {
-    Features::VertexFace([vertex, a, b, c])
-}
-
-fn edges_of(a: [u32; 3], edge_a: u8, b: [u32; 3], edge_b: u8) -> Features {
-    let ends = |corners: [u32; 3], edge: u8| [corners[edge as usize], corners[(edge as usize + 1) % 3]];
-    let ([a0, a1], [b0, b1]) = (ends(a, edge_a), ends(b, edge_b));
-    Features::EdgeEdge([a0, a1, b0, b1])
-}
-
-/// All three weights from the first two, none for corners that are no part of the feature.
-fn completed(feature: Feature, [first, second]: [f32; 2]) -> [f64; 3] {
-    let [first, second] = [f64::from(first), f64::from(second)];
-    match feature {
-        Feature::Edge(0) => [first, 1.0 - first, 0.0],
-        _ => [first, second, 1.0 - first - second],
-    }
-}
-
-/// The constraint of a crossing without memory: the edge moves against the face by a contact distance, so that the curve
-/// in which the two surfaces cross becomes shorter.
-fn untangling(
-    particles: &Particles,
-    pair: &StoredPair,
-    record: &CompactContact,
-    [a, b]: [[u32; 3]; 2],
-    firsts: [Option<usize>; 2],
-) -> Option<ContactConstraint> {
-    let topology_b = pair.topology_b.as_ref()?;
-    let (topology, triangle, corners, edge, face, first_particle, sign) = match (record.features.a, record.features.b) {
-        (Feature::Edge(edge), Feature::Face) => {
-            (&pair.topology_a, record.triangle_a, a, edge as usize, b, firsts[0], 1.0)
-        }
-        (Feature::Face, Feature::Edge(edge)) => (topology_b, record.triangle_b, b, edge as usize, a, firsts[1], -1.0),
-        _ => return None,
-    };
-    let [start, end] = [corners[edge], corners[(edge + 1) % 3]];
-    let at = |particle: u32| particles.start[particle as usize];
-    let around = topology.triangles_of_edge(EdgeId(topology.triangle_edges()[triangle as usize][edge]));
-    let beside = around.iter().filter_map(|&other| {
-        if other == triangle {
-            return Some(at(corners[(edge + 2) % 3]));
-        }
-        let first_particle = first_particle?;
-        let corners = topology.welded_triangles()[other as usize].map(|vertex| first_particle as u32 + vertex);
-        corners.into_iter().find(|corner| ![start, end].contains(corner)).map(at)
-    });
-    let direction = untangling_direction([at(start), at(end)], &face.map(at), beside)?;
-    let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
-    entries.extend(a.into_iter().zip(completed(record.features.a, record.barycentric_a)));
-    entries.extend(b.into_iter().zip(completed(record.features.b, record.barycentric_b).map(|weight| -weight)));
-    entries.retain(|&mut (_, weight)| weight != 0.0);
-    let normal = direction * sign;
-    let distance = f64::from(pair.contact_distance);
-    let offset = -distance - normal.dot(detected_sum(particles, &entries));
-    Some(ContactConstraint::new(Features::Plane { particles: entries, offset }, normal, distance, [0.0; 2]))
-}
-
-/// A contact whose normal and weights stay for the tick: of spheres, and of features that have penetrated at a rim.
-fn flat(
-    particles: &Particles,
-    record: &CompactContact,
-    [a, b]: [[u32; 3]; 2],
-    normal: DVec3,
-    distance: f64,
-) -> Features {
-    let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
-    entries.extend(a.into_iter().zip(completed(record.features.a, record.barycentric_a)));
-    let weights_b = completed(record.features.b, record.barycentric_b);
-    entries.extend(b.into_iter().zip(weights_b.map(|weight| -weight)));
-    entries.retain(|&mut (_, weight)| weight != 0.0);
-    let separation = f64::from(record.distance) - distance;
-    let offset = separation - normal.dot(detected_sum(particles, &entries));
-    Features::Plane { particles: entries, offset }
-}
-
-/// The weighted sum of particles where detection saw them: bodies when the tick began, all else where the tick ends.
-fn detected_sum(particles: &Particles, entries: &[(u32, f64)]) -> DVec3 {
-    entries.iter().map(|&(particle, weight)| particles.end[particle as usize] * weight).sum()
-}
-
-/// Where the other side has moved since the last tick, detection has seen the two at different times: the direction is
-/// taken from where both were when the tick began.
-fn look_where_it_began(constraint: &mut ContactConstraint, particles: &Particles, one_sided: bool) {
-    let (Features::VertexFace(places) | Features::EdgeEdge(places)) = &constraint.features else { return };
-    let has_moved = |&place: &u32| particles.start[place as usize] != particles.end[place as usize];
-    if !places.iter().any(has_moved) {
-        return;
-    }
-    let points = places.map(|place| particles.start[place as usize]);
-    let between =
-        |weights: [f64; 4]| -> DVec3 { points.iter().zip(weights).map(|(&point, weight)| point * weight).sum() };
-    let direction = match &constraint.features {
-        Features::VertexFace(_) if one_sided => face_normal(&[points[1], points[2], points[3]]),
-        Features::VertexFace(_) => between(vertex_face(&points, constraint.normal).weights),
-        _ => between(edge_edge(&points, constraint.normal).weights),
-    };
-    if let Some(direction) = direction.try_normalize() {
-        constraint.set_normal(direction);
     }
 }

@@ -258,7 +258,9 @@ impl Guard {
                 mesh.reach = SHARE_OF_DISTANCE * scene.nearest(mesh.entity).unwrap_or(mesh.thickness);
             }
         }
-        meshes.iter_mut().for_each(|mesh| mesh.follow_ways(particles));
+        for mesh in &mut *meshes {
+            mesh.follow_ways(particles);
+        }
         self.pair_meshes(scene);
     }
 

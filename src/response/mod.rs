@@ -26,6 +26,52 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+//!
+//! Another solver reads the contacts of the tick as they are. Each has a flat stencil: how its separation grows with every
+//! vertex that it acts on. One pass of the simplest solver there is, that of positions alone:
+//!
+//! ```
+//! use std::collections::HashMap;
+//! use bevy_app::prelude::*;
+//! use bevy_circumsphere::prelude::*;
+//! use bevy_ecs::prelude::*;
+//! use glam::Vec3;
+//!
+//! /// Moves the vertices of contacts apart by what is missing, each by its share.
+//! fn part(contacts: SurfaceContacts, mut surfaces: Query<&mut SurfacePositions>) {
+//!     let mut pushes: HashMap<(Entity, u32), (Vec3, f32)> = HashMap::new();
+//!     for contact in contacts.iter().filter(|contact| contact.separation() < 0.0 && !contact.is_crossing()) {
+//!         let stencil = contact.stencil();
+//!         let squares: f32 = stencil.iter().map(|entry| entry.weight * entry.weight).sum();
+//!         for entry in stencil {
+//!             let push = entry.normal * (entry.weight * -contact.separation() / squares);
+//!             let (sum, count) = pushes.entry((entry.entity, entry.vertex.0)).or_default();
+//!             *sum += push;
+//!             *count += 1.0;
+//!         }
+//!     }
+//!     for ((entity, vertex), (sum, count)) in pushes {
+//!         if let Ok(mut positions) = surfaces.get_mut(entity) {
+//!             positions.0[vertex as usize] += sum / count;
+//!         }
+//!     }
+//! }
+//!
+//! let mut app = App::new();
+//! app.add_plugins(DeformableCollisionPlugins::new(Update));
+//! app.add_systems(Update, part.in_set(DeformableSystems::Respond));
+//! let sheet = [Vec3::ZERO, Vec3::X, Vec3::Z];
+//! let thickness = SurfaceThickness::World(0.05);
+//! let sheets = [0.0, 0.04].map(|height| {
+//!     let corners = sheet.map(|corner| corner + Vec3::new(0.1, 1.0, 0.2) * height);
+//!     let surface = DeformableSurface::from_mesh(&corners, &[[0, 2, 1]]).unwrap();
+//!     app.world_mut().spawn((surface, thickness)).id()
+//! });
+//! (0..30).for_each(|_| app.update());
+//! let height = |sheet: Entity| app.world().get::<SurfacePositions>(sheet).unwrap().0[0].y;
+//! assert!(height(sheets[1]) - height(sheets[0]) > 0.08, "they were 0.04 apart and have to be 0.1");
+//! ```
+
 mod body;
 mod constraints;
 mod contact;
@@ -33,6 +79,7 @@ mod features;
 mod gather;
 mod guard;
 mod particles;
+mod record;
 mod respond;
 mod settings;
 mod solver;
