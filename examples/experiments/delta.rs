@@ -106,8 +106,7 @@ fn run(scene: &str, delta: f32, repetition: u64, ticks: usize) -> Run {
             run.refresh.push(1.0e6 * time);
         }
         run.detection.push(1.0e3 * diagnostics.total().as_secs_f64());
-        let triangles: usize = stage.bodies.iter().map(|&body| stage.surface(body).topology().triangles().len()).sum();
-        run.refreshed.push(diagnostics.recipes_refreshed as f64 / triangles as f64);
+        run.refreshed.push(diagnostics.recipes_refreshed as f64 / stage.triangle_count() as f64);
         if player.ticks.len() % LOOK_EVERY == 0 {
             run.errors.extend((0..stage.bodies.len()).filter_map(|body| surface_error(player, body)));
         }
