@@ -5,6 +5,7 @@
 
 #[path = "speed_vs_error/configurations.rs"]
 mod configurations;
+mod drawing;
 mod headless;
 #[path = "speed_vs_error/measure.rs"]
 mod measure;

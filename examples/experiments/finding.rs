@@ -1,0 +1,122 @@
+//! How an experiment ends: a claim, what was found, and whether the claim holds, all of it made from the figures.
+
+use std::fmt::{self, Display, Formatter};
+
+use super::statistics::mean;
+
+/// Whether a claim holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    Holds,
+    /// Part of what is claimed.
+    HoldsInPart,
+    Fails,
+    /// The differences are no larger than those that chance makes.
+    Undecided,
+}
+
+impl Outcome {
+    /// Of a claim in several parts.
+    pub fn all(parts: &[Self]) -> Self {
+        let count = |outcome| parts.iter().filter(|&&part| part == outcome).count();
+        if count(Self::Holds) == parts.len() {
+            Self::Holds
+        } else if count(Self::Holds) > 0 {
+            Self::HoldsInPart
+        } else if count(Self::Fails) == 0 {
+            Self::Undecided
+        } else {
+            Self::Fails
+        }
+    }
+}
+
+/// Whether less happens to one than to the other, of two to whom the same was done again and again. What matters is how often
+/// it happened to one of them alone: chance parts those evenly, give or take twice the root of their number (a sign
+/// test).
+pub fn happens_less<'a>(own: impl IntoIterator<Item = &'a bool>, other: impl IntoIterator<Item = &'a bool>) -> Outcome {
+    let (mut own_alone, mut other_alone) = (0_i32, 0_i32);
+    for (&own, &other) in own.into_iter().zip(other) {
+        own_alone += i32::from(own && !other);
+        other_alone += i32::from(other && !own);
+    }
+    let chance = 2.0 * f64::from(own_alone + other_alone).sqrt();
+    let difference = f64::from(other_alone - own_alone);
+    if difference.abs() <= chance {
+        Outcome::Undecided
+    } else if difference > 0.0 {
+        Outcome::Holds
+    } else {
+        Outcome::Fails
+    }
+}
+
+impl Display for Outcome {
+    fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
+        out.write_str(match self {
+            Self::Holds => "holds",
+            Self::HoldsInPart => "holds in part",
+            Self::Fails => "does not hold",
+            Self::Undecided => "cannot be told: chance does as much",
+        })
+    }
+}
+
+/// The last sentence of an experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    pub claim: String,
+    pub found: String,
+    pub outcome: Outcome,
+}
+
+impl Display for Finding {
+    fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
+        write!(out, "**Claim:** {}; **found:** {}; **{}**.", self.claim, self.found, self.outcome)
+    }
+}
+
+/// A number in three digits, or in powers of ten where it is very small or large.
+pub fn figure(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        "0".to_owned()
+    } else if (1.0e-3..1.0e5).contains(&size) {
+        let digits = match size {
+            100.0.. => 0,
+            10.0.. => 1,
+            1.0.. => 2,
+            0.1.. => 3,
+            0.01.. => 4,
+            _ => 5,
+        };
+        let text = format!("{value:.digits$}");
+        if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+    } else {
+        format!("{value:.1e}")
+    }
+}
+
+/// [`figure`] of what there is, and a dash for what there is not.
+pub fn optional(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".to_owned(), figure)
+}
+
+/// A share in percent, three digits.
+pub fn percent(share: f64) -> String {
+    format!("{} %", figure(100.0 * share))
+}
+
+/// The mean of ratios: numbers below `least` count as that.
+pub fn geometric_mean(values: impl IntoIterator<Item = f64>, least: f64) -> Option<f64> {
+    mean(values.into_iter().map(|value| value.max(least).ln())).map(f64::exp)
+}
+
+/// A table for people.
+pub fn table(header: &[String], rows: impl IntoIterator<Item = Vec<String>>) -> String {
+    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+    let rule: Vec<String> =
+        (0..header.len()).map(|column| if column == 0 { "---" } else { "---:" }.to_owned()).collect();
+    let rows: String = rows.into_iter().map(|row| line(&row)).collect();
+    line(header) + &line(&rule) + &rows
+}

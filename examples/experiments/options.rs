@@ -1,0 +1,92 @@
+//! What the command line may ask for.
+
+use std::path::PathBuf;
+
+use clap::{Parser, ValueEnum};
+
+/// Repeat the source paper's experiments, and write tables, plots and a report.
+#[derive(Parser, Debug)]
+#[command(name = "experiments")]
+pub struct Options {
+    /// Where the report goes; made where it is missing
+    #[arg(long, value_name = "DIR", default_value = "experiments")]
+    pub out: PathBuf,
+    /// Only these experiments
+    #[arg(long, value_enum, value_name = "NAME,…", value_delimiter = ',')]
+    pub only: Vec<Experiment>,
+    /// The fewest settings and ticks: some seconds, to see that everything works. Its figures mean nothing
+    #[arg(long)]
+    pub quick: bool,
+}
+
+/// An experiment, in the order of the report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+pub enum Experiment {
+    /// δ against steadiness, speed and error
+    #[value(alias = "a")]
+    Delta,
+    /// Contact methods at few and many solver iterations
+    #[value(alias = "b")]
+    Iterations,
+    /// Tunnelling against speed
+    #[value(alias = "c")]
+    Tunnelling,
+    /// φ and the curvature threshold
+    #[value(alias = "d")]
+    Caps,
+    /// How much fits into a frame
+    #[value(alias = "e")]
+    Sizes,
+}
+
+impl Experiment {
+    /// A headline.
+    pub const fn title(self) -> &'static str {
+        match self {
+            Self::Delta => "How stale may spheres be? δ from 0 to 2",
+            Self::Iterations => "Contact methods at few and many solver iterations",
+            Self::Tunnelling => "Tunnelling against speed",
+            Self::Caps => "φ and the curvature threshold",
+            Self::Sizes => "How much fits into a frame",
+        }
+    }
+
+    /// What its table and its plot are called, without the ending.
+    pub const fn file(self) -> &'static str {
+        match self {
+            Self::Delta => "delta",
+            Self::Iterations => "iterations",
+            Self::Tunnelling => "tunnelling",
+            Self::Caps => "caps",
+            Self::Sizes => "sizes",
+        }
+    }
+}
+
+/// How much is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    Quick,
+    Full,
+}
+
+impl Extent {
+    pub fn pick<T>(self, quick: T, full: T) -> T {
+        match self {
+            Self::Quick => quick,
+            Self::Full => full,
+        }
+    }
+}
+
+impl Options {
+    pub fn extent(&self) -> Extent {
+        if self.quick { Extent::Quick } else { Extent::Full }
+    }
+
+    /// The experiments to make, in the report's order.
+    pub fn experiments(&self) -> Vec<Experiment> {
+        let wanted = |experiment: &Experiment| self.only.is_empty() || self.only.contains(experiment);
+        Experiment::value_variants().iter().copied().filter(wanted).collect()
+    }
+}

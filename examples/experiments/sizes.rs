@@ -1,0 +1,269 @@
+//! How much fits into a frame: cloths of 3,000 vertices that come to lie on hilly ground of 100,000 triangles each, from a
+//! sixteenth of one upwards, until a tick takes longer than a frame.
+
+use std::time::Duration;
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{
+    CircumsphereSettings,
+    detection::DetectionDiagnostics,
+    prelude::*,
+    response::{XpbdDiagnostics, XpbdMaterial},
+};
+use bevy_ecs::prelude::*;
+use circumsphere_support::scenes::{Diagonals, Mesh, grid};
+use glam::Vec3;
+use indicatif::ProgressBar;
+use serde::Serialize;
+
+use super::{
+    finding::{Finding, Outcome, figure, optional, percent, table},
+    headless::{headless_app, move_surface, recording::Recorder},
+    options::Extent,
+    player::variation,
+    scenes::Stage,
+    statistics::median,
+};
+
+/// The paper's scene.
+const DEFORMING: f64 = 3_000.0;
+const STATIC: f64 = 100_000.0;
+
+/// A frame at 60 a second, in milliseconds.
+pub const FRAME_MS: f64 = 1_000.0 / 60.0;
+
+/// Multiples of the paper's scene.
+const MULTIPLES: [f64; 8] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
+
+/// Beyond this multiple the response is measured with one method: it has long exceeded a frame.
+const MOST_RESPONSES: f64 = 2.0;
+
+/// The length of a cell of ground and cloth, in meters.
+const CELL: f32 = 0.025;
+
+const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.002);
+
+/// Until the cloths lie on the hills, and how many ticks are measured then.
+const FALL: usize = 25;
+const MEASURED: usize = 9;
+
+/// A size, and what a tick of it takes: medians, one thread.
+#[derive(Clone, Debug, Serialize)]
+pub struct SizesRow {
+    #[serde(serialize_with = "super::report::name_of_method")]
+    pub method: ContactMethod,
+    /// Times the paper's scene.
+    pub multiple: f64,
+    pub deforming_vertices: usize,
+    pub static_triangles: usize,
+    /// Within the contact distance, at the end.
+    pub contacts: Option<usize>,
+    /// The detection of the same motion where nothing answers and nothing is asked for beyond the contact distance, in milliseconds.
+    pub time_detection_alone_ms: f64,
+    /// Detection with the margin that the response asks for.
+    pub time_detection_ms: Option<f64>,
+    pub time_response_ms: Option<f64>,
+    /// Of a frame at 60 a second.
+    pub frame_share_detection_alone: f64,
+    pub frame_share_with_response: Option<f64>,
+}
+
+/// Measures multiple by multiple, until detection alone exceeds a frame by either method.
+pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<SizesRow> {
+    let multiples = extent.pick(&MULTIPLES[..1], &MULTIPLES[..]);
+    let (fall, measured) = extent.pick((3, 3), (FALL, MEASURED));
+    progress.set_length(multiples.len() as u64);
+    let mut rows: Vec<SizesRow> = Vec::new();
+    for &multiple in multiples {
+        rows.extend(measure_size(multiple, fall, measured));
+        progress.inc(1);
+        if rows.iter().rev().take(2).all(|row| row.time_detection_alone_ms > FRAME_MS) {
+            break;
+        }
+    }
+    rows
+}
+
+/// The ground, then the cloths.
+#[expect(clippy::cast_sign_loss, reason = "roots and multiples are not negative")]
+fn meshes(multiple: f64) -> (Mesh, Vec<Mesh>) {
+    let cells = (STATIC * multiple / 2.0).sqrt().round() as usize;
+    let width = cells as f32 * CELL;
+    let mut ground = grid(cells, cells, width, width, Diagonals::Alternating);
+    for position in &mut ground.positions {
+        let wave = |coordinate: f32, length: f32| bevy_math::ops::sin(std::f32::consts::TAU * coordinate / length);
+        position[1] = 0.08 * wave(position[0], 1.1) * wave(position[2], 0.9);
+    }
+    let count = multiple.max(1.0).round() as usize;
+    let side = (DEFORMING * multiple / count as f64).sqrt().round() as usize;
+    let columns = (count as f64).sqrt().ceil() as usize;
+    let cloths = (0..count).map(|number| {
+        let place = |number: usize, of: usize| ((number as f32 + 0.5) / of as f32 - 0.5) * width;
+        let cloth_width = (side - 1) as f32 * CELL;
+        let cloth = grid(side - 1, side - 1, cloth_width, cloth_width, Diagonals::Alternating);
+        // Turned against the ground: no two cells lie alike.
+        let (x, z) = (place(number % columns, columns), place(number / columns, count.div_ceil(columns)));
+        cloth.rotate([0.0, 1.0, 0.0], 0.3 + number as f32).translate([x, 0.1, z])
+    });
+    (ground, cloths.collect())
+}
+
+/// What a response found in the measured ticks: medians of times, contacts at the end, and the way that everything took.
+struct Played {
+    detection: f64,
+    response: f64,
+    contacts: usize,
+    motion: Vec<Vec<Vec<Vec3>>>,
+}
+
+fn play(method: ContactMethod, ground: &Mesh, cloths: &[Mesh], fall: usize, measured: usize) -> Played {
+    let mut stage = Stage::new(&variation(method), Recorder::default());
+    stage.add_obstacle("ground", ground, THICKNESS);
+    for cloth in cloths {
+        stage.add_body("cloth", cloth, XpbdMaterial::CLOTH, |body| body, (SelfCollision, THICKNESS));
+    }
+    (0..fall).for_each(|_| stage.tick());
+    let (mut detection, mut response, mut contacts, mut motion) = (Vec::new(), Vec::new(), 0, Vec::new());
+    for _ in 0..measured {
+        motion.push(stage.bodies.iter().map(|&body| stage.positions(body).to_vec()).collect());
+        stage.tick();
+        let world = stage.app.world();
+        let diagnostics = world.resource::<XpbdDiagnostics>();
+        let times = [diagnostics.gathering, diagnostics.solving, diagnostics.guarding];
+        response.push(1.0e3 * times.iter().map(Duration::as_secs_f64).sum::<f64>());
+        detection.push(1.0e3 * world.resource::<DetectionDiagnostics>().total().as_secs_f64());
+        contacts =
+            stage.with_contacts(|contacts| contacts.iter().filter(|contact| contact.separation() <= 0.0).count());
+    }
+    let [detection, response] = [detection, response].map(|times| median(times).unwrap_or_default());
+    Played { detection, response, contacts, motion }
+}
+
+fn measure_size(multiple: f64, fall: usize, measured: usize) -> Vec<SizesRow> {
+    let (ground, cloths) = meshes(multiple);
+    let own = play(ContactMethod::Circumsphere, &ground, &cloths, fall, measured);
+    let exact = (multiple <= MOST_RESPONSES).then(|| play(ContactMethod::Refined, &ground, &cloths, fall, measured));
+    [(ContactMethod::Circumsphere, Some(&own)), (ContactMethod::Refined, exact.as_ref())]
+        .into_iter()
+        .map(|(method, played)| {
+            // Of one motion for both methods where one of them has none.
+            let motion = &played.unwrap_or(&own).motion;
+            let alone = median(replay(method, &ground, &cloths, motion)).unwrap_or_default();
+            SizesRow {
+                method,
+                multiple,
+                deforming_vertices: cloths.iter().map(|cloth| cloth.positions.len()).sum(),
+                static_triangles: ground.triangles.len(),
+                contacts: played.map(|played| played.contacts),
+                time_detection_alone_ms: alone,
+                time_detection_ms: played.map(|played| played.detection),
+                time_response_ms: played.map(|played| played.response),
+                frame_share_detection_alone: alone / FRAME_MS,
+                frame_share_with_response: played.map(|played| (played.detection + played.response) / FRAME_MS),
+            }
+        })
+        .collect()
+}
+
+/// The time of each detection of a motion without a response. The first, which builds trees, is left out.
+fn replay(method: ContactMethod, ground: &Mesh, cloths: &[Mesh], motion: &[Vec<Vec<Vec3>>]) -> Vec<f64> {
+    let settings = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };
+    let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, Recorder::default());
+    let mut spawn = |mesh: &Mesh, is_cloth: bool| {
+        let positions: Vec<Vec3> = mesh.positions.iter().map(|&position| Vec3::from(position)).collect();
+        let (surface, positions) =
+            DeformableSurface::from_mesh(&positions, &mesh.triangles).expect("the meshes are sound");
+        let mut entity = app.world_mut().spawn((surface, positions, method, THICKNESS));
+        if is_cloth {
+            entity.insert(SelfCollision);
+        }
+        entity.id()
+    };
+    spawn(ground, false);
+    let cloths: Vec<Entity> = cloths.iter().map(|cloth| spawn(cloth, true)).collect();
+    let times = motion.iter().map(|tick| {
+        for (&cloth, positions) in cloths.iter().zip(tick) {
+            move_surface(&mut app, cloth, positions.clone());
+        }
+        app.update();
+        1.0e3 * app.world().resource::<DetectionDiagnostics>().total().as_secs_f64()
+    });
+    let times: Vec<f64> = times.collect();
+    times[1..].to_vec()
+}
+
+/// The number of deforming vertices that take a whole frame, on a line of logarithms between the sizes that were measured; `None`
+/// where none do, or all.
+fn vertices_in_a_frame(rows: &[&SizesRow], share: fn(&SizesRow) -> Option<f64>) -> Option<f64> {
+    let points: Vec<(f64, f64)> =
+        rows.iter().filter_map(|row| Some((row.deforming_vertices as f64, share(row)?))).collect();
+    points.windows(2).find(|pair| pair[0].1 <= 1.0 && pair[1].1 > 1.0).map(|pair| {
+        let [from, to] = [pair[0], pair[1]].map(|(vertices, share)| (vertices.ln(), share.ln()));
+        (from.0 - (to.0 - from.0) * from.1 / (to.1 - from.1)).exp()
+    })
+}
+
+/// What a method takes of a frame at the paper's size, and when it takes all of it: in words.
+fn told(rows: &[SizesRow], method: ContactMethod, share: fn(&SizesRow) -> Option<f64>) -> Option<(String, f64)> {
+    let own: Vec<&SizesRow> = rows.iter().filter(|row| row.method == method).collect();
+    let taken = share(own.iter().find(|row| row.multiple == 1.0)?)?;
+    let (least, most) = (own[0].deforming_vertices, own[own.len() - 1].deforming_vertices);
+    let full = match vertices_in_a_frame(&own, share) {
+        Some(vertices) => format!("at {} vertices", figure(vertices)),
+        None if taken > 1.0 => format!("at {least} vertices already"),
+        None => format!("not at {most} vertices yet"),
+    };
+    Some((format!("{} of a frame (all of it {full})", percent(taken)), taken))
+}
+
+pub fn finding(rows: &[SizesRow]) -> Finding {
+    let claim = format!(
+        "{DEFORMING} deforming vertices among {STATIC} static triangles fit into a frame of {} ms",
+        figure(FRAME_MS)
+    );
+    let alone = |row: &SizesRow| Some(row.frame_share_detection_alone);
+    let with = |row: &SizesRow| row.frame_share_with_response;
+    let [own, exact] = [ContactMethod::Circumsphere, ContactMethod::Refined]
+        .map(|method| Some((told(rows, method, alone)?, told(rows, method, with)?)));
+    let (Some((own, own_whole)), Some((exact, exact_whole))) = (own, exact) else {
+        return Finding { claim, found: "that size was not measured".to_owned(), outcome: Outcome::Undecided };
+    };
+    let fits = |share: f64| if share <= 1.0 { Outcome::Holds } else { Outcome::Fails };
+    Finding {
+        claim,
+        found: format!(
+            "on one thread detection alone takes {} by circumspheres and {} by the exact method, and with the response {} and {}",
+            own.0, exact.0, own_whole.0, exact_whole.0
+        ),
+        outcome: Outcome::all(&[fits(own.1), fits(own_whole.1)]),
+    }
+}
+
+pub fn tables(rows: &[SizesRow]) -> String {
+    let header = [
+        "method",
+        "deforming vertices",
+        "static triangles",
+        "contacts",
+        "detection alone (ms)",
+        "of a frame",
+        "detection + response (ms)",
+        "of a frame",
+    ];
+    let dash = || "–".to_owned();
+    table(
+        &header.map(str::to_owned),
+        rows.iter().map(|row| {
+            vec![
+                format!("{:?}", row.method),
+                row.deforming_vertices.to_string(),
+                row.static_triangles.to_string(),
+                row.contacts.map_or_else(dash, |contacts| contacts.to_string()),
+                figure(row.time_detection_alone_ms),
+                percent(row.frame_share_detection_alone),
+                format!("{} + {}", optional(row.time_detection_ms), optional(row.time_response_ms)),
+                row.frame_share_with_response.map_or_else(dash, percent),
+            ]
+        }),
+    )
+}
