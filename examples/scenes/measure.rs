@@ -166,8 +166,10 @@ impl Measure {
     }
 }
 
-/// The ticks of `played` that are settled: those that the scene names, or the last quarter where it has not come so far.
+/// The ticks of `played` that are settled: those that the scene names, or the last quarter where it has not come so far or
+/// has gone on.
 pub fn settled(scene: &Scene, played: usize) -> Range<usize> {
     let named = scene.settled.start as usize..played.min(scene.settled.end as usize);
-    if named.is_empty() { played - played / 4..played } else { named }
+    let goes_on = played > scene.ticks as usize;
+    if named.is_empty() || goes_on { played - played / 4..played } else { named }
 }
