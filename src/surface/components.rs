@@ -132,7 +132,7 @@ pub struct SelfCollision;
 /// - An impact is when two triangles are at distance 0, thickness left aside. A time is never later than the true one,
 ///   and earlier by no more than the way that f64 rounds, some 1e-13 of the size of the surfaces. What touches or crosses before it
 ///   moves is an impact at time 0.
-/// - In its first tick, after a jump ([`Teleported`]) and after a pause a surface has no motion, not even to a target.
+/// - In its first tick, after a jump ([`Teleported`]) and after a pause a surface has no motion but that to a target.
 /// - Rigid shapes are not swept against.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[require(PreviousPositions)]
