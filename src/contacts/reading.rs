@@ -50,11 +50,7 @@ impl SurfaceContacts<'_> {
     /// The contacts between two surfaces or a surface and a shape, `a` as the first side of each. Twice the same entity:
     /// those of a surface with itself.
     pub fn between(&self, a: Entity, b: Entity) -> impl Iterator<Item = Contact<'_>> {
-        let joins = move |pair: &&StoredPair| {
-            let sides = [pair.a.entity(), pair.b.entity()];
-            sides == [a, b] || sides == [b, a]
-        };
-        self.store.pairs_of(a).filter(joins).flat_map(move |pair| self.contacts(pair, pair.a.entity() != a))
+        self.store.pairs_between(a, b).flat_map(move |pair| self.contacts(pair, pair.a.entity() != a))
     }
 
     fn contacts<'a>(&'a self, pair: &'a StoredPair, swapped: bool) -> impl Iterator<Item = Contact<'a>> {

@@ -142,21 +142,16 @@ impl ContactConstraint {
     /// Fills in this step's weights and offset, and returns the separation.
     fn look(&mut self, particles: &Particles) -> f64 {
         let step = &mut self.step;
-        let meeting = match &self.features {
+        let at = |places: &[u32; 4]| places.map(|place| particles.position[place as usize]);
+        let (places, Meeting { weights, normal }) = match &self.features {
             Features::Plane { particles: entries, offset } => {
                 step.particles.clone_from(entries);
                 step.offset = *offset;
                 return self.separation(particles);
             }
-            Features::VertexFace(places) => {
-                vertex_face(&places.map(|place| particles.position[place as usize]), self.normal)
-            }
-            Features::EdgeEdge(places) => {
-                edge_edge(&places.map(|place| particles.position[place as usize]), self.normal)
-            }
+            Features::VertexFace(places) => (places, vertex_face(&at(places), self.normal)),
+            Features::EdgeEdge(places) => (places, edge_edge(&at(places), self.normal)),
         };
-        let (Features::VertexFace(places) | Features::EdgeEdge(places)) = &self.features else { return 0.0 };
-        let Meeting { weights, normal, distance: _ } = meeting;
         self.normal = normal;
         step.particles.clear();
         step.particles.extend(places.iter().copied().zip(weights).filter(|&(_, weight)| weight != 0.0));

@@ -21,8 +21,6 @@ pub struct Meeting {
     pub weights: [f64; 4],
     /// Unit vector along which the first feature has to move to part from the second, or to get back to its side.
     pub normal: DVec3,
-    /// The distance along it: negative where the first feature has passed the second.
-    pub distance: f64,
 }
 
 /// A vertex, the first point, and a face. `before` is the direction from the face to the vertex when they were last
@@ -50,7 +48,7 @@ pub fn vertex_face(points: &[DVec3; 4], before: DVec3) -> Meeting {
     if feature == Feature::Face {
         let normal = face_normal(&face);
         let normal = if normal.dot(before) < 0.0 { -normal } else { normal };
-        return Meeting { weights, normal, distance: between.dot(normal) };
+        return Meeting { weights, normal };
     }
     directed(weights, between, size, before, false)
 }
@@ -82,11 +80,11 @@ pub fn edge_edge(points: &[DVec3; 4], before: DVec3) -> Meeting {
 fn directed(weights: [f64; 4], between: DVec3, size: f64, before: DVec3, can_pass: bool) -> Meeting {
     let distance = between.length();
     if distance <= TOGETHER * size {
-        return Meeting { weights, normal: before, distance: between.dot(before) };
+        return Meeting { weights, normal: before };
     }
     let normal = between / distance;
     if can_pass && normal.dot(before) < 0.0 {
-        return Meeting { weights, normal: -normal, distance: -distance };
+        return Meeting { weights, normal: -normal };
     }
-    Meeting { weights, normal, distance }
+    Meeting { weights, normal }
 }

@@ -1,7 +1,7 @@
 //! From entities to the solver: bodies become particles, contacts become constraints on them.
 //!
 //! Every body's vertices are particles in world space; of everything else only the vertices that contacts touch are.
-//! Constraints are sorted by what they act on, so that the order in which contacts come does not matter.
+//! Contacts are taken in the order of what they are named by, whatever order they come in.
 
 use std::{collections::HashSet, sync::Arc};
 
@@ -13,7 +13,7 @@ use super::{
     body::{SurfaceFriction, XpbdBody},
     contact::{ContactConstraint, Features},
     particles::Particles,
-    record::{completed, detected_sum, edges_of, face_of, flat, look_where_it_began, untangling},
+    record::{completed, detected_sum, edges_of, face_of, flat, look_where_it_began, untangling, weighted},
     solver::{Solver, SolverBody},
 };
 use crate::{
@@ -42,7 +42,7 @@ struct Driven {
 }
 
 /// Where two triangles would meet on their ways.
-pub(super) struct Meeting {
+pub(super) struct MeetingTriangles {
     pub(super) triangles: [u32; 2],
     pub(super) features: FeaturePair,
     pub(super) barycentrics: [[f64; 3]; 2],
@@ -111,9 +111,7 @@ impl Scene<'_, '_> {
 
     /// The distance of two surfaces, as far as detection reaches.
     pub(super) fn nearest_of(&self, a: Entity, b: Entity) -> Option<f64> {
-        let sides = |pair: &&StoredPair| [pair.a.entity(), pair.b.entity()];
-        let joins = |pair: &&StoredPair| sides(pair) == [a, b] || sides(pair) == [b, a];
-        self.store.pairs_of(a).find(joins).map(|pair| pair.nearest)
+        self.store.pairs_between(a, b).next().map(|pair| pair.nearest)
     }
 
     fn friction(&self, a: Entity, b: Entity) -> [f64; 2] {
@@ -245,7 +243,7 @@ impl Gatherer {
             let surfaces = sides.map(|entity| scene.active.surfaces.iter().find(|surface| surface.entity == entity));
             let [Some(a), Some(b)] = surfaces else { continue };
             for impact in &pair.impacts {
-                let found = Meeting {
+                let found = MeetingTriangles {
                     triangles: [impact.triangle_a.0, impact.triangle_b.0],
                     features: impact.features,
                     barycentrics: [impact.barycentric_a, impact.barycentric_b].map(|weights| weights.map(f64::from)),
@@ -262,7 +260,7 @@ impl Gatherer {
         solver: &mut Solver,
         scene: &Scene<'_, '_>,
         [a, b]: [&ActiveSurface; 2],
-        found: &Meeting,
+        found: &MeetingTriangles,
     ) -> bool {
         let Some(normal) = found.normal.try_normalize() else { return false };
         let [corners_a, corners_b] = [(a, found.triangles[0]), (b, found.triangles[1])].map(|(surface, triangle)| {
@@ -280,10 +278,7 @@ impl Gatherer {
         if !self.is_new(&named) {
             return false;
         }
-        let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
-        entries.extend(corners_a.into_iter().zip(found.barycentrics[0]));
-        entries.extend(corners_b.into_iter().zip(found.barycentrics[1].map(|weight| -weight)));
-        entries.retain(|&mut (_, weight)| weight != 0.0);
+        let entries = weighted([corners_a, corners_b], found.barycentrics);
         let distance = f64::from(a.thickness) + f64::from(b.thickness);
         let features = Features::Plane { particles: entries, offset: -distance };
         let friction = scene.friction(a.entity, b.entity);

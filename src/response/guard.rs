@@ -10,7 +10,7 @@ use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::{
-    gather::{Meeting, Scene},
+    gather::{MeetingTriangles, Scene},
     particles::Particles,
 };
 use crate::{
@@ -164,7 +164,7 @@ impl Guard {
         self.found.clear();
         if scene.is_any_swept() {
             self.gather(particles, scene, first);
-            self.find(particles);
+            self.find(particles, |_| true);
         }
         self.found.len()
     }
@@ -176,15 +176,15 @@ impl Guard {
             mesh.follow_ways(particles);
         }
         self.pair_meshes(scene);
-        self.find(particles);
+        self.find(particles, |_| true);
         self.found.len()
     }
 
     /// What was found last: the places of both surfaces among the active ones, and how they meet.
-    pub(super) fn found(&self) -> impl Iterator<Item = ([usize; 2], Meeting)> {
+    pub(super) fn found(&self) -> impl Iterator<Item = ([usize; 2], MeetingTriangles)> {
         self.found.iter().map(|(places, found)| {
             let impact = &found.impact;
-            let meeting = Meeting {
+            let meeting = MeetingTriangles {
                 triangles: [found.triangle_a, found.triangle_b],
                 features: impact.features,
                 barycentrics: [impact.barycentric_a, impact.barycentric_b],
@@ -194,12 +194,16 @@ impl Guard {
         })
     }
 
-    fn find(&mut self, particles: &Particles) {
+    /// Lists what meets, of the pairs with a mesh that is `asked` about.
+    fn find(&mut self, particles: &Particles, asked: impl Fn(&Mesh) -> bool) {
         let Self { meshes, pairs, found, impacts, buffers, .. } = self;
         found.clear();
         for &MeshPair { places: [a, b], separation } in &*pairs {
-            impacts.clear();
             let (mesh_a, mesh_b) = (&meshes[a], &meshes[b]);
+            if !(asked(mesh_a) || asked(mesh_b)) {
+                continue;
+            }
+            impacts.clear();
             let (swept_a, swept_b) = (mesh_a.swept(particles), mesh_b.swept(particles));
             sweep(&swept_a, &mesh_a.tree, &swept_b, &mesh_b.tree, a == b, separation, buffers, impacts);
             let met = impacts.iter().filter(|found| is_met(found.impact.cause));
@@ -292,26 +296,16 @@ impl Guard {
         self.solved.clone_from(&particles.position);
         let most = MOST_ROUNDS + self.meshes.len() + 1;
         for round in 0..most {
+            // Nothing has moved since what was found for the first round.
+            if round > 0 {
+                self.find(particles, |mesh| mesh.stale);
+            }
             guarded.remaining = 0;
             let mut is_clear = true;
-            for place in 0..self.pairs.len() {
-                let MeshPair { places: [a, b], separation } = self.pairs[place];
-                if !(round == 0 || self.meshes[a].stale || self.meshes[b].stale) {
-                    continue;
-                }
-                self.impacts.clear();
-                let (mesh_a, mesh_b) = (&self.meshes[a], &self.meshes[b]);
-                let (swept_a, swept_b) = (mesh_a.swept(particles), mesh_b.swept(particles));
-                let (trees, buffers) = ((&mesh_a.tree, &mesh_b.tree), &mut self.buffers);
-                sweep(&swept_a, trees.0, &swept_b, trees.1, a == b, separation, buffers, &mut self.impacts);
-                for found in &self.impacts {
-                    if !is_met(found.impact.cause) {
-                        continue;
-                    }
-                    let held = hold(mesh_a, mesh_b, particles, &mut self.shares, found, round);
-                    is_clear &= !held;
-                    guarded.remaining += usize::from(!held);
-                }
+            for ([a, b], found) in &self.found {
+                let held = hold(&self.meshes[*a], &self.meshes[*b], particles, &mut self.shares, found, round);
+                is_clear &= !held;
+                guarded.remaining += usize::from(!held);
             }
             if is_clear {
                 break;

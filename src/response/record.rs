@@ -40,6 +40,20 @@ pub(super) fn completed(feature: Feature, [first, second]: [f32; 2]) -> [f64; 3]
     }
 }
 
+/// The corners of two triangles with their weights, those of the second negative. Corners without a share are left out.
+pub(super) fn weighted([a, b]: [[u32; 3]; 2], [weights_a, weights_b]: [[f64; 3]; 2]) -> ArrayVec<(u32, f64), 6> {
+    let mut entries = ArrayVec::new();
+    entries.extend(a.into_iter().zip(weights_a));
+    entries.extend(b.into_iter().zip(weights_b.map(|weight| -weight)));
+    entries.retain(|&mut (_, weight)| weight != 0.0);
+    entries
+}
+
+/// The weights that a record gives the corners of its triangles.
+fn weights_of(record: &CompactContact) -> [[f64; 3]; 2] {
+    [completed(record.features.a, record.barycentric_a), completed(record.features.b, record.barycentric_b)]
+}
+
 /// The constraint of a crossing without memory: the edge moves against the face by a contact distance, so that the curve
 /// in which the two surfaces cross becomes shorter.
 pub(super) fn untangling(
@@ -69,10 +83,7 @@ pub(super) fn untangling(
         corners.into_iter().find(|corner| ![start, end].contains(corner)).map(at)
     });
     let direction = untangling_direction([at(start), at(end)], &face.map(at), beside)?;
-    let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
-    entries.extend(a.into_iter().zip(completed(record.features.a, record.barycentric_a)));
-    entries.extend(b.into_iter().zip(completed(record.features.b, record.barycentric_b).map(|weight| -weight)));
-    entries.retain(|&mut (_, weight)| weight != 0.0);
+    let entries = weighted([a, b], weights_of(record));
     let normal = direction * sign;
     let distance = f64::from(pair.contact_distance);
     let offset = -distance - normal.dot(detected_sum(particles, &entries));
@@ -83,15 +94,11 @@ pub(super) fn untangling(
 pub(super) fn flat(
     particles: &Particles,
     record: &CompactContact,
-    [a, b]: [[u32; 3]; 2],
+    corners: [[u32; 3]; 2],
     normal: DVec3,
     distance: f64,
 ) -> Features {
-    let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
-    entries.extend(a.into_iter().zip(completed(record.features.a, record.barycentric_a)));
-    let weights_b = completed(record.features.b, record.barycentric_b);
-    entries.extend(b.into_iter().zip(weights_b.map(|weight| -weight)));
-    entries.retain(|&mut (_, weight)| weight != 0.0);
+    let entries = weighted(corners, weights_of(record));
     let separation = f64::from(record.distance) - distance;
     let offset = separation - normal.dot(detected_sum(particles, &entries));
     Features::Plane { particles: entries, offset }

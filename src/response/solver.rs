@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::{
     body::{RestShape, XpbdMaterial},
-    constraints::solve_volume,
+    constraints::{Spring, solve_volume},
     contact::ContactConstraint,
     particles::Particles,
     settings::XpbdSettings,
@@ -67,7 +67,7 @@ impl SolverBody {
         if self.material.stretch_compliance.is_finite() {
             let compliance = per_step(self.material.stretch_compliance);
             for (spring, multiplier) in self.rest.springs.iter().zip(springs) {
-                let spring = super::constraints::Spring { length: spring.length * self.scale, ..*spring };
+                let spring = Spring { length: spring.length * self.scale, ..*spring };
                 spring.solve(particles, self.first, compliance, multiplier);
             }
         }
