@@ -99,10 +99,11 @@ fn traversed(a: &FuzzedSurface, b: &FuzzedSurface, settings: &PairSettings) -> V
     kept
 }
 
-/// Of contacts of one key the first one counts, whatever stands between them.
+/// In the order of the store: of contacts of one key that of the lowest triangles counts, of those with the same
+/// triangles the first that was found, whatever stands between them.
 fn by_key(contacts: &[CompactContact]) -> Vec<CompactContact> {
     let mut contacts = contacts.to_vec();
-    contacts.sort_by_key(|contact| contact.key);
+    contacts.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
     contacts
 }
 
