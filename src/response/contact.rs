@@ -3,7 +3,7 @@
 //! A contact names the features that met when the tick began. In every step the pair of features is looked at where it
 //! is by then, on the side where it was, and gives a constraint `C = n·(Σ a p − Σ b p) − d ≥ 0` with the multiplier kept at
 //! or above 0. Friction holds up to the static share of the normal multiplier and slides with the dynamic one (Macklin et
-//! al. 2014, "Unified Particle Physics"), as a constraint of its own with a bounded multiplier.
+//! al. 2014, "Unified Particle Physics"), as a constraint of its own with a bounded multiplier, without a jump in between.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -12,6 +12,16 @@ use super::{
     features::{Meeting, edge_edge, vertex_face},
     particles::Particles,
 };
+
+/// Friction loses this share of what a contact slips by, until the dynamic one is left. With a jump from static to dynamic
+/// friction what rests near the limit slips and sticks forever; as it is, what rests by its weight is at dynamic friction
+/// from a speed of `(μ_s − μ_d) / 0.05` times what gravity adds in a substep: 3 centimeters a second by default.
+const WEAKENING: f64 = 0.05;
+
+/// What friction holds of `wanted`, where that is more than the static one: `held = holding − WEAKENING (wanted − held)`.
+fn slipping(wanted: f64, holding: f64) -> f64 {
+    (holding - WEAKENING * wanted) / (1.0 - WEAKENING)
+}
 
 /// What is known of a contact when the tick begins.
 #[derive(Clone, Debug, PartialEq)]
@@ -173,8 +183,8 @@ impl ContactConstraint {
         }
     }
 
-    /// Pushes the sides apart as far as they are too near, and holds them along the surface as far as friction goes.
-    pub fn solve(&mut self, particles: &mut Particles) {
+    /// Pushes the sides apart as far as they are too near.
+    pub fn separate(&mut self, particles: &mut Particles) {
         let missing = self.step.target - self.separation(particles);
         let before = self.step.multiplier;
         self.step.multiplier = (before + missing / self.step.weight).max(0.0);
@@ -182,6 +192,10 @@ impl ContactConstraint {
         if change != 0.0 {
             self.push(&mut particles.position, &particles.inverse_mass, self.normal * change);
         }
+    }
+
+    /// Holds the sides along the surface, as far as friction goes.
+    pub fn rub(&mut self, particles: &mut Particles) {
         if self.step.multiplier <= 0.0 && self.step.sliding == DVec3::ZERO || self.friction[0] <= 0.0 {
             return;
         }
@@ -195,7 +209,7 @@ impl ContactConstraint {
         let wanted = self.step.sliding - slid / self.step.weight;
         let [holding, sliding] = self.friction.map(|coefficient| coefficient * self.step.multiplier);
         let length = wanted.length();
-        let held = if length <= holding { wanted } else { wanted * (sliding / length) };
+        let held = if length <= holding { wanted } else { wanted * (slipping(length, holding).max(sliding) / length) };
         let change = held - self.step.sliding;
         self.step.sliding = held;
         self.push(&mut particles.position, &particles.inverse_mass, change);

@@ -2,6 +2,10 @@
 //!
 //! Knows particles and constraints, nothing of entities. Everything runs in one fixed order on one thread, so that the
 //! result is the same bit by bit however many threads detection has used.
+//!
+//! What is stiff, springs and contacts, is solved there and back. A Gauss–Seidel pass in one direction is no symmetric
+//! operator: some of its eigenvalues are complex, and with velocities taken from positions such a mode gains energy in every
+//! step, which shows as a trembling that never dies. There and back it is symmetric, and every mode decays.
 
 use std::sync::Arc;
 
@@ -64,13 +68,6 @@ impl SolverBody {
         let per_step = |compliance: f32| f64::from(compliance) / (step * step);
         let (springs, others) = self.multipliers.split_at_mut(self.rest.springs.len());
         let (hinges, volume) = others.split_at_mut(self.rest.hinges.len());
-        if self.material.stretch_compliance.is_finite() {
-            let compliance = per_step(self.material.stretch_compliance);
-            for (spring, multiplier) in self.rest.springs.iter().zip(springs) {
-                let spring = Spring { length: spring.length * self.scale, ..*spring };
-                spring.solve(particles, self.first, compliance, multiplier);
-            }
-        }
         if self.material.bend_compliance.is_finite() {
             let compliance = per_step(self.material.bend_compliance);
             for (hinge, multiplier) in self.rest.hinges.iter().zip(hinges) {
@@ -83,7 +80,22 @@ impl SolverBody {
             let triangles = self.topology.welded_triangles();
             solve_volume(particles, own, triangles, wanted, compliance, &mut volume[0], gradients);
         }
+        if self.material.stretch_compliance.is_finite() {
+            let compliance = per_step(self.material.stretch_compliance);
+            let mut solve = |(spring, multiplier): (&Spring, &mut f64)| {
+                let spring = Spring { length: spring.length * self.scale, ..*spring };
+                spring.solve(particles, self.first, compliance, multiplier);
+            };
+            self.rest.springs.iter().zip(&mut *springs).for_each(&mut solve);
+            self.rest.springs.iter().zip(springs).rev().for_each(solve);
+        }
     }
+}
+
+/// Goes through a list in its order and then against it.
+fn there_and_back<T>(list: &[T], mut solve: impl FnMut(&T)) {
+    list.iter().for_each(&mut solve);
+    list.iter().rev().for_each(solve);
 }
 
 /// Everything that one tick moves. Emptied and filled again every tick; keeps its memory.
@@ -146,9 +158,11 @@ impl Solver {
                 for body in &mut self.bodies {
                     body.solve(&mut self.particles, step, &mut self.gradients);
                 }
-                for &contact in &self.acting {
-                    self.contacts[contact as usize].solve(&mut self.particles);
-                }
+                let Self { acting, contacts, particles, .. } = self;
+                there_and_back(acting, |&contact| contacts[contact as usize].separate(particles));
+                // The limits of friction are known by now, and stay: a contact that gave up pressing after its friction was
+                // solved would let go of what it holds.
+                there_and_back(acting, |&contact| contacts[contact as usize].rub(particles));
                 solved.contact_solves += self.acting.len();
             }
             travelled += self.particles.update_velocities(step);

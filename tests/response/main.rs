@@ -4,6 +4,7 @@
 mod contact;
 mod harness;
 mod motion;
+mod rest;
 mod stability;
 mod swept;
 mod untangle;
