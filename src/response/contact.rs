@@ -40,54 +40,30 @@ pub enum Features {
     },
 }
 
-/// A contact in the solver.
+/// A contact that the solver watches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactConstraint {
     /// What meets.
     pub features: Features,
-    /// Unit vector from the second side to the first where they were last looked at.
+    /// Unit vector from the second side to the first when the tick begins.
     pub normal: DVec3,
-    /// That when the tick began.
-    first_normal: DVec3,
     /// The distance to keep.
     pub distance: f64,
     /// Static and dynamic friction.
     pub friction: [f64; 2],
-    step: Step,
-    /// Separation when the last step ended.
+    /// A lower bound of the separation when the tick begins; negative infinity where none is known.
+    pub apart: f64,
+    /// The normal where they were last looked at.
+    last_normal: DVec3,
+    /// Separation when the last step ended in which they were looked at.
     left: f64,
-    /// A lower bound of the separation, and how far everything had gone when it held.
-    clear: (f64, f64),
-}
-
-/// A contact in one step.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Step {
-    particles: ArrayVec<(u32, f64), 6>,
-    /// What is added to the weighted sum along the normal to get the separation.
-    offset: f64,
-    /// The least separation asked for: 0, or less where some was missing already.
-    target: f64,
-    /// `Σ w a²`.
-    weight: f64,
-    /// How fast it was opening when the step began.
-    opening: f64,
-    multiplier: f64,
-    sliding: DVec3,
 }
 
 impl ContactConstraint {
     /// A contact; `normal` is the unit vector from the second side to the first.
     #[must_use]
     pub fn new(features: Features, normal: DVec3, distance: f64, friction: [f64; 2]) -> Self {
-        let clear = (f64::NEG_INFINITY, 0.0);
-        Self { features, normal, first_normal: normal, distance, friction, step: Step::default(), left: 0.0, clear }
-    }
-
-    /// Tells on which side the first feature is when the tick begins.
-    pub fn set_normal(&mut self, normal: DVec3) {
-        self.normal = normal;
-        self.first_normal = normal;
+        Self { features, normal, distance, friction, apart: f64::NEG_INFINITY, last_normal: normal, left: 0.0 }
     }
 
     /// The greatest speed of a particle that it acts on, in a tick of `duration` seconds.
@@ -102,129 +78,167 @@ impl ContactConstraint {
         }
     }
 
-    /// How hard it was pushed in the last step: the multiplier, 0 where it did not touch.
-    #[must_use]
-    pub fn multiplier(&self) -> f64 {
-        self.step.multiplier
-    }
-
-    /// Looks where the features are when a tick begins.
+    /// Looks where the features are when a tick begins, unless they are known to be apart.
     pub fn begin_tick(&mut self, particles: &Particles) {
-        self.normal = self.first_normal;
-        let separation = self.look(particles);
-        self.left = separation;
-        self.clear = (separation, 0.0);
+        self.last_normal = self.normal;
+        if self.apart <= 0.0 {
+            self.apart = self.look(particles).separation(particles);
+        }
+        self.left = self.apart;
     }
 
-    /// Looks where the features are in a step, once everything has moved as it would without them. `travelled` is how far
-    /// the fastest particle has gone since the tick began, and `reach` how far one has gone in this step: a contact that
-    /// cannot close in it is passed over, and `false` is returned. What separation is missing already is made up for by at
-    /// most `push_out`.
-    pub fn begin_step(&mut self, particles: &Particles, travelled: f64, reach: f64, push_out: f64) -> bool {
-        self.step.multiplier = 0.0;
-        let (separation, then) = self.clear;
+    /// Whether the sides may come together in this step, once everything has moved as it would without them.
+    #[inline]
+    #[must_use]
+    pub fn may_meet(&self, particles: &Particles) -> bool {
+        let reach = |places: &[u32; 4]| places.map(|place| particles.reach[place as usize]);
+        match &self.features {
+            Features::VertexFace(places) => {
+                let [vertex, a, b, c] = reach(places);
+                self.apart <= vertex + a.max(b).max(c)
+            }
+            Features::EdgeEdge(places) => {
+                let [a, b, c, d] = reach(places);
+                self.apart <= a.max(b) + c.max(d)
+            }
+            Features::Plane { .. } => true,
+        }
+    }
+
+    /// Looks where the features are in a step, once everything has moved as it would without them. `None` where they are too far
+    /// apart to act. What separation is missing already is made up for by at most `push_out`.
+    pub fn begin_step(&mut self, particles: &Particles, push_out: f64) -> Option<ActingContact> {
+        let mut looked = self.look(particles);
+        let separation = looked.separation(particles);
+        let way = looked.points.iter().map(|point| particles.way[point.particle as usize]).fold(0.0, f64::max);
         // Solving may move what is pushed as far again.
-        if separation - 2.0 * (travelled - then) > 4.0 * reach {
-            return false;
-        }
-        let separation = self.look(particles);
-        self.clear = (separation - 2.0 * reach, travelled);
-        if separation > 2.0 * reach {
+        if separation > 2.0 * way {
             self.left = separation;
-            return false;
+            return None;
         }
-        let weighted = |&(particle, weight): &(u32, f64)| particles.inverse_mass[particle as usize] * weight * weight;
-        self.step.weight = self.step.particles.iter().map(weighted).sum();
-        if self.step.weight <= 0.0 {
-            return false;
+        looked.weight = looked.points.iter().map(|point| point.weight * point.mobility).sum();
+        if looked.weight <= 0.0 {
+            return None;
         }
-        self.step.sliding = DVec3::ZERO;
-        self.step.target = (self.left + push_out).min(0.0);
-        self.step.opening = self.normal.dot(self.sum(&particles.velocity));
-        true
+        looked.target = (self.left + push_out).min(0.0);
+        looked.opening = looked.normal.dot(looked.sum(&particles.velocity));
+        Some(looked)
     }
 
-    /// Ends a step in which the contact took part: sees what separation is left.
-    pub fn end_step(&mut self, particles: &Particles) {
-        self.left = self.separation(particles);
+    /// Ends a step in which it acted: sees what separation is left.
+    pub fn end_step(&mut self, acted: &ActingContact, particles: &Particles) {
+        self.left = acted.separation(particles);
     }
 
-    /// Fills in this step's weights and offset, and returns the separation.
-    fn look(&mut self, particles: &Particles) -> f64 {
-        let step = &mut self.step;
+    /// The contact as it is where everything is now.
+    fn look(&mut self, particles: &Particles) -> ActingContact {
+        let mut looked = ActingContact { friction: self.friction, ..ActingContact::default() };
+        let mut add = |particle: u32, weight: f64| {
+            if weight != 0.0 {
+                let mobility = weight * particles.inverse_mass[particle as usize];
+                looked.points.push(Point { particle, weight, mobility });
+            }
+        };
         let at = |places: &[u32; 4]| places.map(|place| particles.position[place as usize]);
         let (places, Meeting { weights, normal }) = match &self.features {
             Features::Plane { particles: entries, offset } => {
-                step.particles.clone_from(entries);
-                step.offset = *offset;
-                return self.separation(particles);
+                entries.iter().for_each(|&(particle, weight)| add(particle, weight));
+                (looked.normal, looked.offset) = (self.normal, *offset);
+                return looked;
             }
-            Features::VertexFace(places) => (places, vertex_face(&at(places), self.normal)),
-            Features::EdgeEdge(places) => (places, edge_edge(&at(places), self.normal)),
+            Features::VertexFace(places) => (places, vertex_face(&at(places), self.last_normal)),
+            Features::EdgeEdge(places) => (places, edge_edge(&at(places), self.last_normal)),
         };
-        self.normal = normal;
-        step.particles.clear();
-        step.particles.extend(places.iter().copied().zip(weights).filter(|&(_, weight)| weight != 0.0));
-        step.offset = -self.distance;
-        self.separation(particles)
+        places.iter().zip(weights).for_each(|(&particle, weight)| add(particle, weight));
+        self.last_normal = normal;
+        (looked.normal, looked.offset) = (normal, -self.distance);
+        looked
+    }
+}
+
+/// A particle with its weight in a contact, and how far a unit of push moves it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Point {
+    particle: u32,
+    weight: f64,
+    mobility: f64,
+}
+
+/// A contact that may act in a step, with the weights and the normal that it has in it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ActingContact {
+    points: ArrayVec<Point, 6>,
+    normal: DVec3,
+    /// What is added to the weighted sum along the normal to get the separation.
+    offset: f64,
+    /// The least separation asked for: 0, or less where some was missing already.
+    target: f64,
+    /// `Σ w a²`.
+    weight: f64,
+    /// How fast it was opening when the step began.
+    opening: f64,
+    friction: [f64; 2],
+    multiplier: f64,
+    sliding: DVec3,
+}
+
+impl ActingContact {
+    /// Whether it has to push to keep the sides apart.
+    #[must_use]
+    pub fn presses(&self) -> bool {
+        self.multiplier > 0.0
     }
 
     fn sum(&self, values: &[DVec3]) -> DVec3 {
-        self.step.particles.iter().map(|&(particle, weight)| values[particle as usize] * weight).sum()
+        self.points.iter().map(|point| values[point.particle as usize] * point.weight).sum()
     }
 
     fn separation(&self, particles: &Particles) -> f64 {
-        self.normal.dot(self.sum(&particles.position)) + self.step.offset
+        self.normal.dot(self.sum(&particles.position)) + self.offset
     }
 
-    fn push(&self, values: &mut [DVec3], inverse_mass: &[f64], push: DVec3) {
-        for &(particle, weight) in &self.step.particles {
-            values[particle as usize] += push * (weight * inverse_mass[particle as usize]);
+    fn push(&self, values: &mut [DVec3], push: DVec3) {
+        for point in &self.points {
+            values[point.particle as usize] += push * point.mobility;
         }
     }
 
     /// Pushes the sides apart as far as they are too near.
     pub fn separate(&mut self, particles: &mut Particles) {
-        let missing = self.step.target - self.separation(particles);
-        let before = self.step.multiplier;
-        self.step.multiplier = (before + missing / self.step.weight).max(0.0);
-        let change = self.step.multiplier - before;
+        let missing = self.target - self.separation(particles);
+        let before = self.multiplier;
+        self.multiplier = (before + missing / self.weight).max(0.0);
+        let change = self.multiplier - before;
         if change != 0.0 {
-            self.push(&mut particles.position, &particles.inverse_mass, self.normal * change);
+            self.push(&mut particles.position, self.normal * change);
         }
     }
 
     /// Holds the sides along the surface, as far as friction goes.
     pub fn rub(&mut self, particles: &mut Particles) {
-        if self.step.multiplier <= 0.0 && self.step.sliding == DVec3::ZERO || self.friction[0] <= 0.0 {
+        if !self.presses() && self.sliding == DVec3::ZERO || self.friction[0] <= 0.0 {
             return;
         }
-        let slid: DVec3 = self
-            .step
-            .particles
-            .iter()
-            .map(|&(place, weight)| (particles.position[place as usize] - particles.previous[place as usize]) * weight)
-            .sum();
+        let slid = self.sum(&particles.position) - self.sum(&particles.previous);
         let slid = slid - self.normal * self.normal.dot(slid);
-        let wanted = self.step.sliding - slid / self.step.weight;
-        let [holding, sliding] = self.friction.map(|coefficient| coefficient * self.step.multiplier);
+        let wanted = self.sliding - slid / self.weight;
+        let [holding, sliding] = self.friction.map(|coefficient| coefficient * self.multiplier);
         let length = wanted.length();
         let held = if length <= holding { wanted } else { wanted * (slipping(length, holding).max(sliding) / length) };
-        let change = held - self.step.sliding;
-        self.step.sliding = held;
-        self.push(&mut particles.position, &particles.inverse_mass, change);
+        let change = held - self.sliding;
+        self.sliding = held;
+        self.push(&mut particles.position, change);
     }
 
     /// Takes away the velocity with which the sides would part after having been pushed: contacts do not bounce.
     pub fn settle_velocity(&self, particles: &mut Particles) {
-        if self.step.multiplier <= 0.0 {
+        if !self.presses() {
             return;
         }
         let opening = self.normal.dot(self.sum(&particles.velocity));
-        let surplus = opening - self.step.opening.max(0.0);
+        let surplus = opening - self.opening.max(0.0);
         if surplus > 0.0 {
-            let change = self.normal * (-surplus / self.step.weight);
-            self.push(&mut particles.velocity, &particles.inverse_mass, change);
+            self.push(&mut particles.velocity, self.normal * (-surplus / self.weight));
         }
     }
 }

@@ -3,10 +3,11 @@
 //! Every body's vertices are particles in world space; of everything else only the vertices that contacts touch are.
 //! Contacts are taken in the order of what they are named by, whatever order they come in.
 
-use std::{collections::HashSet, sync::Arc};
+use std::sync::Arc;
 
 use arrayvec::ArrayVec;
 use bevy_ecs::{entity::EntityHashMap, prelude::*, system::SystemParam};
+use bevy_platform::collections::HashSet;
 use glam::{DVec3, Vec3};
 
 use super::{
@@ -30,6 +31,9 @@ use crate::{
 /// A vertex that is no particle.
 const NONE: u32 = u32::MAX;
 
+/// Distances in records are rounded to f32; with room for the poses that brought them there.
+const ROUNDING: f64 = 1.0e-6;
+
 /// What stands or is moved by the game: where it was in the last tick, and which of its vertices are particles in this.
 #[derive(Default)]
 struct Driven {
@@ -50,14 +54,20 @@ pub(super) struct MeetingTriangles {
     pub(super) normal: DVec3,
 }
 
+/// What a contact is named by: the order of its pair, its key and its triangles.
+fn name_of(store: &ContactStore, pair: u32, place: u32) -> (PairOrder, ContactKey, [u32; 2]) {
+    let record = &store.contacts[place as usize];
+    (store.pairs[pair as usize].order, record.key, [record.triangle_a, record.triangle_b])
+}
+
 /// Turns the contacts of a tick into constraints. Remembers where driven surfaces and shapes were.
 #[derive(Default)]
 pub(super) struct Gatherer {
     driven: EntityHashMap<Driven>,
     bodies: EntityHashMap<usize>,
     tick: u64,
-    /// The contacts of all pairs with a body, by what they are named by, with their pair's place and their own.
-    order: Vec<(PairOrder, ContactKey, [u32; 2], [u32; 2])>,
+    /// The contacts of all pairs with a body by their names: the places of the pair and of the record.
+    order: Vec<[u32; 2]>,
     known: HashSet<Features4>,
     /// The vertices of the triangles that cross in this pair.
     tangled: HashSet<u32>,
@@ -179,18 +189,16 @@ impl Gatherer {
             }
             self.follow(scene, pair.a.entity(), Some(&pair.topology_a), &pair.poses[0]);
             self.follow(scene, pair.b.entity(), pair.topology_b.as_ref(), &pair.poses[1]);
-            order.extend(pair.contacts.clone().map(|place| {
-                let record = &scene.store.contacts[place];
-                (pair.order, record.key, [record.triangle_a, record.triangle_b], [pair_place, place as u32])
-            }));
+            order.extend(pair.contacts.clone().map(|place| [pair_place, place as u32]));
         }
-        if !order.is_sorted() {
-            order.sort_unstable();
+        let name = |&[pair, place]: &[u32; 2]| name_of(&scene.store, pair, place);
+        if !order.is_sorted_by_key(name) {
+            order.sort_unstable_by_key(name);
         }
         self.known.clear();
         let mut last = (u32::MAX, [0.0; 2]);
         let Watch { duration, slack } = watch;
-        for &(_, _, _, [pair_place, place]) in &order {
+        for &[pair_place, place] in &order {
             let pair = &scene.store.pairs[pair_place as usize];
             if last.0 != pair_place {
                 last = (pair_place, scene.friction(pair.a.entity(), pair.b.entity()));
@@ -421,7 +429,13 @@ impl Gatherer {
         }
         let mut constraint = ContactConstraint::new(features, normal, distance, friction);
         let one_sided = vertex_side < 2 && pair.one_sided[1 - vertex_side];
-        look_where_it_began(&mut constraint, particles, one_sided);
+        let has_moved = look_where_it_began(&mut constraint, particles, one_sided);
+        // A record of another kind is not about the same features: a vertex that is nearest to an edge where
+        // two edges meet may be nearer to the inside of the face.
+        let is_same = matches!(record.features.kind(), FeatureKind::VertexFace | FeatureKind::EdgeEdge);
+        if is_same && !has_moved && record.distance > 0.0 {
+            constraint.apart = f64::from(record.distance) * (1.0 - ROUNDING) - distance;
+        }
         Some(constraint)
     }
 

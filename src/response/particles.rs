@@ -19,6 +19,11 @@ pub struct Particles {
     pub velocity: Vec<DVec3>,
     /// One over its mass; 0 where nothing moves it.
     pub inverse_mass: Vec<f64>,
+    /// How far it would go in this step, if nothing held it.
+    pub way: Vec<f64>,
+    /// How far from `start` it may be when this step ends: where it would be, and twice that way for what constraints do
+    /// to it.
+    pub reach: Vec<f64>,
 }
 
 impl Particles {
@@ -30,8 +35,8 @@ impl Particles {
 
     /// Forgets all particles.
     pub fn clear(&mut self) {
-        let Self { start, end, previous, position, velocity, inverse_mass } = self;
-        inverse_mass.clear();
+        let Self { start, end, previous, position, velocity, inverse_mass, way, reach } = self;
+        [inverse_mass, way, reach].into_iter().for_each(Vec::clear);
         for list in [start, end, previous, position, velocity] {
             list.clear();
         }
@@ -76,35 +81,31 @@ impl Particles {
         self.inverse_mass.push(inverse_mass);
     }
 
-    /// Begins a step of length `step` in which the driven particles reach `share` of their way. Returns the farthest that a
-    /// particle goes.
-    pub fn predict(&mut self, step: f64, gravity: DVec3, share: f64) -> f64 {
-        let mut farthest: f64 = 0.0;
+    /// Begins a step of length `step` in which the driven particles reach `share` of their way.
+    pub fn predict(&mut self, step: f64, gravity: DVec3, share: f64) {
+        self.way.resize(self.len(), 0.0);
+        self.reach.resize(self.len(), 0.0);
         for particle in 0..self.len() {
-            let position = self.position[particle];
+            let (start, position) = (self.start[particle], self.position[particle]);
             let way = if self.inverse_mass[particle] > 0.0 {
                 self.velocity[particle] += gravity * step;
                 self.velocity[particle] * step
             } else {
-                let way = self.start[particle].lerp(self.end[particle], share) - position;
+                let way = start.lerp(self.end[particle], share) - position;
                 self.velocity[particle] = way / step;
                 way
             };
             self.previous[particle] = position;
             self.position[particle] = position + way;
-            farthest = farthest.max(way.length_squared());
+            self.way[particle] = way.length();
+            self.reach[particle] = self.position[particle].distance(start) + 2.0 * self.way[particle];
         }
-        farthest.sqrt()
     }
 
-    /// Ends a step: velocities are what positions have changed by. Returns the farthest that a particle went.
-    pub fn update_velocities(&mut self, step: f64) -> f64 {
-        let mut farthest: f64 = 0.0;
+    /// Ends a step: velocities are what positions have changed by.
+    pub fn update_velocities(&mut self, step: f64) {
         for particle in 0..self.len() {
-            let way = self.position[particle] - self.previous[particle];
-            self.velocity[particle] = way / step;
-            farthest = farthest.max(way.length_squared());
+            self.velocity[particle] = (self.position[particle] - self.previous[particle]) / step;
         }
-        farthest.sqrt()
     }
 }

@@ -110,12 +110,12 @@ pub(super) fn detected_sum(particles: &Particles, entries: &[(u32, f64)]) -> DVe
 }
 
 /// Where the other side has moved since the last tick, detection has seen the two at different times: the direction is
-/// taken from where both were when the tick began.
-pub(super) fn look_where_it_began(constraint: &mut ContactConstraint, particles: &Particles, one_sided: bool) {
-    let (Features::VertexFace(places) | Features::EdgeEdge(places)) = &constraint.features else { return };
+/// taken from where both were when the tick began. Whether that is so.
+pub(super) fn look_where_it_began(constraint: &mut ContactConstraint, particles: &Particles, one_sided: bool) -> bool {
+    let (Features::VertexFace(places) | Features::EdgeEdge(places)) = &constraint.features else { return false };
     let has_moved = |&place: &u32| particles.start[place as usize] != particles.end[place as usize];
     if !places.iter().any(has_moved) {
-        return;
+        return false;
     }
     let points = places.map(|place| particles.start[place as usize]);
     let between =
@@ -126,6 +126,7 @@ pub(super) fn look_where_it_began(constraint: &mut ContactConstraint, particles:
         _ => between(edge_edge(&points, constraint.normal).weights),
     };
     if let Some(direction) = direction.try_normalize() {
-        constraint.set_normal(direction);
+        constraint.normal = direction;
     }
+    true
 }

@@ -14,7 +14,7 @@ use glam::DVec3;
 use super::{
     body::{RestShape, XpbdMaterial},
     constraints::{Spring, solve_volume},
-    contact::ContactConstraint,
+    contact::{ActingContact, ContactConstraint},
     particles::Particles,
     settings::XpbdSettings,
 };
@@ -93,9 +93,9 @@ impl SolverBody {
 }
 
 /// Goes through a list in its order and then against it.
-fn there_and_back<T>(list: &[T], mut solve: impl FnMut(&T)) {
-    list.iter().for_each(&mut solve);
-    list.iter().rev().for_each(solve);
+fn there_and_back<T>(list: &mut [T], mut solve: impl FnMut(&mut T)) {
+    list.iter_mut().for_each(&mut solve);
+    list.iter_mut().rev().for_each(solve);
 }
 
 /// Everything that one tick moves. Emptied and filled again every tick; keeps its memory.
@@ -104,8 +104,8 @@ pub(super) struct Solver {
     pub(super) particles: Particles,
     pub(super) bodies: Vec<SolverBody>,
     pub(super) contacts: Vec<ContactConstraint>,
-    /// The contacts that may act in the current step.
-    acting: Vec<u32>,
+    /// The contacts that may act in the current step, with their places.
+    acting: Vec<(u32, ActingContact)>,
     gradients: Vec<DVec3>,
     /// Velocities when the tick began.
     first_velocities: Vec<DVec3>,
@@ -144,13 +144,12 @@ impl Solver {
         let step = duration / f64::from(settings.substeps);
         let gravity = settings.gravity.as_dvec3();
         let mut solved = Solved::default();
-        let mut travelled = 0.0;
         self.contacts.iter_mut().for_each(|contact| contact.begin_tick(&self.particles));
         for substep in 1..=settings.substeps {
             self.bodies.iter().for_each(|body| body.slow_down(&mut self.particles, step));
             let share = f64::from(substep) / f64::from(settings.substeps);
-            let reach = self.particles.predict(step, gravity, share);
-            self.choose_contacts(travelled, reach, step, settings);
+            self.particles.predict(step, gravity, share);
+            self.choose_contacts(step, settings);
             for body in &mut self.bodies {
                 body.multipliers.fill(0.0);
             }
@@ -158,22 +157,21 @@ impl Solver {
                 for body in &mut self.bodies {
                     body.solve(&mut self.particles, step, &mut self.gradients);
                 }
-                let Self { acting, contacts, particles, .. } = self;
-                there_and_back(acting, |&contact| contacts[contact as usize].separate(particles));
+                let Self { acting, particles, .. } = self;
+                there_and_back(acting, |(_, contact)| contact.separate(particles));
                 // The limits of friction are known by now, and stay: a contact that gave up pressing after its friction was
                 // solved would let go of what it holds.
-                there_and_back(acting, |&contact| contacts[contact as usize].rub(particles));
-                solved.contact_solves += self.acting.len();
+                there_and_back(acting, |(_, contact)| contact.rub(particles));
+                solved.contact_solves += acting.len();
             }
-            travelled += self.particles.update_velocities(step);
+            self.particles.update_velocities(step);
             self.bodies.iter().for_each(|body| body.damp(&mut self.particles, step));
-            for &contact in &self.acting {
-                let contact = &mut self.contacts[contact as usize];
-                contact.end_step(&self.particles);
+            for (place, contact) in &self.acting {
+                self.contacts[*place as usize].end_step(contact, &self.particles);
                 contact.settle_velocity(&mut self.particles);
             }
         }
-        solved.pressing = self.contacts.iter().filter(|contact| contact.multiplier() > 0.0).count();
+        solved.pressing = self.acting.iter().filter(|(_, contact)| contact.presses()).count();
         solved
     }
 
@@ -189,12 +187,13 @@ impl Solver {
         }
     }
 
-    fn choose_contacts(&mut self, travelled: f64, reach: f64, step: f64, settings: &XpbdSettings) {
-        self.acting.clear();
-        for (place, contact) in self.contacts.iter_mut().enumerate() {
-            let push_out = f64::from(settings.push_out_speed) * contact.distance * step;
-            if contact.begin_step(&self.particles, travelled, reach, push_out) {
-                self.acting.push(place as u32);
+    fn choose_contacts(&mut self, step: f64, settings: &XpbdSettings) {
+        let Self { particles, contacts, acting, .. } = self;
+        acting.clear();
+        for (place, contact) in (0..).zip(contacts) {
+            if contact.may_meet(particles) {
+                let push_out = f64::from(settings.push_out_speed) * contact.distance * step;
+                acting.extend(contact.begin_step(particles, push_out).map(|acting| (place, acting)));
             }
         }
     }

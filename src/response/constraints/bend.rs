@@ -40,37 +40,40 @@ struct Bend {
 fn bend(points: &[DVec3; 4]) -> Option<Bend> {
     let [start, end, left, right] = *points;
     let edge = end - start;
-    let (normal_left, normal_right) = (edge.cross(left - start), (right - start).cross(edge));
+    let [left_start, left_end, right_start, right_end] = [left - start, left - end, right - start, right - end];
+    let (normal_left, normal_right) = (edge.cross(left_start), right_start.cross(edge));
     let (area_left, area_right) = (normal_left.length_squared(), normal_right.length_squared());
     let length_squared = edge.length_squared();
-    let longest = points.iter().map(|point| point.distance_squared(start).max(point.distance_squared(end)));
-    let longest = longest.fold(length_squared, f64::max);
+    let sides = [left_start, left_end, right_start, right_end];
+    let longest = sides.iter().map(|side| side.length_squared()).fold(length_squared, f64::max);
     let least = (LEAST_AREA * longest).powi(2);
     if length_squared == 0.0 || area_left <= least || area_right <= least {
         return None;
     }
     let length = length_squared.sqrt();
+    let per_length = length.recip();
     let scale = (area_left * area_right).sqrt().recip();
     let cosine = (normal_left.dot(normal_right) * scale).clamp(-1.0, 1.0);
-    let sine = normal_left.cross(normal_right).dot(edge) * scale / length;
+    let sine = normal_left.cross(normal_right).dot(edge) * (scale * per_length);
     // Half angles without inverse functions, each where it does not cancel.
-    let half_cosine = (0.5 * (1.0 + cosine)).sqrt();
-    let half_sine = (0.5 * (1.0 - cosine)).sqrt();
     let (half_sine, half_cosine) = if cosine > 0.0 {
+        let half_cosine = (0.5 * (1.0 + cosine)).sqrt();
         (0.5 * sine / half_cosine, half_cosine)
     } else {
+        let half_sine = (0.5 * (1.0 - cosine)).sqrt();
         (half_sine.copysign(sine), 0.5 * sine.abs() / half_sine)
     };
     let (lift_left, lift_right) = (normal_left / area_left, normal_right / area_right);
-    let along = |point: DVec3, from: DVec3| (point - from).dot(edge) / length;
-    let angle_gradients = [
-        -lift_left * along(left, end) - lift_right * along(right, end),
-        lift_left * along(left, start) + lift_right * along(right, start),
-        -lift_left * length,
-        -lift_right * length,
+    let along = |side: DVec3| side.dot(edge) * (per_length * half_cosine);
+    let across = -length * half_cosine;
+    let gradients = [
+        lift_left * -along(left_end) - lift_right * along(right_end),
+        lift_left * along(left_start) + lift_right * along(right_start),
+        lift_left * across,
+        lift_right * across,
     ];
-    let height = area_left.min(area_right).sqrt() / length;
-    Some(Bend { value: 2.0 * half_sine, height, gradients: angle_gradients.map(|gradient| gradient * half_cosine) })
+    let height = area_left.min(area_right).sqrt() * per_length;
+    Some(Bend { value: 2.0 * half_sine, height, gradients })
 }
 
 impl Hinge {
@@ -87,13 +90,14 @@ impl Hinge {
         let places = self.corners.map(|corner| first + corner as usize);
         let Some(bend) = bend(&places.map(|place| particles.position[place])) else { return };
         let weights = places.map(|place| particles.inverse_mass[place]);
-        let weight: f64 = weights.iter().zip(&bend.gradients).map(|(w, gradient)| w * gradient.length_squared()).sum();
+        let squares = bend.gradients.map(DVec3::length_squared);
+        let weight: f64 = (0..4).map(|corner| weights[corner] * squares[corner]).sum();
         if weight + compliance <= f64::MIN_POSITIVE {
             return;
         }
         let change = (self.bend - bend.value - compliance * *multiplier) / (weight / RELAXATION + compliance);
         // The gradients hold while no corner moves by more than a part of its height over the edge.
-        let farthest = (0..4).map(|corner| bend.gradients[corner].length() * weights[corner]).fold(0.0, f64::max);
+        let farthest = (0..4).map(|corner| squares[corner] * weights[corner].powi(2)).fold(0.0, f64::max).sqrt();
         let change = if farthest * change.abs() > FARTHEST * bend.height {
             (FARTHEST * bend.height / farthest).copysign(change)
         } else {
