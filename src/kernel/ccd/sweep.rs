@@ -1,7 +1,7 @@
 //! First impacts of two moving meshes, or of one with itself: from positions at both ends of a step to a sorted list.
 //!
 //! Continuous detection as a whole, for a caller that keeps one [`SweepTree`] a mesh: boxes that triangles sweep, then
-//! balls, then [`first_impacts`]. Only what is fast is swept, and what a step costs follows that.
+//! [`first_impacts`]. Only what is fast is swept, and what a step costs follows that.
 
 use std::ops::Range;
 
@@ -10,21 +10,16 @@ use glam::DVec3;
 use super::{
     pair_list::{MovingSide, PairImpact, first_impacts},
     sweep_tree::{SweepTree, rounded_up},
-    swept_balls::{MovingBall, first_impact_of_balls},
     triangle_pair::MovingTriangle,
 };
 use crate::kernel::{
     bounds::{Aabb, pairs_between_brute_force},
-    circumsphere::Ball,
     topology::SurfaceTopology,
     tree::BoxTree,
 };
 
 /// Leaves of eight triangles whose pairs are looked for and tested at a time: so many bound the candidates that wait.
 pub const SWEEP_PART: usize = 4;
-
-/// A ball in single precision is made larger by this factor for what its radius is rounded by on the way there.
-const RADIUS_SLACK: f64 = 1.0 + 4.0 * f64::EPSILON;
 
 /// A mesh whose vertices move in straight lines from the start of a step to its end.
 ///
@@ -196,27 +191,9 @@ impl Sweep<'_> {
             own.is_fast(first) || other.is_fast(second)
         });
         let count = candidates.len();
-        candidates.retain(|pair| self.balls_may_meet(*pair));
         first_impacts(&self.a.0.side(), &self.b.0.side(), self.same_surface, candidates, self.separation, impacts);
         count
     }
-
-    fn balls_may_meet(&self, [a, b]: [u32; 2]) -> bool {
-        let (a, b) = (moving_ball(&self.a.0.triangle(a)), moving_ball(&self.b.0.triangle(b)));
-        let is_known = |ball: &MovingBall| ball.start.radius.is_finite() && ball.end.radius.is_finite();
-        // Coordinates beyond single precision have no ball.
-        !(is_known(&a) && is_known(&b)) || first_impact_of_balls(&a, &b, self.separation).is_some()
-    }
-}
-
-/// Balls about the middle of the corners.
-fn moving_ball(triangle: &MovingTriangle) -> MovingBall {
-    let ball = |corners: &[DVec3; 3]| {
-        let center = ((corners[0] + corners[1] + corners[2]) / 3.0).as_vec3();
-        let radius = corners.iter().map(|corner| corner.distance(center.as_dvec3())).fold(0.0, f64::max);
-        Ball { center, radius: rounded_up(radius * RADIUS_SLACK) }
-    };
-    MovingBall { start: ball(&triangle.start), end: ball(&triangle.end) }
 }
 
 /// What [`sweep`] keeps for its memory.

@@ -10,6 +10,7 @@ use robust::Coord3D;
 use super::{
     advance::{ImpactCause, MovingHull, Plane},
     feature::{FeatureImpact, edge_edge_impact_within, vertex_face_impact_within},
+    parting::stay_apart,
 };
 use crate::kernel::exact::{
     Feature, FeaturePair,
@@ -165,16 +166,18 @@ fn keep_earlier(first: &mut Option<TriangleImpact>, found: TriangleImpact) {
 }
 
 /// For how long planes along the faces surely keep the triangles farther than `separation` apart: 0 where they touch, or
-/// share a vertex, infinite where for the whole step. `None` where a coordinate is not finite.
+/// share a vertex, infinite where for the whole step. `None` where that is sure at once, or where a coordinate is not
+/// finite.
 fn clear_from_start(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVertices, separation: f64) -> Option<f64> {
+    let all = [&a.start, &a.end, &b.start, &b.end];
+    if common.any() {
+        return all.into_iter().flatten().all(|corner| corner.is_finite()).then_some(0.0);
+    }
+    if stay_apart([&a.start, &a.end], [&b.start, &b.end], separation) {
+        return None;
+    }
     let differences = |a: &[DVec3; 3], b: &[DVec3; 3]| -> [DVec3; 9] { std::array::from_fn(|k| a[k / 3] - b[k % 3]) };
     let hull = MovingHull::new(differences(&a.start, &b.start), differences(&a.end, &b.end))?;
-    if common.any() {
-        return Some(0.0);
-    }
-    if hull.box_is_clear(separation) {
-        return Some(f64::INFINITY);
-    }
     let mut clear = 0.0_f64;
     for triangle in [a, b] {
         let edges = |corners: &[DVec3; 3]| [corners[1] - corners[0], corners[2] - corners[0]];
