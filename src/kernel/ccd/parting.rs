@@ -35,6 +35,19 @@ pub(super) fn stay_apart<const A: usize, const B: usize>(
     gap(0).min(gap(1)) > within * normal.length()
 }
 
+/// The same for two triangles with one common vertex, of what they have besides: `a` and `b` are their other corners seen
+/// from there at both ends. No pair of features that leaves out the common vertex comes nearer than `separation` where these
+/// are on different sides of a plane through it, and the features of one side away from it.
+pub(super) fn stay_apart_about_vertex(a: [[DVec3; 2]; 2], b: [[DVec3; 2]; 2], separation: f64) -> bool {
+    let corners = || a.as_flattened().iter().chain(b.as_flattened());
+    let sum = |corners: [[DVec3; 2]; 2]| corners.as_flattened().iter().sum::<DVec3>();
+    let normal = sum(a) - sum(b);
+    let largest = corners().fold(DVec3::ZERO, |largest, corner| largest.max(corner.abs())).max_element();
+    let within = (separation * LENGTH_SLACK + HEIGHT_ERROR * largest) * normal.length();
+    a.as_flattened().iter().all(|corner| normal.dot(*corner) > within)
+        && b.as_flattened().iter().all(|corner| normal.dot(*corner) < -within)
+}
+
 /// What the differences between the points of two sets span at one time.
 struct Differences {
     low: DVec3,
