@@ -20,7 +20,7 @@ use super::{
 use crate::{
     contacts::{ContactSide, ContactStore, PairOrder, StoredPair, SweptImpacts},
     kernel::{
-        contact::{CompactContact, ContactKey},
+        contact::{CompactContact, ContactKey, TouchingPair},
         exact::{Feature, FeatureKind, FeaturePair},
         pose::Pose,
         topology::SurfaceTopology,
@@ -117,6 +117,12 @@ impl Scene<'_, '_> {
     pub(super) fn nearest(&self, entity: Entity) -> Option<f64> {
         let distances = self.store.pairs_of(entity).map(|pair| pair.nearest.min(f64::from(pair.contact_distance)));
         distances.reduce(f64::min)
+    }
+
+    /// The triangles of two surfaces that touch.
+    pub(super) fn touching(&self) -> impl Iterator<Item = ([Entity; 2], &[TouchingPair])> {
+        let surfaces = self.store.pairs.iter().filter(|pair| pair.topology_b.is_some());
+        surfaces.map(|pair| ([pair.a.entity(), pair.b.entity()], &self.store.touching[pair.touching.clone()]))
     }
 
     /// The distance of two surfaces, as far as detection reaches.

@@ -15,10 +15,12 @@ use super::{
 };
 use crate::{
     kernel::{
+        bounds::Aabb,
         ccd::{ImpactCause, PairImpact, SweepBuffers, SweepTree, SweptMesh, sweep},
         exact::Feature,
         pose::Pose,
         topology::SurfaceTopology,
+        tree::BoxTree,
     },
     surface::SurfaceLayers,
 };
@@ -88,8 +90,10 @@ struct Mesh {
     /// Its first particle, where it is a body.
     first: Option<usize>,
     obstacle: Obstacle,
-    /// Of a body that is not guarded, or stands: infinite.
-    reach: f64,
+    /// Whether it is a body that nothing goes through.
+    is_guarded: bool,
+    /// How far each triangle may move without meeting anything that moves no farther than its own reach.
+    reaches: Vec<f64>,
     tree: SweepTree,
     /// Whether the tree may not be that of its ways.
     stale: bool,
@@ -104,19 +108,47 @@ impl Mesh {
             }
             None => (&self.obstacle.start[..], &self.obstacle.end[..]),
         };
-        SweptMesh { topology: &self.topology, start, end, reach: self.reach }
+        SweptMesh { topology: &self.topology, start, end, reach: 0.0 }
     }
 
     /// Brings the boxes up to date with the ways.
     fn follow_ways(&mut self, particles: &Particles) {
-        if !self.stale {
-            return;
-        }
         let mut tree = std::mem::take(&mut self.tree);
-        tree.update(&self.swept(particles));
+        tree.update_with_reaches(&self.swept(particles), &self.reaches);
         tree.update_tree();
         self.tree = tree;
         self.stale = false;
+    }
+
+    /// Lets every triangle reach as far as what touches nothing may, `distance` being how far it is from everything.
+    fn reach_all(&mut self, distance: f64) {
+        self.reaches.clear();
+        self.reaches.resize(self.topology.triangles().len(), SHARE_OF_DISTANCE * distance);
+    }
+
+    /// A triangle that is as far as `distance` from another one reaches no farther than that allows.
+    fn reach_less(&mut self, triangle: u32, distance: f64) {
+        let reach = &mut self.reaches[triangle as usize];
+        *reach = reach.min(SHARE_OF_DISTANCE * distance);
+    }
+
+    /// Where detection has seen a vertex at the end of its way, what it has found of distances tells nothing of the beginning.
+    fn forget_driven(&mut self, particles: &Particles) {
+        let Self { topology, reaches, obstacle, first, .. } = self;
+        // Vertices of a body follow those that they are welded to, those of other surfaces need not.
+        let triangles = if first.is_some() { topology.welded_triangles() } else { topology.triangles() };
+        let is_driven = |vertex: u32| match *first {
+            Some(first) => {
+                let particle = first + vertex as usize;
+                particles.inverse_mass[particle] <= 0.0 && particles.start[particle] != particles.end[particle]
+            }
+            None => obstacle.start[vertex as usize] != obstacle.end[vertex as usize],
+        };
+        for (reach, corners) in reaches.iter_mut().zip(triangles) {
+            if corners.iter().any(|&corner| is_driven(corner)) {
+                *reach = f64::NEG_INFINITY;
+            }
+        }
     }
 }
 
@@ -130,6 +162,7 @@ struct MeshPair {
 /// What is kept of a mesh between ticks: its boxes, and where it was if nothing moves it here.
 struct Kept {
     obstacle: Obstacle,
+    reaches: Vec<f64>,
     tree: SweepTree,
     tick: u64,
 }
@@ -140,6 +173,12 @@ pub(super) struct Guard {
     kept: EntityHashMap<Kept>,
     meshes: Vec<Mesh>,
     pairs: Vec<MeshPair>,
+    /// The boxes of all meshes, a tree over them, and which of them overlap.
+    bounds: Vec<Aabb>,
+    tree: BoxTree,
+    places: Vec<[u32; 2]>,
+    /// The places of surfaces among the meshes.
+    by_entity: EntityHashMap<usize>,
     /// The share of its way that each particle goes.
     shares: Vec<f64>,
     solved: Vec<DVec3>,
@@ -218,8 +257,8 @@ impl Guard {
             self.run(particles, &mut guarded);
         }
         let Self { kept, meshes, tick, .. } = self;
-        for Mesh { entity, obstacle, tree, .. } in meshes.drain(..) {
-            kept.insert(entity, Kept { obstacle, tree, tick: *tick });
+        for Mesh { entity, obstacle, reaches, tree, .. } in meshes.drain(..) {
+            kept.insert(entity, Kept { obstacle, reaches, tree, tick: *tick });
         }
         kept.retain(|_, kept| kept.tick == *tick);
         guarded
@@ -227,20 +266,18 @@ impl Guard {
 
     /// Lists the meshes of this tick, and which of them are near enough to meet.
     fn gather(&mut self, particles: &Particles, scene: &Scene<'_, '_>, first: impl Fn(Entity) -> Option<usize>) {
-        let Self { kept, meshes, tick, .. } = self;
-        let mut has_obstacle_moved = false;
+        let Self { kept, meshes, by_entity, tick, .. } = self;
+        by_entity.clear();
         for (place, surface) in scene.active.surfaces.iter().enumerate() {
             let Some((positions, _)) = scene.positions.get(surface.entity).ok() else { continue };
             let first = first(surface.entity);
-            let (mut obstacle, tree, last) = match kept.remove(&surface.entity) {
-                Some(kept) => (kept.obstacle, kept.tree, kept.tick),
-                None => (Obstacle::default(), SweepTree::default(), 0),
+            let (mut obstacle, reaches, tree, last) = match kept.remove(&surface.entity) {
+                Some(kept) => (kept.obstacle, kept.reaches, kept.tree, kept.tick),
+                None => (Obstacle::default(), Vec::new(), SweepTree::default(), 0),
             };
-            let mut stale = true;
-            if first.is_none() {
-                stale = obstacle.follow(&positions.0, &surface.pose, last + 1 != *tick || surface.fresh);
-                has_obstacle_moved |= stale && obstacle.start != obstacle.end;
-            }
+            let mut has_moved = || obstacle.follow(&positions.0, &surface.pose, last + 1 != *tick || surface.fresh);
+            let stale = first.is_some() || has_moved();
+            by_entity.insert(surface.entity, meshes.len());
             meshes.push(Mesh {
                 place,
                 entity: surface.entity,
@@ -250,42 +287,67 @@ impl Guard {
                 meets_itself: surface.self_collision,
                 first,
                 obstacle,
-                reach: if first.is_some() && scene.is_swept(surface.entity) { 0.0 } else { f64::INFINITY },
+                is_guarded: first.is_some() && scene.is_swept(surface.entity),
+                reaches,
                 tree,
                 stale,
             });
         }
-        // What was apart when the tick began and moves by less than half of that stays apart. Detection has seen obstacles
-        // where they have moved to: of how far they were it tells nothing.
-        if !has_obstacle_moved {
-            for mesh in meshes.iter_mut().filter(|mesh| mesh.reach == 0.0) {
-                mesh.reach = SHARE_OF_DISTANCE * scene.nearest(mesh.entity).unwrap_or(mesh.thickness);
+        self.reach(particles, scene);
+        for mesh in &mut self.meshes {
+            if mesh.stale {
+                mesh.follow_ways(particles);
+            } else {
+                mesh.tree.update_reaches(&mesh.reaches);
             }
-        }
-        for mesh in &mut *meshes {
-            mesh.follow_ways(particles);
         }
         self.pair_meshes(scene);
     }
 
+    /// Tells every triangle how far it reaches, by how far detection has found it from the others: surfaces that do not touch
+    /// are farther apart than the contact distance, which is the sum of what each may come near.
+    fn reach(&mut self, particles: &Particles, scene: &Scene<'_, '_>) {
+        let Self { meshes, by_entity, .. } = self;
+        for mesh in &mut *meshes {
+            let clear = 2.0 * mesh.thickness;
+            // Other methods than the exact ones do not list all that touches.
+            let is_exact = scene.active.surfaces[mesh.place].method.is_exact();
+            mesh.reach_all(if is_exact { clear } else { scene.nearest(mesh.entity).unwrap_or(clear).min(clear) });
+        }
+        for (sides, touching) in scene.touching() {
+            let places = sides.map(|side| by_entity.get(&side).copied());
+            for pair in touching {
+                for (place, triangle) in places.into_iter().zip([pair.triangle_a, pair.triangle_b]) {
+                    if let Some(place) = place {
+                        meshes[place].reach_less(triangle, pair.distance);
+                    }
+                }
+            }
+        }
+        for mesh in meshes {
+            mesh.forget_driven(particles);
+        }
+    }
+
     fn pair_meshes(&mut self, scene: &Scene<'_, '_>) {
-        let Self { meshes, pairs, .. } = self;
+        let Self { meshes, pairs, bounds, tree, places, .. } = self;
+        bounds.clear();
+        bounds.extend(meshes.iter().map(|mesh| mesh.tree.bounds().grown(mesh.thickness as f32)));
+        tree.rebuild(bounds);
+        places.clear();
+        tree.self_pairs(places);
+        places.extend((0..).zip(&*meshes).filter(|(_, mesh)| mesh.meets_itself).map(|(place, _)| [place, place]));
+        places.sort_unstable();
         pairs.clear();
-        for (place, mesh) in meshes.iter().enumerate() {
-            for (other_place, other) in meshes.iter().enumerate().skip(place) {
-                let is_same = place == other_place;
-                let may_meet = if is_same { mesh.meets_itself } else { mesh.layers.interacts_with(other.layers) };
-                if !may_meet || mesh.tree.fast_count() + other.tree.fast_count() == 0 {
-                    continue;
-                }
+        for &pair in &*places {
+            let places = pair.map(|place| place as usize);
+            let [mesh, other] = places.map(|place| &meshes[place]);
+            let may_meet = pair[0] == pair[1] || mesh.layers.interacts_with(other.layers);
+            let is_any_fast = mesh.tree.fast_count() + other.tree.fast_count() > 0;
+            if may_meet && is_any_fast && (mesh.is_guarded || other.is_guarded) {
                 let contact_distance = mesh.thickness + other.thickness;
-                let reach = contact_distance as f32;
-                if !mesh.tree.bounds().grown(reach).overlaps(other.tree.bounds()) {
-                    continue;
-                }
                 let nearest = scene.nearest_of(mesh.entity, other.entity).unwrap_or(contact_distance);
-                let separation = (KEPT_APART * contact_distance).min(0.5 * nearest);
-                pairs.push(MeshPair { places: [place, other_place], separation });
+                pairs.push(MeshPair { places, separation: (KEPT_APART * contact_distance).min(0.5 * nearest) });
             }
         }
     }

@@ -56,6 +56,8 @@ pub(super) struct Response {
     moved: Vec<Entity>,
     /// The margin that was chosen last: another one is the game's.
     margin: Option<f32>,
+    /// For how many ticks in a row it has been wider than needed.
+    too_wide: u32,
     /// The least margin of this tick, in world units.
     slack: f32,
     refused: Vec<Entity>,
@@ -64,6 +66,9 @@ pub(super) struct Response {
 /// Margins in mean edges of the finest body: at rest, and at most.
 const LEAST_MARGIN: f32 = 0.125;
 const MOST_MARGIN: f32 = 0.5;
+
+/// For how many ticks a margin may be wider than needed: lists of near triangles hold for one margin, and are lost with it.
+const WIDE_TICKS: u32 = 8;
 
 /// How often a tick is solved at most.
 const MOST_SOLUTIONS: usize = 4;
@@ -95,16 +100,16 @@ pub(super) fn choose_margin(
         return;
     }
     let speed = (squared_speeds / vertices.max(1) as f32).sqrt();
-    let way = (speed + settings.in_range().gravity.length() * time.delta_secs()) * time.delta_secs();
+    let duration = time.delta_secs();
+    // Both sides of a contact may be as fast. Only what falls onto something that is held comes nearer by falling.
+    let way = (2.0 * speed + settings.in_range().gravity.length() * duration) * duration;
     let mut margin = LEAST_MARGIN * finest;
-    while margin < (2.0 * way).min(MOST_MARGIN * finest) {
+    while margin < way.min(MOST_MARGIN * finest) {
         margin *= 2.0;
     }
-    // Not at every hesitation of the fastest vertex: lists of near triangles hold for one margin.
-    if let Some(last) = response.margin
-        && last <= 2.0 * margin
-        && margin < last
-    {
+    let last = response.margin.unwrap_or(margin);
+    response.too_wide = if margin < last { response.too_wide + 1 } else { 0 };
+    if (1..=WIDE_TICKS).contains(&response.too_wide) {
         margin = last;
     }
     response.margin = Some(margin);

@@ -19,7 +19,7 @@ const ROUNDING: f64 = f64::EPSILON / 2.0;
 /// In units of [`ROUNDING`]: a corner is off by 8 in each coordinate (1 of the start, 4 of the rate, 2 of the product
 /// and 1 of the sum), which makes 8√3 along a unit vector; their product adds 3√3; a time rounded to its last bit moves
 /// a corner by √3. Together below 21; the rest is reserve.
-const HEIGHT_ERROR: f64 = 64.0 * ROUNDING;
+pub(super) const HEIGHT_ERROR: f64 = 64.0 * ROUNDING;
 
 /// What a step adds to that bound for each unit of time, for a plane at rest and for each unit of its turning.
 ///
@@ -30,7 +30,7 @@ const HEIGHT_ERROR: f64 = 64.0 * ROUNDING;
 const STEP_ERROR: f64 = 128.0 * ROUNDING;
 
 /// Separations are taken longer by this, because the normals and their lengths are rounded.
-const LENGTH_SLACK: f64 = 1.0 + 16.0 * ROUNDING;
+pub(super) const LENGTH_SLACK: f64 = 1.0 + 16.0 * ROUNDING;
 
 /// Features this close to the separation count as within it, relative to the largest coordinate difference between the
 /// two features over the step: about 1.4e-14. What rounding does to directions at corners and on slivers can add to
@@ -197,18 +197,6 @@ impl<const CORNERS: usize> MovingHull<CORNERS> {
         separation * self.scale * LENGTH_SLACK
     }
 
-    /// Whether the box of all positions is farther than `separation` from the origin along some axis.
-    pub fn box_is_clear(&self, separation: f64) -> bool {
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for (start, rate) in self.start.iter().zip(&self.rate) {
-            let end = *start + *rate;
-            low = low.min(*start).min(end);
-            high = high.max(*start).max(end);
-        }
-        let limit = self.scaled(separation) + HEIGHT_ERROR;
-        low.max(-high).max_element() > limit
-    }
-
     /// For how long from the start a plane surely keeps the hull more than `separation` away from the origin. Of the
     /// plane's two sides the one on which more of the hull begins counts.
     pub fn clear_from_start(&self, plane: Plane, separation: f64) -> f64 {
@@ -229,9 +217,6 @@ impl<const CORNERS: usize> MovingHull<CORNERS> {
     /// For corners in cyclic order in one plane, a triangle's or a parallelogram's: the time in `from..=until` at which
     /// the polygon first comes within `separation` of the origin, or somewhat earlier. It has to be clear before `from`.
     pub fn arrival(&self, separation: f64, from: f64, until: f64) -> Option<Arrival> {
-        if self.box_is_clear(separation) {
-            return None;
-        }
         let separation = self.scaled(separation);
         let mut time = from;
         let mut steps = 0;

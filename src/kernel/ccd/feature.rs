@@ -5,7 +5,10 @@
 
 use glam::DVec3;
 
-use super::advance::{Arrival, ImpactCause, MovingHull};
+use super::{
+    advance::{Arrival, ImpactCause, MovingHull},
+    parting::stay_apart,
+};
 
 /// When and how two moving features come within a separation of each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +54,11 @@ pub(super) fn vertex_face_impact_within(
     from: f64,
     until: f64,
 ) -> Option<FeatureImpact> {
+    let [(vertex_start, face_start), (vertex_end, face_end)] =
+        [start, end].map(|[vertex, face @ ..]| (std::array::from_ref(vertex), face));
+    if stay_apart([vertex_start, vertex_end], [face_start, face_end], separation) {
+        return None;
+    }
     let mut order = [1, 2, 3];
     let later = |first: usize, second: usize| is_later(start, end, first, second);
     for [first, second] in [[0, 1], [1, 2], [0, 1]] {
@@ -76,6 +84,11 @@ pub(super) fn edge_edge_impact_within(
     from: f64,
     until: f64,
 ) -> Option<FeatureImpact> {
+    let edges = |[a0, a1, b0, b1]: &[DVec3; 4]| [[*a0, *a1], [*b0, *b1]];
+    let ([start_a, start_b], [end_a, end_b]) = (edges(start), edges(end));
+    if stay_apart([&start_a, &end_a], [&start_b, &end_b], separation) {
+        return None;
+    }
     let later = |first: usize, second: usize| is_later(start, end, first, second);
     let ordered = |first: usize, second: usize| if later(first, second) { [second, first] } else { [first, second] };
     let (mut a, mut b) = (ordered(0, 1), ordered(2, 3));

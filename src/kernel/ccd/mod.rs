@@ -1,14 +1,16 @@
 //! Continuous collision detection: when triangles whose vertices move in straight lines first come close.
 //!
 //! The stage of fast motion. Positions at the start and at the end of a step come in, times of impact in 0 to 1 go out,
-//! in stages that each narrow the one before: the boxes of [`sweep_tree`], [`swept_balls`], [`triangle_pair`] and the
-//! feature pairs of [`feature`], which everything rests on. [`sweep`](mod@sweep) is all of it for two meshes. A reported time is never later than the true one, and no impact is
-//! missed: every bound takes the rounding of its own arithmetic into account. What that costs is a resolution of
-//! [`RESOLUTION`] times the size of a pair, below which features that pass each other count as meeting.
+//! in stages that each narrow the one before: the boxes of [`sweep_tree`], [`triangle_pair`] and the feature pairs of
+//! [`feature`], which everything rests on. [`sweep`](mod@sweep) is all of it for two meshes; [`swept_balls`] is for who has
+//! balls. A reported time is never later than the true one, and no impact is missed: every bound takes the rounding of its
+//! own arithmetic into account. What that costs is a resolution of [`RESOLUTION`] times the size of a pair, below which
+//! features that pass each other count as meeting.
 
 mod advance;
 pub mod feature;
 pub mod pair_list;
+mod parting;
 pub mod sweep;
 pub mod sweep_tree;
 pub mod swept_balls;

@@ -1,7 +1,7 @@
 //! First impacts over a list of candidate pairs of triangles.
 //!
-//! The whole of continuous detection after the broad phase, whose boxes must cover both ends of the step: balls, planes
-//! and features in turn, pair by pair.
+//! The whole of continuous detection after the broad phase, whose boxes must cover both ends of the step: planes and
+//! features in turn, pair by pair.
 
 use glam::DVec3;
 

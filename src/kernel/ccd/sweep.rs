@@ -1,7 +1,7 @@
 //! First impacts of two moving meshes, or of one with itself: from positions at both ends of a step to a sorted list.
 //!
-//! Continuous detection as a whole, for a caller that keeps one [`SweepTree`] a mesh: boxes that triangles sweep, then
-//! balls, then [`first_impacts`]. Only what is fast is swept, and what a step costs follows that.
+//! Continuous detection as a whole, for a caller that keeps one [`SweepTree`] a mesh: boxes that triangles sweep, then how
+//! far apart they are known to begin, then [`first_impacts`]. Only what is fast is swept, and what a step costs follows that.
 
 use std::ops::Range;
 
@@ -10,21 +10,16 @@ use glam::DVec3;
 use super::{
     pair_list::{MovingSide, PairImpact, first_impacts},
     sweep_tree::{SweepTree, rounded_up},
-    swept_balls::{MovingBall, first_impact_of_balls},
     triangle_pair::MovingTriangle,
 };
 use crate::kernel::{
     bounds::{Aabb, pairs_between_brute_force},
-    circumsphere::Ball,
     topology::SurfaceTopology,
     tree::BoxTree,
 };
 
 /// Leaves of eight triangles whose pairs are looked for and tested at a time: so many bound the candidates that wait.
 pub const SWEEP_PART: usize = 4;
-
-/// A ball in single precision is made larger by this factor for what its radius is rounded by on the way there.
-const RADIUS_SLACK: f64 = 1.0 + 4.0 * f64::EPSILON;
 
 /// A mesh whose vertices move in straight lines from the start of a step to its end.
 ///
@@ -53,13 +48,6 @@ impl SweptMesh<'_> {
         let vertices = self.topology.triangles()[triangle as usize];
         let corners = |positions: &[DVec3]| vertices.map(|vertex| positions[vertex as usize]);
         MovingTriangle { start: corners(self.start), end: corners(self.end) }
-    }
-
-    /// Whether a vertex of a triangle moves farther than the reach. Not where a coordinate is no number.
-    #[must_use]
-    pub fn is_fast(&self, triangle: u32) -> bool {
-        let MovingTriangle { start, end } = self.triangle(triangle);
-        (0..3).any(|corner| (end[corner] - start[corner]).length() > self.reach)
     }
 
     fn side(&self) -> MovingSide<'_, DVec3> {
@@ -196,27 +184,31 @@ impl Sweep<'_> {
             own.is_fast(first) || other.is_fast(second)
         });
         let count = candidates.len();
-        candidates.retain(|pair| self.balls_may_meet(*pair));
+        candidates.retain(|pair| self.may_meet(*pair));
         first_impacts(&self.a.0.side(), &self.b.0.side(), self.same_surface, candidates, self.separation, impacts);
         count
     }
 
-    fn balls_may_meet(&self, [a, b]: [u32; 2]) -> bool {
-        let (a, b) = (moving_ball(&self.a.0.triangle(a)), moving_ball(&self.b.0.triangle(b)));
-        let is_known = |ball: &MovingBall| ball.start.radius.is_finite() && ball.end.radius.is_finite();
-        // Coordinates beyond single precision have no ball.
-        !(is_known(&a) && is_known(&b)) || first_impact_of_balls(&a, &b, self.separation).is_some()
+    /// Whether two triangles may come together as far as is known of how far apart they begin.
+    fn may_meet(&self, [a, b]: [u32; 2]) -> bool {
+        let ((mesh_a, tree_a), (mesh_b, tree_b)) = (&self.a, &self.b);
+        let (Some(reach_a), Some(reach_b)) = (tree_a.known_reach(a), tree_b.known_reach(b)) else { return true };
+        let clear = reach_a + reach_b - self.separation;
+        if clear <= 0.0 {
+            return true;
+        }
+        if self.same_surface {
+            let [corners_a, corners_b] = [a, b].map(|triangle| mesh_a.topology.welded_triangles()[triangle as usize]);
+            if corners_a.iter().any(|corner| corners_b.contains(corner)) {
+                return true;
+            }
+        }
+        let motions = [mesh_a.triangle(a).motions(), mesh_b.triangle(b).motions()];
+        let common = motions.as_flattened().iter().sum::<DVec3>() / 6.0;
+        let [way_a, way_b] = motions
+            .map(|motions| motions.iter().map(|motion| (*motion - common).length_squared()).fold(0.0, f64::max).sqrt());
+        way_a + way_b >= clear
     }
-}
-
-/// Balls about the middle of the corners.
-fn moving_ball(triangle: &MovingTriangle) -> MovingBall {
-    let ball = |corners: &[DVec3; 3]| {
-        let center = ((corners[0] + corners[1] + corners[2]) / 3.0).as_vec3();
-        let radius = corners.iter().map(|corner| corner.distance(center.as_dvec3())).fold(0.0, f64::max);
-        Ball { center, radius: rounded_up(radius * RADIUS_SLACK) }
-    };
-    MovingBall { start: ball(&triangle.start), end: ball(&triangle.end) }
 }
 
 /// What [`sweep`] keeps for its memory.

@@ -29,6 +29,8 @@ pub enum TreeWork {
 pub struct SweepTree {
     boxes: Vec<Aabb>,
     fast: Vec<bool>,
+    /// The reach of each triangle, where these tell how far apart triangles are.
+    reaches: Vec<f64>,
     fast_count: usize,
     bounds: Aabb,
     fast_bounds: Aabb,
@@ -46,6 +48,34 @@ impl SweepTree {
     /// # Panics
     /// If the mesh has fewer positions than its triangles name.
     pub fn update(&mut self, mesh: &SweptMesh<'_>) {
+        self.reaches.clear();
+        self.update_boxes(mesh, |_| mesh.reach);
+    }
+
+    /// The same where more is known: each triangle has a reach of its own, instead of that of the mesh, and of two triangles
+    /// without a common vertex, of one mesh or of two that both have such reaches, the distance when the step begins is more
+    /// than the sum of both reaches. So those are left out that move less than this sum relative to each other, fast or not.
+    ///
+    /// Minus infinity where nothing is known of a triangle, which is fast then however slow.
+    ///
+    /// # Panics
+    /// If the mesh has fewer positions than its triangles name, or there are not as many reaches as triangles.
+    pub fn update_with_reaches(&mut self, mesh: &SweptMesh<'_>, reaches: &[f64]) {
+        self.update_boxes(mesh, |triangle| reaches[triangle]);
+        self.update_reaches(reaches);
+    }
+
+    /// The reaches alone, of a mesh that rests as it did before: none of its triangles is fast.
+    ///
+    /// # Panics
+    /// If there are not as many reaches as triangles.
+    pub fn update_reaches(&mut self, reaches: &[f64]) {
+        assert_eq!(self.boxes.len(), reaches.len(), "every triangle has a reach");
+        self.reaches.clear();
+        self.reaches.extend_from_slice(reaches);
+    }
+
+    fn update_boxes(&mut self, mesh: &SweptMesh<'_>, reach: impl Fn(usize) -> f64) {
         let count = mesh.topology.triangles().len();
         self.has_tree &= self.boxes.len() == count;
         self.boxes.resize(count, Aabb::EMPTY);
@@ -59,7 +89,7 @@ impl SweepTree {
             self.has_tree &= bounds == *kept;
             *kept = bounds;
             self.bounds = self.bounds.union(&bounds);
-            let is_fast = is_finite && mesh.is_fast(triangle as u32);
+            let is_fast = is_finite && corners.way() > reach(triangle);
             self.fast.push(is_fast);
             if is_fast {
                 self.fast_bounds = self.fast_bounds.union(&bounds);
@@ -112,6 +142,11 @@ impl SweepTree {
     #[must_use]
     pub fn is_fast(&self, triangle: u32) -> bool {
         self.fast[triangle as usize]
+    }
+
+    /// The reach of a triangle, where reaches tell how far apart triangles are.
+    pub(super) fn known_reach(&self, triangle: u32) -> Option<f64> {
+        self.reaches.get(triangle as usize).copied()
     }
 
     /// The box around all that fast triangles sweep.

@@ -1,8 +1,8 @@
 //! First contact of two moving balls: a lower bound of the first impact of what they contain.
 //!
-//! First stage of continuous detection. A ball whose center and radius run in straight lines from those at the start of
-//! a step to those at its end contains, at every time between, what moves in straight lines and lies in the ball at both
-//! ends: a distance from a center that moves in a straight line is a convex function of time.
+//! For who has balls about what moves, as those of triangles. A ball whose center and radius run in straight lines from
+//! those at the start of a step to those at its end contains, at every time between, what moves in straight lines and lies
+//! in the ball at both ends: a distance from a center that moves in a straight line is a convex function of time.
 
 use crate::kernel::circumsphere::Ball;
 

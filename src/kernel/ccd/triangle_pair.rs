@@ -10,6 +10,7 @@ use robust::Coord3D;
 use super::{
     advance::{ImpactCause, MovingHull, Plane},
     feature::{FeatureImpact, edge_edge_impact_within, vertex_face_impact_within},
+    parting::{stay_apart, stay_apart_about_vertex},
 };
 use crate::kernel::exact::{
     Feature, FeaturePair,
@@ -23,6 +24,18 @@ pub struct MovingTriangle {
     pub start: [DVec3; 3],
     /// When it ends.
     pub end: [DVec3; 3],
+}
+
+impl MovingTriangle {
+    /// How its corners move.
+    pub(super) fn motions(&self) -> [DVec3; 3] {
+        std::array::from_fn(|corner| self.end[corner] - self.start[corner])
+    }
+
+    /// How far the corner moves that moves the farthest.
+    pub(super) fn way(&self) -> f64 {
+        self.motions().iter().map(|motion| motion.length_squared()).fold(0.0, f64::max).sqrt()
+    }
 }
 
 /// Which corners of two triangles are one vertex. Features that share a vertex are never tested.
@@ -41,6 +54,13 @@ impl CommonVertices {
 
     fn any(&self) -> bool {
         self.0.as_flattened().contains(&true)
+    }
+
+    /// The corner of each that is common, where it is one alone.
+    fn only(&self) -> Option<[usize; 2]> {
+        let mut common = (0..9).filter(|&pair| self.0[pair / 3][pair % 3]);
+        let first = common.next()?;
+        common.next().is_none().then_some([first / 3, first % 3])
     }
 
     /// Whether one of these corners of the first triangle is one of these of the second.
@@ -165,16 +185,19 @@ fn keep_earlier(first: &mut Option<TriangleImpact>, found: TriangleImpact) {
 }
 
 /// For how long planes along the faces surely keep the triangles farther than `separation` apart: 0 where they touch, or
-/// share a vertex, infinite where for the whole step. `None` where a coordinate is not finite.
+/// share a vertex, infinite where for the whole step. `None` where a glance tells that, or where a coordinate is not finite.
 fn clear_from_start(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVertices, separation: f64) -> Option<f64> {
+    let all = [&a.start, &a.end, &b.start, &b.end];
+    if common.any() {
+        let is_finite = all.into_iter().flatten().all(|corner| corner.is_finite());
+        return (is_finite && !common.only().is_some_and(|corners| stay_apart_about(a, b, corners, separation)))
+            .then_some(0.0);
+    }
+    if stay_apart([&a.start, &a.end], [&b.start, &b.end], separation) {
+        return None;
+    }
     let differences = |a: &[DVec3; 3], b: &[DVec3; 3]| -> [DVec3; 9] { std::array::from_fn(|k| a[k / 3] - b[k % 3]) };
     let hull = MovingHull::new(differences(&a.start, &b.start), differences(&a.end, &b.end))?;
-    if common.any() {
-        return Some(0.0);
-    }
-    if hull.box_is_clear(separation) {
-        return Some(f64::INFINITY);
-    }
     let mut clear = 0.0_f64;
     for triangle in [a, b] {
         let edges = |corners: &[DVec3; 3]| [corners[1] - corners[0], corners[2] - corners[0]];
@@ -184,6 +207,18 @@ fn clear_from_start(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVerti
         clear = clear.max(hull.clear_from_start(Plane::new(start[0].cross(start[1]), turning), separation));
     }
     Some(clear)
+}
+
+/// Whether what two triangles have besides a common corner surely stays farther than `separation` apart.
+fn stay_apart_about(a: &MovingTriangle, b: &MovingTriangle, [common_a, common_b]: [usize; 2], separation: f64) -> bool {
+    // Vertices that were welded where the mesh was at rest may have parted.
+    let is_one = a.start[common_a] == b.start[common_b] && a.end[common_a] == b.end[common_b];
+    let others = |corners: &[DVec3; 3], common: usize| {
+        [corners[(common + 1) % 3] - corners[common], corners[(common + 2) % 3] - corners[common]]
+    };
+    let both =
+        |triangle: &MovingTriangle, common: usize| [others(&triangle.start, common), others(&triangle.end, common)];
+    is_one && stay_apart_about_vertex(both(a, common_a), both(b, common_b), separation)
 }
 
 /// An edge of one triangle that pierces the face of the other when the step begins, by exact signs. Touching does not

@@ -257,6 +257,60 @@ fn no_certified_impact_of_fast_meshes_is_missed_or_called_late() {
     assert!(compared > 1000 && never == 0, "{compared} {never}");
 }
 
+/// Of each triangle nearly half the distance to the nearest of those that it has no vertex in common with, when the step
+/// begins.
+fn half_distances(own: &SweptMesh<'_>, other: &SweptMesh<'_>, same: bool) -> Vec<f64> {
+    let corners = |mesh: &SweptMesh<'_>, triangle: u32| mesh.topology.triangles()[triangle as usize];
+    let count = |mesh: &SweptMesh<'_>| mesh.topology.triangles().len() as u32;
+    let half_distance = |triangle: u32| {
+        let is_apart = |second: &u32| {
+            !same || !corners(own, triangle).iter().any(|corner| corners(other, *second).contains(corner))
+        };
+        let distance = |second: u32| triangle_distance(&own.triangle(triangle).start, &other.triangle(second).start);
+        (0..count(other)).filter(is_apart).map(distance).fold(f64::INFINITY, f64::min) * 0.49
+    };
+    (0..count(own)).map(half_distance).collect()
+}
+
+#[test]
+fn what_is_left_out_for_how_far_apart_it_begins_does_not_meet() {
+    let mut random = Random::new(77);
+    let (mut found, mut left_out) = (0, 0);
+    for round in 0..24 {
+        let same = round % 3 == 0;
+        let [mut a, mut b] = pair(&mut random, 0.0, [false, false], round % 2 == 0);
+        // All go far together, and each vertex goes somewhat aside.
+        let (common, aside) = (random.direction() * 0.5, [0.01, 0.05][round % 4 / 2]);
+        for body in [&mut a, &mut b] {
+            body.move_each(|_| common + random.vector() * aside);
+        }
+        let (a, b) = (a.mesh(), if same { a.mesh() } else { b.mesh() });
+        let swept = |reaches_a: &[f64], reaches_b: &[f64]| {
+            let mut trees = [SweepTree::default(), SweepTree::default()];
+            for ((tree, mesh), reaches) in trees.iter_mut().zip([&a, &b]).zip([reaches_a, reaches_b]) {
+                tree.update_with_reaches(mesh, reaches);
+                tree.update_tree();
+            }
+            let mut impacts = Vec::new();
+            let [tree_a, tree_b] = &trees;
+            sweep(&a, tree_a, &b, tree_b, same, 0.0, &mut SweepBuffers::default(), &mut impacts);
+            impacts
+        };
+        let mut expected = one_by_one(&a, &b, same, 0.0).concat();
+        sort_impacts(&mut expected);
+        let (reaches_a, reaches_b) = (half_distances(&a, &b, same), half_distances(&b, &a, same));
+        assert_eq!(swept(&reaches_a, &reaches_b), expected, "{round}");
+        let unknown = |reaches: &[f64]| vec![f64::NEG_INFINITY; reaches.len()];
+        assert_eq!(swept(&unknown(&reaches_a), &unknown(&reaches_b)), expected, "{round}: nothing is known");
+        // Reaches that claim too much hide what meets: they are made use of.
+        let too_much = |reaches: &[f64]| vec![0.4; reaches.len()];
+        left_out += expected.len() - swept(&too_much(&reaches_a), &too_much(&reaches_b)).len();
+        found += expected.len();
+    }
+    println!("{found} impacts, {left_out} hidden by false claims");
+    assert!(found > 200 && left_out > 100, "{found} {left_out}");
+}
+
 #[test]
 fn what_slow_triangles_pass_through_touches_at_both_ends() {
     let mut random = Random::new(74);
