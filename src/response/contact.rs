@@ -78,6 +78,16 @@ impl ContactConstraint {
         }
     }
 
+    /// Whether it acts on a particle that nothing moves.
+    #[must_use]
+    pub fn is_on_firm_ground(&self, particles: &Particles) -> bool {
+        let is_firm = |particle: u32| particles.inverse_mass[particle as usize] <= 0.0;
+        match &self.features {
+            Features::VertexFace(places) | Features::EdgeEdge(places) => places.iter().any(|&place| is_firm(place)),
+            Features::Plane { particles, .. } => particles.iter().any(|&(place, _)| is_firm(place)),
+        }
+    }
+
     /// Looks where the features are when a tick begins, unless they are known to be apart.
     pub fn begin_tick(&mut self, particles: &Particles) {
         self.last_normal = self.normal;

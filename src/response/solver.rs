@@ -145,6 +145,11 @@ impl Solver {
         let gravity = settings.gravity.as_dvec3();
         let mut solved = Solved::default();
         self.contacts.iter_mut().for_each(|contact| contact.begin_tick(&self.particles));
+        // There and back ends with the first: what stands has the last word, or a stack would be pressed into the ground.
+        let is_loose = |contact: &ContactConstraint| !contact.is_on_firm_ground(&self.particles);
+        if !self.contacts.is_sorted_by_key(is_loose) {
+            self.contacts.sort_by_key(is_loose);
+        }
         for substep in 1..=settings.substeps {
             self.bodies.iter().for_each(|body| body.slow_down(&mut self.particles, step));
             let share = f64::from(substep) / f64::from(settings.substeps);

@@ -3,6 +3,7 @@
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::entity::Entity;
 use circumsphere_support::scenes::{Diagonals, grid, icosphere};
+use glam::Vec3;
 
 use crate::harness::{LOSSLESS, Scene};
 
@@ -76,4 +77,29 @@ fn a_swinging_cloth_that_nothing_damps_gains_no_energy() {
     let fastest = scene.body(body).velocities.iter().map(|velocity| velocity.length()).fold(0.0, f32::max);
     assert!(fastest > 0.5, "it hangs still at {fastest} meters a second");
     assert!(most < 1.0e-3, "{most} J of what was at rest at a height of 0");
+}
+
+#[test]
+fn a_stack_of_sheets_does_not_sink_into_the_ground() {
+    const THICKNESS: f32 = 0.002;
+    let mut scene = Scene::new();
+    scene.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
+    let sheets: Vec<Entity> = (0..8)
+        .map(|layer| {
+            let sheet = grid(8, 8, 0.3, 0.3, Diagonals::Alternating);
+            let turned = sheet.rotate([0.0, 1.0, 0.0], 0.21 * layer as f32);
+            let lifted = turned.translate([0.0, 0.01 * (layer + 1) as f32, 0.0]);
+            scene.add(&lifted, XpbdMaterial::CLOTH, SurfaceThickness::World(THICKNESS))
+        })
+        .collect();
+    let mut lowest = f32::INFINITY;
+    for _ in 0..240 {
+        scene.run(1);
+        let heights = sheets.iter().flat_map(|&sheet| scene.positions(sheet)).map(|position| position.y);
+        lowest = lowest.min(heights.fold(f32::INFINITY, f32::min));
+    }
+    assert!(lowest > 0.5 * THICKNESS, "a vertex was at {lowest}");
+    let top = scene.positions(sheets[7]).iter().map(|position| position.y).fold(0.0, f32::max);
+    let expected = THICKNESS + 7.0 * 2.0 * THICKNESS;
+    assert!(top > 0.9 * expected && top < 1.2 * expected, "the stack is {top} high, not {expected}");
 }
