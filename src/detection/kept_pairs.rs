@@ -96,11 +96,13 @@ pub(super) struct KeptList {
     pub(super) pairs: BoundedPairs,
     /// The candidates of this detection, on their way to the pair.
     pub(super) near: Vec<[u32; 2]>,
+    /// Their places on the list.
+    near_places: Vec<u32>,
 }
 
 /// The candidate lists of surfaces that move a little, see [`memory`](field@CircumsphereSettings::memory): of every pair of
-/// triangles on them its numbers and a bound of its distance, 12 bytes. Nobody but the stages reads or writes it; a new one
-/// may be inserted in its place to free its memory.
+/// triangles on them its numbers and a bound of its distance, 12 bytes, and of each that is looked at its place, 4 bytes.
+/// Nobody but the stages reads or writes it; a new one may be inserted in its place to free its memory.
 #[derive(Resource, Debug, Default)]
 pub struct KeptPairs {
     /// One for each of [`CandidateTrianglePairs`]; empty where there is none.
@@ -157,7 +159,8 @@ impl KeptList {
     /// surfaces.
     pub(super) fn find_near(&mut self, triangles: usize) {
         self.near.clear();
-        self.pairs.append_near(self.limit, &mut self.near);
+        self.near_places.clear();
+        self.pairs.append_near(self.limit, &mut self.near, &mut self.near_places);
         if self.list_use == ListUse::Made {
             self.examined_at_first = self.near.len();
         }
@@ -169,7 +172,7 @@ impl KeptList {
     /// Takes the lower bounds that were found of the candidates' distances.
     fn learn(&mut self, found: &[f32]) {
         if self.list_use != ListUse::None {
-            self.pairs.learn(self.limit, self.motion as f32, found);
+            self.pairs.learn(&self.near_places, self.motion as f32, found);
         }
     }
 }

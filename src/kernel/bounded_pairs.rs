@@ -61,74 +61,65 @@ impl BoundedPairs {
     /// Sorts the pairs by their triangles, of which either surface has no more than `triangles`: so what is found of them is
     /// sorted, too.
     pub fn sort(&mut self, triangles: usize) {
-        let numbers = self.firsts.iter().zip(&self.seconds).zip(&self.bounds);
-        let mut records: Vec<(u32, u32, f32)> =
-            numbers.map(|((&first, &second), &bound)| (first, second, bound)).collect();
-        let (mut between, mut counts) = (records.clone(), Vec::new());
-        scatter(&records, &mut between, &mut counts, triangles, |(_, second, _)| second as usize);
-        scatter(&between, &mut records, &mut counts, triangles, |(first, ..)| first as usize);
-        for (place, (first, second, bound)) in records.into_iter().enumerate() {
-            (self.firsts[place], self.seconds[place], self.bounds[place]) = (first, second, bound);
+        // A number for each first triangle: where its pairs begin, and in the end where they end.
+        let mut places = vec![0_u32; triangles];
+        for &first in &self.firsts {
+            places[first as usize] += 1;
+        }
+        let mut start = 0;
+        for place in &mut places {
+            start += std::mem::replace(place, start);
+        }
+        // What moves is one number, the second triangle in its higher half: few have the same first one, and no two of them the
+        // same second.
+        let mut seconds_and_bounds = vec![0_u64; self.len()];
+        for ((&first, &second), &bound) in self.firsts.iter().zip(&self.seconds).zip(&self.bounds) {
+            let place = &mut places[first as usize];
+            seconds_and_bounds[*place as usize] = u64::from(second) << u32::BITS | u64::from(bound.to_bits());
+            *place += 1;
+        }
+        let mut start = 0;
+        for (first, end) in (0..).zip(places) {
+            let own = start..end as usize;
+            start = own.end;
+            self.firsts[own.clone()].fill(first);
+            seconds_and_bounds[own].sort_unstable();
+        }
+        for ((second, bound), number) in self.seconds.iter_mut().zip(&mut self.bounds).zip(seconds_and_bounds) {
+            (*second, *bound) = ((number >> u32::BITS) as u32, f32::from_bits(number as u32));
         }
     }
 
-    /// Appends the pairs whose bounds do not exceed `limit`: the range, plus the motion. A bound that is no number exceeds
-    /// nothing.
-    pub fn append_near(&self, limit: f32, near: &mut Vec<[u32; 2]>) {
+    /// Appends the pairs whose bounds do not exceed `limit`: the range, plus the motion, and their places on the list. A bound
+    /// that is no number exceeds nothing.
+    pub fn append_near(&self, limit: f32, near: &mut Vec<[u32; 2]>, places: &mut Vec<u32>) {
         /// Which pairs are near is hard to foresee: so all are written, and the next ones over those that are not.
         const ROOM: usize = 512;
-        let mut recent = [[0; 2]; ROOM];
+        let (mut recent, mut recent_places) = ([[0; 2]; ROOM], [0; ROOM]);
+        let mut place = 0;
         let chunks = self.firsts.chunks(ROOM).zip(self.seconds.chunks(ROOM)).zip(self.bounds.chunks(ROOM));
         for ((firsts, seconds), bounds) in chunks {
             let mut count = 0;
             for ((&first, &second), &bound) in firsts.iter().zip(seconds).zip(bounds) {
                 recent[count % ROOM] = [first, second];
+                recent_places[count % ROOM] = place;
+                place += 1;
                 count += usize::from(is_near(bound, limit));
             }
             near.extend_from_slice(&recent[..count]);
+            places.extend_from_slice(&recent_places[..count]);
         }
     }
 
-    /// Gives the pairs that [`append_near`](Self::append_near) gave for the same `limit` the lower bounds that have been
-    /// found of their distances, in the same order, after `motion`. Where there are more or fewer, nothing is learned.
-    pub fn learn(&mut self, limit: f32, motion: f32, found: &[f32]) {
-        let near = self.bounds.iter().filter(|&&bound| is_near(bound, limit)).count();
-        if near != found.len() {
+    /// Gives the pairs at some places the lower bounds that have been found of their distances, in the same order, after
+    /// `motion`. Where there are more or fewer, nothing is learned.
+    pub fn learn(&mut self, places: &[u32], motion: f32, found: &[f32]) {
+        if places.len() != found.len() {
             return;
         }
-        let Some(&last) = found.last() else { return };
-        let mut next = 0;
-        for bound in &mut self.bounds {
-            let learned = found.get(next).copied().unwrap_or(last) + motion;
-            let is_near = is_near(*bound, limit);
-            *bound = if is_near { learned } else { *bound };
-            next += usize::from(is_near);
+        for (&place, &bound) in places.iter().zip(found) {
+            self.bounds[place as usize] = bound + motion;
         }
-    }
-}
-
-/// Copies records into the order of their numbers, which are less than `count`; those with the same number stay in their
-/// order.
-fn scatter<T: Copy>(
-    records: &[T],
-    ordered: &mut [T],
-    counts: &mut Vec<u32>,
-    count: usize,
-    number: impl Fn(T) -> usize,
-) {
-    counts.clear();
-    counts.resize(count, 0);
-    for &record in records {
-        counts[number(record)] += 1;
-    }
-    let mut start = 0;
-    for count in counts.iter_mut() {
-        start += std::mem::replace(count, start);
-    }
-    for &record in records {
-        let place = &mut counts[number(record)];
-        ordered[*place as usize] = record;
-        *place += 1;
     }
 }
 

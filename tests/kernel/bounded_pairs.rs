@@ -32,7 +32,7 @@ fn meshes() -> [(&'static str, Mesh, f32); 3] {
 /// What a limit lets pass.
 fn near(pairs: &BoundedPairs, limit: f32) -> Vec<[u32; 2]> {
     let mut near = Vec::new();
-    pairs.append_near(limit, &mut near);
+    pairs.append_near(limit, &mut near, &mut Vec::new());
     near
 }
 
@@ -166,14 +166,16 @@ fn what_is_learned_goes_to_the_pairs_that_were_near_and_lasts_as_long_as_the_mot
         let limit = range + motion;
         let is_near = |&place: &usize| known[place] <= limit || known[place].is_nan();
         let expected: Vec<usize> = (0..count as usize).filter(is_near).collect();
-        let found = near(&pairs, limit);
+        let (mut found, mut places) = (Vec::new(), Vec::new());
+        pairs.append_near(limit, &mut found, &mut places);
+        assert!(places.iter().map(|&place| place as usize).eq(expected.iter().copied()));
         assert!(found.iter().map(|pair| pair[0] as usize).eq(expected.iter().copied()));
         assert!(found.iter().all(|pair| pair[1] == pair[0] + count));
         // One too few teaches nothing.
-        pairs.learn(limit, motion, &vec![9.0; found.len() - 1]);
+        pairs.learn(&places, motion, &vec![9.0; found.len() - 1]);
         assert_eq!(near(&pairs, limit), found);
         let distances: Vec<f32> = expected.iter().map(|&place| (truth[place] - motion).max(0.0)).collect();
-        pairs.learn(limit, motion, &distances);
+        pairs.learn(&places, motion, &distances);
         for (place, distance) in expected.into_iter().zip(distances) {
             learned += usize::from(known[place] < distance + motion);
             known[place] = distance + motion;
