@@ -65,7 +65,9 @@ fn a_swinging_cloth_that_nothing_damps_gains_no_energy() {
         .collect();
     assert_eq!(pinned.len(), 2);
     let pin = |mut body: XpbdBody| {
-        pinned.iter().for_each(|&vertex| body.inverse_masses[vertex] = 0.0);
+        for &vertex in &pinned {
+            body.inverse_masses[vertex] = 0.0;
+        }
         body
     };
     let body = scene.add_changed(&cloth, LOSSLESS, pin, ());
