@@ -92,6 +92,7 @@ impl ContactStore {
             .take_while(move |&&(other, _)| other == entity)
             .map(|&(_, place)| &self.pairs[place as usize])
     }
+
     /// The pairs of two sides, whichever comes first: one at most.
     pub(crate) fn pairs_between(&self, a: Entity, b: Entity) -> impl Iterator<Item = &StoredPair> {
         self.pairs_of(a).filter(move |pair| {

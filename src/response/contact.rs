@@ -40,6 +40,15 @@ pub enum Features {
     },
 }
 
+impl Features {
+    fn particles(&self) -> ArrayVec<u32, 6> {
+        match self {
+            Self::VertexFace(places) | Self::EdgeEdge(places) => places.iter().copied().collect(),
+            Self::Plane { particles, .. } => particles.iter().map(|&(particle, _)| particle).collect(),
+        }
+    }
+}
+
 /// A contact that the solver watches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactConstraint {
@@ -69,23 +78,14 @@ impl ContactConstraint {
     /// The greatest speed of a particle that it acts on, in a tick of `duration` seconds.
     #[must_use]
     pub fn fastest(&self, particles: &Particles, duration: f64) -> f64 {
-        let speed = |particle: u32| particles.speed(particle as usize, duration);
-        match &self.features {
-            Features::VertexFace(places) | Features::EdgeEdge(places) => {
-                places.iter().map(|&place| speed(place)).fold(0.0, f64::max)
-            }
-            Features::Plane { particles, .. } => particles.iter().map(|&(place, _)| speed(place)).fold(0.0, f64::max),
-        }
+        let speeds = self.features.particles().into_iter().map(|particle| particles.speed(particle as usize, duration));
+        speeds.fold(0.0, f64::max)
     }
 
     /// Whether it acts on a particle that nothing moves.
     #[must_use]
     pub fn is_on_firm_ground(&self, particles: &Particles) -> bool {
-        let is_firm = |particle: u32| particles.inverse_mass[particle as usize] <= 0.0;
-        match &self.features {
-            Features::VertexFace(places) | Features::EdgeEdge(places) => places.iter().any(|&place| is_firm(place)),
-            Features::Plane { particles, .. } => particles.iter().any(|&(place, _)| is_firm(place)),
-        }
+        self.features.particles().into_iter().any(|particle| particles.inverse_mass[particle as usize] <= 0.0)
     }
 
     /// Looks where the features are when a tick begins, unless they are known to be apart.

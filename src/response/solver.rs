@@ -82,20 +82,19 @@ impl SolverBody {
         }
         if self.material.stretch_compliance.is_finite() {
             let compliance = per_step(self.material.stretch_compliance);
-            let mut solve = |(spring, multiplier): (&Spring, &mut f64)| {
-                let spring = Spring { length: spring.length * self.scale, ..*spring };
-                spring.solve(particles, self.first, compliance, multiplier);
-            };
-            self.rest.springs.iter().zip(&mut *springs).for_each(&mut solve);
-            self.rest.springs.iter().zip(springs).rev().for_each(solve);
+            there_and_back(springs.len(), |place| {
+                let spring = self.rest.springs[place];
+                let spring = Spring { length: spring.length * self.scale, ..spring };
+                spring.solve(particles, self.first, compliance, &mut springs[place]);
+            });
         }
     }
 }
 
-/// Goes through a list in its order and then against it.
-fn there_and_back<T>(list: &mut [T], mut solve: impl FnMut(&mut T)) {
-    list.iter_mut().for_each(&mut solve);
-    list.iter_mut().rev().for_each(solve);
+/// Goes through the places of a list in their order and then against it.
+fn there_and_back(count: usize, mut solve: impl FnMut(usize)) {
+    (0..count).for_each(&mut solve);
+    (0..count).rev().for_each(solve);
 }
 
 /// Everything that one tick moves. Emptied and filled again every tick; keeps its memory.
@@ -163,10 +162,10 @@ impl Solver {
                     body.solve(&mut self.particles, step, &mut self.gradients);
                 }
                 let Self { acting, particles, .. } = self;
-                there_and_back(acting, |(_, contact)| contact.separate(particles));
+                there_and_back(acting.len(), |place| acting[place].1.separate(particles));
                 // The limits of friction are known by now, and stay: a contact that gave up pressing after its friction was
                 // solved would let go of what it holds.
-                there_and_back(acting, |(_, contact)| contact.rub(particles));
+                there_and_back(acting.len(), |place| acting[place].1.rub(particles));
                 solved.contact_solves += acting.len();
             }
             self.particles.update_velocities(step);

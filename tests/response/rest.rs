@@ -40,37 +40,23 @@ fn a_cloth_on_a_ball_comes_to_rest_whatever_the_friction() {
     }
 }
 
-/// Kinetic and potential, of a body with vertices of their own masses.
+/// Kinetic and potential, of all that is not pinned.
 fn energy(scene: &Scene, entity: Entity) -> f64 {
     let body = scene.body(entity);
-    let motions = body.velocities.iter().zip(scene.positions(entity)).zip(&body.inverse_masses);
-    let moved = motions.filter(|&(_, &inverse_mass)| inverse_mass > 0.0);
-    moved
-        .map(|((velocity, position), &inverse_mass)| {
-            let [speed_squared, height] = [velocity.length_squared(), position.y].map(f64::from);
-            (0.5 * speed_squared + 9.81 * height) / f64::from(inverse_mass)
-        })
-        .sum()
+    let moved = scene.positions(entity).iter().zip(&body.inverse_masses).filter(|&(_, &inverse)| inverse > 0.0);
+    let potential = moved.map(|(position, &inverse)| 9.81 * f64::from(position.y) / f64::from(inverse)).sum::<f64>();
+    body.kinetic_energy() + potential
 }
 
 #[test]
 fn a_swinging_cloth_that_nothing_damps_gains_no_energy() {
     let mut scene = Scene::new();
     let cloth = grid(10, 10, 1.0, 1.0, Diagonals::Alternating);
-    let pinned: Vec<usize> = (0..cloth.positions.len())
-        .filter(|&vertex| {
-            let [x, _, z] = cloth.positions[vertex];
-            x.abs() > 0.49 && z > 0.49
-        })
-        .collect();
-    assert_eq!(pinned.len(), 2);
-    let pin = |mut body: XpbdBody| {
-        for &vertex in &pinned {
-            body.inverse_masses[vertex] = 0.0;
-        }
-        body
-    };
-    let body = scene.add_changed(&cloth, LOSSLESS, pin, ());
+    let is_corner = |&(_, &[x, _, z]): &(VertexId, &[f32; 3])| x.abs() > 0.49 && z > 0.49;
+    let vertices = (0..).map(VertexId).zip(&cloth.positions);
+    let corners: Vec<VertexId> = vertices.filter(is_corner).map(|(vertex, _)| vertex).collect();
+    assert_eq!(corners.len(), 2);
+    let body = scene.add_changed(&cloth, LOSSLESS, |body| body.pinned(corners), ());
     let mut most = f64::NEG_INFINITY;
     for _ in 0..1200 {
         scene.run(1);

@@ -120,9 +120,10 @@ fn a_shot_flies_at_its_speed_and_meets_nothing_in_the_first_tick() {
             let start = lowest(&scene);
             play(&mut scene, 1);
             let way = start - lowest(&scene);
-            // Thicknesses are 2 mm; gravity adds less than 3 mm in the first tick, a drag of 2 a second takes less than a thirtieth.
+            // Thicknesses are 2 mm; gravity adds less than 3 mm in the first tick, a drag of 2 a second takes less than a
+            // fiftieth: of ten steps each has lost a three-hundredth more.
             let expected = 0.002 * f64::from(speed);
-            assert!((0.966 * expected..expected + 0.003).contains(&way), "{target:?} {speed}: {way}");
+            assert!((0.98 * expected..expected + 0.003).contains(&way), "{target:?} {speed}: {way}");
             assert_eq!(scene.tunnelled(), 0, "{target:?} {speed}");
         }
     }
