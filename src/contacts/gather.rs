@@ -9,7 +9,8 @@ use bevy_ecs::prelude::*;
 
 use super::{
     store::{ContactSide, ContactStore, StoredPair},
-    write::{StoreWriter, WriteBuffers},
+    unique::{Before, UniqueContacts},
+    write::StoreWriter,
 };
 use crate::{
     detection::{
@@ -52,7 +53,7 @@ fn gather_contacts(
     mut store: ResMut<ContactStore>,
     mut previous: Local<ContactStore>,
     mut kept: Local<KeptPairs>,
-    mut buffers: Local<WriteBuffers>,
+    mut unique: Local<UniqueContacts>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
 ) {
@@ -76,7 +77,7 @@ fn gather_contacts(
     std::mem::swap(stored_places, last_places);
     stored_places.clear();
 
-    let mut writer = StoreWriter::new(&mut store, &mut buffers, settings.threads);
+    let mut writer = StoreWriter::new(&mut store, &mut unique, settings.threads);
     for (place, pair) in candidates.pairs.iter().enumerate() {
         let is_exact = pair.method.is_exact();
         // The contacts of kept pairs of spheres are nowhere else: those of the others somebody may have written to.
@@ -99,8 +100,8 @@ fn gather_contacts(
         let mut stored = stored_pair(&active, pair, found.nearest);
         if is_exact {
             let before = by_sides.get(&(stored.a, stored.b)).filter(|_| keeps_sides(&active, pair));
-            let before = before.map_or(&[][..], |&before| &previous.contacts[previous.pairs[before].contacts.clone()]);
-            stored.contacts = writer.write_contacts(&found.contacts, before);
+            let before = before.map_or_else(Before::default, |&before| previous.before(&previous.pairs[before]));
+            [stored.contacts, stored.shared] = writer.write_contacts(found, before);
             stored.touching = writer.write_touching(&found.touching);
         } else {
             [stored.contacts, stored.touching] = writer.take_over(&mut spheres.pairs[place]);
@@ -139,6 +140,7 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, nearest: f64) -> Sto
         nearest,
         contacts: 0..0,
         touching: 0..0,
+        shared: 0..0,
         frame_pose: pair.frame_pose,
         topology_a: Arc::clone(&first.topology),
         topology_b,

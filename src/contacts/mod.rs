@@ -5,6 +5,7 @@ mod gather;
 mod impacts;
 mod reading;
 mod store;
+mod unique;
 mod write;
 
 pub(crate) use events::EVENT_HYSTERESIS;

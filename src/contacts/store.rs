@@ -4,8 +4,9 @@ use std::{ops::Range, sync::Arc};
 
 use bevy_ecs::prelude::*;
 
+use super::unique::Before;
 use crate::kernel::{
-    contact::{CompactContact, TouchingPair},
+    contact::{CompactContact, SharedContact, TouchingPair},
     exact::rigid_shape::ShapeGeometry,
     pose::Pose,
     topology::SurfaceTopology,
@@ -45,6 +46,8 @@ pub struct StoredPair {
     pub contacts: Range<usize>,
     /// Where its touching triangles are.
     pub touching: Range<usize>,
+    /// Where it is told which of its contacts are shared and have sides.
+    pub(super) shared: Range<usize>,
     /// World pose of the frame that its contacts are in.
     pub frame_pose: Pose,
     pub(crate) topology_a: Arc<SurfaceTopology>,
@@ -64,7 +67,8 @@ type SideOrder = (u32, u64, u32);
 pub(crate) type PairOrder = (bool, SideOrder, SideOrder);
 
 /// The contacts of the last tick: pairs of surfaces by [order](crate::SurfaceOrder), then surfaces with shapes; within
-/// a pair by [key](crate::kernel::contact::ContactKey).
+/// a pair by their triangles, and those of the same two triangles by [key](crate::kernel::contact::ContactKey). Of features
+/// that several pairs of triangles have, the contact is that of the first.
 ///
 /// Every touching pair of triangles has its closest features among the contacts, with one exception: where one-sided
 /// surfaces have penetrated each other, contacts that do not lead out of the solid are left out.
@@ -80,6 +84,9 @@ pub struct ContactStore {
     pub contacts: Vec<CompactContact>,
     /// Touching triangles of all pairs, sorted within a pair.
     pub touching: Vec<TouchingPair>,
+    /// Contacts that are [shared](CompactContact::is_shared) and have sides, as places among those of their pair: in another
+    /// tick other triangles may report them.
+    pub(super) shared: Vec<SharedContact>,
     /// For each entity the places of its pairs, sorted by entity.
     pub(crate) by_entity: Vec<(Entity, u32)>,
 }
@@ -91,6 +98,11 @@ impl ContactStore {
             .iter()
             .take_while(move |&&(other, _)| other == entity)
             .map(|&(_, place)| &self.pairs[place as usize])
+    }
+
+    /// What the next tick is told of a pair.
+    pub(super) fn before(&self, pair: &StoredPair) -> Before<'_> {
+        Before { contacts: &self.contacts[pair.contacts.clone()], shared: &self.shared[pair.shared.clone()] }
     }
 
     /// The pairs of two sides, whichever comes first: one at most.

@@ -1,65 +1,54 @@
-//! Writes what was found of each pair of surfaces into the store: sorted by key, each key once, and a two-sided contact
-//! on the side it was on in the last tick.
+//! Writes what was found of each pair of surfaces into the store: sorted by triangles, each pair of features once, and a
+//! two-sided contact on the side it was on in the last tick.
 //!
-//! Every record is copied once, from where it was found to where it stays. The lists of an earlier tick are overwritten
-//! in place, so that in a steady scene nothing is allocated or cleared.
+//! The lists of an earlier tick are overwritten in place, so that in a steady scene nothing is allocated or cleared.
 
 use std::ops::Range;
 
-use super::store::{ContactStore, StoredPair};
+use super::{
+    store::{ContactStore, StoredPair},
+    unique::{Before, UniqueContacts},
+};
 use crate::{
     detection::Threads,
     kernel::{
-        contact::{CompactContact, TouchingPair},
-        contact_order::{ContactOrder, TouchingOrder, copy_in_order},
-        exact::FeatureKind,
+        contact::TouchingPair,
         pair::FoundPairs,
     },
 };
 
-/// What writing keeps for its memory.
-#[derive(Default)]
-pub(super) struct WriteBuffers {
-    order: ContactOrder,
-    touching: TouchingOrder,
-}
-
 /// Overwrites a store pair by pair.
 pub(super) struct StoreWriter<'a> {
     pub(super) store: &'a mut ContactStore,
-    buffers: &'a mut WriteBuffers,
+    unique: &'a mut UniqueContacts,
     threads: Threads,
     contacts: usize,
     touching: usize,
 }
 
 impl<'a> StoreWriter<'a> {
-    pub(super) fn new(store: &'a mut ContactStore, buffers: &'a mut WriteBuffers, threads: usize) -> Self {
-        let threads = Threads(threads);
-        Self { store, buffers, threads, contacts: 0, touching: 0 }
+    /// `unique` keeps the memory of what writing needs.
+    pub(super) fn new(store: &'a mut ContactStore, unique: &'a mut UniqueContacts, threads: usize) -> Self {
+        store.shared.clear();
+        Self { store, unique, threads: Threads(threads), contacts: 0, touching: 0 }
     }
 
-    /// Writes the contacts of a pair. `before` are those of the last tick, where sides are known from there.
-    pub(super) fn write_contacts(&mut self, found: &[CompactContact], before: &[CompactContact]) -> Range<usize> {
-        let (start, order) = (self.contacts, &mut self.buffers.order);
-        order.arrange(found, &self.threads);
-        let count = order.count();
-        let sorted = room_for(&mut self.store.contacts, start, count, found.first());
-        copy_in_order(found, order.parts(), count, sorted, &self.threads, |sorted| keep_sides(sorted, before));
+    /// Writes the contacts of a pair, which come in the order of their triangles. `before` are those of the last tick, where
+    /// sides are known from there. Returns where they are, and where those are named that are shared.
+    pub(super) fn write_contacts(&mut self, found: &FoundPairs, before: Before<'_>) -> [Range<usize>; 2] {
+        let (start, first_shared) = (self.contacts, self.store.shared.len());
+        let count = self.unique.count(found);
+        let stored = room_for(&mut self.store.contacts, start, count, found.contacts.first());
+        let shared = self.unique.copy(&found.contacts, before, stored, &self.threads);
+        self.store.shared.extend_from_slice(shared);
         self.contacts += count;
-        start..self.contacts
+        [start..self.contacts, first_shared..self.store.shared.len()]
     }
 
-    /// Writes the touching triangles of a pair.
+    /// Writes the touching triangles of a pair, which come in their order.
     pub(super) fn write_touching(&mut self, found: &[TouchingPair]) -> Range<usize> {
         let start = self.touching;
-        let sorted = room_for(&mut self.store.touching, start, found.len(), found.first());
-        if found.is_sorted_by_key(|pair| (pair.triangle_a, pair.triangle_b)) {
-            // What came of a sorted list.
-            sorted.copy_from_slice(found);
-        } else {
-            self.buffers.touching.sort(found, sorted, &self.threads);
-        }
+        room_for(&mut self.store.touching, start, found.len(), found.first()).copy_from_slice(found);
         self.touching += found.len();
         start..self.touching
     }
@@ -72,16 +61,19 @@ impl<'a> StoreWriter<'a> {
         let room = room_for(&mut self.store.touching, self.touching, touching.len(), touching.first());
         room.copy_from_slice(touching);
         let [first_contact, first_touching] = [self.contacts, self.touching];
+        let first_shared = self.store.shared.len();
+        self.store.shared.extend_from_slice(&other.shared[pair.shared.clone()]);
         self.contacts += contacts.len();
         self.touching += touching.len();
         self.store.pairs.push(StoredPair {
             contacts: first_contact..self.contacts,
             touching: first_touching..self.touching,
+            shared: first_shared..self.store.shared.len(),
             ..pair.clone()
         });
     }
 
-    /// Takes over what is sorted by key, each key once. The lists of the store are left in place of the first ones.
+    /// Takes over what is sorted, each pair of triangles once. The lists of the store are left in place of the first ones.
     pub(super) fn take_over(&mut self, found: &mut FoundPairs) -> [Range<usize>; 2] {
         let place = |pair: &TouchingPair| (pair.triangle_a, pair.triangle_b);
         // Where a surface meets itself, contacts are sorted by the lower triangle, whichever stands first.
@@ -121,23 +113,4 @@ fn room_for<'a, T: Copy>(list: &'a mut Vec<T>, start: usize, count: usize, any: 
         list.resize(start + count, any);
     }
     &mut list[start..start + count]
-}
-
-/// A contact whose normal has turned round since the last tick has passed through: it keeps the side it was on, and
-/// its distance is negative. Both lists are sorted by key.
-fn keep_sides(contacts: &mut [CompactContact], before: &[CompactContact]) {
-    let Some(first) = contacts.first() else { return };
-    // In a self-collision either of the two features may have come first.
-    let normal = |contact: &CompactContact| if contact.swapped { -contact.normal } else { contact.normal };
-    let mut before = before[before.partition_point(|other| other.key < first.key)..].iter().peekable();
-    for contact in contacts {
-        while before.next_if(|other| other.key < contact.key).is_some() {}
-        let Some(last) = before.next_if(|other| other.key == contact.key) else { continue };
-        // Around a corner or a rim a direction may turn without anything having passed.
-        let has_sides = matches!(contact.features.kind(), FeatureKind::VertexFace | FeatureKind::EdgeEdge);
-        if has_sides && normal(contact).dot(normal(last)) < 0.0 {
-            contact.normal = -contact.normal;
-            contact.distance = -contact.distance;
-        }
-    }
 }

@@ -117,11 +117,6 @@ impl KeptList {
         self.skin
     }
 
-    /// Whether the list is to serve so long that it pays to sort it, and with it all that is found of its pairs.
-    pub(super) fn is_worth_sorting(&self) -> bool {
-        self.skin < (THICKEST * self.range) as f32
-    }
-
     fn give_up(&mut self) {
         if self.is_made {
             self.wasted = if self.served == 0 || self.is_too_long { self.wasted + 1 } else { 0 };

@@ -12,13 +12,14 @@ use super::{
     diagnostics::DetectionDiagnostics,
     kept_pairs::{KeptPairs, ListUse},
     memory::{DetectionMemory, StageList},
-    parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
+    parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
     settle::SettleBuffers,
     sides::{pair_settings, surface_sides},
 };
 use crate::{
     kernel::{
         pair::FoundPairs,
+        pair_order::PairSorter,
         refine::{refine_closest, refine_pairs, refine_shape},
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
@@ -51,7 +52,7 @@ fn refine(
     settings: Res<CircumsphereSettings>,
     mut refined: ResMut<RefinedTrianglePairs>,
     spare: Local<Buffers<FoundPairs>>,
-    buffers: Local<Buffers<SettleBuffers>>,
+    buffers: Local<Buffers<(PairSorter, SettleBuffers)>>,
     mut memory: ResMut<DetectionMemory>,
     mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
@@ -110,18 +111,22 @@ fn refine_pair(
     threads: usize,
     refined: &mut FoundPairs,
     spare: &Buffers<FoundPairs>,
-    buffers: &mut SettleBuffers,
+    (sorter, buffers): &mut (PairSorter, SettleBuffers),
 ) {
     let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
     let Ok((own, own_bounds, own_rows)) = surfaces.get(first.entity) else { return };
+    // What is found is stored in the order of the triangles: to bring pairs into it costs least before anything is found.
+    let triangles = sorter.sorted(&pair.triangles, pair_settings.same_surface, &Threads(threads));
+    // Those are in the order of the candidates, as a list that is taught by them is.
+    refined.wants_lower_bounds &= std::ptr::eq(triangles, &raw const *pair.triangles);
     let wants_lower_bounds = refined.wants_lower_bounds;
     let mut collect = |work: &(dyn Fn(&[[u32; 2]], &mut FoundPairs) + Sync)| {
         let work = |chunk: &[[u32; 2]], found: &mut FoundPairs| {
             found.wants_lower_bounds = wants_lower_bounds;
             work(chunk, found);
         };
-        append_chunks(&pair.triangles, threads, spare, refined, work, FoundPairs::append);
+        append_chunks(triangles, threads, spare, refined, work, FoundPairs::append);
     };
     match pair.second {
         OtherSide::Surface(second) => {
@@ -130,7 +135,7 @@ fn refine_pair(
             (a.rows, b.rows) = (own_rows.current(own_bounds), other_rows.current(other_bounds));
             let test = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
             collect(&|chunk, found| test(&a, &b, chunk, &pair_settings, found));
-            buffers.settle([&a, &b], &pair.triangles, &pair_settings, threads, &mut refined.contacts);
+            buffers.settle([&a, &b], triangles, &pair_settings, threads, refined);
         }
         OtherSide::Shape(place) => {
             let (shape, pose) = (&active.shapes[place].geometry, &pair.relative_pose);

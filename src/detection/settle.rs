@@ -2,8 +2,7 @@
 
 use super::parallel::fill_chunks;
 use crate::kernel::{
-    contact::CompactContact,
-    pair::{PairSettings, SurfaceSide},
+    pair::{FoundPairs, PairSettings, SurfaceSide},
     settle::{Finding, Settling},
 };
 
@@ -25,15 +24,21 @@ impl SettleBuffers {
         candidates: &[[u32; 2]],
         settings: &PairSettings,
         threads: usize,
-        contacts: &mut Vec<CompactContact>,
+        found: &mut FoundPairs,
     ) {
         let Self { settling, findings } = self;
+        let contacts = &mut found.contacts;
         settling.prepare(a, b, candidates, settings, contacts);
         findings.clear();
         findings.resize(settling.questions().len(), Finding::default());
         fill_chunks(settling.questions(), findings, CHUNK, threads, |_, questions, findings| {
             settling.look(a, b, contacts, questions, findings);
         });
+        let count = contacts.len();
         settling.carry_out(findings, settings, contacts);
+        if contacts.len() < count {
+            found.shared.clear();
+            found.list_shared(0);
+        }
     }
 }

@@ -84,6 +84,9 @@ pub struct CompactContact {
     pub features: FeaturePair,
     /// Whether the features of a contact of a surface with itself stand in the other order than in the key.
     pub swapped: bool,
+    /// Whether other pairs of triangles may report the same two features, in this tick or another: not where that is for the
+    /// first triangles around both alone.
+    pub is_shared: bool,
     /// Weights of the first two corners of triangle a; the third is what is left of 1.
     pub barycentric_a: [f32; 2],
     /// Weights of the first two corners of triangle b; without meaning for a rigid shape.
@@ -95,6 +98,23 @@ pub struct CompactContact {
     pub normal: Vec3,
     /// Signed distance of the two contact points in world units: negative where the sides have passed each other.
     pub distance: f32,
+}
+
+/// A contact of a list that is [shared](CompactContact::is_shared).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SharedContact {
+    /// Its key.
+    pub key: ContactKey,
+    /// Its place on the list.
+    pub place: u32,
+}
+
+impl SharedContact {
+    /// The same where so many contacts stand before the list.
+    #[must_use]
+    pub const fn later(self, count: u32) -> Self {
+        Self { key: self.key, place: self.place + count }
+    }
 }
 
 /// A pair of triangles that touch.
@@ -118,6 +138,26 @@ pub(super) struct FacePlace {
 }
 
 impl CompactContact {
+    /// Keeps a place for a contact that is on its way, or that nothing has come of: no pair of features has its key.
+    pub(super) const NONE: Self = Self {
+        key: ContactKey(u64::MAX),
+        triangle_a: 0,
+        triangle_b: 0,
+        features: FeaturePair { a: Feature::Face, b: Feature::Face },
+        swapped: false,
+        is_shared: false,
+        barycentric_a: [0.0; 2],
+        barycentric_b: [0.0; 2],
+        point_b: Vec3::ZERO,
+        normal: Vec3::ZERO,
+        distance: 0.0,
+    };
+
+    /// Whether nothing is there.
+    pub(super) fn is_none(&self) -> bool {
+        self.key == Self::NONE.key
+    }
+
     /// Names a contact of two triangles by the [numbers](feature_number) of its features. In a self-collision
     /// (`same_surface`) a feature pair is the same from either side, so its key does not depend on which triangle came
     /// first. Barycentrics are the weights of the first two corners of either triangle.
@@ -128,6 +168,7 @@ impl CompactContact {
         same_surface: bool,
         features: FeaturePair,
         [number_a, number_b]: [u32; 2],
+        is_shared: bool,
         [barycentric_a, barycentric_b]: [[f32; 2]; 2],
         point_b: Vec3,
         normal: Vec3,
@@ -141,6 +182,7 @@ impl CompactContact {
                 ContactKey::new(features, number_a, number_b)
             },
             swapped,
+            is_shared,
             triangle_a: triangles[0],
             triangle_b: triangles[1],
             features,
@@ -161,6 +203,7 @@ impl CompactContact {
         Self {
             key: ContactKey::new(features, first, second),
             swapped,
+            is_shared: false,
             triangle_a: triangles[0],
             triangle_b: triangles[1],
             features,
@@ -170,6 +213,12 @@ impl CompactContact {
             normal: place.normal,
             distance: place.distance,
         }
+    }
+
+    /// Its triangles: what contacts of a pair of surfaces are sorted by, before their keys.
+    #[must_use]
+    pub const fn triangles(&self) -> (u32, u32) {
+        (self.triangle_a, self.triangle_b)
     }
 
     /// The numbers of both features, see [`feature_number`]; of a rigid shape that of its part.
@@ -202,6 +251,7 @@ impl CompactContact {
         Self {
             key: ContactKey::new(features, number, proximity.shape_feature),
             swapped: false,
+            is_shared: !matches!(proximity.feature, Feature::Face),
             triangle_a: triangle,
             triangle_b: proximity.shape_feature,
             features,

@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 
 use super::{
     exact::Feature,
-    ids::TriangleId,
+    ids::{EdgeId, TriangleId},
     prefetch::{Prefetch, prefetch},
     surroundings::Surroundings,
     topology::SurfaceTopology,
@@ -46,6 +46,21 @@ impl CornerRow {
     #[inline(always)]
     pub(super) fn corner(&self, corner: usize) -> DVec3 {
         Vec3::from_array(self.corners[corner]).as_dvec3()
+    }
+
+    /// The corners of the first triangle around a part, given by its number as in [`Feature::of_part`], where no vertices are
+    /// welded.
+    #[inline(always)]
+    pub(super) fn first_around(&self, topology: &SurfaceTopology, part: usize) -> [u32; 3] {
+        match part {
+            0..3 => topology.first_around_vertex(self.vertices[part]),
+            3..6 => {
+                let edge = part - 3;
+                let opposite = topology.first_opposite(EdgeId(self.edges[edge]));
+                [self.vertices[edge], self.vertices[(edge + 1) % 3], opposite]
+            }
+            _ => self.vertices,
+        }
     }
 
     /// The number of a feature where no vertices are welded, see [`feature_number`](super::contact::feature_number).

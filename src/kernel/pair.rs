@@ -5,9 +5,9 @@ use std::borrow::Cow;
 use glam::{DVec3, Vec3};
 
 use super::{
-    contact::{CompactContact, TouchingPair, feature_number},
+    contact::{CompactContact, SharedContact, TouchingPair, feature_number},
     corner_rows::{CornerRow, CornerRows},
-    exact::{Feature, ScreenedPair, side::outward_direction},
+    exact::{Feature, side::outward_direction},
     ids::TriangleId,
     pose::Pose,
     topology::SurfaceTopology,
@@ -119,13 +119,11 @@ impl RowPair<'_> {
         [self.corner(side, 0), self.corner(side, 1), self.corner(side, 2)]
     }
 
-    /// Whether the two share a vertex, given that the sides are the same surface. Where no vertices are welded, the
-    /// boundaries of such a pair meet exactly.
+    /// Whether the two share a vertex, given that the sides are the same surface.
     #[inline]
-    pub(super) fn are_neighbors(&self, pair: &ScreenedPair) -> bool {
-        let topology = self.sides[0].topology;
+    pub(super) fn are_neighbors(&self) -> bool {
         let [a, b] = self.triangles.map(TriangleId);
-        (pair.meets_boundary() || topology.is_welded()) && topology.share_vertex(a, b)
+        self.sides[0].topology.share_vertex(a, b)
     }
 
     /// The [number](feature_number) of a feature of either triangle.
@@ -162,9 +160,11 @@ pub struct PairSettings {
 pub struct FoundPairs {
     /// Pairs of triangles that touch, in the order of the candidates.
     pub touching: Vec<TouchingPair>,
-    /// Contacts, in no order. The same one may occur several times, under the same key; those come in the order of the
-    /// candidates.
+    /// Contacts, in the order of the candidates. Those that are [shared](CompactContact::is_shared) may occur several times,
+    /// under the same key.
     pub contacts: Vec<CompactContact>,
+    /// Which contacts of the exact test are shared.
+    pub shared: Vec<SharedContact>,
     /// Distance of the nearest pair in world units, at least 0; infinite where none is within range.
     pub nearest: f64,
     /// How many pairs reached the exact test.
@@ -181,6 +181,7 @@ impl Default for FoundPairs {
         Self {
             touching: Vec::new(),
             contacts: Vec::new(),
+            shared: Vec::new(),
             nearest: f64::INFINITY,
             examined: 0,
             lower_bounds: Vec::new(),
@@ -194,6 +195,7 @@ impl FoundPairs {
     pub fn clear(&mut self) {
         self.touching.clear();
         self.contacts.clear();
+        self.shared.clear();
         self.nearest = f64::INFINITY;
         self.examined = 0;
         self.lower_bounds.clear();
@@ -210,9 +212,17 @@ impl FoundPairs {
         self.append(later);
     }
 
+    /// Lists which contacts are shared, given that those before `first` are listed.
+    pub(crate) fn list_shared(&mut self, first: usize) {
+        let shared = (first as u32..).zip(&self.contacts[first..]).filter(|(_, contact)| contact.is_shared);
+        self.shared.extend(shared.map(|(place, contact)| SharedContact { key: contact.key, place }));
+    }
+
     /// Appends what was found in a later part of the candidates.
     pub fn append(&mut self, later: &mut Self) {
         self.touching.append(&mut later.touching);
+        let before = self.contacts.len() as u32;
+        self.shared.extend(later.shared.drain(..).map(|shared| shared.later(before)));
         self.contacts.append(&mut later.contacts);
         self.nearest = self.nearest.min(later.nearest);
         self.examined += later.examined;

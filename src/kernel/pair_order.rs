@@ -3,7 +3,7 @@
 //! Eight bytes a pair are moved rather than whole contacts: the sphere stages sort what overlaps, and make contacts in
 //! order. A radix sort, least significant digit first.
 
-use super::prefetch::prefetch;
+use super::{prefetch::prefetch, share::Share};
 
 /// Least bits of a digit: the counts of its values stay in the first cache.
 const LEAST_DIGIT: u32 = 12;
@@ -20,6 +20,7 @@ const AHEAD: usize = 64;
 pub struct PairSorter {
     between: Vec<[u32; 2]>,
     places: Vec<u32>,
+    sorted: Vec<[u32; 2]>,
 }
 
 impl PairSorter {
@@ -46,10 +47,25 @@ impl PairSorter {
         }
     }
 
+    /// `pairs` in the order of their triangles, each once; of a surface with itself the lower one first. The list itself
+    /// where it is in order.
+    pub fn sorted<'a>(&'a mut self, pairs: &'a [[u32; 2]], same_surface: bool, _share: &impl Share) -> &'a [[u32; 2]] {
+        if pairs.is_sorted_by(|one, other| one < other) && !(same_surface && pairs.iter().any(|&[a, b]| b < a)) {
+            return pairs;
+        }
+        let mut list = std::mem::take(&mut self.sorted);
+        list.clear();
+        list.extend(pairs.iter().map(|&[a, b]| if same_surface && b < a { [b, a] } else { [a, b] }));
+        self.sort(&mut list, same_surface);
+        list.dedup();
+        self.sorted = list;
+        &self.sorted
+    }
+
     /// Writes `pairs` between, sorted by `width` bits from `shift` on of the number whose lower `low` bits are the second
     /// triangle, and the others the first; equals keep their order.
     fn distribute(&mut self, pairs: &[[u32; 2]], low: u32, shift: u32, width: u32) {
-        let Self { between, places } = self;
+        let Self { between, places, .. } = self;
         let mask = (1 << width) - 1;
         let digit = |&[first, second]: &[u32; 2]| {
             let number = (u64::from(first) << low) | u64::from(second);

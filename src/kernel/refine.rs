@@ -12,7 +12,7 @@ use super::{
     contact::{CompactContact, TouchingPair, feature_number},
     corner_rows::CornerRow,
     exact::{
-        Cases, Feature, FeatureBatches, FeaturePair, PairProximity, PairScreen, Proximity, ScreenedPair,
+        Cases, Feature, FeatureBatches, FeaturePair, FeatureTask, LeftOver, PairProximity, PairScreen, Proximity, ScreenLimits, ScreenedPair,
         barycentric::point_at,
         examine_boundaries, examine_pair, examine_screened,
         rigid_shape::{ShapeGeometry, ShapeProximity},
@@ -53,10 +53,36 @@ pub fn refine_closest(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    let wanted = |_: &RowPair<'_>, pair: &ScreenedPair| if pair.cases.may_cross() { pair.cases } else { pair.closest };
+    let wanted = |_: &RowPair<'_>, pair: &ScreenedPair| {
+        let cases = if pair.cases.may_cross() { pair.cases } else { pair.closest };
+        Reported { cases, shared: Cases::ALL }
+    };
     examine_pairs(a, b, candidates, settings, found, wanted, |pair, features| {
         pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
     });
+}
+
+/// Which features of a pair it reports.
+struct Reported {
+    cases: Cases,
+    /// Those of them that other pairs may report, too, and maybe others.
+    shared: Cases,
+}
+
+impl Reported {
+    /// Adds a case if it is reported, and whether it is shared.
+    fn add(&mut self, case: Cases, is_shared: Option<bool>) {
+        if let Some(is_shared) = is_shared {
+            self.cases = self.cases.or(case);
+            self.shared = if is_shared { self.shared.or(case) } else { self.shared };
+        }
+    }
+
+    /// Whether other pairs may report these features, too.
+    fn is_shared(&self, features: FeaturePair) -> bool {
+        let case = Cases::of(features);
+        case.without_boundary().are_none() || self.shared.contain(case)
+    }
 }
 
 /// Tests pairs exactly, eight side by side first. Of each only those features are looked at that are `wanted` or on the
@@ -67,14 +93,17 @@ fn examine_pairs(
     candidates: &[[u32; 2]],
     settings: &PairSettings,
     found: &mut FoundPairs,
-    wanted: impl Fn(&RowPair<'_>, &ScreenedPair) -> Cases,
+    wanted: impl Fn(&RowPair<'_>, &ScreenedPair) -> Reported,
     makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
 ) {
-    let range = settings.range / settings.scale;
     found.examined += candidates.len();
+    let range = settings.range / settings.scale;
+    let limits =
+        ScreenLimits { scale: settings.scale, range: settings.range, contact_distance: settings.contact_distance };
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
     let mut batches = FeatureBatches::new(settings);
+    let first_contact = found.contacts.len();
     // Pairs that the screen was in doubt about.
     let mut apart: ArrayVec<(usize, f64), { PairScreen::WIDTH }> = ArrayVec::new();
     let has_inside = a.one_sided || b.one_sided;
@@ -85,48 +114,60 @@ fn examine_pairs(
         if let (Some(rows_a), Some(rows_b)) = (a.rows, b.rows) {
             ask_ahead(rows_a, rows_b, candidates, block);
         }
-        let rows = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
-        for pair in screen.screen([&rows[0], &rows[1]], poses, pairs.len(), range) {
-            let triangles = pairs[pair.place];
-            let rows = RowPair { sides: [a, b], triangles, rows: [rows[0][pair.place], rows[1][pair.place]] };
-            if settings.same_surface && rows.are_neighbors(&pair) {
-                found.examined -= 1;
+        let sides = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
+        let screened = screen.screen([&sides[0], &sides[1]], poses, pairs.len(), &limits);
+        let rows_of_pair =
+            |place: usize| RowPair { sides: [a, b], triangles: pairs[place], rows: [sides[0][place], sides[1][place]] };
+        let mut left = screened.possible;
+        if settings.same_surface {
+            let suspects = if a.topology.is_welded() { left } else { left & screened.meeting };
+            let neighbors = places(suspects).filter(|&place| rows_of_pair(place).are_neighbors());
+            let neighbors = neighbors.fold(0, |bits, place| bits | 1 << place);
+            left &= !neighbors;
+            found.examined -= neighbors.count_ones() as usize;
+        }
+        for place in places(left & (screened.near | screened.doubtful)) {
+            let rows = rows_of_pair(place);
+            let is_doubtful = screened.doubtful >> place & 1 != 0;
+            let on_boundary = screened.on_boundary >> place & 1 != 0;
+            let has_cases = screened.with_cases >> place & 1 != 0;
+            if !(has_cases || on_boundary) {
+                add_pair(rows.triangles, screen.distances()[place], settings, found);
                 continue;
             }
+            let pair = screen.pair(place);
             let wanted = wanted(&rows, &pair);
-            let cases = pair.cases.and(wanted).without_boundary();
-            match pair.crosses() {
-                Some(crosses) if cases.are_none() || !has_inside => {
-                    let distance = if crosses { 0.0 } else { pair.distance() } * settings.scale;
-                    if distance > settings.range {
-                        continue;
-                    }
-                    add_pair(triangles, distance, settings, found);
-                    let contacts = &mut found.contacts;
-                    if !cases.are_none() {
-                        batches.add(&rows, cases, pair.nothing(), contacts);
-                    }
-                    if !crosses && pair.is_closest_on_boundary() && distance <= settings.reported_distance {
-                        let corners = [rows.corners(0), rows.corners(1)];
-                        proximity.proximities.clear();
-                        examine_boundaries(&pair, &corners, range, &mut proximity.proximities);
-                        for features in &proximity.proximities {
-                            if features.distance * settings.scale <= settings.reported_distance {
-                                let numbers =
-                                    [rows.number(0, features.features.a), rows.number(1, features.features.b)];
-                                contacts.push(contact(a, b, settings, triangles, numbers, &corners, features));
-                            }
+            let cases = pair.cases.and(wanted.cases).without_boundary();
+            if is_doubtful || has_inside && !cases.are_none() {
+                let corners = [rows.corners(0), rows.corners(1)];
+                examine_screened(&pair, &corners, range, wanted.cases, &mut proximity);
+                if found.wants_lower_bounds && proximity.distance > range {
+                    apart.push((place, proximity.distance - pair.nothing()));
+                }
+                let reported = |features: &Proximity| {
+                    makes_contact(&proximity, features).then(|| wanted.is_shared(features.features))
+                };
+                add_examined(a, b, settings, rows.triangles, &corners, &proximity, reported, found);
+                continue;
+            }
+            add_pair(rows.triangles, screen.distances()[place], settings, found);
+            if !cases.are_none() {
+                batches.add(&rows, [cases, wanted.shared], pair.nothing(), &mut found.contacts);
+            }
+            if on_boundary && screen.distances()[place] <= settings.reported_distance {
+                if pair.touches() || has_inside {
+                    let corners = [rows.corners(0), rows.corners(1)];
+                    proximity.proximities.clear();
+                    examine_boundaries(&pair, &corners, range, &mut proximity.proximities);
+                    for features in &proximity.proximities {
+                        if features.distance * settings.scale <= settings.reported_distance {
+                            let numbers = [rows.number(0, features.features.a), rows.number(1, features.features.b)];
+                            let contact = contact(a, b, settings, rows.triangles, numbers, true, &corners, features);
+                            found.contacts.push(contact);
                         }
                     }
-                }
-                _ => {
-                    let corners = [rows.corners(0), rows.corners(1)];
-                    examine_screened(&pair, &corners, range, wanted, &mut proximity);
-                    if found.wants_lower_bounds && proximity.distance > range {
-                        apart.push((pair.place, proximity.distance - pair.nothing()));
-                    }
-                    let makes_contact = |features: &Proximity| makes_contact(&proximity, features);
-                    add_examined(a, b, settings, triangles, &corners, &proximity, makes_contact, found);
+                } else {
+                    batches.add_boundary(&rows, screen.boundary_cases(place), pair.nothing(), &mut found.contacts);
                 }
             }
         }
@@ -138,10 +179,39 @@ fn examine_pairs(
             }
         }
     }
-    batches.finish(&mut found.contacts);
-    for (triangles, features) in batches.doubtful {
-        found.contacts.extend(contact_alone(a, b, settings, triangles, features));
+    let LeftOver { doubtful, mut has_gaps } = batches.finish(&mut found.contacts);
+    for task in doubtful {
+        match contact_alone(a, b, settings, &task) {
+            Some(contact) => found.contacts[task.place as usize] = contact,
+            None => has_gaps = true,
+        }
     }
+    if has_gaps {
+        close_gaps(&mut found.contacts, first_contact);
+    }
+    found.list_shared(first_contact);
+}
+
+/// The places of bits that are set, ascending.
+#[inline]
+fn places(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = bits.trailing_zeros() as usize;
+        bits &= bits.wrapping_sub(1);
+        (place < PairScreen::WIDTH).then_some(place)
+    })
+}
+
+/// Drops places without a contact from the first of some on.
+fn close_gaps(contacts: &mut Vec<CompactContact>, first: usize) {
+    let mut kept = first;
+    for place in first..contacts.len() {
+        if !contacts[place].is_none() {
+            contacts[kept] = contacts[place];
+            kept += 1;
+        }
+    }
+    contacts.truncate(kept);
 }
 
 /// The rows of one side's triangles of up to eight pairs, of fewer the last one fills up. Where nobody has made them, they
@@ -168,15 +238,15 @@ fn contact_alone(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     settings: &PairSettings,
-    triangles: [u32; 2],
-    features: FeaturePair,
+    task: &FeatureTask,
 ) -> Option<CompactContact> {
+    let FeatureTask { triangles, features, numbers, is_shared, .. } = *task;
     let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
     let mut proximity = PairProximity::default();
     examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
     let found = proximity.proximities.iter().find(|found| found.features == features)?;
     let is_reported = found.distance * settings.scale <= settings.reported_distance;
-    is_reported.then(|| contact(a, b, settings, triangles, numbers(a, b, triangles, features), &corners, found))
+    is_reported.then(|| contact(a, b, settings, triangles, numbers, is_shared, &corners, found))
 }
 
 /// Tests pairs exactly, each for itself and whole: what the other ways are measured by.
@@ -189,15 +259,18 @@ fn examine_pairs_alone(
 ) {
     let mut proximity = PairProximity::default();
     found.examined += pairs.len();
+    let first_contact = found.contacts.len();
     for &triangles in pairs {
         let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
         examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
-        let makes_contact = |features: &Proximity| reports(a, b, settings.same_surface, triangles, features.features);
-        add_examined(a, b, settings, triangles, &corners, &proximity, makes_contact, found);
+        let reported = |features: &Proximity| reports(a, b, settings.same_surface, triangles, features.features);
+        add_examined(a, b, settings, triangles, &corners, &proximity, reported, found);
     }
+    found.list_shared(first_contact);
 }
 
-/// Adds what a pair amounts to that was looked at alone: nothing where it is beyond the range.
+/// Adds what a pair amounts to that was looked at alone: nothing where it is beyond the range. Of features that make a
+/// contact, `reported` says whether other pairs may report them, too.
 #[expect(clippy::too_many_arguments, reason = "a pair, what is known of it, and where it goes")]
 fn add_examined(
     a: &SurfaceSide<'_>,
@@ -206,7 +279,7 @@ fn add_examined(
     triangles: [u32; 2],
     corners: &[[DVec3; 3]; 2],
     pair: &PairProximity,
-    makes_contact: impl Fn(&Proximity) -> bool,
+    reported: impl Fn(&Proximity) -> Option<bool>,
     found: &mut FoundPairs,
 ) {
     let distance = pair.distance * settings.scale;
@@ -215,10 +288,11 @@ fn add_examined(
     }
     add_pair(triangles, distance, settings, found);
     for features in &pair.proximities {
-        let is_reported = features.distance * settings.scale <= settings.reported_distance;
-        if is_reported && makes_contact(features) {
+        if features.distance * settings.scale <= settings.reported_distance
+            && let Some(is_shared) = reported(features)
+        {
             let numbers = numbers(a, b, triangles, features.features);
-            found.contacts.push(contact(a, b, settings, triangles, numbers, corners, features));
+            found.contacts.push(contact(a, b, settings, triangles, numbers, is_shared, corners, features));
         }
     }
 }
@@ -243,6 +317,7 @@ pub fn refine_shape(
 ) {
     let mut scratch = PairProximity::default();
     let mut proximities: Vec<ShapeProximity> = Vec::new();
+    let first_contact = found.contacts.len();
     for &[triangle, _] in candidates {
         let corners = topology.triangles()[triangle as usize]
             .map(|vertex| pose.transform_point(positions[vertex as usize].as_dvec3()));
@@ -264,61 +339,56 @@ pub fn refine_shape(
                 .map(|proximity| CompactContact::with_shape(topology, positions, triangle, proximity, settings.scale)),
         );
     }
+    found.list_shared(first_contact);
 }
 
-/// Those of a pair's cases that it reports, see [`reports`]: mostly those of which its triangles are the first, which is in
-/// their rows.
+/// Those of a pair's cases that it reports, see [`reports`].
 #[inline]
-fn reported_cases(pair: &RowPair<'_>, same_surface: bool, cases: Cases) -> Cases {
-    let ([a, b], triangles) = (pair.sides, pair.triangles);
+fn reported_cases(pair: &RowPair<'_>, same_surface: bool, cases: Cases) -> Reported {
+    let [a, b] = pair.sides;
     let [around_a, around_b] = pair.rows.map(|row| row.surroundings);
-    let reported = Cases::between(around_a.first_of, around_b.first_of);
-    let others = cases.without(reported).without_boundary();
-    let is_welded = a.topology.is_welded() || b.topology.is_welded();
-    // The first triangles are neighbors only where they are close on the surface.
-    let firsts_may_meet = same_surface && around_a.firsts_may_meet(around_b);
-    if others.are_none() || !firsts_may_meet && !is_welded {
-        return reported;
-    }
-    let mut found = reported;
-    for case in others.each() {
-        let ([part_a, part_b], features) = (case.parts(), case.features());
-        let is_reported = if is_welded {
-            reports(a, b, same_surface, triangles, features)
-        } else {
-            let first_a = a.topology.first_around(TriangleId(triangles[0]), part_a);
-            let first_b = b.topology.first_around(TriangleId(triangles[1]), part_b);
-            a.topology.share_vertex(first_a, first_b)
-        };
-        if is_reported {
-            found = found.or(case);
+    let mut reported = Reported { cases: Cases::between(around_a.first_of, around_b.first_of), shared: Cases::NONE };
+    if a.topology.is_welded() || b.topology.is_welded() {
+        for case in cases.without(reported.cases).without_boundary().each() {
+            reported.add(case, reports(a, b, same_surface, pair.triangles, case.features()));
+        }
+    } else if same_surface && around_a.firsts_may_meet(around_b) {
+        for case in cases.without(reported.cases).without_boundary().each() {
+            let [part_a, part_b] = case.parts();
+            let [first_a, first_b] =
+                [(0, part_a), (1, part_b)].map(|(side, part)| pair.rows[side].first_around(a.topology, part));
+            let [x, y, z] = first_b;
+            // Without short circuits: nine comparisons cost less than one branch that is hard to predict.
+            let meet = |vertex: u32| (vertex == x) | (vertex == y) | (vertex == z);
+            reported.add(case, (meet(first_a[0]) | meet(first_a[1]) | meet(first_a[2])).then_some(true));
         }
     }
-    found
+    reported
 }
 
-/// Whether this pair of triangles reports a feature pair: where the first triangles around both features are a pair, only
-/// that one does. Where those are neighbors, which are no pair, every pair does that has both features, and they are told
-/// apart by their key later, as are pairs that are closest on a boundary.
+/// Whether this pair of triangles reports a feature pair, and if so whether others may, too. The pair of the first triangles
+/// around both features does alone, unless those are neighbors, which are no pair: then every pair does that has both features,
+/// and only the first of them stays later, as of pairs that are closest on a boundary.
 fn reports(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     same_surface: bool,
     triangles: [u32; 2],
     features: FeaturePair,
-) -> bool {
+) -> Option<bool> {
     if matches!(
         (features.a, features.b),
         (Feature::Vertex(_), Feature::Vertex(_) | Feature::Edge(_)) | (Feature::Edge(_), Feature::Vertex(_))
     ) {
-        return true;
+        return Some(true);
     }
     let first_around = |side: &SurfaceSide<'_>, triangle: u32, feature: Feature| {
         let around = triangles_around(side, triangle, feature).unwrap_or_default();
         around.iter().copied().find(|&candidate| shares_feature(side, triangle, feature, candidate)).unwrap_or(triangle)
     };
     let firsts = [first_around(a, triangles[0], features.a), first_around(b, triangles[1], features.b)];
-    firsts == triangles || same_surface && a.topology.share_vertex(TriangleId(firsts[0]), TriangleId(firsts[1]))
+    let is_shared = || same_surface && a.topology.share_vertex(TriangleId(firsts[0]), TriangleId(firsts[1]));
+    if firsts == triangles { Some(false) } else { is_shared().then_some(true) }
 }
 
 pub(super) fn triangles_around<'a>(side: &SurfaceSide<'a>, triangle: u32, feature: Feature) -> Option<&'a [u32]> {
@@ -364,12 +434,14 @@ fn numbers(a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, triangles: [u32; 2], featur
 }
 
 /// A contact between features of these `numbers`.
+#[expect(clippy::too_many_arguments, reason = "a pair, what is known of it, and what of it meets")]
 fn contact(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     settings: &PairSettings,
     triangles: [u32; 2],
     numbers: [u32; 2],
+    is_shared: bool,
     corners: &[[DVec3; 3]; 2],
     proximity: &Proximity,
 ) -> CompactContact {
@@ -386,6 +458,7 @@ fn contact(
         settings.same_surface,
         proximity.features,
         numbers,
+        is_shared,
         [proximity.barycentric_a, weights].map(|[first, second, _]| [first as f32, second as f32]),
         point_b.as_vec3(),
         normal.as_vec3(),

@@ -57,7 +57,7 @@ impl Surroundings {
 }
 
 /// The first triangles around the vertices and the edges of a triangle.
-pub(super) fn first_triangles(
+fn first_triangles(
     corners: &[u32; 3],
     edges: &[u32; 3],
     vertex_triangles: &Incidence,

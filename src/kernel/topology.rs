@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::{
     ids::{EdgeId, TriangleId, VertexId},
-    surroundings::{Surroundings, first_triangles},
+    surroundings::Surroundings,
 };
 
 /// The largest number of vertices, edges or triangles of one surface: feature numbers are packed into 28 bits of a
@@ -80,8 +80,17 @@ pub struct SurfaceTopology {
     surroundings: Vec<Surroundings>,
     report: TopologyReport,
     hinges: OnceLock<Box<[Hinge]>>,
-    /// The first triangles around each triangle's vertices and edges, once an exact test has asked.
-    firsts: OnceLock<Box<[[u32; 6]]>>,
+    /// Once an exact test has asked.
+    firsts: OnceLock<FirstTriangles>,
+}
+
+/// The first triangles around vertices and edges.
+#[derive(Clone, Debug)]
+struct FirstTriangles {
+    /// Of each welded vertex that has triangles the corners of the first.
+    around_vertices: Box<[[u32; 3]]>,
+    /// Of each edge the corner of its first triangle that lies opposite.
+    opposite: Box<[u32]>,
 }
 
 /// How the triangles around an edge fold there.
@@ -281,18 +290,39 @@ impl SurfaceTopology {
         &self.triangle_edges
     }
 
-    /// The first triangle around a part of a triangle: 0 to 2 its corners, 3 to 5 its edges, 6 the triangle itself.
+    /// The welded corners of the first triangle around a welded vertex that has triangles.
     #[inline]
-    pub(super) fn first_around(&self, triangle: TriangleId, part: usize) -> TriangleId {
-        let firsts = self.firsts.get().map_or_else(|| self.find_firsts(), |firsts| &**firsts);
-        TriangleId(firsts[triangle.index()].get(part).copied().unwrap_or(triangle.0))
+    pub(super) fn first_around_vertex(&self, vertex: u32) -> [u32; 3] {
+        self.firsts().around_vertices[vertex as usize]
+    }
+
+    /// The welded corner of the first triangle of an edge that lies opposite.
+    #[inline]
+    pub(super) fn first_opposite(&self, edge: EdgeId) -> u32 {
+        self.firsts().opposite[edge.index()]
+    }
+
+    #[inline]
+    fn firsts(&self) -> &FirstTriangles {
+        self.firsts.get().map_or_else(|| self.find_firsts(), |firsts| firsts)
     }
 
     #[cold]
     #[inline(never)]
-    fn find_firsts(&self) -> &[[u32; 6]] {
-        let of_one = |(corners, edges)| first_triangles(corners, edges, &self.vertex_triangles, &self.edge_triangles);
-        self.firsts.get_or_init(|| self.welded_triangles.iter().zip(&self.triangle_edges).map(of_one).collect())
+    fn find_firsts(&self) -> &FirstTriangles {
+        let around_vertex = |vertex: u32| {
+            let first = self.vertex_triangles.around(vertex).first();
+            first.map_or([vertex; 3], |&first| self.welded_triangles[first as usize])
+        };
+        let opposite = |edge: u32| {
+            let first = self.edge_triangles.around(edge)[0] as usize;
+            let place = self.triangle_edges[first].iter().position(|&own| own == edge).unwrap_or_default();
+            self.welded_triangles[first][(place + 2) % 3]
+        };
+        self.firsts.get_or_init(|| FirstTriangles {
+            around_vertices: (0..self.vertex_count as u32).map(around_vertex).collect(),
+            opposite: (0..self.edges.len() as u32).map(opposite).collect(),
+        })
     }
 
     /// What a triangle is to its neighbors.

@@ -5,7 +5,6 @@ mod ccd;
 #[path = "../reference/common.rs"]
 mod common;
 mod cone;
-mod contact_order;
 mod curvature;
 mod exact;
 mod last_first;

@@ -10,8 +10,9 @@ use fearless_simd::{Level, dispatch, f64x8, mask64x8, prelude::*};
 use glam::DVec3;
 
 use super::{
-    cases::Cases,
+    cases::{BoundaryCases, Cases},
     feature::{Feature, FeaturePair},
+    triangle_pair::AT_END,
 };
 use crate::kernel::{
     contact::CompactContact,
@@ -24,19 +25,28 @@ const LEAST_SQUARED: f64 = 1.0e-150;
 
 /// One feature pair on its way.
 #[derive(Clone, Copy)]
-struct Task {
-    triangles: [u32; 2],
-    features: FeaturePair,
+pub(in crate::kernel) struct FeatureTask {
+    pub(in crate::kernel) triangles: [u32; 2],
+    pub(in crate::kernel) features: FeaturePair,
     /// Of those, see [`feature_number`](crate::kernel::contact::feature_number).
-    numbers: [u32; 2],
+    pub(in crate::kernel) numbers: [u32; 2],
+    pub(in crate::kernel) is_shared: bool,
+    /// Where the contact belongs.
+    pub(in crate::kernel) place: u32,
 }
 
-impl Task {
+impl FeatureTask {
     #[inline(always)]
-    fn new(pair: &RowPair<'_>, case: Cases) -> Self {
-        let features = case.features();
+    fn new(
+        pair: &RowPair<'_>,
+        features: FeaturePair,
+        is_shared: bool,
+        contacts: &mut Vec<CompactContact>,
+    ) -> Self {
         let numbers = [pair.number(0, features.a), pair.number(1, features.b)];
-        Self { triangles: pair.triangles, features, numbers }
+        let place = contacts.len() as u32;
+        contacts.push(CompactContact::NONE);
+        Self { triangles: pair.triangles, features, numbers, is_shared, place }
     }
 }
 
@@ -49,7 +59,7 @@ struct Batch {
     nothing: [f64; WIDTH],
     /// Where the feature named first is of the second triangle, one bit each.
     swapped: u64,
-    tasks: ArrayVec<Task, WIDTH>,
+    tasks: ArrayVec<FeatureTask, WIDTH>,
 }
 
 impl Batch {
@@ -66,7 +76,7 @@ impl Batch {
 
     /// Adds a task, of which the feature named first is on the given side. Whether they are complete.
     #[inline(always)]
-    fn push(&mut self, task: Task, first: usize, origin: DVec3, points: &[DVec3], nothing: f64) -> bool {
+    fn push(&mut self, task: FeatureTask, first: usize, origin: DVec3, points: &[DVec3], nothing: f64) -> bool {
         let lane = self.tasks.len();
         for (rows, &point) in self.points.iter_mut().zip(points) {
             rows.set(lane, point);
@@ -99,13 +109,23 @@ pub(in crate::kernel) struct FeatureBatches {
     vertex_face: Batch,
     edge_edge: Batch,
     piercing: Batch,
+    vertex_edge: Batch,
     /// From the centroid of the second triangle to that of the first, of piercing edges.
     across: DoubleVectorRows,
     results: Results,
     limits: Limits,
     same_surface: bool,
+    /// What does not become a contact here.
+    left: LeftOver,
+}
+
+/// What batches leave: places of contacts that nothing is written to.
+#[derive(Default)]
+pub(in crate::kernel) struct LeftOver {
     /// Feature pairs too close for a direction: their contacts only the test of the pair alone can tell.
-    pub(in crate::kernel) doubtful: Vec<([u32; 2], FeaturePair)>,
+    pub(in crate::kernel) doubtful: Vec<FeatureTask>,
+    /// Whether a place is empty because its contact is too far away to be reported.
+    pub(in crate::kernel) has_gaps: bool,
 }
 
 impl FeatureBatches {
@@ -123,21 +143,23 @@ impl FeatureBatches {
             vertex_face: Batch::new(),
             edge_edge: Batch::new(),
             piercing: Batch::new(),
+            vertex_edge: Batch::new(),
             across: DoubleVectorRows::ZERO,
             results,
             limits: Limits { scale: settings.scale, reported: settings.reported_distance },
             same_surface: settings.same_surface,
-            doubtful: Vec::new(),
+            left: LeftOver::default(),
         }
     }
 
-    /// Adds cases of a pair of triangles, all of which count, and appends the contacts of whatever is complete by that.
-    /// Distances up to `nothing` are none.
+    /// Adds cases of a pair of triangles, all of which count, appends a place for the contact of each, and writes those of
+    /// whatever is complete by that. Which of them other pairs may report as well is in `shared`. Distances up to `nothing`
+    /// are none.
     #[inline(always)]
     pub(in crate::kernel) fn add(
         &mut self,
         pair: &RowPair<'_>,
-        cases: Cases,
+        [cases, shared]: [Cases; 2],
         nothing: f64,
         contacts: &mut Vec<CompactContact>,
     ) {
@@ -146,12 +168,12 @@ impl FeatureBatches {
         for case in cases.and(Cases::EDGES).each() {
             let [a, b] = case.parts().map(|part| part - 3);
             let ends = [corner(0, a), corner(0, (a + 1) % 3), corner(1, b), corner(1, (b + 1) % 3)];
-            if self.edge_edge.push(Task::new(pair, case), 0, origin, &ends, nothing) {
+            if self.edge_edge.push(FeatureTask::new(pair, case.features(), shared.contain(case), contacts), 0, origin, &ends, nothing) {
                 self.finish_edge_edge(contacts);
             }
         }
         for case in cases.and(Cases::VERTICES_OVER_FACES).each() {
-            let task = Task::new(pair, case);
+            let task = FeatureTask::new(pair, case.features(), shared.contain(case), contacts);
             let side = usize::from(task.features.b != Feature::Face);
             let [first, second, third] = pair.corners(1 - side);
             let points = [corner(side, case.parts()[side]), first, second, third];
@@ -160,7 +182,7 @@ impl FeatureBatches {
             }
         }
         for case in cases.and(Cases::PIERCING).each() {
-            let task = Task::new(pair, case);
+            let task = FeatureTask::new(pair, case.features(), shared.contain(case), contacts);
             let side = usize::from(task.features.b != Feature::Face);
             let sum = |corners: [DVec3; 3]| corners.iter().sum::<DVec3>();
             self.across.set(self.piercing.tasks.len(), (sum(pair.corners(0)) - sum(pair.corners(1))) / 3.0);
@@ -172,30 +194,93 @@ impl FeatureBatches {
         }
     }
 
-    /// Appends the contacts of all that is left.
-    pub(in crate::kernel) fn finish(&mut self, contacts: &mut Vec<CompactContact>) {
+    /// Adds what of a pair is on the boundaries of both, in the same way: other pairs may always report it as well.
+    #[inline(always)]
+    pub(in crate::kernel) fn add_boundary(
+        &mut self,
+        pair: &RowPair<'_>,
+        cases: BoundaryCases,
+        nothing: f64,
+        contacts: &mut Vec<CompactContact>,
+    ) {
+        let origin = pair.corner(0, 0);
+        for (side, vertex, edge, is_start) in cases.each() {
+            let own = Feature::Vertex(vertex as u8);
+            let other = if is_start { Feature::Vertex(edge as u8) } else { Feature::Edge(edge as u8) };
+            let features =
+                if side == 0 { FeaturePair { a: own, b: other } } else { FeaturePair { a: other, b: own } };
+            let task = FeatureTask::new(pair, features, true, contacts);
+            let ends = [pair.corner(1 - side, edge), pair.corner(1 - side, (edge + 1) % 3)];
+            let points = [pair.corner(side, vertex), ends[0], ends[1]];
+            if self.vertex_edge.push(task, side, origin, &points, nothing) {
+                self.finish_vertex_edge(contacts);
+            }
+        }
+    }
+
+    /// Writes the contacts of all that is left.
+    pub(in crate::kernel) fn finish(mut self, contacts: &mut [CompactContact]) -> LeftOver {
         self.finish_vertex_face(contacts);
         self.finish_edge_edge(contacts);
         self.finish_piercing(contacts);
+        self.finish_vertex_edge(contacts);
+        self.left
     }
 
-    fn finish_vertex_face(&mut self, contacts: &mut Vec<CompactContact>) {
-        let Self { vertex_face: batch, results, doubtful, limits, .. } = self;
+    fn finish_vertex_face(&mut self, contacts: &mut [CompactContact]) {
+        let Self { vertex_face: batch, results, left, limits, .. } = self;
         dispatch!(Level::new(), simd => vertices_over_faces(simd, batch, *limits, results));
-        results.append(batch, self.same_surface, contacts, doubtful);
+        results.write(batch, self.same_surface, contacts, left);
     }
 
-    fn finish_edge_edge(&mut self, contacts: &mut Vec<CompactContact>) {
-        let Self { edge_edge: batch, results, doubtful, limits, .. } = self;
+    fn finish_edge_edge(&mut self, contacts: &mut [CompactContact]) {
+        let Self { edge_edge: batch, results, left, limits, .. } = self;
         dispatch!(Level::new(), simd => pairs_of_edges(simd, batch, *limits, results));
-        results.append(batch, self.same_surface, contacts, doubtful);
+        results.write(batch, self.same_surface, contacts, left);
     }
 
-    fn finish_piercing(&mut self, contacts: &mut Vec<CompactContact>) {
-        let Self { piercing: batch, across, results, doubtful, limits, .. } = self;
-        dispatch!(Level::new(), simd => edges_through_faces(simd, batch, across, *limits, results));
-        results.append(batch, self.same_surface, contacts, doubtful);
+    fn finish_vertex_edge(&mut self, contacts: &mut [CompactContact]) {
+        let Self { vertex_edge: batch, results, left, limits, .. } = self;
+        dispatch!(Level::new(), simd => vertices_on_edges(simd, batch, *limits, results));
+        results.write(batch, self.same_surface, contacts, left);
     }
+
+    fn finish_piercing(&mut self, contacts: &mut [CompactContact]) {
+        let Self { piercing: batch, across, results, left, limits, .. } = self;
+        dispatch!(Level::new(), simd => edges_through_faces(simd, batch, across, *limits, results));
+        results.write(batch, self.same_surface, contacts, left);
+    }
+}
+
+#[inline(always)]
+fn vertices_on_edges<S: Simd>(simd: S, batch: &Batch, limits: Limits, results: &mut Results) {
+    let origin = DoubleVectorLanes::load(simd, &batch.origin);
+    let [vertex, start, end, ..] = &batch.points;
+    let absolute = [
+        DoubleVectorLanes::load(simd, vertex),
+        DoubleVectorLanes::load(simd, start),
+        DoubleVectorLanes::load(simd, end),
+    ];
+    let [vertex, start, end] = [absolute[0] - origin, absolute[1] - origin, absolute[2] - origin];
+    let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
+    let (edge, from_start) = (end - start, vertex - start);
+    let squared = edge.dot(edge);
+    let inverse = squared.simd_gt(zero).select(one / squared, zero);
+    let along = (from_start.dot(edge) * inverse).max(zero).min(one);
+    let between = from_start - edge.scaled(along);
+    let distance = between.dot(between).sqrt();
+    let along = along.simd_le(AT_END).select(zero, along);
+    let weights = [one - along, along];
+    for side in [&mut results.first, &mut results.second] {
+        rounded(weights[0]).store_slice(&mut side[0]);
+        rounded(weights[1]).store_slice(&mut side[1]);
+    }
+    let swapped = mask64x8::from_bitmask(simd, batch.swapped);
+    let point = absolute[1].scaled(weights[0]).plus(absolute[2].scaled(weights[1]));
+    DoubleVectorLanes::select(swapped, absolute[0], point).rounded().store(&mut results.point_b);
+    let separation = vertex - start.scaled(weights[0]).plus(end.scaled(weights[1]));
+    let direction = results.set_distance(simd, separation, distance, batch, limits);
+    DoubleVectorLanes::select(swapped, direction.negated(), direction).rounded().store(&mut results.normal);
 }
 
 /// Up to where contacts are reported, and how many world units one of the pair's frame is.
@@ -206,28 +291,19 @@ struct Limits {
 }
 
 impl Results {
-    /// Appends the contacts of a batch, and empties it.
+    /// Writes the contacts of a batch, and empties it.
     #[inline(always)]
-    fn append(
-        &self,
-        batch: &mut Batch,
-        same_surface: bool,
-        contacts: &mut Vec<CompactContact>,
-        doubtful: &mut Vec<([u32; 2], FeaturePair)>,
-    ) {
+    fn write(&self, batch: &mut Batch, same_surface: bool, contacts: &mut [CompactContact], left: &mut LeftOver) {
         let lanes = (1 << batch.tasks.len()) - 1;
-        let contact = |(lane, task): (usize, &Task)| self.contact(lane, task, same_surface);
-        let tasks = batch.tasks.iter().enumerate();
-        if self.reported & lanes == lanes {
-            // Written where they stay: whoever copies a record that has just been put together waits for its parts.
-            contacts.extend(tasks.map(contact));
-        } else {
-            for (lane, task) in tasks {
-                if self.reliable >> lane & 1 == 0 {
-                    doubtful.push((task.triangles, task.features));
-                } else if self.reported >> lane & 1 != 0 {
-                    contacts.push(contact((lane, task)));
-                }
+        let is_whole = self.reported & lanes == lanes;
+        for (lane, task) in batch.tasks.iter().enumerate() {
+            if is_whole || self.reported >> lane & 1 != 0 {
+                // Written where it stays: whoever copies a record that has just been put together waits for its parts.
+                contacts[task.place as usize] = self.contact(lane, task, same_surface);
+            } else if self.reliable >> lane & 1 == 0 {
+                left.doubtful.push(*task);
+            } else {
+                left.has_gaps = true;
             }
         }
         batch.swapped = 0;
@@ -235,7 +311,7 @@ impl Results {
     }
 
     #[inline(always)]
-    fn contact(&self, lane: usize, task: &Task, same_surface: bool) -> CompactContact {
+    fn contact(&self, lane: usize, task: &FeatureTask, same_surface: bool) -> CompactContact {
         let FeaturePair { a, b } = task.features;
         let [first, second] = [&self.first, &self.second].map(|[start, end]| [start[lane], end[lane]]);
         let weights = |feature: Feature, edge: [f32; 2]| {
@@ -255,6 +331,7 @@ impl Results {
             same_surface,
             task.features,
             task.numbers,
+            task.is_shared,
             [weights(a, first), weights(b, of_b)],
             self.point_b.get(lane),
             self.normal.get(lane),

@@ -8,6 +8,7 @@ use super::feature::{Feature, FeaturePair};
 pub(in crate::kernel) struct Cases(pub(super) u32);
 
 impl Cases {
+    pub(in crate::kernel) const NONE: Self = Self(0);
     pub(in crate::kernel) const ALL: Self = Self(u32::MAX);
     pub(super) const BOUNDARY: Self = Self(1 << 21);
     pub(super) const VERTICES_OVER_FACES: Self = Self(0b11_1111);
@@ -82,6 +83,18 @@ impl Cases {
         FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) }
     }
 
+    /// The case that two features are.
+    pub(in crate::kernel) const fn of(features: FeaturePair) -> Self {
+        match (features.a, features.b) {
+            (Feature::Vertex(vertex), Feature::Face) => Self::vertex_face(true, vertex as usize),
+            (Feature::Face, Feature::Vertex(vertex)) => Self::vertex_face(false, vertex as usize),
+            (Feature::Edge(edge_a), Feature::Edge(edge_b)) => Self::edges(edge_a as usize, edge_b as usize),
+            (Feature::Edge(edge), Feature::Face) => Self::piercing(true, edge as usize),
+            (Feature::Face, Feature::Edge(edge)) => Self::piercing(false, edge as usize),
+            _ => Self::BOUNDARY,
+        }
+    }
+
     /// The part of the first and of the second triangle that a single case is about, numbered as in
     /// [`between`](Self::between); 6 is the face.
     pub(in crate::kernel) const fn parts(self) -> [usize; 2] {
@@ -93,5 +106,30 @@ impl Cases {
             15..18 => [3 + number - 15, 6],
             _ => [6, 3 + number - 18],
         }
+    }
+}
+
+/// What of a pair of triangles is on the boundaries of both, one bit each: a vertex and the inside of an edge, bit `3 v + e`
+/// for vertex `v` of the first triangle and edge `e` of the second, nine bits further for a vertex of the second and an edge of
+/// the first; and two vertices, of which the second one is where edge `e` starts, 18 bits further.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::kernel) struct BoundaryCases(pub(super) u64);
+
+impl BoundaryCases {
+    /// The bit of two vertices, given that of the first and the edge that starts at the second.
+    pub(super) const fn of_vertices(place: usize) -> u64 {
+        1 << (18 + place)
+    }
+
+    /// Each of them: which side the vertex is of that is named first, which vertex it is, the edge, and whether it is the start of
+    /// that which is meant.
+    pub(super) fn each(self) -> impl Iterator<Item = (usize, usize, usize, bool)> {
+        let mut left = self.0;
+        std::iter::from_fn(move || {
+            let place = left.trailing_zeros() as usize;
+            left &= left.wrapping_sub(1);
+            let (side, is_start) = (usize::from((9..18).contains(&place)), place >= 18);
+            (place < 27).then_some((side, place % 9 / 3, place % 3, is_start))
+        })
     }
 }

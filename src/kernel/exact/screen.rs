@@ -11,12 +11,12 @@ use fearless_simd::{Level, dispatch, f32x4, f32x8, f64x8, mask64x8, prelude::*, 
 use glam::DVec3;
 
 use super::{
-    cases::Cases,
-    triangle_pair::{PARALLEL_SINE, ROUND_OFF, TIE},
+    cases::{BoundaryCases, Cases},
+    triangle_pair::{AT_END, PARALLEL_SINE, ROUND_OFF, TIE},
 };
 use crate::kernel::{
     corner_rows::CornerRow,
-    lanes::{DoubleVectorLanes, WIDTH, widened},
+    lanes::{DoubleVectorLanes, WIDTH, first_lanes, widened},
     pose::Pose,
 };
 
@@ -32,8 +32,6 @@ const FIRM_PIERCING: f64 = 3.0e-2;
 /// A pair of triangles that may be within range.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernel) struct ScreenedPair {
-    /// Its place among those that were screened.
-    pub(in crate::kernel) place: usize,
     /// What of it counts, or may.
     pub(in crate::kernel) cases: Cases,
     /// Least squared distance of a vertex of either from an edge of the other.
@@ -47,40 +45,20 @@ pub(in crate::kernel) struct ScreenedPair {
     distance: f64,
     /// The largest coordinate of either.
     pub(super) largest: f64,
-    /// Which of the edges that may pierce a face do.
-    certain: Cases,
     /// Which of the vertices over faces and pairs of edges is closest, the first of those that are equally close; none
     /// where boundaries are closer.
     pub(in crate::kernel) closest: Cases,
 }
 
 impl ScreenedPair {
-    /// Whether the two cross; `None` where the screen is in doubt.
-    pub(in crate::kernel) fn crosses(&self) -> Option<bool> {
-        match self.cases.and(Cases::PIERCING).without(self.certain) {
-            doubtful if doubtful.are_none() => Some(self.cases.may_cross()),
-            _ => None,
-        }
-    }
-
-    /// Whether nothing is closer than the boundaries of both.
-    pub(in crate::kernel) fn is_closest_on_boundary(&self) -> bool {
-        self.cases.contain(Cases::BOUNDARY) && self.boundary <= self.nearest
-    }
-
-    /// Whether a vertex of either is on the boundary of the other without any distance.
-    pub(in crate::kernel) fn meets_boundary(&self) -> bool {
-        self.boundary == 0.0
-    }
-
     /// The distance below which the pair's features touch as far as f64 tells.
     pub(in crate::kernel) fn nothing(&self) -> f64 {
         ROUND_OFF * self.largest
     }
 
-    /// The distance of two triangles that do not cross.
-    pub(in crate::kernel) fn distance(&self) -> f64 {
-        if self.distance <= self.nothing() { 0.0 } else { self.distance }
+    /// Whether there is no distance between the two.
+    pub(in crate::kernel) fn touches(&self) -> bool {
+        self.distance <= self.nothing()
     }
 }
 
@@ -91,16 +69,45 @@ pub(in crate::kernel) fn rounded_down(distance: f64) -> f32 {
     (distance * (1.0 - f64::from(f32::EPSILON))).max(0.0) as f32
 }
 
+/// What distances are asked about. They are in world units, of which one unit of the frame of the pairs is `scale`.
+#[derive(Clone, Copy)]
+pub(in crate::kernel) struct ScreenLimits {
+    pub(in crate::kernel) scale: f64,
+    /// Up to where the nearest pair is looked for.
+    pub(in crate::kernel) range: f64,
+    pub(in crate::kernel) contact_distance: f64,
+}
+
+/// Some of the eight pairs of a screen, one bit each.
+#[derive(Clone, Copy, Default)]
+pub(in crate::kernel) struct Screened {
+    /// Those that may be within the range.
+    pub(in crate::kernel) possible: u32,
+    /// Those of them of which there is no telling whether they cross.
+    pub(in crate::kernel) doubtful: u32,
+    /// Those with a vertex of either on the boundary of the other, without any distance.
+    pub(in crate::kernel) meeting: u32,
+    /// Of those without doubt: those within the range.
+    pub(in crate::kernel) near: u32,
+    /// Those within the contact distance.
+    pub(in crate::kernel) touching: u32,
+    /// Those with features inside of faces or edges that are within the range, or cross.
+    pub(in crate::kernel) with_cases: u32,
+    /// Those with nothing closer than what is on the boundaries of both.
+    pub(in crate::kernel) on_boundary: u32,
+}
+
 /// Eight pairs of triangles and what is known of them.
 pub(in crate::kernel) struct PairScreen {
     cases: [u64; WIDTH],
     closest: [u64; WIDTH],
-    certain: [u64; WIDTH],
     boundary: [f64; WIDTH],
     on_boundary: [u64; WIDTH],
     nearest: [f64; WIDTH],
     distance: [f64; WIDTH],
     largest: [f64; WIDTH],
+    world_distance: [f64; WIDTH],
+    boundary_cases: [u64; WIDTH],
 }
 
 impl PairScreen {
@@ -110,37 +117,60 @@ impl PairScreen {
         Self {
             cases: [0; WIDTH],
             closest: [0; WIDTH],
-            certain: [0; WIDTH],
             boundary: [0.0; WIDTH],
             on_boundary: [0; WIDTH],
             nearest: [0.0; WIDTH],
             distance: [0.0; WIDTH],
             largest: [0.0; WIDTH],
+            world_distance: [0.0; WIDTH],
+            boundary_cases: [0; WIDTH],
         }
     }
 
-    /// Screens pairs for `range` (0 or more), and gives those of the first `count` that may be within it. The triangles of
-    /// either side are given in the frame of the side's `pose`, if it has one.
+    /// Screens pairs, of which the first `count` are asked about. The triangles of either side are given in the frame of the
+    /// side's `pose`, if it has one.
     pub(in crate::kernel) fn screen(
         &mut self,
         sides: [&[&CornerRow; WIDTH]; 2],
         poses: [Option<&Pose>; 2],
         count: usize,
-        range: f64,
-    ) -> impl Iterator<Item = ScreenedPair> + '_ {
-        dispatch!(Level::new(), simd => self.screen_in_lanes(simd, sides, poses, range));
-        let screened = |place: usize| ScreenedPair {
-            place,
+        limits: &ScreenLimits,
+    ) -> Screened {
+        let mut screened = Screened::default();
+        dispatch!(Level::new(), simd => screened = self.screen_in_lanes(simd, sides, poses, limits));
+        let asked = first_lanes(count) as u32;
+        Screened {
+            possible: screened.possible & asked,
+            doubtful: screened.doubtful & asked,
+            meeting: screened.meeting & asked,
+            near: screened.near & asked,
+            touching: screened.touching & asked,
+            ..screened
+        }
+    }
+
+    /// One of the pairs.
+    #[inline]
+    pub(in crate::kernel) fn pair(&self, place: usize) -> ScreenedPair {
+        ScreenedPair {
             cases: Cases(self.cases[place] as u32),
             boundary: self.boundary[place],
             on_boundary: self.on_boundary[place] as u32,
             nearest: self.nearest[place],
             distance: self.distance[place],
             largest: self.largest[place],
-            certain: Cases(self.certain[place] as u32),
             closest: Cases(self.closest[place] as u32),
-        };
-        (0..count).map(screened).filter(|pair| !pair.cases.are_none())
+        }
+    }
+
+    /// The distances of the pairs in world units, 0 where they cross; without meaning where that is in doubt.
+    pub(in crate::kernel) fn distances(&self) -> &[f64; WIDTH] {
+        &self.world_distance
+    }
+
+    /// What of a pair is on the boundaries of both, where nothing is closer.
+    pub(in crate::kernel) fn boundary_cases(&self, place: usize) -> BoundaryCases {
+        BoundaryCases(self.boundary_cases[place])
     }
 
     /// Lower bounds of the distances of the pairs, as they were screened: within the range or not, the distance but for
@@ -162,8 +192,8 @@ impl PairScreen {
         simd: S,
         sides: [&[&CornerRow; WIDTH]; 2],
         poses: [Option<&Pose>; 2],
-        range: f64,
-    ) {
+        limits: &ScreenLimits,
+    ) -> Screened {
         let zero = f64x8::splat(simd, 0.0);
         let mut triangles = [corners_in_lanes(simd, sides[0], poses[0]), corners_in_lanes(simd, sides[1], poses[1])];
         let origin = triangles[0][0];
@@ -174,13 +204,14 @@ impl PairScreen {
                 largest = largest.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
             }
         }
-        let range = (largest * ROUND_OFF).max(range);
+        let nothing = largest * ROUND_OFF;
+        let range = nothing.max(limits.range / limits.scale);
         let range_squared = range * range;
         let (a, b) = (Side::new(simd, triangles[0]), Side::new(simd, triangles[1]));
 
-        let mut boundaries = [zero; 18];
-        vertices_and_edges(simd, &a, &b, &mut boundaries[..9]);
-        vertices_and_edges(simd, &b, &a, &mut boundaries[9..]);
+        let (mut boundaries, mut alongs) = ([zero; 18], [zero; 18]);
+        vertices_and_edges(simd, &a, &b, &mut boundaries[..9], &mut alongs[..9]);
+        vertices_and_edges(simd, &b, &a, &mut boundaries[9..], &mut alongs[9..]);
         let mut boundary = boundaries[0];
         for &distance_squared in &boundaries[1..] {
             boundary = boundary.min(distance_squared);
@@ -219,13 +250,37 @@ impl PairScreen {
                 certain = is_firm.select(certain | u64::from(case.0), certain);
             }
         }
-        certain.store_slice(&mut self.certain);
         found.cases.store_slice(&mut self.cases);
         found.closest.store_slice(&mut self.closest);
         found.nearest.store_slice(&mut self.nearest);
-        found.nearest.sqrt().store_slice(&mut self.distance);
+        let distance = found.nearest.sqrt();
+        distance.store_slice(&mut self.distance);
         boundary.store_slice(&mut self.boundary);
         largest.store_slice(&mut self.largest);
+
+        let none = u64x8::splat(simd, 0);
+        let piercing = found.cases & u64::from(Cases::PIERCING.0);
+        let crossing = !piercing.simd_eq(none);
+        let doubtful = !(piercing & !certain).simd_eq(none);
+        let apart = (crossing | distance.simd_le(nothing)).select(zero, distance) * limits.scale;
+        apart.store_slice(&mut self.world_distance);
+        let is_certain = !found.cases.simd_eq(none) & !doubtful;
+        let on_boundary = !(found.cases & u64::from(Cases::BOUNDARY.0)).simd_eq(none)
+            & boundary.simd_le(found.nearest)
+            & !crossing
+            & is_certain;
+        if on_boundary.any_true() {
+            boundary_cases(simd, &boundaries, &alongs, tie.min(range_squared)).store_slice(&mut self.boundary_cases);
+        }
+        Screened {
+            possible: (!found.cases.simd_eq(none)).to_bitmask() as u32,
+            doubtful: doubtful.to_bitmask() as u32,
+            meeting: boundary.simd_eq(zero).to_bitmask() as u32,
+            near: (is_certain & !apart.simd_gt(limits.range)).to_bitmask() as u32,
+            touching: (is_certain & apart.simd_le(limits.contact_distance)).to_bitmask() as u32,
+            with_cases: (!(found.cases & !u64::from(Cases::BOUNDARY.0)).simd_eq(none)).to_bitmask() as u32,
+            on_boundary: on_boundary.to_bitmask() as u32,
+        }
     }
 }
 
@@ -326,9 +381,15 @@ impl<S: Simd> Found<S> {
     }
 }
 
-/// The squared distance of every vertex of one from every edge of the other.
+/// The squared distance of every vertex of one from every edge of the other, and where along the edge it is closest.
 #[inline(always)]
-fn vertices_and_edges<S: Simd>(simd: S, own: &Side<S>, other: &Side<S>, distances_squared: &mut [f64x8<S>]) {
+fn vertices_and_edges<S: Simd>(
+    simd: S,
+    own: &Side<S>,
+    other: &Side<S>,
+    distances_squared: &mut [f64x8<S>],
+    alongs: &mut [f64x8<S>],
+) {
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
     for edge in 0..3 {
         let squared = other.lengths_squared[edge];
@@ -338,8 +399,34 @@ fn vertices_and_edges<S: Simd>(simd: S, own: &Side<S>, other: &Side<S>, distance
             let along = (from_start.dot(other.edges[edge]) * inverse).max(zero).min(one);
             let between = from_start - other.edges[edge].scaled(along);
             distances_squared[3 * vertex + edge] = between.dot(between);
+            alongs[3 * vertex + edge] = along;
         }
     }
+}
+
+/// The [`BoundaryCases`] within a squared distance.
+#[inline(always)]
+fn boundary_cases<S: Simd>(
+    simd: S,
+    distances_squared: &[f64x8<S>; 18],
+    alongs: &[f64x8<S>; 18],
+    most: f64x8<S>,
+) -> u64x8<S> {
+    let mut cases = u64x8::splat(simd, 0);
+    for place in 0..18 {
+        let is_case = distances_squared[place].simd_le(most) & !alongs[place].simd_ge(1.0 - AT_END);
+        let at_start = alongs[place].simd_le(AT_END);
+        if place < 9 {
+            let case = at_start.select(
+                u64x8::splat(simd, BoundaryCases::of_vertices(place)),
+                u64x8::splat(simd, 1 << place),
+            );
+            cases = is_case.select(cases | case, cases);
+        } else {
+            cases = (is_case & !at_start).select(cases | 1u64 << place, cases);
+        }
+    }
+    cases
 }
 
 /// Returns how high each vertex is, in lengths of the face's normal.

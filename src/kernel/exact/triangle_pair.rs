@@ -24,7 +24,7 @@ pub const MAX_PROXIMITIES: usize = 39;
 pub(in crate::kernel) const TIE: f64 = 2.0e-6;
 
 /// A position along an edge this close to an end is at the end.
-const AT_END: f64 = 1.0e-9;
+pub(super) const AT_END: f64 = 1.0e-9;
 
 /// Two edges whose angle has a smaller sine are parallel: their closest points are then at an end of one of them. In
 /// f64, products of differences of f32 numbers resolve sines far below this.

@@ -76,8 +76,6 @@ pub(super) fn make_list(
     if traversal.is_reversed {
         list.pairs.reverse();
     }
-    if list.is_worth_sorting() {
-        let count = |place: usize| active.surfaces[place].topology.triangles().len();
-        list.pairs.sort(count(pair.first).max(count(second)));
-    }
+    let count = |place: usize| active.surfaces[place].topology.triangles().len();
+    list.pairs.sort(count(pair.first).max(count(second)));
 }

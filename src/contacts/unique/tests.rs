@@ -1,0 +1,132 @@
+//! What stays of contacts, and on which side, against lists that are looked through whole.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use circumsphere_support::random::Random;
+
+use super::*;
+use crate::kernel::{
+    exact::{Feature, FeaturePair},
+    share::OneByOne,
+};
+
+/// Hands out tasks from the last to the first.
+struct LastFirst;
+
+impl Share for LastFirst {
+    fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
+        let mut tasks: Vec<P> = tasks.collect();
+        while let Some(task) = tasks.pop() {
+            work(task);
+        }
+    }
+}
+
+const KINDS: [FeaturePair; 3] = [
+    FeaturePair { a: Feature::Vertex(0), b: Feature::Face },
+    FeaturePair { a: Feature::Edge(0), b: Feature::Edge(1) },
+    FeaturePair { a: Feature::Vertex(0), b: Feature::Vertex(1) },
+];
+
+fn contact(random: &mut Random, key: u64, triangles: [u32; 2], is_shared: bool, features: FeaturePair) -> CompactContact {
+    let [triangle_a, triangle_b] = triangles;
+    let turned = random.below(3) == 0;
+    CompactContact {
+        key: ContactKey(key),
+        triangle_a,
+        triangle_b,
+        features,
+        swapped: random.below(2) == 0,
+        is_shared,
+        barycentric_a: [0.0; 2],
+        barycentric_b: [0.0; 2],
+        point_b: Vec3::ZERO,
+        normal: if turned { -Vec3::Y } else { Vec3::Y },
+        distance: random.below(1000) as f32,
+    }
+}
+
+/// Contacts of some pairs of triangles in their order, those of a pair in none. Every shared key is of one kind, and every
+/// other key of one pair.
+fn contacts(random: &mut Random, pair_count: u64, shared_keys: u64) -> Vec<CompactContact> {
+    let mut found: Vec<CompactContact> = Vec::new();
+    for first in 0..pair_count {
+        // Some pairs come in this tick and some in another.
+        if random.below(5) == 0 {
+            continue;
+        }
+        let triangles = [(first / 7) as u32, (first % 7) as u32];
+        let mut known = BTreeSet::new();
+        for number in 0..random.below(4) {
+            let is_shared = random.below(2) == 0;
+            let key = if is_shared { 2 * random.below(shared_keys) } else { 2 * (first * 4 + 3 - number) + 1 };
+            if known.insert(key) {
+                found.push(contact(random, key, triangles, is_shared, KINDS[(key / 2 % 3) as usize]));
+            }
+        }
+    }
+    found
+}
+
+/// What stays of contacts, those of the last tick being `before`.
+fn expected(found: &[CompactContact], before: &[CompactContact]) -> Vec<CompactContact> {
+    let mut known = BTreeSet::new();
+    let mut kept: Vec<CompactContact> = found.iter().copied().filter(|contact| known.insert(contact.key)).collect();
+    kept.sort_by_key(|contact| (contact.triangles(), contact.key));
+    let last: BTreeMap<ContactKey, CompactContact> = before.iter().map(|contact| (contact.key, *contact)).collect();
+    for contact in &mut kept {
+        let has_sides = contact.features != KINDS[2];
+        let turned = |last: &CompactContact| {
+            let same_order = last.swapped == contact.swapped;
+            (last.normal == contact.normal) != same_order
+        };
+        if has_sides && last.get(&contact.key).is_some_and(turned) {
+            contact.normal = -contact.normal;
+            contact.distance = -contact.distance;
+        }
+    }
+    kept
+}
+
+fn kept(
+    unique: &mut UniqueContacts,
+    found: &FoundPairs,
+    before: Before<'_>,
+    share: &impl Share,
+) -> (Vec<CompactContact>, Vec<SharedContact>) {
+    let mut stored = vec![CompactContact::NONE; unique.count(found)];
+    let shared = unique.copy(&found.contacts, before, &mut stored, share).to_vec();
+    (stored, shared)
+}
+
+#[test]
+fn every_pair_of_features_stays_once_on_its_side() {
+    let mut random = Random::new(7);
+    let mut unique = UniqueContacts::default();
+    for (pair_count, shared_keys) in [(0, 1), (1, 1), (40, 10), (20_000, 3_000), (30_000, 200_000)] {
+        let (mut before, mut shared) = (Vec::new(), Vec::new());
+        let (mut repeats, mut turned, mut turned_elsewhere) = (0, 0, 0);
+        for _ in 0..4 {
+            let mut found = FoundPairs { contacts: contacts(&mut random, pair_count, shared_keys), ..Default::default() };
+            found.list_shared(0);
+            let expected = expected(&found.contacts, &before);
+            let last = Before { contacts: &before, shared: &shared };
+            let (stored, now_shared) = kept(&mut unique, &found, last, &OneByOne);
+            assert!(stored == expected, "{pair_count} pairs");
+            assert!(kept(&mut unique, &found, last, &LastFirst) == (stored.clone(), now_shared.clone()));
+            for shared in &now_shared {
+                assert_eq!(stored[shared.place as usize].key, shared.key);
+            }
+            repeats += found.contacts.len() - stored.len();
+            let places: BTreeMap<ContactKey, (u32, u32)> =
+                before.iter().map(|contact: &CompactContact| (contact.key, contact.triangles())).collect();
+            for contact in stored.iter().filter(|contact| contact.distance < 0.0) {
+                turned += 1;
+                turned_elsewhere += usize::from(places[&contact.key] != contact.triangles());
+            }
+            (before, shared) = (stored, now_shared);
+        }
+        let is_large = pair_count > 1000;
+        assert!(!is_large || repeats > 100 && turned > 100 && turned_elsewhere > 20, "{repeats} {turned}");
+    }
+}
