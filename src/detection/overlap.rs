@@ -9,7 +9,7 @@ use super::{
     broad_phase::{CandidateTrianglePairs, SurfacePair},
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList, check_spheres},
-    parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
+    parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
 };
 use crate::{
@@ -104,7 +104,7 @@ fn test_overlap(
                     keep(&|chunk, kept| overlapping_caps(a, b, chunk, &pair_settings, kept));
                 });
             }
-            sorters.with(|sorter| sorter.sort(overlapping, pair_settings.same_surface));
+            sorters.with(|sorter| sorter.sort(overlapping, pair_settings.same_surface, &Threads(threads)));
         },
     );
     let pairs_in: usize =
