@@ -335,6 +335,7 @@ fn sort_buckets<T: Sync>(
         (first..last, own)
     });
     share.hand_out(tasks, most_threads, |(buckets, mut sorted)| {
+        #[expect(clippy::large_stack_arrays, reason = "32 KiB, for which each thread has room")]
         let mut counts = [0; 1 << MOST_DIGIT];
         for bucket in buckets {
             let (own, later) = std::mem::take(&mut sorted).split_at_mut(starts[bucket + 1] - starts[bucket]);
