@@ -73,7 +73,7 @@ fn test_overlap(
     memory.carry(&mut overlapping.pairs);
     let uses_spheres = |pair: &SurfacePair| !pair.method.is_exact();
     if memory.changed(&candidates.pairs).any(uses_spheres) {
-        rows.update(&active, &surfaces, &candidates);
+        rows.update(&active, &surfaces, &candidates, &Threads(settings.threads));
     }
     overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
     memory.seal(StageList::Overlapping, overlapping.last_changed());
