@@ -9,6 +9,7 @@ use super::{
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, check_spheres, seal_curvature},
+    parallel::Threads,
 };
 use crate::{
     kernel::curvature::Curvatures,
@@ -50,7 +51,8 @@ fn measure_curvature(
     for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
         let Ok((positions, mut curvature)) = surfaces.get_mut(surface.entity) else { continue };
         if used {
-            curvature.0.measure(&surface.topology, &positions.0, settings.estimator);
+            let share = Threads(settings.threads);
+            curvature.0.measure_on(&share, &surface.topology, &positions.0, settings.estimator);
         } else if surface.method > ContactMethod::Circumsphere && !curvature.0.curvatures.is_empty() {
             // The method was changed: what no pair asks for takes no memory.
             *curvature = TriangleCurvature::default();

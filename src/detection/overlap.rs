@@ -9,7 +9,7 @@ use super::{
     broad_phase::{CandidateTrianglePairs, SurfacePair},
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList, check_spheres},
-    parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
+    parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
 };
 use crate::{
@@ -73,7 +73,7 @@ fn test_overlap(
     memory.carry(&mut overlapping.pairs);
     let uses_spheres = |pair: &SurfacePair| !pair.method.is_exact();
     if memory.changed(&candidates.pairs).any(uses_spheres) {
-        rows.update(&active, &surfaces, &candidates);
+        rows.update(&active, &surfaces, &candidates, &Threads(settings.threads));
     }
     overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
     memory.seal(StageList::Overlapping, overlapping.last_changed());
@@ -104,7 +104,7 @@ fn test_overlap(
                     keep(&|chunk, kept| overlapping_caps(a, b, chunk, &pair_settings, kept));
                 });
             }
-            sorters.with(|sorter| sorter.sort(overlapping, pair_settings.same_surface));
+            sorters.with(|sorter| sorter.sort(overlapping, pair_settings.same_surface, &Threads(threads)));
         },
     );
     let pairs_in: usize =

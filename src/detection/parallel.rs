@@ -67,7 +67,8 @@ impl<T: Send + 'static> Results for (Vec<T>, FoundPairs) {
 
 /// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with results to append to, and joins them in order.
 /// The parts are the same for any number of threads. One thread, or a single part, never touches the pool and allocates
-/// nothing; else the results of the parts are `spare` ones.
+/// nothing; else the results of the parts are `spare` ones, which are joined as soon as their turn comes: what has just been
+/// written is still in the cache.
 pub(super) fn append_parts<T: Results>(
     count: usize,
     chunk: usize,
@@ -75,7 +76,7 @@ pub(super) fn append_parts<T: Results>(
     spare: &Buffers<T>,
     results: &mut T,
     work: impl Fn(Range<usize>, &mut T) + Sync,
-    join: impl Fn(&mut T, &mut T),
+    join: impl Fn(&mut T, &mut T) + Sync,
 ) {
     let part_count = count.div_ceil(chunk);
     let range = |part: usize| part * chunk..((part + 1) * chunk).min(count);
@@ -84,33 +85,42 @@ pub(super) fn append_parts<T: Results>(
         return (0..part_count).for_each(|part| work(range(part), results));
     }
     let next = AtomicUsize::new(0);
+    let waiting: Mutex<Vec<(usize, T)>> = Mutex::default();
+    let take_waiting = |part: usize| {
+        let mut waiting = waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let place = waiting.iter().position(|(other, _)| *other == part)?;
+        Some(waiting.swap_remove(place).1)
+    };
+    let join_waiting = |(results, joined): &mut (&mut T, usize)| {
+        while let Some(mut found) = take_waiting(*joined) {
+            join(results, &mut found);
+            spare.give(found);
+            *joined += 1;
+        }
+    };
+    let results = Mutex::new((results, 0));
     let take_parts = || {
-        let mut done = Vec::new();
         loop {
             let part = next.fetch_add(1, Ordering::Relaxed);
             if part >= part_count {
-                return done;
+                return;
             }
             let mut found = spare.take();
             found.clear();
             work(range(part), &mut found);
-            done.push((part, found));
+            waiting.lock().unwrap_or_else(PoisonError::into_inner).push((part, found));
+            // Nobody waits for a thread that is joining: what it does not see comes with a later part, or at the end.
+            if let Ok(mut results) = results.try_lock() {
+                join_waiting(&mut results);
+            }
         }
     };
-    let mut parts: Vec<(usize, T)> = ComputeTaskPool::get()
-        .scope(|scope| {
-            for _ in 0..threads {
-                scope.spawn(async { take_parts() });
-            }
-        })
-        .into_iter()
-        .flatten()
-        .collect();
-    parts.sort_unstable_by_key(|&(part, _)| part);
-    for (_, mut found) in parts {
-        join(results, &mut found);
-        spare.give(found);
-    }
+    ComputeTaskPool::get().scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(async { take_parts() });
+        }
+    });
+    join_waiting(&mut results.into_inner().unwrap_or_else(PoisonError::into_inner));
 }
 
 /// The same for consecutive chunks of `pairs`.
@@ -120,7 +130,7 @@ pub(super) fn append_chunks<T: Results>(
     spare: &Buffers<T>,
     results: &mut T,
     work: impl Fn(&[[u32; 2]], &mut T) + Sync,
-    join: impl Fn(&mut T, &mut T),
+    join: impl Fn(&mut T, &mut T) + Sync,
 ) {
     append_parts(pairs.len(), CHUNK, threads, spare, results, |range, found| work(&pairs[range], found), join);
 }

@@ -117,7 +117,7 @@ fn refine_pair(
     let first = &active.surfaces[pair.first];
     let Ok((own, own_bounds, own_rows)) = surfaces.get(first.entity) else { return };
     // What is found is stored in the order of the triangles: to bring pairs into it costs least before anything is found.
-    let triangles = sorter.sorted(&pair.triangles, pair_settings.same_surface, &Threads(threads));
+    let triangles = sorter.unique(&pair.triangles, pair_settings.same_surface, &Threads(threads));
     // Those are in the order of the candidates, as a list that is taught by them is.
     refined.wants_lower_bounds &= std::ptr::eq(triangles, &raw const *pair.triangles);
     let wants_lower_bounds = refined.wants_lower_bounds;

@@ -10,10 +10,11 @@ use super::{
     curvature::TriangleCurvature,
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, check_spheres, seal_spheres},
+    parallel::Threads,
 };
 use crate::{
     kernel::{
-        circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
+        circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls_on},
         cone::SafetyCones,
         curvature::CurvatureEstimator,
     },
@@ -55,6 +56,7 @@ fn refit_balls(
     candidates: Res<CandidateTrianglePairs>,
     memory: Res<DetectionMemory>,
     mut used: Local<Vec<bool>>,
+    settings: Res<CircumsphereSettings>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(&SurfacePositions, &mut EnclosingBalls)>,
 ) {
@@ -64,7 +66,7 @@ fn refit_balls(
     for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
         let Ok((positions, mut balls)) = surfaces.get_mut(surface.entity) else { continue };
         if used {
-            enclosing_balls(&positions.0, surface.topology.triangles(), &mut balls.0);
+            enclosing_balls_on(&Threads(settings.threads), &positions.0, surface.topology.triangles(), &mut balls.0);
         } else if surface.method > ContactMethod::BoundingSphere && balls.0.capacity() > 0 {
             *balls = EnclosingBalls::default();
         }
@@ -107,7 +109,9 @@ fn refit_spheres(
             spheres.0.forget();
         }
         if used {
-            diagnostics.recipes_refreshed += spheres.0.refit(
+            let share = Threads(settings.threads);
+            diagnostics.recipes_refreshed += spheres.0.refit_on(
+                &share,
                 &positions.0,
                 surface.topology.triangles(),
                 &curvature.0.curvatures,
@@ -116,7 +120,7 @@ fn refit_spheres(
                 &mut cones.0,
             );
             if settings.widen_cones {
-                cones.0.widen(&curvature.0.spreads);
+                cones.0.widen_on(&share, &curvature.0.spreads);
             }
         }
     }

@@ -11,6 +11,7 @@ use crate::{
     kernel::{
         pair::{MovedSide, PairSettings, SurfaceSide},
         pose::Pose,
+        share::Share,
         sphere_pairs::{BallSide, CapSide},
         sphere_rows::{BallRows, CapRows},
     },
@@ -85,6 +86,7 @@ impl SphereRows {
         active: &ActiveSurfaces,
         surfaces: &SphereQuery,
         candidates: &CandidateTrianglePairs,
+        share: &impl Share,
     ) {
         let count = active.surfaces.len();
         self.caps.resize_with(count, CapRows::default);
@@ -97,12 +99,12 @@ impl SphereRows {
             let is_worth_it = |method| pairs_of(place, method, candidates) >= topology.triangles().len();
             if is_worth_it(ContactMethod::Circumsphere) {
                 let side = CapSide { surface, spheres: &spheres.0, cones: &cones.0, pose: None, rows: None };
-                side.rows(&mut self.caps[place]);
+                side.rows(share, &mut self.caps[place]);
             } else {
                 self.caps[place].clear();
             }
             if is_worth_it(ContactMethod::BoundingSphere) {
-                BallSide { surface, balls: &balls.0, pose: None, rows: None }.rows(&mut self.balls[place]);
+                BallSide { surface, balls: &balls.0, pose: None, rows: None }.rows(share, &mut self.balls[place]);
             } else {
                 self.balls[place].clear();
             }

@@ -8,6 +8,8 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
@@ -15,6 +17,7 @@ use super::{
     cone::SafetyCones,
     lanes::{EdgeChoice, FrameLanes, TriangleLanes, VectorLanes, WIDTH, first_lanes, stored},
     recipe::{Recipe, RecipeBlock, RecipeLanes, ShapeLanes},
+    share::{LEAST_SHARE, OneByOne, PART, Share},
 };
 
 /// How far an obtuse triangle's in-plane center may leave the midpoint of its longest edge, in halves of that edge.
@@ -171,8 +174,16 @@ pub fn enclosing_ball(corners: [Vec3; 3]) -> Ball {
 
 /// Writes [`enclosing_ball`] of every triangle into `balls`.
 pub fn enclosing_balls(positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut Vec<Ball>) {
+    enclosing_balls_on(&OneByOne, positions, triangles, balls);
+}
+
+/// The same in tasks that may be shared.
+pub fn enclosing_balls_on(share: &impl Share, positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut Vec<Ball>) {
     balls.resize(triangles.len(), Ball { center: Vec3::ZERO, radius: 0.0 });
-    dispatch!(Level::new(), simd => write_enclosing_balls(simd, positions, triangles, balls));
+    let parts = triangles.chunks(PART).zip(balls.chunks_mut(PART));
+    share.hand_out(parts, triangles.len() / LEAST_SHARE, |(triangles, balls)| {
+        dispatch!(Level::new(), simd => write_enclosing_balls(simd, positions, triangles, balls));
+    });
 }
 
 #[inline(always)]
@@ -227,7 +238,7 @@ struct SphereLanes<S: Simd> {
 }
 
 impl<S: Simd> SphereLanes<S> {
-    /// [`OffsetSpheres::follow`]
+    /// [`SpherePart::follow`]
     #[inline(always)]
     fn new(recipes: &RecipeLanes<S>, corners: &TriangleLanes<S>) -> Self {
         let origin = corners.0[0];
@@ -287,6 +298,21 @@ impl OffsetSpheres {
         settings: RecipeSettings,
         cones: &mut SafetyCones,
     ) -> usize {
+        self.refit_on(&OneByOne, positions, triangles, curvatures, dihedrals, settings, cones)
+    }
+
+    /// The same in tasks that may be shared.
+    #[expect(clippy::too_many_arguments, reason = "what a surface is, who works, and where the cones go")]
+    pub fn refit_on(
+        &mut self,
+        share: &impl Share,
+        positions: &[Vec3],
+        triangles: &[[u32; 3]],
+        curvatures: &[f32],
+        dihedrals: &[[f32; 3]],
+        settings: RecipeSettings,
+        cones: &mut SafetyCones,
+    ) -> usize {
         let count = triangles.len();
         let all_fresh = self.recipe_count != count;
         self.recipes.resize(count.div_ceil(WIDTH), RecipeBlock::EMPTY);
@@ -296,20 +322,39 @@ impl OffsetSpheres {
         self.heights.resize(count, 0.0);
         cones.resize(count);
         self.refits = self.refits.wrapping_add(1);
-        let shapes = Shapes { positions, triangles, curvatures, dihedrals };
-        dispatch!(Level::new(), simd => refit_spheres(simd, self, &shapes, all_fresh, settings, cones))
+        let refits = self.refits;
+        let shapes = triangles.chunks(PART).zip(curvatures.chunks(PART)).zip(dihedrals.chunks(PART));
+        let spheres = self.centers.chunks_mut(PART).zip(self.radii.chunks_mut(PART)).zip(self.heights.chunks_mut(PART));
+        let cones = cones.axes.chunks_mut(PART).zip(cones.cosines.chunks_mut(PART));
+        let parts = shapes.zip(spheres).zip(cones).zip(self.recipes.chunks_mut(PART / WIDTH));
+        let refreshed = AtomicUsize::new(0);
+        share.hand_out(parts, count / LEAST_SHARE, |(((shapes, spheres), (axes, cosines)), recipes)| {
+            let ((triangles, curvatures), dihedrals) = shapes;
+            let ((centers, radii), heights) = spheres;
+            let shapes = Shapes { positions, triangles, curvatures, dihedrals };
+            let mut part = SpherePart { centers, radii, heights, axes, cosines, recipes, refits };
+            let count = dispatch!(Level::new(), simd => refit_spheres(simd, &mut part, &shapes, all_fresh, settings));
+            refreshed.fetch_add(count, Ordering::Relaxed);
+        });
+        refreshed.into_inner()
     }
+}
 
+/// The spheres, cones and recipes of consecutive triangles, which are counted from the first of them on.
+struct SpherePart<'a> {
+    centers: &'a mut [Vec3],
+    radii: &'a mut [f32],
+    heights: &'a mut [f32],
+    axes: &'a mut [Vec3],
+    cosines: &'a mut [f32],
+    recipes: &'a mut [RecipeBlock],
+    refits: u32,
+}
+
+impl SpherePart<'_> {
     /// One triangle by itself. Whether its recipe had to be made.
     #[cold]
-    fn refit_one(
-        &mut self,
-        shapes: &Shapes<'_>,
-        triangle: usize,
-        fresh: bool,
-        settings: RecipeSettings,
-        cones: &mut SafetyCones,
-    ) -> bool {
+    fn refit_one(&mut self, shapes: &Shapes<'_>, triangle: usize, fresh: bool, settings: RecipeSettings) -> bool {
         let corners = shapes.triangles[triangle].map(|vertex| shapes.positions[vertex as usize]);
         let (curvature, dihedrals) = (shapes.curvatures[triangle], shapes.dihedrals[triangle]);
         let (block, lane) = (&mut self.recipes[triangle / WIDTH], triangle % WIDTH);
@@ -320,11 +365,11 @@ impl OffsetSpheres {
             recipe = Recipe::new(corners, curvature, dihedrals, settings, self.refits);
             block.set(lane, &recipe);
         }
-        self.follow(&recipe, triangle, corners, cones);
+        self.follow(&recipe, triangle, corners);
         stale
     }
 
-    fn follow(&mut self, recipe: &Recipe, triangle: usize, corners: [Vec3; 3], cones: &mut SafetyCones) {
+    fn follow(&mut self, recipe: &Recipe, triangle: usize, corners: [Vec3; 3]) {
         // Relative to one corner, so that distance from the origin costs no precision.
         let origin = corners[0];
         let local = corners.map(|corner| finite(corner - origin));
@@ -334,15 +379,15 @@ impl OffsetSpheres {
             (in_plane, normal, (recipe.height_ratio * farthest_corner(local, in_plane)).min(f32::MAX))
         } else {
             let frame = LongestEdgeFrame::new(local, longest(edge_lengths(local)));
-            (frame.midpoint, cones.axes[triangle], 0.0)
+            (frame.midpoint, self.axes[triangle], 0.0)
         };
         let center = finite(origin + (in_plane - axis * height));
         let radius = containing_radius(corners, center);
         self.centers[triangle] = center;
         self.radii[triangle] = radius;
         self.heights[triangle] = height;
-        cones.axes[triangle] = axis;
-        cones.cosines[triangle] = match frame.normal {
+        self.axes[triangle] = axis;
+        self.cosines[triangle] = match frame.normal {
             // Far from the origin the center is moved by rounding, by more than a small triangle's height.
             Some(_) if radius > 0.0 => (height / radius).min(1.0),
             _ => SafetyCones::EVERYWHERE,
@@ -351,19 +396,19 @@ impl OffsetSpheres {
 
     /// Writes the spheres and cones of the triangles from `first` on.
     #[inline(always)]
-    fn write<S: Simd>(&mut self, first: usize, lanes: &SphereLanes<S>, cones: &mut SafetyCones) {
+    fn write<S: Simd>(&mut self, first: usize, lanes: &SphereLanes<S>) {
         let end = (first + WIDTH).min(self.radii.len());
         let count = end - first;
         let (centers, axes) = (lanes.center.stored(), lanes.axis.stored());
         for (lane, (center, axis)) in
-            self.centers[first..end].iter_mut().zip(&mut cones.axes[first..end]).enumerate().take(WIDTH)
+            self.centers[first..end].iter_mut().zip(&mut self.axes[first..end]).enumerate().take(WIDTH)
         {
             *center = centers.get(lane);
             *axis = axes.get(lane);
         }
         self.radii[first..end].copy_from_slice(&stored(lanes.radius)[..count]);
         self.heights[first..end].copy_from_slice(&stored(lanes.height)[..count]);
-        cones.cosines[first..end].copy_from_slice(&stored(lanes.cosine)[..count]);
+        self.cosines[first..end].copy_from_slice(&stored(lanes.cosine)[..count]);
     }
 }
 
@@ -378,11 +423,10 @@ struct Shapes<'a> {
 #[inline(always)]
 fn refit_spheres<S: Simd>(
     simd: S,
-    spheres: &mut OffsetSpheres,
+    spheres: &mut SpherePart<'_>,
     shapes: &Shapes<'_>,
     all_fresh: bool,
     settings: RecipeSettings,
-    cones: &mut SafetyCones,
 ) -> usize {
     let always = mask32x8::splat(simd, all_fresh || settings.delta <= 0.0);
     let mut refreshed = 0;
@@ -403,14 +447,14 @@ fn refit_spheres<S: Simd>(
         // One that cannot be told sends its seven neighbors with it: there are few, and the same comes out.
         if inexact != 0 {
             for triangle in range {
-                refreshed += usize::from(spheres.refit_one(shapes, triangle, all_fresh, settings, cones));
+                refreshed += usize::from(spheres.refit_one(shapes, triangle, all_fresh, settings));
             }
         } else {
             let stale = stale.to_bitmask() & first_lanes(range.len());
             if stale != 0 {
                 recipes.store(&mut spheres.recipes[block], stale, spheres.refits);
             }
-            spheres.write(range.start, &lanes, cones);
+            spheres.write(range.start, &lanes);
             refreshed += stale.count_ones() as usize;
         }
     }

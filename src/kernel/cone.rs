@@ -14,6 +14,7 @@ use glam::Vec3;
 use super::{
     circumsphere::{OffsetSpheres, length},
     lanes::{WIDTH, sine_cosine, stored},
+    share::{LEAST_SHARE, OneByOne, PART, Share},
 };
 
 /// Slack of the cone comparison, as a cosine: a direction that the crease clamp puts exactly on the cone's boundary
@@ -48,7 +49,15 @@ impl SafetyCones {
     /// by 15° more: between the cones of two neighbors there are directions from which the edge they share is met,
     /// and which are in neither.
     pub fn widen(&mut self, spreads: &[f32]) {
-        dispatch!(Level::new(), simd => widen(simd, &mut self.cosines, spreads));
+        self.widen_on(&OneByOne, spreads);
+    }
+
+    /// The same in tasks that may be shared.
+    pub fn widen_on(&mut self, share: &impl Share, spreads: &[f32]) {
+        let count = self.cosines.len() / LEAST_SHARE;
+        share.hand_out(self.cosines.chunks_mut(PART).zip(spreads.chunks(PART)), count, |(cosines, spreads)| {
+            dispatch!(Level::new(), simd => widen(simd, cosines, spreads));
+        });
     }
 }
 

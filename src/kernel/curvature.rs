@@ -15,6 +15,7 @@ use glam::Vec3;
 use super::{
     ids::EdgeId,
     lanes::{TriangleLanes, VectorLanes, VectorRows, WIDTH, arc_tangent, stored},
+    share::{LEAST_SHARE, OneByOne, PART, Share},
     topology::{Hinge, SurfaceTopology},
 };
 
@@ -146,10 +147,28 @@ impl<S: Simd> HingeLanes<S> {
 impl Curvatures {
     /// Measures the surface at the given positions.
     pub fn measure(&mut self, topology: &SurfaceTopology, positions: &[Vec3], estimator: CurvatureEstimator) {
-        self.faces.resize(topology.triangles().len(), Face::default());
-        dispatch!(Level::new(), simd => measure_faces(simd, topology.triangles(), positions, &mut self.faces));
-        self.bends.resize(topology.edges().len(), Bend::default());
-        measure_bends(topology.hinges(), &self.faces, positions, &mut self.bends);
+        self.measure_on(&OneByOne, topology, positions, estimator);
+    }
+
+    /// The same in tasks that may be shared.
+    pub fn measure_on(
+        &mut self,
+        share: &impl Share,
+        topology: &SurfaceTopology,
+        positions: &[Vec3],
+        estimator: CurvatureEstimator,
+    ) {
+        let Self { faces, bends, .. } = self;
+        faces.resize(topology.triangles().len(), Face::default());
+        let parts = topology.triangles().chunks(PART).zip(faces.chunks_mut(PART));
+        share.hand_out(parts, topology.triangles().len() / LEAST_SHARE, |(triangles, faces)| {
+            dispatch!(Level::new(), simd => measure_faces(simd, triangles, positions, faces));
+        });
+        bends.resize(topology.edges().len(), Bend::default());
+        let parts = topology.hinges().chunks(PART).zip(bends.chunks_mut(PART));
+        share.hand_out(parts, topology.edges().len() / LEAST_SHARE, |(hinges, bends)| {
+            measure_bends(hinges, faces, positions, bends);
+        });
         self.centroids.clear();
         if estimator == CurvatureEstimator::DualAngleDeficit {
             self.centroids.extend(topology.triangles().iter().map(|corners| {
@@ -157,7 +176,7 @@ impl Curvatures {
                 a + ((b - a) + (c - a)) / 3.0
             }));
         }
-        self.measure_triangles(topology, positions);
+        self.measure_triangles(share, topology, positions);
         if estimator == CurvatureEstimator::DualAngleDeficit {
             for triangle in 0..topology.triangles().len() {
                 if let Some(curvature) = self.dual_angle_deficit(topology, triangle) {
@@ -167,33 +186,44 @@ impl Curvatures {
         }
     }
 
-    fn measure_triangles(&mut self, topology: &SurfaceTopology, positions: &[Vec3]) {
+    fn measure_triangles(&mut self, share: &impl Share, topology: &SurfaceTopology, positions: &[Vec3]) {
         let count = topology.triangles().len();
         let [mut curvatures, mut spreads] = [&mut self.curvatures, &mut self.spreads].map(std::mem::take);
         let mut dihedrals = std::mem::take(&mut self.dihedrals);
         curvatures.resize(count, 0.0);
         dihedrals.resize(count, [0.0; 3]);
         spreads.resize(count, 0.0);
-        let written = curvatures.iter_mut().zip(&mut dihedrals).zip(&mut spreads);
-        for (triangle, (edges, ((curvature, dihedrals), spread))) in
-            topology.triangle_edges().iter().zip(written).enumerate()
-        {
-            let mut bends = edges.map(|edge| self.bends[edge as usize]);
-            if bends.iter().any(|bend| bend.branches()) {
-                for k in 0..3 {
-                    if bends[k].branches() {
-                        bends[k] = self.steepest_bend(topology, positions, triangle, k);
-                    }
+        let written = curvatures.chunks_mut(PART).zip(dihedrals.chunks_mut(PART)).zip(spreads.chunks_mut(PART));
+        let parts = topology.triangle_edges().chunks(PART).zip(written).enumerate();
+        share.hand_out(parts, count / LEAST_SHARE, |(part, (edges, ((curvatures, dihedrals), spreads)))| {
+            let written = curvatures.iter_mut().zip(dihedrals).zip(spreads);
+            for (triangle, (edges, ((curvature, dihedrals), spread))) in (part * PART..).zip(edges.iter().zip(written))
+            {
+                let bends = self.bends_of(topology, positions, triangle, edges);
+                *dihedrals = bends.map(Bend::dihedral);
+                *spread =
+                    bends.map(Bend::turn).into_iter().fold(0.0, |most, turn| if turn > most { turn } else { most });
+                let steeper =
+                    |most: f32, bend: &Bend| if bend.curvature.abs() > most.abs() { bend.curvature } else { most };
+                let steepest = bends.iter().fold(0.0, steeper);
+                *curvature = if steepest.is_finite() { steepest } else { f32::MAX };
+            }
+        });
+        (self.curvatures, self.dihedrals, self.spreads) = (curvatures, dihedrals, spreads);
+    }
+
+    /// The bends across the edges of a triangle.
+    #[inline]
+    fn bends_of(&self, topology: &SurfaceTopology, positions: &[Vec3], triangle: usize, edges: &[u32; 3]) -> [Bend; 3] {
+        let mut bends = edges.map(|edge| self.bends[edge as usize]);
+        if bends.iter().any(|bend| bend.branches()) {
+            for k in 0..3 {
+                if bends[k].branches() {
+                    bends[k] = self.steepest_bend(topology, positions, triangle, k);
                 }
             }
-            *dihedrals = bends.map(Bend::dihedral);
-            *spread = bends.map(Bend::turn).into_iter().fold(0.0, |most, turn| if turn > most { turn } else { most });
-            let steeper =
-                |most: f32, bend: &Bend| if bend.curvature.abs() > most.abs() { bend.curvature } else { most };
-            let steepest = bends.iter().fold(0.0, steeper);
-            *curvature = if steepest.is_finite() { steepest } else { f32::MAX };
         }
-        (self.curvatures, self.dihedrals, self.spreads) = (curvatures, dihedrals, spreads);
+        bends
     }
 
     /// The bend across edge `k` of a triangle to that of several neighbors which folds most.

@@ -2,6 +2,12 @@
 //!
 //! The kernel knows of no threads: whoever calls it says where its tasks run. What comes of them is the same anywhere.
 
+/// Triangles of one task, where what is made of each is independent of the others.
+pub(super) const PART: usize = 2048;
+
+/// Fewer triangles than these are not worth another thread.
+pub(super) const LEAST_SHARE: usize = 8192;
+
 /// Runs tasks, all of them before it returns, in any order and on any thread.
 pub trait Share {
     /// Calls `work` with each of some tasks, about `count`.

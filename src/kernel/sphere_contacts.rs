@@ -16,9 +16,16 @@ use super::{
         transposed, widened,
     },
     pair::{FoundPairs, PairSettings},
-    prefetch::ask_ahead,
+    prefetch::{ask_ahead, prefetch},
     sphere_pairs::{BallSide, CapSide, facing_caps, keep},
 };
+
+/// How many records ahead of the last one memory is asked for. Records come faster than the processor foresees where they
+/// go: measured on `cloth_ball_92`, contacts of balls take 0.8 of the time without, those of caps 0.9.
+const WRITTEN_AHEAD: u32 = 32;
+
+/// Bytes of a line of the cache.
+const LINE: usize = 64;
 
 /// Eight contacts of two whole triangles by their spheres, in the frame of the pair.
 struct FaceContacts<S: Simd> {
@@ -39,6 +46,8 @@ impl<S: Simd> FaceContacts<S> {
     /// Counts the pairs by their distances, and reports their contacts. A pair that is listed twice in a row has one.
     #[inline(always)]
     fn push(self, simd: S, pairs: &[[u32; 2]], settings: &PairSettings, found: &mut FoundPairs) {
+        ask_for_room(&mut found.contacts);
+        ask_for_room(&mut found.touching);
         let distance = self.distance * settings.scale;
         // Along the normal the two may be farther apart than what counts as the pair's distance.
         let gap = (self.gap * settings.scale).min(distance);
@@ -70,6 +79,15 @@ impl<S: Simd> FaceContacts<S> {
                 found.contacts.push(contact);
             }
         });
+    }
+}
+
+/// Asks for the memory that a later block of pairs is to be written to.
+#[inline(always)]
+fn ask_for_room<T>(list: &mut Vec<T>) {
+    let room = list.spare_capacity_mut();
+    for place in (WRITTEN_AHEAD..WRITTEN_AHEAD + WIDTH as u32).step_by((LINE / size_of::<T>()).max(1)) {
+        prefetch(room, place);
     }
 }
 

@@ -17,6 +17,7 @@ use super::{
     pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
     prefetch::{Prefetch, ask_ahead, prefetch},
+    share::Share,
     sphere_rows::{BallRows, CapRows, RowLanes, TriangleRow, rounded_corners},
 };
 
@@ -44,8 +45,8 @@ impl Prefetch for BallSide<'_> {
 
 impl BallSide<'_> {
     /// Writes a row for each triangle: worth it where most triangles are in several pairs.
-    pub fn rows(&self, rows: &mut BallRows) {
-        rows.fill((0..self.balls.len() as u32).map(|triangle| self.row(triangle)));
+    pub fn rows(&self, share: &impl Share, rows: &mut BallRows) {
+        rows.fill(share, self.balls.len(), |triangle| self.row(triangle));
     }
 
     #[inline(always)]
@@ -110,8 +111,8 @@ impl Prefetch for CapSide<'_> {
 
 impl CapSide<'_> {
     /// Writes a row for each triangle: worth it where most triangles are in several pairs.
-    pub fn rows(&self, rows: &mut CapRows) {
-        rows.fill((0..self.spheres.radii.len() as u32).map(|triangle| self.row(triangle)));
+    pub fn rows(&self, share: &impl Share, rows: &mut CapRows) {
+        rows.fill(share, self.spheres.radii.len(), |triangle| self.row(triangle));
     }
 
     #[inline(always)]

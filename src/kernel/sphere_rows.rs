@@ -15,6 +15,7 @@ use super::{
     lanes::{CapLanes, VectorLanes, WIDTH, transposed},
     pair::SurfaceSide,
     prefetch::prefetch,
+    share::{LEAST_SHARE, PART, Share},
 };
 
 /// The numbers of one triangle, in blocks of as many as there are lanes.
@@ -58,9 +59,14 @@ impl BallRows {
         prefetch(&self.rows, triangle);
     }
 
-    pub(super) fn fill(&mut self, rows: impl Iterator<Item = TriangleRow>) {
-        self.rows.clear();
-        self.rows.extend(rows);
+    /// Writes `count` rows, each as `row` makes it.
+    pub(super) fn fill(&mut self, share: &impl Share, count: usize, row: impl Fn(u32) -> TriangleRow + Sync) {
+        self.rows.resize(count, TriangleRow::EMPTY);
+        share.hand_out(self.rows.chunks_mut(PART).enumerate(), count / LEAST_SHARE, |(part, rows)| {
+            for (triangle, own) in (part * PART..).zip(rows) {
+                *own = row(triangle as u32);
+            }
+        });
     }
 }
 
@@ -84,14 +90,21 @@ impl CapRows {
         prefetch(&self.rest, triangle);
     }
 
-    pub(super) fn fill(&mut self, rows: impl Iterator<Item = (TriangleRow, [f32; 2])>) {
-        self.clear();
-        self.rows.reserve(rows.size_hint().0);
-        self.rest.reserve(rows.size_hint().0);
-        for (row, rest) in rows {
-            self.rows.push(row);
-            self.rest.push(rest);
-        }
+    /// Writes `count` rows, each as `row` makes it.
+    pub(super) fn fill(
+        &mut self,
+        share: &impl Share,
+        count: usize,
+        row: impl Fn(u32) -> (TriangleRow, [f32; 2]) + Sync,
+    ) {
+        self.rows.resize(count, TriangleRow::EMPTY);
+        self.rest.resize(count, [0.0; 2]);
+        let parts = self.rows.chunks_mut(PART).zip(self.rest.chunks_mut(PART)).enumerate();
+        share.hand_out(parts, count / LEAST_SHARE, |(part, (rows, rest))| {
+            for (triangle, (own, rest)) in (part * PART..).zip(rows.iter_mut().zip(rest)) {
+                (*own, *rest) = row(triangle as u32);
+            }
+        });
     }
 }
 

@@ -11,6 +11,7 @@ use bevy_circumsphere::kernel::{
     exact::barycentric::barycentric_of,
     pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
+    share::OneByOne,
     sphere_contacts::{ball_contacts, meeting_caps},
     sphere_pairs::{BallSide, CapSide},
     sphere_rows::{BallRows, CapRows},
@@ -226,8 +227,8 @@ fn caps_eight_at_a_time_meet_where_one_pair_at_a_time_does() {
 
             // Rows are another way to the same numbers.
             let (mut rows_a, mut rows_b) = (CapRows::default(), CapRows::default());
-            a.rows(&mut rows_a);
-            b.rows(&mut rows_b);
+            a.rows(&OneByOne, &mut rows_a);
+            b.rows(&OneByOne, &mut rows_b);
             let (mut meeting_by_rows, mut found_by_rows) = (Vec::new(), FoundPairs::default());
             let (a, b) = (CapSide { rows: Some(&rows_a), ..a }, CapSide { rows: Some(&rows_b), ..b });
             meeting_caps(&a, &b, &pairs, &SETTINGS, &mut meeting_by_rows, &mut found_by_rows);
@@ -261,8 +262,8 @@ fn balls_eight_at_a_time_touch_where_one_pair_at_a_time_does() {
         counts = [counts[0] + found_counts[0], counts[1] + found_counts[1]];
 
         let (mut rows_a, mut rows_b) = (BallRows::default(), BallRows::default());
-        a.rows(&mut rows_a);
-        b.rows(&mut rows_b);
+        a.rows(&OneByOne, &mut rows_a);
+        b.rows(&OneByOne, &mut rows_b);
         let mut by_rows = FoundPairs::default();
         let (a, b) = (BallSide { rows: Some(&rows_a), ..a }, BallSide { rows: Some(&rows_b), ..b });
         ball_contacts(&a, &b, &pairs, &SETTINGS, &mut by_rows);

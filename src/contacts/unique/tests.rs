@@ -94,7 +94,8 @@ fn kept(
     before: Before<'_>,
     share: &impl Share,
 ) -> (Vec<CompactContact>, Vec<SharedContact>) {
-    let mut stored = vec![CompactContact::NONE; unique.count(found)];
+    // What is in its place before is overwritten.
+    let mut stored = found.contacts[..unique.count(found)].to_vec();
     let shared = unique.copy(&found.contacts, before, &mut stored, share).to_vec();
     (stored, shared)
 }
