@@ -4,7 +4,10 @@
 //! Every record is copied once, from where it was found to where it stays. The lists of an earlier tick are overwritten
 //! in place, so that in a steady scene nothing is allocated or cleared.
 
-use std::ops::Range;
+use std::{
+    ops::Range,
+    sync::atomic::{AtomicBool, Ordering},
+};
 
 use super::store::{ContactStore, StoredPair};
 use crate::{
@@ -14,8 +17,12 @@ use crate::{
         contact_order::{ContactOrder, TouchingOrder, copy_in_order},
         exact::FeatureKind,
         pair::FoundPairs,
+        share::Share,
     },
 };
+
+/// Touching pairs that one task looks through.
+const SCANNED: usize = 65_536;
 
 /// What writing keeps for its memory.
 #[derive(Default)]
@@ -85,7 +92,15 @@ impl<'a> StoreWriter<'a> {
     pub(super) fn take_over(&mut self, found: &mut FoundPairs) -> [Range<usize>; 2] {
         let place = |pair: &TouchingPair| (pair.triangle_a, pair.triangle_b);
         // Where a surface meets itself, contacts are sorted by the lower triangle, whichever stands first.
-        if !found.touching.is_sorted_by_key(place) {
+        let unsorted = AtomicBool::new(false);
+        let ends = (0..found.touching.len()).step_by(SCANNED).map(|start| start + SCANNED + 1);
+        let lists = ends.map(|end| &found.touching[end - SCANNED - 1..end.min(found.touching.len())]);
+        self.threads.hand_out(lists, found.touching.len() / SCANNED, |list| {
+            if !list.is_sorted_by_key(place) {
+                unsorted.store(true, Ordering::Relaxed);
+            }
+        });
+        if unsorted.into_inner() {
             found.touching.sort_unstable_by_key(place);
         }
         [
