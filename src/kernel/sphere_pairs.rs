@@ -12,7 +12,7 @@ use super::{
     circumsphere::{Ball, OffsetSpheres},
     cone::{Cap, SafetyCones},
     ids::TriangleId,
-    lanes::{CapLanes, PairLanes, VectorLanes, WIDTH, transposed},
+    lanes::{CapLanes, PairLanes, VectorLanes, WIDTH, first_lanes, transposed},
     pair::{PairSettings, SurfaceSide, without_neighbors},
     pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
@@ -309,7 +309,8 @@ fn overlap_in_lanes<S: Simd>(
     for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
         ask_ahead(a, b, candidates, block);
         let rows = [a.gather::<0, S>(simd, pairs), b.gather::<1, S>(simd, pairs)];
-        let corners = PairLanes::new(&rows[0].corners(), &rows[1].corners());
+        let [corners_a, corners_b] = [rows[0].corners(), rows[1].corners()];
+        let corners = PairLanes::new(&corners_a, &corners_b);
         let [cap_a, cap_b] = facing_caps(a, b, &rows);
         let mut apart = mask32x8::splat(simd, false);
         if planes {
@@ -323,10 +324,26 @@ fn overlap_in_lanes<S: Simd>(
         }
         let mut apart = apart.to_bitmask();
         if settings.same_surface {
-            apart |= neighbors(&a.surface, pairs);
+            let near = if a.surface.topology.is_welded() { !apart } else { !apart & meeting(&corners_a, &corners_b) };
+            if near & first_lanes(pairs.len()) != 0 {
+                apart |= neighbors(&a.surface, pairs);
+            }
         }
         keep(pairs, !apart, kept);
     }
+}
+
+/// One bit for each pair with a corner of either triangle as far along the first axis as one of the other: where no vertices
+/// are welded, all that share a vertex are among them, but for those with corners that are not numbers.
+#[inline(always)]
+fn meeting<S: Simd>(a: &[VectorLanes<S>; 3], b: &[VectorLanes<S>; 3]) -> u64 {
+    let mut meet = mask32x8::splat(a[0].x.simd, false);
+    for own in a {
+        for other in b {
+            meet |= own.x.simd_eq(other.x);
+        }
+    }
+    meet.to_bitmask()
 }
 
 /// One bit for each pair of triangles that share a vertex.
