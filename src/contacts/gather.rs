@@ -101,7 +101,10 @@ fn gather_contacts(
         if is_exact {
             let before = by_sides.get(&(stored.a, stored.b)).filter(|_| keeps_sides(&active, pair));
             let before = before.map_or_else(Before::default, |&before| previous.before(&previous.pairs[before]));
-            [stored.contacts, stored.shared] = writer.write_contacts(found, before);
+            // Whoever has written to the lists need not have kept their order.
+            let in_order = is_spoiled.then(|| found.in_order());
+            let found = in_order.as_ref().unwrap_or(found);
+            [stored.contacts, stored.shared] = writer.write_contacts(&found.contacts, &found.shared, before);
             stored.touching = writer.write_touching(&found.touching);
         } else {
             [stored.contacts, stored.touching] = writer.take_over(&mut spheres.pairs[place]);

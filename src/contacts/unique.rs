@@ -12,7 +12,6 @@ use glam::Vec3;
 use crate::kernel::{
     contact::{CompactContact, ContactKey, SharedContact},
     exact::FeatureKind,
-    pair::FoundPairs,
     share::Share,
 };
 
@@ -54,13 +53,13 @@ struct Part {
 }
 
 impl UniqueContacts {
-    /// Finds out which contacts stay, and how many.
-    pub(super) fn count(&mut self, found: &FoundPairs) -> usize {
+    /// Finds out which of some contacts stay, given which of them are shared, and how many.
+    pub(super) fn count(&mut self, contacts: &[CompactContact], shared: &[SharedContact]) -> usize {
         self.known.clear();
         self.left_out.clear();
-        let repeats = found.shared.iter().filter(|shared| !self.known.insert(shared.key));
+        let repeats = shared.iter().filter(|shared| !self.known.insert(shared.key));
         self.left_out.extend(repeats.map(|shared| shared.place));
-        found.contacts.len() - self.left_out.len()
+        contacts.len() - self.left_out.len()
     }
 
     /// Copies those that stay of the same contacts, as many as were counted: pair by pair, those of a pair by key. Where a
@@ -79,7 +78,8 @@ impl UniqueContacts {
         let mut rest = (0, &left_out[..], room);
         let tasks = ends.zip(&mut self.parts).map(|(end, part)| {
             let (start, left_out, stored) = mem::take(&mut rest);
-            let (left_out, later_left_out) = left_out.split_at(left_out.partition_point(|&place| (place as usize) < end));
+            let (left_out, later_left_out) =
+                left_out.split_at(left_out.partition_point(|&place| (place as usize) < end));
             let (stored, later) = stored.split_at_mut(end - start - left_out.len());
             rest = (end, later_left_out, later);
             (start..end, left_out, stored, part)
@@ -115,8 +115,10 @@ impl UniqueContacts {
             return;
         }
         for last in before.shared {
-            if let Some(&place) = self.unmatched.get(&last.key) {
-                keep_side(&mut stored[place as usize], &before.contacts[last.place as usize]);
+            // Whoever writes to the store may have put another one in that place.
+            let contact = before.contacts.get(last.place as usize).filter(|contact| contact.key == last.key);
+            if let (Some(&place), Some(contact)) = (self.unmatched.get(&last.key), contact) {
+                keep_side(&mut stored[place as usize], contact);
             }
         }
     }

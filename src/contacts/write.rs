@@ -12,7 +12,7 @@ use super::{
 use crate::{
     detection::Threads,
     kernel::{
-        contact::TouchingPair,
+        contact::{CompactContact, SharedContact, TouchingPair},
         pair::FoundPairs,
     },
 };
@@ -33,13 +33,18 @@ impl<'a> StoreWriter<'a> {
         Self { store, unique, threads: Threads(threads), contacts: 0, touching: 0 }
     }
 
-    /// Writes the contacts of a pair, which come in the order of their triangles. `before` are those of the last tick, where
+    /// Writes the contacts of a pair, which come in the order of their triangles, given which of them are shared. `before` are those of the last tick, where
     /// sides are known from there. Returns where they are, and where those are named that are shared.
-    pub(super) fn write_contacts(&mut self, found: &FoundPairs, before: Before<'_>) -> [Range<usize>; 2] {
+    pub(super) fn write_contacts(
+        &mut self,
+        found: &[CompactContact],
+        shared: &[SharedContact],
+        before: Before<'_>,
+    ) -> [Range<usize>; 2] {
         let (start, first_shared) = (self.contacts, self.store.shared.len());
-        let count = self.unique.count(found);
-        let stored = room_for(&mut self.store.contacts, start, count, found.contacts.first());
-        let shared = self.unique.copy(&found.contacts, before, stored, &self.threads);
+        let count = self.unique.count(found, shared);
+        let stored = room_for(&mut self.store.contacts, start, count, found.first());
+        let shared = self.unique.copy(found, before, stored, &self.threads);
         self.store.shared.extend_from_slice(shared);
         self.contacts += count;
         [start..self.contacts, first_shared..self.store.shared.len()]

@@ -84,8 +84,8 @@ pub struct CompactContact {
     pub features: FeaturePair,
     /// Whether the features of a contact of a surface with itself stand in the other order than in the key.
     pub swapped: bool,
-    /// Whether other pairs of triangles may report the same two features, in this tick or another: not where that is for the
-    /// first triangles around both alone.
+    /// Whether the same two features may be reported more than once, mostly by other pairs of triangles, in this tick or another:
+    /// not where that is for the first triangles around both alone.
     pub is_shared: bool,
     /// Weights of the first two corners of triangle a; the third is what is left of 1.
     pub barycentric_a: [f32; 2],

@@ -7,7 +7,7 @@ use glam::{DVec3, Vec3};
 use super::{
     contact::{CompactContact, SharedContact, TouchingPair, feature_number},
     corner_rows::{CornerRow, CornerRows},
-    exact::{Feature, side::outward_direction},
+    exact::{Feature, FeaturePair, side::outward_direction},
     ids::TriangleId,
     pose::Pose,
     topology::SurfaceTopology,
@@ -137,6 +137,29 @@ impl RowPair<'_> {
     }
 }
 
+/// Whether the sides have passed each other, as far as a one-sided surface tells, given the way from the second to the first.
+/// A face tells best, of two edges the second side's. A vertex or an edge that is close to another triangle's boundary may be
+/// closer still to a neighbor of it, and then its direction misleads: where both sides have an inside, both have to agree.
+pub(super) fn is_inside(
+    [a, b]: [&SurfaceSide<'_>; 2],
+    [triangle_a, triangle_b]: [u32; 2],
+    features: FeaturePair,
+    separation: DVec3,
+) -> bool {
+    let behind_b = || b.outward(triangle_b, features.b).dot(separation) < 0.0;
+    let behind_a = || a.outward(triangle_a, features.a).dot(separation) > 0.0;
+    match (a.one_sided, b.one_sided) {
+        (true, true) => match (features.a, features.b) {
+            (Feature::Face, _) => behind_a(),
+            (_, Feature::Face) | (Feature::Edge(_), Feature::Edge(_)) => behind_b(),
+            _ => behind_a() && behind_b(),
+        },
+        (false, true) => behind_b(),
+        (true, false) => behind_a(),
+        (false, false) => false,
+    }
+}
+
 /// How a list of pairs is tested. Lengths are in world units.
 #[derive(Clone, Copy, Debug)]
 pub struct PairSettings {
@@ -160,7 +183,7 @@ pub struct PairSettings {
 pub struct FoundPairs {
     /// Pairs of triangles that touch, in the order of the candidates.
     pub touching: Vec<TouchingPair>,
-    /// Contacts, in the order of the candidates. Those that are [shared](CompactContact::is_shared) may occur several times,
+    /// Contacts, in the order of the candidates, those of one pair in none. Those that are [shared](CompactContact::is_shared) may occur several times,
     /// under the same key.
     pub contacts: Vec<CompactContact>,
     /// Which contacts of the exact test are shared.
@@ -210,6 +233,16 @@ impl FoundPairs {
             later.contacts.remove(0);
         }
         self.append(later);
+    }
+
+    /// The same with its lists in their order, whoever may have changed them.
+    pub(crate) fn in_order(&self) -> Self {
+        let mut found = self.clone();
+        found.touching.sort_by_key(|pair| (pair.triangle_a, pair.triangle_b));
+        found.contacts.sort_by_key(CompactContact::triangles);
+        found.shared.clear();
+        found.list_shared(0);
+        found
     }
 
     /// Lists which contacts are shared, given that those before `first` are listed.

@@ -15,6 +15,13 @@ use super::lanes::WIDTH;
 /// How many blocks ahead: one takes less time than a line from the third cache, but not much.
 const AHEAD: usize = 3;
 
+/// How many records ahead of the last one memory is asked for. Records come faster than the processor foresees where they
+/// go: measured on `cloth_ball_92`, contacts of balls take 0.8 of the time without, those of caps 0.9.
+const WRITTEN_AHEAD: u32 = 32;
+
+/// Bytes of a line of the cache.
+const LINE: usize = 64;
+
 /// What is read of the triangles of one side of pairs.
 pub(super) trait Prefetch {
     /// Asks for what is to be read of a triangle soon.
@@ -29,6 +36,15 @@ pub(super) fn ask_ahead(a: &impl Prefetch, b: &impl Prefetch, pairs: &[[u32; 2]]
     for &[triangle_a, triangle_b] in &pairs[start..end] {
         a.prefetch(triangle_a);
         b.prefetch(triangle_b);
+    }
+}
+
+/// Asks for the memory that a later block of pairs is to be appended to.
+#[inline(always)]
+pub(super) fn ask_for_room<T>(list: &mut Vec<T>) {
+    let room = list.spare_capacity_mut();
+    for place in (WRITTEN_AHEAD..WRITTEN_AHEAD + WIDTH as u32).step_by((LINE / size_of::<T>()).max(1)) {
+        prefetch(room, place);
     }
 }
 

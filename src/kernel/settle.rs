@@ -8,7 +8,7 @@ use super::{
     contact::CompactContact,
     exact::{Feature, FeaturePair, barycentric::point_at, side::closest_feature},
     pair::{PairSettings, SurfaceSide},
-    refine::triangles_around,
+    refine::reports::triangles_around,
 };
 
 /// A direction counts as out of a solid at an edge or vertex where no neighboring face rises along it by more than this

@@ -19,9 +19,12 @@ pub(super) struct Surroundings {
     /// How far its first corner is from each landmark, in edges, without what 256 goes into.
     distances: [u8; LANDMARKS],
     /// Of which of its parts it is the first of the triangles around them, one bit each: 0 to 2 its corners, 3 to 5 its
-    /// edges.
+    /// edges. 6: whether it names a vertex twice.
     pub(super) first_of: u8,
 }
+
+/// The bit of a triangle that names a vertex twice, so that two of its parts are the same.
+const COLLAPSED: u8 = 1 << 6;
 
 impl Surroundings {
     pub(super) const NONE: Self = Self { distances: [0; LANDMARKS], first_of: 0 };
@@ -37,12 +40,20 @@ impl Surroundings {
         let of_one = |(triangle, (corners, edges)): (usize, (&[u32; 3], &[u32; 3]))| {
             let firsts = first_triangles(corners, edges, vertex_triangles, edge_triangles);
             let is_first = |(part, first): (usize, u32)| u8::from(first as usize == triangle) << part;
+            let [a, b, c] = *corners;
+            let collapsed = if a == b || b == c || c == a { COLLAPSED } else { 0 };
             Self {
                 distances: distances[corners[0] as usize],
-                first_of: firsts.into_iter().enumerate().map(is_first).sum(),
+                first_of: firsts.into_iter().enumerate().map(is_first).sum::<u8>() | collapsed,
             }
         };
         triangles.iter().zip(triangle_edges).enumerate().map(of_one).collect()
+    }
+
+    /// Whether two parts of the triangle are the same.
+    #[inline]
+    pub(super) const fn is_collapsed(self) -> bool {
+        self.first_of & COLLAPSED != 0
     }
 
     /// Whether the first triangles around the vertices and edges of the one may share a vertex with those around those of

@@ -304,7 +304,7 @@ impl SurfaceTopology {
 
     #[inline]
     fn firsts(&self) -> &FirstTriangles {
-        self.firsts.get().map_or_else(|| self.find_firsts(), |firsts| firsts)
+        self.firsts.get().unwrap_or_else(|| self.find_firsts())
     }
 
     #[cold]

@@ -370,7 +370,15 @@ fn neighbors_that_a_broad_phase_left_in_are_told_apart_and_pairs_listed_twice_fa
             }
             assert!(neighbors >= 3 && by_pair.len() + 20 < fates.len(), "{method:?}: {neighbors}, {}", fates.len());
             let count = |fate: PairFate| fates.iter().filter(|&&(_, other)| other == fate).count();
-            assert_eq!(count(PairFate::Touching), app.world().resource::<ContactStore>().touching.len(), "{method:?}");
+            // What is listed twice touches once.
+            let touching =
+                by_pair.iter().filter(|&(_, &fate)| fate == PairFate::Touching).map(|(&triangles, _)| triangles);
+            let stored = &app.world().resource::<ContactStore>().touching;
+            let mut stored: Vec<[u32; 2]> = stored.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
+            if !method.is_exact() {
+                stored.dedup();
+            }
+            assert!(touching.eq(stored), "{method:?}");
             assert!(count(PairFate::Touching) > 20, "{method:?}");
             // In a fold so narrow all balls overlap.
             let some_dropped = count(PairFate::Touching) + neighbors < fates.len();

@@ -7,6 +7,7 @@ use circumsphere_support::random::Random;
 use super::*;
 use crate::kernel::{
     exact::{Feature, FeaturePair},
+    pair::FoundPairs,
     share::OneByOne,
 };
 
@@ -28,7 +29,13 @@ const KINDS: [FeaturePair; 3] = [
     FeaturePair { a: Feature::Vertex(0), b: Feature::Vertex(1) },
 ];
 
-fn contact(random: &mut Random, key: u64, triangles: [u32; 2], is_shared: bool, features: FeaturePair) -> CompactContact {
+fn contact(
+    random: &mut Random,
+    key: u64,
+    triangles: [u32; 2],
+    is_shared: bool,
+    features: FeaturePair,
+) -> CompactContact {
     let [triangle_a, triangle_b] = triangles;
     let turned = random.below(3) == 0;
     CompactContact {
@@ -95,7 +102,7 @@ fn kept(
     share: &impl Share,
 ) -> (Vec<CompactContact>, Vec<SharedContact>) {
     // What is in its place before is overwritten.
-    let mut stored = found.contacts[..unique.count(found)].to_vec();
+    let mut stored = found.contacts[..unique.count(&found.contacts, &found.shared)].to_vec();
     let shared = unique.copy(&found.contacts, before, &mut stored, share).to_vec();
     (stored, shared)
 }
@@ -108,7 +115,8 @@ fn every_pair_of_features_stays_once_on_its_side() {
         let (mut before, mut shared) = (Vec::new(), Vec::new());
         let (mut repeats, mut turned, mut turned_elsewhere) = (0, 0, 0);
         for _ in 0..4 {
-            let mut found = FoundPairs { contacts: contacts(&mut random, pair_count, shared_keys), ..Default::default() };
+            let mut found =
+                FoundPairs { contacts: contacts(&mut random, pair_count, shared_keys), ..Default::default() };
             found.list_shared(0);
             let expected = expected(&found.contacts, &before);
             let last = Before { contacts: &before, shared: &shared };

@@ -7,18 +7,24 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f32x4, f32x8, f64x8, mask64x8, prelude::*, u64x8};
-use glam::DVec3;
+use fearless_simd::{Level, dispatch, f64x8, prelude::*, u64x8};
 
+use self::{
+    features::{Found, Side, boundary_cases, edge_edge, may_pierce, vertices_and_edges, vertices_over_face},
+    gather::corners_in_lanes,
+};
 use super::{
     cases::{BoundaryCases, Cases},
-    triangle_pair::{AT_END, PARALLEL_SINE, ROUND_OFF, TIE},
+    triangle_pair::{ROUND_OFF, TIE},
 };
 use crate::kernel::{
     corner_rows::CornerRow,
-    lanes::{DoubleVectorLanes, WIDTH, first_lanes, widened},
+    lanes::{WIDTH, first_lanes},
     pose::Pose,
 };
+
+mod features;
+mod gather;
 
 /// A volume of three edges may be of either sign where it is below this share of the cube of the pair's largest
 /// coordinate: seven times what its rounding amounts to.
@@ -282,230 +288,4 @@ impl PairScreen {
             on_boundary: on_boundary.to_bitmask() as u32,
         }
     }
-}
-
-/// The corners of eight triangles, one number to the lanes, moved as [`Pose::transform_point`] does it.
-#[inline(always)]
-fn corners_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH], pose: Option<&Pose>) -> [DoubleVectorLanes<S>; 3] {
-    let numbers = numbers_in_lanes(simd, rows);
-    let corner = |place: usize| DoubleVectorLanes {
-        x: numbers[3 * place],
-        y: numbers[3 * place + 1],
-        z: numbers[3 * place + 2],
-    };
-    let corners = [corner(0), corner(1), corner(2)];
-    match pose {
-        Some(pose) => [moved(simd, pose, corners[0]), moved(simd, pose, corners[1]), moved(simd, pose, corners[2])],
-        None => corners,
-    }
-}
-
-/// The nine numbers of eight triangles: squares of four rows and four columns are turned round.
-#[inline(always)]
-fn numbers_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH]) -> [f64x8<S>; 9] {
-    let row = |lane: usize| rows[lane].corners.as_flattened();
-    let square = |first_row: usize, first: usize| {
-        let load = |place: usize| f32x4::from_slice(simd, &row(first_row + place)[first..first + 4]);
-        let ((a, b), (c, d)) = (load(0).interleave(load(2)), load(1).interleave(load(3)));
-        let ((first, second), (third, fourth)) = (a.interleave(c), b.interleave(d));
-        [first, second, third, fourth]
-    };
-    let [low, high] = [[square(0, 0), square(4, 0)], [square(0, 4), square(4, 4)]];
-    let last = [row(0)[8], row(1)[8], row(2)[8], row(3)[8], row(4)[8], row(5)[8], row(6)[8], row(7)[8]];
-    let column = |halves: &[[f32x4<S>; 4]; 2], place: usize| widened(halves[0][place].combine(halves[1][place]));
-    [
-        column(&low, 0),
-        column(&low, 1),
-        column(&low, 2),
-        column(&low, 3),
-        column(&high, 0),
-        column(&high, 1),
-        column(&high, 2),
-        column(&high, 3),
-        widened(f32x8::from_slice(simd, &last)),
-    ]
-}
-
-#[inline(always)]
-fn moved<S: Simd>(simd: S, pose: &Pose, point: DoubleVectorLanes<S>) -> DoubleVectorLanes<S> {
-    let affine = pose.to_affine();
-    let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
-    let along = |axis: DVec3, factor: f64x8<S>| DoubleVectorLanes::splat(simd, axis).scaled(factor);
-    let turned = along(x, point.x).plus(along(y, point.y)).plus(along(z, point.z));
-    turned.plus(DoubleVectorLanes::splat(simd, affine.translation))
-}
-
-/// A triangle of each pair with what every case needs.
-struct Side<S: Simd> {
-    corners: [DoubleVectorLanes<S>; 3],
-    edges: [DoubleVectorLanes<S>; 3],
-    lengths_squared: [f64x8<S>; 3],
-    normal: DoubleVectorLanes<S>,
-}
-
-impl<S: Simd> Side<S> {
-    #[inline(always)]
-    fn new(_: S, corners: [DoubleVectorLanes<S>; 3]) -> Self {
-        let edges = [(corners[1] - corners[0]), (corners[2] - corners[1]), (corners[0] - corners[2])];
-        let lengths_squared = [edges[0].dot(edges[0]), edges[1].dot(edges[1]), edges[2].dot(edges[2])];
-        Self { corners, edges, lengths_squared, normal: edges[0].cross(edges[1]) }
-    }
-}
-
-/// The cases found so far, one bit each, the least squared distance, and whose it is.
-struct Found<S: Simd> {
-    cases: u64x8<S>,
-    nearest: f64x8<S>,
-    closest: u64x8<S>,
-}
-
-impl<S: Simd> Found<S> {
-    #[inline(always)]
-    fn add(&mut self, possible: mask64x8<S>, Cases(case): Cases) {
-        self.cases = possible.select(self.cases | u64::from(case), self.cases);
-    }
-
-    /// A distance counts wherever there is one, a case only within the range.
-    #[inline(always)]
-    fn add_distance(
-        &mut self,
-        possible: mask64x8<S>,
-        within_range: mask64x8<S>,
-        case: Cases,
-        distance_squared: f64x8<S>,
-    ) {
-        self.add(possible & within_range, case);
-        let nearer = possible & distance_squared.simd_lt(self.nearest);
-        self.nearest = nearer.select(distance_squared, self.nearest);
-        self.closest = nearer.select(u64x8::splat(self.cases.simd, u64::from(case.0)), self.closest);
-    }
-}
-
-/// The squared distance of every vertex of one from every edge of the other, and where along the edge it is closest.
-#[inline(always)]
-fn vertices_and_edges<S: Simd>(
-    simd: S,
-    own: &Side<S>,
-    other: &Side<S>,
-    distances_squared: &mut [f64x8<S>],
-    alongs: &mut [f64x8<S>],
-) {
-    let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
-    for edge in 0..3 {
-        let squared = other.lengths_squared[edge];
-        let inverse = squared.simd_gt(zero).select(one / squared, zero);
-        for vertex in 0..3 {
-            let from_start = own.corners[vertex] - other.corners[edge];
-            let along = (from_start.dot(other.edges[edge]) * inverse).max(zero).min(one);
-            let between = from_start - other.edges[edge].scaled(along);
-            distances_squared[3 * vertex + edge] = between.dot(between);
-            alongs[3 * vertex + edge] = along;
-        }
-    }
-}
-
-/// The [`BoundaryCases`] within a squared distance.
-#[inline(always)]
-fn boundary_cases<S: Simd>(
-    simd: S,
-    distances_squared: &[f64x8<S>; 18],
-    alongs: &[f64x8<S>; 18],
-    most: f64x8<S>,
-) -> u64x8<S> {
-    let mut cases = u64x8::splat(simd, 0);
-    for place in 0..18 {
-        let is_case = distances_squared[place].simd_le(most) & !alongs[place].simd_ge(1.0 - AT_END);
-        let at_start = alongs[place].simd_le(AT_END);
-        if place < 9 {
-            let case = at_start.select(
-                u64x8::splat(simd, BoundaryCases::of_vertices(place)),
-                u64x8::splat(simd, 1 << place),
-            );
-            cases = is_case.select(cases | case, cases);
-        } else {
-            cases = (is_case & !at_start).select(cases | 1u64 << place, cases);
-        }
-    }
-    cases
-}
-
-/// Returns how high each vertex is, in lengths of the face's normal.
-#[inline(always)]
-fn vertices_over_face<S: Simd>(
-    simd: S,
-    own: &Side<S>,
-    other: &Side<S>,
-    range_squared: f64x8<S>,
-    vertex_of_a: bool,
-    found: &mut Found<S>,
-) -> [f64x8<S>; 3] {
-    let inward =
-        [other.normal.cross(other.edges[0]), other.normal.cross(other.edges[1]), other.normal.cross(other.edges[2])];
-    let inverse = f64x8::splat(simd, 1.0) / other.normal.dot(other.normal);
-    let mut heights = [inverse; 3];
-    for vertex in 0..3 {
-        let from_first = own.corners[vertex] - other.corners[0];
-        let height = other.normal.dot(from_first);
-        let distance_squared = height * height * inverse;
-        // Of a face without an area it is no number, or infinite.
-        let mut possible = distance_squared.simd_lt(f64::INFINITY);
-        for k in 0..3 {
-            let from_corner = own.corners[vertex] - other.corners[k];
-            let area = inward[k].dot(from_corner);
-            possible &= !area.simd_le(0.0);
-        }
-        let within_range = distance_squared.simd_le(range_squared);
-        found.add_distance(possible, within_range, Cases::vertex_face(vertex_of_a, vertex), distance_squared);
-        heights[vertex] = height;
-    }
-    heights
-}
-
-/// Returns six times the volume between the edges, but for the sign.
-#[inline(always)]
-fn edge_edge<S: Simd>(
-    simd: S,
-    a: &Side<S>,
-    b: &Side<S>,
-    [edge_a, edge_b]: [usize; 2],
-    range_squared: f64x8<S>,
-    found: &mut Found<S>,
-) -> f64x8<S> {
-    let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
-    let (u, v) = (a.edges[edge_a], b.edges[edge_b]);
-    let normal = u.cross(v);
-    let normal_squared = normal.dot(normal);
-    let between = b.corners[edge_b] - a.corners[edge_a];
-    let height = normal.dot(between);
-    let inverse = one / normal_squared;
-    let distance_squared = height * height * inverse;
-    let lengths_squared = a.lengths_squared[edge_a] * (PARALLEL_SINE * PARALLEL_SINE) * b.lengths_squared[edge_b];
-    let along_a = between.cross(v).dot(normal) * inverse;
-    let along_b = between.cross(u).dot(normal) * inverse;
-    let inside = along_a.simd_gt(zero) & along_a.simd_lt(one) & along_b.simd_gt(zero) & along_b.simd_lt(one);
-    let possible = inside & !normal_squared.simd_le(lengths_squared);
-    let within_range = !distance_squared.simd_gt(range_squared);
-    found.add_distance(possible, within_range, Cases::edges(edge_a, edge_b), distance_squared);
-    height
-}
-
-/// Whether the ends of an edge may lie on different sides of a face's plane, and the face's three edges pass it on the same
-/// side; and whether there is no doubt about either.
-#[inline(always)]
-fn may_pierce<S: Simd>(
-    simd: S,
-    heights: &[f64x8<S>; 3],
-    edge: usize,
-    volumes: [f64x8<S>; 3],
-    rounding: f64x8<S>,
-) -> (mask64x8<S>, mask64x8<S>) {
-    let zero = f64x8::splat(simd, 0.0);
-    let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
-    let same_side = (from.simd_gt(zero) & to.simd_gt(zero)) | (from.simd_lt(zero) & to.simd_lt(zero));
-    let least = volumes[0].min(volumes[1]).min(volumes[2]);
-    let largest = volumes[0].max(volumes[1]).max(volumes[2]);
-    let passed_on_both_sides = least.simd_lt(-rounding) & largest.simd_gt(rounding);
-    let on_both_sides = (from.simd_gt(zero) & to.simd_lt(zero)) | (from.simd_lt(zero) & to.simd_gt(zero));
-    let passed_on_one_side = least.simd_gt(rounding) | largest.simd_lt(-rounding);
-    (!(same_side | passed_on_both_sides), on_both_sides & passed_on_one_side)
 }

@@ -153,7 +153,22 @@ impl<S: Simd> VectorLanes<S> {
     }
 }
 
+impl DoubleVectorRows {
+    #[inline(always)]
+    pub(in crate::kernel) fn get(&self, lane: usize) -> DVec3 {
+        let Self([x, y, z]) = self;
+        DVec3::new(x[lane], y[lane], z[lane])
+    }
+}
+
 impl<S: Simd> DoubleVectorLanes<S> {
+    #[inline(always)]
+    pub(in crate::kernel) fn store(self, DoubleVectorRows([x, y, z]): &mut DoubleVectorRows) {
+        self.x.store_slice(x);
+        self.y.store_slice(y);
+        self.z.store_slice(z);
+    }
+
     #[inline(always)]
     pub(in crate::kernel) fn rounded(self) -> VectorLanes<S> {
         VectorLanes { x: rounded(self.x), y: rounded(self.y), z: rounded(self.z) }

@@ -1,0 +1,125 @@
+//! Which features of a pair of triangles the pair reports, so that mostly each is reported once.
+
+use crate::kernel::{
+    exact::{Cases, Feature, FeaturePair},
+    ids::{EdgeId, TriangleId, VertexId},
+    pair::{RowPair, SurfaceSide},
+};
+
+/// Which features of a pair it reports.
+pub(super) struct Reported {
+    pub(super) cases: Cases,
+    /// Those of them that other pairs may report, too, and maybe others.
+    pub(super) shared: Cases,
+}
+
+impl Reported {
+    /// Adds a case if it is reported, and whether it is shared.
+    fn add(&mut self, case: Cases, is_shared: Option<bool>) {
+        if let Some(is_shared) = is_shared {
+            self.cases = self.cases.or(case);
+            self.shared = if is_shared { self.shared.or(case) } else { self.shared };
+        }
+    }
+
+    /// Whether other pairs may report these features, too.
+    pub(super) fn is_shared(&self, features: FeaturePair) -> bool {
+        let case = Cases::of(features);
+        case.without_boundary().are_none() || self.shared.contain(case)
+    }
+}
+
+/// Those of a pair's cases that it reports, see [`reports`].
+#[inline]
+pub(super) fn reported_cases(pair: &RowPair<'_>, same_surface: bool, cases: Cases) -> Reported {
+    let [a, b] = pair.sides;
+    let [around_a, around_b] = pair.rows.map(|row| row.surroundings);
+    let shared = if around_a.is_collapsed() || around_b.is_collapsed() { Cases::ALL } else { Cases::NONE };
+    let mut reported = Reported { cases: Cases::between(around_a.first_of, around_b.first_of), shared };
+    if a.topology.is_welded() || b.topology.is_welded() {
+        for case in cases.without(reported.cases).without_boundary().each() {
+            reported.add(case, reports(a, b, same_surface, pair.triangles, case.features()));
+        }
+    } else if same_surface && around_a.firsts_may_meet(around_b) {
+        for case in cases.without(reported.cases).without_boundary().each() {
+            let [part_a, part_b] = case.parts();
+            let [first_a, first_b] =
+                [(0, part_a), (1, part_b)].map(|(side, part)| pair.rows[side].first_around(a.topology, part));
+            let [x, y, z] = first_b;
+            // Without short circuits: nine comparisons cost less than one branch that is hard to predict.
+            let meet = |vertex: u32| (vertex == x) | (vertex == y) | (vertex == z);
+            reported.add(case, (meet(first_a[0]) | meet(first_a[1]) | meet(first_a[2])).then_some(true));
+        }
+    }
+    reported
+}
+
+/// Whether this pair of triangles reports a feature pair, and if so whether others may, too. The pair of the first triangles
+/// around both features does alone, unless those are neighbors, which are no pair: then every pair does that has both features,
+/// and only the first of them stays later, as of pairs that are closest on a boundary.
+pub(super) fn reports(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    same_surface: bool,
+    triangles: [u32; 2],
+    features: FeaturePair,
+) -> Option<bool> {
+    if matches!(
+        (features.a, features.b),
+        (Feature::Vertex(_), Feature::Vertex(_) | Feature::Edge(_)) | (Feature::Edge(_), Feature::Vertex(_))
+    ) {
+        return Some(true);
+    }
+    let first_around = |side: &SurfaceSide<'_>, triangle: u32, feature: Feature| {
+        let around = triangles_around(side, triangle, feature).unwrap_or_default();
+        around.iter().copied().find(|&candidate| shares_feature(side, triangle, feature, candidate)).unwrap_or(triangle)
+    };
+    let firsts = [first_around(a, triangles[0], features.a), first_around(b, triangles[1], features.b)];
+    if firsts == triangles {
+        let is_collapsed = |side: usize| {
+            let surface = [a, b][side];
+            surface.topology.surroundings(TriangleId(triangles[side])).is_collapsed()
+        };
+        return Some(is_collapsed(0) || is_collapsed(1));
+    }
+    let are_neighbors = same_surface && a.topology.share_vertex(TriangleId(firsts[0]), TriangleId(firsts[1]));
+    are_neighbors.then_some(true)
+}
+
+pub(in crate::kernel) fn triangles_around<'a>(
+    side: &SurfaceSide<'a>,
+    triangle: u32,
+    feature: Feature,
+) -> Option<&'a [u32]> {
+    match feature {
+        Feature::Vertex(corner) => {
+            let vertex = side.topology.welded_triangles()[triangle as usize][corner as usize];
+            Some(side.topology.triangles_of_vertex(VertexId(vertex)))
+        }
+        Feature::Edge(edge) => Some(
+            side.topology.triangles_of_edge(EdgeId(side.topology.triangle_edges()[triangle as usize][edge as usize])),
+        ),
+        Feature::Face => None,
+    }
+}
+
+/// Whether `candidate` still has the feature of `triangle` at the same place: vertices that were welded because they
+/// coincided once may have moved apart since.
+fn shares_feature(side: &SurfaceSide<'_>, triangle: u32, feature: Feature, candidate: u32) -> bool {
+    if candidate == triangle || !side.topology.is_welded() {
+        return true;
+    }
+    let same_corner = |corner: usize| {
+        let vertex = side.topology.triangles()[triangle as usize][corner];
+        let welded = side.topology.weld()[vertex as usize];
+        let own = side.positions[vertex as usize];
+        side.topology.triangles()[candidate as usize].iter().any(|&other| {
+            other == vertex || side.topology.weld()[other as usize] == welded && side.positions[other as usize] == own
+        })
+    };
+    match feature {
+        Feature::Vertex(corner) => same_corner(corner as usize),
+        Feature::Edge(edge) => same_corner(edge as usize) && same_corner((edge as usize + 1) % 3),
+        Feature::Face => true,
+    }
+}
