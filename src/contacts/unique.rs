@@ -46,6 +46,8 @@ pub(super) struct UniqueContacts {
 /// What is known of some consecutive contacts once they are copied.
 #[derive(Default)]
 struct Part {
+    /// How many there are.
+    count: u32,
     /// Those that are shared and have sides, by their places from the first of the part on.
     shared: Vec<SharedContact>,
     /// Those of them that the same triangles did not report in the last tick.
@@ -72,11 +74,12 @@ impl UniqueContacts {
         stored: &mut [CompactContact],
         share: &impl Share,
     ) -> &[SharedContact] {
-        let ends = ends_of_parts(found);
-        let (left_out, room) = (&self.left_out, &mut *stored);
+        for part in &mut self.parts {
+            part.clear();
+        }
         self.parts.resize_with(self.parts.len().max(found.len().div_ceil(PART)), Part::default);
-        let mut rest = (0, &left_out[..], room);
-        let tasks = ends.zip(&mut self.parts).map(|(end, part)| {
+        let mut rest = (0, &self.left_out[..], &mut *stored);
+        let tasks = ends_of_parts(found).zip(&mut self.parts).map(|(end, part)| {
             let (start, left_out, stored) = mem::take(&mut rest);
             let (left_out, later_left_out) =
                 left_out.split_at(left_out.partition_point(|&place| (place as usize) < end));
@@ -88,24 +91,20 @@ impl UniqueContacts {
             copy_all_but(&found[range.clone()], range.start, left_out, stored);
             part.keep_sides(stored, before.contacts);
         });
-        self.join(found);
+        self.join();
         self.keep_shared_sides(before, stored);
         &self.shared
     }
 
     /// Joins what is known of the parts, whose contacts are then told by their places among all.
-    fn join(&mut self, found: &[CompactContact]) {
+    fn join(&mut self) {
         self.shared.clear();
         self.unmatched.clear();
-        let (mut start, mut left_out) = (0, &self.left_out[..]);
         let mut first = 0;
-        for (end, part) in ends_of_parts(found).zip(&self.parts) {
+        for part in &self.parts {
             self.shared.extend(part.shared.iter().map(|shared| shared.later(first)));
             self.unmatched.extend(part.unmatched.iter().map(|shared| (shared.key, shared.place + first)));
-            let count = left_out.partition_point(|&place| (place as usize) < end);
-            left_out = &left_out[count..];
-            first += (end - start - count) as u32;
-            start = end;
+            first += part.count;
         }
     }
 
@@ -125,10 +124,15 @@ impl UniqueContacts {
 }
 
 impl Part {
-    /// Turns contacts round whose normals have turned round.
-    fn keep_sides(&mut self, stored: &mut [CompactContact], before: &[CompactContact]) {
+    fn clear(&mut self) {
+        self.count = 0;
         self.shared.clear();
         self.unmatched.clear();
+    }
+
+    /// Turns contacts round whose normals have turned round.
+    fn keep_sides(&mut self, stored: &mut [CompactContact], before: &[CompactContact]) {
+        self.count = stored.len() as u32;
         let Some(first) = stored.first() else { return };
         let mut before = &before[before.partition_point(|other| other.triangles() < first.triangles())..];
         for (place, contact) in (0..).zip(stored) {

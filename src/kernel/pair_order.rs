@@ -246,14 +246,13 @@ impl PairSorter {
         if pairs.is_sorted_by(are_in_order) && !pairs.last().is_some_and(is_turned) {
             return pairs;
         }
-        if pairs.iter().any(is_turned) {
-            let turned = pairs.iter().map(|&[first, second]| [first.min(second), first.max(second)]);
-            self.sorted.clear();
-            self.sorted.extend(turned);
-            self.sorted.sort_unstable();
-        } else if !self.sort_from(pairs, same_surface, share) {
+        if !self.sort_from(pairs, same_surface, share) {
             self.sorted.clear();
             self.sorted.extend_from_slice(pairs);
+        }
+        // Those are sorted by the lower triangle, whichever stands first.
+        for [first, second] in self.sorted.iter_mut().filter(|pair| is_turned(pair)) {
+            std::mem::swap(first, second);
         }
         self.sorted.dedup();
         &self.sorted
@@ -381,25 +380,12 @@ impl<'a, T> Iterator for BucketLists<'a, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::share::OneByOne;
+    use crate::kernel::share::{OnTwoThreads, OneByOne};
 
     /// Numbers that look random, below `end`.
     fn numbers(count: usize, end: u32) -> impl Iterator<Item = u32> {
         (0..count as u64)
             .map(move |place| ((place * 2_654_435_761 + place * place * 40_503) % 4_294_967_291) as u32 % end)
-    }
-
-    /// Every second task after the others, on a thread of its own.
-    struct OnTwoThreads;
-
-    impl Share for OnTwoThreads {
-        fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
-            let (even, odd): (Vec<_>, Vec<_>) = tasks.enumerate().partition(|(number, _)| number % 2 == 0);
-            std::thread::scope(|scope| {
-                scope.spawn(|| even.into_iter().rev().for_each(|(_, task)| work(task)));
-                odd.into_iter().rev().for_each(|(_, task)| work(task));
-            });
-        }
     }
 
     fn pairs(count: usize, [end_a, end_b]: [u32; 2]) -> Vec<[u32; 2]> {

@@ -140,16 +140,7 @@ fn examine_pairs(
             }
             if on_boundary && screen.distances()[place] <= settings.reported_distance {
                 if pair.touches() {
-                    let corners = [rows.corners(0), rows.corners(1)];
-                    proximity.proximities.clear();
-                    examine_boundaries(&pair, &corners, range, &mut proximity.proximities);
-                    for features in &proximity.proximities {
-                        if features.distance * settings.scale <= settings.reported_distance {
-                            let numbers = [rows.number(0, features.features.a), rows.number(1, features.features.b)];
-                            let contact = contact(a, b, settings, rows.triangles, numbers, true, &corners, features);
-                            found.contacts.push(contact);
-                        }
-                    }
+                    add_boundaries(&rows, &pair, settings, &mut proximity, &mut found.contacts);
                 } else {
                     batches.add_boundary(&rows, screen.boundary_cases(place), pair.nothing(), &mut found.contacts);
                 }
@@ -174,6 +165,26 @@ fn examine_pairs(
         close_gaps(&mut found.contacts, first_contact);
     }
     found.list_shared(first_contact);
+}
+
+/// Adds what is on the boundaries of both triangles of a pair without any distance, each for itself.
+fn add_boundaries(
+    rows: &RowPair<'_>,
+    pair: &ScreenedPair,
+    settings: &PairSettings,
+    proximity: &mut PairProximity,
+    contacts: &mut Vec<CompactContact>,
+) {
+    let [a, b] = rows.sides;
+    let corners = [rows.corners(0), rows.corners(1)];
+    proximity.proximities.clear();
+    examine_boundaries(pair, &corners, settings.range / settings.scale, &mut proximity.proximities);
+    for features in &proximity.proximities {
+        if features.distance * settings.scale <= settings.reported_distance {
+            let numbers = [rows.number(0, features.features.a), rows.number(1, features.features.b)];
+            contacts.push(contact(a, b, settings, rows.triangles, numbers, true, &corners, features));
+        }
+    }
 }
 
 /// The places of bits that are set, ascending.

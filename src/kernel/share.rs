@@ -23,3 +23,18 @@ impl Share for OneByOne {
         tasks.for_each(work);
     }
 }
+
+/// For tests of what threads share: every second task is done by a thread of its own, and either thread begins with its last.
+#[cfg(test)]
+pub(crate) struct OnTwoThreads;
+
+#[cfg(test)]
+impl Share for OnTwoThreads {
+    fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
+        let (even, odd): (Vec<_>, Vec<_>) = tasks.enumerate().partition(|(number, _)| number % 2 == 0);
+        std::thread::scope(|scope| {
+            scope.spawn(|| even.into_iter().rev().for_each(|(_, task)| work(task)));
+            odd.into_iter().rev().for_each(|(_, task)| work(task));
+        });
+    }
+}

@@ -93,6 +93,13 @@ struct FirstTriangles {
     opposite: Box<[u32]>,
 }
 
+/// Whether two triangles, given as vertices, have one in common.
+#[inline]
+pub(super) fn share_corner([a0, a1, a2]: [u32; 3], other: [u32; 3]) -> bool {
+    // Without short circuits: nine comparisons cost less than one branch that is hard to predict.
+    other.iter().fold(false, |shared, &vertex| shared | (vertex == a0) | (vertex == a1) | (vertex == a2))
+}
+
 /// How the triangles around an edge fold there.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Hinge {
@@ -358,10 +365,7 @@ impl SurfaceTopology {
     #[must_use]
     #[inline]
     pub fn share_vertex(&self, a: TriangleId, b: TriangleId) -> bool {
-        let [a0, a1, a2] = self.welded_triangles[a.index()];
-        let other = self.welded_triangles[b.index()];
-        // Without short circuits: nine comparisons cost less than one branch that is hard to predict.
-        other.iter().fold(false, |shared, &vertex| shared | (vertex == a0) | (vertex == a1) | (vertex == a2))
+        share_corner(self.welded_triangles[a.index()], self.welded_triangles[b.index()])
     }
 
     /// Whether every edge has two triangles that run through it in opposite directions: the surface has an inside.

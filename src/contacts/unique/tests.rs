@@ -8,20 +8,8 @@ use super::*;
 use crate::kernel::{
     exact::{Feature, FeaturePair},
     pair::FoundPairs,
-    share::OneByOne,
+    share::{OnTwoThreads, OneByOne},
 };
-
-/// Hands out tasks from the last to the first.
-struct LastFirst;
-
-impl Share for LastFirst {
-    fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
-        let mut tasks: Vec<P> = tasks.collect();
-        while let Some(task) = tasks.pop() {
-            work(task);
-        }
-    }
-}
 
 const KINDS: [FeaturePair; 3] = [
     FeaturePair { a: Feature::Vertex(0), b: Feature::Face },
@@ -122,7 +110,7 @@ fn every_pair_of_features_stays_once_on_its_side() {
             let last = Before { contacts: &before, shared: &shared };
             let (stored, now_shared) = kept(&mut unique, &found, last, &OneByOne);
             assert!(stored == expected, "{pair_count} pairs");
-            assert!(kept(&mut unique, &found, last, &LastFirst) == (stored.clone(), now_shared.clone()));
+            assert!(kept(&mut unique, &found, last, &OnTwoThreads) == (stored.clone(), now_shared.clone()));
             for shared in &now_shared {
                 assert_eq!(stored[shared.place as usize].key, shared.key);
             }

@@ -279,10 +279,8 @@ impl Results {
     /// Writes the contacts of a batch, and empties it.
     #[inline(always)]
     fn write(&self, batch: &mut Batch, sides: Sides<'_>, contacts: &mut [CompactContact], left: &mut LeftOver) {
-        let lanes = (1 << batch.tasks.len()) - 1;
-        let is_whole = self.reported & lanes == lanes;
         for (lane, task) in batch.tasks.iter().enumerate() {
-            if is_whole || self.reported >> lane & 1 != 0 {
+            if self.reported >> lane & 1 != 0 {
                 // Written where it stays: whoever copies a record that has just been put together waits for its parts.
                 contacts[task.place as usize] = self.contact(lane, task, sides.same_surface);
                 if let Some(solid) = sides.solid

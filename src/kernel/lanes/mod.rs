@@ -61,6 +61,13 @@ macro_rules! vectors {
             }
 
             #[inline(always)]
+            pub(in crate::kernel) fn store(self, $Rows([x, y, z]): &mut $Rows) {
+                self.x.store_slice(x);
+                self.y.store_slice(y);
+                self.z.store_slice(z);
+            }
+
+            #[inline(always)]
             pub(in crate::kernel) fn dot(self, other: Self) -> $numbers<S> {
                 self.x * other.x + self.y * other.y + self.z * other.z
             }
@@ -108,6 +115,12 @@ macro_rules! vectors {
             pub(in crate::kernel) const ZERO: Self = Self([[0.0; WIDTH]; 3]);
 
             #[inline(always)]
+            pub(in crate::kernel) fn get(&self, lane: usize) -> $Vector {
+                let Self([x, y, z]) = self;
+                $Vector::new(x[lane], y[lane], z[lane])
+            }
+
+            #[inline(always)]
             pub(in crate::kernel) fn set(&mut self, lane: usize, vector: $Vector) {
                 let Self([x, y, z]) = self;
                 (x[lane], y[lane], z[lane]) = (vector.x, vector.y, vector.z);
@@ -119,22 +132,7 @@ macro_rules! vectors {
 vectors!(VectorLanes, VectorRows, f32x8, mask32x8, f32, Vec3, 32);
 vectors!(DoubleVectorLanes, DoubleVectorRows, f64x8, mask64x8, f64, DVec3, 64);
 
-impl VectorRows {
-    #[inline(always)]
-    pub(in crate::kernel) fn get(&self, lane: usize) -> Vec3 {
-        let Self([x, y, z]) = self;
-        Vec3::new(x[lane], y[lane], z[lane])
-    }
-}
-
 impl<S: Simd> VectorLanes<S> {
-    #[inline(always)]
-    pub(in crate::kernel) fn store(self, VectorRows([x, y, z]): &mut VectorRows) {
-        self.x.store_slice(x);
-        self.y.store_slice(y);
-        self.z.store_slice(z);
-    }
-
     #[inline(always)]
     pub(in crate::kernel) fn stored(self) -> VectorRows {
         let mut rows = VectorRows::ZERO;
@@ -153,22 +151,7 @@ impl<S: Simd> VectorLanes<S> {
     }
 }
 
-impl DoubleVectorRows {
-    #[inline(always)]
-    pub(in crate::kernel) fn get(&self, lane: usize) -> DVec3 {
-        let Self([x, y, z]) = self;
-        DVec3::new(x[lane], y[lane], z[lane])
-    }
-}
-
 impl<S: Simd> DoubleVectorLanes<S> {
-    #[inline(always)]
-    pub(in crate::kernel) fn store(self, DoubleVectorRows([x, y, z]): &mut DoubleVectorRows) {
-        self.x.store_slice(x);
-        self.y.store_slice(y);
-        self.z.store_slice(z);
-    }
-
     #[inline(always)]
     pub(in crate::kernel) fn rounded(self) -> VectorLanes<S> {
         VectorLanes { x: rounded(self.x), y: rounded(self.y), z: rounded(self.z) }

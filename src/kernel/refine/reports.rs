@@ -4,6 +4,7 @@ use crate::kernel::{
     exact::{Cases, Feature, FeaturePair},
     ids::{EdgeId, TriangleId, VertexId},
     pair::{RowPair, SurfaceSide},
+    topology::share_corner,
 };
 
 /// Which features of a pair it reports.
@@ -45,10 +46,7 @@ pub(super) fn reported_cases(pair: &RowPair<'_>, same_surface: bool, cases: Case
             let [part_a, part_b] = case.parts();
             let [first_a, first_b] =
                 [(0, part_a), (1, part_b)].map(|(side, part)| pair.rows[side].first_around(a.topology, part));
-            let [x, y, z] = first_b;
-            // Without short circuits: nine comparisons cost less than one branch that is hard to predict.
-            let meet = |vertex: u32| (vertex == x) | (vertex == y) | (vertex == z);
-            reported.add(case, (meet(first_a[0]) | meet(first_a[1]) | meet(first_a[2])).then_some(true));
+            reported.add(case, share_corner(first_a, first_b).then_some(true));
         }
     }
     reported
@@ -76,11 +74,8 @@ pub(super) fn reports(
     };
     let firsts = [first_around(a, triangles[0], features.a), first_around(b, triangles[1], features.b)];
     if firsts == triangles {
-        let is_collapsed = |side: usize| {
-            let surface = [a, b][side];
-            surface.topology.surroundings(TriangleId(triangles[side])).is_collapsed()
-        };
-        return Some(is_collapsed(0) || is_collapsed(1));
+        let around = |side: &SurfaceSide<'_>, triangle: u32| side.topology.surroundings(TriangleId(triangle));
+        return Some(around(a, triangles[0]).is_collapsed() || around(b, triangles[1]).is_collapsed());
     }
     let are_neighbors = same_surface && a.topology.share_vertex(TriangleId(firsts[0]), TriangleId(firsts[1]));
     are_neighbors.then_some(true)
