@@ -117,8 +117,8 @@ impl Stage {
             move_surface(&mut self.app, entity, positions(scene, body, tick));
         }
         detect(&mut self.app);
-        let touching = &self.app.world().resource::<ContactStore>().touching;
-        touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
+        let store = self.app.world().resource::<ContactStore>();
+        store.touching().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
     }
 
     /// What became of each of these pairs, counted; `None` for those that the broad phase has not paired.

@@ -92,8 +92,8 @@ fn measure_method(method: ContactMethod) -> HeadlineRow {
         median_ms,
         least_ms: times[0],
         share_of_frame: median_ms / FRAME_MILLISECONDS,
-        touching: store.touching.len(),
-        contacts: store.contacts.len(),
+        touching: store.touching_count(),
+        contacts: store.contact_count(),
     }
 }
 

@@ -77,8 +77,8 @@ impl Ours {
                 .find(|stage| stage.name == "broad phase")
                 .map(|stage| stage.pairs_in as u64),
             tested: Some(diagnostics.pairs_examined as u64).filter(|_| self.method.is_exact()),
-            touching: Some(store.touching.len() as u64),
-            contacts: Some(store.contacts.len() as u64),
+            touching: Some(store.touching_count() as u64),
+            contacts: Some(store.contact_count() as u64),
         }
     }
 

@@ -168,7 +168,7 @@ fn play(judged: &Judged, method: ContactMethod, settings: CircumsphereSettings) 
             let mut touching = BTreeSet::new();
             for pair in &store.pairs {
                 let sides = [number(pair.a.entity()), number(pair.b.entity())];
-                let triangles = store.touching[pair.touching.clone()].iter();
+                let triangles = pair.touching.iter();
                 touching.extend(triangles.map(|both| [sides[0], sides[1], both.triangle_a, both.triangle_b]));
             }
             let stages = &app.world().resource::<DetectionDiagnostics>().stages;

@@ -72,8 +72,8 @@ pub fn detect(app: &mut App) -> (Detection, Duration) {
         total: diagnostics.total(),
         stages: diagnostics.stages.clone(),
         recipes_refreshed: diagnostics.recipes_refreshed,
-        pairs: store.touching.len(),
-        contacts: store.contacts.len(),
+        pairs: store.touching_count(),
+        contacts: store.contact_count(),
     };
     (detection, diagnostics.first_tree_builds)
 }

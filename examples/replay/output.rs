@@ -163,7 +163,7 @@ fn pair_rows(frame: usize, contacts: &FrameContacts) -> Vec<PairRow> {
     let mut rows = Vec::new();
     for pair in &contacts.store.pairs {
         let (part_a, part_b) = (contacts.parts[&pair.a.entity()], contacts.parts[&pair.b.entity()]);
-        rows.extend(contacts.store.touching[pair.touching.clone()].iter().map(|touching| {
+        rows.extend(pair.touching.iter().map(|touching| {
             let first = part_a.triangles[touching.triangle_a as usize];
             let second = part_b.triangles[touching.triangle_b as usize];
             PairRow { frame, triangle_a: first.min(second), triangle_b: first.max(second), distance: touching.distance }

@@ -401,11 +401,12 @@ impl<'a> Errors<'a> {
 
 /// Every touching pair with its distance, sorted by name.
 fn touching_pairs(played: &PlayedTick) -> Vec<(PairName, f64)> {
-    let mut pairs: Vec<(PairName, f64)> = Vec::with_capacity(played.store.touching.len());
+    let mut pairs: Vec<(PairName, f64)> = Vec::with_capacity(played.store.touching_count());
     for stored in &played.store.pairs {
         let bodies = [stored.a, stored.b].map(|side| played.body(side.entity()) as u32);
         pairs.extend(
-            played.store.touching[stored.touching.clone()]
+            stored
+                .touching
                 .iter()
                 .map(|touching| ([bodies[0], bodies[1], touching.triangle_a, touching.triangle_b], touching.distance)),
         );
@@ -477,7 +478,7 @@ impl<'a> ContactNormals<'a> {
         let mut of_features = HashMap::new();
         for stored in &played.store.pairs {
             let bodies = [stored.a, stored.b].map(|side| played.body(side.entity()) as u32);
-            for contact in &played.store.contacts[stored.contacts.clone()] {
+            for contact in stored.contacts.iter() {
                 let numbers = contact.feature_numbers();
                 let names = ((rank(contact.features.a), numbers[0]), (rank(contact.features.b), numbers[1]));
                 let normal = stored.frame_pose.transform_direction(contact.normal.as_dvec3());
@@ -534,10 +535,10 @@ struct TickContacts {
 
 impl TickContacts {
     fn of(played: &PlayedTick) -> Self {
-        let mut contacts = Vec::with_capacity(played.store.contacts.len());
+        let mut contacts = Vec::with_capacity(played.store.contact_count());
         for stored in &played.store.pairs {
             let bodies = [stored.a, stored.b].map(|side| played.body(side.entity()) as u32);
-            contacts.extend(played.store.contacts[stored.contacts.clone()].iter().map(|contact: &CompactContact| {
+            contacts.extend(stored.contacts.iter().map(|contact: &CompactContact| {
                 let normal = stored.frame_pose.transform_direction(contact.normal.as_dvec3());
                 let crosses = contact.features.kind() == FeatureKind::EdgeFace;
                 (bodies, contact.key.0, if contact.swapped { -normal } else { normal }, crosses)

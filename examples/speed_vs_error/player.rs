@@ -5,10 +5,7 @@ use std::{mem::size_of, sync::Arc, time::Duration};
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
-    detection::{
-        CandidateTrianglePairs, MeetingCaps, OverlappingTrianglePairs, RefinedTrianglePairs, SphereContacts,
-        StageDiagnostics,
-    },
+    detection::{CandidateTrianglePairs, MeetingCaps, OverlappingTrianglePairs, StageDiagnostics},
     kernel::{
         contact::{CompactContact, TouchingPair},
         topology::SurfaceTopology,
@@ -130,21 +127,19 @@ impl Stage {
         let candidates = &world.resource::<CandidateTrianglePairs>().pairs;
         let overlapping = &world.resource::<OverlappingTrianglePairs>().pairs;
         let meeting = &world.resource::<MeetingCaps>().pairs;
-        let spheres = &world.resource::<SphereContacts>().pairs;
-        let refined = &world.resource::<RefinedTrianglePairs>().pairs;
         let store = world.resource::<ContactStore>();
         let pair = size_of::<[u32; 2]>();
         let (touching, contact) = (size_of::<TouchingPair>(), size_of::<CompactContact>());
         let candidate_lists = candidates.iter().map(|list| list.triangles.capacity() * pair).sum::<usize>()
             + overlapping.iter().map(|list| list.capacity() * pair).sum::<usize>()
-            + meeting.iter().map(|list| list.capacity() * pair).sum::<usize>()
-            + refined
-                .iter()
-                .chain(spheres)
-                .map(|found| found.touching.capacity() * touching + found.contacts.capacity() * contact)
-                .sum::<usize>();
-        // The store of the tick before is kept too, and is as large.
-        let contact_lists = 2 * (store.touching.capacity() * touching + store.contacts.capacity() * contact);
+            + meeting.iter().map(|list| list.capacity() * pair).sum::<usize>();
+        let contact_lists: usize = store
+            .pairs
+            .iter()
+            .map(|pair| pair.touching.capacity() * touching + pair.contacts.capacity() * contact)
+            .sum();
+        // The memory of the tick before is kept for the next one, and is as large.
+        let contact_lists = 2 * contact_lists;
         Memory { all: self.held, candidate_lists, contact_lists }
     }
 }

@@ -172,10 +172,10 @@ fn check_contacts(app: &App) {
     for pair in &store.pairs {
         assert!(pair.nearest >= 0.0, "the nearest pair is {} away", pair.nearest);
     }
-    for touching in &store.touching {
+    for touching in store.touching() {
         assert!(touching.distance >= 0.0, "{touching:?}");
     }
-    for contact in &store.contacts {
+    for contact in store.contacts() {
         let weights = [contact.barycentric_a, contact.barycentric_b];
         assert!(weights.iter().flatten().all(|weight| !weight.is_nan()), "{contact:?}");
         assert!(!contact.normal.is_nan() && !contact.point_b.is_nan() && !contact.distance.is_nan(), "{contact:?}");

@@ -1,6 +1,4 @@
-//! Last stage: what the stages found becomes the store of this tick.
-//!
-//! The writer beside this sorts and stores all of them.
+//! Last stage: what the stages found becomes the store of this tick, in the same lists.
 
 use std::{collections::HashMap, sync::Arc, time::Instant};
 
@@ -8,14 +6,13 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
+    sides::{Before, Sides},
     store::{ContactSide, ContactStore, StoredPair},
-    unique::{Before, UniqueContacts},
-    write::StoreWriter,
 };
 use crate::{
     detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, RefinedTrianglePairs, SphereContacts, StageList,
-        SurfacePair, broad_phase::OtherSide,
+        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, PairContacts, RefinedTrianglePairs,
+        SphereContacts, StageList, SurfacePair, Threads, broad_phase::OtherSide,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -48,12 +45,12 @@ fn gather_contacts(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
-    refined: Res<RefinedTrianglePairs>,
+    mut refined: ResMut<RefinedTrianglePairs>,
     mut spheres: ResMut<SphereContacts>,
     mut store: ResMut<ContactStore>,
     mut previous: Local<ContactStore>,
     mut kept: Local<KeptPairs>,
-    mut unique: Local<UniqueContacts>,
+    mut sides: Local<Sides>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
 ) {
@@ -65,7 +62,7 @@ fn gather_contacts(
     if memory.keeps_all() && !is_spoiled {
         store.tick += 1;
         memory.seal(StageList::Store, store.last_changed());
-        diagnostics.finish("contacts", start, 0, store.contacts.len());
+        diagnostics.finish("contacts", start, 0, store.contact_count());
         return;
     }
     std::mem::swap(&mut *store, &mut *previous);
@@ -77,73 +74,76 @@ fn gather_contacts(
     std::mem::swap(stored_places, last_places);
     stored_places.clear();
 
-    let mut writer = StoreWriter::new(&mut store, &mut unique, settings.threads);
     for (place, pair) in candidates.pairs.iter().enumerate() {
-        let is_exact = pair.method.is_exact();
-        // The contacts of kept pairs of spheres are nowhere else: those of the others somebody may have written to.
         if let Some(origin) = memory.origin(place)
-            && !(is_exact && is_spoiled)
+            && !is_spoiled
         {
             let last = last_places[origin].map(|last| &previous.pairs[last as usize]);
-            stored_places.push(last.map(|_| writer.store.pairs.len() as u32));
-            if let Some(last) = last {
-                writer.keep(last, &previous);
-            }
+            stored_places.push(last.map(|_| store.pairs.len() as u32));
+            store.pairs.extend(last.cloned());
             continue;
         }
-        let found = if is_exact { &refined.pairs[place] } else { &spheres.pairs[place] };
+        let is_exact = pair.method.is_exact();
+        let found = if is_exact { &mut refined.pairs[place] } else { &mut spheres.pairs[place] };
         if found.contacts.is_empty() && found.nearest > f64::from(pair.range) {
             stored_places.push(None);
             continue;
         }
-        stored_places.push(Some(writer.store.pairs.len() as u32));
-        let mut stored = stored_pair(&active, pair, found.nearest);
+        stored_places.push(Some(store.pairs.len() as u32));
         if is_exact {
-            let before = by_sides.get(&(stored.a, stored.b)).filter(|_| keeps_sides(&active, pair));
-            let before = before.map_or_else(Before::default, |&before| previous.before(&previous.pairs[before]));
-            // Whoever has written to the lists need not have kept their order.
-            let in_order = is_spoiled.then(|| found.in_order());
-            let found = in_order.as_ref().unwrap_or(found);
-            [stored.contacts, stored.shared] = writer.write_contacts(&found.contacts, &found.shared, before);
-            stored.touching = writer.write_touching(&found.touching);
-        } else {
-            [stored.contacts, stored.touching] = writer.take_over(&mut spheres.pairs[place]);
+            if is_spoiled {
+                found.restore_order();
+            }
+            let before = by_sides.get(&sides_of(&active, pair)).filter(|_| keeps_sides(&active, pair));
+            let before = before.map_or_else(Before::default, |&before| previous.pairs[before].before());
+            sides.keep(&mut found.contacts, before, &Threads(settings.threads));
         }
-        writer.store.pairs.push(stored);
+        store.pairs.push(stored_pair(&active, pair, found));
     }
-    writer.finish();
+    // Who found those finds their memory again.
+    previous.pairs.clear();
     index_entities(&mut store);
+    memory.seal(StageList::Refined, refined.last_changed());
     memory.seal(StageList::SphereContacts, spheres.last_changed());
     memory.seal(StageList::Store, store.last_changed());
-    diagnostics.finish("contacts", start, candidates.pairs.len(), store.contacts.len());
+    diagnostics.finish("contacts", start, candidates.pairs.len(), store.contact_count());
 }
 
-/// A pair as the store keeps it, without its contacts.
-fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, nearest: f64) -> StoredPair {
+fn sides_of(active: &ActiveSurfaces, pair: &SurfacePair) -> (ContactSide, ContactSide) {
+    let second = match pair.second {
+        OtherSide::Surface(second) => ContactSide::Surface(active.surfaces[second].entity),
+        OtherSide::Shape(place) => ContactSide::Shape(active.shapes[place].entity),
+    };
+    (ContactSide::Surface(active.surfaces[pair.first].entity), second)
+}
+
+/// A pair as the store keeps it, with the lists of what was found.
+fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts) -> StoredPair {
     let first = &active.surfaces[pair.first];
     // Behind a surface's own face may be just the other side of a thin wall.
     let has_inside = |surface: &ActiveSurface| surface.one_sided && !pair.is_self();
-    let (b, topology_b, shape, pose_b, one_sided_b, events_b, order_b) = match pair.second {
+    let (a, b) = sides_of(active, pair);
+    let (topology_b, shape, pose_b, one_sided_b, events_b, order_b) = match pair.second {
         OtherSide::Surface(second) => {
             let second = &active.surfaces[second];
             let topology = Some(Arc::clone(&second.topology));
             let one_sided = has_inside(second);
-            (ContactSide::Surface(second.entity), topology, None, second.pose, one_sided, second.events, second.order)
+            (topology, None, second.pose, one_sided, second.events, second.order)
         }
         OtherSide::Shape(place) => {
             let shape = &active.shapes[place];
             let geometry = Some(Arc::clone(&shape.geometry));
-            (ContactSide::Shape(shape.entity), None, geometry, shape.pose, true, shape.events, shape.order)
+            (None, geometry, shape.pose, true, shape.events, shape.order)
         }
     };
     StoredPair {
-        a: ContactSide::Surface(first.entity),
+        a,
         b,
         contact_distance: pair.contact_distance,
-        nearest,
-        contacts: 0..0,
-        touching: 0..0,
-        shared: 0..0,
+        nearest: found.nearest,
+        contacts: found.contacts.clone(),
+        touching: found.touching.clone(),
+        shared: found.shared.clone(),
         frame_pose: pair.frame_pose,
         topology_a: Arc::clone(&first.topology),
         topology_b,

@@ -1,12 +1,11 @@
-//! Contacts: gathered from the stages, sorted, stored, read and announced; and impacts of fast motion, stored and read.
+//! Contacts: gathered from the stages, stored, read and announced; and impacts of fast motion, stored and read.
 
 mod events;
 mod gather;
 mod impacts;
 mod reading;
+mod sides;
 mod store;
-mod unique;
-mod write;
 
 pub(crate) use events::EVENT_HYSTERESIS;
 pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted, SurfaceQuarantined};

@@ -32,29 +32,29 @@ impl SurfaceContacts<'_> {
 
     /// Every contact once, in the order of the [`ContactStore`].
     pub fn iter(&self) -> impl Iterator<Item = Contact<'_>> {
-        self.store.pairs.iter().flat_map(|pair| self.contacts(pair, false))
+        self.store.pairs.iter().flat_map(|pair| Self::contacts(pair, false))
     }
 
     /// Every pair of sides that is in contact or near it, in the order of the [`ContactStore`], and its contacts.
     #[cfg(feature = "rerun")]
     pub(crate) fn by_pair(&self) -> impl Iterator<Item = (&StoredPair, impl Iterator<Item = Contact<'_>>)> {
-        self.store.pairs.iter().map(|pair| (pair, self.contacts(pair, false)))
+        self.store.pairs.iter().map(|pair| (pair, Self::contacts(pair, false)))
     }
 
     /// The contacts of one surface or shape, itself as the first side of each. A contact between two surfaces is among
     /// those of both; [`iter`](Self::iter) has it once.
     pub fn of(&self, entity: Entity) -> impl Iterator<Item = Contact<'_>> {
-        self.store.pairs_of(entity).flat_map(move |pair| self.contacts(pair, pair.a.entity() != entity))
+        self.store.pairs_of(entity).flat_map(move |pair| Self::contacts(pair, pair.a.entity() != entity))
     }
 
     /// The contacts between two surfaces or a surface and a shape, `a` as the first side of each. Twice the same entity:
     /// those of a surface with itself.
     pub fn between(&self, a: Entity, b: Entity) -> impl Iterator<Item = Contact<'_>> {
-        self.store.pairs_between(a, b).flat_map(move |pair| self.contacts(pair, pair.a.entity() != a))
+        self.store.pairs_between(a, b).flat_map(move |pair| Self::contacts(pair, pair.a.entity() != a))
     }
 
-    fn contacts<'a>(&'a self, pair: &'a StoredPair, swapped: bool) -> impl Iterator<Item = Contact<'a>> {
-        self.store.contacts[pair.contacts.clone()].iter().map(move |record| Contact { pair, record, swapped })
+    fn contacts(pair: &StoredPair, swapped: bool) -> impl Iterator<Item = Contact<'_>> {
+        pair.contacts.iter().map(move |record| Contact { pair, record, swapped })
     }
 }
 

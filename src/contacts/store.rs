@@ -1,15 +1,18 @@
 //! Where the contacts of the last tick lie, in an order that depends on nothing but the scene.
 
-use std::{ops::Range, sync::Arc};
+use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
 
-use super::unique::Before;
-use crate::kernel::{
-    contact::{CompactContact, SharedContact, TouchingPair},
-    exact::rigid_shape::ShapeGeometry,
-    pose::Pose,
-    topology::SurfaceTopology,
+use super::sides::Before;
+use crate::{
+    detection::SharedList,
+    kernel::{
+        contact::{CompactContact, SharedContact, TouchingPair},
+        exact::rigid_shape::ShapeGeometry,
+        pose::Pose,
+        topology::SurfaceTopology,
+    },
 };
 
 /// One side of a contact.
@@ -42,12 +45,15 @@ pub struct StoredPair {
     pub contact_distance: f32,
     /// Distance of the nearest triangles in world units, at least 0; infinite where none was near.
     pub nearest: f64,
-    /// Where its contacts are.
-    pub contacts: Range<usize>,
-    /// Where its touching triangles are.
-    pub touching: Range<usize>,
-    /// Where it is told which of its contacts are shared and have sides.
-    pub(super) shared: Range<usize>,
+    /// Its contacts, by their triangles, and those of the same two triangles by
+    /// [key](crate::kernel::contact::ContactKey). Of features that several pairs of triangles have, the contact is that of the
+    /// first.
+    pub contacts: SharedList<CompactContact>,
+    /// Its touching triangles, in their order.
+    pub touching: SharedList<TouchingPair>,
+    /// Which of its contacts are [shared](CompactContact::is_shared) and have sides: in another tick other triangles may report
+    /// them.
+    pub(super) shared: SharedList<SharedContact>,
     /// World pose of the frame that its contacts are in.
     pub frame_pose: Pose,
     pub(crate) topology_a: Arc<SurfaceTopology>,
@@ -63,12 +69,18 @@ pub struct StoredPair {
     pub(crate) order: PairOrder,
 }
 
+impl StoredPair {
+    /// What the next tick is told of it.
+    pub(super) fn before(&self) -> Before<'_> {
+        Before { contacts: &self.contacts, shared: &self.shared }
+    }
+}
+
 type SideOrder = (u32, u64, u32);
 pub(crate) type PairOrder = (bool, SideOrder, SideOrder);
 
-/// The contacts of the last tick: pairs of surfaces by [order](crate::SurfaceOrder), then surfaces with shapes; within
-/// a pair by their triangles, and those of the same two triangles by [key](crate::kernel::contact::ContactKey). Of features
-/// that several pairs of triangles have, the contact is that of the first.
+/// The contacts of the last tick: pairs of surfaces by [order](crate::SurfaceOrder), then surfaces with shapes. The lists of
+/// a pair are those of the stage that found them, not copies.
 ///
 /// Every touching pair of triangles has its closest features among the contacts, with one exception: where one-sided
 /// surfaces have penetrated each other, contacts that do not lead out of the solid are left out.
@@ -80,29 +92,39 @@ pub struct ContactStore {
     pub tick: u64,
     /// Pairs that are in contact or near it.
     pub pairs: Vec<StoredPair>,
-    /// Contacts of all pairs.
-    pub contacts: Vec<CompactContact>,
-    /// Touching triangles of all pairs, sorted within a pair.
-    pub touching: Vec<TouchingPair>,
-    /// Contacts that are [shared](CompactContact::is_shared) and have sides, as places among those of their pair: in another
-    /// tick other triangles may report them.
-    pub(super) shared: Vec<SharedContact>,
     /// For each entity the places of its pairs, sorted by entity.
     pub(crate) by_entity: Vec<(Entity, u32)>,
 }
 
 impl ContactStore {
+    /// The contacts of all pairs.
+    pub fn contacts(&self) -> impl Iterator<Item = &CompactContact> {
+        self.pairs.iter().flat_map(|pair| pair.contacts.iter())
+    }
+
+    /// How many those are.
+    #[must_use]
+    pub fn contact_count(&self) -> usize {
+        self.pairs.iter().map(|pair| pair.contacts.len()).sum()
+    }
+
+    /// The touching triangles of all pairs.
+    pub fn touching(&self) -> impl Iterator<Item = &TouchingPair> {
+        self.pairs.iter().flat_map(|pair| pair.touching.iter())
+    }
+
+    /// How many those are.
+    #[must_use]
+    pub fn touching_count(&self) -> usize {
+        self.pairs.iter().map(|pair| pair.touching.len()).sum()
+    }
+
     pub(crate) fn pairs_of(&self, entity: Entity) -> impl Iterator<Item = &StoredPair> {
         let start = self.by_entity.partition_point(|&(other, _)| other < entity);
         self.by_entity[start..]
             .iter()
             .take_while(move |&&(other, _)| other == entity)
             .map(|&(_, place)| &self.pairs[place as usize])
-    }
-
-    /// What the next tick is told of a pair.
-    pub(super) fn before(&self, pair: &StoredPair) -> Before<'_> {
-        Before { contacts: &self.contacts[pair.contacts.clone()], shared: &self.shared[pair.shared.clone()] }
     }
 
     /// The pairs of two sides, whichever comes first: one at most.

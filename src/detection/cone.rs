@@ -1,6 +1,6 @@
 //! Stage 6: overlapping spheres whose line between the centers lies in both safety cones, and their contacts.
 
-use std::time::Instant;
+use std::{mem, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -10,6 +10,7 @@ use super::{
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList},
     overlap::{OverlappingTrianglePairs, SphereContacts},
+    pair_contacts::PairContacts,
     parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_caps},
 };
@@ -50,7 +51,7 @@ fn test_cones(
     settings: Res<CircumsphereSettings>,
     mut meeting: ResMut<MeetingCaps>,
     mut contacts: ResMut<SphereContacts>,
-    mut both: Local<Vec<(Vec<[u32; 2]>, FoundPairs)>>,
+    mut both: Local<Vec<(Vec<[u32; 2]>, PairContacts)>>,
     spare: Local<Buffers<(Vec<[u32; 2]>, FoundPairs)>>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
@@ -64,7 +65,7 @@ fn test_cones(
     memory.carry(&mut meeting.pairs);
     let count = candidates.pairs.len();
     meeting.pairs.resize_with(count, Vec::new);
-    contacts.pairs.resize_with(count, FoundPairs::default);
+    contacts.pairs.resize_with(count, PairContacts::default);
     both.extend(meeting.pairs.drain(..).zip(contacts.pairs.drain(..)));
     memory.seal(StageList::Meeting, meeting.last_changed());
     memory.seal(StageList::SphereContacts, contacts.last_changed());
@@ -75,23 +76,23 @@ fn test_cones(
         settings.threads,
         CHUNK,
         |place, _| if memory.keeps(place) { 0 } else { overlapping.pairs[place].len() },
-        |place, both, threads| {
+        |place, (meeting, contacts), threads| {
             let (pair, overlapping) = (&candidates.pairs[place], &overlapping.pairs[place]);
             if memory.keeps(place) {
                 return;
             }
-            both.0.clear();
+            meeting.clear();
             if !uses_cones(place) {
                 return;
             }
-            both.1.clear();
+            let mut both = (mem::take(meeting), contacts.begin());
             let pair_settings = pair_settings(pair, &settings);
             with_caps(&active, &surfaces, pair, &rows, |a, b| {
                 append_chunks(
                     overlapping,
                     threads,
                     &spare,
-                    both,
+                    &mut both,
                     |chunk, (meeting, found)| meeting_caps(a, b, chunk, &pair_settings, meeting, found),
                     |(meeting, found), (later_meeting, later_found)| {
                         meeting.append(later_meeting);
@@ -99,6 +100,9 @@ fn test_cones(
                     },
                 );
             });
+            both.1.sort_touching();
+            *meeting = both.0;
+            contacts.finish(both.1);
         },
     );
     for (meeting_caps, found) in both.drain(..) {

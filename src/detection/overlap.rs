@@ -9,6 +9,7 @@ use super::{
     broad_phase::{CandidateTrianglePairs, SurfacePair},
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList, check_spheres},
+    pair_contacts::PairContacts,
     parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
 };
@@ -33,11 +34,12 @@ pub struct OverlappingTrianglePairs {
 }
 
 /// What the sphere methods found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a
-/// pair's method does not use spheres. The last stage takes the lists over, and leaves others behind.
+/// pair's method does not use spheres.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct SphereContacts {
-    /// Touching pairs and contacts, in the order of their triangles.
-    pub pairs: Vec<FoundPairs>,
+    /// Touching pairs and contacts; where a surface meets itself, contacts are sorted by the lower triangle, whichever stands
+    /// first.
+    pub pairs: Vec<PairContacts>,
 }
 
 /// Tests spheres for overlap.
@@ -132,7 +134,8 @@ fn touch_by_balls(
     memory.reads(StageList::Candidates, candidates.last_changed());
     memory.reads(StageList::Overlapping, overlapping.last_changed());
     memory.writes(StageList::SphereContacts, contacts.last_changed());
-    contacts.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
+    memory.carry(&mut contacts.pairs);
+    contacts.pairs.resize_with(candidates.pairs.len(), PairContacts::default);
     memory.seal(StageList::SphereContacts, contacts.last_changed());
     let uses_balls =
         |place: usize| !memory.keeps(place) && candidates.pairs[place].method == ContactMethod::BoundingSphere;
@@ -142,16 +145,20 @@ fn touch_by_balls(
         CHUNK,
         |place, _| overlapping.pairs[place].len(),
         |place, found, threads| {
-            let (pair, overlapping) = (&candidates.pairs[place], &overlapping.pairs[place]);
-            found.clear();
-            if overlapping.is_empty() || !uses_balls(place) {
+            if memory.keeps(place) {
                 return;
             }
-            let pair_settings = pair_settings(pair, &settings);
-            with_balls(&active, &surfaces, pair, &rows, |a, b| {
-                let work = |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
-                append_chunks(overlapping, threads, &spare, found, work, FoundPairs::append_sorted);
-            });
+            let (pair, overlapping) = (&candidates.pairs[place], &overlapping.pairs[place]);
+            let mut touching = found.begin();
+            if !overlapping.is_empty() && uses_balls(place) {
+                let pair_settings = pair_settings(pair, &settings);
+                with_balls(&active, &surfaces, pair, &rows, |a, b| {
+                    let work = |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
+                    append_chunks(overlapping, threads, &spare, &mut touching, work, FoundPairs::append_sorted);
+                });
+                touching.sort_touching();
+            }
+            found.finish(touching);
         },
     );
     let tested = (0..candidates.pairs.len()).filter(|&place| uses_balls(place));

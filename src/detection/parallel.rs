@@ -28,6 +28,13 @@ fn available_threads(wanted: usize) -> usize {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Threads(pub(crate) usize);
 
+impl Threads {
+    /// Whether only one of them has something to do where there are so many tasks.
+    pub(super) fn are_one(self, tasks: usize) -> bool {
+        available_threads(self.0).min(tasks) <= 1
+    }
+}
+
 impl Share for Threads {
     fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync) {
         hand_out(tasks, count, self.0, work);
@@ -76,7 +83,7 @@ pub(super) fn append_parts<T: Results>(
     spare: &Buffers<T>,
     results: &mut T,
     work: impl Fn(Range<usize>, &mut T) + Sync,
-    join: impl Fn(&mut T, &mut T) + Sync,
+    mut join: impl FnMut(&mut T, &mut T) + Send,
 ) {
     let part_count = count.div_ceil(chunk);
     let range = |part: usize| part * chunk..((part + 1) * chunk).min(count);
@@ -91,14 +98,15 @@ pub(super) fn append_parts<T: Results>(
         let place = waiting.iter().position(|(other, _)| *other == part)?;
         Some(waiting.swap_remove(place).1)
     };
-    let join_waiting = |(results, joined): &mut (&mut T, usize)| {
-        while let Some(mut found) = take_waiting(*joined) {
+    let mut joined = 0;
+    let join_waiting = move || {
+        while let Some(mut found) = take_waiting(joined) {
             join(results, &mut found);
             spare.give(found);
-            *joined += 1;
+            joined += 1;
         }
     };
-    let results = Mutex::new((results, 0));
+    let join_waiting = Mutex::new(join_waiting);
     let take_parts = || {
         loop {
             let part = next.fetch_add(1, Ordering::Relaxed);
@@ -110,8 +118,8 @@ pub(super) fn append_parts<T: Results>(
             work(range(part), &mut found);
             waiting.lock().unwrap_or_else(PoisonError::into_inner).push((part, found));
             // Nobody waits for a thread that is joining: what it does not see comes with a later part, or at the end.
-            if let Ok(mut results) = results.try_lock() {
-                join_waiting(&mut results);
+            if let Ok(mut join_waiting) = join_waiting.try_lock() {
+                join_waiting();
             }
         }
     };
@@ -120,7 +128,7 @@ pub(super) fn append_parts<T: Results>(
             scope.spawn(async { take_parts() });
         }
     });
-    join_waiting(&mut results.into_inner().unwrap_or_else(PoisonError::into_inner));
+    join_waiting.into_inner().unwrap_or_else(PoisonError::into_inner)();
 }
 
 /// The same for consecutive chunks of `pairs`.
@@ -130,7 +138,7 @@ pub(super) fn append_chunks<T: Results>(
     spare: &Buffers<T>,
     results: &mut T,
     work: impl Fn(&[[u32; 2]], &mut T) + Sync,
-    join: impl Fn(&mut T, &mut T) + Sync,
+    join: impl FnMut(&mut T, &mut T) + Send,
 ) {
     append_parts(pairs.len(), CHUNK, threads, spare, results, |range, found| work(&pairs[range], found), join);
 }

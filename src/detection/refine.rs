@@ -12,6 +12,7 @@ use super::{
     diagnostics::DetectionDiagnostics,
     kept_pairs::{KeptPairs, ListUse},
     memory::{DetectionMemory, StageList},
+    pair_contacts::PairContacts,
     parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
     settle::SettleBuffers,
     sides::{pair_settings, surface_sides},
@@ -21,6 +22,7 @@ use crate::{
         pair::FoundPairs,
         pair_order::PairSorter,
         refine::{refine_closest, refine_pairs, refine_shape},
+        unique::UniqueFeatures,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -28,11 +30,11 @@ use crate::{
 };
 
 /// What the exact test found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a pair is
-/// tested by spheres.
+/// tested by spheres. The last stage keeps two-sided contacts on the sides they were on, here too.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct RefinedTrianglePairs {
     /// Touching pairs and contacts.
-    pub pairs: Vec<FoundPairs>,
+    pub pairs: Vec<PairContacts>,
 }
 
 /// Tests candidates exactly.
@@ -52,7 +54,7 @@ fn refine(
     settings: Res<CircumsphereSettings>,
     mut refined: ResMut<RefinedTrianglePairs>,
     spare: Local<Buffers<FoundPairs>>,
-    buffers: Local<Buffers<(PairSorter, SettleBuffers)>>,
+    buffers: Local<Buffers<RefineBuffers>>,
     mut memory: ResMut<DetectionMemory>,
     mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
@@ -65,7 +67,7 @@ fn refine(
     }
     memory.writes(StageList::Refined, refined.last_changed());
     memory.carry(&mut refined.pairs);
-    refined.pairs.resize_with(candidates.pairs.len(), FoundPairs::default);
+    refined.pairs.resize_with(candidates.pairs.len(), PairContacts::default);
     memory.seal(StageList::Refined, refined.last_changed());
     fill_rows(&active, memory.changed(&candidates.pairs), settings.threads, &mut row_counts, &mut surfaces);
     let surfaces = surfaces.as_readonly();
@@ -79,17 +81,18 @@ fn refine(
                 return;
             }
             let pair = &candidates.pairs[place];
-            refined.clear();
-            refined.wants_lower_bounds = kept.list_use(place) != ListUse::None;
+            let mut found = refined.begin();
+            found.wants_lower_bounds = kept.list_use(place) != ListUse::None;
             if pair.method.is_exact() && !pair.triangles.is_empty() {
                 buffers.with(|buffers| {
-                    refine_pair(&active, pair, &settings, &surfaces, threads, refined, &spare, buffers);
+                    refine_pair(&active, pair, &settings, &surfaces, threads, &mut found, &spare, buffers);
                 });
             }
+            refined.finish(found);
         },
     );
-    for (place, refined) in refined.pairs.iter().enumerate().filter(|(_, refined)| refined.wants_lower_bounds) {
-        kept.learn(place, &refined.lower_bounds);
+    for (place, refined) in refined.pairs.iter().enumerate().filter(|&(place, _)| !memory.keeps(place)) {
+        kept.learn(place, refined.lower_bounds());
     }
     let tested = memory.changed(&candidates.pairs).filter(|pair| pair.method.is_exact());
     let pairs_in: usize = tested.map(|pair| pair.triangles.len()).sum();
@@ -101,6 +104,14 @@ fn refine(
     }
 }
 
+/// What the stage keeps for its memory.
+#[derive(Default)]
+struct RefineBuffers {
+    sorter: PairSorter,
+    settling: SettleBuffers,
+    unique: UniqueFeatures,
+}
+
 /// Does nothing where a surface is gone.
 #[expect(clippy::too_many_arguments, reason = "what a stage reads, and where it writes")]
 fn refine_pair(
@@ -109,9 +120,9 @@ fn refine_pair(
     settings: &CircumsphereSettings,
     surfaces: &Query<(&SurfacePositions, &TriangleBounds, &SurfaceRows)>,
     threads: usize,
-    refined: &mut FoundPairs,
+    found: &mut FoundPairs,
     spare: &Buffers<FoundPairs>,
-    (sorter, buffers): &mut (PairSorter, SettleBuffers),
+    RefineBuffers { sorter, settling, unique }: &mut RefineBuffers,
 ) {
     let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
@@ -119,29 +130,60 @@ fn refine_pair(
     // What is found is stored in the order of the triangles: to bring pairs into it costs least before anything is found.
     let triangles = sorter.unique(&pair.triangles, pair_settings.same_surface, &Threads(threads));
     // Those are in the order of the candidates, as a list that is taught by them is.
-    refined.wants_lower_bounds &= std::ptr::eq(triangles, &raw const *pair.triangles);
-    let wants_lower_bounds = refined.wants_lower_bounds;
-    let mut collect = |work: &(dyn Fn(&[[u32; 2]], &mut FoundPairs) + Sync)| {
-        let work = |chunk: &[[u32; 2]], found: &mut FoundPairs| {
-            found.wants_lower_bounds = wants_lower_bounds;
-            work(chunk, found);
-        };
-        append_chunks(triangles, threads, spare, refined, work, FoundPairs::append);
-    };
+    found.wants_lower_bounds &= std::ptr::eq(triangles, &raw const *pair.triangles);
+    unique.clear();
     match pair.second {
         OtherSide::Surface(second) => {
             let Ok((other, other_bounds, other_rows)) = surfaces.get(active.surfaces[second].entity) else { return };
             let Some([mut a, mut b]) = surface_sides(active, pair, own, other) else { return };
             (a.rows, b.rows) = (own_rows.current(own_bounds), other_rows.current(other_bounds));
             let test = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
-            collect(&|chunk, found| test(&a, &b, chunk, &pair_settings, found));
-            buffers.settle([&a, &b], triangles, &pair_settings, threads, refined);
+            let work = |chunk: &[[u32; 2]], found: &mut _| test(&a, &b, chunk, &pair_settings, found);
+            if pair_settings.same_surface || !(a.one_sided || b.one_sided) {
+                collect(triangles, threads, spare, Some(unique), found, work);
+            } else {
+                // Settling drops contacts of one pair of triangles and keeps those of others between the same features.
+                collect(triangles, threads, spare, None, found, work);
+                settling.settle([&a, &b], triangles, &pair_settings, threads, found);
+                unique.drop_repeats(found, 0);
+            }
         }
         OtherSide::Shape(place) => {
             let (shape, pose) = (&active.shapes[place].geometry, &pair.relative_pose);
-            collect(&|chunk, found| {
+            collect(triangles, threads, spare, Some(unique), found, |chunk, found| {
                 refine_shape(&first.topology, &own.0, pose, shape, chunk, &pair_settings, found);
             });
         }
     }
+}
+
+/// Appends what `work` finds in chunks of pairs; where features are to be `unique`, without repeats, which are dropped
+/// while they are in the cache.
+fn collect(
+    pairs: &[[u32; 2]],
+    threads: usize,
+    spare: &Buffers<FoundPairs>,
+    mut unique: Option<&mut UniqueFeatures>,
+    found: &mut FoundPairs,
+    work: impl Fn(&[[u32; 2]], &mut FoundPairs) + Sync,
+) {
+    if Threads(threads).are_one(pairs.len().div_ceil(CHUNK)) {
+        for chunk in pairs.chunks(CHUNK) {
+            let first_shared = found.shared.len();
+            work(chunk, found);
+            if let Some(unique) = &mut unique {
+                unique.drop_repeats(found, first_shared);
+            }
+        }
+        return;
+    }
+    let wants_lower_bounds = found.wants_lower_bounds;
+    let work = |chunk: &[[u32; 2]], found: &mut FoundPairs| {
+        found.wants_lower_bounds = wants_lower_bounds;
+        work(chunk, found);
+    };
+    append_chunks(pairs, threads, spare, found, work, |found, later| match &mut unique {
+        Some(unique) => unique.append(found, later),
+        None => found.append(later),
+    });
 }

@@ -38,7 +38,7 @@ impl SettleBuffers {
         settling.carry_out(findings, settings, contacts);
         if contacts.len() < count {
             found.shared.clear();
-            found.list_shared(0);
+            found.finish_contacts(0);
         }
     }
 }

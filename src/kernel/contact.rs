@@ -1,6 +1,6 @@
 //! The compact record of one contact, and the key that names it from tick to tick.
 //!
-//! Written by `refine` and the sphere stages, sorted and stored by the `contacts` room.
+//! Written by `refine` and the sphere stages, stored by the `contacts` room.
 
 use glam::Vec3;
 
@@ -21,6 +21,17 @@ impl ContactKey {
     fn new(features: FeaturePair, number_a: u32, number_b: u32) -> Self {
         let kinds = rank(features.a) * 3 + rank(features.b);
         Self((kinds << (2 * FEATURE_BITS)) | (u64::from(number_a) << FEATURE_BITS) | u64::from(number_b))
+    }
+
+    /// Whether its features are a vertex and a face or two edges: those pass each other from one side to the other, while around
+    /// a corner or a rim a direction may turn without anything having passed.
+    #[inline]
+    pub(crate) const fn has_sides(self) -> bool {
+        // Three times the rank of the first and the rank of the second.
+        const VERTEX_FACE: u64 = 2;
+        const EDGE_EDGE: u64 = 4;
+        const FACE_VERTEX: u64 = 6;
+        matches!(self.0 >> (2 * FEATURE_BITS), VERTEX_FACE | EDGE_EDGE | FACE_VERTEX)
     }
 }
 
@@ -110,10 +121,15 @@ pub struct SharedContact {
 }
 
 impl SharedContact {
-    /// The same where so many contacts stand before the list.
+    /// The same where that many contacts stand before the list.
     #[must_use]
     pub const fn later(self, count: u32) -> Self {
         Self { key: self.key, place: self.place + count }
+    }
+
+    /// The same where that many contacts before it are dropped from the list.
+    pub(super) const fn earlier(self, count: u32) -> Self {
+        Self { key: self.key, place: self.place - count }
     }
 }
 

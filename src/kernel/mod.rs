@@ -36,3 +36,4 @@ pub mod sphere_rows;
 mod surroundings;
 pub mod topology;
 pub mod tree;
+pub mod unique;

@@ -183,10 +183,11 @@ pub struct PairSettings {
 pub struct FoundPairs {
     /// Pairs of triangles that touch, in the order of the candidates.
     pub touching: Vec<TouchingPair>,
-    /// Contacts, in the order of the candidates, those of one pair in none. Those that are [shared](CompactContact::is_shared) may occur several times,
-    /// under the same key.
+    /// Contacts, in the order of the candidates, those of one pair by key. Those that are
+    /// [shared](CompactContact::is_shared) may occur several times, under the same key, until
+    /// [`UniqueFeatures`](super::unique::UniqueFeatures) has dropped the repeats.
     pub contacts: Vec<CompactContact>,
-    /// Which contacts of the exact test are shared.
+    /// Which contacts of the exact test are shared; once repeats have been dropped, only those that have sides.
     pub shared: Vec<SharedContact>,
     /// Distance of the nearest pair in world units, at least 0; infinite where none is within range.
     pub nearest: f64,
@@ -235,20 +236,30 @@ impl FoundPairs {
         self.append(later);
     }
 
-    /// The same with its lists in their order, whoever may have changed them.
-    pub(crate) fn in_order(&self) -> Self {
-        let mut found = self.clone();
-        found.touching.sort_by_key(|pair| (pair.triangle_a, pair.triangle_b));
-        found.contacts.sort_by_key(CompactContact::triangles);
-        found.shared.clear();
-        found.list_shared(0);
-        found
+    /// Brings the contacts from the place `first` on into their order, given that those of different pairs are, and lists
+    /// which of them are shared, given that those before are listed.
+    pub(crate) fn finish_contacts(&mut self, first: usize) {
+        let mut place = first as u32;
+        for of_pair in self.contacts[first..].chunk_by_mut(|one, next| one.triangles() == next.triangles()) {
+            if of_pair.len() > 1 {
+                of_pair.sort_by_key(|contact| contact.key);
+            }
+            for contact in of_pair {
+                if contact.is_shared {
+                    self.shared.push(SharedContact { key: contact.key, place });
+                }
+                place += 1;
+            }
+        }
     }
 
-    /// Lists which contacts are shared, given that those before `first` are listed.
-    pub(crate) fn list_shared(&mut self, first: usize) {
-        let shared = (first as u32..).zip(&self.contacts[first..]).filter(|(_, contact)| contact.is_shared);
-        self.shared.extend(shared.map(|(place, contact)| SharedContact { key: contact.key, place }));
+    /// Brings touching pairs into their order, where they are in that of the contacts: where a surface meets itself, those of
+    /// spheres are sorted by the lower triangle, whichever stands first.
+    pub(crate) fn sort_touching(&mut self) {
+        let place = |pair: &TouchingPair| (pair.triangle_a, pair.triangle_b);
+        if !self.touching.is_sorted_by_key(place) {
+            self.touching.sort_unstable_by_key(place);
+        }
     }
 
     /// Appends what was found in a later part of the candidates.

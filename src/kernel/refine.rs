@@ -164,7 +164,7 @@ fn examine_pairs(
     if has_gaps {
         close_gaps(&mut found.contacts, first_contact);
     }
-    found.list_shared(first_contact);
+    found.finish_contacts(first_contact);
 }
 
 /// Adds what is on the boundaries of both triangles of a pair without any distance, each for itself.
@@ -261,7 +261,7 @@ fn examine_pairs_alone(
         let reported = |features: &Proximity| reports(a, b, settings.same_surface, triangles, features.features);
         add_examined(a, b, settings, triangles, &corners, &proximity, reported, found);
     }
-    found.list_shared(first_contact);
+    found.finish_contacts(first_contact);
 }
 
 /// Adds what a pair amounts to that was looked at alone: nothing where it is beyond the range. Of features that make a
@@ -334,5 +334,5 @@ pub fn refine_shape(
                 .map(|proximity| CompactContact::with_shape(topology, positions, triangle, proximity, settings.scale)),
         );
     }
-    found.list_shared(first_contact);
+    found.finish_contacts(first_contact);
 }

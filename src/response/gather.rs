@@ -56,8 +56,9 @@ pub(super) struct MeetingTriangles {
 
 /// What a contact is named by: the order of its pair, its key and its triangles.
 fn name_of(store: &ContactStore, pair: u32, place: u32) -> (PairOrder, ContactKey, [u32; 2]) {
-    let record = &store.contacts[place as usize];
-    (store.pairs[pair as usize].order, record.key, [record.triangle_a, record.triangle_b])
+    let pair = &store.pairs[pair as usize];
+    let record = &pair.contacts[place as usize];
+    (pair.order, record.key, [record.triangle_a, record.triangle_b])
 }
 
 /// Turns the contacts of a tick into constraints. Remembers where driven surfaces and shapes were.
@@ -122,7 +123,7 @@ impl Scene<'_, '_> {
     /// The triangles of two surfaces that touch.
     pub(super) fn touching(&self) -> impl Iterator<Item = ([Entity; 2], &[TouchingPair])> {
         let surfaces = self.store.pairs.iter().filter(|pair| pair.topology_b.is_some());
-        surfaces.map(|pair| ([pair.a.entity(), pair.b.entity()], &self.store.touching[pair.touching.clone()]))
+        surfaces.map(|pair| ([pair.a.entity(), pair.b.entity()], pair.touching.as_slice()))
     }
 
     /// The distance of two surfaces, as far as detection reaches.
@@ -195,7 +196,7 @@ impl Gatherer {
             }
             self.follow(scene, pair.a.entity(), Some(&pair.topology_a), &pair.poses[0]);
             self.follow(scene, pair.b.entity(), pair.topology_b.as_ref(), &pair.poses[1]);
-            order.extend(pair.contacts.clone().map(|place| [pair_place, place as u32]));
+            order.extend((0..pair.contacts.len()).map(|place| [pair_place, place as u32]));
         }
         let name = |&[pair, place]: &[u32; 2]| name_of(&scene.store, pair, place);
         if !order.is_sorted_by_key(name) {
@@ -210,7 +211,7 @@ impl Gatherer {
                 last = (pair_place, scene.friction(pair.a.entity(), pair.b.entity()));
                 self.find_tangled(&mut solver.particles, scene, pair);
             }
-            let record = &scene.store.contacts[place as usize];
+            let record = &pair.contacts[place as usize];
             let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else {
                 continue;
             };
@@ -308,7 +309,7 @@ impl Gatherer {
         }
         let Some(topology_b) = &pair.topology_b else { return };
         let sides = [self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, Some(topology_b))];
-        for record in &scene.store.contacts[pair.contacts.clone()] {
+        for record in pair.contacts.iter() {
             if record.features.kind() != FeatureKind::EdgeFace {
                 continue;
             }

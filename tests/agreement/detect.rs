@@ -54,11 +54,11 @@ impl Detector {
         Self { app, entity }
     }
 
-    pub fn detect(&mut self, positions: &[Vec3]) -> (&[TouchingPair], &[CompactContact]) {
+    pub fn detect(&mut self, positions: &[Vec3]) -> (Vec<TouchingPair>, Vec<CompactContact>) {
         self.app.world_mut().get_mut::<SurfacePositions>(self.entity).expect("it was spawned").0 = positions.to_vec();
         self.app.update();
         let store = self.app.world().resource::<ContactStore>();
-        (&store.touching, &store.contacts)
+        (store.touching().copied().collect(), store.contacts().copied().collect())
     }
 }
 

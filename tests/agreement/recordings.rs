@@ -54,10 +54,10 @@ fn exact_methods_find_the_pairs_of_the_reference_on_recordings() {
                 let truth = truth(&rest, &positions, &recording.triangles, distance);
                 let (found, _) = refined.detect(&positions);
                 // No separation may be worse than a share of the contact distance itself, which is the stricter bound.
-                compared += assert_agrees(&what, found, &truth, distance, 0.0).matched;
+                compared += assert_agrees(&what, &found, &truth, distance, 0.0).matched;
                 assert_eq!(found, polygon.detect(&positions).0, "{what}: Refined and Polygon differ");
                 let (found, _) = closest.detect(&positions);
-                compared += assert_agrees(&what, found, &truth, distance, 0.0).matched;
+                compared += assert_agrees(&what, &found, &truth, distance, 0.0).matched;
                 hidden_crossings += crossings_without_near_features(&positions, &recording.triangles, &truth, distance);
             }
         }
@@ -106,7 +106,7 @@ fn the_crumpled_cloth_runs_through_every_method_on_both_frames() {
                 // The cone rejects by design: 0.001 of the pairs of the first frame; without widened cones 0.13.
                 ContactMethod::Circumsphere => assert!(missed < sure_count / 100, "{what}: {missed} missed"),
                 ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => {
-                    assert_agrees(&what, found, truth, distance, 0.0);
+                    assert_agrees(&what, &found, truth, distance, 0.0);
                 }
             }
         }

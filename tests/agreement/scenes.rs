@@ -100,15 +100,15 @@ fn exact_methods_find_the_pairs_of_the_reference_on_generated_scenes() {
                     let what = format!("{} at {edges} edges, {method:?}, {broad_phase:?}", scene.name);
                     let mut detector = Detector::new(&scene.positions, &scene.triangles, method, broad_phase, distance);
                     let (found, _) = detector.detect(&scene.positions);
-                    compared += assert_agrees(&what, found, &truth, distance, size(&scene)).matched;
-                    sets.push(found.to_vec());
+                    compared += assert_agrees(&what, &found, &truth, distance, size(&scene)).matched;
+                    sets.push(found);
                 }
             }
             let mut closest =
                 Detector::new(&scene.positions, &scene.triangles, ContactMethod::Closest, BroadPhase::Tree, distance);
             let what = format!("{} at {edges} edges", scene.name);
             let (found, _) = closest.detect(&scene.positions);
-            compared += assert_agrees(&what, found, &truth, distance, size(&scene)).matched;
+            compared += assert_agrees(&what, &found, &truth, distance, size(&scene)).matched;
             assert!(
                 sets.windows(2).all(|sets| sets[0] == sets[1]),
                 "{}: the methods differ among themselves",
@@ -141,7 +141,7 @@ fn every_touching_pair_has_its_closest_contact_and_every_contact_a_touching_pair
         let mut keys = HashSet::new();
         // Contacts by the two points they join, on a grid as coarse as the tolerance of their barycentrics.
         let mut distances: HashMap<[u32; 2], Vec<f64>> = HashMap::new();
-        for contact in contacts {
+        for contact in &contacts {
             let name = scene.name;
             assert!(keys.insert(contact.key), "{name}: {:?} is there twice", contact.key);
             assert!(
@@ -166,7 +166,7 @@ fn every_touching_pair_has_its_closest_contact_and_every_contact_a_touching_pair
                 }
             }
         }
-        for pair in touching {
+        for pair in &touching {
             let corners = |triangle: u32| [0, 1, 2].map(|k| corner(triangle, k));
             let closest = closest_features(&corners(pair.triangle_a), &corners(pair.triangle_b));
             let reported = distances.get(&[pair.triangle_a, pair.triangle_b]);

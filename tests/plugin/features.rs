@@ -47,17 +47,18 @@ fn vertices_that_have_come_apart_keep_contacts_of_their_own() {
     let joined: Vec<Vec3> = [face, left, right].concat();
     let entity = spawn_triangles(&mut app, &joined, &[[0, 2, 1], [3, 4, 5], [6, 7, 8]]);
     app.update();
-    assert_eq!(app.world().resource::<ContactStore>().contacts.len(), 1, "together they are one vertex");
+    assert_eq!(app.world().resource::<ContactStore>().contact_count(), 1, "together they are one vertex");
 
     let apart: Vec<Vec3> = [face, left.map(|corner| corner - Vec3::X), right.map(|corner| corner + Vec3::X)].concat();
     write_positions(&mut app, entity, &apart);
     app.update();
     let store = app.world().resource::<ContactStore>();
-    assert_eq!(store.touching.len(), 2);
-    let mut triangles: Vec<u32> = store.contacts.iter().map(|contact| contact.triangle_b).collect();
+    assert_eq!(store.touching_count(), 2);
+    let mut triangles: Vec<u32> = store.contacts().map(|contact| contact.triangle_b).collect();
     triangles.sort_unstable();
     assert_eq!(triangles, [1, 2], "each has a contact of its own");
-    assert_ne!(store.contacts[0].key, store.contacts[1].key);
+    let keys: Vec<ContactKey> = store.contacts().map(|contact| contact.key).collect();
+    assert_ne!(keys[0], keys[1]);
 }
 
 #[test]

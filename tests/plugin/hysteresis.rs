@@ -66,7 +66,7 @@ fn coarse_method_on_its_threshold(method: ContactMethod) {
     let touches_at = |app: &mut App, height: f32| {
         insert(app, ball, at(0.1, height, 0.2));
         app.update();
-        !crate::world::store(app).touching.is_empty()
+        crate::world::store(app).touching_count() > 0
     };
     // Bisection down to neighboring floats.
     let (mut low, mut high) = (0.5_f32, 5.0_f32);

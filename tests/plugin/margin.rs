@@ -42,7 +42,7 @@ fn beyond_the_contact_distance_only_a_margin_sees_and_separations_are_positive()
             assert!(contact.separation > 0.0 && contact.separation <= margin, "{contact:?}");
             assert_consistent(app.world(), contact, 4.0);
         }
-        assert_eq!(store(&app).touching.len(), 0);
+        assert_eq!(store(&app).touching_count(), 0);
         assert_eq!(messages(&mut app), []);
     }
 }
@@ -66,8 +66,7 @@ fn touching_pairs_and_events_do_not_depend_on_the_margin() {
             let results = worlds.each_mut().map(|(app, floor, ball)| {
                 insert(app, *ball, at(0.1, 0.5 + gap, 0.2));
                 app.update();
-                let touching: Vec<_> =
-                    store(app).touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
+                let touching: Vec<_> = store(app).touching().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
                 let heard = messages(app);
                 let with_ball = heard.iter().find_map(|message| match message {
                     Started(a, b) if (a, b) == (floor, ball) => Some("started"),

@@ -187,7 +187,7 @@ fn judge(app: &mut App, tally: &mut Tally) -> Named {
         tally.longest = tally.longest.max(of_candidates.len());
         let touching: BTreeSet<[u32; 2]> = from_step(fates, PairFate::Touching).into_iter().collect();
         let stored = store.pairs.iter().find(|stored| [stored.a.entity(), stored.b.entity()] == [first, second]);
-        let stored = stored.map_or(&[][..], |stored| &store.touching[stored.touching.clone()]);
+        let stored = stored.map_or(&[][..], |stored| &stored.touching[..]);
         assert_eq!(touching, stored.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect(), "{what:?}");
         // The stages of spheres sort what they pass on.
         let sorted = |step| {
@@ -373,8 +373,8 @@ fn neighbors_that_a_broad_phase_left_in_are_told_apart_and_pairs_listed_twice_fa
             // What is listed twice touches once.
             let touching =
                 by_pair.iter().filter(|&(_, &fate)| fate == PairFate::Touching).map(|(&triangles, _)| triangles);
-            let stored = &app.world().resource::<ContactStore>().touching;
-            let mut stored: Vec<[u32; 2]> = stored.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
+            let stored = app.world().resource::<ContactStore>();
+            let mut stored: Vec<[u32; 2]> = stored.touching().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
             if !method.is_exact() {
                 stored.dedup();
             }

@@ -249,7 +249,7 @@ fn only_what_reaches_the_other_surface_is_moved() {
         spawn(&mut app, &icosphere(4, 1.0), (thickness(0.2), turned(x, turn)));
     }
     app.update();
-    assert!(store(&app).touching.len() > 10);
+    assert!(store(&app).touching_count() > 10);
     let [pair] = &app.world().resource::<CandidateTrianglePairs>().pairs[..] else { panic!("there are two balls") };
     let moved = pair.moved_positions.iter().filter(|position| position.is_finite()).count();
     let whole = pair.moved_positions.len();

@@ -421,10 +421,10 @@ fn settings_out_of_range_are_replaced() {
     }
     alone.insert_resource(CircumsphereSettings { margin: f32::MAX, ..Default::default() });
     alone.update();
-    assert_eq!(store(&alone).touching.len(), {
+    assert_eq!(store(&alone).touching_count(), {
         alone.insert_resource(CircumsphereSettings::default());
         alone.update();
-        store(&alone).touching.len()
+        store(&alone).touching_count()
     });
 }
 

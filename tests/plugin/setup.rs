@@ -161,7 +161,7 @@ fn detection_can_be_run_by_hand() {
     let mut app = app();
     let [sheet, ball] = sheet_and_ball(&mut app);
     app.world_mut().run_schedule(SurfaceDetection);
-    assert_eq!((store(&app).tick, store(&app).contacts.len()), (1, 0), "nothing was prepared yet");
+    assert_eq!((store(&app).tick, store(&app).contact_count()), (1, 0), "nothing was prepared yet");
     app.update();
     assert_touches(&mut app, [sheet, ball]);
 

@@ -285,8 +285,8 @@ pub fn fingerprint(app: &App) -> Vec<(&'static str, &'static str, Vec<String>)> 
         .pairs
         .iter()
         .map(|pair| {
-            let contacts = store.contacts[pair.contacts.clone()].iter().map(|contact| format!("{contact:?}"));
-            let touching = store.touching[pair.touching.clone()].iter().map(|touching| format!("{touching:?}"));
+            let contacts = pair.contacts.iter().map(|contact| format!("{contact:?}"));
+            let touching = pair.touching.iter().map(|touching| format!("{touching:?}"));
             let whole = format!("{} {} {:?}", pair.contact_distance, pair.nearest, pair.frame_pose);
             (name(pair.a), name(pair.b), contacts.chain(touching).chain([whole]).collect())
         })

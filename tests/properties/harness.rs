@@ -210,8 +210,8 @@ impl SmallWorld {
             .iter()
             .map(|pair| Found {
                 sides: [place(pair.a), place(pair.b)],
-                touching: store.touching[pair.touching.clone()].to_vec(),
-                contacts: store.contacts[pair.contacts.clone()].to_vec(),
+                touching: pair.touching.to_vec(),
+                contacts: pair.contacts.to_vec(),
             })
             .filter(|found| !found.touching.is_empty() || !found.contacts.is_empty())
             .collect();

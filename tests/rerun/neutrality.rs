@@ -45,8 +45,8 @@ fn fingerprint(app: &App, scene: &Scene) -> Vec<String> {
     for pair in &store.pairs {
         let name = scene.pair_name(pair.a.entity(), pair.b.entity());
         lines.push(format!("{name} {} {} {:?}", pair.contact_distance, pair.nearest, pair.frame_pose));
-        lines.extend(store.contacts[pair.contacts.clone()].iter().map(|contact| format!("{contact:?}")));
-        lines.extend(store.touching[pair.touching.clone()].iter().map(|touching| format!("{touching:?}")));
+        lines.extend(pair.contacts.iter().map(|contact| format!("{contact:?}")));
+        lines.extend(pair.touching.iter().map(|touching| format!("{touching:?}")));
     }
     lines
 }
@@ -100,7 +100,7 @@ fn run(method: ContactMethod, threads: usize, recording: &Recording) -> Outcome 
         }
         app.update();
         penetrating +=
-            app.world().resource::<ContactStore>().contacts.iter().filter(|contact| contact.distance < 0.0).count();
+            app.world().resource::<ContactStore>().contacts().filter(|contact| contact.distance < 0.0).count();
         ticks.push(fingerprint(&app, &scene));
     }
     let journal = std::mem::take(&mut app.world_mut().resource_mut::<Journal>().0);

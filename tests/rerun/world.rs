@@ -285,7 +285,7 @@ pub fn touching(app: &mut App, entity: Entity) -> (BTreeSet<u32>, BTreeSet<u32>)
     }
     let store = app.world().resource::<ContactStore>();
     for pair in &store.pairs {
-        for pair_of_triangles in &store.touching[pair.touching.clone()] {
+        for pair_of_triangles in &pair.touching[..] {
             for (side, triangle) in [(pair.a, pair_of_triangles.triangle_a), (pair.b, pair_of_triangles.triangle_b)] {
                 if side == ContactSide::Surface(entity) {
                     touching.insert(triangle);

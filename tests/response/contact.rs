@@ -117,9 +117,8 @@ fn a_driven_surface_pushes_a_cloth_along() {
 /// Shuffles the contacts of every pair, as a store from elsewhere might have them.
 fn shuffle(mut store: ResMut<ContactStore>) {
     let mut random = Random::new(11);
-    let store = &mut *store;
-    for pair in &store.pairs {
-        let contacts = &mut store.contacts[pair.contacts.clone()];
+    for pair in &mut store.pairs {
+        let contacts = &mut pair.contacts;
         for place in (1..contacts.len()).rev() {
             contacts.swap(place, random.below(place as u64 + 1) as usize);
         }

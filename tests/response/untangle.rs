@@ -8,7 +8,7 @@ use crate::harness::Scene;
 
 fn crossings(scene: &Scene) -> usize {
     let store = scene.app.world().resource::<ContactStore>();
-    store.contacts.iter().filter(|contact| contact.features.kind() == FeatureKind::EdgeFace).count()
+    store.contacts().filter(|contact| contact.features.kind() == FeatureKind::EdgeFace).count()
 }
 
 #[test]

@@ -76,7 +76,7 @@ const ROWS: &str = "SurfaceRows";
 const CANDIDATES: &str = "CandidateTrianglePairs";
 const LISTS: &str = "KeptPairs (of a mesh that moves a little)";
 /// What only the stages themselves can reach.
-const ELSEWHERE: &str = "elsewhere (the last tick's store, scratch)";
+const ELSEWHERE: &str = "elsewhere (scratch)";
 
 /// What holds the pairs that were found, rather than candidates.
 const RESULTS: [&str; 5] =

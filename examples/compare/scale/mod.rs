@@ -185,8 +185,8 @@ impl Stage {
             triangles: scene.triangles(),
             surface_pairs: candidates.pairs.len(),
             candidates: candidates.triangle_pair_count(),
-            touching: store.touching.len(),
-            contacts: store.contacts.len(),
+            touching: store.touching_count(),
+            contacts: store.contact_count(),
         }
     }
 }

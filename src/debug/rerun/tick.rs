@@ -121,7 +121,7 @@ impl Touches {
             }
         };
         for (pair, contacts) in detected.contacts.by_pair() {
-            for touching in &detected.store.touching[pair.touching.clone()] {
+            for touching in pair.touching.iter() {
                 mark(pair, [touching.triangle_a, touching.triangle_b], Touch::Touching);
             }
             for contact in contacts.filter(has_passed) {

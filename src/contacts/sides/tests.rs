@@ -9,12 +9,14 @@ use crate::kernel::{
     exact::{Feature, FeaturePair},
     pair::FoundPairs,
     share::{OnTwoThreads, OneByOne},
+    unique::UniqueFeatures,
 };
 
-const KINDS: [FeaturePair; 3] = [
-    FeaturePair { a: Feature::Vertex(0), b: Feature::Face },
-    FeaturePair { a: Feature::Edge(0), b: Feature::Edge(1) },
-    FeaturePair { a: Feature::Vertex(0), b: Feature::Vertex(1) },
+/// Kinds of feature pairs, with what keys name them by.
+const KINDS: [(FeaturePair, u64); 3] = [
+    (FeaturePair { a: Feature::Vertex(0), b: Feature::Face }, 2),
+    (FeaturePair { a: Feature::Edge(0), b: Feature::Edge(1) }, 4),
+    (FeaturePair { a: Feature::Vertex(0), b: Feature::Vertex(1) }, 0),
 ];
 
 fn contact(
@@ -22,12 +24,12 @@ fn contact(
     key: u64,
     triangles: [u32; 2],
     is_shared: bool,
-    features: FeaturePair,
+    (features, kind): (FeaturePair, u64),
 ) -> CompactContact {
     let [triangle_a, triangle_b] = triangles;
     let turned = random.below(3) == 0;
     CompactContact {
-        key: ContactKey(key),
+        key: ContactKey(kind << 56 | key),
         triangle_a,
         triangle_b,
         features,
@@ -70,7 +72,7 @@ fn expected(found: &[CompactContact], before: &[CompactContact]) -> Vec<CompactC
     kept.sort_by_key(|contact| (contact.triangles(), contact.key));
     let last: BTreeMap<ContactKey, CompactContact> = before.iter().map(|contact| (contact.key, *contact)).collect();
     for contact in &mut kept {
-        let has_sides = contact.features != KINDS[2];
+        let has_sides = contact.features != KINDS[2].0;
         let turned = |last: &CompactContact| {
             let same_order = last.swapped == contact.swapped;
             (last.normal == contact.normal) != same_order
@@ -83,38 +85,58 @@ fn expected(found: &[CompactContact], before: &[CompactContact]) -> Vec<CompactC
     kept
 }
 
+/// What stays of contacts, which are found in parts, and what the next tick is told.
 fn kept(
-    unique: &mut UniqueContacts,
-    found: &FoundPairs,
+    found: &[CompactContact],
+    parts: usize,
     before: Before<'_>,
     share: &impl Share,
 ) -> (Vec<CompactContact>, Vec<SharedContact>) {
-    // What is in its place before is overwritten.
-    let mut stored = found.contacts[..unique.count(&found.contacts, &found.shared)].to_vec();
-    let shared = unique.copy(&found.contacts, before, &mut stored, share).to_vec();
-    (stored, shared)
+    let (mut unique, mut kept) = (UniqueFeatures::default(), FoundPairs::default());
+    let mut rest = found;
+    for part in 0..parts {
+        let mut count = if part + 1 == parts { rest.len() } else { found.len() / parts };
+        while count > 0 && count < rest.len() && rest[count].triangles() == rest[count - 1].triangles() {
+            count += 1;
+        }
+        let (now, later) = rest.split_at(count.min(rest.len()));
+        rest = later;
+        // In place, or appended from a list of its own.
+        if part % 2 == 0 {
+            let (first, first_shared) = (kept.contacts.len(), kept.shared.len());
+            kept.contacts.extend_from_slice(now);
+            kept.finish_contacts(first);
+            unique.drop_repeats(&mut kept, first_shared);
+        } else {
+            let mut later = FoundPairs { contacts: now.to_vec(), ..FoundPairs::default() };
+            later.finish_contacts(0);
+            unique.append(&mut kept, &mut later);
+        }
+    }
+    Sides::default().keep(&mut kept.contacts, before, share);
+    (kept.contacts, kept.shared)
 }
 
 #[test]
 fn every_pair_of_features_stays_once_on_its_side() {
     let mut random = Random::new(7);
-    let mut unique = UniqueContacts::default();
     for (pair_count, shared_keys) in [(0, 1), (1, 1), (40, 10), (20_000, 3_000), (30_000, 200_000)] {
         let (mut before, mut shared) = (Vec::new(), Vec::new());
         let (mut repeats, mut turned, mut turned_elsewhere) = (0, 0, 0);
         for _ in 0..4 {
-            let mut found =
-                FoundPairs { contacts: contacts(&mut random, pair_count, shared_keys), ..Default::default() };
-            found.list_shared(0);
-            let expected = expected(&found.contacts, &before);
+            let found = contacts(&mut random, pair_count, shared_keys);
+            let expected = expected(&found, &before);
             let last = Before { contacts: &before, shared: &shared };
-            let (stored, now_shared) = kept(&mut unique, &found, last, &OneByOne);
+            let (stored, now_shared) = kept(&found, 1, last, &OneByOne);
             assert!(stored == expected, "{pair_count} pairs");
-            assert!(kept(&mut unique, &found, last, &OnTwoThreads) == (stored.clone(), now_shared.clone()));
+            for parts in [2, 7] {
+                let in_parts = kept(&found, parts, last, &OnTwoThreads);
+                assert!(in_parts == (stored.clone(), now_shared.clone()), "{pair_count} pairs in {parts} parts");
+            }
             for shared in &now_shared {
                 assert_eq!(stored[shared.place as usize].key, shared.key);
             }
-            repeats += found.contacts.len() - stored.len();
+            repeats += found.len() - stored.len();
             let places: BTreeMap<ContactKey, (u32, u32)> =
                 before.iter().map(|contact: &CompactContact| (contact.key, contact.triangles())).collect();
             for contact in stored.iter().filter(|contact| contact.distance < 0.0) {
