@@ -7,7 +7,10 @@ use glam::{DVec3, Vec3};
 use super::{
     contact::{CompactContact, SharedContact, TouchingPair, feature_number},
     corner_rows::{CornerRow, CornerRows},
-    exact::{Feature, FeaturePair, side::outward_direction},
+    exact::{
+        Feature, FeaturePair,
+        side::{outward_direction, rise},
+    },
     ids::TriangleId,
     pose::Pose,
     topology::SurfaceTopology,
@@ -89,6 +92,17 @@ impl SurfaceSide<'_> {
         if self.mirrored { -outward } else { outward }
     }
 
+    /// How a direction goes along the [outward](Self::outward) one: more than 0 where it leads out, less than 0 where it leads
+    /// in.
+    pub(super) fn rise(&self, triangle: u32, feature: Feature, direction: DVec3) -> f64 {
+        if let Some(moved) = &self.moved {
+            let direction = moved.pose.inverse_transform_direction(direction);
+            return rise(self.topology, moved.own_positions, triangle as usize, feature, direction);
+        }
+        let direction = if self.mirrored { -direction } else { direction };
+        rise(self.topology, self.positions, triangle as usize, feature, direction)
+    }
+
     /// How far rounding may have put a position from where it is.
     pub(crate) fn rounding(&self) -> f32 {
         self.moved.map_or(0.0, |moved| moved.rounding)
@@ -146,8 +160,8 @@ pub(super) fn is_inside(
     features: FeaturePair,
     separation: DVec3,
 ) -> bool {
-    let behind_b = || b.outward(triangle_b, features.b).dot(separation) < 0.0;
-    let behind_a = || a.outward(triangle_a, features.a).dot(separation) > 0.0;
+    let behind_b = || b.rise(triangle_b, features.b, separation) < 0.0;
+    let behind_a = || a.rise(triangle_a, features.a, separation) > 0.0;
     match (a.one_sided, b.one_sided) {
         (true, true) => match (features.a, features.b) {
             (Feature::Face, _) => behind_a(),

@@ -144,6 +144,12 @@ impl Pose {
         self.linear * direction / self.scale
     }
 
+    /// Turns a direction back that [`transform_direction`](Self::transform_direction) has turned.
+    #[must_use]
+    pub fn inverse_transform_direction(&self, direction: DVec3) -> DVec3 {
+        self.linear.transpose() * direction / self.scale
+    }
+
     /// Writes the moved `positions` into `moved`, rounded once.
     pub fn transform_points(&self, positions: &[Vec3], moved: &mut Vec<Vec3>) {
         moved.clear();

@@ -281,7 +281,7 @@ fn depth_in(side: &SurfaceSide<'_>, likely: u32, triangles: &[u32], point: DVec3
         }
     }
     let (depth, triangle, feature, between) = nearest;
-    Some((depth, side.outward(triangle, feature).dot(between) < 0.0))
+    Some((depth, side.rise(triangle, feature, between) < 0.0))
 }
 
 /// Squared distance of a point to the box of a triangle, whose corners are rounded.

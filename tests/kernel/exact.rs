@@ -2,9 +2,16 @@
 
 use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
 use bevy_circumsphere::kernel::{
-    exact::{Feature, FeatureKind, FeaturePair, PairProximity, Proximity, cull::cull_by_planes, examine_pair},
+    exact::{
+        Feature, FeatureKind, FeaturePair, PairProximity, Proximity,
+        cull::cull_by_planes,
+        examine_pair,
+        side::{outward_direction, rise},
+    },
     reference::{ClosestKind, closest_features, segment_segment, triangle_distance},
+    topology::SurfaceTopology,
 };
+use circumsphere_support::scenes::icosphere;
 use glam::{DVec3, Vec3};
 
 /// Error of a distance relative to the pair's extent. Products of f32 differences are exact in f64 or nearly so; what
@@ -412,4 +419,42 @@ fn planes_reject_most_pairs_of_two_rumpled_layers_that_are_apart() {
     }
     println!("{within} pairs within range, {beyond} beyond: planes reject {rejected}");
     assert!(within > 2_000 && rejected * 2 > beyond);
+}
+
+/// Bumpy, so that at many vertices and edges some faces rise along a direction and others fall; some have no area.
+#[test]
+fn a_direction_leads_out_where_it_goes_along_the_outward_one() {
+    let mut random = Random::new(23);
+    let ball = icosphere(3, 1.0);
+    let mut positions: Vec<Vec3> = ball.positions.iter().map(|&position| Vec3::from_array(position)).collect();
+    for position in &mut positions {
+        *position *= 1.0 + 0.1 * random.unit() as f32;
+    }
+    for place in (0..positions.len() - 1).step_by(40) {
+        positions[place] = positions[place + 1];
+    }
+    let topology = SurfaceTopology::new(&positions, &ball.triangles).expect("it is a mesh");
+    let features =
+        [0, 1, 2].map(Feature::Vertex).into_iter().chain([0, 1, 2].map(Feature::Edge)).chain([Feature::Face]);
+    let (mut outward_count, mut inward_count, mut split) = (0, 0, 0);
+    for feature in features {
+        for triangle in 0..ball.triangles.len() {
+            let outward = outward_direction(&topology, &positions, triangle, feature);
+            let face = outward_direction(&topology, &positions, triangle, Feature::Face);
+            // Any direction, one nearly along the surface, and one exactly along it.
+            let tangent = outward.cross(random.direction());
+            for direction in [random.direction(), tangent + random.direction() * 0.1, tangent] {
+                let (expected, found) =
+                    (outward.dot(direction), rise(&topology, &positions, triangle, feature, direction));
+                assert!(
+                    expected == 0.0 && found == 0.0 || expected * found > 0.0,
+                    "{feature:?} of {triangle}: {found} for {expected}"
+                );
+                outward_count += usize::from(found > 0.0);
+                inward_count += usize::from(found < 0.0);
+                split += usize::from(face.dot(direction) * expected < 0.0);
+            }
+        }
+    }
+    assert!(outward_count > 1000 && inward_count > 1000 && split > 300, "{outward_count} {inward_count} {split}");
 }

@@ -104,6 +104,9 @@ fn points_and_directions_move_as_the_stored_transform_says() {
         let moved = apply(&affine, direction) - apply(&affine, DVec3::ZERO);
         // The rotation is only as orthogonal as f32 made it; the translation cancels to 1e-10.
         assert!(pose.transform_direction(direction).distance(moved.normalize()) <= 1.0e-6 + 1.0e-9 / f64::from(scale));
+        let other = random.direction();
+        let turned = pose.transform_direction(direction).dot(other);
+        assert!((turned - direction.dot(pose.inverse_transform_direction(other))).abs() <= 1.0e-14);
         let stored = point.as_vec3();
         let mut moved = Vec::new();
         pose.transform_points(&[stored], &mut moved);

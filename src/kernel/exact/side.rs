@@ -12,6 +12,10 @@ use crate::kernel::{
     topology::SurfaceTopology,
 };
 
+/// The faces around a feature agree beyond doubt where a direction rises over each of them, or falls below each, by more than
+/// this sine: far more than f64 rounds by.
+const CLEAR_SINE: f64 = 1.0e-9;
+
 fn corners(topology: &SurfaceTopology, positions: &[Vec3], triangle: usize) -> [DVec3; 3] {
     topology.triangles()[triangle].map(|vertex| positions[vertex as usize].as_dvec3())
 }
@@ -50,6 +54,43 @@ pub fn closest_feature(corners: &[DVec3; 3], point: DVec3) -> (Feature, DVec3) {
         }
     }
     closest
+}
+
+/// How a direction goes along the [outward direction](outward_direction) at a feature of `triangle`: more than 0 where it leads
+/// out, less than 0 where it leads in. Only the sign has a meaning.
+///
+/// Mostly the faces around the feature agree about that, and then no weights are needed.
+#[must_use]
+pub fn rise(
+    topology: &SurfaceTopology,
+    positions: &[Vec3],
+    triangle: usize,
+    feature: Feature,
+    direction: DVec3,
+) -> f64 {
+    let own = [triangle as u32];
+    let around = match feature {
+        Feature::Face => &own[..],
+        Feature::Edge(edge) => topology.triangles_of_edge(EdgeId(topology.triangle_edges()[triangle][edge as usize])),
+        Feature::Vertex(corner) => {
+            topology.triangles_of_vertex(VertexId(topology.welded_triangles()[triangle][corner as usize]))
+        }
+    };
+    let unclear = CLEAR_SINE * CLEAR_SINE * direction.length_squared();
+    let (mut out, mut inward) = (false, false);
+    for &around in around {
+        let corners = corners(topology, positions, around as usize);
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let height = normal.dot(direction);
+        let is_clear = height * height > unclear * normal.length_squared();
+        out |= height > 0.0 || !is_clear;
+        inward |= height < 0.0 || !is_clear;
+    }
+    match (out, inward) {
+        (true, false) => 1.0,
+        (false, true) => -1.0,
+        _ => outward_direction(topology, positions, triangle, feature).dot(direction),
+    }
 }
 
 /// The outward direction at a feature of `triangle`, of any length, zero where nothing around it has an area.
