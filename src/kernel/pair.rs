@@ -253,16 +253,17 @@ impl FoundPairs {
     /// Brings the contacts from the place `first` on into their order, given that those of different pairs are, and lists
     /// which of them are shared, given that those before are listed.
     pub(crate) fn finish_contacts(&mut self, first: usize) {
-        let mut place = first as u32;
-        for of_pair in self.contacts[first..].chunk_by_mut(|one, next| one.triangles() == next.triangles()) {
-            if of_pair.len() > 1 {
-                of_pair.sort_by_key(|contact| contact.key);
+        let contacts = &mut self.contacts[first..];
+        for place in 1..contacts.len() {
+            let mut place = place;
+            while place > 0 && is_later_of_pair(&contacts[place - 1], &contacts[place]) {
+                contacts.swap(place - 1, place);
+                place -= 1;
             }
-            for contact in of_pair {
-                if contact.is_shared {
-                    self.shared.push(SharedContact { key: contact.key, place });
-                }
-                place += 1;
+        }
+        for (place, contact) in (first as u32..).zip(contacts) {
+            if contact.is_shared {
+                self.shared.push(SharedContact { key: contact.key, place });
             }
         }
     }
@@ -286,6 +287,12 @@ impl FoundPairs {
         self.examined += later.examined;
         self.lower_bounds.append(&mut later.lower_bounds);
     }
+}
+
+/// Whether a contact stands after another one of the same triangles.
+#[inline]
+fn is_later_of_pair(one: &CompactContact, other: &CompactContact) -> bool {
+    (one.key > other.key) & (one.triangles() == other.triangles())
 }
 
 /// The candidates without those that share a vertex, which in a self-collision are neighbors. The list itself where
