@@ -7,11 +7,12 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f64x8, prelude::*, u64x8};
+use fearless_simd::{Level, dispatch, f64x8, prelude::*};
 
 use self::{
-    features::{Found, Side, boundary_cases, edge_edge, may_pierce, vertices_and_edges, vertices_over_face},
+    features::{certainly_pierce, features, may_pierce},
     gather::corners_in_lanes,
+    rows::Rows,
 };
 use super::{
     cases::{BoundaryCases, Cases},
@@ -25,6 +26,7 @@ use crate::kernel::{
 
 mod features;
 mod gather;
+mod rows;
 
 /// A volume of three edges may be of either sign where it is below this share of the cube of the pair's largest
 /// coordinate: seven times what its rounding amounts to.
@@ -42,7 +44,7 @@ pub(in crate::kernel) struct ScreenedPair {
     pub(in crate::kernel) cases: Cases,
     /// Least squared distance of a vertex of either from an edge of the other.
     pub(super) boundary: f64,
-    /// Which vertices and edges are that close, or nearly: bit `3 v + e` for vertex `v` of the first triangle and edge `e` of
+    /// Which vertices and edges within the range are that close, or nearly: bit `3 v + e` for vertex `v` of the first triangle and edge `e` of
     /// the second, nine bits further for a vertex of the second.
     pub(super) on_boundary: u32,
     /// Squared distance of the two, unless they cross.
@@ -104,16 +106,20 @@ pub(in crate::kernel) struct Screened {
 }
 
 /// Eight pairs of triangles and what is known of them.
+#[repr(align(64))]
 pub(in crate::kernel) struct PairScreen {
     cases: [u64; WIDTH],
     closest: [u64; WIDTH],
     boundary: [f64; WIDTH],
     on_boundary: [u64; WIDTH],
+    /// Where the vertex is closest to the start of the edge, or to its end, of pairs with nothing closer.
+    at_start: [u64; WIDTH],
+    at_end: [u64; WIDTH],
     nearest: [f64; WIDTH],
     distance: [f64; WIDTH],
     largest: [f64; WIDTH],
     world_distance: [f64; WIDTH],
-    boundary_cases: [u64; WIDTH],
+    rows: Rows,
 }
 
 impl PairScreen {
@@ -125,11 +131,13 @@ impl PairScreen {
             closest: [0; WIDTH],
             boundary: [0.0; WIDTH],
             on_boundary: [0; WIDTH],
+            at_start: [0; WIDTH],
+            at_end: [0; WIDTH],
             nearest: [0.0; WIDTH],
             distance: [0.0; WIDTH],
             largest: [0.0; WIDTH],
             world_distance: [0.0; WIDTH],
-            boundary_cases: [0; WIDTH],
+            rows: Rows::ZERO,
         }
     }
 
@@ -176,7 +184,11 @@ impl PairScreen {
 
     /// What of a pair is on the boundaries of both, where nothing is closer.
     pub(in crate::kernel) fn boundary_cases(&self, place: usize) -> BoundaryCases {
-        BoundaryCases(self.boundary_cases[place])
+        // The end of an edge is the start of the next one.
+        let cases = self.on_boundary[place] & !self.at_end[place];
+        let vertices = cases & self.at_start[place];
+        // Two vertices count from the first triangle only, whose bits are the first nine.
+        BoundaryCases((cases & !vertices) | ((vertices & 0x1ff) * BoundaryCases::of_vertices(0)))
     }
 
     /// Lower bounds of the distances of the pairs, as they were screened: within the range or not, the distance but for
@@ -201,60 +213,35 @@ impl PairScreen {
         limits: &ScreenLimits,
     ) -> Screened {
         let zero = f64x8::splat(simd, 0.0);
-        let mut triangles = [corners_in_lanes(simd, sides[0], poses[0]), corners_in_lanes(simd, sides[1], poses[1])];
-        let origin = triangles[0][0];
+        let [origin, second, third] = corners_in_lanes(simd, sides[0], poses[0]);
+        let (second, third) = (second - origin, third - origin);
+        let corners = corners_in_lanes(simd, sides[1], poses[1]);
+        let b = [corners[0] - origin, corners[1] - origin, corners[2] - origin];
         let mut largest = zero;
-        for corners in &mut triangles {
-            for corner in corners {
-                *corner = *corner - origin;
-                largest = largest.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
-            }
+        for corner in [second, third, b[0], b[1], b[2]] {
+            largest = largest.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
         }
         let nothing = largest * ROUND_OFF;
         let range = nothing.max(limits.range / limits.scale);
         let range_squared = range * range;
-        let (a, b) = (Side::new(simd, triangles[0]), Side::new(simd, triangles[1]));
-
-        let (mut boundaries, mut alongs) = ([zero; 18], [zero; 18]);
-        vertices_and_edges(simd, &a, &b, &mut boundaries[..9], &mut alongs[..9]);
-        vertices_and_edges(simd, &b, &a, &mut boundaries[9..], &mut alongs[9..]);
-        let mut boundary = boundaries[0];
-        for &distance_squared in &boundaries[1..] {
-            boundary = boundary.min(distance_squared);
-        }
-        let tie = boundary * (1.0 + TIE);
-        let mut on_boundary = u64x8::splat(simd, 0);
-        for (place, &distance_squared) in boundaries.iter().enumerate() {
-            on_boundary = distance_squared.simd_le(tie).select(on_boundary | (1u64 << place), on_boundary);
-        }
-        on_boundary.store_slice(&mut self.on_boundary);
-        let mut found = Found { cases: u64x8::splat(simd, 0), nearest: boundary, closest: u64x8::splat(simd, 0) };
-        found.add(!boundary.simd_gt(range_squared), Cases::BOUNDARY);
-        let heights_over_b = vertices_over_face(simd, &a, &b, range_squared, true, &mut found);
-        let heights_over_a = vertices_over_face(simd, &b, &a, range_squared, false, &mut found);
-        let mut volumes = [[zero; 3]; 3];
-        for edge_a in 0..3 {
-            for edge_b in 0..3 {
-                volumes[edge_a][edge_b] = edge_edge(simd, &a, &b, [edge_a, edge_b], range_squared, &mut found);
-            }
-        }
+        // A distance that is infinite is none, however far the range goes.
+        let limit = range_squared.min(f64::MAX);
+        self.rows.set(simd, [second, third], &b);
+        let mut found = features(simd, &mut self.rows, limit);
+        let boundary = found.boundary;
+        let most = (boundary * (1.0 + TIE)).min(range_squared);
+        self.rows.boundaries_within(simd, most).store_slice(&mut self.on_boundary);
+        let is_case = !boundary.simd_gt(range_squared);
+        found.cases = is_case.select(found.cases | u64::from(Cases::BOUNDARY.0), found.cases);
         let cube = largest * largest * largest;
-        let (rounding, firm) = (cube * VOLUME_ROUNDING, cube * largest * FIRM_PIERCING);
-        let mut certain = u64x8::splat(simd, 0);
-        for edge in 0..3 {
-            let [along_a, along_b] = [volumes[edge], [volumes[0][edge], volumes[1][edge], volumes[2][edge]]];
-            for (of_a, own, other, heights, volumes) in
-                [(true, &a, &b, &heights_over_b, along_a), (false, &b, &a, &heights_over_a, along_b)]
-            {
-                let (possible, clear) = may_pierce(simd, heights, edge, volumes, rounding);
-                let case = Cases::piercing(of_a, edge);
-                found.add(possible, case);
-                let size_squared = own.lengths_squared[edge] + other.lengths_squared[0] + other.lengths_squared[1];
-                let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
-                let fall = from - to;
-                let is_firm = clear & (fall * fall * size_squared).simd_gt(firm * firm);
-                certain = is_firm.select(certain | u64::from(case.0), certain);
-            }
+        let rounding = cube * VOLUME_ROUNDING;
+        let piercing = may_pierce(simd, &self.rows, rounding);
+        found.cases |= piercing;
+        let crossing = !piercing.simd_eq(0);
+        let mut doubtful = crossing;
+        if crossing.any_true() {
+            let certain = certainly_pierce(simd, &self.rows, rounding, cube * largest * FIRM_PIERCING);
+            doubtful = !(piercing & !certain).simd_eq(0);
         }
         found.cases.store_slice(&mut self.cases);
         found.closest.store_slice(&mut self.closest);
@@ -264,27 +251,25 @@ impl PairScreen {
         boundary.store_slice(&mut self.boundary);
         largest.store_slice(&mut self.largest);
 
-        let none = u64x8::splat(simd, 0);
-        let piercing = found.cases & u64::from(Cases::PIERCING.0);
-        let crossing = !piercing.simd_eq(none);
-        let doubtful = !(piercing & !certain).simd_eq(none);
         let apart = (crossing | distance.simd_le(nothing)).select(zero, distance) * limits.scale;
         apart.store_slice(&mut self.world_distance);
-        let is_certain = !found.cases.simd_eq(none) & !doubtful;
-        let on_boundary = !(found.cases & u64::from(Cases::BOUNDARY.0)).simd_eq(none)
+        let is_certain = !found.cases.simd_eq(0) & !doubtful;
+        let on_boundary = !(found.cases & u64::from(Cases::BOUNDARY.0)).simd_eq(0)
             & boundary.simd_le(found.nearest)
             & !crossing
             & is_certain;
         if on_boundary.any_true() {
-            boundary_cases(simd, &boundaries, &alongs, tie.min(range_squared)).store_slice(&mut self.boundary_cases);
+            let [at_start, at_end] = self.rows.at_ends(simd);
+            at_start.store_slice(&mut self.at_start);
+            at_end.store_slice(&mut self.at_end);
         }
         Screened {
-            possible: (!found.cases.simd_eq(none)).to_bitmask() as u32,
+            possible: (!found.cases.simd_eq(0)).to_bitmask() as u32,
             doubtful: doubtful.to_bitmask() as u32,
             meeting: boundary.simd_eq(zero).to_bitmask() as u32,
             near: (is_certain & !apart.simd_gt(limits.range)).to_bitmask() as u32,
             touching: (is_certain & apart.simd_le(limits.contact_distance)).to_bitmask() as u32,
-            with_cases: (!(found.cases & !u64::from(Cases::BOUNDARY.0)).simd_eq(none)).to_bitmask() as u32,
+            with_cases: (!(found.cases & !u64::from(Cases::BOUNDARY.0)).simd_eq(0)).to_bitmask() as u32,
             on_boundary: on_boundary.to_bitmask() as u32,
         }
     }

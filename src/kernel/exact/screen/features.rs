@@ -4,183 +4,207 @@
 
 use fearless_simd::{f64x8, mask64x8, prelude::*, u64x8};
 
+use super::rows::Rows;
 use crate::kernel::{
-    exact::{
-        cases::{BoundaryCases, Cases},
-        triangle_pair::{AT_END, PARALLEL_SINE},
-    },
+    exact::{cases::Cases, triangle_pair::PARALLEL_SINE},
     lanes::DoubleVectorLanes,
 };
 
-/// A triangle of each pair with what every case needs.
-pub(super) struct Side<S: Simd> {
-    pub(super) corners: [DoubleVectorLanes<S>; 3],
-    pub(super) edges: [DoubleVectorLanes<S>; 3],
-    pub(super) lengths_squared: [f64x8<S>; 3],
-    pub(super) normal: DoubleVectorLanes<S>,
+/// The least squared distance and whose it is.
+struct Nearest<S: Simd> {
+    distance_squared: f64x8<S>,
+    case: u64x8<S>,
 }
 
-impl<S: Simd> Side<S> {
+impl<S: Simd> Nearest<S> {
     #[inline(always)]
-    pub(super) fn new(_: S, corners: [DoubleVectorLanes<S>; 3]) -> Self {
-        let edges = [(corners[1] - corners[0]), (corners[2] - corners[1]), (corners[0] - corners[2])];
-        let lengths_squared = [edges[0].dot(edges[0]), edges[1].dot(edges[1]), edges[2].dot(edges[2])];
-        Self { corners, edges, lengths_squared, normal: edges[0].cross(edges[1]) }
+    fn none(simd: S) -> Self {
+        Self { distance_squared: f64x8::splat(simd, f64::INFINITY), case: u64x8::splat(simd, 0) }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, distance_squared: f64x8<S>, case: u64x8<S>) {
+        let nearer = distance_squared.simd_lt(self.distance_squared);
+        self.distance_squared = nearer.select(distance_squared, self.distance_squared);
+        self.case = nearer.select(case, self.case);
     }
 }
 
-/// The cases found so far, one bit each, the least squared distance, and whose it is.
+/// The cases found, one bit each, the least squared distance, and whose it is.
 pub(super) struct Found<S: Simd> {
     pub(super) cases: u64x8<S>,
+    /// The least squared distance of a vertex from an edge.
+    pub(super) boundary: f64x8<S>,
     pub(super) nearest: f64x8<S>,
     pub(super) closest: u64x8<S>,
 }
 
-impl<S: Simd> Found<S> {
-    #[inline(always)]
-    pub(super) fn add(&mut self, possible: mask64x8<S>, Cases(case): Cases) {
-        self.cases = possible.select(self.cases | u64::from(case), self.cases);
-    }
-
-    /// A distance counts wherever there is one, a case only within the range.
-    #[inline(always)]
-    fn add_distance(
-        &mut self,
-        possible: mask64x8<S>,
-        within_range: mask64x8<S>,
-        case: Cases,
-        distance_squared: f64x8<S>,
-    ) {
-        self.add(possible & within_range, case);
-        let nearer = possible & distance_squared.simd_lt(self.nearest);
-        self.nearest = nearer.select(distance_squared, self.nearest);
-        self.closest = nearer.select(u64x8::splat(self.cases.simd, u64::from(case.0)), self.closest);
-    }
+#[inline(always)]
+fn with_case<S: Simd>(cases: u64x8<S>, is_case: mask64x8<S>, case: u64x8<S>) -> u64x8<S> {
+    is_case.select(cases | case, cases)
 }
 
-/// The squared distance of every vertex of one from every edge of the other, and where along the edge it is closest.
+const fn bit(case: Cases) -> u64 {
+    case.0 as u64
+}
+
+const VERTICES_OF_A: [u64; 3] =
+    [bit(Cases::vertex_face(true, 0)), bit(Cases::vertex_face(true, 1)), bit(Cases::vertex_face(true, 2))];
+
+const EDGES: [[u64; 3]; 3] = [
+    [bit(Cases::edges(0, 0)), bit(Cases::edges(0, 1)), bit(Cases::edges(0, 2))],
+    [bit(Cases::edges(1, 0)), bit(Cases::edges(1, 1)), bit(Cases::edges(1, 2))],
+    [bit(Cases::edges(2, 0)), bit(Cases::edges(2, 1)), bit(Cases::edges(2, 2))],
+];
+
+/// Everything but edges through faces, up to a squared distance, which is finite. All that a corner or an edge of the first
+/// triangle has to do with one of the second is done in one go: the way between the two is read once.
 #[inline(always)]
-pub(super) fn vertices_and_edges<S: Simd>(
-    simd: S,
-    own: &Side<S>,
-    other: &Side<S>,
-    distances_squared: &mut [f64x8<S>],
-    alongs: &mut [f64x8<S>],
-) {
+pub(super) fn features<S: Simd>(simd: S, rows: &mut Rows, limit: f64x8<S>) -> Found<S> {
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
-    for edge in 0..3 {
-        let squared = other.lengths_squared[edge];
-        let inverse = squared.simd_gt(zero).select(one / squared, zero);
-        for vertex in 0..3 {
-            let from_start = own.corners[vertex] - other.corners[edge];
-            let along = (from_start.dot(other.edges[edge]) * inverse).max(zero).min(one);
-            let between = from_start - other.edges[edge].scaled(along);
-            distances_squared[3 * vertex + edge] = between.dot(between);
-            alongs[3 * vertex + edge] = along;
+    let nowhere = f64x8::splat(simd, f64::INFINITY);
+    let mut boundary = nowhere;
+    let mut cases = u64x8::splat(simd, 0);
+    let (mut faces, mut edges) = (Nearest::none(simd), Nearest::none(simd));
+    let mut areas_over_a = [nowhere; 3];
+    let normal_a = DoubleVectorLanes::load(simd, &rows.normals[0]);
+    let normal_b = DoubleVectorLanes::load(simd, &rows.normals[1]);
+    let inverse_normal_a = one / normal_a.dot(normal_a);
+    let inverse_normal_b = one / normal_b.dot(normal_b);
+    for i in 0..3 {
+        let u = DoubleVectorLanes::load(simd, &rows.edges[0][i]);
+        let inverse_u = rows.inverses[0][i].load(simd);
+        let sine_u = rows.lengths_squared[0][i].load(simd) * (PARALLEL_SINE * PARALLEL_SINE);
+        let inward_u = DoubleVectorLanes::load(simd, &rows.inward[0][i]);
+        let mut area_over_b = nowhere;
+        for j in 0..3 {
+            let way = DoubleVectorLanes::load(simd, &rows.ways[i][j]);
+            let v = DoubleVectorLanes::load(simd, &rows.edges[1][j]);
+            let (along, distance_squared) = on_edge(simd, way, v, rows.inverses[1][j].load(simd));
+            boundary = boundary.min(distance_squared);
+            rows.boundaries[3 * i + j].store(distance_squared);
+            rows.alongs[3 * i + j].store(along);
+            let (along, distance_squared) = on_edge(simd, way, u, inverse_u);
+            boundary = boundary.min(distance_squared);
+            rows.boundaries[9 + 3 * j + i].store(distance_squared);
+            rows.alongs[9 + 3 * j + i].store(along);
+
+            area_over_b = area_over_b.min(DoubleVectorLanes::load(simd, &rows.inward[1][j]).dot(way));
+            areas_over_a[j] = areas_over_a[j].min(inward_u.dot(way));
+
+            let normal = u.cross(v);
+            let normal_squared = normal.dot(normal);
+            // With no inverse nothing is inside of parallel edges.
+            let parallel = sine_u * rows.lengths_squared[1][j].load(simd);
+            let inverse = normal_squared.simd_gt(parallel).select(one / normal_squared, zero);
+            let (along_a, along_b) = (way.cross(v).dot(normal), u.cross(way).dot(normal));
+            let (least, largest) = (along_a.min(along_b) * inverse, along_a.max(along_b) * inverse);
+            let inside = least.simd_gt(zero) & largest.simd_lt(one);
+            let height = normal.dot(way);
+            let distance_squared = inside.select(height * height * inverse, nowhere);
+            let case = u64x8::splat(simd, EDGES[i][j]);
+            cases = with_case(cases, distance_squared.simd_le(limit), case);
+            edges.add(distance_squared, case);
+            rows.volumes[i][j].store(height);
         }
+        let height = normal_b.dot(DoubleVectorLanes::load(simd, &rows.ways[i][0]));
+        let case = u64x8::splat(simd, VERTICES_OF_A[i]);
+        let distance_squared = over_face(area_over_b, height, inverse_normal_b, nowhere);
+        cases = with_case(cases, distance_squared.simd_le(limit), case);
+        faces.add(distance_squared, case);
+        rows.heights[0][i].store(height);
     }
+    for j in 0..3 {
+        let height = normal_a.dot(DoubleVectorLanes::load(simd, &rows.ways[0][j]));
+        let case = u64x8::splat(simd, bit(Cases::vertex_face(false, j)));
+        let distance_squared = over_face(areas_over_a[j], height, inverse_normal_a, nowhere);
+        cases = with_case(cases, distance_squared.simd_le(limit), case);
+        faces.add(distance_squared, case);
+        rows.heights[1][j].store(height);
+    }
+    // Of those equally close the boundaries come first, and edges after vertices over faces.
+    faces.add(edges.distance_squared, edges.case);
+    let nearest = faces.distance_squared.min(boundary);
+    let closest = faces.distance_squared.simd_lt(boundary).select(faces.case, u64x8::splat(simd, 0));
+    Found { cases, boundary, nearest, closest }
 }
 
-/// The [`BoundaryCases`] within a squared distance.
+/// Where along an edge a point is closest, 0 to 1, and the squared distance, given the way between the edge's start and it.
 #[inline(always)]
-pub(super) fn boundary_cases<S: Simd>(
+fn on_edge<S: Simd>(
     simd: S,
-    distances_squared: &[f64x8<S>; 18],
-    alongs: &[f64x8<S>; 18],
-    most: f64x8<S>,
-) -> u64x8<S> {
+    from_start: DoubleVectorLanes<S>,
+    edge: DoubleVectorLanes<S>,
+    inverse: f64x8<S>,
+) -> (f64x8<S>, f64x8<S>) {
+    let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
+    let along = (from_start.dot(edge) * inverse).max(zero).min(one);
+    let between = from_start - edge.scaled(along);
+    (along, between.dot(between))
+}
+
+/// Of a face without an area no area is positive, and the distance is no number, or infinite.
+#[inline(always)]
+fn over_face<S: Simd>(least_area: f64x8<S>, height: f64x8<S>, inverse: f64x8<S>, nowhere: f64x8<S>) -> f64x8<S> {
+    least_area.simd_gt(0.0).select(height * height * inverse, nowhere)
+}
+
+/// The volumes between an edge of either triangle and the other's edges, the least of them and the largest.
+#[inline(always)]
+fn volumes<S: Simd>(simd: S, rows: &Rows, side: usize, edge: usize) -> (f64x8<S>, f64x8<S>) {
+    let volumes = &rows.volumes;
+    let [a, b, c] = if side == 0 {
+        [&volumes[edge][0], &volumes[edge][1], &volumes[edge][2]]
+    } else {
+        [&volumes[0][edge], &volumes[1][edge], &volumes[2][edge]]
+    };
+    let [a, b, c] = [a.load(simd), b.load(simd), c.load(simd)];
+    (a.min(b).min(c), a.max(b).max(c))
+}
+
+/// How high the ends of an edge are over the other triangle's face.
+#[inline(always)]
+fn ends<S: Simd>(simd: S, rows: &Rows, side: usize, edge: usize) -> (f64x8<S>, f64x8<S>) {
+    let heights = &rows.heights[side];
+    (heights[edge].load(simd), heights[(edge + 1) % 3].load(simd))
+}
+
+/// The edges whose ends may lie on different sides of the other face's plane, and which that face's edges may all pass on the
+/// same side.
+#[inline(always)]
+pub(super) fn may_pierce<S: Simd>(simd: S, rows: &Rows, rounding: f64x8<S>) -> u64x8<S> {
     let mut cases = u64x8::splat(simd, 0);
-    for place in 0..18 {
-        let is_case = distances_squared[place].simd_le(most) & !alongs[place].simd_ge(1.0 - AT_END);
-        let at_start = alongs[place].simd_le(AT_END);
-        if place < 9 {
-            let case =
-                at_start.select(u64x8::splat(simd, BoundaryCases::of_vertices(place)), u64x8::splat(simd, 1 << place));
-            cases = is_case.select(cases | case, cases);
-        } else {
-            cases = (is_case & !at_start).select(cases | 1u64 << place, cases);
+    for edge in 0..3 {
+        for side in 0..2 {
+            let (least, largest) = volumes(simd, rows, side, edge);
+            let (from, to) = ends(simd, rows, side, edge);
+            let on_one_side = (from * to).simd_gt(0.0);
+            let passed_on_both_sides = least.simd_lt(-rounding) & largest.simd_gt(rounding);
+            let possible = !(on_one_side | passed_on_both_sides);
+            let case = u64x8::splat(simd, bit(Cases::piercing(side == 0, edge)));
+            cases = with_case(cases, possible, case);
         }
     }
     cases
 }
 
-/// Returns how high each vertex is, in lengths of the face's normal.
+/// The edges about which neither is in doubt.
 #[inline(always)]
-pub(super) fn vertices_over_face<S: Simd>(
-    simd: S,
-    own: &Side<S>,
-    other: &Side<S>,
-    range_squared: f64x8<S>,
-    vertex_of_a: bool,
-    found: &mut Found<S>,
-) -> [f64x8<S>; 3] {
-    let inward =
-        [other.normal.cross(other.edges[0]), other.normal.cross(other.edges[1]), other.normal.cross(other.edges[2])];
-    let inverse = f64x8::splat(simd, 1.0) / other.normal.dot(other.normal);
-    let mut heights = [inverse; 3];
-    for vertex in 0..3 {
-        let from_first = own.corners[vertex] - other.corners[0];
-        let height = other.normal.dot(from_first);
-        let distance_squared = height * height * inverse;
-        // Of a face without an area it is no number, or infinite.
-        let mut possible = distance_squared.simd_lt(f64::INFINITY);
-        for k in 0..3 {
-            let from_corner = own.corners[vertex] - other.corners[k];
-            let area = inward[k].dot(from_corner);
-            possible &= !area.simd_le(0.0);
+pub(super) fn certainly_pierce<S: Simd>(simd: S, rows: &Rows, rounding: f64x8<S>, firm: f64x8<S>) -> u64x8<S> {
+    let mut cases = u64x8::splat(simd, 0);
+    for edge in 0..3 {
+        for side in 0..2 {
+            let (least, largest) = volumes(simd, rows, side, edge);
+            let (from, to) = ends(simd, rows, side, edge);
+            let passed_on_one_side = least.simd_gt(rounding) | largest.simd_lt(-rounding);
+            let (own, other) = (&rows.lengths_squared[side], &rows.lengths_squared[1 - side]);
+            let size_squared = own[edge].load(simd) + other[0].load(simd) + other[1].load(simd);
+            let fall = from - to;
+            let is_firm = (fall * fall * size_squared).simd_gt(firm * firm);
+            let certain = (from * to).simd_lt(0.0) & passed_on_one_side & is_firm;
+            let case = u64x8::splat(simd, bit(Cases::piercing(side == 0, edge)));
+            cases = with_case(cases, certain, case);
         }
-        let within_range = distance_squared.simd_le(range_squared);
-        found.add_distance(possible, within_range, Cases::vertex_face(vertex_of_a, vertex), distance_squared);
-        heights[vertex] = height;
     }
-    heights
-}
-
-/// Returns six times the volume between the edges, but for the sign.
-#[inline(always)]
-pub(super) fn edge_edge<S: Simd>(
-    simd: S,
-    a: &Side<S>,
-    b: &Side<S>,
-    [edge_a, edge_b]: [usize; 2],
-    range_squared: f64x8<S>,
-    found: &mut Found<S>,
-) -> f64x8<S> {
-    let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
-    let (u, v) = (a.edges[edge_a], b.edges[edge_b]);
-    let normal = u.cross(v);
-    let normal_squared = normal.dot(normal);
-    let between = b.corners[edge_b] - a.corners[edge_a];
-    let height = normal.dot(between);
-    let inverse = one / normal_squared;
-    let distance_squared = height * height * inverse;
-    let lengths_squared = a.lengths_squared[edge_a] * (PARALLEL_SINE * PARALLEL_SINE) * b.lengths_squared[edge_b];
-    let along_a = between.cross(v).dot(normal) * inverse;
-    let along_b = between.cross(u).dot(normal) * inverse;
-    let inside = along_a.simd_gt(zero) & along_a.simd_lt(one) & along_b.simd_gt(zero) & along_b.simd_lt(one);
-    let possible = inside & !normal_squared.simd_le(lengths_squared);
-    let within_range = !distance_squared.simd_gt(range_squared);
-    found.add_distance(possible, within_range, Cases::edges(edge_a, edge_b), distance_squared);
-    height
-}
-
-/// Whether the ends of an edge may lie on different sides of a face's plane, and the face's three edges pass it on the same
-/// side; and whether there is no doubt about either.
-#[inline(always)]
-pub(super) fn may_pierce<S: Simd>(
-    simd: S,
-    heights: &[f64x8<S>; 3],
-    edge: usize,
-    volumes: [f64x8<S>; 3],
-    rounding: f64x8<S>,
-) -> (mask64x8<S>, mask64x8<S>) {
-    let zero = f64x8::splat(simd, 0.0);
-    let (from, to) = (heights[edge], heights[(edge + 1) % 3]);
-    let same_side = (from.simd_gt(zero) & to.simd_gt(zero)) | (from.simd_lt(zero) & to.simd_lt(zero));
-    let least = volumes[0].min(volumes[1]).min(volumes[2]);
-    let largest = volumes[0].max(volumes[1]).max(volumes[2]);
-    let passed_on_both_sides = least.simd_lt(-rounding) & largest.simd_gt(rounding);
-    let on_both_sides = (from.simd_gt(zero) & to.simd_lt(zero)) | (from.simd_lt(zero) & to.simd_gt(zero));
-    let passed_on_one_side = least.simd_gt(rounding) | largest.simd_lt(-rounding);
-    (!(same_side | passed_on_both_sides), on_both_sides & passed_on_one_side)
+    cases
 }
