@@ -126,14 +126,14 @@ impl RowPair<'_> {
         self.sides[0].topology.share_vertex(a, b)
     }
 
-    /// The [number](feature_number) of a feature of either triangle.
+    /// The [number](feature_number) of a part of either triangle, see [`Feature::of_part`].
     #[inline]
-    pub(super) fn number(&self, side: usize, feature: Feature) -> u32 {
+    pub(super) fn number(&self, side: usize, part: usize) -> u32 {
         let (SurfaceSide { topology, positions, .. }, triangle) = (self.sides[side], self.triangles[side]);
         if topology.is_welded() {
-            return feature_number(topology, positions, triangle, feature);
+            return feature_number(topology, positions, triangle, Feature::of_part(part));
         }
-        self.rows[side].number(triangle, feature)
+        self.rows[side].number(triangle, part)
     }
 }
 
@@ -247,8 +247,19 @@ impl FoundPairs {
 
     /// Lists which contacts are shared, given that those before `first` are listed.
     pub(crate) fn list_shared(&mut self, first: usize) {
-        let shared = (first as u32..).zip(&self.contacts[first..]).filter(|(_, contact)| contact.is_shared);
-        self.shared.extend(shared.map(|(place, contact)| SharedContact { key: contact.key, place }));
+        const STEP: usize = 64;
+        let mut place = first as u32;
+        for contacts in self.contacts[first..].chunks(STEP) {
+            // Those that are not shared are written over: which ones those are nobody can foresee.
+            let mut count = self.shared.len();
+            self.shared.resize(count + contacts.len(), SharedContact { key: CompactContact::NONE.key, place: 0 });
+            for contact in contacts {
+                self.shared[count] = SharedContact { key: contact.key, place };
+                count += usize::from(contact.is_shared);
+                place += 1;
+            }
+            self.shared.truncate(count);
+        }
     }
 
     /// Appends what was found in a later part of the candidates.
