@@ -20,7 +20,8 @@ use super::{
     contact::{CompactContact, TouchingPair},
     corner_rows::CornerRow,
     exact::{
-        CaseLanes, Cases, FeatureBatches, LeftOver, PairProximity, PairScreen, Proximity, ScreenLimits, examine_pair,
+        CaseLanes, Cases, FeatureBatches, FeaturePair, LeftOver, PairProximity, PairScreen, Proximity, ScreenLimits,
+        examine_pair,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         rounded_down,
         triangle_pair::TIE,
@@ -245,7 +246,6 @@ fn close_gaps(contacts: &mut Vec<CompactContact>, first: usize) {
 /// The rows of one side's triangles of up to eight pairs, of fewer the last one fills up. Where nobody has made them, they
 /// are `made`.
 #[inline(always)]
-#[expect(clippy::inline_always, reason = "so that it is compiled for each side")]
 fn rows_of<'a, const SIDE: usize>(
     side: &SurfaceSide<'a>,
     pairs: &[[u32; 2]],
@@ -294,13 +294,14 @@ fn examine_pairs_alone(
         let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
         examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
         let reported = |features: &Proximity| reports(a, b, settings.same_surface, triangles, features.features);
-        add_examined(a, b, settings, triangles, &corners, &proximity, reported, found);
+        let number = |features: FeaturePair| numbers(a, b, triangles, features);
+        add_examined(a, b, settings, triangles, &corners, &proximity, reported, number, found);
     }
     found.list_shared(first_contact);
 }
 
 /// Adds what a pair amounts to that was looked at alone: nothing where it is beyond the range. Of features that make a
-/// contact, `reported` says whether other pairs may report them, too.
+/// contact, `reported` says whether other pairs may report them, too; `number` knows their numbers.
 #[expect(clippy::too_many_arguments, reason = "a pair, what is known of it, and where it goes")]
 fn add_examined(
     a: &SurfaceSide<'_>,
@@ -310,6 +311,7 @@ fn add_examined(
     corners: &[[DVec3; 3]; 2],
     pair: &PairProximity,
     reported: impl Fn(&Proximity) -> Option<bool>,
+    number: impl Fn(FeaturePair) -> [u32; 2],
     found: &mut FoundPairs,
 ) {
     let distance = pair.distance * settings.scale;
@@ -321,7 +323,7 @@ fn add_examined(
         if features.distance * settings.scale <= settings.reported_distance
             && let Some(is_shared) = reported(features)
         {
-            let numbers = numbers(a, b, triangles, features.features);
+            let numbers = number(features.features);
             found.contacts.push(contact(a, b, settings, triangles, numbers, is_shared, corners, features));
         }
     }

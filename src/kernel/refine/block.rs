@@ -170,8 +170,7 @@ impl<'a> Block<'a> {
         examine_boundaries(&self.screen.pair(place), &corners, range, &mut proximity.proximities);
         for features in &proximity.proximities {
             if features.distance * settings.scale <= settings.reported_distance {
-                let FeaturePair { a: of_a, b: of_b } = features.features;
-                let numbers = [rows.number(0, of_a.part()), rows.number(1, of_b.part())];
+                let numbers = numbers(&rows, features.features);
                 contacts.push(contact(a, b, settings, rows.triangles, numbers, true, &corners, features));
             }
         }
@@ -195,9 +194,15 @@ impl<'a> Block<'a> {
             choice.makes_contact(proximity, features).then(|| wanted.is_shared(features.features))
         };
         let [a, b] = self.sides;
-        add_examined(a, b, self.settings, rows.triangles, &corners, proximity, reported, found);
+        let number = |features: FeaturePair| numbers(&rows, features);
+        add_examined(a, b, self.settings, rows.triangles, &corners, proximity, reported, number, found);
         (found.wants_lower_bounds && proximity.distance > range).then(|| proximity.distance - pair.nothing())
     }
+}
+
+/// The numbers of features of a pair.
+fn numbers(pair: &RowPair<'_>, FeaturePair { a, b }: FeaturePair) -> [u32; 2] {
+    [pair.number(0, a.part()), pair.number(1, b.part())]
 }
 
 /// The less of two numbers.
