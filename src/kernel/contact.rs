@@ -2,6 +2,8 @@
 //!
 //! Written by `refine` and the sphere stages, stored by the `contacts` room.
 
+use std::hint::select_unpredictable;
+
 use glam::Vec3;
 
 use super::{
@@ -154,7 +156,7 @@ pub(super) struct FacePlace {
 }
 
 impl CompactContact {
-    /// Keeps a place for a contact that is on its way, or that nothing has come of: no pair of features has its key.
+    /// Keeps the place of a contact that nothing has come of: no pair of features has its key.
     pub(super) const NONE: Self = Self {
         key: ContactKey(u64::MAX),
         triangle_a: 0,
@@ -168,6 +170,12 @@ impl CompactContact {
         normal: Vec3::ZERO,
         distance: 0.0,
     };
+
+    /// Leaves the place empty.
+    #[inline]
+    pub(super) fn drop_name(&mut self) {
+        self.key = Self::NONE.key;
+    }
 
     /// Whether nothing is there.
     pub(super) fn is_none(&self) -> bool {
@@ -183,30 +191,39 @@ impl CompactContact {
         triangles: [u32; 2],
         same_surface: bool,
         features: FeaturePair,
-        [number_a, number_b]: [u32; 2],
+        numbers: [u32; 2],
         is_shared: bool,
         [barycentric_a, barycentric_b]: [[f32; 2]; 2],
         point_b: Vec3,
         normal: Vec3,
         distance: f32,
     ) -> Self {
-        let swapped = same_surface && (rank(features.b), number_b) < (rank(features.a), number_a);
+        let named = Self::named(triangles, same_surface, features, numbers, is_shared);
+        Self { barycentric_a, barycentric_b, point_b, normal, distance, ..named }
+    }
+
+    /// The same without saying where it is.
+    #[inline]
+    pub(super) fn named(
+        triangles: [u32; 2],
+        same_surface: bool,
+        features: FeaturePair,
+        [number_a, number_b]: [u32; 2],
+        is_shared: bool,
+    ) -> Self {
+        let order = |feature: Feature, number: u32| rank(feature) << u32::BITS | u64::from(number);
+        let swapped = same_surface & (order(features.b, number_b) < order(features.a, number_a));
+        // Both keys, and no branch: which of them it is nobody can foresee.
+        let keys =
+            [ContactKey::new(features, number_a, number_b), ContactKey::new(features.swapped(), number_b, number_a)];
         Self {
-            key: if swapped {
-                ContactKey::new(features.swapped(), number_b, number_a)
-            } else {
-                ContactKey::new(features, number_a, number_b)
-            },
+            key: ContactKey(select_unpredictable(swapped, keys[1].0, keys[0].0)),
             swapped,
             is_shared,
             triangle_a: triangles[0],
             triangle_b: triangles[1],
             features,
-            barycentric_a,
-            barycentric_b,
-            point_b,
-            normal,
-            distance,
+            ..Self::NONE
         }
     }
 

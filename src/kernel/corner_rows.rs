@@ -5,10 +5,11 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
+use std::hint::select_unpredictable;
+
 use glam::{DVec3, Vec3};
 
 use super::{
-    exact::Feature,
     ids::{EdgeId, TriangleId},
     prefetch::{Prefetch, prefetch},
     surroundings::Surroundings,
@@ -21,56 +22,59 @@ use super::{
 pub struct CornerRow {
     /// In the surface's own frame, axis by axis.
     pub(super) corners: [[f32; 3]; 3],
-    vertices: [u32; 3],
-    edges: [u32; 3],
+    /// Its vertices and its edges.
+    parts: [u32; 6],
     pub(super) surroundings: Surroundings,
 }
 
 impl CornerRow {
-    pub(super) const EMPTY: Self =
-        Self { corners: [[0.0; 3]; 3], vertices: [0; 3], edges: [0; 3], surroundings: Surroundings::NONE };
+    pub(super) const EMPTY: Self = Self { corners: [[0.0; 3]; 3], parts: [0; 6], surroundings: Surroundings::NONE };
 
     /// The row of a triangle of a surface whose vertices are, in its own frame, at `positions`.
     #[inline(always)]
     pub(super) fn new(topology: &SurfaceTopology, positions: &[Vec3], triangle: u32) -> Self {
         let vertices = topology.triangles()[triangle as usize];
+        let ([a, b, c], [d, e, f]) = (vertices, topology.triangle_edges()[triangle as usize]);
         Self {
             corners: vertices.map(|vertex| positions[vertex as usize].to_array()),
-            vertices,
-            edges: topology.triangle_edges()[triangle as usize],
+            parts: [a, b, c, d, e, f],
             surroundings: topology.surroundings(TriangleId(triangle)),
         }
     }
 
     /// A corner in the surface's own frame.
     #[inline(always)]
+    pub(super) fn own_corner(&self, corner: usize) -> Vec3 {
+        Vec3::from_array(self.corners[corner])
+    }
+
+    /// The same in double precision.
+    #[inline(always)]
     pub(super) fn corner(&self, corner: usize) -> DVec3 {
-        Vec3::from_array(self.corners[corner]).as_dvec3()
+        self.own_corner(corner).as_dvec3()
     }
 
     /// The corners of the first triangle around a part, given by its number as in [`Feature::of_part`], where no vertices are
     /// welded.
     #[inline(always)]
     pub(super) fn first_around(&self, topology: &SurfaceTopology, part: usize) -> [u32; 3] {
-        match part {
-            0..3 => topology.first_around_vertex(self.vertices[part]),
-            3..6 => {
-                let edge = part - 3;
-                let opposite = topology.first_opposite(EdgeId(self.edges[edge]));
-                [self.vertices[edge], self.vertices[(edge + 1) % 3], opposite]
-            }
-            _ => self.vertices,
-        }
+        // Looked up for a vertex and for an edge: which of them it is nobody can foresee.
+        let [a, b, c, ..] = self.parts;
+        let (corner, next) = (part % 3, (part + 1) % 3);
+        let [x, y, z] = topology.first_around_vertex(self.parts[corner]);
+        let along = [self.parts[corner], self.parts[next], topology.first_opposite(EdgeId(self.parts[3 + corner]))];
+        let [is_vertex, is_edge] = [part < 3, part < 6];
+        [
+            select_unpredictable(is_vertex, x, select_unpredictable(is_edge, along[0], a)),
+            select_unpredictable(is_vertex, y, select_unpredictable(is_edge, along[1], b)),
+            select_unpredictable(is_vertex, z, select_unpredictable(is_edge, along[2], c)),
+        ]
     }
 
-    /// The number of a feature where no vertices are welded, see [`feature_number`](super::contact::feature_number).
+    /// The number of a part where no vertices are welded, see [`feature_number`](super::contact::feature_number).
     #[inline(always)]
-    pub(super) fn number(&self, triangle: u32, feature: Feature) -> u32 {
-        match feature {
-            Feature::Vertex(corner) => self.vertices[corner as usize],
-            Feature::Edge(edge) => self.edges[edge as usize],
-            Feature::Face => triangle,
-        }
+    pub(super) fn number(&self, triangle: u32, part: usize) -> u32 {
+        select_unpredictable(part < 6, self.parts[part.min(5)], triangle)
     }
 }
 

@@ -140,14 +140,14 @@ impl RowPair<'_> {
         self.sides[0].topology.share_vertex(a, b)
     }
 
-    /// The [number](feature_number) of a feature of either triangle.
+    /// The [number](feature_number) of a part of either triangle, see [`Feature::of_part`].
     #[inline]
-    pub(super) fn number(&self, side: usize, feature: Feature) -> u32 {
+    pub(super) fn number(&self, side: usize, part: usize) -> u32 {
         let (SurfaceSide { topology, positions, .. }, triangle) = (self.sides[side], self.triangles[side]);
         if topology.is_welded() {
-            return feature_number(topology, positions, triangle, feature);
+            return feature_number(topology, positions, triangle, Feature::of_part(part));
         }
-        self.rows[side].number(triangle, feature)
+        self.rows[side].number(triangle, part)
     }
 }
 
@@ -253,6 +253,7 @@ impl FoundPairs {
     /// Brings the contacts from the place `first` on into their order, given that those of different pairs are, and lists
     /// which of them are shared, given that those before are listed.
     pub(crate) fn finish_contacts(&mut self, first: usize) {
+        const STEP: usize = 64;
         let contacts = &mut self.contacts[first..];
         for place in 1..contacts.len() {
             let mut place = place;
@@ -261,10 +262,17 @@ impl FoundPairs {
                 place -= 1;
             }
         }
-        for (place, contact) in (first as u32..).zip(contacts) {
-            if contact.is_shared {
-                self.shared.push(SharedContact { key: contact.key, place });
+        let mut place = first as u32;
+        for contacts in contacts.chunks(STEP) {
+            // Those that are not shared are written over: which ones those are nobody can foresee.
+            let mut count = self.shared.len();
+            self.shared.resize(count + contacts.len(), SharedContact { key: CompactContact::NONE.key, place: 0 });
+            for contact in contacts {
+                self.shared[count] = SharedContact { key: contact.key, place };
+                count += usize::from(contact.is_shared);
+                place += 1;
             }
+            self.shared.truncate(count);
         }
     }
 

@@ -5,29 +5,34 @@
 //! Mostly only that one is written: that of the first triangles around both features, which the topology knows alone, because
 //! every pair that has both touches too. Where only the closest features are wanted, every pair reports its own.
 
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
 use arrayvec::ArrayVec;
+use fearless_simd::{Level, dispatch, mask64x8, prelude::*, u64x8};
 use glam::{DVec3, Vec3};
 
 use self::{
+    block::Block,
     contacts::{contact, numbers},
-    reports::{Reported, reported_cases, reports},
+    reports::{ReportedLanes, reported_as_first, reports},
 };
 use super::{
     contact::{CompactContact, TouchingPair},
     corner_rows::CornerRow,
     exact::{
-        Cases, FeatureBatches, FeatureTask, LeftOver, PairProximity, PairScreen, Proximity, ScreenLimits, ScreenedPair,
-        examine_boundaries, examine_pair, examine_screened,
+        CaseLanes, Cases, FeatureBatches, FeaturePair, LeftOver, PairProximity, PairScreen, Proximity, ScreenLimits,
+        examine_pair,
         rigid_shape::{ShapeGeometry, ShapeProximity},
         rounded_down,
         triangle_pair::TIE,
     },
-    pair::{FoundPairs, PairSettings, RowPair, SurfaceSide, without_neighbors},
+    pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pose::Pose,
     prefetch::{ask_ahead, ask_for_room},
     topology::SurfaceTopology,
 };
 
+mod block;
 mod contacts;
 pub(super) mod reports;
 
@@ -40,8 +45,7 @@ pub fn refine_pairs(
     found: &mut FoundPairs,
 ) {
     if settings.cull {
-        let wanted = |rows: &RowPair<'_>, pair: &ScreenedPair| reported_cases(rows, settings.same_surface, pair.cases);
-        examine_pairs(a, b, candidates, settings, found, wanted, |_, _| true);
+        examine_pairs(a, b, candidates, settings, found, &EachOnce);
     } else {
         examine_pairs_alone(a, b, &without_neighbors(a, candidates, settings), settings, found);
     }
@@ -57,28 +61,88 @@ pub fn refine_closest(
     settings: &PairSettings,
     found: &mut FoundPairs,
 ) {
-    let wanted = |_: &RowPair<'_>, pair: &ScreenedPair| {
-        let cases = if pair.cases.may_cross() { pair.cases } else { pair.closest };
-        Reported { cases, shared: Cases::ALL }
-    };
-    examine_pairs(a, b, candidates, settings, found, wanted, |pair, features| {
-        pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
-    });
+    examine_pairs(a, b, candidates, settings, found, &Closest);
 }
 
-/// Tests pairs exactly, eight side by side first. Of each only those features are looked at that are `wanted` or on the
-/// boundaries of both; which of them make a contact is up to `makes_contact`.
+/// What pairs report.
+trait Choice {
+    /// Which of the cases of eight pairs, and of which the closest ones are known.
+    fn of_lanes<S: Simd>(
+        &self,
+        simd: S,
+        block: &Block<'_>,
+        cases: CaseLanes<S>,
+        closest: CaseLanes<S>,
+    ) -> ReportedLanes<S>;
+
+    /// Whether features of a pair make a contact.
+    fn makes_contact(&self, pair: &PairProximity, features: &Proximity) -> bool;
+}
+
+/// All that no other pair reports.
+struct EachOnce;
+
+impl Choice for EachOnce {
+    #[inline(always)]
+    fn of_lanes<S: Simd>(&self, simd: S, block: &Block<'_>, cases: CaseLanes<S>, _: CaseLanes<S>) -> ReportedLanes<S> {
+        let is_welded = block.sides[0].topology.is_welded() || block.sides[1].topology.is_welded();
+        reported_as_first(simd, &block.rows, block.settings.same_surface, is_welded, cases)
+    }
+
+    fn makes_contact(&self, _: &PairProximity, _: &Proximity) -> bool {
+        true
+    }
+}
+
+/// The closest features, of a pair that crosses all.
+struct Closest;
+
+impl Choice for Closest {
+    #[inline(always)]
+    fn of_lanes<S: Simd>(
+        &self,
+        simd: S,
+        _: &Block<'_>,
+        cases: CaseLanes<S>,
+        closest: CaseLanes<S>,
+    ) -> ReportedLanes<S> {
+        ReportedLanes {
+            cases: CaseLanes(cases.may_cross().select(cases.0, closest.0)),
+            shared: CaseLanes(u64x8::splat(simd, Cases::ALL.bits())),
+            others: mask64x8::splat(simd, false),
+        }
+    }
+
+    fn makes_contact(&self, pair: &PairProximity, features: &Proximity) -> bool {
+        pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
+    }
+}
+
+/// Tests pairs exactly, eight side by side first. Of each only those features are looked at that are chosen or on the
+/// boundaries of both.
 fn examine_pairs(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
     settings: &PairSettings,
     found: &mut FoundPairs,
-    wanted: impl Fn(&RowPair<'_>, &ScreenedPair) -> Reported,
-    makes_contact: impl Fn(&PairProximity, &Proximity) -> bool,
+    choice: &impl Choice,
+) {
+    // Bits are counted and shifted all the time, which early processors have no instructions for.
+    dispatch!(Level::new(), simd => examine_blocks(simd, a, b, candidates, settings, found, choice));
+}
+
+#[inline(always)]
+fn examine_blocks<S: Simd>(
+    simd: S,
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+    choice: &impl Choice,
 ) {
     found.examined += candidates.len();
-    let range = settings.range / settings.scale;
     let limits =
         ScreenLimits { scale: settings.scale, range: settings.range, contact_distance: settings.contact_distance };
     let mut proximity = PairProximity::default();
@@ -87,63 +151,50 @@ fn examine_pairs(
     let first_contact = found.contacts.len();
     // Pairs that the screen was in doubt about.
     let mut apart: ArrayVec<(usize, f64), { PairScreen::WIDTH }> = ArrayVec::new();
-    let has_inside = a.one_sided || b.one_sided;
     let mut made = [[CornerRow::EMPTY; PairScreen::WIDTH]; 2];
     let [made_a, made_b] = &mut made;
     let poses = [a, b].map(|side| side.moved.map(|moved| moved.pose));
-    for (block, pairs) in candidates.chunks(PairScreen::WIDTH).enumerate() {
+    for (number, pairs) in candidates.chunks(PairScreen::WIDTH).enumerate() {
         if let (Some(rows_a), Some(rows_b)) = (a.rows, b.rows) {
-            ask_ahead(rows_a, rows_b, candidates, block);
+            ask_ahead(rows_a, rows_b, candidates, number);
         }
         ask_for_room(&mut found.contacts);
         ask_for_room(&mut found.touching);
-        let sides = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
-        let screened = screen.screen([&sides[0], &sides[1]], poses, pairs.len(), &limits);
-        let rows_of_pair =
-            |place: usize| RowPair { sides: [a, b], triangles: pairs[place], rows: [sides[0][place], sides[1][place]] };
-        let mut left = screened.possible;
-        if settings.same_surface {
-            let suspects = if a.topology.is_welded() { left } else { left & screened.meeting };
-            let neighbors = places(suspects).filter(|&place| rows_of_pair(place).are_neighbors());
-            let neighbors = neighbors.fold(0, |bits, place| bits | 1 << place);
-            left &= !neighbors;
-            found.examined -= neighbors.count_ones() as usize;
+        let rows = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
+        let screened = screen.screen([&rows[0], &rows[1]], poses, pairs.len(), &limits);
+        let block = Block { sides: [a, b], settings, pairs, rows, screen: &screen, screened };
+        let neighbors = block.neighbors();
+        found.examined -= neighbors.count_ones() as usize;
+        let [near, doubtful] = [screened.near & !neighbors, screened.doubtful & !neighbors];
+        let mut of_block = block.reports(simd, near | doubtful, near, choice);
+        let mut stops = of_block.examined | of_block.meeting;
+        let is_plain = stops == 0;
+        if is_plain {
+            block.add_pairs(near, found);
         }
-        for place in places(left & (screened.near | screened.doubtful)) {
-            let rows = rows_of_pair(place);
-            let is_doubtful = screened.doubtful >> place & 1 != 0;
-            let on_boundary = screened.on_boundary >> place & 1 != 0;
-            let has_cases = screened.with_cases >> place & 1 != 0;
-            if !(has_cases || on_boundary) {
-                add_pair(rows.triangles, screen.distances()[place], settings, found);
-                continue;
-            }
-            let pair = screen.pair(place);
-            let wanted = wanted(&rows, &pair);
-            let cases = pair.cases.and(wanted.cases).without_boundary();
-            // Where points coincide a surface with an inside has a way out of its own.
-            if is_doubtful || has_inside && cases.may_cross() {
-                let corners = [rows.corners(0), rows.corners(1)];
-                examine_screened(&pair, &corners, range, wanted.cases, &mut proximity);
-                if found.wants_lower_bounds && proximity.distance > range {
-                    apart.push((place, proximity.distance - pair.nothing()));
+        // In the order of the candidates, up to each that has to be looked at alone.
+        let mut left = near & !of_block.examined;
+        loop {
+            let next = stops.trailing_zeros().min(u32::BITS - 1);
+            let part = left & (u32::MAX >> (u32::BITS - 1 - next));
+            left &= !part;
+            if !is_plain {
+                for place in places(part) {
+                    block.add_pair(place, found);
                 }
-                let reported = |features: &Proximity| {
-                    makes_contact(&proximity, features).then(|| wanted.is_shared(features.features))
-                };
-                add_examined(a, b, settings, rows.triangles, &corners, &proximity, reported, found);
-                continue;
             }
-            add_pair(rows.triangles, screen.distances()[place], settings, found);
-            if !cases.are_none() {
-                batches.add(&rows, [cases, wanted.shared], pair.nothing(), &mut found.contacts);
+            batches.add(pairs, &mut of_block.reports, part, &mut found.contacts);
+            if stops == 0 {
+                break;
             }
-            if on_boundary && screen.distances()[place] <= settings.reported_distance {
-                if pair.touches() {
-                    add_boundaries(&rows, &pair, settings, &mut proximity, &mut found.contacts);
-                } else {
-                    batches.add_boundary(&rows, screen.boundary_cases(place), pair.nothing(), &mut found.contacts);
-                }
+            stops &= stops - 1;
+            let place = next as usize;
+            if of_block.examined >> place & 1 != 0 {
+                let wanted = of_block.of(place);
+                let distance = block.add_examined(place, wanted, choice, &mut proximity, found);
+                apart.extend(distance.map(|distance| (place, distance)));
+            } else {
+                block.add_boundaries(place, &mut proximity, &mut found.contacts);
             }
         }
         if found.wants_lower_bounds {
@@ -155,10 +206,13 @@ fn examine_pairs(
         }
     }
     let LeftOver { doubtful, mut has_gaps } = batches.finish(&mut found.contacts);
-    for task in doubtful {
-        match contact_alone(a, b, settings, &task) {
-            Some(contact) => found.contacts[task.place as usize] = contact,
-            None => has_gaps = true,
+    for place in doubtful {
+        let contact = &mut found.contacts[place as usize];
+        if let Some(known) = contact_alone(a, b, settings, contact) {
+            *contact = known;
+        } else {
+            contact.drop_name();
+            has_gaps = true;
         }
     }
     if has_gaps {
@@ -167,28 +221,8 @@ fn examine_pairs(
     found.finish_contacts(first_contact);
 }
 
-/// Adds what is on the boundaries of both triangles of a pair without any distance, each for itself.
-fn add_boundaries(
-    rows: &RowPair<'_>,
-    pair: &ScreenedPair,
-    settings: &PairSettings,
-    proximity: &mut PairProximity,
-    contacts: &mut Vec<CompactContact>,
-) {
-    let [a, b] = rows.sides;
-    let corners = [rows.corners(0), rows.corners(1)];
-    proximity.proximities.clear();
-    examine_boundaries(pair, &corners, settings.range / settings.scale, &mut proximity.proximities);
-    for features in &proximity.proximities {
-        if features.distance * settings.scale <= settings.reported_distance {
-            let numbers = [rows.number(0, features.features.a), rows.number(1, features.features.b)];
-            contacts.push(contact(a, b, settings, rows.triangles, numbers, true, &corners, features));
-        }
-    }
-}
-
 /// The places of bits that are set, ascending.
-#[inline]
+#[inline(always)]
 fn places(mut bits: u32) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let place = bits.trailing_zeros() as usize;
@@ -212,7 +246,6 @@ fn close_gaps(contacts: &mut Vec<CompactContact>, first: usize) {
 /// The rows of one side's triangles of up to eight pairs, of fewer the last one fills up. Where nobody has made them, they
 /// are `made`.
 #[inline(always)]
-#[expect(clippy::inline_always, reason = "so that it is compiled for each side")]
 fn rows_of<'a, const SIDE: usize>(
     side: &SurfaceSide<'a>,
     pairs: &[[u32; 2]],
@@ -233,14 +266,16 @@ fn contact_alone(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     settings: &PairSettings,
-    task: &FeatureTask,
+    named: &CompactContact,
 ) -> Option<CompactContact> {
-    let FeatureTask { triangles, features, numbers, is_shared, .. } = *task;
+    let CompactContact { triangle_a, triangle_b, features, is_shared, .. } = *named;
+    let triangles = [triangle_a, triangle_b];
     let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
     let mut proximity = PairProximity::default();
     examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
     let found = proximity.proximities.iter().find(|found| found.features == features)?;
     let is_reported = found.distance * settings.scale <= settings.reported_distance;
+    let numbers = numbers(a, b, triangles, features);
     is_reported.then(|| contact(a, b, settings, triangles, numbers, is_shared, &corners, found))
 }
 
@@ -259,13 +294,14 @@ fn examine_pairs_alone(
         let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
         examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
         let reported = |features: &Proximity| reports(a, b, settings.same_surface, triangles, features.features);
-        add_examined(a, b, settings, triangles, &corners, &proximity, reported, found);
+        let number = |features: FeaturePair| numbers(a, b, triangles, features);
+        add_examined(a, b, settings, triangles, &corners, &proximity, reported, number, found);
     }
     found.finish_contacts(first_contact);
 }
 
 /// Adds what a pair amounts to that was looked at alone: nothing where it is beyond the range. Of features that make a
-/// contact, `reported` says whether other pairs may report them, too.
+/// contact, `reported` says whether other pairs may report them, too; `number` knows their numbers.
 #[expect(clippy::too_many_arguments, reason = "a pair, what is known of it, and where it goes")]
 fn add_examined(
     a: &SurfaceSide<'_>,
@@ -275,6 +311,7 @@ fn add_examined(
     corners: &[[DVec3; 3]; 2],
     pair: &PairProximity,
     reported: impl Fn(&Proximity) -> Option<bool>,
+    number: impl Fn(FeaturePair) -> [u32; 2],
     found: &mut FoundPairs,
 ) {
     let distance = pair.distance * settings.scale;
@@ -286,7 +323,7 @@ fn add_examined(
         if features.distance * settings.scale <= settings.reported_distance
             && let Some(is_shared) = reported(features)
         {
-            let numbers = numbers(a, b, triangles, features.features);
+            let numbers = number(features.features);
             found.contacts.push(contact(a, b, settings, triangles, numbers, is_shared, corners, features));
         }
     }

@@ -4,7 +4,11 @@
 //! Found with the topology. The exact stage tells by it, without looking anything else up, which of several triangles reports
 //! a shared feature.
 
-use super::topology::Incidence;
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{mask64x8, prelude::*, u8x64, u64x8};
+
+use super::{lanes::WIDTH, topology::Incidence};
 
 /// From so many vertices of each component the distances along the surface are known.
 const LANDMARKS: usize = 3;
@@ -56,14 +60,50 @@ impl Surroundings {
         self.first_of & COLLAPSED != 0
     }
 
+    /// All of it in one number.
+    #[inline(always)]
+    fn bits(self) -> u64 {
+        let [first, second, third] = self.distances;
+        u64::from(u32::from_le_bytes([first, second, third, self.first_of]))
+    }
+}
+
+/// Those of eight triangles.
+#[derive(Clone, Copy)]
+pub(super) struct SurroundingLanes<S: Simd>(u64x8<S>);
+
+impl<S: Simd> SurroundingLanes<S> {
+    #[inline(always)]
+    pub(super) fn new(simd: S, all: [Surroundings; WIDTH]) -> Self {
+        let mut bits = [0; WIDTH];
+        for (bits, surroundings) in bits.iter_mut().zip(all) {
+            *bits = surroundings.bits();
+        }
+        Self(u64x8::from_slice(simd, &bits))
+    }
+
+    /// Of which of its parts a triangle is the first of the triangles around them, see [`Surroundings`].
+    #[inline(always)]
+    pub(super) fn first_of(self) -> u64x8<S> {
+        self.0 >> 24
+    }
+
+    /// Where two parts of the triangle are the same.
+    #[inline(always)]
+    pub(super) fn are_collapsed(self) -> mask64x8<S> {
+        !(self.first_of() & u64::from(COLLAPSED)).simd_eq(0)
+    }
+
     /// Whether the first triangles around the vertices and edges of the one may share a vertex with those around those of
     /// the other. Where it is false they do not; where it is true, that is all that the landmarks tell.
-    #[inline]
-    pub(super) fn firsts_may_meet(self, other: Self) -> bool {
-        (0..LANDMARKS).fold(true, |may_meet, landmark| {
-            let difference = self.distances[landmark].wrapping_sub(other.distances[landmark]);
-            may_meet & (difference.wrapping_add(FARTHEST) <= 2 * FARTHEST)
-        })
+    #[inline(always)]
+    pub(super) fn firsts_may_meet(self, other: Self) -> mask64x8<S> {
+        let (own, other): (u8x64<S>, u8x64<S>) = (self.0.bitcast(), other.0.bitcast());
+        let differences: u64x8<S> = (own - other + FARTHEST).bitcast();
+        // Those of eight and less have neither one of the upper four digits nor a carry from the lower ones.
+        const { assert!(FARTHEST == 4) };
+        let far = differences & 0xf0_f0f0 | ((differences & 0x0f_0f0f) + 0x07_0707) & 0x10_1010;
+        far.simd_eq(0)
     }
 }
 

@@ -5,93 +5,103 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use arrayvec::ArrayVec;
 use fearless_simd::{Level, dispatch, f64x8, prelude::*};
-use glam::DVec3;
 
-use self::kernels::{edges_through_faces, pairs_of_edges, vertices_on_edges, vertices_over_faces};
-use super::{
-    cases::{BoundaryCases, Cases},
-    feature::{Feature, FeaturePair},
+use self::{
+    kernels::{edges_through_faces, pairs_of_edges, vertices_on_edges, vertices_over_faces},
+    plan::{FIRST, Kind, ONE, PLANS, POINTS, Plan, SECOND},
 };
 use crate::kernel::{
     contact::CompactContact,
-    lanes::{DoubleVectorLanes, DoubleVectorRows, VectorRows, WIDTH, rounded},
+    corner_rows::CornerRow,
+    lanes::{DoubleVectorLanes, DoubleVectorRows, VectorRows, WIDTH, first_lanes, rounded},
     pair::{PairSettings, RowPair, SurfaceSide, is_inside},
+    pose::Pose,
 };
 
 mod kernels;
+mod plan;
 
 /// Of separations whose square is smaller, the direction is left to the test of a pair alone, which scales them first.
 const LEAST_SQUARED: f64 = 1.0e-150;
 
+/// Eight pairs of triangles and what they report.
+pub(in crate::kernel) struct Reports<'a> {
+    /// The rows of either triangle.
+    pub(in crate::kernel) rows: [[&'a CornerRow; WIDTH]; 2],
+    /// What counts, as [`FeatureSet`](super::FeatureSet)s.
+    pub(in crate::kernel) sets: [u64; WIDTH],
+    /// What of that other pairs may report as well.
+    pub(in crate::kernel) shared: [u64; WIDTH],
+    /// The pairs with anything that counts.
+    pub(in crate::kernel) with_any: u32,
+    /// Distances up to this are none.
+    pub(in crate::kernel) nothing: [f64; WIDTH],
+}
+
 /// One feature pair on its way.
 #[derive(Clone, Copy)]
-pub(in crate::kernel) struct FeatureTask {
-    pub(in crate::kernel) triangles: [u32; 2],
-    pub(in crate::kernel) features: FeaturePair,
-    /// Of those, see [`feature_number`](crate::kernel::contact::feature_number).
-    pub(in crate::kernel) numbers: [u32; 2],
-    pub(in crate::kernel) is_shared: bool,
+struct Task {
     /// Where the contact belongs.
-    pub(in crate::kernel) place: u32,
+    place: u32,
+    /// Which features, as a bit of a [`FeatureSet`](super::FeatureSet).
+    case: u8,
 }
 
-impl FeatureTask {
-    #[inline(always)]
-    fn new(pair: &RowPair<'_>, features: FeaturePair, is_shared: bool, contacts: &mut Vec<CompactContact>) -> Self {
-        let numbers = [pair.number(0, features.a), pair.number(1, features.b)];
-        let place = contacts.len() as u32;
-        contacts.push(CompactContact::NONE);
-        Self { triangles: pair.triangles, features, numbers, is_shared, place }
-    }
-}
-
-/// The tasks of one kind that wait for their company, with up to five points each: those of the feature named first, then
-/// those of the other.
+/// The tasks of one kind that wait for their company.
 struct Batch {
-    points: [DoubleVectorRows; 5],
-    origin: DoubleVectorRows,
+    /// The points of either feature in their own surface's frame, see [`Plan`].
+    points: [VectorRows; POINTS],
+    /// The first corner of the first triangle.
+    origin: VectorRows,
     /// Below this a distance is none.
     nothing: [f64; WIDTH],
     /// Where the feature named first is of the second triangle, one bit each.
     swapped: u64,
-    tasks: ArrayVec<FeatureTask, WIDTH>,
+    /// Where the feature named first is the second edge of its triangle, and where the third.
+    turned: [u64; 2],
+    tasks: [Task; WIDTH],
+    count: usize,
 }
 
 impl Batch {
-    fn new() -> Self {
-        let tasks = ArrayVec::new();
-        Self {
-            points: [DoubleVectorRows::ZERO; 5],
-            origin: DoubleVectorRows::ZERO,
-            nothing: [0.0; WIDTH],
-            swapped: 0,
-            tasks,
+    const EMPTY: Self = Self {
+        points: [VectorRows::ZERO; POINTS],
+        origin: VectorRows::ZERO,
+        nothing: [0.0; WIDTH],
+        swapped: 0,
+        turned: [0; 2],
+        tasks: [Task { place: 0, case: 0 }; WIDTH],
+        count: 0,
+    };
+
+    /// Adds a task. Whether they are complete.
+    #[inline(always)]
+    fn push(&mut self, task: Task, plan: &Plan, rows: [&CornerRow; 2], nothing: f64) -> bool {
+        let lane = self.count % WIDTH;
+        for (points, &[side, corner]) in self.points.iter_mut().zip(&plan.points) {
+            points.set(lane, rows[side as usize].own_corner(corner as usize));
         }
+        self.origin.set(lane, rows[0].own_corner(0));
+        self.nothing[lane] = nothing;
+        self.swapped |= u64::from(plan.first_side) << lane;
+        self.turned[0] |= u64::from(plan.turns & 1) << lane;
+        self.turned[1] |= u64::from(plan.turns >> 1) << lane;
+        self.tasks[lane] = task;
+        self.count = lane + 1;
+        self.count == WIDTH
     }
 
-    /// Adds a task, of which the feature named first is on the given side. Whether they are complete.
-    #[inline(always)]
-    fn push(&mut self, task: FeatureTask, first: usize, origin: DVec3, points: &[DVec3], nothing: f64) -> bool {
-        let lane = self.tasks.len();
-        for (rows, &point) in self.points.iter_mut().zip(points) {
-            rows.set(lane, point);
-        }
-        self.origin.set(lane, origin);
-        self.nothing[lane] = nothing;
-        self.swapped |= (first as u64) << lane;
-        self.tasks.push(task);
-        self.tasks.is_full()
+    fn clear(&mut self) {
+        (self.count, self.swapped, self.turned) = (0, 0, [0; 2]);
     }
 }
 
 /// What comes out of a batch, rounded as contacts are.
 struct Results {
-    /// Weights of the start and the end of the first feature where it is an edge.
-    first: [[f32; WIDTH]; 2],
-    /// Those of the start and the end of the second edge, or of the face's first two corners.
-    second: [[f32; WIDTH]; 2],
+    /// Rows that the weights of corners are taken from: 0, 1, the start and the end of the first feature where it is an edge,
+    /// those of the second edge or of the face's first two corners; and two that stay empty.
+    weights: [[f32; WIDTH]; 8],
     point_b: VectorRows,
     normal: VectorRows,
     distance: [f32; WIDTH],
@@ -105,24 +115,19 @@ struct Results {
 
 /// All kinds of feature pairs, and what becomes of them.
 pub(in crate::kernel) struct FeatureBatches<'a> {
-    vertex_face: Batch,
-    edge_edge: Batch,
-    piercing: Batch,
-    vertex_edge: Batch,
-    /// From the centroid of the second triangle to that of the first, of piercing edges.
-    across: DoubleVectorRows,
+    batches: [Batch; Kind::COUNT],
     results: Results,
-    limits: Limits,
+    limits: Limits<'a>,
     sides: Sides<'a>,
     /// What does not become a contact here.
     left: LeftOver,
 }
 
-/// What batches leave: places of contacts that nothing is written to.
+/// What batches leave.
 #[derive(Default)]
 pub(in crate::kernel) struct LeftOver {
-    /// Feature pairs too close for a direction: their contacts only the test of the pair alone can tell.
-    pub(in crate::kernel) doubtful: Vec<FeatureTask>,
+    /// Places of contacts between features too close for a direction: what they are only the test of the pair alone can tell.
+    pub(in crate::kernel) doubtful: Vec<u32>,
     /// Whether a place is empty because its contact is too far away to be reported.
     pub(in crate::kernel) has_gaps: bool,
 }
@@ -130,16 +135,16 @@ pub(in crate::kernel) struct LeftOver {
 /// What of the surfaces decides about contacts.
 #[derive(Clone, Copy)]
 struct Sides<'a> {
+    both: [&'a SurfaceSide<'a>; 2],
     same_surface: bool,
-    /// Both, if they can be inside each other.
-    solid: Option<[&'a SurfaceSide<'a>; 2]>,
+    /// Whether they can be inside each other.
+    solid: bool,
 }
 
 impl<'a> FeatureBatches<'a> {
     pub(in crate::kernel) fn new(sides: [&'a SurfaceSide<'a>; 2], settings: &PairSettings) -> Self {
-        let results = Results {
-            first: [[0.0; WIDTH]; 2],
-            second: [[0.0; WIDTH]; 2],
+        let mut results = Results {
+            weights: [[0.0; WIDTH]; 8],
             point_b: VectorRows::ZERO,
             normal: VectorRows::ZERO,
             distance: [0.0; WIDTH],
@@ -147,185 +152,131 @@ impl<'a> FeatureBatches<'a> {
             reliable: 0,
             reported: 0,
         };
+        results.weights[ONE as usize] = [1.0; WIDTH];
         Self {
-            vertex_face: Batch::new(),
-            edge_edge: Batch::new(),
-            piercing: Batch::new(),
-            vertex_edge: Batch::new(),
-            across: DoubleVectorRows::ZERO,
+            batches: [Batch::EMPTY; Kind::COUNT],
             results,
-            limits: Limits { scale: settings.scale, reported: settings.reported_distance },
+            limits: Limits {
+                scale: settings.scale,
+                reported: settings.reported_distance,
+                poses: sides.map(|side| side.moved.map(|moved| moved.pose)),
+            },
             sides: Sides {
+                both: sides,
                 same_surface: settings.same_surface,
-                solid: (!settings.same_surface && sides.iter().any(|side| side.one_sided)).then_some(sides),
+                solid: !settings.same_surface && sides.iter().any(|side| side.one_sided),
             },
             left: LeftOver::default(),
         }
     }
 
-    /// Adds cases of a pair of triangles, all of which count, appends a place for the contact of each, and writes those of
-    /// whatever is complete by that. Which of them other pairs may report as well is in `shared`. Distances up to `nothing`
-    /// are none.
+    /// Appends contacts for all that some of up to eight pairs report, pair by pair, and writes those of whatever is complete
+    /// by that.
     #[inline(always)]
     pub(in crate::kernel) fn add(
         &mut self,
-        pair: &RowPair<'_>,
-        [cases, shared]: [Cases; 2],
-        nothing: f64,
+        pairs: &[[u32; 2]],
+        reports: &mut Reports<'_>,
+        asked: u32,
         contacts: &mut Vec<CompactContact>,
     ) {
-        let corner = |side: usize, corner: usize| pair.corner(side, corner);
-        let origin = corner(0, 0);
-        for case in cases.and(Cases::EDGES).each() {
-            let [a, b] = case.parts().map(|part| part - 3);
-            let ends = [corner(0, a), corner(0, (a + 1) % 3), corner(1, b), corner(1, (b + 1) % 3)];
-            if self.edge_edge.push(
-                FeatureTask::new(pair, case.features(), shared.contain(case), contacts),
-                0,
-                origin,
-                &ends,
-                nothing,
-            ) {
-                self.finish_edge_edge(contacts);
-            }
-        }
-        for case in cases.and(Cases::VERTICES_OVER_FACES).each() {
-            let task = FeatureTask::new(pair, case.features(), shared.contain(case), contacts);
-            let side = usize::from(task.features.b != Feature::Face);
-            let [first, second, third] = pair.corners(1 - side);
-            let points = [corner(side, case.parts()[side]), first, second, third];
-            if self.vertex_face.push(task, side, origin, &points, nothing) {
-                self.finish_vertex_face(contacts);
-            }
-        }
-        for case in cases.and(Cases::PIERCING).each() {
-            let task = FeatureTask::new(pair, case.features(), shared.contain(case), contacts);
-            let side = usize::from(task.features.b != Feature::Face);
-            let sum = |corners: [DVec3; 3]| corners.iter().sum::<DVec3>();
-            self.across.set(self.piercing.tasks.len(), (sum(pair.corners(0)) - sum(pair.corners(1))) / 3.0);
-            let (edge, [first, second, third]) = (case.parts()[side] - 3, pair.corners(1 - side));
-            let points = [corner(side, edge), corner(side, (edge + 1) % 3), first, second, third];
-            if self.piercing.push(task, side, origin, &points, nothing) {
-                self.finish_piercing(contacts);
-            }
-        }
-    }
+        let Sides { both: sides, same_surface, .. } = self.sides;
+        let mut left = reports.with_any & asked;
+        // One loop over all features of all pairs: how many those of one pair are nobody can foresee.
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize % WIDTH;
+            let set = reports.sets[lane];
+            let case = set.trailing_zeros() as usize % PLANS.len();
+            let rest = set & set.wrapping_sub(1);
+            reports.sets[lane] = rest;
+            left ^= u32::from(rest == 0) << lane;
 
-    /// Adds what of a pair is on the boundaries of both, in the same way: other pairs may always report it as well.
-    #[inline(always)]
-    pub(in crate::kernel) fn add_boundary(
-        &mut self,
-        pair: &RowPair<'_>,
-        cases: BoundaryCases,
-        nothing: f64,
-        contacts: &mut Vec<CompactContact>,
-    ) {
-        let origin = pair.corner(0, 0);
-        for (side, vertex, edge, is_start) in cases.each() {
-            let own = Feature::Vertex(vertex as u8);
-            let other = if is_start { Feature::Vertex(edge as u8) } else { Feature::Edge(edge as u8) };
-            let features = if side == 0 { FeaturePair { a: own, b: other } } else { FeaturePair { a: other, b: own } };
-            let task = FeatureTask::new(pair, features, true, contacts);
-            let ends = [pair.corner(1 - side, edge), pair.corner(1 - side, (edge + 1) % 3)];
-            let points = [pair.corner(side, vertex), ends[0], ends[1]];
-            if self.vertex_edge.push(task, side, origin, &points, nothing) {
-                self.finish_vertex_edge(contacts);
+            let plan = &PLANS[case];
+            let rows = [reports.rows[0][lane], reports.rows[1][lane]];
+            let pair = RowPair { sides, triangles: pairs[lane], rows };
+            let numbers = [pair.number(0, plan.parts[0] as usize), pair.number(1, plan.parts[1] as usize)];
+            let is_shared = reports.shared[lane] >> case & 1 != 0;
+            let task = Task { place: contacts.len() as u32, case: case as u8 };
+            contacts.push(CompactContact::named(pair.triangles, same_surface, plan.features, numbers, is_shared));
+            if self.batches[plan.kind as usize].push(task, plan, rows, reports.nothing[lane]) {
+                self.finish_kind(plan.kind, contacts);
             }
         }
     }
 
     /// Writes the contacts of all that is left.
     pub(in crate::kernel) fn finish(mut self, contacts: &mut [CompactContact]) -> LeftOver {
-        self.finish_vertex_face(contacts);
-        self.finish_edge_edge(contacts);
-        self.finish_piercing(contacts);
-        self.finish_vertex_edge(contacts);
+        for kind in [Kind::VertexFace, Kind::EdgeEdge, Kind::Piercing, Kind::VertexEdge] {
+            if self.batches[kind as usize].count > 0 {
+                self.finish_kind(kind, contacts);
+            }
+        }
         self.left
     }
 
-    fn finish_vertex_face(&mut self, contacts: &mut [CompactContact]) {
-        let Self { vertex_face: batch, results, left, limits, .. } = self;
-        dispatch!(Level::new(), simd => vertices_over_faces(simd, batch, *limits, results));
-        results.write(batch, self.sides, contacts, left);
-    }
-
-    fn finish_edge_edge(&mut self, contacts: &mut [CompactContact]) {
-        let Self { edge_edge: batch, results, left, limits, .. } = self;
-        dispatch!(Level::new(), simd => pairs_of_edges(simd, batch, *limits, results));
-        results.write(batch, self.sides, contacts, left);
-    }
-
-    fn finish_vertex_edge(&mut self, contacts: &mut [CompactContact]) {
-        let Self { vertex_edge: batch, results, left, limits, .. } = self;
-        dispatch!(Level::new(), simd => vertices_on_edges(simd, batch, *limits, results));
-        results.write(batch, self.sides, contacts, left);
-    }
-
-    fn finish_piercing(&mut self, contacts: &mut [CompactContact]) {
-        let Self { piercing: batch, across, results, left, limits, .. } = self;
-        dispatch!(Level::new(), simd => edges_through_faces(simd, batch, across, *limits, results));
-        results.write(batch, self.sides, contacts, left);
+    #[inline(never)]
+    fn finish_kind(&mut self, kind: Kind, contacts: &mut [CompactContact]) {
+        let Self { batches, results, left, limits, sides } = self;
+        let batch = &mut batches[kind as usize];
+        dispatch!(Level::new(), simd => {
+            match kind {
+                Kind::VertexFace => vertices_over_faces(simd, batch, limits, results),
+                Kind::EdgeEdge => pairs_of_edges(simd, batch, limits, results),
+                Kind::Piercing => edges_through_faces(simd, batch, limits, results),
+                Kind::VertexEdge => vertices_on_edges(simd, batch, limits, results),
+            }
+            results.write(batch, *sides, contacts, left);
+        });
     }
 }
 
-/// Up to where contacts are reported, and how many world units one of the pair's frame is.
+/// Up to where contacts are reported, how many world units one of the pair's frame is, and how points come there.
 #[derive(Clone, Copy)]
-struct Limits {
+struct Limits<'a> {
     scale: f64,
     reported: f64,
+    poses: [Option<&'a Pose>; 2],
 }
 
 impl Results {
     /// Writes the contacts of a batch, and empties it.
     #[inline(always)]
     fn write(&self, batch: &mut Batch, sides: Sides<'_>, contacts: &mut [CompactContact], left: &mut LeftOver) {
+        let asked = first_lanes(batch.count);
+        let [reported, doubtful] = [self.reported & asked, !self.reliable & asked];
         for (lane, task) in batch.tasks.iter().enumerate() {
-            if self.reported >> lane & 1 != 0 {
-                // Written where it stays: whoever copies a record that has just been put together waits for its parts.
-                contacts[task.place as usize] = self.contact(lane, task, sides.same_surface);
-                if let Some(solid) = sides.solid
-                    && is_inside(solid, task.triangles, task.features, self.separation.get(lane))
+            if reported >> lane & 1 != 0 {
+                let contact = &mut contacts[task.place as usize];
+                let plan = &PLANS[task.case as usize % PLANS.len()];
+                let weight = |row: u8| self.weights[row as usize % 8][lane];
+                contact.barycentric_a = plan.weights[0].map(weight);
+                contact.barycentric_b = plan.weights[1].map(weight);
+                contact.point_b = self.point_b.get(lane);
+                contact.normal = self.normal.get(lane);
+                contact.distance = self.distance[lane];
+                if sides.solid
+                    && is_inside(
+                        sides.both,
+                        [contact.triangle_a, contact.triangle_b],
+                        contact.features,
+                        self.separation.get(lane),
+                    )
                 {
-                    let contact = &mut contacts[task.place as usize];
                     (contact.normal, contact.distance) = (-contact.normal, -contact.distance);
                 }
-            } else if self.reliable >> lane & 1 == 0 {
-                left.doubtful.push(*task);
-            } else {
-                left.has_gaps = true;
             }
         }
-        batch.swapped = 0;
-        batch.tasks.clear();
-    }
-
-    #[inline(always)]
-    fn contact(&self, lane: usize, task: &FeatureTask, same_surface: bool) -> CompactContact {
-        let FeaturePair { a, b } = task.features;
-        let [first, second] = [&self.first, &self.second].map(|[start, end]| [start[lane], end[lane]]);
-        let weights = |feature: Feature, edge: [f32; 2]| {
-            let [start, end] = edge;
-            match feature {
-                Feature::Vertex(corner) => [f32::from(corner == 0), f32::from(corner == 1)],
-                Feature::Edge(0) => [start, end],
-                Feature::Edge(1) => [0.0, start],
-                Feature::Edge(_) => [end, 0.0],
-                Feature::Face => second,
+        if reported != asked {
+            for (lane, task) in batch.tasks.iter().enumerate() {
+                if doubtful >> lane & 1 != 0 {
+                    left.doubtful.push(task.place);
+                } else if (asked & !reported) >> lane & 1 != 0 {
+                    contacts[task.place as usize].drop_name();
+                    left.has_gaps = true;
+                }
             }
-        };
-        // An edge that pierces a face is named first, whichever side it is of.
-        let of_b = if matches!(a, Feature::Face) { first } else { second };
-        CompactContact::between_features(
-            task.triangles,
-            same_surface,
-            task.features,
-            task.numbers,
-            task.is_shared,
-            [weights(a, first), weights(b, of_b)],
-            self.point_b.get(lane),
-            self.normal.get(lane),
-            self.distance[lane],
-        )
+        }
+        batch.clear();
     }
 
     /// Keeps separations, how long they are, and which of them and of their directions can be relied on. Returns the
@@ -337,7 +288,7 @@ impl Results {
         separation: DoubleVectorLanes<S>,
         distance: f64x8<S>,
         batch: &Batch,
-        limits: Limits,
+        limits: &Limits<'_>,
     ) -> DoubleVectorLanes<S> {
         let squared = separation.dot(separation);
         let is_something = distance.simd_gt(f64x8::from_slice(simd, &batch.nothing)) | distance.simd_eq(0.0);

@@ -1,5 +1,9 @@
 //! Which features of a pair of triangles are meant, as a set of bits.
 
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{mask64x8, prelude::*, u64x8};
+
 use super::feature::{Feature, FeaturePair};
 
 /// Features of a pair of triangles, one bit each: a vertex over a face, two edges, an edge that pierces a face, or
@@ -8,7 +12,6 @@ use super::feature::{Feature, FeaturePair};
 pub(in crate::kernel) struct Cases(pub(super) u32);
 
 impl Cases {
-    pub(in crate::kernel) const NONE: Self = Self(0);
     pub(in crate::kernel) const ALL: Self = Self(u32::MAX);
     pub(super) const BOUNDARY: Self = Self(1 << 21);
     pub(super) const VERTICES_OVER_FACES: Self = Self(0b11_1111);
@@ -27,16 +30,6 @@ impl Cases {
         Self(1 << (if edge_of_a { 15 + edge } else { 18 + edge }))
     }
 
-    /// Those between some of the vertices and edges of either triangle: bits 0 to 2 its vertices, 3 to 5 its edges.
-    pub(in crate::kernel) const fn between(parts_of_a: u8, parts_of_b: u8) -> Self {
-        let (vertices, edges) = ([parts_of_a & 7, parts_of_b & 7], [parts_of_a >> 3 & 7, parts_of_b >> 3 & 7]);
-        let [vertices_of_a, vertices_of_b] = [vertices[0] as u32, vertices[1] as u32];
-        let [edges_of_a, edges_of_b] = [edges[0] as u32, edges[1] as u32];
-        // Bit k spread to three places each, times three bits: every pair of edges.
-        let spread = edges_of_a & 1 | (edges_of_a & 2) << 2 | (edges_of_a & 4) << 4;
-        Self(vertices_of_a | vertices_of_b << 3 | (spread * edges_of_b) << 6 | edges_of_a << 15 | edges_of_b << 18)
-    }
-
     pub(in crate::kernel) const fn contain(self, case: Self) -> bool {
         self.0 & case.0 != 0
     }
@@ -50,6 +43,14 @@ impl Cases {
         self.contain(Self::PIERCING)
     }
 
+    pub(in crate::kernel) const fn from_bits(bits: u64) -> Self {
+        Self(bits as u32)
+    }
+
+    pub(in crate::kernel) const fn bits(self) -> u64 {
+        self.0 as u64
+    }
+
     pub(in crate::kernel) const fn and(self, other: Self) -> Self {
         Self(self.0 & other.0)
     }
@@ -60,6 +61,12 @@ impl Cases {
 
     pub(in crate::kernel) const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
+    }
+
+    /// None of them where something does not hold, without a branch.
+    #[inline]
+    pub(in crate::kernel) const fn only_if(self, holds: bool) -> Self {
+        Self(self.0 & 0u32.wrapping_sub(holds as u32))
     }
 
     /// Without what is on the boundaries of both.
@@ -78,7 +85,7 @@ impl Cases {
     }
 
     /// The features that a single case is about.
-    pub(in crate::kernel) const fn features(self) -> FeaturePair {
+    pub(in crate::kernel) fn features(self) -> FeaturePair {
         let [part_a, part_b] = self.parts();
         FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) }
     }
@@ -96,18 +103,33 @@ impl Cases {
     }
 
     /// The part of the first and of the second triangle that a single case is about, numbered as in
-    /// [`between`](Self::between); 6 is the face.
-    pub(in crate::kernel) const fn parts(self) -> [usize; 2] {
-        let number = self.0.trailing_zeros() as usize;
-        match number {
-            0..3 => [number, 6],
-            3..6 => [6, number - 3],
-            6..15 => [3 + (number - 6) / 3, 3 + (number - 6) % 3],
-            15..18 => [3 + number - 15, 6],
-            _ => [6, 3 + number - 18],
+    /// [`Feature::of_part`].
+    #[inline]
+    pub(in crate::kernel) fn parts(self) -> [usize; 2] {
+        PARTS[self.0.trailing_zeros() as usize % PARTS.len()].map(usize::from)
+    }
+
+    const fn parts_of_bit(bit: u8) -> [u8; 2] {
+        match bit {
+            0..3 => [bit, 6],
+            3..6 => [6, bit - 3],
+            6..15 => [3 + (bit - 6) / 3, 3 + (bit - 6) % 3],
+            15..18 => [3 + bit - 15, 6],
+            _ => [6, 3 + (bit - 18) % 3],
         }
     }
 }
+
+/// The parts of each case: which one it is nobody can foresee.
+static PARTS: [[u8; 2]; 32] = {
+    let mut parts = [[0; 2]; 32];
+    let mut bit = 0;
+    while bit < 32 {
+        parts[bit as usize] = Cases::parts_of_bit(bit);
+        bit += 1;
+    }
+    parts
+};
 
 /// What of a pair of triangles is on the boundaries of both, one bit each: a vertex and the inside of an edge, bit `3 v + e`
 /// for vertex `v` of the first triangle and edge `e` of the second, nine bits further for a vertex of the second and an edge of
@@ -116,20 +138,60 @@ impl Cases {
 pub(in crate::kernel) struct BoundaryCases(pub(super) u64);
 
 impl BoundaryCases {
+    pub(in crate::kernel) const fn bits(self) -> u64 {
+        self.0
+    }
+
     /// The bit of two vertices, given that of the first and the edge that starts at the second.
     pub(super) const fn of_vertices(place: usize) -> u64 {
         1 << (18 + place)
     }
+}
 
-    /// Each of them: which side the vertex is of that is named first, which vertex it is, the edge, and whether it is the start of
-    /// that which is meant.
-    pub(super) fn each(self) -> impl Iterator<Item = (usize, usize, usize, bool)> {
-        let mut left = self.0;
-        std::iter::from_fn(move || {
-            let place = left.trailing_zeros() as usize;
-            left &= left.wrapping_sub(1);
-            let (side, is_start) = (usize::from((9..18).contains(&place)), place >= 18);
-            (place < 27).then_some((side, place % 9 / 3, place % 3, is_start))
-        })
+/// The cases of eight pairs of triangles.
+#[derive(Clone, Copy)]
+pub(in crate::kernel) struct CaseLanes<S: Simd>(pub(in crate::kernel) u64x8<S>);
+
+impl<S: Simd> CaseLanes<S> {
+    /// Those between some of the vertices and edges of either triangle: bits 0 to 2 its vertices, 3 to 5 its edges.
+    #[inline(always)]
+    pub(in crate::kernel) fn between(parts_of_a: u64x8<S>, parts_of_b: u64x8<S>) -> Self {
+        let [vertices_of_a, vertices_of_b] = [parts_of_a & 7, parts_of_b & 7];
+        let [edges_of_a, edges_of_b] = [parts_of_a >> 3 & 7, parts_of_b >> 3 & 7];
+        // Every pair of edges: of the first triangle each bit at three places, of the second three times all.
+        let spread = edges_of_a & 1 | (edges_of_a & 2) << 2 | (edges_of_a & 4) << 4;
+        let edges = (spread | spread << 1 | spread << 2) & (edges_of_b | edges_of_b << 3 | edges_of_b << 6);
+        Self(vertices_of_a | vertices_of_b << 3 | edges << 6 | edges_of_a << 15 | edges_of_b << 18)
+    }
+
+    /// Where an edge may pierce a face.
+    #[inline(always)]
+    pub(in crate::kernel) fn may_cross(self) -> mask64x8<S> {
+        !(self.0 & Cases::PIERCING.bits()).simd_eq(0)
+    }
+
+    /// Those of them inside of faces and edges, in the order of [`FeatureSet`]s.
+    #[inline(always)]
+    fn in_order(self) -> u64x8<S> {
+        let edges = (self.0 & Cases::EDGES.bits()) >> 6;
+        let vertices = (self.0 & Cases::VERTICES_OVER_FACES.bits()) << FeatureSet::VERTICES_OVER_FACES as u32;
+        edges | vertices | self.0 & Cases::PIERCING.bits()
+    }
+}
+
+/// What a pair of triangles reports, one bit each in the order in which the contacts are written: nine pairs of edges, six
+/// vertices over faces, six edges that pierce a face, and what is on the boundaries of both, 27 bits in the order of
+/// [`BoundaryCases`].
+pub(in crate::kernel) struct FeatureSet;
+
+impl FeatureSet {
+    pub(super) const VERTICES_OVER_FACES: usize = 9;
+    pub(super) const PIERCING: usize = 15;
+    pub(super) const BOUNDARY: usize = 21;
+
+    /// Of eight pairs of triangles those of cases and of [`BoundaryCases`].
+    #[inline(always)]
+    pub(in crate::kernel) fn in_lanes<S: Simd>(cases: CaseLanes<S>, boundary: u64x8<S>) -> u64x8<S> {
+        cases.in_order() | boundary << Self::BOUNDARY as u32
     }
 }

@@ -21,6 +21,16 @@ impl Feature {
             _ => Self::Face,
         }
     }
+
+    /// That number.
+    #[inline]
+    pub(in crate::kernel) const fn part(self) -> usize {
+        match self {
+            Self::Vertex(corner) => corner as usize,
+            Self::Edge(edge) => 3 + edge as usize,
+            Self::Face => 6,
+        }
+    }
 }
 
 /// What kinds of features meet in a contact.

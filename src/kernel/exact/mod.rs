@@ -13,9 +13,9 @@ mod screen;
 pub mod side;
 pub mod triangle_pair;
 
-pub(in crate::kernel) use batch::{FeatureBatches, FeatureTask, LeftOver};
-pub(in crate::kernel) use cases::Cases;
+pub(in crate::kernel) use batch::{FeatureBatches, LeftOver, Reports};
+pub(in crate::kernel) use cases::{CaseLanes, Cases, FeatureSet};
 pub use feature::{Feature, FeatureKind, FeaturePair};
-pub(in crate::kernel) use screen::{PairScreen, ScreenLimits, ScreenedPair, rounded_down};
+pub(in crate::kernel) use screen::{PairScreen, ScreenLimits, Screened, rounded_down};
 pub use triangle_pair::{PairProximity, Proximity, examine_pair};
 pub(in crate::kernel) use triangle_pair::{examine_boundaries, examine_screened};

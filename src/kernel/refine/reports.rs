@@ -1,13 +1,21 @@
 //! Which features of a pair of triangles the pair reports, so that mostly each is reported once.
 
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{mask64x8, prelude::*, u64x8};
+
 use crate::kernel::{
-    exact::{Cases, Feature, FeaturePair},
+    corner_rows::CornerRow,
+    exact::{CaseLanes, Cases, Feature, FeaturePair},
     ids::{EdgeId, TriangleId, VertexId},
+    lanes::WIDTH,
     pair::{RowPair, SurfaceSide},
+    surroundings::SurroundingLanes,
     topology::share_corner,
 };
 
 /// Which features of a pair it reports.
+#[derive(Clone, Copy)]
 pub(super) struct Reported {
     pub(super) cases: Cases,
     /// Those of them that other pairs may report, too, and maybe others.
@@ -24,32 +32,63 @@ impl Reported {
     }
 
     /// Whether other pairs may report these features, too.
-    pub(super) fn is_shared(&self, features: FeaturePair) -> bool {
+    pub(super) fn is_shared(self, features: FeaturePair) -> bool {
         let case = Cases::of(features);
         case.without_boundary().are_none() || self.shared.contain(case)
     }
 }
 
-/// Those of a pair's cases that it reports, see [`reports`].
-#[inline]
-pub(super) fn reported_cases(pair: &RowPair<'_>, same_surface: bool, cases: Cases) -> Reported {
+/// Which features of eight pairs they report.
+#[derive(Clone, Copy)]
+pub(super) struct ReportedLanes<S: Simd> {
+    pub(super) cases: CaseLanes<S>,
+    pub(super) shared: CaseLanes<S>,
+    /// Pairs that may report more than that.
+    pub(super) others: mask64x8<S>,
+}
+
+/// Those of the cases of eight pairs that they report, see [`reports`], as far as they are first at them.
+#[inline(always)]
+pub(super) fn reported_as_first<S: Simd>(
+    simd: S,
+    rows: &[[&CornerRow; WIDTH]; 2],
+    same_surface: bool,
+    is_welded: bool,
+    CaseLanes(cases): CaseLanes<S>,
+) -> ReportedLanes<S> {
+    let none = u64x8::splat(simd, 0);
+    let surroundings = |side: usize| rows[side].map(|row| row.surroundings);
+    let a = SurroundingLanes::new(simd, surroundings(0));
+    let b = SurroundingLanes::new(simd, surroundings(1));
+    let first = CaseLanes::between(a.first_of(), b.first_of());
+    let shared = (a.are_collapsed() | b.are_collapsed()).select(u64x8::splat(simd, Cases::ALL.bits()), none);
+    let rest = !(cases & !first.0 & Cases::ALL.without_boundary().bits()).simd_eq(none);
+    let others = match (is_welded, same_surface) {
+        (true, _) => rest,
+        (false, true) => rest & a.firsts_may_meet(b),
+        (false, false) => mask64x8::splat(simd, false),
+    };
+    ReportedLanes { cases: first, shared: CaseLanes(shared), others }
+}
+
+/// Adds those of other cases of a pair that it reports although there are triangles before its own around their features.
+#[inline(never)]
+pub(super) fn add_others(pair: &RowPair<'_>, same_surface: bool, cases: Cases, reported: &mut Reported) {
     let [a, b] = pair.sides;
-    let [around_a, around_b] = pair.rows.map(|row| row.surroundings);
-    let shared = if around_a.is_collapsed() || around_b.is_collapsed() { Cases::ALL } else { Cases::NONE };
-    let mut reported = Reported { cases: Cases::between(around_a.first_of, around_b.first_of), shared };
+    let others = cases.without(reported.cases).without_boundary();
     if a.topology.is_welded() || b.topology.is_welded() {
-        for case in cases.without(reported.cases).without_boundary().each() {
+        for case in others.each() {
             reported.add(case, reports(a, b, same_surface, pair.triangles, case.features()));
         }
-    } else if same_surface && around_a.firsts_may_meet(around_b) {
-        for case in cases.without(reported.cases).without_boundary().each() {
-            let [part_a, part_b] = case.parts();
-            let [first_a, first_b] =
-                [(0, part_a), (1, part_b)].map(|(side, part)| pair.rows[side].first_around(a.topology, part));
-            reported.add(case, share_corner(first_a, first_b).then_some(true));
-        }
+        return;
     }
-    reported
+    for case in others.each() {
+        let [part_a, part_b] = case.parts();
+        let first_a = pair.rows[0].first_around(a.topology, part_a);
+        let first_b = pair.rows[1].first_around(a.topology, part_b);
+        let case = case.only_if(share_corner(first_a, first_b));
+        (reported.cases, reported.shared) = (reported.cases.or(case), reported.shared.or(case));
+    }
 }
 
 /// Whether this pair of triangles reports a feature pair, and if so whether others may, too. The pair of the first triangles

@@ -3,21 +3,24 @@
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
 use fearless_simd::{f64x8, mask64x8, prelude::*};
+use glam::DVec3;
 
-use super::{Batch, Limits, Results};
+use super::{Batch, FIRST, Limits, Results, SECOND};
 use crate::kernel::{
     exact::triangle_pair::AT_END,
-    lanes::{DoubleVectorLanes, DoubleVectorRows, rounded},
+    lanes::{DoubleVectorLanes, VectorLanes, VectorRows, rounded},
+    pose::Pose,
 };
 
 #[inline(always)]
-pub(super) fn vertices_on_edges<S: Simd>(simd: S, batch: &Batch, limits: Limits, results: &mut Results) {
-    let origin = DoubleVectorLanes::load(simd, &batch.origin);
+pub(super) fn vertices_on_edges<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>, results: &mut Results) {
+    let origin = origins(simd, batch, limits);
+    let swapped = mask64x8::from_bitmask(simd, batch.swapped);
     let [vertex, start, end, ..] = &batch.points;
     let absolute = [
-        DoubleVectorLanes::load(simd, vertex),
-        DoubleVectorLanes::load(simd, start),
-        DoubleVectorLanes::load(simd, end),
+        placed(simd, vertex, swapped, limits),
+        placed(simd, start, !swapped, limits),
+        placed(simd, end, !swapped, limits),
     ];
     let [vertex, start, end] = [absolute[0] - origin, absolute[1] - origin, absolute[2] - origin];
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
@@ -29,11 +32,8 @@ pub(super) fn vertices_on_edges<S: Simd>(simd: S, batch: &Batch, limits: Limits,
     let distance = between.dot(between).sqrt();
     let along = along.simd_le(AT_END).select(zero, along);
     let weights = [one - along, along];
-    for side in [&mut results.first, &mut results.second] {
-        rounded(weights[0]).store_slice(&mut side[0]);
-        rounded(weights[1]).store_slice(&mut side[1]);
-    }
-    let swapped = mask64x8::from_bitmask(simd, batch.swapped);
+    results.set_weights(FIRST, weights[0], weights[1]);
+    results.set_weights(SECOND, weights[0], weights[1]);
     let point = absolute[1].scaled(weights[0]).plus(absolute[2].scaled(weights[1]));
     DoubleVectorLanes::select(swapped, absolute[0], point).rounded().store(&mut results.point_b);
     let separation = vertex - start.scaled(weights[0]).plus(end.scaled(weights[1]));
@@ -43,15 +43,16 @@ pub(super) fn vertices_on_edges<S: Simd>(simd: S, batch: &Batch, limits: Limits,
 }
 
 #[inline(always)]
-pub(super) fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, limits: Limits, results: &mut Results) {
-    let origin = DoubleVectorLanes::load(simd, &batch.origin);
-    let [vertex, first, second, third, _] = &batch.points;
+pub(super) fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>, results: &mut Results) {
+    let origin = origins(simd, batch, limits);
+    let swapped = mask64x8::from_bitmask(simd, batch.swapped);
+    let [vertex, first, second, third, ..] = &batch.points;
     let corners = [
-        DoubleVectorLanes::load(simd, first),
-        DoubleVectorLanes::load(simd, second),
-        DoubleVectorLanes::load(simd, third),
+        placed(simd, first, !swapped, limits),
+        placed(simd, second, !swapped, limits),
+        placed(simd, third, !swapped, limits),
     ];
-    let absolute = DoubleVectorLanes::load(simd, vertex);
+    let absolute = placed(simd, vertex, swapped, limits);
     let position = absolute - origin;
     let local = [(corners[0] - origin), (corners[1] - origin), (corners[2] - origin)];
     let edges = [(local[1] - local[0]), (local[2] - local[1]), (local[0] - local[2])];
@@ -63,9 +64,7 @@ pub(super) fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, limits: Limit
     let second = normal.cross(edges[2]).dot(position - local[2]);
     let third = normal.cross(edges[0]).dot(position - local[0]);
     let (weights, point) = normalized(simd, [first, second, third], corners);
-    rounded(weights[0]).store_slice(&mut results.second[0]);
-    rounded(weights[1]).store_slice(&mut results.second[1]);
-    let swapped = mask64x8::from_bitmask(simd, batch.swapped);
+    results.set_weights(SECOND, weights[0], weights[1]);
     DoubleVectorLanes::select(swapped, absolute, point).rounded().store(&mut results.point_b);
     let separation = normal.scaled(height * inverse);
     let separation = DoubleVectorLanes::select(swapped, separation.negated(), separation);
@@ -74,12 +73,12 @@ pub(super) fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, limits: Limit
 }
 
 #[inline(always)]
-pub(super) fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, limits: Limits, results: &mut Results) {
-    let origin = DoubleVectorLanes::load(simd, &batch.origin);
-    let [start_a, end_a, start_b, end_b, _] = &batch.points;
-    let (start_a, end_a) =
-        (DoubleVectorLanes::load(simd, start_a) - origin, DoubleVectorLanes::load(simd, end_a) - origin);
-    let (absolute_start, absolute_end) = (DoubleVectorLanes::load(simd, start_b), DoubleVectorLanes::load(simd, end_b));
+pub(super) fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>, results: &mut Results) {
+    let origin = origins(simd, batch, limits);
+    let of_b = mask64x8::splat(simd, true);
+    let [start_a, end_a, start_b, end_b, ..] = &batch.points;
+    let (start_a, end_a) = (placed(simd, start_a, !of_b, limits) - origin, placed(simd, end_a, !of_b, limits) - origin);
+    let (absolute_start, absolute_end) = (placed(simd, start_b, of_b, limits), placed(simd, end_b, of_b, limits));
     let (start_b, end_b) = ((absolute_start - origin), (absolute_end - origin));
     let (u, v) = ((end_a - start_a), (end_b - start_b));
     let normal = u.cross(v);
@@ -91,33 +90,26 @@ pub(super) fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, limits: Limits, re
     let along_a = between.cross(v).dot(normal) * inverse;
     let along_b = between.cross(u).dot(normal) * inverse;
     let (from_a, from_b) = (one - along_a, one - along_b);
-    rounded(from_a).store_slice(&mut results.first[0]);
-    rounded(along_a).store_slice(&mut results.first[1]);
-    rounded(from_b).store_slice(&mut results.second[0]);
-    rounded(along_b).store_slice(&mut results.second[1]);
+    results.set_weights(FIRST, from_a, along_a);
+    results.set_weights(SECOND, from_b, along_b);
     absolute_start.scaled(from_b).plus(absolute_end.scaled(along_b)).rounded().store(&mut results.point_b);
     let separation = normal.scaled(-height * inverse);
     let direction = results.set_distance(simd, separation, distance_squared.sqrt(), batch, limits);
     direction.rounded().store(&mut results.normal);
 }
 
-/// `across` is the way from the second triangle to the first.
 #[inline(always)]
-pub(super) fn edges_through_faces<S: Simd>(
-    simd: S,
-    batch: &Batch,
-    across: &DoubleVectorRows,
-    limits: Limits,
-    results: &mut Results,
-) {
-    let origin = DoubleVectorLanes::load(simd, &batch.origin);
-    let [start, end, first, second, third] = &batch.points;
+pub(super) fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>, results: &mut Results) {
+    let origin = origins(simd, batch, limits);
+    let swapped = mask64x8::from_bitmask(simd, batch.swapped);
+    let [start, end, first, second, third, apex] = &batch.points;
     let corners = [
-        DoubleVectorLanes::load(simd, first),
-        DoubleVectorLanes::load(simd, second),
-        DoubleVectorLanes::load(simd, third),
+        placed(simd, first, !swapped, limits),
+        placed(simd, second, !swapped, limits),
+        placed(simd, third, !swapped, limits),
     ];
-    let (absolute_start, absolute_end) = (DoubleVectorLanes::load(simd, start), DoubleVectorLanes::load(simd, end));
+    let (absolute_start, absolute_end) = (placed(simd, start, swapped, limits), placed(simd, end, swapped, limits));
+    let apex = placed(simd, apex, swapped, limits);
     let (start, end) = ((absolute_start - origin), (absolute_end - origin));
     let local = [(corners[0] - origin), (corners[1] - origin), (corners[2] - origin)];
     let edge = end - start;
@@ -127,21 +119,82 @@ pub(super) fn edges_through_faces<S: Simd>(
     let volumes = [edge.dot(q.cross(r)), edge.dot(r.cross(p)), edge.dot(p.cross(q))];
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
     let along = (from / (from - to)).max(zero).min(one);
-    rounded(one - along).store_slice(&mut results.first[0]);
-    rounded(along).store_slice(&mut results.first[1]);
+    results.set_weights(FIRST, one - along, along);
     let (weights, point_on_face) = normalized(simd, volumes, corners);
-    rounded(weights[0]).store_slice(&mut results.second[0]);
-    rounded(weights[1]).store_slice(&mut results.second[1]);
+    results.set_weights(SECOND, weights[0], weights[1]);
     let point_on_edge = absolute_start.scaled(one - along).plus(absolute_end.scaled(along));
-    let swapped = mask64x8::from_bitmask(simd, batch.swapped);
     DoubleVectorLanes::select(swapped, point_on_edge, point_on_face).rounded().store(&mut results.point_b);
+
+    // The way from the centroid of the second triangle to that of the first. Of the edge's triangle the corners are added in
+    // their own order.
+    let (second_edge, third_edge) =
+        (mask64x8::from_bitmask(simd, batch.turned[0]), mask64x8::from_bitmask(simd, batch.turned[1]));
+    let own = [
+        select_of_three(second_edge, third_edge, [absolute_start, apex, absolute_end]),
+        select_of_three(second_edge, third_edge, [absolute_end, absolute_start, apex]),
+        select_of_three(second_edge, third_edge, [apex, absolute_end, absolute_start]),
+    ];
+    let (own, other) = (own[0].plus(own[1]).plus(own[2]), corners[0].plus(corners[1]).plus(corners[2]));
+    let three = f64x8::splat(simd, 3.0);
+    let between = DoubleVectorLanes::select(swapped, other, own) - DoubleVectorLanes::select(swapped, own, other);
+    let across = DoubleVectorLanes { x: between.x / three, y: between.y / three, z: between.z / three };
 
     // The normal of the face, on the side where more of the first triangle lies.
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let normal = normal.scaled(one / normal.dot(normal).sqrt());
-    let away = normal.dot(DoubleVectorLanes::load(simd, across)).simd_lt(zero);
+    let away = normal.dot(across).simd_lt(zero);
     let direction = results.set_distance(simd, normal, zero, batch, limits);
     DoubleVectorLanes::select(away, direction.negated(), direction).rounded().store(&mut results.normal);
+}
+
+/// The first of three where no mask says otherwise, the second or the third where that mask does.
+#[inline(always)]
+fn select_of_three<S: Simd>(
+    second: mask64x8<S>,
+    third: mask64x8<S>,
+    values: [DoubleVectorLanes<S>; 3],
+) -> DoubleVectorLanes<S> {
+    let value = DoubleVectorLanes::select(second, values[1], values[0]);
+    DoubleVectorLanes::select(third, values[2], value)
+}
+
+/// The first corners of the first triangles in the frame of the pair.
+#[inline(always)]
+fn origins<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>) -> DoubleVectorLanes<S> {
+    placed(simd, &batch.origin, mask64x8::splat(simd, false), limits)
+}
+
+/// Points in the frame of the pair, some of the second surface, all others of the first.
+#[inline(always)]
+fn placed<S: Simd>(simd: S, points: &VectorRows, of_second: mask64x8<S>, limits: &Limits<'_>) -> DoubleVectorLanes<S> {
+    let points = VectorLanes::load(simd, points).widened();
+    let [a, b] = limits.poses;
+    if a.is_none() && b.is_none() {
+        return points;
+    }
+    DoubleVectorLanes::select(of_second, moved(simd, b, points), moved(simd, a, points))
+}
+
+/// Points moved as [`Pose::transform_point`] does it.
+#[inline(always)]
+fn moved<S: Simd>(simd: S, pose: Option<&Pose>, points: DoubleVectorLanes<S>) -> DoubleVectorLanes<S> {
+    let Some(pose) = pose else {
+        return points;
+    };
+    let affine = pose.to_affine();
+    let along = |axis: DVec3, factor: f64x8<S>| DoubleVectorLanes::splat(simd, axis).scaled(factor);
+    let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
+    let turned = along(x, points.x).plus(along(y, points.y)).plus(along(z, points.z));
+    turned.plus(DoubleVectorLanes::splat(simd, affine.translation))
+}
+
+impl Results {
+    /// Keeps the weights of the start and the end of an edge, or of the first two corners of a face.
+    #[inline(always)]
+    fn set_weights<S: Simd>(&mut self, row: u8, start: f64x8<S>, end: f64x8<S>) {
+        rounded(start).store_slice(&mut self.weights[row as usize]);
+        rounded(end).store_slice(&mut self.weights[row as usize + 1]);
+    }
 }
 
 /// Weights that are proportional to three values of the same sign, and the point they stand for.
