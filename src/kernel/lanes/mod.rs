@@ -22,6 +22,8 @@ pub(in crate::kernel) use corners::{CornerLanes, TrianglePairLanes};
 pub(in crate::kernel) use pairs::{LARGEST_EXTENT, PairLanes};
 pub(in crate::kernel) use triangles::{EdgeChoice, FrameLanes, TriangleLanes};
 
+use super::pose::Pose;
+
 /// How many triangles or pairs are worked on at a time.
 pub(in crate::kernel) const WIDTH: usize = 8;
 
@@ -152,6 +154,17 @@ impl<S: Simd> VectorLanes<S> {
 }
 
 impl<S: Simd> DoubleVectorLanes<S> {
+    /// Points moved as [`Pose::transform_point`] does it.
+    #[inline(always)]
+    pub(in crate::kernel) fn moved(self, simd: S, pose: Option<&Pose>) -> Self {
+        let Some(pose) = pose else { return self };
+        let affine = pose.to_affine();
+        let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
+        let (x, y, z) = (Self::splat(simd, x), Self::splat(simd, y), Self::splat(simd, z));
+        let turned = x.scaled(self.x).plus(y.scaled(self.y)).plus(z.scaled(self.z));
+        turned.plus(Self::splat(simd, affine.translation))
+    }
+
     #[inline(always)]
     pub(in crate::kernel) fn rounded(self) -> VectorLanes<S> {
         VectorLanes { x: rounded(self.x), y: rounded(self.y), z: rounded(self.z) }

@@ -3,13 +3,11 @@
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
 use fearless_simd::{f64x8, mask64x8, prelude::*};
-use glam::DVec3;
 
 use super::{Batch, FIRST, Limits, Results, SECOND};
 use crate::kernel::{
     exact::triangle_pair::AT_END,
     lanes::{DoubleVectorLanes, VectorLanes, VectorRows, rounded},
-    pose::Pose,
 };
 
 #[inline(always)]
@@ -172,20 +170,7 @@ fn placed<S: Simd>(simd: S, points: &VectorRows, of_second: mask64x8<S>, limits:
     if a.is_none() && b.is_none() {
         return points;
     }
-    DoubleVectorLanes::select(of_second, moved(simd, b, points), moved(simd, a, points))
-}
-
-/// Points moved as [`Pose::transform_point`] does it.
-#[inline(always)]
-fn moved<S: Simd>(simd: S, pose: Option<&Pose>, points: DoubleVectorLanes<S>) -> DoubleVectorLanes<S> {
-    let Some(pose) = pose else {
-        return points;
-    };
-    let affine = pose.to_affine();
-    let along = |axis: DVec3, factor: f64x8<S>| DoubleVectorLanes::splat(simd, axis).scaled(factor);
-    let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
-    let turned = along(x, points.x).plus(along(y, points.y)).plus(along(z, points.z));
-    turned.plus(DoubleVectorLanes::splat(simd, affine.translation))
+    DoubleVectorLanes::select(of_second, points.moved(simd, b), points.moved(simd, a))
 }
 
 impl Results {

@@ -24,10 +24,7 @@ pub(super) fn corners_in_lanes<S: Simd>(
         DoubleVectorLanes { x: bx, y: by, z: bz },
         DoubleVectorLanes { x: cx, y: cy, z: cz },
     ];
-    match pose {
-        Some(pose) => [moved(simd, pose, corners[0]), moved(simd, pose, corners[1]), moved(simd, pose, corners[2])],
-        None => corners,
-    }
+    [corners[0].moved(simd, pose), corners[1].moved(simd, pose), corners[2].moved(simd, pose)]
 }
 
 /// The nine numbers of eight triangles: the first eight are turned round as a square.
@@ -43,14 +40,4 @@ fn numbers_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH]) -> [f64x8<S>; 
     let [a, b, c, d, e, f, g, h] = transposed(square);
     let last = f32x8::from_slice(simd, &last);
     [widened(a), widened(b), widened(c), widened(d), widened(e), widened(f), widened(g), widened(h), widened(last)]
-}
-
-#[inline(always)]
-fn moved<S: Simd>(simd: S, pose: &Pose, point: DoubleVectorLanes<S>) -> DoubleVectorLanes<S> {
-    let affine = pose.to_affine();
-    let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
-    let (x, y, z) =
-        (DoubleVectorLanes::splat(simd, x), DoubleVectorLanes::splat(simd, y), DoubleVectorLanes::splat(simd, z));
-    let turned = x.scaled(point.x).plus(y.scaled(point.y)).plus(z.scaled(point.z));
-    turned.plus(DoubleVectorLanes::splat(simd, affine.translation))
 }
