@@ -175,10 +175,16 @@ impl BoxTree {
     /// Calls `visit` with every item whose box overlaps `bounds`, in the tree's order.
     pub fn query(&self, bounds: &Aabb, mut visit: impl FnMut(u32)) {
         dispatch!(Level::new(), simd => {
-            self.for_each_leaf(simd, bounds, 0, |place| {
-                let leaf = &self.leaves[place];
-                for_each_lane(leaf.boxes.overlapping(simd, bounds), |lane| visit(leaf.items[lane]));
-            });
+            let mut search = LeafSearch::new();
+            search.begin(self);
+            while search.go_on(simd, self, bounds, 0) {
+                for &place in search.found() {
+                    let leaf = &self.leaves[place as usize];
+                    for lane in Lanes(leaf.boxes.overlapping(simd, bounds)) {
+                        visit(leaf.items[lane]);
+                    }
+                }
+            }
         });
     }
 
@@ -197,32 +203,6 @@ impl BoxTree {
                     visit(self.leaf_items(node.children[lane] as usize));
                 }
             }
-        }
-    }
-
-    /// Calls `visit` with every leaf from `first` on whose box overlaps `bounds`, in order.
-    #[inline(always)]
-    fn for_each_leaf<S: Simd>(&self, simd: S, bounds: &Aabb, first: u32, mut visit: impl FnMut(usize)) {
-        if self.nodes.is_empty() {
-            return;
-        }
-        // Leaves of one node are visited together, before or after the subtrees beside them: the order is that of the
-        // structure, the same in every traversal.
-        let mut stack: ArrayVec<u32, STACK> = ArrayVec::new();
-        stack.push(0);
-        while let Some(place) = stack.pop() {
-            let node = &self.nodes[place as usize];
-            let hits = node.boxes.overlapping(simd, bounds);
-            for_each_lane(hits & node.leaf_children, |lane| {
-                if node.children[lane] >= first {
-                    visit(node.children[lane] as usize);
-                }
-            });
-            for_each_lane(hits & !node.leaf_children, |lane| {
-                if node.ends[lane] > first {
-                    stack.push(node.children[lane]);
-                }
-            });
         }
     }
 
@@ -266,42 +246,102 @@ impl BoxTree {
     ) -> usize {
         let mut count = 0;
         let (mut hits, mut recent) = (LaneHits::new(), Recent::new());
+        let mut search = LeafSearch::new();
         for place in leaves {
             let leaf = &self.leaves[place];
             let first = if SELF { place as u32 } else { 0 };
-            other_tree.for_each_leaf(simd, &leaf.bounds, first, |other_place| {
-                let other = &other_tree.leaves[other_place];
-                let separation = match cull {
-                    Some(cull) => Some(cull.between([place, other_place])),
-                    None => None,
-                };
-                hits.count = 0;
-                for_each_lane(leaf.boxes.overlapping(simd, &other.bounds), |lane| {
-                    let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
-                    let mut lanes = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
-                    if let Some(separation) = &separation
-                        && lanes != 0
-                    {
-                        lanes &= !separation.neighbors(simd, lane);
+            search.begin(other_tree);
+            while search.go_on(simd, other_tree, &leaf.bounds, first) {
+                for &other_place in search.found() {
+                    let other_place = other_place as usize;
+                    let other = &other_tree.leaves[other_place];
+                    let separation = match cull {
+                        Some(cull) => Some(cull.between([place, other_place])),
+                        None => None,
+                    };
+                    hits.count = 0;
+                    for lane in Lanes(leaf.boxes.overlapping(simd, &other.bounds)) {
+                        let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
+                        let mut lanes = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
+                        if let Some(separation) = &separation
+                            && lanes != 0
+                        {
+                            lanes &= !separation.neighbors(simd, lane);
+                        }
+                        hits.push(simd, lane, lanes);
                     }
-                    hits.push(simd, lane, lanes);
-                });
-                count += hits.count;
-                for (pairs_of_lanes, mut kept) in hits.groups() {
-                    let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
-                    if let Some(separation) = &separation
-                        && separation.has_slabs()
-                    {
-                        kept &= !separation.separated(simd, &lane_pairs, kept);
+                    count += hits.count;
+                    for (pairs_of_lanes, mut kept) in hits.groups() {
+                        let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
+                        if let Some(separation) = &separation
+                            && separation.has_slabs()
+                        {
+                            kept &= !separation.separated(simd, &lane_pairs, kept);
+                        }
+                        let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
+                        let (firsts, seconds) =
+                            if SELF { (items.min(others), items.max(others)) } else { (items, others) };
+                        recent.push(simd, firsts, seconds, kept, pairs);
                     }
-                    let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
-                    let (firsts, seconds) = if SELF { (items.min(others), items.max(others)) } else { (items, others) };
-                    recent.push(simd, firsts, seconds, kept, pairs);
                 }
-            });
+            }
         }
         recent.flush(pairs);
         count
+    }
+}
+
+/// The leaves of a tree whose boxes overlap another box, some at a time. Leaves of one node come together, before the subtrees
+/// beside them: the order is that of the structure, the same in every traversal.
+struct LeafSearch {
+    /// Nodes that wait, and room to write eight children where only some are meant.
+    nodes: [u32; STACK + LEAF_WIDTH],
+    node_count: usize,
+    leaves: [u32; Self::ROOM + LEAF_WIDTH],
+    leaf_count: usize,
+}
+
+impl LeafSearch {
+    const ROOM: usize = 56;
+
+    fn new() -> Self {
+        Self { nodes: [0; STACK + LEAF_WIDTH], node_count: 0, leaves: [0; Self::ROOM + LEAF_WIDTH], leaf_count: 0 }
+    }
+
+    /// Begins a search.
+    #[inline(always)]
+    fn begin(&mut self, tree: &BoxTree) {
+        self.node_count = usize::from(!tree.nodes.is_empty());
+        self.nodes[0] = 0;
+    }
+
+    /// Finds the next leaves from `first` on whose boxes overlap `bounds`. Whether there are any.
+    #[inline(always)]
+    fn go_on<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) -> bool {
+        self.leaf_count = 0;
+        while self.node_count > 0 && self.leaf_count < Self::ROOM {
+            self.node_count -= 1;
+            let node = &tree.nodes[self.nodes[self.node_count] as usize];
+            let hits = node.boxes.overlapping(simd, bounds);
+            let children = u32x8::from_slice(simd, &node.children);
+            let is_later = children.simd_ge(first).to_bitmask() as u32;
+            let has_later = u32x8::from_slice(simd, &node.ends).simd_gt(first).to_bitmask() as u32;
+            // Which of eight are meant is hard to foresee: so all are written, those first, and the next ones over the others.
+            let leaves = hits & node.leaf_children & is_later;
+            let room = &mut self.leaves[self.leaf_count..][..LEAF_WIDTH];
+            children.compress(mask32x8::from_bitmask(simd, u64::from(leaves))).store_slice(room);
+            self.leaf_count += leaves.count_ones() as usize;
+            let nodes = hits & !node.leaf_children & has_later;
+            let room = &mut self.nodes[self.node_count..][..LEAF_WIDTH];
+            children.compress(mask32x8::from_bitmask(simd, u64::from(nodes))).store_slice(room);
+            self.node_count += nodes.count_ones() as usize;
+        }
+        self.leaf_count > 0
+    }
+
+    #[inline(always)]
+    fn found(&self) -> &[u32] {
+        &self.leaves[..self.leaf_count]
     }
 }
 
@@ -373,10 +413,16 @@ impl Recent {
     }
 }
 
-#[inline(always)]
-fn for_each_lane(mut lanes: u32, mut visit: impl FnMut(usize)) {
-    while lanes != 0 {
-        visit(lanes.trailing_zeros() as usize);
-        lanes &= lanes - 1;
+/// The lanes of bits that are set, ascending.
+struct Lanes(u32);
+
+impl Iterator for Lanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let lane = self.0.trailing_zeros() as usize;
+        self.0 &= self.0.wrapping_sub(1);
+        if lane < LEAF_WIDTH { Some(lane) } else { None }
     }
 }

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 
-use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, LaneHits, for_each_lane};
+use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, LaneHits, Lanes, LeafSearch};
 use crate::kernel::{
     bounded_pairs::BoundedPairs,
     leaf_triangles::{LanePairs, PairCull},
@@ -53,36 +53,42 @@ impl BoxTree {
         let mut count = 0;
         let (mut hits, mut recent) = (LaneHits::new(), Recent::new());
         let mut all_gaps = [0.0; (LEAF_WIDTH + 1) * LEAF_WIDTH];
+        let mut search = LeafSearch::new();
         for place in leaves {
             let leaf = &self.leaves[place];
             let first = if SELF { place as u32 } else { 0 };
-            other_tree.for_each_leaf(simd, &leaf.bounds.grown(skin), first, |other_place| {
-                let other = &other_tree.leaves[other_place];
-                let separation = cull.between([place, other_place]);
-                hits.count = 0;
-                for_each_lane(leaf.boxes.overlapping(simd, &other.bounds.grown(skin)), |lane| {
-                    let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
-                    let gaps = other.boxes.gaps(simd, &leaf.boxes.get(lane));
-                    let mut lanes = gaps.simd_le(skin).to_bitmask() as u32 & later;
-                    if lanes != 0 {
-                        lanes &= !separation.neighbors(simd, lane);
+            search.begin(other_tree);
+            while search.go_on(simd, other_tree, &leaf.bounds.grown(skin), first) {
+                for &other_place in search.found() {
+                    let other_place = other_place as usize;
+                    let other = &other_tree.leaves[other_place];
+                    let separation = cull.between([place, other_place]);
+                    hits.count = 0;
+                    for lane in Lanes(leaf.boxes.overlapping(simd, &other.bounds.grown(skin))) {
+                        let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
+                        let gaps = other.boxes.gaps(simd, &leaf.boxes.get(lane));
+                        let mut lanes = gaps.simd_le(skin).to_bitmask() as u32 & later;
+                        if lanes != 0 {
+                            lanes &= !separation.neighbors(simd, lane);
+                        }
+                        let mask = mask32x8::from_bitmask(simd, u64::from(lanes));
+                        gaps.compress(mask).store_slice(&mut all_gaps[hits.count..][..LEAF_WIDTH]);
+                        hits.push(simd, lane, lanes);
                     }
-                    let mask = mask32x8::from_bitmask(simd, u64::from(lanes));
-                    gaps.compress(mask).store_slice(&mut all_gaps[hits.count..][..LEAF_WIDTH]);
-                    hits.push(simd, lane, lanes);
-                });
-                count += hits.count;
-                for ((pairs_of_lanes, asked), gaps) in hits.groups().zip(all_gaps.chunks(LEAF_WIDTH)) {
-                    let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
-                    let (kept, by_slabs) = separation.lower_bounds(simd, &lane_pairs, asked);
-                    // The boxes hold what they were grown by.
-                    let gaps = f32x8::from_slice(simd, gaps);
-                    let by_boxes = gaps.simd_gt(0.0).select(gaps + range, f32x8::splat(simd, 0.0));
-                    let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
-                    let (firsts, seconds) = if SELF { (items.min(others), items.max(others)) } else { (items, others) };
-                    recent.push(simd, [firsts, seconds], by_slabs.max(by_boxes), kept, pairs);
+                    count += hits.count;
+                    for ((pairs_of_lanes, asked), gaps) in hits.groups().zip(all_gaps.chunks(LEAF_WIDTH)) {
+                        let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
+                        let (kept, by_slabs) = separation.lower_bounds(simd, &lane_pairs, asked);
+                        // The boxes hold what they were grown by.
+                        let gaps = f32x8::from_slice(simd, gaps);
+                        let by_boxes = gaps.simd_gt(0.0).select(gaps + range, f32x8::splat(simd, 0.0));
+                        let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
+                        let (firsts, seconds) =
+                            if SELF { (items.min(others), items.max(others)) } else { (items, others) };
+                        recent.push(simd, [firsts, seconds], by_slabs.max(by_boxes), kept, pairs);
+                    }
                 }
-            });
+            }
         }
         recent.flush(pairs);
         count
