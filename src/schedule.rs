@@ -51,7 +51,7 @@ pub enum SurfaceDetectionSystems {
     /// First impacts of fast surfaces, of those with [`SweptCollision`](crate::SweptCollision). It finds pairs of its own
     /// by what surfaces sweep, and leaves those of the other stages as they are.
     Swept,
-    /// Contacts gathered, sorted and stored.
+    /// Contacts kept on their sides, gathered and stored.
     Contacts,
 }
 
