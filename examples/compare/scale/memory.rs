@@ -10,7 +10,8 @@ use std::fmt::{self, Display, Formatter};
 use bevy_circumsphere::{
     detection::{
         CandidateTrianglePairs, Circumspheres, EnclosingBalls, KeptPairs, MeetingCaps, OverlappingTrianglePairs,
-        RefinedTrianglePairs, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature, broad_phase::SurfaceTree,
+        RefinedTrianglePairs, SphereContacts, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature,
+        broad_phase::SurfaceTree,
     },
     kernel::topology::SurfaceTopology,
     prelude::*,
@@ -79,8 +80,8 @@ const LISTS: &str = "KeptPairs (of a mesh that moves a little)";
 const ELSEWHERE: &str = "elsewhere (scratch)";
 
 /// What holds the pairs that were found, rather than candidates.
-const RESULTS: [&str; 5] =
-    ["OverlappingTrianglePairs", "MeetingCaps", "RefinedTrianglePairs", "ContactStore", ELSEWHERE];
+const RESULTS: [&str; 6] =
+    ["OverlappingTrianglePairs", "MeetingCaps", "RefinedTrianglePairs", "SphereContacts", "ContactStore", ELSEWHERE];
 
 /// Takes something away from the world, or from the sheet.
 type Take = fn(&mut World, Entity);
@@ -122,7 +123,7 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
     let listed = stage.app.world().resource::<KeptPairs>().listed();
     let whole = (HEAP.current_usage() - before).saturating_sub(empty_bytes);
     let size = stage.size(scene);
-    let holders: [(&'static str, Take); 14] = [
+    let holders: [(&'static str, Take); 15] = [
         ("SurfacePositions", take_component::<SurfacePositions>),
         ("TriangleBounds", take_component::<TriangleBounds>),
         ("SurfaceTree", take_component::<SurfaceTree>),
@@ -136,6 +137,7 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
         ("OverlappingTrianglePairs", take_resource::<OverlappingTrianglePairs>),
         ("MeetingCaps", take_resource::<MeetingCaps>),
         ("RefinedTrianglePairs", take_resource::<RefinedTrianglePairs>),
+        ("SphereContacts", take_resource::<SphereContacts>),
         ("ContactStore", take_resource::<bevy_circumsphere::ContactStore>),
     ];
     let mut parts = vec![(TOPOLOGY, topology_bytes)];
