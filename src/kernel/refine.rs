@@ -26,6 +26,7 @@ use super::{
         rounded_down,
         triangle_pair::TIE,
     },
+    lanes::SetLanes,
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pose::Pose,
     prefetch::{ask_ahead, ask_for_room},
@@ -179,7 +180,7 @@ fn examine_blocks<S: Simd>(
             let part = left & (u32::MAX >> (u32::BITS - 1 - next));
             left &= !part;
             if !is_plain {
-                for place in places(part) {
+                for place in SetLanes(part) {
                     block.add_pair(place, found);
                 }
             }
@@ -219,16 +220,6 @@ fn examine_blocks<S: Simd>(
         close_gaps(&mut found.contacts, first_contact);
     }
     found.finish_contacts(first_contact);
-}
-
-/// The places of bits that are set, ascending.
-#[inline(always)]
-fn places(mut bits: u32) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let place = bits.trailing_zeros() as usize;
-        bits &= bits.wrapping_sub(1);
-        (place < PairScreen::WIDTH).then_some(place)
-    })
 }
 
 /// Drops places without a contact from the first of some on.

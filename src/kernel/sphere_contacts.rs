@@ -12,8 +12,8 @@ use super::{
     cone::cap_contact,
     contact::{CompactContact, FacePlace, TouchingPair},
     lanes::{
-        CapContactLanes, CapLanes, CornerLanes, TrianglePairLanes, VectorLanes, WIDTH, first_lanes, rounded, stored,
-        transposed, widened,
+        CapContactLanes, CapLanes, CornerLanes, SetLanes, TrianglePairLanes, VectorLanes, WIDTH, first_lanes, rounded,
+        stored, transposed, widened,
     },
     pair::{FoundPairs, PairSettings},
     prefetch::{ask_ahead, ask_for_room},
@@ -49,17 +49,17 @@ impl<S: Simd> FaceContacts<S> {
         found.nearest = found.nearest.min(met.reduce_min().max(0.0));
 
         let positive = gap.max(0.0).to_array();
-        for_each_lane(met.simd_le(settings.contact_distance).to_bitmask() & meet, |lane| {
+        for lane in SetLanes((met.simd_le(settings.contact_distance).to_bitmask() & meet) as u32) {
             let [triangle_a, triangle_b] = pairs[lane];
             found.touching.push(TouchingPair { triangle_a, triangle_b, distance: positive[lane] });
-        });
+        }
 
         let [points_a, points_b] = self.points;
         let ([a, b], [c, d]) = (self.triangles.a.barycentrics(points_a), self.triangles.b.barycentrics(points_b));
         let rows = transposed([a, b, c, d, points_b.x, points_b.y, points_b.z, self.normal.x]);
         let rows = rows.map(stored);
         let rest = [stored(self.normal.y), stored(self.normal.z), stored(rounded(gap))];
-        for_each_lane(met.simd_le(settings.reported_distance).to_bitmask() & meet, |lane| {
+        for lane in SetLanes((met.simd_le(settings.reported_distance).to_bitmask() & meet) as u32) {
             let [a, b, c, d, x, y, z, normal_x] = rows[lane];
             let place = FacePlace {
                 barycentrics: [[a, b], [c, d]],
@@ -71,15 +71,7 @@ impl<S: Simd> FaceContacts<S> {
             if found.contacts.last().is_none_or(|last| last.key != contact.key) {
                 found.contacts.push(contact);
             }
-        });
-    }
-}
-
-#[inline(always)]
-fn for_each_lane(mut lanes: u64, mut visit: impl FnMut(usize)) {
-    while lanes != 0 {
-        visit(lanes.trailing_zeros() as usize % WIDTH);
-        lanes &= lanes - 1;
+        }
     }
 }
 

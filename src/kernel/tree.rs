@@ -19,6 +19,7 @@ use glam::Vec3;
 use self::build::Arrangement;
 use super::{
     bounds::Aabb,
+    lanes::SetLanes,
     leaf_triangles::{LanePairs, PairCull},
 };
 
@@ -180,7 +181,7 @@ impl BoxTree {
             while search.go_on(simd, self, bounds, 0) {
                 for &place in search.found() {
                     let leaf = &self.leaves[place as usize];
-                    for lane in Lanes(leaf.boxes.overlapping(simd, bounds)) {
+                    for lane in SetLanes(leaf.boxes.overlapping(simd, bounds)) {
                         visit(leaf.items[lane]);
                     }
                 }
@@ -260,7 +261,7 @@ impl BoxTree {
                         None => None,
                     };
                     hits.count = 0;
-                    for lane in Lanes(leaf.boxes.overlapping(simd, &other.bounds)) {
+                    for lane in SetLanes(leaf.boxes.overlapping(simd, &other.bounds)) {
                         let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
                         let mut lanes = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
                         if let Some(separation) = &separation
@@ -410,19 +411,5 @@ impl Recent {
     fn flush(&mut self, list: &mut Vec<[u32; 2]>) {
         list.extend_from_slice(self.items[..2 * self.count].as_chunks().0);
         self.count = 0;
-    }
-}
-
-/// The lanes of bits that are set, ascending.
-struct Lanes(u32);
-
-impl Iterator for Lanes {
-    type Item = usize;
-
-    #[inline(always)]
-    fn next(&mut self) -> Option<usize> {
-        let lane = self.0.trailing_zeros() as usize;
-        self.0 &= self.0.wrapping_sub(1);
-        if lane < LEAF_WIDTH { Some(lane) } else { None }
     }
 }

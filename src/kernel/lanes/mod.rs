@@ -199,6 +199,20 @@ pub(in crate::kernel) fn first_lanes(count: usize) -> u64 {
     u64::MAX >> (u64::BITS as usize - count)
 }
 
+/// The lanes whose bits are set, ascending.
+pub(in crate::kernel) struct SetLanes(pub(in crate::kernel) u32);
+
+impl Iterator for SetLanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let lane = self.0.trailing_zeros() as usize;
+        self.0 &= self.0.wrapping_sub(1);
+        if lane < WIDTH { Some(lane) } else { None }
+    }
+}
+
 /// Eight rows of eight numbers, number by number.
 #[inline(always)]
 pub(in crate::kernel) fn transposed<S: Simd>(mut square: [f32x8<S>; WIDTH]) -> [f32x8<S>; WIDTH] {

@@ -9,7 +9,6 @@ use fearless_simd::{f64x8, mask64x8, prelude::*, u64x8};
 use super::{
     Choice, add_examined, add_pair,
     contacts::contact,
-    places,
     reports::{Reported, add_others},
 };
 use crate::kernel::{
@@ -19,7 +18,7 @@ use crate::kernel::{
         CaseLanes, Cases, FeaturePair, FeatureSet, PairProximity, PairScreen, Proximity, Reports, Screened,
         examine_boundaries, examine_screened,
     },
-    lanes::WIDTH,
+    lanes::{SetLanes, WIDTH},
     pair::{FoundPairs, PairSettings, RowPair, SurfaceSide},
 };
 
@@ -69,7 +68,7 @@ impl<'a> Block<'a> {
             return 0;
         }
         let meeting = if self.sides[0].topology.is_welded() { u32::MAX } else { self.screened.meeting };
-        let neighbors = places(self.screened.possible & meeting).filter(|&place| self.pair(place).are_neighbors());
+        let neighbors = SetLanes(self.screened.possible & meeting).filter(|&place| self.pair(place).are_neighbors());
         neighbors.fold(0, |bits, place| bits | 1 << place)
     }
 
@@ -94,7 +93,7 @@ impl<'a> Block<'a> {
         let mut chosen = [[0; WIDTH]; 2];
         reported.cases.0.store_slice(&mut chosen[0]);
         reported.shared.0.store_slice(&mut chosen[1]);
-        for place in places(reported.others.to_bitmask() as u32) {
+        for place in SetLanes(reported.others.to_bitmask() as u32) {
             let mut more =
                 Reported { cases: Cases::from_bits(chosen[0][place]), shared: Cases::from_bits(chosen[1][place]) };
             add_others(&self.pair(place), self.settings.same_surface, self.screen.pair(place).cases, &mut more);

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 
-use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, LaneHits, Lanes, LeafSearch};
+use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, LaneHits, LeafSearch, SetLanes};
 use crate::kernel::{
     bounded_pairs::BoundedPairs,
     leaf_triangles::{LanePairs, PairCull},
@@ -64,7 +64,7 @@ impl BoxTree {
                     let other = &other_tree.leaves[other_place];
                     let separation = cull.between([place, other_place]);
                     hits.count = 0;
-                    for lane in Lanes(leaf.boxes.overlapping(simd, &other.bounds.grown(skin))) {
+                    for lane in SetLanes(leaf.boxes.overlapping(simd, &other.bounds.grown(skin))) {
                         let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
                         let gaps = other.boxes.gaps(simd, &leaf.boxes.get(lane));
                         let mut lanes = gaps.simd_le(skin).to_bitmask() as u32 & later;
