@@ -184,8 +184,10 @@ pub struct PairCull<'a> {
     pub triangles: [&'a LeafTriangles; 2],
     /// Drops triangles of one surface that share a welded vertex.
     pub neighbors: bool,
-    /// Drops triangles that a slab keeps farther apart than this, in the unit of the positions, 0 or more.
-    pub slabs: Option<f32>,
+    /// Drops triangles that a slab keeps farther apart than this, in the unit of the positions, 0 or more; infinite where slabs
+    /// drop none. Not an `Option`, whose number compilers multiply before they look whether there is one: what stands there
+    /// may be subnormal, and then each product takes as long as a hundred.
+    pub slabs: f32,
     /// Whether only slabs along the normals count, and only as f64 has them: for a method that goes by those itself, so
     /// that it drops the same pairs wherever it gets them from. Else any direction counts, as it is rounded.
     pub planes_only: bool,
@@ -197,10 +199,8 @@ impl<'a> PairCull<'a> {
         let (own, other) = (&self.triangles[0].blocks[leaves[0]], &self.triangles[1].blocks[leaves[1]]);
         let offset = own.origin - other.origin;
         let extent = own.extent + other.extent + offset.abs().element_sum();
-        let needed = match self.slabs {
-            Some(range) if extent <= LARGEST_EXTENT => range * RANGE_SLACK + extent * ROUNDING,
-            _ => f32::INFINITY,
-        };
+        let needed =
+            if extent <= LARGEST_EXTENT { self.slabs * RANGE_SLACK + extent * ROUNDING } else { f32::INFINITY };
         Separation { own, other, offset, extent, needed, neighbors: self.neighbors, planes_only: self.planes_only }
     }
 }

@@ -48,7 +48,7 @@ fn a_list_has_every_pair_within_the_skin_and_bounds_no_greater_than_the_distance
             let cull = PairCull {
                 triangles: [&a.triangles, &other.triangles],
                 neighbors: is_self,
-                slabs: Some(range + skin),
+                slabs: range + skin,
                 planes_only: false,
             };
             let (mut pairs, leaves) = (BoundedPairs::default(), a.tree.leaf_count());

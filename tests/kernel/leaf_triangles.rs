@@ -33,7 +33,7 @@ fn as_leaves(surface: &Surface, range: f32) -> (BoxTree, LeafTriangles) {
     (leaves, triangles)
 }
 
-fn cull(triangles: [&LeafTriangles; 2], slabs: Option<f32>, planes_only: bool) -> PairCull<'_> {
+fn cull(triangles: [&LeafTriangles; 2], slabs: f32, planes_only: bool) -> PairCull<'_> {
     PairCull { triangles, neighbors: false, slabs, planes_only }
 }
 
@@ -77,7 +77,7 @@ fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
             rejected
         };
         let traverse = |planes_only: bool| {
-            let cull = cull(sides.map(|side| &side.triangles), Some(range), planes_only);
+            let cull = cull(sides.map(|side| &side.triangles), range, planes_only);
             let mut kept = Vec::new();
             let count = if is_self {
                 a.tree.self_pairs_of(whole.clone(), Some(&cull), &mut kept)
@@ -94,7 +94,7 @@ fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
         tally.beyond += distances.iter().filter(|&&distance| distance > f64::from(range)).count();
         if !is_self {
             // From leaves in another order: whatever is rejected is beyond the range there, too.
-            let cull = cull([&of_leaves, &b.triangles], Some(range), false);
+            let cull = cull([&of_leaves, &b.triangles], range, false);
             let mut kept = Vec::new();
             leaves.pairs_of(0..leaves.leaf_count(), &b.tree, Some(&cull), &mut kept);
             let kept: BTreeSet<[u32; 2]> = kept.into_iter().collect();
@@ -204,7 +204,7 @@ fn neighbors_are_dropped_exactly_where_triangles_share_a_vertex() {
         surface.tree.self_pairs(&mut all);
         let before = all.len();
         all.retain(|&[a, b]| !surface.topology.share_vertex(TriangleId(a), TriangleId(b)));
-        let cull = PairCull { neighbors: true, ..cull([&surface.triangles; 2], None, false) };
+        let cull = PairCull { neighbors: true, ..cull([&surface.triangles; 2], f32::INFINITY, false) };
         let mut found = Vec::new();
         let count = surface.tree.self_pairs_of(0..surface.tree.leaf_count(), Some(&cull), &mut found);
         assert_eq!(found, all);
@@ -226,8 +226,8 @@ fn a_traversal_in_parts_finds_what_it_finds_as_a_whole_in_the_same_order() {
         let other = Surface::of_mesh(&mesh.clone().rotate([1.0, 0.3, 0.2], 0.7).translate([0.2, 0.1, 0.0]), range);
         let leaf_count = surface.tree.leaf_count();
         assert!(leaf_count > 5 && surface.tree.len() > 5 * LEAF_WIDTH);
-        let of_itself = PairCull { neighbors: true, ..cull([&surface.triangles; 2], Some(range), false) };
-        let of_both = cull([&surface.triangles, &other.triangles], Some(range), false);
+        let of_itself = PairCull { neighbors: true, ..cull([&surface.triangles; 2], range, false) };
+        let of_both = cull([&surface.triangles, &other.triangles], range, false);
         for round in 0..20 {
             let (of_itself, of_both) = if round == 0 { (None, None) } else { (Some(&of_itself), Some(&of_both)) };
             let traverse = |leaves: std::ops::Range<usize>, [own, both]: &mut [Vec<[u32; 2]>; 2]| {

@@ -333,21 +333,21 @@ impl<'a> Traversal<'a> {
     ) -> Option<Self> {
         let mut sides = [(&own_tree.tree, &own_tree.triangles), (&other_tree.tree, &other_tree.triangles)];
         let mut side = usize::from(sides[1].0.leaf_count() < sides[0].0.leaf_count());
-        let slabs = slab_range(active, pair, settings, own, other);
+        let slabs = slab_range(active, pair, settings, own, other).unwrap_or(f32::INFINITY);
         if let Some(surface) = pair.moved_surface(active) {
             if pair.moved_triangles.is_empty() {
                 return None;
             }
             side = usize::from(pair.frame == Frame::First);
             moved.leaves.collect_leaves(&pair.moved_triangles);
-            if slabs.is_some() {
+            if slabs.is_finite() {
                 moved.triangles.update(&moved.leaves, &surface.topology, &pair.moved_positions);
             }
             sides[side] = (&moved.leaves, &moved.triangles);
         }
         let is_self = pair.is_self();
         let ((leaves, triangles), (tree, tree_triangles)) = (sides[side], sides[1 - side]);
-        let cull = (is_self || slabs.is_some()).then_some(PairCull {
+        let cull = (is_self || slabs.is_finite()).then_some(PairCull {
             triangles: [triangles, tree_triangles],
             neighbors: is_self,
             slabs,
@@ -378,9 +378,9 @@ impl<'a> Traversal<'a> {
     }
 
     fn append_dropped_by_slabs(&self, leaves: Range<usize>, dropped: &mut Vec<[u32; 2]>) {
-        let Some(cull) = self.cull.as_ref().filter(|cull| cull.slabs.is_some()) else { return };
+        let Some(cull) = self.cull.as_ref().filter(|cull| cull.slabs.is_finite()) else { return };
         let (mut all, mut kept) = (Vec::new(), Vec::new());
-        self.append(leaves.clone(), Some(&PairCull { slabs: None, ..*cull }), &mut all);
+        self.append(leaves.clone(), Some(&PairCull { slabs: f32::INFINITY, ..*cull }), &mut all);
         self.append(leaves, Some(cull), &mut kept);
         let mut kept = kept.into_iter().peekable();
         dropped.extend(all.into_iter().filter(|pair| kept.next_if_eq(pair).is_none()));

@@ -57,8 +57,11 @@ pub(super) fn make_list(
     let sides = [(own, own_tree), (other, other_tree)];
     let Some(mut traversal) = Traversal::new(active, pair, settings, sides, &mut moved) else { return };
     let Some(cull) = traversal.cull.as_mut() else { return };
-    let Some(range) = cull.slabs else { return };
-    cull.slabs = Some(range + skin);
+    let range = cull.slabs;
+    if range.is_infinite() {
+        return;
+    }
+    cull.slabs = range + skin;
     let leaf_count = traversal.leaves.leaf_count();
     let looked_at = AtomicUsize::new(0);
     append_parts(
