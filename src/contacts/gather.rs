@@ -143,6 +143,7 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts
         nearest: found.nearest,
         contacts: found.contacts.clone(),
         touching: found.touching.clone(),
+        spheres: found.spheres.clone(),
         shared: found.shared.clone(),
         frame_pose: pair.frame_pose,
         topology_a: Arc::clone(&first.topology),

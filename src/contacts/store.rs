@@ -6,11 +6,12 @@ use bevy_ecs::prelude::*;
 
 use super::sides::Before;
 use crate::{
-    detection::SharedList,
+    detection::{SharedList, SphereLists},
     kernel::{
         contact::{CompactContact, SharedContact, TouchingPair},
         exact::rigid_shape::ShapeGeometry,
         pose::Pose,
+        sphere_contacts::{FoundSpheres, SphereContact},
         topology::SurfaceTopology,
     },
 };
@@ -51,6 +52,8 @@ pub struct StoredPair {
     pub contacts: SharedList<CompactContact>,
     /// Its touching triangles, in their order.
     pub touching: SharedList<TouchingPair>,
+    /// What a method by spheres has found.
+    pub(super) spheres: Option<Arc<SphereLists>>,
     /// Which of its contacts are [shared](CompactContact::is_shared) and have sides: in another tick other triangles may report
     /// them.
     pub(super) shared: SharedList<SharedContact>,
@@ -70,6 +73,14 @@ pub struct StoredPair {
 }
 
 impl StoredPair {
+    /// Of a method by spheres its contacts as a tick finds them: which triangles, and how far apart, in an order that depends
+    /// on nothing but the scene. Points, normals and the order of [`contacts`](Self::contacts) and [`touching`](Self::touching)
+    /// come of it when one of those is first read, which takes about as long as the tick has taken; where triangles are in few
+    /// pairs or moved, in the tick. None where the method is exact.
+    pub fn sphere_contacts(&self) -> impl ExactSizeIterator<Item = SphereContact> {
+        self.spheres.as_ref().map_or(const { &FoundSpheres::NONE }, |lists| lists.found()).contacts()
+    }
+
     /// What the next tick is told of it.
     pub(super) fn before(&self) -> Before<'_> {
         Before { contacts: &self.contacts, shared: &self.shared }

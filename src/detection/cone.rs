@@ -9,13 +9,16 @@ use super::{
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList},
-    overlap::{OverlappingTrianglePairs, SphereContacts},
+    overlap::{OverlappingTrianglePairs, PassedAndFound, SphereContacts, join},
     pair_contacts::PairContacts,
     parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_caps},
 };
 use crate::{
-    kernel::{pair::FoundPairs, sphere_contacts::meeting_caps},
+    kernel::{
+        pair::FoundPairs,
+        sphere_contacts::{cap_contacts, meeting_caps},
+    },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
@@ -25,7 +28,7 @@ use crate::{
 /// not tested by cones.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct MeetingCaps {
-    /// Pairs of triangles, in the order of the contacts they may give.
+    /// Pairs of triangles, in the order of the candidates.
     pub pairs: Vec<Vec<[u32; 2]>>,
 }
 
@@ -52,14 +55,15 @@ fn test_cones(
     mut meeting: ResMut<MeetingCaps>,
     mut contacts: ResMut<SphereContacts>,
     mut both: Local<Vec<(Vec<[u32; 2]>, PairContacts)>>,
-    spare: Local<Buffers<(Vec<[u32; 2]>, FoundPairs)>>,
+    spare: Local<Buffers<PassedAndFound>>,
+    written: Local<Buffers<FoundPairs>>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
-    memory.reads(StageList::Candidates, candidates.last_changed());
-    memory.reads(StageList::Overlapping, overlapping.last_changed());
+    let is_untouched = memory.reads(StageList::Candidates, candidates.last_changed())
+        & memory.reads(StageList::Overlapping, overlapping.last_changed());
     memory.writes(StageList::Meeting, meeting.last_changed());
     memory.writes(StageList::SphereContacts, contacts.last_changed());
     memory.carry(&mut meeting.pairs);
@@ -85,24 +89,26 @@ fn test_cones(
             if !uses_cones(place) {
                 return;
             }
-            let mut both = (mem::take(meeting), contacts.begin());
+            let mut lists = contacts.begin_spheres();
+            let mut found = (mem::take(meeting), mem::take(&mut lists.found));
             let pair_settings = pair_settings(pair, &settings);
             with_caps(&active, &surfaces, pair, &rows, |a, b| {
-                append_chunks(
-                    overlapping,
-                    threads,
-                    &spare,
-                    &mut both,
-                    |chunk, (meeting, found)| meeting_caps(a, b, chunk, &pair_settings, meeting, found),
-                    |(meeting, found), (later_meeting, later_found)| {
-                        meeting.append(later_meeting);
-                        found.append_sorted(later_found);
-                    },
-                );
+                let test = |chunk: &[[u32; 2]], (meeting, found): &mut PassedAndFound| {
+                    meeting_caps(a, b, chunk, &pair_settings, meeting, found);
+                };
+                append_chunks(overlapping, threads, &spare, &mut found, test, join);
+                (*meeting, lists.found) = found;
+                match rows.kept(&active, pair) {
+                    // Only lists of our own have every pair once.
+                    Some(spheres) if is_untouched => lists.write_later(spheres, pair_settings),
+                    _ => {
+                        let write =
+                            |chunk: &[[u32; 2]], found: &mut _| cap_contacts(a, b, chunk, &pair_settings, found);
+                        lists.write_now(pair_settings.same_surface, threads, &written, write);
+                    }
+                }
+                contacts.keep_spheres(lists);
             });
-            both.1.sort_touching();
-            *meeting = both.0;
-            contacts.finish(both.1);
         },
     );
     for (meeting_caps, found) in both.drain(..) {

@@ -19,6 +19,7 @@ mod refine;
 mod refit;
 mod settle;
 mod sides;
+mod sphere_lists;
 mod swept;
 
 pub use bounds::{BoundsPlugin, TriangleBounds};
@@ -38,4 +39,5 @@ pub use pair_fates::PairFates;
 pub(crate) use parallel::Threads;
 pub use refine::{RefinePlugin, RefinedTrianglePairs};
 pub use refit::{Circumspheres, EnclosingBalls, RefitPlugin, TriangleCones};
+pub(crate) use sphere_lists::SphereLists;
 pub use swept::{PreviousPositions, SweptPlugin};

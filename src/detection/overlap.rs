@@ -1,6 +1,6 @@
 //! Stage 5: candidates whose spheres overlap, and the contacts of enclosing balls.
 
-use std::time::Instant;
+use std::{mem, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -16,9 +16,8 @@ use super::{
 use crate::{
     kernel::{
         pair::FoundPairs,
-        pair_order::PairSorter,
-        sphere_contacts::ball_contacts,
-        sphere_pairs::{overlapping_balls, overlapping_caps},
+        sphere_contacts::{FoundSpheres, ball_contacts, overlapping_ball_contacts},
+        sphere_pairs::overlapping_caps,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -29,7 +28,7 @@ use crate::{
 /// [`CandidateTrianglePairs`]; empty where a pair's method does not use spheres.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct OverlappingTrianglePairs {
-    /// Pairs of triangles, in the order of the contacts they may give.
+    /// Pairs of triangles, in the order of the candidates.
     pub pairs: Vec<Vec<[u32; 2]>>,
 }
 
@@ -38,8 +37,17 @@ pub struct OverlappingTrianglePairs {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct SphereContacts {
     /// Touching pairs and contacts; where a surface meets itself, contacts are sorted by the lower triangle, whichever stands
-    /// first.
+    /// first. Mostly they are not written before somebody reads them.
     pub pairs: Vec<PairContacts>,
+}
+
+/// What was found of a pair, part by part: pairs that passed, and contacts.
+pub(super) type PassedAndFound = (Vec<[u32; 2]>, FoundSpheres);
+
+/// Appends what was found in a later part.
+pub(super) fn join((passed, found): &mut PassedAndFound, (later, later_found): &mut PassedAndFound) {
+    passed.append(later);
+    found.append(later_found);
 }
 
 /// Tests spheres for overlap.
@@ -51,8 +59,10 @@ impl Plugin for OverlapPlugin {
             .init_resource::<SphereContacts>()
             .init_resource::<SphereRows>()
             .init_resource::<DetectionMemory>();
-        let systems = (check_spheres, test_overlap, touch_by_balls).chain();
-        app.add_systems(SurfaceDetection, systems.in_set(SurfaceDetectionSystems::Overlap));
+        app.add_systems(
+            SurfaceDetection,
+            (check_spheres, test_overlap).chain().in_set(SurfaceDetectionSystems::Overlap),
+        );
     }
 }
 
@@ -62,109 +72,90 @@ fn test_overlap(
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
     mut overlapping: ResMut<OverlappingTrianglePairs>,
+    mut contacts: ResMut<SphereContacts>,
+    mut both: Local<Vec<(Vec<[u32; 2]>, PairContacts)>>,
     mut memory: ResMut<DetectionMemory>,
     mut rows: ResMut<SphereRows>,
-    spare: Local<Buffers<Vec<[u32; 2]>>>,
-    sorters: Local<Buffers<PairSorter>>,
+    spare: Local<Buffers<PassedAndFound>>,
+    written: Local<Buffers<FoundPairs>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
-    memory.reads(StageList::Candidates, candidates.last_changed());
+    let is_untouched = memory.reads(StageList::Candidates, candidates.last_changed());
     memory.writes(StageList::Overlapping, overlapping.last_changed());
+    memory.writes(StageList::SphereContacts, contacts.last_changed());
     memory.carry(&mut overlapping.pairs);
-    let uses_spheres = |pair: &SurfacePair| !pair.method.is_exact();
-    if memory.changed(&candidates.pairs).any(uses_spheres) {
-        rows.update(&active, &surfaces, &candidates, &Threads(settings.threads));
-    }
-    overlapping.pairs.resize_with(candidates.pairs.len(), Vec::new);
+    memory.carry(&mut contacts.pairs);
+    let count = candidates.pairs.len();
+    overlapping.pairs.resize_with(count, Vec::new);
+    contacts.pairs.resize_with(count, PairContacts::default);
+    both.extend(overlapping.pairs.drain(..).zip(contacts.pairs.drain(..)));
     memory.seal(StageList::Overlapping, overlapping.last_changed());
+    memory.seal(StageList::SphereContacts, contacts.last_changed());
+    let uses_spheres = |pair: &SurfacePair| !pair.method.is_exact();
+    let changed = both.iter_mut().enumerate().filter(|&(place, _)| !memory.keeps(place));
+    changed.for_each(|(_, (_, contacts))| contacts.release_spheres());
+    if memory.changed(&candidates.pairs).any(uses_spheres) {
+        let pairs = memory.changed(&candidates.pairs);
+        rows.update(&active, &surfaces, pairs, &Threads(settings.threads));
+    }
     for_each_weighed(
-        &mut overlapping.pairs,
+        &mut both,
         settings.threads,
         CHUNK,
         |place, _| if memory.keeps(place) { 0 } else { candidates.pairs[place].triangles.len() },
-        |place, overlapping, threads| {
+        |place, (overlapping, contacts), threads| {
             if memory.keeps(place) {
                 return;
             }
             let pair = &candidates.pairs[place];
             overlapping.clear();
+            contacts.clear();
             if pair.triangles.is_empty() || !uses_spheres(pair) {
                 return;
             }
             let pair_settings = pair_settings(pair, &settings);
-            let mut keep = |test: &(dyn Fn(&[[u32; 2]], &mut Vec<[u32; 2]>) + Sync)| {
-                append_chunks(&pair.triangles, threads, &spare, overlapping, test, Vec::append);
-            };
-            if pair.method == ContactMethod::BoundingSphere {
-                with_balls(&active, &surfaces, pair, &rows, |a, b| {
-                    keep(&|chunk, kept| overlapping_balls(a, b, chunk, &pair_settings, kept));
-                });
-            } else {
+            if pair.method == ContactMethod::Circumsphere {
+                let mut found = (mem::take(overlapping), FoundSpheres::default());
                 with_caps(&active, &surfaces, pair, &rows, |a, b| {
-                    keep(&|chunk, kept| overlapping_caps(a, b, chunk, &pair_settings, kept));
+                    let test = |chunk: &[[u32; 2]], (kept, _): &mut PassedAndFound| {
+                        overlapping_caps(a, b, chunk, &pair_settings, kept);
+                    };
+                    append_chunks(&pair.triangles, threads, &spare, &mut found, test, join);
                 });
+                *overlapping = found.0;
+                return;
             }
-            sorters.with(|sorter| sorter.sort(overlapping, pair_settings.same_surface, &Threads(threads)));
+            let mut lists = contacts.begin_spheres();
+            let mut found = (mem::take(overlapping), mem::take(&mut lists.found));
+            with_balls(&active, &surfaces, pair, &rows, |a, b| {
+                let test = |chunk: &[[u32; 2]], (kept, found): &mut PassedAndFound| {
+                    overlapping_ball_contacts(a, b, chunk, &pair_settings, kept, found);
+                };
+                append_chunks(&pair.triangles, threads, &spare, &mut found, test, join);
+                (*overlapping, lists.found) = found;
+                match rows.kept(&active, pair) {
+                    // Only lists of our own have every pair once.
+                    Some(spheres) if is_untouched => lists.write_later(spheres, pair_settings),
+                    _ => {
+                        let write =
+                            |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
+                        lists.write_now(pair_settings.same_surface, threads, &written, write);
+                    }
+                }
+                contacts.keep_spheres(lists);
+            });
         },
     );
-    let pairs_in: usize =
-        memory.changed(&candidates.pairs).filter(|pair| uses_spheres(pair)).map(|pair| pair.triangles.len()).sum();
+    for (passed, found) in both.drain(..) {
+        overlapping.pairs.push(passed);
+        contacts.pairs.push(found);
+    }
+    let tested = memory.changed(&candidates.pairs).filter(|pair| uses_spheres(pair));
+    let pairs_in: usize = tested.map(|pair| pair.triangles.len()).sum();
     let pairs_out = memory.changed(&overlapping.pairs).map(Vec::len).sum();
     if pairs_in > 0 {
         diagnostics.finish("overlap", start, pairs_in, pairs_out);
-    }
-}
-
-#[expect(clippy::too_many_arguments, reason = "the last of the sphere stages writes contacts")]
-fn touch_by_balls(
-    active: Res<ActiveSurfaces>,
-    candidates: Res<CandidateTrianglePairs>,
-    overlapping: Res<OverlappingTrianglePairs>,
-    rows: Res<SphereRows>,
-    settings: Res<CircumsphereSettings>,
-    mut contacts: ResMut<SphereContacts>,
-    spare: Local<Buffers<FoundPairs>>,
-    mut memory: ResMut<DetectionMemory>,
-    mut diagnostics: ResMut<DetectionDiagnostics>,
-    surfaces: SphereQuery,
-) {
-    let start = Instant::now();
-    memory.reads(StageList::Candidates, candidates.last_changed());
-    memory.reads(StageList::Overlapping, overlapping.last_changed());
-    memory.writes(StageList::SphereContacts, contacts.last_changed());
-    memory.carry(&mut contacts.pairs);
-    contacts.pairs.resize_with(candidates.pairs.len(), PairContacts::default);
-    memory.seal(StageList::SphereContacts, contacts.last_changed());
-    let uses_balls =
-        |place: usize| !memory.keeps(place) && candidates.pairs[place].method == ContactMethod::BoundingSphere;
-    for_each_weighed(
-        &mut contacts.pairs,
-        settings.threads,
-        CHUNK,
-        |place, _| overlapping.pairs[place].len(),
-        |place, found, threads| {
-            if memory.keeps(place) {
-                return;
-            }
-            let (pair, overlapping) = (&candidates.pairs[place], &overlapping.pairs[place]);
-            let mut touching = found.begin();
-            if !overlapping.is_empty() && uses_balls(place) {
-                let pair_settings = pair_settings(pair, &settings);
-                with_balls(&active, &surfaces, pair, &rows, |a, b| {
-                    let work = |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
-                    append_chunks(overlapping, threads, &spare, &mut touching, work, FoundPairs::append_sorted);
-                });
-                touching.sort_touching();
-            }
-            found.finish(touching);
-        },
-    );
-    let tested = (0..candidates.pairs.len()).filter(|&place| uses_balls(place));
-    let counts = tested.map(|place| [overlapping.pairs[place].len(), contacts.pairs[place].touching.len()]);
-    let [pairs_in, pairs_out] = counts.fold([0; 2], |sums, counts| [sums[0] + counts[0], sums[1] + counts[1]]);
-    if pairs_in > 0 {
-        diagnostics.finish("ball contacts", start, pairs_in, pairs_out);
     }
 }

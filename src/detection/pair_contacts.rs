@@ -1,24 +1,39 @@
 //! What a stage has found of a pair of surfaces, in lists that the store takes part in without a copy.
 
 use std::{
+    fmt::Debug,
     mem,
     ops::{Deref, DerefMut},
     sync::Arc,
 };
 
+use super::sphere_lists::SphereLists;
 use crate::kernel::{
     contact::{CompactContact, SharedContact, TouchingPair},
     pair::FoundPairs,
     unique::UniqueFeatures,
 };
 
-/// A list that several hold. Whoever writes to it while others hold it, too, gets one of its own.
+/// A list that several hold. Whoever writes to it while others hold it, too, gets one of its own. Some lists are not written
+/// until somebody reads them: how long such a list is, is known before.
 #[derive(Clone, Debug)]
-pub struct SharedList<T>(Arc<Vec<T>>);
+pub struct SharedList<T: 'static> {
+    /// None of an empty list, and of one that is
+    written: Option<Arc<Vec<T>>>,
+    /// written here.
+    deferred: Option<Arc<dyn Deferred<T>>>,
+}
+
+/// Lists that are written when they are first read.
+pub(super) trait Deferred<T>: Debug + Send + Sync {
+    fn len(&self) -> usize;
+
+    fn list(&self) -> &Vec<T>;
+}
 
 impl<T> Default for SharedList<T> {
     fn default() -> Self {
-        Self(Arc::default())
+        Self { written: None, deferred: None }
     }
 }
 
@@ -26,34 +41,61 @@ impl<T> Deref for SharedList<T> {
     type Target = Vec<T>;
 
     fn deref(&self) -> &Vec<T> {
-        &self.0
+        let written = self.written.as_deref();
+        written.or_else(|| self.deferred.as_ref().map(|lists| lists.list())).unwrap_or(const { &Vec::new() })
     }
 }
 
 impl<T: Clone> DerefMut for SharedList<T> {
     fn deref_mut(&mut self) -> &mut Vec<T> {
-        Arc::make_mut(&mut self.0)
+        let deferred = self.deferred.take();
+        let write = || Arc::new(deferred.map_or_else(Vec::new, |lists| lists.list().clone()));
+        Arc::make_mut(self.written.get_or_insert_with(write))
     }
 }
 
 impl<T> SharedList<T> {
+    /// How many items there are, without writing the list.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        let deferred = self.deferred.as_ref().map_or(0, |lists| lists.len());
+        self.written.as_ref().map_or(deferred, |list| list.len())
+    }
+
+    /// Whether there are none, without writing the list.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The list, where nobody else holds it.
+    fn own(&mut self) -> Option<&mut Vec<T>> {
+        self.written.as_mut().and_then(Arc::get_mut)
+    }
+
     /// Takes the memory of one of two lists, the first if nobody else holds it, and leaves an empty one in its place. It becomes
     /// the first.
     fn take_memory(&mut self, other: &mut Self) -> Vec<T> {
-        if Arc::get_mut(&mut self.0).is_none() {
+        if self.own().is_none() {
             mem::swap(self, other);
         }
-        let mut list = Arc::get_mut(&mut self.0).map(mem::take).unwrap_or_default();
+        let mut list = self.own().map(mem::take).unwrap_or_default();
         list.clear();
         list
     }
 
     /// Puts a list in the place of this one.
     fn put(&mut self, list: Vec<T>) {
-        match Arc::get_mut(&mut self.0) {
+        self.deferred = None;
+        match self.own() {
             Some(place) => *place = list,
-            None => self.0 = Arc::new(list),
+            None => self.written = (list.capacity() > 0).then(|| Arc::new(list)),
         }
+    }
+
+    /// A list that others write.
+    fn defer(lists: Arc<dyn Deferred<T>>) -> Self {
+        Self { written: None, deferred: Some(lists) }
     }
 }
 
@@ -68,12 +110,18 @@ pub struct PairContacts {
     pub nearest: f64,
     /// How many pairs reached the exact test.
     pub examined: usize,
+    /// Of a method by spheres, what was found, and what the lists above are written from.
+    pub(crate) spheres: Option<Arc<SphereLists>>,
     /// Those of the contacts that other pairs of triangles may report in another tick, and that have sides.
     pub(crate) shared: SharedList<SharedContact>,
     /// What [`FoundPairs`] has besides.
     lower_bounds: Vec<f32>,
     /// Lists of the tick before the last one, which nobody holds any more: their memory serves this one.
     spare: (SharedList<TouchingPair>, SharedList<CompactContact>, SharedList<SharedContact>),
+    /// The same of the tick before.
+    last_spheres: Option<Arc<SphereLists>>,
+    /// What nobody else holds any more of that: its memory serves another tick.
+    spare_spheres: Option<Arc<SphereLists>>,
 }
 
 impl Default for PairContacts {
@@ -83,9 +131,12 @@ impl Default for PairContacts {
             contacts: SharedList::default(),
             nearest: f64::INFINITY,
             examined: 0,
+            spheres: None,
             shared: SharedList::default(),
             lower_bounds: Vec::new(),
             spare: Default::default(),
+            last_spheres: None,
+            spare_spheres: None,
         }
     }
 }
@@ -104,6 +155,42 @@ impl PairContacts {
         found.lower_bounds.clear();
         self.finish(FoundPairs::default());
         found
+    }
+
+    /// Empties it.
+    pub(super) fn clear(&mut self) {
+        let nothing = self.begin();
+        self.finish(nothing);
+    }
+
+    /// Begins a tick of its own: lets go of the spheres of the tick before the last one.
+    pub(super) fn release_spheres(&mut self) {
+        self.touching.deferred = None;
+        self.contacts.deferred = None;
+        let older = mem::replace(&mut self.last_spheres, self.spheres.take());
+        self.spare_spheres = older.or_else(|| self.spare_spheres.take());
+        match self.spare_spheres.as_mut().and_then(Arc::get_mut) {
+            Some(lists) => lists.clear(),
+            None => self.spare_spheres = None,
+        }
+    }
+
+    /// Gives lists that what is found by spheres can be written to before it is [kept](Self::keep_spheres).
+    pub(super) fn begin_spheres(&mut self) -> SphereLists {
+        self.spare_spheres.as_mut().and_then(Arc::get_mut).map(mem::take).unwrap_or_default()
+    }
+
+    /// Keeps what was found by spheres.
+    pub(super) fn keep_spheres(&mut self, lists: SphereLists) {
+        (self.nearest, self.examined) = (lists.found.nearest, 0);
+        let mut place = self.spare_spheres.take().unwrap_or_default();
+        match Arc::get_mut(&mut place) {
+            Some(own) => *own = lists,
+            None => place = Arc::new(lists),
+        }
+        self.touching = SharedList::defer(Arc::clone(&place) as _);
+        self.contacts = SharedList::defer(Arc::clone(&place) as _);
+        self.spheres = Some(place);
     }
 
     /// Writes what was found.

@@ -10,7 +10,7 @@ use std::{
 
 use bevy_tasks::ComputeTaskPool;
 
-use crate::kernel::{bounded_pairs::BoundedPairs, pair::FoundPairs, share::Share};
+use crate::kernel::{bounded_pairs::BoundedPairs, pair::FoundPairs, share::Share, sphere_contacts::FoundSpheres};
 
 /// Pairs handed out at a time: enough work to outweigh the handing out, few enough to balance.
 pub(super) const CHUNK: usize = 4096;
@@ -65,7 +65,7 @@ impl Results for FoundPairs {
     }
 }
 
-impl<T: Send + 'static> Results for (Vec<T>, FoundPairs) {
+impl<T: Send + 'static> Results for (Vec<T>, FoundSpheres) {
     fn clear(&mut self) {
         self.0.clear();
         self.1.clear();

@@ -1,11 +1,14 @@
 //! Fetches what the kernel needs to know of a pair of surfaces.
 
+use std::{mem, sync::Arc};
+
 use bevy_ecs::prelude::*;
 use glam::Vec3;
 
 use super::{
-    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
+    broad_phase::{OtherSide, SurfacePair},
     refit::{Circumspheres, EnclosingBalls, TriangleCones},
+    sphere_lists::{KeptSide, KeptSpheres},
 };
 use crate::{
     kernel::{
@@ -16,7 +19,7 @@ use crate::{
         sphere_rows::{BallRows, CapRows},
     },
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
+    surface::{ActiveSurface, ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
 /// The positions and spheres of every surface.
@@ -51,8 +54,7 @@ pub(crate) fn surface_sides<'a>(
     let [pose_a, pose_b] = pair.poses();
     let side = |place: usize, own_positions: &'a SurfacePositions, positions: &'a [Vec3], pose: &'a Pose| {
         let surface = &active.surfaces[place];
-        // Behind a surface's own face may be just the other side of a thin wall.
-        let one_sided = surface.one_sided && !pair.is_self();
+        let one_sided = is_one_sided(surface, pair);
         let rounding = pair.moved_rounding;
         let moved = moving(pose).map(|pose| MovedSide { own_positions: &own_positions.0, pose, rounding });
         SurfaceSide {
@@ -67,6 +69,11 @@ pub(crate) fn surface_sides<'a>(
     Some([side(pair.first, first_positions, positions_a, pose_a), side(second, second_positions, positions_b, pose_b)])
 }
 
+/// Whether a surface has an inside, as far as a pair goes: behind its own face may be just the other side of a thin wall.
+fn is_one_sided(surface: &ActiveSurface, pair: &SurfacePair) -> bool {
+    surface.one_sided && !pair.is_self()
+}
+
 /// The pose of a side that has to be moved at all.
 fn moving(pose: &Pose) -> Option<&Pose> {
     (*pose != Pose::IDENTITY).then_some(pose)
@@ -75,52 +82,121 @@ fn moving(pose: &Pose) -> Option<&Pose> {
 /// The rows of the active surfaces whose triangles are in many candidate pairs, for each method; others have none.
 #[derive(Resource, Clone, Debug, Default)]
 pub(crate) struct SphereRows {
-    caps: Vec<CapRows>,
-    balls: Vec<BallRows>,
+    caps: Vec<SharedRows<CapRows>>,
+    balls: Vec<SharedRows<BallRows>>,
+    /// In how many pairs the triangles of each surface are which has not to be moved for them, by balls and by caps.
+    counts: Vec<[usize; 2]>,
+}
+
+/// Rows that others may hold as they are, and memory for those of another tick.
+#[derive(Clone, Debug, Default)]
+struct SharedRows<R> {
+    rows: Arc<R>,
+    spare: Arc<R>,
+}
+
+impl<R: Clone + Default> SharedRows<R> {
+    fn renew(&mut self) -> &mut R {
+        if Arc::get_mut(&mut self.rows).is_none() {
+            mem::swap(&mut self.rows, &mut self.spare);
+        }
+        if Arc::get_mut(&mut self.rows).is_none() {
+            self.rows = Arc::default();
+        }
+        Arc::make_mut(&mut self.rows)
+    }
 }
 
 impl SphereRows {
-    /// Makes the rows of this tick.
-    pub(super) fn update(
+    /// Makes the rows of this tick, for some pairs.
+    pub(super) fn update<'a>(
         &mut self,
         active: &ActiveSurfaces,
         surfaces: &SphereQuery,
-        candidates: &CandidateTrianglePairs,
+        pairs: impl Iterator<Item = &'a SurfacePair>,
         share: &impl Share,
     ) {
-        let count = active.surfaces.len();
-        self.caps.resize_with(count, CapRows::default);
-        self.balls.resize_with(count, BallRows::default);
-        for (place, active) in active.surfaces.iter().enumerate() {
+        let Self { caps, balls, counts } = self;
+        count_pairs(active.surfaces.len(), pairs, counts);
+        caps.resize_with(counts.len(), SharedRows::default);
+        balls.resize_with(counts.len(), SharedRows::default);
+        let all_rows = balls.iter_mut().zip(caps);
+        for ((active, &[by_balls, by_caps]), (ball_rows, cap_rows)) in
+            active.surfaces.iter().zip(&*counts).zip(all_rows)
+        {
             let Ok((positions, balls, spheres, cones)) = surfaces.get(active.entity) else { continue };
             let (topology, positions) = (&*active.topology, &*positions.0);
             let surface =
                 SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None };
-            let is_worth_it = |method| pairs_of(place, method, candidates) >= topology.triangles().len();
-            if is_worth_it(ContactMethod::Circumsphere) {
+            if by_caps >= topology.triangles().len() {
                 let side = CapSide { surface, spheres: &spheres.0, cones: &cones.0, pose: None, rows: None };
-                side.rows(share, &mut self.caps[place]);
-            } else {
-                self.caps[place].clear();
+                side.rows(share, cap_rows.renew());
+            } else if !cap_rows.rows.is_empty() {
+                cap_rows.renew().clear();
             }
-            if is_worth_it(ContactMethod::BoundingSphere) {
-                BallSide { surface, balls: &balls.0, pose: None, rows: None }.rows(share, &mut self.balls[place]);
-            } else {
-                self.balls[place].clear();
+            if by_balls >= topology.triangles().len() {
+                BallSide { surface, balls: &balls.0, pose: None, rows: None }.rows(share, ball_rows.renew());
+            } else if !ball_rows.rows.is_empty() {
+                ball_rows.renew().clear();
+            }
+        }
+    }
+
+    /// The spheres of a pair as they are, where both sides have rows and are in their own frame.
+    pub(super) fn kept(&self, active: &ActiveSurfaces, pair: &SurfacePair) -> Option<KeptSpheres> {
+        let OtherSide::Surface(second) = pair.second else { return None };
+        let places = [pair.first, second];
+        if pair.poses().into_iter().any(|pose| moving(pose).is_some()) {
+            return None;
+        }
+        match pair.method {
+            ContactMethod::BoundingSphere => {
+                let [a, b] = places.map(|place| kept_side(active, pair, place, &self.balls, BallRows::is_empty));
+                Some(KeptSpheres::Balls([a?, b?]))
+            }
+            ContactMethod::Circumsphere => {
+                let [a, b] = places.map(|place| kept_side(active, pair, place, &self.caps, CapRows::is_empty));
+                Some(KeptSpheres::Caps([a?, b?]))
+            }
+            _ => None,
+        }
+    }
+}
+
+fn kept_side<R>(
+    active: &ActiveSurfaces,
+    pair: &SurfacePair,
+    place: usize,
+    rows: &[SharedRows<R>],
+    is_empty: impl Fn(&R) -> bool,
+) -> Option<KeptSide<R>> {
+    let (surface, rows) = (&active.surfaces[place], &rows.get(place)?.rows);
+    let one_sided = is_one_sided(surface, pair);
+    (!is_empty(rows)).then(|| KeptSide { topology: Arc::clone(&surface.topology), one_sided, rows: Arc::clone(rows) })
+}
+
+fn count_pairs<'a>(surface_count: usize, pairs: impl Iterator<Item = &'a SurfacePair>, counts: &mut Vec<[usize; 2]>) {
+    counts.clear();
+    counts.resize(surface_count, [0; 2]);
+    for pair in pairs {
+        let OtherSide::Surface(second) = pair.second else { continue };
+        let method = match pair.method {
+            ContactMethod::BoundingSphere => 0,
+            ContactMethod::Circumsphere => 1,
+            _ => continue,
+        };
+        let places = if pair.is_self() { &[pair.first][..] } else { &[pair.first, second] };
+        for (&place, pose) in places.iter().zip(pair.poses()) {
+            if moving(pose).is_none() {
+                counts[place][method] += pair.triangles.len();
             }
         }
     }
 }
 
-/// In how many pairs by a method the triangles of a surface are which has not to be moved for it.
-fn pairs_of(place: usize, method: ContactMethod, candidates: &CandidateTrianglePairs) -> usize {
-    let of_pair = |pair: &SurfacePair| {
-        let [pose_a, pose_b] = pair.poses();
-        let is_first = pair.first == place && moving(pose_a).is_none();
-        let is_second = pair.second == OtherSide::Surface(place) && moving(pose_b).is_none();
-        if is_first || is_second { pair.triangles.len() } else { 0 }
-    };
-    candidates.pairs.iter().filter(|pair| pair.method == method).map(of_pair).sum()
+/// The rows of a surface where it has not been moved.
+fn current_rows<'a, R>(rows: &'a [SharedRows<R>], place: usize, pose: Option<&Pose>) -> Option<&'a R> {
+    rows.get(place).filter(|_| pose.is_none()).map(|shared| &*shared.rows)
 }
 
 /// Calls `test` with the enclosing balls of both sides of a pair.
@@ -138,7 +214,7 @@ pub(crate) fn with_balls<T>(
     let [pose_a, pose_b] = pair.poses();
     let side = |place: usize, surface, balls, pose| {
         let pose = moving(pose);
-        BallSide { surface, balls, pose, rows: rows.balls.get(place).filter(|rows| pose.is_none() && !rows.is_empty()) }
+        BallSide { surface, balls, pose, rows: current_rows(&rows.balls, place, pose).filter(|rows| !rows.is_empty()) }
     };
     let (a, b) = (side(pair.first, surface_a, &balls_a.0, pose_a), side(second, surface_b, &balls_b.0, pose_b));
     Some(test(&a, &b))
@@ -164,7 +240,7 @@ pub(crate) fn with_caps<T>(
             spheres,
             cones,
             pose,
-            rows: rows.caps.get(place).filter(|rows| pose.is_none() && !rows.is_empty()),
+            rows: current_rows(&rows.caps, place, pose).filter(|rows| !rows.is_empty()),
         }
     };
     let a = side(pair.first, surface_a, &spheres_a.0, &cones_a.0, pose_a);

@@ -1,7 +1,8 @@
 //! The contacts of pairs whose spheres overlap: of enclosing balls, and of caps that pass the cone test.
 //!
-//! Reads the pairs that the overlap stage has kept, in the order of the contacts they may give, and the rows of both sides;
-//! writes touching pairs and contacts, eight pairs at a time.
+//! Reads pairs of triangles and the rows of both sides, eight pairs at a time. A contact of spheres is all in the spheres: a
+//! tick only [finds](FoundSpheres) which pairs are in contact and how far apart they are, in whatever order they come. Points
+//! and normals are [written](FoundPairs) from the same pairs, in the order of the contacts, when somebody asks for them.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
@@ -17,11 +18,12 @@ use super::{
     },
     pair::{FoundPairs, PairSettings},
     prefetch::{ask_ahead, ask_for_room},
-    sphere_pairs::{BallSide, CapSide, facing_caps, keep},
+    sphere_pairs::{BallSide, CapSide, ListedPairs, append_first, balls_within, facing_caps},
+    sphere_rows::RowLanes,
 };
 
 /// Eight contacts of two whole triangles by their spheres, in the frame of the pair.
-struct FaceContacts<S: Simd> {
+pub struct FaceContacts<S: Simd> {
     triangles: TrianglePairLanes<S>,
     /// Contact points on the first and the second side.
     points: [VectorLanes<S>; 2],
@@ -35,31 +37,140 @@ struct FaceContacts<S: Simd> {
     meet: mask32x8<S>,
 }
 
-impl<S: Simd> FaceContacts<S> {
-    /// Counts the pairs by their distances, and reports their contacts. A pair that is listed twice in a row has one.
+/// How far apart eight pairs are, in world units.
+struct Distances<S: Simd> {
+    gap: f64x8<S>,
+    least: f64,
+    touching: u32,
+    reported: u32,
+}
+
+/// What becomes of contacts.
+pub trait ContactSink {
+    /// Makes room for the contacts of so many pairs at most.
+    fn reserve(&mut self, count: usize);
+
+    /// Takes the contacts of eight pairs.
+    fn push<S: Simd>(&mut self, simd: S, pairs: &[[u32; 2]], contacts: FaceContacts<S>, settings: &PairSettings);
+}
+
+/// A pair of triangles that are in contact by their spheres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SphereContact {
+    /// Triangle of the first surface, as the caller numbered it.
+    pub triangle_a: u32,
+    /// Triangle of the second surface.
+    pub triangle_b: u32,
+    /// Signed distance of the two contact points in world units: negative where the spheres, or caps, have passed each other.
+    pub distance: f32,
+}
+
+/// Which pairs are in contact, in the order of the candidates.
+#[derive(Clone, Debug)]
+pub struct FoundSpheres {
+    /// Pairs within the distance up to which contacts are written.
+    pub pairs: Vec<[u32; 2]>,
+    /// Their signed distances: see [`SphereContact::distance`].
+    pub distances: Vec<f32>,
+    /// How many of them touch.
+    pub touching: usize,
+    /// Distance of the nearest pair in world units, at least 0; infinite where none meets.
+    pub nearest: f64,
+}
+
+impl Default for FoundSpheres {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+impl FoundSpheres {
+    pub(crate) const NONE: Self =
+        Self { pairs: Vec::new(), distances: Vec::new(), touching: 0, nearest: f64::INFINITY };
+
+    /// Empties the list and keeps its memory.
+    pub fn clear(&mut self) {
+        self.pairs.clear();
+        self.distances.clear();
+        (self.touching, self.nearest) = (0, f64::INFINITY);
+    }
+
+    /// Appends what was found in a later part of the candidates.
+    pub fn append(&mut self, later: &mut Self) {
+        self.pairs.append(&mut later.pairs);
+        self.distances.append(&mut later.distances);
+        self.touching += later.touching;
+        self.nearest = self.nearest.min(later.nearest);
+    }
+
+    /// One by one.
+    pub fn contacts(&self) -> impl ExactSizeIterator<Item = SphereContact> {
+        let distances = self.pairs.iter().zip(&self.distances);
+        distances.map(|(&[triangle_a, triangle_b], &distance)| SphereContact { triangle_a, triangle_b, distance })
+    }
+}
+
+impl ContactSink for FoundSpheres {
+    fn reserve(&mut self, count: usize) {
+        self.pairs.reserve(count);
+        self.distances.reserve(count);
+    }
+
     #[inline(always)]
-    fn push(self, simd: S, pairs: &[[u32; 2]], settings: &PairSettings, found: &mut FoundPairs) {
+    fn push<S: Simd>(&mut self, simd: S, pairs: &[[u32; 2]], contacts: FaceContacts<S>, settings: &PairSettings) {
+        let distances = contacts.distances(simd, pairs.len(), settings);
+        self.nearest = self.nearest.min(distances.least);
+        self.touching += distances.touching.count_ones() as usize;
+        let reported = u64::from(distances.reported);
+        ListedPairs::new(simd, pairs).append(simd, reported, &mut self.pairs);
+        let gaps = rounded(distances.gap).compress(mask32x8::from_bitmask(simd, reported));
+        append_first(&stored(gaps), reported.count_ones() as usize, &mut self.distances);
+    }
+}
+
+impl<S: Simd> FaceContacts<S> {
+    #[inline(always)]
+    fn distances(&self, simd: S, count: usize, settings: &PairSettings) -> Distances<S> {
+        let distance = self.distance * settings.scale;
+        let meet = self.meet.to_bitmask() & first_lanes(count);
+        let met = mask64x8::from_bitmask(simd, meet).select(distance, f64x8::splat(simd, f64::INFINITY));
+        Distances {
+            // Along the normal the two may be farther apart than what counts as the pair's distance.
+            gap: (self.gap * settings.scale).min(distance),
+            least: met.reduce_min().max(0.0),
+            touching: (met.simd_le(settings.contact_distance).to_bitmask() & meet) as u32,
+            reported: (met.simd_le(settings.reported_distance).to_bitmask() & meet) as u32,
+        }
+    }
+}
+
+impl ContactSink for FoundPairs {
+    fn reserve(&mut self, count: usize) {
+        self.touching.reserve(count);
+        self.contacts.reserve(count);
+    }
+
+    /// A pair that is listed twice in a row has one contact.
+    #[inline(always)]
+    fn push<S: Simd>(&mut self, simd: S, pairs: &[[u32; 2]], contacts: FaceContacts<S>, settings: &PairSettings) {
+        let found = self;
         ask_for_room(&mut found.contacts);
         ask_for_room(&mut found.touching);
-        let distance = self.distance * settings.scale;
-        // Along the normal the two may be farther apart than what counts as the pair's distance.
-        let gap = (self.gap * settings.scale).min(distance);
-        let meet = self.meet.to_bitmask() & first_lanes(pairs.len());
-        let met = mask64x8::from_bitmask(simd, meet).select(distance, f64x8::splat(simd, f64::INFINITY));
-        found.nearest = found.nearest.min(met.reduce_min().max(0.0));
+        let distances = contacts.distances(simd, pairs.len(), settings);
+        found.nearest = found.nearest.min(distances.least);
 
-        let positive = gap.max(0.0).to_array();
-        for lane in SetLanes((met.simd_le(settings.contact_distance).to_bitmask() & meet) as u32) {
+        let positive = distances.gap.max(0.0).to_array();
+        for lane in SetLanes(distances.touching) {
             let [triangle_a, triangle_b] = pairs[lane];
             found.touching.push(TouchingPair { triangle_a, triangle_b, distance: positive[lane] });
         }
 
-        let [points_a, points_b] = self.points;
-        let ([a, b], [c, d]) = (self.triangles.a.barycentrics(points_a), self.triangles.b.barycentrics(points_b));
-        let rows = transposed([a, b, c, d, points_b.x, points_b.y, points_b.z, self.normal.x]);
+        let FaceContacts { triangles, points: [points_a, points_b], normal, .. } = contacts;
+        let ([a, b], [c, d]) = (triangles.a.barycentrics(points_a), triangles.b.barycentrics(points_b));
+        let rows = transposed([a, b, c, d, points_b.x, points_b.y, points_b.z, normal.x]);
         let rows = rows.map(stored);
-        let rest = [stored(self.normal.y), stored(self.normal.z), stored(rounded(gap))];
-        for lane in SetLanes((met.simd_le(settings.reported_distance).to_bitmask() & meet) as u32) {
+        let rest = [stored(normal.y), stored(normal.z), stored(rounded(distances.gap))];
+        for lane in SetLanes(distances.reported) {
             let [a, b, c, d, x, y, z, normal_x] = rows[lane];
             let place = FacePlace {
                 barycentrics: [[a, b], [c, d]],
@@ -75,27 +186,57 @@ impl<S: Simd> FaceContacts<S> {
     }
 }
 
+/// Appends the candidates whose enclosing balls come within range to `overlapping`, and what contacts they amount to to `found`:
+/// what [`overlapping_balls`](super::sphere_pairs::overlapping_balls) and [`ball_contacts`] do one after the other.
+pub fn overlapping_ball_contacts(
+    a: &BallSide<'_>,
+    b: &BallSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    overlapping: &mut Vec<[u32; 2]>,
+    found: &mut impl ContactSink,
+) {
+    overlapping.reserve(candidates.len());
+    found.reserve(candidates.len());
+    dispatch!(Level::new(), simd => {
+        for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
+            ask_ahead(a, b, candidates, block);
+            let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
+            let within = balls_within(a, &rows, pairs, settings);
+            ListedPairs::new(simd, pairs).append(simd, within, overlapping);
+            let mut contacts = ball_contacts_in_lanes(simd, a, b, &rows, pairs);
+            contacts.meet = mask32x8::from_bitmask(simd, within);
+            found.push(simd, pairs, contacts, settings);
+        }
+    });
+}
+
 /// Appends the contacts of pairs whose enclosing balls overlap.
 pub fn ball_contacts(
     a: &BallSide<'_>,
     b: &BallSide<'_>,
     overlapping: &[[u32; 2]],
     settings: &PairSettings,
-    found: &mut FoundPairs,
+    found: &mut impl ContactSink,
 ) {
-    found.touching.reserve(overlapping.len());
-    found.contacts.reserve(overlapping.len());
+    found.reserve(overlapping.len());
     dispatch!(Level::new(), simd => {
         for (block, pairs) in overlapping.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, overlapping, block);
-            ball_contacts_in_lanes(simd, a, b, pairs).push(simd, pairs, settings, found);
+            let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
+            found.push(simd, pairs, ball_contacts_in_lanes(simd, a, b, &rows, pairs), settings);
         }
     });
 }
 
 #[inline(always)]
-fn ball_contacts_in_lanes<S: Simd>(simd: S, a: &BallSide<'_>, b: &BallSide<'_>, pairs: &[[u32; 2]]) -> FaceContacts<S> {
-    let rows = [a.gather::<0, S>(simd, pairs), b.gather::<1, S>(simd, pairs)];
+fn ball_contacts_in_lanes<S: Simd>(
+    simd: S,
+    a: &BallSide<'_>,
+    b: &BallSide<'_>,
+    rows: &[RowLanes<S>; 2],
+    pairs: &[[u32; 2]],
+) -> FaceContacts<S> {
     let triangles = TrianglePairLanes {
         a: CornerLanes::new::<0>(&a.surface, pairs, &rows[0].corners()),
         b: CornerLanes::new::<1>(&b.surface, pairs, &rows[1].corners()),
@@ -116,6 +257,23 @@ fn ball_contacts_in_lanes<S: Simd>(simd: S, a: &BallSide<'_>, b: &BallSide<'_>, 
     }
 }
 
+/// Appends the contacts of pairs of which all pass the cone test, see [`meeting_caps`].
+pub fn cap_contacts(
+    a: &CapSide<'_>,
+    b: &CapSide<'_>,
+    meeting: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut impl ContactSink,
+) {
+    found.reserve(meeting.len());
+    dispatch!(Level::new(), simd => {
+        for (block, pairs) in meeting.chunks(WIDTH).enumerate() {
+            ask_ahead(a, b, meeting, block);
+            found.push(simd, pairs, cap_contacts_in_lanes(simd, a, b, pairs, settings), settings);
+        }
+    });
+}
+
 /// Appends the pairs that pass the cone test to `meeting`, and what contacts they amount to to `found`.
 pub fn meeting_caps(
     a: &CapSide<'_>,
@@ -123,17 +281,17 @@ pub fn meeting_caps(
     overlapping: &[[u32; 2]],
     settings: &PairSettings,
     meeting: &mut Vec<[u32; 2]>,
-    found: &mut FoundPairs,
+    found: &mut impl ContactSink,
 ) {
     meeting.reserve(overlapping.len());
-    found.touching.reserve(overlapping.len());
-    found.contacts.reserve(overlapping.len());
+    found.reserve(overlapping.len());
     dispatch!(Level::new(), simd => {
         for (block, pairs) in overlapping.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, overlapping, block);
             let contacts = cap_contacts_in_lanes(simd, a, b, pairs, settings);
-            keep(pairs, contacts.meet.to_bitmask(), meeting);
-            contacts.push(simd, pairs, settings, found);
+            let meets = contacts.meet.to_bitmask() & first_lanes(pairs.len());
+            ListedPairs::new(simd, pairs).append(simd, meets, meeting);
+            found.push(simd, pairs, contacts, settings);
         }
     });
 }
@@ -146,7 +304,7 @@ fn cap_contacts_in_lanes<S: Simd>(
     pairs: &[[u32; 2]],
     settings: &PairSettings,
 ) -> FaceContacts<S> {
-    let rows = [a.gather::<0, S>(simd, pairs), b.gather::<1, S>(simd, pairs)];
+    let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
     let [cap_a, cap_b] = facing_caps(a, b, &rows);
     let triangles = TrianglePairLanes {
         a: CornerLanes::new::<0>(&a.surface, pairs, &rows[0].corners()),

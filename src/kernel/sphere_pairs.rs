@@ -6,7 +6,7 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f32x4, f32x8, mask32x8, prelude::*};
+use fearless_simd::{Level, dispatch, f32x4, f32x8, mask32x8, prelude::*, u32x8};
 
 use super::{
     circumsphere::{Ball, OffsetSpheres},
@@ -221,14 +221,52 @@ fn keep_overlapping_balls<S: Simd>(
             *row = f32x4::load_array(simd, ball_a.into()).combine(f32x4::load_array(simd, ball_b.into()));
         }
         let [x, y, z, radius_a, other_x, other_y, other_z, radius_b] = transposed(rows);
-        let between = VectorLanes { x, y, z } - VectorLanes { x: other_x, y: other_y, z: other_z };
-        let sum = radius_a + radius_b + reach;
-        let mut apart = (!between.dot(between).simd_le(sum * sum)).to_bitmask();
+        let centers = [VectorLanes { x, y, z }, VectorLanes { x: other_x, y: other_y, z: other_z }];
+        let mut within = reach_each_other(centers, [radius_a, radius_b], reach);
         if settings.same_surface {
-            apart |= neighbors(&a.surface, pairs);
+            within &= !neighbors(&a.surface, pairs);
         }
-        keep(pairs, !apart, kept);
+        ListedPairs::new(simd, pairs).append(simd, within & first_lanes(pairs.len()), kept);
     }
+}
+
+/// One bit for each pair of balls that are no farther apart than `reach`.
+#[inline(always)]
+fn reach_each_other<S: Simd>([a, b]: [VectorLanes<S>; 2], [radius_a, radius_b]: [f32x8<S>; 2], reach: f32) -> u64 {
+    let between = a - b;
+    let sum = radius_a + radius_b + reach;
+    between.dot(between).simd_le(sum * sum).to_bitmask()
+}
+
+/// One bit for each of eight pairs whose balls come within range, in a self-collision without those that share a vertex: those
+/// that [`overlapping_balls`] keeps.
+#[inline(always)]
+pub(super) fn balls_within<S: Simd>(
+    side: &BallSide<'_>,
+    rows: &[RowLanes<S>; 2],
+    pairs: &[[u32; 2]],
+    settings: &PairSettings,
+) -> u64 {
+    let [a, b] = rows;
+    let reach = (settings.range / settings.scale) as f32;
+    let within = reach_each_other([a.center(), b.center()], [a.radius(), b.radius()], reach) & first_lanes(pairs.len());
+    without_meeting(within, settings, &side.surface, [&a.corners(), &b.corners()], pairs)
+}
+
+/// Of eight pairs those that share no vertex, where both sides are the same surface.
+#[inline(always)]
+fn without_meeting<S: Simd>(
+    within: u64,
+    settings: &PairSettings,
+    surface: &SurfaceSide<'_>,
+    [corners_a, corners_b]: [&[VectorLanes<S>; 3]; 2],
+    pairs: &[[u32; 2]],
+) -> u64 {
+    if !settings.same_surface {
+        return within;
+    }
+    let near = if surface.topology.is_welded() { within } else { within & meeting(corners_a, corners_b) };
+    if near == 0 { within } else { within & !neighbors(surface, pairs) }
 }
 
 /// Appends the candidates whose offset spheres come within range and, where asked, which neither their planes nor the
@@ -322,14 +360,9 @@ fn overlap_in_lanes<S: Simd>(
         if center_line {
             apart |= corners.excess_along(cap_a.center - cap_b.center, rounded_reach).simd_gt(0.0);
         }
-        let mut apart = apart.to_bitmask();
-        if settings.same_surface {
-            let near = if a.surface.topology.is_welded() { !apart } else { !apart & meeting(&corners_a, &corners_b) };
-            if near & first_lanes(pairs.len()) != 0 {
-                apart |= neighbors(&a.surface, pairs);
-            }
-        }
-        keep(pairs, !apart, kept);
+        let within = !apart.to_bitmask() & first_lanes(pairs.len());
+        let within = without_meeting(within, settings, &a.surface, [&corners_a, &corners_b], pairs);
+        ListedPairs::new(simd, pairs).append(simd, within, kept);
     }
 }
 
@@ -357,13 +390,45 @@ fn neighbors(surface: &SurfaceSide<'_>, pairs: &[[u32; 2]]) -> u64 {
     bits
 }
 
-/// Appends the pairs whose bits are set.
-#[inline(always)]
-pub(super) fn keep(pairs: &[[u32; 2]], mask: u64, kept: &mut Vec<[u32; 2]>) {
-    let (mut block, mut count) = ([[0; 2]; WIDTH], 0);
-    for (lane, &pair) in pairs.iter().enumerate().take(WIDTH) {
-        block[count] = pair;
-        count += usize::from(mask & (1 << lane) != 0);
+/// The triangles of up to eight pairs.
+#[derive(Clone, Copy)]
+pub(super) struct ListedPairs<S: Simd> {
+    firsts: u32x8<S>,
+    seconds: u32x8<S>,
+}
+
+impl<S: Simd> ListedPairs<S> {
+    #[inline(always)]
+    pub(super) fn new(simd: S, pairs: &[[u32; 2]]) -> Self {
+        let mut block = [[0; 2]; WIDTH];
+        if let Some(pairs) = pairs.first_chunk() {
+            block = *pairs;
+        } else {
+            block[..pairs.len()].copy_from_slice(pairs);
+        }
+        let (low, high) = block.as_flattened().split_at(WIDTH);
+        let (firsts, seconds) = u32x8::from_slice(simd, low).deinterleave(u32x8::from_slice(simd, high));
+        Self { firsts, seconds }
     }
-    kept.extend_from_slice(&block[..count]);
+
+    /// Appends those whose bits are set. Which ones those are is hard to foresee: so eight are appended, those first, and the
+    /// others dropped.
+    #[inline(always)]
+    pub(super) fn append(&self, simd: S, set: u64, list: &mut Vec<[u32; 2]>) {
+        let mask = mask32x8::from_bitmask(simd, set);
+        let (low, high) = self.firsts.compress(mask).interleave(self.seconds.compress(mask));
+        let mut block = [[0; 2]; WIDTH];
+        let (first, second) = block.as_flattened_mut().split_at_mut(WIDTH);
+        low.store_slice(first);
+        high.store_slice(second);
+        append_first(&block, set.count_ones() as usize, list);
+    }
+}
+
+/// Appends the first of eight items.
+#[inline(always)]
+pub(super) fn append_first<T: Copy>(items: &[T; WIDTH], count: usize, list: &mut Vec<T>) {
+    let before = list.len();
+    list.extend_from_slice(items);
+    list.truncate(before + count);
 }

@@ -1,0 +1,173 @@
+//! Contacts of spheres, written when somebody first reads them.
+//!
+//! A tick finds which triangles are in contact by their spheres, and how far apart they are. All else about such a contact
+//! follows from the two spheres: where it is, its normal, what its points weigh. Whoever asks for that gets all contacts of the
+//! pair, sorted, from a copy of the spheres that they were found with; whoever does not has nothing to pay.
+
+use std::{
+    mem,
+    sync::{Arc, Mutex, OnceLock, PoisonError},
+};
+
+use super::{
+    pair_contacts::Deferred,
+    parallel::{Buffers, Threads, append_chunks},
+};
+use crate::kernel::{
+    circumsphere::OffsetSpheres,
+    cone::SafetyCones,
+    contact::{CompactContact, TouchingPair},
+    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pair_order::PairSorter,
+    share::{OneByOne, Share},
+    sphere_contacts::{FoundSpheres, ball_contacts, cap_contacts},
+    sphere_pairs::{BallSide, CapSide},
+    sphere_rows::{BallRows, CapRows},
+    topology::SurfaceTopology,
+};
+
+/// The spheres of a side that has not been moved.
+#[derive(Clone, Debug)]
+pub(crate) struct KeptSide<R> {
+    pub(super) topology: Arc<SurfaceTopology>,
+    pub(super) one_sided: bool,
+    pub(super) rows: Arc<R>,
+}
+
+impl<R> KeptSide<R> {
+    fn surface(&self) -> SurfaceSide<'_> {
+        // Rows have the corners.
+        let Self { topology, one_sided, .. } = self;
+        SurfaceSide { topology, positions: &[], moved: None, one_sided: *one_sided, mirrored: false, rows: None }
+    }
+}
+
+/// The spheres of both sides.
+#[derive(Clone, Debug)]
+pub(crate) enum KeptSpheres {
+    Balls([KeptSide<BallRows>; 2]),
+    Caps([KeptSide<CapRows>; 2]),
+}
+
+impl KeptSpheres {
+    fn write(&self, pairs: &[[u32; 2]], settings: &PairSettings, found: &mut FoundPairs) {
+        match self {
+            Self::Balls(sides) => {
+                let [a, b] = sides.each_ref().map(|side| BallSide {
+                    surface: side.surface(),
+                    balls: &[],
+                    pose: None,
+                    rows: Some(&side.rows),
+                });
+                ball_contacts(&a, &b, pairs, settings, found);
+            }
+            Self::Caps(sides) => {
+                let (spheres, cones) = (OffsetSpheres::default(), SafetyCones::default());
+                let [a, b] = sides.each_ref().map(|side| CapSide {
+                    surface: side.surface(),
+                    spheres: &spheres,
+                    cones: &cones,
+                    pose: None,
+                    rows: Some(&side.rows),
+                });
+                cap_contacts(&a, &b, pairs, settings, found);
+            }
+        }
+    }
+}
+
+/// What was found of a pair of surfaces, and all that it takes to write it out.
+#[derive(Debug, Default)]
+pub(crate) struct SphereLists {
+    pub(super) found: FoundSpheres,
+    known: Option<(KeptSpheres, PairSettings)>,
+    written: OnceLock<FoundPairs>,
+    room: Mutex<WriteRoom>,
+}
+
+/// Memory for what is written, and to bring pairs into its order.
+#[derive(Debug, Default)]
+struct WriteRoom {
+    sorter: PairSorter,
+    pairs: Vec<[u32; 2]>,
+    written: FoundPairs,
+}
+
+impl WriteRoom {
+    /// The triangles of contacts in the order that contacts are written in.
+    fn order(&mut self, found: &FoundSpheres, same_surface: bool, share: &impl Share) -> &[[u32; 2]] {
+        self.pairs.clone_from(&found.pairs);
+        self.sorter.sort(&mut self.pairs, same_surface, share);
+        &self.pairs
+    }
+}
+
+impl SphereLists {
+    /// Empties it, keeps its memory, and lets the spheres go.
+    pub(super) fn clear(&mut self) {
+        self.found.clear();
+        self.known = None;
+        if let Some(mut written) = self.written.take() {
+            written.clear();
+            self.room.get_mut().unwrap_or_else(PoisonError::into_inner).written = written;
+        }
+    }
+
+    /// What was found is written by these spheres, when somebody reads it. It has every pair once.
+    pub(super) fn write_later(&mut self, spheres: KeptSpheres, settings: PairSettings) {
+        self.known = Some((spheres, settings));
+    }
+
+    /// Writes what was found as `write` does it for a list of triangles.
+    pub(super) fn write_now(
+        &mut self,
+        same_surface: bool,
+        threads: usize,
+        spare: &Buffers<FoundPairs>,
+        write: impl Fn(&[[u32; 2]], &mut FoundPairs) + Sync,
+    ) {
+        let room = self.room.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let mut written = mem::take(&mut room.written);
+        let pairs = room.order(&self.found, same_surface, &Threads(threads));
+        append_chunks(pairs, threads, spare, &mut written, write, FoundPairs::append_sorted);
+        written.sort_touching();
+        self.written = OnceLock::from(written);
+    }
+
+    /// What was found, in the order of the candidates.
+    pub(crate) fn found(&self) -> &FoundSpheres {
+        &self.found
+    }
+
+    fn written(&self) -> &FoundPairs {
+        self.written.get_or_init(|| {
+            let mut room = self.room.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut written = mem::take(&mut room.written);
+            if let Some((spheres, settings)) = &self.known {
+                spheres.write(room.order(&self.found, settings.same_surface, &OneByOne), settings, &mut written);
+                written.sort_touching();
+            }
+            written
+        })
+    }
+}
+
+impl Deferred<CompactContact> for SphereLists {
+    fn len(&self) -> usize {
+        self.written.get().map_or(self.found.pairs.len(), |written| written.contacts.len())
+    }
+
+    fn list(&self) -> &Vec<CompactContact> {
+        &self.written().contacts
+    }
+}
+
+impl Deferred<TouchingPair> for SphereLists {
+    fn len(&self) -> usize {
+        self.written.get().map_or(self.found.touching, |written| written.touching.len())
+    }
+
+    fn list(&self) -> &Vec<TouchingPair> {
+        &self.written().touching
+    }
+}
