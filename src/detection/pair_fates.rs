@@ -9,7 +9,7 @@ use bevy_ecs::{prelude::*, system::SystemParam};
 
 use super::{
     bounds::TriangleBounds,
-    broad_phase::{CandidateTrianglePairs, MovedLeaves, OtherSide, SurfacePair, SurfaceTree, Traversal},
+    broad_phase::{Asked, CandidateTrianglePairs, MovedLeaves, OtherSide, SurfacePair, SurfaceTree, Traversal},
     kept_pairs::KeptPairs,
     parallel::{Buffers, append_chunks},
     sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps},
@@ -132,8 +132,9 @@ impl PairFates<'_, '_> {
         let side = |place: usize| {
             let surface = &self.active.surfaces[place];
             let (positions, bounds, tree) = self.trees.get(surface.entity).ok()?;
-            let is_asked_in_place = moved != Some(surface.entity);
-            tree.is_current(&surface.topology, bounds.computed(), is_asked_in_place).then_some((positions, tree))
+            let asked =
+                if moved == Some(surface.entity) { Asked::Boxes } else { pair.asks_of_triangles(&self.settings) };
+            tree.is_current(&surface.topology, bounds.computed(), asked).then_some((positions, tree))
         };
         let (sides, mut leaves) = ([side(pair.first)?, side(second)?], MovedLeaves::default());
         Some(ask(Traversal::new(&self.active, pair, &self.settings, sides, &mut leaves)?))

@@ -50,7 +50,6 @@ struct Block {
     high: Row,
     /// How far each normal may be from the one in f64, as a sine; too large to be of use where there is none.
     doubt: Row,
-    vertices: [[u32; LEAF_WIDTH]; 3],
     origin: Vec3,
     /// No projection of a corner on a direction of length 1 exceeds it.
     extent: f32,
@@ -63,16 +62,21 @@ impl Block {
         low: [0.0; LEAF_WIDTH],
         high: [0.0; LEAF_WIDTH],
         doubt: [0.0; LEAF_WIDTH],
-        vertices: [[NO_VERTEX; LEAF_WIDTH]; 3],
         origin: Vec3::ZERO,
         extent: 0.0,
     };
 }
 
+/// The welded vertices of the triangles of one leaf, corner by corner.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
+struct Vertices([[u32; LEAF_WIDTH]; 3]);
+
 /// The triangles of a [`BoxTree`]'s leaves.
 #[derive(Clone, Debug, Default)]
 pub struct LeafTriangles {
     blocks: Vec<Block>,
+    vertices: Vec<Vertices>,
 }
 
 impl LeafTriangles {
@@ -83,6 +87,35 @@ impl LeafTriangles {
 
     /// The same in tasks that may be shared.
     pub fn update_on(&mut self, share: &impl Share, tree: &BoxTree, topology: &SurfaceTopology, positions: &[Vec3]) {
+        self.name_vertices(tree, topology);
+        self.follow_on(share, tree, topology, positions);
+    }
+
+    /// Takes the names of the vertices of `tree`'s leaves, all that is asked for where no slabs are. They stay as they are until
+    /// items get other leaves.
+    pub(crate) fn name_vertices(&mut self, tree: &BoxTree, topology: &SurfaceTopology) {
+        self.blocks.resize(tree.leaf_count(), Block::EMPTY);
+        self.vertices.clear();
+        self.vertices.extend((0..tree.leaf_count()).map(|leaf| {
+            let mut vertices = Vertices([[NO_VERTEX; LEAF_WIDTH]; 3]);
+            for (lane, &triangle) in tree.leaf_items(leaf).iter().enumerate() {
+                for (corner, &vertex) in topology.welded_triangles()[triangle as usize].iter().enumerate() {
+                    vertices.0[corner][lane] = vertex;
+                }
+            }
+            vertices
+        }));
+    }
+
+    /// Follows the triangles in the leaves of `tree`, of which the vertices are [named](Self::name_vertices), in tasks that may be
+    /// shared.
+    pub(crate) fn follow_on(
+        &mut self,
+        share: &impl Share,
+        tree: &BoxTree,
+        topology: &SurfaceTopology,
+        positions: &[Vec3],
+    ) {
         self.blocks.resize(tree.leaf_count(), Block::EMPTY);
         let task_count = self.blocks.len().div_ceil(BLOCKS_AT_ONCE);
         share.hand_out(self.blocks.chunks_mut(BLOCKS_AT_ONCE).enumerate(), task_count, |(task, blocks)| {
@@ -110,7 +143,7 @@ impl Block {
 
     #[inline(always)]
     fn gather(&mut self, tree: &BoxTree, leaf: usize, topology: &SurfaceTopology, positions: &[Vec3]) {
-        let (triangles, welded) = (topology.triangles(), topology.welded_triangles());
+        let triangles = topology.triangles();
         let bounds = tree.leaf_bounds(leaf);
         self.origin = (bounds.min + bounds.max) * 0.5;
         self.extent = (bounds.max - bounds.min).element_sum();
@@ -121,7 +154,6 @@ impl Block {
                 self.corners[corner][0][lane] = place.x;
                 self.corners[corner][1][lane] = place.y;
                 self.corners[corner][2][lane] = place.z;
-                self.vertices[corner][lane] = welded[triangle][corner];
             }
         }
     }
@@ -201,7 +233,9 @@ impl<'a> PairCull<'a> {
         let extent = own.extent + other.extent + offset.abs().element_sum();
         let needed =
             if extent <= LARGEST_EXTENT { self.slabs * RANGE_SLACK + extent * ROUNDING } else { f32::INFINITY };
-        Separation { own, other, offset, extent, needed, neighbors: self.neighbors, planes_only: self.planes_only }
+        let vertices = [&self.triangles[0].vertices[leaves[0]].0, &self.triangles[1].vertices[leaves[1]].0];
+        let (neighbors, planes_only) = (self.neighbors, self.planes_only);
+        Separation { own, other, vertices, offset, extent, needed, neighbors, planes_only }
     }
 }
 
@@ -209,6 +243,7 @@ impl<'a> PairCull<'a> {
 pub(super) struct Separation<'a> {
     own: &'a Block,
     other: &'a Block,
+    vertices: [&'a [[u32; LEAF_WIDTH]; 3]; 2],
     /// From the frame of the first leaf to that of the second.
     offset: Vec3,
     /// No projection of a corner on a direction of length 1 exceeds it.
@@ -226,10 +261,10 @@ impl Separation<'_> {
         if !self.neighbors {
             return 0;
         }
-        let others = &self.other.vertices;
+        let [own, others] = self.vertices;
         let (first, second) = (u32x8::from_slice(simd, &others[0]), u32x8::from_slice(simd, &others[1]));
         let third = u32x8::from_slice(simd, &others[2]);
-        let [a, b, c] = &self.own.vertices;
+        let [a, b, c] = own;
         // Equal numbers differ in no bit, and one comparison tells of all nine.
         let (a, b, c) = (u32x8::splat(simd, a[lane]), u32x8::splat(simd, b[lane]), u32x8::splat(simd, c[lane]));
         let of_first = (first ^ a).min(first ^ b).min(first ^ c);

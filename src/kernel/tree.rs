@@ -110,6 +110,8 @@ pub struct BoxTree {
     cost: f32,
     /// Whether items have got other leaves since the boxes were fitted.
     is_new: bool,
+    /// How many times they have.
+    arrangement: u64,
     rebuild: Option<Arrangement>,
 }
 
@@ -147,6 +149,11 @@ impl BoxTree {
     #[must_use]
     pub fn len(&self) -> usize {
         self.item_count
+    }
+
+    /// How many times items have got other leaves; 0 of a tree that has never been built.
+    pub(crate) fn arrangement(&self) -> u64 {
+        self.arrangement
     }
 
     /// Whether the tree holds nothing.

@@ -20,7 +20,7 @@ use glam::Vec3;
 pub use brute_force::BruteForceBroadPhasePlugin;
 pub use moved::TriangleMover;
 pub use parry::ParryBroadPhasePlugin;
-pub(super) use tree::{MovedLeaves, Traversal};
+pub(super) use tree::{MovedLeaves, Traversal, asked::Asked};
 pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
 
 use super::{

@@ -14,6 +14,7 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use self::{
+    asked::{Asked, mark_asked_surfaces},
     follow::{Outcome, TakenTree, update_each},
     lists::{make_list, mark_idle_trees},
 };
@@ -25,7 +26,7 @@ use crate::{
     detection::{
         DetectionDiagnostics, DetectionMemory, StageList, TriangleBounds,
         kept_pairs::{KeptPairs, ListUse},
-        parallel::{Buffers, Threads, append_ranges, for_each_weighed},
+        parallel::{Buffers, append_ranges, for_each_weighed},
         sides::{pair_settings, surface_sides},
     },
     kernel::{
@@ -36,9 +37,10 @@ use crate::{
     },
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
+    surface::{ActiveSurfaces, SurfacePositions},
 };
 
+pub(super) mod asked;
 mod follow;
 mod lists;
 
@@ -61,6 +63,8 @@ pub struct SurfaceTree {
     triangles: LeafTriangles,
     /// How many times the boxes had been computed when the triangles followed them last.
     triangles_followed: u64,
+    /// The tree's arrangement when their vertices were named last.
+    vertices_named: u64,
     topology: Option<Arc<SurfaceTopology>>,
     /// How many times the boxes had been computed when the tree followed them last.
     followed: u64,
@@ -75,15 +79,11 @@ impl SurfaceTree {
         &self.tree
     }
 
-    /// Whether the tree is over as many triangles as a surface has, and, where `with_triangles`, they have followed it.
+    /// Whether the tree is over as many triangles as a surface has, and they have followed it as far as they are asked.
     /// `computed` is how many times the surface's boxes have been computed.
-    pub(in crate::detection) fn is_current(
-        &self,
-        topology: &SurfaceTopology,
-        computed: u64,
-        with_triangles: bool,
-    ) -> bool {
-        let has_followed = !with_triangles || self.triangles_followed == self.followed;
+    pub(in crate::detection) fn is_current(&self, topology: &SurfaceTopology, computed: u64, asked: Asked) -> bool {
+        let has_names = asked == Asked::Boxes || self.vertices_named == self.tree.arrangement();
+        let has_followed = has_names && (asked < Asked::Slabs || self.triangles_followed == self.followed);
         self.tree.len() == topology.triangles().len() && self.followed == computed && has_followed
     }
 }
@@ -111,7 +111,8 @@ fn update_trees(
     mut memory: ResMut<DetectionMemory>,
     mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut marked: Local<[Vec<bool>; 2]>,
+    mut idle: Local<Vec<bool>>,
+    mut asked: Local<Vec<Asked>>,
     mut taken: Local<Vec<TakenTree>>,
     bounds: Query<&TriangleBounds>,
     mut surfaces: TreesToUpdate,
@@ -119,8 +120,7 @@ fn update_trees(
     let start = Instant::now();
     memory.reads(StageList::Candidates, candidates.last_changed());
     kept.begin(&active, &candidates, &settings, &memory, &bounds);
-    let [idle, culled] = &mut *marked;
-    mark_idle_trees(&active, &candidates, &memory, &kept, idle);
+    mark_idle_trees(&active, &candidates, &memory, &kept, &mut idle);
     update_each(&active, &mut taken, &mut surfaces, settings.threads, |place, tree, (_, bounds), surface, threads| {
         if idle[place] { Outcome::default() } else { tree.follow(surface, bounds, threads) }
     });
@@ -145,16 +145,15 @@ fn update_trees(
         },
     );
     memory.seal(StageList::Candidates, candidates.last_changed());
-    mark_culled_surfaces(&active, &candidates, culled);
+    mark_asked_surfaces(&active, &candidates, &settings, &mut asked);
     update_each(
         &active,
         &mut taken,
         &mut surfaces,
         settings.threads,
         |place, tree, (positions, _), surface, threads| {
-            if culled[place] && !idle[place] && tree.triangles_followed != tree.followed {
-                tree.triangles.update_on(&Threads(threads), &tree.tree, &surface.topology, &positions.0);
-                tree.triangles_followed = tree.followed;
+            if !idle[place] {
+                tree.follow_triangles(asked[place], surface, &positions.0, threads);
             }
             Outcome::default()
         },
@@ -200,20 +199,6 @@ fn move_triangles(
     pair.moved_triangles = reaching;
 }
 
-/// Marks for each active surface whether a traversal asks about its triangles where they are: of one that is moved it asks
-/// about those that were brought over.
-fn mark_culled_surfaces(active: &ActiveSurfaces, candidates: &CandidateTrianglePairs, culled: &mut Vec<bool>) {
-    culled.clear();
-    culled.resize(active.surfaces.len(), false);
-    for pair in &candidates.pairs {
-        if let OtherSide::Surface(second) = pair.second {
-            let reached = !pair.moved_triangles.is_empty();
-            culled[pair.first] |= !pair.is_moved() || (reached && pair.frame == Frame::First);
-            culled[second] |= !pair.is_moved() || (reached && pair.frame == Frame::Second);
-        }
-    }
-}
-
 /// Triangles in the frame of another surface, as the leaves of a tree without nodes.
 #[derive(Default)]
 pub(in crate::detection) struct MovedLeaves {
@@ -245,8 +230,7 @@ fn pair_triangles(
             let Ok((positions, bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
             let tree = &mut *tree;
             tree.follow(surface, bounds, settings.threads);
-            tree.triangles.update(&tree.tree, &surface.topology, &positions.0);
-            tree.triangles_followed = tree.followed;
+            tree.follow_triangles(Asked::Slabs, surface, &positions.0, settings.threads);
         }
     }
     let surfaces = surfaces.as_readonly();
@@ -481,10 +465,10 @@ fn slab_range(
     own: &SurfacePositions,
     other: &SurfacePositions,
 ) -> Option<f32> {
-    if pair.method == ContactMethod::BoundingSphere {
+    if !pair.has_slabs(settings) {
         return None;
     }
     let pair_settings = pair_settings(pair, settings);
     let [a, b] = surface_sides(active, pair, own, other)?;
-    pair_settings.cull.then(|| (pair_settings.range / pair_settings.scale) as f32 + a.rounding() + b.rounding())
+    Some((pair_settings.range / pair_settings.scale) as f32 + a.rounding() + b.rounding())
 }

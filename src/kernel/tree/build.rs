@@ -124,6 +124,7 @@ impl BoxTree {
             *leaf = Leaf::new(items.iter().map(|&(_, item)| item));
         }
         self.is_new = true;
+        self.arrangement += 1;
     }
 
     /// Appends a node of as many items and everything below, all of it without items.
