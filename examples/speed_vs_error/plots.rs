@@ -349,7 +349,7 @@ const STAGE_GROUPS: [(&str, &[&str], &str); 8] = [
     ("broad phase", &["broad phase"], SKY),
     ("curvature", &["curvature"], YELLOW),
     ("spheres", &["refit", "refit balls"], ORANGE),
-    ("overlap", &["overlap", "ball contacts"], BLUE),
+    ("overlap", &["overlap"], BLUE),
     ("cone", &["cone"], PURPLE),
     ("refine", &["refine"], GREEN),
     ("contacts", &["contacts"], VERMILION),

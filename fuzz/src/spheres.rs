@@ -8,7 +8,7 @@ use bevy_circumsphere::kernel::{
     cone::SafetyCones,
     curvature::{CurvatureEstimator, Curvatures},
     pair::{FoundPairs, PairSettings},
-    sphere_contacts::{ball_contacts, meeting_caps},
+    sphere_contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
     sphere_pairs::{BallSide, CapSide, overlapping_balls, overlapping_caps},
 };
 use glam::Vec3;
@@ -145,6 +145,12 @@ fn detect(surface: &FuzzedSurface, state: &State, cull: bool, one_sided: bool) {
     overlapping_balls(&balls, &balls, &candidates, &settings, &mut overlapping);
     ball_contacts(&balls, &balls, &overlapping, &settings, &mut found);
     check_found(&found, "balls", positions);
+    let (mut again, mut noted) = (Vec::new(), FoundSpheres::default());
+    overlapping_ball_contacts(&balls, &balls, &candidates, &settings, &mut again, &mut noted);
+    assert!(again == overlapping, "other balls overlap in one go: {positions:?}");
+    let counts = [found.touching.len(), found.contacts.len()];
+    assert_eq!([noted.touching, noted.contacts(&again).count()], counts, "in one go: {positions:?}");
+    assert_eq!(noted.nearest, found.nearest, "in one go: {positions:?}");
 
     found.clear();
     overlapping.clear();

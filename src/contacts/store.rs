@@ -11,7 +11,7 @@ use crate::{
         contact::{CompactContact, SharedContact, TouchingPair},
         exact::rigid_shape::ShapeGeometry,
         pose::Pose,
-        sphere_contacts::{FoundSpheres, SphereContact},
+        sphere_contacts::SphereContact,
         topology::SurfaceTopology,
     },
 };
@@ -77,8 +77,8 @@ impl StoredPair {
     /// on nothing but the scene. Points, normals and the order of [`contacts`](Self::contacts) and [`touching`](Self::touching)
     /// come of it when one of those is first read, which takes about as long as the tick has taken; where triangles are in few
     /// pairs or moved, in the tick. None where the method is exact.
-    pub fn sphere_contacts(&self) -> impl ExactSizeIterator<Item = SphereContact> {
-        self.spheres.as_ref().map_or(const { &FoundSpheres::NONE }, |lists| lists.found()).contacts()
+    pub fn sphere_contacts(&self) -> impl Iterator<Item = SphereContact> {
+        self.spheres.iter().flat_map(|lists| lists.contacts())
     }
 
     /// What the next tick is told of it.

@@ -10,7 +10,7 @@ use super::{
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList},
     overlap::{OverlappingTrianglePairs, PassedAndFound, SphereContacts, join},
-    pair_contacts::PairContacts,
+    pair_contacts::{PairContacts, SharedList},
     parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_caps},
 };
@@ -29,7 +29,7 @@ use crate::{
 #[derive(Resource, Clone, Debug, Default)]
 pub struct MeetingCaps {
     /// Pairs of triangles, in the order of the candidates.
-    pub pairs: Vec<Vec<[u32; 2]>>,
+    pub pairs: Vec<SharedList<[u32; 2]>>,
 }
 
 /// Tests cones.
@@ -54,7 +54,7 @@ fn test_cones(
     settings: Res<CircumsphereSettings>,
     mut meeting: ResMut<MeetingCaps>,
     mut contacts: ResMut<SphereContacts>,
-    mut both: Local<Vec<(Vec<[u32; 2]>, PairContacts)>>,
+    mut both: Local<Vec<(SharedList<[u32; 2]>, PairContacts)>>,
     spare: Local<Buffers<PassedAndFound>>,
     written: Local<Buffers<FoundPairs>>,
     mut memory: ResMut<DetectionMemory>,
@@ -68,7 +68,7 @@ fn test_cones(
     memory.writes(StageList::SphereContacts, contacts.last_changed());
     memory.carry(&mut meeting.pairs);
     let count = candidates.pairs.len();
-    meeting.pairs.resize_with(count, Vec::new);
+    meeting.pairs.resize_with(count, SharedList::default);
     contacts.pairs.resize_with(count, PairContacts::default);
     both.extend(meeting.pairs.drain(..).zip(contacts.pairs.drain(..)));
     memory.seal(StageList::Meeting, meeting.last_changed());
@@ -85,19 +85,21 @@ fn test_cones(
             if memory.keeps(place) {
                 return;
             }
-            meeting.clear();
+            *meeting = SharedList::default();
             if !uses_cones(place) {
                 return;
             }
             let mut lists = contacts.begin_spheres();
-            let mut found = (mem::take(meeting), mem::take(&mut lists.found));
+            let mut found = (lists.pairs.take(), mem::take(&mut lists.found));
             let pair_settings = pair_settings(pair, &settings);
             with_caps(&active, &surfaces, pair, &rows, |a, b| {
                 let test = |chunk: &[[u32; 2]], (meeting, found): &mut PassedAndFound| {
                     meeting_caps(a, b, chunk, &pair_settings, meeting, found);
                 };
                 append_chunks(overlapping, threads, &spare, &mut found, test, join);
-                (*meeting, lists.found) = found;
+                lists.pairs.put(found.0);
+                lists.found = found.1;
+                *meeting = lists.pairs.clone();
                 match rows.kept(&active, pair) {
                     // Only lists of our own have every pair once.
                     Some(spheres) if is_untouched => lists.write_later(spheres, pair_settings),
@@ -117,7 +119,7 @@ fn test_cones(
     }
     let tested = overlapping.pairs.iter().enumerate().filter(|&(place, _)| uses_cones(place));
     let pairs_in = tested.map(|(_, overlapping)| overlapping.len()).sum();
-    let pairs_out = memory.changed(&meeting.pairs).map(Vec::len).sum();
+    let pairs_out = memory.changed(&meeting.pairs).map(SharedList::len).sum();
     if (0..candidates.pairs.len()).any(uses_cones) {
         diagnostics.finish("cone", start, pairs_in, pairs_out);
     }

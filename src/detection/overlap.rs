@@ -9,7 +9,7 @@ use super::{
     broad_phase::{CandidateTrianglePairs, SurfacePair},
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList, check_spheres},
-    pair_contacts::PairContacts,
+    pair_contacts::{PairContacts, SharedList},
     parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
 };
@@ -29,7 +29,7 @@ use crate::{
 #[derive(Resource, Clone, Debug, Default)]
 pub struct OverlappingTrianglePairs {
     /// Pairs of triangles, in the order of the candidates.
-    pub pairs: Vec<Vec<[u32; 2]>>,
+    pub pairs: Vec<SharedList<[u32; 2]>>,
 }
 
 /// What the sphere methods found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a
@@ -73,7 +73,7 @@ fn test_overlap(
     settings: Res<CircumsphereSettings>,
     mut overlapping: ResMut<OverlappingTrianglePairs>,
     mut contacts: ResMut<SphereContacts>,
-    mut both: Local<Vec<(Vec<[u32; 2]>, PairContacts)>>,
+    mut both: Local<Vec<(SharedList<[u32; 2]>, PairContacts)>>,
     mut memory: ResMut<DetectionMemory>,
     mut rows: ResMut<SphereRows>,
     spare: Local<Buffers<PassedAndFound>>,
@@ -88,7 +88,7 @@ fn test_overlap(
     memory.carry(&mut overlapping.pairs);
     memory.carry(&mut contacts.pairs);
     let count = candidates.pairs.len();
-    overlapping.pairs.resize_with(count, Vec::new);
+    overlapping.pairs.resize_with(count, SharedList::default);
     contacts.pairs.resize_with(count, PairContacts::default);
     both.extend(overlapping.pairs.drain(..).zip(contacts.pairs.drain(..)));
     memory.seal(StageList::Overlapping, overlapping.last_changed());
@@ -110,31 +110,34 @@ fn test_overlap(
                 return;
             }
             let pair = &candidates.pairs[place];
-            overlapping.clear();
+            let memory = overlapping.take();
+            overlapping.put(Vec::new());
             contacts.clear();
             if pair.triangles.is_empty() || !uses_spheres(pair) {
                 return;
             }
             let pair_settings = pair_settings(pair, &settings);
             if pair.method == ContactMethod::Circumsphere {
-                let mut found = (mem::take(overlapping), FoundSpheres::default());
+                let mut found = (memory, FoundSpheres::default());
                 with_caps(&active, &surfaces, pair, &rows, |a, b| {
                     let test = |chunk: &[[u32; 2]], (kept, _): &mut PassedAndFound| {
                         overlapping_caps(a, b, chunk, &pair_settings, kept);
                     };
                     append_chunks(&pair.triangles, threads, &spare, &mut found, test, join);
                 });
-                *overlapping = found.0;
+                overlapping.put(found.0);
                 return;
             }
             let mut lists = contacts.begin_spheres();
-            let mut found = (mem::take(overlapping), mem::take(&mut lists.found));
+            let mut found = (lists.pairs.take(), mem::take(&mut lists.found));
             with_balls(&active, &surfaces, pair, &rows, |a, b| {
                 let test = |chunk: &[[u32; 2]], (kept, found): &mut PassedAndFound| {
                     overlapping_ball_contacts(a, b, chunk, &pair_settings, kept, found);
                 };
                 append_chunks(&pair.triangles, threads, &spare, &mut found, test, join);
-                (*overlapping, lists.found) = found;
+                lists.pairs.put(found.0);
+                lists.found = found.1;
+                *overlapping = lists.pairs.clone();
                 match rows.kept(&active, pair) {
                     // Only lists of our own have every pair once.
                     Some(spheres) if is_untouched => lists.write_later(spheres, pair_settings),
@@ -154,7 +157,7 @@ fn test_overlap(
     }
     let tested = memory.changed(&candidates.pairs).filter(|pair| uses_spheres(pair));
     let pairs_in: usize = tested.map(|pair| pair.triangles.len()).sum();
-    let pairs_out = memory.changed(&overlapping.pairs).map(Vec::len).sum();
+    let pairs_out = memory.changed(&overlapping.pairs).map(SharedList::len).sum();
     if pairs_in > 0 {
         diagnostics.finish("overlap", start, pairs_in, pairs_out);
     }

@@ -73,19 +73,23 @@ impl<T> SharedList<T> {
         self.written.as_mut().and_then(Arc::get_mut)
     }
 
-    /// Takes the memory of one of two lists, the first if nobody else holds it, and leaves an empty one in its place. It becomes
-    /// the first.
-    fn take_memory(&mut self, other: &mut Self) -> Vec<T> {
-        if self.own().is_none() {
-            mem::swap(self, other);
-        }
+    /// Takes the memory of the list, if nobody else holds it, and leaves an empty one in its place.
+    pub(super) fn take(&mut self) -> Vec<T> {
         let mut list = self.own().map(mem::take).unwrap_or_default();
         list.clear();
         list
     }
 
+    /// Takes the memory of one of two lists, the first if nobody else holds it. It becomes the first.
+    fn take_memory(&mut self, other: &mut Self) -> Vec<T> {
+        if self.own().is_none() {
+            mem::swap(self, other);
+        }
+        self.take()
+    }
+
     /// Puts a list in the place of this one.
-    fn put(&mut self, list: Vec<T>) {
+    pub(super) fn put(&mut self, list: Vec<T>) {
         self.deferred = None;
         match self.own() {
             Some(place) => *place = list,

@@ -10,7 +10,7 @@ use std::{
 };
 
 use super::{
-    pair_contacts::Deferred,
+    pair_contacts::{Deferred, SharedList},
     parallel::{Buffers, Threads, append_chunks},
 };
 use crate::kernel::{
@@ -20,7 +20,7 @@ use crate::kernel::{
     pair::{FoundPairs, PairSettings, SurfaceSide},
     pair_order::PairSorter,
     share::{OneByOne, Share},
-    sphere_contacts::{FoundSpheres, ball_contacts, cap_contacts},
+    sphere_contacts::{FoundSpheres, SphereContact, ball_contacts, cap_contacts},
     sphere_pairs::{BallSide, CapSide},
     sphere_rows::{BallRows, CapRows},
     topology::SurfaceTopology,
@@ -79,6 +79,9 @@ impl KeptSpheres {
 /// What was found of a pair of surfaces, and all that it takes to write it out.
 #[derive(Debug, Default)]
 pub(crate) struct SphereLists {
+    /// Pairs that meet, as their stage has left them.
+    pub(super) pairs: SharedList<[u32; 2]>,
+    /// What was found of those.
     pub(super) found: FoundSpheres,
     known: Option<(KeptSpheres, PairSettings)>,
     written: OnceLock<FoundPairs>,
@@ -95,8 +98,14 @@ struct WriteRoom {
 
 impl WriteRoom {
     /// The triangles of contacts in the order that contacts are written in.
-    fn order(&mut self, found: &FoundSpheres, same_surface: bool, share: &impl Share) -> &[[u32; 2]] {
-        self.pairs.clone_from(&found.pairs);
+    fn order(
+        &mut self,
+        contacts: impl Iterator<Item = SphereContact>,
+        same_surface: bool,
+        share: &impl Share,
+    ) -> &[[u32; 2]] {
+        self.pairs.clear();
+        self.pairs.extend(contacts.map(|contact| [contact.triangle_a, contact.triangle_b]));
         self.sorter.sort(&mut self.pairs, same_surface, share);
         &self.pairs
     }
@@ -107,6 +116,8 @@ impl SphereLists {
     pub(super) fn clear(&mut self) {
         self.found.clear();
         self.known = None;
+        let pairs = self.pairs.take();
+        self.pairs.put(pairs);
         if let Some(mut written) = self.written.take() {
             written.clear();
             self.room.get_mut().unwrap_or_else(PoisonError::into_inner).written = written;
@@ -128,15 +139,15 @@ impl SphereLists {
     ) {
         let room = self.room.get_mut().unwrap_or_else(PoisonError::into_inner);
         let mut written = mem::take(&mut room.written);
-        let pairs = room.order(&self.found, same_surface, &Threads(threads));
+        let pairs = room.order(self.found.contacts(&self.pairs), same_surface, &Threads(threads));
         append_chunks(pairs, threads, spare, &mut written, write, FoundPairs::append_sorted);
         written.sort_touching();
         self.written = OnceLock::from(written);
     }
 
-    /// What was found, in the order of the candidates.
-    pub(crate) fn found(&self) -> &FoundSpheres {
-        &self.found
+    /// The contacts as they were found, in the order of the candidates.
+    pub(crate) fn contacts(&self) -> impl Iterator<Item = SphereContact> {
+        self.found.contacts(&self.pairs)
     }
 
     fn written(&self) -> &FoundPairs {
@@ -144,7 +155,8 @@ impl SphereLists {
             let mut room = self.room.lock().unwrap_or_else(PoisonError::into_inner);
             let mut written = mem::take(&mut room.written);
             if let Some((spheres, settings)) = &self.known {
-                spheres.write(room.order(&self.found, settings.same_surface, &OneByOne), settings, &mut written);
+                let pairs = room.order(self.contacts(), settings.same_surface, &OneByOne);
+                spheres.write(pairs, settings, &mut written);
                 written.sort_touching();
             }
             written
@@ -154,7 +166,7 @@ impl SphereLists {
 
 impl Deferred<CompactContact> for SphereLists {
     fn len(&self) -> usize {
-        self.written.get().map_or(self.found.pairs.len(), |written| written.contacts.len())
+        self.written.get().map_or(self.found.reported, |written| written.contacts.len())
     }
 
     fn list(&self) -> &Vec<CompactContact> {

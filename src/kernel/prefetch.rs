@@ -32,10 +32,12 @@ pub(super) trait Prefetch {
 #[inline(always)]
 pub(super) fn ask_ahead(a: &impl Prefetch, b: &impl Prefetch, pairs: &[[u32; 2]], block: usize) {
     let start = ((block + AHEAD) * WIDTH).min(pairs.len());
-    let end = (start + WIDTH).min(pairs.len());
-    for &[triangle_a, triangle_b] in &pairs[start..end] {
-        a.prefetch(triangle_a);
-        b.prefetch(triangle_b);
+    // The last few are not worth a loop of their own.
+    if let Some(block) = pairs[start..].first_chunk::<WIDTH>() {
+        for &[triangle_a, triangle_b] in block {
+            a.prefetch(triangle_a);
+            b.prefetch(triangle_b);
+        }
     }
 }
 
@@ -48,20 +50,19 @@ pub(super) fn ask_for_room<T>(list: &mut Vec<T>) {
     }
 }
 
-/// Brings an item of a list into the cache, where the platform has an instruction for it. Beyond the end nothing happens.
+/// Brings an item of a list into the cache, where the platform has an instruction for it. Beyond the end it changes nothing.
 #[cfg(target_arch = "x86_64")]
 #[expect(unsafe_code, reason = "the instruction takes a pointer")]
 #[inline(always)]
 pub(super) fn prefetch<T>(list: &[T], place: u32) {
     use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
 
-    if let Some(item) = list.get(place as usize) {
-        // SAFETY: the instruction is part of every x86-64 and reads nothing that a program can see, whatever the address.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>((&raw const *item).cast()) };
-    }
+    let item = list.as_ptr().wrapping_add(place as usize);
+    // SAFETY: the instruction is part of every x86-64 and reads nothing that a program can see, whatever the address.
+    unsafe { _mm_prefetch::<_MM_HINT_T0>(item.cast()) };
 }
 
-/// Brings an item of a list into the cache, where the platform has an instruction for it. Beyond the end nothing happens.
+/// Brings an item of a list into the cache, where the platform has an instruction for it. Beyond the end it changes nothing.
 #[cfg(not(target_arch = "x86_64"))]
 #[inline(always)]
 pub(super) fn prefetch<T>(_: &[T], _: u32) {}

@@ -6,9 +6,10 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f64x8, mask32x8, mask64x8, prelude::*};
+use fearless_simd::{Level, dispatch, f32x8, f64x8, mask32x8, mask64x8, prelude::*};
 use glam::{DVec3, Vec3};
 
+use self::estimate::{Estimate, Limits, estimate};
 use super::{
     cone::cap_contact,
     contact::{CompactContact, FacePlace, TouchingPair},
@@ -21,6 +22,8 @@ use super::{
     sphere_pairs::{BallSide, CapSide, ListedPairs, append_first, balls_within, facing_caps},
     sphere_rows::RowLanes,
 };
+
+mod estimate;
 
 /// Eight contacts of two whole triangles by their spheres, in the frame of the pair.
 pub struct FaceContacts<S: Simd> {
@@ -65,13 +68,13 @@ pub struct SphereContact {
     pub distance: f32,
 }
 
-/// Which pairs are in contact, in the order of the candidates.
+/// Which pairs of a list are in contact, and how far apart they are.
 #[derive(Clone, Debug)]
 pub struct FoundSpheres {
-    /// Pairs within the distance up to which contacts are written.
-    pub pairs: Vec<[u32; 2]>,
-    /// Their signed distances: see [`SphereContact::distance`].
+    /// Of each pair [`SphereContact::distance`]; infinite where it has no contact that is written.
     pub distances: Vec<f32>,
+    /// How many pairs have one.
+    pub reported: usize,
     /// How many of them touch.
     pub touching: usize,
     /// Distance of the nearest pair in world units, at least 0; infinite where none meets.
@@ -80,39 +83,46 @@ pub struct FoundSpheres {
 
 impl Default for FoundSpheres {
     fn default() -> Self {
-        Self::NONE
+        Self { distances: Vec::new(), reported: 0, touching: 0, nearest: f64::INFINITY }
     }
 }
 
 impl FoundSpheres {
-    pub(crate) const NONE: Self =
-        Self { pairs: Vec::new(), distances: Vec::new(), touching: 0, nearest: f64::INFINITY };
-
     /// Empties the list and keeps its memory.
     pub fn clear(&mut self) {
-        self.pairs.clear();
         self.distances.clear();
-        (self.touching, self.nearest) = (0, f64::INFINITY);
+        (self.reported, self.touching, self.nearest) = (0, 0, f64::INFINITY);
     }
 
-    /// Appends what was found in a later part of the candidates.
+    /// Appends what was found of a later part of the list.
     pub fn append(&mut self, later: &mut Self) {
-        self.pairs.append(&mut later.pairs);
         self.distances.append(&mut later.distances);
+        self.reported += later.reported;
         self.touching += later.touching;
         self.nearest = self.nearest.min(later.nearest);
     }
 
-    /// One by one.
-    pub fn contacts(&self) -> impl ExactSizeIterator<Item = SphereContact> {
-        let distances = self.pairs.iter().zip(&self.distances);
-        distances.map(|(&[triangle_a, triangle_b], &distance)| SphereContact { triangle_a, triangle_b, distance })
+    /// The contacts of the list that it was found of.
+    pub fn contacts(&self, pairs: &[[u32; 2]]) -> impl Iterator<Item = SphereContact> {
+        let contacts = pairs.iter().zip(&self.distances).filter(|(_, distance)| **distance < f32::INFINITY);
+        contacts.map(|(&[triangle_a, triangle_b], &distance)| SphereContact { triangle_a, triangle_b, distance })
+    }
+
+    /// Adds the pairs of eight that are on the list.
+    #[inline(always)]
+    fn add<S: Simd>(&mut self, simd: S, listed: u64, [touching, reported]: [u32; 2], gaps: f32x8<S>) {
+        self.touching += touching.count_ones() as usize;
+        self.reported += reported.count_ones() as usize;
+        let nowhere = f32x8::splat(simd, f32::INFINITY);
+        let gaps = mask32x8::from_bitmask(simd, u64::from(reported)).select(gaps, nowhere);
+        let gaps = gaps.compress(mask32x8::from_bitmask(simd, listed));
+        append_first(&stored(gaps), listed.count_ones() as usize, &mut self.distances);
     }
 }
 
+/// Of pairs that meet.
 impl ContactSink for FoundSpheres {
     fn reserve(&mut self, count: usize) {
-        self.pairs.reserve(count);
         self.distances.reserve(count);
     }
 
@@ -120,11 +130,8 @@ impl ContactSink for FoundSpheres {
     fn push<S: Simd>(&mut self, simd: S, pairs: &[[u32; 2]], contacts: FaceContacts<S>, settings: &PairSettings) {
         let distances = contacts.distances(simd, pairs.len(), settings);
         self.nearest = self.nearest.min(distances.least);
-        self.touching += distances.touching.count_ones() as usize;
-        let reported = u64::from(distances.reported);
-        ListedPairs::new(simd, pairs).append(simd, reported, &mut self.pairs);
-        let gaps = rounded(distances.gap).compress(mask32x8::from_bitmask(simd, reported));
-        append_first(&stored(gaps), reported.count_ones() as usize, &mut self.distances);
+        let meeting = contacts.meet.to_bitmask() & first_lanes(pairs.len());
+        self.add(simd, meeting, [distances.touching, distances.reported], rounded(distances.gap));
     }
 }
 
@@ -186,27 +193,47 @@ impl ContactSink for FoundPairs {
     }
 }
 
-/// Appends the candidates whose enclosing balls come within range to `overlapping`, and what contacts they amount to to `found`:
-/// what [`overlapping_balls`](super::sphere_pairs::overlapping_balls) and [`ball_contacts`] do one after the other.
+/// Appends the candidates whose enclosing balls come within range to `overlapping`, and how far apart those are to `found`: what
+/// [`overlapping_balls`](super::sphere_pairs::overlapping_balls) and [`ball_contacts`] do one after the other.
 pub fn overlapping_ball_contacts(
     a: &BallSide<'_>,
     b: &BallSide<'_>,
     candidates: &[[u32; 2]],
     settings: &PairSettings,
     overlapping: &mut Vec<[u32; 2]>,
-    found: &mut impl ContactSink,
+    found: &mut FoundSpheres,
 ) {
     overlapping.reserve(candidates.len());
     found.reserve(candidates.len());
+    let limits = Limits::new(settings);
+    let is_moved = a.surface.moved.is_some() || b.surface.moved.is_some();
     dispatch!(Level::new(), simd => {
         for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, candidates, block);
             let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
             let within = balls_within(a, &rows, pairs, settings);
             ListedPairs::new(simd, pairs).append(simd, within, overlapping);
-            let mut contacts = ball_contacts_in_lanes(simd, a, b, &rows, pairs);
-            contacts.meet = mask32x8::from_bitmask(simd, within);
-            found.push(simd, pairs, contacts, settings);
+            let known = if is_moved { None } else { estimate(&rows, within as u32, &limits) };
+            let is_settled = match &known {
+                Some(known) => known.meets || found.nearest == 0.0 || within == 0,
+                None => false,
+            };
+            if !is_settled {
+                let mut contacts = ball_contacts_in_lanes(simd, a, b, &rows, pairs);
+                contacts.meet = mask32x8::from_bitmask(simd, within);
+                if known.is_none() {
+                    found.push(simd, pairs, contacts, settings);
+                } else {
+                    found.nearest = found.nearest.min(contacts.distances(simd, pairs.len(), settings).least);
+                }
+            }
+            // The numbers must not depend on what was found before: that is another list on another thread.
+            if let Some(Estimate { touching, reported, gaps, meets }) = known {
+                if meets {
+                    found.nearest = 0.0;
+                }
+                found.add(simd, within, [touching, reported], gaps);
+            }
         }
     });
 }

@@ -370,13 +370,15 @@ fn overlap_in_lanes<S: Simd>(
 /// are welded, all that share a vertex are among them, but for those with corners that are not numbers.
 #[inline(always)]
 fn meeting<S: Simd>(a: &[VectorLanes<S>; 3], b: &[VectorLanes<S>; 3]) -> u64 {
-    let mut meet = mask32x8::splat(a[0].x.simd, false);
-    for own in a {
-        for other in b {
-            meet |= own.x.simd_eq(other.x);
+    let [own, other] = [a, b].map(|corners| [corners[0].x.to_bits(), corners[1].x.to_bits(), corners[2].x.to_bits()]);
+    // Equal numbers differ in no bit, and one comparison tells of all nine.
+    let mut least = own[0] ^ other[0];
+    for own in own {
+        for other in other {
+            least = least.min(own ^ other);
         }
     }
-    meet.to_bitmask()
+    least.simd_eq(0).to_bitmask()
 }
 
 /// One bit for each pair of triangles that share a vertex.

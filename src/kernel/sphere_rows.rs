@@ -213,9 +213,15 @@ fn columns<S: Simd>(simd: S, rows: &[&TriangleRow; WIDTH], block: usize) -> [f32
 /// The triangles on one side of eight pairs; of fewer the last one fills up.
 #[inline(always)]
 fn places<const SIDE: usize>(pairs: &[[u32; 2]]) -> [u32; WIDTH] {
-    let mut places = [pairs.last().map_or(0, |last| last[SIDE]); WIDTH];
-    for (place, pair) in places.iter_mut().zip(pairs) {
-        *place = pair[SIDE];
+    let mut places = [0; WIDTH];
+    if let Some(pairs) = pairs.first_chunk::<WIDTH>() {
+        for lane in 0..WIDTH {
+            places[lane] = pairs[lane][SIDE];
+        }
+        return places;
+    }
+    for (lane, place) in places.iter_mut().enumerate() {
+        *place = pairs.get(lane).or(pairs.last()).map_or(0, |pair| pair[SIDE]);
     }
     places
 }

@@ -12,8 +12,8 @@ use bevy_circumsphere::kernel::{
     pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
     share::OneByOne,
-    sphere_contacts::{ball_contacts, meeting_caps},
-    sphere_pairs::{BallSide, CapSide},
+    sphere_contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
+    sphere_pairs::{BallSide, CapSide, overlapping_balls},
     sphere_rows::{BallRows, CapRows},
     topology::SurfaceTopology,
 };
@@ -302,4 +302,59 @@ fn a_moved_side_gives_the_contacts_of_the_mesh_that_stands_there() {
         // Corners of a mesh of 2 are rounded by 1e-7, triangles are 0.1 wide, and slivers a hundredth of that.
         assert!(near(contact.barycentric_b, expected.barycentric_b), "{contact:?} {expected:?}");
     }
+}
+
+/// Most pairs are told in single precision. At limits that are the distances of pairs, to the last bit, some cannot be.
+#[test]
+fn balls_are_found_where_they_are_written_even_at_the_limit() {
+    let mut random = Random::new(4);
+    let [sheet, soup] = bodies(&mut random);
+    let (mut touching, mut apart) = (0, 0);
+    for (one, other) in [(&sheet, &soup), (&sheet, &sheet), (&soup, &soup)] {
+        let same_surface = std::ptr::eq(one, other);
+        let mut pairs = random_pairs(&mut random, one, other);
+        // The same two of one surface the other way round have the same contact.
+        pairs.retain(|[first, second]| !same_surface || first < second);
+        let (a, b) = (one.ball_side(), other.ball_side());
+        let (mut rows_a, mut rows_b) = (BallRows::default(), BallRows::default());
+        a.rows(&OneByOne, &mut rows_a);
+        b.rows(&OneByOne, &mut rows_b);
+        let (by_rows_a, by_rows_b) = (BallSide { rows: Some(&rows_a), ..a }, BallSide { rows: Some(&rows_b), ..b });
+        let distance = |[triangle_a, triangle_b]: [u32; 2]| {
+            let (own, other_ball) = (a.ball(triangle_a), b.ball(triangle_b));
+            let between = own.center.as_dvec3().distance(other_ball.center.as_dvec3());
+            let gap = between - f64::from(own.radius) - f64::from(other_ball.radius);
+            gap.max(box_gap(&one.corners(triangle_a), &other.corners(triangle_b))) * SETTINGS.scale
+        };
+        let distances = pairs.iter().map(|&pair| distance(pair));
+        let limits: Vec<f64> = distances.filter(|distance| (1.0e-3..1.0).contains(distance)).collect();
+        for _ in 0..20 {
+            let limit = limits[random.below(limits.len())];
+            for contact_distance in [limit, limit.next_down()] {
+                let (reported_distance, range) = (1.5 * limit, 2.0 * limit);
+                let settings = PairSettings { contact_distance, reported_distance, range, same_surface, ..SETTINGS };
+                let (mut kept, mut written) = (Vec::new(), FoundPairs::default());
+                overlapping_balls(&a, &b, &pairs, &settings, &mut kept);
+                ball_contacts(&a, &b, &kept, &settings, &mut written);
+                for [a, b] in [[&a, &b], [&by_rows_a, &by_rows_b]] {
+                    let (mut overlapping, mut found) = (Vec::new(), FoundSpheres::default());
+                    overlapping_ball_contacts(a, b, &pairs, &settings, &mut overlapping, &mut found);
+                    assert!(overlapping == kept);
+                    assert_eq!([found.touching, found.reported], [written.touching.len(), written.contacts.len()]);
+                    assert_eq!(found.nearest, written.nearest);
+                    let mut contacts = written.contacts.iter();
+                    for found in found.contacts(&overlapping) {
+                        let contact = contacts.next().expect("it is written");
+                        assert_eq!((found.triangle_a, found.triangle_b), contact.triangles());
+                        let slack = 16.0 * f32::EPSILON * (1.0 + contact.distance.abs());
+                        assert!((found.distance - contact.distance).abs() <= slack, "{found:?}: {contact:?}");
+                    }
+                    touching += found.touching;
+                    apart += found.distances.iter().filter(|distance| distance.is_infinite()).count();
+                }
+            }
+        }
+    }
+    println!("{touching} touch, {apart} overlapping ones have no contact");
+    assert!(touching > 100_000 && apart > 100_000);
 }

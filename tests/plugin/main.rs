@@ -19,6 +19,7 @@ mod setup;
 mod sides;
 mod slow;
 mod smooth_normals;
+mod sphere_lists;
 mod swept;
 #[cfg(feature = "parallel")]
 mod threads;

@@ -191,11 +191,11 @@ fn judge(app: &mut App, tally: &mut Tally) -> Named {
         assert_eq!(touching, stored.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect(), "{what:?}");
         match pair.method {
             ContactMethod::BoundingSphere => {
-                assert_eq!(from_step(fates, PairFate::CenterLine), overlapping[place], "{what:?}");
+                assert_eq!(from_step(fates, PairFate::CenterLine), *overlapping[place], "{what:?}");
             }
             ContactMethod::Circumsphere => {
-                assert_eq!(from_step(fates, PairFate::Cone), overlapping[place], "{what:?}");
-                assert_eq!(from_step(fates, PairFate::Distance), meeting[place], "{what:?}");
+                assert_eq!(from_step(fates, PairFate::Cone), *overlapping[place], "{what:?}");
+                assert_eq!(from_step(fates, PairFate::Distance), *meeting[place], "{what:?}");
             }
             ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => {
                 examined += from_step(fates, PairFate::Distance).len();

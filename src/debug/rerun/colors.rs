@@ -76,7 +76,7 @@ pub(super) fn curve(name: &str) -> Option<Color> {
         "broad phase" | "contact churn" | "overlap found" => Some(SKY_BLUE),
         "curvature" | "overlap left" => Some(BLUE),
         "refit" | "refit balls" | "recipes refreshed" => Some(PURPLE),
-        "overlap" | "ball contacts" => Some(YELLOW),
+        "overlap" => Some(YELLOW),
         "cone" => Some(GREEN),
         "swept" => grey(185),
         "refine" | "normal jump in turns" | "penetration found" => Some(ORANGE),
