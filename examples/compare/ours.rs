@@ -13,6 +13,8 @@ use super::{
 };
 
 pub const COLD: &str = "cold tick";
+/// What is read of that tick for the first time: contacts of spheres are written then.
+pub const READ: &str = "its contacts, read for the first time";
 /// The same where the small motion ends: what a moved and an unchanged tick are stated against, as they find the same.
 pub const COLD_MOVED: &str = "cold tick, where the motion ends";
 pub const MOVED: &str = "tick, moved by 0.09 contact distances";
@@ -82,6 +84,13 @@ impl Ours {
         }
     }
 
+    /// All contacts of the last tick on the clock.
+    fn read(&self, log: &mut Log) {
+        let store = self.app.world().resource::<ContactStore>();
+        let (duration, _) = timed(|| store.contacts().map(|contact| f64::from(contact.distance)).sum::<f64>());
+        log.add(&method_name(self.method), READ, self.threads, Level::Whole, duration, self.counts());
+    }
+
     /// One tick on the clock: the whole update, of which the stages are parts.
     fn measure(&mut self, what: &str, log: &mut Log, with_stages: bool) {
         let (duration, ()) = timed(|| self.app.update());
@@ -108,6 +117,7 @@ impl Contestant for Ours {
         move_surface(&mut self.app, self.surface, tick.now.clone());
         self.teleport();
         self.measure(COLD, log, true);
+        self.read(log);
         // The baseline that remembers nothing has nothing to show here but its time.
         if self.method == ContactMethod::Polygon {
             return Ok(());

@@ -15,7 +15,7 @@ use super::{
 };
 use crate::{
     kernel::{
-        pair::FoundPairs,
+        pair::{FoundPairs, PairSettings},
         sphere_contacts::{FoundSpheres, ball_contacts, overlapping_ball_contacts},
         sphere_pairs::overlapping_caps,
     },
@@ -117,11 +117,14 @@ fn test_overlap(
                 return;
             }
             let pair_settings = pair_settings(pair, &settings);
+            // A broad phase of our own has left out neighbors: nobody has to look for them again.
+            let test_settings =
+                PairSettings { same_surface: pair_settings.same_surface && !is_untouched, ..pair_settings };
             if pair.method == ContactMethod::Circumsphere {
                 let mut found = (memory, FoundSpheres::default());
                 with_caps(&active, &surfaces, pair, &rows, |a, b| {
                     let test = |chunk: &[[u32; 2]], (kept, _): &mut PassedAndFound| {
-                        overlapping_caps(a, b, chunk, &pair_settings, kept);
+                        overlapping_caps(a, b, chunk, &test_settings, kept);
                     };
                     append_chunks(&pair.triangles, threads, &spare, &mut found, test, join);
                 });
@@ -132,7 +135,7 @@ fn test_overlap(
             let mut found = (lists.pairs.take(), mem::take(&mut lists.found));
             with_balls(&active, &surfaces, pair, &rows, |a, b| {
                 let test = |chunk: &[[u32; 2]], (kept, found): &mut PassedAndFound| {
-                    overlapping_ball_contacts(a, b, chunk, &pair_settings, kept, found);
+                    overlapping_ball_contacts(a, b, chunk, &test_settings, kept, found);
                 };
                 append_chunks(&pair.triangles, threads, &spare, &mut found, test, join);
                 lists.pairs.put(found.0);

@@ -113,6 +113,7 @@ impl FoundSpheres {
     fn add<S: Simd>(&mut self, simd: S, listed: u64, [touching, reported]: [u32; 2], gaps: f32x8<S>) {
         self.touching += touching.count_ones() as usize;
         self.reported += reported.count_ones() as usize;
+        ask_for_room(&mut self.distances);
         let nowhere = f32x8::splat(simd, f32::INFINITY);
         let gaps = mask32x8::from_bitmask(simd, u64::from(reported)).select(gaps, nowhere);
         let gaps = gaps.compress(mask32x8::from_bitmask(simd, listed));

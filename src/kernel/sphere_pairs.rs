@@ -16,7 +16,7 @@ use super::{
     pair::{PairSettings, SurfaceSide, without_neighbors},
     pair_fate::{PairFate, StepObserver, Unobserved},
     pose::Pose,
-    prefetch::{Prefetch, ask_ahead, prefetch},
+    prefetch::{Prefetch, ask_ahead, ask_for_room, prefetch},
     share::Share,
     sphere_rows::{BallRows, CapRows, RowLanes, TriangleRow, rounded_corners},
 };
@@ -419,6 +419,7 @@ impl<S: Simd> ListedPairs<S> {
     pub(super) fn append(&self, simd: S, set: u64, list: &mut Vec<[u32; 2]>) {
         let mask = mask32x8::from_bitmask(simd, set);
         let (low, high) = self.firsts.compress(mask).interleave(self.seconds.compress(mask));
+        ask_for_room(list);
         let mut block = [[0; 2]; WIDTH];
         let (first, second) = block.as_flattened_mut().split_at_mut(WIDTH);
         low.store_slice(first);

@@ -21,6 +21,7 @@ use super::{
     bounds::Aabb,
     lanes::SetLanes,
     leaf_triangles::{LanePairs, PairCull},
+    prefetch::prefetch,
 };
 
 mod build;
@@ -418,5 +419,9 @@ impl Recent {
     fn flush(&mut self, list: &mut Vec<[u32; 2]>) {
         list.extend_from_slice(self.items[..2 * self.count].as_chunks().0);
         self.count = 0;
+        let room = list.spare_capacity_mut();
+        for place in (0..Self::ROOM as u32).step_by(8) {
+            prefetch(room, place);
+        }
     }
 }
