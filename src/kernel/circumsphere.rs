@@ -15,7 +15,7 @@ use glam::Vec3;
 
 use super::{
     cone::SafetyCones,
-    lanes::{EdgeChoice, FrameLanes, TriangleLanes, VectorLanes, WIDTH, first_lanes, stored},
+    lanes::{EdgeChoice, FrameLanes, TriangleLanes, VectorLanes, WIDTH, first_lanes, store_first, stored},
     recipe::{Recipe, RecipeBlock, RecipeLanes, ShapeLanes},
     share::{LEAST_SHARE, OneByOne, PART, Share},
 };
@@ -191,7 +191,7 @@ fn write_enclosing_balls<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32
     for (triangles, balls) in triangles.chunks(WIDTH).zip(balls.chunks_mut(WIDTH)) {
         let lanes = TriangleLanes::gather(simd, positions, triangles);
         let (lengths, exact_lengths) = lanes.edge_lengths();
-        let frame = FrameLanes::new(&lanes, EdgeChoice::longest(&lengths));
+        let frame = FrameLanes::of_lengths(&lanes, EdgeChoice::longest(&lengths), &lengths);
         let center = frame.point_across(frame.cotangent.max(0.0));
         let (radius, exact_radius) = lanes.containing_radius(center);
         let (centers, radii) = (center.stored(), stored(radius));
@@ -398,7 +398,6 @@ impl SpherePart<'_> {
     #[inline(always)]
     fn write<S: Simd>(&mut self, first: usize, lanes: &SphereLanes<S>) {
         let end = (first + WIDTH).min(self.radii.len());
-        let count = end - first;
         let (centers, axes) = (lanes.center.stored(), lanes.axis.stored());
         for (lane, (center, axis)) in
             self.centers[first..end].iter_mut().zip(&mut self.axes[first..end]).enumerate().take(WIDTH)
@@ -406,9 +405,9 @@ impl SpherePart<'_> {
             *center = centers.get(lane);
             *axis = axes.get(lane);
         }
-        self.radii[first..end].copy_from_slice(&stored(lanes.radius)[..count]);
-        self.heights[first..end].copy_from_slice(&stored(lanes.height)[..count]);
-        self.cosines[first..end].copy_from_slice(&stored(lanes.cosine)[..count]);
+        store_first(lanes.radius, &mut self.radii[first..end]);
+        store_first(lanes.height, &mut self.heights[first..end]);
+        store_first(lanes.cosine, &mut self.cosines[first..end]);
     }
 }
 
@@ -428,7 +427,7 @@ fn refit_spheres<S: Simd>(
     all_fresh: bool,
     settings: RecipeSettings,
 ) -> usize {
-    let always = mask32x8::splat(simd, all_fresh || settings.delta <= 0.0);
+    let always = all_fresh || settings.delta <= 0.0;
     let mut refreshed = 0;
     for (block, triangles) in shapes.triangles.chunks(WIDTH).enumerate() {
         let range = block * WIDTH..block * WIDTH + triangles.len();
@@ -437,8 +436,8 @@ fn refit_spheres<S: Simd>(
         let (curvatures, dihedrals) = (&shapes.curvatures[range.clone()], &shapes.dihedrals[range.clone()]);
         let shape = ShapeLanes::gather(simd, corners, lengths, curvatures, dihedrals);
         let mut recipes = RecipeLanes::load(simd, &spheres.recipes[block]);
-        let change = recipes.shape_change(&shape);
-        let stale = always | change.simd_gt(settings.delta);
+        let stale =
+            if always { mask32x8::splat(simd, true) } else { recipes.shape_change(&shape).simd_gt(settings.delta) };
         if stale.any_true() {
             exact &= recipes.refresh(stale, &shape, &settings) | !stale;
         }

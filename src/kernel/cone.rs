@@ -13,7 +13,7 @@ use glam::Vec3;
 
 use super::{
     circumsphere::{OffsetSpheres, length},
-    lanes::{WIDTH, sine_cosine, stored},
+    lanes::{WIDTH, load_first, sine_cosine, store_first},
     share::{LEAST_SHARE, OneByOne, PART, Share},
 };
 
@@ -63,13 +63,10 @@ impl SafetyCones {
 
 #[inline(always)]
 fn widen<S: Simd>(simd: S, cosines: &mut [f32], spreads: &[f32]) {
-    let (mut cosine_row, mut spread_row) = ([0.0; WIDTH], [0.0; WIDTH]);
     let one = f32x8::splat(simd, 1.0);
     for (cosines, spreads) in cosines.chunks_mut(WIDTH).zip(spreads.chunks(WIDTH)) {
         let count = cosines.len().min(spreads.len());
-        cosine_row[..count].copy_from_slice(&cosines[..count]);
-        spread_row[..count].copy_from_slice(&spreads[..count]);
-        let (cosine, spread) = (f32x8::from_slice(simd, &cosine_row), f32x8::from_slice(simd, &spread_row));
+        let (cosine, spread) = (load_first(simd, &cosines[..count]), load_first(simd, &spreads[..count]));
         let added = spread + EXTRA_WIDENING;
         let (sine_added, cosine_added) = sine_cosine(added);
         let sine = (one - cosine * cosine).max(0.0).sqrt();
@@ -78,7 +75,7 @@ fn widen<S: Simd>(simd: S, cosines: &mut [f32], spreads: &[f32]) {
         let everything = added.simd_ge(PI) | past_half_circle;
         let widened = cosine * cosine_added - sine * sine_added;
         let widened = everything.select(f32x8::splat(simd, SafetyCones::EVERYWHERE), widened);
-        cosines[..count].copy_from_slice(&stored(widened)[..count]);
+        store_first(widened, &mut cosines[..count]);
     }
 }
 

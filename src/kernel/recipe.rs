@@ -12,7 +12,7 @@ use super::{
     circumsphere::{
         LongestEdgeFrame, OBTUSE_REACH, RecipeSettings, curvature_factor, edge_lengths, farthest_corner, longest,
     },
-    lanes::{EdgeChoice, FrameLanes, TriangleLanes, VectorLanes, VectorRows, WIDTH, tangent},
+    lanes::{EdgeChoice, FrameLanes, TriangleLanes, VectorLanes, WIDTH, load_first, tangent},
 };
 
 /// How one triangle's sphere follows its vertices, and the shape it was made for.
@@ -77,8 +77,9 @@ impl Recipe {
     }
 }
 
-/// The recipes of eight triangles, as they are kept.
+/// The recipes of eight triangles, as they are kept. Aligned, so that no eight numbers lie in two lines of the cache.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
 pub(super) struct RecipeBlock {
     /// One bit for each triangle whose longest edge is the second, and one where it is the third.
     longest_edge: [u8; 2],
@@ -186,7 +187,7 @@ impl<S: Simd> RecipeLanes<S> {
         settings: &RecipeSettings,
     ) -> mask32x8<S> {
         let edge = EdgeChoice::longest(&shape.lengths);
-        let frame = FrameLanes::new(&shape.corners, edge);
+        let frame = FrameLanes::of_lengths(&shape.corners, edge, &shape.lengths);
         let inward = frame.cotangent.max(-OBTUSE_REACH);
         let center = frame.point_across(inward);
         let (radius, exact_radius) = shape.corners.farthest_corner(center);
@@ -235,17 +236,12 @@ impl<S: Simd> ShapeLanes<S> {
         curvatures: &[f32],
         dihedrals: &[[f32; 3]],
     ) -> Self {
-        let (mut curvature_row, mut dihedral_rows) = ([0.0; WIDTH], VectorRows::ZERO);
-        curvature_row[..curvatures.len()].copy_from_slice(curvatures);
-        for (lane, &dihedrals) in dihedrals.iter().enumerate().take(WIDTH) {
-            dihedral_rows.set(lane, dihedrals.into());
-        }
-        let dihedrals = VectorLanes::load(simd, &dihedral_rows);
+        let dihedrals = VectorLanes::of_arrays(simd, dihedrals);
         Self {
             corners,
             lengths,
             dihedrals: [dihedrals.x, dihedrals.y, dihedrals.z],
-            curvatures: f32x8::from_slice(simd, &curvature_row),
+            curvatures: load_first(simd, curvatures),
         }
     }
 }

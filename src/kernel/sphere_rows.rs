@@ -18,6 +18,9 @@ use super::{
     share::{LEAST_SHARE, PART, Share},
 };
 
+/// How many rows ahead of the one that is written memory is asked for.
+const ROWS_AHEAD: usize = 16;
+
 /// The numbers of one triangle, in blocks of as many as there are lanes.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
@@ -101,8 +104,9 @@ impl CapRows {
         self.rest.resize(count, [0.0; 2]);
         let parts = self.rows.chunks_mut(PART).zip(self.rest.chunks_mut(PART)).enumerate();
         share.hand_out(parts, count / LEAST_SHARE, |(part, (rows, rest))| {
-            for (triangle, (own, rest)) in (part * PART..).zip(rows.iter_mut().zip(rest)) {
-                (*own, *rest) = row(triangle as u32);
+            for (place, rest) in rest.iter_mut().enumerate().take(rows.len()) {
+                prefetch(rows, (place + ROWS_AHEAD) as u32);
+                (rows[place], *rest) = row((part * PART + place) as u32);
             }
         });
     }

@@ -13,7 +13,7 @@ mod triangles;
 
 use std::ops::Sub;
 
-use fearless_simd::{f32x8, f64x8, mask32x8, mask64x8, prelude::*};
+use fearless_simd::{f32x4, f32x8, f64x8, mask32x8, mask64x8, prelude::*};
 use glam::{DVec3, Vec3};
 
 pub(in crate::kernel) use angles::{arc_tangent, sine_cosine, tangent};
@@ -135,11 +135,53 @@ vectors!(VectorLanes, VectorRows, f32x8, mask32x8, f32, Vec3, 32);
 vectors!(DoubleVectorLanes, DoubleVectorRows, f64x8, mask64x8, f64, DVec3, 64);
 
 impl<S: Simd> VectorLanes<S> {
+    /// One vector after the other: without a way through memory, where they would be written in parts and read as a whole.
+    #[inline(always)]
+    pub(in crate::kernel) fn of(simd: S, vectors: [Vec3; WIDTH]) -> Self {
+        let mut rows = [f32x4::splat(simd, 0.0); WIDTH];
+        for lane in 0..WIDTH {
+            rows[lane] = row(simd, vectors[lane]);
+        }
+        let [x, y, z, _] = columns(rows);
+        Self { x, y, z }
+    }
+
     #[inline(always)]
     pub(in crate::kernel) fn stored(self) -> VectorRows {
         let mut rows = VectorRows::ZERO;
         self.store(&mut rows);
         rows
+    }
+
+    /// The first eight of some vectors, or fewer.
+    #[inline(always)]
+    pub(in crate::kernel) fn of_arrays(simd: S, vectors: &[[f32; 3]]) -> Self {
+        let mut block = [Vec3::ZERO; WIDTH];
+        if let Some(vectors) = vectors.first_chunk::<WIDTH>() {
+            for lane in 0..WIDTH {
+                block[lane] = vectors[lane].into();
+            }
+            return Self::of(simd, block);
+        }
+        for (own, &vector) in block.iter_mut().zip(vectors) {
+            *own = vector.into();
+        }
+        Self::of(simd, block)
+    }
+
+    /// Writes the first ones into memory, eight at most.
+    #[inline(always)]
+    pub(in crate::kernel) fn write_arrays(self, vectors: &mut [[f32; 3]]) {
+        let rows = rows([self.x, self.y, self.z, self.z]);
+        let Some(vectors) = vectors.first_chunk_mut::<WIDTH>() else {
+            for (vector, row) in vectors.iter_mut().zip(rows) {
+                *vector = [row[0], row[1], row[2]];
+            }
+            return;
+        };
+        for (vector, row) in vectors.iter_mut().zip(rows) {
+            *vector = [row[0], row[1], row[2]];
+        }
     }
 
     #[inline(always)]
@@ -193,6 +235,27 @@ pub(in crate::kernel) fn stored<S: Simd>(numbers: f32x8<S>) -> [f32; WIDTH] {
     row
 }
 
+/// The first eight of some numbers; where there are fewer, 0 in the other lanes.
+#[inline(always)]
+pub(in crate::kernel) fn load_first<S: Simd>(simd: S, numbers: &[f32]) -> f32x8<S> {
+    if let Some(numbers) = numbers.first_chunk::<WIDTH>() {
+        return f32x8::from_slice(simd, numbers);
+    }
+    let mut row = [0.0; WIDTH];
+    row[..numbers.len()].copy_from_slice(numbers);
+    f32x8::from_slice(simd, &row)
+}
+
+/// Writes the numbers of the first lanes into memory, at most of eight.
+#[inline(always)]
+pub(in crate::kernel) fn store_first<S: Simd>(numbers: f32x8<S>, row: &mut [f32]) {
+    if let Some(row) = row.first_chunk_mut::<WIDTH>() {
+        numbers.store_slice(row);
+    } else {
+        row.copy_from_slice(&stored(numbers)[..row.len()]);
+    }
+}
+
 /// One bit for each of some lanes, at least one of them.
 #[inline(always)]
 pub(in crate::kernel) fn first_lanes(count: usize) -> u64 {
@@ -211,6 +274,36 @@ impl Iterator for SetLanes {
         self.0 &= self.0.wrapping_sub(1);
         if lane < WIDTH { Some(lane) } else { None }
     }
+}
+
+/// The three numbers of a vector, and nothing beside.
+#[inline(always)]
+fn row<S: Simd>(simd: S, Vec3 { x, y, z }: Vec3) -> f32x4<S> {
+    f32x4::load_array(simd, [x, y, z, 0.0])
+}
+
+/// Eight rows of four numbers, number by number.
+#[inline(always)]
+pub(in crate::kernel) fn columns<S: Simd>([a, b, c, d, e, f, g, h]: [f32x4<S>; WIDTH]) -> [f32x8<S>; 4] {
+    let ([x, y, z, w], [other_x, other_y, other_z, other_w]) =
+        (square_columns([a, b, c, d]), square_columns([e, f, g, h]));
+    [x.combine(other_x), y.combine(other_y), z.combine(other_z), w.combine(other_w)]
+}
+
+/// Eight rows again.
+#[inline(always)]
+pub(in crate::kernel) fn rows<S: Simd>([x, y, z, w]: [f32x8<S>; 4]) -> [f32x4<S>; WIDTH] {
+    let ((x, other_x), (y, other_y), (z, other_z), (w, other_w)) = (x.split(), y.split(), z.split(), w.split());
+    let [a, b, c, d] = square_columns([x, y, z, w]);
+    let [e, f, g, h] = square_columns([other_x, other_y, other_z, other_w]);
+    [a, b, c, d, e, f, g, h]
+}
+
+#[inline(always)]
+fn square_columns<S: Simd>([a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
+    let ((low, high), (other_low, other_high)) = (a.interleave(c), b.interleave(d));
+    let ((x, y), (z, w)) = (low.interleave(other_low), high.interleave(other_high));
+    [x, y, z, w]
 }
 
 /// Eight rows of eight numbers, number by number.

@@ -9,7 +9,7 @@
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
-use super::{VectorLanes, VectorRows, WIDTH};
+use super::{VectorLanes, WIDTH};
 use crate::kernel::circumsphere::{LEAST_EXACT_SQUARE, RADIUS_SLACK, ZERO_AREA};
 
 /// The inverse of a length is finite where the length is more than 2^-128, a quarter of the least normal number.
@@ -29,14 +29,24 @@ impl<S: Simd> TriangleLanes<S> {
     /// The first eight of `triangles`; where there are fewer, the other lanes are of no account.
     #[inline(always)]
     pub(in crate::kernel) fn gather(simd: S, positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
-        let mut rows = [VectorRows::ZERO; 3];
-        for (lane, corners) in triangles.iter().enumerate().take(WIDTH) {
+        if let Some(triangles) = triangles.first_chunk() {
+            return Self::gather_all(simd, positions, triangles);
+        }
+        let mut block = [[0; 3]; WIDTH];
+        block[..triangles.len()].copy_from_slice(triangles);
+        Self::gather_all(simd, positions, &block)
+    }
+
+    #[inline(always)]
+    fn gather_all(simd: S, positions: &[Vec3], triangles: &[[u32; 3]; WIDTH]) -> Self {
+        let mut corners = [[Vec3::ZERO; WIDTH]; 3];
+        for (lane, vertices) in triangles.iter().enumerate() {
             for k in 0..3 {
-                rows[k].set(lane, positions[corners[k] as usize]);
+                corners[k][lane] = positions[vertices[k] as usize];
             }
         }
-        let [a, b, c] = &rows;
-        Self([VectorLanes::load(simd, a), VectorLanes::load(simd, b), VectorLanes::load(simd, c)])
+        let [a, b, c] = corners;
+        Self([VectorLanes::of(simd, a), VectorLanes::of(simd, b), VectorLanes::of(simd, c)])
     }
 
     #[inline(always)]
@@ -112,6 +122,11 @@ impl<S: Simd> EdgeChoice<S> {
     }
 
     #[inline(always)]
+    fn number(&self, [first, second, third]: &[f32x8<S>; 3]) -> f32x8<S> {
+        self.third.select(*third, self.second.select(*second, *first))
+    }
+
+    #[inline(always)]
     fn of(&self, [first, second, third]: [&VectorLanes<S>; 3]) -> VectorLanes<S> {
         VectorLanes::select(self.third, *third, VectorLanes::select(self.second, *second, *first))
     }
@@ -132,19 +147,36 @@ impl<S: Simd> FrameLanes<S> {
     #[inline(always)]
     pub(in crate::kernel) fn new(triangles: &TriangleLanes<S>, edge: EdgeChoice<S>) -> Self {
         let [a, b, c] = &triangles.0;
+        let along = edge.of([b, c, a]) - edge.of([a, b, c]);
+        let squared = along.dot(along);
+        let frame = Self::along(triangles, edge, squared.sqrt());
+        Self { exact: frame.exact & is_exact(squared), ..frame }
+    }
+
+    /// The same where the [lengths of the edges](TriangleLanes::edge_lengths) are known and exact.
+    #[inline(always)]
+    pub(in crate::kernel) fn of_lengths(
+        triangles: &TriangleLanes<S>,
+        edge: EdgeChoice<S>,
+        lengths: &[f32x8<S>; 3],
+    ) -> Self {
+        Self::along(triangles, edge, edge.number(lengths))
+    }
+
+    #[inline(always)]
+    fn along(triangles: &TriangleLanes<S>, edge: EdgeChoice<S>, length: f32x8<S>) -> Self {
+        let [a, b, c] = &triangles.0;
         let simd = a.x.simd;
         let (from, to, apex) = (edge.of([a, b, c]), edge.of([b, c, a]), edge.of([c, a, b]));
         let (half, one) = (f32x8::splat(simd, 0.5), f32x8::splat(simd, 1.0));
         let along = to - from;
-        let squared = along.dot(along);
-        let length = squared.sqrt();
         let scale = one / length;
         let (u, v) = ((from - apex).scaled(scale), (to - apex).scaled(scale));
         let cross = u.cross(v);
         let doubled_area = cross.dot(cross).sqrt();
         let normal = cross.over(doubled_area);
         let (inward, has_inward) = normal.cross(along.scaled(scale)).normalized();
-        let exact = is_exact(squared) & is_exact(cross.dot(cross)) & doubled_area.simd_gt(ZERO_AREA) & has_inward;
+        let exact = is_exact(cross.dot(cross)) & doubled_area.simd_gt(ZERO_AREA) & has_inward;
         Self {
             midpoint: from.plus(along.scaled(half)),
             half_length: half * length,
