@@ -16,6 +16,7 @@ use glam::Vec3;
 use super::{
     exact::cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
     lanes::LARGEST_EXTENT,
+    prefetch::prefetch_whole,
     share::{OneByOne, Share},
     topology::SurfaceTopology,
     tree::{BoxTree, LEAF_WIDTH},
@@ -31,6 +32,9 @@ const BLOCKS_AT_ONCE: usize = 1024;
 /// Leaves gathered before the first of them is read again, by whole rows: which a processor waits for that has just written
 /// them number by number.
 const GATHERED_AHEAD: usize = 16;
+
+/// How many blocks ahead of the one that is written memory is asked for.
+const BLOCKS_AHEAD: usize = 4;
 
 /// Marks the corners of an unused lane, and of no triangle.
 const NO_VERTEX: u32 = u32::MAX;
@@ -120,12 +124,13 @@ impl LeafTriangles {
         let task_count = self.blocks.len().div_ceil(BLOCKS_AT_ONCE);
         share.hand_out(self.blocks.chunks_mut(BLOCKS_AT_ONCE).enumerate(), task_count, |(task, blocks)| {
             dispatch!(Level::new(), simd => {
-                let mut leaves = task * BLOCKS_AT_ONCE..;
-                for blocks in blocks.chunks_mut(GATHERED_AHEAD) {
-                    for (block, leaf) in blocks.iter_mut().zip(&mut leaves) {
-                        block.gather(tree, leaf, topology, positions);
+                for first in (0..blocks.len()).step_by(GATHERED_AHEAD) {
+                    let end = (first + GATHERED_AHEAD).min(blocks.len());
+                    for place in first..end {
+                        prefetch_whole(blocks, place + BLOCKS_AHEAD);
+                        blocks[place].gather(tree, task * BLOCKS_AT_ONCE + place, topology, positions);
                     }
-                    for block in blocks {
+                    for block in &mut blocks[first..end] {
                         block.measure_planes(simd);
                     }
                 }

@@ -50,19 +50,33 @@ pub(super) fn ask_for_room<T>(list: &mut Vec<T>) {
     }
 }
 
-/// Brings an item of a list into the cache, where the platform has an instruction for it. Beyond the end it changes nothing.
-#[cfg(target_arch = "x86_64")]
-#[expect(unsafe_code, reason = "the instruction takes a pointer")]
+/// Brings all lines of an item of a list into the cache, where the platform has an instruction for it.
 #[inline(always)]
-pub(super) fn prefetch<T>(list: &[T], place: u32) {
-    use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-
-    let item = list.as_ptr().wrapping_add(place as usize);
-    // SAFETY: the instruction is part of every x86-64 and reads nothing that a program can see, whatever the address.
-    unsafe { _mm_prefetch::<_MM_HINT_T0>(item.cast()) };
+pub(super) fn prefetch_whole<T>(list: &[T], place: usize) {
+    if let Some(item) = list.get(place) {
+        for line in 0..size_of::<T>().div_ceil(LINE) {
+            let lines = (&raw const *item).cast::<[u8; LINE]>();
+            prefetch_address(lines.wrapping_add(line));
+        }
+    }
 }
 
 /// Brings an item of a list into the cache, where the platform has an instruction for it. Beyond the end it changes nothing.
+#[inline(always)]
+pub(super) fn prefetch<T>(list: &[T], place: u32) {
+    prefetch_address(list.as_ptr().wrapping_add(place as usize));
+}
+
+#[cfg(target_arch = "x86_64")]
+#[expect(unsafe_code, reason = "the instruction takes a pointer")]
+#[inline(always)]
+fn prefetch_address<T>(address: *const T) {
+    use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+
+    // SAFETY: the instruction is part of every x86-64 and reads nothing that a program can see, whatever the address.
+    unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) };
+}
+
 #[cfg(not(target_arch = "x86_64"))]
 #[inline(always)]
-pub(super) fn prefetch<T>(_: &[T], _: u32) {}
+fn prefetch_address<T>(_: *const T) {}

@@ -66,8 +66,9 @@ impl BallRows {
     pub(super) fn fill(&mut self, share: &impl Share, count: usize, row: impl Fn(u32) -> TriangleRow + Sync) {
         self.rows.resize(count, TriangleRow::EMPTY);
         share.hand_out(self.rows.chunks_mut(PART).enumerate(), count / LEAST_SHARE, |(part, rows)| {
-            for (triangle, own) in (part * PART..).zip(rows) {
-                *own = row(triangle as u32);
+            for place in 0..rows.len() {
+                prefetch(rows, (place + ROWS_AHEAD) as u32);
+                rows[place] = row((part * PART + place) as u32);
             }
         });
     }
