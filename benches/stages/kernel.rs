@@ -12,8 +12,8 @@ use bevy_circumsphere::kernel::{
     leaf_triangles::{LeafTriangles, PairCull},
     pair::{FoundPairs, PairSettings, SurfaceSide},
     refine::{refine_closest, refine_pairs},
-    sphere_contacts::{ball_contacts, meeting_caps},
-    sphere_pairs::{BallSide, CapSide, overlapping_balls, overlapping_caps},
+    sphere_contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
+    sphere_pairs::{BallSide, CapSide, overlapping_caps},
     topology::SurfaceTopology,
     tree::BoxTree,
 };
@@ -50,6 +50,7 @@ pub struct Stages {
     pub near_caps: Vec<[u32; 2]>,
     pub meeting: Vec<[u32; 2]>,
     pub found: FoundPairs,
+    pub found_spheres: FoundSpheres,
 }
 
 impl Sheet {
@@ -196,11 +197,11 @@ pub fn overlap_caps(sheet: &Sheet, stages: &mut Stages) {
 
 #[inline(never)]
 pub fn cone(sheet: &Sheet, stages: &mut Stages) {
-    let Stages { spheres, cones, near_caps, meeting, found, .. } = stages;
+    let Stages { spheres, cones, near_caps, meeting, found_spheres, .. } = stages;
     meeting.clear();
-    found.clear();
+    found_spheres.clear();
     let side = CapSide { surface: sheet.side(), spheres, cones, pose: None, rows: None };
-    meeting_caps(&side, &side, near_caps, &sheet.settings, meeting, found);
+    meeting_caps(&side, &side, near_caps, &sheet.settings, meeting, found_spheres);
 }
 
 #[inline(never)]
@@ -210,10 +211,11 @@ pub fn refit_balls(sheet: &Sheet, stages: &mut Stages) {
 
 #[inline(never)]
 pub fn overlap_balls(sheet: &Sheet, stages: &mut Stages) {
-    let Stages { balls, candidates, near_balls, .. } = stages;
+    let Stages { balls, candidates, near_balls, found_spheres, .. } = stages;
     near_balls.clear();
+    found_spheres.clear();
     let side = BallSide { surface: sheet.side(), balls, pose: None, rows: None };
-    overlapping_balls(&side, &side, candidates, &sheet.settings, near_balls);
+    overlapping_ball_contacts(&side, &side, candidates, &sheet.settings, near_balls, found_spheres);
 }
 
 #[inline(never)]

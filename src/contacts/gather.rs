@@ -12,7 +12,7 @@ use super::{
 use crate::{
     detection::{
         CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, PairContacts, RefinedTrianglePairs,
-        SphereContacts, StageList, SurfacePair, Threads, broad_phase::OtherSide,
+        SphereContacts, StageList, SurfacePair, Threads, broad_phase::OtherSide, is_one_sided,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -120,8 +120,7 @@ fn sides_of(active: &ActiveSurfaces, pair: &SurfacePair) -> (ContactSide, Contac
 /// A pair as the store keeps it, with the lists of what was found.
 fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts) -> StoredPair {
     let first = &active.surfaces[pair.first];
-    // Behind a surface's own face may be just the other side of a thin wall.
-    let has_inside = |surface: &ActiveSurface| surface.one_sided && !pair.is_self();
+    let has_inside = |surface: &ActiveSurface| is_one_sided(surface, pair);
     let (a, b) = sides_of(active, pair);
     let (topology_b, shape, pose_b, one_sided_b, events_b, order_b) = match pair.second {
         OtherSide::Surface(second) => {

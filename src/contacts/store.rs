@@ -73,10 +73,11 @@ pub struct StoredPair {
 }
 
 impl StoredPair {
-    /// Of a method by spheres its contacts as a tick finds them: which triangles, and how far apart, in an order that depends
-    /// on nothing but the scene. Points, normals and the order of [`contacts`](Self::contacts) and [`touching`](Self::touching)
-    /// come of it when one of those is first read, which takes about as long as the tick has taken; where triangles are in few
-    /// pairs or moved, in the tick. None where the method is exact.
+    /// Of a method by spheres its contacts as a tick finds them, whatever others have done to the lists since: which triangles,
+    /// and how far apart but for rounding in single precision. They are not sorted, and come in the same order for any number of
+    /// threads. Points, normals and the order of [`contacts`](Self::contacts) and [`touching`](Self::touching) come of them
+    /// when one of those is first read, on one thread, which takes up to twice as long as the tick on one thread has taken
+    /// (`compare` states it); where triangles are in few pairs or moved, in the tick. None where the method is exact.
     pub fn sphere_contacts(&self) -> impl Iterator<Item = SphereContact> {
         self.spheres.iter().flat_map(|lists| lists.contacts())
     }

@@ -50,7 +50,7 @@ fn test_cones(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     overlapping: Res<OverlappingTrianglePairs>,
-    rows: Res<SphereRows>,
+    mut rows: ResMut<SphereRows>,
     settings: Res<CircumsphereSettings>,
     mut meeting: ResMut<MeetingCaps>,
     mut contacts: ResMut<SphereContacts>,
@@ -62,8 +62,12 @@ fn test_cones(
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
-    let is_untouched = memory.reads(StageList::Candidates, candidates.last_changed())
-        & memory.reads(StageList::Overlapping, overlapping.last_changed());
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    if !memory.reads(StageList::Overlapping, overlapping.last_changed()) {
+        // Pairs that the stage before has kept are not: nobody has made rows for them.
+        rows.clear();
+    }
+    let is_whole = memory.is_whole();
     memory.writes(StageList::Meeting, meeting.last_changed());
     memory.writes(StageList::SphereContacts, contacts.last_changed());
     memory.carry(&mut meeting.pairs);
@@ -102,7 +106,7 @@ fn test_cones(
                 *meeting = lists.pairs.clone();
                 match rows.kept(&active, pair) {
                     // Only lists of our own have every pair once.
-                    Some(spheres) if is_untouched => lists.write_later(spheres, pair_settings),
+                    Some(spheres) if is_whole => lists.write_later(spheres, pair_settings),
                     _ => {
                         let write =
                             |chunk: &[[u32; 2]], found: &mut _| cap_contacts(a, b, chunk, &pair_settings, found);

@@ -246,6 +246,11 @@ impl DetectionMemory {
         is_sealed
     }
 
+    /// Whether nobody but the stages has written to any list that they have read in this detection.
+    pub(super) fn is_whole(&self) -> bool {
+        self.is_whole
+    }
+
     /// The last stage is about to read a list. Whether somebody else has written to it: then nothing is kept in the next
     /// detection.
     pub(crate) fn is_spoiled(&mut self, list: StageList, changed: Tick) -> bool {

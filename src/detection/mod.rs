@@ -39,5 +39,6 @@ pub use pair_fates::PairFates;
 pub(crate) use parallel::Threads;
 pub use refine::{RefinePlugin, RefinedTrianglePairs};
 pub use refit::{Circumspheres, EnclosingBalls, RefitPlugin, TriangleCones};
+pub(crate) use sides::is_one_sided;
 pub(crate) use sphere_lists::SphereLists;
 pub use swept::{PreviousPositions, SweptPlugin};

@@ -82,7 +82,7 @@ fn test_overlap(
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
-    let is_untouched = memory.reads(StageList::Candidates, candidates.last_changed());
+    memory.reads(StageList::Candidates, candidates.last_changed());
     memory.writes(StageList::Overlapping, overlapping.last_changed());
     memory.writes(StageList::SphereContacts, contacts.last_changed());
     memory.carry(&mut overlapping.pairs);
@@ -94,11 +94,19 @@ fn test_overlap(
     memory.seal(StageList::Overlapping, overlapping.last_changed());
     memory.seal(StageList::SphereContacts, contacts.last_changed());
     let uses_spheres = |pair: &SurfacePair| !pair.method.is_exact();
-    let changed = both.iter_mut().enumerate().filter(|&(place, _)| !memory.keeps(place));
-    changed.for_each(|(_, (_, contacts))| contacts.release_spheres());
+    for (place, (_, contacts)) in both.iter_mut().enumerate() {
+        if memory.keeps(place) {
+            contacts.rest_spheres();
+        } else {
+            contacts.release_spheres();
+        }
+    }
+    let is_whole = memory.is_whole();
     if memory.changed(&candidates.pairs).any(uses_spheres) {
         let pairs = memory.changed(&candidates.pairs);
         rows.update(&active, &surfaces, pairs, &Threads(settings.threads));
+    } else if !candidates.pairs.iter().any(uses_spheres) {
+        rows.clear();
     }
     for_each_weighed(
         &mut both,
@@ -110,7 +118,7 @@ fn test_overlap(
                 return;
             }
             let pair = &candidates.pairs[place];
-            let memory = overlapping.take();
+            let room = overlapping.take();
             overlapping.put(Vec::new());
             contacts.clear();
             if pair.triangles.is_empty() || !uses_spheres(pair) {
@@ -118,10 +126,9 @@ fn test_overlap(
             }
             let pair_settings = pair_settings(pair, &settings);
             // A broad phase of our own has left out neighbors: nobody has to look for them again.
-            let test_settings =
-                PairSettings { same_surface: pair_settings.same_surface && !is_untouched, ..pair_settings };
+            let test_settings = PairSettings { same_surface: pair_settings.same_surface && !is_whole, ..pair_settings };
             if pair.method == ContactMethod::Circumsphere {
-                let mut found = (memory, FoundSpheres::default());
+                let mut found = (room, FoundSpheres::default());
                 with_caps(&active, &surfaces, pair, &rows, |a, b| {
                     let test = |chunk: &[[u32; 2]], (kept, _): &mut PassedAndFound| {
                         overlapping_caps(a, b, chunk, &test_settings, kept);
@@ -143,7 +150,7 @@ fn test_overlap(
                 *overlapping = lists.pairs.clone();
                 match rows.kept(&active, pair) {
                     // Only lists of our own have every pair once.
-                    Some(spheres) if is_untouched => lists.write_later(spheres, pair_settings),
+                    Some(spheres) if is_whole => lists.write_later(spheres, pair_settings),
                     _ => {
                         let write =
                             |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);

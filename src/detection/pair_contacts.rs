@@ -1,7 +1,7 @@
 //! What a stage has found of a pair of surfaces, in lists that the store takes part in without a copy.
 
 use std::{
-    fmt::Debug,
+    fmt::{self, Debug, Formatter},
     mem,
     ops::{Deref, DerefMut},
     sync::Arc,
@@ -16,11 +16,11 @@ use crate::kernel::{
 
 /// A list that several hold. Whoever writes to it while others hold it, too, gets one of its own. Some lists are not written
 /// until somebody reads them: how long such a list is, is known before.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct SharedList<T: 'static> {
-    /// None of an empty list, and of one that is
+    /// None where the list is empty, or written elsewhere.
     written: Option<Arc<Vec<T>>>,
-    /// written here.
+    /// Who writes it elsewhere; none where it is written here.
     deferred: Option<Arc<dyn Deferred<T>>>,
 }
 
@@ -29,6 +29,19 @@ pub(super) trait Deferred<T>: Debug + Send + Sync {
     fn len(&self) -> usize;
 
     fn list(&self) -> &Vec<T>;
+
+    /// The list, where it has been written.
+    fn written(&self) -> Option<&Vec<T>>;
+}
+
+/// Nothing is written to be shown.
+impl<T: Debug> Debug for SharedList<T> {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        match &self.deferred {
+            Some(lists) if lists.written().is_none() => write!(formatter, "[{} unwritten]", lists.len()),
+            _ => formatter.debug_list().entries(self.iter()).finish(),
+        }
+    }
 }
 
 impl<T> Default for SharedList<T> {
@@ -177,6 +190,11 @@ impl PairContacts {
             Some(lists) => lists.clear(),
             None => self.spare_spheres = None,
         }
+    }
+
+    /// Lets go of all spheres but those of the contacts: nothing is found in this tick.
+    pub(super) fn rest_spheres(&mut self) {
+        self.last_spheres = None;
     }
 
     /// Gives lists that what is found by spheres can be written to before it is [kept](Self::keep_spheres).

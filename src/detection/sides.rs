@@ -70,7 +70,7 @@ pub(crate) fn surface_sides<'a>(
 }
 
 /// Whether a surface has an inside, as far as a pair goes: behind its own face may be just the other side of a thin wall.
-fn is_one_sided(surface: &ActiveSurface, pair: &SurfacePair) -> bool {
+pub(crate) fn is_one_sided(surface: &ActiveSurface, pair: &SurfacePair) -> bool {
     surface.one_sided && !pair.is_self()
 }
 
@@ -140,6 +140,12 @@ impl SphereRows {
                 ball_rows.renew().clear();
             }
         }
+    }
+
+    /// Forgets all rows.
+    pub(super) fn clear(&mut self) {
+        self.caps.clear();
+        self.balls.clear();
     }
 
     /// The spheres of a pair as they are, where both sides have rows and are in their own frame.

@@ -150,7 +150,7 @@ impl SphereLists {
         self.found.contacts(&self.pairs)
     }
 
-    fn written(&self) -> &FoundPairs {
+    fn write(&self) -> &FoundPairs {
         self.written.get_or_init(|| {
             let mut room = self.room.lock().unwrap_or_else(PoisonError::into_inner);
             let mut written = mem::take(&mut room.written);
@@ -170,7 +170,11 @@ impl Deferred<CompactContact> for SphereLists {
     }
 
     fn list(&self) -> &Vec<CompactContact> {
-        &self.written().contacts
+        &self.write().contacts
+    }
+
+    fn written(&self) -> Option<&Vec<CompactContact>> {
+        self.written.get().map(|written| &written.contacts)
     }
 }
 
@@ -180,6 +184,10 @@ impl Deferred<TouchingPair> for SphereLists {
     }
 
     fn list(&self) -> &Vec<TouchingPair> {
-        &self.written().touching
+        &self.write().touching
+    }
+
+    fn written(&self) -> Option<&Vec<TouchingPair>> {
+        self.written.get().map(|written| &written.touching)
     }
 }

@@ -65,6 +65,7 @@ pub struct SphereContact {
     /// Triangle of the second surface.
     pub triangle_b: u32,
     /// Signed distance of the two contact points in world units: negative where the spheres, or caps, have passed each other.
+    /// The two touch where besides their boxes, and of caps their planes, come within the contact distance.
     pub distance: f32,
 }
 
@@ -245,7 +246,7 @@ pub fn ball_contacts(
     b: &BallSide<'_>,
     overlapping: &[[u32; 2]],
     settings: &PairSettings,
-    found: &mut impl ContactSink,
+    found: &mut FoundPairs,
 ) {
     found.reserve(overlapping.len());
     dispatch!(Level::new(), simd => {
@@ -291,7 +292,7 @@ pub fn cap_contacts(
     b: &CapSide<'_>,
     meeting: &[[u32; 2]],
     settings: &PairSettings,
-    found: &mut impl ContactSink,
+    found: &mut FoundPairs,
 ) {
     found.reserve(meeting.len());
     dispatch!(Level::new(), simd => {

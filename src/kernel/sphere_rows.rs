@@ -2,7 +2,7 @@
 //!
 //! A triangle is in a dozen pairs, and each pair needs its corners and its sphere, which lie in as many places as they have
 //! numbers. Rows are copied together once a tick, and turned into lanes eight pairs at a time. Written by the overlap stage,
-//! read by it and by the cone stage.
+//! read by it, by the cone stage, and by whoever writes contacts out, maybe ticks later.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 

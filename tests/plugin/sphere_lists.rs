@@ -3,7 +3,7 @@
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore, StoredPair,
-    detection::CandidateTrianglePairs,
+    detection::{CandidateTrianglePairs, broad_phase::BroadPhaseSystems},
     kernel::contact::{CompactContact, TouchingPair},
     prelude::*,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
@@ -59,7 +59,7 @@ fn touch(mut candidates: ResMut<CandidateTrianglePairs>) {
 }
 
 fn is_written(pair: &StoredPair) -> bool {
-    !format!("{:?}", pair.contacts).contains("<uninit>")
+    !format!("{:?}", pair.contacts).contains("unwritten")
 }
 
 type Lists = Vec<(Vec<CompactContact>, Vec<TouchingPair>)>;
@@ -120,6 +120,36 @@ fn contacts_of_spheres_that_are_read_late_are_those_of_their_tick() {
         println!("{method:?}: {count} contacts");
         assert_eq!(unread.last().expect("there are ticks").pairs.len(), 2, "the sheet, and both balls");
         assert!(count > 20_000, "{method:?}: {count} contacts");
+    }
+}
+
+/// Pairs that others put on the list: neighbors, and those that are on it already.
+fn add(mut candidates: ResMut<CandidateTrianglePairs>, mut last: Local<Vec<Vec<[u32; 2]>>>) {
+    for (place, pair) in candidates.pairs.iter_mut().enumerate() {
+        if pair.is_self() {
+            pair.triangles.extend([[0, 1], [1, 2]]);
+        }
+        pair.triangles.extend(last.get(place).into_iter().flatten().step_by(7));
+    }
+    *last = candidates.pairs.iter().map(|pair| pair.triangles.clone()).collect();
+}
+
+#[test]
+fn pairs_that_were_on_the_list_before_add_nothing() {
+    for method in [ContactMethod::BoundingSphere, ContactMethod::Circumsphere] {
+        let [mut run, mut without] = [1, 1].map(|threads| Run::new(method, threads));
+        let within = add.in_set(SurfaceDetectionSystems::BroadPhase);
+        let place = (BroadPhaseSystems::PairSurfaces, BroadPhaseSystems::PairTriangles);
+        run.app.add_systems(SurfaceDetection, within.after(place.0).before(place.1));
+        for tick in 0..TICKS {
+            let (found, expected) = (run.tick(tick), without.tick(tick));
+            let counts: Vec<_> = found.pairs.iter().map(|pair| pair.contacts.len()).collect();
+            assert!(counts.iter().all(|&count| count > 0));
+            assert_eq!(counts, found.pairs.iter().map(|pair| pair.contacts.iter().count()).collect::<Vec<_>>());
+            for (pair, expected) in found.pairs.iter().zip(&expected.pairs) {
+                assert!(pair.contacts[..] == expected.contacts[..], "{method:?}, tick {tick}");
+            }
+        }
     }
 }
 
