@@ -250,7 +250,8 @@ impl Text<'_> {
             "# Speed against error\n\n\
              What each contact method costs and what it gets wrong, against the truth in f64. Written by\n\n    {}\n\n\
              which took {:.0} s. Times are those of one thread of the machine it ran on, and only their ratios mean \
-             something elsewhere; every other figure is the same in every run.\n",
+             something elsewhere; every other figure is the same in every run. They are those of whole ticks: points and \
+             normals of `Circumsphere` and `BoundingSphere` are mostly written later, by whoever first reads them.\n",
             self.command(),
             self.study.seconds
         )
@@ -855,8 +856,8 @@ impl Text<'_> {
         writeln!(
             out,
             "## What is not measured here\n\n\
-             Residual penetration, jitter and tunnelling are measures of a response, of which there is none yet. Times \
-             of impact are measured by the tests of continuous detection, which is no stage of the pipeline yet."
+             Residual penetration, jitter and tunnelling are measures of a response: the example `experiments` and those \
+             of scenes have them. Times of impact are measured by the tests of continuous detection."
         )
     }
 }
