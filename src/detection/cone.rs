@@ -1,6 +1,6 @@
 //! Stage 6: overlapping spheres whose line between the centers lies in both safety cones, and their contacts.
 
-use std::{mem, time::Instant};
+use std::time::Instant;
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -9,16 +9,14 @@ use super::{
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
     memory::{DetectionMemory, StageList},
-    overlap::{OverlappingTrianglePairs, PassedAndFound, SphereContacts, join},
+    overlap::{OverlappingTrianglePairs, SphereContacts},
     pair_contacts::{PairContacts, SharedList},
-    parallel::{Buffers, CHUNK, append_chunks, for_each_weighed},
+    parallel::{CHUNK, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_caps},
+    sphere_lists::SphereBuffers,
 };
 use crate::{
-    kernel::{
-        pair::FoundPairs,
-        sphere_contacts::{cap_contacts, meeting_caps},
-    },
+    kernel::sphere_contacts::{cap_contacts, meeting_caps},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
@@ -55,8 +53,7 @@ fn test_cones(
     mut meeting: ResMut<MeetingCaps>,
     mut contacts: ResMut<SphereContacts>,
     mut both: Local<Vec<(SharedList<[u32; 2]>, PairContacts)>>,
-    spare: Local<Buffers<PassedAndFound>>,
-    written: Local<Buffers<FoundPairs>>,
+    buffers: Local<SphereBuffers>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
@@ -93,27 +90,17 @@ fn test_cones(
             if !uses_cones(place) {
                 return;
             }
-            let mut lists = contacts.begin_spheres();
-            let mut found = (lists.pairs.take(), mem::take(&mut lists.found));
             let pair_settings = pair_settings(pair, &settings);
             with_caps(&active, &surfaces, pair, &rows, |a, b| {
-                let test = |chunk: &[[u32; 2]], (meeting, found): &mut PassedAndFound| {
-                    meeting_caps(a, b, chunk, &pair_settings, meeting, found);
-                };
-                append_chunks(overlapping, threads, &spare, &mut found, test, join);
-                lists.pairs.put(found.0);
-                lists.found = found.1;
-                *meeting = lists.pairs.clone();
-                match rows.kept(&active, pair) {
-                    // Only lists of our own have every pair once.
-                    Some(spheres) if is_whole => lists.write_later(spheres, pair_settings),
-                    _ => {
-                        let write =
-                            |chunk: &[[u32; 2]], found: &mut _| cap_contacts(a, b, chunk, &pair_settings, found);
-                        lists.write_now(pair_settings.same_surface, threads, &written, write);
-                    }
-                }
-                contacts.keep_spheres(lists);
+                // Only lists of our own have every pair once.
+                let spheres = rows.kept(&active, pair).filter(|_| is_whole);
+                *meeting = contacts.find_spheres(
+                    overlapping,
+                    (spheres, pair_settings),
+                    (threads, &buffers),
+                    |chunk, (meeting, found)| meeting_caps(a, b, chunk, &pair_settings, meeting, found),
+                    |chunk, found| cap_contacts(a, b, chunk, &pair_settings, found),
+                );
             });
         },
     );

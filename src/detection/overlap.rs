@@ -1,6 +1,6 @@
 //! Stage 5: candidates whose spheres overlap, and the contacts of enclosing balls.
 
-use std::{mem, time::Instant};
+use std::time::Instant;
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -12,11 +12,12 @@ use super::{
     pair_contacts::{PairContacts, SharedList},
     parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
     sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
+    sphere_lists::SphereBuffers,
 };
 use crate::{
     kernel::{
-        pair::{FoundPairs, PairSettings},
-        sphere_contacts::{FoundSpheres, ball_contacts, overlapping_ball_contacts},
+        pair::PairSettings,
+        sphere_contacts::{ball_contacts, overlapping_ball_contacts},
         sphere_pairs::overlapping_caps,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
@@ -39,15 +40,6 @@ pub struct SphereContacts {
     /// Touching pairs and contacts; where a surface meets itself, contacts are sorted by the lower triangle, whichever stands
     /// first. Mostly they are not written before somebody reads them.
     pub pairs: Vec<PairContacts>,
-}
-
-/// What was found of a pair, part by part: pairs that passed, and contacts.
-pub(super) type PassedAndFound = (Vec<[u32; 2]>, FoundSpheres);
-
-/// Appends what was found in a later part.
-pub(super) fn join((passed, found): &mut PassedAndFound, (later, later_found): &mut PassedAndFound) {
-    passed.append(later);
-    found.append(later_found);
 }
 
 /// Tests spheres for overlap.
@@ -76,8 +68,8 @@ fn test_overlap(
     mut both: Local<Vec<(SharedList<[u32; 2]>, PairContacts)>>,
     mut memory: ResMut<DetectionMemory>,
     mut rows: ResMut<SphereRows>,
-    spare: Local<Buffers<PassedAndFound>>,
-    written: Local<Buffers<FoundPairs>>,
+    spare: Local<Buffers<Vec<[u32; 2]>>>,
+    buffers: Local<SphereBuffers>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
 ) {
@@ -128,36 +120,24 @@ fn test_overlap(
             // A broad phase of our own has left out neighbors: nobody has to look for them again.
             let test_settings = PairSettings { same_surface: pair_settings.same_surface && !is_whole, ..pair_settings };
             if pair.method == ContactMethod::Circumsphere {
-                let mut found = (room, FoundSpheres::default());
+                let mut kept = room;
                 with_caps(&active, &surfaces, pair, &rows, |a, b| {
-                    let test = |chunk: &[[u32; 2]], (kept, _): &mut PassedAndFound| {
-                        overlapping_caps(a, b, chunk, &test_settings, kept);
-                    };
-                    append_chunks(&pair.triangles, threads, &spare, &mut found, test, join);
+                    let test = |chunk: &[[u32; 2]], kept: &mut _| overlapping_caps(a, b, chunk, &test_settings, kept);
+                    append_chunks(&pair.triangles, threads, &spare, &mut kept, test, Vec::append);
                 });
-                overlapping.put(found.0);
+                overlapping.put(kept);
                 return;
             }
-            let mut lists = contacts.begin_spheres();
-            let mut found = (lists.pairs.take(), mem::take(&mut lists.found));
             with_balls(&active, &surfaces, pair, &rows, |a, b| {
-                let test = |chunk: &[[u32; 2]], (kept, found): &mut PassedAndFound| {
-                    overlapping_ball_contacts(a, b, chunk, &test_settings, kept, found);
-                };
-                append_chunks(&pair.triangles, threads, &spare, &mut found, test, join);
-                lists.pairs.put(found.0);
-                lists.found = found.1;
-                *overlapping = lists.pairs.clone();
-                match rows.kept(&active, pair) {
-                    // Only lists of our own have every pair once.
-                    Some(spheres) if is_whole => lists.write_later(spheres, pair_settings),
-                    _ => {
-                        let write =
-                            |chunk: &[[u32; 2]], found: &mut _| ball_contacts(a, b, chunk, &pair_settings, found);
-                        lists.write_now(pair_settings.same_surface, threads, &written, write);
-                    }
-                }
-                contacts.keep_spheres(lists);
+                // Only lists of our own have every pair once.
+                let spheres = rows.kept(&active, pair).filter(|_| is_whole);
+                *overlapping = contacts.find_spheres(
+                    &pair.triangles,
+                    (spheres, pair_settings),
+                    (threads, &buffers),
+                    |chunk, (kept, found)| overlapping_ball_contacts(a, b, chunk, &test_settings, kept, found),
+                    |chunk, found| ball_contacts(a, b, chunk, &pair_settings, found),
+                );
             });
         },
     );

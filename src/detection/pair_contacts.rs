@@ -7,10 +7,10 @@ use std::{
     sync::Arc,
 };
 
-use super::sphere_lists::SphereLists;
+use super::sphere_lists::{KeptSpheres, PassedAndFound, SphereBuffers, SphereLists};
 use crate::kernel::{
     contact::{CompactContact, SharedContact, TouchingPair},
-    pair::FoundPairs,
+    pair::{FoundPairs, PairSettings},
     unique::UniqueFeatures,
 };
 
@@ -197,15 +197,20 @@ impl PairContacts {
         self.last_spheres = None;
     }
 
-    /// Gives lists that what is found by spheres can be written to before it is [kept](Self::keep_spheres).
-    pub(super) fn begin_spheres(&mut self) -> SphereLists {
-        self.spare_spheres.as_mut().and_then(Arc::get_mut).map(mem::take).unwrap_or_default()
-    }
-
-    /// Keeps what was found by spheres.
-    pub(super) fn keep_spheres(&mut self, lists: SphereLists) {
-        (self.nearest, self.examined) = (lists.found.nearest, 0);
+    /// [Finds](SphereLists::find) what is in contact by spheres, and keeps it. Returns the pairs that passed.
+    pub(super) fn find_spheres(
+        &mut self,
+        pairs: &[[u32; 2]],
+        written_by: (Option<KeptSpheres>, PairSettings),
+        buffers: (usize, &SphereBuffers),
+        find: impl Fn(&[[u32; 2]], &mut PassedAndFound) + Sync,
+        write: impl Fn(&[[u32; 2]], &mut FoundPairs) + Sync,
+    ) -> SharedList<[u32; 2]> {
         let mut place = self.spare_spheres.take().unwrap_or_default();
+        let mut lists = Arc::get_mut(&mut place).map(mem::take).unwrap_or_default();
+        lists.find(pairs, written_by, buffers, find, write);
+        (self.nearest, self.examined) = (lists.nearest(), 0);
+        let passed = lists.pairs().clone();
         match Arc::get_mut(&mut place) {
             Some(own) => *own = lists,
             None => place = Arc::new(lists),
@@ -213,6 +218,7 @@ impl PairContacts {
         self.touching = SharedList::defer(Arc::clone(&place) as _);
         self.contacts = SharedList::defer(Arc::clone(&place) as _);
         self.spheres = Some(place);
+        passed
     }
 
     /// Writes what was found.

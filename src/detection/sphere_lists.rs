@@ -76,13 +76,29 @@ impl KeptSpheres {
     }
 }
 
+/// What was found of a pair of surfaces, part by part: pairs that passed, and what was found of those.
+pub(super) type PassedAndFound = (Vec<[u32; 2]>, FoundSpheres);
+
+/// Appends what was found in a later part.
+fn join((passed, found): &mut PassedAndFound, (later, later_found): &mut PassedAndFound) {
+    passed.append(later);
+    found.append(later_found);
+}
+
+/// What a stage that finds contacts keeps for the memory of its threads.
+#[derive(Default)]
+pub(super) struct SphereBuffers {
+    found: Buffers<PassedAndFound>,
+    written: Buffers<FoundPairs>,
+}
+
 /// What was found of a pair of surfaces, and all that it takes to write it out.
 #[derive(Debug, Default)]
 pub(crate) struct SphereLists {
     /// Pairs that meet, as their stage has left them.
-    pub(super) pairs: SharedList<[u32; 2]>,
+    pairs: SharedList<[u32; 2]>,
     /// What was found of those.
-    pub(super) found: FoundSpheres,
+    found: FoundSpheres,
     known: Option<(KeptSpheres, PairSettings)>,
     written: OnceLock<FoundPairs>,
     room: Mutex<WriteRoom>,
@@ -124,25 +140,40 @@ impl SphereLists {
         }
     }
 
-    /// What was found is written by these spheres, when somebody reads it. It has every pair once.
-    pub(super) fn write_later(&mut self, spheres: KeptSpheres, settings: PairSettings) {
-        self.known = Some((spheres, settings));
-    }
-
-    /// Writes what was found as `write` does it for a list of triangles.
-    pub(super) fn write_now(
+    /// Finds those of some pairs that pass by `find`. The contacts are written by `spheres` when somebody reads them, given that
+    /// every pair is there once; where there are none, in this tick by `write`.
+    pub(super) fn find(
         &mut self,
-        same_surface: bool,
-        threads: usize,
-        spare: &Buffers<FoundPairs>,
+        pairs: &[[u32; 2]],
+        (spheres, settings): (Option<KeptSpheres>, PairSettings),
+        (threads, buffers): (usize, &SphereBuffers),
+        find: impl Fn(&[[u32; 2]], &mut PassedAndFound) + Sync,
         write: impl Fn(&[[u32; 2]], &mut FoundPairs) + Sync,
     ) {
+        let mut found = (self.pairs.take(), mem::take(&mut self.found));
+        append_chunks(pairs, threads, &buffers.found, &mut found, find, join);
+        self.pairs.put(found.0);
+        self.found = found.1;
+        self.known = spheres.map(|spheres| (spheres, settings));
+        if self.known.is_some() {
+            return;
+        }
         let room = self.room.get_mut().unwrap_or_else(PoisonError::into_inner);
         let mut written = mem::take(&mut room.written);
-        let pairs = room.order(self.found.contacts(&self.pairs), same_surface, &Threads(threads));
-        append_chunks(pairs, threads, spare, &mut written, write, FoundPairs::append_sorted);
+        let pairs = room.order(self.found.contacts(&self.pairs), settings.same_surface, &Threads(threads));
+        append_chunks(pairs, threads, &buffers.written, &mut written, write, FoundPairs::append_sorted);
         written.sort_touching();
         self.written = OnceLock::from(written);
+    }
+
+    /// The pairs that passed.
+    pub(super) fn pairs(&self) -> &SharedList<[u32; 2]> {
+        &self.pairs
+    }
+
+    /// Distance of the nearest pair, see [`FoundSpheres::nearest`].
+    pub(super) fn nearest(&self) -> f64 {
+        self.found.nearest
     }
 
     /// The contacts as they were found, in the order of the candidates.
