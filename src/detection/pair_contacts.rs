@@ -34,12 +34,13 @@ pub(super) trait Deferred<T>: Debug + Send + Sync {
     fn written(&self) -> Option<&Vec<T>>;
 }
 
-/// Nothing is written to be shown.
+/// Nothing is written to be shown, nor does that count as reading.
 impl<T: Debug> Debug for SharedList<T> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        match &self.deferred {
-            Some(lists) if lists.written().is_none() => write!(formatter, "[{} unwritten]", lists.len()),
-            _ => formatter.debug_list().entries(self.iter()).finish(),
+        let written = self.written.as_deref();
+        match (&self.deferred, written.or_else(|| self.deferred.as_ref()?.written())) {
+            (Some(lists), None) => write!(formatter, "[{} unwritten]", lists.len()),
+            (_, list) => formatter.debug_list().entries(list.into_iter().flatten()).finish(),
         }
     }
 }
@@ -135,9 +136,11 @@ pub struct PairContacts {
     lower_bounds: Vec<f32>,
     /// Lists of the tick before the last one, which nobody holds any more: their memory serves this one.
     spare: (SharedList<TouchingPair>, SharedList<CompactContact>, SharedList<SharedContact>),
-    /// The same of the tick before.
+    /// The same as `spheres` of the tick before.
     last_spheres: Option<Arc<SphereLists>>,
-    /// What nobody else holds any more of that: its memory serves another tick.
+    /// Whether somebody has read what those are written into: then this tick's will be read, too.
+    expects_reader: bool,
+    /// Empty ones that nobody else holds: their memory serves another tick.
     spare_spheres: Option<Arc<SphereLists>>,
 }
 
@@ -153,6 +156,7 @@ impl Default for PairContacts {
             lower_bounds: Vec::new(),
             spare: Default::default(),
             last_spheres: None,
+            expects_reader: false,
             spare_spheres: None,
         }
     }
@@ -182,19 +186,28 @@ impl PairContacts {
 
     /// Begins a tick of its own: lets go of the spheres of the tick before the last one.
     pub(super) fn release_spheres(&mut self) {
+        self.expects_reader = self.spheres.as_ref().is_some_and(|lists| lists.is_read());
         self.touching.deferred = None;
         self.contacts.deferred = None;
         let older = mem::replace(&mut self.last_spheres, self.spheres.take());
-        self.spare_spheres = older.or_else(|| self.spare_spheres.take());
-        match self.spare_spheres.as_mut().and_then(Arc::get_mut) {
-            Some(lists) => lists.clear(),
-            None => self.spare_spheres = None,
-        }
+        self.keep_memory(older);
     }
 
-    /// Lets go of all spheres but those of the contacts: nothing is found in this tick.
+    /// Lets go of all spheres but those of the contacts: nothing is found in this tick. The memory of what is read stays for
+    /// when it is written again: there is much of it.
     pub(super) fn rest_spheres(&mut self) {
-        self.last_spheres = None;
+        let last = self.last_spheres.take().filter(|_| self.expects_reader);
+        self.keep_memory(last);
+    }
+
+    /// Empties lists that nobody else holds, for another tick.
+    fn keep_memory(&mut self, lists: Option<Arc<SphereLists>>) {
+        if let Some(mut lists) = lists
+            && let Some(own) = Arc::get_mut(&mut lists)
+        {
+            own.clear();
+            self.spare_spheres = Some(lists);
+        }
     }
 
     /// [Finds](SphereLists::find) what is in contact by spheres, and keeps it. Returns the pairs that passed.
@@ -208,7 +221,8 @@ impl PairContacts {
     ) -> SharedList<[u32; 2]> {
         let mut place = self.spare_spheres.take().unwrap_or_default();
         let mut lists = Arc::get_mut(&mut place).map(mem::take).unwrap_or_default();
-        lists.find(pairs, written_by, buffers, find, write);
+        let (spheres, settings) = written_by;
+        lists.find(pairs, (spheres.filter(|_| !self.expects_reader), settings), buffers, find, write);
         (self.nearest, self.examined) = (lists.nearest(), 0);
         let passed = lists.pairs().clone();
         match Arc::get_mut(&mut place) {

@@ -1,12 +1,17 @@
-//! Contacts of spheres, written when somebody first reads them.
+//! Contacts of spheres, written when somebody first reads them, or expected to be.
 //!
 //! A tick finds which triangles are in contact by their spheres, and how far apart they are. All else about such a contact
 //! follows from the two spheres: where it is, its normal, what its points weigh. Whoever asks for that gets all contacts of the
-//! pair, sorted, from a copy of the spheres that they were found with; whoever does not has nothing to pay.
+//! pair, sorted, from a copy of the spheres that they were found with; whoever does not has nothing to pay. Who has read
+//! those of the last tick will read these, too: they are written in the tick then, where threads can share the work. A reader
+//! cannot: it may be a task of the same threads, which would wait for itself.
 
 use std::{
     mem,
-    sync::{Arc, Mutex, OnceLock, PoisonError},
+    sync::{
+        Arc, Mutex, OnceLock, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
 };
 
 use super::{
@@ -101,6 +106,8 @@ pub(crate) struct SphereLists {
     found: FoundSpheres,
     known: Option<(KeptSpheres, PairSettings)>,
     written: OnceLock<FoundPairs>,
+    /// Whether anybody has read what is written.
+    is_read: AtomicBool,
     room: Mutex<WriteRoom>,
 }
 
@@ -128,15 +135,21 @@ impl WriteRoom {
 }
 
 impl SphereLists {
-    /// Empties it, keeps its memory, and lets the spheres go.
+    /// Empties it, keeps the memory that it needed this time, and lets the spheres go.
     pub(super) fn clear(&mut self) {
         self.found.clear();
         self.known = None;
+        *self.is_read.get_mut() = false;
         let pairs = self.pairs.take();
         self.pairs.put(pairs);
-        if let Some(mut written) = self.written.take() {
-            written.clear();
-            self.room.get_mut().unwrap_or_else(PoisonError::into_inner).written = written;
+        let room = self.room.get_mut().unwrap_or_else(PoisonError::into_inner);
+        match self.written.take() {
+            Some(mut written) => {
+                written.clear();
+                room.written = written;
+            }
+            // Nobody reads any more.
+            None => *room = WriteRoom::default(),
         }
     }
 
@@ -166,6 +179,11 @@ impl SphereLists {
         self.written = OnceLock::from(written);
     }
 
+    /// Whether anybody has read the contacts, or which pairs touch.
+    pub(super) fn is_read(&self) -> bool {
+        self.is_read.load(Ordering::Relaxed)
+    }
+
     /// The pairs that passed.
     pub(super) fn pairs(&self) -> &SharedList<[u32; 2]> {
         &self.pairs
@@ -181,7 +199,10 @@ impl SphereLists {
         self.found.contacts(&self.pairs)
     }
 
-    fn write(&self) -> &FoundPairs {
+    fn read(&self) -> &FoundPairs {
+        if !self.is_read() {
+            self.is_read.store(true, Ordering::Relaxed);
+        }
         self.written.get_or_init(|| {
             let mut room = self.room.lock().unwrap_or_else(PoisonError::into_inner);
             let mut written = mem::take(&mut room.written);
@@ -201,7 +222,7 @@ impl Deferred<CompactContact> for SphereLists {
     }
 
     fn list(&self) -> &Vec<CompactContact> {
-        &self.write().contacts
+        &self.read().contacts
     }
 
     fn written(&self) -> Option<&Vec<CompactContact>> {
@@ -215,7 +236,7 @@ impl Deferred<TouchingPair> for SphereLists {
     }
 
     fn list(&self) -> &Vec<TouchingPair> {
-        &self.write().touching
+        &self.read().touching
     }
 
     fn written(&self) -> Option<&Vec<TouchingPair>> {

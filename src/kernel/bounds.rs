@@ -3,7 +3,7 @@
 //! Every box is grown by half of the distance at which a pair matters, so that two triangles within that distance have
 //! boxes that overlap. The boxes follow the triangles, never the offset spheres. Feeds the broad phase.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 
 use super::share::{OneByOne, Share};
 
@@ -59,9 +59,8 @@ impl Aabb {
     /// The box with every side moved outward by `distance` and by what rounding may take.
     #[must_use]
     pub fn grown(&self, distance: f32) -> Self {
-        let largest = self.min.abs().max(self.max.abs()).max_element();
-        let growth = Vec3::splat(distance + ROUNDING_GROWTH * (largest + distance));
-        Self { min: self.min - growth, max: self.max + growth }
+        let (min, max) = grown(self.min.into(), self.max.into(), distance);
+        Self { min: min.into(), max: max.into() }
     }
 
     /// Sum of the products of two side lengths: half the surface area.
@@ -88,18 +87,27 @@ pub fn triangle_bounds_on(
 ) -> Aabb {
     bounds.resize(triangles.len(), Aabb::EMPTY);
     let part = triangles.len().div_ceil(MOST_PARTS).max(LEAST_PART);
-    let mut wholes = [Aabb::EMPTY; MOST_PARTS];
+    let mut wholes = [(Vec3A::INFINITY, Vec3A::NEG_INFINITY); MOST_PARTS];
     let parts = triangles.chunks(part).zip(bounds.chunks_mut(part)).zip(&mut wholes);
-    share.hand_out(parts, triangles.len() / LEAST_PART, |((triangles, bounds), whole)| {
+    share.hand_out(parts, triangles.len() / LEAST_PART, |((triangles, bounds), (low, high))| {
         for (corners, bounds) in triangles.iter().zip(bounds) {
-            let [a, b, c] = corners.map(|vertex| positions[vertex as usize]);
-            *bounds = Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }.grown(growth);
-            if bounds.min.cmple(bounds.max).all() {
-                *whole = whole.union(bounds);
+            let [a, b, c] = corners.map(|vertex| Vec3A::from(positions[vertex as usize]));
+            let (min, max) = grown(a.min(b).min(c), a.max(b).max(c), growth);
+            *bounds = Aabb { min: min.into(), max: max.into() };
+            if min.cmple(max).all() {
+                (*low, *high) = (low.min(min), high.max(max));
             }
         }
     });
-    wholes.iter().fold(Aabb::EMPTY, |all, whole| all.union(whole))
+    wholes.iter().fold(Aabb::EMPTY, |all, &(low, high)| all.union(&Aabb { min: low.into(), max: high.into() }))
+}
+
+/// The sides of a box, moved outward by `distance` and by what rounding may take.
+#[inline]
+fn grown(min: Vec3A, max: Vec3A, distance: f32) -> (Vec3A, Vec3A) {
+    let largest = min.abs().max(max.abs()).max_element();
+    let growth = Vec3A::splat(distance + ROUNDING_GROWTH * (largest + distance));
+    (min - growth, max + growth)
 }
 
 /// Writes every pair of overlapping boxes of one list, lower index first, sorted, by comparing all of them.

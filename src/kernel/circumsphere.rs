@@ -15,7 +15,7 @@ use glam::Vec3;
 
 use super::{
     cone::SafetyCones,
-    lanes::{EdgeChoice, FrameLanes, TriangleLanes, VectorLanes, WIDTH, first_lanes, store_first, stored},
+    lanes::{EdgeChoice, FrameLanes, SetLanes, TriangleLanes, VectorLanes, WIDTH, first_lanes, rows, store_first},
     recipe::{Recipe, RecipeBlock, RecipeLanes, ShapeLanes},
     share::{LEAST_SHARE, OneByOne, PART, Share},
 };
@@ -194,14 +194,13 @@ fn write_enclosing_balls<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32
         let frame = FrameLanes::of_lengths(&lanes, EdgeChoice::longest(&lengths), &lengths);
         let center = frame.point_across(frame.cotangent.max(0.0));
         let (radius, exact_radius) = lanes.containing_radius(center);
-        let (centers, radii) = (center.stored(), stored(radius));
-        let exact = (exact_lengths & frame.exact & exact_radius).to_bitmask();
-        for (lane, ball) in balls.iter_mut().enumerate().take(WIDTH) {
-            *ball = if exact & (1 << lane) == 0 {
-                enclosing_ball(triangles[lane].map(|vertex| positions[vertex as usize]))
-            } else {
-                Ball { center: centers.get(lane), radius: radii[lane] }
-            };
+        let spheres = rows([center.x, center.y, center.z, radius]);
+        for (ball, sphere) in balls.iter_mut().zip(spheres) {
+            *ball = Ball { center: Vec3::new(sphere[0], sphere[1], sphere[2]), radius: sphere[3] };
+        }
+        let exact = (exact_lengths & frame.exact & exact_radius).to_bitmask() as u32;
+        for lane in SetLanes(!exact & first_lanes(triangles.len()) as u32) {
+            balls[lane] = enclosing_ball(triangles[lane].map(|vertex| positions[vertex as usize]));
         }
     }
 }
@@ -398,13 +397,8 @@ impl SpherePart<'_> {
     #[inline(always)]
     fn write<S: Simd>(&mut self, first: usize, lanes: &SphereLanes<S>) {
         let end = (first + WIDTH).min(self.radii.len());
-        let (centers, axes) = (lanes.center.stored(), lanes.axis.stored());
-        for (lane, (center, axis)) in
-            self.centers[first..end].iter_mut().zip(&mut self.axes[first..end]).enumerate().take(WIDTH)
-        {
-            *center = centers.get(lane);
-            *axis = axes.get(lane);
-        }
+        lanes.center.write(&mut self.centers[first..end]);
+        lanes.axis.write(&mut self.axes[first..end]);
         store_first(lanes.radius, &mut self.radii[first..end]);
         store_first(lanes.height, &mut self.heights[first..end]);
         store_first(lanes.cosine, &mut self.cosines[first..end]);

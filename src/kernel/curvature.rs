@@ -320,7 +320,7 @@ impl Curvatures {
                 self.measure_one_by_one(topology, positions, first + block * WIDTH, measured);
                 continue;
             }
-            bends.dihedrals().write_arrays(dihedrals);
+            bends.dihedrals().write(dihedrals);
             store_first(bends.spread(), spreads);
             store_first(bends.curvature(), curvatures);
         }

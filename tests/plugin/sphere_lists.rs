@@ -169,3 +169,38 @@ fn what_is_dropped_from_a_list_that_was_not_written_is_dropped_from_the_whole_li
     }
     assert!(lists(store(&run.app)) == whole, "a clone's list is its own");
 }
+
+/// A reader has its contacts written by all threads in the tick, from the second one on that it reads; the same contacts as
+/// ever, and while nobody reads nothing is written.
+#[test]
+fn contacts_that_are_read_every_tick_are_written_in_the_tick() {
+    const READ: [bool; 6] = [false, true, true, false, false, true];
+    for method in [ContactMethod::BoundingSphere, ContactMethod::Circumsphere] {
+        for threads in [1, 2] {
+            let [mut run, mut unread] = [threads, 1].map(|threads| Run::new(method, threads));
+            let (mut was_read, mut read) = (false, Vec::new());
+            for (tick, reads) in READ.into_iter().enumerate() {
+                let (found, expected) = (run.tick(tick), unread.tick(tick));
+                assert_eq!(found.pairs.len(), 2);
+                assert!(found.pairs.iter().all(|pair| is_written(pair) == was_read), "{method:?}, tick {tick}");
+                let as_found = |store: &ContactStore| -> Vec<_> {
+                    store.pairs.iter().map(|pair| pair.sphere_contacts().collect::<Vec<_>>()).collect()
+                };
+                assert!(as_found(&found) == as_found(&expected), "{method:?}, tick {tick}");
+                if reads {
+                    // Of a pair's two lists either is enough.
+                    let count: usize = found.pairs.iter().map(|pair| pair.touching.iter().count()).sum();
+                    assert!(count > 1_000, "{method:?}: {count} pairs touch");
+                    read.push((lists(&found), expected));
+                }
+                was_read = reads;
+            }
+            assert!(read.iter().all(|(found, expected)| *found == lists(expected)), "{method:?}");
+            // Nothing moves, and nobody loses what has been read.
+            let last = lists(store(&run.app));
+            run.tick(READ.len() - 1);
+            run.tick(READ.len() - 1);
+            assert!(lists(store(&run.app)) == last, "{method:?}");
+        }
+    }
+}

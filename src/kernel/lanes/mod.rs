@@ -171,16 +171,16 @@ impl<S: Simd> VectorLanes<S> {
 
     /// Writes the first ones into memory, eight at most.
     #[inline(always)]
-    pub(in crate::kernel) fn write_arrays(self, vectors: &mut [[f32; 3]]) {
+    pub(in crate::kernel) fn write<T: From<[f32; 3]>>(self, vectors: &mut [T]) {
         let rows = rows([self.x, self.y, self.z, self.z]);
         let Some(vectors) = vectors.first_chunk_mut::<WIDTH>() else {
             for (vector, row) in vectors.iter_mut().zip(rows) {
-                *vector = [row[0], row[1], row[2]];
+                *vector = [row[0], row[1], row[2]].into();
             }
             return;
         };
         for (vector, row) in vectors.iter_mut().zip(rows) {
-            *vector = [row[0], row[1], row[2]];
+            *vector = [row[0], row[1], row[2]].into();
         }
     }
 
