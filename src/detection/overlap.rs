@@ -38,7 +38,7 @@ pub struct OverlappingTrianglePairs {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct SphereContacts {
     /// Touching pairs and contacts; where a surface meets itself, contacts are sorted by the lower triangle, whichever stands
-    /// first. Mostly they are not written before somebody reads them.
+    /// first. Where nobody has read those of the tick before, mostly they are not written before somebody reads them.
     pub pairs: Vec<PairContacts>,
 }
 

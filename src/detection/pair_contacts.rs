@@ -15,13 +15,18 @@ use crate::kernel::{
 };
 
 /// A list that several hold. Whoever writes to it while others hold it, too, gets one of its own. Some lists are not written
-/// until somebody reads them: how long such a list is, is known before.
+/// until somebody reads them: how long such a list is, is known before, and asking for that is not reading.
 #[derive(Clone)]
-pub struct SharedList<T: 'static> {
-    /// None where the list is empty, or written elsewhere.
-    written: Option<Arc<Vec<T>>>,
-    /// Who writes it elsewhere; none where it is written here.
-    deferred: Option<Arc<dyn Deferred<T>>>,
+pub struct SharedList<T: 'static>(Shared<T>);
+
+/// Where a list is.
+#[derive(Clone)]
+enum Shared<T: 'static> {
+    /// Nowhere, as there is nothing on it.
+    Nothing,
+    Written(Arc<Vec<T>>),
+    /// With whoever writes it when it is first read.
+    Deferred(Arc<dyn Deferred<T>>),
 }
 
 /// Lists that are written when they are first read.
@@ -37,17 +42,21 @@ pub(super) trait Deferred<T>: Debug + Send + Sync {
 /// Nothing is written to be shown, nor does that count as reading.
 impl<T: Debug> Debug for SharedList<T> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        let written = self.written.as_deref();
-        match (&self.deferred, written.or_else(|| self.deferred.as_ref()?.written())) {
-            (Some(lists), None) => write!(formatter, "[{} unwritten]", lists.len()),
-            (_, list) => formatter.debug_list().entries(list.into_iter().flatten()).finish(),
-        }
+        let written = match &self.0 {
+            Shared::Nothing => None,
+            Shared::Written(list) => Some(&**list),
+            Shared::Deferred(lists) => match lists.written() {
+                None => return write!(formatter, "[{} unwritten]", lists.len()),
+                written => written,
+            },
+        };
+        formatter.debug_list().entries(written.into_iter().flatten()).finish()
     }
 }
 
 impl<T> Default for SharedList<T> {
     fn default() -> Self {
-        Self { written: None, deferred: None }
+        Self(Shared::Nothing)
     }
 }
 
@@ -55,16 +64,21 @@ impl<T> Deref for SharedList<T> {
     type Target = Vec<T>;
 
     fn deref(&self) -> &Vec<T> {
-        let written = self.written.as_deref();
-        written.or_else(|| self.deferred.as_ref().map(|lists| lists.list())).unwrap_or(const { &Vec::new() })
+        match &self.0 {
+            Shared::Nothing => const { &Vec::new() },
+            Shared::Written(list) => list,
+            Shared::Deferred(lists) => lists.list(),
+        }
     }
 }
 
 impl<T: Clone> DerefMut for SharedList<T> {
     fn deref_mut(&mut self) -> &mut Vec<T> {
-        let deferred = self.deferred.take();
-        let write = || Arc::new(deferred.map_or_else(Vec::new, |lists| lists.list().clone()));
-        Arc::make_mut(self.written.get_or_insert_with(write))
+        if !matches!(self.0, Shared::Written(_)) {
+            self.0 = Shared::Written(Arc::new(self.to_vec()));
+        }
+        let Shared::Written(list) = &mut self.0 else { unreachable!("it has just been written") };
+        Arc::make_mut(list)
     }
 }
 
@@ -72,8 +86,11 @@ impl<T> SharedList<T> {
     /// How many items there are, without writing the list.
     #[must_use]
     pub fn len(&self) -> usize {
-        let deferred = self.deferred.as_ref().map_or(0, |lists| lists.len());
-        self.written.as_ref().map_or(deferred, |list| list.len())
+        match &self.0 {
+            Shared::Nothing => 0,
+            Shared::Written(list) => list.len(),
+            Shared::Deferred(lists) => lists.len(),
+        }
     }
 
     /// Whether there are none, without writing the list.
@@ -84,7 +101,7 @@ impl<T> SharedList<T> {
 
     /// The list, where nobody else holds it.
     fn own(&mut self) -> Option<&mut Vec<T>> {
-        self.written.as_mut().and_then(Arc::get_mut)
+        if let Shared::Written(list) = &mut self.0 { Arc::get_mut(list) } else { None }
     }
 
     /// Takes the memory of the list, if nobody else holds it, and leaves an empty one in its place.
@@ -104,16 +121,23 @@ impl<T> SharedList<T> {
 
     /// Puts a list in the place of this one.
     pub(super) fn put(&mut self, list: Vec<T>) {
-        self.deferred = None;
         match self.own() {
             Some(place) => *place = list,
-            None => self.written = (list.capacity() > 0).then(|| Arc::new(list)),
+            None if list.capacity() > 0 => self.0 = Shared::Written(Arc::new(list)),
+            None => self.0 = Shared::Nothing,
         }
     }
 
     /// A list that others write.
     fn defer(lists: Arc<dyn Deferred<T>>) -> Self {
-        Self { written: None, deferred: Some(lists) }
+        Self(Shared::Deferred(lists))
+    }
+
+    /// Lets go of those who would write it.
+    fn release(&mut self) {
+        if let Shared::Deferred(_) = self.0 {
+            self.0 = Shared::Nothing;
+        }
     }
 }
 
@@ -187,8 +211,8 @@ impl PairContacts {
     /// Begins a tick of its own: lets go of the spheres of the tick before the last one.
     pub(super) fn release_spheres(&mut self) {
         self.expects_reader = self.spheres.as_ref().is_some_and(|lists| lists.is_read());
-        self.touching.deferred = None;
-        self.contacts.deferred = None;
+        self.touching.release();
+        self.contacts.release();
         let older = mem::replace(&mut self.last_spheres, self.spheres.take());
         self.keep_memory(older);
     }

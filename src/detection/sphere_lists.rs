@@ -154,7 +154,7 @@ impl SphereLists {
     }
 
     /// Finds those of some pairs that pass by `find`. The contacts are written by `spheres` when somebody reads them, given that
-    /// every pair is there once; where there are none, in this tick by `write`.
+    /// every pair is there once; without those, in this tick by `write`.
     pub(super) fn find(
         &mut self,
         pairs: &[[u32; 2]],

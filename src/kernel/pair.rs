@@ -149,6 +149,12 @@ impl RowPair<'_> {
         }
         self.rows[side].number(triangle, part)
     }
+
+    /// The numbers of two features.
+    #[inline]
+    pub(super) fn numbers(&self, FeaturePair { a, b }: FeaturePair) -> [u32; 2] {
+        [self.number(0, a.part()), self.number(1, b.part())]
+    }
 }
 
 /// Whether the sides have passed each other, as far as a one-sided surface tells, given the way from the second to the first.

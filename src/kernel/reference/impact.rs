@@ -8,11 +8,12 @@
 //! first, until one of these decides. Every comparison leaves room for the rounding of what is compared, so what
 //! rounding could turn around stays undecided. Exact signs decide what touches at the ends of the motion.
 
-use super::triangle_crossing::{side_of_plane, triangles_cross};
-use super::triangle_pair::{
-    ClosestKind, TriangleSide, closest_features, point_triangle, power_of_two_within, segment_segment,
-};
 use glam::DVec3;
+
+use self::shape::{CORNERS, Closest, Corners, Shape};
+use super::{triangle_crossing::side_of_plane, triangle_pair::power_of_two_within};
+
+mod shape;
 
 /// When two moving features or triangles first come within a distance of each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,16 +78,11 @@ const MOST_UNDECIDED: usize = 512;
 /// hardly farther apart than rounding can tell would need millions.
 const MOST_SPANS: usize = 1 << 15;
 
-/// Most corners of a pair: those of two triangles.
-const CORNERS: usize = 6;
-
-type Corners = [DVec3; CORNERS];
-
 /// First impact of a vertex, first of the four points, and a face, the other three.
 ///
 /// `start` are the positions at time 0, `end` those at time 1; they move linearly between. An impact is a distance of
 /// at most `minimum_separation` (0 or more, in the unit of the positions) of the vertex and the closed triangle.
-/// Coordinates must be finite and within the range that [`triangles_cross`] asks for.
+/// Coordinates must be finite and within the range that [`triangles_cross`](super::triangle_crossing::triangles_cross) asks for.
 #[must_use]
 pub fn vertex_face_impact(start: &[DVec3; 4], end: &[DVec3; 4], minimum_separation: f64) -> ImpactTruth {
     first_impact(Shape::VertexFace, &start[..1], &start[1..], &end[..1], &end[1..], minimum_separation)
@@ -109,132 +105,6 @@ pub fn triangle_impact(
     minimum_separation: f64,
 ) -> ImpactTruth {
     first_impact(Shape::Triangles, start_a, start_b, end_a, end_b, minimum_separation)
-}
-
-/// What the corners of a pair are corners of.
-#[derive(Clone, Copy, PartialEq)]
-enum Shape {
-    VertexFace,
-    EdgeEdge,
-    Triangles,
-}
-
-impl Shape {
-    /// How many of the corners are the first side's; the second side's follow.
-    const fn first_side(self) -> usize {
-        match self {
-            Self::VertexFace => 1,
-            Self::EdgeEdge => 2,
-            Self::Triangles => 3,
-        }
-    }
-
-    const fn corners(self) -> usize {
-        match self {
-            Self::VertexFace | Self::EdgeEdge => 4,
-            Self::Triangles => 6,
-        }
-    }
-
-    /// The vertex–face pairs among the corners: a vertex, then the corners of the face.
-    const fn vertex_faces(self) -> &'static [[usize; 4]] {
-        match self {
-            Self::VertexFace => &[[0, 1, 2, 3]],
-            Self::EdgeEdge => &[],
-            Self::Triangles => &[[0, 3, 4, 5], [1, 3, 4, 5], [2, 3, 4, 5], [3, 0, 1, 2], [4, 0, 1, 2], [5, 0, 1, 2]],
-        }
-    }
-
-    /// The pairs of edges among the corners.
-    const fn edge_edges(self) -> &'static [[usize; 4]] {
-        match self {
-            Self::VertexFace => &[],
-            Self::EdgeEdge => &[[0, 1, 2, 3]],
-            Self::Triangles => &[
-                [0, 1, 3, 4],
-                [0, 1, 4, 5],
-                [0, 1, 5, 3],
-                [1, 2, 3, 4],
-                [1, 2, 4, 5],
-                [1, 2, 5, 3],
-                [2, 0, 3, 4],
-                [2, 0, 4, 5],
-                [2, 0, 5, 3],
-            ],
-        }
-    }
-
-    /// The edges of one side and the face of the other that they may pierce.
-    const fn edge_faces(self) -> &'static [([usize; 2], [usize; 3])] {
-        match self {
-            Self::VertexFace | Self::EdgeEdge => &[],
-            Self::Triangles => &[
-                ([0, 1], [3, 4, 5]),
-                ([1, 2], [3, 4, 5]),
-                ([2, 0], [3, 4, 5]),
-                ([3, 4], [0, 1, 2]),
-                ([4, 5], [0, 1, 2]),
-                ([5, 3], [0, 1, 2]),
-            ],
-        }
-    }
-
-    /// Whether the two sides have a point in common: exact, for corners that are.
-    fn touches(self, corners: &Corners) -> bool {
-        let [p, q, r, s, t, u] = *corners;
-        match self {
-            Self::VertexFace => triangles_cross(&[p; 3], &[q, r, s]),
-            Self::EdgeEdge => triangles_cross(&[p, q, q], &[r, s, s]),
-            Self::Triangles => triangles_cross(&[p, q, r], &[s, t, u]),
-        }
-    }
-
-    fn closest(self, corners: &Corners) -> Closest {
-        let [p, q, r, s, t, u] = *corners;
-        match self {
-            Self::VertexFace => {
-                let found = point_triangle(p, &[q, r, s]);
-                Closest { distance: found.distance, between: found.point - p, normal: (r - q).cross(s - q) }
-            }
-            Self::EdgeEdge => {
-                let found = segment_segment(p, q, r, s);
-                let between = found.point_b - found.point_a;
-                Closest { distance: found.distance, between, normal: (q - p).cross(s - r) }
-            }
-            Self::Triangles => {
-                let (a, b) = ([p, q, r], [s, t, u]);
-                let found = closest_features(&a, &b);
-                let face = |[p, q, r]: [DVec3; 3]| (q - p).cross(r - p);
-                let edge = |triangle: [DVec3; 3], edge: usize| triangle[(edge + 1) % 3] - triangle[edge];
-                let normal = match found.kind {
-                    ClosestKind::VertexFace { vertex_of: TriangleSide::A, .. } => face(b),
-                    ClosestKind::VertexFace { vertex_of: TriangleSide::B, .. } => face(a),
-                    ClosestKind::EdgeEdge { edge_a, edge_b } => edge(a, edge_a).cross(edge(b, edge_b)),
-                    ClosestKind::Crossing => DVec3::ZERO,
-                };
-                Closest { distance: found.distance, between: found.point_b - found.point_a, normal }
-            }
-        }
-    }
-}
-
-/// The closest points of a pair at one time.
-#[derive(Clone)]
-struct Closest {
-    distance: f64,
-    /// From the first side to the second; a direction that separates them best, until they are too close to tell.
-    between: DVec3,
-    /// Perpendicular to the features that the points lie on, if those are a face or two edges.
-    normal: DVec3,
-}
-
-impl Closest {
-    /// Unit vectors from the first side to the second: from point to point, and across the features; zero where there is
-    /// none.
-    fn directions(&self) -> [DVec3; 2] {
-        let across = if self.normal.dot(self.between) < 0.0 { -self.normal } else { self.normal };
-        [self.between.normalize_or_zero(), across.normalize_or_zero()]
-    }
 }
 
 /// A pair at one time.

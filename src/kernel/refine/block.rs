@@ -169,7 +169,7 @@ impl<'a> Block<'a> {
         examine_boundaries(&self.screen.pair(place), &corners, range, &mut proximity.proximities);
         for features in &proximity.proximities {
             if features.distance * settings.scale <= settings.reported_distance {
-                let numbers = numbers(&rows, features.features);
+                let numbers = rows.numbers(features.features);
                 contacts.push(contact(a, b, settings, rows.triangles, numbers, true, &corners, features));
             }
         }
@@ -193,15 +193,10 @@ impl<'a> Block<'a> {
             choice.makes_contact(proximity, features).then(|| wanted.is_shared(features.features))
         };
         let [a, b] = self.sides;
-        let number = |features: FeaturePair| numbers(&rows, features);
+        let number = |features: FeaturePair| rows.numbers(features);
         add_examined(a, b, self.settings, rows.triangles, &corners, proximity, reported, number, found);
         (found.wants_lower_bounds && proximity.distance > range).then(|| proximity.distance - pair.nothing())
     }
-}
-
-/// The numbers of features of a pair.
-fn numbers(pair: &RowPair<'_>, FeaturePair { a, b }: FeaturePair) -> [u32; 2] {
-    [pair.number(0, a.part()), pair.number(1, b.part())]
 }
 
 /// The less of two numbers.
