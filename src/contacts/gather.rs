@@ -95,7 +95,9 @@ fn gather_contacts(
                 found.restore_order();
             }
             let before = by_sides.get(&sides_of(&active, pair)).filter(|_| keeps_sides(&active, pair));
-            let before = before.map_or_else(Before::default, |&before| previous.pairs[before].before());
+            // Contacts of spheres have no sides.
+            let before = before.map(|&before| &previous.pairs[before]).filter(|before| before.spheres.is_none());
+            let before = before.map_or_else(Before::default, StoredPair::before);
             sides.keep(&mut found.contacts, before, &Threads(settings.threads));
         }
         store.pairs.push(stored_pair(&active, pair, found));

@@ -77,8 +77,8 @@ impl StoredPair {
     /// and how far apart but for rounding in single precision. They are not sorted, and come in the same order for any number of
     /// threads. Points, normals and the order of [`contacts`](Self::contacts) and [`touching`](Self::touching) come of them
     /// when one of those is first read, on one thread, which takes up to twice as long as the tick on one thread has taken
-    /// (`compare` states it); in the tick, by all threads, where those of the tick before have been read, and where triangles
-    /// are in few pairs or moved. None where the method is exact.
+    /// (`compare` states it); in the tick, by all threads, where those of the same surfaces have been read in the last few
+    /// ticks, and where triangles are in few pairs or moved. None where the method is exact.
     pub fn sphere_contacts(&self) -> impl Iterator<Item = SphereContact> {
         self.spheres.iter().flat_map(|lists| lists.contacts())
     }

@@ -4,6 +4,7 @@ use std::{sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
+use bytemuck::cast_slice;
 use glam::Vec3;
 
 use super::{
@@ -93,16 +94,7 @@ struct TakenBounds {
 
 /// Whether two lists of positions are the same bit by bit, down to the sign of a zero: contacts have it too.
 fn has_bits_of(positions: &[Vec3], others: &[Vec3]) -> bool {
-    /// Enough for the loop over a block to be worth more than the question after it.
-    const BLOCK: usize = 64;
-    let differing = |one: &Vec3, other: &Vec3| {
-        let bits = |axis: usize| one[axis].to_bits() ^ other[axis].to_bits();
-        bits(0) | bits(1) | bits(2)
-    };
-    let is_same = |(block, others): (&[Vec3], &[Vec3])| {
-        block.iter().zip(others).fold(0, |bits, (one, other)| bits | differing(one, other)) == 0
-    };
-    positions.len() == others.len() && positions.chunks(BLOCK).zip(others.chunks(BLOCK)).all(is_same)
+    cast_slice::<Vec3, u8>(positions) == cast_slice::<Vec3, u8>(others)
 }
 
 /// Computes the boxes.

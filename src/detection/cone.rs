@@ -12,8 +12,8 @@ use super::{
     overlap::{OverlappingTrianglePairs, SphereContacts},
     pair_contacts::{PairContacts, SharedList},
     parallel::{CHUNK, for_each_weighed},
-    sides::{SphereQuery, SphereRows, pair_settings, with_caps},
-    sphere_lists::SphereBuffers,
+    sides::{SphereQuery, SphereRows, pair_settings, surface_entities, with_caps},
+    sphere_lists::{SphereBuffers, SphereReaders},
 };
 use crate::{
     kernel::sphere_contacts::{cap_contacts, meeting_caps},
@@ -38,6 +38,7 @@ impl Plugin for ConePlugin {
         app.init_resource::<MeetingCaps>()
             .init_resource::<SphereContacts>()
             .init_resource::<SphereRows>()
+            .init_resource::<SphereReaders>()
             .init_resource::<DetectionMemory>();
         app.add_systems(SurfaceDetection, test_cones.in_set(SurfaceDetectionSystems::Cone));
     }
@@ -49,6 +50,7 @@ fn test_cones(
     candidates: Res<CandidateTrianglePairs>,
     overlapping: Res<OverlappingTrianglePairs>,
     mut rows: ResMut<SphereRows>,
+    readers: Res<SphereReaders>,
     settings: Res<CircumsphereSettings>,
     mut meeting: ResMut<MeetingCaps>,
     mut contacts: ResMut<SphereContacts>,
@@ -59,18 +61,21 @@ fn test_cones(
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
+    let kept_before = memory.kept_count();
     memory.reads(StageList::Candidates, candidates.last_changed());
-    if !memory.reads(StageList::Overlapping, overlapping.last_changed()) {
-        // Pairs that the stage before has kept are not: nobody has made rows for them.
-        rows.clear();
-    }
+    memory.reads(StageList::Overlapping, overlapping.last_changed());
     let is_whole = memory.is_whole();
     memory.writes(StageList::Meeting, meeting.last_changed());
     memory.writes(StageList::SphereContacts, contacts.last_changed());
     memory.carry(&mut meeting.pairs);
+    if memory.kept_count() < kept_before {
+        // Nobody has made rows for those that the stage before has kept: there may be older ones, of other surfaces.
+        rows.clear();
+    }
     let count = candidates.pairs.len();
     meeting.pairs.resize_with(count, SharedList::default);
     contacts.pairs.resize_with(count, PairContacts::default);
+    both.clear();
     both.extend(meeting.pairs.drain(..).zip(contacts.pairs.drain(..)));
     memory.seal(StageList::Meeting, meeting.last_changed());
     memory.seal(StageList::SphereContacts, contacts.last_changed());
@@ -90,11 +95,13 @@ fn test_cones(
             if !uses_cones(place) {
                 return;
             }
+            let Some(sides) = surface_entities(&active, pair) else { return };
             let pair_settings = pair_settings(pair, &settings);
             with_caps(&active, &surfaces, pair, &rows, |a, b| {
                 // Only lists of our own have every pair once.
-                let spheres = rows.kept(&active, pair).filter(|_| is_whole);
+                let spheres = rows.kept(&active, pair).filter(|_| is_whole && !readers.expect(sides));
                 *meeting = contacts.find_spheres(
+                    sides,
                     overlapping,
                     (spheres, pair_settings),
                     (threads, &buffers),

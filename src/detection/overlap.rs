@@ -11,8 +11,8 @@ use super::{
     memory::{DetectionMemory, StageList, check_spheres},
     pair_contacts::{PairContacts, SharedList},
     parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
-    sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
-    sphere_lists::SphereBuffers,
+    sides::{SphereQuery, SphereRows, pair_settings, surface_entities, with_balls, with_caps},
+    sphere_lists::{SphereBuffers, SphereReaders},
 };
 use crate::{
     kernel::{
@@ -38,7 +38,7 @@ pub struct OverlappingTrianglePairs {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct SphereContacts {
     /// Touching pairs and contacts; where a surface meets itself, contacts are sorted by the lower triangle, whichever stands
-    /// first. Where nobody has read those of the tick before, mostly they are not written before somebody reads them.
+    /// first. Where nobody has read those of the last few ticks, mostly they are not written before somebody reads them.
     pub pairs: Vec<PairContacts>,
 }
 
@@ -50,6 +50,7 @@ impl Plugin for OverlapPlugin {
         app.init_resource::<OverlappingTrianglePairs>()
             .init_resource::<SphereContacts>()
             .init_resource::<SphereRows>()
+            .init_resource::<SphereReaders>()
             .init_resource::<DetectionMemory>();
         app.add_systems(
             SurfaceDetection,
@@ -68,6 +69,7 @@ fn test_overlap(
     mut both: Local<Vec<(SharedList<[u32; 2]>, PairContacts)>>,
     mut memory: ResMut<DetectionMemory>,
     mut rows: ResMut<SphereRows>,
+    mut readers: ResMut<SphereReaders>,
     spare: Local<Buffers<Vec<[u32; 2]>>>,
     buffers: Local<SphereBuffers>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
@@ -77,11 +79,13 @@ fn test_overlap(
     memory.reads(StageList::Candidates, candidates.last_changed());
     memory.writes(StageList::Overlapping, overlapping.last_changed());
     memory.writes(StageList::SphereContacts, contacts.last_changed());
+    readers.update(contacts.pairs.iter());
     memory.carry(&mut overlapping.pairs);
     memory.carry(&mut contacts.pairs);
     let count = candidates.pairs.len();
     overlapping.pairs.resize_with(count, SharedList::default);
     contacts.pairs.resize_with(count, PairContacts::default);
+    both.clear();
     both.extend(overlapping.pairs.drain(..).zip(contacts.pairs.drain(..)));
     memory.seal(StageList::Overlapping, overlapping.last_changed());
     memory.seal(StageList::SphereContacts, contacts.last_changed());
@@ -113,9 +117,11 @@ fn test_overlap(
             let room = overlapping.take();
             overlapping.put(Vec::new());
             contacts.clear();
-            if pair.triangles.is_empty() || !uses_spheres(pair) {
+            let sides = surface_entities(&active, pair).filter(|_| uses_spheres(pair));
+            let (Some(sides), false) = (sides, pair.triangles.is_empty()) else {
+                contacts.forget_spheres();
                 return;
-            }
+            };
             let pair_settings = pair_settings(pair, &settings);
             // A broad phase of our own has left out neighbors: nobody has to look for them again.
             let test_settings = PairSettings { same_surface: pair_settings.same_surface && !is_whole, ..pair_settings };
@@ -130,8 +136,9 @@ fn test_overlap(
             }
             with_balls(&active, &surfaces, pair, &rows, |a, b| {
                 // Only lists of our own have every pair once.
-                let spheres = rows.kept(&active, pair).filter(|_| is_whole);
+                let spheres = rows.kept(&active, pair).filter(|_| is_whole && !readers.expect(sides));
                 *overlapping = contacts.find_spheres(
+                    sides,
                     &pair.triangles,
                     (spheres, pair_settings),
                     (threads, &buffers),

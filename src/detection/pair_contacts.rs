@@ -7,6 +7,8 @@ use std::{
     sync::Arc,
 };
 
+use bevy_ecs::entity::Entity;
+
 use super::sphere_lists::{KeptSpheres, PassedAndFound, SphereBuffers, SphereLists};
 use crate::kernel::{
     contact::{CompactContact, SharedContact, TouchingPair},
@@ -25,12 +27,12 @@ enum Shared<T: 'static> {
     /// Nowhere, as there is nothing on it.
     Nothing,
     Written(Arc<Vec<T>>),
-    /// With whoever writes it when it is first read.
+    /// With whoever writes it when it is first read, if not before.
     Deferred(Arc<dyn Deferred<T>>),
 }
 
-/// Lists that are written when they are first read.
-pub(super) trait Deferred<T>: Debug + Send + Sync {
+/// Lists that are written when they are first read, if not before.
+pub(super) trait Deferred<T>: Send + Sync {
     fn len(&self) -> usize;
 
     fn list(&self) -> &Vec<T>;
@@ -162,8 +164,6 @@ pub struct PairContacts {
     spare: (SharedList<TouchingPair>, SharedList<CompactContact>, SharedList<SharedContact>),
     /// The same as `spheres` of the tick before.
     last_spheres: Option<Arc<SphereLists>>,
-    /// Whether somebody has read what those are written into: then this tick's will be read, too.
-    expects_reader: bool,
     /// Empty ones that nobody else holds: their memory serves another tick.
     spare_spheres: Option<Arc<SphereLists>>,
 }
@@ -180,7 +180,6 @@ impl Default for PairContacts {
             lower_bounds: Vec::new(),
             spare: Default::default(),
             last_spheres: None,
-            expects_reader: false,
             spare_spheres: None,
         }
     }
@@ -210,7 +209,6 @@ impl PairContacts {
 
     /// Begins a tick of its own: lets go of the spheres of the tick before the last one.
     pub(super) fn release_spheres(&mut self) {
-        self.expects_reader = self.spheres.as_ref().is_some_and(|lists| lists.is_read());
         self.touching.release();
         self.contacts.release();
         let older = mem::replace(&mut self.last_spheres, self.spheres.take());
@@ -220,8 +218,18 @@ impl PairContacts {
     /// Lets go of all spheres but those of the contacts: nothing is found in this tick. The memory of what is read stays for
     /// when it is written again: there is much of it.
     pub(super) fn rest_spheres(&mut self) {
-        let last = self.last_spheres.take().filter(|_| self.expects_reader);
+        let last = self.last_spheres.take().filter(|lists| lists.is_read());
         self.keep_memory(last);
+    }
+
+    /// Lets go of everything that spheres have found: they are not asked any more.
+    pub(super) fn forget_spheres(&mut self) {
+        (self.spheres, self.last_spheres, self.spare_spheres) = (None, None, None);
+    }
+
+    /// What spheres have found, in the last tick and the one before.
+    pub(super) fn sphere_lists(&self) -> impl Iterator<Item = &SphereLists> {
+        [&self.spheres, &self.last_spheres].into_iter().flatten().map(|lists| &**lists)
     }
 
     /// Empties lists that nobody else holds, for another tick.
@@ -237,6 +245,7 @@ impl PairContacts {
     /// [Finds](SphereLists::find) what is in contact by spheres, and keeps it. Returns the pairs that passed.
     pub(super) fn find_spheres(
         &mut self,
+        sides: [Entity; 2],
         pairs: &[[u32; 2]],
         written_by: (Option<KeptSpheres>, PairSettings),
         buffers: (usize, &SphereBuffers),
@@ -245,8 +254,7 @@ impl PairContacts {
     ) -> SharedList<[u32; 2]> {
         let mut place = self.spare_spheres.take().unwrap_or_default();
         let mut lists = Arc::get_mut(&mut place).map(mem::take).unwrap_or_default();
-        let (spheres, settings) = written_by;
-        lists.find(pairs, (spheres.filter(|_| !self.expects_reader), settings), buffers, find, write);
+        lists.find(sides, pairs, written_by, buffers, find, write);
         (self.nearest, self.examined) = (lists.nearest(), 0);
         let passed = lists.pairs().clone();
         match Arc::get_mut(&mut place) {

@@ -2,11 +2,13 @@
 //!
 //! A tick finds which triangles are in contact by their spheres, and how far apart they are. All else about such a contact
 //! follows from the two spheres: where it is, its normal, what its points weigh. Whoever asks for that gets all contacts of the
-//! pair, sorted, from a copy of the spheres that they were found with; whoever does not has nothing to pay. Who has read
-//! those of the last tick will read these, too: they are written in the tick then, where threads can share the work. A reader
-//! cannot: it may be a task of the same threads, which would wait for itself.
+//! pair, sorted, from a copy of the spheres that they were found with; whoever does not has nothing to pay. Where somebody has
+//! read those of the last few ticks, these will be read, too: they are written in the tick then, where threads can share the
+//! work. A reader cannot: it may be a task of the same threads, which would wait for itself.
 
 use std::{
+    collections::HashMap,
+    fmt::{self, Debug, Formatter},
     mem,
     sync::{
         Arc, Mutex, OnceLock, PoisonError,
@@ -14,8 +16,10 @@ use std::{
     },
 };
 
+use bevy_ecs::prelude::*;
+
 use super::{
-    pair_contacts::{Deferred, SharedList},
+    pair_contacts::{Deferred, PairContacts, SharedList},
     parallel::{Buffers, Threads, append_chunks},
 };
 use crate::kernel::{
@@ -97,9 +101,36 @@ pub(super) struct SphereBuffers {
     written: Buffers<FoundPairs>,
 }
 
+/// For so many ticks others are expected to be read after it has been noticed that one was, which is a tick or two later: a game
+/// may read every second tick, or detect several times before it reads.
+const EXPECTED_FOR: u8 = 3;
+
+/// The pairs of surfaces whose contacts somebody reads, and for how many ticks more that is expected.
+#[derive(Resource, Debug, Default)]
+pub(super) struct SphereReaders(HashMap<[Entity; 2], u8>);
+
+impl SphereReaders {
+    /// Begins a tick, given what was found in the last one.
+    pub(super) fn update<'a>(&mut self, last: impl Iterator<Item = &'a PairContacts>) {
+        self.0.retain(|_, ticks| {
+            *ticks -= 1;
+            *ticks > 0
+        });
+        let read = last.flat_map(PairContacts::sphere_lists).filter(|lists| lists.is_read());
+        self.0.extend(read.filter_map(|lists| lists.sides).map(|sides| (sides, EXPECTED_FOR)));
+    }
+
+    /// Whether the contacts of two surfaces are expected to be read.
+    pub(super) fn expect(&self, sides: [Entity; 2]) -> bool {
+        self.0.contains_key(&sides)
+    }
+}
+
 /// What was found of a pair of surfaces, and all that it takes to write it out.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct SphereLists {
+    /// The surfaces.
+    sides: Option<[Entity; 2]>,
     /// Pairs that meet, as their stage has left them.
     pairs: SharedList<[u32; 2]>,
     /// What was found of those.
@@ -111,8 +142,17 @@ pub(crate) struct SphereLists {
     room: Mutex<WriteRoom>,
 }
 
+/// As much as fits into a line.
+impl Debug for SphereLists {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        let mut lists = formatter.debug_struct("SphereLists");
+        lists.field("contacts", &self.found.reported).field("touching", &self.found.touching);
+        lists.field("written", &self.written.get().is_some()).field("read", &self.is_read()).finish_non_exhaustive()
+    }
+}
+
 /// Memory for what is written, and to bring pairs into its order.
-#[derive(Debug, Default)]
+#[derive(Default)]
 struct WriteRoom {
     sorter: PairSorter,
     pairs: Vec<[u32; 2]>,
@@ -157,6 +197,7 @@ impl SphereLists {
     /// every pair is there once; without those, in this tick by `write`.
     pub(super) fn find(
         &mut self,
+        sides: [Entity; 2],
         pairs: &[[u32; 2]],
         (spheres, settings): (Option<KeptSpheres>, PairSettings),
         (threads, buffers): (usize, &SphereBuffers),
@@ -167,6 +208,7 @@ impl SphereLists {
         append_chunks(pairs, threads, &buffers.found, &mut found, find, join);
         self.pairs.put(found.0);
         self.found = found.1;
+        self.sides = Some(sides);
         self.known = spheres.map(|spheres| (spheres, settings));
         if self.known.is_some() {
             return;

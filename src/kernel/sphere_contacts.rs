@@ -2,7 +2,7 @@
 //!
 //! Reads pairs of triangles and the rows of both sides, eight pairs at a time. A contact of spheres is all in the spheres: a
 //! tick only [finds](FoundSpheres) which pairs are in contact and how far apart they are, in whatever order they come. Points
-//! and normals are [written](FoundPairs) from the same pairs, in the order of the contacts, when somebody asks for them.
+//! and normals are [written](FoundPairs) from the same pairs, in the order of the contacts, for whoever reads them.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 

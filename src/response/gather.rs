@@ -19,6 +19,7 @@ use super::{
 };
 use crate::{
     contacts::{ContactSide, ContactStore, PairOrder, StoredPair, SweptImpacts},
+    detection::SharedList,
     kernel::{
         contact::{CompactContact, ContactKey, TouchingPair},
         exact::{Feature, FeatureKind, FeaturePair},
@@ -121,9 +122,9 @@ impl Scene<'_, '_> {
     }
 
     /// The triangles of two surfaces that touch.
-    pub(super) fn touching(&self) -> impl Iterator<Item = ([Entity; 2], &[TouchingPair])> {
+    pub(super) fn touching(&self) -> impl Iterator<Item = ([Entity; 2], &SharedList<TouchingPair>)> {
         let surfaces = self.store.pairs.iter().filter(|pair| pair.topology_b.is_some());
-        surfaces.map(|pair| ([pair.a.entity(), pair.b.entity()], pair.touching.as_slice()))
+        surfaces.map(|pair| ([pair.a.entity(), pair.b.entity()], &pair.touching))
     }
 
     /// The distance of two surfaces, as far as detection reaches.

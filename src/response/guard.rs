@@ -316,7 +316,11 @@ impl Guard {
         }
         for (sides, touching) in scene.touching() {
             let places = sides.map(|side| by_entity.get(&side).copied());
-            for pair in touching {
+            // Only what meets a body that nothing goes through is looked at. Some lists are written when they are read.
+            if !places.iter().flatten().any(|&place| meshes[place].is_guarded) {
+                continue;
+            }
+            for pair in touching.iter() {
                 for (place, triangle) in places.into_iter().zip([pair.triangle_a, pair.triangle_b]) {
                     if let Some(place) = place {
                         meshes[place].reach_less(triangle, pair.distance);

@@ -1,17 +1,21 @@
 //! Contacts of spheres that are written when somebody reads them, however late, are those that are written in the tick.
 
+use std::time::Duration;
+
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore, StoredPair,
-    detection::{CandidateTrianglePairs, broad_phase::BroadPhaseSystems},
+    detection::{CandidateTrianglePairs, MeetingCaps, SphereContacts, broad_phase::BroadPhaseSystems},
     kernel::contact::{CompactContact, TouchingPair},
     prelude::*,
+    response::*,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
 };
 use bevy_ecs::prelude::*;
+use bevy_time::Time;
 use circumsphere_support::scenes::{Mesh, crumpled_sheet, icosphere};
 
-use crate::world::{app, points, spawn, store, write_positions};
+use crate::world::{app, insert, points, sheet, spawn, store, surface, write_positions};
 
 const TICKS: usize = 5;
 
@@ -170,19 +174,21 @@ fn what_is_dropped_from_a_list_that_was_not_written_is_dropped_from_the_whole_li
     assert!(lists(store(&run.app)) == whole, "a clone's list is its own");
 }
 
-/// A reader has its contacts written by all threads in the tick, from the second one on that it reads; the same contacts as
-/// ever, and while nobody reads nothing is written.
+/// A reader has its contacts written by all threads in the tick, from the one after the first that it reads until four after
+/// the last; the same contacts as ever.
 #[test]
 fn contacts_that_are_read_every_tick_are_written_in_the_tick() {
-    const READ: [bool; 6] = [false, true, true, false, false, true];
+    const READ: [bool; 10] = [false, true, true, false, true, false, false, false, false, false];
+    // For four ticks after one that was read.
+    const WRITTEN: [bool; 10] = [false, false, true, true, true, true, true, true, true, false];
     for method in [ContactMethod::BoundingSphere, ContactMethod::Circumsphere] {
         for threads in [1, 2] {
             let [mut run, mut unread] = [threads, 1].map(|threads| Run::new(method, threads));
-            let (mut was_read, mut read) = (false, Vec::new());
+            let mut read = Vec::new();
             for (tick, reads) in READ.into_iter().enumerate() {
                 let (found, expected) = (run.tick(tick), unread.tick(tick));
                 assert_eq!(found.pairs.len(), 2);
-                assert!(found.pairs.iter().all(|pair| is_written(pair) == was_read), "{method:?}, tick {tick}");
+                assert!(found.pairs.iter().all(|pair| is_written(pair) == WRITTEN[tick]), "{method:?}, tick {tick}");
                 let as_found = |store: &ContactStore| -> Vec<_> {
                     store.pairs.iter().map(|pair| pair.sphere_contacts().collect::<Vec<_>>()).collect()
                 };
@@ -193,7 +199,6 @@ fn contacts_that_are_read_every_tick_are_written_in_the_tick() {
                     assert!(count > 1_000, "{method:?}: {count} pairs touch");
                     read.push((lists(&found), expected));
                 }
-                was_read = reads;
             }
             assert!(read.iter().all(|(found, expected)| *found == lists(expected)), "{method:?}");
             // Nothing moves, and nobody loses what has been read.
@@ -202,5 +207,80 @@ fn contacts_that_are_read_every_tick_are_written_in_the_tick() {
             run.tick(READ.len() - 1);
             assert!(lists(store(&run.app)) == last, "{method:?}");
         }
+    }
+}
+
+/// Three balls, of which the first comes to the second in the third tick, so that their pair takes the first place; the contacts
+/// of the other two are read all the time.
+#[test]
+fn what_is_expected_is_expected_of_two_surfaces_wherever_their_pair_stands() {
+    let mut app = app();
+    let parts = (ContactMethod::BoundingSphere, SurfaceThickness::World(0.2));
+    let ball = |x: f32, y: f32| icosphere(3, 0.5).translate([x, y, 0.0]);
+    let [first, second, third] = [50.0, 0.0, 0.3].map(|x| spawn(&mut app, &ball(x, 0.0), parts));
+    for tick in 0..6 {
+        let x = if tick < 3 { 50.0 } else { -0.3 };
+        write_positions(&mut app, first, &points(&ball(x, 0.01 * tick as f32)));
+        write_positions(&mut app, second, &points(&ball(0.0, 0.01 * tick as f32)));
+        app.update();
+        let pairs = &store(&app).pairs;
+        assert_eq!(pairs.len(), if tick < 3 { 1 } else { 3 });
+        for pair in pairs {
+            let is_read = [pair.a.entity(), pair.b.entity()] == [second, third];
+            assert_eq!(is_written(pair), is_read && tick > 0, "tick {tick}: {:?} and {:?}", pair.a, pair.b);
+            assert!(!is_read || pair.contacts.iter().count() > 1_000);
+        }
+    }
+}
+
+/// Rows are of places of surfaces. The cone stage, which alone is disturbed here, must not take those of other surfaces.
+#[test]
+fn pairs_that_the_cone_stage_forgets_are_found_again_among_fewer_surfaces() {
+    let mut app = app();
+    let parts = (ContactMethod::Circumsphere, SurfaceThickness::World(0.2));
+    let far = spawn(&mut app, &icosphere(1, 0.5).translate([90.0, 0.0, 0.0]), parts);
+    for place in [[0.0; 3], [0.3, 0.01, 0.1]] {
+        spawn(&mut app, &icosphere(3, 0.5).translate(place), parts);
+    }
+    app.update();
+    let expected = lists(store(&app));
+    assert!(expected.len() == 1 && expected[0].0.len() > 100, "{}", expected.len());
+    app.update();
+    app.world_mut().despawn(far);
+    app.world_mut().resource_mut::<MeetingCaps>().set_changed();
+    app.update();
+    assert!(lists(store(&app)) == expected);
+}
+
+/// What spheres have found, and the memory for it, goes with the method.
+#[test]
+fn exact_pairs_hold_nothing_of_spheres() {
+    let mut run = Run::new(ContactMethod::BoundingSphere, 1);
+    for tick in 0..TICKS {
+        let found = run.tick(tick);
+        assert!(lists(&found).iter().any(|(contacts, _)| contacts.len() > 1_000));
+    }
+    let held = |run: &Run| format!("{:?}", run.app.world().resource::<SphereContacts>()).contains("SphereLists");
+    assert!(held(&run));
+    for &surface in &run.surfaces {
+        insert(&mut run.app, surface, ContactMethod::Refined);
+    }
+    run.tick(0);
+    assert!(!held(&run));
+}
+
+/// One body that must not be passed through does not have the contacts of all others written.
+#[test]
+fn a_swept_body_reads_no_contacts_of_others() {
+    let mut run = Run::new(ContactMethod::BoundingSphere, 1);
+    run.app.add_plugins(XpbdResponsePlugin::new(Update)).init_resource::<Time>();
+    let (surface, positions) = surface(&sheet().translate([0.0, 90.0, 0.0]));
+    let body = XpbdBody::new(&surface, &positions, XpbdMaterial::CLOTH).expect("it has an area");
+    run.app.world_mut().spawn((surface, positions, body, SweptCollision));
+    for tick in 0..TICKS {
+        run.app.world_mut().resource_mut::<Time>().advance_by(Duration::from_millis(16));
+        let found = run.tick(tick);
+        assert_eq!(found.pairs.len(), 2);
+        assert!(!found.pairs.iter().any(is_written), "tick {tick}");
     }
 }
