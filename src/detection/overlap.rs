@@ -117,11 +117,13 @@ fn test_overlap(
             let room = overlapping.take();
             overlapping.put(Vec::new());
             contacts.clear();
-            let sides = surface_entities(&active, pair).filter(|_| uses_spheres(pair));
-            let (Some(sides), false) = (sides, pair.triangles.is_empty()) else {
+            let Some(sides) = surface_entities(&active, pair).filter(|_| uses_spheres(pair)) else {
                 contacts.forget_spheres();
                 return;
             };
+            if pair.triangles.is_empty() {
+                return;
+            }
             let pair_settings = pair_settings(pair, &settings);
             // A broad phase of our own has left out neighbors: nobody has to look for them again.
             let test_settings = PairSettings { same_surface: pair_settings.same_surface && !is_whole, ..pair_settings };
