@@ -46,7 +46,7 @@ use input::Input;
 use machine::Machine;
 use measure::Contestant;
 use options::Options;
-use ours::Ours;
+use ours::{Ours, Reader};
 use peak_alloc::PeakAlloc;
 use report::Report;
 use scale::{Scale, Sweep};
@@ -217,6 +217,12 @@ fn measure(input: &Input, options: &Options) -> Report {
     for method in ContactMethod::ALL {
         for &threads in &threads {
             contestants.push(Box::new(Ours::new(input, method, threads)) as Box<dyn Contestant>);
+        }
+    }
+    let by_spheres = ContactMethod::ALL.into_iter().filter(|method| !method.is_exact());
+    for method in by_spheres {
+        for &threads in &threads {
+            contestants.push(Box::new(Reader(Ours::new(input, method, threads))) as Box<dyn Contestant>);
         }
     }
     report_progress(&progress, "building and starting peers");

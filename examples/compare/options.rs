@@ -52,7 +52,12 @@ pub struct Options {
     pub recording: RecordingOptions,
 }
 
+/// The longest contact distance, in mean edges. Nearly all pairs of triangles are in contact long before; with infinite boxes
+/// parry's tree cannot be built.
+const MOST_EDGES: f64 = 1.0e3;
+
 fn positive(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
-    if value > 0.0 && value <= f64::from(f32::MAX) { Ok(value) } else { Err("expected more than 0".to_owned()) }
+    let is_within = value > 0.0 && value <= MOST_EDGES;
+    if is_within { Ok(value) } else { Err(format!("expected more than 0, and {MOST_EDGES} at most")) }
 }

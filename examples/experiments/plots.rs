@@ -192,15 +192,15 @@ pub fn caps(rows: &[CapsRow]) -> Sheet {
 }
 
 pub fn sizes(rows: &[SizesRow]) -> Sheet {
-    let shares: [(&str, fn(&SizesRow) -> Option<f64>); 2] = [
-        ("detection alone", |row| Some(row.frame_share_detection_alone)),
+    let shares: [(&str, fn(&SizesRow) -> f64); 2] = [
+        ("detection alone", |row| row.frame_share_detection_alone),
         ("detection and response", |row| row.frame_share_with_response),
     ];
     let (mut series, mut names) = (Vec::new(), Vec::new());
     for (name, share) in shares {
         for method in [ContactMethod::Refined, ContactMethod::Circumsphere] {
             let own = rows.iter().filter(|row| row.method == method);
-            let points = own.filter_map(|row| Some((row.deforming_vertices as f64, share(row)? * FRAME_MS)));
+            let points = own.map(|row| (row.deforming_vertices as f64, share(row) * FRAME_MS));
             series.push((points.collect(), series.len()));
             names.push(format!("{method:?}, {name}"));
         }

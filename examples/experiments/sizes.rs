@@ -17,7 +17,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::{
-    finding::{Finding, Outcome, figure, optional, percent, table},
+    finding::{Finding, Outcome, figure, percent, table},
     headless::{headless_app, move_surface, recording::Recorder},
     options::Extent,
     player::variation,
@@ -35,7 +35,7 @@ pub const FRAME_MS: f64 = 1_000.0 / 60.0;
 /// Multiples of the paper's scene.
 const MULTIPLES: [f64; 8] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
 
-/// Beyond this multiple the response is measured with one method: it has long exceeded a frame.
+/// Beyond this multiple one method is measured: the response has long exceeded a frame.
 const MOST_RESPONSES: f64 = 2.0;
 
 /// The length of a cell of ground and cloth, in meters.
@@ -57,15 +57,15 @@ pub struct SizesRow {
     pub deforming_vertices: usize,
     pub static_triangles: usize,
     /// Within the contact distance, at the end.
-    pub contacts: Option<usize>,
+    pub contacts: usize,
     /// The detection of the same motion where nothing answers and nothing is asked for beyond the contact distance, in milliseconds.
     pub time_detection_alone_ms: f64,
     /// Detection with the margin that the response asks for.
-    pub time_detection_ms: Option<f64>,
-    pub time_response_ms: Option<f64>,
+    pub time_detection_ms: f64,
+    pub time_response_ms: f64,
     /// Of a frame at 60 a second.
     pub frame_share_detection_alone: f64,
-    pub frame_share_with_response: Option<f64>,
+    pub frame_share_with_response: f64,
 }
 
 /// Measures multiple by multiple, until detection alone exceeds a frame by either method.
@@ -143,24 +143,24 @@ fn measure_size(multiple: f64, fall: usize, measured: usize) -> Vec<SizesRow> {
     let (ground, cloths) = meshes(multiple);
     let own = play(ContactMethod::Circumsphere, &ground, &cloths, fall, measured);
     let exact = (multiple <= MOST_RESPONSES).then(|| play(ContactMethod::Refined, &ground, &cloths, fall, measured));
-    [(ContactMethod::Circumsphere, Some(&own)), (ContactMethod::Refined, exact.as_ref())]
+    // Each of the motion that its own contacts lead to.
+    [(ContactMethod::Circumsphere, Some(own)), (ContactMethod::Refined, exact)]
         .into_iter()
-        .map(|(method, played)| {
-            // Of one motion for both methods where one of them has none.
-            let motion = &played.unwrap_or(&own).motion;
-            let alone = median(replay(method, &ground, &cloths, motion)).unwrap_or_default();
-            SizesRow {
+        .filter_map(|(method, played)| {
+            let played = played?;
+            let alone = median(replay(method, &ground, &cloths, &played.motion)).unwrap_or_default();
+            Some(SizesRow {
                 method,
                 multiple,
                 deforming_vertices: cloths.iter().map(|cloth| cloth.positions.len()).sum(),
                 static_triangles: ground.triangles.len(),
-                contacts: played.map(|played| played.contacts),
+                contacts: played.contacts,
                 time_detection_alone_ms: alone,
-                time_detection_ms: played.map(|played| played.detection),
-                time_response_ms: played.map(|played| played.response),
+                time_detection_ms: played.detection,
+                time_response_ms: played.response,
                 frame_share_detection_alone: alone / FRAME_MS,
-                frame_share_with_response: played.map(|played| (played.detection + played.response) / FRAME_MS),
-            }
+                frame_share_with_response: (played.detection + played.response) / FRAME_MS,
+            })
         })
         .collect()
 }
@@ -194,9 +194,8 @@ fn replay(method: ContactMethod, ground: &Mesh, cloths: &[Mesh], motion: &[Vec<V
 
 /// The number of deforming vertices that take a whole frame, on a line of logarithms between the sizes that were measured; `None`
 /// where none do, or all.
-fn vertices_in_a_frame(rows: &[&SizesRow], share: fn(&SizesRow) -> Option<f64>) -> Option<f64> {
-    let points: Vec<(f64, f64)> =
-        rows.iter().filter_map(|row| Some((row.deforming_vertices as f64, share(row)?))).collect();
+fn vertices_in_a_frame(rows: &[&SizesRow], share: fn(&SizesRow) -> f64) -> Option<f64> {
+    let points: Vec<(f64, f64)> = rows.iter().map(|row| (row.deforming_vertices as f64, share(row))).collect();
     points.windows(2).find(|pair| pair[0].1 <= 1.0 && pair[1].1 > 1.0).map(|pair| {
         let [from, to] = [pair[0], pair[1]].map(|(vertices, share)| (vertices.ln(), share.ln()));
         (from.0 - (to.0 - from.0) * from.1 / (to.1 - from.1)).exp()
@@ -204,9 +203,9 @@ fn vertices_in_a_frame(rows: &[&SizesRow], share: fn(&SizesRow) -> Option<f64>) 
 }
 
 /// What a method takes of a frame at the paper's size, and when it takes all of it: in words.
-fn told(rows: &[SizesRow], method: ContactMethod, share: fn(&SizesRow) -> Option<f64>) -> Option<(String, f64)> {
+fn told(rows: &[SizesRow], method: ContactMethod, share: fn(&SizesRow) -> f64) -> Option<(String, f64)> {
     let own: Vec<&SizesRow> = rows.iter().filter(|row| row.method == method).collect();
-    let taken = share(own.iter().find(|row| row.multiple == 1.0)?)?;
+    let taken = share(own.iter().find(|row| row.multiple == 1.0)?);
     let (least, most) = (own[0].deforming_vertices, own[own.len() - 1].deforming_vertices);
     let full = match vertices_in_a_frame(&own, share) {
         Some(vertices) => format!("at {} vertices", figure(vertices)),
@@ -221,7 +220,7 @@ pub fn finding(rows: &[SizesRow]) -> Finding {
         "{DEFORMING} deforming vertices among {STATIC} static triangles fit into a frame of {} ms",
         figure(FRAME_MS)
     );
-    let alone = |row: &SizesRow| Some(row.frame_share_detection_alone);
+    let alone = |row: &SizesRow| row.frame_share_detection_alone;
     let with = |row: &SizesRow| row.frame_share_with_response;
     let [own, exact] = [ContactMethod::Circumsphere, ContactMethod::Refined]
         .map(|method| Some((told(rows, method, alone)?, told(rows, method, with)?)));
@@ -250,7 +249,6 @@ pub fn tables(rows: &[SizesRow]) -> String {
         "detection + response (ms)",
         "of a frame",
     ];
-    let dash = || "–".to_owned();
     table(
         &header.map(str::to_owned),
         rows.iter().map(|row| {
@@ -258,11 +256,11 @@ pub fn tables(rows: &[SizesRow]) -> String {
                 format!("{:?}", row.method),
                 row.deforming_vertices.to_string(),
                 row.static_triangles.to_string(),
-                row.contacts.map_or_else(dash, |contacts| contacts.to_string()),
+                row.contacts.to_string(),
                 figure(row.time_detection_alone_ms),
                 percent(row.frame_share_detection_alone),
-                format!("{} + {}", optional(row.time_detection_ms), optional(row.time_response_ms)),
-                row.frame_share_with_response.map_or_else(dash, percent),
+                format!("{} + {}", figure(row.time_detection_ms), figure(row.time_response_ms)),
+                percent(row.frame_share_with_response),
             ]
         }),
     )

@@ -10,7 +10,7 @@ pub struct FrameRange {
 }
 
 #[derive(Debug, thiserror::Error)]
-#[error("--frames {start}..{end}: expected a range with at least one of the frames 0..{frames}")]
+#[error("--frames {start}..{end}: expected at least one frame, and none that is not within 0..{frames}")]
 pub struct NoSuchFrames {
     start: usize,
     end: usize,

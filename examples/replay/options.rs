@@ -116,7 +116,7 @@ pub enum OptionsError {
     NoSuchFrames(#[from] NoSuchFrames),
     #[error("{option} {value}: a contact distance of {distance} is beyond single precision")]
     TooFar { option: &'static str, value: f64, distance: f64 },
-    #[error("{option} {value}: expected a number of {least} or more")]
+    #[error("{option} {value}: expected a finite number, {least}")]
     OutOfRange { option: &'static str, value: f64, least: &'static str },
 }
 
@@ -161,7 +161,7 @@ impl Options {
         ];
         for (option, value) in at_least_0 {
             if !(value >= 0.0 && value <= f64::from(f32::MAX)) {
-                return Err(OptionsError::OutOfRange { option, value, least: "0" });
+                return Err(OptionsError::OutOfRange { option, value, least: "0 or more" });
             }
         }
         let contact_distance = self.contact_distance.unwrap_or(edges * mean_edge);
@@ -174,7 +174,7 @@ impl Options {
             return Err(OptionsError::OutOfRange {
                 option: "--curvature-threshold",
                 value: threshold,
-                least: "something above 0",
+                least: "more than 0",
             });
         }
         let frames = self.frames.of(frame_count)?;

@@ -3,7 +3,10 @@
 //! An impact says when two moving triangles first meet; a contact says how two stand to each other now. Neither implies the
 //! other.
 
-use std::sync::Arc;
+use std::{
+    fmt::{self, Debug, Formatter},
+    sync::Arc,
+};
 
 use arrayvec::ArrayVec;
 use bevy_ecs::{prelude::*, system::SystemParam};
@@ -117,11 +120,21 @@ impl SweptPair {
 }
 
 /// An impact, read from one of its sides.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Impact<'a> {
     pair: &'a SweptPair,
     record: &'a SweptImpact,
     swapped: bool,
+}
+
+/// Without the surfaces, which it only refers to.
+impl Debug for Impact<'_> {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        let mut impact = formatter.debug_struct("Impact");
+        impact.field("a", &self.a()).field("b", &self.b()).field("features", &self.features());
+        impact.field("triangles", &self.triangles()).field("normal", &self.normal());
+        impact.field("time", &self.time()).field("cause", &self.cause()).finish_non_exhaustive()
+    }
 }
 
 impl Impact<'_> {

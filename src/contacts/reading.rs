@@ -1,5 +1,7 @@
 //! How systems read contacts.
 
+use std::fmt::{self, Debug, Formatter};
+
 use arrayvec::ArrayVec;
 use bevy_ecs::{prelude::*, system::SystemParam};
 use glam::Vec3;
@@ -116,11 +118,21 @@ pub struct StencilEntry {
 }
 
 /// A contact, read from one of its sides, in world units.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Contact<'a> {
     pair: &'a StoredPair,
     record: &'a CompactContact,
     swapped: bool,
+}
+
+/// Without the surfaces, which it only refers to.
+impl Debug for Contact<'_> {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        let mut contact = formatter.debug_struct("Contact");
+        contact.field("a", &self.a()).field("b", &self.b()).field("features", &self.features());
+        contact.field("triangles", &self.triangles()).field("points", &self.points()).field("normal", &self.normal());
+        contact.field("separation", &self.separation()).finish_non_exhaustive()
+    }
 }
 
 impl Contact<'_> {

@@ -449,6 +449,18 @@ fn shapes_that_cannot_be_tested_are_refused() {
     ] {
         assert!(matches!(ShapeGeometry::new(&shape), Err(ShapeError::NonFinite)));
     }
+    for shape in [
+        SharedShape::ball(-0.5),
+        SharedShape::capsule(Vec3::ZERO, Vec3::X, -1.0),
+        SharedShape::cuboid(1.0, -0.5, 1.0),
+        SharedShape::round_cuboid(1.0, 1.0, 1.0, -0.1),
+    ] {
+        assert!(matches!(ShapeGeometry::new(&shape), Err(ShapeError::Negative)));
+    }
+    assert!(matches!(ShapeGeometry::new(&SharedShape::halfspace(Vec3::ZERO)), Err(ShapeError::NoNormal)));
+    for shape in [SharedShape::ball(0.0), SharedShape::cuboid(1.0, 0.0, 1.0)] {
+        assert!(ShapeGeometry::new(&shape).is_ok(), "a point and a plate are shapes");
+    }
 }
 
 #[test]

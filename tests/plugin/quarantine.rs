@@ -287,6 +287,7 @@ fn a_shape_that_cannot_be_used_is_set_aside_and_taken_back() {
         ("cone", SharedShape::cone(0.5, nan)),
         ("rounded cuboid", SharedShape::round_cuboid(0.5, 0.5, 0.5, nan)),
         ("negative border", SharedShape::round_cylinder(0.5, 0.5, -0.1)),
+        ("negative ball", SharedShape::ball(-0.5)),
     ];
     let mut alone = app();
     healthy(&mut alone);
@@ -299,7 +300,8 @@ fn a_shape_that_cannot_be_used_is_set_aside_and_taken_back() {
         let victim = app.world_mut().spawn((RigidShape(shape), Called("shape"), victims_place())).id();
         for tick in 0..3 {
             app.update();
-            let reason = QuarantineReason::Shape(ShapeError::NonFinite);
+            let error = if name.starts_with("negative") { ShapeError::Negative } else { ShapeError::NonFinite };
+            let reason = QuarantineReason::Shape(error);
             assert_eq!(status(&app, victim), SurfaceStatus::Quarantined(reason.clone()), "{name}");
             let expected = if tick == 0 { vec![Quarantined(victim, reason)] } else { vec![] };
             assert_eq!(quarantines(&mut app), expected, "{name}");

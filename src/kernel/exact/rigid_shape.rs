@@ -33,9 +33,15 @@ const SUPPORT_SLACK: f64 = 1.0e-3;
 /// Why a shape cannot be tested against surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShapeError {
-    /// The shape's size is NaN or infinite, or its border negative.
-    #[error("the shape has a size that is not finite, or a negative border")]
+    /// The shape's size is NaN or infinite.
+    #[error("the shape has a size that is not finite")]
     NonFinite,
+    /// A radius, an extent or a border of the shape is less than 0.
+    #[error("the shape has a negative size")]
+    Negative,
+    /// The normal of a half-space is zero.
+    #[error("the half-space has no normal")]
+    NoNormal,
     /// parry has no contact query between a triangle and this shape.
     #[error("there is no contact query between a triangle and this kind of shape")]
     Unsupported,
@@ -116,12 +122,17 @@ impl ShapeGeometry {
         let finite = |values: &[Vec3]| {
             if values.iter().all(|value| value.is_finite()) { Ok(()) } else { Err(ShapeError::NonFinite) }
         };
+        let size = |size: Vec3| {
+            finite(&[size])?;
+            if size.min_element() < 0.0 { Err(ShapeError::Negative) } else { Ok(()) }
+        };
         if let Some(ball) = shape.as_ball() {
-            finite(&[Vec3::splat(ball.radius)])?;
+            size(Vec3::splat(ball.radius))?;
             return Ok(Self::Rounded { start: DVec3::ZERO, end: DVec3::ZERO, radius: f64::from(ball.radius) });
         }
         if let Some(capsule) = shape.as_capsule() {
-            finite(&[capsule.segment.a, capsule.segment.b, Vec3::splat(capsule.radius)])?;
+            finite(&[capsule.segment.a, capsule.segment.b])?;
+            size(Vec3::splat(capsule.radius))?;
             return Ok(Self::Rounded {
                 start: capsule.segment.a.as_dvec3(),
                 end: capsule.segment.b.as_dvec3(),
@@ -130,7 +141,8 @@ impl ShapeGeometry {
         }
         if let Some(half_space) = shape.as_halfspace() {
             finite(&[half_space.normal])?;
-            return Ok(Self::HalfSpace { normal: half_space.normal.as_dvec3().normalize_or(DVec3::Y) });
+            let normal = half_space.normal.as_dvec3().try_normalize().ok_or(ShapeError::NoNormal)?;
+            return Ok(Self::HalfSpace { normal });
         }
         // Not the polyhedron's own triangles: parry joins facets that are nearly in one plane and may cut the polygon
         // into triangles that face inward, for which every point inside is outside.
@@ -140,15 +152,16 @@ impl ShapeGeometry {
         if let Some(polyhedron) = shape.as_convex_polyhedron() {
             finite(polyhedron.points())?;
         }
+        if let Some(cuboid) = shape.as_cuboid() {
+            size(cuboid.half_extents)?;
+        }
         let mesh = shape.as_cuboid().map(Cuboid::to_trimesh).or_else(|| shape.as_convex_polyhedron().map(hull));
         if let Some((points, triangles)) = mesh {
             finite(&points)?;
             return ConvexPolytope::new(&points, &triangles).map(|polytope| Self::Polytope(Box::new(polytope)));
         }
         // parry panics over a border that is negative or not a number.
-        if border_radius(shape).is_some_and(|radius| !radius.is_finite() || radius < 0.0) {
-            return Err(ShapeError::NonFinite);
-        }
+        size(Vec3::splat(border_radius(shape).unwrap_or(0.0)))?;
         let bounds = shape.compute_local_aabb();
         finite(&[bounds.mins, bounds.maxs])?;
         let probe = Triangle::new(Vec3::ZERO, Vec3::X, Vec3::Y);
