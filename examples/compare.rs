@@ -217,12 +217,9 @@ fn measure(input: &Input, options: &Options) -> Report {
     for method in ContactMethod::ALL {
         for &threads in &threads {
             contestants.push(Box::new(Ours::new(input, method, threads)) as Box<dyn Contestant>);
-        }
-    }
-    let by_spheres = ContactMethod::ALL.into_iter().filter(|method| !method.is_exact());
-    for method in by_spheres {
-        for &threads in &threads {
-            contestants.push(Box::new(Reader(Ours::new(input, method, threads))) as Box<dyn Contestant>);
+            if !method.is_exact() {
+                contestants.push(Box::new(Reader(Ours::new(input, method, threads))));
+            }
         }
     }
     report_progress(&progress, "building and starting peers");

@@ -14,13 +14,6 @@ use super::{
 };
 
 pub const COLD: &str = "cold tick";
-/// Contacts of spheres are written when they are first read, or in the tick where those of the one before were read: what a
-/// first reading takes, and a tick together with its reading where every tick is read.
-pub const READ: &str = "its contacts, when nobody has read any before";
-pub const READ_EACH: &str = "cold tick and its contacts, read every tick";
-/// After as many ticks in which nobody has read, contacts are left to whoever reads them first, and the memory for what is
-/// written has been let go.
-const UNREAD: usize = 10;
 /// The same where the small motion ends: what a moved and an unchanged tick are stated against, as they find the same.
 pub const COLD_MOVED: &str = "cold tick, where the motion ends";
 pub const MOVED: &str = "tick, moved by 0.09 contact distances";
@@ -28,6 +21,13 @@ pub const MOVED: &str = "tick, moved by 0.09 contact distances";
 pub const FOLLOWED: &str = "of those, by a list of an earlier tick";
 pub const RENEWED: &str = "of those, that make a list";
 pub const UNCHANGED: &str = "tick, unchanged";
+/// What a first reading takes of the contacts of spheres, which are written then, and a tick together with its reading where
+/// every tick is read.
+pub const READ: &str = "its contacts, when nobody has read any before";
+pub const READ_EACH: &str = "cold tick and its contacts, read every tick";
+/// After as many ticks in which nobody has read, contacts are left to whoever reads them first, and the memory for what is
+/// written has been let go.
+const UNREAD: usize = 10;
 
 /// One method on one number of threads.
 pub struct Ours {
@@ -97,11 +97,22 @@ impl Ours {
         self.app.world_mut().entity_mut(self.surface).insert(Teleported);
     }
 
+    /// A cold tick that nobody measures.
+    fn jump_and_update(&mut self, positions: &[Vec3]) {
+        self.jump(positions);
+        self.app.update();
+    }
+
+    /// What has been measured as a whole.
+    fn log(&self, what: &str, duration: Duration, log: &mut Log) {
+        log.add(&method_name(self.method), what, self.threads, Level::Whole, duration, self.counts());
+    }
+
     /// One tick on the clock: the whole update, of which the stages are parts.
     fn measure(&mut self, what: &str, log: &mut Log, with_stages: bool) {
         let (duration, ()) = timed(|| self.app.update());
+        self.log(what, duration, log);
         let who = method_name(self.method);
-        log.add(&who, what, self.threads, Level::Whole, duration, self.counts());
         if with_stages {
             for stage in &self.app.world().resource::<DetectionDiagnostics>().stages {
                 log.add(&who, stage.name, self.threads, Level::Part, stage.duration, Counts::default());
@@ -117,8 +128,7 @@ impl Contestant for Ours {
 
     fn run(&mut self, _: usize, tick: &Tick, log: &mut Log) -> Result<(), String> {
         // Nothing remembered helps a cold tick: the mesh comes from another shape, and is told to forget it.
-        self.jump(&tick.before);
-        self.app.update();
+        self.jump_and_update(&tick.before);
         self.jump(&tick.now);
         self.measure(COLD, log, true);
         // The baseline that remembers nothing has nothing to show here but its time.
@@ -136,13 +146,12 @@ impl Contestant for Ours {
         // All of them together: what is remembered has to be renewed now and then, and that is part of the price.
         let [(_, followed, followed_count), (_, renewed, renewed_count)] = ticks;
         let (who, mean) = (method_name(self.method), (followed + renewed) / (followed_count + renewed_count));
-        log.add(&who, MOVED, self.threads, Level::Whole, mean, self.counts());
+        self.log(MOVED, mean, log);
         for (what, sum, count) in ticks.into_iter().filter(|(.., count)| followed_count > 0 && *count > 0) {
             log.add(&who, what, self.threads, Level::Part, sum / count, Counts::default());
         }
         self.measure(UNCHANGED, log, false);
-        self.jump(&tick.before);
-        self.app.update();
+        self.jump_and_update(&tick.before);
         self.jump(&tick.drift[tick.drift.len() - 1]);
         self.measure(COLD_MOVED, log, false);
         Ok(())
@@ -161,19 +170,20 @@ impl Contestant for Reader {
     fn run(&mut self, _: usize, tick: &Tick, log: &mut Log) -> Result<(), String> {
         let Self(ours) = self;
         for _ in 0..UNREAD {
-            ours.jump(&tick.before);
-            ours.app.update();
+            ours.jump_and_update(&tick.before);
         }
-        for what in [READ, READ_EACH] {
-            ours.jump(&tick.now);
-            let (update, ()) = timed(|| ours.app.update());
-            let (reading, _) = timed(|| ours.read());
-            let duration = if what == READ_EACH { update + reading } else { reading };
-            log.add(&method_name(ours.method), what, ours.threads, Level::Whole, duration, ours.counts());
-            ours.jump(&tick.before);
+        ours.jump_and_update(&tick.now);
+        let (reading, _) = timed(|| ours.read());
+        ours.log(READ, reading, log);
+
+        ours.jump_and_update(&tick.before);
+        ours.read();
+        ours.jump(&tick.now);
+        let (both, _) = timed(|| {
             ours.app.update();
-            ours.read();
-        }
+            ours.read()
+        });
+        ours.log(READ_EACH, both, log);
         Ok(())
     }
 }

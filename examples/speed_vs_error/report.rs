@@ -252,7 +252,7 @@ impl Text<'_> {
              which took {:.0} s. Times are those of one thread of the machine it ran on, and only their ratios mean \
              something elsewhere; every other figure is the same in every run. They are those of whole ticks whose contacts \
              are read: of those that nobody reads, `Circumsphere` and `BoundingSphere` write no points and no normals, and \
-             take a third to two thirds of the time.\n",
+             take less.\n",
             self.command(),
             self.study.seconds
         )

@@ -85,11 +85,10 @@ fn moving(pose: &Pose) -> Option<&Pose> {
     (*pose != Pose::IDENTITY).then_some(pose)
 }
 
-/// The rows of all triangles are made where at least one of so many is in a pair, by balls and by caps. Nearly all pairs by balls
-/// are in contact, and with rows those contacts need not be written before somebody reads them: where every second triangle is in
-/// a pair, overlap takes half of the time so, with one in four as much as without.
+/// By balls, the rows of all triangles are made where at least one of so many is in a pair. Nearly all pairs by balls are in
+/// contact, and with rows those contacts need not be written before somebody reads them: where every second triangle is in a pair,
+/// overlap takes half of the time so, with one in four as much as without.
 const TRIANGLES_OF_BALL_PAIR: usize = 3;
-const TRIANGLES_OF_CAP_PAIR: usize = 1;
 
 /// The rows of the active surfaces whose triangles are in many candidate pairs, for each method; others have none.
 #[derive(Resource, Clone, Debug, Default)]
@@ -140,13 +139,13 @@ impl SphereRows {
             let (topology, positions) = (&*active.topology, &*positions.0);
             let surface =
                 SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None };
-            if by_caps >= topology.triangles().len() / TRIANGLES_OF_CAP_PAIR {
+            if by_caps >= topology.triangles().len() {
                 let side = CapSide { surface, spheres: &spheres.0, cones: &cones.0, pose: None, rows: None };
                 side.rows(share, cap_rows.renew());
             } else if !cap_rows.rows.is_empty() {
                 cap_rows.renew().clear();
             }
-            if by_balls >= topology.triangles().len() / TRIANGLES_OF_BALL_PAIR {
+            if TRIANGLES_OF_BALL_PAIR * by_balls >= topology.triangles().len() {
                 BallSide { surface, balls: &balls.0, pose: None, rows: None }.rows(share, ball_rows.renew());
             } else if !ball_rows.rows.is_empty() {
                 ball_rows.renew().clear();

@@ -1,9 +1,10 @@
 //! Sorts pairs of triangles into the order of the contacts they may give.
 //!
-//! Eight bytes a pair are moved rather than whole contacts: the exact stage sorts its candidates, and whoever writes contacts of
-//! spheres their pairs, and contacts are made in order. Pairs are dealt out, chunk by chunk, to buckets of neighboring numbers, where they take up half the room: what the
-//! bucket leaves open of both triangles. Each bucket is collected from all chunks and sorted digit by digit, both in the
-//! nearest caches, so that the whole list is read twice and written once, in tasks that may be shared among threads.
+//! Eight bytes a pair are moved rather than whole contacts: the exact stage sorts its candidates, whoever writes contacts of
+//! spheres their pairs, and contacts are made in order. Pairs are dealt out, chunk by chunk, to buckets of neighboring numbers,
+//! where they take up half the room: what the bucket leaves open of both triangles. Each bucket is collected from all chunks and
+//! sorted digit by digit, both in the nearest caches, so that the whole list is read twice and written once, in tasks that may be
+//! shared among threads.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 

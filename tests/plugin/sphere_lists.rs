@@ -6,7 +6,10 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore, StoredPair,
     detection::{CandidateTrianglePairs, MeetingCaps, SphereContacts, broad_phase::BroadPhaseSystems},
-    kernel::contact::{CompactContact, TouchingPair},
+    kernel::{
+        contact::{CompactContact, TouchingPair},
+        sphere_contacts::SphereContact,
+    },
     prelude::*,
     response::*,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
@@ -72,6 +75,11 @@ fn lists(store: &ContactStore) -> Lists {
     store.pairs.iter().map(|pair| (pair.contacts.to_vec(), pair.touching.to_vec())).collect()
 }
 
+/// What is in contact, in the order in which it was found.
+fn as_found(store: &ContactStore) -> Vec<Vec<SphereContact>> {
+    store.pairs.iter().map(|pair| pair.sphere_contacts().collect()).collect()
+}
+
 #[test]
 fn contacts_of_spheres_that_are_read_late_are_those_of_their_tick() {
     #[cfg(feature = "parallel")]
@@ -87,9 +95,6 @@ fn contacts_of_spheres_that_are_read_late_are_those_of_their_tick() {
         for tick in 0..TICKS {
             let (found, of_two_threads, written) = (late.tick(tick), shared.tick(tick), at_once.tick(tick));
             assert!(!found.pairs.iter().any(is_written) && written.pairs.iter().all(is_written), "{method:?}");
-            let as_found = |store: &ContactStore| -> Vec<_> {
-                store.pairs.iter().map(|pair| pair.sphere_contacts().collect::<Vec<_>>()).collect()
-            };
             assert!(as_found(&found) == as_found(&of_two_threads), "{method:?}: threads change the order");
             expected.push((lists(&written), written.pairs.iter().map(|pair| pair.nearest).collect::<Vec<_>>()));
             unread.push(found);
@@ -189,9 +194,6 @@ fn contacts_that_are_read_every_tick_are_written_in_the_tick() {
                 let (found, expected) = (run.tick(tick), unread.tick(tick));
                 assert_eq!(found.pairs.len(), 2);
                 assert!(found.pairs.iter().all(|pair| is_written(pair) == WRITTEN[tick]), "{method:?}, tick {tick}");
-                let as_found = |store: &ContactStore| -> Vec<_> {
-                    store.pairs.iter().map(|pair| pair.sphere_contacts().collect::<Vec<_>>()).collect()
-                };
                 assert!(as_found(&found) == as_found(&expected), "{method:?}, tick {tick}");
                 if reads {
                     // Of a pair's two lists either is enough.
