@@ -98,7 +98,6 @@ impl LeafTriangles {
     /// Takes the names of the vertices of `tree`'s leaves, all that is asked for where no slabs are. They stay as they are until
     /// items get other leaves.
     pub(crate) fn name_vertices(&mut self, tree: &BoxTree, topology: &SurfaceTopology) {
-        self.blocks.resize(tree.leaf_count(), Block::EMPTY);
         self.vertices.clear();
         self.vertices.extend((0..tree.leaf_count()).map(|leaf| {
             let mut vertices = Vertices([[NO_VERTEX; LEAF_WIDTH]; 3]);
@@ -231,6 +230,25 @@ pub struct PairCull<'a> {
 }
 
 impl<'a> PairCull<'a> {
+    /// What tells which triangles of two leaves share a vertex. Where nobody asks, it tells of none.
+    #[inline(always)]
+    pub(super) fn neighbors_between(&self, leaves: [usize; 2]) -> Neighbors<'a> {
+        let [first, second] = self.triangles;
+        Neighbors(if self.neighbors {
+            Some([&first.vertices[leaves[0]].0, &second.vertices[leaves[1]].0])
+        } else {
+            None
+        })
+    }
+
+    /// Whether slabs drop any.
+    #[inline(always)]
+    pub(super) fn has_slabs(&self) -> bool {
+        self.slabs < f32::INFINITY
+    }
+
+    /// What tells which triangles of two leaves slabs keep apart. Only where there are [slabs](Self::has_slabs): else nobody has
+    /// brought the leaves' triangles up to date.
     #[inline(always)]
     pub(super) fn between(&self, leaves: [usize; 2]) -> Separation<'a> {
         let (own, other) = (&self.triangles[0].blocks[leaves[0]], &self.triangles[1].blocks[leaves[1]]);
@@ -238,38 +256,20 @@ impl<'a> PairCull<'a> {
         let extent = own.extent + other.extent + offset.abs().element_sum();
         let needed =
             if extent <= LARGEST_EXTENT { self.slabs * RANGE_SLACK + extent * ROUNDING } else { f32::INFINITY };
-        let vertices = [&self.triangles[0].vertices[leaves[0]].0, &self.triangles[1].vertices[leaves[1]].0];
-        let (neighbors, planes_only) = (self.neighbors, self.planes_only);
-        Separation { own, other, vertices, offset, extent, needed, neighbors, planes_only }
+        Separation { own, other, offset, extent, needed, planes_only: self.planes_only }
     }
 }
 
-/// Two leaves, and what is known of them.
-pub(super) struct Separation<'a> {
-    own: &'a Block,
-    other: &'a Block,
-    vertices: [&'a [[u32; LEAF_WIDTH]; 3]; 2],
-    /// From the frame of the first leaf to that of the second.
-    offset: Vec3,
-    /// No projection of a corner on a direction of length 1 exceeds it.
-    extent: f32,
-    /// Projections farther apart than this prove that triangles are.
-    needed: f32,
-    neighbors: bool,
-    planes_only: bool,
-}
+/// The vertices of the triangles of two leaves, where it matters whether they share any.
+pub(super) struct Neighbors<'a>(Option<[&'a [[u32; LEAF_WIDTH]; 3]; 2]>);
 
-impl Separation<'_> {
+impl Neighbors<'_> {
     /// The lanes of the second leaf that share a vertex with a triangle of the first.
     #[inline(always)]
-    pub(super) fn neighbors<S: Simd>(&self, simd: S, lane: usize) -> u32 {
-        if !self.neighbors {
-            return 0;
-        }
-        let [own, others] = self.vertices;
+    pub(super) fn of_lane<S: Simd>(&self, simd: S, lane: usize) -> u32 {
+        let Some([[a, b, c], others]) = self.0 else { return 0 };
         let (first, second) = (u32x8::from_slice(simd, &others[0]), u32x8::from_slice(simd, &others[1]));
         let third = u32x8::from_slice(simd, &others[2]);
-        let [a, b, c] = own;
         // Equal numbers differ in no bit, and one comparison tells of all nine.
         let (a, b, c) = (u32x8::splat(simd, a[lane]), u32x8::splat(simd, b[lane]), u32x8::splat(simd, c[lane]));
         let of_first = (first ^ a).min(first ^ b).min(first ^ c);
@@ -277,18 +277,30 @@ impl Separation<'_> {
         let of_third = (third ^ a).min(third ^ b).min(third ^ c);
         of_first.min(of_second).min(of_third).simd_eq(0).to_bitmask() as u32
     }
+}
 
-    /// Whether slabs are asked at all.
-    #[inline(always)]
-    pub(super) fn has_slabs(&self) -> bool {
-        self.needed != f32::INFINITY
-    }
+/// The triangles of two leaves, and what is known of them.
+pub(super) struct Separation<'a> {
+    own: &'a Block,
+    other: &'a Block,
+    /// From the frame of the first leaf to that of the second.
+    offset: Vec3,
+    /// No projection of a corner on a direction of length 1 exceeds it.
+    extent: f32,
+    /// Projections farther apart than this prove that triangles are.
+    needed: f32,
+    planes_only: bool,
+}
 
+impl Separation<'_> {
     /// Which of up to eight pairs of lanes are kept apart: by either plane, or across the line between the centroids, which
     /// parts those that lie beside each other in nearly one plane. Only `asked` pairs count.
     #[inline(always)]
     pub(super) fn separated<S: Simd>(&self, simd: S, pairs: &LanePairs<S>, asked: u32) -> u32 {
         let needed = self.needed;
+        if needed == f32::INFINITY {
+            return 0;
+        }
         let corners = self.corners(simd, pairs);
         let [own_gap, other_gap] = self.plane_gaps(simd, pairs, &corners);
         if self.planes_only {

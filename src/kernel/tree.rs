@@ -264,27 +264,32 @@ impl BoxTree {
                 for &other_place in search.found() {
                     let other_place = other_place as usize;
                     let other = &other_tree.leaves[other_place];
-                    let separation = match cull {
-                        Some(cull) => Some(cull.between([place, other_place])),
+                    let neighbors = match cull {
+                        Some(cull) => Some(cull.neighbors_between([place, other_place])),
                         None => None,
                     };
                     hits.count = 0;
                     for lane in SetLanes(leaf.boxes.overlapping(simd, &other.bounds)) {
                         let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
                         let mut lanes = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
-                        if let Some(separation) = &separation
+                        if let Some(neighbors) = &neighbors
                             && lanes != 0
                         {
-                            lanes &= !separation.neighbors(simd, lane);
+                            lanes &= !neighbors.of_lane(simd, lane);
                         }
                         hits.push(simd, lane, lanes);
                     }
+                    if hits.count == 0 {
+                        continue;
+                    }
                     count += hits.count;
+                    let separation = match cull {
+                        Some(cull) if cull.has_slabs() => Some(cull.between([place, other_place])),
+                        _ => None,
+                    };
                     for (pairs_of_lanes, mut kept) in hits.groups() {
                         let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
-                        if let Some(separation) = &separation
-                            && separation.has_slabs()
-                        {
+                        if let Some(separation) = &separation {
                             kept &= !separation.separated(simd, &lane_pairs, kept);
                         }
                         let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);

@@ -15,7 +15,7 @@ impl Separation<'_> {
         asked: u32,
     ) -> (u32, f32x8<S>) {
         let (zero, needed) = (f32x8::splat(simd, 0.0), self.needed);
-        if !self.has_slabs() {
+        if needed == f32::INFINITY {
             return (asked, zero);
         }
         let corners = self.corners(simd, pairs);

@@ -62,23 +62,30 @@ impl BoxTree {
                 for &other_place in search.found() {
                     let other_place = other_place as usize;
                     let other = &other_tree.leaves[other_place];
-                    let separation = cull.between([place, other_place]);
+                    let neighbors = cull.neighbors_between([place, other_place]);
                     hits.count = 0;
                     for lane in SetLanes(leaf.boxes.overlapping(simd, &other.bounds.grown(skin))) {
                         let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
                         let gaps = other.boxes.gaps(simd, &leaf.boxes.get(lane));
                         let mut lanes = gaps.simd_le(skin).to_bitmask() as u32 & later;
                         if lanes != 0 {
-                            lanes &= !separation.neighbors(simd, lane);
+                            lanes &= !neighbors.of_lane(simd, lane);
                         }
                         let mask = mask32x8::from_bitmask(simd, u64::from(lanes));
                         gaps.compress(mask).store_slice(&mut all_gaps[hits.count..][..LEAF_WIDTH]);
                         hits.push(simd, lane, lanes);
                     }
+                    if hits.count == 0 {
+                        continue;
+                    }
                     count += hits.count;
+                    let separation = if cull.has_slabs() { Some(cull.between([place, other_place])) } else { None };
                     for ((pairs_of_lanes, asked), gaps) in hits.groups().zip(all_gaps.chunks(LEAF_WIDTH)) {
                         let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
-                        let (kept, by_slabs) = separation.lower_bounds(simd, &lane_pairs, asked);
+                        let (kept, by_slabs) = match &separation {
+                            Some(separation) => separation.lower_bounds(simd, &lane_pairs, asked),
+                            None => (asked, f32x8::splat(simd, 0.0)),
+                        };
                         // The boxes hold what they were grown by.
                         let gaps = f32x8::from_slice(simd, gaps);
                         let by_boxes = gaps.simd_gt(0.0).select(gaps + range, f32x8::splat(simd, 0.0));
