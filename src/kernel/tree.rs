@@ -280,9 +280,7 @@ impl BoxTree {
                     for lane in SetLanes(leaf.boxes.overlapping(simd, &other.bounds)) {
                         let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
                         let mut lanes = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
-                        if let Some(neighbors) = &neighbors
-                            && lanes != 0
-                        {
+                        if let Some(neighbors) = &neighbors {
                             lanes &= !neighbors.of_lane(simd, lane);
                         }
                         hits.push(simd, lane, lanes);
