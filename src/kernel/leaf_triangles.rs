@@ -294,9 +294,9 @@ pub(super) struct Separation<'a> {
 
 impl Separation<'_> {
     /// Which of up to eight pairs of lanes are kept apart: by either plane, or across the line between the centroids, which
-    /// parts those that lie beside each other in nearly one plane. Only `asked` pairs count.
+    /// parts those that lie beside each other in nearly one plane.
     #[inline(always)]
-    pub(super) fn separated<S: Simd>(&self, simd: S, pairs: &LanePairs<S>, asked: u32) -> u32 {
+    pub(super) fn separated<S: Simd>(&self, simd: S, pairs: &LanePairs<S>) -> u32 {
         let needed = self.needed;
         if needed == f32::INFINITY {
             return 0;
@@ -310,14 +310,11 @@ impl Separation<'_> {
                 | other_gap.simd_gt(other_doubt * self.extent + needed);
             return apart.to_bitmask() as u32;
         }
-        let by_planes = (own_gap.simd_gt(needed) | other_gap.simd_gt(needed)).to_bitmask() as u32;
-        if asked & !by_planes == 0 {
-            return by_planes;
-        }
+        let by_planes = own_gap.simd_gt(needed) | other_gap.simd_gt(needed);
         let (gap, between) = line_gap(&corners);
         let squared = dot(between, between);
         let along_line = gap.simd_gt(squared.sqrt() * needed) & squared.simd_gt(LEAST_SQUARED);
-        by_planes | along_line.to_bitmask() as u32
+        (by_planes | along_line).to_bitmask() as u32
     }
 
     /// The corners of the triangles of the first leaf and of the second, in the frame of the second.

@@ -296,7 +296,7 @@ impl BoxTree {
                     for (pairs_of_lanes, mut kept) in hits.groups() {
                         let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
                         if let Some(separation) = &separation {
-                            kept &= !separation.separated(simd, &lane_pairs, kept);
+                            kept &= !separation.separated(simd, &lane_pairs);
                         }
                         let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
                         let (firsts, seconds) =
