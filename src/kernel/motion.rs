@@ -3,7 +3,7 @@
 //! Distances between triangles do not change where everything moves alike. What they can change by follows from one
 //! vector a mesh, and how far the motion of any vertex is from it.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A};
 
 /// Motion of all vertices: each within `radius` of `center`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,9 +36,11 @@ impl Motion {
         if before.len() != after.len() {
             return Self::UNKNOWN;
         }
-        let differences = || before.iter().zip(after).map(|(&before, &after)| after - before);
+        // Three of four lanes: each takes as long as one number by itself.
+        let differences =
+            || before.iter().zip(after).map(|(&before, &after)| Vec3A::from(after) - Vec3A::from(before));
         let (low, high) = differences()
-            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), moved| (low.min(moved), high.max(moved)));
+            .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), moved| (low.min(moved), high.max(moved)));
         if before.is_empty() {
             return Self::REST;
         }
@@ -48,7 +50,7 @@ impl Motion {
         let radius = farthest.sqrt() * (1.0 + ROUNDING) + largest * ROUNDING;
         // Squares that are too small or too large for f32 say nothing.
         let is_reliable = low == high || (f32::MIN_POSITIVE..f32::MAX).contains(&farthest);
-        if is_reliable && radius.is_finite() { Self { center, radius } } else { Self::UNKNOWN }
+        if is_reliable && radius.is_finite() { Self { center: center.into(), radius } } else { Self::UNKNOWN }
     }
 
     /// By how much the distance of a point of one mesh from a point of the other can have changed, at most; of one mesh

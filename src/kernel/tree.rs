@@ -47,13 +47,6 @@ struct Boxes {
 impl Boxes {
     const UNUSED: Self = Self { min: [[f32::NAN; LEAF_WIDTH]; 3], max: [[f32::NAN; LEAF_WIDTH]; 3] };
 
-    fn set(&mut self, lane: usize, bounds: &Aabb) {
-        for axis in 0..3 {
-            self.min[axis][lane] = bounds.min[axis];
-            self.max[axis][lane] = bounds.max[axis];
-        }
-    }
-
     #[inline(always)]
     fn get(&self, lane: usize) -> Aabb {
         let (min, max) = (&self.min, &self.max);

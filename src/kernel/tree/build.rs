@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use fearless_simd::{Level, dispatch};
 use glam::Vec3;
 
 use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, Leaf, NO_ITEM, Node};
@@ -171,11 +172,13 @@ impl BoxTree {
         self.nodes.clear();
         self.leaves.clear();
         self.item_count = items.len();
-        for part in items.chunks(LEAF_WIDTH) {
-            let mut leaf = Leaf::new(part.iter().map(|&(item, _)| item));
-            leaf.set_boxes(part.iter().map(|(_, bounds)| bounds));
-            self.leaves.push(leaf);
-        }
+        dispatch!(Level::new(), simd => {
+            for part in items.chunks(LEAF_WIDTH) {
+                let mut leaf = Leaf::new(part.iter().map(|&(item, _)| item));
+                leaf.set_boxes(simd, part);
+                self.leaves.push(leaf);
+            }
+        });
     }
 }
 

@@ -3,11 +3,23 @@
 //! What is below each child of the root stands together, and is a task of its own. Those are the same for any number of
 //! threads, and so is every sum.
 
-use super::{Aabb, BoxTree, LEAF_WIDTH, Leaf, Node};
-use crate::kernel::share::{OneByOne, Share};
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{Level, dispatch, f32x4, f32x8, prelude::*};
+use glam::Vec3;
+
+use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, Leaf, Node};
+use crate::kernel::{
+    lanes::columns,
+    prefetch::prefetch,
+    share::{OneByOne, Share},
+};
 
 /// Fewer items than these are not worth a second thread.
 const ITEMS_OF_ONE: usize = 8192;
+
+/// How many leaves ahead the boxes of items are asked for.
+const LEAVES_AHEAD: usize = 4;
 
 impl BoxTree {
     /// Follows moved boxes without changing the tree's structure.
@@ -29,9 +41,9 @@ impl BoxTree {
         if let Some((root, nodes)) = nodes.split_first_mut() {
             let mut areas = [0.0; LEAF_WIDTH];
             share.hand_out(subtrees(root, nodes, leaves, &mut areas), *item_count / ITEMS_OF_ONE, |subtree| {
-                subtree.refit(bounds);
+                dispatch!(Level::new(), simd => subtree.refit(simd, bounds));
             });
-            root.refit([1, 0], nodes, leaves);
+            dispatch!(Level::new(), simd => root.refit(simd, [1, 0], nodes, leaves));
             area = areas.iter().sum::<f32>() + root.bounds.half_area();
         }
         let whole = self.bounds().half_area();
@@ -76,53 +88,90 @@ fn subtrees<'a>(
 }
 
 impl Subtree<'_> {
-    fn refit(self, bounds: &[Aabb]) {
+    #[inline(always)]
+    fn refit<S: Simd>(self, simd: S, bounds: &[Aabb]) {
         let mut area = 0.0;
-        for leaf in &mut *self.leaves {
-            leaf.refit(bounds);
+        for place in 0..self.leaves.len() {
+            if let Some(later) = self.leaves.get(place + LEAVES_AHEAD) {
+                for &item in &later.items {
+                    prefetch(bounds, item);
+                }
+            }
+            let leaf = &mut self.leaves[place];
+            leaf.refit(simd, bounds);
             area += leaf.bounds.half_area();
         }
         // Children stand after their parent, so backwards every child is ready before its parent asks.
         for place in (0..self.nodes.len()).rev() {
             let (nodes, later) = self.nodes.split_at_mut(place + 1);
             let [first_node, first_leaf] = self.first;
-            nodes[place].refit([first_node + place + 1, first_leaf], later, self.leaves);
+            nodes[place].refit(simd, [first_node + place + 1, first_leaf], later, self.leaves);
             area += nodes[place].bounds.half_area();
         }
         *self.area = area;
     }
 }
 
+/// Stands where there is no box: overlaps nothing, and nothing is around it.
+static NO_BOX: Aabb = Aabb { min: Vec3::NAN, max: Vec3::NAN };
+
 impl Node {
     /// `nodes` and `leaves` hold its children; `first` are the places of the first ones in the tree.
-    fn refit(&mut self, first: [usize; 2], nodes: &[Node], leaves: &[Leaf]) {
-        self.bounds = Aabb::EMPTY;
-        for lane in 0..self.child_count as usize {
+    #[inline(always)]
+    fn refit<S: Simd>(&mut self, simd: S, first: [usize; 2], nodes: &[Node], leaves: &[Leaf]) {
+        let mut boxes = [&NO_BOX; LEAF_WIDTH];
+        for (lane, bounds) in boxes.iter_mut().enumerate().take(self.child_count as usize) {
             let child = self.children[lane] as usize;
             let is_leaf = self.leaf_children & (1 << lane) != 0;
-            let bounds = if is_leaf { leaves[child - first[1]].bounds } else { nodes[child - first[0]].bounds };
-            self.bounds = self.bounds.union(&bounds);
-            self.boxes.set(lane, &bounds);
+            *bounds = if is_leaf { &leaves[child - first[1]].bounds } else { &nodes[child - first[0]].bounds };
         }
+        self.bounds = self.boxes.set_all(simd, boxes);
     }
 }
 
 impl Leaf {
-    fn refit(&mut self, bounds: &[Aabb]) {
-        let items = self.items;
-        self.set_boxes(items[..self.count as usize].iter().map(|&item| &bounds[item as usize]));
+    #[inline(always)]
+    fn refit<S: Simd>(&mut self, simd: S, bounds: &[Aabb]) {
+        let mut boxes = [&NO_BOX; LEAF_WIDTH];
+        for (own, &item) in boxes.iter_mut().zip(&self.items[..self.count as usize]) {
+            *own = &bounds[item as usize];
+        }
+        self.bounds = self.boxes.set_all(simd, boxes);
     }
 
-    #[expect(clippy::inline_always, reason = "a leaf is fitted in one loop")]
+    /// Takes the boxes of its items from them.
     #[inline(always)]
-    pub(super) fn set_boxes<'a>(&mut self, items: impl Iterator<Item = &'a Aabb>) {
-        self.bounds = Aabb::EMPTY;
-        for (lane, item) in items.enumerate() {
-            self.boxes.set(lane, item);
-            // A box that is empty or not a number overlaps nothing, and must not make a node that overlaps nothing.
-            if item.min.cmple(item.max).all() {
-                self.bounds = self.bounds.union(item);
-            }
+    pub(super) fn set_boxes<S: Simd>(&mut self, simd: S, items: &[(u32, Aabb)]) {
+        let mut boxes = [&NO_BOX; LEAF_WIDTH];
+        for (own, (_, bounds)) in boxes.iter_mut().zip(items) {
+            *own = bounds;
         }
+        self.bounds = self.boxes.set_all(simd, boxes);
+    }
+}
+
+impl Boxes {
+    /// Takes eight boxes. Returns the box around them, but for those that are empty or not a number: such a box overlaps nothing,
+    /// and must not make a node that overlaps nothing.
+    #[inline(always)]
+    fn set_all<S: Simd>(&mut self, simd: S, boxes: [&Aabb; LEAF_WIDTH]) -> Aabb {
+        let (mut heads, mut tails) = ([f32x4::splat(simd, 0.0); LEAF_WIDTH], [f32x4::splat(simd, 0.0); LEAF_WIDTH]);
+        for lane in 0..LEAF_WIDTH {
+            let Aabb { min, max } = boxes[lane];
+            heads[lane] = f32x4::load_array(simd, [min.x, min.y, min.z, max.x]);
+            tails[lane] = f32x4::load_array(simd, [min.z, max.x, max.y, max.z]);
+        }
+        let ([min_x, min_y, min_z, max_x], [_, _, max_y, max_z]) = (columns(heads), columns(tails));
+        let (min, max) = ([min_x, min_y, min_z], [max_x, max_y, max_z]);
+        let is_box = min_x.simd_le(max_x) & min_y.simd_le(max_y) & min_z.simd_le(max_z);
+        let (highest, lowest) = (f32x8::splat(simd, f32::INFINITY), f32x8::splat(simd, f32::NEG_INFINITY));
+        let mut around = Aabb::EMPTY;
+        for axis in 0..3 {
+            min[axis].store_slice(&mut self.min[axis]);
+            max[axis].store_slice(&mut self.max[axis]);
+            around.min[axis] = is_box.select(min[axis], highest).reduce_min();
+            around.max[axis] = is_box.select(max[axis], lowest).reduce_max();
+        }
+        around
     }
 }
