@@ -9,7 +9,7 @@ use super::share::{OneByOne, Share};
 
 /// Boxes are grown by this many units in the last place of their largest coordinate besides, so that f32 rounding of
 /// their planes never loses a pair.
-const ROUNDING_GROWTH: f32 = 2.0 * f32::EPSILON;
+pub(super) const ROUNDING_GROWTH: f32 = 2.0 * f32::EPSILON;
 
 /// Triangles of one task at least, whose boxes take as long as to wake another thread, and into how many tasks at most they
 /// are cut.

@@ -19,6 +19,7 @@ pub mod ids;
 mod lanes;
 pub mod leaf_triangles;
 pub mod motion;
+pub mod moved_triangles;
 pub mod pair;
 pub mod pair_fate;
 pub mod pair_order;

@@ -67,7 +67,10 @@ fn pair_triangles(
                     };
                     let mut mover = pair.mover(surface, own, settings.margin());
                     moved.clear();
-                    moved.extend((0..surface.topology.triangles().len() as u32).map(|triangle| mover.bounds(triangle)));
+                    let triangles: Vec<u32> = (0..surface.topology.triangles().len() as u32).collect();
+                    let mut boxes = Vec::new();
+                    mover.move_triangles(&triangles, &mut boxes);
+                    moved.extend(boxes.into_iter().map(|(_, bounds)| bounds));
                     sides[side] = &moved;
                 }
                 pairs_between_brute_force(sides[0], sides[1], &mut pair.triangles);

@@ -9,7 +9,9 @@ use glam::{DMat3, DVec3, Vec3};
 use super::{Frame, OtherSide, SurfacePair};
 use crate::{
     detection::bounds::frame_growth,
-    kernel::{bounds::Aabb, ids::VertexId, pose::Pose, topology::SurfaceTopology},
+    kernel::{
+        bounds::Aabb, ids::VertexId, moved_triangles::move_triangles, pose::Pose, topology::SurfaceTopology,
+    },
     surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
 };
 
@@ -47,7 +49,7 @@ impl Reach {
     }
 }
 
-/// Moves triangles of a pair's other surface into the frame of the pair, one after the other.
+/// Moves triangles of a pair's other surface into the frame of the pair.
 ///
 /// What an algorithm of the broad phase asks for boxes where a pair [needs it](SurfacePair::is_moved): of which triangles is
 /// up to the algorithm, but it has to have asked for every triangle that it pairs.
@@ -98,44 +100,49 @@ impl SurfacePair {
 }
 
 impl TriangleMover<'_> {
-    /// The box of a triangle in the frame of the pair, grown by the surface's thickness and half the margin.
+    /// Appends some triangles, each with its box in the frame of the pair, grown by the surface's thickness and half the margin.
     ///
     /// # Panics
     /// If there is no such triangle.
-    pub fn bounds(&mut self, triangle: u32) -> Aabb {
-        if self.moved.is_empty() {
-            self.moved.resize(self.own.len(), Vec3::NAN);
+    pub fn move_triangles(&mut self, triangles: &[u32], bounds: &mut Vec<(u32, Aabb)>) {
+        let Self { topology, own, pose, growth, moved, rounding } = self;
+        if moved.is_empty() {
+            moved.resize(own.len(), Vec3::NAN);
         }
-        let [a, b, c] = self.topology.triangles()[triangle as usize].map(|vertex| self.vertex(vertex));
-        Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }.grown(self.growth)
-    }
-
-    fn vertex(&mut self, vertex: u32) -> Vec3 {
-        let moved = self.moved[vertex as usize];
-        if !moved.is_nan() {
-            return moved;
-        }
-        if self.topology.report().welded_vertices > 0 {
-            // Whether vertices that were together still are is asked in this frame too.
-            let welded = self.topology.weld()[vertex as usize];
-            for &triangle in self.topology.triangles_of_vertex(VertexId(welded)) {
-                for &other in &self.topology.triangles()[triangle as usize] {
-                    if self.topology.weld()[other as usize] == welded {
-                        self.move_vertex(other);
+        // Half a unit in the last place of the largest coordinate, along each of three axes.
+        if topology.is_welded() {
+            for &triangle in triangles {
+                for vertex in topology.triangles()[triangle as usize] {
+                    if moved[vertex as usize].is_nan() {
+                        let largest = move_welded(topology, own, pose, vertex, moved);
+                        **rounding = rounding.max(f32::EPSILON * largest);
                     }
                 }
             }
-            // Of which no triangle may be left but collapsed ones.
-            self.move_vertex(welded);
         }
-        self.move_vertex(vertex)
+        let largest = move_triangles(pose, own, topology.triangles(), triangles, *growth, moved, bounds);
+        **rounding = rounding.max(f32::EPSILON * largest);
     }
+}
 
-    fn move_vertex(&mut self, vertex: u32) -> Vec3 {
-        let moved = self.pose.transform_point(self.own[vertex as usize].as_dvec3()).as_vec3();
-        self.moved[vertex as usize] = moved;
-        // Half a unit in the last place along each of three axes.
-        *self.rounding = self.rounding.max(f32::EPSILON * moved.abs().max_element());
-        moved
+/// Moves all vertices that are welded to one of them: whether those that were together still are is asked in the frame of the pair,
+/// too. Returns the largest coordinate of any of them, by its magnitude.
+fn move_welded(topology: &SurfaceTopology, own: &[Vec3], pose: &Pose, vertex: u32, moved: &mut [Vec3]) -> f32 {
+    let welded = topology.weld()[vertex as usize];
+    let mut largest = 0.0;
+    let mut move_vertex = |vertex: u32| {
+        let place = pose.transform_point(own[vertex as usize].as_dvec3()).as_vec3();
+        moved[vertex as usize] = place;
+        largest = f32::max(largest, place.abs().max_element());
+    };
+    for &triangle in topology.triangles_of_vertex(VertexId(welded)) {
+        for other in topology.triangles()[triangle as usize] {
+            if topology.weld()[other as usize] == welded {
+                move_vertex(other);
+            }
+        }
     }
+    // Of which no triangle may be left but collapsed ones.
+    move_vertex(welded);
+    largest
 }

@@ -135,9 +135,13 @@ fn pair_triangles(
                 } else {
                     (second, other_positions, other_bounds, tree)
                 };
-                let mut mover = pair.is_moved().then(|| pair.mover(asking, own, settings.margin()));
-                for (triangle, bounds) in (0u32..).zip(&own_bounds.triangles) {
-                    let bounds = mover.as_mut().map_or(*bounds, |mover| mover.bounds(triangle));
+                let mut boxes: Vec<(u32, Aabb)> = (0..).zip(own_bounds.triangles.iter().copied()).collect();
+                if pair.is_moved() {
+                    let triangles: Vec<u32> = (0..boxes.len() as u32).collect();
+                    boxes.clear();
+                    pair.mover(asking, own, settings.margin()).move_triangles(&triangles, &mut boxes);
+                }
+                for (triangle, bounds) in boxes {
                     let other = |other| if asks_first { [triangle, other] } else { [other, triangle] };
                     found.extend(asked.intersect_aabb(&parry_box(&bounds)).map(other));
                 }

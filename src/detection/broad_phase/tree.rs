@@ -192,8 +192,14 @@ fn move_triangles(
     tree.tree.visit_where(
         |bounds| reach.is_reached_by(bounds),
         |items| {
-            let bounds = items.iter().map(|&triangle| (triangle, mover.bounds(triangle)));
-            reaching.extend(bounds.filter(|(_, bounds)| bounds.overlaps(&target)));
+            let before = reaching.len();
+            mover.move_triangles(items, &mut reaching);
+            let mut kept = before;
+            for place in before..reaching.len() {
+                reaching[kept] = reaching[place];
+                kept += usize::from(reaching[kept].1.overlaps(&target));
+            }
+            reaching.truncate(kept);
         },
     );
     pair.moved_triangles = reaching;

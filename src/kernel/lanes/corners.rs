@@ -24,16 +24,6 @@ impl<S: Simd> DoubleVectorLanes<S> {
         let unit = self.scaled(f64x8::splat(simd, 1.0) / length);
         Self::select(has_length, unit, Self::splat(simd, otherwise))
     }
-
-    #[inline(always)]
-    fn min(self, other: Self) -> Self {
-        Self { x: self.x.min(other.x), y: self.y.min(other.y), z: self.z.min(other.z) }
-    }
-
-    #[inline(always)]
-    fn max(self, other: Self) -> Self {
-        Self { x: self.x.max(other.x), y: self.y.max(other.y), z: self.z.max(other.z) }
-    }
 }
 
 /// One triangle of each of eight pairs.

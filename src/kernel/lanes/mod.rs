@@ -95,6 +95,16 @@ macro_rules! vectors {
             }
 
             #[inline(always)]
+            pub(in crate::kernel) fn min(self, other: Self) -> Self {
+                Self { x: self.x.min(other.x), y: self.y.min(other.y), z: self.z.min(other.z) }
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn max(self, other: Self) -> Self {
+                Self { x: self.x.max(other.x), y: self.y.max(other.y), z: self.z.max(other.z) }
+            }
+
+            #[inline(always)]
             pub(in crate::kernel) fn scaled(self, factor: $numbers<S>) -> Self {
                 Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
             }
