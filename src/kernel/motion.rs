@@ -37,8 +37,7 @@ impl Motion {
             return Self::UNKNOWN;
         }
         // Three of four lanes: each takes as long as one number by itself.
-        let differences =
-            || before.iter().zip(after).map(|(&before, &after)| Vec3A::from(after) - Vec3A::from(before));
+        let differences = || before.iter().zip(after).map(|(&before, &after)| Vec3A::from(after) - Vec3A::from(before));
         let (low, high) = differences()
             .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), moved| (low.min(moved), high.max(moved)));
         if before.is_empty() {

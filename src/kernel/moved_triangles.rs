@@ -1,17 +1,66 @@
 //! Triangles of a surface in the frame of another one, eight at a time, with their boxes there.
 //!
-//! Read and written by the broad phase: positions and names of triangles in, moved positions and boxes out.
+//! Read and written by the broad phase: which boxes of a tree reach another surface, then positions and names of their
+//! triangles in, moved positions and boxes out.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
-use glam::Vec3;
+use fearless_simd::{Level, dispatch, f32x8, f64x8, prelude::*};
+use glam::{DMat3, DVec3, Vec3};
 
 use super::{
     bounds::{Aabb, ROUNDING_GROWTH},
-    lanes::{TriangleLanes, VectorLanes, WIDTH},
+    lanes::{DoubleVectorLanes, TriangleLanes, VectorLanes, WIDTH},
     pose::Pose,
 };
+
+/// Whether boxes, brought into another frame, reach a box there.
+#[derive(Clone, Copy, Debug)]
+pub struct Reach {
+    linear: DMat3,
+    absolute: DMat3,
+    translation: DVec3,
+    center: DVec3,
+    half: DVec3,
+}
+
+/// Boxes are rounded to f32 on the way here by a few units in the last place: far more than those are allowed for.
+const ROUNDING: f64 = 32.0 * f32::EPSILON as f64;
+
+impl Reach {
+    /// `pose` brings boxes into the frame of `target`.
+    #[must_use]
+    pub fn new(pose: &Pose, target: &Aabb) -> Self {
+        let affine = pose.to_affine();
+        let (low, high) = (target.min.as_dvec3(), target.max.as_dvec3());
+        let linear = affine.matrix3;
+        let absolute = DMat3::from_cols(linear.x_axis.abs(), linear.y_axis.abs(), linear.z_axis.abs());
+        Self { linear, absolute, translation: affine.translation, center: (low + high) * 0.5, half: (high - low) * 0.5 }
+    }
+
+    /// One bit for each of eight boxes that reaches the target. Never says that something is apart that is not: what is no number
+    /// reaches.
+    #[inline(always)]
+    pub(super) fn reached_by<S: Simd>(&self, simd: S, min: VectorLanes<S>, max: VectorLanes<S>) -> u32 {
+        let (low, high, half) = (min.widened(), max.widened(), f64x8::splat(simd, 0.5));
+        let center = turned(simd, &self.linear, low.plus(high).scaled(half));
+        let center = center.plus(DoubleVectorLanes::splat(simd, self.translation));
+        let half = turned(simd, &self.absolute, (high - low).scaled(half));
+        let apart = (center - DoubleVectorLanes::splat(simd, self.center)).abs()
+            - DoubleVectorLanes::splat(simd, self.half)
+            - half;
+        let sides = center.abs().plus(half);
+        let slack = sides.x.max(sides.y).max(sides.z) * ROUNDING;
+        let is_apart = apart.x.simd_gt(slack) | apart.y.simd_gt(slack) | apart.z.simd_gt(slack);
+        !is_apart.to_bitmask() as u32
+    }
+}
+
+#[inline(always)]
+fn turned<S: Simd>(simd: S, by: &DMat3, vectors: DoubleVectorLanes<S>) -> DoubleVectorLanes<S> {
+    let [x, y, z] = [by.x_axis, by.y_axis, by.z_axis].map(|axis| DoubleVectorLanes::splat(simd, axis));
+    x.scaled(vectors.x).plus(y.scaled(vectors.y)).plus(z.scaled(vectors.z))
+}
 
 /// Moves the corners of the triangles `named` by `pose` and writes them to their places in `moved`, rounded once. Appends each
 /// of the triangles with its box there, [grown](Aabb::grown) by `growth`. Returns the largest coordinate of any corner, by its
@@ -85,6 +134,7 @@ fn in_frame<S: Simd>(simd: S, corners: VectorLanes<S>, pose: &Pose) -> VectorLan
 impl<S: Simd> VectorLanes<S> {
     #[inline(always)]
     fn largest_coordinate(self) -> f32x8<S> {
-        self.x.abs().max(self.y.abs()).max(self.z.abs())
+        let sizes = self.abs();
+        sizes.x.max(sizes.y).max(sizes.z)
     }
 }

@@ -19,8 +19,9 @@ use glam::Vec3;
 use self::build::Arrangement;
 use super::{
     bounds::Aabb,
-    lanes::SetLanes,
+    lanes::{SetLanes, VectorLanes},
     leaf_triangles::{LanePairs, PairCull},
+    moved_triangles::Reach,
     prefetch::prefetch,
 };
 
@@ -69,6 +70,19 @@ impl Boxes {
             & f32x8::from_slice(simd, z).simd_ge(bounds.min.z);
         (begin & end).to_bitmask() as u32
     }
+}
+
+impl Boxes {
+    /// One bit for each box that reaches another one in its frame.
+    #[inline(always)]
+    fn reaching<S: Simd>(&self, simd: S, reach: &Reach) -> u32 {
+        reach.reached_by(simd, corners(simd, &self.min), corners(simd, &self.max))
+    }
+}
+
+#[inline(always)]
+fn corners<S: Simd>(simd: S, [x, y, z]: &[[f32; LEAF_WIDTH]; 3]) -> VectorLanes<S> {
+    VectorLanes { x: f32x8::from_slice(simd, x), y: f32x8::from_slice(simd, y), z: f32x8::from_slice(simd, z) }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -190,15 +204,15 @@ impl BoxTree {
         });
     }
 
-    /// Calls `visit` with the items of every leaf that `reaches` accepts the box of, and those of all nodes above it, in the
-    /// tree's order. No box of an item is asked about.
-    pub fn visit_where(&self, reaches: impl Fn(&Aabb) -> bool, mut visit: impl FnMut(&[u32])) {
+    /// Calls `visit` with the items of every leaf that reaches a box in another frame, in the tree's order. No box of an item is
+    /// asked about.
+    pub fn visit_reaching(&self, reach: &Reach, mut visit: impl FnMut(&[u32])) {
         let mut stack: ArrayVec<u32, STACK> = ArrayVec::new();
         stack.extend((!self.nodes.is_empty()).then_some(0));
         while let Some(place) = stack.pop() {
             let node = &self.nodes[place as usize];
-            let reached = (0..node.child_count as usize).filter(|&lane| reaches(&node.boxes.get(lane)));
-            for lane in reached {
+            let reached = dispatch!(Level::new(), simd => node.boxes.reaching(simd, reach));
+            for lane in SetLanes(reached & ((1 << node.child_count) - 1)) {
                 if node.leaf_children & (1 << lane) == 0 {
                     stack.push(node.children[lane]);
                 } else {

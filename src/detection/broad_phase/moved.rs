@@ -4,50 +4,14 @@
 //! the other's box is moved: two bodies that touch at a corner cost what the corner costs, and a body in many pairs is not
 //! moved as a whole for each.
 
-use glam::{DMat3, DVec3, Vec3};
+use glam::Vec3;
 
 use super::{Frame, OtherSide, SurfacePair};
 use crate::{
     detection::bounds::frame_growth,
-    kernel::{
-        bounds::Aabb, ids::VertexId, moved_triangles::move_triangles, pose::Pose, topology::SurfaceTopology,
-    },
+    kernel::{bounds::Aabb, ids::VertexId, moved_triangles::move_triangles, pose::Pose, topology::SurfaceTopology},
     surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
 };
-
-/// Whether a box, brought into another frame, reaches a box there.
-pub(super) struct Reach {
-    linear: DMat3,
-    absolute: DMat3,
-    translation: DVec3,
-    center: DVec3,
-    half: DVec3,
-}
-
-/// Boxes are rounded to f32 on the way here by a few units in the last place: far more than those are allowed for.
-const ROUNDING: f64 = 32.0 * f32::EPSILON as f64;
-
-impl Reach {
-    /// `pose` brings boxes into the frame of `target`.
-    pub(super) fn new(pose: &Pose, target: &Aabb) -> Self {
-        let affine = pose.to_affine();
-        let (low, high) = (target.min.as_dvec3(), target.max.as_dvec3());
-        let linear = affine.matrix3;
-        let absolute = DMat3::from_cols(linear.x_axis.abs(), linear.y_axis.abs(), linear.z_axis.abs());
-        Self { linear, absolute, translation: affine.translation, center: (low + high) * 0.5, half: (high - low) * 0.5 }
-    }
-
-    /// Never says that something is apart that is not: what is no number reaches.
-    #[inline]
-    pub(super) fn is_reached_by(&self, bounds: &Aabb) -> bool {
-        let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
-        let center = self.linear * ((low + high) * 0.5) + self.translation;
-        let half = self.absolute * ((high - low) * 0.5);
-        let slack = ROUNDING * (center.abs() + half).max_element();
-        let apart = (center - self.center).abs() - self.half - half;
-        !apart.cmpgt(DVec3::splat(slack)).any()
-    }
-}
 
 /// Moves triangles of a pair's other surface into the frame of the pair.
 ///

@@ -20,7 +20,7 @@ use self::{
 };
 use super::{
     BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, brute_force::pair_with_shape_brute_force,
-    moved::Reach, shape_bounds,
+    shape_bounds,
 };
 use crate::{
     detection::{
@@ -32,6 +32,7 @@ use crate::{
     kernel::{
         bounded_pairs::BoundedPairs,
         leaf_triangles::{LeafTriangles, PairCull},
+        moved_triangles::Reach,
         topology::SurfaceTopology,
         tree::{BoxTree, LEAF_WIDTH},
     },
@@ -184,24 +185,18 @@ fn move_triangles(
     };
     let target = other_tree.tree.bounds();
     let reach = Reach::new(&pair.relative_pose, &target);
-    if !reach.is_reached_by(&tree.tree.bounds()) {
-        return;
-    }
     let mut reaching = std::mem::take(&mut pair.moved_triangles);
     let mut mover = pair.mover(surface, own, settings.margin());
-    tree.tree.visit_where(
-        |bounds| reach.is_reached_by(bounds),
-        |items| {
-            let before = reaching.len();
-            mover.move_triangles(items, &mut reaching);
-            let mut kept = before;
-            for place in before..reaching.len() {
-                reaching[kept] = reaching[place];
-                kept += usize::from(reaching[kept].1.overlaps(&target));
-            }
-            reaching.truncate(kept);
-        },
-    );
+    tree.tree.visit_reaching(&reach, |items| {
+        let before = reaching.len();
+        mover.move_triangles(items, &mut reaching);
+        let mut kept = before;
+        for place in before..reaching.len() {
+            reaching[kept] = reaching[place];
+            kept += usize::from(reaching[kept].1.overlaps(&target));
+        }
+        reaching.truncate(kept);
+    });
     pair.moved_triangles = reaching;
 }
 

@@ -105,6 +105,11 @@ macro_rules! vectors {
             }
 
             #[inline(always)]
+            pub(in crate::kernel) fn abs(self) -> Self {
+                Self { x: self.x.abs(), y: self.y.abs(), z: self.z.abs() }
+            }
+
+            #[inline(always)]
             pub(in crate::kernel) fn scaled(self, factor: $numbers<S>) -> Self {
                 Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
             }
