@@ -3,9 +3,12 @@
 //! Every box is grown by half of the distance at which a pair matters, so that two triangles within that distance have
 //! boxes that overlap. The boxes follow the triangles, never the offset spheres. Feeds the broad phase.
 
-use glam::{Vec3, Vec3A};
+use glam::{Mat3A, Vec3, Vec3A};
 
-use super::share::{OneByOne, Share};
+use super::{
+    pose::Pose,
+    share::{OneByOne, Share},
+};
 
 /// Boxes are grown by this many units in the last place of their largest coordinate besides, so that f32 rounding of
 /// their planes never loses a pair.
@@ -108,6 +111,27 @@ fn grown(min: Vec3A, max: Vec3A, distance: f32) -> (Vec3A, Vec3A) {
     let largest = min.abs().max(max.abs()).max_element();
     let growth = Vec3A::splat(distance + ROUNDING_GROWTH * (largest + distance));
     (min - growth, max + growth)
+}
+
+/// What rounding adds to a moved point, relative to what its coordinates are made of: each coefficient, three products and three
+/// sums are rounded by half a unit in the last place, and some to spare.
+const MOVED_ROUNDING: f32 = 8.0 * f32::EPSILON;
+
+/// A box around some points that `pose` has moved. Larger than it needs to be by what rounding may take.
+#[must_use]
+pub fn bounds_of_moved(pose: &Pose, points: &[Vec3]) -> Aabb {
+    let affine = pose.to_affine();
+    let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
+    let linear = Mat3A::from_cols(x.as_vec3a(), y.as_vec3a(), z.as_vec3a());
+    let translation = affine.translation.as_vec3a();
+    let (mut low, mut high, mut largest) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY, Vec3A::ZERO);
+    for &point in points {
+        let point = Vec3A::from(point);
+        let moved = linear * point + translation;
+        (low, high, largest) = (low.min(moved), high.max(moved), largest.max(point.abs()));
+    }
+    let rounding = (linear.abs() * largest + translation.abs()) * MOVED_ROUNDING;
+    Aabb { min: (low - rounding).into(), max: (high + rounding).into() }
 }
 
 /// Writes every pair of overlapping boxes of one list, lower index first, sorted, by comparing all of them.
