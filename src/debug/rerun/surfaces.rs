@@ -38,7 +38,8 @@ struct Drawn<'a> {
     balls: &'a [Ball],
     /// `None` where no pair was tested by them.
     caps: Option<Caps<'a>>,
-    tree: &'a BoxTree,
+    /// Where it is that of this tick.
+    tree: Option<&'a BoxTree>,
 }
 
 #[derive(Clone, Copy)]
@@ -89,7 +90,7 @@ pub(super) fn draw(
                 spheres: &carried.spheres.0,
                 cones: &carried.cones.0,
             }),
-            tree: carried.tree.tree(),
+            tree: carried.tree.has_followed(carried.bounds).then(|| carried.tree.tree()),
         });
     }
     draw_spheres(writer, settings.spheres, touches, &surfaces);
@@ -241,14 +242,16 @@ fn draw_trees(writer: &mut TickWriter, levels: u32, surfaces: &[Drawn]) {
         .iter()
         .map(|drawn| {
             let mut nodes: Vec<Vec<[[f32; 3]; 2]>> = Vec::new();
-            drawn.tree.for_each_node(|level, bounds| {
-                if level < levels {
-                    let level = level as usize;
-                    nodes.resize_with(nodes.len().max(level + 1), Vec::new);
-                    let half_size = (bounds.max - bounds.min) * 0.5;
-                    nodes[level].push([(bounds.min + half_size).to_array(), half_size.to_array()]);
-                }
-            });
+            if let Some(tree) = drawn.tree {
+                tree.for_each_node(|level, bounds| {
+                    if level < levels {
+                        let level = level as usize;
+                        nodes.resize_with(nodes.len().max(level + 1), Vec::new);
+                        let half_size = (bounds.max - bounds.min) * 0.5;
+                        nodes[level].push([(bounds.min + half_size).to_array(), half_size.to_array()]);
+                    }
+                });
+            }
             nodes
         })
         .collect();

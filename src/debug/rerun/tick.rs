@@ -14,7 +14,7 @@ use crate::{
     contacts::{Contact, ContactSide, ContactStore, StoredPair, SurfaceContacts},
     detection::{
         CandidateTrianglePairs, Circumspheres, DetectionDiagnostics, EnclosingBalls, PairFates, SurfacePair,
-        TriangleCones, TriangleCurvature,
+        TriangleBounds, TriangleCones, TriangleCurvature,
         broad_phase::{OtherSide, SurfaceTree, surfaces_with_method},
     },
     kernel::{bounds::Aabb, ids::VertexId, pose::Pose},
@@ -26,6 +26,7 @@ use crate::{
 #[derive(QueryData)]
 pub(super) struct Carried {
     positions: &'static SurfacePositions,
+    pub(super) bounds: &'static TriangleBounds,
     pub(super) curvature: &'static TriangleCurvature,
     pub(super) balls: &'static EnclosingBalls,
     pub(super) spheres: &'static Circumspheres,

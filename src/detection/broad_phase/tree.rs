@@ -72,12 +72,18 @@ pub struct SurfaceTree {
 }
 
 impl SurfaceTree {
-    /// The tree over the surface's [`TriangleBounds`], in the surface's own frame; empty before the first detection. It
-    /// follows them in every detection in which one of the surface's pairs is looked for in it, or the surface has none: not
-    /// where all of them are as they were or have [moved a little](crate::CircumsphereSettings::memory).
+    /// The tree over the surface's [`TriangleBounds`], in the surface's own frame. It [follows](Self::has_followed) them in every
+    /// detection in which one of the surface's pairs is looked for in it: not where the surface has none, or all of them are as
+    /// they were or have [moved a little](crate::CircumsphereSettings::memory). Empty before the first of those.
     #[must_use]
     pub fn tree(&self) -> &BoxTree {
         &self.tree
+    }
+
+    /// Whether the tree has followed the surface's boxes as they are now.
+    #[must_use]
+    pub fn has_followed(&self, bounds: &TriangleBounds) -> bool {
+        self.followed == bounds.computed()
     }
 
     /// Whether the tree is over as many triangles as a surface has, and they have followed it as far as they are asked.

@@ -15,8 +15,7 @@ use crate::{
     surface::ActiveSurfaces,
 };
 
-/// Marks for each active surface whether nobody asks its tree: there are pairs of it, and all of them are kept or go by their
-/// lists.
+/// Marks for each active surface whether nobody asks its tree: every pair of it is kept or goes by its list, if there is any.
 pub(super) fn mark_idle_trees(
     active: &ActiveSurfaces,
     candidates: &CandidateTrianglePairs,
@@ -25,14 +24,12 @@ pub(super) fn mark_idle_trees(
     idle: &mut Vec<bool>,
 ) {
     idle.clear();
-    idle.resize(active.surfaces.len(), false);
+    idle.resize(active.surfaces.len(), true);
     let asks = |place: usize| !memory.keeps(place) && kept.list_use(place) != ListUse::Followed;
-    for asking in [false, true] {
-        for (_, pair) in candidates.pairs.iter().enumerate().filter(|&(place, _)| asks(place) == asking) {
-            idle[pair.first] = !asking;
-            if let OtherSide::Surface(second) = pair.second {
-                idle[second] = !asking;
-            }
+    for (_, pair) in candidates.pairs.iter().enumerate().filter(|&(place, _)| asks(place)) {
+        idle[pair.first] = false;
+        if let OtherSide::Surface(second) = pair.second {
+            idle[second] = false;
         }
     }
 }
