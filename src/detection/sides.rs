@@ -95,7 +95,7 @@ const TRIANGLES_OF_BALL_PAIR: usize = 3;
 pub(crate) struct SphereRows {
     caps: Vec<SharedRows<CapRows>>,
     balls: Vec<SharedRows<BallRows>>,
-    /// In how many pairs the triangles of each surface are which has not to be moved for them, by balls and by caps.
+    /// In how many pairs the triangles of each surface are, by balls and by caps.
     counts: Vec<[usize; 2]>,
 }
 
@@ -159,20 +159,18 @@ impl SphereRows {
         self.balls.clear();
     }
 
-    /// The spheres of a pair as they are, where both sides have rows and are in their own frame.
+    /// The spheres of a pair as they are, where both sides have rows.
     pub(super) fn kept(&self, active: &ActiveSurfaces, pair: &SurfacePair) -> Option<KeptSpheres> {
         let OtherSide::Surface(second) = pair.second else { return None };
-        let places = [pair.first, second];
-        if pair.poses().into_iter().any(|pose| moving(pose).is_some()) {
-            return None;
-        }
+        let [pose_a, pose_b] = pair.poses();
+        let sides = [(pair.first, pose_a), (second, pose_b)];
         match pair.method {
             ContactMethod::BoundingSphere => {
-                let [a, b] = places.map(|place| kept_side(active, pair, place, &self.balls, BallRows::is_empty));
+                let [a, b] = sides.map(|side| kept_side(active, pair, side, &self.balls, BallRows::is_empty));
                 Some(KeptSpheres::Balls([a?, b?]))
             }
             ContactMethod::Circumsphere => {
-                let [a, b] = places.map(|place| kept_side(active, pair, place, &self.caps, CapRows::is_empty));
+                let [a, b] = sides.map(|side| kept_side(active, pair, side, &self.caps, CapRows::is_empty));
                 Some(KeptSpheres::Caps([a?, b?]))
             }
             _ => None,
@@ -183,13 +181,14 @@ impl SphereRows {
 fn kept_side<R>(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
-    place: usize,
+    (place, pose): (usize, &Pose),
     rows: &[SharedRows<R>],
     is_empty: impl Fn(&R) -> bool,
 ) -> Option<KeptSide<R>> {
     let (surface, rows) = (&active.surfaces[place], &rows.get(place)?.rows);
-    let one_sided = is_one_sided(surface, pair);
-    (!is_empty(rows)).then(|| KeptSide { topology: Arc::clone(&surface.topology), one_sided, rows: Arc::clone(rows) })
+    let (one_sided, pose) = (is_one_sided(surface, pair), moving(pose).copied());
+    let (topology, rows) = (Arc::clone(&surface.topology), (!is_empty(rows)).then(|| Arc::clone(rows))?);
+    Some(KeptSide { topology, one_sided, pose, rows })
 }
 
 fn count_pairs<'a>(surface_count: usize, pairs: impl Iterator<Item = &'a SurfacePair>, counts: &mut Vec<[usize; 2]>) {
@@ -203,17 +202,15 @@ fn count_pairs<'a>(surface_count: usize, pairs: impl Iterator<Item = &'a Surface
             _ => continue,
         };
         let places = if pair.is_self() { &[pair.first][..] } else { &[pair.first, second] };
-        for (&place, pose) in places.iter().zip(pair.poses()) {
-            if moving(pose).is_none() {
-                counts[place][method] += pair.triangles.len();
-            }
+        for &place in places {
+            counts[place][method] += pair.triangles.len();
         }
     }
 }
 
-/// The rows of a surface where it has not been moved.
-fn current_rows<'a, R>(rows: &'a [SharedRows<R>], place: usize, pose: Option<&Pose>) -> Option<&'a R> {
-    rows.get(place).filter(|_| pose.is_none()).map(|shared| &*shared.rows)
+/// The rows of a surface.
+fn rows_of<R>(rows: &[SharedRows<R>], place: usize, is_empty: impl Fn(&R) -> bool) -> Option<&R> {
+    rows.get(place).map(|shared| &*shared.rows).filter(|rows| !is_empty(rows))
 }
 
 /// Calls `test` with the enclosing balls of both sides of a pair.
@@ -230,8 +227,8 @@ pub(crate) fn with_balls<T>(
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
     let side = |place: usize, surface, balls, pose| {
-        let pose = moving(pose);
-        BallSide { surface, balls, pose, rows: current_rows(&rows.balls, place, pose).filter(|rows| !rows.is_empty()) }
+        let rows = rows_of(&rows.balls, place, BallRows::is_empty);
+        BallSide { surface, balls, pose: moving(pose), rows }
     };
     let (a, b) = (side(pair.first, surface_a, &balls_a.0, pose_a), side(second, surface_b, &balls_b.0, pose_b));
     Some(test(&a, &b))
@@ -251,14 +248,8 @@ pub(crate) fn with_caps<T>(
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
     let side = |place: usize, surface, spheres, cones, pose| {
-        let pose = moving(pose);
-        CapSide {
-            surface,
-            spheres,
-            cones,
-            pose,
-            rows: current_rows(&rows.caps, place, pose).filter(|rows| !rows.is_empty()),
-        }
+        let rows = rows_of(&rows.caps, place, CapRows::is_empty);
+        CapSide { surface, spheres, cones, pose: moving(pose), rows }
     };
     let a = side(pair.first, surface_a, &spheres_a.0, &cones_a.0, pose_a);
     let b = side(second, surface_b, &spheres_b.0, &cones_b.0, pose_b);

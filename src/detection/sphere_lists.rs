@@ -28,6 +28,7 @@ use crate::kernel::{
     contact::{CompactContact, TouchingPair},
     pair::{FoundPairs, PairSettings, SurfaceSide},
     pair_order::PairSorter,
+    pose::Pose,
     share::{OneByOne, Share},
     sphere_contacts::{FoundSpheres, SphereContact, ball_contacts, cap_contacts},
     sphere_pairs::{BallSide, CapSide},
@@ -35,11 +36,13 @@ use crate::kernel::{
     topology::SurfaceTopology,
 };
 
-/// The spheres of a side that has not been moved.
+/// The spheres of a side.
 #[derive(Clone, Debug)]
 pub(crate) struct KeptSide<R> {
     pub(super) topology: Arc<SurfaceTopology>,
     pub(super) one_sided: bool,
+    /// From its own frame to that of the pair.
+    pub(super) pose: Option<Pose>,
     pub(super) rows: Arc<R>,
 }
 
@@ -65,7 +68,7 @@ impl KeptSpheres {
                 let [a, b] = sides.each_ref().map(|side| BallSide {
                     surface: side.surface(),
                     balls: &[],
-                    pose: None,
+                    pose: side.pose.as_ref(),
                     rows: Some(&side.rows),
                 });
                 ball_contacts(&a, &b, pairs, settings, found);
@@ -76,7 +79,7 @@ impl KeptSpheres {
                     surface: side.surface(),
                     spheres: &spheres,
                     cones: &cones,
-                    pose: None,
+                    pose: side.pose.as_ref(),
                     rows: Some(&side.rows),
                 });
                 cap_contacts(&a, &b, pairs, settings, found);

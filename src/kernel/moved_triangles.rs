@@ -43,9 +43,9 @@ impl Reach {
     #[inline(always)]
     pub(super) fn reached_by<S: Simd>(&self, simd: S, min: VectorLanes<S>, max: VectorLanes<S>) -> u32 {
         let (low, high, half) = (min.widened(), max.widened(), f64x8::splat(simd, 0.5));
-        let center = turned(simd, &self.linear, low.plus(high).scaled(half));
+        let center = low.plus(high).scaled(half).turned(simd, &self.linear);
         let center = center.plus(DoubleVectorLanes::splat(simd, self.translation));
-        let half = turned(simd, &self.absolute, (high - low).scaled(half));
+        let half = (high - low).scaled(half).turned(simd, &self.absolute);
         let apart = (center - DoubleVectorLanes::splat(simd, self.center)).abs()
             - DoubleVectorLanes::splat(simd, self.half)
             - half;
@@ -54,12 +54,6 @@ impl Reach {
         let is_apart = apart.x.simd_gt(slack) | apart.y.simd_gt(slack) | apart.z.simd_gt(slack);
         !is_apart.to_bitmask() as u32
     }
-}
-
-#[inline(always)]
-fn turned<S: Simd>(simd: S, by: &DMat3, vectors: DoubleVectorLanes<S>) -> DoubleVectorLanes<S> {
-    let [x, y, z] = [by.x_axis, by.y_axis, by.z_axis].map(|axis| DoubleVectorLanes::splat(simd, axis));
-    x.scaled(vectors.x).plus(y.scaled(vectors.y)).plus(z.scaled(vectors.z))
 }
 
 /// Moves the corners of the triangles `named` by `pose` and writes them to their places in `moved`, rounded once. Appends each

@@ -207,21 +207,20 @@ pub fn overlapping_ball_contacts(
 ) {
     overlapping.reserve(candidates.len());
     found.reserve(candidates.len());
-    let limits = Limits::new(settings);
-    let is_moved = a.surface.moved.is_some() || b.surface.moved.is_some();
+    let limits = Limits::new(settings, a.surface.rounding() + b.surface.rounding());
     dispatch!(Level::new(), simd => {
         for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, candidates, block);
             let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
             let within = balls_within(a, &rows, pairs, settings);
             ListedPairs::new(simd, pairs).append(simd, within, overlapping);
-            let known = if is_moved { None } else { estimate(&rows, within as u32, &limits) };
+            let known = estimate(&rows, within as u32, &limits);
             let is_settled = match &known {
                 Some(known) => known.meets || found.nearest == 0.0 || within == 0,
                 None => false,
             };
             if !is_settled {
-                let mut contacts = ball_contacts_in_lanes(simd, a, b, &rows, pairs);
+                let mut contacts = ball_contacts_in_lanes(simd, &rows);
                 contacts.meet = mask32x8::from_bitmask(simd, within);
                 if known.is_none() {
                     found.push(simd, pairs, contacts, settings);
@@ -253,22 +252,16 @@ pub fn ball_contacts(
         for (block, pairs) in overlapping.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, overlapping, block);
             let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
-            found.push(simd, pairs, ball_contacts_in_lanes(simd, a, b, &rows, pairs), settings);
+            found.push(simd, pairs, ball_contacts_in_lanes(simd, &rows), settings);
         }
     });
 }
 
 #[inline(always)]
-fn ball_contacts_in_lanes<S: Simd>(
-    simd: S,
-    a: &BallSide<'_>,
-    b: &BallSide<'_>,
-    rows: &[RowLanes<S>; 2],
-    pairs: &[[u32; 2]],
-) -> FaceContacts<S> {
+fn ball_contacts_in_lanes<S: Simd>(simd: S, rows: &[RowLanes<S>; 2]) -> FaceContacts<S> {
     let triangles = TrianglePairLanes {
-        a: CornerLanes::new::<0>(&a.surface, pairs, &rows[0].corners()),
-        b: CornerLanes::new::<1>(&b.surface, pairs, &rows[1].corners()),
+        a: CornerLanes::new(rows[0].exact_corners()),
+        b: CornerLanes::new(rows[1].exact_corners()),
     };
     let [own, other] = [rows[0].center(), rows[1].center()];
     let [own_radius, other_radius] = [rows[0].radius(), rows[1].radius()];
@@ -336,8 +329,8 @@ fn cap_contacts_in_lanes<S: Simd>(
     let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
     let [cap_a, cap_b] = facing_caps(a, b, &rows);
     let triangles = TrianglePairLanes {
-        a: CornerLanes::new::<0>(&a.surface, pairs, &rows[0].corners()),
-        b: CornerLanes::new::<1>(&b.surface, pairs, &rows[1].corners()),
+        a: CornerLanes::new(rows[0].exact_corners()),
+        b: CornerLanes::new(rows[1].exact_corners()),
     };
     let (mut contact, mut meet, extraordinary) = cap_a.contact(&cap_b);
     let extraordinary = extraordinary.to_bitmask() & first_lanes(pairs.len());

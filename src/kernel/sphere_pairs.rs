@@ -18,7 +18,7 @@ use super::{
     pose::Pose,
     prefetch::{Prefetch, ask_ahead, ask_for_room, prefetch},
     share::Share,
-    sphere_rows::{BallRows, CapRows, RowLanes, TriangleRow, rounded_corners},
+    sphere_rows::{BallRows, CapRows, RowLanes, TriangleRow, own_corners},
 };
 
 /// The enclosing balls of one side, and the way to the frame of the pair.
@@ -30,7 +30,7 @@ pub struct BallSide<'a> {
     pub balls: &'a [Ball],
     /// From the side's own frame to the frame of the pair; `None` where they are the same.
     pub pose: Option<&'a Pose>,
-    /// [Its rows](Self::rows), where somebody has made them, and the side has not been moved.
+    /// [Its rows](Self::rows), where somebody has made them.
     pub rows: Option<&'a BallRows>,
 }
 
@@ -44,23 +44,25 @@ impl Prefetch for BallSide<'_> {
 }
 
 impl BallSide<'_> {
-    /// Writes a row for each triangle: worth it where most triangles are in several pairs.
+    /// Writes a row for each triangle, in the side's own frame: worth it where most triangles are in several pairs.
     pub fn rows(&self, share: &impl Share, rows: &mut BallRows) {
         rows.fill(share, self.balls.len(), |triangle| self.row(triangle));
     }
 
     #[inline(always)]
     fn row(&self, triangle: u32) -> TriangleRow {
-        TriangleRow::of_ball(rounded_corners(&self.surface, triangle), &self.ball(triangle))
+        TriangleRow::of_ball(own_corners(&self.surface, triangle), &self.balls[triangle as usize])
     }
 
     #[inline(always)]
     pub(super) fn gather<const SIDE: usize, S: Simd>(&self, simd: S, pairs: &[[u32; 2]]) -> RowLanes<S> {
-        if let Some(rows) = self.rows {
-            return RowLanes::gather_balls::<SIDE>(simd, rows, pairs);
-        }
-        let rows = self.make_rows::<SIDE>(pairs);
-        RowLanes::new(simd, |lane| &rows[lane], &[[0.0; WIDTH]; 2])
+        let own = if let Some(rows) = self.rows {
+            RowLanes::gather_balls::<SIDE>(simd, rows, pairs)
+        } else {
+            let rows = self.make_rows::<SIDE>(pairs);
+            RowLanes::new(simd, |lane| &rows[lane], &[[0.0; WIDTH]; 2])
+        };
+        own.with_balls_moved(simd, self.pose)
     }
 
     #[inline(never)]
@@ -96,7 +98,7 @@ pub struct CapSide<'a> {
     pub cones: &'a SafetyCones,
     /// From the side's own frame to the frame of the pair; `None` where they are the same.
     pub pose: Option<&'a Pose>,
-    /// [Its rows](Self::rows), where somebody has made them, and the side has not been moved.
+    /// [Its rows](Self::rows), where somebody has made them.
     pub rows: Option<&'a CapRows>,
 }
 
@@ -110,23 +112,26 @@ impl Prefetch for CapSide<'_> {
 }
 
 impl CapSide<'_> {
-    /// Writes a row for each triangle: worth it where most triangles are in several pairs.
+    /// Writes a row for each triangle, in the side's own frame: worth it where most triangles are in several pairs.
     pub fn rows(&self, share: &impl Share, rows: &mut CapRows) {
         rows.fill(share, self.spheres.radii.len(), |triangle| self.row(triangle));
     }
 
     #[inline(always)]
     fn row(&self, triangle: u32) -> (TriangleRow, [f32; 2]) {
-        TriangleRow::of_cap(rounded_corners(&self.surface, triangle), &self.cap(triangle))
+        let cap = Cap::of(self.spheres, self.cones, triangle as usize);
+        TriangleRow::of_cap(own_corners(&self.surface, triangle), &cap)
     }
 
     #[inline(always)]
     pub(super) fn gather<const SIDE: usize, S: Simd>(&self, simd: S, pairs: &[[u32; 2]]) -> RowLanes<S> {
-        if let Some(rows) = self.rows {
-            return RowLanes::gather_caps::<SIDE>(simd, rows, pairs);
-        }
-        let (rows, rest) = self.make_rows::<SIDE>(pairs);
-        RowLanes::new(simd, |lane| &rows[lane], &rest)
+        let own = if let Some(rows) = self.rows {
+            RowLanes::gather_caps::<SIDE>(simd, rows, pairs)
+        } else {
+            let (rows, rest) = self.make_rows::<SIDE>(pairs);
+            RowLanes::new(simd, |lane| &rows[lane], &rest)
+        };
+        own.with_caps_moved(simd, self.pose)
     }
 
     #[inline(never)]

@@ -12,8 +12,9 @@ use glam::Vec3;
 use super::{
     circumsphere::Ball,
     cone::Cap,
-    lanes::{CapLanes, VectorLanes, WIDTH, transposed},
+    lanes::{CapLanes, DoubleVectorLanes, VectorLanes, WIDTH, rounded, transposed, widened},
     pair::SurfaceSide,
+    pose::Pose,
     prefetch::prefetch,
     share::{LEAST_SHARE, PART, Share},
 };
@@ -134,10 +135,12 @@ impl TriangleRow {
     }
 }
 
-/// The rows of one side of eight pairs, one number to the lanes.
+/// The rows of one side of eight pairs, one number to the lanes, in the frame of the pairs.
 pub(super) struct RowLanes<S: Simd> {
     row: [[f32x8<S>; WIDTH]; 2],
     rest: [f32x8<S>; 2],
+    /// The corners before they were rounded, where they have been moved.
+    moved_corners: Option<[DoubleVectorLanes<S>; 3]>,
 }
 
 impl<S: Simd> RowLanes<S> {
@@ -165,7 +168,54 @@ impl<S: Simd> RowLanes<S> {
         Self {
             row: [columns(simd, &rows, 0), columns(simd, &rows, 1)],
             rest: [f32x8::from_slice(simd, &rest[0]), f32x8::from_slice(simd, &rest[1])],
+            moved_corners: None,
         }
+    }
+
+    /// Brings triangles and balls into another frame, if there is a pose.
+    #[inline(always)]
+    pub(super) fn with_balls_moved(mut self, simd: S, pose: Option<&Pose>) -> Self {
+        if pose.is_none() {
+            return self;
+        }
+        let [a, b, c] = self.corners();
+        let corners = [a.widened().moved(simd, pose), b.widened().moved(simd, pose), c.widened().moved(simd, pose)];
+        for corner in 0..3 {
+            self.set_vector(3 * corner, corners[corner].rounded());
+        }
+        self.moved_corners = Some(corners);
+        self.set_vector(9, self.center().widened().moved(simd, pose).rounded());
+        self.row[1][4] = scaled(self.radius(), pose);
+        self
+    }
+
+    /// Brings triangles and caps into another frame, if there is a pose.
+    #[inline(always)]
+    pub(super) fn with_caps_moved(self, simd: S, pose: Option<&Pose>) -> Self {
+        let mut moved = self.with_balls_moved(simd, pose);
+        if let Some(pose) = pose {
+            let CapLanes { height, axis, .. } = moved.cap();
+            let axis = axis.widened().moved_direction(simd, pose).rounded();
+            moved.row[1][5] = scaled(height, Some(pose));
+            ([moved.row[1][6], moved.row[1][7]], moved.rest[0]) = ([axis.x, axis.y], axis.z);
+        }
+        moved
+    }
+
+    #[inline(always)]
+    fn set_vector(&mut self, place: usize, vector: VectorLanes<S>) {
+        let numbers = self.row.as_flattened_mut();
+        (numbers[place], numbers[place + 1], numbers[place + 2]) = (vector.x, vector.y, vector.z);
+    }
+
+    /// The corners as exactly as they are known.
+    #[inline(always)]
+    pub(super) fn exact_corners(&self) -> [DoubleVectorLanes<S>; 3] {
+        if let Some(corners) = self.moved_corners {
+            return corners;
+        }
+        let [a, b, c] = self.corners();
+        [a.widened(), b.widened(), c.widened()]
     }
 
     #[inline(always)]
@@ -205,6 +255,15 @@ impl<S: Simd> RowLanes<S> {
     }
 }
 
+/// Lengths in another frame.
+#[inline(always)]
+fn scaled<S: Simd>(lengths: f32x8<S>, pose: Option<&Pose>) -> f32x8<S> {
+    match pose {
+        Some(pose) => rounded(widened(lengths) * pose.scale()),
+        None => lengths,
+    }
+}
+
 /// A block of eight rows, number by number.
 #[inline(always)]
 fn columns<S: Simd>(simd: S, rows: &[&TriangleRow; WIDTH], block: usize) -> [f32x8<S>; WIDTH] {
@@ -231,9 +290,9 @@ fn places<const SIDE: usize>(pairs: &[[u32; 2]]) -> [u32; WIDTH] {
     places
 }
 
-/// The corners of a triangle in the frame of the pair, rounded.
+/// The corners of a triangle in its surface's own frame.
 #[inline(always)]
-pub(super) fn rounded_corners(side: &SurfaceSide<'_>, triangle: u32) -> [Vec3; 3] {
-    let [a, b, c] = side.topology.triangles()[triangle as usize];
-    [side.positions[a as usize], side.positions[b as usize], side.positions[c as usize]]
+pub(super) fn own_corners(side: &SurfaceSide<'_>, triangle: u32) -> [Vec3; 3] {
+    let (positions, [a, b, c]) = (side.own_positions(), side.topology.triangles()[triangle as usize]);
+    [positions[a as usize], positions[b as usize], positions[c as usize]]
 }

@@ -8,8 +8,7 @@
 use fearless_simd::{f32x8, f64x8, prelude::*};
 use glam::DVec3;
 
-use super::{DoubleVectorLanes, DoubleVectorRows, VectorLanes, WIDTH, rounded};
-use crate::kernel::pair::SurfaceSide;
+use super::{DoubleVectorLanes, VectorLanes, rounded};
 
 /// The inverse of a length is finite where the length is more than 2^-1024, a quarter of the least normal number.
 const LEAST_LENGTH: f64 = 0.25 * f64::MIN_POSITIVE;
@@ -32,21 +31,8 @@ pub(in crate::kernel) struct CornerLanes<S: Simd> {
 }
 
 impl<S: Simd> CornerLanes<S> {
-    /// `rounded` are the same corners as far as single precision holds them: all there is of a side that has not been moved.
     #[inline(always)]
-    pub(in crate::kernel) fn new<const SIDE: usize>(
-        side: &SurfaceSide<'_>,
-        pairs: &[[u32; 2]],
-        rounded: &[VectorLanes<S>; 3],
-    ) -> Self {
-        let [a, b, c] = rounded;
-        let corners = if side.moved.is_some() {
-            let simd = a.x.simd;
-            let [a, b, c] = &gather_moved::<SIDE>(side, pairs);
-            [DoubleVectorLanes::load(simd, a), DoubleVectorLanes::load(simd, b), DoubleVectorLanes::load(simd, c)]
-        } else {
-            [a.widened(), b.widened(), c.widened()]
-        };
+    pub(in crate::kernel) fn new(corners: [DoubleVectorLanes<S>; 3]) -> Self {
         Self { corners }
     }
 
@@ -84,17 +70,6 @@ impl<S: Simd> CornerLanes<S> {
     fn high(&self) -> DoubleVectorLanes<S> {
         self.corners[0].max(self.corners[1]).max(self.corners[2])
     }
-}
-
-#[inline(never)]
-fn gather_moved<const SIDE: usize>(side: &SurfaceSide<'_>, pairs: &[[u32; 2]]) -> [DoubleVectorRows; 3] {
-    let mut rows = [DoubleVectorRows::ZERO; 3];
-    for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
-        for (rows, corner) in rows.iter_mut().zip(side.corners(pair[SIDE])) {
-            rows.set(lane, corner);
-        }
-    }
-    rows
 }
 
 /// Eight pairs of triangles.

@@ -14,7 +14,7 @@ mod triangles;
 use std::ops::Sub;
 
 use fearless_simd::{f32x4, f32x8, f64x8, mask32x8, mask64x8, prelude::*};
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 pub(in crate::kernel) use angles::{arc_tangent, sine_cosine, tangent};
 pub(in crate::kernel) use caps::{CapContactLanes, CapLanes};
@@ -136,12 +136,6 @@ macro_rules! vectors {
                 let Self([x, y, z]) = self;
                 $Vector::new(x[lane], y[lane], z[lane])
             }
-
-            #[inline(always)]
-            pub(in crate::kernel) fn set(&mut self, lane: usize, vector: $Vector) {
-                let Self([x, y, z]) = self;
-                (x[lane], y[lane], z[lane]) = (vector.x, vector.y, vector.z);
-            }
         }
     };
 }
@@ -210,16 +204,36 @@ impl<S: Simd> VectorLanes<S> {
     }
 }
 
+impl VectorRows {
+    #[inline(always)]
+    pub(in crate::kernel) fn set(&mut self, lane: usize, vector: Vec3) {
+        let Self([x, y, z]) = self;
+        (x[lane], y[lane], z[lane]) = (vector.x, vector.y, vector.z);
+    }
+}
+
 impl<S: Simd> DoubleVectorLanes<S> {
     /// Points moved as [`Pose::transform_point`] does it.
     #[inline(always)]
     pub(in crate::kernel) fn moved(self, simd: S, pose: Option<&Pose>) -> Self {
         let Some(pose) = pose else { return self };
         let affine = pose.to_affine();
-        let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
+        self.turned(simd, &affine.matrix3).plus(Self::splat(simd, affine.translation))
+    }
+
+    /// Directions turned as [`Pose::transform_direction`] does it.
+    #[inline(always)]
+    pub(in crate::kernel) fn moved_direction(self, simd: S, pose: &Pose) -> Self {
+        let (turned, scale) = (self.turned(simd, &pose.to_affine().matrix3), pose.scale());
+        Self { x: turned.x / scale, y: turned.y / scale, z: turned.z / scale }
+    }
+
+    /// Multiplied by a matrix as `glam` does it.
+    #[inline(always)]
+    pub(in crate::kernel) fn turned(self, simd: S, matrix: &DMat3) -> Self {
+        let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
         let (x, y, z) = (Self::splat(simd, x), Self::splat(simd, y), Self::splat(simd, z));
-        let turned = x.scaled(self.x).plus(y.scaled(self.y)).plus(z.scaled(self.z));
-        turned.plus(Self::splat(simd, affine.translation))
+        x.scaled(self.x).plus(y.scaled(self.y)).plus(z.scaled(self.z))
     }
 
     #[inline(always)]

@@ -35,15 +35,18 @@ pub(super) struct Limits {
     contact: Limit,
     reported: Limit,
     scale: f32,
+    /// How far rounding may have put corners from where they are, in the frame of the pair: of two sides.
+    rounding: f32,
 }
 
 impl Limits {
-    pub(super) fn new(settings: &PairSettings) -> Self {
+    pub(super) fn new(settings: &PairSettings, rounding: f32) -> Self {
         let PairSettings { contact_distance, reported_distance, scale, .. } = *settings;
         Self {
             contact: Limit::new(contact_distance, scale),
             reported: Limit::new(reported_distance, scale),
             scale: scale as f32,
+            rounding,
         }
     }
 }
@@ -72,25 +75,24 @@ impl<S: Simd> BoxLanes<S> {
         Self { low, high }
     }
 
-    /// How far apart the boxes are along the axis that parts them most; 0 where they overlap.
+    /// How far apart the boxes are along the axis that parts them most; less than 0 where they overlap.
     #[inline(always)]
     fn gap(&self, other: &Self) -> f32x8<S> {
         let (up, down) = (self.low - other.high, other.low - self.high);
-        up.x.max(down.x).max(up.y.max(down.y)).max(up.z.max(down.z)).max(0.0)
+        up.x.max(down.x).max(up.y.max(down.y)).max(up.z.max(down.z))
     }
 }
 
-/// What single precision tells of the pairs whose bits are set in `within`; `None` where there is a doubt about one of them. The
-/// triangles have not been moved: rows have all there is of their corners.
+/// What single precision tells of the pairs whose bits are set in `within`; `None` where there is a doubt about one of them.
 #[inline(always)]
 pub(super) fn estimate<S: Simd>(rows: &[RowLanes<S>; 2], within: u32, limits: &Limits) -> Option<Estimate<S>> {
     let [a, b] = rows;
     let between = a.center() - b.center();
     let (length, radii) = (between.dot(between).sqrt(), a.radius() + b.radius());
-    let box_gap = BoxLanes::new(&a.corners()).gap(&BoxLanes::new(&b.corners()));
-    let gap = length - radii;
+    let boxes_apart = BoxLanes::new(&a.corners()).gap(&BoxLanes::new(&b.corners()));
+    let (gap, box_gap) = (length - radii, boxes_apart.max(0.0));
     let distance = gap.max(box_gap);
-    let doubt = (length + radii + box_gap) * ROUNDING + LEAST_LENGTH;
+    let doubt = (length + radii + box_gap) * ROUNDING + (LEAST_LENGTH + limits.rounding);
     let (least, most) = (distance - doubt, distance + doubt);
     let [contact, reported] = [limits.contact, limits.reported].map(|limit| {
         let [is_in, is_out] = [most.simd_le(limit.below), least.simd_gt(limit.above)];
@@ -100,6 +102,7 @@ pub(super) fn estimate<S: Simd>(rows: &[RowLanes<S>; 2], within: u32, limits: &L
     if within & !is_known != 0 {
         return None;
     }
-    let meets = ((gap + doubt).simd_le(0.0) & box_gap.simd_eq(0.0)).to_bitmask() as u32 & within != 0;
+    let boxes_meet = (boxes_apart + limits.rounding).simd_le(0.0);
+    let meets = ((gap + doubt).simd_le(0.0) & boxes_meet).to_bitmask() as u32 & within != 0;
     Some(Estimate { touching: contact[0] & within, reported: reported[0] & within, gaps: gap * limits.scale, meets })
 }
