@@ -28,7 +28,7 @@ pub struct BallSide<'a> {
     pub surface: SurfaceSide<'a>,
     /// One ball a triangle, in the side's own frame.
     pub balls: &'a [Ball],
-    /// From the side's own frame to the frame of the pair; `None` where they are the same.
+    /// From the side's own frame to the frame of the pair, as the surface has it; `None` where they are the same.
     pub pose: Option<&'a Pose>,
     /// [Its rows](Self::rows), where somebody has made them.
     pub rows: Option<&'a BallRows>,
@@ -96,7 +96,7 @@ pub struct CapSide<'a> {
     pub spheres: &'a OffsetSpheres,
     /// Safety cones, in the side's own frame.
     pub cones: &'a SafetyCones,
-    /// From the side's own frame to the frame of the pair; `None` where they are the same.
+    /// From the side's own frame to the frame of the pair, as the surface has it; `None` where they are the same.
     pub pose: Option<&'a Pose>,
     /// [Its rows](Self::rows), where somebody has made them.
     pub rows: Option<&'a CapRows>,

@@ -9,7 +9,7 @@ use bevy_circumsphere::kernel::{
     cone::{Cap, SafetyCones, cap_contact},
     curvature::{CurvatureEstimator, Curvatures},
     exact::barycentric::barycentric_of,
-    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
     share::OneByOne,
     sphere_contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
@@ -273,35 +273,123 @@ fn balls_eight_at_a_time_touch_where_one_pair_at_a_time_does() {
     assert!(counts[0] > counts[1] + 1_000 && counts[1] > 10_000);
 }
 
-/// Corners of a moved side are not rounded, and its caps are brought over one by one.
+/// A body, and where another pose puts it: turned, moved and larger.
+struct Moved {
+    body: Body,
+    pose: Pose,
+    positions: Vec<Vec3>,
+}
+
+impl Moved {
+    fn new(body: Body) -> Self {
+        let (scale, turn) = (Vec3::splat(1.25), Quat::from_rotation_y(0.3));
+        let affine = Affine3A::from_scale_rotation_translation(scale, turn, Vec3::Y * 0.05);
+        let pose = Pose::from_affine(&affine).expect("a similarity");
+        let mut positions = Vec::new();
+        pose.transform_points(&body.positions, &mut positions);
+        Self { body, pose, positions }
+    }
+
+    fn surface(&self) -> SurfaceSide<'_> {
+        let moved = MovedSide::new(&self.body.positions, &self.pose, &self.positions);
+        SurfaceSide { positions: &self.positions, moved: Some(moved), ..self.body.surface(true) }
+    }
+
+    fn ball_side(&self) -> BallSide<'_> {
+        BallSide { surface: self.surface(), pose: Some(&self.pose), ..self.body.ball_side() }
+    }
+
+    fn cap_side(&self) -> CapSide<'_> {
+        CapSide { surface: self.surface(), pose: Some(&self.pose), ..self.body.cap_side(true) }
+    }
+
+    /// The mesh that stands there, with balls and caps that have been brought over one by one.
+    fn standing(&self) -> Body {
+        let (balls, caps) = (self.ball_side(), self.cap_side());
+        let triangles = 0..self.body.topology.triangles().len() as u32;
+        let caps: Vec<Cap> = triangles.clone().map(|triangle| caps.cap(triangle)).collect();
+        let (mut spheres, mut cones) = (self.body.spheres.clone(), self.body.cones.clone());
+        spheres.centers = caps.iter().map(|cap| cap.center).collect();
+        spheres.radii = caps.iter().map(|cap| cap.radius).collect();
+        spheres.heights = caps.iter().map(|cap| cap.height).collect();
+        cones.axes = caps.iter().map(|cap| cap.axis).collect();
+        cones.cosines = caps.iter().map(|cap| cap.cosine).collect();
+        let balls = triangles.map(|triangle| balls.ball(triangle)).collect();
+        Body { topology: self.body.topology.clone(), positions: self.positions.clone(), balls, spheres, cones }
+    }
+}
+
+/// Corners of a moved side are not rounded; spheres and caps are, wherever they come from.
 #[test]
 fn a_moved_side_gives_the_contacts_of_the_mesh_that_stands_there() {
     let mut random = Random::new(3);
-    let [sheet, _] = bodies(&mut random);
-    let pairs = random_pairs(&mut random, &sheet, &sheet);
-    let affine = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.3), Vec3::Y * 0.05);
-    let pose = Pose::from_affine(&affine).expect("a similarity");
-    let mut moved = Vec::new();
-    pose.transform_points(&sheet.positions, &mut moved);
-    let brought = bevy_circumsphere::kernel::pair::MovedSide::new(&sheet.positions, &pose, &moved);
-    let side = SurfaceSide { positions: &moved, moved: Some(brought), ..sheet.surface(true) };
-    let a = sheet.ball_side();
-    let b = BallSide { surface: side, pose: Some(&pose), ..a };
-    let standing = BallSide { surface: SurfaceSide { moved: None, ..side }, ..b };
-    let [found, expected] = [b, standing].map(|b| {
+    let [[sheet, _], [other, _]] = [bodies(&mut random), bodies(&mut random)];
+    let pairs = random_pairs(&mut random, &sheet, &other);
+    let moved = Moved::new(other);
+    let standing = moved.standing();
+    let near = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) <= 1.0e-3;
+    let assert_same = |found: &FoundPairs, expected: &FoundPairs| {
+        assert!(found.contacts.len() > 400, "{}", found.contacts.len());
+        assert_eq!(found.contacts.len(), expected.contacts.len());
+        for (contact, expected) in found.contacts.iter().zip(&expected.contacts) {
+            assert_eq!((contact.key, contact.normal), (expected.key, expected.normal));
+            // Corners of a mesh of 2 are rounded by 1e-7, triangles are 0.1 wide, and slivers a hundredth of that.
+            assert!(near(contact.barycentric_b, expected.barycentric_b), "{contact:?} {expected:?}");
+        }
+    };
+
+    let (a, b) = (sheet.ball_side(), moved.ball_side());
+    let mut rows = BallRows::default();
+    b.rows(&OneByOne, &mut rows);
+    let [found, by_rows, expected] = [b, BallSide { rows: Some(&rows), ..b }, standing.ball_side()].map(|b| {
         let mut found = FoundPairs::default();
         ball_contacts(&a, &b, &pairs, &SETTINGS, &mut found);
         found
     });
-    assert!(found.contacts.len() > 1_000, "{}", found.contacts.len());
-    let near = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) <= 1.0e-3;
-    let keys = |found: &FoundPairs| found.contacts.iter().map(|contact| contact.key).collect::<Vec<_>>();
-    assert!(keys(&found) == keys(&expected));
-    for (contact, expected) in found.contacts.iter().zip(&expected.contacts) {
-        assert_eq!(contact.normal, expected.normal);
-        // Corners of a mesh of 2 are rounded by 1e-7, triangles are 0.1 wide, and slivers a hundredth of that.
-        assert!(near(contact.barycentric_b, expected.barycentric_b), "{contact:?} {expected:?}");
+    assert_same(&found, &expected);
+    assert!(by_rows.contacts == found.contacts && by_rows.touching == found.touching);
+
+    let (a, b) = (sheet.cap_side(true), moved.cap_side());
+    let mut rows = CapRows::default();
+    b.rows(&OneByOne, &mut rows);
+    let [found, by_rows, expected] = [b, CapSide { rows: Some(&rows), ..b }, standing.cap_side(true)].map(|b| {
+        let (mut meeting, mut found) = (Vec::new(), FoundPairs::default());
+        meeting_caps(&a, &b, &pairs, &SETTINGS, &mut meeting, &mut found);
+        found
+    });
+    assert_same(&found, &expected);
+    assert!(by_rows.contacts == found.contacts && by_rows.touching == found.touching);
+}
+
+/// Where rounding has put the corners of a moved side is no reason to find it nearer or farther than it is written.
+#[test]
+fn balls_of_a_moved_side_are_found_where_they_are_written_even_at_the_limit() {
+    let mut random = Random::new(5);
+    let [sheet, soup] = bodies(&mut random);
+    let pairs = random_pairs(&mut random, &sheet, &soup);
+    let moved = Moved::new(soup);
+    let (a, b) = (sheet.ball_side(), moved.ball_side());
+    let everything = PairSettings { contact_distance: 9.0, reported_distance: 9.0, range: 9.0, ..SETTINGS };
+    let mut all = FoundPairs::default();
+    ball_contacts(&a, &b, &pairs, &everything, &mut all);
+    let limits: Vec<f64> = all.touching.iter().map(|pair| pair.distance).filter(|&limit| limit > 1.0e-3).collect();
+    let mut touching = 0;
+    for _ in 0..20 {
+        let limit = limits[random.below(limits.len())];
+        for contact_distance in [limit, limit.next_down()] {
+            let settings =
+                PairSettings { contact_distance, reported_distance: 1.5 * limit, range: 2.0 * limit, ..SETTINGS };
+            let (mut overlapping, mut found, mut written) =
+                (Vec::new(), FoundSpheres::default(), FoundPairs::default());
+            overlapping_ball_contacts(&a, &b, &pairs, &settings, &mut overlapping, &mut found);
+            ball_contacts(&a, &b, &overlapping, &settings, &mut written);
+            assert_eq!([found.touching, found.reported], [written.touching.len(), written.contacts.len()]);
+            assert_eq!(found.nearest, written.nearest);
+            touching += found.touching;
+        }
     }
+    println!("{} limits, {touching} touch", limits.len());
+    assert!(limits.len() > 1_000 && touching > 10_000);
 }
 
 /// Most pairs are told in single precision. At limits that are the distances of pairs, to the last bit, some cannot be.
