@@ -281,9 +281,9 @@ struct Moved {
 }
 
 impl Moved {
-    fn new(body: Body) -> Self {
+    fn new(body: Body, translation: Vec3) -> Self {
         let (scale, turn) = (Vec3::splat(1.25), Quat::from_rotation_y(0.3));
-        let affine = Affine3A::from_scale_rotation_translation(scale, turn, Vec3::Y * 0.05);
+        let affine = Affine3A::from_scale_rotation_translation(scale, turn, translation);
         let pose = Pose::from_affine(&affine).expect("a similarity");
         let mut positions = Vec::new();
         pose.transform_points(&body.positions, &mut positions);
@@ -325,7 +325,7 @@ fn a_moved_side_gives_the_contacts_of_the_mesh_that_stands_there() {
     let mut random = Random::new(3);
     let [[sheet, _], [other, _]] = [bodies(&mut random), bodies(&mut random)];
     let pairs = random_pairs(&mut random, &sheet, &other);
-    let moved = Moved::new(other);
+    let moved = Moved::new(other, Vec3::Y * 0.05);
     let standing = moved.standing();
     let near = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) <= 1.0e-3;
     let assert_same = |found: &FoundPairs, expected: &FoundPairs| {
@@ -366,15 +366,23 @@ fn a_moved_side_gives_the_contacts_of_the_mesh_that_stands_there() {
 fn balls_of_a_moved_side_are_found_where_they_are_written_even_at_the_limit() {
     let mut random = Random::new(5);
     let [sheet, soup] = bodies(&mut random);
+    // So far out that single precision holds corners to a ten thousandth.
+    let far = Vec3::splat(2_000.0);
+    let sheet = Body::new(sheet.positions.iter().map(|&place| place + far).collect(), sheet.topology.triangles());
     let pairs = random_pairs(&mut random, &sheet, &soup);
-    let moved = Moved::new(soup);
+    let moved = Moved::new(soup, far);
     let (a, b) = (sheet.ball_side(), moved.ball_side());
-    let everything = PairSettings { contact_distance: 9.0, reported_distance: 9.0, range: 9.0, ..SETTINGS };
-    let mut all = FoundPairs::default();
-    ball_contacts(&a, &b, &pairs, &everything, &mut all);
-    let limits: Vec<f64> = all.touching.iter().map(|pair| pair.distance).filter(|&limit| limit > 1.0e-3).collect();
+    // Distances that boxes of the corners tell, which are not rounded.
+    let limits = pairs.iter().filter_map(|&[triangle_a, triangle_b]| {
+        let (own, other) = (a.ball(triangle_a), b.ball(triangle_b));
+        let gap = own.center.as_dvec3().distance(other.center.as_dvec3()) - f64::from(own.radius + other.radius);
+        let corners = moved.body.corners(triangle_b).map(|corner| moved.pose.transform_point(corner));
+        let boxes = box_gap(&sheet.corners(triangle_a), &corners);
+        (boxes > gap && (1.0e-3..9.0).contains(&boxes)).then_some(boxes * SETTINGS.scale)
+    });
+    let limits: Vec<f64> = limits.collect();
     let mut touching = 0;
-    for _ in 0..20 {
+    for _ in 0..200 {
         let limit = limits[random.below(limits.len())];
         for contact_distance in [limit, limit.next_down()] {
             let settings =
