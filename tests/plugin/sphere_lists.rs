@@ -16,20 +16,28 @@ use bevy_circumsphere::{
 };
 use bevy_ecs::prelude::*;
 use bevy_time::Time;
+use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Mesh, crumpled_sheet, icosphere};
+use glam::{Quat, Vec3};
 
 use crate::world::{app, insert, points, sheet, spawn, store, surface, write_positions};
 
 const TICKS: usize = 5;
 
-/// A sheet that meets itself, and two balls in each other: near one another nearly all of their triangles are in many pairs.
+/// A sheet that meets itself, and two balls, which are in each other where the second one [stands](standing): near one another nearly
+/// all of their triangles are in many pairs.
 fn meshes(tick: usize) -> [Mesh; 3] {
     let shift = 0.01 * tick as f32;
     [
         crumpled_sheet(2_000, 0.05 * tick as f64),
         icosphere(3, 0.5).translate([50.0 + shift, 0.0, 0.0]),
-        icosphere(3, 0.5).translate([50.3, shift, 0.1]),
+        icosphere(3, 0.5).translate([0.0, shift, 0.0]),
     ]
+}
+
+/// Where the second ball stands: turned, and larger than it is.
+fn standing() -> Transform {
+    Transform::from_xyz(50.3, 0.0, 0.1).with_rotation(Quat::from_rotation_y(0.5)).with_scale(Vec3::splat(1.1))
 }
 
 struct Run {
@@ -45,7 +53,7 @@ impl Run {
         let surfaces = vec![
             spawn(&mut app, &sheet, (method, SelfCollision, SurfaceThickness::World(0.05))),
             spawn(&mut app, &first, (method, SurfaceThickness::World(0.2))),
-            spawn(&mut app, &second, (method, SurfaceThickness::World(0.2))),
+            spawn(&mut app, &second, (method, SurfaceThickness::World(0.2), standing())),
         ];
         Self { app, surfaces }
     }
