@@ -9,6 +9,7 @@ mod curvature;
 mod exact;
 mod last_first;
 mod leaf_triangles;
+mod moved_triangles;
 mod narrow_phase;
 mod pose;
 mod refine;
