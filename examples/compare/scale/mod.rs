@@ -327,7 +327,11 @@ impl Display for Scale {
         for memory in &self.memory {
             writeln!(out, "{memory}")?;
         }
-        writeln!(out, "{:52} {:>8} {:>10} {:>10} {:>10}", "bar", "", "medians", "minima", "processor")?;
+        writeln!(
+            out,
+            "{:52} {:>8} {:>10} {:>10} {:>10} {:>10}",
+            "bar", "", "medians", "minima", "processor", "contacts"
+        )?;
         let verdict = |holds: bool| if holds { "holds" } else { "does not hold" };
         for series in &self.series {
             let of = |stage: &str| series.stages.iter().find(|growth| growth.stage == stage);
@@ -335,15 +339,16 @@ impl Display for Scale {
             let what = format!("slope, {}, {}", series.scene, series.method);
             let number = |slope: Option<f64>| slope.map_or_else(|| "-".to_owned(), |slope| format!("{slope:.2}"));
             let (least, processor) = (number(whole.least_slope), number(of(PROCESSOR).and_then(|growth| growth.slope)));
-            let (limit, holds) = (format!("≤ {STEEPEST}"), verdict(slope <= STEEPEST));
-            writeln!(out, "{what:52} {limit:>8} {slope:>10.2} {least:>10} {processor:>10}  {holds}")?;
+            let (limit, contacts) = (format!("≤ {STEEPEST}"), number(series.contacts_slope));
+            let holds = verdict(slope <= STEEPEST);
+            writeln!(out, "{what:52} {limit:>8} {slope:>10.2} {least:>10} {processor:>10} {contacts:>10}  {holds}")?;
         }
         for memory in &self.memory {
             let (what, bytes) =
                 (format!("bytes a triangle, {}", memory.method), memory.bytes_per_triangle_without_pairs);
             writeln!(
                 out,
-                "{what:52} {:>8} {bytes:>10.0} {:>21}  {}",
+                "{what:52} {:>8} {bytes:>10.0} {:>32}  {}",
                 format!("≤ {HEAVIEST}"),
                 "",
                 verdict(bytes <= HEAVIEST)
