@@ -16,7 +16,7 @@ use crate::{
     kernel::{
         bounds::{Aabb, bounds_of_moved, triangle_bounds_on},
         motion::Motion,
-        pose::Pose,
+        pose::{Pose, SIMILARITY_TOLERANCE},
         topology::SurfaceTopology,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
@@ -92,7 +92,9 @@ impl TriangleBounds {
         }
         let mut bounds = moved_box(&self.whole, pose);
         if *pose != Pose::IDENTITY && self.positions.len() <= MOST_TURNED_VERTICES {
-            let growth = (f64::from(self.growth) * pose.scale()) as f32 * GROWTH_SLACK;
+            // A pose that is not quite a similarity stretches more along one axis than along another.
+            let scale = pose.scale() * (1.0 + SIMILARITY_TOLERANCE);
+            let growth = (f64::from(self.growth) * scale) as f32 * GROWTH_SLACK;
             let vertices = bounds_of_moved(pose, &self.positions).grown(growth);
             bounds = Aabb { min: bounds.min.max(vertices.min), max: bounds.max.min(vertices.max) };
         }

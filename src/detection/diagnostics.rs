@@ -23,8 +23,8 @@ pub struct StageDiagnostics {
 pub struct DetectionDiagnostics {
     /// The stages.
     pub stages: Vec<StageDiagnostics>,
-    /// Surfaces whose triangles are where they were in the last detection, in their own frame: their boxes and trees were
-    /// kept.
+    /// Surfaces whose triangles are where they were in the last detection, in their own frame: their boxes and trees, if
+    /// they have any, were kept.
     pub surfaces_unmoved: usize,
     /// Pairs of surfaces that are as they were in the last detection: what was found of them was kept, and the stages
     /// count none of it.

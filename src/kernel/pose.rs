@@ -8,7 +8,7 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 
 /// Largest relative difference of the three scale factors, and largest cosine between two axes, that still count as a
 /// uniform scale: f32 rounding of a chain of parent transforms stays well below it.
-const SIMILARITY_TOLERANCE: f64 = 1.0e-3;
+pub(crate) const SIMILARITY_TOLERANCE: f64 = 1.0e-3;
 
 /// A rotation, a translation and a uniform scale (negative determinant: mirrored).
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -28,7 +28,8 @@ pub struct BallSide<'a> {
     pub surface: SurfaceSide<'a>,
     /// One ball a triangle, in the side's own frame.
     pub balls: &'a [Ball],
-    /// From the side's own frame to the frame of the pair, as the surface has it; `None` where they are the same.
+    /// From the side's own frame to the frame of the pair, as the surface has it, unless there are [rows](Self::rows), which have
+    /// all that there is to be moved; `None` where the two are the same.
     pub pose: Option<&'a Pose>,
     /// [Its rows](Self::rows), where somebody has made them.
     pub rows: Option<&'a BallRows>,
@@ -56,6 +57,7 @@ impl BallSide<'_> {
 
     #[inline(always)]
     pub(super) fn gather<const SIDE: usize, S: Simd>(&self, simd: S, pairs: &[[u32; 2]]) -> RowLanes<S> {
+        debug_assert!(self.is_consistent(), "a pose without a surface that is moved by it");
         let own = if let Some(rows) = self.rows {
             RowLanes::gather_balls::<SIDE>(simd, rows, pairs)
         } else {
@@ -72,6 +74,11 @@ impl BallSide<'_> {
             *row = self.row(pair[SIDE]);
         }
         rows
+    }
+
+    /// Corners are moved by the pose from where the surface says that they are in its own frame; rows have them already.
+    fn is_consistent(&self) -> bool {
+        self.rows.is_some() || self.pose.is_some() == self.surface.moved.is_some()
     }
 
     /// One triangle's ball in the frame of the pair.
@@ -96,7 +103,8 @@ pub struct CapSide<'a> {
     pub spheres: &'a OffsetSpheres,
     /// Safety cones, in the side's own frame.
     pub cones: &'a SafetyCones,
-    /// From the side's own frame to the frame of the pair, as the surface has it; `None` where they are the same.
+    /// From the side's own frame to the frame of the pair, as the surface has it, unless there are [rows](Self::rows), which have
+    /// all that there is to be moved; `None` where the two are the same.
     pub pose: Option<&'a Pose>,
     /// [Its rows](Self::rows), where somebody has made them.
     pub rows: Option<&'a CapRows>,
@@ -125,6 +133,7 @@ impl CapSide<'_> {
 
     #[inline(always)]
     pub(super) fn gather<const SIDE: usize, S: Simd>(&self, simd: S, pairs: &[[u32; 2]]) -> RowLanes<S> {
+        debug_assert!(self.is_consistent(), "a pose without a surface that is moved by it");
         let own = if let Some(rows) = self.rows {
             RowLanes::gather_caps::<SIDE>(simd, rows, pairs)
         } else {
@@ -141,6 +150,11 @@ impl CapSide<'_> {
             (rows[lane], [rest[0][lane], rest[1][lane]]) = self.row(pair[SIDE]);
         }
         (rows, rest)
+    }
+
+    /// See [`BallSide`].
+    fn is_consistent(&self) -> bool {
+        self.rows.is_some() || self.pose.is_some() == self.surface.moved.is_some()
     }
 
     /// One triangle's sphere and cone in the frame of the pair.

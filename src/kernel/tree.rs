@@ -16,7 +16,10 @@ use arrayvec::ArrayVec;
 use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 use glam::Vec3;
 
-use self::build::Arrangement;
+use self::{
+    build::Arrangement,
+    search::{LeafSearch, NeighborSearch},
+};
 use super::{
     bounds::Aabb,
     lanes::{SetLanes, VectorLanes},
@@ -27,6 +30,7 @@ use super::{
 
 mod build;
 mod refit;
+mod search;
 
 /// Boxes to a leaf, and children to a node.
 pub const LEAF_WIDTH: usize = 8;
@@ -262,19 +266,12 @@ impl BoxTree {
     ) -> usize {
         let mut count = 0;
         let (mut hits, mut recent) = (LaneHits::new(), Recent::new());
-        let mut search = LeafSearch::new();
-        for place in leaves.clone() {
-            let leaf = &self.leaves[place];
+        let mut search = NeighborSearch::new();
+        let own = &self.leaves[leaves.clone()];
+        for (passed, leaf) in own.iter().enumerate() {
+            let place = leaves.start + passed;
             let first = if SELF { place as u32 } else { 0 };
-            if (place - leaves.start).is_multiple_of(LeafSearch::GROUP) {
-                let group = &self.leaves[place..leaves.end.min(place + LeafSearch::GROUP)];
-                let mut bounds = leaf.bounds;
-                for other in group {
-                    bounds = bounds.union(&other.bounds);
-                }
-                search.look_around(simd, other_tree, &bounds, first);
-            }
-            search.begin(other_tree);
+            search.begin(simd, other_tree, own, passed, 0.0, first);
             while search.go_on(simd, other_tree, &leaf.bounds, first) {
                 for &other_place in search.found() {
                     let other_place = other_place as usize;
@@ -315,161 +312,6 @@ impl BoxTree {
         }
         recent.flush(pairs);
         count
-    }
-}
-
-/// The leaves of a tree whose boxes overlap another box, some at a time. Leaves of one node come together, before the subtrees
-/// beside them: the order is that of the structure, the same in every traversal.
-struct LeafSearch {
-    /// Nodes that wait, and room to write eight children where only some are meant.
-    nodes: [u32; STACK + LEAF_WIDTH],
-    node_count: usize,
-    leaves: [u32; Self::ROOM + LEAF_WIDTH],
-    leaf_count: usize,
-    near: NearLeaves,
-    /// Where in those it goes on.
-    next_near: usize,
-}
-
-/// The leaves whose boxes overlap that of a group, in the order of the search: those near each of its members are among them.
-struct NearLeaves {
-    places: [u32; Self::ROOM + LEAF_WIDTH],
-    min: [[f32; Self::ROOM + LEAF_WIDTH]; 3],
-    max: [[f32; Self::ROOM + LEAF_WIDTH]; 3],
-    count: usize,
-    /// Whether they are all here.
-    is_complete: bool,
-}
-
-impl NearLeaves {
-    const ROOM: usize = 256;
-}
-
-impl LeafSearch {
-    const ROOM: usize = 56;
-
-    /// How many leaves one after the other ask together which leaves are near.
-    const GROUP: usize = 8;
-
-    fn new() -> Self {
-        Self {
-            nodes: [0; STACK + LEAF_WIDTH],
-            node_count: 0,
-            leaves: [0; Self::ROOM + LEAF_WIDTH],
-            leaf_count: 0,
-            near: NearLeaves {
-                places: [0; NearLeaves::ROOM + LEAF_WIDTH],
-                min: [[f32::NAN; NearLeaves::ROOM + LEAF_WIDTH]; 3],
-                max: [[f32::NAN; NearLeaves::ROOM + LEAF_WIDTH]; 3],
-                count: 0,
-                is_complete: false,
-            },
-            next_near: 0,
-        }
-    }
-
-    /// Begins a search.
-    #[inline(always)]
-    fn begin(&mut self, tree: &BoxTree) {
-        self.node_count = usize::from(!tree.nodes.is_empty());
-        self.nodes[0] = 0;
-        self.next_near = 0;
-    }
-
-    /// Finds all leaves from `first` on whose boxes overlap `bounds`, if there is room for them: until this is called again,
-    /// searches are for boxes within that one.
-    #[inline(always)]
-    fn look_around<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) {
-        self.begin(tree);
-        self.near.count = 0;
-        while self.node_count > 0 && self.near.count <= NearLeaves::ROOM - LEAF_WIDTH {
-            self.node_count -= 1;
-            let node = &tree.nodes[self.nodes[self.node_count] as usize];
-            let (leaves, children) = self.visit(simd, node, bounds, first);
-            if leaves != 0 {
-                let mask = mask32x8::from_bitmask(simd, u64::from(leaves));
-                let near = &mut self.near;
-                let room = near.count..near.count + LEAF_WIDTH;
-                children.compress(mask).store_slice(&mut near.places[room.clone()]);
-                for axis in 0..3 {
-                    let min = f32x8::from_slice(simd, &node.boxes.min[axis]);
-                    min.compress(mask).store_slice(&mut near.min[axis][room.clone()]);
-                    let max = f32x8::from_slice(simd, &node.boxes.max[axis]);
-                    max.compress(mask).store_slice(&mut near.max[axis][room.clone()]);
-                }
-                near.count += leaves.count_ones() as usize;
-            }
-        }
-        self.near.is_complete = self.node_count == 0;
-    }
-
-    /// Puts the children of a node that overlap `bounds` on the stack. Returns which leaves from `first` on do, and the
-    /// places of all children.
-    #[inline(always)]
-    fn visit<S: Simd>(&mut self, simd: S, node: &Node, bounds: &Aabb, first: u32) -> (u32, u32x8<S>) {
-        let hits = node.boxes.overlapping(simd, bounds);
-        let children = u32x8::from_slice(simd, &node.children);
-        let is_later = children.simd_ge(first).to_bitmask() as u32;
-        let has_later = u32x8::from_slice(simd, &node.ends).simd_gt(first).to_bitmask() as u32;
-        // Which of eight are meant is hard to foresee: so all are written, those first, and the next ones over the others.
-        let nodes = hits & !node.leaf_children & has_later;
-        let room = &mut self.nodes[self.node_count..][..LEAF_WIDTH];
-        children.compress(mask32x8::from_bitmask(simd, u64::from(nodes))).store_slice(room);
-        self.node_count += nodes.count_ones() as usize;
-        (hits & node.leaf_children & is_later, children)
-    }
-
-    /// Finds the next leaves from `first` on whose boxes overlap `bounds`. Whether there are any.
-    #[inline(always)]
-    fn go_on<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) -> bool {
-        self.leaf_count = 0;
-        if self.near.is_complete {
-            return self.go_on_near(simd, bounds, first);
-        }
-        while self.node_count > 0 && self.leaf_count < Self::ROOM {
-            self.node_count -= 1;
-            let node = &tree.nodes[self.nodes[self.node_count] as usize];
-            let (leaves, children) = self.visit(simd, node, bounds, first);
-            self.add(simd, children, leaves);
-        }
-        self.leaf_count > 0
-    }
-
-    /// The same among the leaves that are near.
-    #[inline(always)]
-    fn go_on_near<S: Simd>(&mut self, simd: S, bounds: &Aabb, first: u32) -> bool {
-        while self.next_near < self.near.count && self.leaf_count < Self::ROOM {
-            let (near, here) = (&self.near, self.next_near..self.next_near + LEAF_WIDTH);
-            let left = near.count - self.next_near;
-            let mut hits = if left < LEAF_WIDTH { (1 << left) - 1 } else { 0xff };
-            let places = u32x8::from_slice(simd, &near.places[here.clone()]);
-            hits &= places.simd_ge(first).to_bitmask() as u32;
-            let [x, y, z] = &near.min;
-            let begin = f32x8::from_slice(simd, &x[here.clone()]).simd_le(bounds.max.x)
-                & f32x8::from_slice(simd, &y[here.clone()]).simd_le(bounds.max.y)
-                & f32x8::from_slice(simd, &z[here.clone()]).simd_le(bounds.max.z);
-            let [x, y, z] = &near.max;
-            let end = f32x8::from_slice(simd, &x[here.clone()]).simd_ge(bounds.min.x)
-                & f32x8::from_slice(simd, &y[here.clone()]).simd_ge(bounds.min.y)
-                & f32x8::from_slice(simd, &z[here]).simd_ge(bounds.min.z);
-            hits &= (begin & end).to_bitmask() as u32;
-            self.add(simd, places, hits);
-            self.next_near += LEAF_WIDTH;
-        }
-        self.leaf_count > 0
-    }
-
-    /// Adds those of eight leaves that are meant.
-    #[inline(always)]
-    fn add<S: Simd>(&mut self, simd: S, places: u32x8<S>, meant: u32) {
-        let room = &mut self.leaves[self.leaf_count..][..LEAF_WIDTH];
-        places.compress(mask32x8::from_bitmask(simd, u64::from(meant))).store_slice(room);
-        self.leaf_count += meant.count_ones() as usize;
-    }
-
-    #[inline(always)]
-    fn found(&self) -> &[u32] {
-        &self.leaves[..self.leaf_count]
     }
 }
 

@@ -10,7 +10,7 @@ use bevy_circumsphere::kernel::{
     cone::{Cap, SafetyCones, cap_contact, spheres_overlap},
     contact::CompactContact,
     curvature::{CurvatureEstimator, Curvatures},
-    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
     reference::triangle_distance,
     sphere_contacts::meeting_caps,
@@ -393,7 +393,9 @@ fn overlapping_balls_lose_no_pair_within_reach() {
         let mut moved = Vec::new();
         pose.transform_points(&rest, &mut moved);
         let own = BallSide { surface: side(&topology, &rest), balls: &balls, pose: None, rows: None };
-        let other = BallSide { surface: side(&topology, &moved), balls: &balls, pose: Some(&pose), rows: None };
+        let brought = MovedSide::new(&rest, &pose, &moved);
+        let surface = SurfaceSide { moved: Some(brought), ..side(&topology, &moved) };
+        let other = BallSide { surface, balls: &balls, pose: Some(&pose), rows: None };
         let mut overlapping = Vec::new();
         overlapping_balls(&own, &other, &all, &settings(REACH, false), &mut overlapping);
         kept += overlapping.len();

@@ -29,7 +29,7 @@ fn a_box_around_moved_points_holds_them_all_and_hardly_more() {
     let mut random = Random::new(1);
     for round in 0..2_000 {
         let pose = random_pose(&mut random);
-        let points: Vec<Vec3> = (0..1 + round % 40).map(|_| (random.vector() * 3.0).as_vec3()).collect();
+        let points: Vec<Vec3> = (0..=round % 40).map(|_| (random.vector() * 3.0).as_vec3()).collect();
         let bounds = bounds_of_moved(&pose, &points);
         let (low, high) = (bounds.min.as_dvec3(), bounds.max.as_dvec3());
         let exact: Vec<DVec3> = points.iter().map(|&point| moved(&pose, point)).collect();
@@ -43,6 +43,10 @@ fn a_box_around_moved_points_holds_them_all_and_hardly_more() {
         assert!((least - low).max(high - most).max_element() <= slack, "{bounds:?} of {least} to {most}");
     }
     assert_eq!(bounds_of_moved(&random_pose(&mut random), &[]).min, Vec3::INFINITY);
+}
+
+fn bits(vector: Vec3) -> [u32; 3] {
+    vector.to_array().map(f32::to_bits)
 }
 
 #[test]
@@ -60,10 +64,11 @@ fn moved_triangles_are_those_that_are_moved_one_by_one() {
         for (&triangle, (name, found)) in named.iter().zip(&bounds[1..]) {
             let vertices = mesh.triangles[triangle as usize];
             let corners = vertices.map(|vertex| moved(&pose, own[vertex as usize]).as_vec3());
-            assert_eq!((*name, *found), (triangle, Aabb::from_points(corners).grown(growth)));
+            let expected = Aabb::from_points(corners).grown(growth);
+            assert_eq!((*name, bits(found.min), bits(found.max)), (triangle, bits(expected.min), bits(expected.max)));
             for (vertex, corner) in vertices.into_iter().zip(corners) {
                 touched[vertex as usize] = true;
-                assert_eq!(places[vertex as usize], corner);
+                assert_eq!(bits(places[vertex as usize]), bits(corner));
                 expected_largest = expected_largest.max(corner.abs().max_element());
             }
         }
@@ -99,7 +104,9 @@ fn leaves_that_reach_a_box_are_visited_and_most_others_are_not() {
         let target = Aabb { min: (middle - half).as_vec3(), max: (middle + half).as_vec3() };
         let mut found = vec![false; boxes.len()];
         tree.visit_reaching(&Reach::new(&pose, &target), |items| {
-            items.iter().for_each(|&item| found[item as usize] = true);
+            for &item in items {
+                found[item as usize] = true;
+            }
         });
         for (bounds, found) in boxes.iter().zip(&found) {
             let (low, high) = (target.min.as_dvec3(), target.max.as_dvec3());

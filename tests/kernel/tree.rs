@@ -6,7 +6,7 @@ use bevy_circumsphere::kernel::{
     tree::{BoxTree, LEAF_WIDTH},
 };
 use circumsphere_support::scenes::triangle_soup;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 
 /// Boxes on a coarse grid (so that many touch exactly, repeat or are flat) or anywhere.
@@ -379,5 +379,53 @@ fn a_tree_that_is_built_anew_in_slices_is_right_at_every_slice_and_as_good_as_a_
         assert_eq!(found, of_new, "{count} boxes, in the order of a tree that is built at once");
         println!("{count} boxes: {slices} slices, {decayed} times as large before");
         assert!(count < 1_000 || (slices >= 4 && decayed > 2.0), "{slices} slices, decayed by {decayed}");
+    }
+}
+
+/// Leaves that stand one after the other look around together, unless too much is near them: what is found must not depend on
+/// that, nor its order.
+#[test]
+fn leaves_together_find_what_each_finds_by_itself() {
+    let mut random = Random::new(9);
+    let mut line = |count: usize, size: f64| -> Vec<Aabb> {
+        let boxes = (0..count).map(|number| {
+            let low = random.vector() * 0.2 + DVec3::X * (16.0 * number as f64 / count as f64);
+            Aabb { min: low.as_vec3(), max: (low + size).as_vec3() }
+        });
+        boxes.collect()
+    };
+    // Near all of the first: 256 leaves, one more, and many more; near each of their leaves some dozens.
+    for count in [2_048, 2_056, 8_000] {
+        let (few, many) = (line(100, 0.1), line(count, 0.3));
+        let trees = [&few, &many].map(|boxes| {
+            let mut tree = BoxTree::default();
+            tree.rebuild(boxes);
+            tree
+        });
+        let [first, second] = &trees;
+        let (mut together, mut alone) = (Vec::new(), Vec::new());
+        first.pairs_of(0..first.leaf_count(), second, None, &mut together);
+        for leaf in 0..first.leaf_count() {
+            first.pairs_of(leaf..leaf + 1, second, None, &mut alone);
+        }
+        assert!(together == alone, "{count} boxes");
+        assert_eq!(sorted(together), sorted(brute_between(&few, &many)));
+
+        let (mut together, mut alone) = (Vec::new(), Vec::new());
+        second.self_pairs_of(0..second.leaf_count(), None, &mut together);
+        for leaf in 0..second.leaf_count() {
+            second.self_pairs_of(leaf..leaf + 1, None, &mut alone);
+        }
+        assert!(together == alone, "{count} boxes of one tree");
+        assert_eq!(sorted(together), brute_self(&many));
+    }
+    // Each near all others.
+    for count in [2_048, 2_049, 2_600] {
+        let boxes = vec![Aabb { min: Vec3::ZERO, max: Vec3::ONE }; count];
+        let mut tree = BoxTree::default();
+        tree.rebuild(&boxes);
+        let mut pairs = Vec::new();
+        tree.self_pairs(&mut pairs);
+        assert_eq!(sorted(pairs).len(), count * (count - 1) / 2);
     }
 }

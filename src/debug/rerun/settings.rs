@@ -57,7 +57,8 @@ pub struct RerunSettings {
     pub curvature: LevelOfDetail,
     /// Triangles colored by how long ago their sphere's recipe was made. Default off.
     pub recipe_age: LevelOfDetail,
-    /// How many levels of the tree of each surface are recorded that was asked for pairs in the tick, from the root. Default 4: up to 15 boxes a surface.
+    /// How many levels of each surface's tree are recorded, from the root, where it is that of the tick. Default 4: up to 585
+    /// boxes a surface.
     pub tree_levels: u32,
 }
 

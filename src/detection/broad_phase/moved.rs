@@ -73,7 +73,6 @@ impl TriangleMover<'_> {
         if moved.is_empty() {
             moved.resize(own.len(), Vec3::NAN);
         }
-        // Half a unit in the last place of the largest coordinate, along each of three axes.
         if topology.is_welded() {
             for &triangle in triangles {
                 for vertex in topology.triangles()[triangle as usize] {
@@ -84,6 +83,7 @@ impl TriangleMover<'_> {
                 }
             }
         }
+        // Half a unit in the last place of the largest coordinate, along each of three axes.
         let largest = move_triangles(pose, own, topology.triangles(), triangles, *growth, moved, bounds);
         **rounding = rounding.max(f32::EPSILON * largest);
     }

@@ -135,15 +135,21 @@ fn pair_triangles(
                 } else {
                     (second, other_positions, other_bounds, tree)
                 };
-                let mut boxes: Vec<(u32, Aabb)> = (0..).zip(own_bounds.triangles.iter().copied()).collect();
-                if pair.is_moved() {
-                    let triangles: Vec<u32> = (0..boxes.len() as u32).collect();
-                    boxes.clear();
-                    pair.mover(asking, own, settings.margin()).move_triangles(&triangles, &mut boxes);
-                }
-                for (triangle, bounds) in boxes {
+                let mut ask = |triangle, bounds| {
                     let other = |other| if asks_first { [triangle, other] } else { [other, triangle] };
-                    found.extend(asked.intersect_aabb(&parry_box(&bounds)).map(other));
+                    found.extend(asked.intersect_aabb(&parry_box(bounds)).map(other));
+                };
+                if pair.is_moved() {
+                    let triangles: Vec<u32> = (0..own_bounds.triangles.len() as u32).collect();
+                    let mut boxes = Vec::new();
+                    pair.mover(asking, own, settings.margin()).move_triangles(&triangles, &mut boxes);
+                    for (triangle, bounds) in &boxes {
+                        ask(*triangle, bounds);
+                    }
+                } else {
+                    for (triangle, bounds) in (0..).zip(&own_bounds.triangles) {
+                        ask(triangle, bounds);
+                    }
                 }
             }
             OtherSide::Shape(place) => {

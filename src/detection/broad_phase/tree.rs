@@ -74,16 +74,16 @@ pub struct SurfaceTree {
 impl SurfaceTree {
     /// The tree over the surface's [`TriangleBounds`], in the surface's own frame. It [follows](Self::has_followed) them in every
     /// detection in which one of the surface's pairs is looked for in it: not where the surface has none, or all of them are as
-    /// they were or have [moved a little](crate::CircumsphereSettings::memory). Empty before the first of those.
+    /// they were or have [moved a little](crate::CircumsphereSettings::memory). Built in the first detection; empty before.
     #[must_use]
     pub fn tree(&self) -> &BoxTree {
         &self.tree
     }
 
-    /// Whether the tree has followed the surface's boxes as they are now.
+    /// Whether the tree is that of the surface's boxes as they are now.
     #[must_use]
     pub fn has_followed(&self, bounds: &TriangleBounds) -> bool {
-        self.followed == bounds.computed()
+        self.followed == bounds.computed() && self.tree.len() == bounds.triangles.len()
     }
 
     /// Whether the tree is over as many triangles as a surface has, and they have followed it as far as they are asked.
@@ -129,7 +129,9 @@ fn update_trees(
     kept.begin(&active, &candidates, &settings, &memory, &bounds);
     mark_idle_trees(&active, &candidates, &memory, &kept, &mut idle);
     update_each(&active, &mut taken, &mut surfaces, settings.threads, |place, tree, (_, bounds), surface, threads| {
-        if idle[place] { Outcome::default() } else { tree.follow(surface, bounds, threads) }
+        // A tree is built when its surface comes, not when something first comes near it.
+        let rests = idle[place] && tree.is_of(surface);
+        if rests { Outcome::default() } else { tree.follow(surface, bounds, threads) }
     });
     let mut first_builds = Duration::ZERO;
     for outcome in taken.drain(..).map(|taken| taken.outcome) {

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 
-use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, LaneHits, LeafSearch, SetLanes};
+use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, LaneHits, SetLanes, search::NeighborSearch};
 use crate::kernel::{
     bounded_pairs::BoundedPairs,
     leaf_triangles::{LanePairs, PairCull},
@@ -53,11 +53,12 @@ impl BoxTree {
         let mut count = 0;
         let (mut hits, mut recent) = (LaneHits::new(), Recent::new());
         let mut all_gaps = [0.0; (LEAF_WIDTH + 1) * LEAF_WIDTH];
-        let mut search = LeafSearch::new();
-        for place in leaves {
-            let leaf = &self.leaves[place];
+        let mut search = NeighborSearch::new();
+        let own = &self.leaves[leaves.clone()];
+        for (passed, leaf) in own.iter().enumerate() {
+            let place = leaves.start + passed;
             let first = if SELF { place as u32 } else { 0 };
-            search.begin(other_tree);
+            search.begin(simd, other_tree, own, passed, skin, first);
             while search.go_on(simd, other_tree, &leaf.bounds.grown(skin), first) {
                 for &other_place in search.found() {
                     let other_place = other_place as usize;

@@ -108,6 +108,11 @@ impl BoxTree {
         self.rebuild.is_some()
     }
 
+    /// Gives up what was begun, if anything was.
+    pub fn break_off_rebuilding(&mut self) {
+        self.rebuild = None;
+    }
+
     /// Goes on with what was begun, by a slice that takes about as long as any other. Whether the tree is new by that:
     /// then it has to be refitted before it is asked again. Until then it may be refitted and asked as before.
     pub fn go_on_rebuilding(&mut self) -> bool {

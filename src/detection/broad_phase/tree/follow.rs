@@ -27,11 +27,20 @@ const BREAK_OFF_DECAY: f32 = 16.0;
 const TRIANGLES_OF_ONE: usize = 8192;
 
 impl SurfaceTree {
+    /// Whether it has been built for the mesh that a surface has.
+    pub(super) fn is_of(&self, surface: &ActiveSurface) -> bool {
+        self.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, &surface.topology))
+    }
+
     /// Follows the boxes of its surface.
     pub(super) fn follow(&mut self, surface: &ActiveSurface, bounds: &TriangleBounds, threads: usize) -> Outcome {
         let mut outcome = Outcome::default();
-        if self.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, &surface.topology)) {
+        if self.is_of(surface) {
             if self.followed != bounds.computed() {
+                // What was begun before the tree has rested is of boxes that are long gone.
+                if bounds.computed() - self.followed > 1 {
+                    self.tree.break_off_rebuilding();
+                }
                 outcome.is_rebuilt = self.tree.go_on_rebuilding();
                 self.tree.refit_on(&Threads(threads), &bounds.triangles);
                 let has_begun = self.tree.is_rebuilding();

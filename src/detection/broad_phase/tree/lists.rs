@@ -1,4 +1,4 @@
-//! Lists that outlive a tick, as far as trees go: they make them, and rest where every pair goes by one.
+//! Lists that outlive a tick, as far as trees go: they make them, and rest where every pair goes by one, or there is none.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

@@ -1,0 +1,197 @@
+//! Which leaves of a tree are near a box, and near each of many leaves.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
+
+use super::{Aabb, BoxTree, LEAF_WIDTH, Leaf, Node, STACK};
+
+/// The leaves of a tree whose boxes overlap another box, some at a time. Leaves of one node come together, before the subtrees
+/// beside them: the order is that of the structure, the same in every traversal.
+pub(super) struct LeafSearch {
+    /// Nodes that wait, and room to write eight children where only some are meant.
+    nodes: [u32; STACK + LEAF_WIDTH],
+    node_count: usize,
+    leaves: [u32; Self::ROOM + LEAF_WIDTH],
+    leaf_count: usize,
+}
+
+impl LeafSearch {
+    const ROOM: usize = 56;
+
+    pub(super) fn new() -> Self {
+        Self { nodes: [0; STACK + LEAF_WIDTH], node_count: 0, leaves: [0; Self::ROOM + LEAF_WIDTH], leaf_count: 0 }
+    }
+
+    /// Begins a search.
+    #[inline(always)]
+    pub(super) fn begin(&mut self, tree: &BoxTree) {
+        self.node_count = usize::from(!tree.nodes.is_empty());
+        self.nodes[0] = 0;
+    }
+
+    /// Takes a node from the stack and puts those of its children there that overlap `bounds`. Returns it, with the places of all
+    /// children, and which leaves among them are from `first` on and overlap `bounds`.
+    #[inline(always)]
+    fn visit<'a, S: Simd>(
+        &mut self,
+        simd: S,
+        tree: &'a BoxTree,
+        bounds: &Aabb,
+        first: u32,
+    ) -> (&'a Node, u32x8<S>, u32) {
+        self.node_count -= 1;
+        let node = &tree.nodes[self.nodes[self.node_count] as usize];
+        let hits = node.boxes.overlapping(simd, bounds);
+        let children = u32x8::from_slice(simd, &node.children);
+        let is_later = children.simd_ge(first).to_bitmask() as u32;
+        let has_later = u32x8::from_slice(simd, &node.ends).simd_gt(first).to_bitmask() as u32;
+        // Which of eight are meant is hard to foresee: so all are written, those first, and the next ones over the others.
+        let nodes = hits & !node.leaf_children & has_later;
+        let room = &mut self.nodes[self.node_count..][..LEAF_WIDTH];
+        children.compress(mask32x8::from_bitmask(simd, u64::from(nodes))).store_slice(room);
+        self.node_count += nodes.count_ones() as usize;
+        (node, children, hits & node.leaf_children & is_later)
+    }
+
+    /// Finds the next leaves from `first` on whose boxes overlap `bounds`. Whether there are any.
+    #[inline(always)]
+    pub(super) fn go_on<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) -> bool {
+        self.leaf_count = 0;
+        while self.node_count > 0 && self.leaf_count < Self::ROOM {
+            let (_, children, leaves) = self.visit(simd, tree, bounds, first);
+            self.add(simd, children, leaves);
+        }
+        self.leaf_count > 0
+    }
+
+    /// Adds those of eight leaves that are meant.
+    #[inline(always)]
+    fn add<S: Simd>(&mut self, simd: S, places: u32x8<S>, meant: u32) {
+        let room = &mut self.leaves[self.leaf_count..][..LEAF_WIDTH];
+        places.compress(mask32x8::from_bitmask(simd, u64::from(meant))).store_slice(room);
+        self.leaf_count += meant.count_ones() as usize;
+    }
+
+    #[inline(always)]
+    pub(super) fn found(&self) -> &[u32] {
+        &self.leaves[..self.leaf_count]
+    }
+}
+
+/// A search for what is near each of many leaves that stand one after the other. Some of them look around together: what is near
+/// each is among what is near them all, in the same order, unless that is more than there is room for.
+pub(super) struct NeighborSearch {
+    search: LeafSearch,
+    /// The leaves that are near them all, and their boxes.
+    places: [u32; Self::ROOM + LEAF_WIDTH],
+    min: [[f32; Self::ROOM + LEAF_WIDTH]; 3],
+    max: [[f32; Self::ROOM + LEAF_WIDTH]; 3],
+    count: usize,
+    /// Whether those are all.
+    is_complete: bool,
+    /// Where among them the search goes on.
+    next: usize,
+}
+
+impl NeighborSearch {
+    /// How many leaves look around together.
+    const GROUP: usize = 8;
+    const ROOM: usize = 256;
+
+    pub(super) fn new() -> Self {
+        Self {
+            search: LeafSearch::new(),
+            places: [0; Self::ROOM + LEAF_WIDTH],
+            min: [[0.0; Self::ROOM + LEAF_WIDTH]; 3],
+            max: [[0.0; Self::ROOM + LEAF_WIDTH]; 3],
+            count: 0,
+            is_complete: false,
+            next: 0,
+        }
+    }
+
+    /// Begins a search for what is near the next one of some `leaves`, of which `passed` have been searched for. Their boxes are
+    /// grown by `skin`.
+    #[inline(always)]
+    pub(super) fn begin<S: Simd>(
+        &mut self,
+        simd: S,
+        tree: &BoxTree,
+        leaves: &[Leaf],
+        passed: usize,
+        skin: f32,
+        first: u32,
+    ) {
+        if passed.is_multiple_of(Self::GROUP) {
+            let group = &leaves[passed..leaves.len().min(passed + Self::GROUP)];
+            let mut bounds = Aabb::EMPTY;
+            for leaf in group {
+                bounds = bounds.union(&leaf.bounds);
+            }
+            // Not before: an empty box does not grow, and would leave no number.
+            self.look_around(simd, tree, &bounds.grown(skin), first);
+        }
+        self.search.begin(tree);
+        self.next = 0;
+    }
+
+    /// Finds all leaves from `first` on whose boxes overlap `bounds`, if there is room for them.
+    #[inline(always)]
+    fn look_around<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) {
+        self.search.begin(tree);
+        self.count = 0;
+        while self.search.node_count > 0 {
+            let (node, children, leaves) = self.search.visit(simd, tree, bounds, first);
+            if leaves == 0 {
+                continue;
+            }
+            if self.count + leaves.count_ones() as usize > Self::ROOM {
+                self.is_complete = false;
+                return;
+            }
+            let (mask, room) = (mask32x8::from_bitmask(simd, u64::from(leaves)), self.count..self.count + LEAF_WIDTH);
+            children.compress(mask).store_slice(&mut self.places[room.clone()]);
+            for axis in 0..3 {
+                let min = f32x8::from_slice(simd, &node.boxes.min[axis]);
+                min.compress(mask).store_slice(&mut self.min[axis][room.clone()]);
+                let max = f32x8::from_slice(simd, &node.boxes.max[axis]);
+                max.compress(mask).store_slice(&mut self.max[axis][room.clone()]);
+            }
+            self.count += leaves.count_ones() as usize;
+        }
+        self.is_complete = true;
+    }
+
+    /// Finds the next leaves from `first` on whose boxes overlap `bounds`. Whether there are any.
+    #[inline(always)]
+    pub(super) fn go_on<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) -> bool {
+        if !self.is_complete {
+            return self.search.go_on(simd, tree, bounds, first);
+        }
+        self.search.leaf_count = 0;
+        while self.next < self.count && self.search.leaf_count < LeafSearch::ROOM {
+            let (here, left) = (self.next..self.next + LEAF_WIDTH, self.count - self.next);
+            let places = u32x8::from_slice(simd, &self.places[here.clone()]);
+            let mut hits = if left < LEAF_WIDTH { (1 << left) - 1 } else { 0xff };
+            hits &= places.simd_ge(first).to_bitmask() as u32;
+            let [x, y, z] = &self.min;
+            let begin = f32x8::from_slice(simd, &x[here.clone()]).simd_le(bounds.max.x)
+                & f32x8::from_slice(simd, &y[here.clone()]).simd_le(bounds.max.y)
+                & f32x8::from_slice(simd, &z[here.clone()]).simd_le(bounds.max.z);
+            let [x, y, z] = &self.max;
+            let end = f32x8::from_slice(simd, &x[here.clone()]).simd_ge(bounds.min.x)
+                & f32x8::from_slice(simd, &y[here.clone()]).simd_ge(bounds.min.y)
+                & f32x8::from_slice(simd, &z[here]).simd_ge(bounds.min.z);
+            hits &= (begin & end).to_bitmask() as u32;
+            self.search.add(simd, places, hits);
+            self.next += LEAF_WIDTH;
+        }
+        self.search.leaf_count > 0
+    }
+
+    #[inline(always)]
+    pub(super) fn found(&self) -> &[u32] {
+        self.search.found()
+    }
+}
