@@ -3,12 +3,16 @@
 use std::time::Duration;
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{detection::DetectionDiagnostics, prelude::*};
+use bevy_circumsphere::{
+    detection::{DetectionDiagnostics, TriangleBounds, broad_phase::SurfaceTree},
+    kernel::tree::BoxTree,
+    prelude::*,
+};
 use bevy_ecs::prelude::*;
 use circumsphere_support::scenes::{Diagonals, grid};
 use glam::Vec3;
 
-use crate::world::{app, ball, points, spawn, store};
+use crate::world::{app, ball, points, spawn, store, write_positions};
 
 const TICKS: usize = 60;
 
@@ -16,6 +20,7 @@ const TICKS: usize = 60;
 struct Stirred {
     app: App,
     sheet: Entity,
+    ball: Entity,
     rest: Vec<Vec3>,
 }
 
@@ -26,18 +31,31 @@ impl Stirred {
         let mesh = grid(cells, cells, 4.0, 4.0, Diagonals::Alternating);
         let thick = SurfaceThickness::World(0.002);
         let sheet = spawn(&mut app, &mesh, (thick, ContactMethod::Refined));
-        spawn(&mut app, &ball(), (thick, ContactMethod::Refined));
-        Self { app, sheet, rest: points(&mesh) }
+        let ball = spawn(&mut app, &ball(), (thick, ContactMethod::Refined));
+        Self { app, sheet, ball, rest: points(&mesh) }
     }
 
     fn stir(&mut self, tick: usize) {
-        let Self { app, sheet, rest } = self;
+        let Self { app, sheet, rest, .. } = self;
         let mut positions = app.world_mut().get_mut::<SurfacePositions>(*sheet).expect("it is a surface");
         for (position, rest) in positions.0.iter_mut().zip(rest) {
             // The inside turns, the outside stays, and what is between them is drawn out.
             let turned = (1.0 - rest.length() / 2.0).max(0.0) * 0.6 * tick as f32;
             *position = glam::DQuat::from_rotation_y(f64::from(turned)).as_quat() * *rest;
         }
+    }
+
+    fn put_ball(&mut self, height: f32) {
+        let above: Vec<Vec3> = points(&ball()).iter().map(|&place| place + Vec3::Y * height).collect();
+        write_positions(&mut self.app, self.ball, &above);
+    }
+
+    fn tree(&self) -> &SurfaceTree {
+        self.app.world().get::<SurfaceTree>(self.sheet).expect("it is a surface")
+    }
+
+    fn has_followed(&self) -> bool {
+        self.tree().has_followed(self.app.world().get::<TriangleBounds>(self.sheet).expect("it is a surface"))
     }
 
     fn tick(&mut self, tick: usize) -> (Duration, usize) {
@@ -86,4 +104,48 @@ fn contacts_are_those_of_new_trees_while_old_ones_are_built_anew() {
     }
     println!("{rebuilt} rebuilds, {contacts} contacts");
     assert!(rebuilt >= 2 && contacts > 1_000, "{rebuilt} rebuilds, {contacts} contacts");
+}
+
+/// The sum over all boxes of a tree.
+fn area(tree: &BoxTree) -> f32 {
+    let mut area = 0.0;
+    tree.for_each_node(|_, bounds| area += bounds.half_area());
+    area
+}
+
+/// What was begun to be built anew before the tree rested is of a mesh that is long gone.
+#[test]
+fn a_tree_that_has_rested_while_its_surface_was_alone_is_soon_as_good_as_a_new_one() {
+    let mut scene = Stirred::new(40);
+    assert!(scene.tree().tree().is_empty());
+    scene.put_ball(90.0);
+    scene.tick(0);
+    assert!(scene.has_followed(), "a tree is built when its surface comes");
+    scene.tick(1);
+    assert!(!scene.has_followed());
+    scene.put_ball(0.0);
+    let mut tick = 1;
+    while scene.tree().tree().decay() <= 1.5 {
+        tick += 1;
+        assert!(tick < TICKS && scene.tick(tick).1 == 0 && scene.has_followed());
+    }
+    let area_before = area(scene.tree().tree());
+    scene.put_ball(90.0);
+    for alone in 0..50 {
+        assert_eq!(scene.tick(tick + alone).1, 0);
+        assert!(!scene.has_followed() || alone == 0, "nobody asks the tree");
+        assert_eq!(area(scene.tree().tree()), area_before);
+    }
+    scene.put_ball(0.0);
+    for near in 0..15 {
+        let stirred = tick + 6 + near % 2;
+        scene.tick(stirred);
+        assert!(scene.has_followed());
+        let mut fresh = Stirred::new(40);
+        fresh.tick(stirred);
+        assert!(store(&scene.app).contacts().eq(store(&fresh.app).contacts()), "{near}");
+        let [area, new] = [&scene, &fresh].map(|scene| area(scene.tree().tree()));
+        println!("{near}: {:.3} of a new tree", area / new);
+        assert!(near < 10 || area < 1.3 * new, "{area} against {new} of a new tree");
+    }
 }

@@ -24,20 +24,25 @@ use crate::world::{app, insert, points, sheet, spawn, store, surface, write_posi
 
 const TICKS: usize = 5;
 
-/// A sheet that meets itself, and two balls, which are in each other where the second one [stands](standing): near one another nearly
-/// all of their triangles are in many pairs.
-fn meshes(tick: usize) -> [Mesh; 3] {
+/// A sheet that meets itself, and a ball between two smaller ones, which are in each other where they [stand](standing): near one
+/// another nearly all of their triangles are in many pairs. The smaller of two is brought into the frame of the larger one: once
+/// it is the first, and once the second.
+fn meshes(tick: usize) -> [Mesh; 4] {
     let shift = 0.01 * tick as f32;
     [
         crumpled_sheet(2_000, 0.05 * tick as f64),
-        icosphere(3, 0.5).translate([50.0 + shift, 0.0, 0.0]),
+        icosphere(2, 0.5).translate([50.0 + shift, 0.0, 0.0]),
         icosphere(3, 0.5).translate([0.0, shift, 0.0]),
+        icosphere(2, 0.5).translate([0.0, 0.0, shift]),
     ]
 }
 
-/// Where the second ball stands: turned, and larger than it is.
-fn standing() -> Transform {
-    Transform::from_xyz(50.3, 0.0, 0.1).with_rotation(Quat::from_rotation_y(0.5)).with_scale(Vec3::splat(1.1))
+/// Turned, larger than they are, and one of them mirrored.
+fn standing() -> [Transform; 4] {
+    let turned = |x: f32, scale: f32| {
+        Transform::from_xyz(x, 0.0, 0.1).with_rotation(Quat::from_rotation_y(x)).with_scale(Vec3::splat(scale))
+    };
+    [Transform::IDENTITY, Transform::IDENTITY, turned(50.3, 1.1), turned(50.6, -1.2)]
 }
 
 struct Run {
@@ -49,12 +54,12 @@ impl Run {
     fn new(method: ContactMethod, threads: usize) -> Self {
         let mut app = app();
         app.insert_resource(CircumsphereSettings { threads, ..Default::default() });
-        let [sheet, first, second] = meshes(0);
-        let surfaces = vec![
-            spawn(&mut app, &sheet, (method, SelfCollision, SurfaceThickness::World(0.05))),
-            spawn(&mut app, &first, (method, SurfaceThickness::World(0.2))),
-            spawn(&mut app, &second, (method, SurfaceThickness::World(0.2), standing())),
-        ];
+        let mut surfaces = Vec::new();
+        for (mesh, stands) in meshes(0).iter().zip(standing()) {
+            let thickness = SurfaceThickness::World(if surfaces.is_empty() { 0.05 } else { 0.2 });
+            surfaces.push(spawn(&mut app, mesh, (method, thickness, stands)));
+        }
+        insert(&mut app, surfaces[0], SelfCollision);
         Self { app, surfaces }
     }
 
@@ -135,7 +140,7 @@ fn contacts_of_spheres_that_are_read_late_are_those_of_their_tick() {
             }
         }
         println!("{method:?}: {count} contacts");
-        assert_eq!(unread.last().expect("there are ticks").pairs.len(), 2, "the sheet, and both balls");
+        assert_eq!(unread.last().expect("there are ticks").pairs.len(), 4, "the sheet, and three balls");
         assert!(count > 20_000, "{method:?}: {count} contacts");
     }
 }
@@ -200,7 +205,7 @@ fn contacts_that_are_read_every_tick_are_written_in_the_tick() {
             let mut read = Vec::new();
             for (tick, reads) in READ.into_iter().enumerate() {
                 let (found, expected) = (run.tick(tick), unread.tick(tick));
-                assert_eq!(found.pairs.len(), 2);
+                assert_eq!(found.pairs.len(), 4);
                 assert!(found.pairs.iter().all(|pair| is_written(pair) == WRITTEN[tick]), "{method:?}, tick {tick}");
                 assert!(as_found(&found) == as_found(&expected), "{method:?}, tick {tick}");
                 if reads {
@@ -290,7 +295,7 @@ fn a_swept_body_reads_no_contacts_of_others() {
     for tick in 0..TICKS {
         run.app.world_mut().resource_mut::<Time>().advance_by(Duration::from_millis(16));
         let found = run.tick(tick);
-        assert_eq!(found.pairs.len(), 2);
+        assert_eq!(found.pairs.len(), 4);
         assert!(!found.pairs.iter().any(is_written), "tick {tick}");
     }
 }
