@@ -187,6 +187,16 @@ pub fn crumpled() -> Mesh {
     mesh
 }
 
+/// A sheet with a corner turned up, as high as the crumpled one reaches down, and beside it.
+fn turned_up() -> Mesh {
+    let mut mesh = sheet(8);
+    for position in &mut mesh.positions {
+        let [x, y, z] = *position;
+        position[1] = if x.min(z) > 0.9 { y + 0.15 } else { y };
+    }
+    mesh
+}
+
 impl Scene {
     pub fn spawn(app: &mut App, method: ContactMethod) -> Self {
         let turned =
@@ -195,7 +205,7 @@ impl Scene {
         Self {
             crumpled: spawn(app, "crumpled", &crumpled(), (THIN, method, SelfCollision, turned)),
             ball: spawn(app, "ball", &icosphere(2, 0.3), (THIN, method, mirrored)),
-            sheet: spawn(app, "sheet", &sheet(8), (THIN, method, Transform::from_xyz(0.0, 0.01, 0.0))),
+            sheet: spawn(app, "sheet", &turned_up(), (THIN, method, Transform::from_xyz(0.0, 0.01, 0.0))),
             floor: spawn_shape(app, "floor", SharedShape::halfspace(Vec3::Y), ()),
             rod: spawn_shape(app, "rod", SharedShape::capsule_x(0.6, 0.1), Transform::from_xyz(0.1, 0.3, -0.4)),
         }
