@@ -117,7 +117,8 @@ fn grown(min: Vec3A, max: Vec3A, distance: f32) -> (Vec3A, Vec3A) {
 /// sums are rounded by half a unit in the last place, and some to spare.
 const MOVED_ROUNDING: f32 = 8.0 * f32::EPSILON;
 
-/// A box around some points that `pose` has moved. Larger than it needs to be by what rounding may take.
+/// A box around some points that `pose` has moved. Larger than it needs to be by what rounding may take; around everything where
+/// f32 cannot tell.
 #[must_use]
 pub fn bounds_of_moved(pose: &Pose, points: &[Vec3]) -> Aabb {
     let affine = pose.to_affine();
@@ -130,7 +131,12 @@ pub fn bounds_of_moved(pose: &Pose, points: &[Vec3]) -> Aabb {
         let moved = linear * point + translation;
         (low, high, largest) = (low.min(moved), high.max(moved), largest.max(point.abs()));
     }
-    let rounding = (linear.abs() * largest + translation.abs()) * MOVED_ROUNDING;
+    let reach = linear.abs() * largest + translation.abs();
+    if !reach.is_finite() {
+        // Parts of a sum that overflow may leave no number.
+        return Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
+    }
+    let rounding = reach * MOVED_ROUNDING;
     Aabb { min: (low - rounding).into(), max: (high + rounding).into() }
 }
 

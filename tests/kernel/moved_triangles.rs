@@ -43,6 +43,11 @@ fn a_box_around_moved_points_holds_them_all_and_hardly_more() {
         assert!((least - low).max(high - most).max_element() <= slack, "{bounds:?} of {least} to {most}");
     }
     assert_eq!(bounds_of_moved(&random_pose(&mut random), &[]).min, Vec3::INFINITY);
+    // What is turned back by as much as it is moved overflows on the way.
+    let far = Affine3A::from_scale_rotation_translation(Vec3::splat(1.0e30), Quat::IDENTITY, Vec3::NEG_X * 3.0e38);
+    let pose = Pose::from_affine(&far).expect("it is a similarity");
+    let bounds = bounds_of_moved(&pose, &[Vec3::ZERO, Vec3::X * 6.0e8, Vec3::X * 3.0e8]);
+    assert_eq!([bounds.min, bounds.max], [Vec3::NEG_INFINITY, Vec3::INFINITY]);
 }
 
 fn bits(vector: Vec3) -> [u32; 3] {
