@@ -90,8 +90,8 @@ fn moving(pose: &Pose) -> Option<&Pose> {
 /// overlap takes half of the time so, with one in four as much as without.
 const TRIANGLES_OF_BALL_PAIR: usize = 3;
 
-/// The same by caps, of whose pairs fewer are in contact: the cone stage takes 0.4 of the time with rows where every second
-/// triangle is in a pair and most pairs meet, and overlap twice as long without much to gain where hardly any does.
+/// The same by caps, of whose pairs fewer are in contact: with rows the cone stage takes half of the time where every second
+/// triangle is in a pair and most pairs meet, and overlap takes twice as long without much to gain where hardly any does.
 const TRIANGLES_OF_CAP_PAIR: usize = 2;
 
 /// The rows of the active surfaces whose triangles are in many candidate pairs, for each method; others have none.
