@@ -64,15 +64,7 @@ impl Boxes {
     /// One bit for each box that overlaps `bounds`.
     #[inline(always)]
     fn overlapping<S: Simd>(&self, simd: S, bounds: &Aabb) -> u32 {
-        let [x, y, z] = &self.min;
-        let begin = f32x8::from_slice(simd, x).simd_le(bounds.max.x)
-            & f32x8::from_slice(simd, y).simd_le(bounds.max.y)
-            & f32x8::from_slice(simd, z).simd_le(bounds.max.z);
-        let [x, y, z] = &self.max;
-        let end = f32x8::from_slice(simd, x).simd_ge(bounds.min.x)
-            & f32x8::from_slice(simd, y).simd_ge(bounds.min.y)
-            & f32x8::from_slice(simd, z).simd_ge(bounds.min.z);
-        (begin & end).to_bitmask() as u32
+        overlapping(corners(simd, &self.min), corners(simd, &self.max), bounds)
     }
 }
 
@@ -82,6 +74,14 @@ impl Boxes {
     fn reaching<S: Simd>(&self, simd: S, reach: &Reach) -> u32 {
         reach.reached_by(simd, corners(simd, &self.min), corners(simd, &self.max))
     }
+}
+
+/// One bit for each of eight boxes that overlaps `bounds`.
+#[inline(always)]
+fn overlapping<S: Simd>(min: VectorLanes<S>, max: VectorLanes<S>, bounds: &Aabb) -> u32 {
+    let begin = min.x.simd_le(bounds.max.x) & min.y.simd_le(bounds.max.y) & min.z.simd_le(bounds.max.z);
+    let end = max.x.simd_ge(bounds.min.x) & max.y.simd_ge(bounds.min.y) & max.z.simd_ge(bounds.min.z);
+    (begin & end).to_bitmask() as u32
 }
 
 #[inline(always)]

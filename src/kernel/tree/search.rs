@@ -2,9 +2,11 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
+use std::ops::Range;
+
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
-use super::{Aabb, BoxTree, LEAF_WIDTH, Leaf, Node, STACK};
+use super::{Aabb, BoxTree, LEAF_WIDTH, Leaf, Node, STACK, VectorLanes, overlapping};
 
 /// The leaves of a tree whose boxes overlap another box, some at a time. Leaves of one node come together, before the subtrees
 /// beside them: the order is that of the structure, the same in every traversal.
@@ -173,17 +175,10 @@ impl NeighborSearch {
         while self.next < self.count && self.search.leaf_count < LeafSearch::ROOM {
             let (here, left) = (self.next..self.next + LEAF_WIDTH, self.count - self.next);
             let places = u32x8::from_slice(simd, &self.places[here.clone()]);
-            let mut hits = if left < LEAF_WIDTH { (1 << left) - 1 } else { 0xff };
-            hits &= places.simd_ge(first).to_bitmask() as u32;
-            let [x, y, z] = &self.min;
-            let begin = f32x8::from_slice(simd, &x[here.clone()]).simd_le(bounds.max.x)
-                & f32x8::from_slice(simd, &y[here.clone()]).simd_le(bounds.max.y)
-                & f32x8::from_slice(simd, &z[here.clone()]).simd_le(bounds.max.z);
-            let [x, y, z] = &self.max;
-            let end = f32x8::from_slice(simd, &x[here.clone()]).simd_ge(bounds.min.x)
-                & f32x8::from_slice(simd, &y[here.clone()]).simd_ge(bounds.min.y)
-                & f32x8::from_slice(simd, &z[here]).simd_ge(bounds.min.z);
-            hits &= (begin & end).to_bitmask() as u32;
+            let there = if left < LEAF_WIDTH { (1 << left) - 1 } else { 0xff };
+            let is_later = places.simd_ge(first).to_bitmask() as u32;
+            let hits = overlapping(some(simd, &self.min, here.clone()), some(simd, &self.max, here), bounds);
+            let hits = hits & there & is_later;
             self.search.add(simd, places, hits);
             self.next += LEAF_WIDTH;
         }
@@ -193,5 +188,19 @@ impl NeighborSearch {
     #[inline(always)]
     pub(super) fn found(&self) -> &[u32] {
         self.search.found()
+    }
+}
+
+/// Eight of many vectors.
+#[inline(always)]
+fn some<S: Simd>(
+    simd: S,
+    [x, y, z]: &[[f32; NeighborSearch::ROOM + LEAF_WIDTH]; 3],
+    here: Range<usize>,
+) -> VectorLanes<S> {
+    VectorLanes {
+        x: f32x8::from_slice(simd, &x[here.clone()]),
+        y: f32x8::from_slice(simd, &y[here.clone()]),
+        z: f32x8::from_slice(simd, &z[here]),
     }
 }
