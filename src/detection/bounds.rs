@@ -86,9 +86,9 @@ impl TriangleBounds {
 
     /// The box of all triangles in the world, after [`update`](Self::update): around the turned box, and where there are few
     /// vertices no farther than those reach.
-    fn update_in_world(&mut self, pose: &Pose) -> Aabb {
-        if let Some((_, bounds)) = self.in_world.filter(|(other, _)| other == pose) {
-            return bounds;
+    fn update_in_world(&mut self, pose: &Pose) {
+        if self.in_world.is_some_and(|(other, _)| other == *pose) {
+            return;
         }
         let mut bounds = moved_box(&self.whole, pose);
         if *pose != Pose::IDENTITY && self.positions.len() <= MOST_TURNED_VERTICES {
@@ -99,7 +99,6 @@ impl TriangleBounds {
             bounds = Aabb { min: bounds.min.max(vertices.min), max: bounds.max.min(vertices.max) };
         }
         self.in_world = Some((*pose, bounds));
-        bounds
     }
 }
 
@@ -116,7 +115,6 @@ struct TakenBounds {
     place: usize,
     bounds: TriangleBounds,
     has_moved: bool,
-    in_world: Aabb,
 }
 
 /// Whether two lists of positions are the same bit by bit, down to the sign of a zero: contacts have it too.
@@ -175,8 +173,7 @@ fn compute_bounds(
     });
     for (place, surface) in active.surfaces.iter().enumerate() {
         let Ok((_, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
-        let bounds = std::mem::take(&mut *bounds);
-        taken.push(TakenBounds { place, bounds, has_moved: false, in_world: Aabb::EMPTY });
+        taken.push(TakenBounds { place, bounds: std::mem::take(&mut *bounds), has_moved: false });
     }
     let all_positions = surfaces.as_readonly();
     for_each_weighed(
@@ -189,15 +186,15 @@ fn compute_bounds(
             let Ok((positions, _)) = all_positions.get(surface.entity) else { return };
             let growth = frame_growth(surface.thickness, settings.margin(), surface.pose.scale());
             taken.has_moved = taken.bounds.update(&positions.0, &surface.topology, growth, threads);
-            taken.in_world = taken.bounds.update_in_world(&surface.pose);
+            taken.bounds.update_in_world(&surface.pose);
         },
     );
-    for TakenBounds { place, bounds: updated, has_moved, in_world } in taken.drain(..) {
+    for TakenBounds { place, bounds: updated, has_moved } in taken.drain(..) {
         let surface = &mut active.surfaces[place];
         let Ok((_, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
         *bounds = updated;
         diagnostics.surfaces_unmoved += usize::from(!has_moved);
-        surface.world_bounds = in_world;
+        surface.world_bounds = bounds.in_world.map_or(Aabb::EMPTY, |(_, in_world)| in_world);
     }
     diagnostics.finish(DetectionDiagnostics::FIRST_DETECTION_STAGE, start, 0, 0);
 }

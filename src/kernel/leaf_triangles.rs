@@ -264,6 +264,9 @@ impl<'a> PairCull<'a> {
 pub(super) struct Neighbors<'a>(Option<[&'a [[u32; LEAF_WIDTH]; 3]; 2]>);
 
 impl Neighbors<'_> {
+    /// Where nobody asks.
+    pub(super) const NONE: Self = Self(None);
+
     /// The lanes of the second leaf that share a vertex with a triangle of the first.
     #[inline(always)]
     pub(super) fn of_lane<S: Simd>(&self, simd: S, lane: usize) -> u32 {

@@ -76,6 +76,12 @@ impl SurfaceSide<'_> {
         self.moved.as_ref().map_or(point, |moved| moved.pose.transform_point(point))
     }
 
+    /// Whether a pose is the way to the frame of the pair; `None` where the side's own frame is that.
+    #[inline]
+    pub(super) fn is_moved_by(&self, pose: Option<&Pose>) -> bool {
+        self.moved.map(|moved| moved.pose) == pose
+    }
+
     /// Makes a row for one triangle.
     #[inline]
     pub(super) fn row(&self, triangle: u32) -> CornerRow {

@@ -57,7 +57,10 @@ impl BallSide<'_> {
 
     #[inline(always)]
     pub(super) fn gather<const SIDE: usize, S: Simd>(&self, simd: S, pairs: &[[u32; 2]]) -> RowLanes<S> {
-        debug_assert!(self.is_consistent(), "a pose without a surface that is moved by it");
+        debug_assert!(
+            self.rows.is_some() || self.surface.is_moved_by(self.pose),
+            "corners would be where they are not"
+        );
         let own = if let Some(rows) = self.rows {
             RowLanes::gather_balls::<SIDE>(simd, rows, pairs)
         } else {
@@ -74,11 +77,6 @@ impl BallSide<'_> {
             *row = self.row(pair[SIDE]);
         }
         rows
-    }
-
-    /// Corners are moved by the pose from where the surface says that they are in its own frame; rows have them already.
-    fn is_consistent(&self) -> bool {
-        self.rows.is_some() || self.pose.is_some() == self.surface.moved.is_some()
     }
 
     /// One triangle's ball in the frame of the pair.
@@ -133,7 +131,10 @@ impl CapSide<'_> {
 
     #[inline(always)]
     pub(super) fn gather<const SIDE: usize, S: Simd>(&self, simd: S, pairs: &[[u32; 2]]) -> RowLanes<S> {
-        debug_assert!(self.is_consistent(), "a pose without a surface that is moved by it");
+        debug_assert!(
+            self.rows.is_some() || self.surface.is_moved_by(self.pose),
+            "corners would be where they are not"
+        );
         let own = if let Some(rows) = self.rows {
             RowLanes::gather_caps::<SIDE>(simd, rows, pairs)
         } else {
@@ -150,11 +151,6 @@ impl CapSide<'_> {
             (rows[lane], [rest[0][lane], rest[1][lane]]) = self.row(pair[SIDE]);
         }
         (rows, rest)
-    }
-
-    /// See [`BallSide`].
-    fn is_consistent(&self) -> bool {
-        self.rows.is_some() || self.pose.is_some() == self.surface.moved.is_some()
     }
 
     /// One triangle's sphere and cone in the frame of the pair.

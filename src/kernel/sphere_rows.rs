@@ -175,17 +175,15 @@ impl<S: Simd> RowLanes<S> {
     /// Brings triangles and balls into another frame, if there is a pose.
     #[inline(always)]
     pub(super) fn with_balls_moved(mut self, simd: S, pose: Option<&Pose>) -> Self {
-        if pose.is_none() {
-            return self;
-        }
+        let Some(to_frame) = pose else { return self };
         let [a, b, c] = self.corners();
         let corners = [a.widened().moved(simd, pose), b.widened().moved(simd, pose), c.widened().moved(simd, pose)];
         for corner in 0..3 {
             self.set_vector(3 * corner, corners[corner].rounded());
         }
         self.moved_corners = Some(corners);
-        self.set_vector(9, self.center().widened().moved(simd, pose).rounded());
-        self.row[1][4] = scaled(self.radius(), pose);
+        self.set_vector(9, self.center().moved(simd, pose));
+        self.row[1][4] = scaled(self.radius(), to_frame);
         self
     }
 
@@ -196,7 +194,7 @@ impl<S: Simd> RowLanes<S> {
         if let Some(pose) = pose {
             let CapLanes { height, axis, .. } = moved.cap();
             let axis = axis.widened().moved_direction(simd, pose).rounded();
-            moved.row[1][5] = scaled(height, Some(pose));
+            moved.row[1][5] = scaled(height, pose);
             ([moved.row[1][6], moved.row[1][7]], moved.rest[0]) = ([axis.x, axis.y], axis.z);
         }
         moved
@@ -257,11 +255,8 @@ impl<S: Simd> RowLanes<S> {
 
 /// Lengths in another frame.
 #[inline(always)]
-fn scaled<S: Simd>(lengths: f32x8<S>, pose: Option<&Pose>) -> f32x8<S> {
-    match pose {
-        Some(pose) => rounded(widened(lengths) * pose.scale()),
-        None => lengths,
-    }
+fn scaled<S: Simd>(lengths: f32x8<S>, pose: &Pose) -> f32x8<S> {
+    rounded(widened(lengths) * pose.scale())
 }
 
 /// A block of eight rows, number by number.

@@ -6,7 +6,6 @@
 //! built and how it follows its boxes stands beside this.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
-#![expect(clippy::manual_map, reason = "closures are not reliably inlined")]
 
 mod bounded;
 
@@ -23,7 +22,7 @@ use self::{
 use super::{
     bounds::Aabb,
     lanes::{SetLanes, VectorLanes},
-    leaf_triangles::{LanePairs, PairCull},
+    leaf_triangles::{LanePairs, Neighbors, PairCull},
     moved_triangles::Reach,
     prefetch::prefetch,
 };
@@ -64,7 +63,7 @@ impl Boxes {
     /// One bit for each box that overlaps `bounds`.
     #[inline(always)]
     fn overlapping<S: Simd>(&self, simd: S, bounds: &Aabb) -> u32 {
-        overlapping(corners(simd, &self.min), corners(simd, &self.max), bounds)
+        overlapping(corners(simd, &self.min, 0), corners(simd, &self.max, 0), bounds)
     }
 }
 
@@ -72,7 +71,7 @@ impl Boxes {
     /// One bit for each box that reaches another one in its frame.
     #[inline(always)]
     fn reaching<S: Simd>(&self, simd: S, reach: &Reach) -> u32 {
-        reach.reached_by(simd, corners(simd, &self.min), corners(simd, &self.max))
+        reach.reached_by(simd, corners(simd, &self.min, 0), corners(simd, &self.max, 0))
     }
 }
 
@@ -84,9 +83,15 @@ fn overlapping<S: Simd>(min: VectorLanes<S>, max: VectorLanes<S>, bounds: &Aabb)
     (begin & end).to_bitmask() as u32
 }
 
+/// The corners of eight of many boxes, from the `first` on.
 #[inline(always)]
-fn corners<S: Simd>(simd: S, [x, y, z]: &[[f32; LEAF_WIDTH]; 3]) -> VectorLanes<S> {
-    VectorLanes { x: f32x8::from_slice(simd, x), y: f32x8::from_slice(simd, y), z: f32x8::from_slice(simd, z) }
+fn corners<S: Simd, const COUNT: usize>(simd: S, [x, y, z]: &[[f32; COUNT]; 3], first: usize) -> VectorLanes<S> {
+    let end = first + LEAF_WIDTH;
+    VectorLanes {
+        x: f32x8::from_slice(simd, &x[first..end]),
+        y: f32x8::from_slice(simd, &y[first..end]),
+        z: f32x8::from_slice(simd, &z[first..end]),
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -277,17 +282,14 @@ impl BoxTree {
                     let other_place = other_place as usize;
                     let other = &other_tree.leaves[other_place];
                     let neighbors = match cull {
-                        Some(cull) => Some(cull.neighbors_between([place, other_place])),
-                        None => None,
+                        Some(cull) => cull.neighbors_between([place, other_place]),
+                        None => Neighbors::NONE,
                     };
                     hits.count = 0;
                     for lane in SetLanes(leaf.boxes.overlapping(simd, &other.bounds)) {
                         let later = if SELF && place == other_place { !0u32 << (lane + 1) } else { !0 };
-                        let mut lanes = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
-                        if let Some(neighbors) = &neighbors {
-                            lanes &= !neighbors.of_lane(simd, lane);
-                        }
-                        hits.push(simd, lane, lanes);
+                        let lanes = other.boxes.overlapping(simd, &leaf.boxes.get(lane)) & later;
+                        hits.push(simd, lane, lanes & !neighbors.of_lane(simd, lane));
                     }
                     if hits.count == 0 {
                         continue;

@@ -3,7 +3,7 @@
 use crate::common::Random;
 use bevy_circumsphere::kernel::{
     bounds::{Aabb, bounds_of_moved, triangle_bounds},
-    moved_triangles::{Reach, move_triangles},
+    moved_triangles::{MovingMesh, Reach},
     pose::Pose,
     tree::BoxTree,
 };
@@ -63,7 +63,8 @@ fn moved_triangles_are_those_that_are_moved_one_by_one() {
         let (pose, growth) = (random_pose(&mut random), random.power_of_ten(-4.0, 0.0) as f32);
         let named: Vec<u32> = (0..round as u32 % 30).map(|_| random.below(60) as u32).collect();
         let (mut places, mut bounds) = (vec![Vec3::NAN; own.len()], vec![(7, Aabb::EMPTY)]);
-        let largest = move_triangles(&pose, &own, &mesh.triangles, &named, growth, &mut places, &mut bounds);
+        let moving = MovingMesh { pose: &pose, positions: &own, triangles: &mesh.triangles, growth };
+        let largest = moving.move_triangles(&named, &mut places, &mut bounds);
         assert_eq!(bounds.len(), 1 + named.len(), "what was there stays");
         let (mut expected_largest, mut touched) = (0.0_f32, vec![false; own.len()]);
         for (&triangle, (name, found)) in named.iter().zip(&bounds[1..]) {

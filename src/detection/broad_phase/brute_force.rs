@@ -67,9 +67,8 @@ fn pair_triangles(
                     };
                     let mut mover = pair.mover(surface, own, settings.margin());
                     moved.clear();
-                    let triangles: Vec<u32> = (0..surface.topology.triangles().len() as u32).collect();
                     let mut boxes = Vec::new();
-                    mover.move_triangles(&triangles, &mut boxes);
+                    mover.move_all(&mut boxes);
                     moved.extend(boxes.into_iter().map(|(_, bounds)| bounds));
                     sides[side] = &moved;
                 }

@@ -9,7 +9,7 @@ use glam::Vec3;
 use super::{Frame, OtherSide, SurfacePair};
 use crate::{
     detection::bounds::frame_growth,
-    kernel::{bounds::Aabb, ids::VertexId, moved_triangles::move_triangles, pose::Pose, topology::SurfaceTopology},
+    kernel::{bounds::Aabb, ids::VertexId, moved_triangles::MovingMesh, pose::Pose, topology::SurfaceTopology},
     surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
 };
 
@@ -19,9 +19,7 @@ use crate::{
 /// up to the algorithm, but it has to have asked for every triangle that it pairs.
 pub struct TriangleMover<'a> {
     topology: &'a SurfaceTopology,
-    own: &'a [Vec3],
-    pose: &'a Pose,
-    growth: f32,
+    mesh: MovingMesh<'a>,
     moved: &'a mut Vec<Vec3>,
     rounding: &'a mut f32,
 }
@@ -54,9 +52,12 @@ impl SurfacePair {
         self.moved_rounding = 0.0;
         TriangleMover {
             topology: &surface.topology,
-            own: &positions.0,
-            growth: frame_growth(surface.thickness, margin, self.frame_pose.scale()),
-            pose: &self.relative_pose,
+            mesh: MovingMesh {
+                pose: &self.relative_pose,
+                positions: &positions.0,
+                triangles: surface.topology.triangles(),
+                growth: frame_growth(surface.thickness, margin, self.frame_pose.scale()),
+            },
             moved: &mut self.moved_positions,
             rounding: &mut self.moved_rounding,
         }
@@ -69,38 +70,44 @@ impl TriangleMover<'_> {
     /// # Panics
     /// If there is no such triangle.
     pub fn move_triangles(&mut self, triangles: &[u32], bounds: &mut Vec<(u32, Aabb)>) {
-        let Self { topology, own, pose, growth, moved, rounding } = self;
+        let Self { topology, mesh, moved, rounding } = self;
         if moved.is_empty() {
-            moved.resize(own.len(), Vec3::NAN);
+            moved.resize(mesh.positions.len(), Vec3::NAN);
         }
         if topology.is_welded() {
             for &triangle in triangles {
-                for vertex in topology.triangles()[triangle as usize] {
+                for vertex in mesh.triangles[triangle as usize] {
                     if moved[vertex as usize].is_nan() {
-                        let largest = move_welded(topology, own, pose, vertex, moved);
+                        let largest = move_welded(topology, mesh, vertex, moved);
                         **rounding = rounding.max(f32::EPSILON * largest);
                     }
                 }
             }
         }
         // Half a unit in the last place of the largest coordinate, along each of three axes.
-        let largest = move_triangles(pose, own, topology.triangles(), triangles, *growth, moved, bounds);
+        let largest = mesh.move_triangles(triangles, moved, bounds);
         **rounding = rounding.max(f32::EPSILON * largest);
+    }
+
+    /// The same of all triangles.
+    pub fn move_all(&mut self, bounds: &mut Vec<(u32, Aabb)>) {
+        let all: Vec<u32> = (0..self.mesh.triangles.len() as u32).collect();
+        self.move_triangles(&all, bounds);
     }
 }
 
 /// Moves all vertices that are welded to one of them: whether those that were together still are is asked in the frame of the pair,
 /// too. Returns the largest coordinate of any of them, by its magnitude.
-fn move_welded(topology: &SurfaceTopology, own: &[Vec3], pose: &Pose, vertex: u32, moved: &mut [Vec3]) -> f32 {
+fn move_welded(topology: &SurfaceTopology, mesh: &MovingMesh<'_>, vertex: u32, moved: &mut [Vec3]) -> f32 {
     let welded = topology.weld()[vertex as usize];
     let mut largest = 0.0;
     let mut move_vertex = |vertex: u32| {
-        let place = pose.transform_point(own[vertex as usize].as_dvec3()).as_vec3();
+        let place = mesh.pose.transform_point(mesh.positions[vertex as usize].as_dvec3()).as_vec3();
         moved[vertex as usize] = place;
         largest = f32::max(largest, place.abs().max_element());
     };
     for &triangle in topology.triangles_of_vertex(VertexId(welded)) {
-        for other in topology.triangles()[triangle as usize] {
+        for other in mesh.triangles[triangle as usize] {
             if topology.weld()[other as usize] == welded {
                 move_vertex(other);
             }

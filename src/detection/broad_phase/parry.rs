@@ -140,9 +140,8 @@ fn pair_triangles(
                     found.extend(asked.intersect_aabb(&parry_box(bounds)).map(other));
                 };
                 if pair.is_moved() {
-                    let triangles: Vec<u32> = (0..own_bounds.triangles.len() as u32).collect();
                     let mut boxes = Vec::new();
-                    pair.mover(asking, own, settings.margin()).move_triangles(&triangles, &mut boxes);
+                    pair.mover(asking, own, settings.margin()).move_all(&mut boxes);
                     for (triangle, bounds) in &boxes {
                         ask(*triangle, bounds);
                     }

@@ -198,6 +198,12 @@ impl<S: Simd> VectorLanes<S> {
         Self { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
     }
 
+    /// Points moved as [`Pose::transform_point`] does it, rounded once.
+    #[inline(always)]
+    pub(in crate::kernel) fn moved(self, simd: S, pose: Option<&Pose>) -> Self {
+        self.widened().moved(simd, pose).rounded()
+    }
+
     #[inline(always)]
     pub(in crate::kernel) fn widened(self) -> DoubleVectorLanes<S> {
         DoubleVectorLanes { x: widened(self.x), y: widened(self.y), z: widened(self.z) }

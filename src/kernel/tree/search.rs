@@ -2,11 +2,9 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use std::ops::Range;
-
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
-use super::{Aabb, BoxTree, LEAF_WIDTH, Leaf, Node, STACK, VectorLanes, overlapping};
+use super::{Aabb, BoxTree, LEAF_WIDTH, Leaf, Node, STACK, corners, overlapping};
 
 /// The leaves of a tree whose boxes overlap another box, some at a time. Leaves of one node come together, before the subtrees
 /// beside them: the order is that of the structure, the same in every traversal.
@@ -173,11 +171,12 @@ impl NeighborSearch {
         }
         self.search.leaf_count = 0;
         while self.next < self.count && self.search.leaf_count < LeafSearch::ROOM {
-            let (here, left) = (self.next..self.next + LEAF_WIDTH, self.count - self.next);
-            let places = u32x8::from_slice(simd, &self.places[here.clone()]);
+            let left = self.count - self.next;
+            let places = u32x8::from_slice(simd, &self.places[self.next..self.next + LEAF_WIDTH]);
             let there = if left < LEAF_WIDTH { (1 << left) - 1 } else { 0xff };
             let is_later = places.simd_ge(first).to_bitmask() as u32;
-            let hits = overlapping(some(simd, &self.min, here.clone()), some(simd, &self.max, here), bounds);
+            let (min, max) = (corners(simd, &self.min, self.next), corners(simd, &self.max, self.next));
+            let hits = overlapping(min, max, bounds);
             let hits = hits & there & is_later;
             self.search.add(simd, places, hits);
             self.next += LEAF_WIDTH;
@@ -188,19 +187,5 @@ impl NeighborSearch {
     #[inline(always)]
     pub(super) fn found(&self) -> &[u32] {
         self.search.found()
-    }
-}
-
-/// Eight of many vectors.
-#[inline(always)]
-fn some<S: Simd>(
-    simd: S,
-    [x, y, z]: &[[f32; NeighborSearch::ROOM + LEAF_WIDTH]; 3],
-    here: Range<usize>,
-) -> VectorLanes<S> {
-    VectorLanes {
-        x: f32x8::from_slice(simd, &x[here.clone()]),
-        y: f32x8::from_slice(simd, &y[here.clone()]),
-        z: f32x8::from_slice(simd, &z[here]),
     }
 }
