@@ -11,6 +11,7 @@ use bevy_circumsphere::kernel::{
     refine::{refine_closest, refine_pairs},
     settle::settle_penetrations,
     tree::BoxTree,
+    unique::UniqueFeatures,
 };
 use circumsphere_support::bars::{BAND, SEPARATION_TOLERANCE};
 use glam::Vec3;
@@ -115,7 +116,12 @@ fn detect(
 ) -> FoundPairs {
     let mut found = FoundPairs::default();
     refine(a, b, candidates, settings, &mut found);
-    settle_penetrations(a, b, candidates, settings, &mut found.contacts);
+    // As the stage does.
+    if settings.same_surface || !(a.one_sided || b.one_sided) {
+        UniqueFeatures::default().drop_repeats(&mut found, 0);
+    } else {
+        settle_penetrations(a, b, candidates, settings, &mut found.contacts);
+    }
     found
 }
 

@@ -16,7 +16,7 @@ use glam::Vec3;
 use super::{
     cone::SafetyCones,
     lanes::{EdgeChoice, FrameLanes, SetLanes, TriangleLanes, VectorLanes, WIDTH, first_lanes, rows, store_first},
-    recipe::{Recipe, RecipeBlock, RecipeLanes, ShapeLanes},
+    recipe::{PlacedLanes, Recipe, RecipeBlock, RecipeLanes, ShapeLanes},
     share::{LEAST_SHARE, OneByOne, PART, Share},
 };
 
@@ -50,9 +50,10 @@ impl From<Ball> for [f32; 4] {
     }
 }
 
-/// A triangle seen from its longest edge, with everything relative to that edge's midpoint.
+/// A triangle seen from its longest edge.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LongestEdgeFrame {
+    /// The middle of that edge.
     pub(super) midpoint: Vec3,
     half_length: f32,
     /// Unit normal; `None` where the triangle has no area.
@@ -64,12 +65,12 @@ pub(super) struct LongestEdgeFrame {
 }
 
 impl LongestEdgeFrame {
-    /// `edge` names the longest edge, which joins the corners `edge` and `edge + 1`.
-    pub(super) fn new(corners: [Vec3; 3], edge: usize) -> Self {
+    /// Relative to `origin`. `edge` names the longest edge, which joins the corners `edge` and `edge + 1`.
+    pub(super) fn new(corners: [Vec3; 3], origin: Vec3, edge: usize) -> Self {
         let (from, to, apex) = (corners[edge], corners[(edge + 1) % 3], corners[(edge + 2) % 3]);
         let along = finite(to - from);
         let length = length(along);
-        let midpoint = from + along * 0.5;
+        let midpoint = finite(from - origin) + along * 0.5;
         let mut frame = Self { midpoint, half_length: 0.5 * length, normal: None, inward: Vec3::ZERO, cotangent: 0.0 };
         // The inverse of a subnormal length may be infinite.
         if length >= f32::MIN_POSITIVE {
@@ -158,7 +159,7 @@ pub fn circumcenter(corners: [Vec3; 3]) -> Option<(usize, Vec3, f32)> {
 /// farther than √3 halves of that edge, so that the radius stays bounded. Without area: that midpoint.
 #[must_use]
 pub fn in_plane_center(corners: [Vec3; 3]) -> Ball {
-    let frame = LongestEdgeFrame::new(corners, longest(edge_lengths(corners)));
+    let frame = LongestEdgeFrame::new(corners, Vec3::ZERO, longest(edge_lengths(corners)));
     let center = finite(frame.point_across(frame.cotangent.max(-OBTUSE_REACH)));
     Ball { center, radius: farthest_corner(corners, center) }
 }
@@ -167,7 +168,7 @@ pub fn in_plane_center(corners: [Vec3; 3]) -> Ball {
 /// the triangle is obtuse or has no area.
 #[must_use]
 pub fn enclosing_ball(corners: [Vec3; 3]) -> Ball {
-    let frame = LongestEdgeFrame::new(corners, longest(edge_lengths(corners)));
+    let frame = LongestEdgeFrame::new(corners, Vec3::ZERO, longest(edge_lengths(corners)));
     let center = finite(frame.point_across(frame.cotangent.max(0.0)));
     Ball { center, radius: containing_radius(corners, center) }
 }
@@ -191,7 +192,8 @@ fn write_enclosing_balls<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32
     for (triangles, balls) in triangles.chunks(WIDTH).zip(balls.chunks_mut(WIDTH)) {
         let lanes = TriangleLanes::gather(simd, positions, triangles);
         let (lengths, exact_lengths) = lanes.edge_lengths();
-        let frame = FrameLanes::of_lengths(&lanes, EdgeChoice::longest(&lengths), &lengths);
+        let frame =
+            FrameLanes::new(&lanes, VectorLanes::splat(simd, Vec3::ZERO), EdgeChoice::longest(&lengths), &lengths);
         let center = frame.point_across(frame.cotangent.max(0.0));
         let (radius, exact_radius) = lanes.containing_radius(center);
         let spheres = rows([center.x, center.y, center.z, radius]);
@@ -239,17 +241,12 @@ struct SphereLanes<S: Simd> {
 impl<S: Simd> SphereLanes<S> {
     /// [`SpherePart::follow`]
     #[inline(always)]
-    fn new(recipes: &RecipeLanes<S>, corners: &TriangleLanes<S>) -> Self {
-        let origin = corners.0[0];
-        let local = corners.relative_to(origin);
-        let frame = FrameLanes::new(&local, recipes.longest_edge);
-        let in_plane = frame.point_across(recipes.inward);
-        let (farthest, exact_farthest) = local.farthest_corner(in_plane);
-        let height = (recipes.height_ratio * farthest).min(f32::MAX);
-        let center = origin.plus(in_plane - frame.normal.scaled(height));
+    fn new(recipes: &RecipeLanes<S>, placed: &PlacedLanes<S>, corners: &TriangleLanes<S>) -> Self {
+        let axis = placed.frame.normal;
+        let height = (recipes.height_ratio * placed.farthest).min(f32::MAX);
+        let center = corners.0[0].plus(placed.center - axis.scaled(height));
         let (radius, exact_radius) = corners.containing_radius(center);
-        let exact = frame.exact & exact_farthest & exact_radius;
-        Self { center, radius, height, axis: frame.normal, cosine: (height / radius).min(1.0), exact }
+        Self { center, radius, height, axis, cosine: (height / radius).min(1.0), exact: placed.exact & exact_radius }
     }
 }
 
@@ -355,32 +352,32 @@ impl SpherePart<'_> {
     #[cold]
     fn refit_one(&mut self, shapes: &Shapes<'_>, triangle: usize, fresh: bool, settings: RecipeSettings) -> bool {
         let corners = shapes.triangles[triangle].map(|vertex| shapes.positions[vertex as usize]);
+        // Relative to one corner, so that distance from the origin costs no precision.
+        let local = corners.map(|corner| finite(corner - corners[0]));
         let (curvature, dihedrals) = (shapes.curvatures[triangle], shapes.dihedrals[triangle]);
         let (block, lane) = (&mut self.recipes[triangle / WIDTH], triangle % WIDTH);
         let mut recipe = block.get(lane);
         let stale =
             fresh || settings.delta <= 0.0 || recipe.shape_change(edge_lengths(corners), dihedrals) > settings.delta;
         if stale {
-            recipe = Recipe::new(corners, curvature, dihedrals, settings, self.refits);
+            recipe = Recipe::new(corners, local, curvature, dihedrals, settings, self.refits);
             block.set(lane, &recipe);
         }
-        self.follow(&recipe, triangle, corners);
+        self.follow(&recipe, triangle, corners, local);
         stale
     }
 
-    fn follow(&mut self, recipe: &Recipe, triangle: usize, corners: [Vec3; 3]) {
-        // Relative to one corner, so that distance from the origin costs no precision.
-        let origin = corners[0];
-        let local = corners.map(|corner| finite(corner - origin));
-        let frame = LongestEdgeFrame::new(local, recipe.longest_edge as usize);
+    /// Takes the corners where they are, and relative to the first one.
+    fn follow(&mut self, recipe: &Recipe, triangle: usize, corners: [Vec3; 3], local: [Vec3; 3]) {
+        let frame = LongestEdgeFrame::new(corners, corners[0], recipe.longest_edge as usize);
         let (in_plane, axis, height) = if let Some(normal) = frame.normal {
             let in_plane = frame.point_across(recipe.inward);
             (in_plane, normal, (recipe.height_ratio * farthest_corner(local, in_plane)).min(f32::MAX))
         } else {
-            let frame = LongestEdgeFrame::new(local, longest(edge_lengths(local)));
+            let frame = LongestEdgeFrame::new(corners, corners[0], longest(edge_lengths(corners)));
             (frame.midpoint, self.axes[triangle], 0.0)
         };
-        let center = finite(origin + (in_plane - axis * height));
+        let center = finite(corners[0] + (in_plane - axis * height));
         let radius = containing_radius(corners, center);
         self.centers[triangle] = center;
         self.radii[triangle] = radius;
@@ -432,10 +429,14 @@ fn refit_spheres<S: Simd>(
         let mut recipes = RecipeLanes::load(simd, &spheres.recipes[block]);
         let stale =
             if always { mask32x8::splat(simd, true) } else { recipes.shape_change(&shape).simd_gt(settings.delta) };
-        if stale.any_true() {
-            exact &= recipes.refresh(stale, &shape, &settings) | !stale;
-        }
-        let lanes = SphereLanes::new(&recipes, &shape.corners);
+        let placed = if stale.any_true() {
+            let made = recipes.refresh(stale, &shape, &settings);
+            exact &= made.exact | !stale;
+            if stale.all_true() { made } else { recipes.place(&shape) }
+        } else {
+            recipes.place(&shape)
+        };
+        let lanes = SphereLanes::new(&recipes, &placed, &shape.corners);
         let inexact = (!(exact & lanes.exact)).to_bitmask() & first_lanes(range.len());
         // One that cannot be told sends its seven neighbors with it: there are few, and the same comes out.
         if inexact != 0 {

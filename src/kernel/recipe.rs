@@ -31,8 +31,10 @@ pub(super) struct Recipe {
 }
 
 impl Recipe {
+    /// Takes the corners where they are, and relative to the first one.
     pub(super) fn new(
         corners: [Vec3; 3],
+        local: [Vec3; 3],
         curvature: f32,
         dihedrals: [f32; 3],
         settings: RecipeSettings,
@@ -40,19 +42,19 @@ impl Recipe {
     ) -> Self {
         let lengths = edge_lengths(corners);
         let edge = longest(lengths);
-        let frame = LongestEdgeFrame::new(corners, edge);
+        let frame = LongestEdgeFrame::new(corners, corners[0], edge);
         let inward = frame.cotangent.max(-OBTUSE_REACH);
         let mut recipe = Self { longest_edge: edge as u8, inward, height_ratio: 0.0, lengths, dihedrals, made_at };
         let Some(normal) = frame.normal else { return recipe };
         let center = frame.point_across(inward);
-        let radius = farthest_corner(corners, center);
+        let radius = farthest_corner(local, center);
         let factor = curvature_factor(curvature, radius, settings.curvature_threshold);
         let mut height = (settings.phi * radius * factor).min(f32::MAX);
         for k in 0..3 {
             if dihedrals[k] > 0.0 {
                 let edge = corners[(k + 1) % 3] - corners[k];
                 let along = if lengths[k] > 0.0 { edge / lengths[k] } else { Vec3::ZERO };
-                let clearance = normal.dot(along.cross(center - corners[k])).max(0.0);
+                let clearance = normal.dot(along.cross(center - local[k])).max(0.0);
                 height = height.min(clearance / bevy_math::ops::tan(0.5 * dihedrals[k]).abs().max(f32::MIN_POSITIVE));
             }
         }
@@ -178,25 +180,33 @@ impl<S: Simd> RecipeLanes<S> {
         change
     }
 
-    /// [`Recipe::new`], written where asked. Returns where that is exact.
+    /// Where triangles are by their recipes.
+    #[inline(always)]
+    pub(super) fn place(&self, shape: &ShapeLanes<S>) -> PlacedLanes<S> {
+        let frame = shape.frame(self.longest_edge);
+        PlacedLanes::new(frame, self.inward, shape)
+    }
+
+    /// [`Recipe::new`], written where asked. Returns where triangles are by recipes that are made now.
     #[inline(always)]
     pub(super) fn refresh(
         &mut self,
         stale: mask32x8<S>,
         shape: &ShapeLanes<S>,
         settings: &RecipeSettings,
-    ) -> mask32x8<S> {
+    ) -> PlacedLanes<S> {
         let edge = EdgeChoice::longest(&shape.lengths);
-        let frame = FrameLanes::of_lengths(&shape.corners, edge, &shape.lengths);
+        let frame = shape.frame(edge);
         let inward = frame.cotangent.max(-OBTUSE_REACH);
-        let center = frame.point_across(inward);
-        let (radius, exact_radius) = shape.corners.farthest_corner(center);
+        let placed = PlacedLanes::new(frame, inward, shape);
+        let PlacedLanes { frame, center, farthest: radius, .. } = &placed;
+        let (center, radius) = (*center, *radius);
         let bent = shape.curvatures.abs() * radius / settings.curvature_threshold;
         let factor = curvature_factors(bent.max(0.0).min(1.0));
         let mut height = (radius * settings.phi * factor).min(f32::MAX);
         for k in 0..3 {
             let along = shape.corners.edge(k).over(shape.lengths[k]);
-            let clearance = frame.normal.dot(along.cross(center - shape.corners.0[k])).max(0.0);
+            let clearance = frame.normal.dot(along.cross(center - shape.local.0[k])).max(0.0);
             let dihedral = shape.dihedrals[k].max(0.0);
             let slope = tangent(dihedral * 0.5).max(f32::MIN_POSITIVE);
             height = dihedral.simd_gt(0.0).select(height.min(clearance / slope), height);
@@ -208,7 +218,27 @@ impl<S: Simd> RecipeLanes<S> {
             self.lengths[k] = stale.select(shape.lengths[k], self.lengths[k]);
             self.dihedrals[k] = stale.select(shape.dihedrals[k], self.dihedrals[k]);
         }
-        frame.exact & exact_radius
+        placed
+    }
+}
+
+/// Where eight triangles are, relative to their first corners.
+pub(super) struct PlacedLanes<S: Simd> {
+    pub(super) frame: FrameLanes<S>,
+    /// The in-plane center.
+    pub(super) center: VectorLanes<S>,
+    /// The distance of the farthest corner from there.
+    pub(super) farthest: f32x8<S>,
+    /// Where that is exact.
+    pub(super) exact: mask32x8<S>,
+}
+
+impl<S: Simd> PlacedLanes<S> {
+    #[inline(always)]
+    fn new(frame: FrameLanes<S>, inward: f32x8<S>, shape: &ShapeLanes<S>) -> Self {
+        let center = frame.point_across(inward);
+        let (farthest, exact_farthest) = shape.local.farthest_corner(center);
+        Self { exact: frame.exact & exact_farthest, frame, center, farthest }
     }
 }
 
@@ -222,6 +252,8 @@ fn curvature_factors<S: Simd>(t: f32x8<S>) -> f32x8<S> {
 /// What recipes of eight triangles are made from, and whether they still hold.
 pub(super) struct ShapeLanes<S: Simd> {
     pub(super) corners: TriangleLanes<S>,
+    /// The same relative to the first one, so that distance from the origin costs no precision.
+    local: TriangleLanes<S>,
     lengths: [f32x8<S>; 3],
     dihedrals: [f32x8<S>; 3],
     curvatures: f32x8<S>,
@@ -239,9 +271,16 @@ impl<S: Simd> ShapeLanes<S> {
         let dihedrals = VectorLanes::of_arrays(simd, dihedrals);
         Self {
             corners,
+            local: corners.relative_to(corners.0[0]),
             lengths,
             dihedrals: [dihedrals.x, dihedrals.y, dihedrals.z],
             curvatures: load_first(simd, curvatures),
         }
+    }
+
+    /// Seen from one edge, relative to the first corner.
+    #[inline(always)]
+    fn frame(&self, edge: EdgeChoice<S>) -> FrameLanes<S> {
+        FrameLanes::new(&self.corners, self.corners.0[0], edge, &self.lengths)
     }
 }

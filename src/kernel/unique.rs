@@ -49,6 +49,27 @@ impl UniqueFeatures {
     }
 }
 
+/// Features that were reported lately. Most of what several pairs of triangles report is known here by one look, and need
+/// not be computed, written and dropped again.
+pub(super) struct RecentFeatures {
+    keys: [ContactKey; Self::COUNT],
+}
+
+impl RecentFeatures {
+    const COUNT: usize = 256;
+
+    pub(super) const NONE: Self = Self { keys: [CompactContact::NONE.key; Self::COUNT] };
+
+    /// Whether features were reported lately. By now they are.
+    #[inline]
+    pub(super) fn know(&mut self, key: ContactKey) -> bool {
+        // 2^64 over the golden ratio: the upper bits of the product depend on all of the key.
+        let place = key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (u64::BITS - Self::COUNT.ilog2());
+        let known = &mut self.keys[place as usize % Self::COUNT];
+        std::mem::replace(known, key) == key
+    }
+}
+
 /// Drops the contacts at some places, which ascend.
 fn drop_places(contacts: &mut Vec<CompactContact>, places: &[u32]) {
     let Some(&first) = places.first() else { return };

@@ -40,7 +40,7 @@ fn judge_slivers(along: f64) -> Tally {
 /// A needle's ball is as long as the needle and reaches far beyond its sides: many false pairs. Needles that cross at
 /// an angle have their sphere centers beside each other, some of them outside a cone.
 const NEEDLES: Stated =
-    Stated { touching: 995, false_by_balls: 6089, missed_by_caps: 88, bodies_missed_by_caps: 0, false_by_caps: 1831 };
+    Stated { touching: 995, false_by_balls: 6089, missed_by_caps: 90, bodies_missed_by_caps: 0, false_by_caps: 1829 };
 
 #[test]
 fn needles_touch_what_they_reach() {

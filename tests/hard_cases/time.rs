@@ -212,11 +212,11 @@ fn assert_spheres_contain_triangles(run: &Run, body: usize, twist: f32) {
 }
 
 /// How often in a thousand ticks of noise `Circumsphere` changes its mind about a pair at the boundary of a cone.
-const CONE_FLIPS: usize = 337;
+const CONE_FLIPS: usize = 351;
 
 /// Starts and ends that it announces meanwhile: one for each change of mind, because hysteresis holds distances and not
 /// directions.
-const CONE_EVENTS: usize = 337;
+const CONE_EVENTS: usize = 351;
 
 /// A triangle standing on its corner over a lying one, leaning by `angle` from parallel.
 fn leaning(angle: f32) -> [Body; 2] {

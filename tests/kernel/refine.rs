@@ -6,7 +6,7 @@ use crate::{
 };
 use bevy_circumsphere::kernel::{
     contact::{CompactContact, ContactKey},
-    exact::{Feature, FeatureKind, PairProximity, examine_pair},
+    exact::{Feature, FeatureKind, FeaturePair, PairProximity, examine_pair},
     pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
     reference::{
@@ -14,6 +14,7 @@ use bevy_circumsphere::kernel::{
     },
     refine::{refine_closest, refine_pairs},
     topology::SurfaceTopology,
+    unique::UniqueFeatures,
 };
 use circumsphere_support::scenes::{Mesh, duplicate_vertices, icosphere, merge, triangle_soup};
 use glam::{DAffine3, DQuat, DVec3, Vec3};
@@ -231,6 +232,43 @@ fn screening_changes_nothing_and_neither_does_a_cut_through_the_candidates() {
 }
 
 #[test]
+fn what_was_reported_lately_need_not_be_told_again() {
+    // One within the other: most triangles are closest to each other on their boundaries.
+    let meshes = [icosphere(2, 1.0), icosphere(2, 0.95).rotate([1.0, 0.1, -0.4], 1.9)];
+    let [(mesh_a, points_a), (mesh_b, points_b)] = meshes.map(|mesh| (mesh.clone(), positions(&mesh)));
+    let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
+    let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
+    let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
+    for test in [refine_pairs, refine_closest] {
+        let find = |candidates: &[[u32; 2]]| {
+            let mut found = FoundPairs::default();
+            test(
+                &side(&a, &points_a, false),
+                &side(&b, &points_b, false),
+                candidates,
+                &settings(false, true),
+                &mut found,
+            );
+            found
+        };
+        // Nobody who sees one pair of triangles knows of others.
+        let mut alone = FoundPairs::default();
+        for candidate in &candidates {
+            alone.append(&mut find(&[*candidate]));
+        }
+        let mut together = find(&candidates);
+        let told = [alone.contacts.len(), together.contacts.len()];
+        for found in [&mut alone, &mut together] {
+            UniqueFeatures::default().drop_repeats(found, 0);
+        }
+        assert_eq!(together.contacts, alone.contacts);
+        assert_eq!(together.touching, alone.touching);
+        let repeats = told.map(|count| count - together.contacts.len());
+        assert!(repeats[0] > 100 && repeats[1] * 4 < repeats[0], "repeats: {repeats:?}");
+    }
+}
+
+#[test]
 fn lengths_are_world_lengths_whatever_the_scale_of_the_frame() {
     let [(mesh_a, points_a), (mesh_b, points_b)] = overlapping_spheres(0.05);
     let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
@@ -324,6 +362,15 @@ fn features_by_vertices(contact: &CompactContact, triangles: &[[u32; 3]]) -> [Ve
     let mut names = [name(contact.triangle_a, contact.features.a), name(contact.triangle_b, contact.features.b)];
     names.sort();
     names
+}
+
+/// The corners of a triangle that a feature has, some of them more than once.
+fn corners_of(feature: Feature) -> [usize; 3] {
+    match feature {
+        Feature::Vertex(corner) => [corner.into(); 3],
+        Feature::Edge(edge) => [edge.into(), edge.into(), (usize::from(edge) + 1) % 3],
+        Feature::Face => [0, 1, 2],
+    }
 }
 
 /// A surface that folds back onto itself at random: a crumpled ball, and a soup through it.
@@ -555,11 +602,18 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
                 refine_pairs(&a, &b, &[[0, 0]], &settings, &mut found);
                 examine_pair(&exact(alone[0]), &exact(alone[1]), range, &mut proximity);
                 let within = proximity.proximities.iter().filter(|_| proximity.distance <= range);
-                let mut expected: Vec<_> =
-                    within.filter(|near| near.distance <= range).map(|near| near.features).collect();
-                let mut reported: Vec<_> = found.contacts.iter().map(|contact| contact.features).collect();
-                expected.sort_unstable();
-                reported.sort_unstable();
+                // Corners that coincide are one vertex, of which nothing is told twice.
+                let places = |features: &FeaturePair| {
+                    [(0, features.a), (1, features.b)].map(|(side, feature)| {
+                        let place =
+                            |corner: usize| alone[side][corner].to_array().map(|number| (number + 0.0).to_bits());
+                        let places: BTreeSet<_> = corners_of(feature).map(place).into();
+                        (feature == Feature::Face, places)
+                    })
+                };
+                let expected: BTreeSet<_> =
+                    within.filter(|near| near.distance <= range).map(|near| places(&near.features)).collect();
+                let reported: BTreeSet<_> = found.contacts.iter().map(|contact| places(&contact.features)).collect();
                 assert_eq!(reported, expected, "seed {seed}, range {range}");
                 features += expected.len();
             }
@@ -569,7 +623,7 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
         }
     }
     assert!(crossing > 1000 && within > crossing + 1000 && beyond > 1000, "{crossing} of {within}, {beyond} beyond");
-    assert!(features > 10_000, "{features} features");
+    assert!(features > 5_000, "{features} features");
 }
 
 /// A surface as it was when its vertices were welded, and where they are now.
@@ -661,7 +715,13 @@ fn refined_and_polygon_find_the_same_bit_by_bit_on_meshes_of_every_kind() {
                 refine_closest(&a, &b.side(one_sided), &candidates, &distances, &mut found[1]);
                 found
             };
-            let ([refined, closest], [polygon, _]) = (find(true), find(false));
+            let ([mut refined, closest], [mut polygon, _]) = (find(true), find(false));
+            if !one_sided {
+                // What is told twice is dropped; by the screen it may not have been told again.
+                for found in [&mut refined, &mut polygon] {
+                    UniqueFeatures::default().drop_repeats(found, 0);
+                }
+            }
             assert_eq!(refined.touching, polygon.touching, "round {round}, {same_surface}");
             assert_eq!(refined.nearest.to_bits(), polygon.nearest.to_bits(), "round {round}, {same_surface}");
             // Of those of one key the one of the lowest triangles counts, of several of those the first, whatever stands

@@ -17,6 +17,7 @@ use crate::kernel::{
     lanes::{DoubleVectorLanes, DoubleVectorRows, VectorRows, WIDTH, first_lanes, rounded},
     pair::{PairSettings, RowPair, SurfaceSide, is_inside},
     pose::Pose,
+    unique::RecentFeatures,
 };
 
 mod kernels;
@@ -119,6 +120,9 @@ pub(in crate::kernel) struct FeatureBatches<'a> {
     results: Results,
     limits: Limits<'a>,
     sides: Sides<'a>,
+    /// What was reported lately and may be again, except where several pairs may each have something of their own to say about
+    /// the same features: one that is inside has a way out of its own.
+    recent: RecentFeatures,
     /// What does not become a contact here.
     left: LeftOver,
 }
@@ -166,6 +170,7 @@ impl<'a> FeatureBatches<'a> {
                 same_surface: settings.same_surface,
                 solid: !settings.same_surface && sides.iter().any(|side| side.one_sided),
             },
+            recent: RecentFeatures::NONE,
             left: LeftOver::default(),
         }
     }
@@ -180,7 +185,7 @@ impl<'a> FeatureBatches<'a> {
         asked: u32,
         contacts: &mut Vec<CompactContact>,
     ) {
-        let Sides { both: sides, same_surface, .. } = self.sides;
+        let Sides { both: sides, same_surface, solid } = self.sides;
         let mut left = reports.with_any & asked;
         // One loop over all features of all pairs: how many those of one pair are nobody can foresee.
         while left != 0 {
@@ -196,8 +201,13 @@ impl<'a> FeatureBatches<'a> {
             let pair = RowPair { sides, triangles: pairs[lane], rows };
             let numbers = [pair.number(0, plan.parts[0] as usize), pair.number(1, plan.parts[1] as usize)];
             let is_shared = reports.shared[lane] >> case & 1 != 0;
+            let named = CompactContact::named(pair.triangles, same_surface, plan.features, numbers, is_shared);
+            if is_shared && !solid && self.recent.know(named.key) {
+                // The first contact of these features stays: this one would be dropped.
+                continue;
+            }
             let task = Task { place: contacts.len() as u32, case: case as u8 };
-            contacts.push(CompactContact::named(pair.triangles, same_surface, plan.features, numbers, is_shared));
+            contacts.push(named);
             if self.batches[plan.kind as usize].push(task, plan, rows, reports.nothing[lane]) {
                 self.finish_kind(plan.kind, contacts);
             }
@@ -216,7 +226,7 @@ impl<'a> FeatureBatches<'a> {
 
     #[inline(never)]
     fn finish_kind(&mut self, kind: Kind, contacts: &mut [CompactContact]) {
-        let Self { batches, results, left, limits, sides } = self;
+        let Self { batches, results, left, limits, sides, .. } = self;
         let batch = &mut batches[kind as usize];
         dispatch!(Level::new(), simd => {
             match kind {

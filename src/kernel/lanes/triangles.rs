@@ -139,32 +139,20 @@ pub(in crate::kernel) struct FrameLanes<S: Simd> {
     pub(in crate::kernel) normal: VectorLanes<S>,
     pub(in crate::kernel) inward: VectorLanes<S>,
     pub(in crate::kernel) cotangent: f32x8<S>,
-    /// Where the triangle has an area and its lengths are exact.
+    /// Where the triangle has an area.
     pub(in crate::kernel) exact: mask32x8<S>,
 }
 
 impl<S: Simd> FrameLanes<S> {
+    /// Relative to `origin`, given the [lengths of the edges](TriangleLanes::edge_lengths), which are exact.
     #[inline(always)]
-    pub(in crate::kernel) fn new(triangles: &TriangleLanes<S>, edge: EdgeChoice<S>) -> Self {
-        let [a, b, c] = &triangles.0;
-        let along = edge.of([b, c, a]) - edge.of([a, b, c]);
-        let squared = along.dot(along);
-        let frame = Self::along(triangles, edge, squared.sqrt());
-        Self { exact: frame.exact & is_exact(squared), ..frame }
-    }
-
-    /// The same where the [lengths of the edges](TriangleLanes::edge_lengths) are known and exact.
-    #[inline(always)]
-    pub(in crate::kernel) fn of_lengths(
+    pub(in crate::kernel) fn new(
         triangles: &TriangleLanes<S>,
+        origin: VectorLanes<S>,
         edge: EdgeChoice<S>,
         lengths: &[f32x8<S>; 3],
     ) -> Self {
-        Self::along(triangles, edge, edge.number(lengths))
-    }
-
-    #[inline(always)]
-    fn along(triangles: &TriangleLanes<S>, edge: EdgeChoice<S>, length: f32x8<S>) -> Self {
+        let length = edge.number(lengths);
         let [a, b, c] = &triangles.0;
         let simd = a.x.simd;
         let (from, to, apex) = (edge.of([a, b, c]), edge.of([b, c, a]), edge.of([c, a, b]));
@@ -178,7 +166,7 @@ impl<S: Simd> FrameLanes<S> {
         let (inward, has_inward) = normal.cross(along.scaled(scale)).normalized();
         let exact = is_exact(cross.dot(cross)) & doubled_area.simd_gt(ZERO_AREA) & has_inward;
         Self {
-            midpoint: from.plus(along.scaled(half)),
+            midpoint: (from - origin).plus(along.scaled(half)),
             half_length: half * length,
             normal,
             inward,
