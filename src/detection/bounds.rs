@@ -1,6 +1,10 @@
-//! Stage 1: boxes of triangles, and of whole surfaces in the world.
+//! Stage 1: boxes of whole surfaces in the world; those of their triangles follow where something is near.
 
-use std::{sync::Arc, time::Instant};
+use std::{
+    mem,
+    sync::{Arc, Mutex, OnceLock, PoisonError},
+    time::Instant,
+};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
@@ -14,9 +18,10 @@ use super::{
 use crate::{
     contacts::EVENT_HYSTERESIS,
     kernel::{
-        bounds::{Aabb, bounds_of_moved, triangle_bounds_on},
+        bounds::{Aabb, bounds_of_moved, point_bounds, triangle_bounds_on},
         motion::Motion,
         pose::{Pose, SIMILARITY_TOLERANCE},
+        share::{OneByOne, Share},
         topology::SurfaceTopology,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
@@ -27,37 +32,66 @@ use crate::{
 /// Lengths that are rounded to f32 on the way to a box are lengthened by this factor.
 const GROWTH_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// The boxes of a surface's triangles in its own frame, grown by its thickness and half the margin. Computed anew only
+/// The boxes of a surface's triangles in its own frame, grown by its thickness and half the margin. Other ones only
 /// where positions, triangles or growth are no longer, bit by bit, those of the last detection.
-#[derive(Component, Clone, Debug, Default)]
+#[derive(Component, Debug, Default)]
 pub struct TriangleBounds {
-    /// One box a triangle.
-    pub triangles: Vec<Aabb>,
-    /// The box of all of them.
+    /// One box a triangle, once somebody has asked for them.
+    triangles: OnceLock<Vec<Aabb>>,
+    /// Memory for those.
+    spare: Mutex<Vec<Aabb>>,
+    /// The box of the whole surface.
     whole: Aabb,
     /// The same in the world, where the surface was last.
     in_world: Option<(Pose, Aabb)>,
-    /// How many times they have been computed: what was made from them is as old as the count it was made at.
+    /// How many times there have been other ones: what was made from them is as old as the count it was made at.
     computed: u64,
-    /// From the positions of the computation before to those of the last one.
+    /// From the positions of the count before to those of the last one.
     motion: Motion,
     positions: Vec<Vec3>,
     topology: Option<Arc<SurfaceTopology>>,
+    /// Whether all vertices are corners, so that the box of those is that of the triangles.
+    names_every_vertex: bool,
     growth: f32,
 }
 
 impl TriangleBounds {
-    /// How many times the boxes have been computed; while it stays the same, so do they.
+    /// One box a triangle. Where nothing is near a surface nobody asks for them, and they are not computed: they are when they
+    /// are first asked for, once for all who ask.
+    #[must_use]
+    pub fn triangles(&self) -> &[Aabb] {
+        self.triangles_on(&OneByOne)
+    }
+
+    /// The same, computed in tasks that may be shared.
+    pub(super) fn triangles_on(&self, share: &impl Share) -> &[Aabb] {
+        if let Some(triangles) = self.triangles.get() {
+            return triangles;
+        }
+        // Nobody is kept waiting meanwhile: whoever shares our tasks might ask for the same.
+        let mut triangles = mem::take(&mut *self.spare.lock().unwrap_or_else(PoisonError::into_inner));
+        if let Some(topology) = &self.topology {
+            triangle_bounds_on(share, &self.positions, topology.triangles(), self.growth, &mut triangles);
+        }
+        self.triangles.get_or_init(|| triangles)
+    }
+
+    /// How many triangles there are.
+    pub(super) fn triangle_count(&self) -> usize {
+        self.topology.as_ref().map_or(0, |topology| topology.triangles().len())
+    }
+
+    /// How many times there have been other boxes; while it stays the same, so do they.
     pub(super) fn computed(&self) -> u64 {
         self.computed
     }
 
-    /// The box of all triangles.
+    /// The box of the whole surface.
     pub(super) fn whole(&self) -> &Aabb {
         &self.whole
     }
 
-    /// How the surface has moved in its own frame from when its boxes had been computed as many times.
+    /// How the surface has moved in its own frame from when there had been other boxes as many times.
     pub(super) fn motion_since(&self, computed: u64) -> Motion {
         match self.computed.checked_sub(computed) {
             Some(0) => Motion::REST,
@@ -66,25 +100,37 @@ impl TriangleBounds {
         }
     }
 
-    /// Brings the boxes up to date. Whether anything had to be computed.
+    /// Takes the surface as it is now. Whether anything about it has changed.
     fn update(&mut self, positions: &[Vec3], topology: &Arc<SurfaceTopology>, growth: f32, threads: usize) -> bool {
         let same_mesh = self.topology.as_ref().is_some_and(|other| Arc::ptr_eq(other, topology));
         if same_mesh && self.growth == growth && has_bits_of(&self.positions, positions) {
             return false;
         }
         self.motion = if same_mesh { Motion::between(&self.positions, positions) } else { Motion::UNKNOWN };
-        let triangles = topology.triangles();
-        self.whole = triangle_bounds_on(&Threads(threads), positions, triangles, growth, &mut self.triangles);
+        let spare = self.spare.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if let Some(triangles) = self.triangles.take() {
+            *spare = triangles;
+        }
+        if !same_mesh {
+            self.names_every_vertex = topology.names_every_vertex();
+            self.topology = Some(Arc::clone(topology));
+        }
+        if self.names_every_vertex {
+            self.whole = point_bounds(positions, growth);
+        } else {
+            // Of many surfaces that share their vertices each has its own few.
+            self.whole = triangle_bounds_on(&Threads(threads), positions, topology.triangles(), growth, spare);
+            self.triangles = OnceLock::from(mem::take(spare));
+        }
         self.in_world = None;
         self.computed += 1;
         self.positions.clear();
         self.positions.extend_from_slice(positions);
-        self.topology = Some(Arc::clone(topology));
         self.growth = growth;
         true
     }
 
-    /// The box of all triangles in the world, after [`update`](Self::update): around the turned box, and where there are few
+    /// The box of the whole surface in the world, after [`update`](Self::update): around the turned box, and where there are few
     /// vertices no farther than those reach.
     fn update_in_world(&mut self, pose: &Pose) {
         if self.in_world.is_some_and(|(other, _)| other == *pose) {
@@ -173,7 +219,7 @@ fn compute_bounds(
     });
     for (place, surface) in active.surfaces.iter().enumerate() {
         let Ok((_, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
-        taken.push(TakenBounds { place, bounds: std::mem::take(&mut *bounds), has_moved: false });
+        taken.push(TakenBounds { place, bounds: mem::take(&mut *bounds), has_moved: false });
     }
     let all_positions = surfaces.as_readonly();
     for_each_weighed(

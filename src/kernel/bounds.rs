@@ -105,6 +105,19 @@ pub fn triangle_bounds_on(
     wholes.iter().fold(Aabb::EMPTY, |all, &(low, high)| all.union(&Aabb { min: low.into(), max: high.into() }))
 }
 
+/// The box of some points, grown by `growth`: around the boxes of all triangles between them that are grown so.
+#[must_use]
+pub fn point_bounds(points: &[Vec3], growth: f32) -> Aabb {
+    if points.is_empty() {
+        return Aabb::EMPTY;
+    }
+    let (low, high) = points.iter().fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), &point| {
+        let point = Vec3A::from(point);
+        (low.min(point), high.max(point))
+    });
+    Aabb { min: low.into(), max: high.into() }.grown(growth)
+}
+
 /// The sides of a box, moved outward by `distance` and by what rounding may take.
 #[inline]
 fn grown(min: Vec3A, max: Vec3A, distance: f32) -> (Vec3A, Vec3A) {

@@ -262,6 +262,16 @@ impl SurfaceTopology {
         self.vertex_count
     }
 
+    /// Whether every vertex is a corner of a triangle.
+    #[must_use]
+    pub(crate) fn names_every_vertex(&self) -> bool {
+        let mut named = vec![false; self.vertex_count];
+        for &vertex in self.triangles.as_flattened() {
+            named[vertex as usize] = true;
+        }
+        !named.contains(&false)
+    }
+
     /// The triangles, as the caller's vertex numbers.
     #[must_use]
     #[inline]

@@ -4,10 +4,12 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings,
     detection::{
-        BroadPhasePlugin, BruteForceBroadPhasePlugin, DetectionDiagnostics, TreeBroadPhasePlugin, TriangleBounds,
+        BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, DetectionDiagnostics,
+        TreeBroadPhasePlugin, TriangleBounds,
     },
     kernel::bounds::triangle_bounds,
     prelude::*,
+    surface::ActiveSurfaces,
 };
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
@@ -117,15 +119,64 @@ fn another_mesh_of_the_same_positions_gets_boxes_of_its_own_triangles() {
     insert(&mut app, entity, surface(&fewer).0);
     app.update();
     let bounds = app.world().get::<TriangleBounds>(entity).expect("it is a surface");
-    assert_eq!(bounds.triangles.len(), 20);
     assert_eq!(app.world().resource::<DetectionDiagnostics>().surfaces_unmoved, 0);
-    // As the bounds stage grows them: by the thickness, and by no less.
+    assert_boxes(bounds, &points(&fewer), &fewer.triangles);
+}
+
+/// Boxes are grown by a thickness of 0.05, and by no less.
+fn assert_boxes(bounds: &TriangleBounds, positions: &[Vec3], triangles: &[[u32; 3]]) {
     let mut expected = Vec::new();
-    triangle_bounds(&points(&fewer), &fewer.triangles, 0.05, &mut expected);
-    for (found, least) in bounds.triangles.iter().zip(&expected) {
+    triangle_bounds(positions, triangles, 0.05, &mut expected);
+    assert_eq!(bounds.triangles().len(), expected.len());
+    for (found, least) in bounds.triangles().iter().zip(&expected) {
         assert!(found.min.cmple(least.min).all() && found.max.cmpge(least.max).all());
         // Events part a thousandth farther out; 4 units in the last place of 1.
         let slack = Vec3::splat(0.05e-3 + 4.0 * f32::EPSILON);
         assert!((least.min - found.min).cmple(slack).all() && (found.max - least.max).cmple(slack).all());
+    }
+}
+
+#[test]
+fn boxes_of_what_is_near_nothing_are_those_of_the_last_detection_whenever_they_are_asked_for() {
+    let mut app = app();
+    let mesh = icosphere(1, 0.5);
+    let entity = app.world_mut().spawn((surface(&mesh), THIN)).id();
+    for tick in 0..4 {
+        let positions: Vec<Vec3> = points(&mesh).iter().map(|&point| point * (1.0 + 0.1 * tick as f32)).collect();
+        insert(&mut app, entity, SurfacePositions(positions.clone()));
+        app.update();
+        let bounds = app.world().get::<TriangleBounds>(entity).expect("it is a surface");
+        // Nobody asks in the second tick; what is written after a detection is not in its boxes.
+        if tick != 1 {
+            assert_boxes(bounds, &positions, &mesh.triangles);
+        }
+    }
+    insert(&mut app, entity, SurfacePositions(vec![Vec3::ZERO; mesh.positions.len()]));
+    let bounds = app.world().get::<TriangleBounds>(entity).expect("it is a surface");
+    let last: Vec<Vec3> = points(&mesh).iter().map(|&point| point * (1.0 + 0.1 * 3.0)).collect();
+    assert_boxes(bounds, &last, &mesh.triangles);
+}
+
+#[test]
+fn a_vertex_that_no_triangle_has_brings_nothing_near() {
+    for is_named in [false, true] {
+        let mut app = app();
+        let (mut near, other) = (icosphere(1, 0.5), icosphere(1, 0.5).translate([5.0, 0.0, 0.0]));
+        // Several surfaces of a model often share one list of vertices.
+        near.positions.push([5.0, 0.0, 0.0]);
+        if is_named {
+            near.triangles.push([0, 1, near.positions.len() as u32 - 1]);
+        }
+        let bodies = [&near, &other].map(|mesh| app.world_mut().spawn((surface(mesh), THIN)).id());
+        for _ in 0..2 {
+            app.update();
+            let active = app.world().resource::<ActiveSurfaces>();
+            let [first, second] = bodies.map(|body| {
+                active.surfaces.iter().find(|surface| surface.entity == body).expect("it is active").world_bounds
+            });
+            assert_eq!(first.overlaps(&second), is_named);
+            let pairs = &app.world().resource::<CandidateTrianglePairs>().pairs;
+            assert_eq!(pairs.iter().filter(|pair| !pair.is_self()).count(), usize::from(is_named));
+        }
     }
 }

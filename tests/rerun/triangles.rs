@@ -306,7 +306,8 @@ fn boxes_of_a_tree_lie_in_those_of_the_level_above_and_the_root_holds_just_all_t
                 deepest = deepest.max(levels.len());
                 let Some(root) = levels.first() else { continue };
                 assert_eq!(root.len(), 1);
-                let triangles = &recorded.app.world().get::<TriangleBounds>(entity).expect("it is a surface").triangles;
+                let triangles =
+                    &recorded.app.world().get::<TriangleBounds>(entity).expect("it is a surface").triangles();
                 let least = triangles.iter().fold(Vec3::INFINITY, |least, bounds| least.min(bounds.min));
                 let most = triangles.iter().fold(Vec3::NEG_INFINITY, |most, bounds| most.max(bounds.max));
                 assert!(holds(&root[0], &(least, most)) && holds(&(least, most), &root[0]), "{name}: {root:?}");

@@ -54,12 +54,12 @@ fn pair_triangles(
         let Ok((positions, bounds)) = surfaces.get(first.entity) else { return };
         match pair.second {
             _ if pair.is_self() => {
-                self_pairs_brute_force(&bounds.triangles, &mut pair.triangles);
+                self_pairs_brute_force(bounds.triangles(), &mut pair.triangles);
                 pair.triangles.retain(|&[a, b]| !first.topology.share_vertex(TriangleId(a), TriangleId(b)));
             }
             OtherSide::Surface(second) => {
                 let Ok((other_positions, other)) = surfaces.get(active.surfaces[second].entity) else { return };
-                let mut sides = [&bounds.triangles, &other.triangles];
+                let mut sides = [bounds.triangles(), other.triangles()];
                 if let Some(surface) = pair.moved_surface(&active) {
                     let (side, own) = match pair.frame {
                         Frame::First => (1, other_positions),
@@ -76,7 +76,7 @@ fn pair_triangles(
             }
             OtherSide::Shape(place) => {
                 let shape = &active.shapes[place];
-                pair_with_shape_brute_force(pair, shape, first, settings.margin(), &bounds.triangles);
+                pair_with_shape_brute_force(pair, shape, first, settings.margin(), bounds.triangles());
             }
         }
     });

@@ -65,7 +65,7 @@ struct ParryTrees {
 impl ParryTrees {
     /// Returns how long a first build took.
     fn follow(&mut self, surface: &ActiveSurface, bounds: &TriangleBounds) -> Duration {
-        let boxes = (0u32..).zip(bounds.triangles.iter().map(parry_box));
+        let boxes = (0u32..).zip(bounds.triangles().iter().map(parry_box));
         let followed = bounds.computed();
         match self.trees.get_mut(&surface.entity).filter(|tree| Arc::ptr_eq(&tree.topology, &surface.topology)) {
             Some(tree) if tree.followed == followed => {}
@@ -146,7 +146,7 @@ fn pair_triangles(
                         ask(*triangle, bounds);
                     }
                 } else {
-                    for (triangle, bounds) in (0..).zip(&own_bounds.triangles) {
+                    for (triangle, bounds) in (0..).zip(own_bounds.triangles()) {
                         ask(triangle, bounds);
                     }
                 }
@@ -157,7 +157,7 @@ fn pair_triangles(
                     found.extend(tree.intersect_aabb(&parry_box(&reach)).map(|triangle| [triangle, 0]));
                 } else {
                     // A shape without a box, a half-space, has nothing to ask the tree with.
-                    pair_with_shape_brute_force(pair, shape, first, settings.margin(), &bounds.triangles);
+                    pair_with_shape_brute_force(pair, shape, first, settings.margin(), bounds.triangles());
                     found.append(&mut pair.triangles);
                 }
             }

@@ -83,7 +83,7 @@ impl SurfaceTree {
     /// Whether the tree is that of the surface's boxes as they are now.
     #[must_use]
     pub fn has_followed(&self, bounds: &TriangleBounds) -> bool {
-        self.followed == bounds.computed() && self.tree.len() == bounds.triangles.len()
+        self.followed == bounds.computed() && self.tree.len() == bounds.triangle_count()
     }
 
     /// Whether the tree is over as many triangles as a surface has, and they have followed it as far as they are asked.
@@ -460,7 +460,7 @@ fn pair_shape(
         tree.tree.query(&reach, |triangle| pair.triangles.push([triangle, 0]));
     } else {
         // A shape without a box, a half-space, has nothing to ask the tree with.
-        pair_with_shape_brute_force(pair, shape, first, settings.margin(), &bounds.triangles);
+        pair_with_shape_brute_force(pair, shape, first, settings.margin(), bounds.triangles());
     }
     pair.triangles.len()
 }

@@ -41,19 +41,20 @@ impl SurfaceTree {
                 if bounds.computed() - self.followed > 1 {
                     self.tree.break_off_rebuilding();
                 }
+                let boxes = bounds.triangles_on(&Threads(threads));
                 outcome.is_rebuilt = self.tree.go_on_rebuilding();
-                self.tree.refit_on(&Threads(threads), &bounds.triangles);
+                self.tree.refit_on(&Threads(threads), boxes);
                 let has_begun = self.tree.is_rebuilding();
                 if self.tree.decay() > if has_begun { BREAK_OFF_DECAY } else { REBUILD_AT_ONCE_DECAY } {
-                    self.tree.rebuild(&bounds.triangles);
+                    self.tree.rebuild(boxes);
                     outcome.is_rebuilt = true;
                 } else if self.tree.decay() > REBUILD_DECAY && !has_begun {
-                    self.tree.begin_rebuild(&bounds.triangles);
+                    self.tree.begin_rebuild(boxes);
                 }
             }
         } else {
             let build = Instant::now();
-            self.tree.rebuild(&bounds.triangles);
+            self.tree.rebuild(bounds.triangles_on(&Threads(threads)));
             self.topology = Some(Arc::clone(&surface.topology));
             outcome.first_build = build.elapsed();
         }
