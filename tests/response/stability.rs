@@ -4,7 +4,7 @@ use bevy_circumsphere::{prelude::*, response::*};
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere, needle, pile_body, torus};
 use glam::Vec3;
 
-use crate::harness::{Scene, TICK};
+use crate::harness::{Scene, TICK, surface_of};
 
 /// The greatest speed of a vertex, in meters per second; not a number if one is not.
 fn fastest(scene: &Scene, entity: bevy_ecs::entity::Entity) -> f32 {
@@ -110,6 +110,25 @@ fn a_vertex_without_mass_is_refused_and_its_body_stands_until_it_has_one() {
     scene.body_mut(body).inverse_masses[4] = sound;
     scene.run(3);
     assert!(scene.positions(body)[0].y < 0.0);
+}
+
+#[test]
+fn a_body_stands_while_its_surface_has_another_mesh_of_as_many_vertices() {
+    let mut scene = Scene::new();
+    let [own, other] = [Diagonals::Uniform, Diagonals::Alternating].map(|diagonals| grid(2, 2, 0.2, 0.2, diagonals));
+    let body = scene.add(&own, XpbdMaterial::CLOTH, ());
+    assert_eq!(own.positions, other.positions);
+    scene.app.world_mut().entity_mut(body).insert(surface_of(&other));
+    let before = scene.positions(body).to_vec();
+    scene.run(3);
+    assert_eq!(scene.positions(body), before);
+    let refused = &scene.diagnostics().refused;
+    let expected = XpbdBodyError::Mesh { made_for: 8, found: 8 };
+    assert!(matches!(&refused[..], [(entity, error)] if *entity == body && *error == expected), "{refused:?}");
+    // The same mesh once more is as good as the one it was made for.
+    scene.app.world_mut().entity_mut(body).insert(surface_of(&own));
+    scene.run(3);
+    assert!(scene.diagnostics().refused.is_empty() && scene.positions(body)[0].y < before[0].y);
 }
 
 #[test]
