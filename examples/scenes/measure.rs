@@ -71,6 +71,8 @@ pub struct Tick {
     pub watched: usize,
     /// Contacts that pushed in the last substep.
     pub pressing: usize,
+    /// The largest contact distance of those, in world units; 0 where there is none.
+    pub contact_distance: f64,
     /// How much nearer than the contact distance the nearest contact is, in world units; 0 where none is.
     pub deepest: f64,
     /// The same, the mean of all contacts that are nearer.
@@ -120,6 +122,7 @@ impl Measure {
                 if contact.separation() > TOUCHING * contact.contact_distance() {
                     continue;
                 }
+                tick.contact_distance = tick.contact_distance.max(contact.contact_distance().into());
                 named.insert((contact.a(), contact.b(), contact.key()));
                 let (first, second) = contact.feature_vertices();
                 touching.extend(first.into_iter().map(|vertex| (contact.a().entity(), vertex)));

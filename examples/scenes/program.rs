@@ -81,7 +81,9 @@ impl Display for Outcome {
             self.ticks.iter().map(time).sum::<Duration>().as_secs_f64() * 1.0e3 / ticks.max(1) as f64
         };
         let millimeters = 1.0e3;
-        let deepest = |ticks: &[Tick]| ticks.iter().map(|tick| tick.deepest).fold(0.0, f64::max) * millimeters;
+        let most =
+            |length: fn(&Tick) -> f64, ticks: &[Tick]| ticks.iter().map(length).fold(0.0, f64::max) * millimeters;
+        let deepest = |ticks: &[Tick]| most(|tick| tick.deepest, ticks);
         let settled = settled(&self.scene, ticks);
         let (first, last) = (&self.ticks[0], &self.ticks[ticks - 1]);
         let quiet = &self.ticks[settled.clone()];
@@ -93,8 +95,8 @@ impl Display for Outcome {
         let [detection, response, whole] =
             [mean(|tick| tick.detection), mean(|tick| tick.response), mean(|tick| tick.whole)];
         row("time of a tick", format!("{whole:.2} ms: detection {detection:.2}, response {response:.2}"))?;
-        let most = self.ticks.iter().map(|tick| tick.contacts).max().unwrap_or(0);
-        row("contacts", format!("{} at the end, at most {most}", last.contacts))?;
+        let most_contacts = self.ticks.iter().map(|tick| tick.contacts).max().unwrap_or(0);
+        row("contacts", format!("{} at the end, at most {most_contacts}", last.contacts))?;
         let watched = self.ticks.iter().map(|tick| tick.watched).sum::<usize>() as f64 / ticks.max(1) as f64;
         if watched > 0.0 {
             row(
@@ -103,6 +105,7 @@ impl Display for Outcome {
             )?;
         }
         let depths = [deepest(&self.ticks[ticks - 1..]), deepest(&self.ticks)];
+        row("contact distance", format!("{:.3} mm", most(|tick| tick.contact_distance, &self.ticks)))?;
         row("too near, the nearest", format!("{:.3} mm at the end, at most {:.3} mm", depths[0], depths[1]))?;
         row("triangles that cross at the end", format!("{crossing} pairs"))?;
         row("vertices that have tunnelled", tunnelled.to_string())?;
