@@ -342,7 +342,8 @@ fn cap_contacts_in_lanes<S: Simd>(
     // Boxes always: candidates reach as far as the margin, and the pairs must not depend on it.
     let mut distance = spheres.max(triangles.box_gap());
     if settings.cull {
-        distance = distance.max(triangles.gap_along_normals_and(contact.direction.widened()));
+        // The axes are the triangles' normals. Along any direction the two are no nearer than they are.
+        distance = distance.max(triangles.gap_along([cap_a.axis, cap_b.axis, contact.direction]));
     }
     FaceContacts {
         triangles,

@@ -38,9 +38,10 @@ fn judge_slivers(along: f64) -> Tally {
 }
 
 /// A needle's ball is as long as the needle and reaches far beyond its sides: many false pairs. Needles that cross at
-/// an angle have their sphere centers beside each other, some of them outside a cone.
+/// an angle have their sphere centers beside each other, some of them outside a cone. Slabs along their normals, which single
+/// precision hardly knows, let a few more false pairs through.
 const NEEDLES: Stated =
-    Stated { touching: 995, false_by_balls: 6089, missed_by_caps: 90, bodies_missed_by_caps: 0, false_by_caps: 1829 };
+    Stated { touching: 995, false_by_balls: 6089, missed_by_caps: 90, bodies_missed_by_caps: 0, false_by_caps: 1907 };
 
 #[test]
 fn needles_touch_what_they_reach() {
@@ -54,7 +55,7 @@ const CAPS: Stated = Stated {
     false_by_balls: 12_098,
     missed_by_caps: 149,
     bodies_missed_by_caps: 0,
-    false_by_caps: 3629,
+    false_by_caps: 3668,
 };
 
 #[test]

@@ -125,10 +125,6 @@ fn gap_along(direction: DVec3, a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
     (low(along(a)) - high(along(b))).max(low(along(b)) - high(along(a)))
 }
 
-fn unit_normal(corners: &[DVec3; 3]) -> DVec3 {
-    (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero()
-}
-
 /// What one pair amounts to, by itself.
 struct Expected {
     points: [Vec3; 2],
@@ -216,7 +212,7 @@ fn caps_eight_at_a_time_meet_where_one_pair_at_a_time_does() {
                 let (contact, cap_a, cap_b) = contact(pair)?;
                 let corners = [one.corners(pair[0]), other.corners(pair[1])];
                 let between = cap_a.center.as_dvec3().distance(cap_b.center.as_dvec3());
-                let directions = [unit_normal(&corners[0]), unit_normal(&corners[1]), contact.direction.as_dvec3()];
+                let directions = [cap_a.axis, cap_b.axis, contact.direction].map(Vec3::as_dvec3);
                 let planes = directions.map(|direction| gap_along(direction, &corners[0], &corners[1]));
                 let spheres = between - f64::from(cap_a.radius) - f64::from(cap_b.radius);
                 let distance = planes.into_iter().fold(spheres, f64::max).max(box_gap(&corners[0], &corners[1]));

@@ -88,17 +88,18 @@ impl<S: Simd> TrianglePairLanes<S> {
         apart.x.max(apart.y).max(apart.z).max(0.0)
     }
 
-    /// How far apart two triangles are along either one's normal or a unit direction, whichever parts them most; 0
-    /// where none does.
+    /// How far apart two triangles are along one of some unit directions, whichever parts them most; 0 where none does.
     #[inline(always)]
-    pub(in crate::kernel) fn gap_along_normals_and(&self, direction: DoubleVectorLanes<S>) -> f64x8<S> {
+    pub(in crate::kernel) fn gap_along<const COUNT: usize>(&self, directions: [VectorLanes<S>; COUNT]) -> f64x8<S> {
         let (a, b) = (&self.a.corners, &self.b.corners);
         let origin = a[0];
         let own = [a[0] - origin, a[1] - origin, a[2] - origin];
         let other = [b[0] - origin, b[1] - origin, b[2] - origin];
-        let along_own = gap_along(self.a.normal().normalized_or(DVec3::ZERO), &own, &other);
-        let along_other = gap_along(self.b.normal().normalized_or(DVec3::ZERO), &own, &other);
-        along_own.max(along_other).max(gap_along(direction, &own, &other)).max(0.0)
+        let mut widest = f64x8::splat(origin.x.simd, 0.0);
+        for direction in directions {
+            widest = widest.max(gap_along(direction.widened(), &own, &other));
+        }
+        widest
     }
 }
 
