@@ -2,7 +2,10 @@
 
 use std::{
     mem,
-    sync::{Arc, Mutex, OnceLock, PoisonError},
+    sync::{
+        Arc, Mutex, OnceLock, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
     time::Instant,
 };
 
@@ -40,6 +43,8 @@ pub struct TriangleBounds {
     triangles: OnceLock<Vec<Aabb>>,
     /// Memory for those.
     spare: Mutex<Vec<Aabb>>,
+    /// Whether somebody has asked.
+    are_asked_for: AtomicBool,
     /// The box of the whole surface.
     whole: Aabb,
     /// The same in the world, where the surface was last.
@@ -56,8 +61,8 @@ pub struct TriangleBounds {
 }
 
 impl TriangleBounds {
-    /// One box a triangle. Where nothing is near a surface nobody asks for them, and they are not computed: they are when they
-    /// are first asked for, once for all who ask.
+    /// One box a triangle. Where nothing is near a surface nobody asks for them, and they are not computed: unless they were
+    /// asked for in the detection before, they are when they are first asked for, once for all who ask.
     #[must_use]
     pub fn triangles(&self) -> &[Aabb] {
         self.triangles_on(&OneByOne)
@@ -65,6 +70,7 @@ impl TriangleBounds {
 
     /// The same, computed in tasks that may be shared.
     pub(super) fn triangles_on(&self, share: &impl Share) -> &[Aabb] {
+        self.are_asked_for.store(true, Ordering::Relaxed);
         if let Some(triangles) = self.triangles.get() {
             return triangles;
         }
@@ -115,7 +121,8 @@ impl TriangleBounds {
             self.names_every_vertex = topology.names_every_vertex();
             self.topology = Some(Arc::clone(topology));
         }
-        if self.names_every_vertex {
+        let are_expected = mem::take(self.are_asked_for.get_mut());
+        if self.names_every_vertex && !are_expected {
             self.whole = point_bounds(positions, growth);
         } else {
             // Of many surfaces that share their vertices each has its own few.
