@@ -313,6 +313,10 @@ impl Display for Report {
             self.contact_distance,
             self.contact_distance / self.mean_edge
         )?;
+        // They decide about a third of the time.
+        let level = format!("{:?}", fearless_simd::Level::new());
+        let level = level.split('(').next().unwrap_or_default();
+        writeln!(out, "our instructions: {level}, chosen at run time; the peers': as they were compiled")?;
         writeln!(out, "reference (×1): {}, {TRAVERSAL}\n", self.reference)?;
         writeln!(
             out,
