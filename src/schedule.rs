@@ -34,7 +34,7 @@ pub struct SurfaceDetection;
 /// The stages of [`SurfaceDetection`], in this order. Each reads what earlier ones wrote and writes its own.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SurfaceDetectionSystems {
-    /// Boxes of surfaces, and of the triangles of those that something is near.
+    /// Boxes of surfaces, and of the triangles of those that something was near last time; others' follow when asked for.
     Bounds,
     /// Pairs of surfaces, then pairs of triangles whose boxes overlap and that no slab parts.
     BroadPhase,

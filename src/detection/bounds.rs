@@ -62,7 +62,7 @@ pub struct TriangleBounds {
 
 impl TriangleBounds {
     /// One box a triangle. Where nothing is near a surface nobody asks for them, and they are not computed: unless they were
-    /// asked for in the detection before, they are when they are first asked for, once for all who ask.
+    /// asked for before the surface changed, they are when they are first asked for, once for all who ask.
     #[must_use]
     pub fn triangles(&self) -> &[Aabb] {
         self.triangles_on(&OneByOne)

@@ -198,7 +198,8 @@ pub struct PairSettings {
     /// World length of a unit of the frame of the pair.
     pub scale: f64,
     /// Whether a quicker test of eight pairs side by side comes first: a screen of features before exact ones, slabs before
-    /// caps. The screen changes the time, never the result; slabs drop pairs that caps alone would let touch.
+    /// caps. The screen changes the time and how often the same contact is reported, never the result without
+    /// [repeats](super::unique::UniqueFeatures); slabs drop pairs that caps alone would let touch.
     pub cull: bool,
     /// Whether both sides are the same surface.
     pub same_surface: bool,

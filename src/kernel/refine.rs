@@ -3,7 +3,8 @@
 //! Reads candidate triangle pairs and positions in one common frame, writes touching pairs and contacts, both in the order of
 //! the candidates. Of a feature pair that several pairs of triangles have the first contact stays, when contacts are stored.
 //! Mostly only that one is written: that of the first triangles around both features, which the topology knows alone, because
-//! every pair that has both touches too. Where only the closest features are wanted, every pair reports its own.
+//! every pair that has both touches too. Where only the closest features are wanted, every pair reports its own. What is on the
+//! boundaries of both is not reported again where another pair has just done so.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
@@ -54,7 +55,8 @@ pub fn refine_pairs(
 
 /// Tests candidate pairs of two surfaces exactly, like [`refine_pairs`], and appends what it finds: the same pairs, but of
 /// a pair that is apart only the closest features make a contact, of several that are equally close one. Each pair
-/// reports its own closest features, whatever others contain them: to those they need not be the closest.
+/// reports its own closest features, whatever others contain them: to those they need not be the closest. What is on the
+/// boundaries of both may be left to a pair that has just reported the same, where neither side has an inside.
 pub fn refine_closest(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,

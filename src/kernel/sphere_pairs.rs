@@ -164,7 +164,8 @@ impl CapSide<'_> {
             center: pose.transform_point(cap.center.as_dvec3()).as_vec3(),
             radius: (f64::from(cap.radius) * scale) as f32,
             height: (f64::from(cap.height) * scale) as f32,
-            axis: pose.transform_direction(cap.axis.as_dvec3()).as_vec3(),
+            // A pose may stretch a little more along one axis than along another.
+            axis: pose.transform_direction(cap.axis.as_dvec3()).normalize_or_zero().as_vec3(),
             cosine: cap.cosine,
         }
     }

@@ -7,7 +7,7 @@
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
 use fearless_simd::{f32x8, prelude::*};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::{
     circumsphere::Ball,
@@ -193,7 +193,7 @@ impl<S: Simd> RowLanes<S> {
         let mut moved = self.with_balls_moved(simd, pose);
         if let Some(pose) = pose {
             let CapLanes { height, axis, .. } = moved.cap();
-            let axis = axis.widened().moved_direction(simd, pose).rounded();
+            let axis = axis.widened().moved_direction(simd, pose).normalized_or(DVec3::ZERO).rounded();
             moved.row[1][5] = scaled(height, pose);
             ([moved.row[1][6], moved.row[1][7]], moved.rest[0]) = ([axis.x, axis.y], axis.z);
         }

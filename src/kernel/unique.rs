@@ -60,13 +60,18 @@ impl RecentFeatures {
 
     pub(super) const NONE: Self = Self { keys: [CompactContact::NONE.key; Self::COUNT] };
 
-    /// Whether features were reported lately. By now they are.
+    /// Whether a contact of these features was reported lately, of which it was certain that it stays. The next one is, if it
+    /// `stays` for certain.
     #[inline]
-    pub(super) fn know(&mut self, key: ContactKey) -> bool {
+    pub(super) fn know(&mut self, key: ContactKey, stays: bool) -> bool {
         // 2^64 over the golden ratio: the upper bits of the product depend on all of the key.
         let place = key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (u64::BITS - Self::COUNT.ilog2());
         let known = &mut self.keys[place as usize % Self::COUNT];
-        std::mem::replace(known, key) == key
+        let is_known = *known == key;
+        if stays {
+            *known = key;
+        }
+        is_known
     }
 }
 

@@ -67,14 +67,9 @@ impl Default for XpbdMaterial {
 /// Why a surface cannot be made a body.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum XpbdBodyError {
-    /// The body was made for another mesh than its surface now has: others stretch and bend. Make it anew.
-    #[error("it was made for another mesh, of {made_for} triangles, than its surface has, of {found}")]
-    Mesh {
-        /// How many triangles the mesh has that it was made for.
-        made_for: usize,
-        /// How many its surface has.
-        found: usize,
-    },
+    /// The body was made for other triangles, or vertices that coincided otherwise, than those of its surface. Make it anew.
+    #[error("it was made for another mesh than its surface has by now")]
+    Mesh,
     /// The number of values is not that of the mesh's vertices.
     #[error("there are {found} {what}, but the mesh has {expected} vertices")]
     Count {
@@ -281,14 +276,14 @@ impl XpbdBody {
         moved.map(|(velocity, &inverse)| 0.5 * velocity.as_dvec3().length_squared() / f64::from(inverse)).sum()
     }
 
-    /// Whether it can be moved with a mesh, now that the game may have written to either.
-    pub(super) fn check(&self, mesh: &Arc<SurfaceTopology>) -> Result<(), XpbdBodyError> {
+    /// Whether it can be moved with a mesh and so many positions, now that the game may have written to all of them.
+    pub(super) fn check(&self, mesh: &Arc<SurfaceTopology>, positions: usize) -> Result<(), XpbdBodyError> {
         let is_same = |own: &SurfaceTopology| own.triangles() == mesh.triangles() && own.weld() == mesh.weld();
         if !Arc::ptr_eq(&self.mesh, mesh) && !is_same(&self.mesh) {
-            let [made_for, found] = [&self.mesh, mesh].map(|mesh| mesh.triangles().len());
-            return Err(XpbdBodyError::Mesh { made_for, found });
+            return Err(XpbdBodyError::Mesh);
         }
         let vertices = mesh.vertex_count();
+        count("positions", vertices, positions)?;
         count("velocities", vertices, self.velocities.len())?;
         count("inverse masses", vertices, self.inverse_masses.len())?;
         if let Some(vertex) = crate::surface::first_non_finite(&self.velocities) {

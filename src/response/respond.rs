@@ -130,7 +130,7 @@ pub(super) fn aim(
     for surface in &active.surfaces {
         let Ok((positions, body, mut target)) = bodies.get_mut(surface.entity) else { continue };
         target.0.clear();
-        if body.check(&surface.topology).is_err() {
+        if body.check(&surface.topology, positions.0.len()).is_err() {
             continue;
         }
         let own = surface.pose.inverse();
@@ -167,7 +167,7 @@ pub(super) fn respond(
     gatherer.begin();
     for surface in &scene.active.surfaces {
         let Ok((positions, Some(body))) = scene.positions.get(surface.entity) else { continue };
-        match body.check(&surface.topology) {
+        match body.check(&surface.topology, positions.0.len()) {
             Ok(()) => {
                 gatherer.add_body(solver, surface, &positions.0, body);
                 moved.push(surface.entity);

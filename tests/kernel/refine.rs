@@ -22,6 +22,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 const REACH: f64 = 0.08;
 
+/// [`refine_pairs`] or [`refine_closest`].
+type Test = fn(&SurfaceSide<'_>, &SurfaceSide<'_>, &[[u32; 2]], &PairSettings, &mut FoundPairs);
+
 fn settings(same_surface: bool, cull: bool) -> PairSettings {
     PairSettings { contact_distance: REACH, reported_distance: REACH, range: REACH, scale: 1.0, cull, same_surface }
 }
@@ -239,7 +242,8 @@ fn what_was_reported_lately_need_not_be_told_again() {
     let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
-    for test in [refine_pairs, refine_closest] {
+    // Of closest features those inside of faces and edges are told by every pair.
+    for (test, times) in [(refine_pairs as Test, 4), (refine_closest as Test, 1)] {
         let find = |candidates: &[[u32; 2]]| {
             let mut found = FoundPairs::default();
             test(
@@ -264,7 +268,7 @@ fn what_was_reported_lately_need_not_be_told_again() {
         assert_eq!(together.contacts, alone.contacts);
         assert_eq!(together.touching, alone.touching);
         let repeats = told.map(|count| count - together.contacts.len());
-        assert!(repeats[0] > 100 && repeats[1] * 4 < repeats[0], "repeats: {repeats:?}");
+        assert!(repeats[0] > 100 && repeats[1] * times < repeats[0], "repeats: {repeats:?}");
     }
 }
 

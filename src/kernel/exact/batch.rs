@@ -11,6 +11,7 @@ use self::{
     kernels::{edges_through_faces, pairs_of_edges, vertices_on_edges, vertices_over_faces},
     plan::{FIRST, Kind, ONE, PLANS, POINTS, Plan, SECOND},
 };
+use super::FeatureSet;
 use crate::kernel::{
     contact::CompactContact,
     corner_rows::CornerRow,
@@ -36,6 +37,8 @@ pub(in crate::kernel) struct Reports<'a> {
     pub(in crate::kernel) shared: [u64; WIDTH],
     /// The pairs with anything that counts.
     pub(in crate::kernel) with_any: u32,
+    /// The pairs of which all that is on the boundaries of both is near enough to be reported, however it is rounded.
+    pub(in crate::kernel) certain: u32,
     /// Distances up to this are none.
     pub(in crate::kernel) nothing: [f64; WIDTH],
 }
@@ -120,7 +123,7 @@ pub(in crate::kernel) struct FeatureBatches<'a> {
     results: Results,
     limits: Limits<'a>,
     sides: Sides<'a>,
-    /// What was reported lately and may be again, except where several pairs may each have something of their own to say about
+    /// What of boundaries was reported lately and may be again, except where several pairs may each have something of their own to say about
     /// the same features: one that is inside has a way out of its own.
     recent: RecentFeatures,
     /// What does not become a contact here.
@@ -202,7 +205,8 @@ impl<'a> FeatureBatches<'a> {
             let numbers = [pair.number(0, plan.parts[0] as usize), pair.number(1, plan.parts[1] as usize)];
             let is_shared = reports.shared[lane] >> case & 1 != 0;
             let named = CompactContact::named(pair.triangles, same_surface, plan.features, numbers, is_shared);
-            if is_shared && !solid && self.recent.know(named.key) {
+            let stays = reports.certain >> lane & 1 != 0;
+            if case >= FeatureSet::BOUNDARY && !solid && self.recent.know(named.key, stays) {
                 // The first contact of these features stays: this one would be dropped.
                 continue;
             }

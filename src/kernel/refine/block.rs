@@ -16,7 +16,7 @@ use crate::kernel::{
     corner_rows::CornerRow,
     exact::{
         CaseLanes, Cases, FeaturePair, FeatureSet, PairProximity, PairScreen, Proximity, Reports, Screened,
-        examine_boundaries, examine_screened,
+        examine_boundaries, examine_screened, triangle_pair::TIE,
     },
     lanes::{SetLanes, WIDTH},
     pair::{FoundPairs, PairSettings, RowPair, SurfaceSide},
@@ -101,7 +101,10 @@ impl<'a> Block<'a> {
         }
 
         let [counting, shared] = [u64x8::from_slice(simd, &chosen[0]), u64x8::from_slice(simd, &chosen[1])];
-        let is_reported = f64x8::from_slice(simd, self.screen.distances()).simd_le(self.settings.reported_distance);
+        let distances = f64x8::from_slice(simd, self.screen.distances());
+        let is_reported = distances.simd_le(self.settings.reported_distance);
+        // Of those on boundaries some are farther than the nearest, by as much as makes no difference.
+        let certain = (distances * (1.0 + TIE)).simd_le(self.settings.reported_distance);
         let on_boundary = is(near & self.screened.on_boundary) & is_reported;
         let boundary = (on_boundary & is(!meets)).select(u64x8::from_slice(simd, &boundary), none);
         let counting = CaseLanes(is(near).select(cases & counting, none));
@@ -112,6 +115,7 @@ impl<'a> Block<'a> {
             sets: [0; WIDTH],
             shared: [0; WIDTH],
             with_any: (!sets.simd_eq(none)).to_bitmask() as u32,
+            certain: certain.to_bitmask() as u32,
             nothing,
         };
         sets.store_slice(&mut reports.sets);
