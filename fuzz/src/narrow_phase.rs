@@ -6,7 +6,7 @@ use bevy_circumsphere::kernel::{
     contact::CompactContact,
     ids::TriangleId,
     leaf_triangles::{LeafTriangles, PairCull},
-    pair::{FoundPairs, PairSettings, SurfaceSide},
+    pair::{FoundPairs, PairSettings, SurfaceSide, can_penetrate},
     reference::triangle_distance,
     refine::{refine_closest, refine_pairs},
     settle::settle_penetrations,
@@ -117,10 +117,10 @@ fn detect(
     let mut found = FoundPairs::default();
     refine(a, b, candidates, settings, &mut found);
     // As the stage does.
-    if settings.same_surface || !(a.one_sided || b.one_sided) {
-        UniqueFeatures::default().drop_repeats(&mut found, 0);
-    } else {
+    if can_penetrate([a, b], settings) {
         settle_penetrations(a, b, candidates, settings, &mut found.contacts);
+    } else {
+        UniqueFeatures::default().drop_repeats(&mut found, 0);
     }
     found
 }

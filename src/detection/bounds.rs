@@ -125,7 +125,7 @@ impl TriangleBounds {
         if self.names_every_vertex && !are_expected {
             self.whole = point_bounds(positions, growth);
         } else {
-            // Of many surfaces that share their vertices each has its own few.
+            // Of many surfaces that share their vertices each has its own few. Else its triangles have been asked for.
             self.whole = triangle_bounds_on(&Threads(threads), positions, topology.triangles(), growth, spare);
             self.triangles = OnceLock::from(mem::take(spare));
         }

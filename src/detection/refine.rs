@@ -19,7 +19,7 @@ use super::{
 };
 use crate::{
     kernel::{
-        pair::FoundPairs,
+        pair::{FoundPairs, can_penetrate},
         pair_order::PairSorter,
         refine::{refine_closest, refine_pairs, refine_shape},
         unique::UniqueFeatures,
@@ -139,13 +139,13 @@ fn refine_pair(
             (a.rows, b.rows) = (own_rows.current(own_bounds), other_rows.current(other_bounds));
             let test = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
             let work = |chunk: &[[u32; 2]], found: &mut _| test(&a, &b, chunk, &pair_settings, found);
-            if pair_settings.same_surface || !(a.one_sided || b.one_sided) {
-                collect(triangles, threads, spare, Some(unique), found, work);
-            } else {
+            if can_penetrate([&a, &b], &pair_settings) {
                 // Settling drops contacts of one pair of triangles and keeps those of others between the same features.
                 collect(triangles, threads, spare, None, found, work);
                 settling.settle([&a, &b], triangles, &pair_settings, threads, found);
                 unique.drop_repeats(found, 0);
+            } else {
+                collect(triangles, threads, spare, Some(unique), found, work);
             }
         }
         OtherSide::Shape(place) => {

@@ -163,6 +163,13 @@ impl RowPair<'_> {
     }
 }
 
+/// Whether the sides can be inside each other: then penetrations are settled, and each pair of triangles has a say of its own
+/// about the same features.
+#[must_use]
+pub fn can_penetrate(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings) -> bool {
+    !settings.same_surface && sides.iter().any(|side| side.one_sided)
+}
+
 /// Whether the sides have passed each other, as far as a one-sided surface tells, given the way from the second to the first.
 /// A face tells best, of two edges the second side's. A vertex or an edge that is close to another triangle's boundary may be
 /// closer still to a neighbor of it, and then its direction misleads: where both sides have an inside, both have to agree.

@@ -119,6 +119,7 @@ fn another_mesh_of_the_same_positions_gets_boxes_of_its_own_triangles() {
     insert(&mut app, entity, surface(&fewer).0);
     app.update();
     let bounds = app.world().get::<TriangleBounds>(entity).expect("it is a surface");
+    assert_eq!(bounds.triangles().len(), 20);
     assert_eq!(app.world().resource::<DetectionDiagnostics>().surfaces_unmoved, 0);
     assert_boxes(bounds, &points(&fewer), &fewer.triangles);
 }

@@ -16,7 +16,7 @@ use crate::kernel::{
     contact::CompactContact,
     corner_rows::CornerRow,
     lanes::{DoubleVectorLanes, DoubleVectorRows, VectorRows, WIDTH, first_lanes, rounded},
-    pair::{PairSettings, RowPair, SurfaceSide, is_inside},
+    pair::{PairSettings, RowPair, SurfaceSide, can_penetrate, is_inside},
     pose::Pose,
     unique::RecentFeatures,
 };
@@ -168,11 +168,7 @@ impl<'a> FeatureBatches<'a> {
                 reported: settings.reported_distance,
                 poses: sides.map(|side| side.moved.map(|moved| moved.pose)),
             },
-            sides: Sides {
-                both: sides,
-                same_surface: settings.same_surface,
-                solid: !settings.same_surface && sides.iter().any(|side| side.one_sided),
-            },
+            sides: Sides { both: sides, same_surface: settings.same_surface, solid: can_penetrate(sides, settings) },
             recent: RecentFeatures::NONE,
             left: LeftOver::default(),
         }
