@@ -29,9 +29,14 @@ fn available_threads(wanted: usize) -> usize {
 pub(crate) struct Threads(pub(crate) usize);
 
 impl Threads {
+    /// How many there are at most, the calling one included.
+    pub(super) fn most(self) -> usize {
+        available_threads(self.0)
+    }
+
     /// Whether only one of them has something to do where there are so many tasks.
     pub(super) fn are_one(self, tasks: usize) -> bool {
-        available_threads(self.0).min(tasks) <= 1
+        self.most().min(tasks) <= 1
     }
 }
 
@@ -73,7 +78,7 @@ impl<T: Send + 'static> Results for (Vec<T>, FoundSpheres) {
 }
 
 /// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with results to append to, and joins them in order.
-/// The parts are the same for any number of threads. One thread, or a single part, never touches the pool and allocates
+/// One thread, or a single part, never touches the pool and allocates
 /// nothing; else the results of the parts are `spare` ones, which are joined as soon as their turn comes: what has just been
 /// written is still in the cache.
 pub(super) fn append_parts<T: Results>(

@@ -2,7 +2,7 @@
 //! need not ask.
 
 use std::{
-    ops::Range,
+    ops::{Range, RangeInclusive},
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering},
@@ -26,7 +26,7 @@ use crate::{
     detection::{
         DetectionDiagnostics, DetectionMemory, StageList, TriangleBounds,
         kept_pairs::{KeptPairs, ListUse},
-        parallel::{Buffers, append_ranges, for_each_weighed},
+        parallel::{Buffers, Threads, append_ranges, for_each_weighed},
         sides::{pair_settings, surface_sides},
     },
     kernel::{
@@ -45,8 +45,18 @@ pub(super) mod asked;
 mod follow;
 mod lists;
 
-/// Leaves whose pairs one thread looks for at a time.
-const LEAVES_AT_ONCE: usize = 64;
+/// Leaves whose pairs one thread looks for at a time, at least and at most. Neighbors have the same leaves near them, and what one
+/// thread reads of those the next has to fetch again: on two threads 256 take 0.93 of the time of 64.
+const LEAVES_AT_ONCE: RangeInclusive<usize> = 64..=256;
+
+/// How many times each thread gets some where there are not many.
+const PARTS_OF_A_THREAD: usize = 4;
+
+/// How many of some leaves one thread looks for pairs of at a time, whole groups of those that look around together.
+fn leaves_at_once(leaf_count: usize, threads: usize) -> usize {
+    let even = leaf_count / (PARTS_OF_A_THREAD * Threads(threads).most());
+    even.clamp(*LEAVES_AT_ONCE.start(), *LEAVES_AT_ONCE.end()) / LEAF_WIDTH * LEAF_WIDTH
+}
 
 /// Leaves of a pair that are worth more than one thread, by half.
 const LEAVES_OF_ONE: usize = 256;
@@ -384,7 +394,7 @@ impl<'a> Traversal<'a> {
         let mut dropped = Vec::new();
         append_ranges(
             self.leaves.leaf_count(),
-            LEAVES_AT_ONCE,
+            leaves_at_once(self.leaves.leaf_count(), threads),
             threads,
             &Buffers::default(),
             &mut dropped,
@@ -435,7 +445,8 @@ fn pair_surface(
     let (other, _, other_tree) = surfaces.get(active.surfaces[second].entity).ok()?;
     let traversal = Traversal::new(active, pair, settings, [(own, own_tree), (other, other_tree)], moved)?;
     let leaf_count = traversal.leaves.leaf_count();
-    let found = append_ranges(leaf_count, LEAVES_AT_ONCE, threads, spare, &mut pair.triangles, |part, pairs| {
+    let at_once = leaves_at_once(leaf_count, threads);
+    let found = append_ranges(leaf_count, at_once, threads, spare, &mut pair.triangles, |part, pairs| {
         traversal.append(part, traversal.cull.as_ref(), pairs)
     });
     if traversal.is_reversed {

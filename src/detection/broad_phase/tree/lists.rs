@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{LEAVES_AT_ONCE, MovedLeaves, Traversal, TreeQuery};
+use super::{MovedLeaves, Traversal, TreeQuery, leaves_at_once};
 use crate::{
     detection::{
         CandidateTrianglePairs, DetectionMemory, SurfacePair,
@@ -63,7 +63,7 @@ pub(super) fn make_list(
     let looked_at = AtomicUsize::new(0);
     append_parts(
         leaf_count,
-        LEAVES_AT_ONCE,
+        leaves_at_once(leaf_count, threads),
         threads,
         spare,
         &mut list.pairs,
