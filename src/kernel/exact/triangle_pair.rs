@@ -325,8 +325,7 @@ fn vertex_face(
 }
 
 /// The insides of two edges. With `u`, `v` the edges, `n = u × v` and `r` from the start of one to the other, the
-/// closest points of the lines are at `(r × v)·n/|n|²` and `(r × u)·n/|n|²`, a distance `|n·r|/|n|` apart. Both triple
-/// products are computed as `(n × r)·v` and `(n × r)·u`: one cross product instead of two, and rounding of the same size.
+/// closest points of the lines are at `(r × v)·n/|n|²` and `(r × u)·n/|n|²`, a distance `|n·r|/|n|` apart.
 fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: f64, found: &mut Proximities) -> f64 {
     let (u, v) = (a.edges[edge_a], b.edges[edge_b]);
     let normal = u.cross(v);
@@ -339,9 +338,8 @@ fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: 
     if parallel || distance_squared > range_squared {
         return f64::INFINITY;
     }
-    let across = normal.cross(between);
-    let along_a = across.dot(v) * inverse;
-    let along_b = across.dot(u) * inverse;
+    let along_a = between.cross(v).dot(normal) * inverse;
+    let along_b = between.cross(u).dot(normal) * inverse;
     let inside = |along: f64| along > 0.0 && along < 1.0;
     if !(inside(along_a) && inside(along_b)) {
         return f64::INFINITY;

@@ -85,8 +85,8 @@ pub(super) fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_
     let one = f64x8::splat(simd, 1.0);
     let inverse = one / normal.dot(normal);
     let distance_squared = height * height * inverse;
-    let across = normal.cross(between);
-    let (along_a, along_b) = (across.dot(v) * inverse, across.dot(u) * inverse);
+    let along_a = between.cross(v).dot(normal) * inverse;
+    let along_b = between.cross(u).dot(normal) * inverse;
     let (from_a, from_b) = (one - along_a, one - along_b);
     results.set_weights(FIRST, from_a, along_a);
     results.set_weights(SECOND, from_b, along_b);

@@ -97,8 +97,7 @@ pub(super) fn features<S: Simd>(simd: S, rows: &mut Rows, limit: f64x8<S>) -> Fo
             // With no inverse nothing is inside of parallel edges.
             let parallel = sine_u * rows.lengths_squared[1][j].load(simd);
             let inverse = normal_squared.simd_gt(parallel).select(one / normal_squared, zero);
-            let across = normal.cross(way);
-            let (along_a, along_b) = (across.dot(v), -across.dot(u));
+            let (along_a, along_b) = (way.cross(v).dot(normal), u.cross(way).dot(normal));
             let (least, largest) = (along_a.min(along_b) * inverse, along_a.max(along_b) * inverse);
             let inside = least.simd_gt(zero) & largest.simd_lt(one);
             let height = normal.dot(way);
