@@ -250,6 +250,41 @@ fn every_facing_feature_within_range_is_reported() {
     assert!(faces > 10_000 && edges > 10_000);
 }
 
+/// Of pairs of triangles with a common corner, how many times two edges that end there are said to meet inside. All of them
+/// report something.
+fn meetings_at_a_common_corner(pairs: usize, mut point: impl FnMut() -> DVec3) -> usize {
+    let mut meetings = 0;
+    for pair in 0..pairs {
+        let a: Triangle = [point(), point(), point()];
+        let mut b: Triangle = [point(), point(), point()];
+        let corners = [pair % 3, pair / 3 % 3];
+        b[corners[1]] = a[corners[0]];
+        let found = examined(&a, &b, 1.0e-3);
+        assert!(found.distance == 0.0 && !found.proximities.is_empty(), "pair {pair}: {found:?}");
+        for found in &found.proximities {
+            let ends_there = |feature: Feature, corner: usize| matches!(feature, Feature::Edge(edge) if [edge as usize, (edge as usize + 1) % 3].contains(&corner));
+            let FeaturePair { a, b } = found.features;
+            meetings += usize::from(ends_there(a, corners[0]) && ends_there(b, corners[1]));
+        }
+    }
+    meetings
+}
+
+/// Where vertices of two meshes coincide, as in drawings, the edges that end there have nothing to report besides.
+#[test]
+fn edges_that_end_in_one_point_do_not_meet_inside() {
+    const PAIRS: usize = 90_000;
+    let mut random = Random::new(17);
+    // Products of such numbers are exact.
+    let on_grid = || [0; 3].map(|_| (random.range(-1.0, 1.0) * 1024.0).round() / 1024.0).into();
+    let meetings = meetings_at_a_common_corner(PAIRS, on_grid);
+    assert_eq!(meetings, 0, "on a grid");
+    // Rounded, they may miss the end.
+    let anywhere = || Vec3::from_array([0; 3].map(|_| random.range(-1.0, 1.0) as f32)).as_dvec3();
+    let meetings = meetings_at_a_common_corner(PAIRS, anywhere);
+    assert!(meetings < PAIRS / 100, "{meetings} of {PAIRS} anywhere");
+}
+
 fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }

@@ -338,12 +338,13 @@ fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: 
     if parallel || distance_squared > range_squared {
         return f64::INFINITY;
     }
-    let along_a = between.cross(v).dot(normal) * inverse;
-    let along_b = between.cross(u).dot(normal) * inverse;
-    let inside = |along: f64| along > 0.0 && along < 1.0;
+    let (along_a, along_b) = (between.cross(v).dot(normal), between.cross(u).dot(normal));
+    // Of edges that end in one point these are mostly exactly 0 or the whole, which a quotient need not be.
+    let inside = |along: f64| along > 0.0 && along < normal_squared;
     if !(inside(along_a) && inside(along_b)) {
         return f64::INFINITY;
     }
+    let (along_a, along_b) = (along_a * inverse, along_b * inverse);
     found.push(Proximity {
         features: FeaturePair { a: Feature::Edge(edge_a as u8), b: Feature::Edge(edge_b as u8) },
         barycentric_a: edge_weights(edge_a, along_a),

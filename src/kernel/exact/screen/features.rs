@@ -94,14 +94,12 @@ pub(super) fn features<S: Simd>(simd: S, rows: &mut Rows, limit: f64x8<S>) -> Fo
 
             let normal = u.cross(v);
             let normal_squared = normal.dot(normal);
-            // With no inverse nothing is inside of parallel edges.
-            let parallel = sine_u * rows.lengths_squared[1][j].load(simd);
-            let inverse = normal_squared.simd_gt(parallel).select(one / normal_squared, zero);
+            let crosses = normal_squared.simd_gt(sine_u * rows.lengths_squared[1][j].load(simd));
             let (along_a, along_b) = (way.cross(v).dot(normal), u.cross(way).dot(normal));
-            let (least, largest) = (along_a.min(along_b) * inverse, along_a.max(along_b) * inverse);
-            let inside = least.simd_gt(zero) & largest.simd_lt(one);
+            let (least, largest) = (along_a.min(along_b), along_a.max(along_b));
+            let inside = crosses & least.simd_gt(zero) & largest.simd_lt(normal_squared);
             let height = normal.dot(way);
-            let distance_squared = inside.select(height * height * inverse, nowhere);
+            let distance_squared = inside.select(height * height * (one / normal_squared), nowhere);
             let case = u64x8::splat(simd, EDGES[i][j]);
             cases = with_case(cases, distance_squared.simd_le(limit), case);
             edges.add(distance_squared, case);
