@@ -78,9 +78,8 @@ impl<T: Send + 'static> Results for (Vec<T>, FoundSpheres) {
 }
 
 /// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with results to append to, and joins them in order.
-/// One thread, or a single part, never touches the pool and allocates
-/// nothing; else the results of the parts are `spare` ones, which are joined as soon as their turn comes: what has just been
-/// written is still in the cache.
+/// One thread, or a single part, never touches the pool and allocates nothing; else the results of the parts are `spare` ones,
+/// which are joined as soon as their turn comes: what has just been written is still in the cache.
 pub(super) fn append_parts<T: Results>(
     count: usize,
     chunk: usize,

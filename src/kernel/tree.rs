@@ -34,6 +34,9 @@ mod search;
 /// Boxes to a leaf, and children to a node.
 pub const LEAF_WIDTH: usize = 8;
 
+/// How many leaves look around together for what is near them.
+pub(crate) const LEAVES_TOGETHER: usize = 8;
+
 /// Marks an unused lane of a leaf.
 const NO_ITEM: u32 = u32::MAX;
 

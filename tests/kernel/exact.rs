@@ -253,6 +253,10 @@ fn every_facing_feature_within_range_is_reported() {
 /// Of pairs of triangles with a common corner, how many times two edges that end there are said to meet inside. All of them
 /// report something.
 fn meetings_at_a_common_corner(pairs: usize, mut point: impl FnMut() -> DVec3) -> usize {
+    let ends_there = |feature: Feature, corner: usize| {
+        let Feature::Edge(edge) = feature else { return false };
+        corner == edge as usize || corner == (edge as usize + 1) % 3
+    };
     let mut meetings = 0;
     for pair in 0..pairs {
         let a: Triangle = [point(), point(), point()];
@@ -261,11 +265,8 @@ fn meetings_at_a_common_corner(pairs: usize, mut point: impl FnMut() -> DVec3) -
         b[corners[1]] = a[corners[0]];
         let found = examined(&a, &b, 1.0e-3);
         assert!(found.distance == 0.0 && !found.proximities.is_empty(), "pair {pair}: {found:?}");
-        for found in &found.proximities {
-            let ends_there = |feature: Feature, corner: usize| matches!(feature, Feature::Edge(edge) if [edge as usize, (edge as usize + 1) % 3].contains(&corner));
-            let FeaturePair { a, b } = found.features;
-            meetings += usize::from(ends_there(a, corners[0]) && ends_there(b, corners[1]));
-        }
+        let meets = |features: FeaturePair| ends_there(features.a, corners[0]) && ends_there(features.b, corners[1]);
+        meetings += found.proximities.iter().filter(|found| meets(found.features)).count();
     }
     meetings
 }

@@ -2,7 +2,7 @@
 //! need not ask.
 
 use std::{
-    ops::{Range, RangeInclusive},
+    ops::Range,
     sync::{
         Arc,
         atomic::{AtomicUsize, Ordering},
@@ -34,7 +34,7 @@ use crate::{
         leaf_triangles::{LeafTriangles, PairCull},
         moved_triangles::Reach,
         topology::SurfaceTopology,
-        tree::{BoxTree, LEAF_WIDTH},
+        tree::{BoxTree, LEAF_WIDTH, LEAVES_TOGETHER},
     },
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
@@ -45,18 +45,13 @@ pub(super) mod asked;
 mod follow;
 mod lists;
 
-/// Leaves whose pairs one thread looks for at a time, at least and at most. Neighbors have the same leaves near them, and what one
-/// thread reads of those the next has to fetch again: on two threads 256 take 0.93 of the time of 64.
-const LEAVES_AT_ONCE: RangeInclusive<usize> = 64..=256;
+/// Leaves whose pairs one thread looks for at a time, at least and at most. Neighbors have the same leaves near them, and what
+/// one thread reads of those the next has to fetch again: on two threads 256 take 0.93 of the time of 64.
+const LEAST_AT_ONCE: usize = 64;
+const MOST_AT_ONCE: usize = 256;
 
 /// How many times each thread gets some where there are not many.
 const PARTS_OF_A_THREAD: usize = 4;
-
-/// How many of some leaves one thread looks for pairs of at a time, whole groups of those that look around together.
-fn leaves_at_once(leaf_count: usize, threads: usize) -> usize {
-    let even = leaf_count / (PARTS_OF_A_THREAD * Threads(threads).most());
-    even.clamp(*LEAVES_AT_ONCE.start(), *LEAVES_AT_ONCE.end()) / LEAF_WIDTH * LEAF_WIDTH
-}
 
 /// Leaves of a pair that are worth more than one thread, by half.
 const LEAVES_OF_ONE: usize = 256;
@@ -360,6 +355,12 @@ impl<'a> Traversal<'a> {
         Some(Self { leaves, tree, is_self, is_reversed: side == 1, cull })
     }
 
+    /// How many of its leaves one thread looks for pairs of at a time, whole groups of those that look around together.
+    fn leaves_at_once(&self, threads: usize) -> usize {
+        let even = self.leaves.leaf_count() / (PARTS_OF_A_THREAD * Threads(threads).most());
+        even.clamp(LEAST_AT_ONCE, MOST_AT_ONCE) / LEAVES_TOGETHER * LEAVES_TOGETHER
+    }
+
     /// Appends the pairs of triangles whose boxes overlap and that are not dropped, with the second surface's first where
     /// the traversal is reversed. Returns how many there are without dropping any by slabs.
     fn append(&self, leaves: Range<usize>, cull: Option<&PairCull<'_>>, pairs: &mut Vec<[u32; 2]>) -> usize {
@@ -394,7 +395,7 @@ impl<'a> Traversal<'a> {
         let mut dropped = Vec::new();
         append_ranges(
             self.leaves.leaf_count(),
-            leaves_at_once(self.leaves.leaf_count(), threads),
+            self.leaves_at_once(threads),
             threads,
             &Buffers::default(),
             &mut dropped,
@@ -444,8 +445,7 @@ fn pair_surface(
     let (own, _, own_tree) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
     let (other, _, other_tree) = surfaces.get(active.surfaces[second].entity).ok()?;
     let traversal = Traversal::new(active, pair, settings, [(own, own_tree), (other, other_tree)], moved)?;
-    let leaf_count = traversal.leaves.leaf_count();
-    let at_once = leaves_at_once(leaf_count, threads);
+    let (leaf_count, at_once) = (traversal.leaves.leaf_count(), traversal.leaves_at_once(threads));
     let found = append_ranges(leaf_count, at_once, threads, spare, &mut pair.triangles, |part, pairs| {
         traversal.append(part, traversal.cull.as_ref(), pairs)
     });

@@ -123,8 +123,8 @@ pub(in crate::kernel) struct FeatureBatches<'a> {
     results: Results,
     limits: Limits<'a>,
     sides: Sides<'a>,
-    /// What of boundaries was reported lately and may be again, except where several pairs may each have something of their own to say about
-    /// the same features: one that is inside has a way out of its own.
+    /// What of boundaries was reported lately and may be again, except where several pairs may each have something of their
+    /// own to say about the same features: one that is inside has a way out of its own.
     recent: RecentFeatures,
     /// What does not become a contact here.
     left: LeftOver,

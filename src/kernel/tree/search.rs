@@ -4,7 +4,7 @@
 
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
-use super::{Aabb, BoxTree, LEAF_WIDTH, Leaf, Node, STACK, corners, overlapping};
+use super::{Aabb, BoxTree, LEAF_WIDTH, LEAVES_TOGETHER, Leaf, Node, STACK, corners, overlapping};
 
 /// The leaves of a tree whose boxes overlap another box, some at a time. Leaves of one node come together, before the subtrees
 /// beside them: the order is that of the structure, the same in every traversal.
@@ -95,8 +95,6 @@ pub(super) struct NeighborSearch {
 }
 
 impl NeighborSearch {
-    /// How many leaves look around together.
-    const GROUP: usize = 8;
     const ROOM: usize = 256;
 
     pub(super) fn new() -> Self {
@@ -123,8 +121,8 @@ impl NeighborSearch {
         skin: f32,
         first: u32,
     ) {
-        if passed.is_multiple_of(Self::GROUP) {
-            let group = &leaves[passed..leaves.len().min(passed + Self::GROUP)];
+        if passed.is_multiple_of(LEAVES_TOGETHER) {
+            let group = &leaves[passed..leaves.len().min(passed + LEAVES_TOGETHER)];
             let mut bounds = Aabb::EMPTY;
             for leaf in group {
                 bounds = bounds.union(&leaf.bounds);

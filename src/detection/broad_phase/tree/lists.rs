@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{MovedLeaves, Traversal, TreeQuery, leaves_at_once};
+use super::{MovedLeaves, Traversal, TreeQuery};
 use crate::{
     detection::{
         CandidateTrianglePairs, DetectionMemory, SurfacePair,
@@ -59,11 +59,10 @@ pub(super) fn make_list(
         return;
     }
     cull.slabs = range + skin;
-    let leaf_count = traversal.leaves.leaf_count();
     let looked_at = AtomicUsize::new(0);
     append_parts(
-        leaf_count,
-        leaves_at_once(leaf_count, threads),
+        traversal.leaves.leaf_count(),
+        traversal.leaves_at_once(threads),
         threads,
         spare,
         &mut list.pairs,
