@@ -1,18 +1,22 @@
 //! The triangles of a tree's leaves, eight side by side, with their planes: what a traversal drops before a pair is made.
 //!
 //! A triangle of one leaf is compared with the eight of another without gathering anything. Neighbors go by their
-//! vertices, others by slabs along either plane's normal and along the line between the centroids: two triangles whose
+//! vertices, others by slabs along either plane's normal and along the line between the centroids; what these leave, by slabs
+//! along better and better directions, which an iteration finds on the way from one triangle to the other. Two triangles whose
 //! projections on a direction of length 1 are farther apart than a distance are themselves farther apart, however the
 //! direction was rounded. Everything is kept relative to the leaf's own center, so that rounding is that of the leaves'
 //! size and distance, wherever the surface is.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
+mod approach;
 mod lower_bounds;
 
 use fearless_simd::{Level, dispatch, f32x8, prelude::*, u8x32, u32x8};
 use glam::Vec3;
 
+use self::approach::Corners;
+pub(super) use self::approach::{ClosePairs, Groups};
 use super::{
     exact::cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
     lanes::LARGEST_EXTENT,
@@ -247,6 +251,12 @@ impl<'a> PairCull<'a> {
         self.slabs < f32::INFINITY
     }
 
+    /// Whether any direction counts, also those that are found on the way from one triangle to the other.
+    #[inline(always)]
+    pub(super) fn looks_closer(&self) -> bool {
+        self.has_slabs() && !self.planes_only
+    }
+
     /// What tells which triangles of two leaves slabs keep apart. Only where there are [slabs](Self::has_slabs): else nobody has
     /// brought the leaves' triangles up to date.
     #[inline(always)]
@@ -296,16 +306,21 @@ pub(super) struct Separation<'a> {
 }
 
 impl Separation<'_> {
+    /// How far a projection may be from what it is.
+    #[inline(always)]
+    fn rounding(&self) -> f32 {
+        self.extent * ROUNDING
+    }
+
     /// Which of up to eight pairs of lanes are kept apart: by either plane, or across the line between the centroids, which
     /// parts those that lie beside each other in nearly one plane.
     #[inline(always)]
-    pub(super) fn separated<S: Simd>(&self, simd: S, pairs: &LanePairs<S>) -> u32 {
+    pub(super) fn separated<S: Simd>(&self, simd: S, pairs: &LanePairs<S>, corners: &Corners<S>) -> u32 {
         let needed = self.needed;
         if needed == f32::INFINITY {
             return 0;
         }
-        let corners = self.corners(simd, pairs);
-        let [own_gap, other_gap] = self.plane_gaps(simd, pairs, &corners);
+        let [own_gap, other_gap] = self.plane_gaps(simd, pairs, corners);
         if self.planes_only {
             let own_doubt = pairs.row_of_first(simd, &self.own.doubt);
             let other_doubt = pairs.row_of_second(simd, &self.other.doubt);
@@ -314,7 +329,7 @@ impl Separation<'_> {
             return apart.to_bitmask() as u32;
         }
         let by_planes = own_gap.simd_gt(needed) | other_gap.simd_gt(needed);
-        let (gap, between) = line_gap(&corners);
+        let (gap, between) = line_gap(corners);
         let squared = dot(between, between);
         let along_line = gap.simd_gt(squared.sqrt() * needed) & squared.simd_gt(LEAST_SQUARED);
         (by_planes | along_line).to_bitmask() as u32
@@ -322,7 +337,7 @@ impl Separation<'_> {
 
     /// The corners of the triangles of the first leaf and of the second, in the frame of the second.
     #[inline(always)]
-    fn corners<S: Simd>(&self, simd: S, pairs: &LanePairs<S>) -> [[[f32x8<S>; 3]; 3]; 2] {
+    pub(super) fn corners<S: Simd>(&self, simd: S, pairs: &LanePairs<S>) -> Corners<S> {
         let [a, b, c] = &self.other.corners;
         let others = [pairs.of_second(simd, a), pairs.of_second(simd, b), pairs.of_second(simd, c)];
         let [a, b, c] = &self.own.corners;
@@ -337,12 +352,7 @@ impl Separation<'_> {
 
     /// How far apart the triangles are along the normal of the first, and of the second.
     #[inline(always)]
-    fn plane_gaps<S: Simd>(
-        &self,
-        simd: S,
-        pairs: &LanePairs<S>,
-        [corners, others]: &[[[f32x8<S>; 3]; 3]; 2],
-    ) -> [f32x8<S>; 2] {
+    fn plane_gaps<S: Simd>(&self, simd: S, pairs: &LanePairs<S>, [corners, others]: &Corners<S>) -> [f32x8<S>; 2] {
         let (own, other) = (self.own, self.other);
         let normal = pairs.of_first(simd, &own.normals);
         let shift = dot(normal, splat(simd, self.offset.to_array()));
@@ -357,7 +367,7 @@ impl Separation<'_> {
 
 /// How far apart triangles are along the line between their centroids, in lengths of what stands beside it.
 #[inline(always)]
-fn line_gap<S: Simd>([corners, others]: &[[[f32x8<S>; 3]; 3]; 2]) -> (f32x8<S>, [f32x8<S>; 3]) {
+fn line_gap<S: Simd>([corners, others]: &Corners<S>) -> (f32x8<S>, [f32x8<S>; 3]) {
     let between = minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
     let ((low, high), (own_low, own_high)) = (project(*others, between), project(*corners, between));
     ((low - own_high).max(own_low - high), between)

@@ -31,10 +31,10 @@ pub enum PairFate {
     /// known.
     Remembered,
     /// A slab keeps the two farther apart than matters: along the normal of one of them or, with `Refined` and `Closest`,
-    /// along the line between their centroids. The broad phase by trees drops such pairs before they are candidates. After
-    /// one that does not, `Circumsphere` drops those of the normals; `Refined` and `Closest` measure them
-    /// ([`Distance`](Self::Distance)). `Circumsphere` only with [`plane_cull`](crate::CircumsphereSettings::plane_cull);
-    /// not `BoundingSphere` and `Polygon`.
+    /// along one of some directions from one to the other, of which the first is the line between their centroids. The
+    /// broad phase by trees drops such pairs before they are candidates. After one that does not, `Circumsphere` drops
+    /// those of the normals; `Refined` and `Closest` measure them ([`Distance`](Self::Distance)). `Circumsphere` only
+    /// with [`plane_cull`](crate::CircumsphereSettings::plane_cull); not `BoundingSphere` and `Polygon`.
     Planes,
     /// The spheres of the two are farther apart than matters: their enclosing balls (`BoundingSphere`), or the offset
     /// spheres (`Circumsphere`).

@@ -22,7 +22,7 @@ use self::{
 use super::{
     bounds::Aabb,
     lanes::{SetLanes, VectorLanes},
-    leaf_triangles::{LanePairs, Neighbors, PairCull},
+    leaf_triangles::{ClosePairs, Groups, LanePairs, Neighbors, PairCull},
     moved_triangles::Reach,
     prefetch::prefetch,
 };
@@ -273,7 +273,8 @@ impl BoxTree {
         pairs: &mut Vec<[u32; 2]>,
     ) -> usize {
         let mut count = 0;
-        let (mut hits, mut recent) = (LaneHits::new(), Recent::new());
+        let (mut hits, mut close, mut recent) = (LaneHits::new(), ClosePairs::new(), Recent::new());
+        let looks_closer = cull.is_some_and(PairCull::looks_closer);
         let mut search = NeighborSearch::new();
         let own = &self.leaves[leaves.clone()];
         for (passed, leaf) in own.iter().enumerate() {
@@ -304,17 +305,25 @@ impl BoxTree {
                     };
                     for (pairs_of_lanes, mut kept) in hits.groups() {
                         let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
-                        if let Some(separation) = &separation {
-                            kept &= !separation.separated(simd, &lane_pairs);
-                        }
                         let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
                         let (firsts, seconds) =
                             if SELF { (items.min(others), items.max(others)) } else { (items, others) };
+                        if let Some(separation) = &separation {
+                            let corners = separation.corners(simd, &lane_pairs);
+                            kept &= !separation.separated(simd, &lane_pairs, &corners);
+                            if looks_closer {
+                                if close.push(simd, separation, &corners, [firsts, seconds], kept) {
+                                    recent.take(&mut close, Groups::Complete, pairs);
+                                }
+                                continue;
+                            }
+                        }
                         recent.push(simd, firsts, seconds, kept, pairs);
                     }
                 }
             }
         }
+        recent.take(&mut close, Groups::All, pairs);
         recent.flush(pairs);
         count
     }
@@ -379,6 +388,18 @@ impl Recent {
         low.store_slice(&mut room[..LEAF_WIDTH]);
         high.store_slice(&mut room[LEAF_WIDTH..]);
         self.count += kept.count_ones() as usize;
+    }
+
+    /// Takes those of complete groups that no gap keeps apart, or of all.
+    #[inline(never)]
+    fn take(&mut self, close: &mut ClosePairs, groups: Groups, list: &mut Vec<[u32; 2]>) {
+        dispatch!(Level::new(), simd => {
+            for group in 0..close.count_of(groups) {
+                let ([firsts, seconds], kept) = close.group(simd, group);
+                self.push(simd, firsts, seconds, kept, list);
+            }
+        });
+        close.forget(groups);
     }
 
     #[inline(never)]

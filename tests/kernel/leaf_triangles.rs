@@ -14,7 +14,7 @@ use bevy_circumsphere::kernel::{
     reference::triangle_distance,
     tree::{BoxTree, LEAF_WIDTH},
 };
-use circumsphere_support::scenes::{Mesh, duplicate_vertices, icosphere, merge, triangle_soup};
+use circumsphere_support::scenes::{Mesh, crumpled_sheet, duplicate_vertices, icosphere, merge, triangle_soup};
 use glam::{DVec3, Vec3};
 
 fn of_triangles(triangles: &[Triangle], range: f32) -> Surface {
@@ -142,6 +142,33 @@ fn slabs_reject_no_pair_within_range() {
     assert!(tally.within > 20_000 && tally.beyond > 20_000);
     // Planes alone count only where f32 knows them, which of hard pairs is seldom.
     assert!(tally.rejected * 3 > tally.beyond && tally.rejected_by_planes * 8 > tally.beyond);
+}
+
+/// What the exact test is spared: more than nine in ten of the pairs that are beyond the range, and none of the others.
+#[test]
+fn slabs_leave_few_pairs_beyond_the_range() {
+    let ball_in_a_ball = merge(&[icosphere(3, 1.0), icosphere(3, 0.97)]);
+    for (mesh, name) in
+        [(crumpled_sheet(3_000, 0.0), "sheet"), (ball_in_a_ball, "ball in a ball"), (triangle_soup(700, 3), "soup")]
+    {
+        let positions: Vec<Vec3> = mesh.positions.iter().copied().map(Vec3::from_array).collect();
+        let topology = Surface::of_mesh(&mesh, 0.0).topology;
+        let range = (0.1 * topology.mean_edge_length(&positions)) as f32;
+        let surface = Surface::of_mesh(&mesh, range);
+        // How many pairs are left, within the range and beyond.
+        let left = |slabs: f32| {
+            let cull = PairCull { neighbors: true, ..cull([&surface.triangles; 2], slabs, false) };
+            let mut kept = Vec::new();
+            surface.tree.self_pairs_of(0..surface.tree.leaf_count(), Some(&cull), &mut kept);
+            let distance = |&[a, b]: &[u32; 2]| triangle_distance(&surface.corners(a), &surface.corners(b));
+            let beyond = kept.iter().filter(|&pair| distance(pair) > f64::from(range)).count();
+            (kept.len() - beyond, beyond)
+        };
+        let ((within, beyond), (kept, left_beyond)) = (left(f32::INFINITY), left(range));
+        println!("{name}: {within} within and {beyond} beyond, of which {kept} and {left_beyond} are left");
+        assert_eq!(kept, within, "{name}");
+        assert!(beyond > 2_000 && left_beyond * 10 < beyond, "{name}");
+    }
 }
 
 /// Sums of products that overflow are infinite, of either sign, or no number, and make gaps that are none.

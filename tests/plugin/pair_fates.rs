@@ -107,10 +107,6 @@ fn gap_along_normals(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
     gap_along(normal(a), a, b).max(gap_along(normal(b), a, b))
 }
 
-fn gap_along_centroids(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
-    gap_along(b.iter().sum::<DVec3>() - a.iter().sum::<DVec3>(), a, b)
-}
-
 /// The spheres in the world that a triangle is tested by, with their radius: of `Circumsphere` the one on either side,
 /// of which a sheet shows the one that faces the other triangle.
 fn spheres(world: &World, entity: Entity, method: ContactMethod, triangle: u32) -> ([DVec3; 2], f64) {
@@ -146,7 +142,8 @@ fn assert_reason(
     let what = (pair.method, ends, fate);
     match fate {
         PairFate::Planes => {
-            let slabs = if pair.method.is_exact() { planes.max(gap_along_centroids(a, b)) } else { planes };
+            // Where any direction counts, the widest gap is the distance.
+            let slabs = if pair.method.is_exact() { triangle_distance(a, b) } else { planes };
             assert!(slabs > range - slack, "{what:?}: the slabs leave {slabs}");
         }
         // A step after the planes; without them their gap says nothing.

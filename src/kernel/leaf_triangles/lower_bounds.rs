@@ -2,7 +2,7 @@
 
 use fearless_simd::{f32x8, prelude::*};
 
-use super::{LEAST_SQUARED, LanePairs, RANGE_SLACK, ROUNDING, Separation, dot, line_gap};
+use super::{Corners, LEAST_SQUARED, LanePairs, RANGE_SLACK, Separation, dot, line_gap};
 
 impl Separation<'_> {
     /// Those of the `asked` of up to eight pairs of lanes that no slab keeps apart, and lower bounds of their distances by
@@ -12,20 +12,20 @@ impl Separation<'_> {
         &self,
         simd: S,
         pairs: &LanePairs<S>,
+        corners: &Corners<S>,
         asked: u32,
     ) -> (u32, f32x8<S>) {
         let (zero, needed) = (f32x8::splat(simd, 0.0), self.needed);
         if needed == f32::INFINITY {
             return (asked, zero);
         }
-        let corners = self.corners(simd, pairs);
-        let [own_gap, other_gap] = self.plane_gaps(simd, pairs, &corners);
+        let [own_gap, other_gap] = self.plane_gaps(simd, pairs, corners);
         let by_planes = own_gap.max(other_gap);
-        let (gap, between) = line_gap(&corners);
+        let (gap, between) = line_gap(corners);
         let squared = dot(between, between);
         let along_line = squared.simd_gt(LEAST_SQUARED).select(gap / squared.sqrt(), zero);
         let widest = by_planes.max(along_line);
-        let bounds = (widest - self.extent * ROUNDING) * (1.0 / RANGE_SLACK);
+        let bounds = (widest - self.rounding()) * (1.0 / RANGE_SLACK);
         (asked & !widest.simd_gt(needed).to_bitmask() as u32, bounds.simd_gt(0.0).select(bounds, zero))
     }
 }

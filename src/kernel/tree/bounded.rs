@@ -9,7 +9,7 @@ use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, LaneHits, SetLanes, search::NeighborSearch};
 use crate::kernel::{
     bounded_pairs::BoundedPairs,
-    leaf_triangles::{LanePairs, PairCull},
+    leaf_triangles::{ClosePairs, Groups, LanePairs, PairCull},
 };
 
 impl BoxTree {
@@ -51,7 +51,7 @@ impl BoxTree {
         pairs: &mut BoundedPairs,
     ) -> usize {
         let mut count = 0;
-        let (mut hits, mut recent) = (LaneHits::new(), Recent::new());
+        let (mut hits, mut close, mut recent) = (LaneHits::new(), ClosePairs::new(), Recent::new());
         let mut all_gaps = [0.0; (LEAF_WIDTH + 1) * LEAF_WIDTH];
         let mut search = NeighborSearch::new();
         let own = &self.leaves[leaves.clone()];
@@ -83,21 +83,26 @@ impl BoxTree {
                     let separation = if cull.has_slabs() { Some(cull.between([place, other_place])) } else { None };
                     for ((pairs_of_lanes, asked), gaps) in hits.groups().zip(all_gaps.chunks(LEAF_WIDTH)) {
                         let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
-                        let (kept, by_slabs) = match &separation {
-                            Some(separation) => separation.lower_bounds(simd, &lane_pairs, asked),
-                            None => (asked, f32x8::splat(simd, 0.0)),
-                        };
                         // The boxes hold what they were grown by.
                         let gaps = f32x8::from_slice(simd, gaps);
                         let by_boxes = gaps.simd_gt(0.0).select(gaps + range, f32x8::splat(simd, 0.0));
                         let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
-                        let (firsts, seconds) =
-                            if SELF { (items.min(others), items.max(others)) } else { (items, others) };
-                        recent.push(simd, [firsts, seconds], by_slabs.max(by_boxes), kept, pairs);
+                        let items = if SELF { [items.min(others), items.max(others)] } else { [items, others] };
+                        let Some(separation) = &separation else {
+                            recent.push(simd, items, by_boxes, asked, pairs);
+                            continue;
+                        };
+                        let corners = separation.corners(simd, &lane_pairs);
+                        let (kept, by_slabs) = separation.lower_bounds(simd, &lane_pairs, &corners, asked);
+                        let bounds = by_slabs.max(by_boxes);
+                        if close.push_bounded(simd, separation, &corners, items, bounds, kept) {
+                            recent.take(&mut close, Groups::Complete, pairs);
+                        }
                     }
                 }
             }
         }
+        recent.take(&mut close, Groups::All, pairs);
         recent.flush(pairs);
         count
     }
@@ -153,6 +158,18 @@ impl Recent {
         seconds.compress(mask).store_slice(&mut self.seconds[room.clone()]);
         bounds.compress(mask).store_slice(&mut self.bounds[room]);
         self.count += kept.count_ones() as usize;
+    }
+
+    /// Takes those of complete groups that no gap keeps apart, or of all.
+    #[inline(never)]
+    fn take(&mut self, close: &mut ClosePairs, groups: Groups, pairs: &mut BoundedPairs) {
+        dispatch!(Level::new(), simd => {
+            for group in 0..close.count_of(groups) {
+                let (items, bounds, kept) = close.bounded_group(simd, group);
+                self.push(simd, items, bounds, kept, pairs);
+            }
+        });
+        close.forget(groups);
     }
 
     #[inline(never)]
