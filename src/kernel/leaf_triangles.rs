@@ -10,13 +10,14 @@
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
 mod approach;
+mod lane_numbers;
 mod lower_bounds;
 
-use fearless_simd::{Level, dispatch, f32x8, prelude::*, u8x32, u32x8};
+use fearless_simd::{Level, dispatch, f32x8, prelude::*, u32x8};
 use glam::Vec3;
 
-use self::approach::Corners;
 pub(super) use self::approach::{ClosePairs, Groups};
+use self::{approach::Corners, lane_numbers::LaneNumbers};
 use super::{
     exact::cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
     lanes::LARGEST_EXTENT,
@@ -375,9 +376,8 @@ fn line_gap<S: Simd>([corners, others]: &Corners<S>) -> (f32x8<S>, [f32x8<S>; 3]
 
 /// Eight pairs of a lane of one leaf and a lane of another.
 pub(super) struct LanePairs<S: Simd> {
-    /// The bytes of the lanes, in vectors of eight numbers.
-    firsts: u8x32<S>,
-    seconds: u8x32<S>,
+    firsts: LaneNumbers<S>,
+    seconds: LaneNumbers<S>,
 }
 
 impl<S: Simd> LanePairs<S> {
@@ -385,27 +385,23 @@ impl<S: Simd> LanePairs<S> {
     #[inline(always)]
     pub(super) fn new(simd: S, pairs: &[u32; LEAF_WIDTH]) -> Self {
         let pairs = u32x8::from_slice(simd, pairs);
-        // A lane's number is four bytes long.
-        let bytes = |lane: u32x8<S>| (lane * 0x0404_0404 + 0x0302_0100).to_bytes();
-        Self { firsts: bytes(pairs >> 3), seconds: bytes(pairs & 7) }
+        Self { firsts: LaneNumbers(pairs >> 3), seconds: LaneNumbers(pairs & 7) }
     }
 
     #[inline(always)]
     pub(super) fn items(&self, simd: S, firsts: &[u32; LEAF_WIDTH], seconds: &[u32; LEAF_WIDTH]) -> [u32x8<S>; 2] {
-        [
-            u32x8::from_slice(simd, firsts).swizzle_dyn(self.firsts),
-            u32x8::from_slice(simd, seconds).swizzle_dyn(self.seconds),
-        ]
+        let (firsts, seconds) = (u32x8::from_slice(simd, firsts), u32x8::from_slice(simd, seconds));
+        [self.firsts.of(firsts.bitcast()).bitcast(), self.seconds.of(seconds.bitcast()).bitcast()]
     }
 
     #[inline(always)]
     fn row_of_first(&self, simd: S, row: &Row) -> f32x8<S> {
-        f32x8::from_slice(simd, row).swizzle_dyn(self.firsts)
+        self.firsts.of(f32x8::from_slice(simd, row))
     }
 
     #[inline(always)]
     fn row_of_second(&self, simd: S, row: &Row) -> f32x8<S> {
-        f32x8::from_slice(simd, row).swizzle_dyn(self.seconds)
+        self.seconds.of(f32x8::from_slice(simd, row))
     }
 
     #[inline(always)]
