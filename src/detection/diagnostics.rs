@@ -33,8 +33,8 @@ pub struct DetectionDiagnostics {
     pub lists_followed: usize,
     /// Pairs of surfaces that such a list was made for in this tick.
     pub lists_made: usize,
-    /// Pairs of triangles on the lists of earlier ticks that were passed over: what is remembered of their distances, less what the surfaces
-    /// have moved since, still exceeds the range.
+    /// Pairs of triangles on the lists of earlier ticks that were passed over: what is remembered of their distances, less
+    /// what the surfaces have moved since, still exceeds the range, or else a slab keeps them farther apart.
     pub pairs_passed_over: usize,
     /// Triangles whose sphere was made anew.
     pub recipes_refreshed: usize,

@@ -2,10 +2,11 @@
 //!
 //! A list holds the pairs of triangles that are within the range and a *skin* of it, see
 //! [`bounded_pairs`](crate::kernel::bounded_pairs). As long as the surfaces have moved by less than the skin, no other pair
-//! can have come within range: neither boxes nor trees are asked. How thick the skin is follows from how fast the surfaces
-//! move; where they are too fast for a list to pay, there is none. Only for exact methods, whose results do not depend on
-//! which other pairs were looked at, and only where both surfaces are in one frame. Filled by the broad phase by trees, taught
-//! by the exact test.
+//! can have come within range: neither boxes nor trees are asked. Where the motion has used up what a pair's bound had beyond
+//! the range, the broad phase looks for a gap between its triangles, and where that is wide enough the pair goes on with a
+//! new bound. How thick the skin is follows from how fast the surfaces move; where they are too fast for a list to pay, there
+//! is none. Only for exact methods, whose results do not depend on which other pairs were looked at, and only where both
+//! surfaces are in one frame. Filled by the broad phase by trees, taught by the exact test.
 
 use std::collections::HashMap;
 
@@ -16,9 +17,10 @@ use super::{
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
     diagnostics::DetectionDiagnostics,
     memory::DetectionMemory,
+    parallel::Threads,
 };
 use crate::{
-    kernel::bounded_pairs::BoundedPairs,
+    kernel::bounded_pairs::{BoundedPairs, ListedTriangles},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
 };
@@ -42,11 +44,12 @@ const ROUNDING: f64 = 1.0e-5;
 const ROUND_OFF: f64 = 1.0e-9;
 
 /// What a followed list saves and costs, in nanoseconds on one thread of one machine: it decides about time, never about
-/// results. Saved are a pair of overlapping boxes and a triangle of a tree that is refitted; a pair on the list costs,
-/// and one that is looked at beyond those that would be anyway.
+/// results. Saved are a pair of overlapping boxes and a triangle of a tree that is refitted; a pair on the list costs, one of
+/// which the bound no longer tells, and one that is tested beyond those that would be anyway.
 const BOX_PAIR: usize = 10;
 const TREE_TRIANGLE: usize = 25;
 const LISTED_PAIR: usize = 1;
+const GLANCED_PAIR: usize = 25;
 const EXAMINED_PAIR: usize = 100;
 
 /// After lists that served no tick, as many slow ticks as this power of two have to pass before the next one.
@@ -81,6 +84,8 @@ pub(super) struct KeptList {
     motion: f64,
     /// Bounds up to this are looked at.
     pub(super) limit: f32,
+    /// Bounds up to this were looked at in the last detection.
+    last_limit: f32,
     /// How many pairs of boxes were looked at when the list was made.
     pub(super) looked_at: usize,
     /// How many of its pairs were looked at then.
@@ -150,9 +155,15 @@ impl KeptList {
         self.limit = (self.motion + range + slack) as f32;
     }
 
+    /// Looks at the triangles of pairs of which the bound no longer tells. Returns of how many.
+    pub(super) fn look_closer(&mut self, triangles: &ListedTriangles<'_>, threads: usize) -> usize {
+        self.pairs.look_closer(&Threads(threads), triangles, [self.last_limit, self.limit], self.motion as f32)
+    }
+
     /// Finds the candidates on a list that is followed or new, and out whether it is worth it; `triangles` are those of both
-    /// surfaces.
-    pub(super) fn find_near(&mut self, triangles: usize) {
+    /// surfaces, and `glanced_at` are pairs that had to be [looked at](Self::look_closer).
+    pub(super) fn find_near(&mut self, triangles: usize, glanced_at: usize) {
+        self.last_limit = self.limit;
         self.near.clear();
         self.near_places.clear();
         self.pairs.append_near(self.limit, &mut self.near, &mut self.near_places);
@@ -161,7 +172,8 @@ impl KeptList {
         }
         let saved = BOX_PAIR * self.looked_at + TREE_TRIANGLE * triangles;
         let more = self.near.len().saturating_sub(self.examined_at_first);
-        self.is_too_long = LISTED_PAIR * self.pairs.len() + EXAMINED_PAIR * more > saved;
+        let spent = LISTED_PAIR * self.pairs.len() + GLANCED_PAIR * glanced_at + EXAMINED_PAIR * more;
+        self.is_too_long = spent > saved;
     }
 
     /// Takes the lower bounds that were found of the candidates' distances.

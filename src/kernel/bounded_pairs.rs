@@ -2,7 +2,12 @@
 //!
 //! Two triangles that were a distance apart are at least that less by what their meshes have moved since. So a bound is
 //! stored as if it had been found when the list was made, by adding the motion from then on, and a pair need not be looked
-//! at before the motion uses up what its bound has beyond the range. What is looked at is given a new bound.
+//! at before the motion uses up what its bound has beyond the range. What is looked at is given a new bound, by gaps between
+//! the triangles or by an exact distance.
+
+mod closer_look;
+
+pub use closer_look::ListedTriangles;
 
 /// A list of pairs and bounds. All lengths are in the unit of the pairs' frame; the motion is that since the list was
 /// made.

@@ -9,18 +9,22 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-mod approach;
+mod close_pairs;
 mod lane_numbers;
 mod lower_bounds;
 
 use fearless_simd::{Level, dispatch, f32x8, prelude::*, u32x8};
 use glam::Vec3;
 
-pub(super) use self::approach::{ClosePairs, Groups};
-use self::{approach::Corners, lane_numbers::LaneNumbers};
+pub(super) use self::close_pairs::{ClosePairs, Groups};
+use self::lane_numbers::LaneNumbers;
 use super::{
+    approach::Corners,
     exact::cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
-    lanes::LARGEST_EXTENT,
+    lanes::{
+        LARGEST_EXTENT,
+        fused::{dot, minus, plus, project},
+    },
     prefetch::prefetch_whole,
     share::{OneByOne, Share},
     topology::SurfaceTopology,
@@ -196,28 +200,6 @@ fn splat<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [f32x8<S>; 3] {
     [f32x8::splat(simd, x), f32x8::splat(simd, y), f32x8::splat(simd, z)]
 }
 
-#[inline(always)]
-fn plus<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
-    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
-}
-
-/// The interval of a triangle's projections on a direction of any length.
-#[inline(always)]
-fn project<S: Simd>(corners: [[f32x8<S>; 3]; 3], direction: [f32x8<S>; 3]) -> (f32x8<S>, f32x8<S>) {
-    let (first, second, third) = (dot(direction, corners[0]), dot(direction, corners[1]), dot(direction, corners[2]));
-    (first.min(second).min(third), first.max(second).max(third))
-}
-
-#[inline(always)]
-fn minus<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> [f32x8<S>; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-#[inline(always)]
-fn dot<S: Simd>(a: [f32x8<S>; 3], b: [f32x8<S>; 3]) -> f32x8<S> {
-    a[2].mul_add(b[2], a[1].mul_add(b[1], a[0] * b[0]))
-}
-
 /// What drops pairs during a traversal.
 #[derive(Clone, Copy, Debug)]
 pub struct PairCull<'a> {
@@ -357,10 +339,10 @@ impl Separation<'_> {
         let (own, other) = (self.own, self.other);
         let normal = pairs.of_first(simd, &own.normals);
         let shift = dot(normal, splat(simd, self.offset.to_array()));
-        let (low, high) = project(*others, normal);
+        let (low, high) = project(others, normal);
         let (own_low, own_high) = (pairs.row_of_first(simd, &own.low), pairs.row_of_first(simd, &own.high));
         let own_gap = (low - (own_high + shift)).max((own_low + shift) - high);
-        let (low, high) = project(*corners, pairs.of_second(simd, &other.normals));
+        let (low, high) = project(corners, pairs.of_second(simd, &other.normals));
         let (other_low, other_high) = (pairs.row_of_second(simd, &other.low), pairs.row_of_second(simd, &other.high));
         [own_gap, (low - other_high).max(other_low - high)]
     }
@@ -370,7 +352,7 @@ impl Separation<'_> {
 #[inline(always)]
 fn line_gap<S: Simd>([corners, others]: &Corners<S>) -> (f32x8<S>, [f32x8<S>; 3]) {
     let between = minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
-    let ((low, high), (own_low, own_high)) = (project(*others, between), project(*corners, between));
+    let ((low, high), (own_low, own_high)) = (project(others, between), project(corners, between));
     ((low - own_high).max(own_low - high), between)
 }
 

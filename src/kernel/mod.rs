@@ -5,6 +5,7 @@
 //! stands beside them. Lengths are in the unit of the positions,
 //! angles in radians, curvature in 1/length.
 
+mod approach;
 pub mod bounded_pairs;
 pub mod bounds;
 

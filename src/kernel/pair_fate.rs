@@ -25,8 +25,8 @@ use super::{
 pub enum PairFate {
     /// The two share a vertex in a self-collision. The broad phases of this crate leave such pairs out already.
     Neighbors,
-    /// What is remembered of the distance of the two, less what their surfaces have moved since, exceeds what matters: they
-    /// were passed over without a look. `Refined` and `Closest`, where surfaces have [moved a
+    /// What is remembered of the distance of the two, less what their surfaces have moved since, exceeds what matters, or
+    /// else a slab still keeps them farther apart: they were passed over. `Refined` and `Closest`, where surfaces have [moved a
     /// little](field@crate::CircumsphereSettings::memory); of such surfaces' other pairs whose boxes may overlap nothing is
     /// known.
     Remembered,

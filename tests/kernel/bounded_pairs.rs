@@ -1,15 +1,16 @@
 //! What is remembered of pairs is less than the truth in f64, and no pair is missing.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use bevy_circumsphere::kernel::{
-    bounded_pairs::BoundedPairs,
+    bounded_pairs::{BoundedPairs, ListedTriangles},
     ids::TriangleId,
     leaf_triangles::PairCull,
     motion::Motion,
     pair::{FoundPairs, PairSettings, SurfaceSide},
     reference::triangle_distance,
     refine::{refine_closest, refine_pairs},
+    share::OneByOne,
 };
 use circumsphere_support::{
     random::Random,
@@ -67,7 +68,7 @@ fn a_list_has_every_pair_within_the_skin_and_bounds_no_greater_than_the_distance
             assert_eq!(listed.len(), pairs.len(), "{name}: a pair is listed twice");
             let count = a.topology.triangles().len() as u32;
             let (mut within, mut beyond, mut passed_over) = (0, 0, 0);
-            let examined: std::collections::BTreeSet<[u32; 2]> = near(&pairs, range).into_iter().collect();
+            let examined: BTreeSet<[u32; 2]> = near(&pairs, range).into_iter().collect();
             for first in 0..count {
                 for second in if is_self { first + 1 } else { 0 }..count {
                     if is_self && a.topology.share_vertex(TriangleId(first), TriangleId(second)) {
@@ -145,6 +146,67 @@ fn lower_bounds_of_the_exact_test_are_the_distances_within_the_range_and_beyond(
             println!("{name}: {close} of {beyond}");
             // All but those that the screen cannot tell from crossing ones, and looks at alone only near the range.
             assert!(beyond > 10_000 && close * 100 > beyond * 95, "{name}: {close} of {beyond}");
+        }
+    }
+}
+
+#[test]
+fn a_closer_look_raises_bounds_of_pairs_that_are_apart_and_none_above_the_distance() {
+    // In the unit of the range; the last ones are too small or too large for squares in f32.
+    let sizes = [(1.0, Vec3::ZERO), (1.0, Vec3::new(300.0, -20.0, 5.0)), (1.0e-10, Vec3::ZERO), (1.0e8, Vec3::ZERO)];
+    let extremes = [(1.0e-22, Vec3::ZERO), (1.0e18, Vec3::ZERO)];
+    for (name, mesh, range) in meshes() {
+        for (number, (size, place)) in sizes.into_iter().chain(extremes).enumerate() {
+            let mut mesh = mesh.clone();
+            mesh.positions.iter_mut().for_each(|point| *point = (place + Vec3::from_array(*point) * size).to_array());
+            let (surface, range) = (Surface::of_mesh(&mesh, range * size), range * size);
+            let count = surface.topology.triangles().len() as u32;
+            let distance = |[a, b]: [u32; 2]| triangle_distance(&surface.corners(a), &surface.corners(b));
+            // All those within twice the range, and some of the others.
+            let is_asked =
+                |pair: &[u32; 2]| (pair[0] + pair[1]).is_multiple_of(16) || distance(*pair) <= 2.0 * f64::from(range);
+            let all: Vec<[u32; 2]> = (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b])).collect();
+            let all: Vec<[u32; 2]> = all.into_iter().filter(is_asked).collect();
+            let [firsts, seconds] = [0, 1].map(|side: usize| all.iter().map(|pair| pair[side]).collect::<Vec<u32>>());
+            // Some are asked about, others are below, above, or no number.
+            let (motion, passed, limit) = (0.25 * range, 0.75 * range, 1.25 * range);
+            let bounds = [range, passed, limit, range, 1.5 * range, f32::NAN, range, 0.0];
+            let before: Vec<f32> = (0..all.len()).map(|place| bounds[place % bounds.len()]).collect();
+            let is_between = |bound: f32| bound > passed && bound <= limit;
+            let mut pairs = BoundedPairs::default();
+            pairs.extend_from_slices(&firsts, &seconds, &before);
+            let triangles =
+                ListedTriangles { positions: [&surface.positions; 2], triangles: [surface.topology.triangles(); 2] };
+            let looked_at = pairs.look_closer(&OneByOne, &triangles, [passed, limit], motion);
+            assert_eq!(looked_at, before.iter().filter(|bound| is_between(**bound)).count(), "{name} {size}");
+            let near_at = |limit: f32| near(&pairs, limit).into_iter().collect::<BTreeSet<[u32; 2]>>();
+            let now = near_at(limit);
+            let (mut raised, mut apart) = (0, 0);
+            for (&pair, &bound) in all.iter().zip(&before) {
+                let is_near = now.contains(&pair);
+                if !is_between(bound) {
+                    assert_eq!(is_near, bound <= limit || bound.is_nan(), "{name} {size}: {pair:?} was not to change");
+                    continue;
+                }
+                let is_apart = distance(pair) > f64::from(range);
+                assert!(is_near || is_apart, "{name} {size}: {pair:?} is lost, {} apart", distance(pair));
+                raised += usize::from(!is_near);
+                apart += usize::from(is_apart);
+            }
+            // Whatever limit is asked for, bounds are less than the distances.
+            for step in 1..12 {
+                let limit = limit * (1.0 + 0.5 * step as f32);
+                let now = near_at(limit);
+                for (&pair, _) in
+                    all.iter().zip(&before).filter(|(pair, bound)| is_between(**bound) && !now.contains(*pair))
+                {
+                    let least = f64::from(limit - motion) * (1.0 - 1.0e-6);
+                    assert!(distance(pair) > least, "{name} {size}: {pair:?}, {} for {limit}", distance(pair));
+                }
+            }
+            println!("{name} {size}: {raised} raised of {apart} that are apart, {} in all", all.len());
+            let least = if number < sizes.len() { 85 } else { 0 };
+            assert!(apart > 300 && raised * 100 >= apart * least, "{name} {size}: {raised} of {apart}");
         }
     }
 }

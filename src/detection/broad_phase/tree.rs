@@ -16,7 +16,7 @@ use bevy_ecs::prelude::*;
 use self::{
     asked::{Asked, mark_asked_surfaces},
     follow::{Outcome, TakenTree, update_each},
-    lists::{make_list, mark_idle_trees},
+    lists::{look_closer, make_list, mark_idle_trees},
 };
 use super::{
     BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, brute_force::pair_with_shape_brute_force,
@@ -274,7 +274,9 @@ fn pair_triangles(
             }
             if list.list_use != ListUse::None {
                 overlapping.fetch_add(list.pairs.len(), Ordering::Relaxed);
-                list.find_near(triangle_count(&candidates.pairs[place]));
+                let pair = &candidates.pairs[place];
+                let glanced_at = look_closer(&active, pair, list, &surfaces, threads);
+                list.find_near(triangle_count(pair), glanced_at);
             }
         },
     );

@@ -8,6 +8,7 @@
 mod angles;
 mod caps;
 mod corners;
+pub(in crate::kernel) mod fused;
 mod pairs;
 mod triangles;
 

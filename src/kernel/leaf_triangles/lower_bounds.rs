@@ -2,7 +2,8 @@
 
 use fearless_simd::{f32x8, prelude::*};
 
-use super::{Corners, LEAST_SQUARED, LanePairs, RANGE_SLACK, Separation, dot, line_gap};
+use super::{LEAST_SQUARED, LanePairs, RANGE_SLACK, Separation, dot, line_gap};
+use crate::kernel::approach::Corners;
 
 impl Separation<'_> {
     /// Those of the `asked` of up to eight pairs of lanes that no slab keeps apart, and lower bounds of their distances by

@@ -10,7 +10,7 @@ use crate::{
         kept_pairs::{KeptList, KeptPairs, ListUse},
         parallel::{Buffers, append_parts},
     },
-    kernel::bounded_pairs::BoundedPairs,
+    kernel::bounded_pairs::{BoundedPairs, ListedTriangles},
     settings::CircumsphereSettings,
     surface::ActiveSurfaces,
 };
@@ -77,4 +77,23 @@ pub(super) fn make_list(
     }
     let count = |place: usize| active.surfaces[place].topology.triangles().len();
     list.pairs.sort(count(pair.first).max(count(second)));
+}
+
+/// Looks at the triangles of pairs on a list that is followed, of which the bound no longer tells; where one is made, the
+/// traversal has done so. Returns of how many.
+pub(super) fn look_closer(
+    active: &ActiveSurfaces,
+    pair: &SurfacePair,
+    list: &mut KeptList,
+    surfaces: &TreeQuery,
+    threads: usize,
+) -> usize {
+    let OtherSide::Surface(second) = pair.second else { return 0 };
+    let sides = [pair.first, second].map(|place| &active.surfaces[place]);
+    let [Ok((first, ..)), Ok((second, ..))] = sides.map(|side| surfaces.get(side.entity)) else { return 0 };
+    if list.list_use != ListUse::Followed {
+        return 0;
+    }
+    let triangles = sides.map(|side| side.topology.triangles());
+    list.look_closer(&ListedTriangles { positions: [&first.0, &second.0], triangles }, threads)
 }

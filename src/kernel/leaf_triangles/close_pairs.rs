@@ -1,21 +1,17 @@
-//! How far apart triangles are along directions that come closer and closer to the best one.
+//! Pairs of any leaves, eight at a time, on their last steps to the candidates.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
-use super::{LEAF_WIDTH, LEAST_SQUARED, RANGE_SLACK, Separation, dot, minus, plus};
-use crate::kernel::lanes::first_lanes;
-
-/// Ways between two triangles along which a gap is looked for. Of the pairs that do not touch, and that neither their planes nor
-/// the first way keeps apart, three find 47 to 83 % and four 59 to 90 %, measured on five recordings.
-const STEPS: usize = 4;
+use super::{LEAF_WIDTH, LEAST_SQUARED, RANGE_SLACK, Separation};
+use crate::kernel::{
+    approach::{Approach, Corners, STEPS},
+    lanes::first_lanes,
+};
 
 /// How many pairs wait before they are looked at.
 const ROOM: usize = 64;
-
-/// The corners of the triangles of eight pairs, by triangle, corner and axis, in one frame.
-pub(in crate::kernel) type Corners<S> = [[[f32x8<S>; 3]; 3]; 2];
 
 /// Groups of eight pairs.
 #[derive(Clone, Copy)]
@@ -135,13 +131,7 @@ impl ClosePairs {
     /// The same with lower bounds of the distances, by the widest gap.
     #[inline(always)]
     pub(in crate::kernel) fn bounded_group<S: Simd>(&self, simd: S, group: usize) -> ([u32x8<S>; 2], f32x8<S>, u32) {
-        let (corners, zero) = (self.corners_of(simd, group), f32x8::splat(simd, 0.0));
-        let mut approach = Approach::new(&corners);
-        let mut widest = zero;
-        for _ in 0..STEPS {
-            let (gap, squared) = approach.step();
-            widest = widest.max(squared.simd_gt(LEAST_SQUARED).select(gap / squared.sqrt(), zero));
-        }
+        let widest = Approach::new(&self.corners_of(simd, group)).widest_gap();
         let (needed, bounds) = (self.needed.group(simd, group), self.bounds.group(simd, group));
         let apart = widest.simd_gt(needed).to_bitmask() as u32;
         let by_gaps = (widest - self.rounding.group(simd, group)) * (1.0 / RANGE_SLACK);
@@ -195,56 +185,4 @@ impl ClosePairs {
         }
         self.count -= first;
     }
-}
-
-/// A way from each of eight triangles to another, which gets shorter step by step. Along the shortest one they are as far apart
-/// as they are.
-///
-/// That is Gilbert's method for the point of a convex set next to the origin ("An iterative procedure for computing the minimum
-/// of a quadratic form on a convex set", SIAM Journal on Control 4, 1966), of the set of all ways from one to the other: the
-/// next way is the shortest between this one and that from the foremost corner of the first to the foremost of the second.
-/// However a way was rounded, what stands between the triangles along it is a gap.
-struct Approach<'a, S: Simd> {
-    corners: &'a Corners<S>,
-    way: [f32x8<S>; 3],
-}
-
-impl<'a, S: Simd> Approach<'a, S> {
-    /// Begins with the way between the centroids.
-    #[inline(always)]
-    fn new(corners: &'a Corners<S>) -> Self {
-        let [[a, b, c], [other_a, other_b, other_c]] = *corners;
-        let [x, y, z] = minus(plus(plus(other_a, other_b), other_c), plus(plus(a, b), c));
-        Self { corners, way: [x * (1.0 / 3.0), y * (1.0 / 3.0), z * (1.0 / 3.0)] }
-    }
-
-    /// How far apart the triangles are along this way, in lengths of what stands beside it, which is its square. Goes on to the
-    /// next way.
-    #[inline(always)]
-    fn step(&mut self) -> (f32x8<S>, f32x8<S>) {
-        let [x, y, z] = self.way;
-        let (from, height) = foremost(&self.corners[0], [x, y, z]);
-        let (to, depth) = foremost(&self.corners[1], [-x, -y, -z]);
-        let turn = minus(minus(to, from), [x, y, z]);
-        let turn_squared = dot(turn, turn).max(f32::MIN_POSITIVE);
-        let share = (-dot([x, y, z], turn) / turn_squared).max(0.0).min(1.0);
-        self.way = [turn[0].mul_add(share, x), turn[1].mul_add(share, y), turn[2].mul_add(share, z)];
-        (-(depth + height), dot([x, y, z], [x, y, z]))
-    }
-}
-
-/// The corner of each triangle that is farthest in a direction, and how far that is, in lengths of the direction.
-#[inline(always)]
-fn foremost<S: Simd>(corners: &[[f32x8<S>; 3]; 3], direction: [f32x8<S>; 3]) -> ([f32x8<S>; 3], f32x8<S>) {
-    let [a, b, c] = *corners;
-    let (mut farthest, mut height) = (a, dot(direction, a));
-    for corner in [b, c] {
-        let own = dot(direction, corner);
-        let is_farther = own.simd_gt(height);
-        height = height.max(own);
-        for axis in 0..3 {
-            farthest[axis] = is_farther.select(corner[axis], farthest[axis]);
-        }
-    }
-    (farthest, height)
 }
