@@ -26,7 +26,7 @@ use crate::{
 };
 
 /// Lists are made where a tick moves the surfaces by no more than this share of the range: of faster ones so many pairs
-/// have to be looked at after a tick that too little is saved.
+/// have to be tested after a tick that too little is saved.
 const SLOW: f64 = 0.4;
 
 /// How many ticks of the same speed a list is to serve.
@@ -82,13 +82,13 @@ pub(super) struct KeptList {
     skin: f32,
     /// How far the surfaces have moved since the list was made.
     motion: f64,
-    /// Bounds up to this are looked at.
+    /// Pairs with bounds up to this may be within the range.
     pub(super) limit: f32,
-    /// Bounds up to this were looked at in the last detection.
+    /// The same in the last detection that the list was asked in.
     last_limit: f32,
     /// How many pairs of boxes were looked at when the list was made.
     pub(super) looked_at: usize,
-    /// How many of its pairs were looked at then.
+    /// How many of its pairs were tested then.
     examined_at_first: usize,
     /// Whether the list cost more than it saved when it was followed last.
     is_too_long: bool,
@@ -106,7 +106,7 @@ pub(super) struct KeptList {
 }
 
 /// The candidate lists of surfaces that move a little, see [`memory`](field@CircumsphereSettings::memory): of every pair of
-/// triangles on them its numbers and a bound of its distance, 12 bytes, and of each that is looked at its place, 4 bytes.
+/// triangles on them its numbers and a bound of its distance, 12 bytes, and of each that is tested its place, 4 bytes.
 /// Nobody but the stages reads or writes it; a new one may be inserted in its place to free its memory.
 #[derive(Resource, Debug, Default)]
 pub struct KeptPairs {

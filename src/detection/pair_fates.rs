@@ -98,7 +98,7 @@ impl PairFates<'_, '_> {
         })
     }
 
-    /// The pairs of triangles that were passed over by what is remembered of them.
+    /// The pairs of triangles that were passed over by what is remembered of them, or by a slab.
     pub(crate) fn remembered(&self, place: usize, pair: &SurfacePair) -> Vec<[u32; 2]> {
         let Some(listed) = self.kept.followed(place).filter(|_| self.is_as_detected(pair, &[])) else {
             return Vec::new();

@@ -10,7 +10,7 @@
 use fearless_simd::{f32x8, prelude::*};
 
 use super::{
-    exact::cull::LEAST_SQUARED,
+    exact::cull::{LEAST_SQUARED, RANGE_SLACK},
     lanes::fused::{Vectors, dot, minus, plus},
 };
 
@@ -54,14 +54,25 @@ impl<'a, S: Simd> Approach<'a, S> {
     /// The widest gap along the first [`STEPS`] ways; 0 where there is none.
     #[inline(always)]
     pub(super) fn widest_gap(mut self) -> f32x8<S> {
-        let zero = f32x8::splat(self.way[0].simd, 0.0);
-        let mut widest = zero;
+        let mut widest = f32x8::splat(self.way[0].simd, 0.0);
         for _ in 0..STEPS {
             let (gap, squared) = self.step();
-            widest = widest.max(squared.simd_gt(LEAST_SQUARED).select(gap / squared.sqrt(), zero));
+            widest = widest.max(in_units(gap, squared));
         }
         widest
     }
+}
+
+/// Gaps in lengths of directions, of which the squares are given; 0 where one is too short to tell.
+#[inline(always)]
+pub(super) fn in_units<S: Simd>(gap: f32x8<S>, squared: f32x8<S>) -> f32x8<S> {
+    squared.simd_gt(LEAST_SQUARED).select(gap / squared.sqrt(), f32x8::splat(gap.simd, 0.0))
+}
+
+/// Lower bounds of distances by gaps, which may be off by `rounding`; not above 0 where there is no gap.
+#[inline(always)]
+pub(super) fn bounds_by<S: Simd>(gap: f32x8<S>, rounding: f32x8<S>) -> f32x8<S> {
+    (gap - rounding) * (1.0 / RANGE_SLACK)
 }
 
 /// The corner of each triangle that is farthest in a direction, and how far that is, in lengths of the direction.

@@ -234,12 +234,6 @@ impl<'a> PairCull<'a> {
         self.slabs < f32::INFINITY
     }
 
-    /// Whether any direction counts, also those that are found on the way from one triangle to the other.
-    #[inline(always)]
-    pub(super) fn looks_closer(&self) -> bool {
-        self.has_slabs() && !self.planes_only
-    }
-
     /// What tells which triangles of two leaves slabs keep apart. Only where there are [slabs](Self::has_slabs): else nobody has
     /// brought the leaves' triangles up to date.
     #[inline(always)]

@@ -274,7 +274,7 @@ impl BoxTree {
     ) -> usize {
         let mut count = 0;
         let (mut hits, mut close, mut recent) = (LaneHits::new(), ClosePairs::new(), Recent::new());
-        let looks_closer = cull.is_some_and(PairCull::looks_closer);
+        let looks_closer = cull.is_some_and(|cull| !cull.planes_only);
         let mut search = NeighborSearch::new();
         let own = &self.leaves[leaves.clone()];
         for (passed, leaf) in own.iter().enumerate() {

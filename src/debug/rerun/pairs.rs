@@ -50,7 +50,7 @@ pub(super) fn draw(
         for (triangles, fate) in wanted.into_iter().zip(fates) {
             by_fate[fate as usize].push(triangles);
         }
-        // Planes part most of them, and never wrongly.
+        // Slabs part most of them, and never wrongly.
         let parted = &mut by_fate[PairFate::Planes as usize];
         if level == LevelOfDetail::All {
             parted.extend(detected.fates.dropped_by_slabs(place, pair));

@@ -7,8 +7,8 @@ use bevy_ecs::prelude::*;
 pub enum LevelOfDetail {
     /// Nothing.
     Off,
-    /// Triangles that touch another, and those that share a vertex with them; of pairs, those of two such triangles whose
-    /// planes do not part them.
+    /// Triangles that touch another, and those that share a vertex with them; of pairs, those of two such triangles that
+    /// no slab parts.
     NearContacts,
     /// Everything.
     All,

@@ -9,8 +9,8 @@ use glam::Vec3;
 
 use super::BoundedPairs;
 use crate::kernel::{
-    approach::Approach,
-    exact::cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
+    approach::{Approach, Corners, bounds_by, in_units},
+    exact::cull::ROUNDING,
     lanes::{
         PairLanes, TriangleLanes, VectorLanes, WIDTH,
         fused::{Vectors, dot, project},
@@ -134,19 +134,66 @@ fn lower_bounds<S: Simd>(pairs: &PairLanes<S>) -> f32x8<S> {
     let corners = [[numbers(a), numbers(b), numbers(c)], [numbers(d), numbers(e), numbers(f)]];
     let by_first = gap_along(&corners, numbers((b - a).cross(c - a)));
     let by_second = gap_along(&corners, numbers((e - d).cross(f - d)));
-    let widest = Approach::new(&corners).widest_gap().max(by_first).max(by_second);
-    (widest - extent * ROUNDING) * (1.0 / RANGE_SLACK)
+    // A normal may be so long that nothing comes of it. Some processors take the second of two numbers where either is none.
+    let widest = by_first.max(by_second).max(Approach::new(&corners).widest_gap());
+    bounds_by(widest, extent * ROUNDING)
 }
 
-/// How far apart triangles are along a direction; 0 where that is too short to tell.
 #[inline(always)]
-fn gap_along<S: Simd>([corners, others]: &[[Vectors<S>; 3]; 2], direction: Vectors<S>) -> f32x8<S> {
+fn gap_along<S: Simd>([corners, others]: &Corners<S>, direction: Vectors<S>) -> f32x8<S> {
     let ((low, high), (other_low, other_high)) = (project(corners, direction), project(others, direction));
-    let (gap, squared) = ((other_low - high).max(low - other_high), dot(direction, direction));
-    squared.simd_gt(LEAST_SQUARED).select(gap / squared.sqrt(), f32x8::splat(gap.simd, 0.0))
+    in_units((other_low - high).max(low - other_high), dot(direction, direction))
 }
 
 #[inline(always)]
 fn numbers<S: Simd>(VectorLanes { x, y, z }: VectorLanes<S>) -> Vectors<S> {
     [x, y, z]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::share::{OnTwoThreads, OneByOne};
+
+    #[test]
+    fn bounds_do_not_depend_on_parts_and_threads_nor_on_what_is_beside() {
+        // Triangles along a screw, of which some are near one another.
+        let positions: Vec<Vec3> = (0..900)
+            .map(|place| {
+                let (sine, cosine) = bevy_math::ops::sin_cos(place as f32 * 0.7);
+                Vec3::new(cosine, sine, place as f32 * 0.007)
+            })
+            .collect();
+        let triangles: Vec<[u32; 3]> = (0..300).map(|number| [3 * number, 3 * number + 1, 3 * number + 2]).collect();
+        let at = ListedTriangles { positions: [&positions; 2], triangles: [&triangles; 2] };
+        let pairs: Vec<[u32; 2]> = (0..300).flat_map(|a| (0..300).map(move |b| [a, b])).collect();
+        let [firsts, seconds] = [0, 1].map(|side: usize| pairs.iter().map(|pair| pair[side]).collect::<Vec<_>>());
+        let bounds: Vec<f32> = (0..pairs.len()).map(|place| (place % 11) as f32 * 0.05).collect();
+        assert!(pairs.len() > 5 * PART);
+        let looked_at = |share: &dyn Fn(&mut BoundedPairs) -> usize, range: std::ops::Range<usize>| {
+            let mut list = BoundedPairs::default();
+            list.extend_from_slices(&firsts[range.clone()], &seconds[range.clone()], &bounds[range]);
+            let count = share(&mut list);
+            (list.bounds, count)
+        };
+        let limits = [0.1, 0.4];
+        let by_one = |list: &mut BoundedPairs| list.look_closer(&OneByOne, &at, limits, 0.02);
+        let by_two = |list: &mut BoundedPairs| list.look_closer(&OnTwoThreads, &at, limits, 0.02);
+        let whole = looked_at(&by_one, 0..pairs.len());
+        assert_eq!(whole, looked_at(&by_two, 0..pairs.len()));
+        let (mut pieces, mut count, mut start) = (Vec::new(), 0, 0);
+        for length in (1..).map(|number| number * number) {
+            let end = (start + length).min(pairs.len());
+            let (bounds, looked_at) = looked_at(&by_one, start..end);
+            pieces.extend(bounds);
+            count += looked_at;
+            start = end;
+            if start == pairs.len() {
+                break;
+            }
+        }
+        assert_eq!((pieces, count), whole);
+        let raised = whole.0.iter().zip(&bounds).filter(|(now, before)| now > before).count();
+        assert!(raised > 10_000 && raised < whole.1, "{raised} of {}", whole.1);
+    }
 }

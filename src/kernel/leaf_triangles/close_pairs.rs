@@ -4,9 +4,9 @@
 
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
-use super::{LEAF_WIDTH, LEAST_SQUARED, RANGE_SLACK, Separation};
+use super::{LEAF_WIDTH, LEAST_SQUARED, Separation};
 use crate::kernel::{
-    approach::{Approach, Corners, STEPS},
+    approach::{Approach, Corners, STEPS, bounds_by},
     lanes::first_lanes,
 };
 
@@ -34,7 +34,7 @@ impl Numbers<f32> {
     }
 }
 
-/// Pairs of triangles of any leaves that no plane keeps apart, on their way to the candidates. Eight are looked at together,
+/// Pairs of triangles of any leaves that neither a plane nor the line between their centroids keeps apart, on their way to the candidates. Eight are looked at together,
 /// whichever leaves they are of: of two leaves there are only few.
 pub(in crate::kernel) struct ClosePairs {
     corners: [[[Numbers<f32>; 3]; 3]; 2],
@@ -98,6 +98,9 @@ impl ClosePairs {
         bounds: f32x8<S>,
         meant: u32,
     ) -> bool {
+        if meant == 0 {
+            return false;
+        }
         let room = self.count..self.count + LEAF_WIDTH;
         let mask = mask32x8::from_bitmask(simd, u64::from(meant));
         bounds.compress(mask).store_slice(&mut self.bounds.0[room.clone()]);
@@ -134,7 +137,7 @@ impl ClosePairs {
         let widest = Approach::new(&self.corners_of(simd, group)).widest_gap();
         let (needed, bounds) = (self.needed.group(simd, group), self.bounds.group(simd, group));
         let apart = widest.simd_gt(needed).to_bitmask() as u32;
-        let by_gaps = (widest - self.rounding.group(simd, group)) * (1.0 / RANGE_SLACK);
+        let by_gaps = bounds_by(widest, self.rounding.group(simd, group));
         let is_wider = by_gaps.simd_gt(bounds) & needed.simd_lt(f32::INFINITY);
         (self.items_of(simd, group), is_wider.select(by_gaps, bounds), self.asked(group) & !apart)
     }

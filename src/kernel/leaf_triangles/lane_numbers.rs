@@ -30,6 +30,38 @@ impl<S: Simd> LaneNumbers<S> {
             return permuted(avx2, numbers.into(), lanes.into()).simd_into(lanes.simd);
         }
         // A lane's number is four bytes long.
-        numbers.swizzle_dyn((lanes * 0x0404_0404 + 0x0302_0100).to_bytes())
+        numbers.swizzle_dyn((lanes * 0x0404_0404 + u32::from_ne_bytes([0, 1, 2, 3])).to_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn permuted_by<S: Simd>(simd: S) {
+        let numbers = [1.5, -2.0, f32::NAN, 4.0e-40, 5.0e30, -0.0, 7.0, f32::INFINITY];
+        for seed in 0..64_u32 {
+            let lanes: [u32; 8] = std::array::from_fn(|lane| (seed / 8 * lane as u32 + seed) % 8);
+            let mut found = [0.0; 8];
+            LaneNumbers(u32x8::from_slice(simd, &lanes)).of(f32x8::from_slice(simd, &numbers)).store_slice(&mut found);
+            let expected = lanes.map(|lane| numbers[lane as usize].to_bits());
+            assert_eq!(found.map(f32::to_bits), expected, "{lanes:?} by {:?}", simd.level());
+        }
+    }
+
+    #[test]
+    fn numbers_go_to_the_lanes_that_ask_for_them_by_any_instructions() {
+        let level = Level::new();
+        for level in [level, Level::baseline()] {
+            fearless_simd::dispatch!(level, simd => permuted_by(simd));
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = level.as_sse4_2() {
+            permuted_by(simd);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = level.as_avx2() {
+            permuted_by(simd);
+        }
     }
 }

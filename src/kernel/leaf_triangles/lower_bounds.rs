@@ -2,8 +2,11 @@
 
 use fearless_simd::{f32x8, prelude::*};
 
-use super::{LEAST_SQUARED, LanePairs, RANGE_SLACK, Separation, dot, line_gap};
-use crate::kernel::approach::Corners;
+use super::{LanePairs, Separation, line_gap};
+use crate::kernel::{
+    approach::{Corners, bounds_by, in_units},
+    lanes::fused::dot,
+};
 
 impl Separation<'_> {
     /// Those of the `asked` of up to eight pairs of lanes that no slab keeps apart, and lower bounds of their distances by
@@ -23,10 +26,8 @@ impl Separation<'_> {
         let [own_gap, other_gap] = self.plane_gaps(simd, pairs, corners);
         let by_planes = own_gap.max(other_gap);
         let (gap, between) = line_gap(corners);
-        let squared = dot(between, between);
-        let along_line = squared.simd_gt(LEAST_SQUARED).select(gap / squared.sqrt(), zero);
-        let widest = by_planes.max(along_line);
-        let bounds = (widest - self.rounding()) * (1.0 / RANGE_SLACK);
+        let widest = by_planes.max(in_units(gap, dot(between, between)));
+        let bounds = bounds_by(widest, f32x8::splat(simd, self.rounding()));
         (asked & !widest.simd_gt(needed).to_bitmask() as u32, bounds.simd_gt(0.0).select(bounds, zero))
     }
 }

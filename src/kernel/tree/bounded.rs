@@ -15,7 +15,8 @@ use crate::kernel::{
 impl BoxTree {
     /// Appends the pairs of items of which one is in `leaves` and the other there or after whose boxes are no farther apart
     /// than `skin`, without those that `cull` drops, lower item first. Two boxes are grown by `range` or more
-    /// together: what is in them is farther apart by it. Returns how many pairs there are without culling by slabs.
+    /// together: what is in them is farther apart by it. Slabs along any direction count, also where `cull` would have those of
+    /// planes only. Returns how many pairs there are without culling by slabs.
     pub fn bounded_self_pairs_of(
         &self,
         leaves: Range<usize>,

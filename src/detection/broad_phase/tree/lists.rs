@@ -89,11 +89,11 @@ pub(super) fn look_closer(
     threads: usize,
 ) -> usize {
     let OtherSide::Surface(second) = pair.second else { return 0 };
-    let sides = [pair.first, second].map(|place| &active.surfaces[place]);
-    let [Ok((first, ..)), Ok((second, ..))] = sides.map(|side| surfaces.get(side.entity)) else { return 0 };
     if list.list_use != ListUse::Followed {
         return 0;
     }
+    let sides = [pair.first, second].map(|place| &active.surfaces[place]);
+    let [Ok((first, ..)), Ok((second, ..))] = sides.map(|side| surfaces.get(side.entity)) else { return 0 };
     let triangles = sides.map(|side| side.topology.triangles());
     list.look_closer(&ListedTriangles { positions: [&first.0, &second.0], triangles }, threads)
 }
