@@ -228,15 +228,15 @@ impl<'a> FeatureBatches<'a> {
     fn finish_kind(&mut self, kind: Kind, contacts: &mut [CompactContact]) {
         let Self { batches, results, left, limits, sides, .. } = self;
         let batch = &mut batches[kind as usize];
-        dispatch!(Level::new(), simd => {
-            match kind {
-                Kind::VertexFace => vertices_over_faces(simd, batch, limits, results),
-                Kind::EdgeEdge => pairs_of_edges(simd, batch, limits, results),
-                Kind::Piercing => edges_through_faces(simd, batch, limits, results),
-                Kind::VertexEdge => vertices_on_edges(simd, batch, limits, results),
-            }
-            results.write(batch, *sides, contacts, left);
-        });
+        // Each by itself: together they take more room than the stack of a thread has, where nothing is optimized.
+        let level = Level::new();
+        match kind {
+            Kind::VertexFace => dispatch!(level, simd => vertices_over_faces(simd, batch, limits, results)),
+            Kind::EdgeEdge => dispatch!(level, simd => pairs_of_edges(simd, batch, limits, results)),
+            Kind::Piercing => dispatch!(level, simd => edges_through_faces(simd, batch, limits, results)),
+            Kind::VertexEdge => dispatch!(level, simd => vertices_on_edges(simd, batch, limits, results)),
+        }
+        dispatch!(level, _simd => results.write(batch, *sides, contacts, left));
     }
 }
 
