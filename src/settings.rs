@@ -41,12 +41,13 @@ pub struct CircumsphereSettings {
     /// How many threads may work on one tick, the calling one included. 1 never touches a task pool. Default 0: as
     /// many as Bevy's compute task pool has, where the app has one. Contacts are the same for any number.
     pub threads: usize,
-    /// Whether a pair of surfaces that is as it was in the last tick, bit by bit, keeps what was found then; and whether
-    /// surfaces that move by less than a fraction of the contact distance a tick keep lists of the triangles that are near each
-    /// other, with bounds of their distances, for as many ticks as these hold (`Refined` and `Closest`, surfaces in one frame, not
-    /// where one of two surfaces has an inside). Default true. Contacts are the same either way: false is for measuring
-    /// what a tick costs in which everything has moved. Systems of your own that write to what a stage wrote are heeded:
-    /// everything is found anew then, in that tick and the next.
+    /// Whether a pair of surfaces that is as it was in the last tick, bit by bit, keeps what was found then; whether a surface
+    /// that rests in its own frame keeps its spheres while others move; and whether surfaces that move by less than a
+    /// fraction of the contact distance a tick keep lists of the triangles that are near each other, with bounds of their
+    /// distances, for as many ticks as these hold (`Refined` and `Closest`, surfaces in one frame, not where one of two surfaces
+    /// has an inside). Default true. Contacts are the same either way: false is for measuring what a tick costs in which
+    /// everything has moved. Systems of your own that write to what a stage wrote are heeded: everything is found anew then,
+    /// in that tick and the next.
     pub memory: bool,
 }
 

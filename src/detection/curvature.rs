@@ -6,10 +6,12 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
+    bounds::TriangleBounds,
     broad_phase::CandidateTrianglePairs,
     diagnostics::DetectionDiagnostics,
-    memory::{DetectionMemory, check_spheres, seal_curvature},
+    memory::DetectionMemory,
     parallel::Threads,
+    sphere_memory::{SpherePart, SphereSource, check_spheres},
 };
 use crate::{
     kernel::curvature::Curvatures,
@@ -31,7 +33,7 @@ impl Plugin for CurvaturePlugin {
         app.init_resource::<DetectionMemory>();
         app.add_systems(
             SurfaceDetection,
-            (check_spheres, measure_curvature, seal_curvature).chain().in_set(SurfaceDetectionSystems::Curvature),
+            (check_spheres, measure_curvature).chain().in_set(SurfaceDetectionSystems::Curvature),
         );
     }
 }
@@ -40,25 +42,31 @@ fn measure_curvature(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
-    memory: Res<DetectionMemory>,
+    mut memory: ResMut<DetectionMemory>,
     mut used: Local<Vec<bool>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut surfaces: Query<(&SurfacePositions, &mut TriangleCurvature)>,
+    mut surfaces: Query<(&SurfacePositions, &TriangleBounds, &mut TriangleCurvature)>,
 ) {
     memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere, &mut used);
     let start = Instant::now();
-    let any_used = used.contains(&true);
+    let mut any_made = false;
     for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
-        let Ok((positions, mut curvature)) = surfaces.get_mut(surface.entity) else { continue };
+        let Ok((positions, bounds, mut curvature)) = surfaces.get_mut(surface.entity) else { continue };
         if used {
+            let source = SphereSource { computed: bounds.computed(), curvature: None };
+            if memory.spheres.holds(surface.entity, SpherePart::Curvature, source, curvature.last_changed()) {
+                continue;
+            }
+            any_made = true;
             let share = Threads(settings.threads);
             curvature.0.measure_on(&share, &surface.topology, &positions.0, settings.estimator);
+            memory.spheres.seal(surface.entity, SpherePart::Curvature, source, curvature.last_changed());
         } else if surface.method > ContactMethod::Circumsphere && !curvature.0.curvatures.is_empty() {
             // The method was changed: what no pair asks for takes no memory.
             *curvature = TriangleCurvature::default();
         }
     }
-    if any_used {
+    if any_made {
         diagnostics.finish("curvature", start, 0, 0);
     }
 }

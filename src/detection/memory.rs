@@ -7,14 +7,13 @@
 
 use std::sync::Arc;
 
-use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
+use bevy_ecs::{change_detection::Tick, prelude::*};
 use glam::Vec3;
 
 use super::{
     bounds::TriangleBounds,
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair, surfaces_with_method},
-    curvature::TriangleCurvature,
-    refit::{Circumspheres, EnclosingBalls, TriangleCones},
+    sphere_memory::SphereMemory,
 };
 use crate::{
     kernel::bounds::Aabb,
@@ -60,8 +59,7 @@ pub(crate) struct DetectionMemory {
     /// Whether nobody but the stages has written to the candidates, since the last detection began.
     is_undisturbed: bool,
     seals: [Option<Tick>; 6],
-    /// Curvature, balls, spheres and cones of each surface.
-    sphere_seals: EntityHashMap<[Tick; 4]>,
+    pub(super) spheres: SphereMemory,
 }
 
 /// What was brought into the frame of a pair, as the pair has it.
@@ -71,14 +69,6 @@ struct Moved {
     positions: Vec<Vec3>,
     rounding: f32,
 }
-
-/// The components that the sphere stages compute, with their change ticks.
-pub(super) type SphereComponents = (
-    Ref<'static, TriangleCurvature>,
-    Ref<'static, EnclosingBalls>,
-    Ref<'static, Circumspheres>,
-    Ref<'static, TriangleCones>,
-);
 
 impl DetectionMemory {
     /// Begins a detection: finds out which surfaces and shapes have not changed since the last one, and remembers them all.
@@ -94,7 +84,9 @@ impl DetectionMemory {
         let is_whole = std::mem::take(&mut self.is_whole)
             && self.is_undisturbed
             && store_changed.is_none_or(|changed| self.is_sealed(StageList::Store, changed));
-        let keeps = is_whole && settings.memory && self.settings == Some(*settings);
+        let stays = settings.memory && self.settings == Some(*settings);
+        self.spheres.begin(active, stays);
+        let keeps = is_whole && stays;
         self.settings = Some(*settings);
         let Self { surfaces: last_surfaces, shapes: last_shapes, unchanged: [surfaces, shapes], stays, .. } =
             &mut *self;
@@ -230,7 +222,7 @@ impl DetectionMemory {
     }
 
     /// Nothing is kept in this detection from here on.
-    fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         self.origins.fill(None);
         self.all_kept = false;
     }
@@ -308,69 +300,6 @@ impl DetectionMemory {
     ) {
         surfaces_with_method(active, self.changed(&candidates.pairs), method, used);
     }
-}
-
-/// Forgets everything where somebody else has written to the spheres of a kept pair, or to what they are made from.
-pub(super) fn check_spheres(
-    active: Res<ActiveSurfaces>,
-    candidates: Res<CandidateTrianglePairs>,
-    mut memory: ResMut<DetectionMemory>,
-    components: Query<SphereComponents>,
-) {
-    memory.reads(StageList::Candidates, candidates.last_changed());
-    let is_broken = |surface: usize| {
-        let entity = active.surfaces[surface].entity;
-        let ticks = components.get(entity).map(|components| change_ticks(&components)).ok();
-        ticks.is_none() || ticks.as_ref() != memory.sphere_seals.get(&entity)
-    };
-    let has_spheres = |pair: &SurfacePair| !pair.method.is_exact();
-    let mut kept =
-        candidates.pairs.iter().enumerate().filter(|(place, pair)| memory.keeps(*place) && has_spheres(pair));
-    let broken = kept.any(|(_, pair)| match pair.second {
-        OtherSide::Surface(second) => is_broken(pair.first) || is_broken(second),
-        OtherSide::Shape(_) => false,
-    });
-    if broken {
-        memory.forget();
-    }
-}
-
-/// Seals the curvature of all surfaces that it has been measured of.
-pub(super) fn seal_curvature(mut memory: ResMut<DetectionMemory>, curvatures: Query<Ref<TriangleCurvature>>) {
-    for (&entity, seals) in &mut memory.sphere_seals {
-        if let Ok(curvature) = curvatures.get(entity) {
-            seals[0] = curvature.last_changed();
-        }
-    }
-}
-
-/// Seals the spheres of all surfaces that are tested by them, and what they are made from.
-pub(super) fn seal_spheres(
-    active: Res<ActiveSurfaces>,
-    candidates: Res<CandidateTrianglePairs>,
-    mut memory: ResMut<DetectionMemory>,
-    components: Query<SphereComponents>,
-) {
-    memory.sphere_seals.clear();
-    if candidates.pairs.iter().all(|pair| pair.method.is_exact()) {
-        return;
-    }
-    for surface in &active.surfaces {
-        if let Ok(components) = components.get(surface.entity) {
-            memory.sphere_seals.insert(surface.entity, change_ticks(&components));
-        }
-    }
-}
-
-fn change_ticks(
-    (curvature, balls, spheres, cones): &(
-        Ref<TriangleCurvature>,
-        Ref<EnclosingBalls>,
-        Ref<Circumspheres>,
-        Ref<TriangleCones>,
-    ),
-) -> [Tick; 4] {
-    [curvature.last_changed(), balls.last_changed(), spheres.last_changed(), cones.last_changed()]
 }
 
 /// Whether all that decides about a surface's contacts, but for its positions, is the same, and all that is stored of it.

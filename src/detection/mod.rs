@@ -20,6 +20,7 @@ mod refit;
 mod settle;
 mod sides;
 mod sphere_lists;
+mod sphere_memory;
 mod swept;
 
 pub use bounds::{BoundsPlugin, TriangleBounds};

@@ -8,11 +8,12 @@ use bevy_ecs::prelude::*;
 use super::{
     broad_phase::{CandidateTrianglePairs, SurfacePair},
     diagnostics::DetectionDiagnostics,
-    memory::{DetectionMemory, StageList, check_spheres},
+    memory::{DetectionMemory, StageList},
     pair_contacts::{PairContacts, SharedList},
     parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
-    sides::{SphereQuery, SphereRows, pair_settings, surface_entities, with_balls, with_caps},
+    sides::{RowQuery, SphereQuery, SphereRows, pair_settings, surface_entities, with_balls, with_caps},
     sphere_lists::{SphereBuffers, SphereReaders},
+    sphere_memory::check_spheres,
 };
 use crate::{
     kernel::{
@@ -74,6 +75,7 @@ fn test_overlap(
     buffers: Local<SphereBuffers>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
+    made_of: RowQuery,
 ) {
     let start = Instant::now();
     memory.reads(StageList::Candidates, candidates.last_changed());
@@ -100,7 +102,7 @@ fn test_overlap(
     let is_whole = memory.is_whole();
     if memory.changed(&candidates.pairs).any(uses_spheres) {
         let pairs = memory.changed(&candidates.pairs);
-        rows.update(&active, &surfaces, pairs, &Threads(settings.threads));
+        rows.update(&active, &made_of, pairs, &Threads(settings.threads));
     } else if !candidates.pairs.iter().any(uses_spheres) {
         rows.clear();
     }

@@ -6,11 +6,13 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
+    bounds::TriangleBounds,
     broad_phase::CandidateTrianglePairs,
     curvature::TriangleCurvature,
     diagnostics::DetectionDiagnostics,
-    memory::{DetectionMemory, check_spheres, seal_spheres},
+    memory::DetectionMemory,
     parallel::Threads,
+    sphere_memory::{SpherePart, SphereSource, check_spheres},
 };
 use crate::{
     kernel::{
@@ -46,7 +48,7 @@ impl Plugin for RefitPlugin {
         app.init_resource::<DetectionMemory>();
         app.add_systems(
             SurfaceDetection,
-            (check_spheres, refit_balls, refit_spheres, seal_spheres).chain().in_set(SurfaceDetectionSystems::Refit),
+            (check_spheres, refit_balls, refit_spheres).chain().in_set(SurfaceDetectionSystems::Refit),
         );
     }
 }
@@ -54,24 +56,30 @@ impl Plugin for RefitPlugin {
 fn refit_balls(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
-    memory: Res<DetectionMemory>,
+    mut memory: ResMut<DetectionMemory>,
     mut used: Local<Vec<bool>>,
     settings: Res<CircumsphereSettings>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut surfaces: Query<(&SurfacePositions, &mut EnclosingBalls)>,
+    mut surfaces: Query<(&SurfacePositions, &TriangleBounds, &mut EnclosingBalls)>,
 ) {
     memory.surfaces_to_update(&active, &candidates, ContactMethod::BoundingSphere, &mut used);
     let start = Instant::now();
-    let any_used = used.contains(&true);
+    let mut any_made = false;
     for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
-        let Ok((positions, mut balls)) = surfaces.get_mut(surface.entity) else { continue };
+        let Ok((positions, bounds, mut balls)) = surfaces.get_mut(surface.entity) else { continue };
         if used {
+            let source = SphereSource { computed: bounds.computed(), curvature: None };
+            if memory.spheres.holds(surface.entity, SpherePart::Balls, source, balls.last_changed()) {
+                continue;
+            }
+            any_made = true;
             enclosing_balls_on(&Threads(settings.threads), &positions.0, surface.topology.triangles(), &mut balls.0);
+            memory.spheres.seal(surface.entity, SpherePart::Balls, source, balls.last_changed());
         } else if surface.method > ContactMethod::BoundingSphere && balls.0.capacity() > 0 {
             *balls = EnclosingBalls::default();
         }
     }
-    if any_used {
+    if any_made {
         diagnostics.finish("refit balls", start, 0, 0);
     }
 }
@@ -80,16 +88,22 @@ fn refit_balls(
 fn refit_spheres(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
-    memory: Res<DetectionMemory>,
+    mut memory: ResMut<DetectionMemory>,
     mut used: Local<Vec<bool>>,
     settings: Res<CircumsphereSettings>,
     mut last: Local<Option<(RecipeSettings, CurvatureEstimator)>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut surfaces: Query<(&SurfacePositions, &TriangleCurvature, &mut Circumspheres, &mut TriangleCones)>,
+    mut surfaces: Query<(
+        &SurfacePositions,
+        &TriangleBounds,
+        Ref<TriangleCurvature>,
+        &mut Circumspheres,
+        &mut TriangleCones,
+    )>,
 ) {
     memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere, &mut used);
     let start = Instant::now();
-    let mut any_used = false;
+    let mut any_made = false;
     let made_with = (settings.recipe(), settings.estimator);
     // A new delta is for the next refresh to heed; anything else makes other spheres of the same shape.
     let changed = last.is_some_and(|(recipe, estimator)| {
@@ -97,18 +111,26 @@ fn refit_spheres(
     });
     *last = Some(made_with);
     for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
-        let Ok((positions, curvature, mut spheres, mut cones)) = surfaces.get_mut(surface.entity) else { continue };
-        any_used |= used;
+        let Ok((positions, bounds, curvature, mut spheres, mut cones)) = surfaces.get_mut(surface.entity) else {
+            continue;
+        };
         if surface.method > ContactMethod::Circumsphere {
             // The method was changed: what no pair asks for takes no memory.
             if !spheres.0.radii.is_empty() {
                 *spheres = Circumspheres::default();
                 *cones = TriangleCones::default();
             }
-        } else if surface.fresh || changed {
+        } else if (surface.fresh || changed) && !spheres.0.radii.is_empty() {
             spheres.0.forget();
         }
         if used {
+            let source = SphereSource { computed: bounds.computed(), curvature: Some(curvature.last_changed()) };
+            if memory.spheres.holds(surface.entity, SpherePart::Spheres, source, spheres.last_changed())
+                && memory.spheres.holds(surface.entity, SpherePart::Cones, source, cones.last_changed())
+            {
+                continue;
+            }
+            any_made = true;
             let share = Threads(settings.threads);
             diagnostics.recipes_refreshed += spheres.0.refit_on(
                 &share,
@@ -122,9 +144,11 @@ fn refit_spheres(
             if settings.widen_cones {
                 cones.0.widen_on(&share, &curvature.0.spreads);
             }
+            memory.spheres.seal(surface.entity, SpherePart::Spheres, source, spheres.last_changed());
+            memory.spheres.seal(surface.entity, SpherePart::Cones, source, cones.last_changed());
         }
     }
-    if any_used {
+    if any_made {
         diagnostics.finish("refit", start, 0, 0);
     }
 }

@@ -2,10 +2,11 @@
 
 use std::{mem, sync::Arc};
 
-use bevy_ecs::prelude::*;
+use bevy_ecs::{change_detection::Tick, prelude::*};
 use glam::Vec3;
 
 use super::{
+    bounds::TriangleBounds,
     broad_phase::{OtherSide, SurfacePair},
     refit::{Circumspheres, EnclosingBalls, TriangleCones},
     sphere_lists::{KeptSide, KeptSpheres},
@@ -94,7 +95,21 @@ const TRIANGLES_OF_BALL_PAIR: usize = 3;
 /// triangle is in a pair and most pairs meet, and overlap takes twice as long without much to gain where hardly any does.
 const TRIANGLES_OF_CAP_PAIR: usize = 2;
 
-/// The rows of the active surfaces whose triangles are in many candidate pairs, for each method; others have none.
+/// What rows are made from.
+pub(super) type RowQuery<'w, 's> = Query<
+    'w,
+    's,
+    (
+        &'static SurfacePositions,
+        &'static TriangleBounds,
+        Ref<'static, EnclosingBalls>,
+        Ref<'static, Circumspheres>,
+        Ref<'static, TriangleCones>,
+    ),
+>;
+
+/// The rows of the active surfaces whose triangles are in many candidate pairs, or whose spheres stay what they are, for each
+/// method; others have none.
 #[derive(Resource, Clone, Debug, Default)]
 pub(crate) struct SphereRows {
     caps: Vec<SharedRows<CapRows>>,
@@ -108,6 +123,16 @@ pub(crate) struct SphereRows {
 struct SharedRows<R> {
     rows: Arc<R>,
     spare: Arc<R>,
+    /// What they were made of.
+    source: Option<RowSource>,
+}
+
+/// The surface whose rows they are, how many times it had had other boxes, and when its spheres changed last.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct RowSource {
+    surface: Entity,
+    computed: u64,
+    changed: [Tick; 2],
 }
 
 impl<R: Clone + Default> SharedRows<R> {
@@ -120,6 +145,21 @@ impl<R: Clone + Default> SharedRows<R> {
         }
         Arc::make_mut(&mut self.rows)
     }
+
+    fn get(&self) -> Option<&Arc<R>> {
+        self.source.is_some().then_some(&self.rows)
+    }
+
+    /// Makes the rows of `source` where it `is_worth_it`, unless it has them already.
+    fn update(&mut self, source: RowSource, is_worth_it: bool, make: impl FnOnce(&mut R)) {
+        if self.source == Some(source) {
+            return;
+        }
+        self.source = is_worth_it.then_some(source);
+        if is_worth_it {
+            make(self.renew());
+        }
+    }
 }
 
 impl SphereRows {
@@ -127,7 +167,7 @@ impl SphereRows {
     pub(super) fn update<'a>(
         &mut self,
         active: &ActiveSurfaces,
-        surfaces: &SphereQuery,
+        surfaces: &RowQuery,
         pairs: impl Iterator<Item = &'a SurfacePair>,
         share: &impl Share,
     ) {
@@ -139,21 +179,25 @@ impl SphereRows {
         for ((active, &[by_balls, by_caps]), (ball_rows, cap_rows)) in
             active.surfaces.iter().zip(&*counts).zip(all_rows)
         {
-            let Ok((positions, balls, spheres, cones)) = surfaces.get(active.entity) else { continue };
+            let Ok((positions, bounds, balls, spheres, cones)) = surfaces.get(active.entity) else { continue };
             let (topology, positions) = (&*active.topology, &*positions.0);
             let surface =
                 SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None };
-            if TRIANGLES_OF_CAP_PAIR * by_caps >= topology.triangles().len() {
+            let source = |changed| RowSource { surface: active.entity, computed: bounds.computed(), changed };
+            // Of a surface at rest they are made once.
+            let is_worth_it = |pairs: usize, of_pair: usize, rests: bool| {
+                pairs > 0 && (rests || of_pair * pairs >= topology.triangles().len())
+            };
+            let rests = !spheres.is_changed() && !cones.is_changed();
+            let cap_source = source([spheres.last_changed(), cones.last_changed()]);
+            cap_rows.update(cap_source, is_worth_it(by_caps, TRIANGLES_OF_CAP_PAIR, rests), |rows| {
                 let side = CapSide { surface, spheres: &spheres.0, cones: &cones.0, pose: None, rows: None };
-                side.rows(share, cap_rows.renew());
-            } else if !cap_rows.rows.is_empty() {
-                cap_rows.renew().clear();
-            }
-            if TRIANGLES_OF_BALL_PAIR * by_balls >= topology.triangles().len() {
-                BallSide { surface, balls: &balls.0, pose: None, rows: None }.rows(share, ball_rows.renew());
-            } else if !ball_rows.rows.is_empty() {
-                ball_rows.renew().clear();
-            }
+                side.rows(share, rows);
+            });
+            let ball_source = source([balls.last_changed(); 2]);
+            ball_rows.update(ball_source, is_worth_it(by_balls, TRIANGLES_OF_BALL_PAIR, !balls.is_changed()), |rows| {
+                BallSide { surface, balls: &balls.0, pose: None, rows: None }.rows(share, rows);
+            });
         }
     }
 
@@ -170,11 +214,11 @@ impl SphereRows {
         let sides = [(pair.first, pose_a), (second, pose_b)];
         match pair.method {
             ContactMethod::BoundingSphere => {
-                let [a, b] = sides.map(|side| kept_side(active, pair, side, &self.balls, BallRows::is_empty));
+                let [a, b] = sides.map(|side| kept_side(active, pair, side, &self.balls));
                 Some(KeptSpheres::Balls([a?, b?]))
             }
             ContactMethod::Circumsphere => {
-                let [a, b] = sides.map(|side| kept_side(active, pair, side, &self.caps, CapRows::is_empty));
+                let [a, b] = sides.map(|side| kept_side(active, pair, side, &self.caps));
                 Some(KeptSpheres::Caps([a?, b?]))
             }
             _ => None,
@@ -182,16 +226,15 @@ impl SphereRows {
     }
 }
 
-fn kept_side<R>(
+fn kept_side<R: Clone + Default>(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
     (place, pose): (usize, &Pose),
     rows: &[SharedRows<R>],
-    is_empty: impl Fn(&R) -> bool,
 ) -> Option<KeptSide<R>> {
-    let (surface, rows) = (&active.surfaces[place], &rows.get(place)?.rows);
+    let (surface, rows) = (&active.surfaces[place], rows.get(place)?.get()?);
     let (one_sided, pose) = (is_one_sided(surface, pair), moving(pose).copied());
-    let (topology, rows) = (Arc::clone(&surface.topology), (!is_empty(rows)).then(|| Arc::clone(rows))?);
+    let (topology, rows) = (Arc::clone(&surface.topology), Arc::clone(rows));
     Some(KeptSide { topology, one_sided, pose, rows })
 }
 
@@ -213,8 +256,8 @@ fn count_pairs<'a>(surface_count: usize, pairs: impl Iterator<Item = &'a Surface
 }
 
 /// The rows of a surface.
-fn rows_of<R>(rows: &[SharedRows<R>], place: usize, is_empty: impl Fn(&R) -> bool) -> Option<&R> {
-    rows.get(place).map(|shared| &*shared.rows).filter(|rows| !is_empty(rows))
+fn rows_of<R: Clone + Default>(rows: &[SharedRows<R>], place: usize) -> Option<&R> {
+    rows.get(place).and_then(SharedRows::get).map(|rows| &**rows)
 }
 
 /// Calls `test` with the enclosing balls of both sides of a pair.
@@ -231,7 +274,7 @@ pub(crate) fn with_balls<T>(
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
     let side = |place: usize, surface, balls, pose| {
-        let rows = rows_of(&rows.balls, place, BallRows::is_empty);
+        let rows = rows_of(&rows.balls, place);
         BallSide { surface, balls, pose: moving(pose), rows }
     };
     let (a, b) = (side(pair.first, surface_a, &balls_a.0, pose_a), side(second, surface_b, &balls_b.0, pose_b));
@@ -252,7 +295,7 @@ pub(crate) fn with_caps<T>(
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
     let side = |place: usize, surface, spheres, cones, pose| {
-        let rows = rows_of(&rows.caps, place, CapRows::is_empty);
+        let rows = rows_of(&rows.caps, place);
         CapSide { surface, spheres, cones, pose: moving(pose), rows }
     };
     let a = side(pair.first, surface_a, &spheres_a.0, &cones_a.0, pose_a);

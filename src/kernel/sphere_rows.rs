@@ -46,17 +46,6 @@ pub struct CapRows {
 }
 
 impl BallRows {
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
-    }
-
-    /// Empties the list and keeps its memory.
-    pub fn clear(&mut self) {
-        self.rows.clear();
-    }
-
     /// Asks for a row that is to be read soon.
     #[inline(always)]
     pub(super) fn prefetch(&self, triangle: u32) {
@@ -76,18 +65,6 @@ impl BallRows {
 }
 
 impl CapRows {
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
-    }
-
-    /// Empties the lists and keeps their memory.
-    pub fn clear(&mut self) {
-        self.rows.clear();
-        self.rest.clear();
-    }
-
     /// Asks for a row that is to be read soon.
     #[inline(always)]
     pub(super) fn prefetch(&self, triangle: u32) {

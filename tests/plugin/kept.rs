@@ -6,7 +6,7 @@ use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
     detection::{
         CandidateTrianglePairs, Circumspheres, DetectionDiagnostics, EnclosingBalls, RefinedTrianglePairs,
-        SphereContacts, broad_phase::BroadPhaseSystems,
+        SphereContacts, TriangleCurvature, broad_phase::BroadPhaseSystems,
     },
     kernel::contact::CompactContact,
     prelude::*,
@@ -303,9 +303,25 @@ fn swell(mut tick: Local<u32>, mut surfaces: Query<(&mut EnclosingBalls, &mut Ci
     }
 }
 
+fn bend(mut tick: Local<u32>, mut surfaces: Query<&mut TriangleCurvature>) {
+    if meddles(&mut tick) {
+        for mut curvature in &mut surfaces {
+            curvature.0.curvatures.iter_mut().for_each(|curvature| *curvature *= 8.0);
+        }
+    }
+}
+
+/// Has all surfaces tested by caps, whose spheres follow the curvature in every tick: else a shape that stays has the sphere that
+/// it had.
+fn test_by_caps(app: &mut App) {
+    app.world_mut().resource_mut::<CircumsphereSettings>().delta = 0.0;
+    let mut methods = app.world_mut().query::<&mut ContactMethod>();
+    methods.iter_mut(app.world_mut()).for_each(|mut method| *method = ContactMethod::Circumsphere);
+}
+
 #[test]
 fn whoever_writes_to_what_the_stages_wrote_is_heard_in_that_tick_and_no_longer() {
-    let meddlers: [(&str, &dyn Fn(&mut App)); 9] = [
+    let meddlers: [(&str, &dyn Fn(&mut App)); 11] = [
         ("candidates are dropped", &|app| {
             let place = (SurfaceDetectionSystems::BroadPhase, SurfaceDetectionSystems::Curvature);
             app.add_systems(SurfaceDetection, drop_candidates.after(place.0).before(place.1));
@@ -339,6 +355,15 @@ fn whoever_writes_to_what_the_stages_wrote_is_heard_in_that_tick_and_no_longer()
         }),
         ("spheres swell after detection", &|app| {
             app.add_systems(Last, swell);
+        }),
+        ("curvature grows before spheres follow it", &|app| {
+            test_by_caps(app);
+            let place = (SurfaceDetectionSystems::Curvature, SurfaceDetectionSystems::Refit);
+            app.add_systems(SurfaceDetection, bend.after(place.0).before(place.1));
+        }),
+        ("curvature grows after detection", &|app| {
+            test_by_caps(app);
+            app.add_systems(Last, bend);
         }),
     ];
     for (seed, (what, meddler)) in (11..).zip(meddlers) {

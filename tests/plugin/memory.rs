@@ -2,13 +2,15 @@
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
+    CircumsphereSettings,
     detection::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
     prelude::*,
 };
-use bevy_ecs::prelude::*;
+use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use circumsphere_support::scenes::cuboid;
+use glam::Vec3;
 
-use crate::world::{EXACT_METHODS, THIN, app, at, ball, insert, sheet, spawn, surface};
+use crate::world::{EXACT_METHODS, THIN, app, at, ball, insert, points, sheet, spawn, store, surface, write_positions};
 
 /// Room for how many triangles each of the per-triangle components holds: curvature, balls, spheres, cones.
 fn held(app: &App, entity: Entity) -> [usize; 4] {
@@ -106,4 +108,61 @@ fn unchanged_exact_surfaces_do_not_count_as_changed_spheres() {
     app.update();
     app.update();
     assert_eq!(app.world().resource::<Changes>().0, 0);
+}
+
+/// Of each surface whether its curvature, its balls, its spheres and its cones have been written to since the last tick.
+#[derive(Resource, Default)]
+struct Written(EntityHashMap<[bool; 4]>);
+
+type Parts = (
+    Ref<'static, TriangleCurvature>,
+    Ref<'static, EnclosingBalls>,
+    Ref<'static, Circumspheres>,
+    Ref<'static, TriangleCones>,
+);
+
+fn see_what_is_written(mut written: ResMut<Written>, surfaces: Query<(Entity, Parts)>) {
+    written.0 = surfaces
+        .iter()
+        .map(|(surface, (curvature, balls, spheres, cones))| {
+            (surface, [curvature.is_changed(), balls.is_changed(), spheres.is_changed(), cones.is_changed()])
+        })
+        .collect();
+}
+
+#[test]
+fn a_surface_at_rest_keeps_its_spheres_while_others_move() {
+    const BY_BALLS: [bool; 4] = [false, true, false, false];
+    const BY_CAPS: [bool; 4] = [true, false, true, true];
+    const NOTHING: [bool; 4] = [false; 4];
+    for (method, all) in [(ContactMethod::BoundingSphere, BY_BALLS), (ContactMethod::Circumsphere, BY_CAPS)] {
+        let mut app = app();
+        app.init_resource::<Written>().add_systems(Last, see_what_is_written);
+        let ground = spawn(&mut app, &sheet(), (THIN, method));
+        let body = spawn(&mut app, &ball(), (THIN, method, at(0.1, 0.53, 0.2)));
+        let tick = |app: &mut App, expected: [[bool; 4]; 2], what: &str| {
+            app.update();
+            assert!(store(app).touching_count() > 10, "{method:?}: {what}");
+            let written = &app.world().resource::<Written>().0;
+            assert_eq!([written[&ground], written[&body]], expected, "{method:?}: {what}");
+        };
+        // Whatever is new has been written to.
+        app.update();
+        app.update();
+        let round = points(&ball());
+        for by in [0.01, 0.02, 0.03] {
+            let bent: Vec<Vec3> = round.iter().map(|&point| point + by * point.x * point.x).collect();
+            write_positions(&mut app, body, &bent);
+            tick(&mut app, [NOTHING, all], "the body bends");
+        }
+        insert(&mut app, body, at(0.1, 0.52, 0.2));
+        tick(&mut app, [NOTHING, NOTHING], "the body moves as a whole");
+        insert(&mut app, ground, Teleported);
+        tick(&mut app, [all, NOTHING], "nothing that is known of the ground holds");
+        app.world_mut().resource_mut::<CircumsphereSettings>().phi = 0.4;
+        tick(&mut app, [all, all], "settings change");
+        app.world_mut().resource_mut::<CircumsphereSettings>().memory = false;
+        tick(&mut app, [all, all], "nothing may be kept");
+        tick(&mut app, [all, all], "nothing may be kept, in the next tick either");
+    }
 }

@@ -1,0 +1,128 @@
+//! What spheres, and the curvature they follow, were made of, so that a surface at rest keeps them while others move.
+//!
+//! A part of a surface's spheres is as good as new where the surface has, in its own frame, the positions that it was made of,
+//! and nobody but its stage has written to it since. Where somebody has, the stage makes it anew.
+
+use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
+
+use super::{
+    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
+    curvature::TriangleCurvature,
+    memory::{DetectionMemory, StageList},
+    refit::{Circumspheres, EnclosingBalls, TriangleCones},
+};
+use crate::surface::{ActiveSurface, ActiveSurfaces, ContactMethod};
+
+/// The components that the sphere stages write.
+#[derive(Clone, Copy)]
+pub(super) enum SpherePart {
+    Curvature,
+    Balls,
+    Spheres,
+    Cones,
+}
+
+/// What a part of a surface's spheres is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct SphereSource {
+    /// How many times the surface had had other boxes, see [`TriangleBounds`](super::TriangleBounds).
+    pub(super) computed: u64,
+    /// The change tick of the curvature, where the part is made of that, too.
+    pub(super) curvature: Option<Tick>,
+}
+
+/// What the parts of every surface's spheres were made of, and their change ticks as their stages left them.
+#[derive(Default)]
+pub(super) struct SphereMemory {
+    made: EntityHashMap<[Option<(SphereSource, Tick)>; 4]>,
+}
+
+/// What the sphere stages wrote to a surface.
+type SphereComponents = (
+    Ref<'static, TriangleCurvature>,
+    Ref<'static, EnclosingBalls>,
+    Ref<'static, Circumspheres>,
+    Ref<'static, TriangleCones>,
+);
+
+impl SphereMemory {
+    /// Begins a detection: nothing holds of surfaces that are fresh, nor of those that are gone, nor of any unless all that is
+    /// set `stays`.
+    pub(super) fn begin(&mut self, active: &ActiveSurfaces, stays: bool) {
+        if !stays {
+            self.made.clear();
+        }
+        for surface in active.surfaces.iter().filter(|surface| surface.fresh) {
+            self.made.remove(&surface.entity);
+        }
+        if self.made.len() > active.surfaces.len() {
+            let mut made = std::mem::take(&mut self.made);
+            let stay = |surface: &ActiveSurface| Some((surface.entity, made.remove(&surface.entity)?));
+            self.made = active.surfaces.iter().filter_map(stay).collect();
+        }
+    }
+
+    /// Whether a part that was changed last at `changed` is what its stage would make of `source`.
+    pub(super) fn holds(&self, surface: Entity, part: SpherePart, source: SphereSource, changed: Tick) -> bool {
+        self.of(surface, part) == Some((source, changed))
+    }
+
+    /// A stage has made a part.
+    pub(super) fn seal(&mut self, surface: Entity, part: SpherePart, source: SphereSource, changed: Tick) {
+        self.made.entry(surface).or_default()[part as usize] = Some((source, changed));
+    }
+
+    fn of(&self, surface: Entity, part: SpherePart) -> Option<(SphereSource, Tick)> {
+        self.made.get(&surface).and_then(|parts| parts[part as usize])
+    }
+
+    /// Whether somebody else has written to what a method asks of a surface, or to what that was made of.
+    fn is_broken(
+        &self,
+        surface: Entity,
+        method: ContactMethod,
+        (curvature, balls, spheres, cones): &(
+            Ref<TriangleCurvature>,
+            Ref<EnclosingBalls>,
+            Ref<Circumspheres>,
+            Ref<TriangleCones>,
+        ),
+    ) -> bool {
+        let stays = |part, changed| self.of(surface, part).is_some_and(|(_, sealed)| sealed == changed);
+        if method == ContactMethod::BoundingSphere {
+            return !stays(SpherePart::Balls, balls.last_changed());
+        }
+        let curvature = curvature.last_changed();
+        let of_curvature = self.of(surface, SpherePart::Spheres).and_then(|(source, _)| source.curvature);
+        // Nobody has measured it where somebody else provides for curvature.
+        let is_as_measured = self.of(surface, SpherePart::Curvature).is_none_or(|(_, sealed)| sealed == curvature);
+        !(is_as_measured
+            && of_curvature == Some(curvature)
+            && stays(SpherePart::Spheres, spheres.last_changed())
+            && stays(SpherePart::Cones, cones.last_changed()))
+    }
+}
+
+/// Forgets everything where somebody else has written to the spheres of a kept pair, or to what they are made from.
+pub(super) fn check_spheres(
+    active: Res<ActiveSurfaces>,
+    candidates: Res<CandidateTrianglePairs>,
+    mut memory: ResMut<DetectionMemory>,
+    components: Query<SphereComponents>,
+) {
+    memory.reads(StageList::Candidates, candidates.last_changed());
+    let is_broken = |place: usize, method: ContactMethod| {
+        let entity = active.surfaces[place].entity;
+        components.get(entity).map_or(true, |components| memory.spheres.is_broken(entity, method, &components))
+    };
+    let has_spheres = |pair: &SurfacePair| !pair.method.is_exact();
+    let mut kept =
+        candidates.pairs.iter().enumerate().filter(|(place, pair)| memory.keeps(*place) && has_spheres(pair));
+    let broken = kept.any(|(_, pair)| match pair.second {
+        OtherSide::Surface(second) => is_broken(pair.first, pair.method) || is_broken(second, pair.method),
+        OtherSide::Shape(_) => false,
+    });
+    if broken {
+        memory.forget();
+    }
+}
