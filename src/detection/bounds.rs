@@ -10,7 +10,7 @@ use std::{
 };
 
 use bevy_app::prelude::*;
-use bevy_ecs::prelude::*;
+use bevy_ecs::{change_detection::Tick, prelude::*};
 use bytemuck::cast_slice;
 use glam::Vec3;
 
@@ -54,6 +54,8 @@ pub struct TriangleBounds {
     /// From the positions of the count before to those of the last one.
     motion: Motion,
     positions: Vec<Vec3>,
+    /// The change tick of the surface's positions when they were these, and all of them were finite.
+    seen: Option<Tick>,
     topology: Option<Arc<SurfaceTopology>>,
     /// Whether all vertices are corners, so that the box of those is that of the triangles.
     names_every_vertex: bool,
@@ -106,10 +108,20 @@ impl TriangleBounds {
         }
     }
 
-    /// Takes the surface as it is now. Whether anything about it has changed.
-    fn update(&mut self, positions: &[Vec3], topology: &Arc<SurfaceTopology>, growth: f32, threads: usize) -> bool {
+    /// Takes the surface as it is now, with positions that are finite. Whether anything about it has changed.
+    fn update(
+        &mut self,
+        positions: &Ref<SurfacePositions>,
+        topology: &Arc<SurfaceTopology>,
+        growth: f32,
+        threads: usize,
+    ) -> bool {
+        let changed = positions.last_changed();
+        let positions = &*positions.0;
         let same_mesh = self.topology.as_ref().is_some_and(|other| Arc::ptr_eq(other, topology));
-        if same_mesh && self.growth == growth && has_bits_of(&self.positions, positions) {
+        let same_positions = self.seen == Some(changed) || has_bits_of(&self.positions, positions);
+        self.seen = Some(changed);
+        if same_mesh && self.growth == growth && same_positions {
             return false;
         }
         self.motion = if same_mesh { Motion::between(&self.positions, positions) } else { Motion::UNKNOWN };
@@ -213,15 +225,17 @@ fn compute_bounds(
     settings: Res<CircumsphereSettings>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut taken: Local<Vec<TakenBounds>>,
-    mut surfaces: Query<(&SurfacePositions, &mut TriangleBounds)>,
+    mut surfaces: Query<(Ref<SurfacePositions>, &mut TriangleBounds)>,
 ) {
     diagnostics.begin_detection();
     let start = Instant::now();
     // What was gathered may have been spoiled or despawned since, by a prediction or before a run by hand: it sits this
     // detection out, and the next `Prepare` names the reason if there still is one.
     active.surfaces.retain(|surface| {
-        surfaces.get(surface.entity).is_ok_and(|(positions, _)| {
-            positions.0.len() == surface.topology.vertex_count() && first_non_finite(&positions.0).is_none()
+        surfaces.get(surface.entity).is_ok_and(|(positions, bounds)| {
+            let are_known = bounds.seen == Some(positions.last_changed());
+            positions.0.len() == surface.topology.vertex_count()
+                && (are_known || first_non_finite(&positions.0).is_none())
         })
     });
     for (place, surface) in active.surfaces.iter().enumerate() {
@@ -238,7 +252,7 @@ fn compute_bounds(
             let surface = &active.surfaces[taken.place];
             let Ok((positions, _)) = all_positions.get(surface.entity) else { return };
             let growth = frame_growth(surface.thickness, settings.margin(), surface.pose.scale());
-            taken.has_moved = taken.bounds.update(&positions.0, &surface.topology, growth, threads);
+            taken.has_moved = taken.bounds.update(&positions, &surface.topology, growth, threads);
             taken.bounds.update_in_world(&surface.pose);
         },
     );

@@ -181,3 +181,37 @@ fn a_vertex_that_no_triangle_has_brings_nothing_near() {
         }
     }
 }
+
+#[test]
+fn positions_are_read_again_where_somebody_has_written_to_them_and_only_there() {
+    let mut app = app();
+    let scene = Scene::new();
+    let bodies = scene.spawn(&mut app);
+    scene.write(&mut app, bodies);
+    app.update();
+    app.update();
+    let before = fingerprint(&app);
+    assert!(store(&app).touching_count() > 10);
+    let body = bodies[1];
+    let mut lifted = scene.positions[1].clone();
+    lifted.iter_mut().for_each(|point| point.y += 0.01);
+
+    // Past change detection: as the documentation of the component says, this is not noticed.
+    let mut positions = app.world_mut().get_mut::<SurfacePositions>(body).expect("it is a surface");
+    positions.bypass_change_detection().0.clone_from(&lifted);
+    app.update();
+    assert_eq!(fingerprint(&app), before);
+
+    app.world_mut().get_mut::<SurfacePositions>(body).expect("it is a surface").set_changed();
+    app.update();
+    let lifted_too = {
+        let mut fresh = crate::world::app();
+        let scene = Scene { positions: [scene.positions[0].clone(), lifted], ..scene };
+        let bodies = scene.spawn(&mut fresh);
+        scene.write(&mut fresh, bodies);
+        fresh.update();
+        fingerprint(&fresh)
+    };
+    assert_ne!(lifted_too, before);
+    assert_eq!(fingerprint(&app), lifted_too);
+}
