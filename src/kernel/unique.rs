@@ -64,14 +64,25 @@ impl RecentFeatures {
     /// `stays` for certain.
     #[inline]
     pub(super) fn know(&mut self, key: ContactKey, stays: bool) -> bool {
-        // 2^64 over the golden ratio: the upper bits of the product depend on all of the key.
-        let place = key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (u64::BITS - Self::COUNT.ilog2());
-        let known = &mut self.keys[place as usize % Self::COUNT];
+        let known = self.place(key);
         let is_known = *known == key;
         if stays {
             *known = key;
         }
         is_known
+    }
+
+    /// A contact was reported, and stays.
+    #[inline]
+    pub(super) fn add(&mut self, key: ContactKey) {
+        *self.place(key) = key;
+    }
+
+    #[inline]
+    fn place(&mut self, key: ContactKey) -> &mut ContactKey {
+        // 2^64 over the golden ratio: the upper bits of the product depend on all of the key.
+        let place = key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (u64::BITS - Self::COUNT.ilog2());
+        &mut self.keys[place as usize % Self::COUNT]
     }
 }
 

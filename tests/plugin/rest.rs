@@ -194,7 +194,9 @@ fn positions_are_read_again_where_somebody_has_written_to_them_and_only_there() 
     assert!(store(&app).touching_count() > 10);
     let body = bodies[1];
     let mut lifted = scene.positions[1].clone();
-    lifted.iter_mut().for_each(|point| point.y += 0.01);
+    for point in &mut lifted {
+        point.y += 0.01;
+    }
 
     // Past change detection: as the documentation of the component says, this is not noticed.
     let mut positions = app.world_mut().get_mut::<SurfacePositions>(body).expect("it is a surface");

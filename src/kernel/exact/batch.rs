@@ -123,8 +123,8 @@ pub(in crate::kernel) struct FeatureBatches<'a> {
     results: Results,
     limits: Limits<'a>,
     sides: Sides<'a>,
-    /// What of boundaries was reported lately and may be again, except where several pairs may each have something of their
-    /// own to say about the same features: one that is inside has a way out of its own.
+    /// What was reported lately and may be again, on boundaries. Where sides can be inside each other only what is outside
+    /// counts: of what is inside each pair has a way out of its own, some of which are dropped later.
     recent: RecentFeatures,
     /// What does not become a contact here.
     left: LeftOver,
@@ -202,7 +202,7 @@ impl<'a> FeatureBatches<'a> {
             let is_shared = reports.shared[lane] >> case & 1 != 0;
             let named = CompactContact::named(pair.triangles, same_surface, plan.features, numbers, is_shared);
             let stays = reports.certain >> lane & 1 != 0;
-            if case >= FeatureSet::BOUNDARY && !solid && self.recent.know(named.key, stays) {
+            if case >= FeatureSet::BOUNDARY && self.recent.know(named.key, stays && !solid) {
                 // The first contact of these features stays: this one would be dropped.
                 continue;
             }
@@ -226,7 +226,7 @@ impl<'a> FeatureBatches<'a> {
 
     #[inline(never)]
     fn finish_kind(&mut self, kind: Kind, contacts: &mut [CompactContact]) {
-        let Self { batches, results, left, limits, sides, .. } = self;
+        let Self { batches, results, left, limits, sides, recent } = self;
         let batch = &mut batches[kind as usize];
         // Each by itself: together they take more room than the stack of a thread has, where nothing is optimized.
         let level = Level::new();
@@ -236,7 +236,7 @@ impl<'a> FeatureBatches<'a> {
             Kind::Piercing => dispatch!(level, simd => edges_through_faces(simd, batch, limits, results)),
             Kind::VertexEdge => dispatch!(level, simd => vertices_on_edges(simd, batch, limits, results)),
         }
-        dispatch!(level, _simd => results.write(batch, *sides, contacts, left));
+        dispatch!(level, _simd => results.write(batch, *sides, contacts, recent, left));
     }
 }
 
@@ -251,7 +251,14 @@ struct Limits<'a> {
 impl Results {
     /// Writes the contacts of a batch, and empties it.
     #[inline(always)]
-    fn write(&self, batch: &mut Batch, sides: Sides<'_>, contacts: &mut [CompactContact], left: &mut LeftOver) {
+    fn write(
+        &self,
+        batch: &mut Batch,
+        sides: Sides<'_>,
+        contacts: &mut [CompactContact],
+        recent: &mut RecentFeatures,
+        left: &mut LeftOver,
+    ) {
         let asked = first_lanes(batch.count);
         let [reported, doubtful] = [self.reported & asked, !self.reliable & asked];
         for (lane, task) in batch.tasks.iter().enumerate() {
@@ -264,15 +271,13 @@ impl Results {
                 contact.point_b = self.point_b.get(lane);
                 contact.normal = self.normal.get(lane);
                 contact.distance = self.distance[lane];
-                if sides.solid
-                    && is_inside(
-                        sides.both,
-                        [contact.triangle_a, contact.triangle_b],
-                        contact.features,
-                        self.separation.get(lane),
-                    )
-                {
-                    (contact.normal, contact.distance) = (-contact.normal, -contact.distance);
+                if sides.solid {
+                    let triangles = [contact.triangle_a, contact.triangle_b];
+                    if is_inside(sides.both, triangles, contact.features, self.separation.get(lane)) {
+                        (contact.normal, contact.distance) = (-contact.normal, -contact.distance);
+                    } else {
+                        recent.add(contact.key);
+                    }
                 }
             }
         }
