@@ -17,6 +17,7 @@ use super::{
 use crate::{
     kernel::{
         ids::TriangleId,
+        leaf_triangles::Region,
         pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, shape_fates},
     },
     settings::CircumsphereSettings,
@@ -129,14 +130,18 @@ impl PairFates<'_, '_> {
             return None;
         }
         let moved = pair.moved_surface(&self.active).map(|surface| surface.entity);
-        let side = |place: usize| {
+        let tree = |place: usize| self.trees.get(self.active.surfaces[place].entity).ok();
+        let trees = [tree(pair.first)?.2.tree(), tree(second)?.2.tree()];
+        let [first_region, second_region] = pair.asked_regions(trees);
+        let side = |place: usize, region: Option<Region>| {
             let surface = &self.active.surfaces[place];
-            let (positions, bounds, tree) = self.trees.get(surface.entity).ok()?;
+            let (positions, bounds, tree) = tree(place)?;
             let asked =
                 if moved == Some(surface.entity) { Asked::Boxes } else { pair.asks_of_triangles(&self.settings) };
-            tree.is_current(&surface.topology, bounds.computed(), asked).then_some((positions, tree))
+            tree.is_current(&surface.topology, bounds.computed(), asked, region).then_some((positions, tree))
         };
-        let (sides, mut leaves) = ([side(pair.first)?, side(second)?], MovedLeaves::default());
+        let sides = [side(pair.first, first_region)?, side(second, second_region)?];
+        let mut leaves = MovedLeaves::default();
         Some(ask(Traversal::new(&self.active, pair, &self.settings, sides, &mut leaves)?))
     }
 

@@ -20,6 +20,7 @@ pub(super) use self::close_pairs::{ClosePairs, Groups};
 use self::lane_numbers::LaneNumbers;
 use super::{
     approach::Corners,
+    bounds::Aabb,
     exact::cull::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
     lanes::{
         LARGEST_EXTENT,
@@ -85,11 +86,31 @@ impl Block {
 #[repr(align(32))]
 struct Vertices([[u32; LEAF_WIDTH]; 3]);
 
+/// Where triangles are asked about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Region {
+    /// In every leaf.
+    Everywhere,
+    /// In leaves whose boxes overlap a box.
+    Within(Aabb),
+}
+
+/// How far a leaf's triangles have followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum LeafState {
+    Old,
+    Asked,
+    Followed,
+}
+
 /// The triangles of a [`BoxTree`]'s leaves.
 #[derive(Clone, Debug, Default)]
 pub struct LeafTriangles {
     blocks: Vec<Block>,
+    states: Vec<LeafState>,
     vertices: Vec<Vertices>,
+    /// The leaves of a region.
+    found: Vec<u32>,
 }
 
 impl LeafTriangles {
@@ -101,7 +122,8 @@ impl LeafTriangles {
     /// The same in tasks that may be shared.
     pub fn update_on(&mut self, share: &impl Share, tree: &BoxTree, topology: &SurfaceTopology, positions: &[Vec3]) {
         self.name_vertices(tree, topology);
-        self.follow_on(share, tree, topology, positions);
+        self.begin_following(tree);
+        self.follow_on(share, tree, &[Region::Everywhere], topology, positions);
     }
 
     /// Takes the names of the vertices of `tree`'s leaves, all that is asked for where no slabs are. They stay as they are until
@@ -119,31 +141,77 @@ impl LeafTriangles {
         }));
     }
 
-    /// Follows the triangles in the leaves of `tree`, of which the vertices are [named](Self::name_vertices), in tasks that may be
-    /// shared.
+    /// The triangles in the leaves of `tree` have moved: none of them have followed.
+    pub(crate) fn begin_following(&mut self, tree: &BoxTree) {
+        self.blocks.resize(tree.leaf_count(), Block::EMPTY);
+        self.states.clear();
+        self.states.resize(tree.leaf_count(), LeafState::Old);
+    }
+
+    /// Follows the triangles in the leaves of `tree` that are asked about and have not followed, in tasks that may be shared. Of all
+    /// leaves the vertices are [named](Self::name_vertices).
     pub(crate) fn follow_on(
         &mut self,
         share: &impl Share,
         tree: &BoxTree,
+        regions: &[Region],
         topology: &SurfaceTopology,
         positions: &[Vec3],
     ) {
-        self.blocks.resize(tree.leaf_count(), Block::EMPTY);
-        let task_count = self.blocks.len().div_ceil(BLOCKS_AT_ONCE);
-        share.hand_out(self.blocks.chunks_mut(BLOCKS_AT_ONCE).enumerate(), task_count, |(task, blocks)| {
+        let Self { blocks, states, found, .. } = self;
+        let mut asked_count = 0_usize;
+        let mut ask = |state: &mut LeafState| {
+            asked_count += usize::from(*state == LeafState::Old);
+            *state = if *state == LeafState::Old { LeafState::Asked } else { *state };
+        };
+        for region in regions {
+            match region {
+                Region::Everywhere => states.iter_mut().for_each(&mut ask),
+                Region::Within(bounds) => {
+                    found.clear();
+                    tree.leaves_within(bounds, found);
+                    for &leaf in &*found {
+                        ask(&mut states[leaf as usize]);
+                    }
+                }
+            }
+        }
+        if asked_count == 0 {
+            return;
+        }
+        let tasks = blocks.chunks_mut(BLOCKS_AT_ONCE).zip(states.chunks_mut(BLOCKS_AT_ONCE)).enumerate();
+        share.hand_out(tasks, asked_count.div_ceil(BLOCKS_AT_ONCE), |(task, (blocks, states))| {
             dispatch!(Level::new(), simd => {
                 for first in (0..blocks.len()).step_by(GATHERED_AHEAD) {
                     let end = (first + GATHERED_AHEAD).min(blocks.len());
                     for place in first..end {
-                        prefetch_whole(blocks, place + BLOCKS_AHEAD);
-                        blocks[place].gather(tree, task * BLOCKS_AT_ONCE + place, topology, positions);
+                        if states[place] == LeafState::Asked {
+                            prefetch_whole(blocks, place + BLOCKS_AHEAD);
+                            blocks[place].gather(tree, task * BLOCKS_AT_ONCE + place, topology, positions);
+                        }
                     }
-                    for block in &mut blocks[first..end] {
-                        block.measure_planes(simd);
+                    for place in first..end {
+                        if states[place] == LeafState::Asked {
+                            blocks[place].measure_planes(simd);
+                            states[place] = LeafState::Followed;
+                        }
                     }
                 }
             });
         });
+    }
+
+    /// Whether all triangles in the leaves of `tree` that are asked about have followed.
+    pub(crate) fn have_followed(&self, tree: &BoxTree, region: Region) -> bool {
+        let has_followed = |state: &LeafState| *state == LeafState::Followed;
+        match region {
+            Region::Everywhere => self.states.iter().all(has_followed),
+            Region::Within(bounds) => {
+                let mut leaves = Vec::new();
+                tree.leaves_within(&bounds, &mut leaves);
+                leaves.iter().all(|&leaf| self.states.get(leaf as usize).is_some_and(has_followed))
+            }
+        }
     }
 }
 
@@ -238,6 +306,10 @@ impl<'a> PairCull<'a> {
     /// brought the leaves' triangles up to date.
     #[inline(always)]
     pub(super) fn between(&self, leaves: [usize; 2]) -> Separation<'a> {
+        debug_assert!(
+            (0..2).all(|side| self.triangles[side].states[leaves[side]] == LeafState::Followed),
+            "a leaf has triangles where they are no longer"
+        );
         let (own, other) = (&self.triangles[0].blocks[leaves[0]], &self.triangles[1].blocks[leaves[1]]);
         let offset = own.origin - other.origin;
         let extent = own.extent + other.extent + offset.abs().element_sum();

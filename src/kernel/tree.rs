@@ -200,6 +200,17 @@ impl BoxTree {
         &self.leaves[leaf].bounds
     }
 
+    /// Appends the leaves whose boxes overlap `bounds`, in the tree's order.
+    pub(super) fn leaves_within(&self, bounds: &Aabb, leaves: &mut Vec<u32>) {
+        dispatch!(Level::new(), simd => {
+            let mut search = LeafSearch::new();
+            search.begin(self);
+            while search.go_on(simd, self, bounds, 0) {
+                leaves.extend_from_slice(search.found());
+            }
+        });
+    }
+
     /// Calls `visit` with every item whose box overlaps `bounds`, in the tree's order.
     pub fn query(&self, bounds: &Aabb, mut visit: impl FnMut(u32)) {
         dispatch!(Level::new(), simd => {

@@ -12,11 +12,15 @@ use bevy_circumsphere::{
     surface::ActiveSurfaces,
 };
 use bevy_ecs::prelude::*;
+use bevy_math::ops::sin;
 use bevy_transform::components::Transform;
-use circumsphere_support::scenes::{Mesh, icosphere};
-use glam::Vec3;
+use circumsphere_support::{
+    random::Random,
+    scenes::{Diagonals, Mesh, grid, icosphere},
+};
+use glam::{Quat, Vec3};
 
-use crate::world::{THIN, app, at, ball, fingerprint, insert, points, sheet, store, surface};
+use crate::world::{THIN, app, at, ball, fingerprint, insert, points, sheet, store, surface, write_positions};
 
 /// What a world consists of, apart from what it remembers.
 #[derive(Clone)]
@@ -216,4 +220,55 @@ fn positions_are_read_again_where_somebody_has_written_to_them_and_only_there() 
     };
     assert_ne!(lifted_too, before);
     assert_eq!(fingerprint(&app), lifted_too);
+}
+
+/// A sheet that bends now and then, and balls that jump about over it: one in its frame, whose vertices jump, and one with a
+/// transform of its own.
+fn jump_about(app: &mut App, [sheet, near, turned]: [Entity; 3], random: &mut Random) {
+    let mut number = |most: f32| most * random.signed_unit();
+    if number(1.0) > 0.0 {
+        let (phase, mut bent) = (number(3.0), points(&wide_sheet()));
+        for point in &mut bent {
+            point.y = 0.2 * sin(point.x + phase) * sin(1.3 * point.z);
+        }
+        write_positions(app, sheet, &bent);
+    }
+    if number(1.0) > 0.0 {
+        let offset = Vec3::new(number(4.0), 0.5 + number(0.1), number(4.0));
+        let jumped: Vec<Vec3> = points(&ball()).iter().map(|&point| point + offset).collect();
+        write_positions(app, near, &jumped);
+    }
+    if number(1.0) > 0.0 {
+        let rotation = Quat::from_euler(glam::EulerRot::XYZ, number(3.0), number(3.0), number(3.0));
+        let translation = Vec3::new(number(4.0), 0.5 + number(0.1), number(4.0));
+        insert(app, turned, Transform { translation, rotation, ..Transform::IDENTITY });
+    }
+}
+
+fn wide_sheet() -> Mesh {
+    grid(40, 40, 10.0, 10.0, Diagonals::Alternating)
+}
+
+#[test]
+fn whatever_is_reached_of_a_surface_is_where_it_is_now() {
+    for method in [ContactMethod::Refined, ContactMethod::Circumsphere] {
+        let mut worlds = [app(), brute_force_app()].map(|mut app| {
+            let bodies = [("sheet", wide_sheet()), ("near", ball()), ("turned", ball())].map(|(name, mesh)| {
+                app.world_mut().spawn((crate::world::Called(name), surface(&mesh), THIN, method)).id()
+            });
+            (app, bodies, Random::new(5))
+        });
+        let (mut ticks_in_contact, mut touching) = (0, 0);
+        for tick in 0..150 {
+            for (app, bodies, random) in &mut worlds {
+                jump_about(app, *bodies, random);
+                app.update();
+            }
+            let [(by_trees, ..), (by_force, ..)] = &worlds;
+            assert_eq!(fingerprint(by_trees), fingerprint(by_force), "{method:?} tick {tick}");
+            ticks_in_contact += usize::from(store(by_trees).touching_count() > 0);
+            touching += store(by_trees).touching_count();
+        }
+        assert!(ticks_in_contact > 120 && touching > 5000, "{method:?}: {touching} in {ticks_in_contact} ticks");
+    }
 }

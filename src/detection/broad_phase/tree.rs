@@ -14,7 +14,7 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use self::{
-    asked::{Asked, mark_asked_surfaces},
+    asked::{AskedTriangles, mark_asked_surfaces},
     follow::{Outcome, TakenTree, update_each},
     lists::{look_closer, make_list, mark_idle_trees},
 };
@@ -90,14 +90,6 @@ impl SurfaceTree {
     pub fn has_followed(&self, bounds: &TriangleBounds) -> bool {
         self.followed == bounds.computed() && self.tree.len() == bounds.triangle_count()
     }
-
-    /// Whether the tree is over as many triangles as a surface has, and they have followed it as far as they are asked.
-    /// `computed` is how many times the surface's boxes have been computed.
-    pub(in crate::detection) fn is_current(&self, topology: &SurfaceTopology, computed: u64, asked: Asked) -> bool {
-        let has_names = asked == Asked::Boxes || self.vertices_named == self.tree.arrangement();
-        let has_followed = has_names && (asked < Asked::Slabs || self.triangles_followed == self.followed);
-        self.tree.len() == topology.triangles().len() && self.followed == computed && has_followed
-    }
 }
 
 /// Finds pairs by trees. The default.
@@ -124,7 +116,7 @@ fn update_trees(
     mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut idle: Local<Vec<bool>>,
-    mut asked: Local<Vec<Asked>>,
+    mut asked: Local<Vec<AskedTriangles>>,
     mut taken: Local<Vec<TakenTree>>,
     bounds: Query<&TriangleBounds>,
     mut surfaces: TreesToUpdate,
@@ -159,7 +151,7 @@ fn update_trees(
         },
     );
     memory.seal(StageList::Candidates, candidates.last_changed());
-    mark_asked_surfaces(&active, &candidates, &settings, &mut asked);
+    mark_asked_surfaces(&active, &candidates, &settings, &memory, &kept, &trees, &mut asked);
     update_each(
         &active,
         &mut taken,
@@ -167,7 +159,7 @@ fn update_trees(
         settings.threads,
         |place, tree, (positions, _), surface, threads| {
             if !idle[place] {
-                tree.follow_triangles(asked[place], surface, &positions.0, threads);
+                tree.follow_triangles(&asked[place], surface, &positions.0, threads);
             }
             Outcome::default()
         },
@@ -240,11 +232,12 @@ fn pair_triangles(
     if !is_untouched || kept.lists.len() != candidates.pairs.len() {
         // Whose lists are whose is no longer known, and trees that nobody was to ask are asked.
         kept.forget();
+        let asked = AskedTriangles::all();
         for surface in &active.surfaces {
             let Ok((positions, bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
             let tree = &mut *tree;
             tree.follow(surface, bounds, settings.threads);
-            tree.follow_triangles(Asked::Slabs, surface, &positions.0, settings.threads);
+            tree.follow_triangles(&asked, surface, &positions.0, settings.threads);
         }
     }
     let surfaces = surfaces.as_readonly();

@@ -4,10 +4,16 @@ use glam::Vec3;
 
 use super::{
     super::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair},
-    SurfaceTree,
+    SurfaceTree, TreeQuery,
 };
 use crate::{
-    detection::{parallel::Threads, sides::pair_settings},
+    detection::{
+        DetectionMemory,
+        kept_pairs::{KeptPairs, ListUse},
+        parallel::Threads,
+        sides::pair_settings,
+    },
+    kernel::{leaf_triangles::Region, topology::SurfaceTopology, tree::BoxTree},
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces, ContactMethod},
 };
@@ -23,24 +29,48 @@ pub(in crate::detection) enum Asked {
     Slabs,
 }
 
-/// Marks for each active surface what a traversal asks about its triangles where they are: of one that is moved it asks about
-/// those that were brought over.
+/// What traversals ask of the triangles of a surface where they are, and where.
+#[derive(Default)]
+pub(super) struct AskedTriangles {
+    asked: Option<Asked>,
+    /// Where they ask about slabs.
+    regions: Vec<Region>,
+}
+
+/// Marks for each active surface what traversals ask about its triangles where they are: of one that is moved they ask about
+/// those that were brought over. What is not traversed asks for nothing.
 pub(super) fn mark_asked_surfaces(
     active: &ActiveSurfaces,
     candidates: &CandidateTrianglePairs,
     settings: &CircumsphereSettings,
-    asked: &mut Vec<Asked>,
+    memory: &DetectionMemory,
+    kept: &KeptPairs,
+    trees: &TreeQuery,
+    surfaces: &mut Vec<AskedTriangles>,
 ) {
-    asked.clear();
-    asked.resize(active.surfaces.len(), Asked::Boxes);
-    for pair in &candidates.pairs {
-        if let OtherSide::Surface(second) = pair.second {
-            let reached = !pair.moved_triangles.is_empty();
-            let of_pair = pair.asks_of_triangles(settings);
-            for (place, frame) in [(pair.first, Frame::First), (second, Frame::Second)] {
-                if !pair.is_moved() || (reached && pair.frame == frame) {
-                    asked[place] = asked[place].max(of_pair);
-                }
+    surfaces.resize_with(active.surfaces.len(), AskedTriangles::default);
+    for surface in &mut *surfaces {
+        surface.asked = None;
+        surface.regions.clear();
+    }
+    for (number, pair) in candidates.pairs.iter().enumerate() {
+        let OtherSide::Surface(second) = pair.second else { continue };
+        let list_use = kept.list_use(number);
+        if memory.keeps(number) || list_use == ListUse::Followed {
+            continue;
+        }
+        let of_pair = pair.asks_of_triangles(settings);
+        let tree = |place: usize| trees.get(active.surfaces[place].entity).ok().map(|(.., tree)| &tree.tree);
+        let (Some(first_tree), Some(second_tree)) = (tree(pair.first), tree(second)) else { continue };
+        let regions = pair.asked_regions([first_tree, second_tree]);
+        for (place, region) in [pair.first, second].into_iter().zip(regions) {
+            let Some(region) = region else { continue };
+            let surface = &mut surfaces[place];
+            surface.asked = surface.asked.max(Some(of_pair));
+            if of_pair == Asked::Slabs {
+                // A list is of what is near beyond the boxes.
+                let is_listed = list_use == ListUse::Made;
+                surface.regions.push(if is_listed { Region::Everywhere } else { region });
             }
         }
     }
@@ -58,6 +88,24 @@ impl SurfacePair {
         }
     }
 
+    /// Where a traversal asks about the triangles of either side where they are, given both trees: in the leaves that overlap
+    /// any of the other's. `None` of a side that is moved, or that nothing reaches.
+    pub(in crate::detection) fn asked_regions(&self, trees: [&BoxTree; 2]) -> [Option<Region>; 2] {
+        if self.is_self() {
+            return [Some(Region::Everywhere); 2];
+        }
+        if !self.is_moved() {
+            let [first, second] = trees.map(|tree| Some(Region::Within(tree.bounds())));
+            return [second, first];
+        }
+        let reaching = self.moved_triangles.iter().map(|(_, bounds)| *bounds).reduce(|all, bounds| all.union(&bounds));
+        let region = reaching.map(Region::Within);
+        match self.frame {
+            Frame::First => [region, None],
+            Frame::Second => [None, region],
+        }
+    }
+
     /// Whether the method goes by what slabs say.
     pub(super) fn has_slabs(&self, settings: &CircumsphereSettings) -> bool {
         self.method != ContactMethod::BoundingSphere && pair_settings(self, settings).cull
@@ -65,21 +113,51 @@ impl SurfacePair {
 }
 
 impl SurfaceTree {
-    /// Brings up to date what a traversal asks of the triangles where they are.
+    /// Brings up to date what traversals ask of the triangles where they are.
     pub(super) fn follow_triangles(
         &mut self,
-        asked: Asked,
+        &AskedTriangles { asked, ref regions }: &AskedTriangles,
         surface: &ActiveSurface,
         positions: &[Vec3],
         threads: usize,
     ) {
-        if asked > Asked::Boxes && self.vertices_named != self.tree.arrangement() {
+        if asked > Some(Asked::Boxes) && self.vertices_named != self.tree.arrangement() {
             self.triangles.name_vertices(&self.tree, &surface.topology);
             self.vertices_named = self.tree.arrangement();
         }
-        if asked > Asked::Neighbors && self.triangles_followed != self.followed {
-            self.triangles.follow_on(&Threads(threads), &self.tree, &surface.topology, positions);
-            self.triangles_followed = self.followed;
+        if !regions.is_empty() {
+            if self.triangles_followed != self.followed {
+                self.triangles.begin_following(&self.tree);
+                self.triangles_followed = self.followed;
+            }
+            self.triangles.follow_on(&Threads(threads), &self.tree, regions, &surface.topology, positions);
         }
+    }
+
+    /// Whether it is over as many triangles as a surface has, and they have followed it as far as a traversal asks about them.
+    /// `computed` is how many times the surface's boxes have been computed.
+    pub(in crate::detection) fn is_current(
+        &self,
+        topology: &SurfaceTopology,
+        computed: u64,
+        asked: Asked,
+        region: Option<Region>,
+    ) -> bool {
+        let has_names = asked == Asked::Boxes || self.vertices_named == self.tree.arrangement();
+        let have_followed = || {
+            self.triangles_followed == self.followed
+                && region.is_none_or(|region| self.triangles.have_followed(&self.tree, region))
+        };
+        self.tree.len() == topology.triangles().len()
+            && self.followed == computed
+            && has_names
+            && (asked < Asked::Slabs || have_followed())
+    }
+}
+
+impl AskedTriangles {
+    /// All that a traversal may ask, everywhere.
+    pub(super) fn all() -> Self {
+        Self { asked: Some(Asked::Slabs), regions: vec![Region::Everywhere] }
     }
 }
