@@ -105,7 +105,8 @@ fn head(options: &Options, study: &Study) -> String {
          ```sh\ncargo run --release --example experiments --{only}{quick} --out experiments\n```\n\n\
          Made in {} seconds on {} ({} processors, load {} before and {} after), {}, {}; every detection and response on one \
          thread. Times are medians, and compare with one another, not with another machine's. Everything else is the same \
-         on every machine and in every run.{}\n\n\
+         in every run on one machine; where another's instructions round differently, a scene that goes on from its own results \
+         becomes another one.{}\n\n\
          *Trembling* is the mean second difference of the positions of all free vertices in the ticks in which a scene has \
          settled, in mean edges a tick: what of their motion is not steady. *Churn* is the share of contacts that come or go in a \
          tick. A run *flew apart* if a vertex became faster than 30 m/s, where nothing should exceed 5; it ends there, and no \
@@ -133,7 +134,7 @@ fn how(experiment: Experiment) -> String {
             "Three scenes, in their small versions: `cloth_drop` (stable), `soft_tissue` (precision) and `pile` (efficiency), \
              played with the `Circumsphere` method at every δ, each three times from starts that differ by a hundred-thousandth of an edge, so \
              that what is chance can be told from what is δ. No continuous detection; {substeps} substeps of {iterations} iteration. \
-             *Refresh* is curvature, spheres and cones of a tick. The surface that the caps make is compared with that of caps \
+             *Refresh* is curvature, spheres and cones of a tick, which surfaces at rest keep. The surface that the caps make is compared with that of caps \
              made anew from the same positions, as δ = 0 does: how far the tops of the caps are away, and how much \
              higher or lower they bulge."
         ),
