@@ -94,6 +94,16 @@ impl TriangleBounds {
         self.computed
     }
 
+    /// Whether these positions are those that the boxes follow, all of them finite: nobody has written to them since.
+    pub(crate) fn have_seen(&self, positions: &Ref<SurfacePositions>) -> bool {
+        self.seen == Some(positions.last_changed())
+    }
+
+    /// [How many times](Self::computed) there have been other boxes, where they are those of `positions`.
+    pub(super) fn computed_of(&self, positions: &Ref<SurfacePositions>) -> Option<u64> {
+        self.have_seen(positions).then_some(self.computed)
+    }
+
     /// The box of the whole surface.
     pub(super) fn whole(&self) -> &Aabb {
         &self.whole
@@ -233,7 +243,7 @@ fn compute_bounds(
     // detection out, and the next `Prepare` names the reason if there still is one.
     active.surfaces.retain(|surface| {
         surfaces.get(surface.entity).is_ok_and(|(positions, bounds)| {
-            let are_known = bounds.seen == Some(positions.last_changed());
+            let are_known = bounds.have_seen(&positions);
             positions.0.len() == surface.topology.vertex_count()
                 && (are_known || first_non_finite(&positions.0).is_none())
         })

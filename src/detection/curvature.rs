@@ -45,7 +45,7 @@ fn measure_curvature(
     mut memory: ResMut<DetectionMemory>,
     mut used: Local<Vec<bool>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut surfaces: Query<(&SurfacePositions, &TriangleBounds, &mut TriangleCurvature)>,
+    mut surfaces: Query<(Ref<SurfacePositions>, &TriangleBounds, &mut TriangleCurvature)>,
 ) {
     memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere, &mut used);
     let start = Instant::now();
@@ -53,7 +53,7 @@ fn measure_curvature(
     for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
         let Ok((positions, bounds, mut curvature)) = surfaces.get_mut(surface.entity) else { continue };
         if used {
-            let source = SphereSource { computed: bounds.computed(), curvature: None };
+            let source = SphereSource { computed: bounds.computed_of(&positions), curvature: None };
             if memory.spheres.holds(surface.entity, SpherePart::Curvature, source, curvature.last_changed()) {
                 continue;
             }

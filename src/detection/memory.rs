@@ -84,9 +84,8 @@ impl DetectionMemory {
         let is_whole = std::mem::take(&mut self.is_whole)
             && self.is_undisturbed
             && store_changed.is_none_or(|changed| self.is_sealed(StageList::Store, changed));
-        let stays = settings.memory && self.settings == Some(*settings);
-        self.spheres.begin(active, stays);
-        let keeps = is_whole && stays;
+        self.spheres.begin(active);
+        let keeps = is_whole && settings.memory && self.settings == Some(*settings);
         self.settings = Some(*settings);
         let Self { surfaces: last_surfaces, shapes: last_shapes, unchanged: [surfaces, shapes], stays, .. } =
             &mut *self;

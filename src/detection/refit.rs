@@ -60,7 +60,7 @@ fn refit_balls(
     mut used: Local<Vec<bool>>,
     settings: Res<CircumsphereSettings>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut surfaces: Query<(&SurfacePositions, &TriangleBounds, &mut EnclosingBalls)>,
+    mut surfaces: Query<(Ref<SurfacePositions>, &TriangleBounds, &mut EnclosingBalls)>,
 ) {
     memory.surfaces_to_update(&active, &candidates, ContactMethod::BoundingSphere, &mut used);
     let start = Instant::now();
@@ -68,7 +68,7 @@ fn refit_balls(
     for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
         let Ok((positions, bounds, mut balls)) = surfaces.get_mut(surface.entity) else { continue };
         if used {
-            let source = SphereSource { computed: bounds.computed(), curvature: None };
+            let source = SphereSource { computed: bounds.computed_of(&positions), curvature: None };
             if memory.spheres.holds(surface.entity, SpherePart::Balls, source, balls.last_changed()) {
                 continue;
             }
@@ -94,7 +94,7 @@ fn refit_spheres(
     mut last: Local<Option<(RecipeSettings, CurvatureEstimator)>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut surfaces: Query<(
-        &SurfacePositions,
+        Ref<SurfacePositions>,
         &TriangleBounds,
         Ref<TriangleCurvature>,
         &mut Circumspheres,
@@ -124,10 +124,13 @@ fn refit_spheres(
             spheres.0.forget();
         }
         if used {
-            let source = SphereSource { computed: bounds.computed(), curvature: Some(curvature.last_changed()) };
+            let source =
+                SphereSource { computed: bounds.computed_of(&positions), curvature: Some(curvature.last_changed()) };
             if memory.spheres.holds(surface.entity, SpherePart::Spheres, source, spheres.last_changed())
                 && memory.spheres.holds(surface.entity, SpherePart::Cones, source, cones.last_changed())
             {
+                // Nothing about them but their age changes.
+                spheres.bypass_change_detection().0.rest();
                 continue;
             }
             any_made = true;

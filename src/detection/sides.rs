@@ -108,6 +108,9 @@ pub(super) type RowQuery<'w, 's> = Query<
     ),
 >;
 
+/// The same where they are made once, because the surface rests: fewer, and they take more memory than they save time.
+const TRIANGLES_OF_RESTING_PAIR: usize = 64;
+
 /// The rows of the active surfaces whose triangles are in many candidate pairs, or whose spheres stay what they are, for each
 /// method; others have none.
 #[derive(Resource, Clone, Debug, Default)]
@@ -186,7 +189,8 @@ impl SphereRows {
             let source = |changed| RowSource { surface: active.entity, computed: bounds.computed(), changed };
             // Of a surface at rest they are made once.
             let is_worth_it = |pairs: usize, of_pair: usize, rests: bool| {
-                pairs > 0 && (rests || of_pair * pairs >= topology.triangles().len())
+                let of_pair = if rests { TRIANGLES_OF_RESTING_PAIR } else { of_pair };
+                pairs > 0 && of_pair * pairs >= topology.triangles().len()
             };
             let rests = !spheres.is_changed() && !cones.is_changed();
             let cap_source = source([spheres.last_changed(), cones.last_changed()]);

@@ -11,7 +11,10 @@ use super::{
     memory::{DetectionMemory, StageList},
     refit::{Circumspheres, EnclosingBalls, TriangleCones},
 };
-use crate::surface::{ActiveSurface, ActiveSurfaces, ContactMethod};
+use crate::{
+    settings::CircumsphereSettings,
+    surface::{ActiveSurface, ActiveSurfaces, ContactMethod},
+};
 
 /// The components that the sphere stages write.
 #[derive(Clone, Copy)]
@@ -25,8 +28,9 @@ pub(super) enum SpherePart {
 /// What a part of a surface's spheres is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SphereSource {
-    /// How many times the surface had had other boxes, see [`TriangleBounds`](super::TriangleBounds).
-    pub(super) computed: u64,
+    /// How many times the surface had had other boxes, see [`TriangleBounds`](super::TriangleBounds); `None` where it had been
+    /// written to since: nobody can tell when that is so again.
+    pub(super) computed: Option<u64>,
     /// The change tick of the curvature, where the part is made of that, too.
     pub(super) curvature: Option<Tick>,
 }
@@ -34,6 +38,7 @@ pub(super) struct SphereSource {
 /// What the parts of every surface's spheres were made of, and their change ticks as their stages left them.
 #[derive(Default)]
 pub(super) struct SphereMemory {
+    settings: Option<CircumsphereSettings>,
     made: EntityHashMap<[Option<(SphereSource, Tick)>; 4]>,
 }
 
@@ -46,12 +51,16 @@ type SphereComponents = (
 );
 
 impl SphereMemory {
-    /// Begins a detection: nothing holds of surfaces that are fresh, nor of those that are gone, nor of any unless all that is
-    /// set `stays`.
-    pub(super) fn begin(&mut self, active: &ActiveSurfaces, stays: bool) {
-        if !stays {
+    /// Nothing holds where other things are set, or nothing is to be kept.
+    fn heed(&mut self, settings: &CircumsphereSettings) {
+        if self.settings.replace(*settings) != Some(*settings) || !settings.memory {
             self.made.clear();
         }
+    }
+
+    /// Begins a detection: nothing holds of surfaces that are fresh. What is known of those that are gone is dropped before there is
+    /// more of it than of others.
+    pub(super) fn begin(&mut self, active: &ActiveSurfaces) {
         for surface in active.surfaces.iter().filter(|surface| surface.fresh) {
             self.made.remove(&surface.entity);
         }
@@ -64,7 +73,7 @@ impl SphereMemory {
 
     /// Whether a part that was changed last at `changed` is what its stage would make of `source`.
     pub(super) fn holds(&self, surface: Entity, part: SpherePart, source: SphereSource, changed: Tick) -> bool {
-        self.of(surface, part) == Some((source, changed))
+        source.computed.is_some() && self.of(surface, part) == Some((source, changed))
     }
 
     /// A stage has made a part.
@@ -107,9 +116,11 @@ impl SphereMemory {
 pub(super) fn check_spheres(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
+    settings: Res<CircumsphereSettings>,
     mut memory: ResMut<DetectionMemory>,
     components: Query<SphereComponents>,
 ) {
+    memory.spheres.heed(&settings);
     memory.reads(StageList::Candidates, candidates.last_changed());
     let is_broken = |place: usize, method: ContactMethod| {
         let entity = active.surfaces[place].entity;

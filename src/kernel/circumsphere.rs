@@ -272,7 +272,12 @@ impl OffsetSpheres {
         self.recipe_count = 0;
     }
 
-    /// How many [refits](Self::refit) ago each triangle's recipe was made: 0 where the last one made it.
+    /// They stay as they are where a [refit](Self::refit) would have changed none: their recipes get older by one.
+    pub(crate) fn rest(&mut self) {
+        self.refits = self.refits.wrapping_add(1);
+    }
+
+    /// How many [refits](Self::refit) ago, those included that would have changed nothing, each triangle's recipe was made: 0 where the last one made it.
     pub fn recipe_ages(&self) -> impl ExactSizeIterator<Item = u32> {
         (0..self.recipe_count)
             .map(|triangle| self.refits.wrapping_sub(self.recipes[triangle / WIDTH].made_at(triangle % WIDTH)))

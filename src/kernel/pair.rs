@@ -163,8 +163,8 @@ impl RowPair<'_> {
     }
 }
 
-/// Whether the sides can be inside each other: then penetrations are settled, and each pair of triangles has a say of its own
-/// about the same features.
+/// Whether the sides can be inside each other: then penetrations are settled, and about features that are inside each pair
+/// of triangles has a say of its own.
 #[must_use]
 pub fn can_penetrate(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings) -> bool {
     !settings.same_surface && sides.iter().any(|side| side.one_sided)

@@ -56,7 +56,7 @@ pub fn refine_pairs(
 /// Tests candidate pairs of two surfaces exactly, like [`refine_pairs`], and appends what it finds: the same pairs, but of
 /// a pair that is apart only the closest features make a contact, of several that are equally close one. Each pair
 /// reports its own closest features, whatever others contain them: to those they need not be the closest. What is on the
-/// boundaries of both may be left to a pair that has just reported the same, where neither side has an inside.
+/// boundaries of both, and where a side has an inside outside of it, may be left to a pair that has just reported the same.
 pub fn refine_closest(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,

@@ -91,8 +91,8 @@ impl DeformableSurface {
 }
 
 /// The current vertex positions of a surface, in the order of the mesh it was made from: what the game writes every
-/// tick. Empty: the surface waits. Where Bevy has seen nobody write to them since the last tick they are not read again:
-/// what is written past change detection is not noticed.
+/// tick. Empty: the surface waits. Where Bevy has seen nobody write to them since the last tick, what was made of them is kept:
+/// of what is written past change detection nobody can say which stages notice it.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 pub struct SurfacePositions(pub Vec<Vec3>);
 

@@ -24,7 +24,7 @@ use super::{
 };
 use crate::{
     contacts::SurfaceQuarantined,
-    detection::DetectionDiagnostics,
+    detection::{DetectionDiagnostics, TriangleBounds},
     kernel::{
         bounds::Aabb,
         exact::rigid_shape::{ShapeError, ShapeGeometry},
@@ -95,6 +95,7 @@ struct SurfaceItem {
     entity: Entity,
     surface: Ref<'static, DeformableSurface>,
     positions: Ref<'static, SurfacePositions>,
+    bounds: &'static TriangleBounds,
     status: &'static mut SurfaceStatus,
     thickness: &'static SurfaceThickness,
     method: &'static ContactMethod,
@@ -216,9 +217,10 @@ fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(
     if expected != found {
         return Err(QuarantineReason::PositionCount { expected, found });
     }
-    // Those that nobody has written to since the surface was last active have been looked at.
-    let is_known = *item.status == SurfaceStatus::Active && !item.positions.is_changed() && !item.surface.is_changed();
-    if !is_known && let Some(vertex) = first_non_finite(&item.positions.0) {
+    // Those that nobody has written to since boxes were made of them have been looked at.
+    if !item.bounds.have_seen(&item.positions)
+        && let Some(vertex) = first_non_finite(&item.positions.0)
+    {
         return Err(QuarantineReason::NonFinitePosition(vertex));
     }
     let pose = match *item.frame {

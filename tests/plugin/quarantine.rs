@@ -521,3 +521,20 @@ fn a_shape_that_parry_cannot_test_is_set_aside() {
     app.update();
     assert!(!between(&mut app, sheet, victim).is_empty());
 }
+
+#[test]
+fn what_was_written_while_a_surface_could_not_be_seen_is_looked_at_when_it_is_back() {
+    let mut app = app();
+    healthy(&mut app);
+    let victim = spawn(&mut app, &ball(), (THIN, victims_place()));
+    app.update();
+    assert_eq!(status(&app, victim), SurfaceStatus::Active);
+    app.world_mut().entity_mut(victim).remove::<SurfaceThickness>();
+    app.update();
+    with_positions(&mut app, victim, |positions| positions[7].y = f32::NAN);
+    app.update();
+    insert(&mut app, victim, THIN);
+    app.update();
+    let reason = QuarantineReason::NonFinitePosition(VertexId(7));
+    assert_eq!(status(&app, victim), SurfaceStatus::Quarantined(reason));
+}

@@ -67,7 +67,7 @@ const PAIRS_OF_A_LEAF: usize = 2000;
 pub struct SurfaceTree {
     tree: BoxTree,
     triangles: LeafTriangles,
-    /// How many times the boxes had been computed when the triangles followed them last.
+    /// How many times the boxes had been computed when the triangles that somebody asks about followed them last.
     triangles_followed: u64,
     /// The tree's arrangement when their vertices were named last.
     vertices_named: u64,

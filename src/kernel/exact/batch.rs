@@ -275,7 +275,7 @@ impl Results {
                     let triangles = [contact.triangle_a, contact.triangle_b];
                     if is_inside(sides.both, triangles, contact.features, self.separation.get(lane)) {
                         (contact.normal, contact.distance) = (-contact.normal, -contact.distance);
-                    } else {
+                    } else if task.case as usize >= FeatureSet::BOUNDARY {
                         recent.add(contact.key);
                     }
                 }
