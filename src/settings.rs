@@ -26,8 +26,8 @@ pub struct CircumsphereSettings {
     /// them. Default true; the source paper's are not. Only for the `Circumsphere` method.
     pub widen_cones: bool,
     /// Shape change beyond which a triangle's sphere is made anew: relative change of an edge, or of a dihedral angle
-    /// in radians. 0 makes all of them anew in every tick in which the surface moves. Default 0.7, the source paper's choice for steadiness.
-    /// Only for the `Circumsphere` method.
+    /// in radians. 0 makes all of them anew in every tick in which the surface moves. Default 0.7, the source paper's choice
+    /// for steadiness. Only for the `Circumsphere` method.
     pub delta: f32,
     /// How curvature is estimated. Default: signed edge curvature, which holds on stretched meshes. Only for the
     /// `Circumsphere` method.

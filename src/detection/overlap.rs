@@ -11,7 +11,7 @@ use super::{
     memory::{DetectionMemory, StageList},
     pair_contacts::{PairContacts, SharedList},
     parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
-    sides::{RowQuery, SphereQuery, SphereRows, pair_settings, surface_entities, with_balls, with_caps},
+    sides::{SphereQuery, SphereRows, pair_settings, surface_entities, with_balls, with_caps},
     sphere_lists::{SphereBuffers, SphereReaders},
     sphere_memory::check_spheres,
 };
@@ -75,7 +75,6 @@ fn test_overlap(
     buffers: Local<SphereBuffers>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     surfaces: SphereQuery,
-    made_of: RowQuery,
 ) {
     let start = Instant::now();
     memory.reads(StageList::Candidates, candidates.last_changed());
@@ -102,7 +101,7 @@ fn test_overlap(
     let is_whole = memory.is_whole();
     if memory.changed(&candidates.pairs).any(uses_spheres) {
         let pairs = memory.changed(&candidates.pairs);
-        rows.update(&active, &made_of, pairs, &Threads(settings.threads));
+        rows.update(&active, &surfaces, pairs, &Threads(settings.threads));
     } else if !candidates.pairs.iter().any(uses_spheres) {
         rows.clear();
     }

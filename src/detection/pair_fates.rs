@@ -197,7 +197,7 @@ impl PairFates<'_, '_> {
     fn is_as_detected(&self, pair: &SurfacePair, triangles: &[[u32; 2]]) -> bool {
         let side = |place: usize, side: usize| {
             let surface = self.active.surfaces.get(place)?;
-            let (positions, balls, spheres, cones) = self.surfaces.get(surface.entity).ok()?;
+            let (positions, balls, spheres, cones, _) = self.surfaces.get(surface.entity).ok()?;
             let count = surface.topology.triangles().len();
             let has_spheres = match pair.method {
                 ContactMethod::BoundingSphere => balls.0.len() == count,

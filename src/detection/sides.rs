@@ -23,9 +23,18 @@ use crate::{
     surface::{ActiveSurface, ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 
-/// The positions and spheres of every surface.
-pub(crate) type SphereQuery<'w, 's> =
-    Query<'w, 's, (&'static SurfacePositions, &'static EnclosingBalls, &'static Circumspheres, &'static TriangleCones)>;
+/// The positions and spheres of every surface, and its boxes.
+pub(crate) type SphereQuery<'w, 's> = Query<
+    'w,
+    's,
+    (
+        &'static SurfacePositions,
+        Ref<'static, EnclosingBalls>,
+        Ref<'static, Circumspheres>,
+        Ref<'static, TriangleCones>,
+        &'static TriangleBounds,
+    ),
+>;
 
 /// The distances of a pair, for the kernel.
 pub(crate) fn pair_settings(pair: &SurfacePair, settings: &CircumsphereSettings) -> PairSettings {
@@ -95,19 +104,6 @@ const TRIANGLES_OF_BALL_PAIR: usize = 3;
 /// triangle is in a pair and most pairs meet, and overlap takes twice as long without much to gain where hardly any does.
 const TRIANGLES_OF_CAP_PAIR: usize = 2;
 
-/// What rows are made from.
-pub(super) type RowQuery<'w, 's> = Query<
-    'w,
-    's,
-    (
-        &'static SurfacePositions,
-        &'static TriangleBounds,
-        Ref<'static, EnclosingBalls>,
-        Ref<'static, Circumspheres>,
-        Ref<'static, TriangleCones>,
-    ),
->;
-
 /// The same where they are made once, because the surface rests: fewer, and they take more memory than they save time.
 const TRIANGLES_OF_RESTING_PAIR: usize = 64;
 
@@ -170,7 +166,7 @@ impl SphereRows {
     pub(super) fn update<'a>(
         &mut self,
         active: &ActiveSurfaces,
-        surfaces: &RowQuery,
+        surfaces: &SphereQuery,
         pairs: impl Iterator<Item = &'a SurfacePair>,
         share: &impl Share,
     ) {
@@ -182,12 +178,11 @@ impl SphereRows {
         for ((active, &[by_balls, by_caps]), (ball_rows, cap_rows)) in
             active.surfaces.iter().zip(&*counts).zip(all_rows)
         {
-            let Ok((positions, bounds, balls, spheres, cones)) = surfaces.get(active.entity) else { continue };
+            let Ok((positions, balls, spheres, cones, bounds)) = surfaces.get(active.entity) else { continue };
             let (topology, positions) = (&*active.topology, &*positions.0);
             let surface =
                 SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None };
             let source = |changed| RowSource { surface: active.entity, computed: bounds.computed(), changed };
-            // Of a surface at rest they are made once.
             let is_worth_it = |pairs: usize, of_pair: usize, rests: bool| {
                 let of_pair = if rests { TRIANGLES_OF_RESTING_PAIR } else { of_pair };
                 pairs > 0 && of_pair * pairs >= topology.triangles().len()
@@ -294,8 +289,8 @@ pub(crate) fn with_caps<T>(
     test: impl FnOnce(&CapSide<'_>, &CapSide<'_>) -> T,
 ) -> Option<T> {
     let OtherSide::Surface(second) = pair.second else { return None };
-    let (own, _, spheres_a, cones_a) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
-    let (other, _, spheres_b, cones_b) = surfaces.get(active.surfaces[second].entity).ok()?;
+    let (own, _, spheres_a, cones_a, _) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
+    let (other, _, spheres_b, cones_b, _) = surfaces.get(active.surfaces[second].entity).ok()?;
     let [surface_a, surface_b] = surface_sides(active, pair, own, other)?;
     let [pose_a, pose_b] = pair.poses();
     let side = |place: usize, surface, spheres, cones, pose| {

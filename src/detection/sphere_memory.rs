@@ -85,30 +85,22 @@ impl SphereMemory {
         self.made.get(&surface).and_then(|parts| parts[part as usize])
     }
 
-    /// Whether somebody else has written to what a method asks of a surface, or to what that was made of.
-    fn is_broken(
-        &self,
-        surface: Entity,
-        method: ContactMethod,
-        (curvature, balls, spheres, cones): &(
-            Ref<TriangleCurvature>,
-            Ref<EnclosingBalls>,
-            Ref<Circumspheres>,
-            Ref<TriangleCones>,
-        ),
-    ) -> bool {
-        let stays = |part, changed| self.of(surface, part).is_some_and(|(_, sealed)| sealed == changed);
+    /// Whether somebody else has written to what a method asks of a surface, or to what that was made of, given the change ticks
+    /// of all parts.
+    fn is_broken(&self, surface: Entity, method: ContactMethod, changed: [Tick; 4]) -> bool {
+        let has_changed = |part: SpherePart, sealed: Tick| changed[part as usize] != sealed;
+        let stays = |part| self.of(surface, part).is_some_and(|(_, sealed)| !has_changed(part, sealed));
         if method == ContactMethod::BoundingSphere {
-            return !stays(SpherePart::Balls, balls.last_changed());
+            return !stays(SpherePart::Balls);
         }
-        let curvature = curvature.last_changed();
         let of_curvature = self.of(surface, SpherePart::Spheres).and_then(|(source, _)| source.curvature);
         // Nobody has measured it where somebody else provides for curvature.
-        let is_as_measured = self.of(surface, SpherePart::Curvature).is_none_or(|(_, sealed)| sealed == curvature);
+        let measured = self.of(surface, SpherePart::Curvature);
+        let is_as_measured = measured.is_none_or(|(_, sealed)| !has_changed(SpherePart::Curvature, sealed));
         !(is_as_measured
-            && of_curvature == Some(curvature)
-            && stays(SpherePart::Spheres, spheres.last_changed())
-            && stays(SpherePart::Cones, cones.last_changed()))
+            && of_curvature == Some(changed[SpherePart::Curvature as usize])
+            && stays(SpherePart::Spheres)
+            && stays(SpherePart::Cones))
     }
 }
 
@@ -124,7 +116,11 @@ pub(super) fn check_spheres(
     memory.reads(StageList::Candidates, candidates.last_changed());
     let is_broken = |place: usize, method: ContactMethod| {
         let entity = active.surfaces[place].entity;
-        components.get(entity).map_or(true, |components| memory.spheres.is_broken(entity, method, &components))
+        components.get(entity).map_or(true, |(curvature, balls, spheres, cones)| {
+            let changed =
+                [curvature.last_changed(), balls.last_changed(), spheres.last_changed(), cones.last_changed()];
+            memory.spheres.is_broken(entity, method, changed)
+        })
     };
     let has_spheres = |pair: &SurfacePair| !pair.method.is_exact();
     let mut kept =

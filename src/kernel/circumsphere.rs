@@ -277,7 +277,8 @@ impl OffsetSpheres {
         self.refits = self.refits.wrapping_add(1);
     }
 
-    /// How many [refits](Self::refit) ago, those included that would have changed nothing, each triangle's recipe was made: 0 where the last one made it.
+    /// How many [refits](Self::refit) ago each triangle's recipe was made, those included that would have changed nothing: 0
+    /// where the last one made it.
     pub fn recipe_ages(&self) -> impl ExactSizeIterator<Item = u32> {
         (0..self.recipe_count)
             .map(|triangle| self.refits.wrapping_sub(self.recipes[triangle / WIDTH].made_at(triangle % WIDTH)))

@@ -161,8 +161,10 @@ impl LeafTriangles {
         let Self { blocks, states, found, .. } = self;
         let mut asked_count = 0_usize;
         let mut ask = |state: &mut LeafState| {
-            asked_count += usize::from(*state == LeafState::Old);
-            *state = if *state == LeafState::Old { LeafState::Asked } else { *state };
+            if *state == LeafState::Old {
+                *state = LeafState::Asked;
+                asked_count += 1;
+            }
         };
         for region in regions {
             match region {

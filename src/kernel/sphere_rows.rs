@@ -1,8 +1,8 @@
 //! All that the sphere stages ask of a triangle, one row a triangle: what is side by side in memory is read at once.
 //!
 //! A triangle is in a dozen pairs, and each pair needs its corners and its sphere, which lie in as many places as they have
-//! numbers. Rows are copied together once a tick, of a surface at rest once, and turned into lanes eight pairs at a time. Written by the overlap stage,
-//! read by it, by the cone stage, and by whoever writes contacts out, maybe ticks later.
+//! numbers. Rows are copied together once a tick, of a surface at rest once, and turned into lanes eight pairs at a time.
+//! Written by the overlap stage, read by it, by the cone stage, and by whoever writes contacts out, maybe ticks later.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 

@@ -202,7 +202,7 @@ fn positions_are_read_again_where_somebody_has_written_to_them_and_only_there() 
         point.y += 0.01;
     }
 
-    // Past change detection: as the documentation of the component says, this is not noticed.
+    // Past change detection. What stages make of that is not promised: here the pair is kept, as if nothing had been written.
     let mut positions = app.world_mut().get_mut::<SurfacePositions>(body).expect("it is a surface");
     positions.bypass_change_detection().0.clone_from(&lifted);
     app.update();

@@ -19,9 +19,10 @@ use crate::{
 };
 
 /// What a traversal asks of the triangles of a surface where they are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::detection) enum Asked {
     /// Nothing but their boxes.
+    #[default]
     Boxes,
     /// Which share a vertex.
     Neighbors,
@@ -32,7 +33,7 @@ pub(in crate::detection) enum Asked {
 /// What traversals ask of the triangles of a surface where they are, and where.
 #[derive(Default)]
 pub(super) struct AskedTriangles {
-    asked: Option<Asked>,
+    asked: Asked,
     /// Where they ask about slabs.
     regions: Vec<Region>,
 }
@@ -50,7 +51,7 @@ pub(super) fn mark_asked_surfaces(
 ) {
     surfaces.resize_with(active.surfaces.len(), AskedTriangles::default);
     for surface in &mut *surfaces {
-        surface.asked = None;
+        surface.asked = Asked::Boxes;
         surface.regions.clear();
     }
     for (number, pair) in candidates.pairs.iter().enumerate() {
@@ -66,7 +67,7 @@ pub(super) fn mark_asked_surfaces(
         for (place, region) in [pair.first, second].into_iter().zip(regions) {
             let Some(region) = region else { continue };
             let surface = &mut surfaces[place];
-            surface.asked = surface.asked.max(Some(of_pair));
+            surface.asked = surface.asked.max(of_pair);
             if of_pair == Asked::Slabs {
                 // A list is of what is near beyond the boxes.
                 let is_listed = list_use == ListUse::Made;
@@ -121,7 +122,7 @@ impl SurfaceTree {
         positions: &[Vec3],
         threads: usize,
     ) {
-        if asked > Some(Asked::Boxes) && self.vertices_named != self.tree.arrangement() {
+        if asked > Asked::Boxes && self.vertices_named != self.tree.arrangement() {
             self.triangles.name_vertices(&self.tree, &surface.topology);
             self.vertices_named = self.tree.arrangement();
         }
@@ -158,6 +159,6 @@ impl SurfaceTree {
 impl AskedTriangles {
     /// All that a traversal may ask, everywhere.
     pub(super) fn all() -> Self {
-        Self { asked: Some(Asked::Slabs), regions: vec![Region::Everywhere] }
+        Self { asked: Asked::Slabs, regions: vec![Region::Everywhere] }
     }
 }
