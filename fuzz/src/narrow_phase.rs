@@ -100,11 +100,13 @@ fn traversed(a: &FuzzedSurface, b: &FuzzedSurface, settings: &PairSettings) -> V
     kept
 }
 
-/// In the order of the store: of contacts of one key that of the lowest triangles counts, of those with the same
-/// triangles the first that was found, whatever stands between them.
+/// As the store has them: of contacts of one key that of the lowest triangles counts, of those with the same triangles
+/// the first that was found, whatever stands between them. Where surfaces can penetrate each other, how often a shared one
+/// was found before depends on the screen.
 fn by_key(contacts: &[CompactContact]) -> Vec<CompactContact> {
     let mut contacts = contacts.to_vec();
     contacts.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
+    contacts.dedup_by(|later, first| later.is_shared && later.key == first.key);
     contacts
 }
 
