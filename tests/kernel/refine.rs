@@ -646,6 +646,60 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
     assert!(features > 10_000, "{features} features");
 }
 
+/// A pair touches within exactly the distance that it has, and within none that is shorter by a bit, whichever way it is tested:
+/// the squares that features are first sorted out by are rounded differently. Whatever touches has a contact, of surfaces of
+/// one triangle each, of which nobody else can report it.
+#[test]
+fn pairs_touch_within_exactly_their_own_distance() {
+    let ways: [(Test, bool); 3] = [(refine_pairs, false), (refine_pairs, true), (refine_closest, true)];
+    let mut squares_disagree = 0;
+    for (seed, grid) in [(1, 0.0), (2, 0.125), (3, 0.25), (4, 0.5)] {
+        let mut mesh = triangle_soup(120, seed);
+        for coordinate in mesh.positions.iter_mut().flatten().filter(|_| grid > 0.0) {
+            *coordinate = (*coordinate / grid).round() * grid;
+        }
+        let positions = positions(&mesh);
+        let mut proximity = PairProximity::default();
+        for (number, [first, second]) in all_within(mesh.triangles.len()).into_iter().enumerate() {
+            let alone = [first, second].map(|triangle| corners(&positions, mesh.triangles[triangle as usize]));
+            let topologies = alone.map(|corners| SurfaceTopology::new(&corners, &[[0, 1, 2]]).expect("it is valid"));
+            let [a, b] = [0, 1].map(|number: usize| side(&topologies[number], &alone[number], false));
+            let scale = [1.0, 1.0, 3.0, 0.7, 1.0e-3][number % 5];
+            // As far as it is looked, distances are exact.
+            examine_pair(&exact(alone[0]), &exact(alone[1]), 1.0e9, &mut proximity);
+            let distance = proximity.distance * scale;
+            if distance == 0.0 {
+                continue;
+            }
+            squares_disagree +=
+                usize::from((distance / scale) * (distance / scale) < proximity.distance * proximity.distance);
+            for (test, cull) in ways {
+                for (limit, touches) in [(distance, true), (distance.next_down(), false)] {
+                    let settings = PairSettings {
+                        contact_distance: limit,
+                        reported_distance: limit,
+                        range: limit,
+                        scale,
+                        cull,
+                        same_surface: false,
+                    };
+                    let mut found = FoundPairs::default();
+                    test(&a, &b, &[[0, 0]], &settings, &mut found);
+                    let distances: Vec<f64> = found.touching.iter().map(|pair| pair.distance).collect();
+                    let expected = if touches { vec![distance] } else { vec![] };
+                    assert_eq!(distances, expected, "within {limit} by {scale}, screened: {cull}: {alone:?}");
+                    assert_eq!(
+                        found.contacts.is_empty(),
+                        !touches,
+                        "within {limit} by {scale}, screened: {cull}: {alone:?}"
+                    );
+                }
+            }
+        }
+    }
+    assert!(squares_disagree > 100, "{squares_disagree} squares tell something else than distances");
+}
+
 /// A surface as it was when its vertices were welded, and where they are now.
 struct Moved {
     topology: SurfaceTopology,

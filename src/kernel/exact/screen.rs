@@ -16,7 +16,7 @@ use self::{
 };
 use super::{
     cases::{BoundaryCases, Cases},
-    triangle_pair::{ROUND_OFF, TIE},
+    triangle_pair::{ROUND_OFF, SQUARE_SLACK, TIE},
 };
 use crate::kernel::{
     corner_rows::CornerRow,
@@ -223,7 +223,7 @@ impl PairScreen {
         }
         let nothing = largest * ROUND_OFF;
         let range = nothing.max(limits.range / limits.scale);
-        let range_squared = range * range;
+        let range_squared = range * range * (1.0 + SQUARE_SLACK);
         // A distance that is infinite is none, however far the range goes.
         let limit = range_squared.min(f64::MAX);
         self.rows.set(simd, [second, third], &b);

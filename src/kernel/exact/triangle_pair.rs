@@ -39,6 +39,10 @@ const PIERCING_TOLERANCE: f64 = 1.0e-10;
 /// plane above all, products round to 1e-14 of it.
 pub(super) const ROUND_OFF: f64 = 1.0e-13;
 
+/// The square of a range is taken larger by this share, ten times what squares, roots and scales are rounded by: features that are
+/// looked at need not be within the range, but none that is, as its distance is rounded, is passed over.
+pub(super) const SQUARE_SLACK: f64 = 1.0e-14;
+
 /// A pair of features that are close to each other, or that cross.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
@@ -73,8 +77,9 @@ pub struct PairProximity {
     /// Distance of the two triangles, 0 where an edge of one pierces the other. Exact up to the range that was asked
     /// for; a pair farther apart has some value above the range.
     pub distance: f64,
-    /// Vertex–face and edge–edge pairs within range that face each other, every piercing edge–face pair, and those
-    /// vertex–edge and vertex–vertex pairs that are the closest of all: several where they are equally close.
+    /// Vertex–face and edge–edge pairs within range, or beyond it by rounding, that face each other, every piercing
+    /// edge–face pair, and those vertex–edge and vertex–vertex pairs that are the closest of all: several where they are
+    /// equally close.
     pub proximities: Proximities,
 }
 
@@ -109,8 +114,7 @@ pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut Pair
     let (a, b) = local_sides(a, b);
     let boundary = least_boundary_distance_squared(&a, &b).min(least_boundary_distance_squared(&b, &a));
     let nothing = ROUND_OFF * largest_coordinate(&a).max(largest_coordinate(&b));
-    let range = range.max(nothing);
-    let range_squared = range * range;
+    let range_squared = square_of_range(range, nothing);
     found.proximities.clear();
     let mut nearest = boundary;
     for vertex in 0..3 {
@@ -138,8 +142,7 @@ pub(in crate::kernel) fn examine_screened(
 ) {
     let (a, b) = local_sides(&corners[0], &corners[1]);
     let nothing = ROUND_OFF * pair.largest;
-    let range = range.max(nothing);
-    let range_squared = range * range;
+    let range_squared = square_of_range(range, nothing);
     let cases = pair.cases.and(wanted);
     found.proximities.clear();
     for vertex in 0..3 {
@@ -167,6 +170,12 @@ pub(in crate::kernel) fn examine_screened(
         found.proximities.truncate(before);
     }
     found.conclude(&a, &b, crossing, range_squared, (pair.boundary, pair.on_boundary), pair.nearest, nothing);
+}
+
+/// The squared distance up to which features are looked at, of which those up to `nothing` have none.
+fn square_of_range(range: f64, nothing: f64) -> f64 {
+    let range = range.max(nothing);
+    range * range * (1.0 + SQUARE_SLACK)
 }
 
 /// Both triangles relative to the first one's first corner.
@@ -244,8 +253,7 @@ pub(in crate::kernel) fn examine_boundaries(
     found: &mut Proximities,
 ) {
     let nothing = pair.nothing();
-    let range = range.max(nothing);
-    let most = (pair.boundary * (1.0 + TIE)).min(range * range);
+    let most = (pair.boundary * (1.0 + TIE)).min(square_of_range(range, nothing));
     let (a, b) = (a.map(|corner| corner - a[0]), b.map(|corner| corner - a[0]));
     boundary_proximities(&a, &b, true, most, pair.on_boundary, found);
     boundary_proximities(&b, &a, false, most, pair.on_boundary >> 9, found);
