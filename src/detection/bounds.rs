@@ -11,6 +11,7 @@ use std::{
 
 use bevy_app::prelude::*;
 use bevy_ecs::{change_detection::Tick, prelude::*};
+use bevy_platform::sync::atomic::AtomicU64;
 use bytemuck::cast_slice;
 use glam::Vec3;
 
@@ -49,7 +50,8 @@ pub struct TriangleBounds {
     whole: Aabb,
     /// The same in the world, where the surface was last.
     in_world: Option<(Pose, Aabb)>,
-    /// How many times there have been other ones: what was made from them is as old as the count it was made at.
+    /// A count that grows by 1 whenever there are other ones, and begins [far from those](first_count) of other components: what
+    /// was made from them is as old as the count it was made at.
     computed: u64,
     /// From the positions of the count before to those of the last one.
     motion: Motion,
@@ -60,6 +62,12 @@ pub struct TriangleBounds {
     /// Whether all vertices are corners, so that the box of those is that of the triangles.
     names_every_vertex: bool,
     growth: f32,
+}
+
+/// Where the count of a component begins: so far from those of all others that it never gets there.
+fn first_count() -> u64 {
+    static COMPONENTS: AtomicU64 = AtomicU64::new(0);
+    1 + (COMPONENTS.fetch_add(1, Ordering::Relaxed) << u32::BITS)
 }
 
 impl TriangleBounds {
@@ -89,7 +97,8 @@ impl TriangleBounds {
         self.topology.as_ref().map_or(0, |topology| topology.triangles().len())
     }
 
-    /// How many times there have been other boxes; while it stays the same, so do they.
+    /// A count that grows by 1 whenever there are other boxes; while it stays the same, so do they, even where another component
+    /// has taken the place of this one.
     pub(super) fn computed(&self) -> u64 {
         self.computed
     }
@@ -99,7 +108,7 @@ impl TriangleBounds {
         self.seen == Some(positions.last_changed())
     }
 
-    /// [How many times](Self::computed) there have been other boxes, where they are those of `positions`.
+    /// The [count](Self::computed) of the boxes, where they are those of `positions`.
     pub(super) fn computed_of(&self, positions: &Ref<SurfacePositions>) -> Option<u64> {
         self.have_seen(positions).then_some(self.computed)
     }
@@ -139,6 +148,7 @@ impl TriangleBounds {
         if let Some(triangles) = self.triangles.take() {
             *spare = triangles;
         }
+        self.computed = if self.topology.is_none() { first_count() } else { self.computed + 1 };
         if !same_mesh {
             self.names_every_vertex = topology.names_every_vertex();
             self.topology = Some(Arc::clone(topology));
@@ -152,7 +162,6 @@ impl TriangleBounds {
             self.triangles = OnceLock::from(mem::take(spare));
         }
         self.in_world = None;
-        self.computed += 1;
         self.positions.clear();
         self.positions.extend_from_slice(positions);
         self.growth = growth;

@@ -38,7 +38,7 @@ impl SurfaceTree {
         if self.is_of(surface) {
             if self.followed != bounds.computed() {
                 // What was begun before the tree has rested is of boxes that are long gone.
-                if bounds.computed() - self.followed > 1 {
+                if bounds.computed() != self.followed + 1 {
                     self.tree.break_off_rebuilding();
                 }
                 let boxes = bounds.triangles_on(&Threads(threads));
