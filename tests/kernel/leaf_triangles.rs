@@ -1,6 +1,6 @@
 //! What a traversal drops on its way: neighbors by their vertices, others by slabs; and that its parts make the whole.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, HashSet};
 
 use crate::{
     common::{CATEGORIES, Random, Triangle, hard_pair},
@@ -8,6 +8,7 @@ use crate::{
     truth::independent,
 };
 use bevy_circumsphere::kernel::{
+    bounded_pairs::BoundedPairs,
     bounds::{Aabb, triangle_bounds},
     ids::TriangleId,
     leaf_triangles::{LeafTriangles, PairCull},
@@ -44,6 +45,41 @@ struct Tally {
     beyond: usize,
     rejected_by_planes: usize,
     rejected: usize,
+    /// Pairs that a list bounds by more than 0.
+    bounded: usize,
+}
+
+/// Asserts that a traversal for pairs that are remembered lists all within the range and the skin, and bounds none by more than
+/// its distance. Returns how many it bounds by more than 0.
+fn assert_bounds(a: &Surface, sides: [&Surface; 2], is_self: bool, range: f32, skin: f32) -> usize {
+    let within = range + skin;
+    let cull = cull(sides.map(|side| &side.triangles), within, false);
+    let mut list = BoundedPairs::default();
+    if is_self {
+        a.tree.bounded_self_pairs_of(0..a.tree.leaf_count(), range, skin, &cull, &mut list);
+    } else {
+        a.tree.bounded_pairs_of(0..a.tree.leaf_count(), &sides[1].tree, range, skin, &cull, &mut list);
+    }
+    let [first_count, second_count] = sides.map(|side| side.topology.triangles().len() as u32);
+    let near = |limit: f32| {
+        let mut near = Vec::new();
+        list.append_near(limit, &mut near, &mut Vec::new());
+        near.into_iter().collect::<HashSet<[u32; 2]>>()
+    };
+    let steps = [0.0, 0.3, 0.6, 0.8, 1.0].map(|share| share * within).map(|limit| (limit, near(limit)));
+    let mut bounded = 0;
+    for first in 0..first_count {
+        for second in if is_self { first + 1 } else { 0 }..second_count {
+            let pair = [first, second];
+            let distance = triangle_distance(&sides[0].corners(first), &sides[1].corners(second));
+            for (limit, near) in steps.iter().filter(|(limit, _)| distance <= f64::from(*limit)) {
+                let corners = [sides[0].corners(first), sides[1].corners(second)];
+                assert!(near.contains(&pair), "{distance:e} is said to be beyond {limit:e} of {within:e}: {corners:?}");
+            }
+            bounded += usize::from(steps[4].1.contains(&pair) && !steps[0].1.contains(&pair));
+        }
+    }
+    bounded
 }
 
 /// Asserts that of two surfaces, and of the first with itself, slabs reject nothing that is within range, and nothing else
@@ -92,6 +128,7 @@ fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
         tally.rejected += assert_kept(&by_all, count);
         tally.within += distances.iter().filter(|&&distance| distance <= f64::from(range)).count();
         tally.beyond += distances.iter().filter(|&&distance| distance > f64::from(range)).count();
+        tally.bounded += assert_bounds(a, sides, is_self, range, 0.7 * range);
         if !is_self {
             // From leaves in another order: whatever is rejected is beyond the range there, too.
             let cull = cull([&of_leaves, &b.triangles], range, false);
@@ -139,7 +176,7 @@ fn slabs_reject_no_pair_within_range() {
         judge(&of_triangles(&first, range), &of_triangles(&second, range), range, &mut tally);
     }
     println!("{tally:?}");
-    assert!(tally.within > 20_000 && tally.beyond > 20_000);
+    assert!(tally.within > 20_000 && tally.beyond > 20_000 && tally.bounded > 10_000);
     // Planes alone count only where f32 knows them, which of hard pairs is seldom.
     assert!(tally.rejected * 3 > tally.beyond && tally.rejected_by_planes * 8 > tally.beyond);
 }
