@@ -1,6 +1,8 @@
 //! The exact narrow phase on any bit patterns: nothing panics, finite input gives numbers, and where the reference can
 //! judge it agrees.
 
+use std::collections::HashSet;
+
 use bevy_circumsphere::kernel::{
     bounds::triangle_bounds,
     contact::CompactContact,
@@ -100,13 +102,11 @@ fn traversed(a: &FuzzedSurface, b: &FuzzedSurface, settings: &PairSettings) -> V
     kept
 }
 
-/// As the store has them: of contacts of one key that of the lowest triangles counts, of those with the same triangles
-/// the first that was found, whatever stands between them. Where surfaces can penetrate each other, how often a shared one
-/// was found before depends on the screen.
+/// In the order of the store: of contacts of one key that of the lowest triangles counts, of those with the same
+/// triangles the first that was found, whatever stands between them.
 fn by_key(contacts: &[CompactContact]) -> Vec<CompactContact> {
     let mut contacts = contacts.to_vec();
     contacts.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
-    contacts.dedup_by(|later, first| later.is_shared && later.key == first.key);
     contacts
 }
 
@@ -121,6 +121,9 @@ fn detect(
     // As the stage does.
     if can_penetrate([a, b], settings) {
         settle_penetrations(a, b, candidates, settings, &mut found.contacts);
+        // How often a shared one was found depends on the screen.
+        let mut known = HashSet::new();
+        found.contacts.retain(|contact| !contact.is_shared || known.insert(contact.key));
     } else {
         UniqueFeatures::default().drop_repeats(&mut found, 0);
     }

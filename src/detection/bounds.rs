@@ -50,8 +50,8 @@ pub struct TriangleBounds {
     whole: Aabb,
     /// The same in the world, where the surface was last.
     in_world: Option<(Pose, Aabb)>,
-    /// A count that grows by 1 whenever there are other ones, and begins [far from those](first_count) of other components: what
-    /// was made from them is as old as the count it was made at.
+    /// A count that grows by 1 whenever there are other ones, and begins [far from those](first_count) of other
+    /// components: what was made from them is as old as the count it was made at.
     computed: u64,
     /// From the positions of the count before to those of the last one.
     motion: Motion,
@@ -97,8 +97,8 @@ impl TriangleBounds {
         self.topology.as_ref().map_or(0, |topology| topology.triangles().len())
     }
 
-    /// A count that grows by 1 whenever there are other boxes; while it stays the same, so do they, even where another component
-    /// has taken the place of this one.
+    /// A count that grows by 1 whenever there are other boxes; while it stays the same, so do they, even where another
+    /// component has taken the place of this one.
     pub(super) fn computed(&self) -> u64 {
         self.computed
     }

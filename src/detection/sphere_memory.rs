@@ -28,8 +28,8 @@ pub(super) enum SpherePart {
 /// What a part of a surface's spheres is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SphereSource {
-    /// The count of the surface's [`TriangleBounds`](super::TriangleBounds); `None` where its positions had been written to since:
-    /// nobody can tell when that is so again.
+    /// The count of the surface's [`TriangleBounds`](super::TriangleBounds); `None` where its positions had been written
+    /// to since: nobody can tell when that is so again.
     pub(super) computed: Option<u64>,
     /// The change tick of the curvature, where the part is made of that, too.
     pub(super) curvature: Option<Tick>,

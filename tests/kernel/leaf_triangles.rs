@@ -49,8 +49,8 @@ struct Tally {
     bounded: usize,
 }
 
-/// Asserts that a traversal for pairs that are remembered lists all within the range and the skin, and bounds none by more than
-/// its distance. Returns how many it bounds by more than 0.
+/// Asserts that a traversal for pairs that are remembered lists all within the range and the skin, and bounds none by
+/// more than its distance. Returns how many it bounds by more than 0.
 fn assert_bounds(a: &Surface, sides: [&Surface; 2], is_self: bool, range: f32, skin: f32) -> usize {
     let within = range + skin;
     let cull = cull(sides.map(|side| &side.triangles), within, false);

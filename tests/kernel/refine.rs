@@ -583,17 +583,22 @@ fn every_touching_pair_has_its_closest_features_among_those_of_the_closest_alone
     }
 }
 
+/// The mesh with its vertices on a grid, where `step` is not 0: there triangles share points, lie in one plane, have
+/// parallel edges, or no area.
+fn on_grid(mut mesh: Mesh, step: f32) -> Mesh {
+    for coordinate in mesh.positions.iter_mut().flatten().filter(|_| step > 0.0) {
+        *coordinate = (*coordinate / step).round() * step;
+    }
+    mesh
+}
+
 /// The features of eight pairs are screened side by side before any of them is examined. Bit by bit: what is screened out
 /// must be exactly what the test of one pair does not find.
 #[test]
 fn screened_pairs_are_those_that_examining_each_pair_finds() {
     let (mut within, mut crossing, mut beyond, mut features) = (0, 0, 0, 0);
     for (seed, grid) in [(1, 0.0), (2, 0.25), (3, 0.5), (4, 1.0)] {
-        let mut mesh = triangle_soup(90, seed);
-        // On a grid triangles share points, lie in one plane, have parallel edges, or no area.
-        for coordinate in mesh.positions.iter_mut().flatten().filter(|_| grid > 0.0) {
-            *coordinate = (*coordinate / grid).round() * grid;
-        }
+        let mesh = on_grid(triangle_soup(90, seed), grid);
         let positions = positions(&mesh);
         let topology = SurfaceTopology::new(&positions, &mesh.triangles).expect("the mesh is valid");
         let surface = side(&topology, &positions, false);
@@ -646,18 +651,15 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
     assert!(features > 10_000, "{features} features");
 }
 
-/// A pair touches within exactly the distance that it has, and within none that is shorter by a bit, whichever way it is tested:
-/// the squares that features are first sorted out by are rounded differently. Whatever touches has a contact, of surfaces of
-/// one triangle each, of which nobody else can report it.
+/// A pair touches within exactly the distance that it has, and within none that is shorter by a bit, whichever way it is
+/// tested: the squares that features are first sorted out by are rounded differently. Whatever touches has a contact, of
+/// surfaces of one triangle each, of which nobody else can report it.
 #[test]
 fn pairs_touch_within_exactly_their_own_distance() {
     let ways: [(Test, bool); 3] = [(refine_pairs, false), (refine_pairs, true), (refine_closest, true)];
     let mut squares_disagree = 0;
     for (seed, grid) in [(1, 0.0), (2, 0.125), (3, 0.25), (4, 0.5)] {
-        let mut mesh = triangle_soup(120, seed);
-        for coordinate in mesh.positions.iter_mut().flatten().filter(|_| grid > 0.0) {
-            *coordinate = (*coordinate / grid).round() * grid;
-        }
+        let mesh = on_grid(triangle_soup(120, seed), grid);
         let positions = positions(&mesh);
         let mut proximity = PairProximity::default();
         for (number, [first, second]) in all_within(mesh.triangles.len()).into_iter().enumerate() {
@@ -680,8 +682,7 @@ fn pairs_touch_within_exactly_their_own_distance() {
                         reported_distance: limit,
                         range: limit,
                         scale,
-                        cull,
-                        same_surface: false,
+                        ..settings(false, cull)
                     };
                     let mut found = FoundPairs::default();
                     test(&a, &b, &[[0, 0]], &settings, &mut found);
@@ -709,10 +710,8 @@ struct Moved {
 impl Moved {
     /// `step` is that of a grid on which positions are, or 0; of its vertices every `apart`th has left the place of those it
     /// was welded to, where that is not 0.
-    fn new(mut mesh: Mesh, step: f32, apart: usize, random: &mut Random) -> Self {
-        for coordinate in mesh.positions.iter_mut().flatten().filter(|_| step > 0.0) {
-            *coordinate = (*coordinate / step).round() * step;
-        }
+    fn new(mesh: Mesh, step: f32, apart: usize, random: &mut Random) -> Self {
+        let mesh = on_grid(mesh, step);
         let mut positions = positions(&mesh);
         let topology = SurfaceTopology::new(&positions, &mesh.triangles).expect("the mesh is valid");
         for position in positions.iter_mut().step_by(apart.max(1)).filter(|_| apart > 0) {

@@ -39,8 +39,8 @@ const PIERCING_TOLERANCE: f64 = 1.0e-10;
 /// plane above all, products round to 1e-14 of it.
 pub(super) const ROUND_OFF: f64 = 1.0e-13;
 
-/// The square of a range is taken larger by this share, ten times what squares, roots and scales are rounded by: features that are
-/// looked at need not be within the range, but none that is, as its distance is rounded, is passed over.
+/// The square of a range is taken larger by this share, ten times what squares, roots and scales are rounded by: features
+/// that are looked at need not be within the range, but none that is, as its distance is rounded, is passed over.
 pub(super) const SQUARE_SLACK: f64 = 1.0e-14;
 
 /// A pair of features that are close to each other, or that cross.
