@@ -12,7 +12,7 @@ use glam::{DVec3, Vec3};
 use super::{
     circumsphere::Ball,
     cone::Cap,
-    lanes::{CapLanes, DoubleVectorLanes, VectorLanes, WIDTH, rounded, transposed, widened},
+    lanes::{CapLanes, DoubleVectorLanes, VectorLanes, WIDTH, columns_from, rounded, widened},
     pair::SurfaceSide,
     pose::Pose,
     prefetch::prefetch,
@@ -22,13 +22,16 @@ use super::{
 /// How many rows ahead of the one that is written memory is asked for.
 const ROWS_AHEAD: usize = 16;
 
-/// The numbers of one triangle, in blocks of as many as there are lanes.
+/// How many numbers fill a line of the cache.
+const NUMBERS: usize = 2 * WIDTH;
+
+/// The numbers of one triangle.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
-pub struct TriangleRow([[f32; WIDTH]; 2]);
+pub struct TriangleRow([f32; NUMBERS]);
 
 impl TriangleRow {
-    pub(super) const EMPTY: Self = Self([[0.0; WIDTH]; 2]);
+    pub(super) const EMPTY: Self = Self([0.0; NUMBERS]);
 }
 
 /// Rows with the corners of each triangle and its enclosing ball.
@@ -97,24 +100,22 @@ impl TriangleRow {
     pub(super) fn of_cap(corners: [Vec3; 3], cap: &Cap) -> (Self, [f32; 2]) {
         let [a, b, c] = corners;
         let Cap { center, radius, height, axis, cosine } = *cap;
-        let row = Self([
-            [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y],
-            [c.z, center.x, center.y, center.z, radius, height, axis.x, axis.y],
-        ]);
-        (row, [axis.z, cosine])
+        let Vec3 { x, y, z } = center;
+        let row = [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z, x, y, z, radius, height, axis.x, axis.y];
+        (Self(row), [axis.z, cosine])
     }
 
     /// `corners` and `ball` in the same frame.
     #[inline(always)]
     pub(super) fn of_ball(corners: [Vec3; 3], ball: &Ball) -> Self {
-        let ([a, b, c], Ball { center, radius }) = (corners, *ball);
-        Self([[a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y], [c.z, center.x, center.y, center.z, radius, 0.0, 0.0, 0.0]])
+        let ([a, b, c], Ball { center: Vec3 { x, y, z }, radius }) = (corners, *ball);
+        Self([a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z, x, y, z, radius, 0.0, 0.0, 0.0])
     }
 }
 
 /// The rows of one side of eight pairs, one number to the lanes, in the frame of the pairs.
 pub(super) struct RowLanes<S: Simd> {
-    row: [[f32x8<S>; WIDTH]; 2],
+    row: [f32x8<S>; NUMBERS],
     rest: [f32x8<S>; 2],
     /// The corners before they were rounded, where they have been moved.
     moved_corners: Option<[DoubleVectorLanes<S>; 3]>,
@@ -141,9 +142,14 @@ impl<S: Simd> RowLanes<S> {
     /// Of rows that have been made pair by pair.
     #[inline(always)]
     pub(super) fn new<'a>(simd: S, row: impl Fn(usize) -> &'a TriangleRow, rest: &[[f32; WIDTH]; 2]) -> Self {
-        let rows: [&TriangleRow; WIDTH] = [row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)];
+        let [a, b, c, d, e, f, g, h] = [row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)];
+        let rows: [&[f32]; WIDTH] = [&a.0, &b.0, &c.0, &d.0, &e.0, &f.0, &g.0, &h.0];
+        let [ax, ay, az, bx] = columns_from::<0, S>(simd, rows);
+        let [by, bz, cx, cy] = columns_from::<4, S>(simd, rows);
+        let [cz, x, y, z] = columns_from::<8, S>(simd, rows);
+        let [radius, height, axis_x, axis_y] = columns_from::<12, S>(simd, rows);
         Self {
-            row: [columns(simd, &rows, 0), columns(simd, &rows, 1)],
+            row: [ax, ay, az, bx, by, bz, cx, cy, cz, x, y, z, radius, height, axis_x, axis_y],
             rest: [f32x8::from_slice(simd, &rest[0]), f32x8::from_slice(simd, &rest[1])],
             moved_corners: None,
         }
@@ -160,7 +166,7 @@ impl<S: Simd> RowLanes<S> {
         }
         self.moved_corners = Some(corners);
         self.set_vector(9, self.center().moved(simd, pose));
-        self.row[1][4] = scaled(self.radius(), to_frame);
+        self.row[12] = scaled(self.radius(), to_frame);
         self
     }
 
@@ -171,16 +177,15 @@ impl<S: Simd> RowLanes<S> {
         if let Some(pose) = pose {
             let CapLanes { height, axis, .. } = moved.cap();
             let axis = axis.widened().moved_direction(simd, pose).normalized_or(DVec3::ZERO).rounded();
-            moved.row[1][5] = scaled(height, pose);
-            ([moved.row[1][6], moved.row[1][7]], moved.rest[0]) = ([axis.x, axis.y], axis.z);
+            moved.row[13] = scaled(height, pose);
+            ([moved.row[14], moved.row[15]], moved.rest[0]) = ([axis.x, axis.y], axis.z);
         }
         moved
     }
 
     #[inline(always)]
     fn set_vector(&mut self, place: usize, vector: VectorLanes<S>) {
-        let numbers = self.row.as_flattened_mut();
-        (numbers[place], numbers[place + 1], numbers[place + 2]) = (vector.x, vector.y, vector.z);
+        (self.row[place], self.row[place + 1], self.row[place + 2]) = (vector.x, vector.y, vector.z);
     }
 
     /// The corners as exactly as they are known.
@@ -194,13 +199,8 @@ impl<S: Simd> RowLanes<S> {
     }
 
     #[inline(always)]
-    fn number(&self, place: usize) -> f32x8<S> {
-        self.row[place / WIDTH][place % WIDTH]
-    }
-
-    #[inline(always)]
     fn vector(&self, place: usize) -> VectorLanes<S> {
-        VectorLanes { x: self.number(place), y: self.number(place + 1), z: self.number(place + 2) }
+        VectorLanes { x: self.row[place], y: self.row[place + 1], z: self.row[place + 2] }
     }
 
     #[inline(always)]
@@ -215,7 +215,7 @@ impl<S: Simd> RowLanes<S> {
 
     #[inline(always)]
     pub(super) fn radius(&self) -> f32x8<S> {
-        self.number(12)
+        self.row[12]
     }
 
     #[inline(always)]
@@ -223,8 +223,8 @@ impl<S: Simd> RowLanes<S> {
         CapLanes {
             center: self.center(),
             radius: self.radius(),
-            height: self.number(13),
-            axis: VectorLanes { x: self.number(14), y: self.number(15), z: self.rest[0] },
+            height: self.row[13],
+            axis: VectorLanes { x: self.row[14], y: self.row[15], z: self.rest[0] },
             cosine: self.rest[1],
         }
     }
@@ -234,16 +234,6 @@ impl<S: Simd> RowLanes<S> {
 #[inline(always)]
 fn scaled<S: Simd>(lengths: f32x8<S>, pose: &Pose) -> f32x8<S> {
     rounded(widened(lengths) * pose.scale())
-}
-
-/// A block of eight rows, number by number.
-#[inline(always)]
-fn columns<S: Simd>(simd: S, rows: &[&TriangleRow; WIDTH], block: usize) -> [f32x8<S>; WIDTH] {
-    let mut square = [f32x8::splat(simd, 0.0); WIDTH];
-    for lane in 0..WIDTH {
-        square[lane] = f32x8::from_slice(simd, &rows[lane].0[block]);
-    }
-    transposed(square)
 }
 
 /// The triangles on one side of eight pairs; of fewer the last one fills up.

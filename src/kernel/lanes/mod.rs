@@ -10,6 +10,7 @@ mod caps;
 mod corners;
 pub(in crate::kernel) mod fused;
 mod pairs;
+mod transpose;
 mod triangles;
 
 use std::ops::Sub;
@@ -21,6 +22,7 @@ pub(in crate::kernel) use angles::{arc_tangent, sine_cosine, tangent};
 pub(in crate::kernel) use caps::{CapContactLanes, CapLanes};
 pub(in crate::kernel) use corners::{CornerLanes, TrianglePairLanes};
 pub(in crate::kernel) use pairs::{LARGEST_EXTENT, PairLanes};
+pub(in crate::kernel) use transpose::{columns, columns_from, rows, transposed};
 pub(in crate::kernel) use triangles::{EdgeChoice, FrameLanes, TriangleLanes};
 
 use super::pose::Pose;
@@ -316,43 +318,4 @@ impl Iterator for SetLanes {
 #[inline(always)]
 fn row<S: Simd>(simd: S, Vec3 { x, y, z }: Vec3) -> f32x4<S> {
     f32x4::load_array(simd, [x, y, z, 0.0])
-}
-
-/// Eight rows of four numbers, number by number.
-#[inline(always)]
-pub(in crate::kernel) fn columns<S: Simd>([a, b, c, d, e, f, g, h]: [f32x4<S>; WIDTH]) -> [f32x8<S>; 4] {
-    let ([x, y, z, w], [other_x, other_y, other_z, other_w]) =
-        (square_columns([a, b, c, d]), square_columns([e, f, g, h]));
-    [x.combine(other_x), y.combine(other_y), z.combine(other_z), w.combine(other_w)]
-}
-
-/// Eight rows again.
-#[inline(always)]
-pub(in crate::kernel) fn rows<S: Simd>([x, y, z, w]: [f32x8<S>; 4]) -> [f32x4<S>; WIDTH] {
-    let ((x, other_x), (y, other_y), (z, other_z), (w, other_w)) = (x.split(), y.split(), z.split(), w.split());
-    let [a, b, c, d] = square_columns([x, y, z, w]);
-    let [e, f, g, h] = square_columns([other_x, other_y, other_z, other_w]);
-    [a, b, c, d, e, f, g, h]
-}
-
-#[inline(always)]
-fn square_columns<S: Simd>([a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
-    let ((low, high), (other_low, other_high)) = (a.interleave(c), b.interleave(d));
-    let ((x, y), (z, w)) = (low.interleave(other_low), high.interleave(other_high));
-    [x, y, z, w]
-}
-
-/// Eight rows of eight numbers, number by number.
-#[inline(always)]
-pub(in crate::kernel) fn transposed<S: Simd>(mut square: [f32x8<S>; WIDTH]) -> [f32x8<S>; WIDTH] {
-    // Each round turns the places' six binary digits by one: after three, rows are columns.
-    for _ in 0..3 {
-        let before = square;
-        for pair in 0..WIDTH / 2 {
-            let (even, odd) = before[pair].interleave(before[pair + WIDTH / 2]);
-            square[2 * pair] = even;
-            square[2 * pair + 1] = odd;
-        }
-    }
-    square
 }

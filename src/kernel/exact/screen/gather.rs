@@ -6,7 +6,7 @@ use fearless_simd::{f32x8, f64x8, prelude::*};
 
 use crate::kernel::{
     corner_rows::CornerRow,
-    lanes::{DoubleVectorLanes, WIDTH, transposed, widened},
+    lanes::{DoubleVectorLanes, WIDTH, columns_from, widened},
     pose::Pose,
 };
 
@@ -27,17 +27,17 @@ pub(super) fn corners_in_lanes<S: Simd>(
     [corners[0].moved(simd, pose), corners[1].moved(simd, pose), corners[2].moved(simd, pose)]
 }
 
-/// The nine numbers of eight triangles: the first eight are turned round as a square.
+/// The nine numbers of eight triangles.
 #[inline(always)]
 fn numbers_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH]) -> [f64x8<S>; 9] {
-    let mut square = [f32x8::splat(simd, 0.0); WIDTH];
+    let mut all: [&[f32]; WIDTH] = [&[]; WIDTH];
     let mut last = [0.0; WIDTH];
     for (lane, row) in rows.iter().enumerate() {
-        let numbers = row.corners.as_flattened();
-        square[lane] = f32x8::from_slice(simd, &numbers[..WIDTH]);
-        last[lane] = numbers[WIDTH];
+        all[lane] = row.corners.as_flattened();
+        last[lane] = row.corners[2][2];
     }
-    let [a, b, c, d, e, f, g, h] = transposed(square);
+    let [a, b, c, d] = columns_from::<0, S>(simd, all);
+    let [e, f, g, h] = columns_from::<4, S>(simd, all);
     let last = f32x8::from_slice(simd, &last);
     [widened(a), widened(b), widened(c), widened(d), widened(e), widened(f), widened(g), widened(h), widened(last)]
 }
