@@ -319,3 +319,24 @@ impl Iterator for SetLanes {
 fn row<S: Simd>(simd: S, Vec3 { x, y, z }: Vec3) -> f32x4<S> {
     f32x4::load_array(simd, [x, y, z, 0.0])
 }
+
+/// Calls a function with every instruction set that the machine has, and with the least that the build is for.
+#[cfg(test)]
+macro_rules! by_all_instructions {
+    ($test:ident) => {
+        let level = fearless_simd::Level::new();
+        for level in [level, fearless_simd::Level::baseline()] {
+            fearless_simd::dispatch!(level, simd => $test(simd));
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = level.as_sse4_2() {
+            $test(simd);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = level.as_avx2() {
+            $test(simd);
+        }
+    };
+}
+#[cfg(test)]
+pub(in crate::kernel) use by_all_instructions;

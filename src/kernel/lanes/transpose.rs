@@ -1,7 +1,7 @@
 //! Numbers that stand side by side in memory, row by row, to the lanes and back.
 //!
-//! All in squares of four by four, one in either half of a vector: what crosses from half to half takes three times as long on
-//! some processors, and on others waits for the only unit that does it.
+//! In squares of four by four, one in either half of a vector, and from half to half no more than once: that takes three times
+//! as long on some processors, and on others waits for the only unit that does it.
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
@@ -58,7 +58,7 @@ pub(in crate::kernel) fn transposed<S: Simd>([a, b, c, d, e, f, g, h]: [f32x8<S>
 /// The square of the lower halves of four vectors, and that of the upper ones, each read number by number.
 #[inline(always)]
 fn halves_transposed<S: Simd>([a, b, c, d]: [f32x8<S>; 4]) -> [f32x8<S>; 4] {
-    // Eight instructions, which the shuffles that all processors have would take twelve for.
+    // Eight instructions. Each half by itself takes eight, and both have to be taken apart and joined again.
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = a.simd.level().as_avx2() {
         let simd = a.simd;
@@ -97,9 +97,7 @@ fn square_transposed<S: Simd>([a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
 
 #[cfg(test)]
 mod tests {
-    use fearless_simd::{Level, dispatch};
-
-    use super::*;
+    use super::{super::by_all_instructions, *};
 
     /// Every number once, and such as would not be the same after any arithmetic.
     fn number(row: usize, column: usize) -> f32 {
@@ -111,25 +109,25 @@ mod tests {
         }
     }
 
-    fn assert_column<S: Simd>(column: f32x8<S>, first: usize, number_of: usize) {
+    fn assert_column<S: Simd>(column: f32x8<S>, place: usize) {
         let found = <[f32; WIDTH]>::from(column).map(f32::to_bits);
-        let expected: [u32; WIDTH] = std::array::from_fn(|row| number(row, first + number_of).to_bits());
-        assert_eq!(found, expected, "column {number_of} from {first} by {:?}", column.simd.level());
+        let expected: [u32; WIDTH] = std::array::from_fn(|row| number(row, place).to_bits());
+        assert_eq!(found, expected, "column {place} by {:?}", column.simd.level());
     }
 
     fn turn<S: Simd>(simd: S) {
         let table: [[f32; WIDTH]; WIDTH] = std::array::from_fn(|row| std::array::from_fn(|place| number(row, place)));
         let whole = transposed(table.map(|row| f32x8::from_slice(simd, &row)));
         for (place, column) in whole.into_iter().enumerate() {
-            assert_column(column, 0, place);
+            assert_column(column, place);
         }
         let slices: [&[f32]; WIDTH] = std::array::from_fn(|row| &table[row][..]);
         for (place, column) in columns_from::<4, S>(simd, slices).into_iter().enumerate() {
-            assert_column(column, 4, place);
+            assert_column(column, 4 + place);
         }
         let part = columns(table.map(|row| f32x4::from_slice(simd, &row[..4])));
         for (place, column) in part.into_iter().enumerate() {
-            assert_column(column, 0, place);
+            assert_column(column, place);
         }
         let back = rows(part).map(|row| <[f32; 4]>::from(row).map(f32::to_bits));
         assert_eq!(back, table.map(|row| [row[0], row[1], row[2], row[3]].map(f32::to_bits)));
@@ -137,17 +135,6 @@ mod tests {
 
     #[test]
     fn rows_become_columns_and_rows_again_by_any_instructions() {
-        let level = Level::new();
-        for level in [level, Level::baseline()] {
-            dispatch!(level, simd => turn(simd));
-        }
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = level.as_sse4_2() {
-            turn(simd);
-        }
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = level.as_avx2() {
-            turn(simd);
-        }
+        by_all_instructions!(turn);
     }
 }

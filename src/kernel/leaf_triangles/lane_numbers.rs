@@ -5,7 +5,7 @@
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::{__m256, __m256i, _mm256_permutevar8x32_ps};
 
-use fearless_simd::{Level, f32x8, prelude::*, u32x8};
+use fearless_simd::{f32x8, prelude::*, u32x8};
 
 /// Eight lanes by their numbers, 0 to 7.
 #[derive(Clone, Copy)]
@@ -26,7 +26,7 @@ impl<S: Simd> LaneNumbers<S> {
         let Self(lanes) = self;
         // One instruction. That for the bytes of a vector is one only on later processors, and four here.
         #[cfg(target_arch = "x86_64")]
-        if let Level::Avx2(avx2) = lanes.simd.level() {
+        if let fearless_simd::Level::Avx2(avx2) = lanes.simd.level() {
             return permuted(avx2, numbers.into(), lanes.into()).simd_into(lanes.simd);
         }
         // A lane's number is four bytes long.
@@ -37,6 +37,7 @@ impl<S: Simd> LaneNumbers<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::kernel::lanes::by_all_instructions;
 
     fn permuted_by<S: Simd>(simd: S) {
         let numbers = [1.5, -2.0, f32::NAN, 4.0e-40, 5.0e30, -0.0, 7.0, f32::INFINITY];
@@ -51,17 +52,6 @@ mod tests {
 
     #[test]
     fn numbers_go_to_the_lanes_that_ask_for_them_by_any_instructions() {
-        let level = Level::new();
-        for level in [level, Level::baseline()] {
-            fearless_simd::dispatch!(level, simd => permuted_by(simd));
-        }
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = level.as_sse4_2() {
-            permuted_by(simd);
-        }
-        #[cfg(target_arch = "x86_64")]
-        if let Some(simd) = level.as_avx2() {
-            permuted_by(simd);
-        }
+        by_all_instructions!(permuted_by);
     }
 }
