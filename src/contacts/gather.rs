@@ -113,10 +113,10 @@ fn gather_contacts(
 
 fn sides_of(active: &ActiveSurfaces, pair: &SurfacePair) -> (ContactSide, ContactSide) {
     let second = match pair.second {
-        OtherSide::Surface(second) => ContactSide::Surface(active.surfaces[second].entity),
+        OtherSide::Surface(second) => active.surfaces[second].side(),
         OtherSide::Shape(place) => ContactSide::Shape(active.shapes[place].entity),
     };
-    (ContactSide::Surface(active.surfaces[pair.first].entity), second)
+    (active.surfaces[pair.first].side(), second)
 }
 
 /// A pair as the store keeps it, with the lists of what was found.

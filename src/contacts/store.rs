@@ -14,6 +14,7 @@ use crate::{
         sphere_contacts::SphereContact,
         topology::SurfaceTopology,
     },
+    surface::SideOrder,
 };
 
 /// One side of a contact.
@@ -38,7 +39,7 @@ impl ContactSide {
 /// A surface and what it is in contact with, or near to.
 #[derive(Clone, Debug)]
 pub struct StoredPair {
-    /// The first side, always a surface.
+    /// The first side, always a deformable surface.
     pub a: ContactSide,
     /// The second side: the same as the first in a self-collision.
     pub b: ContactSide,
@@ -61,7 +62,7 @@ pub struct StoredPair {
     pub frame_pose: Pose,
     pub(crate) topology_a: Arc<SurfaceTopology>,
     pub(crate) topology_b: Option<Arc<SurfaceTopology>>,
-    /// The second side, where it is a rigid shape.
+    /// The second side, where it is a rigid shape that is tested by formula.
     pub(crate) shape: Option<Arc<ShapeGeometry>>,
     /// Where both sides stand in the world.
     pub(crate) poses: [Pose; 2],
@@ -89,7 +90,6 @@ impl StoredPair {
     }
 }
 
-type SideOrder = (u32, u64, u32);
 pub(crate) type PairOrder = (bool, SideOrder, SideOrder);
 
 /// The contacts of the last tick: pairs of surfaces by [order](crate::SurfaceOrder), then surfaces with shapes. The lists of

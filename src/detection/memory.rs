@@ -310,6 +310,7 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
         && surface.method == last.method
         && surface.one_sided == last.one_sided
         && surface.events == last.events
+        && surface.rigid == last.rigid
 }
 
 /// The same of a shape.

@@ -5,7 +5,10 @@ use std::sync::Arc;
 use bevy_ecs::prelude::*;
 
 use super::components::{ContactMethod, SurfaceLayers};
-use crate::kernel::{bounds::Aabb, exact::rigid_shape::ShapeGeometry, pose::Pose, topology::SurfaceTopology};
+use crate::{
+    contacts::ContactSide,
+    kernel::{bounds::Aabb, exact::rigid_shape::ShapeGeometry, pose::Pose, topology::SurfaceTopology},
+};
 
 /// A surface that takes part in this tick.
 #[derive(Clone, Debug)]
@@ -27,16 +30,30 @@ pub struct ActiveSurface {
     pub self_collision: bool,
     /// Whether it has an inside.
     pub one_sided: bool,
+    /// Whether it is a [`RigidShape`](super::RigidShape) made of triangles: it meets no other of these.
+    pub rigid: bool,
     /// Whether it asked for messages and events.
     pub events: bool,
     /// Whether nothing remembered of it holds: new, re-made, teleported, or back from a pause.
     pub fresh: bool,
     /// Its box in world units, grown by thickness and half the margin. Written by the bounds stage.
     pub world_bounds: Aabb,
-    pub(crate) order: (u32, u64, u32),
+    pub(crate) order: SideOrder,
 }
 
-/// A rigid shape that takes part in this tick.
+impl ActiveSurface {
+    /// Whether two surfaces are to be tested against each other.
+    pub(crate) fn meets(&self, other: &Self) -> bool {
+        !(self.rigid && other.rigid) && self.layers.interacts_with(other.layers)
+    }
+
+    /// The side of a contact that it is.
+    pub(crate) fn side(&self) -> ContactSide {
+        if self.rigid { ContactSide::Shape(self.entity) } else { ContactSide::Surface(self.entity) }
+    }
+}
+
+/// A rigid shape tested by formula that takes part in this tick.
 #[derive(Clone)]
 pub struct ActiveShape {
     /// Its entity.
@@ -47,16 +64,22 @@ pub struct ActiveShape {
     pub pose: Pose,
     /// Whom it meets.
     pub layers: SurfaceLayers,
+    /// Whether nothing remembered of it holds: new, replaced, teleported, or back from a pause.
+    pub fresh: bool,
     /// Whether it asked for messages and events.
     pub events: bool,
-    pub(crate) order: (u32, u64, u32),
+    pub(crate) order: SideOrder,
 }
+
+/// Rigid shapes come last; then the game's wish decides, then registration, then (of what was spawned before the plugin) the
+/// entity.
+pub(crate) type SideOrder = (bool, u32, u64, u32);
 
 /// Everything that takes part in this tick, ordered by [`SurfaceOrder`](super::SurfaceOrder), then by registration.
 #[derive(Resource, Default)]
 pub struct ActiveSurfaces {
-    /// The surfaces.
+    /// The surfaces; those of rigid shapes last.
     pub surfaces: Vec<ActiveSurface>,
-    /// The rigid shapes.
+    /// The rigid shapes that are tested by formula.
     pub shapes: Vec<ActiveShape>,
 }

@@ -225,6 +225,17 @@ pub enum Sidedness {
     TwoSided,
 }
 
+impl Sidedness {
+    /// Whether a mesh has an inside.
+    pub(crate) fn has_inside(self, topology: &SurfaceTopology) -> bool {
+        match self {
+            Self::Auto => topology.is_closed(),
+            Self::OneSided => true,
+            Self::TwoSided => false,
+        }
+    }
+}
+
 /// What the positions are relative to.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SurfaceFrame {
@@ -240,7 +251,7 @@ pub enum SurfaceFrame {
 pub struct SurfaceDisabled;
 
 /// Insert it when positions or pose of a surface jump: nothing remembered from earlier ticks is used for the next one.
-/// Removed by the next tick. Of a rigid shape nothing is remembered.
+/// Removed by the next tick.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Teleported;
 

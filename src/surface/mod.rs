@@ -8,6 +8,7 @@ mod components;
 mod prepare;
 mod rigid_shape;
 
+pub(crate) use active::SideOrder;
 pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces};
 pub(crate) use components::first_non_finite;
 pub use components::{

@@ -4,7 +4,6 @@ use std::{sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::{
-    entity::EntityHashMap,
     prelude::*,
     query::QueryData,
     schedule::{InternedScheduleLabel, ScheduleLabel},
@@ -14,20 +13,20 @@ use bevy_transform::components::Transform;
 use glam::DAffine3;
 
 use super::{
-    active::{ActiveShape, ActiveSurface, ActiveSurfaces},
+    active::{ActiveShape, ActiveSurface, ActiveSurfaces, SideOrder},
     components::{
         ContactEventsEnabled, ContactMethod, DeformableSurface, NextRegistration, Registration, SelfCollision,
         Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus,
         SurfaceThickness, Teleported, first_non_finite,
     },
-    rigid_shape::RigidShape,
+    rigid_shape::{PreparedShape, RigidMesh, RigidShape},
 };
 use crate::{
     contacts::SurfaceQuarantined,
     detection::{DetectionDiagnostics, TriangleBounds},
     kernel::{
         bounds::Aabb,
-        exact::rigid_shape::{ShapeError, ShapeGeometry},
+        exact::rigid_shape::ShapeError,
         ids::VertexId,
         pose::{Pose, PoseError},
     },
@@ -110,9 +109,8 @@ struct SurfaceItem {
     events: Has<ContactEventsEnabled>,
 }
 
-/// Ordered by the game's wish, then by registration, then (for what was spawned before the plugin) by entity.
-fn order(order: Option<&SurfaceOrder>, registration: Registration, entity: Entity) -> (u32, u64, u32) {
-    (order.map_or(0, |order| order.0), registration.0, entity.index_u32())
+fn order(rigid: bool, order: Option<&SurfaceOrder>, registration: Registration, entity: Entity) -> SideOrder {
+    (rigid, order.map_or(0, |order| order.0), registration.0, entity.index_u32())
 }
 
 /// Transforms and whose children their entities are.
@@ -182,11 +180,7 @@ fn gather_surfaces(
             match validate(&item, &transforms) {
                 Ok((pose, thickness)) => {
                     let topology = Arc::clone(item.surface.topology());
-                    let one_sided = match item.sidedness {
-                        Sidedness::Auto => topology.is_closed(),
-                        Sidedness::OneSided => true,
-                        Sidedness::TwoSided => false,
-                    };
+                    let one_sided = item.sidedness.has_inside(&topology);
                     active.surfaces.push(ActiveSurface {
                         entity: item.entity,
                         topology,
@@ -196,10 +190,11 @@ fn gather_surfaces(
                         layers: *item.layers,
                         self_collision: item.self_collision,
                         one_sided,
+                        rigid: false,
                         events: item.events,
                         fresh: item.teleported || item.surface.is_changed() || item.frame.is_changed() || !was_active,
                         world_bounds: Aabb::EMPTY,
-                        order: order(item.order, *item.registration, item.entity),
+                        order: order(false, item.order, *item.registration, item.entity),
                     });
                     SurfaceStatus::Active
                 }
@@ -208,7 +203,6 @@ fn gather_surfaces(
         };
         update_status(item.entity, &mut item.status, next, &mut quarantines);
     }
-    active.surfaces.sort_unstable_by_key(|surface| surface.order);
     diagnostics.finish("prepare", watch, 0, 0);
 }
 
@@ -217,12 +211,7 @@ fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(
     if expected != found {
         return Err(QuarantineReason::PositionCount { expected, found });
     }
-    // Those that nobody has written to since boxes were made of them have been looked at.
-    if !item.bounds.have_seen(&item.positions)
-        && let Some(vertex) = first_non_finite(&item.positions.0)
-    {
-        return Err(QuarantineReason::NonFinitePosition(vertex));
-    }
+    check_positions(&item.positions, item.bounds)?;
     let pose = match *item.frame {
         SurfaceFrame::Local => transforms.global_pose(item.entity)?,
         SurfaceFrame::World => Pose::IDENTITY,
@@ -237,17 +226,23 @@ fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(
     Ok((pose, thickness))
 }
 
-/// Shapes as they were prepared for exact tests, for as long as they are not replaced.
-#[derive(Default)]
-struct PreparedShapes(EntityHashMap<Result<Arc<ShapeGeometry>, ShapeError>>);
+/// Those that nobody has written to since boxes were made of them have been looked at.
+fn check_positions(positions: &Ref<SurfacePositions>, bounds: &TriangleBounds) -> Result<(), QuarantineReason> {
+    if bounds.have_seen(positions) {
+        return Ok(());
+    }
+    first_non_finite(&positions.0).map_or(Ok(()), |vertex| Err(QuarantineReason::NonFinitePosition(vertex)))
+}
 
 #[derive(QueryData)]
 #[query_data(mutable)]
 struct ShapeItem {
     entity: Entity,
-    shape: Ref<'static, RigidShape>,
+    shape: Ref<'static, PreparedShape>,
+    mesh: Option<(&'static RigidMesh, Ref<'static, SurfacePositions>, &'static TriangleBounds)>,
     status: &'static mut SurfaceStatus,
     layers: &'static SurfaceLayers,
+    sidedness: Option<&'static Sidedness>,
     registration: &'static Registration,
     order: Option<&'static SurfaceOrder>,
     disabled: Has<SurfaceDisabled>,
@@ -259,41 +254,64 @@ fn gather_shapes(
     mut commands: Commands,
     mut active: ResMut<ActiveSurfaces>,
     mut quarantines: ResMut<PendingQuarantines>,
-    mut prepared: Local<PreparedShapes>,
-    mut shapes: Query<ShapeItem, Without<DeformableSurface>>,
+    mut shapes: Query<ShapeItem, (With<RigidShape>, Without<DeformableSurface>)>,
     transforms: Transforms,
 ) {
     active.shapes.clear();
-    if prepared.0.len() > shapes.iter().len() {
-        prepared.0.retain(|&entity, _| shapes.contains(entity));
-    }
     for mut item in &mut shapes {
-        if item.shape.is_changed() || !prepared.0.contains_key(&item.entity) {
-            prepared.0.insert(item.entity, ShapeGeometry::new(&item.shape.0).map(Arc::new));
-        }
+        let was_active = *item.status == SurfaceStatus::Active;
         if item.teleported {
             commands.entity(item.entity).try_remove::<Teleported>();
         }
-        let usable = transforms.global_pose(item.entity).and_then(|pose| {
-            let geometry = prepared.0[&item.entity].clone()?;
-            Ok((pose, geometry))
-        });
-        let next = match usable {
-            _ if item.disabled => SurfaceStatus::Disabled,
-            Err(reason) => SurfaceStatus::Quarantined(reason),
-            Ok((pose, geometry)) => {
-                active.shapes.push(ActiveShape {
-                    entity: item.entity,
-                    geometry,
-                    pose,
-                    layers: *item.layers,
-                    events: item.events,
-                    order: order(item.order, *item.registration, item.entity),
-                });
-                SurfaceStatus::Active
+        let fresh = item.teleported || item.shape.is_changed() || !was_active;
+        let next = if item.disabled {
+            SurfaceStatus::Disabled
+        } else {
+            match add_shape(&item, fresh, &transforms, &mut active) {
+                Ok(()) => SurfaceStatus::Active,
+                Err(reason) => SurfaceStatus::Quarantined(reason),
             }
         };
         update_status(item.entity, &mut item.status, next, &mut quarantines);
     }
+    active.surfaces.sort_unstable_by_key(|surface| surface.order);
     active.shapes.sort_unstable_by_key(|shape| shape.order);
+}
+
+fn add_shape(
+    item: &ShapeItemItem<'_, '_>,
+    fresh: bool,
+    transforms: &Transforms,
+    active: &mut ActiveSurfaces,
+) -> Result<(), QuarantineReason> {
+    let pose = transforms.global_pose(item.entity)?;
+    let geometry = item.shape.0.clone()?;
+    let order = order(true, item.order, *item.registration, item.entity);
+    let (entity, layers, events) = (item.entity, *item.layers, item.events);
+    if let Some(geometry) = geometry {
+        active.shapes.push(ActiveShape { entity, geometry, pose, layers, fresh, events, order });
+        return Ok(());
+    }
+    let Some((RigidMesh { topology, radius }, positions, bounds)) = &item.mesh else { return Ok(()) };
+    let (expected, found) = (topology.vertex_count(), positions.0.len());
+    if expected != found {
+        return Err(QuarantineReason::PositionCount { expected, found });
+    }
+    check_positions(positions, bounds)?;
+    active.surfaces.push(ActiveSurface {
+        entity,
+        topology: Arc::clone(topology),
+        pose,
+        thickness: radius * pose.scale() as f32,
+        method: ContactMethod::Refined,
+        layers,
+        self_collision: false,
+        one_sided: item.sidedness.copied().unwrap_or_default().has_inside(topology),
+        rigid: true,
+        events,
+        fresh,
+        world_bounds: Aabb::EMPTY,
+        order,
+    });
+    Ok(())
 }

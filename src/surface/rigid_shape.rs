@@ -1,15 +1,39 @@
 //! Rigid shapes as the other side of a contact.
+//!
+//! A shape is prepared once, when it is inserted: convex solids for tests by formula, shapes made of triangles as surfaces
+//! that nothing deforms. These go the way of every other surface through the stages.
 
-use bevy_ecs::prelude::*;
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::Arc,
+};
+
+use bevy_ecs::{lifecycle::HookContext, prelude::*, world::DeferredWorld};
 use bevy_transform::components::Transform;
-use parry3d::shape::SharedShape;
+use glam::Vec3;
+use parry3d::shape::{SharedShape, TypedShape};
 
-use super::components::{Registration, SurfaceLayers, SurfaceStatus};
+use super::components::{DeformableSurface, Registration, SurfaceLayers, SurfacePositions, SurfaceStatus};
+use crate::{
+    detection::{
+        Circumspheres, EnclosingBalls, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature,
+        broad_phase::SurfaceTree,
+    },
+    kernel::{
+        exact::rigid_shape::{ShapeError, ShapeGeometry},
+        topology::SurfaceTopology,
+    },
+};
 
 /// A rigid shape that surfaces touch, placed by the entity's transform (rotation, translation, uniform scale).
 ///
-/// Ball, capsule, cuboid, convex polyhedron and half-space are tested exactly, and are solid: a vertex inside has
-/// negative distance. Any other shape is asked through parry, which gives one contact a triangle. Shapes never touch each other: that is a rigid-body engine's work.
+/// - Ball, capsule, cuboid, cylinder, cone, convex polyhedron, their rounded forms, half-space and compounds of those are
+///   solids, tested by formula: a vertex inside has a negative distance, however deep.
+/// - Triangle mesh, height field, voxels, polyline, triangle and segment are surfaces that nothing deforms, tested like any
+///   other surface. The entity has their vertices as [`SurfacePositions`]. A closed mesh whose triangles face outward has an
+///   inside; [`Sidedness`](crate::Sidedness) says otherwise.
+///
+/// Shapes never touch each other: that is a rigid-body engine's work.
 ///
 /// ```
 /// # use bevy_circumsphere::prelude::*;
@@ -17,6 +41,133 @@ use super::components::{Registration, SurfaceLayers, SurfaceStatus};
 /// world.spawn(RigidShape(SharedShape::ball(0.5)));
 /// ```
 #[derive(Component, Clone)]
-#[component(immutable)]
+#[component(immutable, on_insert = Self::on_insert, on_discard = Self::on_discard)]
 #[require(SurfaceLayers, SurfaceStatus, Registration, Transform)]
 pub struct RigidShape(pub SharedShape);
+
+impl RigidShape {
+    /// In a hook, so that a shape that is replaced is prepared anew whether or not any query sees its entity.
+    fn on_insert(mut world: DeferredWorld, context: HookContext) {
+        let Some(Self(shape)) = world.get::<Self>(context.entity).cloned() else { return };
+        world.commands().entity(context.entity).queue_silenced(move |mut entity: EntityWorldMut| {
+            let Prepared { solid, mesh } = prepare(&shape);
+            entity.insert(solid);
+            match mesh.filter(|_| !entity.contains::<DeformableSurface>()) {
+                Some(mesh) => {
+                    entity.insert(mesh);
+                }
+                None => RigidMesh::remove_from(&mut entity),
+            }
+        });
+    }
+
+    fn on_discard(mut world: DeferredWorld, context: HookContext) {
+        world.commands().entity(context.entity).queue_silenced(|mut entity: EntityWorldMut| {
+            if !entity.contains::<Self>() {
+                entity.remove::<PreparedShape>();
+                RigidMesh::remove_from(&mut entity);
+            }
+        });
+    }
+}
+
+/// What a shape is tested by where that is a formula, or why it cannot be tested. Without a geometry it is a [`RigidMesh`].
+#[derive(Component, Clone)]
+pub(crate) struct PreparedShape(pub(crate) Result<Option<Arc<ShapeGeometry>>, ShapeError>);
+
+/// The triangles of a shape that is made of triangles.
+#[derive(Component, Clone)]
+#[require(
+    SurfacePositions,
+    TriangleBounds,
+    SurfaceTree,
+    SurfaceRows,
+    TriangleCurvature,
+    EnclosingBalls,
+    Circumspheres,
+    TriangleCones
+)]
+pub(crate) struct RigidMesh {
+    pub(crate) topology: Arc<SurfaceTopology>,
+    /// How far the shape reaches beyond its triangles, in its own unit.
+    pub(crate) radius: f32,
+}
+
+impl RigidMesh {
+    fn remove_from(entity: &mut EntityWorldMut) {
+        if entity.contains::<Self>() {
+            entity.remove::<(Self, SurfacePositions, TriangleBounds, SurfaceTree, SurfaceRows)>();
+            entity.remove::<(TriangleCurvature, EnclosingBalls, Circumspheres, TriangleCones)>();
+        }
+    }
+}
+
+struct Prepared {
+    solid: PreparedShape,
+    mesh: Option<(RigidMesh, SurfacePositions)>,
+}
+
+fn prepare(shape: &SharedShape) -> Prepared {
+    // parry asserts what it takes for granted of sizes and counts, and some of it only where a mesh is made.
+    let made = catch_unwind(AssertUnwindSafe(|| match triangles_of(shape) {
+        Some(triangles) => triangles.mesh().map(Some),
+        None => Ok(None),
+    }));
+    match made.unwrap_or(Err(ShapeError::Unsupported)) {
+        Err(error) => Prepared { solid: PreparedShape(Err(error)), mesh: None },
+        Ok(Some(mesh)) => Prepared { solid: PreparedShape(Ok(None)), mesh: Some(mesh) },
+        Ok(None) => {
+            let geometry = catch_unwind(AssertUnwindSafe(|| ShapeGeometry::new(shape)));
+            let geometry = geometry.unwrap_or(Err(ShapeError::Unsupported));
+            Prepared { solid: PreparedShape(geometry.map(|geometry| Some(Arc::new(geometry)))), mesh: None }
+        }
+    }
+}
+
+/// A shape as triangles, and how far it reaches beyond them.
+struct ShapeTriangles {
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+    radius: f32,
+}
+
+impl ShapeTriangles {
+    fn mesh(self) -> Result<(RigidMesh, SurfacePositions), ShapeError> {
+        let Self { positions, triangles, radius } = self;
+        if positions.iter().any(|position| !position.is_finite()) || !radius.is_finite() {
+            return Err(ShapeError::NonFinite);
+        }
+        if radius < 0.0 {
+            return Err(ShapeError::Negative);
+        }
+        let topology = SurfaceTopology::new(&positions, &triangles).map_err(|_| ShapeError::Unsupported)?;
+        Ok((RigidMesh { topology: Arc::new(topology), radius }, SurfacePositions(positions)))
+    }
+}
+
+/// The triangles of a shape that is made of some; a segment is a triangle of which two corners are one.
+fn triangles_of(shape: &SharedShape) -> Option<ShapeTriangles> {
+    let bare = |positions, triangles| Some(ShapeTriangles { positions, triangles, radius: 0.0 });
+    match shape.as_typed_shape() {
+        TypedShape::TriMesh(mesh) => bare(mesh.vertices().to_vec(), mesh.indices().to_vec()),
+        TypedShape::HeightField(field) => {
+            let (positions, triangles) = field.to_trimesh();
+            bare(positions, triangles)
+        }
+        TypedShape::Voxels(voxels) => {
+            let (positions, triangles) = voxels.to_trimesh();
+            bare(positions, triangles)
+        }
+        TypedShape::Polyline(line) => {
+            bare(line.vertices().to_vec(), line.indices().iter().map(|&[a, b]| [a, b, b]).collect())
+        }
+        TypedShape::Triangle(triangle) => bare(vec![triangle.a, triangle.b, triangle.c], vec![[0, 1, 2]]),
+        TypedShape::Segment(segment) => bare(vec![segment.a, segment.b], vec![[0, 1, 1]]),
+        TypedShape::RoundTriangle(round) => {
+            let triangle = round.inner_shape;
+            let positions = vec![triangle.a, triangle.b, triangle.c];
+            Some(ShapeTriangles { positions, triangles: vec![[0, 1, 2]], radius: round.border_radius })
+        }
+        _ => None,
+    }
+}

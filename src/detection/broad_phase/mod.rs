@@ -243,7 +243,7 @@ fn pair_surfaces(
     let mut places = std::mem::take(&mut buffers.places);
     places.clear();
     buffers.tree.self_pairs(&mut places);
-    places.retain(|&[first, second]| surfaces[first as usize].layers.interacts_with(surfaces[second as usize].layers));
+    places.retain(|&[first, second]| surfaces[first as usize].meets(&surfaces[second as usize]));
     let selves = surfaces.iter().enumerate().filter(|(_, surface)| surface.self_collision);
     places.extend(selves.map(|(place, _)| [place as u32, place as u32]));
     places.sort_unstable();
@@ -272,7 +272,10 @@ fn pair_surfaces(
     let mut with_shapes = std::mem::take(&mut buffers.with_shapes);
     with_shapes.clear();
     for (place, shape) in active.shapes.iter().enumerate() {
-        let meet = |surface: u32| surfaces[surface as usize].layers.interacts_with(shape.layers);
+        let meet = |surface: u32| {
+            let surface = &surfaces[surface as usize];
+            !surface.rigid && surface.layers.interacts_with(shape.layers)
+        };
         match shape.geometry.bounds() {
             // The surfaces' boxes hold one half of the margin; a shape has no box of its own to hold the other.
             Some(bounds) => {

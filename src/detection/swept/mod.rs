@@ -240,8 +240,8 @@ impl SweptBuffers {
         self.tree.rebuild(&self.world);
         self.tree.self_pairs(&mut self.pairs);
         self.pairs.retain(|&[first, second]| {
-            let layers = [first, second].map(|place| surfaces[place as usize].layers);
-            (moves(first) || moves(second)) && layers[0].interacts_with(layers[1])
+            let [one, other] = [first, second].map(|place| &surfaces[place as usize]);
+            (moves(first) || moves(second)) && one.meets(other)
         });
         let places = 0..surfaces.len() as u32;
         let selves = places.filter(|&place| surfaces[place as usize].self_collision && moves(place));
