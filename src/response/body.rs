@@ -9,6 +9,7 @@ use super::constraints::{Hinge, Spring, enclosed_volume};
 use crate::{
     kernel::{
         ids::{EdgeId, VertexId},
+        pose::Pose,
         topology::SurfaceTopology,
     },
     surface::{DeformableSurface, SurfacePositions, SweptTarget},
@@ -205,6 +206,8 @@ pub struct XpbdBody {
     pub(super) rest: Arc<RestShape>,
     /// The positions that it last wrote, in the surface's own frame.
     pub(super) written: Vec<Vec3>,
+    /// Where that frame stood in the world then.
+    pub(super) stood: Option<Pose>,
 }
 
 impl XpbdBody {
@@ -248,6 +251,7 @@ impl XpbdBody {
             mesh: Arc::clone(topology),
             rest: Arc::new(RestShape::new(topology, &positions.0)),
             written: Vec::new(),
+            stood: None,
         })
     }
 

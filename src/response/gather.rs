@@ -13,8 +13,9 @@ use glam::{DVec3, Vec3};
 use super::{
     body::{SurfaceFriction, XpbdBody},
     contact::{ContactConstraint, Features},
+    motion::Motions,
     particles::Particles,
-    record::{completed, detected_sum, edges_of, face_of, flat, look_where_it_began, untangling, weighted},
+    record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
     solver::{Solver, SolverBody},
 };
 use crate::{
@@ -35,20 +36,55 @@ const NONE: u32 = u32::MAX;
 /// Distances in records are rounded to f32; with room for the poses that brought them there.
 const ROUNDING: f64 = 1.0e-6;
 
-/// What stands or is moved by the game: where it was in the last tick, and which of its vertices are particles in this.
+/// What stands or is moved by the game: which of its vertices are particles in this tick.
 #[derive(Default)]
 struct Driven {
-    positions: Vec<Vec3>,
-    pose: Pose,
     slots: Vec<u32>,
     used: Vec<u32>,
     /// The tick in which it was last seen.
     tick: u64,
 }
 
+impl Driven {
+    /// The particle of a vertex: made, where it is none yet, of where it begins and ends.
+    fn particle(
+        &mut self,
+        particles: &mut Particles,
+        vertex: usize,
+        ends: impl FnOnce() -> Option<[DVec3; 2]>,
+    ) -> Option<u32> {
+        let slot = self.slots.get_mut(vertex)?;
+        if *slot == NONE {
+            let [start, end] = ends()?;
+            *slot = particles.len() as u32;
+            self.used.push(vertex as u32);
+            particles.push_driven(start, end);
+        }
+        Some(*slot)
+    }
+}
+
+/// One side of what would meet on its way.
+#[derive(Clone, Copy)]
+pub(super) struct MeetingSide {
+    pub(super) entity: Entity,
+    /// How far the surface or shape reaches beyond the triangle.
+    pub(super) thickness: f64,
+    pub(super) corners: MeetingCorners,
+}
+
+/// The corners of a triangle that would meet another.
+#[derive(Clone, Copy)]
+pub(super) enum MeetingCorners {
+    /// Particles of a body.
+    Body([u32; 3]),
+    /// Points that go from their starts to their ends, whatever pushes them; of a surface its vertices, of so many.
+    Driven { starts: [DVec3; 3], ends: [DVec3; 3], vertices: Option<([u32; 3], usize)> },
+}
+
 /// Where two triangles would meet on their ways.
 pub(super) struct MeetingTriangles {
-    pub(super) triangles: [u32; 2],
+    pub(super) sides: [MeetingSide; 2],
     pub(super) features: FeaturePair,
     pub(super) barycentrics: [[f64; 3]; 2],
     /// From the second to the first, in the world.
@@ -62,7 +98,7 @@ fn name_of(store: &ContactStore, pair: u32, place: u32) -> (PairOrder, ContactKe
     (pair.order, record.key, [record.triangle_a, record.triangle_b])
 }
 
-/// Turns the contacts of a tick into constraints. Remembers where driven surfaces and shapes were.
+/// Turns the contacts of a tick into constraints.
 #[derive(Default)]
 pub(super) struct Gatherer {
     driven: EntityHashMap<Driven>,
@@ -99,7 +135,8 @@ enum Side<'a> {
 #[derive(SystemParam)]
 pub(super) struct Scene<'w, 's> {
     pub(super) active: Res<'w, ActiveSurfaces>,
-    pub(super) positions: Query<'w, 's, (&'static SurfacePositions, Option<&'static XpbdBody>)>,
+    pub(super) motions: Res<'w, Motions>,
+    pub(super) positions: Query<'w, 's, (Ref<'static, SurfacePositions>, Option<&'static XpbdBody>)>,
     store: Res<'w, ContactStore>,
     frictions: Query<'w, 's, &'static SurfaceFriction>,
     swept: Query<'w, 's, (), With<SweptCollision>>,
@@ -121,15 +158,23 @@ impl Scene<'_, '_> {
         distances.reduce(f64::min)
     }
 
-    /// The triangles of two surfaces that touch.
+    /// The triangles of two surfaces that touch, or of a surface and a shape.
     pub(super) fn touching(&self) -> impl Iterator<Item = ([Entity; 2], &SharedList<TouchingPair>)> {
-        let surfaces = self.store.pairs.iter().filter(|pair| pair.topology_b.is_some());
-        surfaces.map(|pair| ([pair.a.entity(), pair.b.entity()], &pair.touching))
+        self.store.pairs.iter().map(|pair| ([pair.a.entity(), pair.b.entity()], &pair.touching))
     }
 
     /// The distance of two surfaces, as far as detection reaches.
     pub(super) fn nearest_of(&self, a: Entity, b: Entity) -> Option<f64> {
         self.store.pairs_between(a, b).next().map(|pair| pair.nearest)
+    }
+
+    /// Where a vertex of a surface that no solver moves begins and ends this part of the tick.
+    fn ends(&self, surface: &ActiveSurface, vertex: usize) -> Option<[DVec3; 2]> {
+        if let Some(course) = self.motions.course(surface.entity) {
+            return Some([course.now.point(vertex), course.ahead.point(vertex)]);
+        }
+        let (positions, _) = self.positions.get(surface.entity).ok()?;
+        Some([surface.pose.transform_point(positions.0.get(vertex)?.as_dvec3()); 2])
     }
 
     fn friction(&self, a: Entity, b: Entity) -> [f64; 2] {
@@ -150,10 +195,11 @@ impl Gatherer {
         }
     }
 
-    /// Makes a body's vertices particles. Pinned ones go from where the body last wrote them to where they are now.
+    /// Makes a body's vertices particles. Pinned ones go where the game has written them.
     pub(super) fn add_body(
         &mut self,
         solver: &mut Solver,
+        scene: &Scene<'_, '_>,
         surface: &ActiveSurface,
         positions: &[Vec3],
         body: &XpbdBody,
@@ -161,15 +207,16 @@ impl Gatherer {
         let Solver { particles, bodies, .. } = solver;
         let first = particles.len();
         let world = |position: Vec3| surface.pose.transform_point(position.as_dvec3());
-        let follows = body.written.len() == positions.len() && !surface.fresh;
+        let course = scene.motions.course(surface.entity);
         let weld = surface.topology.weld();
         for (vertex, &position) in positions.iter().enumerate() {
             let inverse_mass = f64::from(body.inverse_masses[vertex]);
             if inverse_mass > 0.0 {
                 particles.push_moved(world(position), body.velocities[vertex].as_dvec3(), inverse_mass);
             } else {
-                let start = if follows { body.written[vertex] } else { position };
-                particles.push_driven(world(start), world(position));
+                let ends = course.map(|course| [&course.now, &course.ahead].map(|stand| stand.point(vertex)));
+                let [start, end] = ends.unwrap_or([world(position); 2]);
+                particles.push_driven(start, end);
             }
             let own = weld[vertex] as usize;
             if own != vertex && inverse_mass <= 0.0 && particles.inverse_mass[first + own] > 0.0 {
@@ -195,8 +242,6 @@ impl Gatherer {
             if !is_body(pair.a) && !is_body(pair.b) {
                 continue;
             }
-            self.follow(scene, pair.a.entity(), Some(&pair.topology_a), &pair.poses[0]);
-            self.follow(scene, pair.b.entity(), pair.topology_b.as_ref(), &pair.poses[1]);
             order.extend((0..pair.contacts.len()).map(|place| [pair_place, place as u32]));
         }
         let name = |&[pair, place]: &[u32; 2]| name_of(&scene.store, pair, place);
@@ -228,23 +273,10 @@ impl Gatherer {
         self.order = order;
     }
 
-    /// Remembers where the driven sides of this tick are.
-    pub(super) fn end(&mut self, scene: &Scene<'_, '_>) {
+    /// Forgets what no contact has touched in this tick.
+    pub(super) fn end(&mut self) {
         let Self { driven, tick, .. } = self;
         driven.retain(|_, driven| driven.tick == *tick);
-        for surface in &scene.active.surfaces {
-            if let (Some(driven), Ok((positions, _))) =
-                (driven.get_mut(&surface.entity), scene.positions.get(surface.entity))
-            {
-                driven.positions.clone_from(&positions.0);
-                driven.pose = surface.pose;
-            }
-        }
-        for shape in &scene.active.shapes {
-            if let Some(driven) = driven.get_mut(&shape.entity) {
-                driven.pose = shape.pose;
-            }
-        }
     }
 
     /// Makes constraints of what bodies would meet on their ways, if nothing pushed them: all that is there, not only what
@@ -259,32 +291,55 @@ impl Gatherer {
             let surfaces = sides.map(|entity| scene.active.surfaces.iter().find(|surface| surface.entity == entity));
             let [Some(a), Some(b)] = surfaces else { continue };
             for impact in &pair.impacts {
+                let side = |surface: &ActiveSurface, triangle: u32| {
+                    let triangle = surface.topology.welded_triangles()[triangle as usize];
+                    let corners = match self.bodies.get(&surface.entity) {
+                        Some(&first) => MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex)),
+                        None => {
+                            let ends = |vertex: u32| scene.ends(surface, vertex as usize);
+                            let [a, b, c] = triangle.map(ends);
+                            let [Some(a), Some(b), Some(c)] = [a, b, c] else { return None };
+                            let vertices = Some((triangle, surface.topology.vertex_count()));
+                            let (starts, ends) = ([a[0], b[0], c[0]], [a[1], b[1], c[1]]);
+                            MeetingCorners::Driven { starts, ends, vertices }
+                        }
+                    };
+                    Some(MeetingSide { entity: surface.entity, thickness: f64::from(surface.thickness), corners })
+                };
+                let (Some(a), Some(b)) = (side(a, impact.triangle_a.0), side(b, impact.triangle_b.0)) else { continue };
                 let found = MeetingTriangles {
-                    triangles: [impact.triangle_a.0, impact.triangle_b.0],
+                    sides: [a, b],
                     features: impact.features,
                     barycentrics: [impact.barycentric_a, impact.barycentric_b].map(|weights| weights.map(f64::from)),
                     normal: impact.normal.as_dvec3(),
                 };
-                self.add_impact(solver, scene, [a, b], &found);
+                self.add_impact(solver, scene, &found);
             }
         }
     }
 
     /// Makes a constraint of two triangles that would meet; `false` where it is among the constraints already.
-    pub(super) fn add_impact(
-        &mut self,
-        solver: &mut Solver,
-        scene: &Scene<'_, '_>,
-        [a, b]: [&ActiveSurface; 2],
-        found: &MeetingTriangles,
-    ) -> bool {
+    pub(super) fn add_impact(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>, found: &MeetingTriangles) -> bool {
         let Some(normal) = found.normal.try_normalize() else { return false };
-        let [corners_a, corners_b] = [(a, found.triangles[0]), (b, found.triangles[1])].map(|(surface, triangle)| {
-            self.follow(scene, surface.entity, Some(&surface.topology), &surface.pose);
-            let side = self.side(ContactSide::Surface(surface.entity), Some(&surface.topology));
-            self.corners(&mut solver.particles, scene, &side, &surface.pose, triangle)
+        let [a, b] = &found.sides;
+        let [corners_a, corners_b] = [a, b].map(|side| match side.corners {
+            MeetingCorners::Body(corners) => corners,
+            MeetingCorners::Driven { starts, ends, vertices } => std::array::from_fn(|corner| {
+                let ends = [starts[corner], ends[corner]];
+                match vertices {
+                    Some((corners, count)) => {
+                        let vertex = corners[corner] as usize;
+                        self.slots(side.entity, count)
+                            .particle(&mut solver.particles, vertex, || Some(ends))
+                            .unwrap_or(NONE)
+                    }
+                    None => {
+                        solver.particles.push_driven(ends[0], ends[1]);
+                        solver.particles.len() as u32 - 1
+                    }
+                }
+            }),
         });
-        let (Some(corners_a), Some(corners_b)) = (corners_a, corners_b) else { return false };
         let named = match (found.features.a, found.features.b) {
             (Feature::Vertex(corner), Feature::Face) => face_of(corners_a[corner as usize], corners_b),
             (Feature::Face, Feature::Vertex(corner)) => face_of(corners_b[corner as usize], corners_a),
@@ -295,7 +350,7 @@ impl Gatherer {
             return false;
         }
         let entries = weighted([corners_a, corners_b], found.barycentrics);
-        let distance = f64::from(a.thickness) + f64::from(b.thickness);
+        let distance = a.thickness + b.thickness;
         let features = Features::Plane { particles: entries, offset: -distance };
         let friction = scene.friction(a.entity, b.entity);
         solver.contacts.push(ContactConstraint::new(features, normal, distance, friction));
@@ -330,25 +385,12 @@ impl Gatherer {
         }
     }
 
-    /// Looks up where a side of a pair was if nothing moves it here, or takes it to have stood still.
-    fn follow(&mut self, scene: &Scene<'_, '_>, entity: Entity, topology: Option<&Arc<SurfaceTopology>>, pose: &Pose) {
-        if self.bodies.contains_key(&entity) {
-            return;
-        }
-        let driven = self.driven.entry(entity).or_insert_with(|| Driven { pose: *pose, ..Driven::default() });
-        if driven.tick + 1 < self.tick {
-            driven.pose = *pose;
-            driven.positions.clear();
-        }
+    /// Which vertices of something that is driven are particles.
+    fn slots(&mut self, entity: Entity, vertex_count: usize) -> &mut Driven {
+        let driven = self.driven.entry(entity).or_default();
         driven.tick = self.tick;
-        let Some(topology) = topology else { return };
-        driven.slots.resize(topology.vertex_count(), NONE);
-        if driven.positions.len() != topology.vertex_count()
-            && let Ok((positions, _)) = scene.positions.get(entity)
-        {
-            driven.positions.clone_from(&positions.0);
-            driven.pose = *pose;
-        }
+        driven.slots.resize(vertex_count, NONE);
+        driven
     }
 
     fn side<'a>(&self, side: ContactSide, topology: Option<&'a Arc<SurfaceTopology>>) -> Side<'a> {
@@ -374,19 +416,18 @@ impl Gatherer {
                 Some(topology.welded_triangles()[triangle as usize].map(|vertex| *first as u32 + vertex))
             }
             Side::Driven { entity, topology } => {
-                let driven = self.driven.get_mut(entity)?;
-                let (now, _) = scene.positions.get(*entity).ok()?;
-                let corners = topology.welded_triangles()[triangle as usize];
-                Some(corners.map(|vertex| {
-                    let slot = &mut driven.slots[vertex as usize];
-                    if *slot == NONE {
-                        *slot = particles.len() as u32;
-                        driven.used.push(vertex);
-                        let start = driven.pose.transform_point(driven.positions[vertex as usize].as_dvec3());
-                        particles.push_driven(start, pose.transform_point(now.0[vertex as usize].as_dvec3()));
-                    }
-                    *slot
-                }))
+                let course = scene.motions.course(*entity);
+                let standing = if course.is_none() { Some(&scene.positions.get(*entity).ok()?.0.0) } else { None };
+                let slots = self.slots(*entity, topology.vertex_count());
+                let [a, b, c] = topology.welded_triangles()[triangle as usize].map(|vertex| {
+                    let vertex = vertex as usize;
+                    slots.particle(particles, vertex, || match (course, standing) {
+                        (Some(course), _) => Some([course.now.point(vertex), course.ahead.point(vertex)]),
+                        (None, Some(positions)) => Some([pose.transform_point(positions.get(vertex)?.as_dvec3()); 2]),
+                        (None, None) => None,
+                    })
+                });
+                Some([a?, b?, c?])
             }
             Side::Shape { .. } => None,
         }
@@ -410,7 +451,7 @@ impl Gatherer {
         let b = self.corners(particles, scene, &side_b, &pair.poses[1], record.triangle_b);
         let Some(b) = b else {
             let Side::Shape { entity } = side_b else { return None };
-            return Some(self.against_shape(particles, pair, record, (a, entity, normal), friction));
+            return Some(self.against_shape(scene, particles, pair, record, (a, entity, normal), friction));
         };
         let has_inside = pair.one_sided.contains(&true);
         // What a guard has kept apart has not passed, whatever side a rotation has brought it to.
@@ -418,17 +459,17 @@ impl Gatherer {
         let is_wrong_side = record.distance < 0.0 && !has_inside && is_apart;
         let normal = if is_wrong_side { -normal } else { normal };
         let penetrated = record.distance < 0.0 && !is_wrong_side;
-        let (vertex_side, features, normal) = match (record.features.a, record.features.b) {
-            (Feature::Vertex(corner), Feature::Face) => (0, face_of(a[corner as usize], b), normal),
-            (Feature::Face, Feature::Vertex(corner)) => (1, face_of(b[corner as usize], a), -normal),
-            (Feature::Edge(edge_a), Feature::Edge(edge_b)) => (2, edges_of(a, edge_a, b, edge_b), normal),
-            (Feature::Vertex(corner), _) if !penetrated => (0, face_of(a[corner as usize], b), normal),
-            (_, Feature::Vertex(corner)) if !penetrated => (1, face_of(b[corner as usize], a), -normal),
+        let (features, normal) = match (record.features.a, record.features.b) {
+            (Feature::Vertex(corner), Feature::Face) => (face_of(a[corner as usize], b), normal),
+            (Feature::Face, Feature::Vertex(corner)) => (face_of(b[corner as usize], a), -normal),
+            (Feature::Edge(edge_a), Feature::Edge(edge_b)) => (edges_of(a, edge_a, b, edge_b), normal),
+            (Feature::Vertex(corner), _) if !penetrated => (face_of(a[corner as usize], b), normal),
+            (_, Feature::Vertex(corner)) if !penetrated => (face_of(b[corner as usize], a), -normal),
             (Feature::Edge(_), Feature::Face) | (Feature::Face, Feature::Edge(_)) => {
                 let firsts = [pair.a, pair.b].map(|side| self.first_particle(side.entity()));
                 return if has_inside { None } else { untangling(particles, pair, record, [a, b], firsts) };
             }
-            _ => (2, flat(particles, record, [a, b], normal, distance), normal),
+            _ => (flat(particles, record, [a, b], normal, distance), normal),
         };
         // Beside a crossing, what is on the wrong side would be held there.
         let is_tangled = |corners: [u32; 3]| corners.iter().any(|corner| self.tangled.contains(corner));
@@ -436,12 +477,10 @@ impl Gatherer {
             return None;
         }
         let mut constraint = ContactConstraint::new(features, normal, distance, friction);
-        let one_sided = vertex_side < 2 && pair.one_sided[1 - vertex_side];
-        let has_moved = look_where_it_began(&mut constraint, particles, one_sided);
         // A record of another kind is not about the same features: a vertex that is nearest to an edge where
         // two edges meet may be nearer to the inside of the face.
         let is_same = matches!(record.features.kind(), FeatureKind::VertexFace | FeatureKind::EdgeEdge);
-        if is_same && !has_moved && record.distance > 0.0 {
+        if is_same && record.distance > 0.0 {
             constraint.apart = f64::from(record.distance) * (1.0 - ROUNDING) - distance;
         }
         Some(constraint)
@@ -449,7 +488,8 @@ impl Gatherer {
 
     /// A contact with a rigid shape: the point on the shape goes where the shape goes.
     fn against_shape(
-        &mut self,
+        &self,
+        scene: &Scene<'_, '_>,
         particles: &mut Particles,
         pair: &StoredPair,
         record: &CompactContact,
@@ -457,12 +497,11 @@ impl Gatherer {
         friction: [f64; 2],
     ) -> ContactConstraint {
         let now = pair.poses[1];
-        let before = self.driven.get(&shape).map_or(now, |driven| driven.pose);
-        let point = pair.frame_pose.transform_point(record.point_b.as_dvec3());
-        let start =
-            if before.has_bits_of(&now) { point } else { before.transform_point(now.inverse().transform_point(point)) };
+        let start = pair.frame_pose.transform_point(record.point_b.as_dvec3());
+        let ahead = scene.motions.course(shape).map(|course| course.ahead.pose);
+        let end = ahead.map_or(start, |ahead| ahead.transform_point(now.inverse().transform_point(start)));
         let place = particles.len() as u32;
-        particles.push_driven(start, point);
+        particles.push_driven(start, end);
         let weights = completed(record.features.a, record.barycentric_a);
         let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
         entries.extend(corners.into_iter().zip(weights).filter(|&(_, weight)| weight != 0.0));

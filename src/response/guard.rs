@@ -6,23 +6,24 @@
 
 use std::sync::Arc;
 
-use bevy_ecs::{entity::EntityHashMap, prelude::*};
+use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
+use bevy_platform::collections::HashMap;
 use glam::{DVec3, Vec3};
 
 use super::{
-    gather::{MeetingTriangles, Scene},
+    gather::{MeetingCorners, MeetingSide, MeetingTriangles, Scene},
     particles::Particles,
 };
 use crate::{
     kernel::{
         bounds::Aabb,
         ccd::{ImpactCause, PairImpact, SweepBuffers, SweepTree, SweptMesh, sweep},
-        exact::Feature,
+        exact::{Feature, rigid_shape::ShapeGeometry},
         pose::Pose,
         topology::SurfaceTopology,
         tree::BoxTree,
     },
-    surface::SurfaceLayers,
+    surface::{ActiveShape, SurfaceLayers},
 };
 
 /// Features are kept apart by this share of the contact distance, or half of what they began with where that is less.
@@ -49,44 +50,51 @@ pub(super) struct Guarded {
     pub(super) remaining: usize,
 }
 
-/// A surface that no solver moves: where it was, where it is, and the boxes between.
+/// Triangles that no solver moves: where they begin and end, and what that is known by.
 #[derive(Default)]
 struct Obstacle {
-    seen: Vec<Vec3>,
-    pose: Pose,
+    /// When the positions changed last, and where they stood, while they are at rest.
+    at_rest: Option<(Tick, Pose)>,
     start: Vec<DVec3>,
     end: Vec<DVec3>,
 }
 
 impl Obstacle {
-    /// Follows a surface; whether anything has changed.
-    fn follow(&mut self, positions: &[Vec3], pose: &Pose, is_new: bool) -> bool {
-        let is_same = !is_new && self.pose.has_bits_of(pose) && self.seen == positions;
-        if is_same && self.start == self.end {
+    /// Follows something at rest; whether anything has changed. Without a tick, it may have.
+    fn rest(&mut self, positions: &[Vec3], changed: Option<Tick>, pose: &Pose) -> bool {
+        let is_same = |&(seen, stood): &(Tick, Pose)| Some(seen) == changed && stood.has_bits_of(pose);
+        if self.at_rest.as_ref().is_some_and(is_same) && self.start.len() == positions.len() {
             return false;
         }
-        std::mem::swap(&mut self.start, &mut self.end);
-        self.end.clear();
-        self.end.extend(positions.iter().map(|position| pose.transform_point(position.as_dvec3())));
-        if is_new || self.start.len() != self.end.len() {
-            self.start.clone_from(&self.end);
-        }
-        self.seen.clear();
-        self.seen.extend_from_slice(positions);
-        self.pose = *pose;
+        self.at_rest = changed.map(|changed| (changed, *pose));
+        self.start.clear();
+        self.start.extend(positions.iter().map(|position| pose.transform_point(position.as_dvec3())));
+        self.end.clone_from(&self.start);
         true
+    }
+
+    /// Follows something on its way.
+    fn move_on(&mut self, positions: [&[Vec3]; 2], poses: [&Pose; 2]) {
+        self.at_rest = None;
+        for ((points, positions), pose) in [&mut self.start, &mut self.end].into_iter().zip(positions).zip(poses) {
+            points.clear();
+            points.extend(positions.iter().map(|position| pose.transform_point(position.as_dvec3())));
+        }
     }
 }
 
-/// One mesh of a tick.
+/// One mesh of a tick: a surface, or triangles inside a rigid shape.
 struct Mesh {
-    /// Its place among the active surfaces.
-    place: usize,
-    entity: Entity,
+    name: MeshName,
     topology: Arc<SurfaceTopology>,
     layers: SurfaceLayers,
+    /// How far it reaches beyond its triangles: what is within the sum touches.
     thickness: f64,
+    /// How much of that is solid: nothing is to get in there.
+    radius: f64,
     meets_itself: bool,
+    /// Whether all that touches it is listed with its distance.
+    is_exact: bool,
     /// Its first particle, where it is a body.
     first: Option<usize>,
     obstacle: Obstacle,
@@ -98,6 +106,16 @@ struct Mesh {
     /// Whether the tree may not be that of its ways.
     stale: bool,
 }
+
+/// The entity of a surface or shape, and which of the shape's parts a mesh is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct MeshName {
+    entity: Entity,
+    part: u32,
+}
+
+/// A surface is one part.
+const SURFACE: u32 = u32::MAX;
 
 impl Mesh {
     fn swept<'a>(&'a self, particles: &'a Particles) -> SweptMesh<'a> {
@@ -132,23 +150,20 @@ impl Mesh {
         *reach = reach.min(SHARE_OF_DISTANCE * distance);
     }
 
-    /// Where detection has seen a vertex at the end of its way, what it has found of distances tells nothing of the beginning.
-    fn forget_driven(&mut self, particles: &Particles) {
-        let Self { topology, reaches, obstacle, first, .. } = self;
-        // Vertices of a body follow those that they are welded to, those of other surfaces need not.
-        let triangles = if first.is_some() { topology.welded_triangles() } else { topology.triangles() };
-        let is_driven = |vertex: u32| match *first {
-            Some(first) => {
-                let particle = first + vertex as usize;
-                particles.inverse_mass[particle] <= 0.0 && particles.start[particle] != particles.end[particle]
+    /// One side of an impact, for the solver.
+    fn side(&self, particles: &Particles, triangle: u32) -> MeetingSide {
+        let triangle = self.topology.welded_triangles()[triangle as usize];
+        let corners = match self.first {
+            Some(first) => MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex)),
+            None => {
+                let of = |points: &[DVec3]| triangle.map(|vertex| points[vertex as usize]);
+                let swept = self.swept(particles);
+                let is_surface = self.name.part == SURFACE;
+                let vertices = is_surface.then(|| (triangle, self.topology.vertex_count()));
+                MeetingCorners::Driven { starts: of(swept.start), ends: of(swept.end), vertices }
             }
-            None => obstacle.start[vertex as usize] != obstacle.end[vertex as usize],
         };
-        for (reach, corners) in reaches.iter_mut().zip(triangles) {
-            if corners.iter().any(|&corner| is_driven(corner)) {
-                *reach = f64::NEG_INFINITY;
-            }
-        }
+        MeetingSide { entity: self.name.entity, thickness: self.thickness, corners }
     }
 }
 
@@ -160,6 +175,7 @@ struct MeshPair {
 }
 
 /// What is kept of a mesh between ticks: its boxes, and where it was if nothing moves it here.
+#[derive(Default)]
 struct Kept {
     obstacle: Obstacle,
     reaches: Vec<f64>,
@@ -170,7 +186,7 @@ struct Kept {
 /// Keeps trees and obstacles from tick to tick.
 #[derive(Default)]
 pub(super) struct Guard {
-    kept: EntityHashMap<Kept>,
+    kept: HashMap<MeshName, Kept>,
     meshes: Vec<Mesh>,
     pairs: Vec<MeshPair>,
     /// The boxes of all meshes, a tree over them, and which of them overlap.
@@ -179,7 +195,11 @@ pub(super) struct Guard {
     places: Vec<[u32; 2]>,
     /// The places of surfaces among the meshes.
     by_entity: EntityHashMap<usize>,
-    /// The share of its way that each particle goes.
+    /// The triangle that stands for a half-space.
+    plane: Option<Arc<SurfaceTopology>>,
+    /// How particles are carried along by what they met.
+    carried: Vec<Option<DVec3>>,
+    /// The share of the rest of its way that each particle goes.
     shares: Vec<f64>,
     solved: Vec<DVec3>,
     impacts: Vec<PairImpact>,
@@ -219,18 +239,21 @@ impl Guard {
         self.found.len()
     }
 
-    /// What was found last: the places of both surfaces among the active ones, and how they meet.
-    pub(super) fn found(&self) -> impl Iterator<Item = ([usize; 2], MeetingTriangles)> {
-        self.found.iter().map(|(places, found)| {
+    /// What was found last.
+    pub(super) fn found(&self, particles: &Particles) -> Vec<MeetingTriangles> {
+        let meetings = self.found.iter().map(|([a, b], found)| {
             let impact = &found.impact;
-            let meeting = MeetingTriangles {
-                triangles: [found.triangle_a, found.triangle_b],
+            MeetingTriangles {
+                sides: [
+                    self.meshes[*a].side(particles, found.triangle_a),
+                    self.meshes[*b].side(particles, found.triangle_b),
+                ],
                 features: impact.features,
                 barycentrics: [impact.barycentric_a, impact.barycentric_b],
                 normal: impact.normal,
-            };
-            (places.map(|place| self.meshes[place].place), meeting)
-        })
+            }
+        });
+        meetings.collect()
     }
 
     /// Lists what meets, of the pairs with a mesh that is `asked` about.
@@ -250,15 +273,15 @@ impl Guard {
         }
     }
 
-    /// Stops what would still go through something.
-    pub(super) fn stop(&mut self, particles: &mut Particles) -> Guarded {
+    /// Stops what would still go through something, in a part of the tick that takes so many seconds.
+    pub(super) fn stop(&mut self, particles: &mut Particles, duration: f64) -> Guarded {
         let mut guarded = Guarded { impacts: self.found.len(), ..Guarded::default() };
         if !self.found.is_empty() {
-            self.run(particles, &mut guarded);
+            self.run(particles, duration, &mut guarded);
         }
         let Self { kept, meshes, tick, .. } = self;
-        for Mesh { entity, obstacle, reaches, tree, .. } in meshes.drain(..) {
-            kept.insert(entity, Kept { obstacle, reaches, tree, tick: *tick });
+        for Mesh { name, obstacle, reaches, tree, .. } in meshes.drain(..) {
+            kept.insert(name, Kept { obstacle, reaches, tree, tick: *tick });
         }
         kept.retain(|_, kept| kept.tick == *tick);
         guarded
@@ -266,34 +289,43 @@ impl Guard {
 
     /// Lists the meshes of this tick, and which of them are near enough to meet.
     fn gather(&mut self, particles: &Particles, scene: &Scene<'_, '_>, first: impl Fn(Entity) -> Option<usize>) {
-        let Self { kept, meshes, by_entity, tick, .. } = self;
-        by_entity.clear();
-        for (place, surface) in scene.active.surfaces.iter().enumerate() {
-            let Some((positions, _)) = scene.positions.get(surface.entity).ok() else { continue };
+        self.by_entity.clear();
+        for surface in &scene.active.surfaces {
+            let Ok((positions, _)) = scene.positions.get(surface.entity) else { continue };
             let first = first(surface.entity);
-            let (mut obstacle, reaches, tree, last) = match kept.remove(&surface.entity) {
-                Some(kept) => (kept.obstacle, kept.reaches, kept.tree, kept.tick),
-                None => (Obstacle::default(), Vec::new(), SweepTree::default(), 0),
+            let name = MeshName { entity: surface.entity, part: SURFACE };
+            let mut kept = self.kept.remove(&name).unwrap_or_default();
+            let stale = match scene.motions.course(surface.entity) {
+                _ if first.is_some() => true,
+                Some(course) => {
+                    let stands = [&course.now, &course.ahead];
+                    kept.obstacle.move_on(stands.map(|stand| &*stand.positions), stands.map(|stand| &stand.pose));
+                    true
+                }
+                None => kept.obstacle.rest(&positions.0, Some(positions.last_changed()), &surface.pose),
             };
-            let mut has_moved = || obstacle.follow(&positions.0, &surface.pose, last + 1 != *tick || surface.fresh);
-            let stale = first.is_some() || has_moved();
-            by_entity.insert(surface.entity, meshes.len());
-            meshes.push(Mesh {
-                place,
-                entity: surface.entity,
+            self.by_entity.insert(surface.entity, self.meshes.len());
+            self.meshes.push(Mesh {
+                name,
                 topology: Arc::clone(&surface.topology),
                 layers: surface.layers,
                 thickness: f64::from(surface.thickness),
+                radius: 0.0,
                 meets_itself: surface.self_collision,
+                // Other methods than the exact ones do not list all that touches.
+                is_exact: surface.method.is_exact(),
                 first,
-                obstacle,
+                obstacle: kept.obstacle,
                 is_guarded: first.is_some() && scene.is_swept(surface.entity),
-                reaches,
-                tree,
+                reaches: kept.reaches,
+                tree: kept.tree,
                 stale,
             });
         }
-        self.reach(particles, scene);
+        for shape in &scene.active.shapes {
+            self.gather_shape(particles, scene, shape);
+        }
+        self.reach(scene);
         for mesh in &mut self.meshes {
             if mesh.stale {
                 mesh.follow_ways(particles);
@@ -304,15 +336,57 @@ impl Guard {
         self.pair_meshes(scene);
     }
 
+    fn gather_shape(&mut self, particles: &Particles, scene: &Scene<'_, '_>, shape: &ActiveShape) {
+        let course = scene.motions.course(shape.entity);
+        let poses = course.map_or([&shape.pose; 2], |course| [&course.now.pose, &course.ahead.pose]);
+        let mesh = |name, topology: &Arc<SurfaceTopology>, radius, kept: Kept| Mesh {
+            name,
+            topology: Arc::clone(topology),
+            layers: shape.layers,
+            thickness: radius,
+            radius,
+            meets_itself: false,
+            is_exact: true,
+            first: None,
+            obstacle: kept.obstacle,
+            is_guarded: false,
+            reaches: kept.reaches,
+            tree: kept.tree,
+            stale: true,
+        };
+        if let ShapeGeometry::HalfSpace { normal } = &*shape.geometry {
+            let name = MeshName { entity: shape.entity, part: 0 };
+            let mut kept = self.kept.remove(&name).unwrap_or_default();
+            let Some(ends) = plane_under(particles, *normal, poses) else { return };
+            [kept.obstacle.start, kept.obstacle.end] = ends;
+            let topology = self.plane.get_or_insert_with(|| {
+                let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
+                Arc::new(SurfaceTopology::new(&corners, &[[0, 1, 2]]).expect("three finite corners make a triangle"))
+            });
+            let mesh = mesh(name, topology, 0.0, kept);
+            self.meshes.push(mesh);
+        }
+        for (part, solid) in (0..).zip(&*shape.parts) {
+            let name = MeshName { entity: shape.entity, part };
+            let mut kept = self.kept.remove(&name).unwrap_or_default();
+            kept.obstacle.move_on([&solid.positions; 2], poses);
+            let radius = solid.radius * shape.pose.scale();
+            self.meshes.push(mesh(name, &solid.topology, radius, kept));
+        }
+    }
+
     /// Tells every triangle how far it reaches, by how far detection has found it from the others: surfaces that do not touch
-    /// are farther apart than the contact distance, which is the sum of what each may come near.
-    fn reach(&mut self, particles: &Particles, scene: &Scene<'_, '_>) {
+    /// are farther apart than the contact distance, which is the sum of what each may come near. Shapes do not reach out: how
+    /// far a surface is from one is the surface's reach alone.
+    fn reach(&mut self, scene: &Scene<'_, '_>) {
         let Self { meshes, by_entity, .. } = self;
         for mesh in &mut *meshes {
-            let clear = 2.0 * mesh.thickness;
-            // Other methods than the exact ones do not list all that touches.
-            let is_exact = scene.active.surfaces[mesh.place].method.is_exact();
-            mesh.reach_all(if is_exact { clear } else { scene.nearest(mesh.entity).unwrap_or(clear).min(clear) });
+            let clear = match mesh.name.part {
+                SURFACE => 2.0 * mesh.thickness,
+                _ => 0.0,
+            };
+            let nearest = || scene.nearest(mesh.name.entity).unwrap_or(clear).min(clear);
+            mesh.reach_all(if mesh.is_exact { clear } else { nearest() });
         }
         for (sides, touching) in scene.touching() {
             let places = sides.map(|side| by_entity.get(&side).copied());
@@ -327,9 +401,6 @@ impl Guard {
                     }
                 }
             }
-        }
-        for mesh in meshes {
-            mesh.forget_driven(particles);
         }
     }
 
@@ -349,16 +420,16 @@ impl Guard {
             let may_meet = pair[0] == pair[1] || mesh.layers.interacts_with(other.layers);
             let is_any_fast = mesh.tree.fast_count() + other.tree.fast_count() > 0;
             if may_meet && is_any_fast && (mesh.is_guarded || other.is_guarded) {
-                let contact_distance = mesh.thickness + other.thickness;
-                let nearest = scene.nearest_of(mesh.entity, other.entity).unwrap_or(contact_distance);
-                pairs.push(MeshPair { places, separation: (KEPT_APART * contact_distance).min(0.5 * nearest) });
+                pairs.push(MeshPair { places, separation: separation(scene, mesh, other) });
             }
         }
     }
 
-    fn run(&mut self, particles: &mut Particles, guarded: &mut Guarded) {
+    fn run(&mut self, particles: &mut Particles, duration: f64, guarded: &mut Guarded) {
         self.shares.clear();
         self.shares.resize(particles.len(), 1.0);
+        self.carried.clear();
+        self.carried.resize(particles.len(), None);
         self.solved.clone_from(&particles.position);
         let most = MOST_ROUNDS + self.meshes.len() + 1;
         for round in 0..most {
@@ -368,8 +439,10 @@ impl Guard {
             }
             guarded.remaining = 0;
             let mut is_clear = true;
-            for ([a, b], found) in &self.found {
-                let held = hold(&self.meshes[*a], &self.meshes[*b], particles, &mut self.shares, found, round);
+            let Self { meshes, found, shares, carried, .. } = self;
+            for ([a, b], found) in &*found {
+                let mut ways = Ways { particles: &*particles, shares, carried };
+                let held = hold(&meshes[*a], &meshes[*b], &mut ways, found, round);
                 is_clear &= !held;
                 guarded.remaining += usize::from(!held);
             }
@@ -378,16 +451,17 @@ impl Guard {
             }
             self.shorten(particles);
         }
-        let stopped = (0..particles.len()).filter(|&particle| self.shares[particle] < 1.0);
-        guarded.stopped = stopped.clone().count();
-        for particle in stopped {
-            particles.velocity[particle] *= self.shares[particle];
+        let is_stopped = |&particle: &usize| self.shares[particle] < 1.0 || self.carried[particle].is_some();
+        for particle in (0..particles.len()).filter(is_stopped) {
+            guarded.stopped += 1;
+            let along = self.carried[particle].unwrap_or_default() / duration;
+            particles.velocity[particle] = along + (particles.velocity[particle] - along) * self.shares[particle];
         }
     }
 
     /// Lets particles go the shares of their ways, and the trees follow.
     fn shorten(&mut self, particles: &mut Particles) {
-        let Self { meshes, shares, solved, .. } = self;
+        let Self { meshes, shares, carried, solved, .. } = self;
         for mesh in meshes {
             let Some(first) = mesh.first else {
                 mesh.stale = false;
@@ -395,16 +469,17 @@ impl Guard {
             };
             mesh.stale = false;
             for (vertex, &weld) in mesh.topology.weld().iter().enumerate() {
-                let share = shares[first + weld as usize];
+                let (share, along) = (shares[first + weld as usize], carried[first + weld as usize]);
                 let particle = first + vertex;
-                let position = if share < 1.0 {
-                    particles.start[particle] + (solved[particle] - particles.start[particle]) * share
+                let position = if share < 1.0 || along.is_some() {
+                    let start = particles.start[particle] + along.unwrap_or_default();
+                    start + (solved[particle] - start) * share
                 } else {
                     solved[particle]
                 };
                 mesh.stale |= position != particles.position[particle];
                 particles.position[particle] = position;
-                shares[particle] = share;
+                (shares[particle], carried[particle]) = (share, along);
             }
             if mesh.stale {
                 mesh.follow_ways(particles);
@@ -414,20 +489,94 @@ impl Guard {
     }
 }
 
+/// The distance that triangles of two meshes are kept apart by, at least.
+fn separation(scene: &Scene<'_, '_>, mesh: &Mesh, other: &Mesh) -> f64 {
+    let reach = |mesh: &Mesh| mesh.thickness - mesh.radius;
+    let contact_distance = reach(mesh) + reach(other);
+    let radius = mesh.radius + other.radius;
+    if radius > 0.0 {
+        // What is pressed into a round shape a little is not given up for it.
+        return radius - (0.5 * contact_distance).min(0.5 * radius);
+    }
+    let nearest = scene.nearest_of(mesh.name.entity, other.name.entity).unwrap_or(contact_distance);
+    (KEPT_APART * contact_distance).min(0.5 * nearest)
+}
+
+/// A triangle in the boundary of a half-space that is under, or over, all that bodies may reach: where it begins and ends.
+fn plane_under(particles: &Particles, normal: DVec3, poses: [&Pose; 2]) -> Option<[Vec<DVec3>; 2]> {
+    let bodies = (0..particles.len()).filter(|&particle| particles.inverse_mass[particle] > 0.0);
+    let points = bodies.flat_map(|particle| [particles.start[particle], particles.position[particle]]);
+    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = points.fold(empty, |(low, high), point| (low.min(point), high.max(point)));
+    let size = (high - low).length();
+    if !size.is_finite() {
+        return None;
+    }
+    let center = poses[0].inverse().transform_point((low + high) * 0.5);
+    let center = center - normal * normal.dot(center);
+    let (u, v) = normal.any_orthonormal_pair();
+    // The circle inside a triangle with corners so far from its center is half as large.
+    let reach = (4.0 * size + f64::MIN_POSITIVE.sqrt()) / poses[0].scale();
+    let root = 0.75_f64.sqrt();
+    let thirds = [(1.0, 0.0), (-0.5, root), (-0.5, -root)];
+    let corners = thirds.map(|(cosine, sine)| center + (u * cosine + v * sine) * reach);
+    Some(poses.map(|pose| corners.iter().map(|&corner| pose.transform_point(corner)).collect()))
+}
+
 /// Whether two triangles meet on their ways; what is together when these begin cannot be kept apart.
 fn is_met(cause: ImpactCause) -> bool {
     !matches!(cause, ImpactCause::Within | ImpactCause::Crossing)
 }
 
-/// Shortens the ways of what meets; `false` where nothing of it can be stopped any more.
-fn hold(
-    mesh_a: &Mesh,
-    mesh_b: &Mesh,
-    particles: &Particles,
-    shares: &mut [f64],
-    found: &PairImpact,
-    round: usize,
-) -> bool {
+/// The ways of particles, as they are shortened.
+struct Ways<'a> {
+    particles: &'a Particles,
+    shares: &'a mut [f64],
+    carried: &'a mut [Option<DVec3>],
+}
+
+/// How one side of an impact moves, whatever the other does.
+enum Motion {
+    /// It is driven, and moves by this.
+    Driven(DVec3),
+    /// It is a body that is carried by something driven, or by nothing.
+    Body(Option<DVec3>),
+}
+
+fn motion_of(mesh: &Mesh, ways: &Ways<'_>, triangle: u32, barycentric: &[f64; 3]) -> Motion {
+    let corners = mesh.topology.welded_triangles()[triangle as usize];
+    let Some(first) = mesh.first else {
+        let Obstacle { start, end, .. } = &mesh.obstacle;
+        let ways = corners
+            .iter()
+            .zip(barycentric)
+            .map(|(&corner, weight)| (end[corner as usize] - start[corner as usize]) * *weight);
+        return Motion::Driven(ways.sum());
+    };
+    let along = corners.iter().filter_map(|&corner| {
+        let particle = first + corner as usize;
+        if ways.particles.inverse_mass[particle] > 0.0 {
+            ways.carried[particle]
+        } else {
+            Some(ways.particles.end[particle] - ways.particles.start[particle])
+        }
+    });
+    Motion::Body(along.reduce(|one, other| if other.length_squared() > one.length_squared() { other } else { one }))
+}
+
+/// Shortens the ways of what meets, as seen from what moves whatever happens: where that is a driven side, or a body that such a
+/// one pushes, the others are carried along. `false` where nothing of it can be held any more.
+fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, round: usize) -> bool {
+    let motion_a = motion_of(mesh_a, ways, found.triangle_a, &found.impact.barycentric_a);
+    let motion_b = motion_of(mesh_b, ways, found.triangle_b, &found.impact.barycentric_b);
+    let along = match (motion_a, motion_b) {
+        (Motion::Driven(_), Motion::Driven(_)) => return false,
+        (Motion::Driven(driven), Motion::Body(_)) | (Motion::Body(_), Motion::Driven(driven)) => driven,
+        (Motion::Body(a), Motion::Body(b)) => {
+            let (a, b) = (a.unwrap_or_default(), b.unwrap_or_default());
+            if a.length_squared() >= b.length_squared() { a } else { b }
+        }
+    };
     let mut is_held = false;
     let features = [found.impact.features.a, found.impact.features.b];
     for ((mesh, triangle), feature) in
@@ -435,8 +584,17 @@ fn hold(
     {
         let Some(first) = mesh.first else { continue };
         let mut shorten = |particle: usize, share: f64| {
-            if particles.inverse_mass[particle] > 0.0 && shares[particle] > 0.0 {
-                shares[particle] *= share;
+            if ways.particles.inverse_mass[particle] <= 0.0 {
+                return;
+            }
+            let carried = ways.carried[particle].unwrap_or_default();
+            // What is squeezed between two that move differently goes with the one that moves farther.
+            if along != carried && along.length_squared() >= carried.length_squared() {
+                ways.carried[particle] = Some(along);
+                ways.shares[particle] *= share;
+                is_held = true;
+            } else if ways.shares[particle] > 0.0 {
+                ways.shares[particle] *= share;
                 is_held = true;
             }
         };

@@ -78,6 +78,7 @@ mod contact;
 mod features;
 mod gather;
 mod guard;
+mod motion;
 mod particles;
 mod record;
 mod respond;
@@ -96,7 +97,10 @@ pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
 pub use respond::XpbdDiagnostics;
 pub use settings::XpbdSettings;
 
-use crate::{schedule::DeformableSystems, surface::SurfacePlugin};
+use crate::{
+    schedule::{DeformableSystems, run_detection},
+    surface::SurfacePlugin,
+};
 
 /// Moves every [`XpbdBody`] and answers its contacts. Needs [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins)
 /// in the same schedule, and a clock: the `Time` resource tells how long a tick is.
@@ -124,12 +128,17 @@ impl Default for XpbdResponsePlugin {
 
 impl Plugin for XpbdResponsePlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<XpbdSettings>().init_resource::<XpbdDiagnostics>().init_resource::<respond::Response>();
+        app.init_resource::<XpbdSettings>()
+            .init_resource::<XpbdDiagnostics>()
+            .init_resource::<respond::Response>()
+            .init_resource::<motion::Motions>();
         app.add_systems(
             self.schedule,
             (
-                (respond::choose_margin, respond::aim).in_set(DeformableSystems::Predict),
-                respond::respond.in_set(DeformableSystems::Respond),
+                (motion::begin, respond::choose_margin, respond::aim).chain().in_set(DeformableSystems::Predict),
+                motion::rewind.in_set(DeformableSystems::Detect).before(run_detection),
+                motion::restore.in_set(DeformableSystems::Detect).after(run_detection),
+                respond::respond_in_parts.in_set(DeformableSystems::Respond),
                 respond::write_back.in_set(DeformableSystems::Writeback),
             ),
         );

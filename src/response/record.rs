@@ -8,17 +8,12 @@ use glam::DVec3;
 
 use super::{
     contact::{ContactConstraint, Features},
-    features::{edge_edge, vertex_face},
     particles::Particles,
     untangle::untangling_direction,
 };
 use crate::{
     contacts::StoredPair,
-    kernel::{
-        contact::CompactContact,
-        exact::{Feature, side::face_normal},
-        ids::EdgeId,
-    },
+    kernel::{contact::CompactContact, exact::Feature, ids::EdgeId},
 };
 
 pub(super) fn face_of(vertex: u32, [a, b, c]: [u32; 3]) -> Features {
@@ -104,29 +99,7 @@ pub(super) fn flat(
     Features::Plane { particles: entries, offset }
 }
 
-/// The weighted sum of particles where detection saw them: bodies when the tick began, all else where the tick ends.
+/// The weighted sum of particles where detection saw them.
 pub(super) fn detected_sum(particles: &Particles, entries: &[(u32, f64)]) -> DVec3 {
-    entries.iter().map(|&(particle, weight)| particles.end[particle as usize] * weight).sum()
-}
-
-/// Where the other side has moved since the last tick, detection has seen the two at different times: the direction is
-/// taken from where both were when the tick began. Whether that is so.
-pub(super) fn look_where_it_began(constraint: &mut ContactConstraint, particles: &Particles, one_sided: bool) -> bool {
-    let (Features::VertexFace(places) | Features::EdgeEdge(places)) = &constraint.features else { return false };
-    let has_moved = |&place: &u32| particles.start[place as usize] != particles.end[place as usize];
-    if !places.iter().any(has_moved) {
-        return false;
-    }
-    let points = places.map(|place| particles.start[place as usize]);
-    let between =
-        |weights: [f64; 4]| -> DVec3 { points.iter().zip(weights).map(|(&point, weight)| point * weight).sum() };
-    let direction = match &constraint.features {
-        Features::VertexFace(_) if one_sided => face_normal(&[points[1], points[2], points[3]]),
-        Features::VertexFace(_) => between(vertex_face(&points, constraint.normal).weights),
-        _ => between(edge_edge(&points, constraint.normal).weights),
-    };
-    if let Some(direction) = direction.try_normalize() {
-        constraint.normal = direction;
-    }
-    true
+    entries.iter().map(|&(particle, weight)| particles.start[particle as usize] * weight).sum()
 }

@@ -9,10 +9,12 @@ use super::{
     body::XpbdBody,
     gather::{Gatherer, Scene, Watch},
     guard::Guard,
+    motion::{self, Motions},
     settings::XpbdSettings,
     solver::{Solved, Solver},
 };
 use crate::{
+    schedule::run_detection,
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, DeformableSurface, SurfacePositions, SweptCollision, SweptTarget},
 };
@@ -20,6 +22,9 @@ use crate::{
 /// What the response did in the last tick.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct XpbdDiagnostics {
+    /// Into how many parts the tick was cut, each with a detection of its own: more than one where the game moves something
+    /// near a body farther than its features are large.
+    pub parts: u32,
     /// How many bodies were moved.
     pub bodies: usize,
     /// Contacts that the solver watched: those with a body on one side, within the margin.
@@ -79,6 +84,7 @@ pub(super) fn choose_margin(
     time: Option<Res<Time>>,
     settings: Res<XpbdSettings>,
     active: Res<ActiveSurfaces>,
+    motions: Res<Motions>,
     bodies: Query<(&DeformableSurface, &XpbdBody)>,
     mut detection: ResMut<CircumsphereSettings>,
     mut response: ResMut<Response>,
@@ -100,9 +106,9 @@ pub(super) fn choose_margin(
         return;
     }
     let speed = (squared_speeds / vertices.max(1) as f32).sqrt();
-    let duration = time.delta_secs();
+    let duration = time.delta_secs() / motions.parts() as f32;
     // Both sides of a contact may be as fast. Only what falls onto something that is held comes nearer by falling.
-    let way = (2.0 * speed + settings.in_range().gravity.length() * duration) * duration;
+    let way = (2.0 * speed + settings.in_range().gravity.length() * duration) * duration + motions.longest() as f32;
     let mut margin = LEAST_MARGIN * finest;
     while margin < way.min(MOST_MARGIN * finest) {
         margin *= 2.0;
@@ -123,9 +129,10 @@ pub(super) fn aim(
     time: Option<Res<Time>>,
     settings: Res<XpbdSettings>,
     active: Res<ActiveSurfaces>,
+    motions: Res<Motions>,
     mut bodies: Query<(&SurfacePositions, &XpbdBody, &mut SweptTarget), With<SweptCollision>>,
 ) {
-    let duration = time.map_or(0.0, |time| time.delta_secs_f64());
+    let duration = time.map_or(0.0, |time| time.delta_secs_f64()) / f64::from(motions.parts());
     let fall = settings.in_range().gravity.as_dvec3() * duration;
     for surface in &active.surfaces {
         let Ok((positions, body, mut target)) = bodies.get_mut(surface.entity) else { continue };
@@ -145,8 +152,34 @@ pub(super) fn aim(
     }
 }
 
-/// Solves the tick.
-pub(super) fn respond(
+/// Solves the tick, in as many parts as it is cut into. Each begins with a detection; that of the first has run.
+pub(super) fn respond_in_parts(world: &mut World) {
+    *world.resource_mut::<XpbdDiagnostics>() = XpbdDiagnostics::default();
+    let parts = world.resource::<Motions>().parts();
+    for part in 0..parts {
+        if part > 0 {
+            run(world, motion::advance);
+            run(world, aim);
+            run(world, motion::rewind);
+            run_detection(world);
+            run(world, motion::restore);
+        }
+        run(world, respond);
+        if part + 1 < parts {
+            run(world, write_back);
+        }
+    }
+    world.resource_mut::<XpbdDiagnostics>().parts = parts;
+}
+
+fn run<M>(world: &mut World, system: impl IntoSystem<(), (), M> + 'static) {
+    if let Err(error) = world.run_system_cached(system) {
+        log::error!("a step of the response did not run: {error}");
+    }
+}
+
+/// Solves one part of the tick.
+fn respond(
     time: Option<Res<Time>>,
     settings: Res<XpbdSettings>,
     scene: Scene,
@@ -154,14 +187,16 @@ pub(super) fn respond(
     mut diagnostics: ResMut<XpbdDiagnostics>,
 ) {
     let response = &mut *response;
-    *diagnostics = XpbdDiagnostics::default();
     response.moved.clear();
     response.solver.clear();
-    let duration = time.map_or(0.0, |time| time.delta_secs_f64());
+    diagnostics.refused.clear();
+    let parts = scene.motions.parts();
+    let duration = time.map_or(0.0, |time| time.delta_secs_f64()) / f64::from(parts);
     if duration <= 0.0 {
         return;
     }
-    let settings = settings.in_range();
+    let mut settings = settings.in_range();
+    settings.substeps = settings.substeps.div_ceil(parts);
     let start = Instant::now();
     let Response { solver, gatherer, guard, moved, refused, slack, .. } = response;
     gatherer.begin();
@@ -169,7 +204,7 @@ pub(super) fn respond(
         let Ok((positions, Some(body))) = scene.positions.get(surface.entity) else { continue };
         match body.check(&surface.topology, positions.0.len()) {
             Ok(()) => {
-                gatherer.add_body(solver, surface, &positions.0, body);
+                gatherer.add_body(solver, &scene, surface, &positions.0, body);
                 moved.push(surface.entity);
             }
             Err(error) => {
@@ -186,44 +221,46 @@ pub(super) fn respond(
     gatherer.add_impacts(solver, &scene);
     diagnostics.bodies = moved.len();
     diagnostics.contacts = solver.contacts.len();
-    diagnostics.gathering = start.elapsed();
+    diagnostics.gathering += start.elapsed();
     let start = Instant::now();
     solver.remember();
     let solved = solver.advance(duration, &settings);
-    diagnostics.solving = start.elapsed();
+    diagnostics.solving += start.elapsed();
     let start = Instant::now();
     solver.follow_welds();
     let mut met = guard.begin(&solver.particles, &scene, |entity| gatherer.first_particle(entity));
     let mut solved_again = Solved::default();
-    while met > 0 && diagnostics.solved_again < MOST_SOLUTIONS - 1 {
+    let mut solutions = 1;
+    while met > 0 && solutions < MOST_SOLUTIONS {
         let mut is_any_new = false;
-        for (places, meeting) in guard.found() {
-            let surfaces = places.map(|place| &scene.active.surfaces[place]);
-            is_any_new |= gatherer.add_impact(solver, &scene, surfaces, &meeting);
+        for meeting in guard.found(&solver.particles) {
+            is_any_new |= gatherer.add_impact(solver, &scene, &meeting);
         }
         if !is_any_new {
             break;
         }
-        diagnostics.solved_again += 1;
+        solutions += 1;
         solver.begin_again();
         solved_again = solver.advance(duration, &settings);
         solver.follow_welds();
         met = guard.look_again(&solver.particles, &scene);
     }
-    let solved = if diagnostics.solved_again > 0 { solved_again } else { solved };
-    diagnostics.contact_solves = solved.contact_solves;
+    let solved = if solutions > 1 { solved_again } else { solved };
+    diagnostics.solved_again += solutions - 1;
+    diagnostics.contact_solves += solved.contact_solves;
     diagnostics.pressing = solved.pressing;
-    gatherer.end(&scene);
-    let guarded = guard.stop(&mut solver.particles);
-    diagnostics.impacts = guarded.impacts;
-    diagnostics.vertices_stopped = guarded.stopped;
-    diagnostics.impacts_remaining = guarded.remaining;
-    diagnostics.guarding = start.elapsed();
+    gatherer.end();
+    let guarded = guard.stop(&mut solver.particles, duration);
+    diagnostics.impacts += guarded.impacts;
+    diagnostics.vertices_stopped += guarded.stopped;
+    diagnostics.impacts_remaining += guarded.remaining;
+    diagnostics.guarding += start.elapsed();
 }
 
 /// Writes positions and velocities to the bodies.
 pub(super) fn write_back(
     active: Res<ActiveSurfaces>,
+    motions: Res<Motions>,
     response: Res<Response>,
     mut bodies: Query<(&mut SurfacePositions, &mut XpbdBody)>,
 ) {
@@ -238,6 +275,16 @@ pub(super) fn write_back(
             positions.0[vertex] = own.transform_point(particles.position[particle]).as_vec3();
             body.velocities[vertex] = particles.velocity[particle].as_vec3();
         }
+        if motions.is_last_part()
+            && let Some(pins) = motions.pins_of(entity)
+        {
+            for (vertex, &weld) in surface.topology.weld().iter().enumerate() {
+                if weld as usize == vertex && body.inverse_masses[vertex] <= 0.0 {
+                    positions.0[vertex] = pins[vertex];
+                }
+            }
+        }
         body.written.clone_from(&positions.0);
+        body.stood = Some(surface.pose);
     }
 }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
+use glam::Vec3;
 
 use super::components::{ContactMethod, SurfaceLayers};
 use crate::{
@@ -41,6 +42,15 @@ pub struct ActiveSurface {
     pub(crate) order: SideOrder,
 }
 
+/// Triangles inside a shape, and how far it reaches beyond them: of a ball its center, of a capsule its axis.
+#[derive(Debug)]
+pub(crate) struct ShapePart {
+    pub(crate) topology: Arc<SurfaceTopology>,
+    pub(crate) positions: Vec<Vec3>,
+    /// In the shape's own unit.
+    pub(crate) radius: f64,
+}
+
 impl ActiveSurface {
     /// Whether two surfaces are to be tested against each other.
     pub(crate) fn meets(&self, other: &Self) -> bool {
@@ -60,6 +70,8 @@ pub struct ActiveShape {
     pub entity: Entity,
     /// The shape, in its own frame.
     pub geometry: Arc<ShapeGeometry>,
+    /// Triangles that stand for it where motions are swept; none of a half-space.
+    pub(crate) parts: Arc<[ShapePart]>,
     /// Where it stands in the world.
     pub pose: Pose,
     /// Whom it meets.

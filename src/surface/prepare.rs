@@ -19,7 +19,7 @@ use super::{
         Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus,
         SurfaceThickness, Teleported, first_non_finite,
     },
-    rigid_shape::{PreparedShape, RigidMesh, RigidShape},
+    rigid_shape::{PreparedShape, RigidMesh, RigidShape, Solid},
 };
 use crate::{
     contacts::SurfaceQuarantined,
@@ -285,11 +285,11 @@ fn add_shape(
     active: &mut ActiveSurfaces,
 ) -> Result<(), QuarantineReason> {
     let pose = transforms.global_pose(item.entity)?;
-    let geometry = item.shape.0.clone()?;
+    let solid = item.shape.0.clone()?;
     let order = order(true, item.order, *item.registration, item.entity);
     let (entity, layers, events) = (item.entity, *item.layers, item.events);
-    if let Some(geometry) = geometry {
-        active.shapes.push(ActiveShape { entity, geometry, pose, layers, fresh, events, order });
+    if let Some(Solid { geometry, parts }) = solid {
+        active.shapes.push(ActiveShape { entity, geometry, parts, pose, layers, fresh, events, order });
         return Ok(());
     }
     let Some((RigidMesh { topology, radius }, positions, bounds)) = &item.mesh else { return Ok(()) };

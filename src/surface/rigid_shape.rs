@@ -13,7 +13,10 @@ use bevy_transform::components::Transform;
 use glam::Vec3;
 use parry3d::shape::{SharedShape, TypedShape};
 
-use super::components::{DeformableSurface, Registration, SurfaceLayers, SurfacePositions, SurfaceStatus};
+use super::{
+    active::ShapePart,
+    components::{DeformableSurface, Registration, SurfaceLayers, SurfacePositions, SurfaceStatus},
+};
 use crate::{
     detection::{
         Circumspheres, EnclosingBalls, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature,
@@ -73,7 +76,47 @@ impl RigidShape {
 
 /// What a shape is tested by where that is a formula, or why it cannot be tested. Without a geometry it is a [`RigidMesh`].
 #[derive(Component, Clone)]
-pub(crate) struct PreparedShape(pub(crate) Result<Option<Arc<ShapeGeometry>>, ShapeError>);
+pub(crate) struct PreparedShape(pub(crate) Result<Option<Solid>, ShapeError>);
+
+/// A shape that is tested by formula.
+#[derive(Clone)]
+pub(crate) struct Solid {
+    pub(crate) geometry: Arc<ShapeGeometry>,
+    /// What stands for it where motions are swept.
+    pub(crate) parts: Arc<[ShapePart]>,
+}
+
+impl Solid {
+    fn new(shape: &SharedShape) -> Result<Self, ShapeError> {
+        let geometry = Arc::new(ShapeGeometry::new(shape)?);
+        let parts = parts_of(shape).into_iter().map(|ShapeTriangles { positions, triangles, radius }| {
+            let topology = SurfaceTopology::new(&positions, &triangles).map_err(|_| ShapeError::Unsupported)?;
+            Ok(ShapePart { topology: Arc::new(topology), positions, radius: f64::from(radius) })
+        });
+        let parts: Result<Vec<ShapePart>, ShapeError> = parts.collect();
+        Ok(Self { geometry, parts: parts?.into() })
+    }
+}
+
+/// Triangles inside a shape, with how far it reaches beyond them.
+fn parts_of(shape: &SharedShape) -> Vec<ShapeTriangles> {
+    let part = |positions, triangles, radius| vec![ShapeTriangles { positions, triangles, radius }];
+    match shape.as_typed_shape() {
+        TypedShape::Ball(ball) => part(vec![Vec3::ZERO], vec![[0; 3]], ball.radius),
+        TypedShape::Capsule(capsule) => {
+            part(vec![capsule.segment.a, capsule.segment.b], vec![[0, 1, 1]], capsule.radius)
+        }
+        TypedShape::Cuboid(cuboid) => {
+            let (positions, triangles) = cuboid.to_trimesh();
+            part(positions, triangles, 0.0)
+        }
+        TypedShape::ConvexPolyhedron(polyhedron) => {
+            let (positions, triangles) = polyhedron.to_trimesh();
+            part(positions, triangles, 0.0)
+        }
+        _ => Vec::new(),
+    }
+}
 
 /// The triangles of a shape that is made of triangles.
 #[derive(Component, Clone)]
@@ -117,9 +160,9 @@ fn prepare(shape: &SharedShape) -> Prepared {
         Err(error) => Prepared { solid: PreparedShape(Err(error)), mesh: None },
         Ok(Some(mesh)) => Prepared { solid: PreparedShape(Ok(None)), mesh: Some(mesh) },
         Ok(None) => {
-            let geometry = catch_unwind(AssertUnwindSafe(|| ShapeGeometry::new(shape)));
-            let geometry = geometry.unwrap_or(Err(ShapeError::Unsupported));
-            Prepared { solid: PreparedShape(geometry.map(|geometry| Some(Arc::new(geometry)))), mesh: None }
+            let solid = catch_unwind(AssertUnwindSafe(|| Solid::new(shape)));
+            let solid = solid.unwrap_or(Err(ShapeError::Unsupported));
+            Prepared { solid: PreparedShape(solid.map(Some)), mesh: None }
         }
     }
 }

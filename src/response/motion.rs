@@ -1,0 +1,403 @@
+//! Where everything goes in a tick that the game moves and no solver: animated surfaces, rigid shapes, pinned vertices.
+//!
+//! The game has written where these are when the tick ends. Detection and solver see them where the last tick left them, as
+//! bodies are, and they go from there to their ends while the solver steps. A tick in which something near a body goes
+//! farther than features are large is cut into several, each with a detection of its own.
+
+use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
+use bevy_time::Time;
+use glam::{DMat3, DQuat, DVec3, Vec3};
+
+use super::body::XpbdBody;
+use crate::{
+    kernel::{bounds::Aabb, exact::rigid_shape::ShapeGeometry, pose::Pose},
+    surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions},
+};
+
+/// What the game moves goes no farther between two detections than this share of the mean edge of the finest body near it.
+const SHARE_OF_EDGE: f64 = 0.5;
+
+/// Into how many parts a tick is cut at most.
+const MOST_PARTS: u32 = 16;
+
+/// Where a surface or shape is: its vertices in its own frame, none of a shape that is tested by formula, and that frame in
+/// the world.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stand {
+    pub(super) positions: Vec<Vec3>,
+    pub(super) pose: Pose,
+}
+
+impl Stand {
+    fn set(&mut self, positions: &[Vec3], pose: &Pose) {
+        self.positions.clear();
+        self.positions.extend_from_slice(positions);
+        self.pose = *pose;
+    }
+
+    /// A vertex in the world.
+    pub(super) fn point(&self, vertex: usize) -> DVec3 {
+        self.pose.transform_point(self.positions[vertex].as_dvec3())
+    }
+
+    /// Becomes what lies between two others.
+    fn become_between(&mut self, from: &Self, to: &Self, share: f64, deforms: bool) {
+        self.positions.clear();
+        if share >= 1.0 {
+            self.set(&to.positions, &to.pose);
+            return;
+        }
+        self.pose = between(&from.pose, &to.pose, share);
+        if deforms {
+            let both = from.positions.iter().zip(&to.positions);
+            self.positions.extend(both.map(|(from, to)| from.lerp(*to, share as f32)));
+        } else {
+            self.positions.extend_from_slice(&to.positions);
+        }
+    }
+}
+
+/// A pose on the way from one to another: it turns about one axis, and moves and grows in a straight line.
+fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
+    if from.has_bits_of(to) {
+        return *to;
+    }
+    let parts = |pose: &Pose| {
+        let affine = pose.to_affine();
+        let sign = if pose.is_mirrored() { -1.0 } else { 1.0 };
+        let turn = DQuat::from_mat3(&(affine.matrix3 * (sign / pose.scale()))).normalize();
+        (turn, sign * pose.scale(), affine.translation)
+    };
+    let ((turn, scale, place), (last_turn, last_scale, last_place)) = (parts(from), parts(to));
+    if scale * last_scale < 0.0 {
+        return *to;
+    }
+    let scale = scale + (last_scale - scale) * share;
+    let linear = DMat3::from_quat(turn.slerp(last_turn, share)) * scale;
+    let affine = glam::DAffine3 { matrix3: linear, translation: place.lerp(last_place, share) };
+    Pose::from_double_affine(&affine).unwrap_or(*to)
+}
+
+/// What is known of something that no solver moves, at the end of the last tick.
+#[derive(Debug, Default)]
+struct Trace {
+    stand: Stand,
+    /// When its positions changed last.
+    changed: Option<Tick>,
+    tick: u64,
+}
+
+/// The way of one surface or shape in this tick.
+#[derive(Debug)]
+pub(super) struct Course {
+    from: Stand,
+    to: Stand,
+    deforms: bool,
+    /// Of a body: only its pinned vertices go this way.
+    is_of_pins: bool,
+    /// Where it is when the current part of the tick begins.
+    pub(super) now: Stand,
+    /// Where it is when that part ends.
+    pub(super) ahead: Stand,
+}
+
+impl Course {
+    fn new(from: Stand, to: Stand, is_of_pins: bool) -> Self {
+        let deforms = from.positions != to.positions;
+        Self { from, to, deforms, is_of_pins, now: Stand::default(), ahead: Stand::default() }
+    }
+
+    /// How far it goes: the longest way of some of its points.
+    fn way(&self, points: impl Iterator<Item = (DVec3, DVec3)>) -> f64 {
+        let ways = points.map(|(from, to)| {
+            let (from, to) = (self.from.pose.transform_point(from), self.to.pose.transform_point(to));
+            from.distance_squared(to)
+        });
+        ways.fold(0.0, f64::max).sqrt()
+    }
+
+    fn vertices(&self) -> impl Iterator<Item = (DVec3, DVec3)> {
+        self.from.positions.iter().zip(&self.to.positions).map(|(from, to)| (from.as_dvec3(), to.as_dvec3()))
+    }
+}
+
+/// The ways of all that no solver moves.
+#[derive(Resource, Debug, Default)]
+pub(super) struct Motions {
+    tick: u64,
+    traces: EntityHashMap<Trace>,
+    courses: EntityHashMap<Course>,
+    parts: u32,
+    part: u32,
+    /// The longest way of anything near a body within one part of the tick, in world units.
+    longest: f64,
+}
+
+/// A box around points in double precision.
+#[derive(Clone, Copy)]
+struct Region {
+    low: DVec3,
+    high: DVec3,
+}
+
+impl Region {
+    fn around(points: impl Iterator<Item = DVec3>) -> Self {
+        let empty = Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
+        points.fold(empty, |Self { low, high }, point| Self { low: low.min(point), high: high.max(point) })
+    }
+
+    fn grown(self, by: f64) -> Self {
+        Self { low: self.low - by, high: self.high + by }
+    }
+
+    fn overlaps(&self, other: &Self) -> bool {
+        self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
+    }
+
+    fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|bits| {
+            let pick = |axis: usize| if bits & (1 << axis) == 0 { self.low[axis] } else { self.high[axis] };
+            DVec3::new(pick(0), pick(1), pick(2))
+        })
+    }
+}
+
+/// Where a body may be in this tick, and how long its edges are.
+struct Reach {
+    region: Region,
+    mean_edge: f64,
+}
+
+impl Motions {
+    /// Into how many parts the tick is cut, 1 or more.
+    pub(super) fn parts(&self) -> u32 {
+        self.parts.max(1)
+    }
+
+    /// The longest way of anything near a body within one part of the tick.
+    pub(super) fn longest(&self) -> f64 {
+        self.longest
+    }
+
+    /// The way of something that moves in the current part of the tick.
+    pub(super) fn course(&self, entity: Entity) -> Option<&Course> {
+        self.courses.get(&entity)
+    }
+
+    /// The vertices of a body as the game has written them, where it has moved pinned ones.
+    pub(super) fn pins_of(&self, entity: Entity) -> Option<&[Vec3]> {
+        self.courses.get(&entity).filter(|course| course.is_of_pins).map(|course| &*course.to.positions)
+    }
+
+    pub(super) fn is_last_part(&self) -> bool {
+        self.part + 1 >= self.parts()
+    }
+
+    /// Adds the way of something that has moved since the last tick. `positions` are none for a shape.
+    fn follow(&mut self, entity: Entity, positions: &[Vec3], changed: Option<Tick>, pose: &Pose, fresh: bool) {
+        let tick = self.tick;
+        let trace = self.traces.entry(entity).or_default();
+        let is_known = trace.tick + 1 == tick && !fresh && trace.stand.positions.len() == positions.len();
+        let deforms = changed.is_none_or(|_| trace.changed != changed) && trace.stand.positions != positions;
+        if is_known && !deforms && trace.stand.pose.has_bits_of(pose) {
+            (trace.tick, trace.changed) = (tick, changed);
+            return;
+        }
+        let from = std::mem::take(&mut trace.stand);
+        trace.stand.set(positions, pose);
+        (trace.tick, trace.changed) = (tick, changed);
+        if is_known {
+            let to = trace.stand.clone();
+            self.courses.insert(entity, Course::new(from, to, false));
+        }
+    }
+
+    /// Forgets what comes near no body, and finds into how many parts the tick has to be cut.
+    fn plan(&mut self, bodies: &[Reach], regions: impl Fn(Entity, &Course) -> Option<(Region, f64)>) {
+        let (mut parts, mut longest) = (1.0_f64, 0.0_f64);
+        self.courses.retain(|&entity, course| {
+            if course.is_of_pins {
+                return true;
+            }
+            let Some((region, way)) = regions(entity, course) else { return false };
+            let near = bodies.iter().filter(|body| body.region.overlaps(&region));
+            let Some(edge) = near.map(|body| body.mean_edge).reduce(f64::min) else { return false };
+            longest = longest.max(way);
+            if edge > 0.0 {
+                parts = parts.max((way / (SHARE_OF_EDGE * edge)).ceil());
+            }
+            true
+        });
+        self.parts = parts.min(f64::from(MOST_PARTS)) as u32;
+        self.longest = longest / f64::from(self.parts);
+        self.part = 0;
+        for course in self.courses.values_mut() {
+            course.ahead = course.from.clone();
+        }
+        self.look_ahead();
+    }
+
+    /// Brings every course to the part of the tick that begins.
+    fn look_ahead(&mut self) {
+        let share = f64::from(self.part + 1) / f64::from(self.parts());
+        for Course { from, to, deforms, now, ahead, .. } in self.courses.values_mut() {
+            std::mem::swap(now, ahead);
+            ahead.become_between(from, to, share, *deforms);
+        }
+    }
+}
+
+/// Finds out what the game has moved, and where to. Bodies whose transform has moved keep their places in the world, but for
+/// their pinned vertices, which go along.
+pub(super) fn begin(
+    time: Option<Res<Time>>,
+    active: Res<ActiveSurfaces>,
+    mut motions: ResMut<Motions>,
+    mut surfaces: Query<(&mut SurfacePositions, Option<&mut XpbdBody>, Option<&DeformableSurface>)>,
+) {
+    let motions = &mut *motions;
+    motions.tick += 1;
+    motions.courses.clear();
+    let duration = time.map_or(0.0, |time| time.delta_secs_f64());
+    let mut bodies = Vec::new();
+    for surface in &active.surfaces {
+        let Ok((mut positions, body, mesh)) = surfaces.get_mut(surface.entity) else { continue };
+        match body {
+            Some(mut body) if body.check(&surface.topology, positions.0.len()).is_ok() => {
+                if duration > 0.0 {
+                    let pins = keep_in_the_world(surface, &mut positions, &mut body);
+                    motions.courses.extend(pins.map(|course| (surface.entity, course)));
+                }
+                let mean_edge = mesh.map_or(0.0, |mesh| f64::from(mesh.mean_edge()) * surface.pose.scale());
+                bodies.push(reach_of(surface, &positions.0, &body, mean_edge, duration));
+            }
+            _ => {
+                let changed = positions.last_changed();
+                motions.follow(surface.entity, &positions.0, Some(changed), &surface.pose, surface.fresh);
+            }
+        }
+    }
+    for shape in &active.shapes {
+        motions.follow(shape.entity, &[], None, &shape.pose, shape.fresh);
+    }
+    let tick = motions.tick;
+    motions.traces.retain(|_, trace| trace.tick == tick);
+    if duration <= 0.0 || bodies.is_empty() {
+        motions.courses.clear();
+    }
+    let shapes: EntityHashMap<&ShapeGeometry> =
+        active.shapes.iter().map(|shape| (shape.entity, &*shape.geometry)).collect();
+    let whole = Region::around(bodies.iter().flat_map(|body| [body.region.low, body.region.high]));
+    motions.plan(&bodies, |entity, course| {
+        let Some(geometry) = shapes.get(&entity) else {
+            let way = course.way(course.vertices());
+            let ends = (0..course.from.positions.len())
+                .flat_map(|vertex| [course.from.point(vertex), course.to.point(vertex)]);
+            return Some((Region::around(ends).grown(way), way));
+        };
+        let (corners, is_everywhere) = match geometry.bounds() {
+            Some(Aabb { min, max }) => (Region { low: min.as_dvec3(), high: max.as_dvec3() }.corners(), false),
+            None => {
+                let own = course.to.pose.inverse();
+                (whole.corners().map(|corner| own.transform_point(corner)), true)
+            }
+        };
+        let way = course.way(corners.iter().map(|&corner| (corner, corner)));
+        let ends = [&course.from, &course.to].map(|stand| corners.map(|corner| stand.pose.transform_point(corner)));
+        let region = if is_everywhere { whole } else { Region::around(ends.into_iter().flatten()).grown(way) };
+        Some((region, way))
+    });
+}
+
+/// Where a body may be until the tick ends.
+fn reach_of(surface: &ActiveSurface, positions: &[Vec3], body: &XpbdBody, mean_edge: f64, duration: f64) -> Reach {
+    let points = positions.iter().map(|position| surface.pose.transform_point(position.as_dvec3()));
+    let squared = body.velocities.iter().map(|velocity| velocity.as_dvec3().length_squared());
+    let way = squared.fold(0.0, f64::max).sqrt() * duration;
+    let region = Region::around(points).grown(way + mean_edge + 2.0 * f64::from(surface.thickness));
+    Reach { region, mean_edge }
+}
+
+/// Where the transform of a body has moved since its positions were written last, its vertices stay where they were in the
+/// world, but for those that the game has written. Where pinned vertices have moved, by that or because the game has written
+/// them, their way is returned, and they are where it begins.
+fn keep_in_the_world(
+    surface: &ActiveSurface,
+    positions: &mut Mut<SurfacePositions>,
+    body: &mut XpbdBody,
+) -> Option<Course> {
+    let last = body.stood?;
+    if surface.fresh || body.written.len() != positions.0.len() {
+        return None;
+    }
+    let is_same_pose = last.has_bits_of(&surface.pose);
+    let is_pinned = |vertex: usize| body.inverse_masses[vertex] <= 0.0;
+    let any_pin_moved = (0..positions.0.len())
+        .any(|vertex| is_pinned(vertex) && (!is_same_pose || positions.0[vertex] != body.written[vertex]));
+    if is_same_pose && !any_pin_moved {
+        return None;
+    }
+    let course = any_pin_moved.then(|| {
+        let from = Stand { positions: body.written.clone(), pose: last };
+        Course::new(from, Stand { positions: positions.0.clone(), pose: surface.pose }, true)
+    });
+    let own = surface.pose.inverse();
+    for (vertex, position) in positions.0.iter_mut().enumerate() {
+        let written = body.written[vertex];
+        if is_pinned(vertex) || *position == written {
+            *position = if is_same_pose {
+                written
+            } else {
+                own.transform_point(last.transform_point(written.as_dvec3())).as_vec3()
+            };
+        }
+    }
+    course
+}
+
+/// Brings everything that moves to where the current part of the tick begins, for detection.
+pub(super) fn rewind(
+    mut active: ResMut<ActiveSurfaces>,
+    motions: Res<Motions>,
+    mut surfaces: Query<&mut SurfacePositions>,
+) {
+    show(&mut active, &motions, &mut surfaces, |course| &course.now);
+}
+
+/// Brings everything back to where the game has written it.
+pub(super) fn restore(
+    mut active: ResMut<ActiveSurfaces>,
+    motions: Res<Motions>,
+    mut surfaces: Query<&mut SurfacePositions>,
+) {
+    show(&mut active, &motions, &mut surfaces, |course| &course.to);
+}
+
+/// Goes on to the next part of the tick.
+pub(super) fn advance(mut motions: ResMut<Motions>) {
+    motions.part += 1;
+    motions.look_ahead();
+}
+
+fn show(
+    active: &mut ResMut<ActiveSurfaces>,
+    motions: &Motions,
+    surfaces: &mut Query<&mut SurfacePositions>,
+    stand: impl Fn(&Course) -> &Stand,
+) {
+    if motions.courses.is_empty() {
+        return;
+    }
+    let active = &mut **active;
+    let all = active.surfaces.iter_mut().map(|surface| (surface.entity, &mut surface.pose));
+    for (entity, pose) in all.chain(active.shapes.iter_mut().map(|shape| (shape.entity, &mut shape.pose))) {
+        let Some(course) = motions.courses.get(&entity).filter(|course| !course.is_of_pins) else { continue };
+        let stand = stand(course);
+        *pose = stand.pose;
+        if course.deforms
+            && let Ok(mut positions) = surfaces.get_mut(entity)
+        {
+            positions.0.clone_from(&stand.positions);
+        }
+    }
+}
