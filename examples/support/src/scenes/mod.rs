@@ -5,6 +5,7 @@
 
 mod beam_on_mattress;
 mod bodies;
+mod character;
 mod cloth;
 mod cloth_fall;
 mod corrupted;
@@ -20,6 +21,10 @@ mod tray;
 
 pub use beam_on_mattress::beam_on_mattress;
 pub use bodies::{capsule, closed_target, lobed_ball, needle, organ, rounded_cuboid};
+pub use character::{
+    CHARACTER_CIRCLE, CHARACTER_EASE, CHARACTER_LEG, CHARACTER_SKIRT_LENGTH, CHARACTER_SPEEDS, CHARACTER_TIP_SPEED,
+    CHARACTER_TORSO, CHARACTER_WAIST_GAP, Character, CharacterFineness, character_skirt, character_waist_vertices,
+};
 pub use cloth::{cloth, cloth_corners, cloth_layers};
 pub use cloth_fall::{
     BALL_CENTER, BALL_RADIUS, BALL_TRIANGLES, BALL_VERTICES, CLOTH_EDGE, CLOTH_FALL_BODIES, CLOTH_SIDE_VERTICES,

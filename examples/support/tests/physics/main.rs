@@ -1,6 +1,7 @@
 //! The bodies and motions of the physics scenes against closed forms and against brute force in `f64`.
 
 mod bodies;
+mod character;
 mod figure;
 mod geometry;
 mod instrument;
