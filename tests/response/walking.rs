@@ -48,6 +48,11 @@ impl Walk {
         }
     }
 
+    /// Whether there is nothing more to learn: it has failed, and ticks get slower and slower.
+    fn is_lost(&self) -> bool {
+        self.most_inside > 100 || self.times[1..].iter().any(|&time| time > 4 * SLOWEST)
+    }
+
     /// The slowest tick beside the first, and the median.
     fn slowest_and_median(&self) -> [Duration; 2] {
         let mut times = self.times[1..].to_vec();
@@ -114,8 +119,7 @@ fn walk_skinned(fineness: CharacterFineness, speed: f64, rate: f64, is_swept: bo
         tick(&mut scene, skirt, &character.follow_torso(time, &waist), rate, &mut walk);
         let closed = Closed::new(doubles(&skin), character.rest().triangles.clone());
         walk.look(number, scene.positions(skirt), |position| closed.contains(position));
-        if walk.most_inside > 100 {
-            // Beyond mending, and ticks get slower and slower.
+        if walk.is_lost() {
             break;
         }
     }
@@ -153,7 +157,7 @@ fn walk_rigid(speed: f64, rate: f64) -> Walk {
                 Solid::Capsule(0.5 * low.distance(high), radius.into()).depth(own) > ROUNDING
             })
         });
-        if walk.most_inside > 100 {
+        if walk.is_lost() {
             break;
         }
     }

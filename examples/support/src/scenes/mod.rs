@@ -12,6 +12,7 @@ mod corrupted;
 mod crumpled_sheet;
 mod figure;
 mod instrument;
+mod level;
 mod moving;
 mod pile;
 mod points;
@@ -40,6 +41,9 @@ pub use figure::{
 pub use instrument::{
     INSTRUMENT_CLEARANCE, INSTRUMENT_DEPTH, INSTRUMENT_END, INSTRUMENT_HALF_LENGTH, INSTRUMENT_RADIUS,
     INSTRUMENT_SLIDE_END, INSTRUMENT_SLIDE_START, instrument, instrument_pose,
+};
+pub use level::{
+    LEVEL_CELLS, LEVEL_HALF_WIDTH, level_ball, level_ferry, level_ground, level_height, level_heights, level_lift,
 };
 pub use moving::{Fineness, MOVING_SCENES, MovingBody, MovingScene, growing_sheets, moving_scene};
 pub use pile::{PILE_BODIES, PILE_BODY_REACH, PILE_TRAY_SIZE, pile_body, pile_start, pile_tray, soft_shapes};

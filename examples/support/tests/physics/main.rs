@@ -5,6 +5,7 @@ mod character;
 mod figure;
 mod geometry;
 mod instrument;
+mod level;
 mod pile;
 
 use circumsphere_support::scenes::{
