@@ -6,6 +6,7 @@ pub mod bullet_cloth;
 mod cloth_drop;
 mod energy;
 mod layers;
+mod level;
 pub mod measure;
 pub mod options;
 mod pile;
@@ -14,6 +15,7 @@ mod skirt;
 mod soft_tissue;
 mod stage;
 pub mod truth;
+mod walking_skirt;
 
 use std::ops::Range;
 
@@ -27,7 +29,8 @@ pub use self::{
 use crate::headless::recording::Recorder;
 
 /// The names that [`scene`] knows.
-pub const SCENES: [&str; 6] = ["cloth_drop", "layers", "soft_tissue", "pile", "skirt", "bullet_cloth"];
+pub const SCENES: [&str; 8] =
+    ["cloth_drop", "layers", "soft_tissue", "pile", "skirt", "bullet_cloth", "walking_skirt", "level"];
 
 /// The scene of that name, or `None` where there is none.
 pub fn scene(name: &str, variation: &Variation, recorder: Recorder) -> Option<Scene> {
@@ -38,6 +41,8 @@ pub fn scene(name: &str, variation: &Variation, recorder: Recorder) -> Option<Sc
         "pile" => pile::pile,
         "skirt" => skirt::skirt,
         "bullet_cloth" => bullet_cloth::bullet_cloth,
+        "walking_skirt" => walking_skirt::walking_skirt,
+        "level" => level::level,
         _ => return None,
     };
     Some(build(variation, recorder))
@@ -77,6 +82,10 @@ pub struct Variation {
     pub extent: Extent,
     /// What `bullet_cloth` shoots at what.
     pub shot: Shot,
+    /// How fast the character of `walking_skirt` walks, 0 to 10 meters per second.
+    pub walking_speed: f64,
+    /// How fast the ball of `level` flies, in meters per second.
+    pub ball_speed: f64,
 }
 
 impl Default for Variation {
@@ -88,6 +97,8 @@ impl Default for Variation {
             continuous: true,
             extent: Extent::default(),
             shot: Shot::default(),
+            walking_speed: 1.2,
+            ball_speed: 30.0,
         }
     }
 }
@@ -100,6 +111,8 @@ pub struct Scene {
     pub ticks: u32,
     /// The ticks in which nothing new happens, of those: where jitter tells something.
     pub settled: Range<u32>,
+    /// Whether the truth is asked after every tick, not only at the end.
+    pub is_judged: bool,
     /// Moves what physics does not move to where it is at a time, in seconds since the start.
     animate: Box<dyn FnMut(&mut Stage, f64)>,
     /// How many vertices are where they can only have come through something, closed surfaces left aside.
@@ -110,7 +123,7 @@ impl Scene {
     /// A scene in which only physics moves something. The last quarter of its ticks is settled.
     fn new(stage: Stage, ticks: u32) -> Self {
         let settled = ticks - ticks / 4..ticks;
-        Self { stage, ticks, settled, animate: Box::new(|_, _| ()), passed: Box::new(|_| 0) }
+        Self { stage, ticks, settled, is_judged: false, animate: Box::new(|_, _| ()), passed: Box::new(|_| 0) }
     }
 
     fn animated(self, animate: impl FnMut(&mut Stage, f64) + 'static) -> Self {
@@ -121,6 +134,10 @@ impl Scene {
         Self { passed: Box::new(passed), ..self }
     }
 
+    fn judged(self) -> Self {
+        Self { is_judged: true, ..self }
+    }
+
     /// Plays one tick.
     pub fn tick(&mut self) {
         let time = self.stage.next_time();
@@ -128,9 +145,11 @@ impl Scene {
         self.stage.tick();
     }
 
-    /// How many vertices of bodies have tunnelled: are inside a closed surface, or behind what they cannot have passed. Those
-    /// that are nowhere count too, or a body that has burst would pass for one that was stopped.
+    /// How many vertices of bodies have tunnelled: are inside a closed surface or a rigid shape, or behind what they cannot have
+    /// passed. Those that are nowhere count too, or a body that has burst would pass for one that was stopped.
     pub fn tunnelled(&self) -> usize {
-        truth::vertices_nowhere(&self.stage) + truth::vertices_inside(&self.stage) + (self.passed)(&self.stage)
+        let stage = &self.stage;
+        let inside = truth::vertices_inside(stage) + truth::vertices_in_shapes(stage);
+        truth::vertices_nowhere(stage) + inside + (self.passed)(stage)
     }
 }

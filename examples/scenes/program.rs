@@ -22,7 +22,12 @@ const BAD_INPUT: u8 = 2;
 
 /// Plays the scene of that name, prints a table, and tells the shell how it went.
 pub fn run(name: &str, options: &SceneOptions, shot: Shot) -> ExitCode {
-    match play(name, options, &Variation { shot, ..options.variation() }) {
+    run_varied(name, options, &Variation { shot, ..options.variation() })
+}
+
+/// The same for whatever else can be varied.
+pub fn run_varied(name: &str, options: &SceneOptions, variation: &Variation) -> ExitCode {
+    match play(name, options, variation) {
         Ok(outcome) => {
             // Whoever reads the table may stop reading.
             let _ = write!(io::stdout(), "{name}: {outcome}");
@@ -44,9 +49,16 @@ fn play(name: &str, options: &SceneOptions, variation: &Variation) -> Result<Out
         ProgressStyle::with_template("{bar:40} {pos}/{len} ticks, {eta} left").expect("the template is well formed"),
     );
     let mut measure = Measure::default();
-    let played = (0..ticks).map(|_| {
+    let mut worst = None;
+    let played = (0..ticks).map(|number| {
         progress.inc(1);
-        measure.tick(&mut scene)
+        let tick = measure.tick(&mut scene);
+        if scene.is_judged {
+            let judged = (scene.tunnelled(), number + 1);
+            // The first of the worst ticks.
+            worst = Some(worst.map_or(judged, |worst: (usize, u32)| if judged.0 > worst.0 { judged } else { worst }));
+        }
+        tick
     });
     let played = played.collect();
     progress.finish_and_clear();
@@ -56,6 +68,7 @@ fn play(name: &str, options: &SceneOptions, variation: &Variation) -> Result<Out
         threads: options.threads,
         crossing: truth::crossing_pairs(&scene.stage),
         tunnelled: scene.tunnelled(),
+        worst,
         hash: scene.stage.hash(),
         scene,
         ticks: played,
@@ -71,6 +84,8 @@ struct Outcome {
     ticks: Vec<Tick>,
     crossing: usize,
     tunnelled: usize,
+    /// How many vertices were where they cannot be in the worst tick, and which tick that was.
+    worst: Option<(usize, u32)>,
     hash: u64,
 }
 
@@ -109,6 +124,19 @@ impl Display for Outcome {
         row("too near, the nearest", format!("{:.3} mm at the end, at most {:.3} mm", depths[0], depths[1]))?;
         row("triangles that cross at the end", format!("{crossing} pairs"))?;
         row("vertices that have tunnelled", tunnelled.to_string())?;
+        if let Some((worst, tick)) = self.worst {
+            let when = if worst > 0 { format!(", in tick {tick}") } else { String::new() };
+            row("the most of them in any tick", format!("{worst}{when}"))?;
+            let mut times: Vec<Duration> = self.ticks.iter().skip(1).map(|tick| tick.whole).collect();
+            times.sort_unstable();
+            if let Some(slowest) = times.last() {
+                let [slowest, median] = [*slowest, times[times.len() / 2]].map(|time| time.as_secs_f64() * 1.0e3);
+                row(
+                    "slowest tick but the first",
+                    format!("{slowest:.1} ms, {:.1} times the median", slowest / median),
+                )?;
+            }
+        }
         row(
             "jitter",
             format!(

@@ -32,6 +32,8 @@ pub struct Stage {
     pub bodies: Vec<Entity>,
     /// The surfaces that stand, or move as the scene writes them.
     pub obstacles: Vec<Entity>,
+    /// The rigid shapes, which stand or move by their transforms.
+    pub shapes: Vec<Entity>,
     /// How many ticks have been played.
     pub ticks: u32,
     contacts: SystemState<SurfaceContacts<'static>>,
@@ -51,7 +53,16 @@ impl Stage {
         app.insert_resource(variation.response);
         let contacts = SystemState::new(app.world_mut());
         let &Variation { method, continuous, .. } = variation;
-        Self { app, bodies: Vec::new(), obstacles: Vec::new(), ticks: 0, contacts, method, continuous }
+        Self {
+            app,
+            bodies: Vec::new(),
+            obstacles: Vec::new(),
+            shapes: Vec::new(),
+            ticks: 0,
+            contacts,
+            method,
+            continuous,
+        }
     }
 
     /// Adds a surface that stands.
@@ -67,6 +78,18 @@ impl Stage {
         let entity = self.add_obstacle(name, mesh, extra);
         self.sweep(entity);
         entity
+    }
+
+    /// Adds a rigid shape.
+    pub fn add_shape(&mut self, name: &'static str, shape: SharedShape, transform: Transform) -> Entity {
+        let entity = self.app.world_mut().spawn((RigidShape(shape), transform, Name::new(name))).id();
+        self.shapes.push(entity);
+        entity
+    }
+
+    /// Moves a surface or a rigid shape as a whole.
+    pub fn place(&mut self, entity: Entity, transform: Transform) {
+        *self.app.world_mut().get_mut::<Transform>(entity).expect("what the scene moves has a transform") = transform;
     }
 
     /// Adds a body.
@@ -118,6 +141,9 @@ impl Stage {
 
     /// Where the vertices of a surface are in the world.
     pub fn world_positions(&self, entity: Entity) -> Vec<DVec3> {
+        if self.app.world().get::<SurfaceFrame>(entity) == Some(&SurfaceFrame::World) {
+            return self.positions(entity).iter().map(|position| position.as_dvec3()).collect();
+        }
         let transform = self.app.world().get::<Transform>(entity).copied().unwrap_or_default();
         let (turn, offset) = (transform.rotation.as_dquat().normalize(), transform.translation.as_dvec3());
         self.positions(entity).iter().map(|position| turn * position.as_dvec3() + offset).collect()

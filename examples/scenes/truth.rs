@@ -1,13 +1,16 @@
-//! What is wrong in a scene, judged in f64 without the detection that played it: triangles that cross, vertices inside.
+//! What is wrong in a scene, judged in f64 without the detection that played it: triangles that cross, vertices inside
+//! surfaces and rigid shapes.
 
-use std::f64::consts::TAU;
+use std::{collections::HashMap, f64::consts::TAU};
 
 use bevy_circumsphere::{
     kernel::reference::{exact_weld, touching_pairs_tree},
     prelude::*,
 };
 use bevy_ecs::prelude::*;
-use glam::DVec3;
+use bevy_transform::components::Transform;
+use glam::{DQuat, DVec3, Vec3};
+use parry3d::shape::{Shape, TypedShape};
 
 use super::Stage;
 
@@ -58,6 +61,124 @@ pub fn vertices_inside(stage: &Stage) -> usize {
         }
     }
     count
+}
+
+/// How deep in a rigid shape counts as inside, in meters: positions and poses of some meters are rounded by a micrometer.
+const ROUNDING: f64 = 1.0e-5;
+
+/// How many vertices of bodies are inside rigid shapes, or below those that are ground: meshes that are not closed, and
+/// height fields, both of which face up along their own y axis.
+pub fn vertices_in_shapes(stage: &Stage) -> usize {
+    let world: Vec<DVec3> = stage.bodies.iter().flat_map(|&body| stage.world_positions(body)).collect();
+    let count = |&entity: &Entity| {
+        let shape = stage.app.world().get::<RigidShape>(entity).expect("the scene's shapes stay");
+        let transform = stage.app.world().get::<Transform>(entity).copied().unwrap_or_default();
+        let (turn, offset) = (transform.rotation.as_dquat().normalize().inverse(), transform.translation.as_dvec3());
+        let solid = Solid::of(&*shape.0);
+        world.iter().filter(|&&point| solid.contains(turn * (point - offset))).count()
+    };
+    stage.shapes.iter().map(count).sum()
+}
+
+/// What a rigid shape fills, in its own frame and by no query of parry's.
+pub enum Solid {
+    Ball(f64),
+    Cuboid(DVec3),
+    Capsule([DVec3; 2], f64),
+    /// Below the plane through the origin with this outward normal.
+    HalfSpace(DVec3),
+    /// Half the height along y, and the radius.
+    Cylinder(f64, f64),
+    Mesh(Vec<DVec3>, Vec<[u32; 3]>),
+    /// Everything below triangles that face up.
+    Ground(Vec<[DVec3; 3]>),
+    Parts(Vec<(DQuat, DVec3, Self)>),
+}
+
+impl Solid {
+    /// # Panics
+    /// Panics where no scene has such a shape.
+    pub fn of(shape: &dyn Shape) -> Self {
+        let doubles = |points: &[Vec3]| -> Vec<DVec3> { points.iter().map(|point| point.as_dvec3()).collect() };
+        match shape.as_typed_shape() {
+            TypedShape::Ball(ball) => Self::Ball(ball.radius.into()),
+            TypedShape::Cuboid(cuboid) => Self::Cuboid(cuboid.half_extents.as_dvec3()),
+            TypedShape::Capsule(capsule) => {
+                Self::Capsule([capsule.segment.a, capsule.segment.b].map(Vec3::as_dvec3), capsule.radius.into())
+            }
+            TypedShape::HalfSpace(plane) => Self::HalfSpace(plane.normal.as_dvec3()),
+            TypedShape::Cylinder(cylinder) => Self::Cylinder(cylinder.half_height.into(), cylinder.radius.into()),
+            TypedShape::ConvexPolyhedron(hull) => {
+                let (points, triangles) = hull.to_trimesh();
+                Self::Mesh(doubles(&points), triangles)
+            }
+            TypedShape::TriMesh(mesh) => {
+                let (points, triangles) = (doubles(mesh.vertices()), mesh.indices().to_vec());
+                if is_closed(&triangles) { Self::Mesh(points, triangles) } else { Self::ground(&points, &triangles) }
+            }
+            TypedShape::HeightField(field) => {
+                let (points, triangles) = field.to_trimesh();
+                Self::ground(&doubles(&points), &triangles)
+            }
+            TypedShape::Compound(compound) => {
+                let part = |(pose, part): &(parry3d::math::Pose, SharedShape)| {
+                    (pose.rotation.as_dquat().normalize(), pose.translation.as_dvec3(), Self::of(&**part))
+                };
+                Self::Parts(compound.shapes().iter().map(part).collect())
+            }
+            _ => panic!("no scene has a {:?}", shape.shape_type()),
+        }
+    }
+
+    fn ground(points: &[DVec3], triangles: &[[u32; 3]]) -> Self {
+        Self::Ground(triangles.iter().map(|corners| corners.map(|corner| points[corner as usize])).collect())
+    }
+
+    /// Whether a point is deeper inside than rounding tells.
+    pub fn contains(&self, point: DVec3) -> bool {
+        let depth = match self {
+            Self::Ball(radius) => radius - point.length(),
+            Self::Cuboid(half) => (*half - point.abs()).min_element(),
+            Self::Capsule([start, end], radius) => {
+                let axis = *end - *start;
+                let share = ((point - *start).dot(axis) / axis.length_squared()).clamp(0.0, 1.0);
+                radius - (point - *start - axis * share).length()
+            }
+            Self::HalfSpace(normal) => -normal.dot(point),
+            Self::Cylinder(half_height, radius) => (half_height - point.y.abs()).min(radius - point.x.hypot(point.z)),
+            Self::Mesh(points, triangles) => return Closed::new(points, triangles).contains(point),
+            // By the highest triangle above or below the point: ground has no overhangs.
+            Self::Ground(triangles) => {
+                let heights = triangles.iter().filter_map(|corners| height_above(corners, point));
+                heights.reduce(f64::max).unwrap_or(f64::NEG_INFINITY)
+            }
+            Self::Parts(parts) => {
+                return parts.iter().any(|(turn, offset, part)| part.contains(turn.inverse() * (point - *offset)));
+            }
+        };
+        depth > ROUNDING
+    }
+}
+
+/// How far a triangle is above a point along y; `None` beside it, or where it stands upright.
+fn height_above(corners: &[DVec3; 3], point: DVec3) -> Option<f64> {
+    let flat = |a: DVec3, b: DVec3| a.z * b.x - a.x * b.z;
+    let [a, b, c] = corners.map(|corner| corner - point);
+    let weights = [flat(b, c), flat(c, a), flat(a, b)];
+    let area: f64 = weights.iter().sum();
+    let is_within = area != 0.0 && weights.iter().all(|weight| weight * area.signum() >= 0.0);
+    is_within.then(|| (a.y * weights[0] + b.y * weights[1] + c.y * weights[2]) / area)
+}
+
+/// Whether every edge is run through once in either direction.
+fn is_closed(triangles: &[[u32; 3]]) -> bool {
+    let mut edges: HashMap<[u32; 2], [u32; 2]> = HashMap::new();
+    for &[a, b, c] in triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            edges.entry([from.min(to), from.max(to)]).or_default()[usize::from(from > to)] += 1;
+        }
+    }
+    edges.values().all(|&counts| counts == [1, 1])
 }
 
 /// A closed surface, whichever way it is wound.

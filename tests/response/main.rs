@@ -3,8 +3,13 @@
 
 mod contact;
 mod harness;
+mod holds;
 mod motion;
 mod rest;
+mod shots;
 mod stability;
 mod swept;
+mod truth;
+mod tumbling;
 mod untangle;
+mod walking;

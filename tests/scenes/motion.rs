@@ -4,7 +4,8 @@ use bevy_circumsphere::response::{XpbdBody, XpbdSettings};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{
-    FIGURE_LIMBS, instrument_pose, organ, pelvis_offset, skirt, skirt_waist_vertices, walking_figure,
+    Character, CharacterFineness, FIGURE_LIMBS, character_waist_vertices, instrument_pose, level_ball, level_ferry,
+    level_lift, organ, pelvis_offset, skirt, skirt_waist_vertices, walking_figure,
 };
 use glam::{DVec3, Quat, Vec3};
 
@@ -80,6 +81,40 @@ fn the_instrument_follows_its_poses_and_the_held_part_of_the_organ_stays() {
         }
     }
     assert!(held > 10 && moved > 10, "{held} vertices are held, {moved} have moved");
+}
+
+#[test]
+fn the_character_walks_and_the_waist_of_its_skirt_goes_with_it() {
+    let mut scene = small("walking_skirt", 1);
+    let start: Vec<Vec3> = scene.stage.positions(scene.stage.bodies[0]).to_vec();
+    play(&mut scene, 20);
+    let character = Character::new(CharacterFineness::Coarse, Variation::default().walking_speed);
+    let expected = character.positions(time(&scene));
+    let found = scene.stage.positions(scene.stage.obstacles[0]);
+    assert!(found.iter().zip(&expected).all(|(found, &expected)| *found == Vec3::from(expected)));
+    assert_ne!(expected, character.rest().positions, "it stands still: the test would prove nothing");
+    let waist: Vec<[f32; 3]> = character_waist_vertices(24).map(|vertex| start[vertex].to_array()).collect();
+    let found = scene.stage.positions(scene.stage.bodies[0]);
+    for (found, expected) in found.iter().zip(character.follow_torso(time(&scene), &waist)) {
+        assert!(found.distance(Vec3::from(expected)) <= ROUNDING);
+    }
+}
+
+#[test]
+fn platforms_and_the_fast_ball_of_the_level_follow_their_paths() {
+    let mut scene = small("level", 1);
+    let speed = Variation::default().ball_speed;
+    for ticks in [1, 30, 35] {
+        play(&mut scene, ticks);
+        let now = time(&scene);
+        for (name, expected) in
+            [("lift", level_lift(now)), ("ferry", level_ferry(now).0), ("ball", level_ball(now, speed))]
+        {
+            let entity = named(&scene.stage, &scene.stage.shapes, name);
+            let transform = scene.stage.app.world().get::<Transform>(entity).expect("it is placed");
+            assert_eq!(transform.translation, Vec3::from(expected), "{name}");
+        }
+    }
 }
 
 #[test]

@@ -34,12 +34,14 @@ fn programs_print_a_table_with_the_same_end_for_one_thread_and_two() {
 
 #[test]
 fn programs_refuse_what_they_cannot_play() {
-    let wrong: [(&str, &[&str]); 5] = [
+    let wrong: [(&str, &[&str]); 7] = [
         ("cloth_drop", &["--ticks", "0"]),
         ("pile", &["--substeps", "0"]),
         ("skirt", &["--method", "guess"]),
         ("bullet_cloth", &["--speed", "-1"]),
         ("bullet_cloth", &["--speed", "nan"]),
+        ("walking_skirt", &["--speed", "11"]),
+        ("level", &["--speed", "-1"]),
     ];
     for (name, arguments) in wrong {
         let output = program(name, arguments);

@@ -1,8 +1,10 @@
 //! The judges themselves: what they count, counted by hand.
 
 use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
+use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, Mesh, grid, icosphere, torus};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Quat, Vec3};
+use parry3d::{math::Pose, utils::Array2};
 
 use crate::{
     headless::recording::Recorder,
@@ -11,7 +13,7 @@ use crate::{
         Energy, Stage, Variation,
         bullet_cloth::{Shot, Target},
         measure::Measure,
-        truth::{Closed, crossing_pairs, vertices_inside},
+        truth::{Closed, Solid, crossing_pairs, vertices_in_shapes, vertices_inside},
     },
     small, varied,
 };
@@ -100,6 +102,70 @@ fn vertices_count_where_they_are_inside_another_closed_surface() {
     assert!(expected > 20 && between == 0, "{expected} {between}");
     stage.add_body("sheet", &sheet, XpbdMaterial::CLOTH, |body| body, ());
     assert_eq!(vertices_inside(&stage), expected);
+}
+
+/// Every kind that the scenes have, each with points inside and outside.
+#[test]
+fn a_point_is_inside_a_rigid_shape_where_its_closed_form_says() {
+    let cube = circumsphere_support::scenes::cuboid([0.2, 0.3, 0.4], 2);
+    let vectors = |mesh: &Mesh| mesh.positions.iter().map(|&position| Vec3::from(position)).collect::<Vec<Vec3>>();
+    let trimesh = |mesh: &Mesh| SharedShape::trimesh(vectors(mesh), mesh.triangles.clone()).expect("a mesh");
+    let slope = |x: f32| 0.5 * x;
+    let mut ground = grid(4, 4, 2.0, 2.0, Diagonals::Alternating);
+    ground.positions.iter_mut().for_each(|position| position[1] = slope(position[0]));
+    // Columns along x.
+    let heights = (0..5).flat_map(|column| [slope(0.5 * column as f32 - 1.0); 5]).collect();
+    let is_in_box = |point: DVec3| (point.abs() - DVec3::new(0.2, 0.3, 0.4)).max_element() < 0.0;
+    let is_below = |point: DVec3| point.y < 0.5 * point.x && point.x.abs().max(point.z.abs()) < 1.0;
+    let part = SharedShape::cuboid(0.1, 0.3, 0.4);
+    let parts = [-0.1, 0.1].map(|x| (Pose::from_translation(Vec3::new(x, 0.0, 0.0)), part.clone()));
+    let cases: [(SharedShape, &dyn Fn(DVec3) -> bool); 10] = [
+        (SharedShape::ball(0.5), &|point| point.length() < 0.5),
+        (SharedShape::cuboid(0.2, 0.3, 0.4), &is_in_box),
+        (SharedShape::capsule_y(0.3, 0.2), &|point| {
+            (point - point.clamp(-0.3 * DVec3::Y, 0.3 * DVec3::Y)).length() < 0.2
+        }),
+        (SharedShape::halfspace(Vec3::Z), &|point| point.z < 0.0),
+        (SharedShape::cylinder(0.3, 0.4), &|point| point.y.abs() < 0.3 && point.x.hypot(point.z) < 0.4),
+        (SharedShape::convex_hull(&vectors(&cube)).expect("a box is convex"), &is_in_box),
+        (trimesh(&cube), &is_in_box),
+        (trimesh(&ground), &is_below),
+        (SharedShape::heightfield(Array2::new(5, 5, heights), Vec3::new(2.0, 1.0, 2.0)), &is_below),
+        (SharedShape::compound(parts.to_vec()), &is_in_box),
+    ];
+    for (shape, expected) in cases {
+        let solid = Solid::of(&*shape);
+        let mut inside = 0;
+        for step in 0..1000 {
+            let share = |by: f64| (f64::from(step) * by).fract() * 1.8 - 0.9;
+            let point = DVec3::new(share(0.754_877), share(0.569_84), share(0.326_12));
+            // Roundings near the boundary are nobody's concern: a point counts where those around it agree.
+            let around = DVec3::AXES.map(|axis| [1.0e-4, -1.0e-4].map(|nudge| expected(point + axis * nudge)));
+            let is_inside = expected(point);
+            if around.iter().flatten().all(|&other| other == is_inside) {
+                assert_eq!(solid.contains(point), is_inside, "{:?} at {point}", shape.shape_type());
+                inside += usize::from(is_inside);
+            }
+        }
+        assert!(inside > 10, "{:?}: {inside} points are inside", shape.shape_type());
+    }
+}
+
+#[test]
+fn vertices_count_where_they_are_inside_a_rigid_shape_that_has_moved() {
+    let mut stage = empty();
+    let sheet = grid(10, 10, 1.0, 1.0, Diagonals::Uniform);
+    stage.add_body("sheet", &sheet, XpbdMaterial::CLOTH, |body| body, ());
+    let turned = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2);
+    let shape = stage.add_shape("box", SharedShape::cuboid(0.35, 0.1, 0.15), Transform::IDENTITY);
+    // Vertices at whole tenths: 7 by 3, and turned 3 by 7.
+    assert_eq!(vertices_in_shapes(&stage), 21);
+    stage.place(shape, Transform::from_xyz(0.3, 0.0, 0.0).with_rotation(turned));
+    assert_eq!(vertices_in_shapes(&stage), 21);
+    stage.place(shape, Transform::from_xyz(0.5, 0.0, 0.0).with_rotation(turned));
+    assert_eq!(vertices_in_shapes(&stage), 14);
+    stage.place(shape, Transform::from_xyz(0.0, 0.2, 0.0));
+    assert_eq!(vertices_in_shapes(&stage), 0);
 }
 
 #[test]

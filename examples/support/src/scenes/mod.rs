@@ -5,12 +5,14 @@
 
 mod beam_on_mattress;
 mod bodies;
+mod character;
 mod cloth;
 mod cloth_fall;
 mod corrupted;
 mod crumpled_sheet;
 mod figure;
 mod instrument;
+mod level;
 mod moving;
 mod pile;
 mod points;
@@ -20,6 +22,10 @@ mod tray;
 
 pub use beam_on_mattress::beam_on_mattress;
 pub use bodies::{capsule, closed_target, lobed_ball, needle, organ, rounded_cuboid};
+pub use character::{
+    CHARACTER_CIRCLE, CHARACTER_EASE, CHARACTER_LEG, CHARACTER_SKIRT_LENGTH, CHARACTER_SPEEDS, CHARACTER_TIP_SPEED,
+    CHARACTER_TORSO, CHARACTER_WAIST_GAP, Character, CharacterFineness, character_skirt, character_waist_vertices,
+};
 pub use cloth::{cloth, cloth_corners, cloth_layers};
 pub use cloth_fall::{
     BALL_CENTER, BALL_RADIUS, BALL_TRIANGLES, BALL_VERTICES, CLOTH_EDGE, CLOTH_FALL_BODIES, CLOTH_SIDE_VERTICES,
@@ -35,6 +41,9 @@ pub use figure::{
 pub use instrument::{
     INSTRUMENT_CLEARANCE, INSTRUMENT_DEPTH, INSTRUMENT_END, INSTRUMENT_HALF_LENGTH, INSTRUMENT_RADIUS,
     INSTRUMENT_SLIDE_END, INSTRUMENT_SLIDE_START, instrument, instrument_pose,
+};
+pub use level::{
+    LEVEL_CELLS, LEVEL_HALF_WIDTH, level_ball, level_ferry, level_ground, level_height, level_heights, level_lift,
 };
 pub use moving::{Fineness, MOVING_SCENES, MovingBody, MovingScene, growing_sheets, moving_scene};
 pub use pile::{PILE_BODIES, PILE_BODY_REACH, PILE_TRAY_SIZE, pile_body, pile_start, pile_tray, soft_shapes};

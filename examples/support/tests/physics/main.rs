@@ -1,9 +1,11 @@
 //! The bodies and motions of the physics scenes against closed forms and against brute force in `f64`.
 
 mod bodies;
+mod character;
 mod figure;
 mod geometry;
 mod instrument;
+mod level;
 mod pile;
 
 use circumsphere_support::scenes::{

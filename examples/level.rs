@@ -1,0 +1,36 @@
+//! Cloths, a flag and soft balls on a level of rigid shapes, with platforms that move and a fast ball.
+//!
+//! `cargo run --release --example level -- [options]`; `--help` lists the options.
+
+#[expect(dead_code, reason = "scenes advance the clock themselves")]
+mod headless;
+#[path = "headless/method.rs"]
+mod method;
+#[expect(dead_code, reason = "a program plays one of them")]
+mod scenes;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use scenes::{Variation, options::SceneOptions, program::run_varied};
+
+/// Drop cloths, a flag and soft balls on a level.
+#[derive(Parser, Debug)]
+#[command(name = "level", allow_negative_numbers = true)]
+struct Options {
+    /// How fast the ball flies into the flag, in meters per second, 0 to 1000
+    #[arg(long, value_name = "X", default_value_t = Variation::default().ball_speed, value_parser = speed)]
+    speed: f64,
+    #[command(flatten)]
+    scene: SceneOptions,
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse().map_err(|_| format!("'{text}' is not a number"))?;
+    if (0.0..=1000.0).contains(&speed) { Ok(speed) } else { Err("expected 0 to 1000".to_owned()) }
+}
+
+fn main() -> ExitCode {
+    let Options { speed, scene } = Options::parse();
+    run_varied("level", &scene, &Variation { ball_speed: speed, ..scene.variation() })
+}

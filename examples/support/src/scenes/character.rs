@@ -1,0 +1,269 @@
+//! A character of one skin over two bones, torso and leg, that walks on a circle; and a skirt to hang from its waist.
+//!
+//! The skin is one closed surface of revolution, bent by linear blend skinning. In the frame of the torso the waist is
+//! the origin, y points up and z forwards. Every position is a function of time alone.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::ops::Range;
+
+use super::Mesh;
+use super::points::{Point, advance, between, cross, ease, rotate};
+use super::revolution::{Circle, revolve};
+
+/// The walking speeds that tests and examples play, in metres per second.
+pub const CHARACTER_SPEEDS: [f64; 4] = [0.0, 1.2, 5.0, 10.0];
+
+/// How long the character takes from standing to walking at full speed, in seconds.
+pub const CHARACTER_EASE: f64 = 1.0;
+
+/// The radius of the circle that it walks on, in metres.
+pub const CHARACTER_CIRCLE: f64 = 6.0;
+
+/// The fastest that the tip of its leg swings against the torso, in metres per second.
+pub const CHARACTER_TIP_SPEED: f64 = 10.0;
+
+/// How far the hem of [`character_skirt`] hangs below the waist, in metres.
+pub const CHARACTER_SKIRT_LENGTH: f64 = 0.45;
+
+/// How far the skin and the skirt are apart at the waist, in metres.
+pub const CHARACTER_WAIST_GAP: f64 = 0.015;
+
+/// The hip joint, around whose x axis the leg swings.
+const HIP: Point = [0.0, -0.2, 0.0];
+
+/// From which height down the leg takes part in a vertex's motion, and from which it alone moves it.
+const BEND: [f64; 2] = [-0.08, -0.32];
+
+/// The poles of the skin.
+const TOP: f64 = 0.5;
+const TIP: f64 = -0.95;
+
+/// Radii of the skin at the torso, the waist, the hips and the lower end of the leg.
+const TORSO_RADIUS: f64 = 0.15;
+const WAIST_RADIUS: f64 = 0.13;
+const HIP_RADIUS: f64 = 0.145;
+const LEG_RADIUS: f64 = 0.07;
+
+/// Half the width of the skirt at its hem.
+const HEM_RADIUS: f64 = 0.3;
+
+/// How finely the skin of [`Character`] is cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CharacterFineness {
+    /// 684 vertices.
+    Coarse,
+    /// 1,024 vertices.
+    Fine,
+}
+
+/// A character that walks at a speed. It stands until 0 s, straight, and has its full speed and stride after
+/// [`CHARACTER_EASE`].
+#[derive(Clone, Debug)]
+pub struct Character {
+    rest: Mesh,
+    /// The leg's share of each vertex; the torso has the rest.
+    leg_shares: Vec<f64>,
+    speed: f64,
+}
+
+impl Character {
+    /// A character that walks at so many metres per second, 0 to 10.
+    ///
+    /// # Panics
+    ///
+    /// Panics if the speed is out of range.
+    pub fn new(fineness: CharacterFineness, speed: f64) -> Self {
+        assert!((0.0..=10.0).contains(&speed), "a character walks at 0 to 10 m/s");
+        let (segments, bands) = match fineness {
+            CharacterFineness::Coarse => (22, 26),
+            CharacterFineness::Fine => (26, 33),
+        };
+        let rest = skin(segments, bands);
+        let leg_shares = rest.positions.iter().map(|position| leg_share(position[1].into())).collect();
+        Self { rest, leg_shares, speed }
+    }
+
+    /// The skin of the standing character: its triangles, wound outward, are the same at every time.
+    pub const fn rest(&self) -> &Mesh {
+        &self.rest
+    }
+
+    /// The speed that it reaches, in metres per second.
+    pub const fn speed(&self) -> f64 {
+        self.speed
+    }
+
+    /// Where the vertices of the skin are in the world, `time` seconds after the start.
+    pub fn positions(&self, time: f64) -> Vec<[f32; 3]> {
+        let motion = Motion::at(self.speed, time);
+        let place = |(position, &share): (&[f32; 3], &f64)| {
+            let point = position.map(f64::from);
+            motion.to_world(between(point, motion.swung(point), share)).map(|coordinate| coordinate as f32)
+        };
+        self.rest.positions.iter().zip(&self.leg_shares).map(place).collect()
+    }
+
+    /// Where points that are fixed to the torso are in the world, given where they are at the start: what the pinned
+    /// vertices of [`character_skirt`] follow, exactly as the skin of the waist does.
+    pub fn follow_torso(&self, time: f64, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let motion = Motion::at(self.speed, time);
+        let place = |point: &[f32; 3]| motion.to_world(point.map(f64::from)).map(|coordinate| coordinate as f32);
+        points.iter().map(place).collect()
+    }
+
+    /// Translation and rotation (a unit quaternion in the order x, y, z, w) of the torso's frame, whose origin is the waist.
+    pub fn torso_pose(&self, time: f64) -> ([f32; 3], [f32; 4]) {
+        let motion = Motion::at(self.speed, time);
+        (motion.place.map(|coordinate| coordinate as f32), motion.turn.map(|part| part as f32))
+    }
+
+    /// Translation and rotation of the leg's frame, whose origin is the hip joint: the leg points along −y.
+    pub fn leg_pose(&self, time: f64) -> ([f32; 3], [f32; 4]) {
+        let motion = Motion::at(self.speed, time);
+        let rotation = product(motion.turn, around([1.0, 0.0, 0.0], motion.swing));
+        (motion.to_world(HIP).map(|coordinate| coordinate as f32), rotation.map(|part| part as f32))
+    }
+}
+
+/// The torso of a rigid character as a capsule: its lower and its upper center in the torso's frame, and its radius.
+/// It lies inside the skin of the standing character.
+pub const CHARACTER_TORSO: ([f32; 3], [f32; 3], f32) = ([0.0, -0.1, 0.0], [0.0, 0.36, 0.0], 0.125);
+
+/// The leg of a rigid character in the leg's frame, as the torso in [`CHARACTER_TORSO`].
+pub const CHARACTER_LEG: ([f32; 3], [f32; 3], f32) = ([0.0, -0.68, 0.0], [0.0, 0.0, 0.0], 0.065);
+
+/// A skirt around a standing [`Character`]: an open cone that hangs from the waist, facing away from the body.
+///
+/// `rings` bands of triangles hang below each other, `segments` around. The ring of vertices with number k, from 0 at the
+/// waist to `rings` at the hem, is k · segments onwards. It keeps [`CHARACTER_WAIST_GAP`] from the skin of the waist and
+/// more from all below. Nothing is pinned yet: [`character_waist_vertices`] are to follow [`Character::follow_torso`].
+///
+/// # Panics
+///
+/// Panics if there is no ring or fewer than 3 segments.
+pub fn character_skirt(rings: usize, segments: usize) -> Mesh {
+    assert!(rings > 0 && segments >= 3, "a skirt needs a ring and 3 segments around");
+    // Its flat sides, not its vertices, keep the gap.
+    let waist = (WAIST_RADIUS + CHARACTER_WAIST_GAP) / libm::cos(TAU / (2 * segments) as f64);
+    let circles: Vec<Circle> = (0..=rings)
+        .map(|ring| {
+            let share = ring as f64 / rings as f64;
+            Circle { height: -share * CHARACTER_SKIRT_LENGTH, radius: waist + share * (HEM_RADIUS - waist), segments }
+        })
+        .collect();
+    revolve(&circles)
+}
+
+/// The vertices of a [`character_skirt`] with so many segments that are to be pinned to the waist.
+pub const fn character_waist_vertices(segments: usize) -> Range<usize> {
+    0..segments
+}
+
+/// Where torso and leg are at a time.
+struct Motion {
+    /// Of the waist.
+    place: Point,
+    /// Of the torso.
+    turn: [f64; 4],
+    /// Angle of the leg, forwards.
+    swing: f64,
+}
+
+impl Motion {
+    fn at(speed: f64, time: f64) -> Self {
+        let time = time.max(0.0);
+        let strength = ease(0.0, CHARACTER_EASE, time);
+        let (amplitude, frequency) = stride(speed);
+        let phase = TAU * frequency * time;
+        let angle = speed * eased_time(time) / CHARACTER_CIRCLE;
+        // Where nobody walks, the character turns on the spot.
+        let idle = (1.0 - speed).max(0.0);
+        let heading = angle + strength * (0.2 * libm::sin(phase) + 0.8 * idle * libm::sin(2.0 * time));
+        let bob = 0.015 * strength * libm::sin(2.0 * phase);
+        let circle = CHARACTER_CIRCLE;
+        // Forwards is z at the start, towards x on the circle.
+        let place = [circle * (1.0 - libm::cos(angle)), bob, circle * libm::sin(angle)];
+        let turn = around([0.0, 1.0, 0.0], heading);
+        Self { place, turn, swing: -strength * amplitude * libm::sin(phase) }
+    }
+
+    /// A point of the standing leg, swung around the hip, in the torso's frame.
+    fn swung(&self, point: Point) -> Point {
+        advance(HIP, 1.0, rotate(around([1.0, 0.0, 0.0], self.swing), advance(point, -1.0, HIP)))
+    }
+
+    fn to_world(&self, point: Point) -> Point {
+        advance(self.place, 1.0, rotate(self.turn, point))
+    }
+}
+
+/// How far the leg swings, in radians, and how often a second: the tip is the faster the faster the character walks.
+fn stride(speed: f64) -> (f64, f64) {
+    let amplitude = 0.3 + 0.04 * speed;
+    let tip_speed = (1.5 + 0.85 * speed).min(CHARACTER_TIP_SPEED);
+    (amplitude, tip_speed / (TAU * amplitude * (HIP[1] - TIP)))
+}
+
+/// The integral of [`ease`] over the time since the start.
+fn eased_time(time: f64) -> f64 {
+    let share = (time / CHARACTER_EASE).min(1.0);
+    let cube = share * share * share;
+    let eased = cube * share * (2.5 + share * (share - 3.0));
+    CHARACTER_EASE * eased + (time - CHARACTER_EASE).max(0.0)
+}
+
+/// The leg's share of what is at a height of the standing character.
+fn leg_share(height: f64) -> f64 {
+    ease(-BEND[0], -BEND[1], -height)
+}
+
+/// The radius of the skin at a height, caps left aside.
+fn profile(height: f64) -> f64 {
+    let step = |from: f64, to: f64| ease(-from, -to, -height);
+    let waist = TORSO_RADIUS + (WAIST_RADIUS - TORSO_RADIUS) * step(0.25, 0.02);
+    let hips = (HIP_RADIUS - WAIST_RADIUS) * step(-0.02, -0.16);
+    let leg = (HIP_RADIUS - LEG_RADIUS) * step(-0.2, -0.85);
+    waist + hips - leg
+}
+
+/// Rings of as many vertices as are cut from a tube, fewer on the caps, with a pole at either end.
+fn skin(segments: usize, bands: usize) -> Mesh {
+    let cap_rings = segments / 5;
+    let cap = |radius: f64, end: f64, sign: f64| -> Vec<Circle> {
+        (1..cap_rings)
+            .map(|ring| {
+                let angle = FRAC_PI_2 * ring as f64 / cap_rings as f64;
+                let around = (segments as f64 * libm::sin(angle)).round() as usize;
+                Circle {
+                    height: end - sign * radius * (1.0 - libm::cos(angle)),
+                    radius: radius * libm::sin(angle),
+                    segments: around.max(3),
+                }
+            })
+            .collect()
+    };
+    let (upper, lower) = (TOP - TORSO_RADIUS, TIP + LEG_RADIUS);
+    let mut circles = vec![Circle::point(TOP)];
+    circles.extend(cap(TORSO_RADIUS, TOP, 1.0));
+    circles.extend((0..=bands).map(|band| {
+        let height = upper + (lower - upper) * band as f64 / bands as f64;
+        Circle { height, radius: profile(height), segments }
+    }));
+    circles.extend(cap(LEG_RADIUS, TIP, -1.0).into_iter().rev());
+    circles.push(Circle::point(TIP));
+    revolve(&circles)
+}
+
+/// The rotation around a unit axis by an angle, counter-clockwise as seen against the axis.
+fn around(axis: Point, angle: f64) -> [f64; 4] {
+    let sine = libm::sin(0.5 * angle);
+    [axis[0] * sine, axis[1] * sine, axis[2] * sine, libm::cos(0.5 * angle)]
+}
+
+/// The rotation by `second`, then by `first`.
+fn product(first: [f64; 4], second: [f64; 4]) -> [f64; 4] {
+    let [a, b] = [first, second].map(|[x, y, z, _]| [x, y, z]);
+    let turned = advance(advance(cross(a, b), first[3], b), second[3], a);
+    let scalar = first[3] * second[3] - (a[0] * b[0] + a[1] * b[1] + a[2] * b[2]);
+    [turned[0], turned[1], turned[2], scalar]
+}

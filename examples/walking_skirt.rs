@@ -1,0 +1,36 @@
+//! A character of two bones walks on a circle in its skirt, and nothing of the skirt gets into the body.
+//!
+//! `cargo run --release --example walking_skirt -- [options]`; `--help` lists the options.
+
+#[expect(dead_code, reason = "scenes advance the clock themselves")]
+mod headless;
+#[path = "headless/method.rs"]
+mod method;
+#[expect(dead_code, reason = "a program plays one of them")]
+mod scenes;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use scenes::{Variation, options::SceneOptions, program::run_varied};
+
+/// Let a character walk across the world in a skirt.
+#[derive(Parser, Debug)]
+#[command(name = "walking_skirt", allow_negative_numbers = true)]
+struct Options {
+    /// How fast it walks, in meters per second, 0 to 10
+    #[arg(long, value_name = "X", default_value_t = Variation::default().walking_speed, value_parser = speed)]
+    speed: f64,
+    #[command(flatten)]
+    scene: SceneOptions,
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse().map_err(|_| format!("'{text}' is not a number"))?;
+    if (0.0..=10.0).contains(&speed) { Ok(speed) } else { Err("expected 0 to 10".to_owned()) }
+}
+
+fn main() -> ExitCode {
+    let Options { speed, scene } = Options::parse();
+    run_varied("walking_skirt", &scene, &Variation { walking_speed: speed, ..scene.variation() })
+}
