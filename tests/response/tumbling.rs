@@ -7,6 +7,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::prelude::*;
+use bevy_math::ops;
 use bevy_transform::components::Transform;
 use circumsphere_support::{
     random::Random,
@@ -63,7 +64,7 @@ impl Mover {
         match self.motion {
             Motion::Still => (self.place, Quat::IDENTITY),
             Motion::Slides { reach, seconds } => {
-                let share = 0.5 - 0.5 * (std::f32::consts::TAU * time / seconds).cos();
+                let share = 0.5 - 0.5 * ops::cos(std::f32::consts::TAU * time / seconds);
                 (self.place + reach * share, Quat::IDENTITY)
             }
             Motion::Turns { axis, speed } => (self.place, Quat::from_axis_angle(axis, speed * time)),
@@ -136,7 +137,8 @@ fn are_opposed(movers: &[Mover], touched: &[(usize, DVec3)]) -> bool {
     })
 }
 
-fn play(number: u64) -> Fate {
+/// A world with what moves in it, and its bodies.
+fn build(number: u64) -> (Scene, Vec<Mover>, Vec<Entity>) {
     let mut random = Random::new(0x7004_b000 + number);
     let mut scene = Scene::new();
     let mut movers = Vec::new();
@@ -189,6 +191,11 @@ fn play(number: u64) -> Fate {
         let mesh = mesh.rotate([0.0, 1.0, 0.0], 3.0 * random.signed_unit()).translate(place);
         bodies.push(scene.add(&mesh, material, (SurfaceThickness::World(THICKNESS), SweptCollision)));
     }
+    (scene, movers, bodies)
+}
+
+fn play(number: u64) -> Fate {
+    let (mut scene, movers, bodies) = build(number);
     let mut fate = Fate::default();
     for tick in 0..TICKS {
         for mover in &movers {
