@@ -32,11 +32,11 @@ pub fn level(variation: &Variation, recorder: Recorder) -> Scene {
         |at: [f32; 3]| grid(cells, cells, 0.7, 0.7, Diagonals::Alternating).rotate([0.0, 1.0, 0.0], 0.3).translate(at);
     // Over the mesh, the height field, both, the stairs, the slab, the lift and the ferry.
     let places: [[f32; 3]; 7] = [
-        [-1.5, 0.8, -1.5],
+        [-1.8, 0.8, -2.2],
         [1.5, 0.8, -0.2],
         [0.05, 1.2, 2.2],
         [1.5, 1.6, -1.6],
-        [-1.0, 1.6, 0.1],
+        [-1.0, 1.6, -0.6],
         [1.8, 1.1, 1.5],
         [-1.8, 1.2, 1.8],
     ];
@@ -76,8 +76,8 @@ fn add_ground(stage: &mut Stage) {
         let middle = Vec3::new(0.0, 0.5 * height, 0.3 * step);
         (Pose::from_translation(middle), SharedShape::cuboid(0.5, 0.5 * height, 0.15))
     });
-    stage.add_shape("stairs", SharedShape::compound(steps.collect()), Transform::from_xyz(1.5, 0.15, -2.0));
-    stage.add_shape("slab", SharedShape::cuboid(0.6, 0.02, 0.6), Transform::from_xyz(-1.0, 0.7, 0.1));
+    stage.add_shape("stairs", SharedShape::compound(steps.collect()), Transform::from_xyz(1.5, -0.1, -2.0));
+    stage.add_shape("slab", SharedShape::cuboid(0.6, 0.02, 0.6), Transform::from_xyz(-1.0, 0.7, -0.6));
     // Far below, so that what falls off the level's border is somewhere.
     stage.add_shape("abyss", SharedShape::halfspace(Vec3::Y), Transform::from_xyz(0.0, -20.0, 0.0));
 }

@@ -12,6 +12,11 @@ use glam::Vec3;
 /// A tick of a sixtieth of a second, in seconds.
 pub const TICK: f64 = 1.0 / 60.0;
 
+/// How many whole ticks there are in some seconds, at so many a second.
+pub fn ticks_in(seconds: f64, rate: f64) -> usize {
+    (Duration::from_secs_f64(seconds).as_nanos() / Duration::from_secs_f64(1.0 / rate).as_nanos()) as usize
+}
+
 pub struct Scene {
     pub app: App,
 }

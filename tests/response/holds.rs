@@ -11,7 +11,7 @@ use glam::{Quat, Vec3};
 use parry3d::{math::Pose, utils::Array2};
 
 use crate::{
-    harness::Scene,
+    harness::{Scene, ticks_in},
     truth::{crosses_on_its_way, doubles, point_triangle},
 };
 
@@ -113,7 +113,7 @@ fn holds(floor: Floor, cells: usize) {
             let cloth = grid(cells, cells, 1.0, 1.0, Diagonals::Alternating).translate([0.0, drop, 0.0]);
             let cloth = scene.add(&cloth, XpbdMaterial::CLOTH, SweptCollision);
             let (mut lowest, mut first) = (f32::INFINITY, None);
-            for tick in 1..=(seconds * rate).ceil() as u32 {
+            for tick in 1..=ticks_in(seconds, rate) {
                 scene.tick(1.0 / rate);
                 let positions = scene.positions(cloth);
                 let wrong = positions.iter().find(|position| !position.is_finite() || position.length() > 10.0);
@@ -128,7 +128,7 @@ fn holds(floor: Floor, cells: usize) {
             }
             let highest = scene.positions(cloth).iter().map(|position| position.y).fold(f32::MIN, f32::max);
             if let Some(tick) = first {
-                let after = f64::from(tick) / rate;
+                let after = tick as f64 / rate;
                 failures.push(format!("{rate} Hz from {drop} m: down to {lowest:.4} m, first after {after:.3} s"));
             } else if highest > 0.5 {
                 failures.push(format!("{rate} Hz from {drop} m: it has not come down but is at {highest} m"));
@@ -214,9 +214,9 @@ fn ball_against_flag(rate: f64, cells: usize, pinned: Pinned, flight: Flight, ai
     let ball = scene.app.world_mut().spawn((shape, Transform::from_translation(start))).id();
     let triangles = scene.app.world().get::<DeformableSurface>(flag).unwrap().topology().triangles().to_vec();
     let mut last = (start.as_dvec3(), doubles(scene.positions(flag)));
-    for tick in 0..(0.6 * rate) as u32 {
+    for tick in 0..ticks_in(0.6, rate) {
         // A tick stands first: there is a pose of the tick before.
-        let way = (f64::from(tick) / rate * SPEED) as f32;
+        let way = (tick as f64 / rate * SPEED) as f32;
         let way = if let Flight::StopsAt(depth) = flight { way.min(1.03 + depth) } else { way };
         let center = start + Vec3::Z * way;
         scene.app.world_mut().entity_mut(ball).insert(Transform::from_translation(center));
@@ -287,10 +287,10 @@ fn a_platform_that_rises_and_sinks_carries_its_cloth() {
                 let cloth = grid(10, 10, 0.6, 0.6, Diagonals::Alternating).translate([0.0, 0.08, 0.0]);
                 let cloth = scene.add(&cloth, XpbdMaterial::CLOTH, SweptCollision);
                 let mut deepest = f32::MIN;
-                for tick in 0..(2.0 * rate) as u32 {
-                    let time = f64::from(tick) / rate;
+                for tick in 0..ticks_in(2.0, rate) {
+                    let time = tick as f64 / rate;
                     // Up to 5 m/s.
-                    let height = (0.8 * (1.0 - (6.28 * time).cos())) as f32;
+                    let height = (0.8 * (1.0 - (std::f64::consts::TAU * time).cos())) as f32;
                     let turn = if turned { Quat::from_rotation_y(2.0 * time as f32) } else { Quat::IDENTITY };
                     let pose = Transform::from_xyz(0.0, height, 0.0).with_rotation(turn);
                     scene.app.world_mut().entity_mut(platform).insert(pose);
@@ -327,7 +327,7 @@ fn a_floor_that_is_a_child_holds_as_well() {
         let cloth = grid(10, 10, 1.0, 1.0, Diagonals::Alternating).translate([0.0, 0.3, 0.0]);
         let cloth = scene.add(&cloth, XpbdMaterial::CLOTH, SweptCollision);
         let mut lowest = f32::INFINITY;
-        for _ in 0..(1.5 * rate) as u32 {
+        for _ in 0..ticks_in(1.5, rate) {
             scene.tick(1.0 / rate);
             lowest = scene.positions(cloth).iter().map(|position| position.y).fold(lowest, f32::min);
         }

@@ -6,6 +6,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use bevy_circumsphere::{prelude::*, response::*};
+use bevy_math::ops;
 use bevy_transform::components::Transform;
 use circumsphere_support::{
     random::Random,
@@ -181,7 +182,7 @@ fn shoot(number: u64) -> (String, Wrong) {
     let mut random = Random::new(0x5407_0000 + number);
     let name = TARGETS[(number % TARGETS.len() as u64) as usize];
     let (body, truth) = target(name);
-    let speed = 1000.0_f32.powf(random.unit() as f32);
+    let speed = ops::powf(1000.0, random.unit() as f32);
     let way = speed * THICKNESS;
     let mut scene = Scene::new();
     scene.settings().gravity = Vec3::ZERO;

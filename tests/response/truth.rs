@@ -102,6 +102,8 @@ pub fn point_triangle(point: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
 /// Whether a point crosses a triangle while all four go straight from where they were to where they are: a root of the
 /// volume that they span, at which the point is within the triangle.
 pub fn crosses_on_its_way(point: [DVec3; 2], corners: [[DVec3; 2]; 3]) -> bool {
+    // A cubic has at most three roots; two within one of these steps are a grazing that this test may miss.
+    const STEPS: u32 = 64;
     let at = |time: f64| -> [DVec3; 3] {
         let point = point[0].lerp(point[1], time);
         corners.map(|[from, to]| from.lerp(to, time) - point)
@@ -117,8 +119,6 @@ pub fn crosses_on_its_way(point: [DVec3; 2], corners: [[DVec3; 2]; 3]) -> bool {
         let [a, b, c] = at(time);
         a.dot(b.cross(c))
     };
-    // A cubic has at most three roots; two within one of these steps are a grazing that this test may miss.
-    const STEPS: u32 = 64;
     let contains = |time: f64| {
         let [a, b, c] = at(time);
         let normal = (b - a).cross(c - a);

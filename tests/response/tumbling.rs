@@ -7,6 +7,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::prelude::*;
+use bevy_math::ops;
 use bevy_transform::components::Transform;
 use circumsphere_support::{
     random::Random,
@@ -63,7 +64,7 @@ impl Mover {
         match self.motion {
             Motion::Still => (self.place, Quat::IDENTITY),
             Motion::Slides { reach, seconds } => {
-                let share = 0.5 - 0.5 * (std::f32::consts::TAU * time / seconds).cos();
+                let share = 0.5 - 0.5 * ops::cos(std::f32::consts::TAU * time / seconds);
                 (self.place + reach * share, Quat::IDENTITY)
             }
             Motion::Turns { axis, speed } => (self.place, Quat::from_axis_angle(axis, speed * time)),
@@ -126,7 +127,18 @@ struct Fate {
     escaped: usize,
 }
 
-fn play(number: u64) -> Fate {
+/// Whether two shapes of which one moves push in opposite directions.
+fn are_opposed(movers: &[Mover], touched: &[(usize, DVec3)]) -> bool {
+    let moves = |number: usize| !matches!(movers[number].motion, Motion::Still);
+    touched.iter().enumerate().any(|(index, &(first, push))| {
+        touched[index + 1..]
+            .iter()
+            .any(|&(second, other)| first != second && (moves(first) || moves(second)) && push.dot(other) < -0.2)
+    })
+}
+
+/// A world with what moves in it, and its bodies.
+fn build(number: u64) -> (Scene, Vec<Mover>, Vec<Entity>) {
     let mut random = Random::new(0x7004_b000 + number);
     let mut scene = Scene::new();
     let mut movers = Vec::new();
@@ -179,6 +191,11 @@ fn play(number: u64) -> Fate {
         let mesh = mesh.rotate([0.0, 1.0, 0.0], 3.0 * random.signed_unit()).translate(place);
         bodies.push(scene.add(&mesh, material, (SurfaceThickness::World(THICKNESS), SweptCollision)));
     }
+    (scene, movers, bodies)
+}
+
+fn play(number: u64) -> Fate {
+    let (mut scene, movers, bodies) = build(number);
     let mut fate = Fate::default();
     for tick in 0..TICKS {
         for mover in &movers {
@@ -196,22 +213,29 @@ fn play(number: u64) -> Fate {
         if not_finite > 0 {
             break;
         }
-        for &position in all.iter().flatten() {
-            // Walls do not overlap with what moves in the room, but for pistons, which come out of one.
-            let near: Vec<&Mover> =
-                movers.iter().filter(|mover| mover.depth(tick, position) > -4.0 * f64::from(THICKNESS)).collect();
-            inside += usize::from(near.iter().any(|mover| mover.depth(tick, position) > ROUNDING));
-            for (index, first) in near.iter().enumerate() {
-                for second in &near[index + 1..] {
-                    let moves = [first, second].iter().any(|mover| !matches!(mover.motion, Motion::Still));
-                    let opposed = first.outward(tick, position).dot(second.outward(tick, position)) < -0.2;
-                    if moves && opposed {
-                        fate.squeezed.get_or_insert(tick);
+        for (points, &body) in all.iter().zip(&bodies) {
+            let is_closed = scene.app.world().get::<DeformableSurface>(body).unwrap().topology().is_closed();
+            // What the body touches, and in which directions that pushes it.
+            let mut touched: Vec<(usize, DVec3)> = Vec::new();
+            for &position in points {
+                let first = touched.len();
+                for (number, mover) in movers.iter().enumerate() {
+                    let depth = mover.depth(tick, position);
+                    if depth > -4.0 * f64::from(THICKNESS) {
+                        touched.push((number, mover.outward(tick, position)));
                     }
+                    inside += usize::from(depth > ROUNDING);
                 }
+                if !is_closed && are_opposed(&movers, &touched[first..]) {
+                    fate.squeezed.get_or_insert(tick);
+                }
+                let beside = position.x.abs().max(position.z.abs()) > f64::from(ROOM) + 0.2;
+                fate.escaped += usize::from(tick + 1 == TICKS && (beside && position.y < 2.9 || position.y < -0.01));
             }
-            let beside = position.x.abs().max(position.z.abs()) > f64::from(ROOM) + 0.2;
-            fate.escaped += usize::from(tick + 1 == TICKS && (beside && position.y < 2.9 || position.y < -0.01));
+            // A soft body keeps its volume: it is squeezed between what touches any two of its vertices.
+            if is_closed && are_opposed(&movers, &touched) {
+                fate.squeezed.get_or_insert(tick);
+            }
         }
         for (index, &body) in bodies.iter().enumerate() {
             let topology = scene.app.world().get::<DeformableSurface>(body).unwrap().topology();

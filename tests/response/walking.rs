@@ -12,7 +12,7 @@ use circumsphere_support::scenes::{
 use glam::{DQuat, DVec3, Quat, Vec3};
 
 use crate::{
-    harness::Scene,
+    harness::{Scene, ticks_in},
     holds::RATES,
     truth::{Closed, Place, Solid, doubles},
 };
@@ -112,7 +112,7 @@ fn walk_skinned(fineness: CharacterFineness, speed: f64, rate: f64, is_swept: bo
     }
     let (skirt, waist) = add_skirt(&mut scene);
     let mut walk = Walk::default();
-    for number in 0..(SECONDS * rate) as usize {
+    for number in 0..ticks_in(SECONDS, rate) {
         let time = number as f64 / rate;
         let skin: Vec<Vec3> = character.positions(time).into_iter().map(Vec3::from).collect();
         scene.app.world_mut().get_mut::<SurfacePositions>(body).unwrap().0.clone_from(&skin);
@@ -137,7 +137,7 @@ fn walk_rigid(speed: f64, rate: f64) -> Walk {
     });
     let (skirt, waist) = add_skirt(&mut scene);
     let mut walk = Walk::default();
-    for number in 0..(SECONDS * rate) as usize {
+    for number in 0..ticks_in(SECONDS, rate) {
         let time = number as f64 / rate;
         let poses = [character.torso_pose(time), character.leg_pose(time)];
         for (shape, (translation, rotation)) in shapes.into_iter().zip(poses) {

@@ -39,6 +39,15 @@ fn scenes_stay_finite() {
 }
 
 #[test]
+fn scenes_begin_with_nothing_where_it_cannot_be() {
+    for name in SCENES {
+        let scene = small(name, 1);
+        assert_eq!(scene.tunnelled(), 0, "{name}");
+        assert_eq!(crate::scenes::truth::crossing_pairs(&scene.stage), 0, "{name}");
+    }
+}
+
+#[test]
 fn a_hash_sees_the_last_bit_of_a_position() {
     let scene = || small("layers", 1);
     let (mut one, same) = (scene(), scene());
