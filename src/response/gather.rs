@@ -168,6 +168,12 @@ impl Scene<'_, '_> {
         self.store.pairs_between(a, b).next().map(|pair| pair.nearest)
     }
 
+    /// The least signed distance among the contacts of two sides; infinite where there are none.
+    pub(super) fn deepest_of(&self, a: Entity, b: Entity) -> f64 {
+        let contacts = self.store.pairs_between(a, b).flat_map(|pair| pair.contacts.iter());
+        contacts.map(|record| f64::from(record.distance)).fold(f64::INFINITY, f64::min)
+    }
+
     /// Where a vertex of a surface that no solver moves begins and ends this part of the tick.
     fn ends(&self, surface: &ActiveSurface, vertex: usize) -> Option<[DVec3; 2]> {
         if let Some(course) = self.motions.course(surface.entity) {

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashMap;
-use glam::{DVec3, Vec3};
+use glam::{DMat3, DVec3, Vec3};
 
 use super::{
     gather::{MeetingCorners, MeetingSide, MeetingTriangles, Scene},
@@ -29,15 +29,20 @@ use crate::{
 /// Features are kept apart by this share of the contact distance, or half of what they began with where that is less.
 const KEPT_APART: f64 = 0.02;
 
+/// Positions are rounded to f32 between ticks: by less than this share of the size of what they are near.
+const ROUNDING: f64 = 1.0e-6;
+
 /// This share of the way to an impact is gone.
 const SHARE_OF_WAY: f64 = 0.9;
 
 /// Two triangles that are apart cannot meet while their vertices move by less than this share of the distance, each.
 const SHARE_OF_DISTANCE: f64 = 0.49;
 
-/// Rounds after which what meets is not moved at all, and after which whole bodies are not.
-const GENTLE_ROUNDS: usize = 8;
-const MOST_ROUNDS: usize = 24;
+/// Rounds after which what meets is not moved at all, and after which whole bodies are not; and how many of those there are at
+/// most: what still meets then is squeezed between things that nothing stops.
+const GENTLE_ROUNDS: usize = 6;
+const MOST_ROUNDS: usize = 16;
+const LAST_ROUNDS: usize = 8;
 
 /// What the guard did in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,6 +62,8 @@ struct Obstacle {
     at_rest: Option<(Tick, Pose)>,
     start: Vec<DVec3>,
     end: Vec<DVec3>,
+    /// How it turns, where it is a rigid shape on its way.
+    turn: Option<DMat3>,
 }
 
 impl Obstacle {
@@ -76,6 +83,7 @@ impl Obstacle {
     /// Follows something on its way.
     fn move_on(&mut self, positions: [&[Vec3]; 2], poses: [&Pose; 2]) {
         self.at_rest = None;
+        self.turn = None;
         for ((points, positions), pose) in [&mut self.start, &mut self.end].into_iter().zip(positions).zip(poses) {
             points.clear();
             points.extend(positions.iter().map(|position| pose.transform_point(position.as_dvec3())));
@@ -198,7 +206,9 @@ pub(super) struct Guard {
     /// The triangle that stands for a half-space.
     plane: Option<Arc<SurfaceTopology>>,
     /// How particles are carried along by what they met.
-    carried: Vec<Option<DVec3>>,
+    carried: Vec<Option<Carry>>,
+    /// Which particles have changed their ways in this round.
+    changed: Vec<bool>,
     /// The share of the rest of its way that each particle goes.
     shares: Vec<f64>,
     solved: Vec<DVec3>,
@@ -359,6 +369,7 @@ impl Guard {
             let mut kept = self.kept.remove(&name).unwrap_or_default();
             let Some(ends) = plane_under(particles, *normal, poses) else { return };
             [kept.obstacle.start, kept.obstacle.end] = ends;
+            kept.obstacle.turn = turn_between(poses);
             let topology = self.plane.get_or_insert_with(|| {
                 let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
                 Arc::new(SurfaceTopology::new(&corners, &[[0, 1, 2]]).expect("three finite corners make a triangle"))
@@ -370,6 +381,7 @@ impl Guard {
             let name = MeshName { entity: shape.entity, part };
             let mut kept = self.kept.remove(&name).unwrap_or_default();
             kept.obstacle.move_on([&solid.positions; 2], poses);
+            kept.obstacle.turn = turn_between(poses);
             let radius = solid.radius * shape.pose.scale();
             self.meshes.push(mesh(name, &solid.topology, radius, kept));
         }
@@ -431,17 +443,17 @@ impl Guard {
         self.carried.clear();
         self.carried.resize(particles.len(), None);
         self.solved.clone_from(&particles.position);
-        let most = MOST_ROUNDS + self.meshes.len() + 1;
-        for round in 0..most {
+        for round in 0..MOST_ROUNDS + LAST_ROUNDS {
             // Nothing has moved since what was found for the first round.
             if round > 0 {
                 self.find(particles, |mesh| mesh.stale);
             }
-            guarded.remaining = 0;
             let mut is_clear = true;
-            let Self { meshes, found, shares, carried, .. } = self;
+            self.changed.clear();
+            self.changed.resize(particles.len(), false);
+            let Self { meshes, found, shares, carried, changed, .. } = self;
             for ([a, b], found) in &*found {
-                let mut ways = Ways { particles: &*particles, shares, carried };
+                let mut ways = Ways { particles: &*particles, shares, carried, changed };
                 let held = hold(&meshes[*a], &meshes[*b], &mut ways, found, round);
                 is_clear &= !held;
                 guarded.remaining += usize::from(!held);
@@ -454,37 +466,41 @@ impl Guard {
         let is_stopped = |&particle: &usize| self.shares[particle] < 1.0 || self.carried[particle].is_some();
         for particle in (0..particles.len()).filter(is_stopped) {
             guarded.stopped += 1;
-            let along = self.carried[particle].unwrap_or_default() / duration;
+            let start = particles.start[particle];
+            let along = self.carried[particle].map_or(DVec3::ZERO, |carry| carry.way(start)) / duration;
             particles.velocity[particle] = along + (particles.velocity[particle] - along) * self.shares[particle];
         }
     }
 
     /// Lets particles go the shares of their ways, and the trees follow.
     fn shorten(&mut self, particles: &mut Particles) {
-        let Self { meshes, shares, carried, solved, .. } = self;
+        let Self { meshes, shares, carried, changed, solved, .. } = self;
         for mesh in meshes {
             let Some(first) = mesh.first else {
                 mesh.stale = false;
+                mesh.tree.forget_fast();
                 continue;
             };
-            mesh.stale = false;
             for (vertex, &weld) in mesh.topology.weld().iter().enumerate() {
-                let (share, along) = (shares[first + weld as usize], carried[first + weld as usize]);
-                let particle = first + vertex;
-                let position = if share < 1.0 || along.is_some() {
-                    let start = particles.start[particle] + along.unwrap_or_default();
-                    start + (solved[particle] - start) * share
-                } else {
-                    solved[particle]
-                };
-                mesh.stale |= position != particles.position[particle];
-                particles.position[particle] = position;
-                (shares[particle], carried[particle]) = (share, along);
+                let (particle, weld) = (first + vertex, first + weld as usize);
+                let (share, carry) = (shares[weld], carried[weld]);
+                changed[particle] |= changed[weld];
+                (shares[particle], carried[particle]) = (share, carry);
+                if share < 1.0 || carry.is_some() {
+                    let start = particles.start[particle];
+                    let start = start + carry.map_or(DVec3::ZERO, |carry| carry.way(start));
+                    particles.position[particle] = start + (solved[particle] - start) * share;
+                }
             }
+            mesh.stale = (first..first + mesh.topology.vertex_count()).any(|particle| changed[particle]);
             if mesh.stale {
                 mesh.follow_ways(particles);
                 mesh.stale = true;
             }
+            // What has not changed has been looked at.
+            let is_changed = |corners: &[u32; 3]| corners.iter().any(|&corner| changed[first + corner as usize]);
+            let triangles = mesh.topology.welded_triangles();
+            mesh.tree.keep_fast(|triangle| is_changed(&triangles[triangle]));
         }
     }
 }
@@ -494,12 +510,13 @@ fn separation(scene: &Scene<'_, '_>, mesh: &Mesh, other: &Mesh) -> f64 {
     let reach = |mesh: &Mesh| mesh.thickness - mesh.radius;
     let contact_distance = reach(mesh) + reach(other);
     let radius = mesh.radius + other.radius;
-    if radius > 0.0 {
-        // What is pressed into a round shape a little is not given up for it.
-        return radius - (0.5 * contact_distance).min(0.5 * radius);
-    }
     let nearest = scene.nearest_of(mesh.name.entity, other.name.entity).unwrap_or(contact_distance);
-    (KEPT_APART * contact_distance).min(0.5 * nearest)
+    if radius > 0.0 && nearest <= 0.0 {
+        // What has been pressed into a round shape a little gets no deeper.
+        let deepest = scene.deepest_of(mesh.name.entity, other.name.entity).min(0.0);
+        return (radius * (1.0 - ROUNDING) + deepest).max(0.0);
+    }
+    radius + (KEPT_APART * contact_distance).min(0.5 * nearest)
 }
 
 /// A triangle in the boundary of a half-space that is under, or over, all that bodies may reach: where it begins and ends.
@@ -528,55 +545,88 @@ fn is_met(cause: ImpactCause) -> bool {
     !matches!(cause, ImpactCause::Within | ImpactCause::Crossing)
 }
 
+/// How something that is driven takes along what it has met: it turns about a point, and that point moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Carry {
+    from: DVec3,
+    to: DVec3,
+    turn: DMat3,
+}
+
+impl Carry {
+    /// How a point moves that begins at `start`.
+    fn way(&self, start: DVec3) -> DVec3 {
+        self.turn * (start - self.from) + self.to - start
+    }
+
+    /// Of several, that along which a point moves farther counts.
+    fn longer(one: Option<Self>, other: Option<Self>, start: DVec3) -> Option<Self> {
+        let length = |carry: &Option<Self>| carry.map_or(0.0, |carry| carry.way(start).length_squared());
+        if length(&other) > length(&one) { other } else { one }
+    }
+}
+
+/// How a pose turns into another one, with how it grows.
+fn turn_between([from, to]: [&Pose; 2]) -> Option<DMat3> {
+    (!from.has_bits_of(to)).then(|| to.to_affine().matrix3 * from.to_affine().matrix3.inverse())
+}
+
+/// The turn that brings a triangle, given by its corners, from where it begins to where it ends; none where it has no area.
+fn turn_of(start: [DVec3; 3], end: [DVec3; 3]) -> DMat3 {
+    let frame = |[a, b, c]: [DVec3; 3]| {
+        let along = (b - a).try_normalize()?;
+        let normal = along.cross(c - a).try_normalize()?;
+        Some(DMat3::from_cols(along, normal, along.cross(normal)))
+    };
+    let (Some(start), Some(end)) = (frame(start), frame(end)) else { return DMat3::IDENTITY };
+    end * start.transpose()
+}
+
 /// The ways of particles, as they are shortened.
 struct Ways<'a> {
     particles: &'a Particles,
     shares: &'a mut [f64],
-    carried: &'a mut [Option<DVec3>],
+    carried: &'a mut [Option<Carry>],
+    changed: &'a mut [bool],
 }
 
-/// How one side of an impact moves, whatever the other does.
-enum Motion {
-    /// It is driven, and moves by this.
-    Driven(DVec3),
-    /// It is a body that is carried by something driven, or by nothing.
-    Body(Option<DVec3>),
-}
-
-fn motion_of(mesh: &Mesh, ways: &Ways<'_>, triangle: u32, barycentric: &[f64; 3]) -> Motion {
-    let corners = mesh.topology.welded_triangles()[triangle as usize];
-    let Some(first) = mesh.first else {
-        let Obstacle { start, end, .. } = &mesh.obstacle;
-        let ways = corners
-            .iter()
-            .zip(barycentric)
-            .map(|(&corner, weight)| (end[corner as usize] - start[corner as usize]) * *weight);
-        return Motion::Driven(ways.sum());
-    };
-    let along = corners.iter().filter_map(|&corner| {
-        let particle = first + corner as usize;
-        if ways.particles.inverse_mass[particle] > 0.0 {
-            ways.carried[particle]
-        } else {
-            Some(ways.particles.end[particle] - ways.particles.start[particle])
-        }
-    });
-    Motion::Body(along.reduce(|one, other| if other.length_squared() > one.length_squared() { other } else { one }))
+impl Ways<'_> {
+    /// How one side of an impact takes along what it meets: nothing does where it stands, or is a body that nothing carries.
+    fn carry(&self, mesh: &Mesh, triangle: u32, barycentric: &[f64; 3]) -> Option<Carry> {
+        let corners = mesh.topology.welded_triangles()[triangle as usize];
+        let at = |points: [DVec3; 3]| -> DVec3 {
+            points.iter().zip(barycentric).map(|(&point, weight)| point * *weight).sum()
+        };
+        let carry = |start: [DVec3; 3], end: [DVec3; 3], turn: Option<DMat3>| {
+            let turn = turn.unwrap_or_else(|| turn_of(start, end));
+            (start != end).then(|| Carry { from: at(start), to: at(end), turn })
+        };
+        let Some(first) = mesh.first else {
+            let Obstacle { start, end, turn, .. } = &mesh.obstacle;
+            let of = |points: &[DVec3]| corners.map(|corner| points[corner as usize]);
+            return carry(of(start), of(end), *turn);
+        };
+        let places = corners.map(|corner| first + corner as usize);
+        let point = at(places.map(|place| self.particles.start[place]));
+        let own = places.map(|place| {
+            let (start, end) = (self.particles.start[place], self.particles.end[place]);
+            if self.particles.inverse_mass[place] > 0.0 || start == end {
+                return self.carried[place];
+            }
+            Some(Carry { from: start, to: end, turn: DMat3::IDENTITY })
+        });
+        own.into_iter().fold(None, |longest, carry| Carry::longer(longest, carry, point))
+    }
 }
 
 /// Shortens the ways of what meets, as seen from what moves whatever happens: where that is a driven side, or a body that such a
 /// one pushes, the others are carried along. `false` where nothing of it can be held any more.
 fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, round: usize) -> bool {
-    let motion_a = motion_of(mesh_a, ways, found.triangle_a, &found.impact.barycentric_a);
-    let motion_b = motion_of(mesh_b, ways, found.triangle_b, &found.impact.barycentric_b);
-    let along = match (motion_a, motion_b) {
-        (Motion::Driven(_), Motion::Driven(_)) => return false,
-        (Motion::Driven(driven), Motion::Body(_)) | (Motion::Body(_), Motion::Driven(driven)) => driven,
-        (Motion::Body(a), Motion::Body(b)) => {
-            let (a, b) = (a.unwrap_or_default(), b.unwrap_or_default());
-            if a.length_squared() >= b.length_squared() { a } else { b }
-        }
-    };
+    if mesh_a.first.is_none() && mesh_b.first.is_none() {
+        return false;
+    }
+    let carry_a = ways.carry(mesh_a, found.triangle_a, &found.impact.barycentric_a);
+    let carry_b = ways.carry(mesh_b, found.triangle_b, &found.impact.barycentric_b);
     let mut is_held = false;
     let features = [found.impact.features.a, found.impact.features.b];
     for ((mesh, triangle), feature) in
@@ -587,14 +637,14 @@ fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, r
             if ways.particles.inverse_mass[particle] <= 0.0 {
                 return;
             }
-            let carried = ways.carried[particle].unwrap_or_default();
-            // What is squeezed between two that move differently goes with the one that moves farther.
-            if along != carried && along.length_squared() >= carried.length_squared() {
-                ways.carried[particle] = Some(along);
+            // What is squeezed between two that move differently goes with the one that moves it farther.
+            let start = ways.particles.start[particle];
+            let own = ways.carried[particle];
+            let carry = Carry::longer(Carry::longer(own, carry_a, start), carry_b, start);
+            if carry != own || ways.shares[particle] > 0.0 {
+                ways.carried[particle] = carry;
                 ways.shares[particle] *= share;
-                is_held = true;
-            } else if ways.shares[particle] > 0.0 {
-                ways.shares[particle] *= share;
+                ways.changed[particle] = true;
                 is_held = true;
             }
         };

@@ -11,7 +11,7 @@ use glam::{DMat3, DQuat, DVec3, Vec3};
 use super::body::XpbdBody;
 use crate::{
     kernel::{bounds::Aabb, exact::rigid_shape::ShapeGeometry, pose::Pose},
-    surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions},
+    surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptTarget},
 };
 
 /// What the game moves goes no farther between two detections than this share of the mean edge of the finest body near it.
@@ -107,17 +107,21 @@ impl Course {
         Self { from, to, deforms, is_of_pins, now: Stand::default(), ahead: Stand::default() }
     }
 
-    /// How far it goes: the longest way of some of its points.
-    fn way(&self, points: impl Iterator<Item = (DVec3, DVec3)>) -> f64 {
-        let ways = points.map(|(from, to)| {
-            let (from, to) = (self.from.pose.transform_point(from), self.to.pose.transform_point(to));
-            from.distance_squared(to)
-        });
-        ways.fold(0.0, f64::max).sqrt()
-    }
-
-    fn vertices(&self) -> impl Iterator<Item = (DVec3, DVec3)> {
-        self.from.positions.iter().zip(&self.to.positions).map(|(from, to)| (from.as_dvec3(), to.as_dvec3()))
+    /// How far it goes as seen from something that moves by `common`: the longest way of some of its points, given in its own
+    /// frame, or of all of its vertices.
+    fn way(&self, points: Option<&[DVec3]>, common: DVec3) -> f64 {
+        let (from, to) = (&self.from, &self.to);
+        let squared = |from: DVec3, to: DVec3| {
+            (self.to.pose.transform_point(to) - self.from.pose.transform_point(from) - common).length_squared()
+        };
+        let longest = match points {
+            Some(points) => points.iter().map(|&point| squared(point, point)).fold(0.0, f64::max),
+            None => {
+                let vertices = from.positions.iter().zip(&to.positions);
+                vertices.map(|(from, to)| squared(from.as_dvec3(), to.as_dvec3())).fold(0.0, f64::max)
+            }
+        };
+        longest.sqrt()
     }
 }
 
@@ -162,10 +166,17 @@ impl Region {
     }
 }
 
-/// Where a body may be in this tick, and how long its edges are.
+/// Where a body may be in this tick, how its vertices move on the whole, and how long its edges are.
 struct Reach {
     region: Region,
+    motion: DVec3,
     mean_edge: f64,
+}
+
+/// What a course may reach, and the points that tell how far it goes where those are not its vertices.
+struct Track {
+    region: Region,
+    points: Option<[DVec3; 8]>,
 }
 
 impl Motions {
@@ -213,20 +224,23 @@ impl Motions {
     }
 
     /// Forgets what comes near no body, and finds into how many parts the tick has to be cut.
-    fn plan(&mut self, bodies: &[Reach], regions: impl Fn(Entity, &Course) -> Option<(Region, f64)>) {
+    fn plan(&mut self, bodies: &[Reach], track: impl Fn(Entity, &Course) -> Track) {
         let (mut parts, mut longest) = (1.0_f64, 0.0_f64);
         self.courses.retain(|&entity, course| {
             if course.is_of_pins {
                 return true;
             }
-            let Some((region, way)) = regions(entity, course) else { return false };
-            let near = bodies.iter().filter(|body| body.region.overlaps(&region));
-            let Some(edge) = near.map(|body| body.mean_edge).reduce(f64::min) else { return false };
-            longest = longest.max(way);
-            if edge > 0.0 {
-                parts = parts.max((way / (SHARE_OF_EDGE * edge)).ceil());
+            let Track { region, points } = track(entity, course);
+            let mut is_near = false;
+            for body in bodies.iter().filter(|body| body.region.overlaps(&region)) {
+                is_near = true;
+                let way = course.way(points.as_ref().map(|points| &points[..]), body.motion);
+                longest = longest.max(way);
+                if body.mean_edge > 0.0 {
+                    parts = parts.max((way / (SHARE_OF_EDGE * body.mean_edge)).ceil());
+                }
             }
-            true
+            is_near
         });
         self.parts = parts.min(f64::from(MOST_PARTS)) as u32;
         self.longest = longest / f64::from(self.parts);
@@ -290,22 +304,17 @@ pub(super) fn begin(
     let whole = Region::around(bodies.iter().flat_map(|body| [body.region.low, body.region.high]));
     motions.plan(&bodies, |entity, course| {
         let Some(geometry) = shapes.get(&entity) else {
-            let way = course.way(course.vertices());
-            let ends = (0..course.from.positions.len())
-                .flat_map(|vertex| [course.from.point(vertex), course.to.point(vertex)]);
-            return Some((Region::around(ends).grown(way), way));
+            let vertices = 0..course.from.positions.len();
+            let ends = vertices.flat_map(|vertex| [course.from.point(vertex), course.to.point(vertex)]);
+            return Track { region: Region::around(ends), points: None };
         };
-        let (corners, is_everywhere) = match geometry.bounds() {
-            Some(Aabb { min, max }) => (Region { low: min.as_dvec3(), high: max.as_dvec3() }.corners(), false),
-            None => {
-                let own = course.to.pose.inverse();
-                (whole.corners().map(|corner| own.transform_point(corner)), true)
-            }
+        let Some(Aabb { min, max }) = geometry.bounds() else {
+            let own = course.to.pose.inverse();
+            return Track { region: whole, points: Some(whole.corners().map(|corner| own.transform_point(corner))) };
         };
-        let way = course.way(corners.iter().map(|&corner| (corner, corner)));
+        let corners = Region { low: min.as_dvec3(), high: max.as_dvec3() }.corners();
         let ends = [&course.from, &course.to].map(|stand| corners.map(|corner| stand.pose.transform_point(corner)));
-        let region = if is_everywhere { whole } else { Region::around(ends.into_iter().flatten()).grown(way) };
-        Some((region, way))
+        Track { region: Region::around(ends.into_iter().flatten()), points: Some(corners) }
     });
 }
 
@@ -315,7 +324,10 @@ fn reach_of(surface: &ActiveSurface, positions: &[Vec3], body: &XpbdBody, mean_e
     let squared = body.velocities.iter().map(|velocity| velocity.as_dvec3().length_squared());
     let way = squared.fold(0.0, f64::max).sqrt() * duration;
     let region = Region::around(points).grown(way + mean_edge + 2.0 * f64::from(surface.thickness));
-    Reach { region, mean_edge }
+    let free = body.velocities.iter().zip(&body.inverse_masses).filter(|&(_, &inverse_mass)| inverse_mass > 0.0);
+    let (sum, count) =
+        free.fold((DVec3::ZERO, 0usize), |(sum, count), (velocity, _)| (sum + velocity.as_dvec3(), count + 1));
+    Reach { region, motion: sum * (duration / count.max(1) as f64), mean_edge }
 }
 
 /// Where the transform of a body has moved since its positions were written last, its vertices stay where they were in the
@@ -355,22 +367,33 @@ fn keep_in_the_world(
     course
 }
 
-/// Brings everything that moves to where the current part of the tick begins, for detection.
+/// Brings everything that moves to where the current part of the tick begins, for detection, and tells the swept stage where it
+/// goes.
 pub(super) fn rewind(
     mut active: ResMut<ActiveSurfaces>,
     motions: Res<Motions>,
-    mut surfaces: Query<&mut SurfacePositions>,
+    mut surfaces: Query<(&mut SurfacePositions, Option<&mut SweptTarget>)>,
 ) {
-    show(&mut active, &motions, &mut surfaces, |course| &course.now);
+    show(
+        &mut active,
+        &motions,
+        &mut surfaces,
+        |course| &course.now,
+        |course, target| {
+            let Course { now, ahead, .. } = course;
+            let own = now.pose.inverse();
+            target.extend((0..ahead.positions.len()).map(|vertex| own.transform_point(ahead.point(vertex)).as_vec3()));
+        },
+    );
 }
 
 /// Brings everything back to where the game has written it.
 pub(super) fn restore(
     mut active: ResMut<ActiveSurfaces>,
     motions: Res<Motions>,
-    mut surfaces: Query<&mut SurfacePositions>,
+    mut surfaces: Query<(&mut SurfacePositions, Option<&mut SweptTarget>)>,
 ) {
-    show(&mut active, &motions, &mut surfaces, |course| &course.to);
+    show(&mut active, &motions, &mut surfaces, |course| &course.to, |_, _| {});
 }
 
 /// Goes on to the next part of the tick.
@@ -380,24 +403,27 @@ pub(super) fn advance(mut motions: ResMut<Motions>) {
 }
 
 fn show(
-    active: &mut ResMut<ActiveSurfaces>,
+    active: &mut ActiveSurfaces,
     motions: &Motions,
-    surfaces: &mut Query<&mut SurfacePositions>,
+    surfaces: &mut Query<(&mut SurfacePositions, Option<&mut SweptTarget>)>,
     stand: impl Fn(&Course) -> &Stand,
+    aim: impl Fn(&Course, &mut Vec<Vec3>),
 ) {
     if motions.courses.is_empty() {
         return;
     }
-    let active = &mut **active;
     let all = active.surfaces.iter_mut().map(|surface| (surface.entity, &mut surface.pose));
     for (entity, pose) in all.chain(active.shapes.iter_mut().map(|shape| (shape.entity, &mut shape.pose))) {
         let Some(course) = motions.courses.get(&entity).filter(|course| !course.is_of_pins) else { continue };
         let stand = stand(course);
         *pose = stand.pose;
-        if course.deforms
-            && let Ok(mut positions) = surfaces.get_mut(entity)
-        {
+        let Ok((mut positions, target)) = surfaces.get_mut(entity) else { continue };
+        if course.deforms {
             positions.0.clone_from(&stand.positions);
+        }
+        if let Some(mut target) = target {
+            target.0.clear();
+            aim(course, &mut target.0);
         }
     }
 }

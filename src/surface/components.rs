@@ -137,7 +137,7 @@ pub struct SelfCollision;
 /// - In its first tick, after a jump ([`Teleported`]) and after a pause a surface has no motion but that to a target.
 /// - Rigid shapes are not swept against.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[require(PreviousPositions)]
+#[require(PreviousPositions, SweptTarget)]
 #[component(on_remove = Self::on_remove)]
 pub struct SweptCollision;
 

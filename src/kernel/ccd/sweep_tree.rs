@@ -98,6 +98,26 @@ impl SweepTree {
         self.fast_count = self.fast.iter().filter(|&&is_fast| is_fast).count();
     }
 
+    /// Of the fast triangles only those count as such from now on for which `is_asked`: pairs of others are known by now.
+    pub fn keep_fast(&mut self, is_asked: impl Fn(usize) -> bool) {
+        self.fast_bounds = Aabb::EMPTY;
+        self.fast_count = 0;
+        for (triangle, fast) in self.fast.iter_mut().enumerate() {
+            *fast &= is_asked(triangle);
+            if *fast {
+                self.fast_count += 1;
+                self.fast_bounds = self.fast_bounds.union(&self.boxes[triangle]);
+            }
+        }
+    }
+
+    /// No triangle counts as fast from now on: pairs of two of them are known.
+    pub fn forget_fast(&mut self) {
+        self.fast.fill(false);
+        self.fast_bounds = Aabb::EMPTY;
+        self.fast_count = 0;
+    }
+
     /// Lets the tree follow the boxes: not at all where none has changed, else by refitting it, and by building it where
     /// there is none or it has decayed.
     pub fn update_tree(&mut self) -> TreeWork {
