@@ -87,7 +87,9 @@ fn extreme_values_give_finite_contacts_or_none() {
                 Ok(shape) => shape,
                 Err(error) => {
                     assert!(!(1.0e-20..=1.0e10).contains(&size), "{name} {size} {error}");
-                    assert!(size < 1.0 || matches!(error, ShapeError::TooLarge | ShapeError::NonFinite) || size.is_nan());
+                    assert!(
+                        size < 1.0 || matches!(error, ShapeError::TooLarge | ShapeError::NonFinite) || size.is_nan()
+                    );
                     refused += 1;
                     continue;
                 }
@@ -97,7 +99,8 @@ fn extreme_values_give_finite_contacts_or_none() {
             assert!(bounds.is_none_or(|bounds| bounds.min.is_finite() && bounds.max.is_finite()), "{name} {size}");
             for _ in 0..300 {
                 let triangle = [0, 1, 2].map(|_| {
-                    let scale = [1.0e-40, 1.0e-20, 1.0, 1.0e15, 1.0e20, 1.0e38, 1.0e58, f64::from(size)][random.below(8)];
+                    let scale =
+                        [1.0e-40, 1.0e-20, 1.0, 1.0e15, 1.0e20, 1.0e38, 1.0e58, f64::from(size)][random.below(8)];
                     if random.below(100) == 0 { DVec3::NAN } else { random.vector() * scale }
                 });
                 let (mut scratch, mut found) = (PairProximity::default(), Vec::new());
@@ -106,8 +109,14 @@ fn extreme_values_give_finite_contacts_or_none() {
                     assert!(!least.is_nan(), "{name} {size} {triangle:?}");
                 }
                 for proximity in &found {
-                    assert!(proximity.distance.is_finite() && proximity.shape_point.is_finite(), "{name} {proximity:?}");
-                    assert!((proximity.normal.length() - 1.0).abs() < 1.0e-9, "{name} {size} {proximity:?} {triangle:?}");
+                    assert!(
+                        proximity.distance.is_finite() && proximity.shape_point.is_finite(),
+                        "{name} {proximity:?}"
+                    );
+                    assert!(
+                        (proximity.normal.length() - 1.0).abs() < 1.0e-9,
+                        "{name} {size} {proximity:?} {triangle:?}"
+                    );
                     counted += 1;
                 }
             }

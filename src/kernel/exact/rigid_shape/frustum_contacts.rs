@@ -43,6 +43,9 @@ const FACING: f64 = 0.1;
 /// Where the normal of an edge inside the solid leans along the edge by more than this cosine, moving along it would not part
 /// them.
 const LEANING: f64 = 0.3;
+/// The way out of a face counts up to this many times that of its edges and corners inside: where it lies flat on a part, they
+/// are the same but for rounding.
+const SHORTER_WAY: f64 = 1.01;
 /// Tells the two ends of an edge apart, in whichever order its triangle names them. Along no axis and no diagonal, where edges
 /// would change their mind with every rounding.
 const OBLIQUE: DVec3 = DVec3::new(0.8137, 0.1291, 0.5667);
@@ -78,8 +81,8 @@ impl Frustum {
         for edge in 0..3 {
             self.examine_edge(triangle, edge, &feet, range, found);
         }
-        let inside = found[before..].iter().any(|proximity| proximity.distance < 0.0);
-        self.examine_face(triangle, inside, range, found);
+        let deepest = found[before..].iter().map(|proximity| proximity.distance).fold(0.0, f64::min);
+        self.examine_face(triangle, deepest, range, found);
     }
 
     fn examine_vertex(
@@ -100,7 +103,13 @@ impl Frustum {
         };
         // A corner of both is one of two points that are closest, or nothing touches there.
         if foot.distance <= 0.0 || foot.part.is_smooth() || rises(vertex + 1) && rises(vertex + 2) {
-            found.push(contact(Feature::Vertex(vertex as u8), corner_weights(vertex), position, foot, foot.part.number()));
+            found.push(contact(
+                Feature::Vertex(vertex as u8),
+                corner_weights(vertex),
+                position,
+                foot,
+                foot.part.number(),
+            ));
         }
     }
 
@@ -231,15 +240,28 @@ impl Frustum {
         is_within.then(|| (along, Foot { distance: -direction.dot(to_support), normal: direction, part }))
     }
 
-    /// `inside`: whether the triangle's boundary reaches into the solid.
-    fn examine_face(&self, triangle: &[DVec3; 3], inside: bool, range: f64, found: &mut Vec<ShapeProximity>) {
+    /// `deepest`: how far the triangle's boundary reaches into the solid, at most 0.
+    fn examine_face(&self, triangle: &[DVec3; 3], deepest: f64, range: f64, found: &mut Vec<ShapeProximity>) {
         let edges = [0, 1, 2].map(|k| triangle[(k + 1) % 3] - triangle[k]);
         let Some(upward) = edges[0].cross(-edges[2]).try_normalize() else { return };
         let origin = triangle[0];
+        let lengths = edges.map(|edge| edge.length_squared());
+        let longest = (0..3).max_by(|&one, &other| lengths[one].total_cmp(&lengths[other])).unwrap_or_default();
         let weights = |point: DVec3| {
-            let areas = [1, 2, 0].map(|k: usize| upward.dot(edges[k].cross(point - triangle[k])));
+            let areas = [0, 1, 2].map(|k| upward.dot(edges[k].cross(point - triangle[k])));
             let sum = areas[0] + areas[1] + areas[2];
-            (areas.iter().all(|area| *area > 0.0)).then(|| areas.map(|area| area / sum))
+            if !areas.iter().all(|area| *area > 0.0) {
+                return None;
+            }
+            // Of a sliver, areas tell little of where along it the point is: the longest edge does.
+            let (start, end, apex) = (longest, (longest + 1) % 3, (longest + 2) % 3);
+            let share = areas[longest] / sum;
+            let aside = (triangle[apex] - triangle[start]) * share;
+            let along = (point - triangle[start] - aside).dot(edges[longest]) / lengths[longest];
+            let along = along.clamp(0.0, 1.0 - share);
+            let mut weights = [0.0; 3];
+            (weights[start], weights[end], weights[apex]) = (1.0 - share - along, along, share);
+            Some(weights)
         };
         let sides = [upward, -upward].map(|direction| {
             let support = self.support(direction);
@@ -252,6 +274,11 @@ impl Frustum {
             return;
         }
         if gap < 0.0 {
+            let inside = deepest < 0.0;
+            // The face as a whole has a longer way than what of it is inside.
+            if inside && gap < deepest * SHORTER_WAY {
+                return;
+            }
             let share = above.2 / (above.2 + below.2);
             let between = above.1.point.lerp(below.1.point, share);
             let middle = weights(between);

@@ -277,23 +277,33 @@ impl ConvexPolytope {
         let normal = face_normal(triangle);
         let away = triangle[0] - self.center;
         let oriented = if normal.dot(away) < 0.0 { -normal } else { normal };
-        oriented.try_normalize().unwrap_or(self.ways_out[face])
+        let out = oriented.try_normalize().unwrap_or(self.ways_out[face]);
+        if self.border == 0.0 {
+            return out;
+        }
+        // A rounded edge has only the directions between those of its faces.
+        let around = NormalCone::between(self.faces_around(self.feature_number(face, features.b)));
+        around.nearest(out).try_normalize().unwrap_or(self.ways_out[face])
     }
 
     pub(super) fn normal_cone(&self, feature_number: u32, outward: DVec3) -> NormalCone {
-        let (faces, edges) = (self.corners.len() as u32, self.topology.edges().len() as u32);
-        if self.border > 0.0 && feature_number >= faces {
+        if self.border > 0.0 && !self.is_face(feature_number) {
             return NormalCone::single(outward, self.border.recip());
         }
-        let own = [feature_number];
-        let around = if feature_number < faces {
-            &own
+        NormalCone::between(self.faces_around(feature_number))
+    }
+
+    /// The normals of the faces that meet at a feature.
+    fn faces_around(&self, feature_number: u32) -> impl Iterator<Item = DVec3> {
+        let (faces, edges) = (self.corners.len() as u32, self.topology.edges().len() as u32);
+        let (own, around) = if feature_number < faces {
+            (Some(feature_number), &[][..])
         } else if feature_number < faces + edges {
-            self.topology.triangles_of_edge(EdgeId(feature_number - faces))
+            (None, self.topology.triangles_of_edge(EdgeId(feature_number - faces)))
         } else {
-            self.topology.triangles_of_vertex(VertexId(feature_number - faces - edges))
+            (None, self.topology.triangles_of_vertex(VertexId(feature_number - faces - edges)))
         };
-        NormalCone::between(around.iter().map(|face| self.normals[*face as usize]))
+        own.into_iter().chain(around.iter().copied()).map(|face| self.normals[face as usize])
     }
 
     /// Faces come first, then edges, then vertices.

@@ -122,7 +122,8 @@ fn triangle(corners: [Vec3; 3], border: f32) -> Result<ShapeGeometry, ShapeError
 
 fn polytope(corners: &[Vec3], triangles: &[[u32; 3]], border: f32) -> Result<ShapeGeometry, ShapeError> {
     points(corners)?;
-    ConvexPolytope::new(corners, triangles, f64::from(border)).map(|polytope| ShapeGeometry::Polytope(Box::new(polytope)))
+    ConvexPolytope::new(corners, triangles, f64::from(border))
+        .map(|polytope| ShapeGeometry::Polytope(Box::new(polytope)))
 }
 
 fn part(pose: &ParryPose, shape: &SharedShape) -> Result<Part, ShapeError> {
@@ -137,10 +138,7 @@ fn part(pose: &ParryPose, shape: &SharedShape) -> Result<Part, ShapeError> {
     if matches!(geometry, ShapeGeometry::HalfSpace { .. } | ShapeGeometry::Compound(_)) {
         return Err(ShapeError::Part);
     }
-    let translation = DVec3::new(
-        f64::from(pose.translation.x),
-        f64::from(pose.translation.y),
-        f64::from(pose.translation.z),
-    );
+    let translation =
+        DVec3::new(f64::from(pose.translation.x), f64::from(pose.translation.y), f64::from(pose.translation.z));
     Ok(Part::new(geometry, rotation / length, translation))
 }

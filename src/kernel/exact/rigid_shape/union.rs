@@ -62,9 +62,11 @@ impl Search<'_> {
         for plane in planes(part, past) {
             chosen.push(plane);
             if let Some(next) = beyond(self.from, chosen) {
-                let way = (next - self.from).try_normalize();
-                // Away from what was chosen, where the point is on it already.
-                self.descend(chosen, next, way.unwrap_or(plane.normal));
+                // Away from every plane that it is on: the way there may lead down onto one, where two parts meet.
+                let slack = self.compound.seam();
+                let touched = chosen.iter().filter(|plane| plane.normal.dot(next) <= plane.height + slack);
+                let outward = touched.map(|plane| plane.normal).sum::<DVec3>().try_normalize();
+                self.descend(chosen, next, outward.unwrap_or(plane.normal));
             }
             chosen.pop();
         }
@@ -101,7 +103,8 @@ fn beyond(from: DVec3, planes: &[Plane]) -> Option<DVec3> {
     let is_beyond = |point: &DVec3| planes.iter().all(|plane| plane.normal.dot(*point) >= plane.height - slack);
     (0..1 << planes.len())
         .filter_map(|subset: usize| {
-            let picked = planes.iter().enumerate().filter(|(place, _)| subset >> place & 1 == 1).map(|(_, plane)| *plane);
+            let picked =
+                planes.iter().enumerate().filter(|(place, _)| subset >> place & 1 == 1).map(|(_, plane)| *plane);
             projection(from, &picked.collect::<Vec<_>>())
         })
         .filter(is_beyond)
