@@ -224,3 +224,57 @@ fn parts_have_numbers_of_their_own_and_sweep_where_they_are() {
     let endless = SharedShape::compound(vec![(Pose::IDENTITY, SharedShape::halfspace(Vec3::Y))]);
     assert!(matches!(ShapeGeometry::new(&endless), Err(ShapeError::Part)));
 }
+
+#[test]
+fn vertices_among_many_overlapping_parts_are_led_out_of_all_of_them() {
+    let mut random = Random::new(64);
+    let (mut inside, mut in_solids) = (0, 0);
+    for _ in 0..100 {
+        let parts: Vec<(Pose, SharedShape)> = (0..6)
+            .map(|kind| {
+                let mut pose = Pose::from_translation((random.vector() * 0.3).as_vec3());
+                pose.rotation = random_rotation(&mut random).as_quat();
+                let shape = match kind {
+                    0 => SharedShape::cylinder(0.4, 0.3),
+                    1 => SharedShape::ball(0.3),
+                    2 => SharedShape::cone(0.4, 0.4),
+                    3 => SharedShape::capsule_y(0.3, 0.2),
+                    4 => SharedShape::round_cuboid(0.2, 0.2, 0.2, 0.1),
+                    _ => SharedShape::cuboid(0.2, 0.3, 0.4),
+                };
+                (pose, shape)
+            })
+            .collect();
+        let shape = ShapeGeometry::new(&SharedShape::compound(parts.clone())).expect("six parts");
+        for _ in 0..40 {
+            let center = random.vector() * 0.5;
+            let triangle = [0, 1, 2].map(|_| center + random.vector() * 0.1);
+            let (least, found) = examine(&shape, &triangle, 0.01);
+            for (vertex, &corner) in triangle.iter().enumerate() {
+                if shape.signed_distance(corner) > -1.0e-3 {
+                    continue;
+                }
+                inside += 1;
+                assert!(least < 0.0, "{corner} {found:?}");
+                // Of a triangle in a ball or a capsule the point closest to the axis is told, not each vertex.
+                let is_in = |(pose, shape): &(Pose, SharedShape)| {
+                    let local = pose.rotation.as_dquat().normalize().inverse() * (corner - pose.translation.as_dvec3());
+                    let has_corners = shape.as_ball().is_none() && shape.as_capsule().is_none();
+                    has_corners && ShapeGeometry::new(shape).expect("convex").signed_distance(local) < -1.0e-3
+                };
+                if !parts.iter().any(is_in) {
+                    continue;
+                }
+                in_solids += 1;
+                let own = found.iter().filter(|p| p.feature == Feature::Vertex(vertex as u8) && p.distance < 0.0);
+                assert!(own.clone().count() > 0, "{corner} {found:?}");
+                for proximity in own {
+                    assert_well_formed(&triangle, proximity);
+                    assert!(shape.signed_distance(proximity.shape_point) >= -1.0e-5, "{proximity:?}");
+                }
+            }
+        }
+    }
+    println!("{inside} inside, {in_solids} of them in parts with corners");
+    assert!(inside > 1_000 && in_solids > 1_000);
+}

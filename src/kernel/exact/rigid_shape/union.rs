@@ -16,6 +16,9 @@ use super::{
 /// More planes than this at once determine no point of space.
 const MOST_PLANES: usize = 3;
 
+/// Halvings of a length of the whole compound, to what f64 resolves.
+const HALVINGS: usize = 60;
+
 /// A plane to be beyond: its unit normal, and the height along it.
 #[derive(Clone, Copy)]
 struct Plane {
@@ -31,15 +34,44 @@ struct Search<'a> {
 
 impl Compound {
     /// A contact that led from one part into another, led out of the union instead: to the nearest point outside. `None` where
-    /// `point`, its place on the triangle, is outside.
+    /// `point`, its place on the triangle, is outside already.
     pub(super) fn led_out(&self, point: DVec3, proximity: ShapeProximity) -> Option<ShapeProximity> {
         let mut search = Search { compound: self, from: point, best: None };
         search.descend(&mut Vec::with_capacity(MOST_PLANES), point, proximity.normal);
-        let (_, place) = search.best?;
+        let place = search.best.map_or_else(|| self.straight_out(point, proximity.normal), |(_, place)| place);
         let way = place - point;
         // On the surface itself, the direction that the part gave leads into another one.
         let normal = way.try_normalize()?;
         Some(ShapeProximity { shape_point: place, normal, distance: -way.length(), crossing: false, ..proximity })
+    }
+}
+
+impl Compound {
+    /// Where the shortest of a few straight ways leaves the union: of places that too many parts share for a search.
+    fn straight_out(&self, point: DVec3, outward: DVec3) -> DVec3 {
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+        let directions = axes.into_iter().chain(axes.map(|axis| -axis)).chain([outward]);
+        let bounds = self.bounds();
+        let across = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() + self.seam();
+        let leaves_after = |direction: DVec3| {
+            let mut gone = 0.0;
+            // Each part is left once: what is convex is not entered again.
+            for _ in 0..self.parts().len() {
+                let past = point + direction * (gone + self.seam());
+                let Some(part) = self.parts().iter().find(|part| part.signed_distance(past) < 0.0) else { break };
+                let (mut inside, mut outside) = (gone, gone + across);
+                for _ in 0..HALVINGS {
+                    let middle = 0.5 * (inside + outside);
+                    let is_inside = part.signed_distance(point + direction * middle) < 0.0;
+                    if is_inside { inside = middle } else { outside = middle }
+                }
+                gone = outside;
+            }
+            gone
+        };
+        let ways = directions.map(|direction| (leaves_after(direction), direction));
+        let (gone, direction) = ways.min_by(|one, other| one.0.total_cmp(&other.0)).unwrap_or_default();
+        point + direction * gone
     }
 }
 
