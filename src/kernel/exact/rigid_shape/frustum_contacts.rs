@@ -76,41 +76,13 @@ impl Frustum {
         let before = found.len();
         let feet = triangle.map(|corner| self.foot(corner));
         for vertex in 0..3 {
-            self.examine_vertex(triangle, vertex, &feet[vertex], range, found);
+            examine_vertex(triangle, vertex, &feet[vertex], range, found);
         }
         for edge in 0..3 {
             self.examine_edge(triangle, edge, &feet, range, found);
         }
         let deepest = found[before..].iter().map(|proximity| proximity.distance).fold(0.0, f64::min);
         self.examine_face(triangle, deepest, range, found);
-    }
-
-    fn examine_vertex(
-        &self,
-        triangle: &[DVec3; 3],
-        vertex: usize,
-        foot: &Foot,
-        range: f64,
-        found: &mut Vec<ShapeProximity>,
-    ) {
-        if foot.distance > range {
-            return;
-        }
-        let position = triangle[vertex];
-        let rises = |to: usize| {
-            let edge = triangle[to % 3] - position;
-            foot.normal.dot(edge) >= -SUPPORT_SLACK * edge.length()
-        };
-        // A corner of both is one of two points that are closest, or nothing touches there.
-        if foot.distance <= 0.0 || foot.part.is_smooth() || rises(vertex + 1) && rises(vertex + 2) {
-            found.push(contact(
-                Feature::Vertex(vertex as u8),
-                corner_weights(vertex),
-                position,
-                foot,
-                foot.part.number(),
-            ));
-        }
     }
 
     fn examine_edge(
@@ -245,7 +217,7 @@ impl Frustum {
         let edges = [0, 1, 2].map(|k| triangle[(k + 1) % 3] - triangle[k]);
         let Some(upward) = edges[0].cross(-edges[2]).try_normalize() else { return };
         let origin = triangle[0];
-        let lengths = edges.map(|edge| edge.length_squared());
+        let lengths = edges.map(DVec3::length_squared);
         let longest = (0..3).max_by(|&one, &other| lengths[one].total_cmp(&lengths[other])).unwrap_or_default();
         let weights = |point: DVec3| {
             let areas = [0, 1, 2].map(|k| upward.dot(edges[k].cross(point - triangle[k])));
@@ -346,6 +318,21 @@ impl Frustum {
             normal: direction,
             distance: -depth,
         }
+    }
+}
+
+fn examine_vertex(triangle: &[DVec3; 3], vertex: usize, foot: &Foot, range: f64, found: &mut Vec<ShapeProximity>) {
+    if foot.distance > range {
+        return;
+    }
+    let position = triangle[vertex];
+    let rises = |to: usize| {
+        let edge = triangle[to % 3] - position;
+        foot.normal.dot(edge) >= -SUPPORT_SLACK * edge.length()
+    };
+    // A corner of both is one of two points that are closest, or nothing touches there.
+    if foot.distance <= 0.0 || foot.part.is_smooth() || rises(vertex + 1) && rises(vertex + 2) {
+        found.push(contact(Feature::Vertex(vertex as u8), corner_weights(vertex), position, foot, foot.part.number()));
     }
 }
 

@@ -19,6 +19,9 @@ const MOST_PLANES: usize = 3;
 /// Halvings of a length of the whole compound, to what f64 resolves.
 const HALVINGS: usize = 60;
 
+/// Share of a seam by which a place on a surface may seem to be inside.
+const LEFT_ROUNDING: f64 = 1.0e-3;
+
 /// A plane to be beyond: its unit normal, and the height along it.
 #[derive(Clone, Copy)]
 struct Plane {
@@ -57,9 +60,14 @@ impl Compound {
             let mut gone = 0.0;
             // Each part is left once: what is convex is not entered again.
             for _ in 0..self.parts().len() {
-                let past = point + direction * (gone + self.seam());
-                let Some(part) = self.parts().iter().find(|part| part.signed_distance(past) < 0.0) else { break };
-                let (mut inside, mut outside) = (gone, gone + across);
+                let (here, past) = (point + direction * gone, point + direction * (gone + self.seam()));
+                // Of what was left just now, the place is outside but for rounding.
+                let rounding = LEFT_ROUNDING * self.seam();
+                let leads_into =
+                    |part: &&Part| part.signed_distance(past) < 0.0 || part.signed_distance(here) < -rounding;
+                let Some(part) = self.parts().iter().find(leads_into) else { break };
+                let entered = if part.signed_distance(past) < 0.0 { gone + self.seam() } else { gone };
+                let (mut inside, mut outside) = (entered, entered + across);
                 for _ in 0..HALVINGS {
                     let middle = 0.5 * (inside + outside);
                     let is_inside = part.signed_distance(point + direction * middle) < 0.0;
