@@ -6,7 +6,7 @@
 //! says is weighed against the other by the radii of curvature, as the line through the centers of two spheres runs.
 //! Reads a contact's places and the positions around them, after everything else and only on request.
 
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 
 use self::fan::{Across, Fan};
 use super::{
@@ -203,6 +203,15 @@ impl NormalCone {
             *direction = pose.transform_direction(*direction).normalize_or_zero();
         }
         self.curvature /= pose.scale();
+        self
+    }
+
+    /// The cone turned.
+    #[must_use]
+    pub(in crate::kernel) fn turned(mut self, rotation: DQuat) -> Self {
+        for direction in self.faces.iter_mut().chain(&mut self.facets).chain(&mut self.border) {
+            *direction = rotation * *direction;
+        }
         self
     }
 

@@ -4,7 +4,9 @@ mod bounded_pairs;
 mod ccd;
 #[path = "../reference/common.rs"]
 mod common;
+mod compounds;
 mod cone;
+mod convex_shapes;
 mod curvature;
 mod exact;
 mod last_first;
@@ -13,6 +15,7 @@ mod moved_triangles;
 mod narrow_phase;
 mod pose;
 mod refine;
+mod shape_extremes;
 mod shapes;
 mod smooth_normal;
 mod sphere_contacts;

@@ -1,0 +1,72 @@
+//! Contacts of a triangle with a ball or a capsule: the pair test with a triangle that is a point or a segment.
+
+use glam::DVec3;
+
+use super::{
+    super::{
+        barycentric::point_at,
+        feature::Feature,
+        side::face_normal,
+        triangle_pair::{PairProximity, examine_pair},
+    },
+    SUPPORT_SLACK, ShapeProximity,
+};
+
+/// Both ends and what is between.
+pub(super) const FEATURES: usize = 3;
+
+pub(super) fn examine(
+    triangle: &[DVec3; 3],
+    [start, end]: [DVec3; 2],
+    radius: f64,
+    range: f64,
+    scratch: &mut PairProximity,
+    found: &mut Vec<ShapeProximity>,
+) {
+    examine_pair(triangle, &[start, end, end], range + radius, scratch);
+    let before = found.len();
+    for proximity in &scratch.proximities {
+        // The segment stands for a triangle whose third corner repeats the second, a ball for one of three equal
+        // corners: whatever is there twice has the same number and is taken once.
+        let shape_feature = match proximity.features.b {
+            _ if start == end => 0,
+            Feature::Vertex(corner) => u32::from(corner.min(1)),
+            _ => 2,
+        };
+        let feature = proximity.features.a;
+        if found[before..].iter().any(|known| (known.feature, known.shape_feature) == (feature, shape_feature)) {
+            continue;
+        }
+        let crossing = proximity.distance <= 0.0;
+        // A separation too short to have a direction is none.
+        let apart = if crossing { None } else { proximity.separation.try_normalize() };
+        let normal = apart.unwrap_or_else(|| way_out(triangle, end - start));
+        let axis_point = point_at(&[start, end, end], &proximity.barycentric_b);
+        let slack = SUPPORT_SLACK * start.distance(end);
+        if !crossing && [start, end].iter().any(|point| normal.dot(*point - axis_point) > slack) {
+            continue;
+        }
+        found.push(ShapeProximity {
+            feature,
+            shape_feature,
+            crossing: false,
+            barycentric: proximity.barycentric_a,
+            shape_point: axis_point + normal * radius,
+            normal,
+            distance: proximity.distance - radius,
+        });
+    }
+}
+
+/// Where a triangle cuts the axis: its normal; of one without area, square to the axis; of a ball, upward.
+fn way_out(triangle: &[DVec3; 3], axis: DVec3) -> DVec3 {
+    let square = || axis.try_normalize().map(|axis| axis.any_orthonormal_vector());
+    face_normal(triangle).try_normalize().or_else(square).unwrap_or(DVec3::Y)
+}
+
+/// The point of the axis that is closest to a point.
+pub(super) fn foot(point: DVec3, [start, end]: [DVec3; 2]) -> DVec3 {
+    let way = end - start;
+    let squared = way.length_squared();
+    if squared > 0.0 { start + way * ((point - start).dot(way) / squared).clamp(0.0, 1.0) } else { start }
+}
