@@ -40,8 +40,8 @@ const SHARE_OF_DISTANCE: f64 = 0.49;
 
 /// Rounds after which what meets is not moved at all, and after which whole bodies are not; and how many of those there are at
 /// most: what still meets then is squeezed between things that nothing stops.
-const GENTLE_ROUNDS: usize = 6;
-const MOST_ROUNDS: usize = 16;
+const GENTLE_ROUNDS: usize = 4;
+const MOST_ROUNDS: usize = 14;
 const LAST_ROUNDS: usize = 8;
 
 /// What the guard did in a tick.
@@ -207,6 +207,8 @@ pub(super) struct Guard {
     plane: Option<Arc<SurfaceTopology>>,
     /// How particles are carried along by what they met.
     carried: Vec<Option<Carry>>,
+    /// Which particles go together, once what meets is not moved any more: each names another one of its zone, or itself.
+    zones: Vec<u32>,
     /// Which particles have changed their ways in this round.
     changed: Vec<bool>,
     /// The share of the rest of its way that each particle goes.
@@ -442,6 +444,8 @@ impl Guard {
         self.shares.resize(particles.len(), 1.0);
         self.carried.clear();
         self.carried.resize(particles.len(), None);
+        self.zones.clear();
+        self.zones.extend(0..particles.len() as u32);
         self.solved.clone_from(&particles.position);
         for round in 0..MOST_ROUNDS + LAST_ROUNDS {
             // Nothing has moved since what was found for the first round.
@@ -451,12 +455,15 @@ impl Guard {
             let mut is_clear = true;
             self.changed.clear();
             self.changed.resize(particles.len(), false);
-            let Self { meshes, found, shares, carried, changed, .. } = self;
+            let Self { meshes, found, shares, carried, changed, zones, .. } = self;
+            let mut ways = Ways { particles: &*particles, shares, carried, changed, zones };
             for ([a, b], found) in &*found {
-                let mut ways = Ways { particles: &*particles, shares, carried, changed };
                 let held = hold(&meshes[*a], &meshes[*b], &mut ways, found, round);
                 is_clear &= !held;
                 guarded.remaining += usize::from(!held);
+            }
+            if (GENTLE_ROUNDS..MOST_ROUNDS).contains(&round) {
+                ways.go_by_zones();
             }
             if is_clear {
                 break;
@@ -588,9 +595,49 @@ struct Ways<'a> {
     shares: &'a mut [f64],
     carried: &'a mut [Option<Carry>],
     changed: &'a mut [bool],
+    zones: &'a mut [u32],
 }
 
 impl Ways<'_> {
+    /// The particle that stands for a zone.
+    fn zone(&mut self, mut particle: u32) -> u32 {
+        while self.zones[particle as usize] != particle {
+            let above = self.zones[self.zones[particle as usize] as usize];
+            self.zones[particle as usize] = above;
+            particle = above;
+        }
+        particle
+    }
+
+    fn join(&mut self, one: u32, other: u32) {
+        let (one, other) = (self.zone(one), self.zone(other));
+        self.zones[one.max(other) as usize] = one.min(other);
+    }
+
+    /// Lets all particles of a zone go along with what moves one of them farthest: as they are, they do not meet each other.
+    fn go_by_zones(&mut self) {
+        for particle in 0..self.zones.len() as u32 {
+            let zone = self.zone(particle);
+            if zone != particle {
+                let start = self.particles.start[zone as usize];
+                let longest = Carry::longer(self.carried[zone as usize], self.carried[particle as usize], start);
+                self.carried[zone as usize] = longest;
+            }
+        }
+        for particle in 0..self.zones.len() as u32 {
+            let zone = self.zone(particle) as usize;
+            let particle = particle as usize;
+            if zone == particle && self.shares[particle] > 0.0 || self.particles.inverse_mass[particle] <= 0.0 {
+                continue;
+            }
+            if self.carried[particle] != self.carried[zone] || self.shares[particle] > 0.0 {
+                self.carried[particle] = self.carried[zone];
+                self.shares[particle] = 0.0;
+                self.changed[particle] = true;
+            }
+        }
+    }
+
     /// How one side of an impact takes along what it meets: nothing does where it stands, or is a body that nothing carries.
     fn carry(&self, mesh: &Mesh, triangle: u32, barycentric: &[f64; 3]) -> Option<Carry> {
         let corners = mesh.topology.welded_triangles()[triangle as usize];
@@ -627,7 +674,14 @@ fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, r
     }
     let carry_a = ways.carry(mesh_a, found.triangle_a, &found.impact.barycentric_a);
     let carry_b = ways.carry(mesh_b, found.triangle_b, &found.impact.barycentric_b);
+    let is_between_bodies = mesh_a.first.is_some() && mesh_b.first.is_some();
+    let is_carried = carry_a.is_some() || carry_b.is_some();
+    if round >= MOST_ROUNDS && is_between_bodies && is_carried {
+        // Bodies may rather cross each other than what pushes them.
+        return false;
+    }
     let mut is_held = false;
+    let mut zone = None;
     let features = [found.impact.features.a, found.impact.features.b];
     for ((mesh, triangle), feature) in
         [(mesh_a, found.triangle_a), (mesh_b, found.triangle_b)].into_iter().zip(features)
@@ -648,7 +702,7 @@ fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, r
                 is_held = true;
             }
         };
-        if round >= MOST_ROUNDS {
+        if round >= MOST_ROUNDS && !is_carried {
             (first..first + mesh.topology.vertex_count()).for_each(|particle| shorten(particle, 0.0));
             continue;
         }
@@ -662,6 +716,14 @@ fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, r
         };
         for corner in (0..3).filter(|&corner| takes_part(corner)) {
             shorten(first + corners[corner] as usize, share);
+        }
+        if (GENTLE_ROUNDS..MOST_ROUNDS).contains(&round) {
+            for corner in corners {
+                let particle = first as u32 + corner;
+                if ways.particles.inverse_mass[particle as usize] > 0.0 {
+                    ways.join(*zone.get_or_insert(particle), particle);
+                }
+            }
         }
     }
     is_held

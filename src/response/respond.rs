@@ -75,6 +75,9 @@ const MOST_MARGIN: f32 = 0.5;
 /// For how many ticks a margin may be wider than needed: lists of near triangles hold for one margin, and are lost with it.
 const WIDE_TICKS: u32 = 8;
 
+/// Steps of a part of a tick, at least: fewer leave what a driven side pushes behind.
+const LEAST_SUBSTEPS: u32 = 4;
+
 /// How often a tick is solved at most.
 const MOST_SOLUTIONS: usize = 4;
 
@@ -196,7 +199,7 @@ fn respond(
         return;
     }
     let mut settings = settings.in_range();
-    settings.substeps = settings.substeps.div_ceil(parts);
+    settings.substeps = settings.substeps.div_ceil(parts).max(LEAST_SUBSTEPS.min(settings.substeps));
     let start = Instant::now();
     let Response { solver, gatherer, guard, moved, refused, slack, .. } = response;
     gatherer.begin();

@@ -292,7 +292,7 @@ fn add_shape(
         active.shapes.push(ActiveShape { entity, geometry, parts, pose, layers, fresh, events, order });
         return Ok(());
     }
-    let Some((RigidMesh { topology, radius }, positions, bounds)) = &item.mesh else { return Ok(()) };
+    let Some((RigidMesh { topology }, positions, bounds)) = &item.mesh else { return Ok(()) };
     let (expected, found) = (topology.vertex_count(), positions.0.len());
     if expected != found {
         return Err(QuarantineReason::PositionCount { expected, found });
@@ -302,7 +302,7 @@ fn add_shape(
         entity,
         topology: Arc::clone(topology),
         pose,
-        thickness: radius * pose.scale() as f32,
+        thickness: 0.0,
         method: ContactMethod::Refined,
         layers,
         self_collision: false,

@@ -23,7 +23,7 @@ use crate::{
         broad_phase::SurfaceTree,
     },
     kernel::{
-        exact::rigid_shape::{ShapeError, ShapeGeometry},
+        exact::rigid_shape::{ShapeError, ShapeGeometry, SweepPart},
         topology::SurfaceTopology,
     },
 };
@@ -89,32 +89,12 @@ pub(crate) struct Solid {
 impl Solid {
     fn new(shape: &SharedShape) -> Result<Self, ShapeError> {
         let geometry = Arc::new(ShapeGeometry::new(shape)?);
-        let parts = parts_of(shape).into_iter().map(|ShapeTriangles { positions, triangles, radius }| {
-            let topology = SurfaceTopology::new(&positions, &triangles).map_err(|_| ShapeError::Unsupported)?;
-            Ok(ShapePart { topology: Arc::new(topology), positions, radius: f64::from(radius) })
+        let parts = geometry.sweep_parts().into_iter().map(|SweepPart { points, triangles, radius }| {
+            let topology = SurfaceTopology::new(&points, &triangles).map_err(|_| ShapeError::Unsupported)?;
+            Ok(ShapePart { topology: Arc::new(topology), positions: points, radius: f64::from(radius) })
         });
         let parts: Result<Vec<ShapePart>, ShapeError> = parts.collect();
         Ok(Self { geometry, parts: parts?.into() })
-    }
-}
-
-/// Triangles inside a shape, with how far it reaches beyond them.
-fn parts_of(shape: &SharedShape) -> Vec<ShapeTriangles> {
-    let part = |positions, triangles, radius| vec![ShapeTriangles { positions, triangles, radius }];
-    match shape.as_typed_shape() {
-        TypedShape::Ball(ball) => part(vec![Vec3::ZERO], vec![[0; 3]], ball.radius),
-        TypedShape::Capsule(capsule) => {
-            part(vec![capsule.segment.a, capsule.segment.b], vec![[0, 1, 1]], capsule.radius)
-        }
-        TypedShape::Cuboid(cuboid) => {
-            let (positions, triangles) = cuboid.to_trimesh();
-            part(positions, triangles, 0.0)
-        }
-        TypedShape::ConvexPolyhedron(polyhedron) => {
-            let (positions, triangles) = polyhedron.to_trimesh();
-            part(positions, triangles, 0.0)
-        }
-        _ => Vec::new(),
     }
 }
 
@@ -132,8 +112,6 @@ fn parts_of(shape: &SharedShape) -> Vec<ShapeTriangles> {
 )]
 pub(crate) struct RigidMesh {
     pub(crate) topology: Arc<SurfaceTopology>,
-    /// How far the shape reaches beyond its triangles, in its own unit.
-    pub(crate) radius: f32,
 }
 
 impl RigidMesh {
@@ -167,30 +145,26 @@ fn prepare(shape: &SharedShape) -> Prepared {
     }
 }
 
-/// A shape as triangles, and how far it reaches beyond them.
+/// A shape as triangles.
 struct ShapeTriangles {
     positions: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
-    radius: f32,
 }
 
 impl ShapeTriangles {
     fn mesh(self) -> Result<(RigidMesh, SurfacePositions), ShapeError> {
-        let Self { positions, triangles, radius } = self;
-        if positions.iter().any(|position| !position.is_finite()) || !radius.is_finite() {
+        let Self { positions, triangles } = self;
+        if positions.iter().any(|position| !position.is_finite()) {
             return Err(ShapeError::NonFinite);
         }
-        if radius < 0.0 {
-            return Err(ShapeError::Negative);
-        }
         let topology = SurfaceTopology::new(&positions, &triangles).map_err(|_| ShapeError::Unsupported)?;
-        Ok((RigidMesh { topology: Arc::new(topology), radius }, SurfacePositions(positions)))
+        Ok((RigidMesh { topology: Arc::new(topology) }, SurfacePositions(positions)))
     }
 }
 
 /// The triangles of a shape that is made of some; a segment is a triangle of which two corners are one.
 fn triangles_of(shape: &SharedShape) -> Option<ShapeTriangles> {
-    let bare = |positions, triangles| Some(ShapeTriangles { positions, triangles, radius: 0.0 });
+    let bare = |positions, triangles| Some(ShapeTriangles { positions, triangles });
     match shape.as_typed_shape() {
         TypedShape::TriMesh(mesh) => bare(mesh.vertices().to_vec(), mesh.indices().to_vec()),
         TypedShape::HeightField(field) => {
@@ -206,11 +180,6 @@ fn triangles_of(shape: &SharedShape) -> Option<ShapeTriangles> {
         }
         TypedShape::Triangle(triangle) => bare(vec![triangle.a, triangle.b, triangle.c], vec![[0, 1, 2]]),
         TypedShape::Segment(segment) => bare(vec![segment.a, segment.b], vec![[0, 1, 1]]),
-        TypedShape::RoundTriangle(round) => {
-            let triangle = round.inner_shape;
-            let positions = vec![triangle.a, triangle.b, triangle.c];
-            Some(ShapeTriangles { positions, triangles: vec![[0, 1, 2]], radius: round.border_radius })
-        }
         _ => None,
     }
 }
