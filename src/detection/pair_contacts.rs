@@ -110,7 +110,10 @@ impl<T> SharedList<T> {
     /// Takes the memory of the list as far as it was used, if nobody else holds it, and leaves an empty one in its place.
     pub(super) fn take(&mut self) -> Vec<T> {
         let mut list = self.own().map(mem::take).unwrap_or_default();
-        room::clear(&mut list);
+        // An empty one has been emptied before: how much it held then is not known any more.
+        if !list.is_empty() {
+            room::clear(&mut list);
+        }
         list
     }
 
