@@ -24,7 +24,7 @@ const FRESH: usize = 6;
 const MOST_GROWTH: f64 = 1.3;
 
 /// What may be left of all memory when everything has gone: tables of entities, which Bevy does not give back.
-const MOST_LEFT: f64 = 0.05;
+const MOST_LEFT: f64 = 0.08;
 
 fn setting(name: &str, default: usize) -> usize {
     env::var(name).ok().and_then(|value| value.parse().ok()).unwrap_or(default)
@@ -75,7 +75,9 @@ impl World {
                 Motion::Vertices => {
                     let mut positions = cube.get_mut::<SurfacePositions>().expect("it is a surface");
                     positions.0.clear();
-                    positions.0.extend(corners.iter().map(|&corner| Vec3::from_array(corner) + place + 0.05 * vector()));
+                    positions
+                        .0
+                        .extend(corners.iter().map(|&corner| Vec3::from_array(corner) + place + 0.05 * vector()));
                 }
                 Motion::Poses => {
                     let turn = glam::Quat::from_scaled_axis(0.3 * vector());
@@ -120,7 +122,11 @@ fn measure(count: usize, ticks: usize, motion: Motion, method: ContactMethod) {
     }
     let bytes = HEAP.current_usage() - before;
     let growth = bytes as f64 / fresh_bytes as f64;
-    println!("{what}: {:.2} MB fresh, {:.2} MB after {ticks} ticks: {growth:.2}", megabytes(fresh_bytes), megabytes(bytes));
+    println!(
+        "{what}: {:.2} MB fresh, {:.2} MB after {ticks} ticks: {growth:.2}",
+        megabytes(fresh_bytes),
+        megabytes(bytes)
+    );
     let store = world.app.world().resource::<ContactStore>();
     assert!(store.pairs.len() > 2 * count, "{what}: hardly anything touches");
 

@@ -99,11 +99,8 @@ fn gather_contacts(
             if is_spoiled {
                 found.restore_order();
             }
-            let before = if keeps_sides(&active, pair) {
-                last_of(&previous, by_sides, sides_of(&active, pair))
-            } else {
-                None
-            };
+            let before =
+                if keeps_sides(&active, pair) { last_of(&previous, by_sides, sides_of(&active, pair)) } else { None };
             let before = match before {
                 Some((before, false)) => before.before(),
                 Some((before, true)) => reversed.of(before.before(), |normal| turned(normal, before, pair.frame)),

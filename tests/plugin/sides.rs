@@ -283,7 +283,8 @@ fn a_solid_has_no_memory() {
 
 #[test]
 fn a_change_of_order_does_not_forget_the_side() {
-    let tile = Mesh { positions: vec![[-3.0, 0.0, -3.0], [0.0, 0.0, 5.0], [5.0, 0.0, -3.0]], triangles: vec![[0, 1, 2]] };
+    let tile =
+        Mesh { positions: vec![[-3.0, 0.0, -3.0], [0.0, 0.0, 5.0], [5.0, 0.0, -3.0]], triangles: vec![[0, 1, 2]] };
     for (name, mesh, sidedness) in passers() {
         // Of two surfaces with as many triangles the first one gives the frame.
         for floor in [sheet(), tile.clone()] {
