@@ -63,7 +63,7 @@ impl World {
 
     /// Every tick has places of its own, the same in every world.
     fn tick(&mut self, tick: usize) {
-        let side = (self.cubes.len() as f64).cbrt().ceil() as usize;
+        let side = (1..=self.cubes.len()).find(|side| side.pow(3) >= self.cubes.len()).unwrap_or(1);
         let corners = cuboid([0.5; 3], 1).positions;
         for (number, &cube) in self.cubes.iter().enumerate() {
             let mut random = Random::new((tick * self.cubes.len() + number) as u64);

@@ -40,6 +40,7 @@ struct Place(usize);
 
 /// What decides about contacts of a surface or shape.
 #[derive(Clone, Debug)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a component that is there or not")]
 struct Thing {
     /// Lower ones were first surfaces or shapes earlier; `None` where it has not been one yet.
     registered: Option<usize>,
@@ -311,6 +312,7 @@ impl Dice {
 }
 
 /// Changes the state and the world that shows it alike, and says how.
+#[expect(clippy::too_many_lines, reason = "one arm for each kind of change")]
 fn change(state: &mut State, living: &mut Living, tools: &Tools, dice: &mut Dice) -> String {
     let place = dice.below(SURFACES + SHAPES);
     let is_surface = place < SURFACES;

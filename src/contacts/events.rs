@@ -159,7 +159,9 @@ fn track_contacts(store: Res<ContactStore>, mut sides: ResMut<TouchingSides>) {
     started.retain(|pair| !already.contains(&name(pair.sides)));
     touching.extend_from_slice(started);
     let count = touching.len();
-    [touching, started, ended].into_iter().for_each(|list| room::trim(list, count));
+    for list in [touching, started, ended] {
+        room::trim(list, count);
+    }
 }
 
 fn send_contacts(

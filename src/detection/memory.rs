@@ -122,7 +122,9 @@ impl DetectionMemory {
         last_shapes.clone_from(&active.shapes);
         let count = last_surfaces.len();
         room::trim(last_surfaces, count);
-        [surfaces, former_surfaces].into_iter().for_each(|places| room::trim(places, count));
+        for places in [surfaces, former_surfaces] {
+            room::trim(places, count);
+        }
         self.last_count = self.origins.len();
         self.origins.clear();
         self.former_places.clear();
@@ -200,7 +202,9 @@ impl DetectionMemory {
         self.is_whole = true;
         let Self { origins, former_places, candidates, moved, .. } = self;
         let count = origins.len();
-        [origins, former_places].into_iter().for_each(|places| room::trim(places, count));
+        for places in [origins, former_places] {
+            room::trim(places, count);
+        }
         room::trim(candidates, count);
         room::trim(moved, count);
     }
