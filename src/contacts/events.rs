@@ -11,6 +11,7 @@ use bevy_ecs::{
 
 use super::store::{ContactStore, PairOrder, StoredPair};
 use crate::{
+    kernel::room,
     schedule::DeformableSystems,
     surface::{PendingQuarantines, QuarantineReason},
 };
@@ -157,6 +158,10 @@ fn track_contacts(store: Res<ContactStore>, mut sides: ResMut<TouchingSides>) {
     started.extend(store.pairs.iter().filter(touches).map(Touching::new));
     started.retain(|pair| !already.contains(&name(pair.sides)));
     touching.extend_from_slice(started);
+    let count = touching.len();
+    for list in [touching, started, ended] {
+        room::trim(list, count);
+    }
 }
 
 fn send_contacts(

@@ -4,16 +4,20 @@ use std::{collections::HashMap, sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
+use glam::Vec3;
 
 use super::{
-    sides::{Before, Sides},
+    sides::{Before, Reversed, Sides},
     store::{ContactSide, ContactStore, StoredPair},
 };
 use crate::{
     detection::{
         CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, PairContacts, RefinedTrianglePairs,
-        SphereContacts, StageList, SurfacePair, Threads, broad_phase::OtherSide, is_one_sided,
+        SphereContacts, StageList, SurfacePair, Threads,
+        broad_phase::{Frame, OtherSide},
+        is_one_sided,
     },
+    kernel::room,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces},
@@ -51,6 +55,7 @@ fn gather_contacts(
     mut previous: Local<ContactStore>,
     mut kept: Local<KeptPairs>,
     mut sides: Local<Sides>,
+    mut reversed: Local<Reversed>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
 ) {
@@ -94,21 +99,57 @@ fn gather_contacts(
             if is_spoiled {
                 found.restore_order();
             }
-            let before = by_sides.get(&sides_of(&active, pair)).filter(|_| keeps_sides(&active, pair));
-            // Contacts of spheres have no sides.
-            let before = before.map(|&before| &previous.pairs[before]).filter(|before| before.spheres.is_none());
-            let before = before.map_or_else(Before::default, StoredPair::before);
+            let before =
+                if keeps_sides(&active, pair) { last_of(&previous, by_sides, sides_of(&active, pair)) } else { None };
+            let before = match before {
+                Some((before, false)) => before.before(),
+                Some((before, true)) => reversed.of(before.before(), |normal| turned(normal, before, pair.frame)),
+                None => Before::default(),
+            };
             sides.keep(&mut found.contacts, before, &Threads(settings.threads));
         }
         store.pairs.push(stored_pair(&active, pair, found));
     }
     // Who found those finds their memory again.
     previous.pairs.clear();
+    let count = store.pairs.len();
+    room::trim(&mut previous.pairs, count);
+    room::trim(&mut store.pairs, count);
     index_entities(&mut store);
+    room::trim(&mut store.by_entity, 2 * count);
+    room::trim(&mut previous.by_entity, 2 * count);
+    room::trim(stored_places, candidates.pairs.len());
+    room::trim(last_places, candidates.pairs.len());
+    if by_sides.len() > 2 * count {
+        by_sides.clear();
+        by_sides.shrink_to(count);
+    }
     memory.seal(StageList::Refined, refined.last_changed());
     memory.seal(StageList::SphereContacts, spheres.last_changed());
     memory.seal(StageList::Store, store.last_changed());
     diagnostics.finish("contacts", start, candidates.pairs.len(), store.contact_count());
+}
+
+/// What the last tick knew of two sides, and whether their order has changed since; `None` where it found them by spheres, whose
+/// contacts have no sides.
+fn last_of<'a>(
+    previous: &'a ContactStore,
+    by_sides: &HashMap<(ContactSide, ContactSide), usize>,
+    (a, b): (ContactSide, ContactSide),
+) -> Option<(&'a StoredPair, bool)> {
+    let place = by_sides.get(&(a, b)).map(|&place| (place, false));
+    let (place, is_reversed) = place.or_else(|| by_sides.get(&(b, a)).map(|&place| (place, true)))?;
+    Some((&previous.pairs[place], is_reversed)).filter(|(pair, _)| pair.spheres.is_none())
+}
+
+/// A normal of a pair of the last tick, whose sides come in the other order now, in the frame that the pair has now: that of the
+/// same surface, or of the other one where none has more triangles.
+fn turned(normal: Vec3, before: &StoredPair, frame: Frame) -> Vec3 {
+    let own = match frame {
+        Frame::First => &before.poses[1],
+        Frame::Second => &before.poses[0],
+    };
+    own.inverse_transform_direction(before.frame_pose.transform_direction(normal.as_dvec3())).as_vec3()
 }
 
 fn sides_of(active: &ActiveSurfaces, pair: &SurfacePair) -> (ContactSide, ContactSide) {

@@ -31,6 +31,36 @@ pub(super) struct Before<'a> {
     pub(super) shared: &'a [SharedContact],
 }
 
+/// The contacts of a tick in which the sides came in the other order, as if they had come in this one: what the
+/// [`SurfaceOrder`](crate::SurfaceOrder) of a surface has changed.
+#[derive(Default)]
+pub(super) struct Reversed {
+    contacts: Vec<CompactContact>,
+    shared: Vec<SharedContact>,
+}
+
+impl Reversed {
+    /// Those that have sides, where `turn` brings normals into the frame of this tick.
+    pub(super) fn of(&mut self, before: Before<'_>, turn: impl Fn(Vec3) -> Vec3) -> Before<'_> {
+        self.contacts.clear();
+        let with_sides = before.contacts.iter().filter(|contact| contact.key.has_sides());
+        self.contacts.extend(with_sides.map(|&contact| CompactContact {
+            key: contact.key.reversed(),
+            triangle_a: contact.triangle_b,
+            triangle_b: contact.triangle_a,
+            features: contact.features.swapped(),
+            // The way to the first side is the way from it now.
+            normal: -turn(contact.normal),
+            ..contact
+        }));
+        self.contacts.sort_unstable_by_key(|contact| (contact.triangles(), contact.key));
+        self.shared.clear();
+        let shared = (0..).zip(&self.contacts).filter(|(_, contact)| contact.is_shared);
+        self.shared.extend(shared.map(|(place, contact)| SharedContact { key: contact.key, place }));
+        Before { contacts: &self.contacts, shared: &self.shared }
+    }
+}
+
 /// Turns contacts round. Keeps its memory.
 #[derive(Default)]
 pub(super) struct Sides {

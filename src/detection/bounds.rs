@@ -25,6 +25,7 @@ use crate::{
         bounds::{Aabb, bounds_of_moved, point_bounds, triangle_bounds_on},
         motion::Motion,
         pose::{Pose, SIMILARITY_TOLERANCE},
+        room,
         share::{OneByOne, Share},
         topology::SurfaceTopology,
     },
@@ -282,5 +283,8 @@ fn compute_bounds(
         diagnostics.surfaces_unmoved += usize::from(!has_moved);
         surface.world_bounds = bounds.in_world.map_or(Aabb::EMPTY, |(_, in_world)| in_world);
     }
+    let count = active.surfaces.len();
+    room::trim(&mut active.surfaces, count);
+    room::trim(&mut taken, count);
     diagnostics.finish(DetectionDiagnostics::FIRST_DETECTION_STAGE, start, 0, 0);
 }

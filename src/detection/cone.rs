@@ -16,7 +16,10 @@ use super::{
     sphere_lists::{SphereBuffers, SphereReaders},
 };
 use crate::{
-    kernel::sphere_contacts::{cap_contacts, meeting_caps},
+    kernel::{
+        room,
+        sphere_contacts::{cap_contacts, meeting_caps},
+    },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
@@ -114,6 +117,12 @@ fn test_cones(
     for (meeting_caps, found) in both.drain(..) {
         meeting.pairs.push(meeting_caps);
         contacts.pairs.push(found);
+    }
+    room::trim(&mut both, count);
+    room::trim(&mut meeting.pairs, count);
+    room::trim(&mut contacts.pairs, count);
+    if !candidates.pairs.iter().any(|pair| pair.method == ContactMethod::Circumsphere) {
+        buffers.clear();
     }
     let tested = overlapping.pairs.iter().enumerate().filter(|&(place, _)| uses_cones(place));
     let pairs_in = tested.map(|(_, overlapping)| overlapping.len()).sum();

@@ -20,7 +20,10 @@ use super::{
     parallel::Threads,
 };
 use crate::{
-    kernel::bounded_pairs::{BoundedPairs, ListedTriangles},
+    kernel::{
+        bounded_pairs::{BoundedPairs, ListedTriangles},
+        room,
+    },
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
 };
@@ -128,7 +131,9 @@ impl KeptList {
             self.slow_ticks = 0;
         }
         (self.is_made, self.is_followed, self.is_too_long) = (false, false, false);
-        self.pairs.clear();
+        self.pairs.clear_room();
+        room::clear(&mut self.near);
+        room::clear(&mut self.near_places);
     }
 
     /// Decides what to do in this detection, after `motion` since the last one; `slack` is what distances may be off by.
@@ -164,8 +169,8 @@ impl KeptList {
     /// surfaces, and `glanced_at` are pairs that had to be [looked at](Self::look_closer).
     pub(super) fn find_near(&mut self, triangles: usize, glanced_at: usize) {
         self.last_limit = self.limit;
-        self.near.clear();
-        self.near_places.clear();
+        room::clear(&mut self.near);
+        room::clear(&mut self.near_places);
         self.pairs.append_near(self.limit, &mut self.near, &mut self.near_places);
         if self.list_use == ListUse::Made {
             self.examined_at_first = self.near.len();
@@ -261,6 +266,14 @@ impl KeptPairs {
             lists.push(list);
         }
         last.clear();
+        let count = lists.len();
+        room::trim(last, count);
+        room::trim(lists, count);
+        if places.len() > count {
+            // Those of the last tick.
+            places.clear();
+            places.shrink_to(count);
+        }
     }
 }
 

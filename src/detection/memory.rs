@@ -16,7 +16,7 @@ use super::{
     sphere_memory::SphereMemory,
 };
 use crate::{
-    kernel::bounds::Aabb,
+    kernel::{bounds::Aabb, room},
     settings::CircumsphereSettings,
     surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
 };
@@ -42,11 +42,13 @@ pub(crate) struct DetectionMemory {
     settings: Option<CircumsphereSettings>,
     /// For each surface and each shape of this detection its place in the last one, where nothing about it has changed.
     unchanged: [Vec<Option<u32>>; 2],
-    /// For each of the last detection's whether it is one of those.
-    stays: [Vec<bool>; 2],
+    /// The same wherever it was there, whatever has changed about it.
+    former: [Vec<Option<u32>>; 2],
     /// For each pair of this detection its place in the last one, where it is kept.
     origins: Vec<Option<u32>>,
-    /// The candidates of those, until they are handed back.
+    /// The same of each pair that was there, kept or not: its lists are in that place, and serve it again.
+    former_places: Vec<Option<u32>>,
+    /// The candidates of those that are kept, until they are handed back.
     candidates: Vec<Vec<[u32; 2]>>,
     /// What was moved of those, until then.
     moved: Vec<Moved>,
@@ -87,46 +89,47 @@ impl DetectionMemory {
         self.spheres.begin(active);
         let keeps = is_whole && settings.memory && self.settings == Some(*settings);
         self.settings = Some(*settings);
-        let Self { surfaces: last_surfaces, shapes: last_shapes, unchanged: [surfaces, shapes], stays, .. } =
-            &mut *self;
+        let Self {
+            surfaces: last_surfaces,
+            shapes: last_shapes,
+            unchanged: [surfaces, shapes],
+            former: [former_surfaces, former_shapes],
+            ..
+        } = &mut *self;
         let computed = |surface: &ActiveSurface| bounds.get(surface.entity).map_or(0, TriangleBounds::computed);
-        surfaces.clear();
-        surfaces.extend(active.surfaces.iter().map(|surface| {
+        former_surfaces.clear();
+        former_surfaces.extend(active.surfaces.iter().map(|surface| {
             let place = last_surfaces.binary_search_by_key(&surface.order, |(last, _)| last.order).ok()?;
-            let (last, last_computed) = &last_surfaces[place];
+            (surface.entity == last_surfaces[place].0.entity).then_some(place as u32)
+        }));
+        surfaces.clear();
+        surfaces.extend(active.surfaces.iter().zip(&*former_surfaces).map(|(surface, &former)| {
+            let (last, last_computed) = &last_surfaces[former? as usize];
             let kept = keeps && !surface.fresh && is_same_surface(surface, last) && *last_computed == computed(surface);
-            kept.then_some(place as u32)
+            former.filter(|_| kept)
+        }));
+        former_shapes.clear();
+        former_shapes.extend(active.shapes.iter().map(|shape| {
+            let place = last_shapes.binary_search_by_key(&shape.order, |last| last.order).ok()?;
+            (shape.entity == last_shapes[place].entity).then_some(place as u32)
         }));
         shapes.clear();
-        shapes.extend(active.shapes.iter().map(|shape| {
-            let place = last_shapes.binary_search_by_key(&shape.order, |last| last.order).ok()?;
-            (keeps && is_same_shape(shape, &last_shapes[place])).then_some(place as u32)
+        shapes.extend(active.shapes.iter().zip(&*former_shapes).map(|(shape, &former)| {
+            former.filter(|&place| keeps && is_same_shape(shape, &last_shapes[place as usize]))
         }));
-        for ((stays, unchanged), count) in
-            stays.iter_mut().zip([&*surfaces, &*shapes]).zip([last_surfaces.len(), last_shapes.len()])
-        {
-            stays.clear();
-            stays.resize(count, false);
-            unchanged.iter().flatten().for_each(|&place| stays[place as usize] = true);
-        }
         last_surfaces.clear();
         last_surfaces.extend(active.surfaces.iter().map(|surface| (surface.clone(), computed(surface))));
         last_shapes.clone_from(&active.shapes);
+        let count = last_surfaces.len();
+        room::trim(last_surfaces, count);
+        for places in [surfaces, former_surfaces] {
+            room::trim(places, count);
+        }
         self.last_count = self.origins.len();
         self.origins.clear();
+        self.former_places.clear();
         self.candidates.clear();
         self.moved.clear();
-    }
-
-    /// Whether both sides of a pair of the last detection are unchanged.
-    pub(super) fn may_keep(&self, last: &SurfacePair) -> bool {
-        let [surfaces, shapes] = &self.stays;
-        let stays = |places: &[bool], place: usize| places.get(place).is_some_and(|&stays| stays);
-        stays(surfaces, last.first)
-            && match last.second {
-                OtherSide::Surface(second) => stays(surfaces, second),
-                OtherSide::Shape(shape) => stays(shapes, shape),
-            }
     }
 
     /// What a surface, and a shape or surface, of this detection were in the last one, where nothing about them has
@@ -140,9 +143,20 @@ impl DetectionMemory {
         Some((surfaces[first]? as usize, last_second))
     }
 
-    /// Adds a pair that is new or has changed.
-    pub(super) fn add_pair(&mut self) {
+    /// The same wherever both were there, whatever has changed about them.
+    pub(super) fn former_sides(&self, first: usize, second: OtherSide) -> Option<(usize, OtherSide)> {
+        let [surfaces, shapes] = &self.former;
+        let former_second = match second {
+            OtherSide::Surface(place) => OtherSide::Surface(surfaces[place]? as usize),
+            OtherSide::Shape(place) => OtherSide::Shape(shapes[place]? as usize),
+        };
+        Some((surfaces[first]? as usize, former_second))
+    }
+
+    /// Adds a pair that has changed, given its place in the last detection, or that is new.
+    pub(super) fn add_pair(&mut self, former: Option<u32>) {
         self.origins.push(None);
+        self.former_places.push(former);
         self.candidates.push(Vec::new());
         self.moved.push(Moved::default());
     }
@@ -151,6 +165,7 @@ impl DetectionMemory {
     /// else would fill them: somebody else's would fill them again.
     pub(super) fn keep_pair(&mut self, origin: u32, pair: &mut SurfacePair) {
         self.origins.push(Some(origin));
+        self.former_places.push(Some(origin));
         self.candidates.push(std::mem::take(&mut pair.triangles));
         self.moved.push(Moved {
             triangles: std::mem::take(&mut pair.moved_triangles),
@@ -185,6 +200,13 @@ impl DetectionMemory {
         let at_its_place = |(place, origin): (u32, &Option<u32>)| *origin == Some(place);
         self.all_kept = self.origins.len() == self.last_count && (0..).zip(&self.origins).all(at_its_place);
         self.is_whole = true;
+        let Self { origins, former_places, candidates, moved, .. } = self;
+        let count = origins.len();
+        for places in [origins, former_places] {
+            room::trim(places, count);
+        }
+        room::trim(candidates, count);
+        room::trim(moved, count);
     }
 
     /// Whether a pair of this detection is what it was in the last one.
@@ -263,30 +285,24 @@ impl DetectionMemory {
         self.seals[list as usize] = Some(changed);
     }
 
-    /// Brings the lists of kept pairs from their places in the last detection to those in this one. The others, as far as
-    /// there are any, are to be written anew.
+    /// Brings the lists of pairs from their places in the last detection to those in this one. Those of pairs that are not kept
+    /// are to be written anew: a pair keeps its lists for their memory, and what pairs had that have gone is given back.
     pub(super) fn carry<T: Default>(&mut self, lists: &mut Vec<T>) {
         // A stage that was added since the last detection has no lists yet.
         if self.origins.iter().flatten().any(|&origin| origin as usize >= lists.len()) {
             self.forget();
         }
-        let stays = (0..).zip(&self.origins).all(|(place, origin)| origin.is_none_or(|origin| origin == place));
+        let count = lists.len() as u32;
+        let stays = (0..).zip(&self.former_places).all(|(place, &former)| former == Some(place) || place >= count);
         if stays {
+            // Whoever has gone has gone from the end.
+            lists.truncate(self.former_places.len());
+            room::trim(lists, self.former_places.len());
             return;
         }
         let mut last: Vec<Option<T>> = std::mem::take(lists).into_iter().map(Some).collect();
-        lists.extend(
-            self.origins
-                .iter()
-                .map(|origin| origin.and_then(|origin| last[origin as usize].take()))
-                .map(Option::unwrap_or_default),
-        );
-        // Their memory serves those that are written anew.
-        let mut spare = last.into_iter().flatten();
-        for (list, _) in lists.iter_mut().zip(&self.origins).filter(|(_, origin)| origin.is_none()) {
-            let Some(memory) = spare.next() else { break };
-            *list = memory;
-        }
+        let mut take = |former: Option<u32>| last.get_mut(former? as usize)?.take();
+        lists.extend(self.former_places.iter().map(|&former| take(former).unwrap_or_default()));
     }
 
     /// Writes for each active surface whether it is part of a pair that is tested by `method` and not kept.

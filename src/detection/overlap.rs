@@ -18,6 +18,7 @@ use super::{
 use crate::{
     kernel::{
         pair::PairSettings,
+        room,
         sphere_contacts::{ball_contacts, overlapping_ball_contacts},
         sphere_pairs::overlapping_caps,
     },
@@ -154,6 +155,13 @@ fn test_overlap(
     for (passed, found) in both.drain(..) {
         overlapping.pairs.push(passed);
         contacts.pairs.push(found);
+    }
+    room::trim(&mut both, count);
+    room::trim(&mut overlapping.pairs, count);
+    room::trim(&mut contacts.pairs, count);
+    if !candidates.pairs.iter().any(uses_spheres) {
+        spare.clear();
+        buffers.clear();
     }
     let tested = memory.changed(&candidates.pairs).filter(|pair| uses_spheres(pair));
     let pairs_in: usize = tested.map(|pair| pair.triangles.len()).sum();

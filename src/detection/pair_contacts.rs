@@ -13,6 +13,7 @@ use super::sphere_lists::{KeptSpheres, PassedAndFound, SphereBuffers, SphereList
 use crate::kernel::{
     contact::{CompactContact, SharedContact, TouchingPair},
     pair::{FoundPairs, PairSettings},
+    room,
     unique::UniqueFeatures,
 };
 
@@ -106,10 +107,13 @@ impl<T> SharedList<T> {
         if let Shared::Written(list) = &mut self.0 { Arc::get_mut(list) } else { None }
     }
 
-    /// Takes the memory of the list, if nobody else holds it, and leaves an empty one in its place.
+    /// Takes the memory of the list as far as it was used, if nobody else holds it, and leaves an empty one in its place.
     pub(super) fn take(&mut self) -> Vec<T> {
         let mut list = self.own().map(mem::take).unwrap_or_default();
-        list.clear();
+        // An empty one has been emptied before: how much it held then is not known any more.
+        if !list.is_empty() {
+            room::clear(&mut list);
+        }
         list
     }
 
@@ -117,6 +121,9 @@ impl<T> SharedList<T> {
     fn take_memory(&mut self, other: &mut Self) -> Vec<T> {
         if self.own().is_none() {
             mem::swap(self, other);
+        } else if let Some(other) = other.own() {
+            // Nobody holds the last one: the other one is not needed.
+            room::clear(other);
         }
         self.take()
     }
@@ -196,7 +203,7 @@ impl PairContacts {
             lower_bounds: mem::take(&mut self.lower_bounds),
             ..FoundPairs::default()
         };
-        found.lower_bounds.clear();
+        room::clear(&mut found.lower_bounds);
         self.finish(FoundPairs::default());
         found
     }

@@ -243,6 +243,11 @@ impl<T: Default> Buffers<T> {
         result
     }
 
+    /// Gives back the memory of all buffers: there is nothing to do.
+    pub(super) fn clear(&self) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Vec::new();
+    }
+
     fn take(&self) -> T {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default()
     }

@@ -22,6 +22,7 @@ use crate::{
         pair::{FoundPairs, can_penetrate},
         pair_order::PairSorter,
         refine::{refine_closest, refine_pairs, refine_shape},
+        room,
         unique::UniqueFeatures,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
@@ -91,6 +92,11 @@ fn refine(
             refined.finish(found);
         },
     );
+    room::trim(&mut refined.pairs, candidates.pairs.len());
+    if !candidates.pairs.iter().any(|pair| pair.method.is_exact()) {
+        spare.clear();
+        buffers.clear();
+    }
     for (place, refined) in refined.pairs.iter().enumerate().filter(|&(place, _)| !memory.keeps(place)) {
         kept.learn(place, refined.lower_bounds());
     }

@@ -29,6 +29,7 @@ use crate::kernel::{
     pair::{FoundPairs, PairSettings, SurfaceSide},
     pair_order::PairSorter,
     pose::Pose,
+    room,
     share::{OneByOne, Share},
     sphere_contacts::{FoundSpheres, SphereContact, ball_contacts, cap_contacts},
     sphere_pairs::{BallSide, CapSide},
@@ -104,6 +105,14 @@ pub(super) struct SphereBuffers {
     written: Buffers<FoundPairs>,
 }
 
+impl SphereBuffers {
+    /// Gives back all memory: no pair is tested by spheres.
+    pub(super) fn clear(&self) {
+        self.found.clear();
+        self.written.clear();
+    }
+}
+
 /// For so many ticks others are expected to be read after it has been noticed that one was, which is a tick or two later: a game
 /// may read every second tick, or detect several times before it reads.
 const EXPECTED_FOR: u8 = 3;
@@ -119,6 +128,9 @@ impl SphereReaders {
             *ticks -= 1;
             *ticks > 0
         });
+        if self.0.is_empty() {
+            self.0 = HashMap::new();
+        }
         let read = last.flat_map(PairContacts::sphere_lists).filter(|lists| lists.is_read());
         self.0.extend(read.filter_map(|lists| lists.sides).map(|sides| (sides, EXPECTED_FOR)));
     }
@@ -180,19 +192,20 @@ impl WriteRoom {
 impl SphereLists {
     /// Empties it, keeps the memory that it needed this time, and lets the spheres go.
     pub(super) fn clear(&mut self) {
-        self.found.clear();
+        self.found.clear_room();
         self.known = None;
         *self.is_read.get_mut() = false;
         let pairs = self.pairs.take();
         self.pairs.put(pairs);
-        let room = self.room.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let write_room = self.room.get_mut().unwrap_or_else(PoisonError::into_inner);
         match self.written.take() {
             Some(mut written) => {
-                written.clear();
-                room.written = written;
+                written.clear_room();
+                room::clear(&mut write_room.pairs);
+                write_room.written = written;
             }
             // Nobody reads any more.
-            None => *room = WriteRoom::default(),
+            None => *write_room = WriteRoom::default(),
         }
     }
 

@@ -9,6 +9,8 @@ mod closer_look;
 
 pub use closer_look::ListedTriangles;
 
+use super::room;
+
 /// A list of pairs and bounds. All lengths are in the unit of the pairs' frame; the motion is that since the list was
 /// made.
 #[derive(Clone, Debug, Default)]
@@ -25,6 +27,13 @@ impl BoundedPairs {
         self.firsts.clear();
         self.seconds.clear();
         self.bounds.clear();
+    }
+
+    /// Empties the list and keeps room for about as many pairs as it held.
+    pub(crate) fn clear_room(&mut self) {
+        room::clear(&mut self.firsts);
+        room::clear(&mut self.seconds);
+        room::clear(&mut self.bounds);
     }
 
     /// How many pairs there are.

@@ -25,6 +25,14 @@ impl ContactKey {
         Self((kinds << (2 * FEATURE_BITS)) | (u64::from(number_a) << FEATURE_BITS) | u64::from(number_b))
     }
 
+    /// The key of the same features, where the surfaces come in the other order.
+    pub(crate) const fn reversed(self) -> Self {
+        const NUMBER: u64 = (1 << FEATURE_BITS) - 1;
+        let (kinds, a, b) = (self.0 >> (2 * FEATURE_BITS), (self.0 >> FEATURE_BITS) & NUMBER, self.0 & NUMBER);
+        let kinds = kinds % 3 * 3 + kinds / 3;
+        Self((kinds << (2 * FEATURE_BITS)) | (b << FEATURE_BITS) | a)
+    }
+
     /// Whether its features are a vertex and a face or two edges: those pass each other from one side to the other, while around
     /// a corner or a rim a direction may turn without anything having passed.
     #[inline]

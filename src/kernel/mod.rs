@@ -29,6 +29,7 @@ mod prefetch;
 mod recipe;
 pub mod reference;
 pub mod refine;
+pub(crate) mod room;
 pub mod settle;
 pub mod share;
 pub mod smooth_normal;

@@ -13,6 +13,7 @@ use super::{
     },
     ids::TriangleId,
     pose::Pose,
+    room,
     topology::SurfaceTopology,
 };
 
@@ -257,6 +258,15 @@ impl FoundPairs {
         self.nearest = f64::INFINITY;
         self.examined = 0;
         self.lower_bounds.clear();
+    }
+
+    /// Empties the lists and keeps room for about as much as they held.
+    pub(crate) fn clear_room(&mut self) {
+        room::clear(&mut self.touching);
+        room::clear(&mut self.contacts);
+        room::clear(&mut self.shared);
+        room::clear(&mut self.lower_bounds);
+        self.clear();
     }
 
     /// Appends what was found in a later part of the pairs by faces, which are sorted: a pair that stands on both sides of

@@ -19,6 +19,7 @@ use super::{
     },
     pair::{FoundPairs, PairSettings},
     prefetch::{ask_ahead, ask_for_room},
+    room,
     sphere_pairs::{BallSide, CapSide, ListedPairs, append_first, balls_within, facing_caps},
     sphere_rows::RowLanes,
 };
@@ -93,6 +94,12 @@ impl FoundSpheres {
     pub fn clear(&mut self) {
         self.distances.clear();
         (self.reported, self.touching, self.nearest) = (0, 0, f64::INFINITY);
+    }
+
+    /// Empties the list and keeps room for about as much as it held.
+    pub(crate) fn clear_room(&mut self) {
+        room::clear(&mut self.distances);
+        self.clear();
     }
 
     /// Appends what was found of a later part of the list.

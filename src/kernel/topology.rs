@@ -1,12 +1,12 @@
 //! What is connected to what in a triangle mesh, found once and shared by every instance.
 //!
-//! Vertices with exactly equal positions are welded for adjacency only: the triangles keep the caller's vertex
-//! numbers. Each welded edge and vertex knows its triangles, so later stages can decide alone which of several
+//! Vertices with exactly equal positions, or within a distance that the caller gives, are welded for adjacency only: the
+//! triangles keep the caller's vertex numbers. Each welded edge and vertex knows its triangles, so later stages can decide alone which of several
 //! triangles reports a shared feature. First in the flow: positions and triangles come in, adjacency goes out.
 
 use std::{collections::HashMap, sync::OnceLock};
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::{
     ids::{EdgeId, TriangleId, VertexId},
@@ -41,6 +41,11 @@ pub enum TopologyError {
         /// Its position.
         position: Vec3,
     },
+    /// A distance to weld within is negative, NaN or infinite.
+    #[error(
+        "the distance to weld within is {0}: give a finite one of 0 or more, below the length of the shortest edge"
+    )]
+    WeldDistance(f32),
     /// More elements than a contact's key can number.
     #[error("the surface has {count} {element}, more than the {MAX_ELEMENTS} that one surface can have: split it")]
     TooLarge {
@@ -62,7 +67,8 @@ pub struct TopologyReport {
     pub inconsistent_edges: usize,
     /// Triangles that name the same welded vertex twice.
     pub collapsed_triangles: usize,
-    /// Vertices that share their position with an earlier one.
+    /// Vertices that are welded to an earlier one, because they share its position or are within the distance to weld
+    /// within.
     pub welded_vertices: usize,
 }
 
@@ -174,8 +180,26 @@ impl SurfaceTopology {
     /// An empty triangle list, a vertex number out of range, a coordinate that is not finite, more than
     /// [`MAX_ELEMENTS`] of anything.
     pub fn new(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, TopologyError> {
+        Self::welded_within(positions, triangles, 0.0)
+    }
+
+    /// The same, welding all vertices whose positions are no farther apart than `distance`, in the unit of the positions, and
+    /// with them what is welded to those: a chain of vertices is one, named by the lowest. 0 welds equal positions alone.
+    ///
+    /// The distance has to stay below the length of the shortest edge: triangles with a shorter edge collapse, and then the
+    /// surface is not [closed](Self::is_closed). Takes time in proportion to the vertices as long as it does.
+    ///
+    /// # Errors
+    /// A distance that is negative or not finite, besides those of [`new`](Self::new).
+    pub fn welded_within(positions: &[Vec3], triangles: &[[u32; 3]], distance: f32) -> Result<Self, TopologyError> {
         validate(positions, triangles)?;
-        let weld = exact_weld(positions);
+        if !(distance.is_finite() && distance >= 0.0) {
+            return Err(TopologyError::WeldDistance(distance));
+        }
+        let mut weld = exact_weld(positions);
+        if distance > 0.0 {
+            weld_within(positions, f64::from(distance), &mut weld);
+        }
         let welded_triangles: Vec<[u32; 3]> =
             triangles.iter().map(|corners| corners.map(|vertex| weld[vertex as usize])).collect();
         let (edges, triangle_edges) = unique_edges(&welded_triangles);
@@ -279,14 +303,15 @@ impl SurfaceTopology {
         &self.triangles
     }
 
-    /// The triangles as welded vertices: each is named by the first vertex with the same position.
+    /// The triangles as welded vertices: each is named by the first vertex that it is welded to.
     #[must_use]
     #[inline]
     pub fn welded_triangles(&self) -> &[[u32; 3]] {
         &self.welded_triangles
     }
 
-    /// For each of the caller's vertices the first one with exactly the same position.
+    /// For each of the caller's vertices the first one that it is welded to: with exactly the same position, or where the
+    /// surface was [welded within](Self::welded_within) a distance, in the same chain of vertices.
     #[must_use]
     #[inline]
     pub fn weld(&self) -> &[u32] {
@@ -465,6 +490,62 @@ fn exact_weld(positions: &[Vec3]) -> Vec<u32> {
         .enumerate()
         .map(|(vertex, position)| *first.entry(bits(position)).or_insert(vertex as u32))
         .collect()
+}
+
+/// Cells of the grid have sides of this many distances: most points are near no other cell, and few are in each.
+const DISTANCES_OF_A_CELL: f64 = 4.0;
+
+/// Joins vertices that are no farther apart than `distance`, and chains of them, given those that are welded already.
+fn weld_within(positions: &[Vec3], distance: f64, weld: &mut [u32]) {
+    let size = DISTANCES_OF_A_CELL * distance;
+    // Whole numbers as f64: beyond 2^53, where neighbors have no numbers of their own, different f32 are farther apart than a cell.
+    let cell_of = |point: DVec3| (point / size).floor() + DVec3::ZERO;
+    let key = |cell: DVec3| cell.to_array().map(f64::to_bits);
+    let mut cells: HashMap<[u64; 3], Vec<u32>> = HashMap::with_capacity(positions.len());
+    for vertex in 0..positions.len() {
+        if weld[vertex] as usize != vertex {
+            continue;
+        }
+        let point = positions[vertex].as_dvec3();
+        let [low, high] = [point - distance, point + distance].map(cell_of);
+        for x in whole_numbers(low.x, high.x) {
+            for y in whole_numbers(low.y, high.y) {
+                for z in whole_numbers(low.z, high.z) {
+                    for &other in cells.get(&key(DVec3::new(x, y, z))).into_iter().flatten() {
+                        if point.distance_squared(positions[other as usize].as_dvec3()) <= distance * distance {
+                            join(weld, vertex as u32, other);
+                        }
+                    }
+                }
+            }
+        }
+        cells.entry(key(cell_of(point))).or_default().push(vertex as u32);
+    }
+    for vertex in 0..weld.len() {
+        weld[vertex] = root(weld, vertex as u32);
+    }
+}
+
+/// One or two cells along an axis.
+fn whole_numbers(low: f64, high: f64) -> impl Iterator<Item = f64> {
+    [Some(low), (high != low).then_some(high)].into_iter().flatten()
+}
+
+/// The lowest vertex of a chain.
+fn root(weld: &mut [u32], vertex: u32) -> u32 {
+    let mut root = vertex;
+    while weld[root as usize] != root {
+        // Every second one is brought nearer: chains stay short.
+        weld[root as usize] = weld[weld[root as usize] as usize];
+        root = weld[root as usize];
+    }
+    root
+}
+
+/// Makes one chain of two, named by its lowest vertex.
+fn join(weld: &mut [u32], first: u32, second: u32) {
+    let (first, second) = (root(weld, first), root(weld, second));
+    weld[first.max(second) as usize] = first.min(second);
 }
 
 fn unique_edges(welded_triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {

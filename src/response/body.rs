@@ -1,6 +1,9 @@
 //! The components that make a surface a body: what it weighs, what it is made of, and its shape at rest.
 
-use std::sync::Arc;
+use std::sync::{
+    Arc,
+    atomic::{AtomicBool, Ordering},
+};
 
 use bevy_ecs::prelude::*;
 use glam::{DVec3, Vec3};
@@ -27,7 +30,7 @@ pub struct XpbdMaterial {
     /// centimeters.
     pub bend_compliance: f32,
     /// Of a closed body against a change of its volume, in cubic meters per pascal. Default infinite: cloth has no
-    /// volume. Without meaning for surfaces that are not closed.
+    /// volume. Without effect on surfaces that are not [closed](SurfaceTopology::is_closed): [`XpbdBody::new`] warns of the first.
     pub volume_compliance: f32,
     /// Share of the velocity that is lost to the air, per second. 0 or more. Default 2: a light cloth falls no faster than 5 meters
     /// per second.
@@ -65,6 +68,13 @@ impl Default for XpbdMaterial {
     }
 }
 
+/// The largest coordinate, in world units, and the largest component of a velocity, in world units per second, that a body is given.
+/// Squares and triple products of such numbers are finite in f64, and those of what is a millionth as large in f32.
+pub(super) const MOST_COORDINATE: f64 = 1.0e15;
+
+/// Whether open surfaces with a volume have been warned of.
+static HAS_WARNED_OF_OPEN_VOLUME: AtomicBool = AtomicBool::new(false);
+
 /// Why a surface cannot be made a body.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum XpbdBodyError {
@@ -87,6 +97,10 @@ pub enum XpbdBodyError {
     /// A velocity is NaN or infinite.
     #[error("the velocity of vertex {} is not finite", .0.0)]
     NonFiniteVelocity(VertexId),
+    /// A vertex would leave the range in which positions and velocities can be computed: the body was not moved and its
+    /// velocities were set to zero. Look for a force, a velocity or a stiffness that is far too large.
+    #[error("vertex {} would move beyond {MOST_COORDINATE:e} or to no number at all; the body was stopped where it stood", .0.0)]
+    OutOfRange(VertexId),
     /// An inverse mass is negative, NaN or infinite.
     #[error("the inverse mass of vertex {} is {}; it must be finite and 0 or more, where 0 pins the vertex", .0.0, .1)]
     InverseMass(VertexId, f32),
@@ -243,13 +257,17 @@ impl XpbdBody {
         }
         let mean = if counted > 0 { total / counted as f64 } else { 1.0 };
         let mass = |area: f64| if area > 0.0 { area } else { mean } * f64::from(material.area_density);
+        let rest = RestShape::new(topology, &positions.0);
+        if material.volume_compliance.is_finite() && rest.volume.is_none() {
+            warn_of_open_volume(topology);
+        }
         let inverse_masses = topology.weld().iter().map(|&own| (1.0 / mass(areas[own as usize])) as f32).collect();
         Ok(Self {
             velocities: vec![Vec3::ZERO; expected],
             inverse_masses,
             material,
             mesh: Arc::clone(topology),
-            rest: Arc::new(RestShape::new(topology, &positions.0)),
+            rest: Arc::new(rest),
             written: Vec::new(),
             stood: None,
         })
@@ -299,6 +317,30 @@ impl XpbdBody {
         }
         check_material(&self.material)
     }
+}
+
+/// Says once that a body has no volume to keep.
+fn warn_of_open_volume(topology: &SurfaceTopology) {
+    if HAS_WARNED_OF_OPEN_VOLUME.swap(true, Ordering::Relaxed) {
+        return;
+    }
+    if topology.is_closed() {
+        log::warn!(
+            "a body's volume_compliance has no effect, because its mesh is inside out: reverse its triangles. This is \
+             said once"
+        );
+        return;
+    }
+    let report = topology.report();
+    log::warn!(
+        "a body's volume_compliance has no effect, because its mesh is not closed ({} boundary edges, {} non-manifold, {} \
+         inconsistent, {} collapsed triangles). If seams differ by rounding, make the surface with \
+         DeformableSurface::builder(..).weld_within(..); for a sheet, set the volume_compliance to infinity. This is said once",
+        report.boundary_edges,
+        report.non_manifold_edges,
+        report.inconsistent_edges,
+        report.collapsed_triangles
+    );
 }
 
 fn count(what: &'static str, expected: usize, found: usize) -> Result<(), XpbdBodyError> {

@@ -29,6 +29,9 @@ use crate::{
 /// Features are kept apart by this share of the contact distance, or half of what they began with where that is less.
 const KEPT_APART: f64 = 0.02;
 
+/// Features that have come nearer than this share of the contact distance come no nearer.
+const LEAST_APART: f64 = 0.005;
+
 /// Positions are rounded to f32 between ticks: by less than this share of the size of what they are near.
 const ROUNDING: f64 = 1.0e-6;
 
@@ -41,11 +44,15 @@ const SHARE_OF_DISTANCE: f64 = 0.49;
 /// Rounds after which what meets is not moved at all, and after which whole bodies are not; and how many of those there are at
 /// most: what still meets then is squeezed between things that nothing stops.
 const GENTLE_ROUNDS: usize = 4;
-const MOST_ROUNDS: usize = 14;
-const LAST_ROUNDS: usize = 8;
+const MOST_ROUNDS: usize = 12;
+const LAST_ROUNDS: usize = 12;
+
+/// A body that meets itself on its way in more places than so many times its vertices is squeezed into nothing: to look after
+/// them all takes longer than a game can wait, and holds them there.
+const MOST_OWN_IMPACTS: usize = 2;
 
 /// What the guard did in a tick.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Guarded {
     /// Impacts on the ways that were solved for.
     pub(super) impacts: usize,
@@ -53,6 +60,8 @@ pub(super) struct Guarded {
     pub(super) stopped: usize,
     /// Impacts that remained: those of bodies that were hit by what nothing stops.
     pub(super) remaining: usize,
+    /// Bodies that meet themselves in so many places that they are no longer kept from crossing themselves.
+    pub(super) jammed: Vec<Entity>,
 }
 
 /// Triangles that no solver moves: where they begin and end, and what that is known by.
@@ -207,6 +216,8 @@ pub(super) struct Guard {
     plane: Option<Arc<SurfaceTopology>>,
     /// How particles are carried along by what they met.
     carried: Vec<Option<Carry>>,
+    /// How particles give way besides, that are squeezed between things that are driven.
+    slides: Vec<DVec3>,
     /// Which particles go together, once what meets is not moved any more: each names another one of its zone, or itself.
     zones: Vec<u32>,
     /// Which particles have changed their ways in this round.
@@ -215,8 +226,10 @@ pub(super) struct Guard {
     shares: Vec<f64>,
     solved: Vec<DVec3>,
     impacts: Vec<PairImpact>,
-    /// What meets on the ways that were solved for, with the places of both meshes.
-    found: Vec<([usize; 2], PairImpact)>,
+    /// The places of bodies that are so squeezed that they may rather cross themselves.
+    jammed: Vec<usize>,
+    /// What meets on the ways that were solved for.
+    found: Vec<(MeshPair, PairImpact)>,
     buffers: SweepBuffers,
     tick: u64,
 }
@@ -233,6 +246,7 @@ impl Guard {
         self.tick += 1;
         self.pairs.clear();
         self.found.clear();
+        self.jammed.clear();
         if scene.is_any_swept() {
             self.gather(particles, scene, first);
             self.find(particles, |_| true);
@@ -247,13 +261,15 @@ impl Guard {
             mesh.follow_ways(particles);
         }
         self.pair_meshes(scene);
+        let jammed = &self.jammed;
+        self.pairs.retain(|pair| pair.places[0] != pair.places[1] || !jammed.contains(&pair.places[0]));
         self.find(particles, |_| true);
         self.found.len()
     }
 
     /// What was found last.
     pub(super) fn found(&self, particles: &Particles) -> Vec<MeetingTriangles> {
-        let meetings = self.found.iter().map(|([a, b], found)| {
+        let meetings = self.found.iter().map(|(MeshPair { places: [a, b], .. }, found)| {
             let impact = &found.impact;
             MeetingTriangles {
                 sides: [
@@ -270,9 +286,10 @@ impl Guard {
 
     /// Lists what meets, of the pairs with a mesh that is `asked` about.
     fn find(&mut self, particles: &Particles, asked: impl Fn(&Mesh) -> bool) {
-        let Self { meshes, pairs, found, impacts, buffers, .. } = self;
+        let Self { meshes, pairs, found, impacts, buffers, jammed, .. } = self;
         found.clear();
-        for &MeshPair { places: [a, b], separation } in &*pairs {
+        for pair in &*pairs {
+            let MeshPair { places: [a, b], separation, .. } = *pair;
             let (mesh_a, mesh_b) = (&meshes[a], &meshes[b]);
             if !(asked(mesh_a) || asked(mesh_b)) {
                 continue;
@@ -281,13 +298,20 @@ impl Guard {
             let (swept_a, swept_b) = (mesh_a.swept(particles), mesh_b.swept(particles));
             sweep(&swept_a, &mesh_a.tree, &swept_b, &mesh_b.tree, a == b, separation, buffers, impacts);
             let met = impacts.iter().filter(|found| is_met(found.impact.cause));
-            found.extend(met.map(|&impact| ([a, b], impact)));
+            let before = found.len();
+            found.extend(met.map(|&impact| (*pair, impact)));
+            if a == b && found.len() - before > MOST_OWN_IMPACTS * mesh_a.topology.vertex_count() {
+                found.truncate(before);
+                jammed.push(a);
+            }
         }
+        pairs.retain(|pair| pair.places[0] != pair.places[1] || !jammed.contains(&pair.places[0]));
     }
 
     /// Stops what would still go through something, in a part of the tick that takes so many seconds.
     pub(super) fn stop(&mut self, particles: &mut Particles, duration: f64) -> Guarded {
-        let mut guarded = Guarded { impacts: self.found.len(), ..Guarded::default() };
+        let jammed = self.jammed.iter().map(|&place| self.meshes[place].name.entity).collect();
+        let mut guarded = Guarded { impacts: self.found.len(), jammed, ..Guarded::default() };
         if !self.found.is_empty() {
             self.run(particles, duration, &mut guarded);
         }
@@ -434,7 +458,7 @@ impl Guard {
             let may_meet = pair[0] == pair[1] || mesh.layers.interacts_with(other.layers);
             let is_any_fast = mesh.tree.fast_count() + other.tree.fast_count() > 0;
             if may_meet && is_any_fast && (mesh.is_guarded || other.is_guarded) {
-                pairs.push(MeshPair { places, separation: separation(scene, mesh, other) });
+                pairs.push(MeshPair::new(scene, places, mesh, other));
             }
         }
     }
@@ -444,6 +468,8 @@ impl Guard {
         self.shares.resize(particles.len(), 1.0);
         self.carried.clear();
         self.carried.resize(particles.len(), None);
+        self.slides.clear();
+        self.slides.resize(particles.len(), DVec3::ZERO);
         self.zones.clear();
         self.zones.extend(0..particles.len() as u32);
         self.solved.clone_from(&particles.position);
@@ -455,10 +481,11 @@ impl Guard {
             let mut is_clear = true;
             self.changed.clear();
             self.changed.resize(particles.len(), false);
-            let Self { meshes, found, shares, carried, changed, zones, .. } = self;
-            let mut ways = Ways { particles: &*particles, shares, carried, changed, zones };
-            for ([a, b], found) in &*found {
-                let held = hold(&meshes[*a], &meshes[*b], &mut ways, found, round);
+            let Self { meshes, found, shares, carried, slides, changed, zones, .. } = self;
+            let mut ways = Ways { particles: &*particles, shares, carried, slides, changed, zones };
+            for (pair, found) in &*found {
+                let [a, b] = pair.places;
+                let held = hold(&meshes[a], &meshes[b], &mut ways, found, round);
                 is_clear &= !held;
                 guarded.remaining += usize::from(!held);
             }
@@ -474,14 +501,14 @@ impl Guard {
         for particle in (0..particles.len()).filter(is_stopped) {
             guarded.stopped += 1;
             let start = particles.start[particle];
-            let along = self.carried[particle].map_or(DVec3::ZERO, |carry| carry.way(start)) / duration;
+            let along = (way_of(self.carried[particle], start) + self.slides[particle]) / duration;
             particles.velocity[particle] = along + (particles.velocity[particle] - along) * self.shares[particle];
         }
     }
 
     /// Lets particles go the shares of their ways, and the trees follow.
     fn shorten(&mut self, particles: &mut Particles) {
-        let Self { meshes, shares, carried, changed, solved, .. } = self;
+        let Self { meshes, shares, carried, slides, changed, solved, .. } = self;
         for mesh in meshes {
             let Some(first) = mesh.first else {
                 mesh.stale = false;
@@ -492,10 +519,10 @@ impl Guard {
                 let (particle, weld) = (first + vertex, first + weld as usize);
                 let (share, carry) = (shares[weld], carried[weld]);
                 changed[particle] |= changed[weld];
-                (shares[particle], carried[particle]) = (share, carry);
+                (shares[particle], carried[particle], slides[particle]) = (share, carry, slides[weld]);
                 if share < 1.0 || carry.is_some() {
                     let start = particles.start[particle];
-                    let start = start + carry.map_or(DVec3::ZERO, |carry| carry.way(start));
+                    let start = start + way_of(carry, start) + slides[weld];
                     particles.position[particle] = start + (solved[particle] - start) * share;
                 }
             }
@@ -512,18 +539,24 @@ impl Guard {
     }
 }
 
-/// The distance that triangles of two meshes are kept apart by, at least.
-fn separation(scene: &Scene<'_, '_>, mesh: &Mesh, other: &Mesh) -> f64 {
-    let reach = |mesh: &Mesh| mesh.thickness - mesh.radius;
-    let contact_distance = reach(mesh) + reach(other);
-    let radius = mesh.radius + other.radius;
-    let nearest = scene.nearest_of(mesh.name.entity, other.name.entity).unwrap_or(contact_distance);
-    if radius > 0.0 && nearest <= 0.0 {
-        // What has been pressed into a round shape a little gets no deeper.
-        let deepest = scene.deepest_of(mesh.name.entity, other.name.entity).min(0.0);
-        return (radius * (1.0 - ROUNDING) + deepest).max(0.0);
+impl MeshPair {
+    fn new(scene: &Scene<'_, '_>, places: [usize; 2], mesh: &Mesh, other: &Mesh) -> Self {
+        let reach = |mesh: &Mesh| mesh.thickness - mesh.radius;
+        let contact_distance = reach(mesh) + reach(other);
+        let radius = mesh.radius + other.radius;
+        let (a, b) = (mesh.name.entity, other.name.entity);
+        let nearest = scene.nearest_of(a, b).unwrap_or(contact_distance);
+        let kept = KEPT_APART * contact_distance;
+        let separation = if radius > 0.0 && nearest <= 0.0 {
+            // What has been pressed into a round shape a little gets no deeper.
+            (radius * (1.0 - ROUNDING) + scene.deepest_of(a, b).min(0.0)).max(0.0)
+        } else {
+            // What is pressed on for many ticks would be halved to nothing.
+            let floor = (nearest - ROUNDING * radius).clamp(0.0, LEAST_APART * contact_distance);
+            radius + kept.min((0.5 * nearest).max(floor))
+        };
+        Self { places, separation }
     }
-    radius + (KEPT_APART * contact_distance).min(0.5 * nearest)
 }
 
 /// A triangle in the boundary of a half-space that is under, or over, all that bodies may reach: where it begins and ends.
@@ -573,6 +606,11 @@ impl Carry {
     }
 }
 
+/// How a point moves that something carries along, or nothing.
+fn way_of(carry: Option<Carry>, start: DVec3) -> DVec3 {
+    carry.map_or(DVec3::ZERO, |carry| carry.way(start))
+}
+
 /// How a pose turns into another one, with how it grows.
 fn turn_between([from, to]: [&Pose; 2]) -> Option<DMat3> {
     (!from.has_bits_of(to)).then(|| to.to_affine().matrix3 * from.to_affine().matrix3.inverse())
@@ -594,6 +632,7 @@ struct Ways<'a> {
     particles: &'a Particles,
     shares: &'a mut [f64],
     carried: &'a mut [Option<Carry>],
+    slides: &'a mut [DVec3],
     changed: &'a mut [bool],
     zones: &'a mut [u32],
 }
@@ -674,6 +713,12 @@ fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, r
     }
     let carry_a = ways.carry(mesh_a, found.triangle_a, &found.impact.barycentric_a);
     let carry_b = ways.carry(mesh_b, found.triangle_b, &found.impact.barycentric_b);
+    // What is driven, and away from it.
+    let pushed = match (mesh_a.first, mesh_b.first) {
+        (None, _) => Some((carry_a, -found.impact.normal)),
+        (_, None) => Some((carry_b, found.impact.normal)),
+        _ => None,
+    };
     let is_between_bodies = mesh_a.first.is_some() && mesh_b.first.is_some();
     let is_carried = carry_a.is_some() || carry_b.is_some();
     if round >= MOST_ROUNDS && is_between_bodies && is_carried {
@@ -694,6 +739,20 @@ fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, r
             // What is squeezed between two that move differently goes with the one that moves it farther.
             let start = ways.particles.start[particle];
             let own = ways.carried[particle];
+            if let Some((driven, away)) = pushed
+                && round >= MOST_ROUNDS
+                && own != driven
+                && ways.shares[particle] <= 0.0
+            {
+                // What something else carries already gives way to the side.
+                let toward = (way_of(own, start) + ways.slides[particle] - way_of(driven, start)).dot(away);
+                if toward < 0.0 {
+                    ways.slides[particle] -= away * toward;
+                    ways.changed[particle] = true;
+                    is_held = true;
+                }
+                return;
+            }
             let carry = Carry::longer(Carry::longer(own, carry_a, start), carry_b, start);
             if carry != own || ways.shares[particle] > 0.0 {
                 ways.carried[particle] = carry;

@@ -4,16 +4,19 @@ use std::time::{Duration, Instant};
 
 use bevy_ecs::prelude::*;
 use bevy_time::Time;
+use glam::{DVec3, Vec3};
 
 use super::{
-    body::XpbdBody,
+    body::{MOST_COORDINATE, XpbdBody, XpbdBodyError},
     gather::{Gatherer, Scene, Watch},
     guard::Guard,
     motion::{self, Motions},
+    particles::Particles,
     settings::XpbdSettings,
     solver::{Solved, Solver},
 };
 use crate::{
+    kernel::{ids::VertexId, pose::Pose, topology::SurfaceTopology},
     schedule::run_detection,
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, DeformableSurface, SurfacePositions, SweptCollision, SweptTarget},
@@ -45,10 +48,12 @@ pub struct XpbdDiagnostics {
     pub vertices_stopped: usize,
     /// Impacts that could not be prevented: something that nothing moves has hit a body.
     pub impacts_remaining: usize,
+    /// Bodies that were squeezed so that they met themselves nearly everywhere: they were not kept from crossing themselves.
+    pub jammed: Vec<Entity>,
     /// Looking for impacts, and solving again.
     pub guarding: Duration,
     /// Bodies that could not be moved in this tick and why: they stand until that is mended.
-    pub refused: Vec<(Entity, super::XpbdBodyError)>,
+    pub refused: Vec<(Entity, XpbdBodyError)>,
 }
 
 /// What the response keeps from stage to stage and from tick to tick.
@@ -66,6 +71,9 @@ pub(super) struct Response {
     /// The least margin of this tick, in world units.
     slack: f32,
     refused: Vec<Entity>,
+    /// Bodies that left the range of what can be computed, in this tick and in the last one.
+    stopped: Vec<Entity>,
+    stopped_last: Vec<Entity>,
 }
 
 /// Margins in mean edges of the finest body: at rest, and at most.
@@ -80,6 +88,7 @@ const LEAST_SUBSTEPS: u32 = 4;
 
 /// How often a tick is solved at most.
 const MOST_SOLUTIONS: usize = 4;
+const MOST_SOLUTIONS_OF_PART: usize = 2;
 
 /// Widens the margin to what bodies will move by in this tick, in powers of two: what may touch within the tick is
 /// detected when it begins. A margin that the game has set stays.
@@ -234,7 +243,8 @@ fn respond(
     let mut met = guard.begin(&solver.particles, &scene, |entity| gatherer.first_particle(entity));
     let mut solved_again = Solved::default();
     let mut solutions = 1;
-    while met > 0 && solutions < MOST_SOLUTIONS {
+    let most = if parts > 1 { MOST_SOLUTIONS_OF_PART } else { MOST_SOLUTIONS };
+    while met > 0 && solutions < most {
         let mut is_any_new = false;
         for meeting in guard.found(&solver.particles) {
             is_any_new |= gatherer.add_impact(solver, &scene, &meeting);
@@ -257,22 +267,38 @@ fn respond(
     diagnostics.impacts += guarded.impacts;
     diagnostics.vertices_stopped += guarded.stopped;
     diagnostics.impacts_remaining += guarded.remaining;
+    diagnostics.jammed.extend(guarded.jammed);
     diagnostics.guarding += start.elapsed();
 }
 
-/// Writes positions and velocities to the bodies.
+/// Writes positions and velocities to the bodies. A body of which a vertex leaves the range of what can be computed is not
+/// written: it stands where it was, without a velocity.
 pub(super) fn write_back(
     active: Res<ActiveSurfaces>,
     motions: Res<Motions>,
-    response: Res<Response>,
+    mut response: ResMut<Response>,
+    mut diagnostics: ResMut<XpbdDiagnostics>,
     mut bodies: Query<(&mut SurfacePositions, &mut XpbdBody)>,
 ) {
+    let response = &mut *response;
+    response.stopped_last.clear();
+    std::mem::swap(&mut response.stopped, &mut response.stopped_last);
     let mut surfaces = active.surfaces.iter();
     for (&entity, solved) in response.moved.iter().zip(&response.solver.bodies) {
         let Some(surface) = surfaces.find(|surface| surface.entity == entity) else { return };
         let Ok((mut positions, mut body)) = bodies.get_mut(entity) else { continue };
         let own = surface.pose.inverse();
         let particles = &response.solver.particles;
+        if let Some(vertex) = first_out_of_range(&surface.topology, solved.first, particles, &own) {
+            body.velocities.fill(Vec3::ZERO);
+            let error = XpbdBodyError::OutOfRange(vertex);
+            if !response.stopped_last.contains(&entity) {
+                log::warn!("body {entity} is stopped: {error}");
+            }
+            response.stopped.push(entity);
+            diagnostics.refused.push((entity, error));
+            continue;
+        }
         for (vertex, &weld) in surface.topology.weld().iter().enumerate() {
             let particle = solved.first + weld as usize;
             positions.0[vertex] = own.transform_point(particles.position[particle]).as_vec3();
@@ -290,4 +316,17 @@ pub(super) fn write_back(
         body.written.clone_from(&positions.0);
         body.stood = Some(surface.pose);
     }
+}
+
+/// The first vertex of a body whose solved position, in the world or in the surface's own frame, or whose velocity is too
+/// large or no number.
+fn first_out_of_range(topology: &SurfaceTopology, first: usize, particles: &Particles, own: &Pose) -> Option<VertexId> {
+    let is_in_range = |vector: DVec3| vector.abs().max_element() <= MOST_COORDINATE && !vector.is_nan();
+    let is_lost = |&weld: &u32| {
+        let particle = first + weld as usize;
+        let position = particles.position[particle];
+        let vectors = [position, own.transform_point(position), particles.velocity[particle]];
+        !vectors.into_iter().all(is_in_range)
+    };
+    topology.weld().iter().position(is_lost).map(|vertex| VertexId(vertex as u32))
 }

@@ -49,7 +49,8 @@ pub struct DeformableSurface {
 
 impl DeformableSurface {
     /// Makes a surface from vertex positions and triangles (vertex numbers, counter-clockwise seen from outside).
-    /// Spawn the returned pair as a bundle. Vertices with exactly equal positions count as connected.
+    /// Spawn the returned pair as a bundle. Vertices with exactly equal positions count as connected; those that differ by
+    /// rounding can be [welded](SurfaceBuilder::weld_within).
     ///
     /// ```
     /// # use bevy_circumsphere::prelude::*;
@@ -65,9 +66,24 @@ impl DeformableSurface {
     /// No triangle, a vertex number out of range, a position that is not finite, too many elements: see
     /// [`TopologyError`].
     pub fn from_mesh(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<(Self, SurfacePositions), TopologyError> {
-        let topology = Arc::new(SurfaceTopology::new(positions, triangles)?);
-        let mean_edge = topology.mean_edge_length(positions) as f32;
-        Ok((Self { topology, mean_edge }, SurfacePositions(positions.to_vec())))
+        Self::builder(positions, triangles).build()
+    }
+
+    /// The same with more to say about how the surface is made.
+    ///
+    /// ```
+    /// # use bevy_circumsphere::prelude::*;
+    /// # use glam::Vec3;
+    /// // Two triangles with a seam that rounding has opened.
+    /// let positions = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::X + 1.0e-7, Vec3::ONE, Vec3::Y];
+    /// let triangles = [[0, 1, 2], [5, 3, 4]];
+    /// let (surface, _) = DeformableSurface::builder(&positions, &triangles).weld_within(1.0e-5).build()?;
+    /// assert_eq!(surface.topology().edges().len(), 5);
+    /// # Ok::<(), TopologyError>(())
+    /// ```
+    #[must_use]
+    pub fn builder<'a>(positions: &'a [Vec3], triangles: &'a [[u32; 3]]) -> SurfaceBuilder<'a> {
+        SurfaceBuilder { positions, triangles, weld_distance: 0.0 }
     }
 
     /// Another surface with the same triangles: the adjacency is shared, not copied. Give it its own
@@ -87,6 +103,43 @@ impl DeformableSurface {
     #[must_use]
     pub fn mean_edge(&self) -> f32 {
         self.mean_edge
+    }
+}
+
+/// Makes a [`DeformableSurface`], see [`DeformableSurface::builder`].
+#[derive(Clone, Copy, Debug)]
+pub struct SurfaceBuilder<'a> {
+    positions: &'a [Vec3],
+    triangles: &'a [[u32; 3]],
+    weld_distance: f32,
+}
+
+impl SurfaceBuilder<'_> {
+    /// Takes vertices for connected whose positions are no farther apart than `distance`, in the unit of the positions: finite,
+    /// 0 or more. Default 0, where only exactly equal positions count. Vertices in a chain of such steps are all connected.
+    ///
+    /// For meshes whose seams differ by rounding, as exporters leave them: then a closed mesh is open, and has neither an inside
+    /// nor a volume. 1e-5 of the size of the mesh closes such seams. The distance has to stay below the shortest edge:
+    /// triangles with a shorter edge collapse.
+    ///
+    /// Positions are not changed. While connected vertices are apart, each triangle reports contacts of its own corner. An
+    /// [`XpbdBody`](crate::response::XpbdBody) moves them as one: its first tick sets them to the position of the first of
+    /// them, and so closes the seam, by no more than the distance (or a chain of them).
+    #[must_use]
+    pub const fn weld_within(mut self, distance: f32) -> Self {
+        self.weld_distance = distance;
+        self
+    }
+
+    /// Makes the surface. Spawn the returned pair as a bundle.
+    ///
+    /// # Errors
+    /// A distance to weld within that is negative or not finite, and those of [`DeformableSurface::from_mesh`].
+    pub fn build(self) -> Result<(DeformableSurface, SurfacePositions), TopologyError> {
+        let Self { positions, triangles, weld_distance } = self;
+        let topology = Arc::new(SurfaceTopology::welded_within(positions, triangles, weld_distance)?);
+        let mean_edge = topology.mean_edge_length(positions) as f32;
+        Ok((DeformableSurface { topology, mean_edge }, SurfacePositions(positions.to_vec())))
     }
 }
 

@@ -12,9 +12,9 @@ pub(crate) use active::SideOrder;
 pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces};
 pub(crate) use components::first_non_finite;
 pub use components::{
-    ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame,
-    SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget,
-    Teleported,
+    ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceBuilder, SurfaceDisabled,
+    SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus, SurfaceThickness, SweptCollision,
+    SweptTarget, Teleported,
 };
 pub(crate) use prepare::PendingQuarantines;
 pub use prepare::{QuarantineReason, SurfacePlugin};

@@ -261,3 +261,84 @@ fn separate_parts_are_separate_components() {
     let bow = SurfaceTopology::new(&points, &[[0, 1, 2], [0, 3, 4]]).expect("valid");
     assert_eq!(bow.components(), (vec![0, 0], 1));
 }
+
+/// A cube of six faces with vertices of their own, as exporters write it, each off its place by up to `by`.
+fn cube_of_faces(by: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let mesh = cuboid([0.5; 3], 1);
+    let mut random = Random::new(7);
+    let mut corners = Vec::new();
+    for triangle in &mesh.triangles {
+        corners.extend(triangle.map(|vertex| {
+            let jitter = Vec3::from_array(std::array::from_fn(|_| (2.0 * random.unit() - 1.0) as f32));
+            Vec3::from_array(mesh.positions[vertex as usize]) + by * jitter
+        }));
+    }
+    let triangles = (0..mesh.triangles.len() as u32).map(|triangle| [0, 1, 2].map(|k| 3 * triangle + k)).collect();
+    (corners, triangles)
+}
+
+#[test]
+fn seams_that_differ_by_rounding_are_closed_within_a_distance() {
+    let (corners, triangles) = cube_of_faces(1.0e-6);
+    let open = SurfaceTopology::new(&corners, &triangles).expect("it is valid");
+    assert!(!open.is_closed() && open.edges().len() == 36);
+    let closed = SurfaceTopology::welded_within(&corners, &triangles, 1.0e-5).expect("it is valid");
+    assert_eq!((closed.triangles().len(), closed.edges().len()), (12, 18));
+    assert!(closed.is_closed() && closed.report().welded_vertices == 36 - 8);
+    // Every corner goes by the first vertex of its place, and no vertex is named by a later one.
+    for (vertex, &weld) in closed.weld().iter().enumerate() {
+        assert!(weld as usize <= vertex && closed.weld()[weld as usize] == weld);
+        assert!(corners[vertex].distance(corners[weld as usize]) < 1.0e-5);
+    }
+    // Far from the origin, and far below and beyond the size of a cell.
+    for (scale, offset) in [(1.0e-3, Vec3::ZERO), (1.0e6, Vec3::ZERO), (1.0, Vec3::new(100.0, -7.0, 3.0e3))] {
+        let (corners, triangles) = cube_of_faces(1.0e-4);
+        let moved: Vec<Vec3> = corners.iter().map(|&corner| corner * scale + offset).collect();
+        let closed = SurfaceTopology::welded_within(&moved, &triangles, 2.0e-3 * scale).expect("it is valid");
+        assert!(closed.is_closed() && closed.edges().len() == 18, "{scale}, {offset}");
+    }
+}
+
+#[test]
+fn welding_within_a_distance_joins_what_brute_force_joins() {
+    let mut random = Random::new(11);
+    let mut chains = 0;
+    for distance in [0.01_f32, 0.03, 0.1] {
+        let positions: Vec<Vec3> = (0..400)
+            .map(|_| Vec3::from_array(std::array::from_fn(|_| (2.0 * random.unit() - 1.0) as f32 * 0.3)))
+            .collect();
+        let triangles: Vec<[u32; 3]> = (0..398).map(|first| [first, first + 1, first + 2]).collect();
+        let found = SurfaceTopology::welded_within(&positions, &triangles, distance).expect("it is valid");
+        let mut expected: Vec<u32> = (0..400).collect();
+        // Names spread until nothing changes.
+        loop {
+            let before = expected.clone();
+            for a in 0..400 {
+                for b in 0..400 {
+                    if positions[a].as_dvec3().distance(positions[b].as_dvec3()) <= f64::from(distance) {
+                        expected[a] = expected[a].min(expected[b]);
+                    }
+                }
+            }
+            if before == expected {
+                break;
+            }
+        }
+        assert_eq!(found.weld(), expected);
+        chains += expected.iter().enumerate().filter(|&(vertex, &weld)| vertex as u32 != weld).count();
+    }
+    assert!(chains > 100, "hardly anything is joined");
+}
+
+#[test]
+fn a_distance_to_weld_within_is_checked_and_may_collapse_triangles() {
+    let points = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    for bad in [-1.0e-6, f32::NAN, f32::INFINITY] {
+        let error = SurfaceTopology::welded_within(&points, &[[0, 1, 2]], bad).unwrap_err();
+        assert!(matches!(error, TopologyError::WeldDistance(_)) && error.to_string().contains("finite"), "{error}");
+    }
+    let zero = SurfaceTopology::welded_within(&points, &[[0, 1, 2]], 0.0).expect("0 is exact");
+    assert_eq!(zero.weld(), [0, 1, 2]);
+    let collapsed = SurfaceTopology::welded_within(&points, &[[0, 1, 2]], 1.0).expect("triangles may collapse");
+    assert_eq!((collapsed.weld(), collapsed.report().collapsed_triangles), (&[0, 0, 0][..], 1));
+}

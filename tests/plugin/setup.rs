@@ -8,6 +8,7 @@ use bevy_circumsphere::{
     contacts::ContactEventsPlugin,
     detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
     prelude::*,
+    response::{XpbdBody, XpbdMaterial},
 };
 use bevy_ecs::prelude::*;
 use bevy_time::TimePlugin;
@@ -295,4 +296,19 @@ fn the_group_can_be_put_together_otherwise() {
     place(&mut own, ball, OVER_A_FACE + Vec3::Y * 0.9);
     own.update();
     assert!(!all(&mut own).is_empty());
+}
+
+#[test]
+fn a_volume_to_keep_on_an_open_mesh_is_warned_of_once() {
+    let before = warnings_about("volume_compliance");
+    let (closed, positions) = surface(&ball());
+    XpbdBody::new(&closed, &positions, XpbdMaterial::SOFT).expect("it is a body");
+    let (open, positions) = surface(&sheet());
+    XpbdBody::new(&open, &positions, XpbdMaterial::CLOTH).expect("it is a body");
+    assert_eq!(warnings_about("volume_compliance"), before, "nothing is wrong");
+    for _ in 0..3 {
+        XpbdBody::new(&open, &positions, XpbdMaterial::SOFT).expect("it is a body");
+    }
+    assert_eq!(warnings_about("volume_compliance"), before + 1);
+    assert_eq!(warnings_about("weld_within"), 1);
 }

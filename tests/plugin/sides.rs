@@ -1,7 +1,7 @@
 //! Which side is outside: of solids from their mesh, of sheets from the ticks before.
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{kernel::exact::FeatureKind, prelude::*};
+use bevy_circumsphere::{detection::DetectionDiagnostics, kernel::exact::FeatureKind, prelude::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Mesh, cuboid, icosphere};
@@ -279,4 +279,54 @@ fn a_solid_has_no_memory() {
         app.update();
         assert_side(&mut app, sheet, passer, height, Vec3::Y, "floor");
     }
+}
+
+#[test]
+fn a_change_of_order_does_not_forget_the_side() {
+    let tile =
+        Mesh { positions: vec![[-3.0, 0.0, -3.0], [0.0, 0.0, 5.0], [5.0, 0.0, -3.0]], triangles: vec![[0, 1, 2]] };
+    for (name, mesh, sidedness) in passers() {
+        // Of two surfaces with as many triangles the first one gives the frame.
+        for floor in [sheet(), tile.clone()] {
+            for turn in [0.0, 2.0] {
+                let mut app = app();
+                let place = |height: f32| at(0.1, height, 0.2).with_rotation(Quat::from_rotation_y(turn));
+                let cloth = spawn(&mut app, &floor, THIN);
+                let passer = spawn(&mut app, &mesh, (THIN, sidedness, place(0.03)));
+                app.update();
+                assert_side(&mut app, cloth, passer, 0.03, Vec3::Y, name);
+                let steps = [(-0.03, [2, 1]), (-0.06, [1, 2]), (-0.06, [2, 1]), (0.02, [0, 0]), (-0.01, [9, 8])];
+                for (height, [order_of_cloth, order_of_passer]) in steps {
+                    insert(&mut app, cloth, SurfaceOrder(order_of_cloth));
+                    insert(&mut app, passer, (SurfaceOrder(order_of_passer), place(height)));
+                    app.update();
+                    assert_side(&mut app, cloth, passer, height, Vec3::Y, name);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_change_of_order_does_not_forget_the_side_of_what_moves_a_little() {
+    let mut app = app();
+    let cloth = spawn(&mut app, &sheet(), THIN);
+    let at_height = |height: f32| -> Vec<Vec3> {
+        points(&dart()).iter().map(|&point| point + Vec3::new(0.1, height, 0.2)).collect()
+    };
+    let passer = spawn(&mut app, &dart(), THIN);
+    let mut followed = 0;
+    for step in 0..40_u16 {
+        let height = 0.02 - 0.001 * f32::from(step);
+        write_positions(&mut app, passer, &at_height(height));
+        if step % 5 == 4 {
+            let order = u32::from(step / 5) % 2;
+            insert(&mut app, passer, SurfaceOrder(order));
+            insert(&mut app, cloth, SurfaceOrder(1 - order));
+        }
+        app.update();
+        assert_side(&mut app, cloth, passer, height, Vec3::Y, "small steps");
+        followed += app.world().resource::<DetectionDiagnostics>().lists_followed;
+    }
+    assert!(followed > 5, "the pair does not go by its list");
 }

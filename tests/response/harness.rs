@@ -6,7 +6,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::prelude::*;
 use bevy_time::Time;
-use circumsphere_support::scenes::Mesh;
+use circumsphere_support::{random::Random, scenes::Mesh};
 use glam::Vec3;
 
 /// A tick of a sixtieth of a second, in seconds.
@@ -86,6 +86,17 @@ impl Scene {
 pub fn surface_of(mesh: &Mesh) -> (DeformableSurface, SurfacePositions) {
     let positions: Vec<Vec3> = mesh.positions.iter().map(|&position| Vec3::from(position)).collect();
     DeformableSurface::from_mesh(&positions, &mesh.triangles).unwrap()
+}
+
+/// The mesh, every triangle with vertices of its own that are off their places by up to `by`.
+pub fn apart(mesh: &Mesh, by: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let mut random = Random::new(5);
+    let mut corner = |vertex: u32| {
+        let jitter = Vec3::from_array(std::array::from_fn(|_| random.signed_unit()));
+        Vec3::from(mesh.positions[vertex as usize]) + by * jitter
+    };
+    let corners = mesh.triangles.iter().flat_map(|triangle| triangle.map(&mut corner)).collect();
+    (corners, (0..mesh.triangles.len() as u32).map(|triangle| [0, 1, 2].map(|k| 3 * triangle + k)).collect())
 }
 
 /// A material without any loss, to compare with closed forms.

@@ -3,10 +3,11 @@
 use bevy_app::prelude::*;
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::prelude::*;
+use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere, needle, pile_body, torus};
 use glam::Vec3;
 
-use crate::harness::{Scene, TICK, surface_of};
+use crate::harness::{Scene, TICK, apart, surface_of};
 
 /// The greatest speed of a vertex, in meters per second; not a number if one is not.
 fn fastest(scene: &Scene, entity: Entity) -> f32 {
@@ -166,4 +167,71 @@ fn a_vertex_of_triangles_without_area_has_a_mass() {
     assert!(scene.body(body).inverse_masses.iter().all(|&inverse| inverse.is_finite() && inverse > 0.0));
     scene.run(30);
     assert!(scene.positions(body).iter().all(|position| position.is_finite()));
+}
+
+#[test]
+fn a_body_that_would_leave_the_range_of_numbers_stands_and_says_so() {
+    for gravity in [3.0e38, 1.0e25, f32::MAX] {
+        let mut scene = Scene::new();
+        let body = scene.add(&grid(2, 2, 0.2, 0.2, Diagonals::Uniform), XpbdMaterial::CLOTH, SelfCollision);
+        // A corner that is held has nothing to do with it.
+        let held = scene.add_changed(
+            &icosphere(1, 0.1).translate([3.0, 0.0, 0.0]),
+            XpbdMaterial::SOFT,
+            |body| body.pinned([VertexId(0)]),
+            (),
+        );
+        scene.run(2);
+        let before = [body, held].map(|body| scene.positions(body).to_vec());
+        scene.settings().gravity = Vec3::new(0.0, -gravity, 0.0);
+        for _ in 0..5 {
+            scene.run(1);
+            let refused = &scene.diagnostics().refused;
+            assert_eq!(refused.len(), 2, "{gravity}: {refused:?}");
+            for (body, before) in [body, held].into_iter().zip(&before) {
+                assert!(
+                    refused
+                        .iter()
+                        .any(|(entity, error)| *entity == body && matches!(error, XpbdBodyError::OutOfRange(_))),
+                    "{gravity}: {refused:?}"
+                );
+                assert_eq!(scene.positions(body), before, "{gravity}");
+                assert!(scene.body(body).velocities.iter().all(|&velocity| velocity == Vec3::ZERO), "{gravity}");
+            }
+        }
+        scene.settings().gravity = XpbdSettings::default().gravity;
+        scene.run(3);
+        assert!(scene.diagnostics().refused.is_empty(), "{:?}", scene.diagnostics().refused);
+        assert!(scene.positions(body)[0].y < before[0][0].y, "it falls again");
+    }
+}
+
+#[test]
+fn a_body_whose_seams_differ_by_rounding_keeps_its_volume_once_it_is_welded() {
+    let volume = |corners: &[Vec3]| {
+        let triples =
+            corners.chunks(3).map(|corner| corner[0].as_dvec3().dot(corner[1].as_dvec3().cross(corner[2].as_dvec3())));
+        triples.sum::<f64>() / 6.0
+    };
+    let (corners, triangles) = apart(&cuboid([0.1; 3], 3), 1.0e-6);
+    let mut scene = Scene::new();
+    let (surface, positions) = DeformableSurface::builder(&corners, &triangles).weld_within(1.0e-5).build().unwrap();
+    assert!(surface.topology().is_closed());
+    let material = XpbdMaterial { stretch_compliance: 1.0e-2, ..XpbdMaterial::SOFT };
+    let body = XpbdBody::new(&surface, &positions, material).unwrap();
+    let body =
+        scene.app.world_mut().spawn((surface.clone(), positions, body, Transform::from_xyz(0.0, 0.12, 0.0))).id();
+    scene.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
+    let before = volume(&corners);
+    scene.run(1);
+    // The first tick closes the seams, by no more than they were open.
+    for (vertex, &weld) in surface.topology().weld().iter().enumerate() {
+        assert_eq!(scene.positions(body)[vertex], scene.positions(body)[weld as usize]);
+    }
+    assert!(scene.positions(body).iter().zip(&corners).all(|(now, then)| (*now - *then).length() < 0.01));
+    scene.run(120);
+    let after = volume(scene.positions(body));
+    // Ten substeps leave a share of a percent of the volume's error.
+    assert!((after / before - 1.0).abs() < 0.02, "{before} has become {after}");
+    assert!(scene.diagnostics().refused.is_empty());
 }

@@ -31,7 +31,7 @@ use super::{
 };
 use crate::{
     contacts::{ContactStore, EVENT_HYSTERESIS},
-    kernel::{bounds::Aabb, pose::Pose, tree::BoxTree},
+    kernel::{bounds::Aabb, pose::Pose, room, tree::BoxTree},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
@@ -184,12 +184,10 @@ struct PairingBuffers {
     tree: BoxTree,
     places: Vec<[u32; 2]>,
     with_shapes: Vec<[usize; 2]>,
-    /// The pairs of the last tick, as far as they may be kept.
+    /// The pairs of the last tick, until they are kept or their lists used again.
     last: Vec<Option<SurfacePair>>,
     /// What those pair, ascending.
     last_names: Vec<(bool, usize, usize)>,
-    /// Pairs of earlier ticks, whose memory serves others: lists of triangles are large.
-    spare: Vec<SurfacePair>,
 }
 
 impl PairingBuffers {
@@ -213,16 +211,18 @@ impl PairingBuffers {
         Some((SurfacePair { first, second, ..self.last[place].take()? }, place as u32))
     }
 
-    fn reuse(&mut self) -> PairLists {
-        let mut lists: PairLists = self
-            .spare
-            .pop()
-            .map(|pair| (pair.triangles, pair.moved_triangles, pair.moved_positions))
-            .unwrap_or_default();
-        lists.0.clear();
-        lists.1.clear();
-        lists.2.clear();
-        lists
+    /// The lists that two sides had in the last detection, emptied, and the place of their pair there.
+    fn reuse(&mut self, memory: &DetectionMemory, first: usize, second: OtherSide) -> (PairLists, Option<u32>) {
+        let former = memory.former_sides(first, second).and_then(|(first, second)| {
+            let place = self.last_names.binary_search(&name(first, second)).ok()?;
+            Some((self.last[place].take()?, place as u32))
+        });
+        let Some((pair, place)) = former else { return Default::default() };
+        let mut lists = (pair.triangles, pair.moved_triangles, pair.moved_positions);
+        room::clear(&mut lists.0);
+        room::clear(&mut lists.1);
+        room::clear(&mut lists.2);
+        (lists, Some(place))
     }
 }
 
@@ -239,7 +239,11 @@ fn pair_surfaces(
 ) {
     let start = Instant::now();
     let surfaces = &active.surfaces;
+    if surfaces.is_empty() {
+        buffers.tree = BoxTree::default();
+    }
     buffers.update_tree(surfaces);
+    room::trim(&mut buffers.bounds, surfaces.len());
     let mut places = std::mem::take(&mut buffers.places);
     places.clear();
     buffers.tree.self_pairs(&mut places);
@@ -248,17 +252,12 @@ fn pair_surfaces(
     places.extend(selves.map(|(place, _)| [place as u32, place as u32]));
     places.sort_unstable();
 
-    // As many as there are may wait to be used again: pairs come and go from tick to tick.
-    buffers.spare.truncate(candidates.pairs.len());
     let store_changed = store.map(|store| store.last_changed());
     memory.begin(&active, &settings, candidates.last_changed(), store_changed, &bounds);
     buffers.last_names.clear();
     buffers.last_names.extend(candidates.pairs.iter().map(|pair| name(pair.first, pair.second)));
     buffers.last.clear();
     buffers.last.extend(candidates.pairs.drain(..).map(Some));
-    let PairingBuffers { last, spare, .. } = &mut *buffers;
-    let changed = last.iter_mut().rev().filter(|pair| pair.as_ref().is_some_and(|pair| !memory.may_keep(pair)));
-    spare.extend(changed.filter_map(Option::take));
     for &[first, second] in &places {
         let [first, second] = [first as usize, second as usize];
         if let Some((mut pair, origin)) = buffers.keep(&memory, first, OtherSide::Surface(second)) {
@@ -266,8 +265,9 @@ fn pair_surfaces(
             candidates.pairs.push(pair);
             continue;
         }
-        memory.add_pair();
-        candidates.pairs.push(surface_pair(surfaces, first, second, settings.margin(), buffers.reuse()));
+        let (lists, former) = buffers.reuse(&memory, first, OtherSide::Surface(second));
+        memory.add_pair(former);
+        candidates.pairs.push(surface_pair(surfaces, first, second, settings.margin(), lists));
     }
     let mut with_shapes = std::mem::take(&mut buffers.with_shapes);
     with_shapes.clear();
@@ -296,16 +296,23 @@ fn pair_surfaces(
             candidates.pairs.push(pair);
             continue;
         }
-        memory.add_pair();
-        let lists = buffers.reuse();
+        let (lists, former) = buffers.reuse(&memory, first, OtherSide::Shape(place));
+        memory.add_pair(former);
         let pair = shape_pair(&surfaces[first], first, &active.shapes[place], place, settings.margin(), lists);
         candidates.pairs.push(pair);
     }
     memory.end_pairs();
     memory.seal(StageList::Candidates, candidates.last_changed());
-    buffers.places = places;
-    buffers.with_shapes = with_shapes;
     let count = candidates.pairs.len();
+    room::trim(&mut candidates.bypass_change_detection().pairs, count);
+    // What pairs had that have gone is given back.
+    buffers.last.clear();
+    room::trim(&mut buffers.last, count);
+    room::trim(&mut buffers.last_names, count);
+    buffers.places = places;
+    room::trim(&mut buffers.places, count);
+    buffers.with_shapes = with_shapes;
+    room::trim(&mut buffers.with_shapes, count);
     diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
 }
 

@@ -33,6 +33,7 @@ use crate::{
         bounded_pairs::BoundedPairs,
         leaf_triangles::{LeafTriangles, PairCull},
         moved_triangles::Reach,
+        room,
         topology::SurfaceTopology,
         tree::{BoxTree, LEAF_WIDTH, LEAVES_TOGETHER},
     },
@@ -165,6 +166,8 @@ fn update_trees(
         },
     );
     taken.clear();
+    room::trim(&mut taken, active.surfaces.len());
+    room::trim(&mut asked, active.surfaces.len());
     let start = start + diagnostics.first_tree_builds;
     diagnostics.finish("tree update", start, 0, 0);
 }
@@ -295,6 +298,11 @@ fn pair_triangles(
             overlapping.fetch_add(found, Ordering::Relaxed);
         },
     );
+    if candidates.pairs.is_empty() {
+        buffers.clear();
+        spare.clear();
+        spare_lists.clear();
+    }
     kept.count(&mut diagnostics);
     kept.hand_over(&mut candidates.pairs);
     memory.seal(StageList::Candidates, candidates.last_changed());

@@ -13,7 +13,7 @@ use crate::{
         parallel::Threads,
         sides::pair_settings,
     },
-    kernel::{leaf_triangles::Region, topology::SurfaceTopology, tree::BoxTree},
+    kernel::{leaf_triangles::Region, room, topology::SurfaceTopology, tree::BoxTree},
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces, ContactMethod},
 };
@@ -52,7 +52,7 @@ pub(super) fn mark_asked_surfaces(
     surfaces.resize_with(active.surfaces.len(), AskedTriangles::default);
     for surface in &mut *surfaces {
         surface.asked = Asked::Boxes;
-        surface.regions.clear();
+        room::clear(&mut surface.regions);
     }
     for (number, pair) in candidates.pairs.iter().enumerate() {
         let OtherSide::Surface(second) = pair.second else { continue };
