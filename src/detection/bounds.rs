@@ -229,7 +229,7 @@ pub(super) fn frame_growth(thickness: f32, margin: f32, scale: f64) -> f32 {
 }
 
 /// The box of a moved box.
-pub(super) fn moved_box(bounds: &Aabb, pose: &Pose) -> Aabb {
+pub(crate) fn moved_box(bounds: &Aabb, pose: &Pose) -> Aabb {
     if *pose == Pose::IDENTITY {
         return *bounds;
     }

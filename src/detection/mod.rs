@@ -23,6 +23,7 @@ mod sphere_lists;
 mod sphere_memory;
 mod swept;
 
+pub(crate) use bounds::moved_box;
 pub use bounds::{BoundsPlugin, TriangleBounds};
 pub use broad_phase::{
     BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, ParryBroadPhasePlugin, SurfacePair,

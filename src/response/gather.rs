@@ -13,7 +13,7 @@ use glam::{DVec3, Vec3};
 use super::{
     body::{SurfaceFriction, XpbdBody},
     contact::{ContactConstraint, Features},
-    inside::Insides,
+    inside::{Insides, Solid, WayOut},
     motion::Motions,
     particles::Particles,
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
@@ -34,9 +34,9 @@ use crate::{
 /// A vertex that is no particle.
 const NONE: u32 = u32::MAX;
 
-/// What is deep inside a solid is led out as if the contact distance was this share of its depth: by default four depths a
+/// What is deep inside a solid is led out as if the contact distance was this share of its depth: by default six depths a
 /// second.
-const DEPTHS_OF_PACE: f64 = 0.04;
+const DEPTHS_OF_PACE: f64 = 0.06;
 
 /// Distances in records are rounded to f32; with room for the poses that brought them there.
 const ROUNDING: f64 = 1.0e-6;
@@ -174,9 +174,10 @@ impl Scene<'_, '_> {
         self.store.pairs_between(a, b).next().map(|pair| pair.nearest)
     }
 
-    /// The kinds of the contacts of two surfaces.
-    pub(super) fn contacts_between(&self, a: Entity, b: Entity) -> impl Iterator<Item = FeatureKind> {
-        self.store.pairs_between(a, b).flat_map(|pair| pair.contacts.iter().map(|record| record.features.kind()))
+    /// Whether contacts tell that something is inside the other side: they cross, or are deeper than `shallow`.
+    pub(super) fn is_deep_in(&self, body: Entity, solid: Entity, shallow: f64) -> bool {
+        let mut records = self.store.pairs_between(body, solid).flat_map(|pair| pair.contacts.iter());
+        records.any(|record| record.features.kind() == FeatureKind::EdgeFace || f64::from(record.distance) < -shallow)
     }
 
     /// Where a vertex of a surface that no solver moves begins and ends this part of the tick.
@@ -191,6 +192,17 @@ impl Scene<'_, '_> {
     fn friction(&self, a: Entity, b: Entity) -> [f64; 2] {
         let of = |entity| self.frictions.get(entity).copied().unwrap_or_default();
         of(a).between(of(b))
+    }
+}
+
+/// Makes a constraint for every vertex that is on its way out: beyond the plane through the exit, at the pace of the deepest.
+fn lead_out_by(solver: &mut Solver, way: &WayOut, exit: &ArrayVec<(u32, f64), 6>, distance: f64) {
+    let pace = distance.max(way.depth * DEPTHS_OF_PACE);
+    for &particle in &way.particles {
+        let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::from_iter([(particle, 1.0)]);
+        entries.extend(exit.iter().copied());
+        let features = Features::Plane { particles: entries, offset: -distance };
+        solver.contacts.push(ContactConstraint::new(features, way.outward, pace, [0.0; 2]));
     }
 }
 
@@ -289,7 +301,7 @@ impl Gatherer {
         self.insides.is_leaving(surface, particle)
     }
 
-    /// Makes constraints that lead out what is inside a closed surface.
+    /// Makes constraints that lead out what is inside a solid.
     pub(super) fn lead_out(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>) {
         let mut insides = std::mem::take(&mut self.insides);
         insides.begin();
@@ -308,21 +320,27 @@ impl Gatherer {
                         (0..solid.topology.vertex_count()).map(start).collect()
                     }
                 };
-                let ways = insides.find(scene, &solver.particles, own, solid, points);
-                let friction = scene.friction(body.entity, solid.entity);
+                let way = insides.find(scene, &solver.particles, own, Solid::Surface(solid), points);
+                let Some(way) = way else { continue };
+                let Some((triangle, weights)) = way.triangle else { continue };
+                let side = self.side(solid.side(), Some(&solid.topology));
+                let corners = self.corners(&mut solver.particles, scene, &side, &solid.pose, triangle);
+                let Some(corners) = corners else { continue };
                 let distance = f64::from(body.thickness) + f64::from(solid.thickness);
-                for way in ways {
-                    let side = self.side(solid.side(), Some(&solid.topology));
-                    let corners = self.corners(&mut solver.particles, scene, &side, &solid.pose, way.triangle);
-                    let Some(corners) = corners else { continue };
-                    let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
-                    entries.push((way.particle, 1.0));
-                    entries.extend(corners.into_iter().zip(way.weights.map(|weight| -weight)));
-                    let features = Features::Plane { particles: entries, offset: -distance };
-                    // Deep ones are led out faster.
-                    let pace = distance.max(way.depth * DEPTHS_OF_PACE);
-                    solver.contacts.push(ContactConstraint::new(features, way.outward, pace, friction));
-                }
+                let exit = corners.into_iter().zip(weights.map(|weight| -weight)).collect();
+                lead_out_by(solver, &way, &exit, distance);
+            }
+            for shape in &scene.active.shapes {
+                let course = scene.motions.course(shape.entity);
+                let pose = course.map_or(shape.pose, |course| course.now.pose);
+                let way = insides.find(scene, &solver.particles, own, Solid::Shape(shape, pose), || None);
+                let Some(way) = way else { continue };
+                let end = course.map_or(way.exit, |course| {
+                    course.ahead.pose.transform_point(pose.inverse().transform_point(way.exit))
+                });
+                let exit = ArrayVec::from_iter([(solver.particles.len() as u32, -1.0)]);
+                solver.particles.push_driven(way.exit, end);
+                lead_out_by(solver, &way, &exit, f64::from(body.thickness));
             }
         }
         self.insides = insides;
@@ -504,6 +522,13 @@ impl Gatherer {
         let (side_a, side_b) = (self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, pair.topology_b.as_ref()));
         let a = self.corners(particles, scene, &side_a, &pair.poses[0], record.triangle_a)?;
         let b = self.corners(particles, scene, &side_b, &pair.poses[1], record.triangle_b);
+        // What is on its way out of a solid goes the way that the whole body goes.
+        let is_leaving = |corners: [u32; 3], other: ContactSide| {
+            corners.iter().any(|&corner| self.insides.is_leaving(other.entity(), corner))
+        };
+        if is_leaving(a, pair.b) || b.is_some_and(|b| is_leaving(b, pair.a)) {
+            return None;
+        }
         let Some(b) = b else {
             let Side::Shape { entity } = side_b else { return None };
             return Some(self.against_shape(scene, particles, pair, record, (a, entity, normal), friction));

@@ -2,7 +2,9 @@
 //!
 //! What was spawned inside a solid, or squeezed into it, is near nothing that it touches: no contact leads it out. Looked
 //! for only where there is reason to: when two surfaces come near each other, while they cross, and while anything of one
-//! was inside the other. Solids that are tested by formula have no need of it, their contacts reach to their middles.
+//! was inside the other.
+
+use std::ops::Range;
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashSet;
@@ -10,29 +12,46 @@ use glam::DVec3;
 
 use super::{gather::Scene, particles::Particles};
 use crate::{
+    detection::moved_box,
     kernel::{
+        bounds::Aabb,
         exact::{
-            FeatureKind,
             barycentric::barycentric_of,
+            rigid_shape::ShapeGeometry,
             side::{closest_feature, face_normal},
+            triangle_pair::PairProximity,
         },
+        pose::Pose,
         topology::SurfaceTopology,
     },
-    surface::ActiveSurface,
+    surface::{ActiveShape, ActiveSurface},
 };
+
+/// So many thicknesses deep, contacts lead out of what is tested by formula.
+const SHALLOW: f64 = 4.0;
 
 /// Vertices times triangles that are looked at for one pair of surfaces in a tick, at most: where there are more, what is
 /// inside stays there.
 const MOST_LOOKS: usize = 20_000_000;
 
-/// A vertex inside a closed surface, and its way out.
+/// What a body is inside of.
+#[derive(Clone, Copy)]
+pub(super) enum Solid<'a> {
+    Surface(&'a ActiveSurface),
+    /// With where it stands when the tick begins.
+    Shape(&'a ActiveShape, Pose),
+}
+
+/// The vertices of a body that are inside a solid, and the way out of it that all of them take: in different directions they
+/// would hold each other back, or tear the body apart.
 pub(super) struct WayOut {
-    pub(super) particle: u32,
-    /// The triangle that is nearest, with the weights of its corners at the nearest point.
-    pub(super) triangle: u32,
-    pub(super) weights: [f64; 3],
+    pub(super) particles: Vec<u32>,
+    /// Where it leads through the boundary: a point, and of a surface the triangle with its weights.
+    pub(super) exit: DVec3,
+    pub(super) triangle: Option<(u32, [f64; 3])>,
     /// Unit vector out of the solid.
     pub(super) outward: DVec3,
+    /// How far the farthest of the vertices has to go.
     pub(super) depth: f64,
 }
 
@@ -46,7 +65,7 @@ pub(super) struct Insides {
     holding: HashSet<(Entity, Entity)>,
 }
 
-/// The triangles of a closed surface in the world, with their boxes across the x axis.
+/// The triangles of a closed surface in the world.
 struct Closed<'a> {
     topology: &'a SurfaceTopology,
     points: Vec<DVec3>,
@@ -67,54 +86,118 @@ impl Insides {
         self.leaving.get(&surface).is_some_and(|particles| particles.contains(&particle))
     }
 
-    /// Finds the ways out of one closed surface for a body of `count` particles from `first` on.
+    /// Finds the way out of a solid for a body of `count` particles from `first` on. `points` are the vertices of a surface.
     pub(super) fn find(
         &mut self,
         scene: &Scene<'_, '_>,
         particles: &Particles,
         (body, first, count): (&ActiveSurface, usize, usize),
-        solid: &ActiveSurface,
+        solid: Solid<'_>,
         points: impl FnOnce() -> Option<Vec<DVec3>>,
-    ) -> Vec<WayOut> {
-        if !solid.one_sided
-            || body.entity == solid.entity
-            || !body.meets(solid)
-            || !body.world_bounds.overlaps(&solid.world_bounds)
-        {
-            return Vec::new();
-        }
-        let pair = (body.entity, solid.entity);
-        self.near.insert(pair);
-        let is_new = !self.before.contains(&pair) || body.fresh || solid.fresh;
-        let crosses = || {
-            let contacts = scene.contacts_between(body.entity, solid.entity);
-            contacts.into_iter().any(|kind| kind == FeatureKind::EdgeFace)
-        };
-        if !(is_new || self.holding.contains(&pair) || crosses()) {
-            return Vec::new();
-        }
-        let Some(points) = points() else { return Vec::new() };
-        let closed = Closed::new(&solid.topology, points);
-        let own = first..first + count;
-        let candidates: Vec<usize> = own
-            .filter(|&particle| particles.inverse_mass[particle] > 0.0 && closed.may_contain(particles.start[particle]))
-            .collect();
-        let mut ways = Vec::new();
-        if candidates.len() * closed.topology.triangles().len() <= MOST_LOOKS {
-            for particle in candidates {
-                let point = particles.start[particle];
-                if closed.contains(point) {
-                    ways.extend(closed.way_out(particle as u32, point));
+    ) -> Option<WayOut> {
+        let (entity, fresh) = match solid {
+            Solid::Surface(solid) => {
+                let is_near = || body.world_bounds.overlaps(&solid.world_bounds);
+                if !(solid.one_sided && body.entity != solid.entity && body.meets(solid) && is_near()) {
+                    return None;
                 }
+                (solid.entity, solid.fresh)
+            }
+            Solid::Shape(shape, pose) => {
+                let is_near = |bounds: Aabb| moved_box(&bounds, &pose).overlaps(&body.world_bounds);
+                if !body.layers.interacts_with(shape.layers) || !shape.geometry.bounds().is_none_or(is_near) {
+                    return None;
+                }
+                (shape.entity, shape.fresh)
+            }
+        };
+        let pair = (body.entity, entity);
+        self.near.insert(pair);
+        let is_new = !self.before.contains(&pair) || body.fresh || fresh;
+        // Contacts lead out what is no deeper.
+        let shallow = SHALLOW * f64::from(body.thickness);
+        if !(is_new || self.holding.contains(&pair) || scene.is_deep_in(body.entity, entity, shallow)) {
+            return None;
+        }
+        let way = match solid {
+            Solid::Surface(solid) => {
+                let closed = Closed::new(&solid.topology, points()?);
+                self.way_out(particles, first..first + count, closed.topology.triangles().len(), &closed)
+            }
+            Solid::Shape(shape, pose) => {
+                let solid = PlacedShape { geometry: &shape.geometry, pose, own: pose.inverse(), shallow };
+                self.way_out(particles, first..first + count, 1, &solid)
+            }
+        };
+        match &way {
+            Some(way) => {
+                self.holding.insert(pair);
+                self.leaving.entry(entity).or_default().extend(way.particles.iter().copied());
+            }
+            None => {
+                self.holding.remove(&pair);
             }
         }
-        if ways.is_empty() {
-            self.holding.remove(&pair);
-        } else {
-            self.holding.insert(pair);
-            self.leaving.entry(solid.entity).or_default().extend(ways.iter().map(|way| way.particle));
+        way
+    }
+
+    fn way_out(&self, particles: &Particles, own: Range<usize>, cost: usize, solid: &impl Inside) -> Option<WayOut> {
+        let is_free = |&particle: &usize| particles.inverse_mass[particle] > 0.0;
+        let near: Vec<usize> =
+            own.filter(is_free).filter(|&particle| solid.may_contain(particles.start[particle])).collect();
+        if near.len() * cost > MOST_LOOKS {
+            return None;
         }
-        ways
+        let at = |particle: usize| particles.start[particle];
+        let inside: Vec<usize> = near.into_iter().filter(|&particle| solid.contains(at(particle))).collect();
+        let center = inside.iter().map(|&particle| at(particle)).sum::<DVec3>() / inside.len().max(1) as f64;
+        // The middle of what is inside may be outside of a solid that is not convex.
+        let nearest = inside
+            .iter()
+            .copied()
+            .min_by(|&one, &other| at(one).distance_squared(center).total_cmp(&at(other).distance_squared(center)))?;
+        let (exit, outward, triangle) = solid.exit(if solid.contains(center) { center } else { at(nearest) })?;
+        let depth = inside.iter().map(|&particle| outward.dot(exit - at(particle))).fold(0.0, f64::max);
+        let particles = inside.into_iter().map(|particle| particle as u32).collect();
+        Some(WayOut { particles, exit, triangle, outward, depth })
+    }
+}
+
+/// What can be asked of a solid.
+trait Inside {
+    fn may_contain(&self, point: DVec3) -> bool;
+
+    fn contains(&self, point: DVec3) -> bool;
+
+    /// The point of the boundary that is nearest to a point inside, the direction to it, and its triangle.
+    fn exit(&self, point: DVec3) -> Option<(DVec3, DVec3, Option<(u32, [f64; 3])>)>;
+}
+
+/// A rigid shape in the world.
+struct PlacedShape<'a> {
+    geometry: &'a ShapeGeometry,
+    pose: Pose,
+    own: Pose,
+    /// What is no deeper does not count as inside, in world units.
+    shallow: f64,
+}
+
+impl Inside for PlacedShape<'_> {
+    fn may_contain(&self, point: DVec3) -> bool {
+        self.contains(point)
+    }
+
+    fn contains(&self, point: DVec3) -> bool {
+        self.geometry.signed_distance(self.own.transform_point(point)) * self.pose.scale() < -self.shallow
+    }
+
+    fn exit(&self, point: DVec3) -> Option<(DVec3, DVec3, Option<(u32, [f64; 3])>)> {
+        let own = self.own.transform_point(point);
+        let (mut scratch, mut found) = (PairProximity::default(), Vec::new());
+        self.geometry.examine(&[own; 3], 0.0, &mut scratch, &mut found);
+        let nearest = found.iter().min_by(|one, other| one.distance.total_cmp(&other.distance))?;
+        let outward = self.pose.transform_direction(nearest.normal).try_normalize()?;
+        Some((self.pose.transform_point(nearest.shape_point), outward, None))
     }
 }
 
@@ -125,12 +208,14 @@ impl<'a> Closed<'a> {
         Self { topology, points, low, high }
     }
 
-    fn may_contain(&self, point: DVec3) -> bool {
-        point.cmpge(self.low).all() && point.cmple(self.high).all()
-    }
-
     fn corners(&self, triangle: &[u32; 3]) -> [DVec3; 3] {
         triangle.map(|vertex| self.points[vertex as usize])
+    }
+}
+
+impl Inside for Closed<'_> {
+    fn may_contain(&self, point: DVec3) -> bool {
+        point.cmpge(self.low).all() && point.cmple(self.high).all()
     }
 
     /// Whether a ray along x leaves the surface more often than it enters it.
@@ -165,8 +250,7 @@ impl<'a> Closed<'a> {
         winding > 0
     }
 
-    /// The nearest point of the surface, and the direction to it.
-    fn way_out(&self, particle: u32, point: DVec3) -> Option<WayOut> {
+    fn exit(&self, point: DVec3) -> Option<(DVec3, DVec3, Option<(u32, [f64; 3])>)> {
         let mut nearest: Option<(f64, u32, DVec3)> = None;
         for (number, triangle) in (0..).zip(self.topology.triangles()) {
             let corners = self.corners(triangle);
@@ -182,12 +266,12 @@ impl<'a> Closed<'a> {
                 nearest = Some((squared, number, at));
             }
         }
-        let (squared, triangle, at) = nearest?;
+        let (_, triangle, at) = nearest?;
         let corners = self.corners(&self.topology.triangles()[triangle as usize]);
         let outward = (at - point).try_normalize().or_else(|| face_normal(&corners).try_normalize())?;
         let weights = barycentric_of(&corners, at);
         let is_usable = weights.iter().all(|weight| weight.is_finite());
-        is_usable.then_some(WayOut { particle, triangle, weights, outward, depth: squared.sqrt() })
+        is_usable.then_some((at, outward, Some((triangle, weights))))
     }
 }
 
@@ -232,11 +316,10 @@ mod tests {
             assert_eq!(closed.contains(point), expected, "{point}");
             if expected {
                 inside += 1;
-                let way = closed.way_out(0, point).unwrap();
+                let (exit, outward, _) = closed.exit(point).unwrap();
                 let depth = 1.0 - point.abs().max_element();
-                assert!((way.depth - depth).abs() < 1e-12, "{point}: {} {depth}", way.depth);
-                let at = point + way.outward * way.depth;
-                assert!((at.abs().max_element() - 1.0).abs() < 1e-12, "{at}");
+                assert!((exit.distance(point) - depth).abs() < 1e-12, "{point}: {exit} {depth}");
+                assert!((point + outward * depth).distance(exit) < 1e-12, "{point}: {outward}");
             }
         }
         assert!(inside > 100);

@@ -229,9 +229,9 @@ fn respond(
     }
     refused.clear();
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
+    gatherer.lead_out(solver, &scene);
     gatherer.add_contacts(solver, &scene, Watch { duration, slack: f64::from(*slack) });
     gatherer.add_impacts(solver, &scene);
-    gatherer.lead_out(solver, &scene);
     diagnostics.bodies = moved.len();
     diagnostics.contacts = solver.contacts.len();
     diagnostics.gathering += start.elapsed();

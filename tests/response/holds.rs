@@ -39,7 +39,6 @@ enum Floor {
     Hull,
     HalfSpace,
     Compound,
-    CompoundOfTrimeshes,
     RoundedCuboid,
     Cylinder,
     Surface,
@@ -84,11 +83,6 @@ impl Floor {
             Self::HalfSpace => (SharedShape::halfspace(Vec3::Y), 0.0),
             Self::Compound => {
                 let half = SharedShape::cuboid(0.5 * HALF, 0.25, HALF);
-                let at = |x: f32| Pose::from_translation(Vec3::new(x, 0.0, 0.0));
-                (SharedShape::compound(vec![(at(-0.5 * HALF), half.clone()), (at(0.5 * HALF), half)]), -0.25)
-            }
-            Self::CompoundOfTrimeshes => {
-                let half = trimesh(&cuboid([0.5 * HALF, 0.25, HALF], 3));
                 let at = |x: f32| Pose::from_translation(Vec3::new(x, 0.0, 0.0));
                 (SharedShape::compound(vec![(at(-0.5 * HALF), half.clone()), (at(0.5 * HALF), half)]), -0.25)
             }
@@ -172,14 +166,14 @@ floors! {
     convex_hull: Hull,
     half_space: HalfSpace,
     two_abutting_cuboids: Compound,
-    two_abutting_trimeshes: CompoundOfTrimeshes,
     rounded_cuboid: RoundedCuboid,
     cylinder: Cylinder,
     static_surface: Surface,
 }
 
-/// Rounding of coordinates below 2 m, and of the pose.
+/// Rounding of coordinates below 2 m, and of the pose; and what is added for every meter that the ball is farther away.
 const ROUNDING: f64 = 2e-6;
+const ROUNDING_OF_METER: f64 = 1e-6;
 
 /// Where the ball stops: it has pushed the flag so far out of its plane, in meters.
 #[derive(Clone, Copy, Debug)]
@@ -227,7 +221,8 @@ fn ball_against_flag(rate: f64, cells: usize, pinned: Pinned, flight: Flight, ai
         if now.1.iter().any(|position| !position.is_finite()) {
             return failed("not finite".into());
         }
-        let inside = |position: &&glam::DVec3| position.distance(now.0) < f64::from(RADIUS) - ROUNDING;
+        let rounding = ROUNDING + ROUNDING_OF_METER * now.0.abs().max_element();
+        let inside = |position: &&glam::DVec3| position.distance(now.0) < f64::from(RADIUS) - rounding;
         let count = now.1.iter().filter(inside).count();
         if count > 0 {
             return failed(format!("{count} vertices inside"));
@@ -235,8 +230,8 @@ fn ball_against_flag(rate: f64, cells: usize, pinned: Pinned, flight: Flight, ai
         let corners = |triangle: &[u32; 3]| triangle.map(|corner| now.1[corner as usize]);
         let near = triangles.iter().map(|triangle| point_triangle(now.0, corners(triangle)));
         let nearest = near.fold(f64::INFINITY, f64::min);
-        if nearest < f64::from(RADIUS) - ROUNDING {
-            return failed(format!("a triangle is {nearest:.4} m from the center"));
+        if nearest < f64::from(RADIUS) - rounding {
+            return failed(format!("a triangle is {nearest:.6} m from the center"));
         }
         let passes = triangles.iter().any(|triangle| {
             let ways = triangle.map(|corner| [last.1[corner as usize], now.1[corner as usize]]);
