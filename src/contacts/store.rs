@@ -22,7 +22,7 @@ use crate::{
 pub enum ContactSide {
     /// A deformable surface.
     Surface(Entity),
-    /// A rigid shape.
+    /// A [rigid shape](crate::RigidShape), whether a solid or made of triangles.
     Shape(Entity),
 }
 
