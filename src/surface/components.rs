@@ -331,7 +331,8 @@ pub struct Teleported;
 pub struct ContactEventsEnabled;
 
 /// A place in the order of contacts that does not depend on spawn order, lower first; for worlds that must agree
-/// between machines. Without it, or where it is equal, the order of registration decides. Rigid shapes come after all surfaces.
+/// between machines. Without it, or where it is equal, the order of registration decides. Of a surface and a rigid
+/// shape, the shape is always the second side.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SurfaceOrder(pub u32);
 
