@@ -13,6 +13,7 @@ use glam::{DVec3, Vec3};
 use super::{
     body::{SurfaceFriction, XpbdBody},
     contact::{ContactConstraint, Features},
+    inside::Insides,
     motion::Motions,
     particles::Particles,
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
@@ -32,6 +33,10 @@ use crate::{
 
 /// A vertex that is no particle.
 const NONE: u32 = u32::MAX;
+
+/// What is deep inside a solid is led out as if the contact distance was this share of its depth: by default four depths a
+/// second.
+const DEPTHS_OF_PACE: f64 = 0.04;
 
 /// Distances in records are rounded to f32; with room for the poses that brought them there.
 const ROUNDING: f64 = 1.0e-6;
@@ -109,6 +114,7 @@ pub(super) struct Gatherer {
     known: HashSet<Features4>,
     /// The vertices of the triangles that cross in this pair.
     tangled: HashSet<u32>,
+    insides: Insides,
 }
 
 /// Which contacts the solver watches: those whose separation is no more than twice what their own vertices move by
@@ -168,10 +174,9 @@ impl Scene<'_, '_> {
         self.store.pairs_between(a, b).next().map(|pair| pair.nearest)
     }
 
-    /// The least signed distance among the contacts of two sides; infinite where there are none.
-    pub(super) fn deepest_of(&self, a: Entity, b: Entity) -> f64 {
-        let contacts = self.store.pairs_between(a, b).flat_map(|pair| pair.contacts.iter());
-        contacts.map(|record| f64::from(record.distance)).fold(f64::INFINITY, f64::min)
+    /// The kinds of the contacts of two surfaces.
+    pub(super) fn contacts_between(&self, a: Entity, b: Entity) -> impl Iterator<Item = FeatureKind> {
+        self.store.pairs_between(a, b).flat_map(|pair| pair.contacts.iter().map(|record| record.features.kind()))
     }
 
     /// Where a vertex of a surface that no solver moves begins and ends this part of the tick.
@@ -277,6 +282,50 @@ impl Gatherer {
             }
         }
         self.order = order;
+    }
+
+    /// Whether a particle is on its way out of a surface.
+    pub(super) fn is_leaving(&self, surface: Entity, particle: u32) -> bool {
+        self.insides.is_leaving(surface, particle)
+    }
+
+    /// Makes constraints that lead out what is inside a closed surface.
+    pub(super) fn lead_out(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>) {
+        let mut insides = std::mem::take(&mut self.insides);
+        insides.begin();
+        for body in &scene.active.surfaces {
+            let Some(first) = self.first_particle(body.entity) else { continue };
+            let own = (body, first, body.topology.vertex_count());
+            for solid in &scene.active.surfaces {
+                let other = self.first_particle(solid.entity);
+                let points = || match other {
+                    Some(first) => {
+                        let own = first..first + solid.topology.vertex_count();
+                        Some(solver.particles.start[own].to_vec())
+                    }
+                    None => {
+                        let start = |vertex| Some(scene.ends(solid, vertex)?[0]);
+                        (0..solid.topology.vertex_count()).map(start).collect()
+                    }
+                };
+                let ways = insides.find(scene, &solver.particles, own, solid, points);
+                let friction = scene.friction(body.entity, solid.entity);
+                let distance = f64::from(body.thickness) + f64::from(solid.thickness);
+                for way in ways {
+                    let side = self.side(solid.side(), Some(&solid.topology));
+                    let corners = self.corners(&mut solver.particles, scene, &side, &solid.pose, way.triangle);
+                    let Some(corners) = corners else { continue };
+                    let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
+                    entries.push((way.particle, 1.0));
+                    entries.extend(corners.into_iter().zip(way.weights.map(|weight| -weight)));
+                    let features = Features::Plane { particles: entries, offset: -distance };
+                    // Deep ones are led out faster.
+                    let pace = distance.max(way.depth * DEPTHS_OF_PACE);
+                    solver.contacts.push(ContactConstraint::new(features, way.outward, pace, friction));
+                }
+            }
+        }
+        self.insides = insides;
     }
 
     /// Forgets what no contact has touched in this tick.

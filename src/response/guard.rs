@@ -11,14 +11,20 @@ use bevy_platform::collections::HashMap;
 use glam::{DMat3, DVec3, Vec3};
 
 use super::{
-    gather::{MeetingCorners, MeetingSide, MeetingTriangles, Scene},
+    gather::{Gatherer, MeetingCorners, MeetingSide, MeetingTriangles, Scene},
     particles::Particles,
 };
 use crate::{
     kernel::{
         bounds::Aabb,
-        ccd::{ImpactCause, PairImpact, SweepBuffers, SweepTree, SweptMesh, sweep},
-        exact::{Feature, rigid_shape::ShapeGeometry},
+        ccd::{
+            CommonVertices, ImpactCause, PairImpact, SweepBuffers, SweepTree, SweptMesh, sweep, triangle_pair_impact,
+        },
+        exact::{
+            Feature,
+            rigid_shape::ShapeGeometry,
+            triangle_pair::{PairProximity, examine_pair},
+        },
         pose::Pose,
         topology::SurfaceTopology,
         tree::BoxTree,
@@ -49,7 +55,7 @@ const LAST_ROUNDS: usize = 12;
 
 /// A body that meets itself on its way in more places than so many times its vertices is squeezed into nothing: to look after
 /// them all takes longer than a game can wait, and holds them there.
-const MOST_OWN_IMPACTS: usize = 2;
+const MOST_OWN_IMPACTS: usize = 1;
 
 /// What the guard did in a tick.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -167,6 +173,13 @@ impl Mesh {
         *reach = reach.min(SHARE_OF_DISTANCE * distance);
     }
 
+    /// Whether a corner of a triangle is on its way out of another mesh: nothing holds it there.
+    fn is_leaving(&self, triangle: u32, other: &Self, gatherer: &Gatherer) -> bool {
+        let Some(first) = self.first.filter(|_| other.name.part == SURFACE) else { return false };
+        let corners = self.topology.welded_triangles()[triangle as usize];
+        corners.iter().any(|&corner| gatherer.is_leaving(other.name.entity, first as u32 + corner))
+    }
+
     /// One side of an impact, for the solver.
     fn side(&self, particles: &Particles, triangle: u32) -> MeetingSide {
         let triangle = self.topology.welded_triangles()[triangle as usize];
@@ -231,31 +244,27 @@ pub(super) struct Guard {
     /// What meets on the ways that were solved for.
     found: Vec<(MeshPair, PairImpact)>,
     buffers: SweepBuffers,
+    scratch: PairProximity,
     tick: u64,
 }
 
 impl Guard {
     /// Looks what would go through something on its way from where the tick began to where it was solved to be. `first` tells
     /// the first particle of a surface that is a body. Returns how many impacts there are.
-    pub(super) fn begin(
-        &mut self,
-        particles: &Particles,
-        scene: &Scene<'_, '_>,
-        first: impl Fn(Entity) -> Option<usize>,
-    ) -> usize {
+    pub(super) fn begin(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) -> usize {
         self.tick += 1;
         self.pairs.clear();
         self.found.clear();
         self.jammed.clear();
         if scene.is_any_swept() {
-            self.gather(particles, scene, first);
-            self.find(particles, |_| true);
+            self.gather(particles, scene, |entity| gatherer.first_particle(entity));
+            self.find(particles, gatherer, |_| true);
         }
         self.found.len()
     }
 
     /// Looks again, after the tick was solved again.
-    pub(super) fn look_again(&mut self, particles: &Particles, scene: &Scene<'_, '_>) -> usize {
+    pub(super) fn look_again(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) -> usize {
         for mesh in self.meshes.iter_mut().filter(|mesh| mesh.first.is_some()) {
             mesh.stale = true;
             mesh.follow_ways(particles);
@@ -263,7 +272,7 @@ impl Guard {
         self.pair_meshes(scene);
         let jammed = &self.jammed;
         self.pairs.retain(|pair| pair.places[0] != pair.places[1] || !jammed.contains(&pair.places[0]));
-        self.find(particles, |_| true);
+        self.find(particles, gatherer, |_| true);
         self.found.len()
     }
 
@@ -285,8 +294,8 @@ impl Guard {
     }
 
     /// Lists what meets, of the pairs with a mesh that is `asked` about.
-    fn find(&mut self, particles: &Particles, asked: impl Fn(&Mesh) -> bool) {
-        let Self { meshes, pairs, found, impacts, buffers, jammed, .. } = self;
+    fn find(&mut self, particles: &Particles, gatherer: &Gatherer, asked: impl Fn(&Mesh) -> bool) {
+        let Self { meshes, pairs, found, impacts, buffers, jammed, scratch, .. } = self;
         found.clear();
         for pair in &*pairs {
             let MeshPair { places: [a, b], separation, .. } = *pair;
@@ -297,9 +306,20 @@ impl Guard {
             impacts.clear();
             let (swept_a, swept_b) = (mesh_a.swept(particles), mesh_b.swept(particles));
             sweep(&swept_a, &mesh_a.tree, &swept_b, &mesh_b.tree, a == b, separation, buffers, impacts);
-            let met = impacts.iter().filter(|found| is_met(found.impact.cause));
             let before = found.len();
-            found.extend(met.map(|&impact| (*pair, impact)));
+            let is_round = mesh_a.radius + mesh_b.radius > 0.0;
+            let is_leaving = |impact: &PairImpact| {
+                mesh_a.is_leaving(impact.triangle_a, mesh_b, gatherer)
+                    || mesh_b.is_leaving(impact.triangle_b, mesh_a, gatherer)
+            };
+            found.extend(impacts.iter().filter(|impact| !is_leaving(impact)).filter_map(|&impact| {
+                match impact.impact.cause {
+                    ImpactCause::Within if is_round => {
+                        Some((*pair, deeper(&swept_a, &swept_b, impact, separation, scratch)?))
+                    }
+                    cause => is_met(cause).then_some((*pair, impact)),
+                }
+            }));
             if a == b && found.len() - before > MOST_OWN_IMPACTS * mesh_a.topology.vertex_count() {
                 found.truncate(before);
                 jammed.push(a);
@@ -309,11 +329,11 @@ impl Guard {
     }
 
     /// Stops what would still go through something, in a part of the tick that takes so many seconds.
-    pub(super) fn stop(&mut self, particles: &mut Particles, duration: f64) -> Guarded {
+    pub(super) fn stop(&mut self, particles: &mut Particles, duration: f64, gatherer: &Gatherer) -> Guarded {
         let jammed = self.jammed.iter().map(|&place| self.meshes[place].name.entity).collect();
         let mut guarded = Guarded { impacts: self.found.len(), jammed, ..Guarded::default() };
         if !self.found.is_empty() {
-            self.run(particles, duration, &mut guarded);
+            self.run(particles, duration, gatherer, &mut guarded);
         }
         let Self { kept, meshes, tick, .. } = self;
         for Mesh { name, obstacle, reaches, tree, .. } in meshes.drain(..) {
@@ -463,7 +483,7 @@ impl Guard {
         }
     }
 
-    fn run(&mut self, particles: &mut Particles, duration: f64, guarded: &mut Guarded) {
+    fn run(&mut self, particles: &mut Particles, duration: f64, gatherer: &Gatherer, guarded: &mut Guarded) {
         self.shares.clear();
         self.shares.resize(particles.len(), 1.0);
         self.carried.clear();
@@ -476,7 +496,7 @@ impl Guard {
         for round in 0..MOST_ROUNDS + LAST_ROUNDS {
             // Nothing has moved since what was found for the first round.
             if round > 0 {
-                self.find(particles, |mesh| mesh.stale);
+                self.find(particles, gatherer, |mesh| mesh.stale);
             }
             let mut is_clear = true;
             self.changed.clear();
@@ -547,15 +567,9 @@ impl MeshPair {
         let (a, b) = (mesh.name.entity, other.name.entity);
         let nearest = scene.nearest_of(a, b).unwrap_or(contact_distance);
         let kept = KEPT_APART * contact_distance;
-        let separation = if radius > 0.0 && nearest <= 0.0 {
-            // What has been pressed into a round shape a little gets no deeper.
-            (radius * (1.0 - ROUNDING) + scene.deepest_of(a, b).min(0.0)).max(0.0)
-        } else {
-            // What is pressed on for many ticks would be halved to nothing.
-            let floor = (nearest - ROUNDING * radius).clamp(0.0, LEAST_APART * contact_distance);
-            radius + kept.min((0.5 * nearest).max(floor))
-        };
-        Self { places, separation }
+        // What is pressed on for many ticks would be halved to nothing.
+        let floor = (nearest - ROUNDING * radius).clamp(0.0, LEAST_APART * contact_distance);
+        Self { places, separation: radius + kept.min((0.5 * nearest).max(floor)) }
     }
 }
 
@@ -578,6 +592,24 @@ fn plane_under(particles: &Particles, normal: DVec3, poses: [&Pose; 2]) -> Optio
     let thirds = [(1.0, 0.0), (-0.5, root), (-0.5, -root)];
     let corners = thirds.map(|(cosine, sine)| center + (u * cosine + v * sine) * reach);
     Some(poses.map(|pose| corners.iter().map(|&corner| pose.transform_point(corner)).collect()))
+}
+
+/// What has been pressed into a round shape gets no deeper: when two triangles that begin within their separation come nearer.
+fn deeper(
+    a: &SweptMesh<'_>,
+    b: &SweptMesh<'_>,
+    found: PairImpact,
+    separation: f64,
+    scratch: &mut PairProximity,
+) -> Option<PairImpact> {
+    let (a, b) = (a.triangle(found.triangle_a), b.triangle(found.triangle_b));
+    examine_pair(&a.start, &b.start, separation, scratch);
+    let distance = scratch.distance;
+    if !(distance > 0.0 && distance.is_finite()) {
+        return None;
+    }
+    let impact = triangle_pair_impact(&a, &b, &CommonVertices::NONE, distance * (1.0 - ROUNDING))?;
+    is_met(impact.cause).then_some(PairImpact { impact, ..found })
 }
 
 /// Whether two triangles meet on their ways; what is together when these begin cannot be kept apart.

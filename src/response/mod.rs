@@ -114,6 +114,7 @@ mod contact;
 mod features;
 mod gather;
 mod guard;
+mod inside;
 mod motion;
 mod particles;
 mod record;

@@ -97,7 +97,7 @@ const LEAST_SUBSTEPS: u32 = 4;
 
 /// How often a tick is solved at most.
 const MOST_SOLUTIONS: usize = 4;
-const MOST_SOLUTIONS_OF_PART: usize = 2;
+const MOST_SOLUTIONS_OF_PART: usize = 3;
 
 /// Widens the margin to what bodies will move by in this tick, in powers of two: what may touch within the tick is
 /// detected when it begins. A margin that the game has set stays.
@@ -260,6 +260,7 @@ fn respond(
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
     gatherer.add_contacts(solver, &scene, Watch { duration, slack: f64::from(*slack) });
     gatherer.add_impacts(solver, &scene);
+    gatherer.lead_out(solver, &scene);
     diagnostics.bodies = moved.len();
     diagnostics.contacts = solver.contacts.len();
     diagnostics.gathering += start.elapsed();
@@ -269,7 +270,7 @@ fn respond(
     diagnostics.solving += start.elapsed();
     let start = Instant::now();
     solver.follow_welds();
-    let mut met = guard.begin(&solver.particles, &scene, |entity| gatherer.first_particle(entity));
+    let mut met = guard.begin(&solver.particles, &scene, gatherer);
     let mut solved_again = Solved::default();
     let mut solutions = 1;
     let most = if parts > 1 { MOST_SOLUTIONS_OF_PART } else { MOST_SOLUTIONS };
@@ -285,14 +286,14 @@ fn respond(
         solver.begin_again();
         solved_again = solver.advance(duration, &settings);
         solver.follow_welds();
-        met = guard.look_again(&solver.particles, &scene);
+        met = guard.look_again(&solver.particles, &scene, gatherer);
     }
     let solved = if solutions > 1 { solved_again } else { solved };
     diagnostics.solved_again += solutions - 1;
     diagnostics.contact_solves += solved.contact_solves;
     diagnostics.pressing = solved.pressing;
     gatherer.end();
-    let guarded = guard.stop(&mut solver.particles, duration);
+    let guarded = guard.stop(&mut solver.particles, duration, gatherer);
     diagnostics.impacts += guarded.impacts;
     diagnostics.vertices_stopped += guarded.stopped;
     diagnostics.impacts_remaining += guarded.remaining;

@@ -26,6 +26,7 @@ use crate::{
 #[component(immutable)]
 #[require(
     SurfacePositions,
+    SweptTarget,
     SurfaceStatus,
     SurfaceThickness,
     ContactMethod,

@@ -15,7 +15,7 @@ use parry3d::shape::{SharedShape, TypedShape};
 
 use super::{
     active::ShapePart,
-    components::{DeformableSurface, Registration, SurfaceLayers, SurfacePositions, SurfaceStatus},
+    components::{DeformableSurface, Registration, SurfaceLayers, SurfacePositions, SurfaceStatus, SweptTarget},
 };
 use crate::{
     detection::{
@@ -114,6 +114,7 @@ impl Solid {
 #[derive(Component, Clone)]
 #[require(
     SurfacePositions,
+    SweptTarget,
     TriangleBounds,
     SurfaceTree,
     SurfaceRows,
@@ -129,7 +130,7 @@ pub(crate) struct RigidMesh {
 impl RigidMesh {
     fn remove_from(entity: &mut EntityWorldMut) {
         if entity.contains::<Self>() {
-            entity.remove::<(Self, SurfacePositions, TriangleBounds, SurfaceTree, SurfaceRows)>();
+            entity.remove::<(Self, SurfacePositions, SweptTarget, TriangleBounds, SurfaceTree, SurfaceRows)>();
             entity.remove::<(TriangleCurvature, EnclosingBalls, Circumspheres, TriangleCones)>();
         }
     }

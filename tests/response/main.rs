@@ -4,6 +4,7 @@
 mod contact;
 mod harness;
 mod holds;
+mod inside;
 mod motion;
 mod rest;
 mod shots;

@@ -204,12 +204,12 @@ impl PreviousPositions {
 fn path_of<'a>(surface: &ActiveSurface, item: &SweptItemReadOnlyItem<'a, '_>, detection: u64) -> Path<'a> {
     let (now, pose) = (&item.positions.0, surface.pose);
     let still = Path::still(now, pose);
-    if !item.swept {
-        return still;
-    }
     let target = item.target.map(|target| &target.0);
     if let Some(target) = target.filter(|target| target.len() == now.len() && first_non_finite(target).is_none()) {
         return Path { end: target, ..still };
+    }
+    if !item.swept {
+        return still;
     }
     match item.previous {
         Some(_) if surface.fresh => still,
