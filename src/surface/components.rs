@@ -181,8 +181,8 @@ pub struct SelfCollision;
 ///
 /// - Vertices move in straight lines in the world between where they were in the last detection and where they are. With a
 ///   [`SweptTarget`] they do so between where they are and that.
-/// - A surface or rigid shape without this component stands where it is now, even if it has moved since the last tick. Give it
-///   to both of two that move.
+/// - A surface or rigid shape without this component stands where it is now, even if it has moved since the last tick, but for a
+///   way to its [`SweptTarget`]. Give it to both of two that move.
 /// - Only what is fast is tested: pairs of triangles of which at least one has a vertex that moves farther than half
 ///   of its surface's thickness, less what the larger of both surfaces moves by as a whole. What passes through each
 ///   other more slowly is in contact before and after, within half of the contact distance. A surface of which nothing is fast costs a look at its vertices.
@@ -208,11 +208,12 @@ impl SweptCollision {
     }
 }
 
-/// Where a solver expects the vertices of a surface with [`SweptCollision`] at the end of this tick, in the surface's own
+/// Where a solver expects the vertices of a surface at the end of this tick, in the surface's own
 /// frame and the order of [`SurfacePositions`]: the way from the current positions to these is swept instead of that since
 /// the last tick. Write it in [`DeformableSystems::Predict`](crate::DeformableSystems::Predict).
 ///
-/// Comes with [`SweptCollision`] and with [`XpbdBody`](crate::response::XpbdBody). Default empty: no target.
+/// Every surface has one, and every rigid shape made of triangles. Default empty: no target. A surface without [`SweptCollision`] that
+/// has a target is on its way, too, for those that it meets.
 ///
 /// Ignored where it is empty, has another length than the positions, or a coordinate is not finite. It stays until it is
 /// written again: empty it after a jump.
