@@ -45,7 +45,7 @@ pub struct SweptImpact {
 /// Two surfaces that meet on their way, or one that meets itself.
 #[derive(Clone, Debug)]
 pub struct SweptPair {
-    /// The first surface by its [order](crate::SurfaceOrder).
+    /// The first surface by its [order](crate::SurfaceOrder). A rigid shape made of triangles comes last.
     pub a: Entity,
     /// The second one: the same in a self-collision.
     pub b: Entity,
@@ -56,8 +56,8 @@ pub struct SweptPair {
     pub(crate) topologies: [Arc<SurfaceTopology>; 2],
 }
 
-/// The impacts of the last detection, of surfaces that have [`SweptCollision`](crate::SweptCollision). Pairs that do not
-/// meet are left out.
+/// The impacts of the last detection, of surfaces that have [`SweptCollision`](crate::SweptCollision), with other surfaces and
+/// rigid shapes made of triangles. Pairs that do not meet are left out.
 ///
 /// Most systems read it through [`SurfaceImpacts`].
 #[derive(Resource, Clone, Debug, Default)]

@@ -105,7 +105,7 @@ fn complete(feature: Feature, [first, second]: [f32; 2]) -> [f32; 3] {
 /// One vertex that a contact acts on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StencilEntry {
-    /// The surface it belongs to.
+    /// The surface it belongs to, or the rigid shape made of triangles.
     pub entity: Entity,
     /// Which of its vertices, as the game numbered them.
     pub vertex: VertexId,
@@ -250,7 +250,8 @@ impl Contact<'_> {
         self.pick(world(point_b + along), world(point_b))
     }
 
-    /// Triangles of the first and the second side, as the game numbered them; `None` for a rigid shape.
+    /// Triangles of the first and the second side, as the game numbered them; `None` for a [solid](crate::RigidShape), which is
+    /// tested by formula. Of a rigid shape made of triangles those of the shape.
     #[must_use]
     pub fn triangles(&self) -> (Option<TriangleId>, Option<TriangleId>) {
         let of_b = self.pair.topology_b.as_ref().map(|_| TriangleId(self.record.triangle_b));
@@ -263,15 +264,16 @@ impl Contact<'_> {
         self.pick(self.record.features.a, self.record.features.b)
     }
 
-    /// Weights of the corners of the first and the second triangle at the contact points; of a rigid shape without
-    /// meaning. Each sums to 1.
+    /// Weights of the corners of the first and the second triangle at the contact points; of a solid that is tested by formula
+    /// without meaning. Each sums to 1.
     #[must_use]
     pub fn barycentrics(&self) -> ([f32; 3], [f32; 3]) {
         let record = self.record;
         self.pick(complete(record.features.a, record.barycentric_a), complete(record.features.b, record.barycentric_b))
     }
 
-    /// The vertices of a side's feature: one, two or three; none for a rigid shape.
+    /// The vertices of a side's feature: one, two or three; none for a solid that is tested by formula. Of a rigid shape made of
+    /// triangles those of the shape.
     #[must_use]
     pub fn feature_vertices(&self) -> (ArrayVec<VertexId, 3>, ArrayVec<VertexId, 3>) {
         let corners = |topology: &SurfaceTopology, triangle: u32, feature: Feature| {
@@ -292,15 +294,17 @@ impl Contact<'_> {
         self.pick(of_a, of_b)
     }
 
-    /// The numbers of both features, see [`feature_number`](crate::kernel::contact::feature_number); of a rigid shape
-    /// that of its part.
+    /// The numbers of both features, see [`feature_number`](crate::kernel::contact::feature_number); of a solid
+    /// that is tested by formula that of its part.
     #[must_use]
     pub fn feature_numbers(&self) -> (u32, u32) {
         let [of_a, of_b] = self.record.feature_numbers();
         self.pick(of_a, of_b)
     }
 
-    /// The vertices that the contact acts on, with their signed shares: at most three a side, none of a rigid shape.
+    /// The vertices that the contact acts on, with their signed shares: at most three a side, none of a solid that is tested by
+    /// formula. A rigid shape made of triangles has entries, as a surface has, although nothing may move its vertices: a solver
+    /// treats them as infinitely heavy. [`a`](Self::a) and [`b`](Self::b) tell a shape apart.
     #[must_use]
     pub fn stencil(&self) -> ArrayVec<StencilEntry, 6> {
         let normal = self.normal();

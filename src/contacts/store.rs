@@ -22,7 +22,7 @@ use crate::{
 pub enum ContactSide {
     /// A deformable surface.
     Surface(Entity),
-    /// A rigid shape.
+    /// A [rigid shape](crate::RigidShape), whether a solid or made of triangles.
     Shape(Entity),
 }
 
@@ -69,7 +69,7 @@ pub struct StoredPair {
     /// Whether the surfaces have an inside, as far as this pair goes.
     pub(crate) one_sided: [bool; 2],
     pub(crate) events: [bool; 2],
-    /// Sorts pairs as the store does: those with a shape last, then by the order of both sides.
+    /// Sorts pairs as the store does: those with a solid that is tested by formula last, then by the order of both sides.
     pub(crate) order: PairOrder,
 }
 
@@ -92,8 +92,8 @@ impl StoredPair {
 
 pub(crate) type PairOrder = (bool, SideOrder, SideOrder);
 
-/// The contacts of the last tick: pairs of surfaces by [order](crate::SurfaceOrder), then surfaces with shapes. The lists of
-/// a pair are those of the stage that found them, not copies.
+/// The contacts of the last detection: pairs of surfaces by [order](crate::SurfaceOrder), rigid shapes made of triangles among them,
+/// then surfaces with solids that are tested by formula. The lists of a pair are those of the stage that found them, not copies.
 ///
 /// Every touching pair of triangles has its closest features among the contacts, with one exception: where one-sided
 /// surfaces have penetrated each other, contacts that do not lead out of the solid are left out.

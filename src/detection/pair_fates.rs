@@ -75,8 +75,8 @@ impl PairFates<'_, '_> {
         fates.extend(self.dropped_by_slabs(place, pair).into_iter().map(|triangles| (triangles, PairFate::Planes)));
     }
 
-    /// The fate of two triangles, each with its entity, whichever comes first; of a rigid shape the triangle is
-    /// `TriangleId(0)`. `None` where the broad phase has not paired them (their boxes are apart, their layers do not meet, a
+    /// The fate of two triangles, each with its entity, whichever comes first; of a solid that is tested by formula
+    /// the triangle is `TriangleId(0)`. `None` where the broad phase has not paired them (their boxes are apart, their layers do not meet, a
     /// surface is not asked to meet itself, …), and where [`of`](Self::of) is empty.
     #[must_use]
     pub fn between(&self, a: (Entity, TriangleId), b: (Entity, TriangleId)) -> Option<PairFate> {

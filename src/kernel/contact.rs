@@ -99,9 +99,9 @@ pub struct CompactContact {
     pub key: ContactKey,
     /// Triangle of the first surface, as the caller numbered it.
     pub triangle_a: u32,
-    /// Triangle of the second surface; of a rigid shape the number of its part.
+    /// Triangle of the second surface; of a shape that is tested by formula the number of its part.
     pub triangle_b: u32,
-    /// Which parts of the two triangles. A rigid shape is a face, or an edge where it meets one.
+    /// Which parts of the two triangles. A shape that is tested by formula is a face, or an edge where it meets one.
     pub features: FeaturePair,
     /// Whether the features of a contact of a surface with itself stand in the other order than in the key.
     pub swapped: bool,
@@ -110,7 +110,7 @@ pub struct CompactContact {
     pub is_shared: bool,
     /// Weights of the first two corners of triangle a; the third is what is left of 1.
     pub barycentric_a: [f32; 2],
-    /// Weights of the first two corners of triangle b; without meaning for a rigid shape.
+    /// Weights of the first two corners of triangle b; without meaning for a shape that is tested by formula.
     pub barycentric_b: [f32; 2],
     /// The contact point on the second side, in the frame of the pair.
     pub point_b: Vec3,
@@ -262,7 +262,7 @@ impl CompactContact {
         (self.triangle_a, self.triangle_b)
     }
 
-    /// The numbers of both features, see [`feature_number`]; of a rigid shape that of its part.
+    /// The numbers of both features, see [`feature_number`]; of a shape that is tested by formula that of its part.
     #[must_use]
     pub fn feature_numbers(&self) -> [u32; 2] {
         let mask = (1u64 << FEATURE_BITS) - 1;
@@ -270,7 +270,7 @@ impl CompactContact {
         if self.swapped { [numbers[1], numbers[0]] } else { numbers }
     }
 
-    /// A contact with a rigid shape. `scale` is the world length of a unit of the shape's frame.
+    /// A contact with a shape that is tested by formula. `scale` is the world length of a unit of the shape's frame.
     #[must_use]
     pub fn with_shape(
         topology: &SurfaceTopology,

@@ -25,10 +25,45 @@
 //! assert!((0.0..0.1).contains(&height), "it lies on the ground");
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
-
+//!
+//! # What is guaranteed
+//!
+//! No vertex and no edge of an [`XpbdBody`] with [`SweptCollision`](crate::SweptCollision) passes through what it meets by
+//! [`SurfaceLayers`](crate::SurfaceLayers), at any speed, while a way is left for it:
+//!
+//! | the body against | |
+//! |---|---|
+//! | another body | guarded where at least one of the two has `SweptCollision` |
+//! | itself | guarded with [`SelfCollision`](crate::SelfCollision); triangles that share a vertex are not tested |
+//! | a surface without [`XpbdBody`], at rest, animated, skinned or moved by its transform | guarded |
+//! | a [`RigidShape`](crate::RigidShape) of any kind, at rest or moved | guarded; a cylinder or cone as a solid of 32 sides in it, and what is between those and its surface is left to contacts |
+//!
+//! What it does not cover:
+//!
+//! - What touches, crosses or is inside when a tick begins. Contacts push it out, and sheets that cross are untangled.
+//! - Where two driven things squeeze a body so that no way is left, it may be inside of one of them or cross itself.
+//!   [`XpbdDiagnostics::impacts_remaining`] and [`XpbdDiagnostics::jammed`] tell, and the log once an episode.
+//! - What two bodies without `SweptCollision`, or one and something that stands, do to each other: contacts alone stop them. The
+//!   log warns once where such a body moves farther than its thickness between two detections.
+//! - What the game moves passes through other things that the game moves.
+//! - A body that cannot be solved ([`XpbdDiagnostics::refused`]) is not moved, and counts as something that stands.
+//!
+//! # What the game moves
+//!
+//! Animated surfaces, rigid shapes and pinned vertices go from where the last tick left them to where the game has written them
+//! now, while the solver steps. Surfaces and shapes that go farther near a body than half of its mean edge, as seen from the body,
+//! cut the tick into up to 16 parts ([`XpbdDiagnostics::parts`]), with a detection each; within a part, vertices go straight. So
+//! contacts that are read after the tick, and their messages, are those of the beginning of its last part, for both sides. Insert
+//! [`Teleported`](crate::Teleported) where something is to jump.
+//!
+//! A body whose `Transform`, or that of a parent, moves keeps its place in the world, as it has inertia; pinned vertices go along.
+//! Insert [`Teleported`](crate::Teleported) to move it as a whole.
+//!
+//! # Another solver
 //!
 //! Another solver reads the contacts of the tick as they are. Each has a flat stencil: how its separation grows with every
-//! vertex that it acts on. One pass of the simplest solver there is, that of positions alone:
+//! vertex that it acts on. Vertices of rigid shapes made of triangles are among them, and stand. One pass of the simplest solver
+//! there is, that of positions alone:
 //!
 //! ```
 //! use std::collections::HashMap;
@@ -38,10 +73,11 @@
 //! use glam::Vec3;
 //!
 //! /// Moves the vertices of contacts apart by what is missing, each by its share.
-//! fn part(contacts: SurfaceContacts, mut surfaces: Query<&mut SurfacePositions>) {
+//! fn part(contacts: SurfaceContacts, mut surfaces: Query<&mut SurfacePositions, Without<RigidShape>>) {
 //!     let mut pushes: HashMap<(Entity, u32), (Vec3, f32)> = HashMap::new();
 //!     for contact in contacts.iter().filter(|contact| contact.separation() < 0.0 && !contact.is_crossing()) {
-//!         let stencil = contact.stencil();
+//!         let mut stencil = contact.stencil();
+//!         stencil.retain(|entry| surfaces.contains(entry.entity));
 //!         let squares: f32 = stencil.iter().map(|entry| entry.weight * entry.weight).sum();
 //!         for entry in stencil {
 //!             let push = entry.normal * (entry.weight * -contact.separation() / squares);

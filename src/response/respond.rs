@@ -19,14 +19,14 @@ use crate::{
     kernel::{ids::VertexId, pose::Pose, topology::SurfaceTopology},
     schedule::run_detection,
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, DeformableSurface, SurfacePositions, SweptCollision, SweptTarget},
+    surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptCollision, SweptTarget},
 };
 
 /// What the response did in the last tick.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct XpbdDiagnostics {
-    /// Into how many parts the tick was cut, each with a detection of its own: more than one where the game moves something
-    /// near a body farther than its features are large.
+    /// Into how many parts the tick was cut, each with a detection of its own, 16 at most: more than one where the game moves
+    /// something near a body farther than half of the body's mean edge, as seen from the body.
     pub parts: u32,
     /// How many bodies were moved.
     pub bodies: usize,
@@ -46,9 +46,11 @@ pub struct XpbdDiagnostics {
     pub impacts: usize,
     /// Vertices that were stopped short of them.
     pub vertices_stopped: usize,
-    /// Impacts that could not be prevented: something that nothing moves has hit a body.
+    /// Impacts that could not be prevented, because two driven things squeeze a body so that no way is left: it may be inside
+    /// of one of them. Where it is not 0, or `jammed` not empty, the log has it, once an episode.
     pub impacts_remaining: usize,
     /// Bodies that were squeezed so that they met themselves nearly everywhere: they were not kept from crossing themselves.
+    /// Once for each part of the tick.
     pub jammed: Vec<Entity>,
     /// Looking for impacts, and solving again.
     pub guarding: Duration,
@@ -74,7 +76,14 @@ pub(super) struct Response {
     /// Bodies that left the range of what can be computed, in this tick and in the last one.
     stopped: Vec<Entity>,
     stopped_last: Vec<Entity>,
+    /// Whether a fast body without [`SweptCollision`] has been warned of.
+    has_warned_of_speed: bool,
+    /// For how many more ticks squeezed bodies are not warned of again.
+    squeezed_for: u32,
 }
+
+/// Bodies that have not been squeezed for so many ticks are warned of again.
+const CALM_TICKS: u32 = 60;
 
 /// Margins in mean edges of the finest body: at rest, and at most.
 const LEAST_MARGIN: f32 = 0.125;
@@ -182,6 +191,26 @@ pub(super) fn respond_in_parts(world: &mut World) {
         }
     }
     world.resource_mut::<XpbdDiagnostics>().parts = parts;
+    run(world, warn_of_squeezed);
+}
+
+/// Says once an episode that bodies are squeezed so that no way is left for them.
+fn warn_of_squeezed(diagnostics: Res<XpbdDiagnostics>, mut response: ResMut<Response>) {
+    let XpbdDiagnostics { impacts_remaining, jammed, .. } = &*diagnostics;
+    if *impacts_remaining == 0 && jammed.is_empty() {
+        response.squeezed_for = response.squeezed_for.saturating_sub(1);
+        return;
+    }
+    if response.squeezed_for == 0 {
+        let by_themselves =
+            if jammed.is_empty() { String::new() } else { format!("; they may cross themselves: {jammed:?}") };
+        log::warn!(
+            "bodies are squeezed so that no way is left, and may be inside of what squeezes them ({impacts_remaining} impacts \
+             remain{by_themselves}): leave more room between what the game moves. This is said again after {CALM_TICKS} ticks \
+             without"
+        );
+    }
+    response.squeezed_for = CALM_TICKS;
 }
 
 fn run<M>(world: &mut World, system: impl IntoSystem<(), (), M> + 'static) {
@@ -279,7 +308,7 @@ pub(super) fn write_back(
     motions: Res<Motions>,
     mut response: ResMut<Response>,
     mut diagnostics: ResMut<XpbdDiagnostics>,
-    mut bodies: Query<(&mut SurfacePositions, &mut XpbdBody)>,
+    mut bodies: Query<(&mut SurfacePositions, &mut XpbdBody, Has<SweptCollision>)>,
 ) {
     let response = &mut *response;
     response.stopped_last.clear();
@@ -287,7 +316,7 @@ pub(super) fn write_back(
     let mut surfaces = active.surfaces.iter();
     for (&entity, solved) in response.moved.iter().zip(&response.solver.bodies) {
         let Some(surface) = surfaces.find(|surface| surface.entity == entity) else { return };
-        let Ok((mut positions, mut body)) = bodies.get_mut(entity) else { continue };
+        let Ok((mut positions, mut body, is_swept)) = bodies.get_mut(entity) else { continue };
         let own = surface.pose.inverse();
         let particles = &response.solver.particles;
         if let Some(vertex) = first_out_of_range(&surface.topology, solved.first, particles, &own) {
@@ -299,6 +328,14 @@ pub(super) fn write_back(
             response.stopped.push(entity);
             diagnostics.refused.push((entity, error));
             continue;
+        }
+        if !is_swept && !response.has_warned_of_speed && is_fast(surface, solved.first, particles) {
+            response.has_warned_of_speed = true;
+            log::warn!(
+                "body {entity} has moved farther than its thickness, {}, between two detections: give it SweptCollision, or it \
+                 may pass through things. This is said once, of the first such body",
+                surface.thickness
+            );
         }
         for (vertex, &weld) in surface.topology.weld().iter().enumerate() {
             let particle = solved.first + weld as usize;
@@ -317,6 +354,14 @@ pub(super) fn write_back(
         body.written.clone_from(&positions.0);
         body.stood = Some(surface.pose);
     }
+}
+
+/// Whether a vertex of a body has moved farther than its thickness since contacts were detected.
+fn is_fast(surface: &ActiveSurface, first: usize, particles: &Particles) -> bool {
+    let most = f64::from(surface.thickness);
+    let own = first..first + surface.topology.vertex_count();
+    let mut ends = particles.start[own.clone()].iter().zip(&particles.position[own]);
+    ends.any(|(start, end)| start.distance_squared(*end) > most * most)
 }
 
 /// The first vertex of a body whose solved position, in the world or in the surface's own frame, or whose velocity is too

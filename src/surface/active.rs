@@ -87,7 +87,8 @@ pub struct ActiveShape {
 /// entity.
 pub(crate) type SideOrder = (bool, u32, u64, u32);
 
-/// Everything that takes part in this tick, ordered by [`SurfaceOrder`](super::SurfaceOrder), then by registration.
+/// Everything that takes part in this tick, ordered by [`SurfaceOrder`](super::SurfaceOrder), then by registration; rigid shapes
+/// come after surfaces.
 #[derive(Resource, Default)]
 pub struct ActiveSurfaces {
     /// The surfaces; those of rigid shapes last.

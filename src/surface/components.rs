@@ -145,7 +145,8 @@ impl SurfaceBuilder<'_> {
 }
 
 /// The current vertex positions of a surface, in the order of the mesh it was made from: what the game writes every
-/// tick. Empty: the surface waits. Where Bevy has seen nobody write to them since the last tick, what was made of them is kept:
+/// tick. Empty: the surface waits. A [rigid shape](super::RigidShape) made of triangles has its vertices in one, to be read
+/// only. Where Bevy has seen nobody write to them since the last tick, what was made of them is kept:
 /// of what is written past change detection nobody can say which stages notice it.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 pub struct SurfacePositions(pub Vec<Vec3>);
@@ -180,8 +181,8 @@ pub struct SelfCollision;
 ///
 /// - Vertices move in straight lines in the world between where they were in the last detection and where they are. With a
 ///   [`SweptTarget`] they do so between where they are and that.
-/// - A surface without this component stands where it is now, even if it has moved since the last tick. Give it to both
-///   of two that move.
+/// - A surface or rigid shape without this component stands where it is now, even if it has moved since the last tick, but for a
+///   way to its [`SweptTarget`]. Give it to both of two that move.
 /// - Only what is fast is tested: pairs of triangles of which at least one has a vertex that moves farther than half
 ///   of its surface's thickness, less what the larger of both surfaces moves by as a whole. What passes through each
 ///   other more slowly is in contact before and after, within half of the contact distance. A surface of which nothing is fast costs a look at its vertices.
@@ -189,7 +190,13 @@ pub struct SelfCollision;
 ///   and earlier by no more than the way that f64 rounds, some 1e-13 of the size of the surfaces. What touches or crosses before it
 ///   moves is an impact at time 0.
 /// - In its first tick, after a jump ([`Teleported`]) and after a pause a surface has no motion but that to a target.
-/// - Rigid shapes are not swept against.
+/// - [Rigid shapes](super::RigidShape) made of triangles are swept against as surfaces are. Solids, which are tested by formula,
+///   are not among the impacts yet.
+///
+/// This is about detection, which finds impacts and prevents none. With
+/// [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) the component also keeps an
+/// [`XpbdBody`](crate::response::XpbdBody) from passing through things, solids included, on which no component is needed: [what is
+/// guaranteed](crate::response#what-is-guaranteed).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[require(PreviousPositions, SweptTarget)]
 #[component(on_remove = Self::on_remove)]
@@ -201,16 +208,22 @@ impl SweptCollision {
     }
 }
 
-/// Where a solver expects the vertices of a surface with [`SweptCollision`] at the end of this tick, in the surface's own
+/// Where a solver expects the vertices of a surface at the end of this tick, in the surface's own
 /// frame and the order of [`SurfacePositions`]: the way from the current positions to these is swept instead of that since
 /// the last tick. Write it in [`DeformableSystems::Predict`](crate::DeformableSystems::Predict).
 ///
+/// Every surface has one, and every rigid shape made of triangles. Default empty: no target. A surface without [`SweptCollision`] that
+/// has a target is on its way, too, for those that it meets.
+///
 /// Ignored where it is empty, has another length than the positions, or a coordinate is not finite. It stays until it is
 /// written again: empty it after a jump.
+/// [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) writes it itself for every body, and for what the game moves near
+/// one.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 pub struct SweptTarget(pub Vec<Vec3>);
 
-/// How a pair of triangles is tested. Of two different methods the more exact one, the later here, decides.
+/// How a pair of triangles is tested. Of two different methods the more exact one, the later here, decides. Against a
+/// [`RigidShape`](super::RigidShape) the test is exact, whatever the method.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ContactMethod {
     /// Touching is when the enclosing balls come within the contact distance. Coarse.
@@ -263,7 +276,8 @@ impl SurfaceLayers {
     }
 }
 
-/// Whether a surface has an inside. It decides about the sign of distances and the direction of normals, never about
+/// Whether a surface, or a [`RigidShape`](super::RigidShape) made of triangles, has an inside. Solids have one in any case. It
+/// decides about the sign of distances and the direction of normals, never about
 /// what touches.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sidedness {
@@ -274,8 +288,8 @@ pub enum Sidedness {
     /// two-sided all the same: behind a face may be just the other side of a thin wall.
     OneSided,
     /// A sheet. What was on one side of it in the last tick and is on the other now has penetrated, for as long as the
-    /// same two features stay in contact. Remembered between sheets and within one surface; against a one-sided
-    /// surface, that one's inside decides.
+    /// same two features stay in contact, even if the [`SurfaceOrder`] changes. Remembered between sheets, rigid ones included, and
+    /// within one surface; against a one-sided surface, that one's inside decides.
     TwoSided,
 }
 
@@ -304,8 +318,12 @@ pub enum SurfaceFrame {
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceDisabled;
 
-/// Insert it when positions or pose of a surface jump: nothing remembered from earlier ticks is used for the next one.
+/// Insert it when positions or pose of a surface or shape jump: nothing remembered from earlier ticks is used for the next one.
 /// Removed by the next tick.
+///
+/// With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin): a body goes along with its transform, free vertices too,
+/// instead of keeping its place in the world. Anything else jumps to where the game has written it, instead of sweeping all that
+/// is between.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Teleported;
 
@@ -315,7 +333,8 @@ pub struct Teleported;
 pub struct ContactEventsEnabled;
 
 /// A place in the order of contacts that does not depend on spawn order, lower first; for worlds that must agree
-/// between machines. Without it, or where it is equal, the order of registration decides.
+/// between machines. Without it, or where it is equal, the order of registration decides. Of a surface and a rigid
+/// shape, the shape is always the second side.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SurfaceOrder(pub u32);
 

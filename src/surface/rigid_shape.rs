@@ -30,13 +30,25 @@ use crate::{
 
 /// A rigid shape that surfaces touch, placed by the entity's transform (rotation, translation, uniform scale).
 ///
-/// - Ball, capsule, cuboid, cylinder, cone, convex polyhedron, their rounded forms, half-space and compounds of those are
-///   solids, tested by formula: a vertex inside has a negative distance, however deep.
-/// - Triangle mesh, height field, voxels, polyline, triangle and segment are surfaces that nothing deforms, tested like any
-///   other surface. The entity has their vertices as [`SurfacePositions`]. A closed mesh whose triangles face outward has an
-///   inside; [`Sidedness`](crate::Sidedness) says otherwise.
+/// - Ball, capsule, cuboid, cylinder, cone, convex polyhedron and their rounded forms, rounded triangle, half-space, and
+///   compounds of these are solids, tested by exact formulas in f64: a vertex inside has a negative distance, however deep. Parts
+///   of a compound may also be triangles and segments, but no half-spaces.
+/// - Triangle mesh, height field, voxels, polyline, triangle and segment are surfaces that nothing deforms, tested feature by
+///   feature like any other surface. A closed mesh has an inside, any other is a sheet, and contacts remember on which side
+///   something was; [`Sidedness`](crate::Sidedness) says otherwise.
 ///
-/// Shapes never touch each other: that is a rigid-body engine's work.
+/// The entity of a shape made of triangles has its vertices as [`SurfacePositions`], which are to be read only: replace the shape
+/// to change them. Contacts name its triangles and vertices as the shape numbers them, those of a height field and of voxels as
+/// parry's `to_trimesh` does; each segment of a polyline is a triangle of which two corners are one.
+///
+/// A shape is prepared when it is inserted; no tick asks parry anything. What cannot be tested is set aside with the reason:
+/// [`SurfaceQuarantined`](crate::SurfaceQuarantined). Shapes have no thickness, and never touch each other: that is a rigid-body
+/// engine's work.
+///
+/// With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) bodies with [`SweptCollision`](crate::SweptCollision) do not
+/// pass through shapes of any kind, at rest or moved by the game: [what is guaranteed](crate::response#what-is-guaranteed). Of
+/// detection alone, [`SurfaceImpacts`](crate::SurfaceImpacts) has impacts with shapes made of triangles, whose pose of the last
+/// tick counts only if they have [`SweptCollision`](crate::SweptCollision); solids are not in it yet.
 ///
 /// ```
 /// # use bevy_circumsphere::prelude::*;

@@ -18,7 +18,7 @@ pub(super) fn triangle_pairs(pairs: &[[u32; 2]]) -> AnyValues {
     whole(whole(AnyValues::default(), "triangle_a", &side(0)), "triangle_b", &side(1))
 }
 
-/// The triangles of contacts, the second `None` where it is a rigid shape's.
+/// The triangles of contacts, the second `None` where it is a solid that is tested by formula.
 pub(super) fn contact_triangles(pairs: &[[Option<u32>; 2]]) -> AnyValues {
     let side = |side: usize| Arc::new(pairs.iter().map(|pair| pair[side]).collect::<UInt32Array>());
     let values = AnyValues::default().with_component_from_data("triangle_a", side(0));

@@ -1,0 +1,133 @@
+//! What the response says in the log, and how often. A process of its own, since a logger hears all of its process.
+
+use std::{
+    sync::{Mutex, Once},
+    time::Duration,
+};
+
+use bevy_app::prelude::*;
+use bevy_circumsphere::{prelude::*, response::*};
+use bevy_ecs::prelude::*;
+use bevy_time::Time;
+use bevy_transform::components::Transform;
+use circumsphere_support::scenes::{Mesh, cloth, icosphere};
+use glam::Vec3;
+
+static WARNINGS: Mutex<Vec<String>> = Mutex::new(Vec::new());
+
+/// One world at a time is listened to.
+static LISTENING: Mutex<()> = Mutex::new(());
+
+struct WarningKeeper;
+
+impl log::Log for WarningKeeper {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.level() <= log::Level::Warn
+    }
+
+    fn log(&self, record: &log::Record<'_>) {
+        if self.enabled(record.metadata()) {
+            WARNINGS.lock().unwrap().push(record.args().to_string());
+        }
+    }
+
+    fn flush(&self) {}
+}
+
+/// What is said while something runs.
+fn said_by(run: impl FnOnce()) -> Vec<String> {
+    static INSTALL: Once = Once::new();
+    INSTALL.call_once(|| {
+        log::set_logger(&WarningKeeper).unwrap();
+        log::set_max_level(log::LevelFilter::Warn);
+    });
+    let _listening = LISTENING.lock().unwrap();
+    WARNINGS.lock().unwrap().clear();
+    run();
+    std::mem::take(&mut *WARNINGS.lock().unwrap())
+}
+
+fn app() -> App {
+    let mut app = App::new();
+    app.add_plugins((DeformableCollisionPlugins::new(Update), XpbdResponsePlugin::new(Update)));
+    app.init_resource::<Time>();
+    app
+}
+
+fn add(app: &mut App, mesh: &Mesh, height: f32, material: XpbdMaterial, extra: impl Bundle) -> Entity {
+    let points: Vec<Vec3> = mesh.positions.iter().map(|&point| Vec3::from(point) + Vec3::Y * height).collect();
+    let (surface, positions) = DeformableSurface::from_mesh(&points, &mesh.triangles).unwrap();
+    let body = XpbdBody::new(&surface, &positions, material).unwrap();
+    app.world_mut().spawn((surface, positions, body, extra)).id()
+}
+
+fn tick(app: &mut App) {
+    app.world_mut().resource_mut::<Time>().advance_by(Duration::from_secs_f64(1.0 / 60.0));
+    app.update();
+}
+
+fn about<'a>(warnings: &'a [String], word: &str) -> Vec<&'a String> {
+    warnings.iter().filter(|warning| warning.contains(word)).collect()
+}
+
+#[test]
+fn a_fast_body_that_is_not_swept_is_warned_of_once() {
+    let mut first = None;
+    let warnings = said_by(|| {
+        let mut app = app();
+        let sheet = cloth(8, 0.1);
+        // The first is resting for as long as nothing pulls it.
+        app.world_mut().resource_mut::<XpbdSettings>().gravity = Vec3::ZERO;
+        add(&mut app, &sheet, 0.0, XpbdMaterial::CLOTH, ());
+        let fast = add(&mut app, &sheet, 10.0, XpbdMaterial::CLOTH, ());
+        app.world_mut().get_mut::<XpbdBody>(fast).unwrap().velocities.fill(Vec3::Y);
+        first = Some(fast);
+        (0..5).for_each(|_| tick(&mut app));
+        app.world_mut().resource_mut::<XpbdSettings>().gravity = Vec3::NEG_Y * 100.0;
+        (0..30).for_each(|_| tick(&mut app));
+    });
+    let fast = about(&warnings, "SweptCollision");
+    assert_eq!(fast.len(), 1, "{warnings:?}");
+    assert!(fast[0].contains(&first.unwrap().to_string()), "{fast:?}");
+}
+
+#[test]
+fn a_swept_body_that_falls_and_comes_to_rest_is_not_warned_of() {
+    let warnings = said_by(|| {
+        let mut app = app();
+        app.world_mut().spawn((RigidShape(SharedShape::cuboid(2.0, 0.1, 2.0)), Transform::from_xyz(0.0, -0.1, 0.0)));
+        app.world_mut().spawn((RigidShape(SharedShape::ball(0.2)), Transform::from_xyz(0.0, 0.2, 0.0)));
+        add(&mut app, &cloth(12, 0.1), 1.5, XpbdMaterial::CLOTH, (SweptCollision, SelfCollision));
+        (0..240).for_each(|_| {
+            tick(&mut app);
+            assert_eq!(app.world().resource::<XpbdDiagnostics>().impacts_remaining, 0);
+        });
+    });
+    assert!(warnings.is_empty(), "{warnings:?}");
+}
+
+#[test]
+fn a_body_between_two_jaws_is_warned_of_once_for_as_long_as_they_are_shut() {
+    let warnings = said_by(|| {
+        let mut app = app();
+        let jaw = || RigidShape(SharedShape::cuboid(1.0, 0.5, 1.0));
+        let jaws = [1.2, -1.2].map(|height| app.world_mut().spawn((jaw(), Transform::from_xyz(0.0, height, 0.0))).id());
+        add(&mut app, &icosphere(2, 0.5), 0.0, XpbdMaterial::SOFT, (SweptCollision, SelfCollision));
+        let mut close = |ticks: usize, by: f32| {
+            let mut squeezed = 0;
+            for _ in 0..ticks {
+                for (jaw, sign) in jaws.into_iter().zip([1.0, -1.0]) {
+                    app.world_mut().get_mut::<Transform>(jaw).unwrap().translation.y -= sign * by;
+                }
+                tick(&mut app);
+                let diagnostics = app.world().resource::<XpbdDiagnostics>();
+                squeezed += usize::from(diagnostics.impacts_remaining > 0 || !diagnostics.jammed.is_empty());
+            }
+            squeezed
+        };
+        assert!(close(40, 0.02) > 1, "they are in each other");
+        close(40, -0.02);
+        close(10, 0.0);
+    });
+    assert_eq!(about(&warnings, "squeezed").len(), 1, "{warnings:?}");
+}
