@@ -7,54 +7,48 @@
 //! 2008, "Robust treatment of simultaneous collisions"). What two driven things squeeze gives way to the side, and may cross
 //! other bodies: where there is no way left, something remains inside.
 
+mod mesh;
+mod ways;
+
 use std::sync::Arc;
 
-use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
+use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashMap;
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
+use self::{
+    mesh::{Kept, Mesh, MeshName, MeshPair, SURFACE, plane_under},
+    ways::{Carry, Ways, hold, turn_between, way_of},
+};
 use super::{
-    gather::{Gatherer, MeetingCorners, MeetingSide, MeetingTriangles, Scene},
+    gather::{Gatherer, MeetingTriangles, Scene},
     particles::Particles,
 };
 use crate::{
     kernel::{
         bounds::Aabb,
-        ccd::{
-            CommonVertices, ImpactCause, PairImpact, SweepBuffers, SweepTree, SweptMesh, sweep, triangle_pair_impact,
-        },
+        ccd::{CommonVertices, ImpactCause, PairImpact, SweepBuffers, SweptMesh, sweep, triangle_pair_impact},
         exact::{
-            Feature,
             rigid_shape::ShapeGeometry,
             triangle_pair::{PairProximity, examine_pair},
         },
-        pose::Pose,
         topology::SurfaceTopology,
         tree::BoxTree,
     },
-    surface::{ActiveShape, SurfaceLayers},
+    surface::ActiveShape,
 };
-
-/// Features are kept apart by this share of the contact distance, or half of what they began with where that is less.
-const KEPT_APART: f64 = 0.02;
-
-/// Features that have come nearer than this share of the contact distance come no nearer.
-const LEAST_APART: f64 = 0.005;
 
 /// Positions are rounded to f32 between ticks: by less than this share of the size of what they are near.
 const ROUNDING: f64 = 1.0e-6;
-
-/// This share of the way to an impact is gone.
-const SHARE_OF_WAY: f64 = 0.9;
-
-/// Two triangles that are apart cannot meet while their vertices move by less than this share of the distance, each.
-const SHARE_OF_DISTANCE: f64 = 0.49;
 
 /// Rounds after which what meets is not moved at all, and after which whole bodies are not; and how many of those there are at
 /// most: what still meets then is squeezed between things that nothing stops.
 const GENTLE_ROUNDS: usize = 4;
 const MOST_ROUNDS: usize = 12;
 const LAST_ROUNDS: usize = 12;
+
+/// Ends a list of particles.
+const NO_PARTICLE: u32 = u32::MAX;
 
 /// A body that meets itself on its way in more places than so many times its vertices is squeezed into nothing: to look after
 /// them all takes longer than a game can wait, and holds them there.
@@ -72,166 +66,6 @@ pub(super) struct Guarded {
     /// Bodies that meet themselves in so many places that they are no longer kept from crossing themselves.
     pub(super) jammed: Vec<Entity>,
 }
-
-/// Triangles that no solver moves: where they begin and end, and what that is known by.
-#[derive(Default)]
-struct Obstacle {
-    /// When the positions changed last, and where they stood, while they are at rest.
-    at_rest: Option<(Tick, Pose)>,
-    start: Vec<DVec3>,
-    end: Vec<DVec3>,
-    /// How it turns, where it is a rigid shape on its way.
-    turn: Option<DMat3>,
-}
-
-impl Obstacle {
-    /// Follows something at rest; whether anything has changed. Without a tick, it may have.
-    fn rest(&mut self, positions: &[Vec3], changed: Option<Tick>, pose: &Pose) -> bool {
-        let is_same = |&(seen, stood): &(Tick, Pose)| Some(seen) == changed && stood.has_bits_of(pose);
-        if self.at_rest.as_ref().is_some_and(is_same) && self.start.len() == positions.len() {
-            return false;
-        }
-        self.at_rest = changed.map(|changed| (changed, *pose));
-        self.start.clear();
-        self.start.extend(positions.iter().map(|position| pose.transform_point(position.as_dvec3())));
-        self.end.clone_from(&self.start);
-        true
-    }
-
-    /// Follows something on its way.
-    fn move_on(&mut self, positions: [&[Vec3]; 2], poses: [&Pose; 2]) {
-        self.at_rest = None;
-        self.turn = None;
-        for ((points, positions), pose) in [&mut self.start, &mut self.end].into_iter().zip(positions).zip(poses) {
-            points.clear();
-            points.extend(positions.iter().map(|position| pose.transform_point(position.as_dvec3())));
-        }
-    }
-}
-
-/// One mesh of a tick: a surface, or triangles inside a rigid shape.
-struct Mesh {
-    name: MeshName,
-    topology: Arc<SurfaceTopology>,
-    layers: SurfaceLayers,
-    /// How far it reaches beyond its triangles: what is within the sum touches.
-    thickness: f64,
-    /// How much of that is solid: nothing is to get in there.
-    radius: f64,
-    meets_itself: bool,
-    /// Whether all that touches it is listed with its distance.
-    is_exact: bool,
-    /// The shape that it is part of, with the world as seen from where it begins.
-    shape: Option<(Arc<ShapeGeometry>, Pose)>,
-    /// Its first particle, where it is a body.
-    first: Option<usize>,
-    obstacle: Obstacle,
-    /// Whether it is a body that nothing goes through.
-    is_guarded: bool,
-    /// How far each triangle may move without meeting anything that moves no farther than its own reach.
-    reaches: Vec<f64>,
-    tree: SweepTree,
-    /// Whether the tree may not be that of its ways.
-    stale: bool,
-}
-
-/// The entity of a surface or shape, and which of the shape's parts a mesh is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct MeshName {
-    entity: Entity,
-    part: u32,
-}
-
-/// A surface is one part.
-const SURFACE: u32 = u32::MAX;
-
-impl Mesh {
-    fn swept<'a>(&'a self, particles: &'a Particles) -> SweptMesh<'a> {
-        let (start, end) = match self.first {
-            Some(first) => {
-                let own = first..first + self.topology.vertex_count();
-                (&particles.start[own.clone()], &particles.position[own])
-            }
-            None => (&self.obstacle.start[..], &self.obstacle.end[..]),
-        };
-        SweptMesh { topology: &self.topology, start, end, reach: 0.0 }
-    }
-
-    /// Brings the boxes up to date with the ways.
-    fn follow_ways(&mut self, particles: &Particles) {
-        let mut tree = std::mem::take(&mut self.tree);
-        tree.update_with_reaches(&self.swept(particles), &self.reaches);
-        tree.update_tree();
-        self.tree = tree;
-        self.stale = false;
-    }
-
-    /// Lets every triangle reach as far as what touches nothing may, `distance` being how far it is from everything.
-    fn reach_all(&mut self, distance: f64) {
-        self.reaches.clear();
-        self.reaches.resize(self.topology.triangles().len(), SHARE_OF_DISTANCE * distance);
-    }
-
-    /// A triangle that is as far as `distance` from another one reaches no farther than that allows.
-    fn reach_less(&mut self, triangle: u32, distance: f64) {
-        let reach = &mut self.reaches[triangle as usize];
-        *reach = reach.min(SHARE_OF_DISTANCE * distance);
-    }
-
-    /// Whether a feature of a triangle is on its way out of another mesh, or begins inside a shape: nothing holds it there.
-    fn is_leaving(&self, triangle: u32, feature: Feature, other: &Self, ways: (&Particles, &Gatherer)) -> bool {
-        let (Some(first), (particles, gatherer)) = (self.first, ways) else { return false };
-        let corners = self.topology.welded_triangles()[triangle as usize].map(|corner| first + corner as usize);
-        if corners.iter().any(|&corner| gatherer.is_leaving(other.name.entity, corner as u32)) {
-            return true;
-        }
-        let Some((geometry, own)) = other.shape.as_ref().filter(|_| other.radius <= 0.0) else { return false };
-        let begins_inside = |corner: usize| {
-            let start = own.transform_point(particles.start[corner]);
-            geometry.signed_distance(start) < 0.0
-        };
-        match feature {
-            Feature::Vertex(corner) => begins_inside(corners[corner as usize]),
-            Feature::Edge(edge) => {
-                [edge as usize, (edge as usize + 1) % 3].into_iter().any(|end| begins_inside(corners[end]))
-            }
-            Feature::Face => corners.into_iter().any(begins_inside),
-        }
-    }
-
-    /// One side of an impact, for the solver.
-    fn side(&self, particles: &Particles, triangle: u32) -> MeetingSide {
-        let triangle = self.topology.welded_triangles()[triangle as usize];
-        let corners = match self.first {
-            Some(first) => MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex)),
-            None => {
-                let of = |points: &[DVec3]| triangle.map(|vertex| points[vertex as usize]);
-                let swept = self.swept(particles);
-                let is_surface = self.name.part == SURFACE;
-                let vertices = is_surface.then(|| (triangle, self.topology.vertex_count()));
-                MeetingCorners::Driven { starts: of(swept.start), ends: of(swept.end), vertices }
-            }
-        };
-        MeetingSide { entity: self.name.entity, thickness: self.thickness, corners }
-    }
-}
-
-/// Two meshes that may meet on their ways.
-#[derive(Clone, Copy)]
-struct MeshPair {
-    places: [usize; 2],
-    separation: f64,
-}
-
-/// What is kept of a mesh between ticks: its boxes, and where it was if nothing moves it here.
-#[derive(Default)]
-struct Kept {
-    obstacle: Obstacle,
-    reaches: Vec<f64>,
-    tree: SweepTree,
-    tick: u64,
-}
-
 /// Keeps trees and obstacles from tick to tick.
 #[derive(Default)]
 pub(super) struct Guard {
@@ -252,6 +86,8 @@ pub(super) struct Guard {
     slides: Vec<DVec3>,
     /// Which particles go together, once what meets is not moved any more: each names another one of its zone, or itself.
     zones: Vec<u32>,
+    /// The particles of each impact that nothing could be done about in this round, each list with an end to it.
+    refused: Vec<u32>,
     /// Which particles have changed their ways in this round.
     changed: Vec<bool>,
     /// The share of the rest of its way that each particle goes.
@@ -521,19 +357,28 @@ impl Guard {
                 self.find(particles, gatherer, |mesh| mesh.stale);
             }
             let mut is_clear = true;
+            self.refused.clear();
             self.changed.clear();
             self.changed.resize(particles.len(), false);
-            let Self { meshes, found, shares, carried, slides, changed, zones, .. } = self;
+            let Self { meshes, found, refused, shares, carried, slides, changed, zones, .. } = self;
             let mut ways = Ways { particles: &*particles, shares, carried, slides, changed, zones };
             for (pair, found) in &*found {
                 let [a, b] = pair.places;
                 let held = hold(&meshes[a], &meshes[b], &mut ways, found, round);
                 is_clear &= !held;
-                guarded.remaining += usize::from(!held);
+                if !held {
+                    refused.extend(meshes[a].corners(found.triangle_a).into_iter().flatten());
+                    refused.extend(meshes[b].corners(found.triangle_b).into_iter().flatten());
+                    refused.push(NO_PARTICLE);
+                }
             }
             if (GENTLE_ROUNDS..MOST_ROUNDS).contains(&round) {
                 ways.go_by_zones();
             }
+            // What others have moved is looked at again.
+            let left =
+                |corners: &&[u32]| !corners.is_empty() && !corners.iter().any(|&corner| changed[corner as usize]);
+            guarded.remaining += refused.split(|&corner| corner == NO_PARTICLE).filter(left).count();
             if is_clear {
                 break;
             }
@@ -581,41 +426,6 @@ impl Guard {
     }
 }
 
-impl MeshPair {
-    fn new(scene: &Scene<'_, '_>, places: [usize; 2], mesh: &Mesh, other: &Mesh) -> Self {
-        let reach = |mesh: &Mesh| mesh.thickness - mesh.radius;
-        let contact_distance = reach(mesh) + reach(other);
-        let radius = mesh.radius + other.radius;
-        let (a, b) = (mesh.name.entity, other.name.entity);
-        let nearest = scene.nearest_of(a, b).unwrap_or(contact_distance);
-        let kept = KEPT_APART * contact_distance;
-        // What is pressed on for many ticks would be halved to nothing.
-        let floor = (nearest - ROUNDING * radius).clamp(0.0, LEAST_APART * contact_distance);
-        Self { places, separation: radius + kept.min((0.5 * nearest).max(floor)) }
-    }
-}
-
-/// A triangle in the boundary of a half-space that is under, or over, all that bodies may reach: where it begins and ends.
-fn plane_under(particles: &Particles, normal: DVec3, poses: [&Pose; 2]) -> Option<[Vec<DVec3>; 2]> {
-    let bodies = (0..particles.len()).filter(|&particle| particles.inverse_mass[particle] > 0.0);
-    let points = bodies.flat_map(|particle| [particles.start[particle], particles.position[particle]]);
-    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let (low, high) = points.fold(empty, |(low, high), point| (low.min(point), high.max(point)));
-    let size = (high - low).length();
-    if !size.is_finite() {
-        return None;
-    }
-    let center = poses[0].inverse().transform_point((low + high) * 0.5);
-    let center = center - normal * normal.dot(center);
-    let (u, v) = normal.any_orthonormal_pair();
-    // The circle inside a triangle with corners so far from its center is half as large.
-    let reach = (4.0 * size + f64::MIN_POSITIVE.sqrt()) / poses[0].scale();
-    let root = 0.75_f64.sqrt();
-    let thirds = [(1.0, 0.0), (-0.5, root), (-0.5, -root)];
-    let corners = thirds.map(|(cosine, sine)| center + (u * cosine + v * sine) * reach);
-    Some(poses.map(|pose| corners.iter().map(|&corner| pose.transform_point(corner)).collect()))
-}
-
 /// What has been pressed into a round shape gets no deeper: when two triangles that begin within their separation come nearer.
 fn deeper(
     a: &SweptMesh<'_>,
@@ -637,207 +447,4 @@ fn deeper(
 /// Whether two triangles meet on their ways; what is together when these begin cannot be kept apart.
 fn is_met(cause: ImpactCause) -> bool {
     !matches!(cause, ImpactCause::Within | ImpactCause::Crossing)
-}
-
-/// How something that is driven takes along what it has met: it turns about a point, and that point moves.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Carry {
-    from: DVec3,
-    to: DVec3,
-    turn: DMat3,
-}
-
-impl Carry {
-    /// How a point moves that begins at `start`.
-    fn way(&self, start: DVec3) -> DVec3 {
-        self.turn * (start - self.from) + self.to - start
-    }
-
-    /// Of several, that along which a point moves farther counts.
-    fn longer(one: Option<Self>, other: Option<Self>, start: DVec3) -> Option<Self> {
-        let length = |carry: &Option<Self>| carry.map_or(0.0, |carry| carry.way(start).length_squared());
-        if length(&other) > length(&one) { other } else { one }
-    }
-}
-
-/// How a point moves that something carries along, or nothing.
-fn way_of(carry: Option<Carry>, start: DVec3) -> DVec3 {
-    carry.map_or(DVec3::ZERO, |carry| carry.way(start))
-}
-
-/// How a pose turns into another one, with how it grows.
-fn turn_between([from, to]: [&Pose; 2]) -> Option<DMat3> {
-    (!from.has_bits_of(to)).then(|| to.to_affine().matrix3 * from.to_affine().matrix3.inverse())
-}
-
-/// The turn that brings a triangle, given by its corners, from where it begins to where it ends; none where it has no area.
-fn turn_of(start: [DVec3; 3], end: [DVec3; 3]) -> DMat3 {
-    let frame = |[a, b, c]: [DVec3; 3]| {
-        let along = (b - a).try_normalize()?;
-        let normal = along.cross(c - a).try_normalize()?;
-        Some(DMat3::from_cols(along, normal, along.cross(normal)))
-    };
-    let (Some(start), Some(end)) = (frame(start), frame(end)) else { return DMat3::IDENTITY };
-    end * start.transpose()
-}
-
-/// The ways of particles, as they are shortened.
-struct Ways<'a> {
-    particles: &'a Particles,
-    shares: &'a mut [f64],
-    carried: &'a mut [Option<Carry>],
-    slides: &'a mut [DVec3],
-    changed: &'a mut [bool],
-    zones: &'a mut [u32],
-}
-
-impl Ways<'_> {
-    /// The particle that stands for a zone.
-    fn zone(&mut self, mut particle: u32) -> u32 {
-        while self.zones[particle as usize] != particle {
-            let above = self.zones[self.zones[particle as usize] as usize];
-            self.zones[particle as usize] = above;
-            particle = above;
-        }
-        particle
-    }
-
-    fn join(&mut self, one: u32, other: u32) {
-        let (one, other) = (self.zone(one), self.zone(other));
-        self.zones[one.max(other) as usize] = one.min(other);
-    }
-
-    /// Lets all particles of a zone go along with what moves one of them farthest: as they are, they do not meet each other.
-    fn go_by_zones(&mut self) {
-        for particle in 0..self.zones.len() as u32 {
-            let zone = self.zone(particle);
-            if zone != particle {
-                let start = self.particles.start[zone as usize];
-                let longest = Carry::longer(self.carried[zone as usize], self.carried[particle as usize], start);
-                self.carried[zone as usize] = longest;
-            }
-        }
-        for particle in 0..self.zones.len() as u32 {
-            let zone = self.zone(particle) as usize;
-            let particle = particle as usize;
-            if zone == particle && self.shares[particle] > 0.0 || self.particles.inverse_mass[particle] <= 0.0 {
-                continue;
-            }
-            if self.carried[particle] != self.carried[zone] || self.shares[particle] > 0.0 {
-                self.carried[particle] = self.carried[zone];
-                self.shares[particle] = 0.0;
-                self.changed[particle] = true;
-            }
-        }
-    }
-
-    /// How one side of an impact takes along what it meets: nothing does where it stands, or is a body that nothing carries.
-    fn carry(&self, mesh: &Mesh, triangle: u32, barycentric: &[f64; 3]) -> Option<Carry> {
-        let corners = mesh.topology.welded_triangles()[triangle as usize];
-        let at = |points: [DVec3; 3]| -> DVec3 {
-            points.iter().zip(barycentric).map(|(&point, weight)| point * *weight).sum()
-        };
-        let carry = |start: [DVec3; 3], end: [DVec3; 3], turn: Option<DMat3>| {
-            let turn = turn.unwrap_or_else(|| turn_of(start, end));
-            (start != end).then(|| Carry { from: at(start), to: at(end), turn })
-        };
-        let Some(first) = mesh.first else {
-            let Obstacle { start, end, turn, .. } = &mesh.obstacle;
-            let of = |points: &[DVec3]| corners.map(|corner| points[corner as usize]);
-            return carry(of(start), of(end), *turn);
-        };
-        let places = corners.map(|corner| first + corner as usize);
-        let point = at(places.map(|place| self.particles.start[place]));
-        let own = places.map(|place| {
-            let (start, end) = (self.particles.start[place], self.particles.end[place]);
-            if self.particles.inverse_mass[place] > 0.0 || start == end {
-                return self.carried[place];
-            }
-            Some(Carry { from: start, to: end, turn: DMat3::IDENTITY })
-        });
-        own.into_iter().fold(None, |longest, carry| Carry::longer(longest, carry, point))
-    }
-}
-
-/// Shortens the ways of what meets, as seen from what moves whatever happens: where that is a driven side, or a body that such a
-/// one pushes, the others are carried along. `false` where nothing of it can be held any more.
-fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, round: usize) -> bool {
-    if mesh_a.first.is_none() && mesh_b.first.is_none() {
-        return false;
-    }
-    let carry_a = ways.carry(mesh_a, found.triangle_a, &found.impact.barycentric_a);
-    let carry_b = ways.carry(mesh_b, found.triangle_b, &found.impact.barycentric_b);
-    // What is driven, and away from it.
-    let pushed = match (mesh_a.first, mesh_b.first) {
-        (None, _) => Some((carry_a, -found.impact.normal)),
-        (_, None) => Some((carry_b, found.impact.normal)),
-        _ => None,
-    };
-    let is_between_bodies = mesh_a.first.is_some() && mesh_b.first.is_some();
-    let is_carried = carry_a.is_some() || carry_b.is_some();
-    if round >= MOST_ROUNDS && is_between_bodies && is_carried {
-        // Bodies may rather cross each other than what pushes them.
-        return false;
-    }
-    let mut is_held = false;
-    let mut zone = None;
-    let features = [found.impact.features.a, found.impact.features.b];
-    for ((mesh, triangle), feature) in
-        [(mesh_a, found.triangle_a), (mesh_b, found.triangle_b)].into_iter().zip(features)
-    {
-        let Some(first) = mesh.first else { continue };
-        let mut shorten = |particle: usize, share: f64| {
-            if ways.particles.inverse_mass[particle] <= 0.0 {
-                return;
-            }
-            // What is squeezed between two that move differently goes with the one that moves it farther.
-            let start = ways.particles.start[particle];
-            let own = ways.carried[particle];
-            if let Some((driven, away)) = pushed
-                && round >= MOST_ROUNDS
-                && own != driven
-                && ways.shares[particle] <= 0.0
-            {
-                // What something else carries already gives way to the side.
-                let toward = (way_of(own, start) + ways.slides[particle] - way_of(driven, start)).dot(away);
-                if toward < 0.0 {
-                    ways.slides[particle] -= away * toward;
-                    ways.changed[particle] = true;
-                    is_held = true;
-                }
-                return;
-            }
-            let carry = Carry::longer(Carry::longer(own, carry_a, start), carry_b, start);
-            if carry != own || ways.shares[particle] > 0.0 {
-                ways.carried[particle] = carry;
-                ways.shares[particle] *= share;
-                ways.changed[particle] = true;
-                is_held = true;
-            }
-        };
-        if round >= MOST_ROUNDS && !is_carried {
-            (first..first + mesh.topology.vertex_count()).for_each(|particle| shorten(particle, 0.0));
-            continue;
-        }
-        let corners = mesh.topology.welded_triangles()[triangle as usize];
-        let share = if round < GENTLE_ROUNDS { SHARE_OF_WAY * found.impact.time } else { 0.0 };
-        let takes_part = |corner: usize| match feature {
-            _ if round >= GENTLE_ROUNDS => true,
-            Feature::Vertex(vertex) => vertex as usize == corner,
-            Feature::Edge(edge) => (edge as usize + 2) % 3 != corner,
-            Feature::Face => true,
-        };
-        for corner in (0..3).filter(|&corner| takes_part(corner)) {
-            shorten(first + corners[corner] as usize, share);
-        }
-        if (GENTLE_ROUNDS..MOST_ROUNDS).contains(&round) {
-            for corner in corners {
-                let particle = first as u32 + corner;
-                if ways.particles.inverse_mass[particle as usize] > 0.0 {
-                    ways.join(*zone.get_or_insert(particle), particle);
-                }
-            }
-        }
-    }
-    is_held
 }

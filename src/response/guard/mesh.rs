@@ -1,0 +1,236 @@
+//! The meshes of a tick that may meet: surfaces, and triangles inside rigid shapes.
+
+use std::sync::Arc;
+
+use bevy_ecs::{change_detection::Tick, prelude::*};
+use glam::{DMat3, DVec3, Vec3};
+
+use super::ROUNDING;
+use crate::{
+    kernel::{
+        ccd::{SweepTree, SweptMesh},
+        exact::{Feature, rigid_shape::ShapeGeometry},
+        pose::Pose,
+        topology::SurfaceTopology,
+    },
+    response::{
+        gather::{Gatherer, MeetingCorners, MeetingSide, Scene},
+        particles::Particles,
+    },
+    surface::SurfaceLayers,
+};
+
+/// Features are kept apart by this share of the contact distance, or half of what they began with where that is less.
+const KEPT_APART: f64 = 0.02;
+
+/// Features that have come nearer than this share of the contact distance come no nearer.
+const LEAST_APART: f64 = 0.005;
+
+/// Two triangles that are apart cannot meet while their vertices move by less than this share of the distance, each.
+const SHARE_OF_DISTANCE: f64 = 0.49;
+
+/// Triangles that no solver moves: where they begin and end, and what that is known by.
+#[derive(Default)]
+pub(super) struct Obstacle {
+    /// When the positions changed last, and where they stood, while they are at rest.
+    pub(super) at_rest: Option<(Tick, Pose)>,
+    pub(super) start: Vec<DVec3>,
+    pub(super) end: Vec<DVec3>,
+    /// How it turns, where it is a rigid shape on its way.
+    pub(super) turn: Option<DMat3>,
+}
+
+impl Obstacle {
+    /// Follows something at rest; whether anything has changed. Without a tick, it may have.
+    pub(super) fn rest(&mut self, positions: &[Vec3], changed: Option<Tick>, pose: &Pose) -> bool {
+        let is_same = |&(seen, stood): &(Tick, Pose)| Some(seen) == changed && stood.has_bits_of(pose);
+        if self.at_rest.as_ref().is_some_and(is_same) && self.start.len() == positions.len() {
+            return false;
+        }
+        self.at_rest = changed.map(|changed| (changed, *pose));
+        self.start.clear();
+        self.start.extend(positions.iter().map(|position| pose.transform_point(position.as_dvec3())));
+        self.end.clone_from(&self.start);
+        true
+    }
+
+    /// Follows something on its way.
+    pub(super) fn move_on(&mut self, positions: [&[Vec3]; 2], poses: [&Pose; 2]) {
+        self.at_rest = None;
+        self.turn = None;
+        for ((points, positions), pose) in [&mut self.start, &mut self.end].into_iter().zip(positions).zip(poses) {
+            points.clear();
+            points.extend(positions.iter().map(|position| pose.transform_point(position.as_dvec3())));
+        }
+    }
+}
+
+/// One mesh of a tick: a surface, or triangles inside a rigid shape.
+pub(super) struct Mesh {
+    pub(super) name: MeshName,
+    pub(super) topology: Arc<SurfaceTopology>,
+    pub(super) layers: SurfaceLayers,
+    /// How far it reaches beyond its triangles: what is within the sum touches.
+    pub(super) thickness: f64,
+    /// How much of that is solid: nothing is to get in there.
+    pub(super) radius: f64,
+    pub(super) meets_itself: bool,
+    /// Whether all that touches it is listed with its distance.
+    pub(super) is_exact: bool,
+    /// The shape that it is part of, with the world as seen from where it begins.
+    pub(super) shape: Option<(Arc<ShapeGeometry>, Pose)>,
+    /// Its first particle, where it is a body.
+    pub(super) first: Option<usize>,
+    pub(super) obstacle: Obstacle,
+    /// Whether it is a body that nothing goes through.
+    pub(super) is_guarded: bool,
+    /// How far each triangle may move without meeting anything that moves no farther than its own reach.
+    pub(super) reaches: Vec<f64>,
+    pub(super) tree: SweepTree,
+    /// Whether the tree may not be that of its ways.
+    pub(super) stale: bool,
+}
+
+/// The entity of a surface or shape, and which of the shape's parts a mesh is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct MeshName {
+    pub(super) entity: Entity,
+    pub(super) part: u32,
+}
+
+/// A surface is one part.
+pub(super) const SURFACE: u32 = u32::MAX;
+
+impl Mesh {
+    pub(super) fn swept<'a>(&'a self, particles: &'a Particles) -> SweptMesh<'a> {
+        let (start, end) = match self.first {
+            Some(first) => {
+                let own = first..first + self.topology.vertex_count();
+                (&particles.start[own.clone()], &particles.position[own])
+            }
+            None => (&self.obstacle.start[..], &self.obstacle.end[..]),
+        };
+        SweptMesh { topology: &self.topology, start, end, reach: 0.0 }
+    }
+
+    /// Brings the boxes up to date with the ways.
+    pub(super) fn follow_ways(&mut self, particles: &Particles) {
+        let mut tree = std::mem::take(&mut self.tree);
+        tree.update_with_reaches(&self.swept(particles), &self.reaches);
+        tree.update_tree();
+        self.tree = tree;
+        self.stale = false;
+    }
+
+    /// Lets every triangle reach as far as what touches nothing may, `distance` being how far it is from everything.
+    pub(super) fn reach_all(&mut self, distance: f64) {
+        self.reaches.clear();
+        self.reaches.resize(self.topology.triangles().len(), SHARE_OF_DISTANCE * distance);
+    }
+
+    /// A triangle that is as far as `distance` from another one reaches no farther than that allows.
+    pub(super) fn reach_less(&mut self, triangle: u32, distance: f64) {
+        let reach = &mut self.reaches[triangle as usize];
+        *reach = reach.min(SHARE_OF_DISTANCE * distance);
+    }
+
+    /// Whether a feature of a triangle is on its way out of another mesh, or begins inside a shape: nothing holds it there.
+    pub(super) fn is_leaving(
+        &self,
+        triangle: u32,
+        feature: Feature,
+        other: &Self,
+        ways: (&Particles, &Gatherer),
+    ) -> bool {
+        let (Some(first), (particles, gatherer)) = (self.first, ways) else { return false };
+        let corners = self.topology.welded_triangles()[triangle as usize].map(|corner| first + corner as usize);
+        if corners.iter().any(|&corner| gatherer.is_leaving(other.name.entity, corner as u32)) {
+            return true;
+        }
+        let Some((geometry, own)) = other.shape.as_ref().filter(|_| other.radius <= 0.0) else { return false };
+        let begins_inside = |corner: usize| {
+            let start = own.transform_point(particles.start[corner]);
+            geometry.signed_distance(start) < 0.0
+        };
+        match feature {
+            Feature::Vertex(corner) => begins_inside(corners[corner as usize]),
+            Feature::Edge(edge) => {
+                [edge as usize, (edge as usize + 1) % 3].into_iter().any(|end| begins_inside(corners[end]))
+            }
+            Feature::Face => corners.into_iter().any(begins_inside),
+        }
+    }
+
+    /// The particles of a triangle, where it is of a body.
+    pub(super) fn corners(&self, triangle: u32) -> Option<[u32; 3]> {
+        let first = self.first? as u32;
+        Some(self.topology.welded_triangles()[triangle as usize].map(|vertex| first + vertex))
+    }
+
+    /// One side of an impact, for the solver.
+    pub(super) fn side(&self, particles: &Particles, triangle: u32) -> MeetingSide {
+        let triangle = self.topology.welded_triangles()[triangle as usize];
+        let corners = match self.first {
+            Some(first) => MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex)),
+            None => {
+                let of = |points: &[DVec3]| triangle.map(|vertex| points[vertex as usize]);
+                let swept = self.swept(particles);
+                let is_surface = self.name.part == SURFACE;
+                let vertices = is_surface.then(|| (triangle, self.topology.vertex_count()));
+                MeetingCorners::Driven { starts: of(swept.start), ends: of(swept.end), vertices }
+            }
+        };
+        MeetingSide { entity: self.name.entity, thickness: self.thickness, corners }
+    }
+}
+
+/// Two meshes that may meet on their ways.
+#[derive(Clone, Copy)]
+pub(super) struct MeshPair {
+    pub(super) places: [usize; 2],
+    pub(super) separation: f64,
+}
+
+/// What is kept of a mesh between ticks: its boxes, and where it was if nothing moves it here.
+#[derive(Default)]
+pub(super) struct Kept {
+    pub(super) obstacle: Obstacle,
+    pub(super) reaches: Vec<f64>,
+    pub(super) tree: SweepTree,
+    pub(super) tick: u64,
+}
+
+impl MeshPair {
+    pub(super) fn new(scene: &Scene<'_, '_>, places: [usize; 2], mesh: &Mesh, other: &Mesh) -> Self {
+        let reach = |mesh: &Mesh| mesh.thickness - mesh.radius;
+        let contact_distance = reach(mesh) + reach(other);
+        let radius = mesh.radius + other.radius;
+        let (a, b) = (mesh.name.entity, other.name.entity);
+        let nearest = scene.nearest_of(a, b).unwrap_or(contact_distance);
+        let kept = KEPT_APART * contact_distance;
+        // What is pressed on for many ticks would be halved to nothing.
+        let floor = (nearest - ROUNDING * radius).clamp(0.0, LEAST_APART * contact_distance);
+        Self { places, separation: radius + kept.min((0.5 * nearest).max(floor)) }
+    }
+}
+
+/// A triangle in the boundary of a half-space that is under, or over, all that bodies may reach: where it begins and ends.
+pub(super) fn plane_under(particles: &Particles, normal: DVec3, poses: [&Pose; 2]) -> Option<[Vec<DVec3>; 2]> {
+    let bodies = (0..particles.len()).filter(|&particle| particles.inverse_mass[particle] > 0.0);
+    let points = bodies.flat_map(|particle| [particles.start[particle], particles.position[particle]]);
+    let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    let (low, high) = points.fold(empty, |(low, high), point| (low.min(point), high.max(point)));
+    let size = (high - low).length();
+    if !size.is_finite() {
+        return None;
+    }
+    let center = poses[0].inverse().transform_point((low + high) * 0.5);
+    let center = center - normal * normal.dot(center);
+    let (u, v) = normal.any_orthonormal_pair();
+    // The circle inside a triangle with corners so far from its center is half as large.
+    let reach = (4.0 * size + f64::MIN_POSITIVE.sqrt()) / poses[0].scale();
+    let root = 0.75_f64.sqrt();
+    let thirds = [(1.0, 0.0), (-0.5, root), (-0.5, -root)];
+    let corners = thirds.map(|(cosine, sine)| center + (u * cosine + v * sine) * reach);
+    Some(poses.map(|pose| corners.iter().map(|&corner| pose.transform_point(corner)).collect()))
+}

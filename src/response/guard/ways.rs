@@ -1,0 +1,218 @@
+//! How ways are shortened, so that what would meet on them does not.
+
+use glam::{DMat3, DVec3};
+
+use super::{
+    GENTLE_ROUNDS, MOST_ROUNDS,
+    mesh::{Mesh, Obstacle},
+};
+use crate::{
+    kernel::{ccd::PairImpact, exact::Feature, pose::Pose},
+    response::particles::Particles,
+};
+
+/// This share of the way to an impact is gone.
+const SHARE_OF_WAY: f64 = 0.9;
+
+/// How something that is driven takes along what it has met: it turns about a point, and that point moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Carry {
+    pub(super) from: DVec3,
+    pub(super) to: DVec3,
+    pub(super) turn: DMat3,
+}
+
+impl Carry {
+    /// How a point moves that begins at `start`.
+    pub(super) fn way(&self, start: DVec3) -> DVec3 {
+        self.turn * (start - self.from) + self.to - start
+    }
+
+    /// Of several, that along which a point moves farther counts.
+    pub(super) fn longer(one: Option<Self>, other: Option<Self>, start: DVec3) -> Option<Self> {
+        let length = |carry: &Option<Self>| carry.map_or(0.0, |carry| carry.way(start).length_squared());
+        if length(&other) > length(&one) { other } else { one }
+    }
+}
+
+/// How a point moves that something carries along, or nothing.
+pub(super) fn way_of(carry: Option<Carry>, start: DVec3) -> DVec3 {
+    carry.map_or(DVec3::ZERO, |carry| carry.way(start))
+}
+
+/// How a pose turns into another one, with how it grows.
+pub(super) fn turn_between([from, to]: [&Pose; 2]) -> Option<DMat3> {
+    (!from.has_bits_of(to)).then(|| to.to_affine().matrix3 * from.to_affine().matrix3.inverse())
+}
+
+/// The turn that brings a triangle, given by its corners, from where it begins to where it ends; none where it has no area.
+pub(super) fn turn_of(start: [DVec3; 3], end: [DVec3; 3]) -> DMat3 {
+    let frame = |[a, b, c]: [DVec3; 3]| {
+        let along = (b - a).try_normalize()?;
+        let normal = along.cross(c - a).try_normalize()?;
+        Some(DMat3::from_cols(along, normal, along.cross(normal)))
+    };
+    let (Some(start), Some(end)) = (frame(start), frame(end)) else { return DMat3::IDENTITY };
+    end * start.transpose()
+}
+
+/// The ways of particles, as they are shortened.
+pub(super) struct Ways<'a> {
+    pub(super) particles: &'a Particles,
+    pub(super) shares: &'a mut [f64],
+    pub(super) carried: &'a mut [Option<Carry>],
+    pub(super) slides: &'a mut [DVec3],
+    pub(super) changed: &'a mut [bool],
+    pub(super) zones: &'a mut [u32],
+}
+
+impl Ways<'_> {
+    /// The particle that stands for a zone.
+    pub(super) fn zone(&mut self, mut particle: u32) -> u32 {
+        while self.zones[particle as usize] != particle {
+            let above = self.zones[self.zones[particle as usize] as usize];
+            self.zones[particle as usize] = above;
+            particle = above;
+        }
+        particle
+    }
+
+    pub(super) fn join(&mut self, one: u32, other: u32) {
+        let (one, other) = (self.zone(one), self.zone(other));
+        self.zones[one.max(other) as usize] = one.min(other);
+    }
+
+    /// Lets all particles of a zone go along with what moves one of them farthest: as they are, they do not meet each other.
+    pub(super) fn go_by_zones(&mut self) {
+        for particle in 0..self.zones.len() as u32 {
+            let zone = self.zone(particle);
+            if zone != particle {
+                let start = self.particles.start[zone as usize];
+                let longest = Carry::longer(self.carried[zone as usize], self.carried[particle as usize], start);
+                self.carried[zone as usize] = longest;
+            }
+        }
+        for particle in 0..self.zones.len() as u32 {
+            let zone = self.zone(particle) as usize;
+            let particle = particle as usize;
+            if zone == particle && self.shares[particle] > 0.0 || self.particles.inverse_mass[particle] <= 0.0 {
+                continue;
+            }
+            if self.carried[particle] != self.carried[zone] || self.shares[particle] > 0.0 {
+                self.carried[particle] = self.carried[zone];
+                self.shares[particle] = 0.0;
+                self.changed[particle] = true;
+            }
+        }
+    }
+
+    /// How one side of an impact takes along what it meets: nothing does where it stands, or is a body that nothing carries.
+    pub(super) fn carry(&self, mesh: &Mesh, triangle: u32, barycentric: &[f64; 3]) -> Option<Carry> {
+        let corners = mesh.topology.welded_triangles()[triangle as usize];
+        let at = |points: [DVec3; 3]| -> DVec3 {
+            points.iter().zip(barycentric).map(|(&point, weight)| point * *weight).sum()
+        };
+        let carry = |start: [DVec3; 3], end: [DVec3; 3], turn: Option<DMat3>| {
+            let turn = turn.unwrap_or_else(|| turn_of(start, end));
+            (start != end).then(|| Carry { from: at(start), to: at(end), turn })
+        };
+        let Some(first) = mesh.first else {
+            let Obstacle { start, end, turn, .. } = &mesh.obstacle;
+            let of = |points: &[DVec3]| corners.map(|corner| points[corner as usize]);
+            return carry(of(start), of(end), *turn);
+        };
+        let places = corners.map(|corner| first + corner as usize);
+        let point = at(places.map(|place| self.particles.start[place]));
+        let own = places.map(|place| {
+            let (start, end) = (self.particles.start[place], self.particles.end[place]);
+            if self.particles.inverse_mass[place] > 0.0 || start == end {
+                return self.carried[place];
+            }
+            Some(Carry { from: start, to: end, turn: DMat3::IDENTITY })
+        });
+        own.into_iter().fold(None, |longest, carry| Carry::longer(longest, carry, point))
+    }
+}
+
+/// Shortens the ways of what meets, as seen from what moves whatever happens: where that is a driven side, or a body that such a
+/// one pushes, the others are carried along. `false` where nothing of it can be held any more.
+pub(super) fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, round: usize) -> bool {
+    if mesh_a.first.is_none() && mesh_b.first.is_none() {
+        return false;
+    }
+    let carry_a = ways.carry(mesh_a, found.triangle_a, &found.impact.barycentric_a);
+    let carry_b = ways.carry(mesh_b, found.triangle_b, &found.impact.barycentric_b);
+    // What is driven, and away from it.
+    let pushed = match (mesh_a.first, mesh_b.first) {
+        (None, _) => Some((carry_a, -found.impact.normal)),
+        (_, None) => Some((carry_b, found.impact.normal)),
+        _ => None,
+    };
+    let is_between_bodies = mesh_a.first.is_some() && mesh_b.first.is_some();
+    let is_carried = carry_a.is_some() || carry_b.is_some();
+    if round >= MOST_ROUNDS && is_between_bodies && is_carried {
+        // Bodies may rather cross each other than what pushes them.
+        return false;
+    }
+    let mut is_held = false;
+    let mut zone = None;
+    let features = [found.impact.features.a, found.impact.features.b];
+    for ((mesh, triangle), feature) in
+        [(mesh_a, found.triangle_a), (mesh_b, found.triangle_b)].into_iter().zip(features)
+    {
+        let Some(first) = mesh.first else { continue };
+        let mut shorten = |particle: usize, share: f64| {
+            if ways.particles.inverse_mass[particle] <= 0.0 {
+                return;
+            }
+            // What is squeezed between two that move differently goes with the one that moves it farther.
+            let start = ways.particles.start[particle];
+            let own = ways.carried[particle];
+            if let Some((driven, away)) = pushed
+                && round >= GENTLE_ROUNDS + 2
+                && own != driven
+                && ways.shares[particle] <= 0.0
+            {
+                // What something else carries already gives way to the side.
+                let toward = (way_of(own, start) + ways.slides[particle] - way_of(driven, start)).dot(away);
+                if toward < 0.0 {
+                    ways.slides[particle] -= away * toward;
+                    ways.changed[particle] = true;
+                    is_held = true;
+                }
+                return;
+            }
+            let carry = Carry::longer(Carry::longer(own, carry_a, start), carry_b, start);
+            if carry != own || ways.shares[particle] > 0.0 {
+                ways.carried[particle] = carry;
+                ways.shares[particle] *= share;
+                ways.changed[particle] = true;
+                is_held = true;
+            }
+        };
+        if round >= MOST_ROUNDS && !is_carried {
+            (first..first + mesh.topology.vertex_count()).for_each(|particle| shorten(particle, 0.0));
+            continue;
+        }
+        let corners = mesh.topology.welded_triangles()[triangle as usize];
+        let share = if round < GENTLE_ROUNDS { SHARE_OF_WAY * found.impact.time } else { 0.0 };
+        let takes_part = |corner: usize| match feature {
+            _ if round >= GENTLE_ROUNDS => true,
+            Feature::Vertex(vertex) => vertex as usize == corner,
+            Feature::Edge(edge) => (edge as usize + 2) % 3 != corner,
+            Feature::Face => true,
+        };
+        for corner in (0..3).filter(|&corner| takes_part(corner)) {
+            shorten(first + corners[corner] as usize, share);
+        }
+        if (GENTLE_ROUNDS..MOST_ROUNDS).contains(&round) {
+            for corner in corners {
+                let particle = first as u32 + corner;
+                if ways.particles.inverse_mass[particle as usize] > 0.0 {
+                    ways.join(*zone.get_or_insert(particle), particle);
+                }
+            }
+        }
+    }
+    is_held
+}
