@@ -4,7 +4,7 @@ use std::fmt::{self, Debug, Formatter};
 
 use arrayvec::ArrayVec;
 use bevy_ecs::{prelude::*, system::SystemParam};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::store::{ContactSide, ContactStore, StoredPair};
 use crate::{
@@ -18,6 +18,10 @@ use crate::{
     settings::CircumsphereSettings,
     surface::SurfacePositions,
 };
+
+/// The square of a unit vector's length is rounded by less than this: records are in f32. A scale that differs between the axes,
+/// by as little as a pose takes for none, changes it by more.
+const UNIT_ROUNDING: f64 = 1.0e-6;
 
 /// Reads the contacts of the last detection. Does not borrow positions, so a solver can write them meanwhile.
 #[derive(SystemParam)]
@@ -193,8 +197,15 @@ impl Contact<'_> {
     /// World unit normal from the second side to the first: moving the first side along it parts the two.
     #[must_use]
     pub fn normal(&self) -> Vec3 {
-        let normal = self.pair.frame_pose.transform_direction(self.record.normal.as_dvec3()).as_vec3();
+        let normal = self.world_normal().as_vec3();
         if self.swapped { -normal } else { normal }
+    }
+
+    /// The same in the order of the record, in f64.
+    fn world_normal(&self) -> DVec3 {
+        let normal = self.pair.frame_pose.transform_direction(self.record.normal.as_dvec3());
+        let is_unit = (normal.length_squared() - 1.0).abs() <= UNIT_ROUNDING;
+        if is_unit { normal } else { normal.normalize_or(normal) }
     }
 
     /// World unit normal from the second side to the first, of the curved surfaces that the two meshes stand for. What
@@ -207,7 +218,7 @@ impl Contact<'_> {
     #[must_use]
     pub fn smooth_normal<'p>(&self, positions: impl Fn(Entity) -> Option<&'p [Vec3]>, crease: CreaseAngle) -> Vec3 {
         let (pair, record) = (self.pair, self.record);
-        let exact = pair.frame_pose.transform_direction(record.normal.as_dvec3());
+        let exact = self.world_normal();
         let cone = |side: usize, topology: &SurfaceTopology| {
             let (entity, triangle, feature, weights) = match side {
                 0 => (pair.a.entity(), record.triangle_a, record.features.a, record.barycentric_a),

@@ -16,6 +16,7 @@ mod rebuild;
 mod rest;
 mod rigid_shapes;
 mod setup;
+mod shape_kinds;
 mod sides;
 mod slow;
 mod smooth_normals;
@@ -23,4 +24,5 @@ mod sphere_lists;
 mod swept;
 #[cfg(feature = "parallel")]
 mod threads;
+mod unit_normals;
 mod world;
