@@ -1,5 +1,6 @@
 //! The plugin in headless worlds: what a game spawns, changes and despawns, and what it reads and hears of it.
 
+mod extremes;
 mod features;
 mod hysteresis;
 mod instances;
