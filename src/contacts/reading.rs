@@ -261,7 +261,8 @@ impl Contact<'_> {
         self.pick(world(point_b + along), world(point_b))
     }
 
-    /// Triangles of the first and the second side, as the game numbered them; `None` for a rigid shape.
+    /// Triangles of the first and the second side, as the game numbered them; `None` for a rigid shape that is not made of
+    /// triangles.
     #[must_use]
     pub fn triangles(&self) -> (Option<TriangleId>, Option<TriangleId>) {
         let of_b = self.pair.topology_b.as_ref().map(|_| TriangleId(self.record.triangle_b));
@@ -274,15 +275,15 @@ impl Contact<'_> {
         self.pick(self.record.features.a, self.record.features.b)
     }
 
-    /// Weights of the corners of the first and the second triangle at the contact points; of a rigid shape without
-    /// meaning. Each sums to 1.
+    /// Weights of the corners of the first and the second triangle at the contact points; of a rigid shape that is not made
+    /// of triangles without meaning. Each sums to 1.
     #[must_use]
     pub fn barycentrics(&self) -> ([f32; 3], [f32; 3]) {
         let record = self.record;
         self.pick(complete(record.features.a, record.barycentric_a), complete(record.features.b, record.barycentric_b))
     }
 
-    /// The vertices of a side's feature: one, two or three; none for a rigid shape.
+    /// The vertices of a side's feature: one, two or three; none for a rigid shape that is not made of triangles.
     #[must_use]
     pub fn feature_vertices(&self) -> (ArrayVec<VertexId, 3>, ArrayVec<VertexId, 3>) {
         let corners = |topology: &SurfaceTopology, triangle: u32, feature: Feature| {
@@ -327,7 +328,7 @@ impl Contact<'_> {
         let record = self.record;
         let weights = complete(record.features.a, record.barycentric_a);
         side(self.pair.a.entity(), &self.pair.topology_a, record.triangle_a, weights, sign_a);
-        if let Some(topology) = &self.pair.topology_b {
+        if let (Some(topology), ContactSide::Surface(_)) = (&self.pair.topology_b, self.pair.b) {
             let weights = complete(record.features.b, record.barycentric_b);
             side(self.pair.b.entity(), topology, record.triangle_b, weights, sign_b);
         }

@@ -18,6 +18,8 @@ mod rest;
 mod rigid_shapes;
 mod setup;
 mod shape_kinds;
+mod shape_life;
+mod shapes_of_triangles;
 mod sides;
 mod slow;
 mod smooth_normals;
