@@ -2,6 +2,7 @@
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{StoredPair, detection::DetectionDiagnostics, prelude::*};
+use bevy_math::ops;
 use circumsphere_support::{
     random::Random,
     scenes::{Diagonals, Mesh, grid},
@@ -63,10 +64,10 @@ fn a_floor_gives_the_same_contacts_as_a_shape_and_as_a_surface() {
             let (mut contacts, mut passed) = (0, 0);
             for tick in 0..if cells < 100 { 100 } else { 30_u8 } {
                 // Down through the floor and up again.
-                let height = 0.05 * (f32::from(tick) * 0.2).cos() - 0.05;
+                let height = 0.05 * ops::cos(f32::from(tick) * 0.2) - 0.05;
                 for (app, [moving, body, _], random) in [&mut as_shape, &mut as_surface] {
                     write_positions(app, *moving, &lowered(&cloth, height, random));
-                    let body_height = 0.5 + 0.03 * (f32::from(tick) * 0.3).sin();
+                    let body_height = 0.5 + 0.03 * ops::sin(f32::from(tick) * 0.3);
                     insert(app, *body, at(-1.0, body_height, -0.9));
                     app.update();
                 }
