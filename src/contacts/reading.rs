@@ -4,7 +4,7 @@ use std::fmt::{self, Debug, Formatter};
 
 use arrayvec::ArrayVec;
 use bevy_ecs::{prelude::*, system::SystemParam};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::store::{ContactSide, ContactStore, StoredPair};
 use crate::{
@@ -18,6 +18,10 @@ use crate::{
     settings::CircumsphereSettings,
     surface::SurfacePositions,
 };
+
+/// The square of a unit vector's length is rounded by less than this: records are in f32. A scale that differs between the axes,
+/// by as little as a pose takes for none, changes it by more.
+const UNIT_ROUNDING: f64 = 1.0e-6;
 
 /// Reads the contacts of the last detection. Does not borrow positions, so a solver can write them meanwhile.
 #[derive(SystemParam)]
@@ -193,8 +197,15 @@ impl Contact<'_> {
     /// World unit normal from the second side to the first: moving the first side along it parts the two.
     #[must_use]
     pub fn normal(&self) -> Vec3 {
-        let normal = self.pair.frame_pose.transform_direction(self.record.normal.as_dvec3()).as_vec3();
+        let normal = self.world_normal().as_vec3();
         if self.swapped { -normal } else { normal }
+    }
+
+    /// The same in the order of the record, in f64.
+    fn world_normal(&self) -> DVec3 {
+        let normal = self.pair.frame_pose.transform_direction(self.record.normal.as_dvec3());
+        let is_unit = (normal.length_squared() - 1.0).abs() <= UNIT_ROUNDING;
+        if is_unit { normal } else { normal.normalize_or(normal) }
     }
 
     /// World unit normal from the second side to the first, of the curved surfaces that the two meshes stand for. What
@@ -207,7 +218,7 @@ impl Contact<'_> {
     #[must_use]
     pub fn smooth_normal<'p>(&self, positions: impl Fn(Entity) -> Option<&'p [Vec3]>, crease: CreaseAngle) -> Vec3 {
         let (pair, record) = (self.pair, self.record);
-        let exact = pair.frame_pose.transform_direction(record.normal.as_dvec3());
+        let exact = self.world_normal();
         let cone = |side: usize, topology: &SurfaceTopology| {
             let (entity, triangle, feature, weights) = match side {
                 0 => (pair.a.entity(), record.triangle_a, record.features.a, record.barycentric_a),
@@ -250,8 +261,8 @@ impl Contact<'_> {
         self.pick(world(point_b + along), world(point_b))
     }
 
-    /// Triangles of the first and the second side, as the game numbered them; `None` for a [solid](crate::RigidShape), which is
-    /// tested by formula. Of a rigid shape made of triangles those of the shape.
+    /// Triangles of the first and the second side, as the game numbered them; `None` for a rigid shape that is not made of
+    /// triangles.
     #[must_use]
     pub fn triangles(&self) -> (Option<TriangleId>, Option<TriangleId>) {
         let of_b = self.pair.topology_b.as_ref().map(|_| TriangleId(self.record.triangle_b));
@@ -264,16 +275,15 @@ impl Contact<'_> {
         self.pick(self.record.features.a, self.record.features.b)
     }
 
-    /// Weights of the corners of the first and the second triangle at the contact points; of a solid that is tested by formula
-    /// without meaning. Each sums to 1.
+    /// Weights of the corners of the first and the second triangle at the contact points; of a rigid shape that is not made
+    /// of triangles without meaning. Each sums to 1.
     #[must_use]
     pub fn barycentrics(&self) -> ([f32; 3], [f32; 3]) {
         let record = self.record;
         self.pick(complete(record.features.a, record.barycentric_a), complete(record.features.b, record.barycentric_b))
     }
 
-    /// The vertices of a side's feature: one, two or three; none for a solid that is tested by formula. Of a rigid shape made of
-    /// triangles those of the shape.
+    /// The vertices of a side's feature: one, two or three; none for a rigid shape that is not made of triangles.
     #[must_use]
     pub fn feature_vertices(&self) -> (ArrayVec<VertexId, 3>, ArrayVec<VertexId, 3>) {
         let corners = |topology: &SurfaceTopology, triangle: u32, feature: Feature| {
@@ -320,7 +330,7 @@ impl Contact<'_> {
         let record = self.record;
         let weights = complete(record.features.a, record.barycentric_a);
         side(self.pair.a.entity(), &self.pair.topology_a, record.triangle_a, weights, sign_a);
-        if let Some(topology) = &self.pair.topology_b {
+        if let (Some(topology), ContactSide::Surface(_)) = (&self.pair.topology_b, self.pair.b) {
             let weights = complete(record.features.b, record.barycentric_b);
             side(self.pair.b.entity(), topology, record.triangle_b, weights, sign_b);
         }

@@ -115,7 +115,7 @@ impl TriangleBounds {
     }
 
     /// The box of the whole surface.
-    pub(super) fn whole(&self) -> &Aabb {
+    pub(crate) fn whole(&self) -> &Aabb {
         &self.whole
     }
 

@@ -73,11 +73,10 @@
 //! use glam::Vec3;
 //!
 //! /// Moves the vertices of contacts apart by what is missing, each by its share.
-//! fn part(contacts: SurfaceContacts, mut surfaces: Query<&mut SurfacePositions, Without<RigidShape>>) {
+//! fn part(contacts: SurfaceContacts, mut surfaces: Query<&mut SurfacePositions>) {
 //!     let mut pushes: HashMap<(Entity, u32), (Vec3, f32)> = HashMap::new();
 //!     for contact in contacts.iter().filter(|contact| contact.separation() < 0.0 && !contact.is_crossing()) {
-//!         let mut stencil = contact.stencil();
-//!         stencil.retain(|entry| surfaces.contains(entry.entity));
+//!         let stencil = contact.stencil();
 //!         let squares: f32 = stencil.iter().map(|entry| entry.weight * entry.weight).sum();
 //!         for entry in stencil {
 //!             let push = entry.normal * (entry.weight * -contact.separation() / squares);

@@ -372,13 +372,26 @@ impl Registration {
     }
 }
 
+/// 2^60: what is smaller is far from the end of f32 in every usual pose.
+pub(crate) const LARGE: f32 = f32::from_bits((127 + 60) << 23);
+
 /// The first position that is not finite.
 pub(crate) fn first_non_finite(positions: &[Vec3]) -> Option<VertexId> {
+    first_beyond(positions, f32::INFINITY)
+}
+
+/// The first position with a coordinate of [`LARGE`] or more, or that is not finite.
+pub(crate) fn first_large(positions: &[Vec3]) -> Option<VertexId> {
+    first_beyond(positions, LARGE)
+}
+
+/// The first position with a coordinate of a power of two or more, or that is no number.
+fn first_beyond(positions: &[Vec3], power: f32) -> Option<VertexId> {
     /// Numbers, enough for the loop over a block to be worth more than the question after it.
     const BLOCK: usize = 192;
     const EXPONENT: u32 = 0x7f80_0000;
-    // Infinite, or no number.
-    let is_special = |bits: u32| bits & EXPONENT == EXPONENT;
+    // Infinity and what is no number have the largest exponent.
+    let is_special = |bits: u32| bits & EXPONENT >= power.to_bits();
     let numbers: &[u32] = cast_slice(positions);
     let has_special = |block: &[u32]| block.iter().fold(false, |found, &bits| found | is_special(bits));
     let block = numbers.chunks(BLOCK).position(has_special)?;

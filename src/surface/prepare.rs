@@ -10,14 +10,14 @@ use bevy_ecs::{
     system::SystemParam,
 };
 use bevy_transform::components::Transform;
-use glam::DAffine3;
+use glam::{DAffine3, Vec3};
 
 use super::{
     active::{ActiveShape, ActiveSurface, ActiveSurfaces, SideOrder},
     components::{
-        ContactEventsEnabled, ContactMethod, DeformableSurface, NextRegistration, Registration, SelfCollision,
+        ContactEventsEnabled, ContactMethod, DeformableSurface, LARGE, NextRegistration, Registration, SelfCollision,
         Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus,
-        SurfaceThickness, Teleported, first_non_finite,
+        SurfaceThickness, Teleported, first_large, first_non_finite,
     },
     rigid_shape::{PreparedShape, RigidMesh, RigidShape, Solid},
 };
@@ -56,10 +56,24 @@ pub enum QuarantineReason {
     /// A parent of the entity has no transform, or there is none at all.
     #[error("the transform or that of a parent is missing")]
     MissingTransform,
+    /// A surface or shape reaches farther in the world than f32 has numbers for its contacts.
+    #[error("it reaches beyond 1e37 world units: move it closer to the origin, or give it a smaller scale or size")]
+    OutOfRange,
+    /// The transform and those of the parents scale by so little that what is near, seen from there, is beyond f32.
+    #[error(
+        "the transform and those of its parents scale by less than 1e-30: use a larger scale and smaller positions"
+    )]
+    TinyScale,
     /// The shape cannot be used.
     #[error(transparent)]
     Shape(#[from] ShapeError),
 }
+
+/// Coordinates in the world up to this, and distances between such, are far from the end of f32.
+const LARGEST: f64 = 1.0e37;
+
+/// In a frame of this scale, whatever is within 1e7 world units of it is within [`LARGEST`].
+const LEAST_SCALE: f64 = 1.0e-30;
 
 /// Gathers surfaces and shapes into [`ActiveSurfaces`].
 pub struct SurfacePlugin {
@@ -136,7 +150,8 @@ impl Transforms<'_, '_> {
         for ancestor in self.parents.iter_ancestors(entity) {
             global = affine(ancestor)? * global;
         }
-        Ok(Pose::from_double_affine(&global)?)
+        let pose = Pose::from_double_affine(&global)?;
+        if pose.scale() < LEAST_SCALE { Err(QuarantineReason::TinyScale) } else { Ok(pose) }
     }
 }
 
@@ -211,11 +226,12 @@ fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(
     if expected != found {
         return Err(QuarantineReason::PositionCount { expected, found });
     }
-    check_positions(&item.positions, item.bounds)?;
+    let at_most = check_positions(&item.positions, item.bounds)?;
     let pose = match *item.frame {
         SurfaceFrame::Local => transforms.global_pose(item.entity)?,
         SurfaceFrame::World => Pose::IDENTITY,
     };
+    check_reach(&item.positions.0, at_most, &pose)?;
     let thickness = match *item.thickness {
         SurfaceThickness::World(thickness) => thickness,
         SurfaceThickness::MeanEdges(edges) => edges * item.surface.mean_edge() * pose.scale() as f32,
@@ -226,12 +242,36 @@ fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(
     Ok((pose, thickness))
 }
 
-/// Those that nobody has written to since boxes were made of them have been looked at.
-fn check_positions(positions: &Ref<SurfacePositions>, bounds: &TriangleBounds) -> Result<(), QuarantineReason> {
+/// Returns what no coordinate is larger than. Those that nobody has written to since boxes were made of them have been looked at.
+fn check_positions(positions: &Ref<SurfacePositions>, bounds: &TriangleBounds) -> Result<f32, QuarantineReason> {
     if bounds.have_seen(positions) {
+        return Ok(largest_coordinate(bounds.whole()));
+    }
+    if first_large(&positions.0).is_none() {
+        return Ok(LARGE);
+    }
+    first_non_finite(&positions.0).map_or(Ok(f32::MAX), |vertex| Err(QuarantineReason::NonFinitePosition(vertex)))
+}
+
+/// Whether all of a surface is in range in the world, given what none of its coordinates is larger than.
+fn check_reach(positions: &[Vec3], at_most: f32, pose: &Pose) -> Result<(), QuarantineReason> {
+    // Of most that is enough to know.
+    if is_in_range(at_most, pose) {
         return Ok(());
     }
-    first_non_finite(&positions.0).map_or(Ok(()), |vertex| Err(QuarantineReason::NonFinitePosition(vertex)))
+    let largest = positions.iter().fold(Vec3::ZERO, |largest, position| largest.max(position.abs()));
+    is_in_range(largest.max_element(), pose).then_some(()).ok_or(QuarantineReason::OutOfRange)
+}
+
+fn largest_coordinate(bounds: &Aabb) -> f32 {
+    bounds.min.abs().max(bounds.max.abs()).max_element()
+}
+
+/// Whether what has no larger coordinate than this in its own frame is in range in the world.
+fn is_in_range(largest: f32, pose: &Pose) -> bool {
+    // As far as the corner of a cube.
+    let reach = 3.0_f64.sqrt() * f64::from(largest) * pose.scale();
+    reach + pose.to_affine().translation.abs().max_element() <= LARGEST
 }
 
 #[derive(QueryData)]
@@ -289,6 +329,10 @@ fn add_shape(
     let order = order(true, item.order, *item.registration, item.entity);
     let (entity, layers, events) = (item.entity, *item.layers, item.events);
     if let Some(Solid { geometry, parts }) = solid {
+        // A half-space reaches everywhere, from wherever its plane is.
+        if !is_in_range(geometry.bounds().map_or(0.0, |bounds| largest_coordinate(&bounds)), &pose) {
+            return Err(QuarantineReason::OutOfRange);
+        }
         active.shapes.push(ActiveShape { entity, geometry, parts, pose, layers, fresh, events, order });
         return Ok(());
     }
@@ -297,7 +341,8 @@ fn add_shape(
     if expected != found {
         return Err(QuarantineReason::PositionCount { expected, found });
     }
-    check_positions(positions, bounds)?;
+    let at_most = check_positions(positions, bounds)?;
+    check_reach(&positions.0, at_most, &pose)?;
     active.surfaces.push(ActiveSurface {
         entity,
         topology: Arc::clone(topology),

@@ -350,11 +350,23 @@ fn sweep_meshes_are_closed_and_lie_on_the_shape() {
             // The centers of the caps are on them as well.
             assert!(height.abs() <= 1.0e-6, "{height} {point}");
         }
+        // The sagitta of a chord of one in 96 parts of a circle: r (1 - cos(pi / 96)).
+        let (sagitta, is_round) = match solid {
+            Solid::Round(_, bottom, top, _) => (5.36e-4 * bottom.max(top), true),
+            Solid::Box(..) => (0.0, false),
+        };
+        let mut deepest: f64 = 0.0;
         let corner = |number: u32| parts[0].points[number as usize].as_dvec3();
         for triangle in &parts[0].triangles {
             let [a, b, c] = triangle.map(corner);
             assert!((b - a).cross(c - a).dot(a + b + c) > 0.0, "outward");
+            for place in [(a + b) / 2.0, (b + c) / 2.0, (c + a) / 2.0, (a + b + c) / 3.0] {
+                let depth = -solid.signed(place) - f64::from(parts[0].radius);
+                assert!(depth.abs() <= sagitta + 1.0e-6, "{depth} {place} {solid:?}");
+                deepest = deepest.max(depth);
+            }
         }
+        assert!(!is_round || deepest > 0.1 * sagitta, "{deepest} {solid:?}");
     }
     for shape in [SharedShape::ball(0.5), SharedShape::capsule(Vec3::X, Vec3::Y, 0.5)] {
         let parts = ShapeGeometry::new(&shape).expect("rounded").sweep_parts();

@@ -1,5 +1,6 @@
 //! The plugin in headless worlds: what a game spawns, changes and despawns, and what it reads and hears of it.
 
+mod extremes;
 mod features;
 mod hysteresis;
 mod instances;
@@ -16,6 +17,9 @@ mod rebuild;
 mod rest;
 mod rigid_shapes;
 mod setup;
+mod shape_kinds;
+mod shape_life;
+mod shapes_of_triangles;
 mod sides;
 mod slow;
 mod smooth_normals;
@@ -23,4 +27,5 @@ mod sphere_lists;
 mod swept;
 #[cfg(feature = "parallel")]
 mod threads;
+mod unit_normals;
 mod world;

@@ -1,12 +1,12 @@
-//! Rigid shapes against surfaces, where the distance is known in closed form.
+//! Rigid shapes of every kind against surfaces, where the distance is known in closed form.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::prelude::*;
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, grid};
-use glam::{Quat, Vec3};
-use parry3d::math::Pose as ParryPose;
+use glam::{IVec3, Quat, Vec3};
+use parry3d::{math::Pose as ParryPose, utils::Array2};
 
 use crate::world::{
     Announcement::{Ended, Started},
@@ -82,7 +82,7 @@ fn the_separation_of_a_shape_over_a_sheet_is_its_height() {
             let nearest = deepest(&contacts);
             assert_near(nearest.distance, gap, tolerance(), what);
             assert_near(nearest.separation, gap - 0.05, tolerance(), what);
-            assert_near_vector(nearest.normal, Vec3::NEG_Y, 1.0e-3, what);
+            assert_near_vector(nearest.normal, Vec3::NEG_Y, tolerance(), what);
             assert_near(nearest.points.0.y, 0.0, tolerance(), what);
             assert_near(nearest.points.1.y, gap, tolerance(), what);
             assert_eq!((nearest.a, nearest.b), (ContactSide::Surface(sheet), ContactSide::Shape(shape)));
@@ -266,24 +266,26 @@ fn a_large_face_touches_a_small_shape_over_its_middle() {
 }
 
 #[test]
-fn shapes_of_many_parts_are_tested_through_parry() {
-    let corners = [Vec3::new(-0.3, 0.0, -0.3), Vec3::new(0.3, 0.0, -0.3), Vec3::new(0.0, 0.0, 0.4)];
-    let mesh = SharedShape::trimesh(corners.to_vec(), vec![[0, 1, 2]]).expect("a triangle is a mesh");
+fn shapes_of_every_other_kind_are_as_far_as_their_lowest_point() {
+    let [a, b, c] = [Vec3::new(-0.3, 0.0, -0.3), Vec3::new(0.3, 0.0, -0.3), Vec3::new(0.0, 0.0, 0.4)];
+    let corners = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].map(|corner| corner * 0.3);
     let compound = SharedShape::compound(vec![
         (ParryPose::from_translation(Vec3::new(-0.2, 0.2, 0.0)), SharedShape::ball(0.2)),
         (ParryPose::from_translation(Vec3::new(0.3, 0.3, 0.0)), SharedShape::cuboid(0.1, 0.1, 0.1)),
     ]);
-    for (name, shape) in [
-        ("mesh", mesh),
-        ("compound", compound),
-        ("cone", SharedShape::cone(0.3, 0.2)),
-        ("rounded cuboid", SharedShape::round_cuboid(0.2, 0.1, 0.2, 0.05)),
+    let flat = Array2::new(3, 3, vec![0.0; 9]);
+    let rounded_hull = SharedShape::round_convex_hull(&corners, 0.05).expect("an octahedron is convex");
+    for (name, shape, reach) in [
+        ("mesh", SharedShape::trimesh(vec![a, b, c], vec![[0, 1, 2]]).expect("a triangle is a mesh"), 0.0),
+        ("height field", SharedShape::heightfield(flat, Vec3::new(0.5, 1.0, 0.5)), 0.0),
+        ("voxels", SharedShape::voxels(Vec3::splat(0.2), &[IVec3::ZERO, IVec3::X, IVec3::Y]), 0.0),
+        ("polyline", SharedShape::polyline(vec![a, b, c], None), 0.0),
+        ("triangle", SharedShape::triangle(a, b, c), 0.0),
+        ("segment", SharedShape::segment(a, b), 0.0),
+        ("compound", compound, 0.0),
+        ("rounded triangle", SharedShape::round_triangle(a, b, c, 0.1), 0.1),
+        ("rounded hull", rounded_hull, 0.35),
     ] {
-        let reach = match name {
-            "cone" => 0.3,
-            "rounded cuboid" => 0.15,
-            _ => 0.0,
-        };
         let mut app = app();
         let sheet = spawn(&mut app, &sheet(), THIN);
         let shape = app.world_mut().spawn(RigidShape(shape)).id();
@@ -294,9 +296,9 @@ fn shapes_of_many_parts_are_tested_through_parry() {
             let contacts = between(&mut app, sheet, shape);
             assert_eq!(contacts.is_empty(), gap > 0.1, "{name}");
             if gap < 0.1 {
-                // parry's own queries are in f32 with absolute tolerances.
-                assert_near(deepest(&contacts).distance, gap, 1.0e-4, (name, gap));
-                assert_near_vector(deepest(&contacts).normal, Vec3::NEG_Y, 1.0e-2, (name, gap));
+                assert_near(deepest(&contacts).distance, gap, tolerance(), (name, gap));
+                assert_near_vector(deepest(&contacts).normal, Vec3::NEG_Y, tolerance(), (name, gap));
+                assert_all_consistent(app.world(), &contacts, 4.0);
             }
         }
     }

@@ -67,6 +67,7 @@ fn any_indices_and_positions_give_the_right_error_or_a_valid_topology() {
                         );
                     }
                     TopologyError::TooLarge { .. } => panic!("{} positions are not too many", positions.len()),
+                    TopologyError::WeldDistance(distance) => panic!("nobody has asked for {distance}"),
                 }
             }
         }
