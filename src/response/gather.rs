@@ -310,15 +310,12 @@ impl Gatherer {
             let own = (body, first, body.topology.vertex_count());
             for solid in &scene.active.surfaces {
                 let other = self.first_particle(solid.entity);
-                let points = || match other {
-                    Some(first) => {
-                        let own = first..first + solid.topology.vertex_count();
-                        Some(solver.particles.start[own].to_vec())
+                let points = || {
+                    let count = solid.topology.vertex_count();
+                    if let Some(first) = other {
+                        return Some(solver.particles.start[first..first + count].to_vec());
                     }
-                    None => {
-                        let start = |vertex| Some(scene.ends(solid, vertex)?[0]);
-                        (0..solid.topology.vertex_count()).map(start).collect()
-                    }
+                    (0..count).map(|vertex| Some(scene.ends(solid, vertex)?[0])).collect()
                 };
                 let way = insides.find(scene, &solver.particles, own, Solid::Surface(solid), points);
                 let Some(way) = way else { continue };
@@ -366,16 +363,15 @@ impl Gatherer {
             for impact in &pair.impacts {
                 let side = |surface: &ActiveSurface, triangle: u32| {
                     let triangle = surface.topology.welded_triangles()[triangle as usize];
-                    let corners = match self.bodies.get(&surface.entity) {
-                        Some(&first) => MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex)),
-                        None => {
-                            let ends = |vertex: u32| scene.ends(surface, vertex as usize);
-                            let [a, b, c] = triangle.map(ends);
-                            let [Some(a), Some(b), Some(c)] = [a, b, c] else { return None };
-                            let vertices = Some((triangle, surface.topology.vertex_count()));
-                            let (starts, ends) = ([a[0], b[0], c[0]], [a[1], b[1], c[1]]);
-                            MeetingCorners::Driven { starts, ends, vertices }
-                        }
+                    let corners = if let Some(&first) = self.bodies.get(&surface.entity) {
+                        MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex))
+                    } else {
+                        let ends = |vertex: u32| scene.ends(surface, vertex as usize);
+                        let [a, b, c] = triangle.map(ends);
+                        let [Some(a), Some(b), Some(c)] = [a, b, c] else { return None };
+                        let vertices = Some((triangle, surface.topology.vertex_count()));
+                        let (starts, ends) = ([a[0], b[0], c[0]], [a[1], b[1], c[1]]);
+                        MeetingCorners::Driven { starts, ends, vertices }
                     };
                     Some(MeetingSide { entity: surface.entity, thickness: f64::from(surface.thickness), corners })
                 };
@@ -399,18 +395,13 @@ impl Gatherer {
             MeetingCorners::Body(corners) => corners,
             MeetingCorners::Driven { starts, ends, vertices } => std::array::from_fn(|corner| {
                 let ends = [starts[corner], ends[corner]];
-                match vertices {
-                    Some((corners, count)) => {
-                        let vertex = corners[corner] as usize;
-                        self.slots(side.entity, count)
-                            .particle(&mut solver.particles, vertex, || Some(ends))
-                            .unwrap_or(NONE)
-                    }
-                    None => {
-                        solver.particles.push_driven(ends[0], ends[1]);
-                        solver.particles.len() as u32 - 1
-                    }
+                if let Some((corners, count)) = vertices {
+                    let vertex = corners[corner] as usize;
+                    let slots = self.slots(side.entity, count);
+                    return slots.particle(&mut solver.particles, vertex, || Some(ends)).unwrap_or(NONE);
                 }
+                solver.particles.push_driven(ends[0], ends[1]);
+                solver.particles.len() as u32 - 1
             }),
         });
         let named = match (found.features.a, found.features.b) {
@@ -531,7 +522,7 @@ impl Gatherer {
         }
         let Some(b) = b else {
             let Side::Shape { entity } = side_b else { return None };
-            return Some(self.against_shape(scene, particles, pair, record, (a, entity, normal), friction));
+            return Some(against_shape(scene, particles, pair, record, (a, entity, normal), friction));
         };
         let has_inside = pair.one_sided.contains(&true);
         // What a guard has kept apart has not passed, whatever side a rotation has brought it to.
@@ -565,30 +556,29 @@ impl Gatherer {
         }
         Some(constraint)
     }
+}
 
-    /// A contact with a rigid shape: the point on the shape goes where the shape goes.
-    fn against_shape(
-        &self,
-        scene: &Scene<'_, '_>,
-        particles: &mut Particles,
-        pair: &StoredPair,
-        record: &CompactContact,
-        (corners, shape, normal): ([u32; 3], Entity, DVec3),
-        friction: [f64; 2],
-    ) -> ContactConstraint {
-        let now = pair.poses[1];
-        let start = pair.frame_pose.transform_point(record.point_b.as_dvec3());
-        let ahead = scene.motions.course(shape).map(|course| course.ahead.pose);
-        let end = ahead.map_or(start, |ahead| ahead.transform_point(now.inverse().transform_point(start)));
-        let place = particles.len() as u32;
-        particles.push_driven(start, end);
-        let weights = completed(record.features.a, record.barycentric_a);
-        let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
-        entries.extend(corners.into_iter().zip(weights).filter(|&(_, weight)| weight != 0.0));
-        entries.push((place, -1.0));
-        let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
-        let offset = separation - normal.dot(detected_sum(particles, &entries));
-        let features = Features::Plane { particles: entries, offset };
-        ContactConstraint::new(features, normal, f64::from(pair.contact_distance), friction)
-    }
+/// A contact with a rigid shape: the point on the shape goes where the shape goes.
+fn against_shape(
+    scene: &Scene<'_, '_>,
+    particles: &mut Particles,
+    pair: &StoredPair,
+    record: &CompactContact,
+    (corners, shape, normal): ([u32; 3], Entity, DVec3),
+    friction: [f64; 2],
+) -> ContactConstraint {
+    let now = pair.poses[1];
+    let start = pair.frame_pose.transform_point(record.point_b.as_dvec3());
+    let ahead = scene.motions.course(shape).map(|course| course.ahead.pose);
+    let end = ahead.map_or(start, |ahead| ahead.transform_point(now.inverse().transform_point(start)));
+    let place = particles.len() as u32;
+    particles.push_driven(start, end);
+    let weights = completed(record.features.a, record.barycentric_a);
+    let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
+    entries.extend(corners.into_iter().zip(weights).filter(|&(_, weight)| weight != 0.0));
+    entries.push((place, -1.0));
+    let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
+    let offset = separation - normal.dot(detected_sum(particles, &entries));
+    let features = Features::Plane { particles: entries, offset };
+    ContactConstraint::new(features, normal, f64::from(pair.contact_distance), friction)
 }

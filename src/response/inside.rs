@@ -122,11 +122,11 @@ impl Insides {
         let way = match solid {
             Solid::Surface(solid) => {
                 let closed = Closed::new(&solid.topology, points()?);
-                self.way_out(particles, first..first + count, closed.topology.triangles().len(), &closed)
+                way_out(particles, first..first + count, closed.topology.triangles().len(), &closed)
             }
             Solid::Shape(shape, pose) => {
                 let solid = PlacedShape { geometry: &shape.geometry, pose, own: pose.inverse(), shallow };
-                self.way_out(particles, first..first + count, 1, &solid)
+                way_out(particles, first..first + count, 1, &solid)
             }
         };
         match &way {
@@ -140,27 +140,28 @@ impl Insides {
         }
         way
     }
+}
 
-    fn way_out(&self, particles: &Particles, own: Range<usize>, cost: usize, solid: &impl Inside) -> Option<WayOut> {
-        let is_free = |&particle: &usize| particles.inverse_mass[particle] > 0.0;
-        let near: Vec<usize> =
-            own.filter(is_free).filter(|&particle| solid.may_contain(particles.start[particle])).collect();
-        if near.len() * cost > MOST_LOOKS {
-            return None;
-        }
-        let at = |particle: usize| particles.start[particle];
-        let inside: Vec<usize> = near.into_iter().filter(|&particle| solid.contains(at(particle))).collect();
-        let center = inside.iter().map(|&particle| at(particle)).sum::<DVec3>() / inside.len().max(1) as f64;
-        // The middle of what is inside may be outside of a solid that is not convex.
-        let nearest = inside
-            .iter()
-            .copied()
-            .min_by(|&one, &other| at(one).distance_squared(center).total_cmp(&at(other).distance_squared(center)))?;
-        let (exit, outward, triangle) = solid.exit(if solid.contains(center) { center } else { at(nearest) })?;
-        let depth = inside.iter().map(|&particle| outward.dot(exit - at(particle))).fold(0.0, f64::max);
-        let particles = inside.into_iter().map(|particle| particle as u32).collect();
-        Some(WayOut { particles, exit, triangle, outward, depth })
+/// The way out of a solid for those of some particles that are inside; `cost` is what one look takes.
+fn way_out(particles: &Particles, own: Range<usize>, cost: usize, solid: &impl Inside) -> Option<WayOut> {
+    let is_free = |&particle: &usize| particles.inverse_mass[particle] > 0.0;
+    let near: Vec<usize> =
+        own.filter(is_free).filter(|&particle| solid.may_contain(particles.start[particle])).collect();
+    if near.len() * cost > MOST_LOOKS {
+        return None;
     }
+    let at = |particle: usize| particles.start[particle];
+    let inside: Vec<usize> = near.into_iter().filter(|&particle| solid.contains(at(particle))).collect();
+    let center = inside.iter().map(|&particle| at(particle)).sum::<DVec3>() / inside.len().max(1) as f64;
+    // The middle of what is inside may be outside of a solid that is not convex.
+    let nearest = inside
+        .iter()
+        .copied()
+        .min_by(|&one, &other| at(one).distance_squared(center).total_cmp(&at(other).distance_squared(center)))?;
+    let (exit, outward, triangle) = solid.exit(if solid.contains(center) { center } else { at(nearest) })?;
+    let depth = inside.iter().map(|&particle| outward.dot(exit - at(particle))).fold(0.0, f64::max);
+    let particles = inside.into_iter().map(|particle| particle as u32).collect();
+    Some(WayOut { particles, exit, triangle, outward, depth })
 }
 
 /// What can be asked of a solid.

@@ -114,12 +114,11 @@ impl Course {
         let squared = |from: DVec3, to: DVec3| {
             (self.to.pose.transform_point(to) - self.from.pose.transform_point(from) - common).length_squared()
         };
-        let longest = match points {
-            Some(points) => points.iter().map(|&point| squared(point, point)).fold(0.0, f64::max),
-            None => {
-                let vertices = from.positions.iter().zip(&to.positions);
-                vertices.map(|(from, to)| squared(from.as_dvec3(), to.as_dvec3())).fold(0.0, f64::max)
-            }
+        let longest = if let Some(points) = points {
+            points.iter().map(|&point| squared(point, point)).fold(0.0, f64::max)
+        } else {
+            let vertices = from.positions.iter().zip(&to.positions);
+            vertices.map(|(from, to)| squared(from.as_dvec3(), to.as_dvec3())).fold(0.0, f64::max)
         };
         longest.sqrt()
     }
@@ -225,7 +224,7 @@ impl Motions {
 
     /// Forgets what comes near no body, and finds into how many parts the tick has to be cut.
     fn plan(&mut self, bodies: &[Reach], track: impl Fn(Entity, &Course) -> Track) {
-        let (mut parts, mut longest) = (1.0_f64, 0.0_f64);
+        let (mut parts, mut longest) = (1, 0.0_f64);
         self.courses.retain(|&entity, course| {
             if course.is_of_pins {
                 return true;
@@ -236,13 +235,14 @@ impl Motions {
                 is_near = true;
                 let way = course.way(points.as_ref().map(|points| &points[..]), body.motion);
                 longest = longest.max(way);
+                let fits = |count: &u32| way <= f64::from(*count) * SHARE_OF_EDGE * body.mean_edge;
                 if body.mean_edge > 0.0 {
-                    parts = parts.max((way / (SHARE_OF_EDGE * body.mean_edge)).ceil());
+                    parts = (parts..MOST_PARTS).find(fits).unwrap_or(MOST_PARTS);
                 }
             }
             is_near
         });
-        self.parts = parts.min(f64::from(MOST_PARTS)) as u32;
+        self.parts = parts;
         self.longest = longest / f64::from(self.parts);
         self.part = 0;
         for course in self.courses.values_mut() {

@@ -66,6 +66,7 @@ impl Obstacle {
 }
 
 /// One mesh of a tick: a surface, or triangles inside a rigid shape.
+#[expect(clippy::struct_excessive_bools, reason = "each is asked alone")]
 pub(super) struct Mesh {
     pub(super) name: MeshName,
     pub(super) topology: Arc<SurfaceTopology>,
@@ -170,15 +171,14 @@ impl Mesh {
     /// One side of an impact, for the solver.
     pub(super) fn side(&self, particles: &Particles, triangle: u32) -> MeetingSide {
         let triangle = self.topology.welded_triangles()[triangle as usize];
-        let corners = match self.first {
-            Some(first) => MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex)),
-            None => {
-                let of = |points: &[DVec3]| triangle.map(|vertex| points[vertex as usize]);
-                let swept = self.swept(particles);
-                let is_surface = self.name.part == SURFACE;
-                let vertices = is_surface.then(|| (triangle, self.topology.vertex_count()));
-                MeetingCorners::Driven { starts: of(swept.start), ends: of(swept.end), vertices }
-            }
+        let corners = if let Some(first) = self.first {
+            MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex))
+        } else {
+            let of = |points: &[DVec3]| triangle.map(|vertex| points[vertex as usize]);
+            let swept = self.swept(particles);
+            let is_surface = self.name.part == SURFACE;
+            let vertices = is_surface.then(|| (triangle, self.topology.vertex_count()));
+            MeetingCorners::Driven { starts: of(swept.start), ends: of(swept.end), vertices }
         };
         MeetingSide { entity: self.name.entity, thickness: self.thickness, corners }
     }
