@@ -57,7 +57,7 @@ pub enum QuarantineReason {
     #[error("the transform or that of a parent is missing")]
     MissingTransform,
     /// A surface or shape reaches farther in the world than f32 has numbers for its contacts.
-    #[error("it reaches beyond 1e37 world units: move it closer to the origin, or give it a smaller scale or size")]
+    #[error("it reaches beyond 8e37 world units: move it closer to the origin, or give it a smaller scale or size")]
     OutOfRange,
     /// The transform and those of the parents scale by so little that what is near, seen from there, is beyond f32.
     #[error(
@@ -69,8 +69,8 @@ pub enum QuarantineReason {
     Shape(#[from] ShapeError),
 }
 
-/// Coordinates in the world up to this, and distances between such, are far from the end of f32.
-const LARGEST: f64 = 1.0e37;
+/// Less than a quarter of the largest f32: of coordinates in the world up to this, differences and their lengths are finite.
+const LARGEST: f64 = 8.0e37;
 
 /// In a frame of this scale, whatever is within 1e7 world units of it is within [`LARGEST`].
 const LEAST_SCALE: f64 = 1.0e-30;
