@@ -129,6 +129,11 @@ impl Tools {
         (surface, SurfacePositions(thing.positions.clone()))
     }
 
+    /// Whether a shape is an open mesh of triangles, unless it has been said to have an inside.
+    fn is_sheet(&self, thing: &Thing) -> bool {
+        self.shapes[thing.shape].as_trimesh().is_some() && thing.sidedness != Sidedness::OneSided
+    }
+
     fn is_one_sided(&self, thing: &Thing) -> bool {
         match thing.sidedness {
             Sidedness::OneSided => true,
@@ -530,7 +535,12 @@ fn compare(living: &Living, new: &Living, state: &State, tools: &Tools) -> Resul
     for (warm, fresh) in living.store().pairs.iter().zip(&new.store().pairs) {
         let [a, b] = sides(living, warm);
         let things = [a, b].map(|place| &state.things[place]);
-        let remembers = b < SURFACES && (a == b || !things.iter().any(|thing| tools.is_one_sided(thing)));
+        let is_one_sided = |place: usize| match place < SURFACES {
+            true => tools.is_one_sided(&state.things[place]),
+            // Tiles of triangles are a sheet, and a pair with any other shape is not one of surfaces.
+            false => !tools.is_sheet(&state.things[place]),
+        };
+        let remembers = a == b || !(is_one_sided(a) || is_one_sided(b));
         let what = format!("{a} and {b} ({:?}, {:?})", things[0].method, things[1].method);
         let distances = |pair: &StoredPair| (pair.contact_distance.to_bits(), pair.nearest.to_bits());
         if distances(warm) != distances(fresh) || format!("{:?}", warm.frame_pose) != format!("{:?}", fresh.frame_pose)
