@@ -180,13 +180,13 @@ impl Scene<'_, '_> {
         records.any(|record| record.features.kind() == FeatureKind::EdgeFace || f64::from(record.distance) < -shallow)
     }
 
-    /// Where a vertex of a surface that no solver moves begins and ends this part of the tick.
-    fn ends(&self, surface: &ActiveSurface, vertex: usize) -> Option<[DVec3; 2]> {
-        if let Some(course) = self.motions.course(surface.entity) {
+    /// Where a vertex of a surface that no solver moves begins and ends this part of the tick; `pose` is where one at rest stands.
+    fn ends(&self, entity: Entity, pose: &Pose, vertex: usize) -> Option<[DVec3; 2]> {
+        if let Some(course) = self.motions.course(entity) {
             return Some([course.now.point(vertex), course.ahead.point(vertex)]);
         }
-        let (positions, _) = self.positions.get(surface.entity).ok()?;
-        Some([surface.pose.transform_point(positions.0.get(vertex)?.as_dvec3()); 2])
+        let (positions, _) = self.positions.get(entity).ok()?;
+        Some([pose.transform_point(positions.0.get(vertex)?.as_dvec3()); 2])
     }
 
     fn friction(&self, a: Entity, b: Entity) -> [f64; 2] {
@@ -315,7 +315,7 @@ impl Gatherer {
                     if let Some(first) = other {
                         return Some(solver.particles.start[first..first + count].to_vec());
                     }
-                    (0..count).map(|vertex| Some(scene.ends(solid, vertex)?[0])).collect()
+                    (0..count).map(|vertex| Some(scene.ends(solid.entity, &solid.pose, vertex)?[0])).collect()
                 };
                 let way = insides.find(scene, &solver.particles, own, Solid::Surface(solid), points);
                 let Some(way) = way else { continue };
@@ -366,7 +366,7 @@ impl Gatherer {
                     let corners = if let Some(&first) = self.bodies.get(&surface.entity) {
                         MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex))
                     } else {
-                        let ends = |vertex: u32| scene.ends(surface, vertex as usize);
+                        let ends = |vertex: u32| scene.ends(surface.entity, &surface.pose, vertex as usize);
                         let [a, b, c] = triangle.map(ends);
                         let [Some(a), Some(b), Some(c)] = [a, b, c] else { return None };
                         let vertices = Some((triangle, surface.topology.vertex_count()));
@@ -480,16 +480,10 @@ impl Gatherer {
                 Some(topology.welded_triangles()[triangle as usize].map(|vertex| *first as u32 + vertex))
             }
             Side::Driven { entity, topology } => {
-                let course = scene.motions.course(*entity);
-                let standing = if course.is_none() { Some(&scene.positions.get(*entity).ok()?.0.0) } else { None };
                 let slots = self.slots(*entity, topology.vertex_count());
                 let [a, b, c] = topology.welded_triangles()[triangle as usize].map(|vertex| {
                     let vertex = vertex as usize;
-                    slots.particle(particles, vertex, || match (course, standing) {
-                        (Some(course), _) => Some([course.now.point(vertex), course.ahead.point(vertex)]),
-                        (None, Some(positions)) => Some([pose.transform_point(positions.get(vertex)?.as_dvec3()); 2]),
-                        (None, None) => None,
-                    })
+                    slots.particle(particles, vertex, || scene.ends(*entity, pose, vertex))
                 });
                 Some([a?, b?, c?])
             }

@@ -41,16 +41,14 @@ pub(super) struct Obstacle {
 }
 
 impl Obstacle {
-    /// Follows something at rest; whether anything has changed. Without a tick, it may have.
-    pub(super) fn rest(&mut self, positions: &[Vec3], changed: Option<Tick>, pose: &Pose) -> bool {
-        let is_same = |&(seen, stood): &(Tick, Pose)| Some(seen) == changed && stood.has_bits_of(pose);
+    /// Follows something at rest, whose positions changed last at a tick; whether anything has changed.
+    pub(super) fn rest(&mut self, positions: &[Vec3], changed: Tick, pose: &Pose) -> bool {
+        let is_same = |&(seen, stood): &(Tick, Pose)| seen == changed && stood.has_bits_of(pose);
         if self.at_rest.as_ref().is_some_and(is_same) && self.start.len() == positions.len() {
             return false;
         }
-        self.at_rest = changed.map(|changed| (changed, *pose));
-        self.start.clear();
-        self.start.extend(positions.iter().map(|position| pose.transform_point(position.as_dvec3())));
-        self.end.clone_from(&self.start);
+        self.move_on([positions; 2], [pose; 2]);
+        self.at_rest = Some((changed, *pose));
         true
     }
 
@@ -170,10 +168,10 @@ impl Mesh {
 
     /// One side of an impact, for the solver.
     pub(super) fn side(&self, particles: &Particles, triangle: u32) -> MeetingSide {
-        let triangle = self.topology.welded_triangles()[triangle as usize];
-        let corners = if let Some(first) = self.first {
-            MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex))
+        let corners = if let Some(corners) = self.corners(triangle) {
+            MeetingCorners::Body(corners)
         } else {
+            let triangle = self.topology.welded_triangles()[triangle as usize];
             let of = |points: &[DVec3]| triangle.map(|vertex| points[vertex as usize]);
             let swept = self.swept(particles);
             let is_surface = self.name.part == SURFACE;

@@ -214,7 +214,7 @@ impl Guard {
                     kept.obstacle.move_on(stands.map(|stand| &*stand.positions), stands.map(|stand| &stand.pose));
                     true
                 }
-                None => kept.obstacle.rest(&positions.0, Some(positions.last_changed()), &surface.pose),
+                None => kept.obstacle.rest(&positions.0, positions.last_changed(), &surface.pose),
             };
             self.by_entity.insert(surface.entity, self.meshes.len());
             self.meshes.push(Mesh {
