@@ -107,7 +107,7 @@ impl<T> SharedList<T> {
         if let Shared::Written(list) = &mut self.0 { Arc::get_mut(list) } else { None }
     }
 
-    /// Takes the memory of the list as far as it was used, if nobody else holds it, and leaves an empty one in its place.
+    /// Takes the memory of the list, trimmed to what it held, unless it is shared. Leaves an empty list.
     pub(super) fn take(&mut self) -> Vec<T> {
         let mut list = self.own().map(mem::take).unwrap_or_default();
         // An empty one has been emptied before: how much it held then is not known any more.

@@ -301,8 +301,8 @@ fn respond(
     diagnostics.guarding += start.elapsed();
 }
 
-/// Writes positions and velocities to the bodies. A body of which a vertex leaves the range of what can be computed is not
-/// written: it stands where it was, without a velocity.
+/// Writes positions and velocities to the bodies. A body with a vertex out of the computable range is not written: it keeps its
+/// positions and loses its velocity.
 pub(super) fn write_back(
     active: Res<ActiveSurfaces>,
     motions: Res<Motions>,

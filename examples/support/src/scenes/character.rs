@@ -176,7 +176,7 @@ impl Motion {
         let (amplitude, frequency) = stride(speed);
         let phase = TAU * frequency * time;
         let angle = speed * eased_time(time) / CHARACTER_CIRCLE;
-        // Where nobody walks, the character turns on the spot.
+        // A character without speed turns on the spot.
         let idle = (1.0 - speed).max(0.0);
         let heading = angle + strength * (0.2 * libm::sin(phase) + 0.8 * idle * libm::sin(2.0 * time));
         let bob = 0.015 * strength * libm::sin(2.0 * phase);

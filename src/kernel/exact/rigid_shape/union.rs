@@ -58,7 +58,7 @@ impl Compound {
         let across = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() + self.seam();
         let leaves_after = |direction: DVec3| {
             let mut gone = 0.0;
-            // Each part is left once: what is convex is not entered again.
+            // Each part is left once: a straight way never enters a convex part again.
             for _ in 0..self.parts().len() {
                 let (here, past) = (point + direction * gone, point + direction * (gone + self.seam()));
                 // Of what was left just now, the place is outside but for rounding.
