@@ -535,10 +535,13 @@ fn compare(living: &Living, new: &Living, state: &State, tools: &Tools) -> Resul
     for (warm, fresh) in living.store().pairs.iter().zip(&new.store().pairs) {
         let [a, b] = sides(living, warm);
         let things = [a, b].map(|place| &state.things[place]);
-        let is_one_sided = |place: usize| match place < SURFACES {
-            true => tools.is_one_sided(&state.things[place]),
-            // Tiles of triangles are a sheet, and a pair with any other shape is not one of surfaces.
-            false => !tools.is_sheet(&state.things[place]),
+        let is_one_sided = |place: usize| {
+            if place < SURFACES {
+                tools.is_one_sided(&state.things[place])
+            } else {
+                // Tiles of triangles are a sheet, and a pair with any other shape is not one of surfaces.
+                !tools.is_sheet(&state.things[place])
+            }
         };
         let remembers = a == b || !(is_one_sided(a) || is_one_sided(b));
         let what = format!("{a} and {b} ({:?}, {:?})", things[0].method, things[1].method);
