@@ -85,7 +85,7 @@ impl SolverBody {
             there_and_back(springs.len(), |place| {
                 let spring = self.rest.springs[place];
                 let spring = Spring { length: spring.length * self.scale, ..spring };
-                spring.solve(particles, self.first, compliance, &mut springs[place]);
+                spring.solve(particles, self.first, compliance, step, &mut springs[place]);
             });
         }
     }

@@ -4,6 +4,10 @@ use glam::DVec3;
 
 use crate::response::particles::Particles;
 
+/// How fast an edge comes back to its length at rest, in such lengths per second. A stiff one would do so within a step: what has
+/// been drawn out to several lengths would be thrown about faster than contacts can follow.
+const RECOVERY: f64 = 50.0;
+
 /// An edge and its length at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spring {
@@ -15,9 +19,10 @@ pub struct Spring {
 
 impl Spring {
     /// Moves both ends toward their distance at rest. `first` is the body's first particle, `compliance` is that of
-    /// the step (`α / h²`), and `multiplier` what this constraint has gathered in it.
+    /// the step (`α / h²`), `step` its seconds, and `multiplier` what this constraint has gathered in it. What the length has been
+    /// wrong by when the step began is made up for at [`RECOVERY`].
     #[inline]
-    pub fn solve(&self, particles: &mut Particles, first: usize, compliance: f64, multiplier: &mut f64) {
+    pub fn solve(&self, particles: &mut Particles, first: usize, compliance: f64, step: f64, multiplier: &mut f64) {
         let [a, b] = self.ends.map(|end| first + end as usize);
         let [weight_a, weight_b] = [particles.inverse_mass[a], particles.inverse_mass[b]];
         let weight = weight_a + weight_b;
@@ -31,7 +36,15 @@ impl Spring {
             return;
         }
         let direction: DVec3 = between / length;
-        let change = (self.length - length - compliance * *multiplier) / (weight + compliance);
+        let missing = self.length - length;
+        let mut change = (missing - compliance * *multiplier) / (weight + compliance);
+        let pace = RECOVERY * step * self.length;
+        if missing.abs() > pace {
+            let before = self.length - particles.previous[a].distance(particles.previous[b]);
+            let left = if before * missing > 0.0 { (before.abs() - pace).max(0.0) } else { 0.0 };
+            let most = (missing.abs() - left).max(0.0) / weight;
+            change = change.clamp(-most, most);
+        }
         *multiplier += change;
         particles.position[a] += direction * (change * weight_a);
         particles.position[b] -= direction * (change * weight_b);

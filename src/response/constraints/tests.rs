@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::{Hinge, bend::value_and_gradients, enclosed_volume};
+use super::{Hinge, Spring, bend::value_and_gradients, enclosed_volume};
+use crate::response::particles::Particles;
 
 /// A hinge folded by some angle about the z axis.
 fn folded(angle: f64) -> [DVec3; 4] {
@@ -58,4 +59,35 @@ fn a_box_encloses_the_product_of_its_sides() {
     let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
     let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     assert!((enclosed_volume(&corners, 0, &triangles) - 30.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_spring_makes_up_for_its_step_at_once_and_for_what_was_before_at_a_pace() {
+    let (step, length) = (1.0 / 600.0, 0.1);
+    let after = |before: f64, added: f64| {
+        let mut particles = Particles::default();
+        particles.push_moved(DVec3::ZERO, DVec3::ZERO, 1.0);
+        particles.push_moved(DVec3::X * before, DVec3::X * (added / step), 3.0);
+        particles.predict(step, DVec3::ZERO, 1.0);
+        let spring = Spring { ends: [0, 1], length };
+        spring.solve(&mut particles, 0, 0.0, step, &mut 0.0);
+        particles.position[0].distance(particles.position[1])
+    };
+    // Fifty lengths a second.
+    let pace = 50.0 * step * length;
+    let cases = [
+        // Before the step, added by it, and left after it.
+        (0.1, 0.05, 0.1),
+        (0.1, -0.05, 0.1),
+        (0.105, 0.0, 0.1),
+        (0.4, 0.0, 0.4 - pace),
+        (0.4, 0.2, 0.4 - pace),
+        (0.02, 0.0, 0.02 + pace),
+        (0.4, -0.35, 0.1),
+        (0.4, -0.1, 0.3),
+    ];
+    for (before, added, expected) in cases {
+        let left = after(before, added);
+        assert!((left - expected).abs() < 1e-12, "{before} {added}: {left} instead of {expected}");
+    }
 }
