@@ -29,8 +29,10 @@ pub struct SweptImpact {
     pub cause: ImpactCause,
     /// A triangle of the first surface; of one surface with itself the lower one.
     pub triangle_a: TriangleId,
-    /// A triangle of the second surface.
+    /// A triangle of the second surface; of a shape tested by formula one of those that stand for it.
     pub triangle_b: TriangleId,
+    /// Which part of a compound; 0 of anything else.
+    pub part_b: u32,
     /// What of the triangles meets: a vertex and a face or two edges; an edge and a face where they cross to begin with.
     pub features: FeaturePair,
     /// Weights of the first triangle's corners at that time; they sum to 1.
@@ -45,19 +47,42 @@ pub struct SweptImpact {
 /// Two surfaces that meet on their way, or one that meets itself.
 #[derive(Clone, Debug)]
 pub struct SweptPair {
-    /// The first surface by its [order](crate::SurfaceOrder). A rigid shape made of triangles comes last.
+    /// The first surface by its [order](crate::SurfaceOrder). Rigid shapes come last.
     pub a: Entity,
     /// The second one: the same in a self-collision.
     pub b: Entity,
-    /// The first impact of each two triangles, by the first triangle, then the second.
+    /// The first impact of each two triangles, by the part, the first triangle, then the second.
     pub impacts: Vec<SweptImpact>,
     /// The place of the earliest impact; of several at the same time the first in the list.
-    pub(crate) earliest: usize,
-    pub(crate) topologies: [Arc<SurfaceTopology>; 2],
+    earliest: usize,
+    topology_a: Arc<SurfaceTopology>,
+    /// None of a shape tested by formula.
+    topology_b: Option<Arc<SurfaceTopology>>,
 }
 
-/// The impacts of the last detection, of surfaces that have [`SweptCollision`](crate::SweptCollision), with other surfaces and
-/// rigid shapes made of triangles. Pairs that do not meet are left out.
+impl SweptPair {
+    pub(crate) fn new(
+        [a, b]: [Entity; 2],
+        impacts: Vec<SweptImpact>,
+        (topology_a, topology_b): (Arc<SurfaceTopology>, Option<Arc<SurfaceTopology>>),
+    ) -> Self {
+        let mut pair = Self { a, b, impacts, earliest: 0, topology_a, topology_b };
+        pair.find_earliest();
+        pair
+    }
+
+    pub(crate) fn find_earliest(&mut self) {
+        self.earliest = 0;
+        for (place, impact) in self.impacts.iter().enumerate() {
+            if impact.time < self.impacts[self.earliest].time {
+                self.earliest = place;
+            }
+        }
+    }
+}
+
+/// The impacts of the last detection, of what has [`SweptCollision`](crate::SweptCollision) with other surfaces and rigid shapes.
+/// Pairs that do not meet are left out.
 ///
 /// Most systems read it through [`SurfaceImpacts`].
 #[derive(Resource, Clone, Debug, Default)]
@@ -179,13 +204,16 @@ impl Impact<'_> {
         self.pick(self.record.features.a, self.record.features.b)
     }
 
-    /// Triangles of the first and the second side, as the game numbered them.
+    /// Triangles of the first and the second side, as the game numbered them; `None` for a rigid shape that is not made of
+    /// triangles.
     #[must_use]
-    pub fn triangles(&self) -> (TriangleId, TriangleId) {
-        self.pick(self.record.triangle_a, self.record.triangle_b)
+    pub fn triangles(&self) -> (Option<TriangleId>, Option<TriangleId>) {
+        let of_b = self.pair.topology_b.as_ref().map(|_| self.record.triangle_b);
+        self.pick(Some(self.record.triangle_a), of_b)
     }
 
-    /// Weights of the corners of the first and the second triangle where they meet. Each sums to 1.
+    /// Weights of the corners of the first and the second triangle where they meet; of a rigid shape that is not made of
+    /// triangles without meaning. Each sums to 1.
     #[must_use]
     pub fn barycentrics(&self) -> ([f32; 3], [f32; 3]) {
         self.pick(self.record.barycentric_a, self.record.barycentric_b)
@@ -198,7 +226,7 @@ impl Impact<'_> {
         if self.swapped { -self.record.normal } else { self.record.normal }
     }
 
-    /// The vertices that meet, with their signed shares: at most three a side.
+    /// The vertices that meet, with their signed shares: at most three a side, none of a solid that is tested by formula.
     #[must_use]
     pub fn stencil(&self) -> ArrayVec<StencilEntry, 6> {
         let normal = self.normal();
@@ -212,9 +240,11 @@ impl Impact<'_> {
                 }
             };
         let (sign_a, sign_b) = self.pick(1.0, -1.0);
-        let [topology_a, topology_b] = &self.pair.topologies;
+        let SweptPair { topology_a, topology_b, .. } = self.pair;
         side(self.pair.a, topology_a, self.record.triangle_a, self.record.barycentric_a, sign_a);
-        side(self.pair.b, topology_b, self.record.triangle_b, self.record.barycentric_b, sign_b);
+        if let Some(topology_b) = topology_b {
+            side(self.pair.b, topology_b, self.record.triangle_b, self.record.barycentric_b, sign_b);
+        }
         stencil
     }
 }

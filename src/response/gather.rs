@@ -20,7 +20,7 @@ use super::{
     solver::{Solver, SolverBody},
 };
 use crate::{
-    contacts::{ContactSide, ContactStore, PairOrder, StoredPair, SweptImpacts},
+    contacts::{ContactSide, ContactStore, PairOrder, StoredPair},
     detection::SharedList,
     kernel::{
         contact::{CompactContact, ContactKey, TouchingPair},
@@ -28,7 +28,7 @@ use crate::{
         pose::Pose,
         topology::SurfaceTopology,
     },
-    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions, SweptCollision},
+    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, SurfacePositions, SweptCollision},
 };
 
 /// A vertex that is no particle.
@@ -146,7 +146,6 @@ pub(super) struct Scene<'w, 's> {
     store: Res<'w, ContactStore>,
     frictions: Query<'w, 's, &'static SurfaceFriction>,
     swept: Query<'w, 's, (), With<SweptCollision>>,
-    impacts: Option<Res<'w, SweptImpacts>>,
 }
 
 impl Scene<'_, '_> {
@@ -187,6 +186,12 @@ impl Scene<'_, '_> {
         }
         let (positions, _) = self.positions.get(entity).ok()?;
         Some([pose.transform_point(positions.0.get(vertex)?.as_dvec3()); 2])
+    }
+
+    /// Where a shape is when this part of the tick begins, and when it ends.
+    pub(super) fn poses(&self, shape: &ActiveShape) -> [Pose; 2] {
+        let course = self.motions.course(shape.entity);
+        course.map_or([shape.pose; 2], |course| [course.now.pose, course.ahead.pose])
     }
 
     fn friction(&self, a: Entity, b: Entity) -> [f64; 2] {
@@ -328,13 +333,10 @@ impl Gatherer {
                 lead_out_by(solver, &way, &exit, distance);
             }
             for shape in &scene.active.shapes {
-                let course = scene.motions.course(shape.entity);
-                let pose = course.map_or(shape.pose, |course| course.now.pose);
+                let [pose, ahead] = scene.poses(shape);
                 let way = insides.find(scene, &solver.particles, own, Solid::Shape(shape, pose), || None);
                 let Some(way) = way else { continue };
-                let end = course.map_or(way.exit, |course| {
-                    course.ahead.pose.transform_point(pose.inverse().transform_point(way.exit))
-                });
+                let end = ahead.transform_point(pose.inverse().transform_point(way.exit));
                 let exit = ArrayVec::from_iter([(solver.particles.len() as u32, -1.0)]);
                 solver.particles.push_driven(way.exit, end);
                 lead_out_by(solver, &way, &exit, f64::from(body.thickness));
@@ -347,44 +349,6 @@ impl Gatherer {
     pub(super) fn end(&mut self) {
         let Self { driven, tick, .. } = self;
         driven.retain(|_, driven| driven.tick == *tick);
-    }
-
-    /// Makes constraints of what bodies would meet on their ways, if nothing pushed them: all that is there, not only what
-    /// would come first. Normals and weights stay those of the impacts.
-    pub(super) fn add_impacts(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>) {
-        let Some(impacts) = &scene.impacts else { return };
-        for pair in &impacts.pairs {
-            let sides = [pair.a, pair.b];
-            if !sides.iter().any(|entity| self.bodies.contains_key(entity)) {
-                continue;
-            }
-            let surfaces = sides.map(|entity| scene.active.surfaces.iter().find(|surface| surface.entity == entity));
-            let [Some(a), Some(b)] = surfaces else { continue };
-            for impact in &pair.impacts {
-                let side = |surface: &ActiveSurface, triangle: u32| {
-                    let triangle = surface.topology.welded_triangles()[triangle as usize];
-                    let corners = if let Some(&first) = self.bodies.get(&surface.entity) {
-                        MeetingCorners::Body(triangle.map(|vertex| first as u32 + vertex))
-                    } else {
-                        let ends = |vertex: u32| scene.ends(surface.entity, &surface.pose, vertex as usize);
-                        let [a, b, c] = triangle.map(ends);
-                        let [Some(a), Some(b), Some(c)] = [a, b, c] else { return None };
-                        let vertices = Some((triangle, surface.topology.vertex_count()));
-                        let (starts, ends) = ([a[0], b[0], c[0]], [a[1], b[1], c[1]]);
-                        MeetingCorners::Driven { starts, ends, vertices }
-                    };
-                    Some(MeetingSide { entity: surface.entity, thickness: f64::from(surface.thickness), corners })
-                };
-                let (Some(a), Some(b)) = (side(a, impact.triangle_a.0), side(b, impact.triangle_b.0)) else { continue };
-                let found = MeetingTriangles {
-                    sides: [a, b],
-                    features: impact.features,
-                    barycentrics: [impact.barycentric_a, impact.barycentric_b].map(|weights| weights.map(f64::from)),
-                    normal: impact.normal.as_dvec3(),
-                };
-                self.add_impact(solver, scene, &found);
-            }
-        }
     }
 
     /// Makes a constraint of two triangles that would meet; `false` where it is among the constraints already.

@@ -107,6 +107,11 @@ impl Course {
         Self { from, to, deforms, is_of_pins, now: Stand::default(), ahead: Stand::default() }
     }
 
+    /// Where detection sees it, or the game.
+    fn shown(&self, is_on_its_way: bool) -> &Stand {
+        if is_on_its_way { &self.now } else { &self.to }
+    }
+
     /// How far it goes as seen from something that moves by `common`: the longest way of some of its points, given in its own
     /// frame, or of all of its vertices.
     fn way(&self, points: Option<&[DVec3]>, common: DVec3) -> f64 {
@@ -374,17 +379,7 @@ pub(super) fn rewind(
     motions: Res<Motions>,
     mut surfaces: Query<(&mut SurfacePositions, Option<&mut SweptTarget>)>,
 ) {
-    show(
-        &mut active,
-        &motions,
-        &mut surfaces,
-        |course| &course.now,
-        |course, target| {
-            let Course { now, ahead, .. } = course;
-            let own = now.pose.inverse();
-            target.extend((0..ahead.positions.len()).map(|vertex| own.transform_point(ahead.point(vertex)).as_vec3()));
-        },
-    );
+    show(&mut active, &motions, &mut surfaces, true);
 }
 
 /// Brings everything back to where the game has written it.
@@ -393,7 +388,7 @@ pub(super) fn restore(
     motions: Res<Motions>,
     mut surfaces: Query<(&mut SurfacePositions, Option<&mut SweptTarget>)>,
 ) {
-    show(&mut active, &motions, &mut surfaces, |course| &course.to, |_, _| {});
+    show(&mut active, &motions, &mut surfaces, false);
 }
 
 /// Goes on to the next part of the tick.
@@ -402,28 +397,37 @@ pub(super) fn advance(mut motions: ResMut<Motions>) {
     motions.look_ahead();
 }
 
+/// Shows what is driven where it is when the part of the tick begins, and where it goes; or at its end.
 fn show(
     active: &mut ActiveSurfaces,
     motions: &Motions,
     surfaces: &mut Query<(&mut SurfacePositions, Option<&mut SweptTarget>)>,
-    stand: impl Fn(&Course) -> &Stand,
-    aim: impl Fn(&Course, &mut Vec<Vec3>),
+    is_on_its_way: bool,
 ) {
     if motions.courses.is_empty() {
         return;
     }
-    let all = active.surfaces.iter_mut().map(|surface| (surface.entity, &mut surface.pose));
-    for (entity, pose) in all.chain(active.shapes.iter_mut().map(|shape| (shape.entity, &mut shape.pose))) {
-        let Some(course) = motions.courses.get(&entity).filter(|course| !course.is_of_pins) else { continue };
-        let stand = stand(course);
-        *pose = stand.pose;
-        let Ok((mut positions, target)) = surfaces.get_mut(entity) else { continue };
+    let course_of = |entity| motions.courses.get(&entity).filter(|course| !course.is_of_pins);
+    for shape in &mut active.shapes {
+        let Some(course) = course_of(shape.entity) else { continue };
+        shape.pose = course.shown(is_on_its_way).pose;
+        shape.target = is_on_its_way.then_some(course.ahead.pose);
+    }
+    for surface in &mut active.surfaces {
+        let Some(course) = course_of(surface.entity) else { continue };
+        let stand = course.shown(is_on_its_way);
+        surface.pose = stand.pose;
+        let Ok((mut positions, target)) = surfaces.get_mut(surface.entity) else { continue };
         if course.deforms {
             positions.0.clone_from(&stand.positions);
         }
         if let Some(mut target) = target {
             target.0.clear();
-            aim(course, &mut target.0);
+            if is_on_its_way {
+                let (own, ahead) = (stand.pose.inverse(), &course.ahead);
+                let vertices = 0..ahead.positions.len();
+                target.0.extend(vertices.map(|vertex| own.transform_point(ahead.point(vertex)).as_vec3()));
+            }
         }
     }
 }

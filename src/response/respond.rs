@@ -260,7 +260,6 @@ fn respond(
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
     gatherer.lead_out(solver, &scene);
     gatherer.add_contacts(solver, &scene, Watch { duration, slack: f64::from(*slack) });
-    gatherer.add_impacts(solver, &scene);
     diagnostics.bodies = moved.len();
     diagnostics.contacts = solver.contacts.len();
     diagnostics.gathering += start.elapsed();

@@ -74,6 +74,8 @@ pub struct ActiveShape {
     pub(crate) parts: Arc<[ShapePart]>,
     /// Where it stands in the world.
     pub pose: Pose,
+    /// Where a solver takes it in this tick: that way is swept, instead of the one since the last detection.
+    pub(crate) target: Option<Pose>,
     /// Whom it meets.
     pub layers: SurfaceLayers,
     /// Whether nothing remembered of it holds: new, replaced, teleported, or back from a pause.

@@ -181,8 +181,9 @@ pub struct SelfCollision;
 ///
 /// - Vertices move in straight lines in the world between where they were in the last detection and where they are. With a
 ///   [`SweptTarget`] they do so between where they are and that.
-/// - A surface or rigid shape without this component stands where it is now, even if it has moved since the last tick, but for a
-///   way to its [`SweptTarget`]. Give it to both of two that move.
+/// - A surface without this component stands where it is now, even if it has moved since the last tick, but for a way to its
+///   [`SweptTarget`]. Give it to both of two that move. [Rigid shapes](super::RigidShape) of all kinds are met on their way from
+///   their pose of the last detection to this one whether they have it or not; a shape that has it meets surfaces without it, too.
 /// - Only what is fast is tested: pairs of triangles of which at least one has a vertex that moves farther than half
 ///   of its surface's thickness, less what the larger of both surfaces moves by as a whole. What passes through each
 ///   other more slowly is in contact before and after, within half of the contact distance. A surface of which nothing is fast costs a look at its vertices.
@@ -190,12 +191,12 @@ pub struct SelfCollision;
 ///   and earlier by no more than the way that f64 rounds, some 1e-13 of the size of the surfaces. What touches or crosses before it
 ///   moves is an impact at time 0.
 /// - In its first tick, after a jump ([`Teleported`]) and after a pause a surface has no motion but that to a target.
-/// - [Rigid shapes](super::RigidShape) made of triangles are swept against as surfaces are. Solids, which are tested by formula,
-///   are not among the impacts yet.
+/// - Solids are as they are, but for cylinders and cones, which have 96 flat sides in theirs. What is inside of one to begin with
+///   meets it on its way out.
 ///
 /// This is about detection, which finds impacts and prevents none. With
 /// [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) the component also keeps an
-/// [`XpbdBody`](crate::response::XpbdBody) from passing through things, solids included, on which no component is needed: [what is
+/// [`XpbdBody`](crate::response::XpbdBody) from passing through things: [what is
 /// guaranteed](crate::response#what-is-guaranteed).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[require(PreviousPositions, SweptTarget)]

@@ -333,7 +333,7 @@ fn add_shape(
         if !is_in_range(geometry.bounds().map_or(0.0, |bounds| largest_coordinate(&bounds)), &pose) {
             return Err(QuarantineReason::OutOfRange);
         }
-        active.shapes.push(ActiveShape { entity, geometry, parts, pose, layers, fresh, events, order });
+        active.shapes.push(ActiveShape { entity, geometry, parts, pose, target: None, layers, fresh, events, order });
         return Ok(());
     }
     let Some((RigidMesh { topology }, positions, bounds)) = &item.mesh else { return Ok(()) };

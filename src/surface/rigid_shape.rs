@@ -47,8 +47,7 @@ use crate::{
 ///
 /// With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) bodies with [`SweptCollision`](crate::SweptCollision) do not
 /// pass through shapes of any kind, at rest or moved by the game: [what is guaranteed](crate::response#what-is-guaranteed). Of
-/// detection alone, [`SurfaceImpacts`](crate::SurfaceImpacts) has impacts with shapes made of triangles, whose pose of the last
-/// tick counts only if they have [`SweptCollision`](crate::SweptCollision); solids are not in it yet.
+/// detection alone, [`SurfaceImpacts`](crate::SurfaceImpacts) has impacts of such surfaces with shapes of any kind.
 ///
 /// ```
 /// # use bevy_circumsphere::prelude::*;

@@ -25,6 +25,7 @@ mod slow;
 mod smooth_normals;
 mod sphere_lists;
 mod swept;
+mod swept_shapes;
 #[cfg(feature = "parallel")]
 mod threads;
 mod unit_normals;

@@ -1,18 +1,23 @@
 //! Stage 8: when surfaces that move fast first meet on their way.
 //!
-//! For surfaces with [`SweptCollision`] alone, beside the contacts of the tick, which it neither reads nor changes. Pairs
-//! are looked for by what whole surfaces sweep, then swept triangle by triangle in a frame that flies along with the
-//! larger surface; that one's tree is kept from tick to tick where it rests.
+//! For what has [`SweptCollision`] alone, and all that it meets; beside the contacts of the tick, which it neither reads nor
+//! changes. Pairs are looked for by what whole surfaces sweep, then swept triangle by triangle in a frame that flies along with
+//! the larger surface; that one's tree is kept from tick to tick where it rests. Solids are swept as triangles with a radius.
 
+mod mover;
 mod path;
 
 use std::{sync::Arc, time::Instant};
 
 use bevy_app::prelude::*;
 use bevy_ecs::{entity::EntityHashMap, prelude::*, query::QueryData};
+use bevy_platform::collections::HashMap;
 use glam::Vec3;
 
-use self::path::{Frame, Path, SweptPositions};
+use self::{
+    mover::{Mover, Plane},
+    path::{Frame, Path, SweptPositions},
+};
 use super::{
     bounds::TriangleBounds,
     diagnostics::DetectionDiagnostics,
@@ -23,13 +28,16 @@ use crate::{
     kernel::{
         bounds::Aabb,
         ccd::{PairImpact, SWEEP_PART, Sweep, SweepLeaves, TreeWork, sort_impacts},
+        exact::rigid_shape::ShapeGeometry,
         ids::TriangleId,
         pose::Pose,
         tree::BoxTree,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions, SweptCollision, SweptTarget, first_non_finite},
+    surface::{
+        ActiveShape, ActiveSurface, ActiveSurfaces, SurfacePositions, SweptCollision, SweptTarget, first_non_finite,
+    },
 };
 
 /// A triangle is fast where a vertex moves farther than this share of its surface's thickness. What passes through each
@@ -87,14 +95,15 @@ struct MainSide {
 
 impl MainSide {
     /// Brings it up to date, once a detection.
-    fn follow(&mut self, surface: &ActiveSurface, path: &Path<'_>, computed: u64, detection: u64) {
+    fn follow(&mut self, mover: &Mover<'_>, detection: u64) {
         if std::mem::replace(&mut self.detection, detection) == detection {
             return;
         }
-        let at_rest = path.is_still().then_some(computed);
-        if at_rest.is_some() && at_rest == self.at_rest && !surface.fresh {
+        let Mover { path, computed, fresh, .. } = mover;
+        let at_rest = path.is_still().then_some(*computed);
+        if at_rest.is_some() && at_rest == self.at_rest && !fresh {
             // A rest tells nothing about where in the world.
-            self.frame.pose = surface.pose;
+            self.frame.pose = path.end_pose;
             return;
         }
         self.at_rest = at_rest;
@@ -110,7 +119,10 @@ impl MainSide {
 #[derive(Default)]
 struct SweptBuffers {
     detection: u64,
-    main_sides: EntityHashMap<MainSide>,
+    /// By entity, and part of a shape.
+    main_sides: HashMap<(Entity, Option<u32>), MainSide>,
+    /// Where rigid shapes were in the last detection, and which that was.
+    shapes: EntityHashMap<(Pose, u64)>,
     /// The smaller side of a pair, in the frame of the other.
     moved: SweptPositions,
     world: Vec<Aabb>,
@@ -150,32 +162,44 @@ fn find_impacts(
     }
     if asking.is_empty() {
         buffers.main_sides.clear();
+        buffers.shapes.clear();
         return;
     }
     let mut cost = Cost::default();
+    let (detection, world) = (buffers.detection, &*active);
     {
         let items = surfaces.as_readonly();
-        let paths: Vec<Option<(Path<'_>, u64)>> = active
-            .surfaces
-            .iter()
-            .map(|surface| {
-                let item = items.get_inner(surface.entity).ok()?;
-                Some((path_of(surface, &item, buffers.detection), item.bounds.computed()))
-            })
-            .collect();
-        buffers.pair_surfaces(&active.surfaces, &paths);
+        let ways = world.shapes.iter().map(|shape| match shape.target {
+            Some(target) => [shape.pose, target],
+            None => [buffers.last_pose(shape.entity, &shape.pose, shape.fresh), shape.pose],
+        });
+        let ways: Vec<[Pose; 2]> = ways.collect();
+        let mut movers: Vec<Mover<'_>> = Vec::with_capacity(world.surfaces.len());
+        for surface in &world.surfaces {
+            let Ok(item) = items.get_inner(surface.entity) else { continue };
+            let (path, asks) = buffers.path_of(surface, &item);
+            movers.push(Mover::of_surface(surface, path, item.bounds.computed(), asks));
+        }
+        let whole = movers.iter().fold(Aabb::EMPTY, |whole, mover| whole.union(&mover.world));
+        let planes: Vec<Option<Plane>> =
+            world.shapes.iter().zip(&ways).map(|(shape, poses)| plane(shape, poses, &whole)).collect();
+        for ((shape, poses), plane) in world.shapes.iter().zip(&ways).zip(&planes) {
+            movers.extend(Mover::of_shape(shape, *poses, plane.as_ref(), asking.contains(shape.entity)));
+        }
+        buffers.pair_movers(&movers);
         let pairs = std::mem::take(&mut buffers.pairs);
         for pair in &pairs {
-            buffers.sweep_pair(&active.surfaces, &paths, *pair, settings.threads, &mut cost, &mut found.pairs);
+            buffers.sweep_pair(&movers, *pair, settings.threads, &mut cost, &mut found.pairs);
         }
         buffers.pairs = pairs;
-    }
-    let (detection, world) = (buffers.detection, &active.surfaces);
-    buffers.spare.truncate(found.pairs.len());
-    for surface in world {
-        if let Some(side) = buffers.main_sides.get_mut(&surface.entity) {
-            side.last_active = detection;
+        for mover in &movers {
+            if let Some(side) = buffers.main_sides.get_mut(&(mover.entity, mover.part)) {
+                side.last_active = detection;
+            }
         }
+    }
+    buffers.spare.truncate(found.pairs.len());
+    for surface in &world.surfaces {
         let Ok(item) = surfaces.get_mut(surface.entity) else { continue };
         if item.swept
             && let Some(mut previous) = item.previous
@@ -184,6 +208,10 @@ fn find_impacts(
         }
     }
     buffers.main_sides.retain(|_, side| side.last_active == detection);
+    let rigid = world.surfaces.iter().filter(|surface| surface.rigid).map(|surface| (surface.entity, surface.pose));
+    let shapes = world.shapes.iter().map(|shape| (shape.entity, shape.pose));
+    buffers.shapes.extend(rigid.chain(shapes).map(|(entity, pose)| (entity, (pose, detection))));
+    buffers.shapes.retain(|_, (_, seen)| *seen == detection);
     if cost.pairs > 0 {
         diagnostics.swept_trees_built = cost.trees_built;
         diagnostics.swept_trees_refitted = cost.trees_refitted;
@@ -200,104 +228,105 @@ impl PreviousPositions {
     }
 }
 
-/// The way of a surface in this tick. What does not ask to be swept, or has no past, stands where it is.
-fn path_of<'a>(surface: &ActiveSurface, item: &SweptItemReadOnlyItem<'a, '_>, detection: u64) -> Path<'a> {
-    let (now, pose) = (&item.positions.0, surface.pose);
-    let still = Path::still(now, pose);
-    let target = item.target.map(|target| &target.0);
-    if let Some(target) = target.filter(|target| target.len() == now.len() && first_non_finite(target).is_none()) {
-        return Path { end: target, ..still };
-    }
-    if !item.swept {
-        return still;
-    }
-    match item.previous {
-        Some(_) if surface.fresh => still,
-        Some(previous) if previous.detection + 1 == detection && previous.positions.len() == now.len() => {
-            if previous.computed != item.bounds.computed() {
-                return Path { start: &previous.positions, start_pose: previous.pose, ..still };
-            }
-            Path { start_pose: previous.pose, ..still }
-        }
-        _ => still,
-    }
+/// The triangle that stands for a half-space under all that may meet it.
+fn plane(shape: &ActiveShape, poses: &[Pose; 2], whole: &Aabb) -> Option<Plane> {
+    let ShapeGeometry::HalfSpace { normal } = &*shape.geometry else { return None };
+    Plane::under(whole, *normal, poses)
 }
 
 impl SweptBuffers {
-    /// Finds the pairs of surfaces whose ways come near each other, one of them at least moving: each once, sorted.
-    fn pair_surfaces(&mut self, surfaces: &[ActiveSurface], paths: &[Option<(Path<'_>, u64)>]) {
+    /// Where a rigid shape was in the last detection.
+    fn last_pose(&self, shape: Entity, now: &Pose, fresh: bool) -> Pose {
+        let last = self.shapes.get(&shape).filter(|(_, seen)| !fresh && seen + 1 == self.detection);
+        last.map_or(*now, |(pose, _)| *pose)
+    }
+
+    /// The way of a surface in this tick, and whether it asks to be swept. What does not, or has no past, stands where it is;
+    /// rigid shapes have one always.
+    fn path_of<'a>(&self, surface: &ActiveSurface, item: &SweptItemReadOnlyItem<'a, '_>) -> (Path<'a>, bool) {
+        let (now, pose) = (&item.positions.0, surface.pose);
+        let still = Path::still(now, pose);
+        let target = item.target.map(|target| &target.0);
+        if let Some(target) = target.filter(|target| target.len() == now.len() && first_non_finite(target).is_none()) {
+            return (Path { end: target, ..still }, true);
+        }
+        if surface.rigid {
+            return (Path { start_pose: self.last_pose(surface.entity, &pose, surface.fresh), ..still }, item.swept);
+        }
+        let is_known = |previous: &&PreviousPositions| {
+            !surface.fresh && previous.detection + 1 == self.detection && previous.positions.len() == now.len()
+        };
+        match item.previous.filter(|_| item.swept).filter(is_known) {
+            Some(previous) if previous.computed != item.bounds.computed() => {
+                (Path { start: &previous.positions, start_pose: previous.pose, ..still }, true)
+            }
+            Some(previous) => (Path { start_pose: previous.pose, ..still }, true),
+            None => (still, item.swept),
+        }
+    }
+
+    /// Finds the pairs whose ways come near each other, one of them at least moving: each once, sorted.
+    fn pair_movers(&mut self, movers: &[Mover<'_>]) {
         self.pairs.clear();
-        let moves = |place: u32| paths[place as usize].is_some_and(|(path, _)| !path.is_still());
-        if !(0..paths.len() as u32).any(moves) {
+        if !movers.iter().any(Mover::moves) {
             return;
         }
         self.world.clear();
-        self.world.extend(surfaces.iter().zip(paths).map(|(surface, path)| match path {
-            Some((path, _)) if !path.is_still() => path.world_bounds(),
-            Some(_) => surface.world_bounds,
-            None => Aabb::EMPTY,
-        }));
+        self.world.extend(movers.iter().map(|mover| mover.world));
         self.tree.rebuild(&self.world);
         self.tree.self_pairs(&mut self.pairs);
-        self.pairs.retain(|&[first, second]| {
-            let [one, other] = [first, second].map(|place| &surfaces[place as usize]);
-            (moves(first) || moves(second)) && one.meets(other)
-        });
-        let places = 0..surfaces.len() as u32;
-        let selves = places.filter(|&place| surfaces[place as usize].self_collision && moves(place));
-        self.pairs.extend(selves.map(|place| [place, place]));
+        self.pairs.retain(|&[first, second]| movers[first as usize].meets(&movers[second as usize]));
+        let selves = (0..).zip(movers).filter(|(_, mover)| mover.self_collision && mover.moves() && mover.asks);
+        self.pairs.extend(selves.map(|(place, _)| [place, place]));
         self.pairs.sort_unstable();
     }
 
-    /// Sweeps two surfaces, or one against itself, and appends what they meet by.
+    /// Sweeps two movers, or one against itself, and appends what they meet by.
     fn sweep_pair(
         &mut self,
-        surfaces: &[ActiveSurface],
-        paths: &[Option<(Path<'_>, u64)>],
+        movers: &[Mover<'_>],
         [first, second]: [u32; 2],
         threads: usize,
         cost: &mut Cost,
         found: &mut Vec<SweptPair>,
     ) {
-        let side = |place: u32| Some((&surfaces[place as usize], paths[place as usize]?));
-        let (Some(first), Some(second)) = (side(first), side(second)) else { return };
-        let is_self = first.0.entity == second.0.entity;
-        let size = |surface: &ActiveSurface| surface.topology.triangles().len();
-        let is_first_main = size(first.0) >= size(second.0);
-        let ((main, (main_path, computed)), (other, (other_path, _))) =
-            if is_first_main { (first, second) } else { (second, first) };
+        let [first, second] = [first, second].map(|place| &movers[place as usize]);
+        let is_self = std::ptr::eq(first, second);
+        let size = |mover: &Mover<'_>| mover.topology.triangles().len();
+        let is_first_main = size(first) >= size(second);
+        let (main, other) = if is_first_main { (first, second) } else { (second, first) };
 
-        let own = self.main_sides.entry(main.entity).or_default();
-        own.follow(main, &main_path, computed, self.detection);
+        let own = self.main_sides.entry((main.entity, main.part)).or_default();
+        own.follow(main, self.detection);
         let scale = own.frame.pose.scale();
-        let [reach, other_reach] = [main, other].map(|surface| FAST * f64::from(surface.thickness) / scale);
+        let [reach, other_reach] = [main, other].map(|mover| FAST * mover.thickness / scale);
         let mut is_fast = own.positions.is_fast(reach);
-        let mut separation = own.rounding;
+        let mut separation = own.rounding + (first.radius + second.radius) / scale;
         if !is_self {
-            let (bounds, rounding) = other_path.bounds_in(&own.frame);
-            if !bounds.overlaps(&own.bounds) {
+            let (bounds, rounding) = other.path.bounds_in(&own.frame);
+            separation += rounding;
+            if !bounds.grown((separation as f32).next_up()).overlaps(&own.bounds) {
                 return;
             }
-            separation += rounding;
-            self.moved.fill(&other_path, &own.frame);
+            self.moved.fill(&other.path, &own.frame);
             is_fast |= self.moved.is_fast(other_reach);
         }
         if !is_fast {
             return;
         }
         cost.pairs += 1;
-        own.positions.update_boxes(&main.topology, reach);
+        own.positions.update_boxes(main.topology, reach);
         match own.positions.tree.update_tree() {
             TreeWork::Kept => {}
             TreeWork::Refitted => cost.trees_refitted += 1,
             TreeWork::Built => cost.trees_built += 1,
         }
-        let main_side = (own.positions.mesh(&main.topology, reach), &own.positions.tree);
+        let main_side = (own.positions.mesh(main.topology, reach), &own.positions.tree);
         let other_side = if is_self {
             main_side
         } else {
-            self.moved.update_boxes(&other.topology, other_reach);
-            (self.moved.mesh(&other.topology, other_reach), &self.moved.tree)
+            self.moved.update_boxes(other.topology, other_reach);
+            (self.moved.mesh(other.topology, other_reach), &self.moved.tree)
         };
         let (a, b) = if is_first_main { (main_side, other_side) } else { (other_side, main_side) };
         let sweep = Sweep { a, b, same_surface: is_self, separation };
@@ -313,27 +342,31 @@ impl SweptBuffers {
             return;
         }
         sort_impacts(&mut self.impacts);
-        let mut impacts = self.spare.pop().unwrap_or_default();
-        impacts.clear();
-        impacts.extend(self.impacts.iter().map(|impact| world_impact(impact, &own.frame.pose)));
-        let mut earliest = 0;
-        for (place, impact) in impacts.iter().enumerate() {
-            if impact.time < impacts[earliest].time {
-                earliest = place;
-            }
+        let part = second.part.unwrap_or_default();
+        let impacts = self.impacts.iter().map(|impact| world_impact(impact, part, &own.frame.pose));
+        let is_same = |pair: &&mut SweptPair| pair.a == first.entity && pair.b == second.entity;
+        if let Some(pair) = found.last_mut().filter(is_same) {
+            // Another part of the same shape.
+            pair.impacts.extend(impacts);
+            pair.find_earliest();
+            return;
         }
-        let topologies = [first.0, second.0].map(|surface| Arc::clone(&surface.topology));
-        found.push(SweptPair { a: first.0.entity, b: second.0.entity, impacts, earliest, topologies });
+        let mut list = self.spare.pop().unwrap_or_default();
+        list.clear();
+        list.extend(impacts);
+        let of_b = second.part.is_none().then(|| Arc::clone(second.topology));
+        found.push(SweptPair::new([first.entity, second.entity], list, (Arc::clone(first.topology), of_b)));
     }
 }
 
-fn world_impact(found: &PairImpact, frame: &Pose) -> SweptImpact {
+fn world_impact(found: &PairImpact, part_b: u32, frame: &Pose) -> SweptImpact {
     let impact = &found.impact;
     SweptImpact {
         time: impact.time,
         cause: impact.cause,
         triangle_a: TriangleId(found.triangle_a),
         triangle_b: TriangleId(found.triangle_b),
+        part_b,
         features: impact.features,
         barycentric_a: impact.barycentric_a.map(|weight| weight as f32),
         barycentric_b: impact.barycentric_b.map(|weight| weight as f32),

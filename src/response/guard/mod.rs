@@ -250,8 +250,8 @@ impl Guard {
     }
 
     fn gather_shape(&mut self, particles: &Particles, scene: &Scene<'_, '_>, shape: &ActiveShape) {
-        let course = scene.motions.course(shape.entity);
-        let poses = course.map_or([&shape.pose; 2], |course| [&course.now.pose, &course.ahead.pose]);
+        let poses = scene.poses(shape);
+        let poses = poses.each_ref();
         let mesh = |name, topology: &Arc<SurfaceTopology>, radius, kept: Kept| Mesh {
             name,
             topology: Arc::clone(topology),

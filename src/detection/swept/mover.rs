@@ -1,0 +1,130 @@
+//! What is swept: surfaces, and the triangles that stand for rigid shapes tested by formula.
+
+use std::sync::Arc;
+
+use bevy_ecs::prelude::*;
+use glam::{DVec3, Vec3};
+
+use super::path::Path;
+use crate::{
+    kernel::{bounds::Aabb, pose::Pose, topology::SurfaceTopology},
+    surface::{ActiveShape, ActiveSurface, SurfaceLayers},
+};
+
+/// A mesh on its way, or at rest.
+#[expect(clippy::struct_excessive_bools, reason = "each is asked alone")]
+pub(super) struct Mover<'a> {
+    pub entity: Entity,
+    /// Which part of a shape tested by formula.
+    pub part: Option<u32>,
+    pub topology: &'a Arc<SurfaceTopology>,
+    pub path: Path<'a>,
+    /// A world box around its way and all that is within its radius.
+    pub world: Aabb,
+    /// Half its contact distance in world units.
+    pub thickness: f64,
+    /// How far it is solid beyond its triangles, in world units.
+    pub radius: f64,
+    pub layers: SurfaceLayers,
+    pub self_collision: bool,
+    /// Whether it is a rigid shape: these do not meet each other.
+    pub rigid: bool,
+    /// Whether nothing remembered of it holds.
+    pub fresh: bool,
+    /// How many times its boxes have been computed: as often, and the positions are the same.
+    pub computed: u64,
+    /// Whether it is to be swept against all that it meets.
+    pub asks: bool,
+}
+
+impl<'a> Mover<'a> {
+    pub fn of_surface(surface: &'a ActiveSurface, path: Path<'a>, computed: u64, asks: bool) -> Self {
+        let ActiveSurface { entity, topology, thickness, layers, self_collision, rigid, fresh, .. } = surface;
+        Self {
+            entity: *entity,
+            part: None,
+            topology,
+            path,
+            world: if path.is_still() { surface.world_bounds } else { path.world_bounds() },
+            thickness: f64::from(*thickness),
+            radius: 0.0,
+            layers: *layers,
+            self_collision: *self_collision,
+            rigid: *rigid,
+            fresh: *fresh,
+            computed,
+            asks,
+        }
+    }
+
+    /// The parts of a shape that has gone from one pose to another; `plane` stands for a half-space.
+    pub fn of_shape(
+        shape: &'a ActiveShape,
+        [start_pose, end_pose]: [Pose; 2],
+        plane: Option<&'a Plane>,
+        asks: bool,
+    ) -> impl Iterator<Item = Self> {
+        let scale = start_pose.scale().max(end_pose.scale());
+        let plane = plane.map(|plane| (&plane.topology, &plane.corners[..], plane.deviation));
+        let parts = shape.parts.iter().map(|part| (&part.topology, &part.positions[..], part.radius));
+        (0..).zip(plane.into_iter().chain(parts)).map(move |(number, (topology, positions, radius))| {
+            let path = Path { start: positions, start_pose, end: positions, end_pose };
+            let radius = radius * scale;
+            Self {
+                entity: shape.entity,
+                part: Some(number),
+                topology,
+                path,
+                world: path.world_bounds().grown((radius as f32).next_up()),
+                thickness: 0.0,
+                radius,
+                layers: shape.layers,
+                self_collision: false,
+                rigid: true,
+                fresh: shape.fresh,
+                computed: 0,
+                asks,
+            }
+        })
+    }
+
+    pub fn moves(&self) -> bool {
+        !self.path.is_still()
+    }
+
+    /// Whether two are to be swept against each other.
+    pub fn meets(&self, other: &Self) -> bool {
+        !(self.rigid && other.rigid)
+            && (self.moves() || other.moves())
+            && (self.asks || other.asks)
+            && self.layers.interacts_with(other.layers)
+    }
+}
+
+/// A triangle in the boundary of a half-space, in its own frame.
+pub(super) struct Plane {
+    topology: Arc<SurfaceTopology>,
+    corners: [Vec3; 3],
+    /// How far rounding has brought a corner off the boundary.
+    deviation: f64,
+}
+
+impl Plane {
+    /// A triangle that is under, or over, a box in the world while the half-space moves.
+    pub fn under(bounds: &Aabb, normal: DVec3, poses: &[Pose; 2]) -> Option<Self> {
+        let middle = (bounds.min.as_dvec3() + bounds.max.as_dvec3()) * 0.5;
+        let own = poses.each_ref().map(|pose| pose.inverse().transform_point(middle));
+        let way = own[0].distance(own[1]);
+        let half = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() * 0.5;
+        // The circle inside the triangle is half as large as that through its corners.
+        let reach = 2.0 * (way + half / poses[0].scale().min(poses[1].scale())) + f64::from(f32::MIN_POSITIVE);
+        let center = own[0] - normal * normal.dot(own[0]);
+        let (u, v) = normal.any_orthonormal_pair();
+        let root = 0.75_f64.sqrt();
+        let thirds = [(1.0, 0.0), (-0.5, root), (-0.5, -root)];
+        let corners = thirds.map(|(cosine, sine)| (center + (u * cosine + v * sine) * reach).as_vec3());
+        let heights = corners.map(|corner| normal.dot(corner.as_dvec3()).abs());
+        let topology = SurfaceTopology::new(&corners, &[[0, 1, 2]]).ok()?;
+        Some(Self { topology: Arc::new(topology), corners, deviation: heights.into_iter().fold(0.0, f64::max) })
+    }
+}
