@@ -36,7 +36,7 @@
 //! | another body | guarded where at least one of the two has `SweptCollision` |
 //! | itself | guarded with [`SelfCollision`](crate::SelfCollision); triangles that share a vertex are not tested |
 //! | a surface without [`XpbdBody`], at rest, animated, skinned or moved by its transform | guarded |
-//! | a [`RigidShape`](crate::RigidShape) of any kind, at rest or moved | guarded; a cylinder or cone as a solid of 96 sides in it, and what is between those and its surface is left to contacts |
+//! | a [`RigidShape`](crate::RigidShape) of any kind, at rest or moved | guarded; a cylinder or cone as a solid of 256 sides in it, and what is between those and its surface is left to contacts |
 //!
 //! What it does not cover:
 //!

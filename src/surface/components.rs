@@ -191,7 +191,7 @@ pub struct SelfCollision;
 ///   and earlier by no more than the way that f64 rounds, some 1e-13 of the size of the surfaces. What touches or crosses before it
 ///   moves is an impact at time 0.
 /// - In its first tick, after a jump ([`Teleported`]) and after a pause a surface has no motion but that to a target.
-/// - Solids are as they are, but for cylinders and cones, which have 96 flat sides in theirs. What is inside of one to begin with
+/// - Solids are as they are, but for cylinders and cones, which have 256 flat sides in theirs. What is inside of one to begin with
 ///   meets it on its way out.
 ///
 /// This is about detection, which finds impacts and prevents none. With

@@ -350,9 +350,9 @@ fn sweep_meshes_are_closed_and_lie_on_the_shape() {
             // The centers of the caps are on them as well.
             assert!(height.abs() <= 1.0e-6, "{height} {point}");
         }
-        // The sagitta of a chord of one in 96 parts of a circle: r (1 - cos(pi / 96)).
+        // The sagitta of a chord of one in 256 parts of a circle: r (1 - cos(pi / 256)).
         let (sagitta, is_round) = match solid {
-            Solid::Round(_, bottom, top, _) => (5.36e-4 * bottom.max(top), true),
+            Solid::Round(_, bottom, top, _) => (7.54e-5 * bottom.max(top), true),
             Solid::Box(..) => (0.0, false),
         };
         let mut deepest: f64 = 0.0;

@@ -219,7 +219,6 @@ fn a_skirt_stays_outside_a_rigid_body_that_stands_walks_or_runs() {
 }
 
 #[test]
-#[ignore = "fails: where torso and leg meet, up to 10 vertices are squeezed in at 120 Hz, 3 at 30 Hz"]
 fn a_skirt_stays_outside_a_rigid_body_that_sprints() {
     rigid(&CHARACTER_SPEEDS[3..]);
 }

@@ -6,7 +6,7 @@ use crate::response::particles::Particles;
 
 /// How fast an edge comes back to its length at rest, in such lengths per second. A stiff one would do so within a step: what has
 /// been drawn out to several lengths would be thrown about faster than contacts can follow.
-const RECOVERY: f64 = 50.0;
+const RECOVERY: f64 = 100.0;
 
 /// An edge and its length at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -63,7 +63,7 @@ fn a_box_encloses_the_product_of_its_sides() {
 
 #[test]
 fn a_spring_makes_up_for_its_step_at_once_and_for_what_was_before_at_a_pace() {
-    let (step, length) = (1.0 / 600.0, 0.1);
+    let (step, length) = (1.0 / 1200.0, 0.1);
     let after = |before: f64, added: f64| {
         let mut particles = Particles::default();
         particles.push_moved(DVec3::ZERO, DVec3::ZERO, 1.0);
@@ -73,8 +73,8 @@ fn a_spring_makes_up_for_its_step_at_once_and_for_what_was_before_at_a_pace() {
         spring.solve(&mut particles, 0, 0.0, step, &mut 0.0);
         particles.position[0].distance(particles.position[1])
     };
-    // Fifty lengths a second.
-    let pace = 50.0 * step * length;
+    // A hundred lengths a second.
+    let pace = 100.0 * step * length;
     let cases = [
         // Before the step, added by it, and left after it.
         (0.1, 0.05, 0.1),

@@ -187,6 +187,8 @@ impl Mesh {
 pub(super) struct MeshPair {
     pub(super) places: [usize; 2],
     pub(super) separation: f64,
+    /// How much of that is solid.
+    pub(super) radius: f64,
 }
 
 /// What is kept of a mesh between ticks: its boxes, and where it was if nothing moves it here.
@@ -208,7 +210,7 @@ impl MeshPair {
         let kept = KEPT_APART * contact_distance;
         // What is pressed on for many ticks would be halved to nothing.
         let floor = (nearest - ROUNDING * radius).clamp(0.0, LEAST_APART * contact_distance);
-        Self { places, separation: radius + kept.min((0.5 * nearest).max(floor)) }
+        Self { places, separation: radius + kept.min((0.5 * nearest).max(floor)), radius }
     }
 }
 

@@ -1,13 +1,14 @@
 //! Last step of the solver: a body with [`SweptCollision`](crate::SweptCollision) goes through nothing.
 //!
 //! The way of every vertex, from where the tick began to where it was solved to be, is swept against the ways of all that it
-//! may meet. Where two features would meet, both stop short of it as seen from what moves whatever happens: they stand where
-//! nothing is driven, and are carried along by what is. Then the ways that have changed are swept again, until nothing
-//! meets. What keeps meeting is joined into zones that go together, as impact zones do (X. Provot 1997; D. Harmon et al.
-//! 2008, "Robust treatment of simultaneous collisions"). What two driven things squeeze gives way to the side, and may cross
-//! other bodies: where there is no way left, something remains inside.
+//! may meet. What would meet ends beyond the plane between its features instead, and the ways that have changed are swept again,
+//! until nothing meets. What keeps meeting stops as seen from what moves whatever happens: it stands where nothing is driven, and
+//! is carried along by what is, joined into zones that go together, as impact zones do (X. Provot 1997; D. Harmon et al. 2008,
+//! "Robust treatment of simultaneous collisions"). What two driven things squeeze may cross other bodies, and where there is no
+//! way left, something remains inside.
 
 mod mesh;
+mod project;
 mod ways;
 
 use std::sync::Arc;
@@ -18,6 +19,7 @@ use glam::{DVec3, Vec3};
 
 use self::{
     mesh::{Kept, Mesh, MeshName, MeshPair, SURFACE, plane_under},
+    project::Planes,
     ways::{Carry, Ways, hold, turn_between, way_of},
 };
 use super::{
@@ -41,10 +43,10 @@ use crate::{
 /// Positions are rounded to f32 between ticks: by less than this share of the size of what they are near.
 const ROUNDING: f64 = 1.0e-6;
 
-/// Rounds after which what meets is not moved at all, and after which whole bodies are not; and how many of those there are at
-/// most: what still meets then is squeezed between things that nothing stops.
-const GENTLE_ROUNDS: usize = 4;
-const MOST_ROUNDS: usize = 12;
+/// Rounds in which what meets goes elsewhere; in which it is stopped, or carried along; and in which whole bodies are: what still
+/// meets then is squeezed between things that nothing stops.
+const PROJECTIONS: usize = 12;
+const MOST_ROUNDS: usize = 8;
 const LAST_ROUNDS: usize = 12;
 
 /// Ends a list of particles.
@@ -82,16 +84,16 @@ pub(super) struct Guard {
     plane: Option<Arc<SurfaceTopology>>,
     /// How particles are carried along by what they met.
     carried: Vec<Option<Carry>>,
-    /// How particles give way besides, that are squeezed between things that are driven.
-    slides: Vec<DVec3>,
+    /// Where what would meet has to go instead.
+    planes: Planes,
     /// Which particles go together, once what meets is not moved any more: each names another one of its zone, or itself.
     zones: Vec<u32>,
     /// The particles of each impact that nothing could be done about in this round, each list with an end to it.
     refused: Vec<u32>,
     /// Which particles have changed their ways in this round.
     changed: Vec<bool>,
-    /// The share of the rest of its way that each particle goes.
-    shares: Vec<f64>,
+    /// Which particles go where what carries them takes them, or stay where they began.
+    stopped: Vec<bool>,
     solved: Vec<DVec3>,
     impacts: Vec<PairImpact>,
     /// The places of bodies that are so squeezed that they may rather cross themselves.
@@ -342,17 +344,39 @@ impl Guard {
     }
 
     fn run(&mut self, particles: &mut Particles, duration: f64, gatherer: &Gatherer, guarded: &mut Guarded) {
-        self.shares.clear();
-        self.shares.resize(particles.len(), 1.0);
+        self.solved.clone_from(&particles.position);
+        self.planes.clear();
+        for _ in 0..PROJECTIONS {
+            let Self { meshes, found, planes, changed, .. } = self;
+            for (pair, found) in &*found {
+                planes.add(particles, meshes, pair, found, duration);
+            }
+            changed.clear();
+            changed.resize(particles.len(), false);
+            planes.project(particles, changed);
+            self.follow(particles);
+            self.find(particles, gatherer, |mesh| mesh.stale);
+            if self.found.is_empty() {
+                break;
+            }
+        }
+        self.planes.settle_velocities(particles);
+        let is_elsewhere = |(solved, position): &(&DVec3, &DVec3)| solved != position;
+        guarded.stopped += self.solved.iter().zip(&particles.position).filter(is_elsewhere).count();
+        if !self.found.is_empty() {
+            self.hold(particles, duration, gatherer, guarded);
+        }
+    }
+
+    /// Stops what still meets.
+    fn hold(&mut self, particles: &mut Particles, duration: f64, gatherer: &Gatherer, guarded: &mut Guarded) {
+        self.stopped.clear();
+        self.stopped.resize(particles.len(), false);
         self.carried.clear();
         self.carried.resize(particles.len(), None);
-        self.slides.clear();
-        self.slides.resize(particles.len(), DVec3::ZERO);
         self.zones.clear();
         self.zones.extend(0..particles.len() as u32);
-        self.solved.clone_from(&particles.position);
         for round in 0..MOST_ROUNDS + LAST_ROUNDS {
-            // Nothing has moved since what was found for the first round.
             if round > 0 {
                 self.find(particles, gatherer, |mesh| mesh.stale);
             }
@@ -360,8 +384,8 @@ impl Guard {
             self.refused.clear();
             self.changed.clear();
             self.changed.resize(particles.len(), false);
-            let Self { meshes, found, refused, shares, carried, slides, changed, zones, .. } = self;
-            let mut ways = Ways { particles: &*particles, shares, carried, slides, changed, zones };
+            let Self { meshes, found, refused, stopped, carried, changed, zones, .. } = self;
+            let mut ways = Ways { particles: &*particles, stopped, carried, changed, zones };
             for (pair, found) in &*found {
                 let [a, b] = pair.places;
                 let held = hold(&meshes[a], &meshes[b], &mut ways, found, round);
@@ -372,7 +396,7 @@ impl Guard {
                     refused.push(NO_PARTICLE);
                 }
             }
-            if (GENTLE_ROUNDS..MOST_ROUNDS).contains(&round) {
+            if round < MOST_ROUNDS {
                 ways.go_by_zones();
             }
             // What others have moved is looked at again.
@@ -382,20 +406,22 @@ impl Guard {
             if is_clear {
                 break;
             }
-            self.shorten(particles);
+            for particle in (0..particles.len()).filter(|&particle| self.stopped[particle]) {
+                let start = particles.start[particle];
+                particles.position[particle] = start + way_of(self.carried[particle], start);
+            }
+            self.follow(particles);
         }
-        let is_stopped = |&particle: &usize| self.shares[particle] < 1.0 || self.carried[particle].is_some();
-        for particle in (0..particles.len()).filter(is_stopped) {
+        for particle in (0..particles.len()).filter(|&particle| self.stopped[particle]) {
             guarded.stopped += 1;
             let start = particles.start[particle];
-            let along = (way_of(self.carried[particle], start) + self.slides[particle]) / duration;
-            particles.velocity[particle] = along + (particles.velocity[particle] - along) * self.shares[particle];
+            particles.velocity[particle] = way_of(self.carried[particle], start) / duration;
         }
     }
 
-    /// Lets particles go the shares of their ways, and the trees follow.
-    fn shorten(&mut self, particles: &mut Particles) {
-        let Self { meshes, shares, carried, slides, changed, solved, .. } = self;
+    /// Lets welded vertices and trees follow what has changed.
+    fn follow(&mut self, particles: &mut Particles) {
+        let Self { meshes, changed, .. } = self;
         for mesh in meshes {
             let Some(first) = mesh.first else {
                 mesh.stale = false;
@@ -404,14 +430,8 @@ impl Guard {
             };
             for (vertex, &weld) in mesh.topology.weld().iter().enumerate() {
                 let (particle, weld) = (first + vertex, first + weld as usize);
-                let (share, carry) = (shares[weld], carried[weld]);
                 changed[particle] |= changed[weld];
-                (shares[particle], carried[particle], slides[particle]) = (share, carry, slides[weld]);
-                if share < 1.0 || carry.is_some() {
-                    let start = particles.start[particle];
-                    let start = start + way_of(carry, start) + slides[weld];
-                    particles.position[particle] = start + (solved[particle] - start) * share;
-                }
+                particles.position[particle] = particles.position[weld];
             }
             mesh.stale = (first..first + mesh.topology.vertex_count()).any(|particle| changed[particle]);
             if mesh.stale {

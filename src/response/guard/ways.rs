@@ -1,18 +1,15 @@
-//! How ways are shortened, so that what would meet on them does not.
+//! How what still meets is stopped, or carried along by what is driven.
 
 use glam::{DMat3, DVec3};
 
 use super::{
-    GENTLE_ROUNDS, MOST_ROUNDS,
+    MOST_ROUNDS,
     mesh::{Mesh, Obstacle},
 };
 use crate::{
-    kernel::{ccd::PairImpact, exact::Feature, pose::Pose},
+    kernel::{ccd::PairImpact, pose::Pose},
     response::particles::Particles,
 };
-
-/// This share of the way to an impact is gone.
-const SHARE_OF_WAY: f64 = 0.9;
 
 /// How something that is driven takes along what it has met: it turns about a point, and that point moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,12 +53,11 @@ pub(super) fn turn_of(start: [DVec3; 3], end: [DVec3; 3]) -> DMat3 {
     end * start.transpose()
 }
 
-/// The ways of particles, as they are shortened.
+/// Which particles are stopped, and what carries them along.
 pub(super) struct Ways<'a> {
     pub(super) particles: &'a Particles,
-    pub(super) shares: &'a mut [f64],
+    pub(super) stopped: &'a mut [bool],
     pub(super) carried: &'a mut [Option<Carry>],
-    pub(super) slides: &'a mut [DVec3],
     pub(super) changed: &'a mut [bool],
     pub(super) zones: &'a mut [u32],
 }
@@ -95,12 +91,12 @@ impl Ways<'_> {
         for particle in 0..self.zones.len() as u32 {
             let zone = self.zone(particle) as usize;
             let particle = particle as usize;
-            if zone == particle && self.shares[particle] > 0.0 || self.particles.inverse_mass[particle] <= 0.0 {
+            if zone == particle && !self.stopped[particle] || self.particles.inverse_mass[particle] <= 0.0 {
                 continue;
             }
-            if self.carried[particle] != self.carried[zone] || self.shares[particle] > 0.0 {
+            if self.carried[particle] != self.carried[zone] || !self.stopped[particle] {
                 self.carried[particle] = self.carried[zone];
-                self.shares[particle] = 0.0;
+                self.stopped[particle] = true;
                 self.changed[particle] = true;
             }
         }
@@ -134,7 +130,7 @@ impl Ways<'_> {
     }
 }
 
-/// Shortens the ways of what meets, as seen from what moves whatever happens: where that is a driven side, or a body that such a
+/// Stops what meets, as seen from what moves whatever happens: where that is a driven side, or a body that such a
 /// one pushes, the others are carried along. `false` where nothing of it can be held any more.
 pub(super) fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, round: usize) -> bool {
     if mesh_a.first.is_none() && mesh_b.first.is_none() {
@@ -142,12 +138,6 @@ pub(super) fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &Pa
     }
     let carry_a = ways.carry(mesh_a, found.triangle_a, &found.impact.barycentric_a);
     let carry_b = ways.carry(mesh_b, found.triangle_b, &found.impact.barycentric_b);
-    // What is driven, and away from it.
-    let pushed = match (mesh_a.first, mesh_b.first) {
-        (None, _) => Some((carry_a, -found.impact.normal)),
-        (_, None) => Some((carry_b, found.impact.normal)),
-        _ => None,
-    };
     let is_between_bodies = mesh_a.first.is_some() && mesh_b.first.is_some();
     let is_carried = carry_a.is_some() || carry_b.is_some();
     if round >= MOST_ROUNDS && is_between_bodies && is_carried {
@@ -156,56 +146,32 @@ pub(super) fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &Pa
     }
     let mut is_held = false;
     let mut zone = None;
-    let features = [found.impact.features.a, found.impact.features.b];
-    for ((mesh, triangle), feature) in
-        [(mesh_a, found.triangle_a), (mesh_b, found.triangle_b)].into_iter().zip(features)
-    {
+    for (mesh, triangle) in [(mesh_a, found.triangle_a), (mesh_b, found.triangle_b)] {
         let Some(first) = mesh.first else { continue };
-        let mut shorten = |particle: usize, share: f64| {
+        let mut stop = |particle: usize| {
             if ways.particles.inverse_mass[particle] <= 0.0 {
                 return;
             }
             // What is squeezed between two that move differently goes with the one that moves it farther.
             let start = ways.particles.start[particle];
             let own = ways.carried[particle];
-            if let Some((driven, away)) = pushed
-                && round >= GENTLE_ROUNDS + 2
-                && own != driven
-                && ways.shares[particle] <= 0.0
-            {
-                // What something else carries already gives way to the side.
-                let toward = (way_of(own, start) + ways.slides[particle] - way_of(driven, start)).dot(away);
-                if toward < 0.0 {
-                    ways.slides[particle] -= away * toward;
-                    ways.changed[particle] = true;
-                    is_held = true;
-                }
-                return;
-            }
             let carry = Carry::longer(Carry::longer(own, carry_a, start), carry_b, start);
-            if carry != own || ways.shares[particle] > 0.0 {
+            if carry != own || !ways.stopped[particle] {
                 ways.carried[particle] = carry;
-                ways.shares[particle] *= share;
+                ways.stopped[particle] = true;
                 ways.changed[particle] = true;
                 is_held = true;
             }
         };
         if round >= MOST_ROUNDS && !is_carried {
-            (first..first + mesh.topology.vertex_count()).for_each(|particle| shorten(particle, 0.0));
+            (first..first + mesh.topology.vertex_count()).for_each(stop);
             continue;
         }
         let corners = mesh.topology.welded_triangles()[triangle as usize];
-        let share = if round < GENTLE_ROUNDS { SHARE_OF_WAY * found.impact.time } else { 0.0 };
-        let takes_part = |corner: usize| match feature {
-            _ if round >= GENTLE_ROUNDS => true,
-            Feature::Vertex(vertex) => vertex as usize == corner,
-            Feature::Edge(edge) => (edge as usize + 2) % 3 != corner,
-            Feature::Face => true,
-        };
-        for corner in (0..3).filter(|&corner| takes_part(corner)) {
-            shorten(first + corners[corner] as usize, share);
+        for corner in corners {
+            stop(first + corner as usize);
         }
-        if (GENTLE_ROUNDS..MOST_ROUNDS).contains(&round) {
+        if round < MOST_ROUNDS {
             for corner in corners {
                 let particle = first as u32 + corner;
                 if ways.particles.inverse_mass[particle as usize] > 0.0 {

@@ -1,0 +1,238 @@
+//! Where what would meet has to go instead: beyond each other's planes, all impacts together.
+//!
+//! Every impact gives a plane between its two features, as they are when they meet. The nearest ends to the solved ones, by mass,
+//! that are on the right sides of all planes are found by going over them again and again, with multipliers that only push
+//! (projected Gauss-Seidel on the impacts of all rounds: D. Harmon et al. 2008, "Robust treatment of simultaneous collisions").
+//! Along the planes nothing is held: what is squeezed gives way to the side.
+
+use arrayvec::ArrayVec;
+use glam::DVec3;
+
+use super::mesh::{Mesh, MeshPair};
+use crate::{kernel::ccd::PairImpact, response::particles::Particles};
+
+/// How often all planes are gone over at most.
+const MOST_SWEEPS: usize = 64;
+
+/// Ends are good where nothing is missing but this share of the separation.
+const GOOD: f64 = 0.1;
+
+/// Velocities are good where nothing is missing but this share of the most that was.
+const GOOD_SPEED: f64 = 1.0e-3;
+
+/// An impact as a plane.
+struct Plane {
+    /// Particles with their weights: positive on the side that the normal points to.
+    entries: ArrayVec<(u32, f64), 6>,
+    normal: DVec3,
+    /// The least `normal · Σ weight position` when the part of the tick ends, and of velocities.
+    least: f64,
+    least_velocity: f64,
+    /// `Σ weight² / mass`.
+    mobility: f64,
+    tolerance: f64,
+    multiplier: f64,
+}
+
+/// The planes of all rounds of one part of a tick.
+#[derive(Default)]
+pub(super) struct Planes {
+    planes: Vec<Plane>,
+}
+
+impl Plane {
+    fn sum(&self, values: &[DVec3]) -> f64 {
+        self.normal.dot(self.entries.iter().map(|&(particle, weight)| values[particle as usize] * weight).sum())
+    }
+
+    fn push(&self, values: &mut [DVec3], inverse_mass: &[f64], by: f64) {
+        for &(particle, weight) in &self.entries {
+            let particle = particle as usize;
+            values[particle] += self.normal * (by * weight * inverse_mass[particle]);
+        }
+    }
+}
+
+impl Planes {
+    pub(super) fn clear(&mut self) {
+        self.planes.clear();
+    }
+
+    /// Adds the plane of an impact in a part of the tick that takes so many seconds.
+    pub(super) fn add(
+        &mut self,
+        particles: &Particles,
+        meshes: &[Mesh],
+        pair: &MeshPair,
+        found: &PairImpact,
+        duration: f64,
+    ) {
+        let impact = &found.impact;
+        let normal = impact.normal;
+        let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
+        let (mut ahead, mut moved) = (DVec3::ZERO, DVec3::ZERO);
+        let sides = [(found.triangle_a, impact.barycentric_a, 1.0), (found.triangle_b, impact.barycentric_b, -1.0)];
+        for (place, (triangle, barycentric, sign)) in pair.places.into_iter().zip(sides) {
+            let mesh = &meshes[place];
+            let corners = mesh.topology.welded_triangles()[triangle as usize];
+            for (corner, weight) in corners.into_iter().zip(barycentric).filter(|&(_, weight)| weight != 0.0) {
+                let weight = sign * weight;
+                let corner = corner as usize;
+                let [start, end] = match mesh.first {
+                    Some(first) if particles.inverse_mass[first + corner] > 0.0 => {
+                        entries.push(((first + corner) as u32, weight));
+                        continue;
+                    }
+                    Some(first) => [particles.start[first + corner], particles.end[first + corner]],
+                    None => [mesh.obstacle.start[corner], mesh.obstacle.end[corner]],
+                };
+                ahead += end * weight;
+                moved += (end - start) * weight;
+            }
+        }
+        let mobility =
+            entries.iter().map(|&(particle, weight)| weight * weight * particles.inverse_mass[particle as usize]);
+        let mobility: f64 = mobility.sum();
+        if mobility > 0.0 {
+            let kept = pair.separation - pair.radius;
+            self.planes.push(Plane {
+                entries,
+                normal,
+                least: pair.separation + 2.0 * GOOD * kept - normal.dot(ahead),
+                least_velocity: -normal.dot(moved) / duration,
+                mobility,
+                tolerance: GOOD * kept,
+                multiplier: 0.0,
+            });
+        }
+    }
+
+    /// Brings particles beyond all planes, as far as there is room, and marks those that have moved.
+    pub(super) fn project(&mut self, particles: &mut Particles, changed: &mut [bool]) {
+        let Particles { position, inverse_mass, .. } = particles;
+        for _ in 0..MOST_SWEEPS {
+            let mut is_good = true;
+            for plane in &mut self.planes {
+                let missing = plane.least - plane.sum(position);
+                let before = plane.multiplier;
+                plane.multiplier = (before + missing / plane.mobility).max(0.0);
+                let change = plane.multiplier - before;
+                if change != 0.0 {
+                    is_good &= missing <= plane.tolerance;
+                    plane.push(position, inverse_mass, change);
+                    plane.entries.iter().for_each(|&(particle, _)| changed[particle as usize] = true);
+                }
+            }
+            if is_good {
+                break;
+            }
+        }
+    }
+
+    /// Takes away the velocity with which particles would go on through the planes that have pushed them.
+    pub(super) fn settle_velocities(&self, particles: &mut Particles) {
+        let Particles { velocity, inverse_mass, .. } = particles;
+        let pressing: Vec<&Plane> = self.planes.iter().filter(|plane| plane.multiplier > 0.0).collect();
+        let missing = |plane: &Plane, velocity: &[DVec3]| plane.least_velocity - plane.sum(velocity);
+        let most = pressing.iter().map(|plane| missing(plane, velocity)).fold(0.0, f64::max);
+        let mut multipliers = vec![0.0; pressing.len()];
+        for _ in 0..MOST_SWEEPS {
+            let mut is_good = true;
+            for (plane, multiplier) in pressing.iter().zip(&mut multipliers) {
+                let missing = missing(plane, velocity);
+                let before = *multiplier;
+                *multiplier = (before + missing / plane.mobility).max(0.0);
+                is_good &= missing <= GOOD_SPEED * most;
+                plane.push(velocity, inverse_mass, *multiplier - before);
+            }
+            if is_good {
+                break;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Particles with inverse masses, at the origin, that have been solved to end somewhere.
+    fn particles(ends: &[(DVec3, f64)]) -> Particles {
+        let mut particles = Particles::default();
+        for &(end, inverse_mass) in ends {
+            particles.push_moved(DVec3::ZERO, end, inverse_mass);
+            *particles.position.last_mut().unwrap() = end;
+        }
+        particles
+    }
+
+    /// `normal · Σ weight position` is to be `least`.
+    fn plane(particles: &Particles, entries: &[(u32, f64)], normal: DVec3, least: f64) -> Plane {
+        let mobility =
+            entries.iter().map(|&(particle, weight)| weight * weight * particles.inverse_mass[particle as usize]);
+        Plane {
+            entries: entries.iter().copied().collect(),
+            normal,
+            least,
+            least_velocity: least,
+            mobility: mobility.sum(),
+            tolerance: 1.0e-12,
+            multiplier: 0.0,
+        }
+    }
+
+    fn projected(mut particles: Particles, planes: Vec<Plane>) -> Particles {
+        let mut planes = Planes { planes };
+        let mut changed = vec![false; particles.len()];
+        let before = particles.position.clone();
+        planes.project(&mut particles, &mut changed);
+        planes.settle_velocities(&mut particles);
+        for (place, is_changed) in changed.into_iter().enumerate() {
+            assert!(is_changed || particles.position[place] == before[place], "{place}");
+        }
+        particles
+    }
+
+    #[test]
+    fn what_is_beyond_all_planes_stays_where_it_is() {
+        let start = particles(&[(DVec3::new(0.3, 2.0, -1.0), 1.0)]);
+        let floor = plane(&start, &[(0, 1.0)], DVec3::Y, 1.5);
+        let end = projected(start.clone(), vec![floor]);
+        assert_eq!((end.position, end.velocity), (start.position, start.velocity));
+    }
+
+    #[test]
+    fn in_a_corner_the_nearest_point_beyond_both_planes_is_found() {
+        // At right angles, and in a wedge of 60 degrees, whose edge is nearest.
+        for (angle, end) in [(90.0_f64, DVec3::new(-1.0, -2.0, 0.7)), (120.0, DVec3::new(-0.1, -2.0, 0.7))] {
+            let start = particles(&[(end, 0.25)]);
+            let (sine, cosine) = angle.to_radians().sin_cos();
+            let normals = [DVec3::Y, DVec3::new(sine, cosine, 0.0)];
+            let planes = normals.map(|normal| plane(&start, &[(0, 1.0)], normal, 0.0));
+            let found = projected(start, planes.into());
+            assert!(found.position[0].distance(DVec3::new(0.0, 0.0, 0.7)) < 1e-9, "{angle}: {}", found.position[0]);
+            assert!(found.velocity[0].distance(DVec3::new(0.0, 0.0, 0.7)) < 1e-2, "{angle}: {}", found.velocity[0]);
+        }
+    }
+
+    #[test]
+    fn two_that_meet_keep_their_momentum() {
+        let [mass, other_mass] = [2.0, 5.0];
+        let start =
+            particles(&[(DVec3::new(0.0, -1.0, 0.5), 1.0 / mass), (DVec3::new(0.3, 1.0, 0.0), 1.0 / other_mass)]);
+        let momentum = |values: &[DVec3]| values[0] * mass + values[1] * other_mass;
+        let apart = plane(&start, &[(0, 1.0), (1, -1.0)], DVec3::Y, 0.25);
+        let end = projected(start.clone(), vec![apart]);
+        assert!((end.position[0].y - end.position[1].y - 0.25).abs() < 1e-12);
+        assert!(momentum(&end.position).distance(momentum(&start.position)) < 1e-12);
+        assert!(momentum(&end.velocity).distance(momentum(&start.velocity)) < 1e-12);
+    }
+
+    #[test]
+    fn where_there_is_no_room_nothing_is_thrown_away() {
+        let start = particles(&[(DVec3::new(0.4, 0.0, 0.0), 1.0)]);
+        let planes = [1.0, -1.0].map(|side| plane(&start, &[(0, 1.0)], DVec3::Y * side, 0.1));
+        let end = projected(start, planes.into());
+        assert!(end.position[0].distance(DVec3::new(0.4, 0.0, 0.0)) <= 0.2, "{}", end.position[0]);
+    }
+}
