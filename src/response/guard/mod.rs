@@ -94,6 +94,7 @@ pub(super) struct Guard {
     changed: Vec<bool>,
     /// Which particles go where what carries them takes them, or stay where they began.
     stopped: Vec<bool>,
+    /// Where particles were solved to be.
     solved: Vec<DVec3>,
     impacts: Vec<PairImpact>,
     /// The places of bodies that are so squeezed that they may rather cross themselves.
@@ -117,19 +118,29 @@ impl Guard {
             self.gather(particles, scene, |entity| gatherer.first_particle(entity));
             self.find(particles, gatherer, |_| true);
         }
+        self.solved.clone_from(&particles.position);
         self.found.len()
     }
 
     /// Looks again, after the tick was solved again.
     pub(super) fn look_again(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) -> usize {
-        for mesh in self.meshes.iter_mut().filter(|mesh| mesh.first.is_some()) {
-            mesh.stale = true;
-            mesh.follow_ways(particles);
+        let Self { meshes, solved, found, .. } = self;
+        for mesh in &mut *meshes {
+            let Some(first) = mesh.first else { continue };
+            let own = first..first + mesh.topology.vertex_count();
+            // Bodies that nothing new has been found for are where they were.
+            if particles.position[own.clone()] != solved[own] {
+                mesh.follow_ways(particles);
+                mesh.stale = true;
+            }
         }
+        found.retain(|(pair, _)| pair.places.into_iter().all(|place| !meshes[place].stale));
+        self.solved.clone_from(&particles.position);
         self.pair_meshes(scene);
         let jammed = &self.jammed;
         self.pairs.retain(|pair| pair.places[0] != pair.places[1] || !jammed.contains(&pair.places[0]));
-        self.find(particles, gatherer, |_| true);
+        self.find(particles, gatherer, |mesh| mesh.stale);
+        self.meshes.iter_mut().for_each(|mesh| mesh.stale = false);
         self.found.len()
     }
 
@@ -150,10 +161,9 @@ impl Guard {
         meetings.collect()
     }
 
-    /// Lists what meets, of the pairs with a mesh that is `asked` about.
+    /// Appends what meets, of the pairs with a mesh that is `asked` about.
     fn find(&mut self, particles: &Particles, gatherer: &Gatherer, asked: impl Fn(&Mesh) -> bool) {
         let Self { meshes, pairs, found, impacts, buffers, jammed, scratch, .. } = self;
-        found.clear();
         for pair in &*pairs {
             let MeshPair { places: [a, b], separation, .. } = *pair;
             let (mesh_a, mesh_b) = (&meshes[a], &meshes[b]);
@@ -344,7 +354,6 @@ impl Guard {
     }
 
     fn run(&mut self, particles: &mut Particles, duration: f64, gatherer: &Gatherer, guarded: &mut Guarded) {
-        self.solved.clone_from(&particles.position);
         self.planes.clear();
         for _ in 0..PROJECTIONS {
             let Self { meshes, found, planes, changed, .. } = self;
@@ -355,6 +364,7 @@ impl Guard {
             changed.resize(particles.len(), false);
             planes.project(particles, changed);
             self.follow(particles);
+            self.found.clear();
             self.find(particles, gatherer, |mesh| mesh.stale);
             if self.found.is_empty() {
                 break;
@@ -378,6 +388,7 @@ impl Guard {
         self.zones.extend(0..particles.len() as u32);
         for round in 0..MOST_ROUNDS + LAST_ROUNDS {
             if round > 0 {
+                self.found.clear();
                 self.find(particles, gatherer, |mesh| mesh.stale);
             }
             let mut is_clear = true;
