@@ -40,8 +40,11 @@
 //!
 //! What it does not cover:
 //!
-//! - What touches, crosses or is inside when a tick begins. Contacts push it out, and sheets that cross are untangled.
-//! - Where two driven things squeeze a body so that no way is left, it may be inside of one of them or cross itself.
+//! - What touches, crosses or is inside when a tick begins. What is inside is led out to the nearest side, where it may meet
+//!   something else: a body in a block that lies on the ground may stay there. Sheets that cross at a border are untangled, sheets
+//!   that cross in their middles and soft bodies that are nearly in one place may stay crossed.
+//! - Where two driven things squeeze a body so that no way is left, it may be inside of one of them or cross itself. So may what is
+//!   crumpled against a wall at some 20 m/s and more: it crosses itself.
 //!   [`XpbdDiagnostics::impacts_remaining`] and [`XpbdDiagnostics::jammed`] tell, and the log once an episode.
 //! - What two bodies without `SweptCollision`, or one and something that stands, do to each other: contacts alone stop them. The
 //!   log warns once where such a body moves farther than its thickness between two detections.
@@ -54,7 +57,7 @@
 //! now, while the solver steps. Surfaces and shapes that go farther near a body than half of its mean edge, as seen from the body,
 //! cut the tick into up to 16 parts ([`XpbdDiagnostics::parts`]), with a detection each; within a part, vertices go straight. So
 //! contacts that are read after the tick, and their messages, are those of the beginning of its last part, for both sides. Insert
-//! [`Teleported`](crate::Teleported) where something is to jump.
+//! [`Teleported`](crate::Teleported) where something is to jump. What moves in a tick of no duration goes its way in the next one.
 //!
 //! A body whose `Transform`, or that of a parent, moves keeps its place in the world, as it has inertia; pinned vertices go along.
 //! Insert [`Teleported`](crate::Teleported) to move it as a whole.

@@ -227,6 +227,12 @@ impl Motions {
         }
     }
 
+    /// Nothing moves in this tick.
+    fn stand_still(&mut self) {
+        self.courses.clear();
+        (self.parts, self.part, self.longest) = (1, 0, 0.0);
+    }
+
     /// Forgets what comes near no body, and finds into how many parts the tick has to be cut.
     fn plan(&mut self, bodies: &[Reach], track: impl Fn(Entity, &Course) -> Track) {
         let (mut parts, mut longest) = (1, 0.0_f64);
@@ -275,18 +281,28 @@ pub(super) fn begin(
     mut surfaces: Query<(&mut SurfacePositions, Option<&mut XpbdBody>, Option<&DeformableSurface>)>,
 ) {
     let motions = &mut *motions;
-    motions.tick += 1;
-    motions.courses.clear();
+    motions.stand_still();
     let duration = time.map_or(0.0, |time| time.delta_secs_f64());
+    if duration <= 0.0 {
+        // What moves while the clock stands does so in the next tick, but for what jumps.
+        let all = active.surfaces.iter().map(|surface| (surface.entity, surface.fresh));
+        let all = all.chain(active.shapes.iter().map(|shape| (shape.entity, shape.fresh)));
+        for (jumped, _) in all.filter(|(_, fresh)| *fresh) {
+            motions.traces.remove(&jumped);
+            if let Ok((_, Some(mut body), _)) = surfaces.get_mut(jumped) {
+                body.stood = None;
+            }
+        }
+        return;
+    }
+    motions.tick += 1;
     let mut bodies = Vec::new();
     for surface in &active.surfaces {
         let Ok((mut positions, body, mesh)) = surfaces.get_mut(surface.entity) else { continue };
         match body {
             Some(mut body) if body.check(&surface.topology, positions.0.len()).is_ok() => {
-                if duration > 0.0 {
-                    let pins = keep_in_the_world(surface, &mut positions, &mut body);
-                    motions.courses.extend(pins.map(|course| (surface.entity, course)));
-                }
+                let pins = keep_in_the_world(surface, &mut positions, &mut body);
+                motions.courses.extend(pins.map(|course| (surface.entity, course)));
                 let mean_edge = mesh.map_or(0.0, |mesh| f64::from(mesh.mean_edge()) * surface.pose.scale());
                 bodies.push(reach_of(surface, &positions.0, &body, mean_edge, duration));
             }
@@ -301,7 +317,7 @@ pub(super) fn begin(
     }
     let tick = motions.tick;
     motions.traces.retain(|_, trace| trace.tick == tick);
-    if duration <= 0.0 || bodies.is_empty() {
+    if bodies.is_empty() {
         motions.courses.clear();
     }
     let shapes: EntityHashMap<&ShapeGeometry> =

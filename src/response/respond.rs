@@ -292,7 +292,7 @@ fn respond(
     diagnostics.contact_solves += solved.contact_solves;
     diagnostics.pressing = solved.pressing;
     gatherer.end();
-    let guarded = guard.stop(&mut solver.particles, duration, gatherer);
+    let guarded = guard.stop(&mut solver.particles, &scene, duration, gatherer);
     diagnostics.impacts += guarded.impacts;
     diagnostics.vertices_stopped += guarded.stopped;
     diagnostics.impacts_remaining += guarded.remaining;

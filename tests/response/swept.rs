@@ -1,6 +1,7 @@
 //! Bodies with continuous detection: nothing goes through anything, at any speed.
 
 use bevy_circumsphere::{prelude::*, response::*};
+use bevy_transform::components::Transform;
 use circumsphere_support::{
     random::Random,
     scenes::{Diagonals, grid, icosphere},
@@ -63,4 +64,32 @@ fn a_ball_never_goes_through_a_sheet() {
         }
     }
     assert!(without > 3, "without it, some go through: {without}");
+}
+
+#[test]
+fn what_the_game_moves_while_the_clock_stands_passes_through_nothing() {
+    const RADIUS: f32 = 0.15;
+    for jumps in [false, true] {
+        let mut scene = Scene::new();
+        let flag = grid(12, 12, 1.0, 1.0, Diagonals::Alternating).rotate([1.0, 0.0, 0.0], std::f32::consts::FRAC_PI_2);
+        let upper = (0..).zip(&flag.positions).filter(|(_, at)| at[1] > 0.499).map(|(vertex, _)| VertexId(vertex));
+        let upper: Vec<VertexId> = upper.collect();
+        let flag = scene.add_changed(&flag, XpbdMaterial::CLOTH, |body| body.pinned(upper), SweptCollision);
+        let at = |z: f32| Transform::from_xyz(0.0, 0.0, z);
+        let ball = scene.app.world_mut().spawn((RigidShape(SharedShape::ball(RADIUS)), at(-0.3))).id();
+        scene.tick(1.0 / 60.0);
+        // A pause in which somebody moves the ball to the flag's other side.
+        scene.app.world_mut().entity_mut(ball).insert(at(0.3));
+        if jumps {
+            scene.app.world_mut().entity_mut(ball).insert(Teleported);
+        }
+        scene.tick(0.0);
+        for _ in 0..3 {
+            scene.tick(1.0 / 60.0);
+        }
+        let before = scene.positions(flag).iter().filter(|position| position.z > 0.3).count();
+        let inside = scene.positions(flag).iter().filter(|position| position.distance(Vec3::Z * 0.3) < RADIUS).count();
+        assert_eq!(inside, 0);
+        assert_eq!(before == 0, jumps, "{before} vertices are beyond the ball's center");
+    }
 }

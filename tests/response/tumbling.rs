@@ -266,8 +266,9 @@ fn nothing_gets_into_or_through_what_moves() {
             lines.push(format!("world {number} panicked"));
             continue;
         };
-        // What was wrong before the squeeze has nothing to do with it.
-        let is_squeezed = fate.squeezed.is_some_and(|tick| fate.first.is_none_or(|first| tick <= first));
+        // What was wrong before the squeeze has nothing to do with it. It begins within a tick, and is seen when that has ended:
+        // with the body inside of the one, it may touch the other in the next tick alone.
+        let is_squeezed = fate.squeezed.is_some_and(|tick| fate.first.is_none_or(|first| tick <= first + 1));
         squeezed += usize::from(is_squeezed);
         let is_wrong = fate.inside > 0 || fate.escaped > 0;
         if is_squeezed && is_wrong && fate.not_finite == 0 {

@@ -26,6 +26,9 @@ const KEPT_APART: f64 = 0.02;
 /// Features that have come nearer than this share of the contact distance come no nearer.
 const LEAST_APART: f64 = 0.005;
 
+/// What is that near keeps this share of its distance.
+const LEAST_KEPT: f64 = 0.9;
+
 /// Two triangles that are apart cannot meet while their vertices move by less than this share of the distance, each.
 const SHARE_OF_DISTANCE: f64 = 0.49;
 
@@ -208,8 +211,8 @@ impl MeshPair {
         let (a, b) = (mesh.name.entity, other.name.entity);
         let nearest = scene.nearest_of(a, b).unwrap_or(contact_distance);
         let kept = KEPT_APART * contact_distance;
-        // What is pressed on for many ticks would be halved to nothing.
-        let floor = (nearest - ROUNDING * radius).clamp(0.0, LEAST_APART * contact_distance);
+        // What is pressed on for many ticks would be halved to nothing. The nearest of all is to begin outside of it.
+        let floor = (LEAST_KEPT * nearest - ROUNDING * radius).clamp(0.0, LEAST_APART * contact_distance);
         Self { places, separation: radius + kept.min((0.5 * nearest).max(floor)), radius }
     }
 }

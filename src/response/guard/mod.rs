@@ -136,12 +136,17 @@ impl Guard {
         }
         found.retain(|(pair, _)| pair.places.into_iter().all(|place| !meshes[place].stale));
         self.solved.clone_from(&particles.position);
-        self.pair_meshes(scene);
-        let jammed = &self.jammed;
-        self.pairs.retain(|pair| pair.places[0] != pair.places[1] || !jammed.contains(&pair.places[0]));
+        self.pair_again(scene);
         self.find(particles, gatherer, |mesh| mesh.stale);
         self.meshes.iter_mut().for_each(|mesh| mesh.stale = false);
         self.found.len()
+    }
+
+    /// Lists which meshes may meet on their ways as they are now.
+    fn pair_again(&mut self, scene: &Scene<'_, '_>) {
+        self.pair_meshes(scene);
+        let jammed = &self.jammed;
+        self.pairs.retain(|pair| pair.places[0] != pair.places[1] || !jammed.contains(&pair.places[0]));
     }
 
     /// What was found last.
@@ -197,11 +202,17 @@ impl Guard {
     }
 
     /// Stops what would still go through something, in a part of the tick that takes so many seconds.
-    pub(super) fn stop(&mut self, particles: &mut Particles, duration: f64, gatherer: &Gatherer) -> Guarded {
+    pub(super) fn stop(
+        &mut self,
+        particles: &mut Particles,
+        scene: &Scene<'_, '_>,
+        duration: f64,
+        gatherer: &Gatherer,
+    ) -> Guarded {
         let jammed = self.jammed.iter().map(|&place| self.meshes[place].name.entity).collect();
         let mut guarded = Guarded { impacts: self.found.len(), jammed, ..Guarded::default() };
         if !self.found.is_empty() {
-            self.run(particles, duration, gatherer, &mut guarded);
+            self.run(particles, scene, duration, gatherer, &mut guarded);
         }
         let Self { kept, meshes, tick, .. } = self;
         for Mesh { name, obstacle, reaches, tree, .. } in meshes.drain(..) {
@@ -353,7 +364,14 @@ impl Guard {
         }
     }
 
-    fn run(&mut self, particles: &mut Particles, duration: f64, gatherer: &Gatherer, guarded: &mut Guarded) {
+    fn run(
+        &mut self,
+        particles: &mut Particles,
+        scene: &Scene<'_, '_>,
+        duration: f64,
+        gatherer: &Gatherer,
+        guarded: &mut Guarded,
+    ) {
         self.planes.clear();
         for _ in 0..PROJECTIONS {
             let Self { meshes, found, planes, changed, .. } = self;
@@ -364,6 +382,8 @@ impl Guard {
             changed.resize(particles.len(), false);
             planes.project(particles, changed);
             self.follow(particles);
+            // What has been pushed may reach what it was not near.
+            self.pair_again(scene);
             self.found.clear();
             self.find(particles, gatherer, |mesh| mesh.stale);
             if self.found.is_empty() {
@@ -374,12 +394,19 @@ impl Guard {
         let is_elsewhere = |(solved, position): &(&DVec3, &DVec3)| solved != position;
         guarded.stopped += self.solved.iter().zip(&particles.position).filter(is_elsewhere).count();
         if !self.found.is_empty() {
-            self.hold(particles, duration, gatherer, guarded);
+            self.hold(particles, scene, duration, gatherer, guarded);
         }
     }
 
     /// Stops what still meets.
-    fn hold(&mut self, particles: &mut Particles, duration: f64, gatherer: &Gatherer, guarded: &mut Guarded) {
+    fn hold(
+        &mut self,
+        particles: &mut Particles,
+        scene: &Scene<'_, '_>,
+        duration: f64,
+        gatherer: &Gatherer,
+        guarded: &mut Guarded,
+    ) {
         self.stopped.clear();
         self.stopped.resize(particles.len(), false);
         self.carried.clear();
@@ -388,6 +415,7 @@ impl Guard {
         self.zones.extend(0..particles.len() as u32);
         for round in 0..MOST_ROUNDS + LAST_ROUNDS {
             if round > 0 {
+                self.pair_again(scene);
                 self.found.clear();
                 self.find(particles, gatherer, |mesh| mesh.stale);
             }

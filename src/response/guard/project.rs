@@ -28,6 +28,8 @@ struct Plane {
     /// The least `normal · Σ weight position` when the part of the tick ends, and of velocities.
     least: f64,
     least_velocity: f64,
+    /// How fast the driven side goes.
+    driven_speed: f64,
     /// `Σ weight² / mass`.
     mobility: f64,
     tolerance: f64,
@@ -70,7 +72,7 @@ impl Planes {
         let impact = &found.impact;
         let normal = impact.normal;
         let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
-        let (mut ahead, mut moved) = (DVec3::ZERO, DVec3::ZERO);
+        let (mut ahead, mut moved, mut fastest) = (DVec3::ZERO, DVec3::ZERO, 0.0_f64);
         let sides = [(found.triangle_a, impact.barycentric_a, 1.0), (found.triangle_b, impact.barycentric_b, -1.0)];
         for (place, (triangle, barycentric, sign)) in pair.places.into_iter().zip(sides) {
             let mesh = &meshes[place];
@@ -88,6 +90,7 @@ impl Planes {
                 };
                 ahead += end * weight;
                 moved += (end - start) * weight;
+                fastest = fastest.max(start.distance(end));
             }
         }
         let mobility =
@@ -100,6 +103,7 @@ impl Planes {
                 normal,
                 least: pair.separation + 2.0 * GOOD * kept - normal.dot(ahead),
                 least_velocity: -normal.dot(moved) / duration,
+                driven_speed: fastest / duration,
                 mobility,
                 tolerance: GOOD * kept,
                 multiplier: 0.0,
@@ -129,10 +133,16 @@ impl Planes {
         }
     }
 
-    /// Takes away the velocity with which particles would go on through the planes that have pushed them.
+    /// Takes away the velocity with which particles would go on through the planes that have pushed them. None becomes faster
+    /// than the fastest of all that has met: in a wedge that closes, what gives way to the side would.
     pub(super) fn settle_velocities(&self, particles: &mut Particles) {
         let Particles { velocity, inverse_mass, .. } = particles;
         let pressing: Vec<&Plane> = self.planes.iter().filter(|plane| plane.multiplier > 0.0).collect();
+        let speeds = |plane: &&Plane| {
+            let own = plane.entries.iter().map(|&(particle, _)| velocity[particle as usize].length());
+            own.fold(plane.driven_speed, f64::max)
+        };
+        let fastest = pressing.iter().map(speeds).fold(0.0, f64::max);
         let missing = |plane: &Plane, velocity: &[DVec3]| plane.least_velocity - plane.sum(velocity);
         let most = pressing.iter().map(|plane| missing(plane, velocity)).fold(0.0, f64::max);
         let mut multipliers = vec![0.0; pressing.len()];
@@ -148,6 +158,10 @@ impl Planes {
             if is_good {
                 break;
             }
+        }
+        for &(particle, _) in pressing.iter().flat_map(|plane| &plane.entries) {
+            let velocity = &mut velocity[particle as usize];
+            *velocity = velocity.clamp_length_max(fastest);
         }
     }
 }
@@ -175,6 +189,7 @@ mod tests {
             normal,
             least,
             least_velocity: least,
+            driven_speed: least.abs(),
             mobility: mobility.sum(),
             tolerance: 1.0e-12,
             multiplier: 0.0,
@@ -234,5 +249,18 @@ mod tests {
         let planes = [1.0, -1.0].map(|side| plane(&start, &[(0, 1.0)], DVec3::Y * side, 0.1));
         let end = projected(start, planes.into());
         assert!(end.position[0].distance(DVec3::new(0.4, 0.0, 0.0)) <= 0.2, "{}", end.position[0]);
+    }
+
+    #[test]
+    fn what_a_wedge_squeezes_out_is_no_faster_than_the_wedge() {
+        let start = particles(&[(DVec3::ZERO, 1.0)]);
+        // Both sides close in at 3 m/s, at an angle of a hundredth.
+        let planes = [1.0, -1.0].map(|side| {
+            let normal = DVec3::new(0.01, side, 0.0).normalize();
+            plane(&start, &[(0, 1.0)], normal, 3.0)
+        });
+        let end = projected(start, planes.into());
+        assert!(end.velocity[0].length() <= 3.0 + 1e-9, "{}", end.velocity[0]);
+        assert!(end.velocity[0].x > 0.1, "to the side: {}", end.velocity[0]);
     }
 }
