@@ -97,3 +97,32 @@ fn a_cloth_spawned_in_the_ground_comes_up_and_lies_on_it() {
         assert!(lowest > 0.5 && highest < 0.6, "{kind:?}: {lowest} {highest}");
     }
 }
+
+#[test]
+#[ignore = "fails: the nearest side leads into the ground, and 30 to 50 vertices stay inside"]
+fn what_begins_in_a_block_on_the_ground_comes_out_above_it() {
+    let mut scene = Scene::new();
+    let block = Transform::from_xyz(0.0, 0.3, 0.0);
+    scene.app.world_mut().spawn((RigidShape(SharedShape::cuboid(0.3, 0.3, 0.3)), block));
+    scene.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
+    let ball = icosphere(2, 0.1).translate([0.0, 0.3, 0.0]);
+    let ball = scene.add(&ball, XpbdMaterial::SOFT, SweptCollision);
+    scene.run(60);
+    let is_inside = |position: &&Vec3| (**position - Vec3::Y * 0.3).abs().max_element() < 0.3 - 1e-4;
+    let inside = scene.positions(ball).iter().filter(is_inside).count();
+    assert_eq!(inside, 0);
+}
+
+#[test]
+#[ignore = "fails: soft balls that are nearly in one place do not part, and end with a thousand crossings"]
+fn a_soft_ball_that_begins_in_another_comes_out() {
+    let mut scene = Scene::new();
+    scene.settings().gravity = Vec3::ZERO;
+    let ball = icosphere(2, 0.1);
+    let bodies = [[0.0; 3], [0.02, 0.006, 0.002]]
+        .map(|at| scene.add(&ball.clone().translate(at), XpbdMaterial::SOFT, (SelfCollision, SweptCollision)));
+    scene.run(120);
+    let [one, other] = bodies.map(|body| doubles(scene.positions(body)));
+    let closed = Closed::new(one, ball.triangles);
+    assert_eq!(other.iter().filter(|&&position| closed.contains(position)).count(), 0);
+}
