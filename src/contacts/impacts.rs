@@ -12,11 +12,11 @@ use arrayvec::ArrayVec;
 use bevy_ecs::{prelude::*, system::SystemParam};
 use glam::Vec3;
 
-use super::reading::StencilEntry;
+use super::reading::{StencilEntry, stencil_side};
 use crate::kernel::{
     ccd::ImpactCause,
     exact::{Feature, FeatureKind, FeaturePair},
-    ids::{TriangleId, VertexId},
+    ids::TriangleId,
     topology::SurfaceTopology,
 };
 
@@ -227,17 +227,14 @@ impl Impact<'_> {
     }
 
     /// The vertices that meet, with their signed shares: at most three a side, none of a solid that is tested by formula.
+    /// A rigid shape made of triangles has entries, although nothing may move its vertices.
     #[must_use]
     pub fn stencil(&self) -> ArrayVec<StencilEntry, 6> {
         let normal = self.normal();
         let mut stencil = ArrayVec::new();
         let mut side =
             |entity: Entity, topology: &SurfaceTopology, triangle: TriangleId, weights: [f32; 3], sign: f32| {
-                for (&vertex, weight) in topology.triangles()[triangle.index()].iter().zip(weights) {
-                    if weight != 0.0 {
-                        stencil.push(StencilEntry { entity, vertex: VertexId(vertex), weight: sign * weight, normal });
-                    }
-                }
+                stencil.extend(stencil_side(entity, topology.triangles()[triangle.index()], weights, (sign, normal)));
             };
         let (sign_a, sign_b) = self.pick(1.0, -1.0);
         let SweptPair { topology_a, topology_b, .. } = self.pair;

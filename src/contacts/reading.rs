@@ -109,7 +109,7 @@ fn complete(feature: Feature, [first, second]: [f32; 2]) -> [f32; 3] {
 /// One vertex that a contact acts on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StencilEntry {
-    /// The surface it belongs to, or the rigid shape made of triangles.
+    /// The surface it belongs to; in an [impact](crate::Impact::stencil) it may be a rigid shape made of triangles.
     pub entity: Entity,
     /// Which of its vertices, as the game numbered them.
     pub vertex: VertexId,
@@ -119,6 +119,17 @@ pub struct StencilEntry {
     /// World normal from the second side to the first, so that `weight * normal` is how the separation grows when
     /// this vertex moves.
     pub normal: Vec3,
+}
+
+/// The entries of one side: the corners of its triangle that have a share.
+pub(super) fn stencil_side(
+    entity: Entity,
+    corners: [u32; 3],
+    weights: [f32; 3],
+    (sign, normal): (f32, Vec3),
+) -> impl Iterator<Item = StencilEntry> {
+    let shares = corners.into_iter().zip(weights).filter(|&(_, weight)| weight != 0.0);
+    shares.map(move |(vertex, weight)| StencilEntry { entity, vertex: VertexId(vertex), weight: sign * weight, normal })
 }
 
 /// A contact, read from one of its sides, in world units.
@@ -312,19 +323,14 @@ impl Contact<'_> {
         self.pick(of_a, of_b)
     }
 
-    /// The vertices that the contact acts on, with their signed shares: at most three a side, none of a solid that is tested by
-    /// formula. A rigid shape made of triangles has entries, as a surface has, although nothing may move its vertices: a solver
-    /// treats them as infinitely heavy. [`a`](Self::a) and [`b`](Self::b) tell a shape apart.
+    /// The vertices that the contact acts on, with their signed shares: at most three a side, none of a rigid shape
+    /// of any kind.
     #[must_use]
     pub fn stencil(&self) -> ArrayVec<StencilEntry, 6> {
         let normal = self.normal();
         let mut stencil = ArrayVec::new();
         let mut side = |entity: Entity, topology: &SurfaceTopology, triangle: u32, weights: [f32; 3], sign: f32| {
-            for (&vertex, weight) in topology.triangles()[triangle as usize].iter().zip(weights) {
-                if weight != 0.0 {
-                    stencil.push(StencilEntry { entity, vertex: VertexId(vertex), weight: sign * weight, normal });
-                }
-            }
+            stencil.extend(stencil_side(entity, topology.triangles()[triangle as usize], weights, (sign, normal)));
         };
         let (sign_a, sign_b) = self.pick(1.0, -1.0);
         let record = self.record;

@@ -13,7 +13,8 @@ use glam::{DVec3, Vec3};
 use super::{
     body::{SurfaceFriction, XpbdBody},
     contact::{ContactConstraint, Features},
-    inside::{Insides, Solid, WayOut},
+    guard::{MeetingCorners, MeetingTriangles},
+    inside::{Insides, Solid},
     motion::Motions,
     particles::Particles,
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
@@ -24,7 +25,7 @@ use crate::{
     detection::SharedList,
     kernel::{
         contact::{CompactContact, ContactKey, TouchingPair},
-        exact::{Feature, FeatureKind, FeaturePair},
+        exact::{Feature, FeatureKind},
         pose::Pose,
         topology::SurfaceTopology,
     },
@@ -33,10 +34,6 @@ use crate::{
 
 /// A vertex that is no particle.
 const NONE: u32 = u32::MAX;
-
-/// What is deep inside a solid is led out as if the contact distance was this share of its depth: by default six depths a
-/// second.
-const DEPTHS_OF_PACE: f64 = 0.06;
 
 /// Distances in records are rounded to f32; with room for the poses that brought them there.
 const ROUNDING: f64 = 1.0e-6;
@@ -67,33 +64,6 @@ impl Driven {
         }
         Some(*slot)
     }
-}
-
-/// One side of what would meet on its way.
-#[derive(Clone, Copy)]
-pub(super) struct MeetingSide {
-    pub(super) entity: Entity,
-    /// How far the surface or shape reaches beyond the triangle.
-    pub(super) thickness: f64,
-    pub(super) corners: MeetingCorners,
-}
-
-/// The corners of a triangle that would meet another.
-#[derive(Clone, Copy)]
-pub(super) enum MeetingCorners {
-    /// Particles of a body.
-    Body([u32; 3]),
-    /// Points that go from their starts to their ends, whatever pushes them; of a surface its vertices, of so many.
-    Driven { starts: [DVec3; 3], ends: [DVec3; 3], vertices: Option<([u32; 3], usize)> },
-}
-
-/// Where two triangles would meet on their ways.
-pub(super) struct MeetingTriangles {
-    pub(super) sides: [MeetingSide; 2],
-    pub(super) features: FeaturePair,
-    pub(super) barycentrics: [[f64; 3]; 2],
-    /// From the second to the first, in the world.
-    pub(super) normal: DVec3,
 }
 
 /// What a contact is named by: the order of its pair, its key and its triangles.
@@ -197,17 +167,6 @@ impl Scene<'_, '_> {
     fn friction(&self, a: Entity, b: Entity) -> [f64; 2] {
         let of = |entity| self.frictions.get(entity).copied().unwrap_or_default();
         of(a).between(of(b))
-    }
-}
-
-/// Makes a constraint for every vertex that is on its way out: beyond the plane through the exit, at the pace of the deepest.
-fn lead_out_by(solver: &mut Solver, way: &WayOut, exit: &ArrayVec<(u32, f64), 6>, distance: f64) {
-    let pace = distance.max(way.depth * DEPTHS_OF_PACE);
-    for &particle in &way.particles {
-        let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::from_iter([(particle, 1.0)]);
-        entries.extend(exit.iter().copied());
-        let features = Features::Plane { particles: entries, offset: -distance };
-        solver.contacts.push(ContactConstraint::new(features, way.outward, pace, [0.0; 2]));
     }
 }
 
@@ -330,7 +289,7 @@ impl Gatherer {
                 let Some(corners) = corners else { continue };
                 let distance = f64::from(body.thickness) + f64::from(solid.thickness);
                 let exit = corners.into_iter().zip(weights.map(|weight| -weight)).collect();
-                lead_out_by(solver, &way, &exit, distance);
+                way.lead_out(&mut solver.contacts, &exit, distance);
             }
             for shape in &scene.active.shapes {
                 let [pose, ahead] = scene.poses(shape);
@@ -339,7 +298,7 @@ impl Gatherer {
                 let end = ahead.transform_point(pose.inverse().transform_point(way.exit));
                 let exit = ArrayVec::from_iter([(solver.particles.len() as u32, -1.0)]);
                 solver.particles.push_driven(way.exit, end);
-                lead_out_by(solver, &way, &exit, f64::from(body.thickness));
+                way.lead_out(&mut solver.contacts, &exit, f64::from(body.thickness));
             }
         }
         self.insides = insides;

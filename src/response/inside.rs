@@ -6,11 +6,16 @@
 
 use std::ops::Range;
 
+use arrayvec::ArrayVec;
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashSet;
 use glam::DVec3;
 
-use super::{gather::Scene, particles::Particles};
+use super::{
+    contact::{ContactConstraint, Features},
+    gather::Scene,
+    particles::Particles,
+};
 use crate::{
     detection::moved_box,
     kernel::{
@@ -29,6 +34,10 @@ use crate::{
 
 /// So many thicknesses deep, contacts lead out of what is tested by formula.
 const SHALLOW: f64 = 4.0;
+
+/// What is deep inside a solid is led out as if the contact distance was this share of its depth: by default six depths a
+/// second.
+const DEPTHS_OF_PACE: f64 = 0.06;
 
 /// Vertices times triangles that are looked at for one pair of surfaces in a tick, at most: where there are more, what is
 /// inside stays there.
@@ -53,6 +62,24 @@ pub(super) struct WayOut {
     pub(super) outward: DVec3,
     /// How far the farthest of the vertices has to go.
     pub(super) depth: f64,
+}
+
+impl WayOut {
+    /// Makes a constraint for every vertex: beyond the plane through the exit, at the pace of the deepest.
+    pub(super) fn lead_out(
+        &self,
+        contacts: &mut Vec<ContactConstraint>,
+        exit: &ArrayVec<(u32, f64), 6>,
+        distance: f64,
+    ) {
+        let pace = distance.max(self.depth * DEPTHS_OF_PACE);
+        for &particle in &self.particles {
+            let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::from_iter([(particle, 1.0)]);
+            entries.extend(exit.iter().copied());
+            let features = Features::Plane { particles: entries, offset: -distance };
+            contacts.push(ContactConstraint::new(features, self.outward, pace, [0.0; 2]));
+        }
+    }
 }
 
 /// Remembers which surfaces were near each other, and what was inside which.

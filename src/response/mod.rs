@@ -65,8 +65,8 @@
 //! # Another solver
 //!
 //! Another solver reads the contacts of the tick as they are. Each has a flat stencil: how its separation grows with every
-//! vertex that it acts on. Vertices of rigid shapes made of triangles are among them, and stand. One pass of the simplest solver
-//! there is, that of positions alone:
+//! vertex that it acts on. Vertices of rigid shapes are not among them. One pass of the simplest solver there is, that of positions
+//! alone:
 //!
 //! ```
 //! use std::collections::HashMap;

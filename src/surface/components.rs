@@ -373,7 +373,7 @@ impl Registration {
     }
 }
 
-/// 2^60: what is smaller is far from the end of f32 in every usual pose.
+/// 2^60: in a usual pose, smaller coordinates are far from the end of f32.
 pub(crate) const LARGE: f32 = f32::from_bits((127 + 60) << 23);
 
 /// The first position that is not finite.

@@ -242,7 +242,7 @@ fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(
     Ok((pose, thickness))
 }
 
-/// Returns what no coordinate is larger than. Those that nobody has written to since boxes were made of them have been looked at.
+/// Returns a bound of the coordinates. Positions that have not been written to since their boxes were made are not read again.
 fn check_positions(positions: &Ref<SurfacePositions>, bounds: &TriangleBounds) -> Result<f32, QuarantineReason> {
     if bounds.have_seen(positions) {
         return Ok(largest_coordinate(bounds.whole()));

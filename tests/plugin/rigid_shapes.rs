@@ -137,25 +137,6 @@ fn a_vertex_inside_a_shape_is_as_deep_as_the_nearest_way_out() {
 }
 
 #[test]
-fn shapes_and_surfaces_meet_only_on_their_layers() {
-    let mut app = app();
-    let layers = |memberships, filters| SurfaceLayers { memberships, filters };
-    let sheet = spawn(&mut app, &sheet(), (THIN, layers(0b01, 0b10)));
-    let shape = app.world_mut().spawn((RigidShape(SharedShape::ball(0.4)), at(0.1, 0.42, 0.2))).id();
-    for (of_shape, meets) in [
-        (layers(0b10, 0b01), true),
-        (layers(0b01, 0b01), false),
-        (layers(0b10, 0b10), false),
-        (layers(0b11, 0b11), true),
-        (layers(0, u32::MAX), false),
-    ] {
-        insert(&mut app, shape, of_shape);
-        app.update();
-        assert_eq!(!between(&mut app, sheet, shape).is_empty(), meets, "{of_shape:?}");
-    }
-}
-
-#[test]
 fn shapes_announce_their_contacts_and_never_touch_each_other() {
     let mut app = app();
     keep_journal(&mut app, Update);

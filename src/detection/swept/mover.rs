@@ -7,7 +7,12 @@ use glam::{DVec3, Vec3};
 
 use super::path::Path;
 use crate::{
-    kernel::{bounds::Aabb, pose::Pose, topology::SurfaceTopology},
+    kernel::{
+        bounds::Aabb,
+        exact::rigid_shape::{boundary_topology, boundary_triangle},
+        pose::Pose,
+        topology::SurfaceTopology,
+    },
     surface::{ActiveShape, ActiveSurface, SurfaceLayers},
 };
 
@@ -65,7 +70,7 @@ impl<'a> Mover<'a> {
         asks: bool,
     ) -> impl Iterator<Item = Self> {
         let scale = start_pose.scale().max(end_pose.scale());
-        let plane = plane.map(|plane| (&plane.topology, &plane.corners[..], plane.deviation));
+        let plane = plane.map(|plane| (boundary_topology(), &plane.corners[..], plane.deviation));
         let parts = shape.parts.iter().map(|part| (&part.topology, &part.positions[..], part.radius));
         (0..).zip(plane.into_iter().chain(parts)).map(move |(number, (topology, positions, radius))| {
             let path = Path { start: positions, start_pose, end: positions, end_pose };
@@ -103,7 +108,6 @@ impl<'a> Mover<'a> {
 
 /// A triangle in the boundary of a half-space, in its own frame.
 pub(super) struct Plane {
-    topology: Arc<SurfaceTopology>,
     corners: [Vec3; 3],
     /// How far rounding has brought a corner off the boundary.
     deviation: f64,
@@ -116,15 +120,10 @@ impl Plane {
         let own = poses.each_ref().map(|pose| pose.inverse().transform_point(middle));
         let way = own[0].distance(own[1]);
         let half = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() * 0.5;
-        // The circle inside the triangle is half as large as that through its corners.
-        let reach = 2.0 * (way + half / poses[0].scale().min(poses[1].scale())) + f64::from(f32::MIN_POSITIVE);
-        let center = own[0] - normal * normal.dot(own[0]);
-        let (u, v) = normal.any_orthonormal_pair();
-        let root = 0.75_f64.sqrt();
-        let thirds = [(1.0, 0.0), (-0.5, root), (-0.5, -root)];
-        let corners = thirds.map(|(cosine, sine)| (center + (u * cosine + v * sine) * reach).as_vec3());
+        let radius = way + half / poses[0].scale().min(poses[1].scale()) + f64::from(f32::MIN_POSITIVE);
+        let corners = boundary_triangle(normal, own[0], radius).map(DVec3::as_vec3);
         let heights = corners.map(|corner| normal.dot(corner.as_dvec3()).abs());
-        let topology = SurfaceTopology::new(&corners, &[[0, 1, 2]]).ok()?;
-        Some(Self { topology: Arc::new(topology), corners, deviation: heights.into_iter().fold(0.0, f64::max) })
+        let is_finite = corners.iter().all(|corner| corner.is_finite());
+        is_finite.then(|| Self { corners, deviation: heights.into_iter().fold(0.0, f64::max) })
     }
 }

@@ -9,12 +9,15 @@ use super::ROUNDING;
 use crate::{
     kernel::{
         ccd::{SweepTree, SweptMesh},
-        exact::{Feature, rigid_shape::ShapeGeometry},
+        exact::{
+            Feature, FeaturePair,
+            rigid_shape::{ShapeGeometry, boundary_triangle},
+        },
         pose::Pose,
         topology::SurfaceTopology,
     },
     response::{
-        gather::{Gatherer, MeetingCorners, MeetingSide, Scene},
+        gather::{Gatherer, Scene},
         particles::Particles,
     },
     surface::SurfaceLayers,
@@ -185,6 +188,33 @@ impl Mesh {
     }
 }
 
+/// One side of what would meet on its way.
+#[derive(Clone, Copy)]
+pub(in crate::response) struct MeetingSide {
+    pub(in crate::response) entity: Entity,
+    /// How far the surface or shape reaches beyond the triangle.
+    pub(in crate::response) thickness: f64,
+    pub(in crate::response) corners: MeetingCorners,
+}
+
+/// The corners of a triangle that would meet another.
+#[derive(Clone, Copy)]
+pub(in crate::response) enum MeetingCorners {
+    /// Particles of a body.
+    Body([u32; 3]),
+    /// Points that go from their starts to their ends, whatever pushes them; of a surface its vertices, of so many.
+    Driven { starts: [DVec3; 3], ends: [DVec3; 3], vertices: Option<([u32; 3], usize)> },
+}
+
+/// Where two triangles would meet on their ways.
+pub(in crate::response) struct MeetingTriangles {
+    pub(in crate::response) sides: [MeetingSide; 2],
+    pub(in crate::response) features: FeaturePair,
+    pub(in crate::response) barycentrics: [[f64; 3]; 2],
+    /// From the second to the first, in the world.
+    pub(in crate::response) normal: DVec3,
+}
+
 /// Two meshes that may meet on their ways.
 #[derive(Clone, Copy)]
 pub(super) struct MeshPair {
@@ -228,12 +258,7 @@ pub(super) fn plane_under(particles: &Particles, normal: DVec3, poses: [&Pose; 2
         return None;
     }
     let center = poses[0].inverse().transform_point((low + high) * 0.5);
-    let center = center - normal * normal.dot(center);
-    let (u, v) = normal.any_orthonormal_pair();
-    // The circle inside a triangle with corners so far from its center is half as large.
-    let reach = (4.0 * size + f64::MIN_POSITIVE.sqrt()) / poses[0].scale();
-    let root = 0.75_f64.sqrt();
-    let thirds = [(1.0, 0.0), (-0.5, root), (-0.5, -root)];
-    let corners = thirds.map(|(cosine, sine)| center + (u * cosine + v * sine) * reach);
+    let radius = (2.0 * size + f64::MIN_POSITIVE.sqrt()) / poses[0].scale();
+    let corners = boundary_triangle(normal, center, radius);
     Some(poses.map(|pose| corners.iter().map(|&corner| pose.transform_point(corner)).collect()))
 }

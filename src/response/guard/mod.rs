@@ -15,15 +15,16 @@ use std::sync::Arc;
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashMap;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
+pub(super) use self::mesh::{MeetingCorners, MeetingTriangles};
 use self::{
     mesh::{Kept, Mesh, MeshName, MeshPair, SURFACE, plane_under},
     project::Planes,
     ways::{Carry, Ways, hold, turn_between, way_of},
 };
 use super::{
-    gather::{Gatherer, MeetingTriangles, Scene},
+    gather::{Gatherer, Scene},
     particles::Particles,
 };
 use crate::{
@@ -31,7 +32,7 @@ use crate::{
         bounds::Aabb,
         ccd::{CommonVertices, ImpactCause, PairImpact, SweepBuffers, SweptMesh, sweep, triangle_pair_impact},
         exact::{
-            rigid_shape::ShapeGeometry,
+            rigid_shape::{ShapeGeometry, boundary_topology},
             triangle_pair::{PairProximity, examine_pair},
         },
         topology::SurfaceTopology,
@@ -80,8 +81,6 @@ pub(super) struct Guard {
     places: Vec<[u32; 2]>,
     /// The places of surfaces among the meshes.
     by_entity: EntityHashMap<usize>,
-    /// The triangle that stands for a half-space.
-    plane: Option<Arc<SurfaceTopology>>,
     /// How particles are carried along by what they met.
     carried: Vec<Option<Carry>>,
     /// Where what would meet has to go instead.
@@ -147,6 +146,13 @@ impl Guard {
         self.pair_meshes(scene);
         let jammed = &self.jammed;
         self.pairs.retain(|pair| pair.places[0] != pair.places[1] || !jammed.contains(&pair.places[0]));
+    }
+
+    /// Lists what meets, of what has changed: what has been pushed may reach what it was not near.
+    fn find_again(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) {
+        self.pair_again(scene);
+        self.found.clear();
+        self.find(particles, gatherer, |mesh| mesh.stale);
     }
 
     /// What was found last.
@@ -297,12 +303,7 @@ impl Guard {
             let Some(ends) = plane_under(particles, *normal, poses) else { return };
             [kept.obstacle.start, kept.obstacle.end] = ends;
             kept.obstacle.turn = turn_between(poses);
-            let topology = self.plane.get_or_insert_with(|| {
-                let corners = [Vec3::ZERO, Vec3::X, Vec3::Y];
-                Arc::new(SurfaceTopology::new(&corners, &[[0, 1, 2]]).expect("three finite corners make a triangle"))
-            });
-            let mesh = mesh(name, topology, 0.0, kept);
-            self.meshes.push(mesh);
+            self.meshes.push(mesh(name, boundary_topology(), 0.0, kept));
         }
         for (part, solid) in (0..).zip(&*shape.parts) {
             let name = MeshName { entity: shape.entity, part };
@@ -382,10 +383,7 @@ impl Guard {
             changed.resize(particles.len(), false);
             planes.project(particles, changed);
             self.follow(particles);
-            // What has been pushed may reach what it was not near.
-            self.pair_again(scene);
-            self.found.clear();
-            self.find(particles, gatherer, |mesh| mesh.stale);
+            self.find_again(particles, scene, gatherer);
             if self.found.is_empty() {
                 break;
             }
@@ -415,9 +413,7 @@ impl Guard {
         self.zones.extend(0..particles.len() as u32);
         for round in 0..MOST_ROUNDS + LAST_ROUNDS {
             if round > 0 {
-                self.pair_again(scene);
-                self.found.clear();
-                self.find(particles, gatherer, |mesh| mesh.stale);
+                self.find_again(particles, scene, gatherer);
             }
             let mut is_clear = true;
             self.refused.clear();

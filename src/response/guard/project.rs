@@ -76,18 +76,16 @@ impl Planes {
         let sides = [(found.triangle_a, impact.barycentric_a, 1.0), (found.triangle_b, impact.barycentric_b, -1.0)];
         for (place, (triangle, barycentric, sign)) in pair.places.into_iter().zip(sides) {
             let mesh = &meshes[place];
-            let corners = mesh.topology.welded_triangles()[triangle as usize];
+            let (swept, corners) = (mesh.swept(particles), mesh.topology.welded_triangles()[triangle as usize]);
             for (corner, weight) in corners.into_iter().zip(barycentric).filter(|&(_, weight)| weight != 0.0) {
                 let weight = sign * weight;
                 let corner = corner as usize;
-                let [start, end] = match mesh.first {
-                    Some(first) if particles.inverse_mass[first + corner] > 0.0 => {
-                        entries.push(((first + corner) as u32, weight));
-                        continue;
-                    }
-                    Some(first) => [particles.start[first + corner], particles.end[first + corner]],
-                    None => [mesh.obstacle.start[corner], mesh.obstacle.end[corner]],
-                };
+                let particle = mesh.first.map(|first| first + corner);
+                if let Some(particle) = particle.filter(|&particle| particles.inverse_mass[particle] > 0.0) {
+                    entries.push((particle as u32, weight));
+                    continue;
+                }
+                let (start, end) = (swept.start[corner], swept.end[corner]);
                 ahead += end * weight;
                 moved += (end - start) * weight;
                 fastest = fastest.max(start.distance(end));

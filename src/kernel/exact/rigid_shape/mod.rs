@@ -21,6 +21,7 @@ use glam::{DVec3, Vec3};
 use super::{feature::Feature, triangle_pair::PairProximity};
 use crate::kernel::{bounds::Aabb, smooth_normal::NormalCone};
 
+pub(crate) use self::half_space::{boundary_topology, boundary_triangle};
 pub use self::{compound::Compound, error::ShapeError, frustum::Frustum, polytope::ConvexPolytope, sweep::SweepPart};
 
 /// How far the shape may reach beyond the plane through a contact's point, square to its normal, relative to the shape's
