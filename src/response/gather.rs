@@ -14,7 +14,7 @@ use super::{
     body::{SurfaceFriction, XpbdBody},
     contact::{ContactConstraint, Features},
     guard::{MeetingCorners, MeetingTriangles},
-    inside::{Insides, Solid},
+    inside::Insides,
     motion::Motions,
     particles::Particles,
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
@@ -150,7 +150,7 @@ impl Scene<'_, '_> {
     }
 
     /// Where a vertex of a surface that no solver moves begins and ends this part of the tick; `pose` is where one at rest stands.
-    fn ends(&self, entity: Entity, pose: &Pose, vertex: usize) -> Option<[DVec3; 2]> {
+    pub(super) fn ends(&self, entity: Entity, pose: &Pose, vertex: usize) -> Option<[DVec3; 2]> {
         if let Some(course) = self.motions.course(entity) {
             return Some([course.now.point(vertex), course.ahead.point(vertex)]);
         }
@@ -267,41 +267,8 @@ impl Gatherer {
 
     /// Makes constraints that lead out what is inside a solid.
     pub(super) fn lead_out(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>) {
-        let mut insides = std::mem::take(&mut self.insides);
-        insides.begin();
-        for body in &scene.active.surfaces {
-            let Some(first) = self.first_particle(body.entity) else { continue };
-            let own = (body, first, body.topology.vertex_count());
-            for solid in &scene.active.surfaces {
-                let other = self.first_particle(solid.entity);
-                let points = || {
-                    let count = solid.topology.vertex_count();
-                    if let Some(first) = other {
-                        return Some(solver.particles.start[first..first + count].to_vec());
-                    }
-                    (0..count).map(|vertex| Some(scene.ends(solid.entity, &solid.pose, vertex)?[0])).collect()
-                };
-                let way = insides.find(scene, &solver.particles, own, Solid::Surface(solid), points);
-                let Some(way) = way else { continue };
-                let Some((triangle, weights)) = way.triangle else { continue };
-                let side = self.side(solid.side(), Some(&solid.topology));
-                let corners = self.corners(&mut solver.particles, scene, &side, &solid.pose, triangle);
-                let Some(corners) = corners else { continue };
-                let distance = f64::from(body.thickness) + f64::from(solid.thickness);
-                let exit = corners.into_iter().zip(weights.map(|weight| -weight)).collect();
-                way.lead_out(&mut solver.contacts, &exit, distance);
-            }
-            for shape in &scene.active.shapes {
-                let [pose, ahead] = scene.poses(shape);
-                let way = insides.find(scene, &solver.particles, own, Solid::Shape(shape, pose), || None);
-                let Some(way) = way else { continue };
-                let end = ahead.transform_point(pose.inverse().transform_point(way.exit));
-                let exit = ArrayVec::from_iter([(solver.particles.len() as u32, -1.0)]);
-                solver.particles.push_driven(way.exit, end);
-                way.lead_out(&mut solver.contacts, &exit, f64::from(body.thickness));
-            }
-        }
-        self.insides = insides;
+        let Self { insides, bodies, .. } = self;
+        insides.lead_out(solver, scene, |entity| bodies.get(&entity).copied());
     }
 
     /// Forgets what no contact has touched in this tick.

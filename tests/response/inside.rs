@@ -99,7 +99,6 @@ fn a_cloth_spawned_in_the_ground_comes_up_and_lies_on_it() {
 }
 
 #[test]
-#[ignore = "fails: the nearest side leads into the ground, and 30 to 50 vertices stay inside"]
 fn what_begins_in_a_block_on_the_ground_comes_out_above_it() {
     let mut scene = Scene::new();
     let block = Transform::from_xyz(0.0, 0.3, 0.0);
@@ -114,7 +113,6 @@ fn what_begins_in_a_block_on_the_ground_comes_out_above_it() {
 }
 
 #[test]
-#[ignore = "fails: soft balls that are nearly in one place do not part, and end with a thousand crossings"]
 fn a_soft_ball_that_begins_in_another_comes_out() {
     let mut scene = Scene::new();
     scene.settings().gravity = Vec3::ZERO;

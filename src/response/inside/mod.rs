@@ -1,0 +1,343 @@
+//! Ways out: which vertices of bodies are inside a solid, and the way on which all of them are led out of it.
+//!
+//! What was spawned inside a solid, or squeezed into it, is near nothing that it touches: no contact leads it out. Looked
+//! for only where there is reason to: when two surfaces come near each other, while they cross, and while anything of one
+//! was inside the other.
+
+mod solid;
+
+use bevy_ecs::{entity::EntityHashMap, prelude::*};
+use bevy_platform::collections::{HashMap, HashSet};
+use glam::DVec3;
+
+use self::solid::{Exit, Solid};
+use super::{
+    contact::{ContactConstraint, Features},
+    gather::Scene,
+    particles::Particles,
+    solver::Solver,
+};
+use crate::{
+    detection::moved_box,
+    surface::{ActiveShape, ActiveSurface},
+};
+
+/// So many thicknesses deep, contacts lead out of what is tested by formula.
+const SHALLOW: f64 = 4.0;
+
+/// What is deep inside a solid is led out as if the contact distance was this share of its depth: by default six depths a
+/// second.
+const DEPTHS_OF_PACE: f64 = 0.06;
+
+/// Vertices times triangles that are looked at for one pair of surfaces in a tick, at most: where there are more, what is
+/// inside stays there.
+const MOST_LOOKS: usize = 20_000_000;
+
+/// So often, in detections, another direction is looked for.
+const CHOSEN_FOR: u32 = 16;
+
+/// Another direction has to be shorter by this factor than the one that was chosen.
+const FAITH: f64 = 0.5;
+
+/// Where one direction leads from solid into solid, it is given up after so many.
+const MOST_SOLIDS: usize = 16;
+
+/// Remembers which surfaces were near each other, and what was inside which.
+#[derive(Default)]
+pub(super) struct Insides {
+    near: HashSet<(Entity, Entity)>,
+    before: HashSet<(Entity, Entity)>,
+    /// By body and solid.
+    ways: HashMap<(Entity, Entity), Chosen>,
+    /// By surface the particles that are on their way out of it.
+    leaving: EntityHashMap<HashSet<u32>>,
+}
+
+/// The way that a body takes out of a solid.
+#[derive(Clone, Copy, Debug)]
+struct Chosen {
+    /// Unit vector.
+    direction: DVec3,
+    /// For how many detections.
+    age: u32,
+}
+
+/// The vertices of a body that are inside a solid, and the way out of it that all of them take: in different directions they
+/// would hold each other back, or tear the body apart.
+struct WayOut {
+    particles: Vec<u32>,
+    exit: Exit,
+    /// How far the farthest of the vertices has to go.
+    depth: f64,
+}
+
+/// A body with its particles from `first` on.
+#[derive(Clone, Copy)]
+struct Body<'a> {
+    surface: &'a ActiveSurface,
+    first: usize,
+}
+
+impl Body<'_> {
+    fn particles(self) -> std::ops::Range<usize> {
+        self.first..self.first + self.surface.topology.vertex_count()
+    }
+}
+
+impl Insides {
+    /// Whether a particle is on its way out of a surface.
+    pub(super) fn is_leaving(&self, surface: Entity, particle: u32) -> bool {
+        self.leaving.get(&surface).is_some_and(|particles| particles.contains(&particle))
+    }
+
+    /// Makes constraints that lead out what is inside a solid; `first` is the first particle of a body.
+    pub(super) fn lead_out(
+        &mut self,
+        solver: &mut Solver,
+        scene: &Scene<'_, '_>,
+        first: impl Fn(Entity) -> Option<usize>,
+    ) {
+        std::mem::swap(&mut self.near, &mut self.before);
+        self.near.clear();
+        self.leaving.clear();
+        for surface in &scene.active.surfaces {
+            let Some(place) = first(surface.entity) else { continue };
+            let body = Body { surface, first: place };
+            for other in &scene.active.surfaces {
+                let is_near = || surface.world_bounds.overlaps(&other.world_bounds);
+                if !(other.one_sided && surface.entity != other.entity && surface.meets(other) && is_near()) {
+                    continue;
+                }
+                let names = (other.entity, other.fresh);
+                let solid = || placed(scene, &solver.particles, other, &first);
+                let Some(way) = self.find(scene, &solver.particles, body, names, 0.0, solid, &first) else { continue };
+                let particles = &mut solver.particles;
+                let leaving = self.leaving.entry(other.entity).or_default();
+                if first(other.entity).is_some() {
+                    // What is led through each other must not hold on to each other.
+                    leaving.extend(body.particles().map(|particle| particle as u32));
+                } else {
+                    leaving.extend(&way.particles);
+                }
+                let distance = f64::from(surface.thickness) + f64::from(other.thickness);
+                let end = end_of(scene, other, way.exit.at);
+                way.lead_out(particles, &mut solver.contacts, end, distance);
+            }
+            for shape in &scene.active.shapes {
+                if !is_near(surface, shape, scene) {
+                    continue;
+                }
+                let [pose, ahead] = scene.poses(shape);
+                let shallow = SHALLOW * f64::from(surface.thickness);
+                let solid = || Some(Solid::shape(&shape.geometry, pose));
+                let names = (shape.entity, shape.fresh);
+                let way = self.find(scene, &solver.particles, body, names, shallow, solid, &first);
+                let Some(way) = way else { continue };
+                self.leaving.entry(shape.entity).or_default().extend(&way.particles);
+                let end = ahead.transform_point(pose.inverse().transform_point(way.exit.at));
+                way.lead_out(&mut solver.particles, &mut solver.contacts, end, f64::from(surface.thickness));
+            }
+        }
+    }
+
+    /// Finds the way out of a solid for a body that is near it; what is no deeper than `shallow` is left to contacts.
+    fn find<'a>(
+        &mut self,
+        scene: &'a Scene<'_, '_>,
+        particles: &Particles,
+        body: Body<'_>,
+        (entity, fresh): (Entity, bool),
+        shallow: f64,
+        solid: impl FnOnce() -> Option<Solid<'a>>,
+        first: impl Fn(Entity) -> Option<usize>,
+    ) -> Option<WayOut> {
+        let surface = body.surface;
+        let pair = (surface.entity, entity);
+        self.near.insert(pair);
+        let is_new = !self.before.contains(&pair) || surface.fresh || fresh;
+        let contacts_reach = SHALLOW * f64::from(surface.thickness);
+        let before = self.ways.remove(&pair);
+        if !(is_new || before.is_some() || scene.is_deep_in(surface.entity, entity, contacts_reach)) {
+            return None;
+        }
+        let solid = solid()?;
+        let inside = Inside::new(particles, body, &solid, shallow)?;
+        let margin = 2.0 * f64::from(surface.thickness);
+        let opposite = self.ways.get(&(entity, surface.entity)).map(|other| -other.direction);
+        let kept = opposite.or(before.filter(|before| before.age < CHOSEN_FOR).map(|before| before.direction));
+        if let Some(direction) = kept
+            && let Some(way) = inside.way_along(direction, &[&solid], margin)
+        {
+            self.ways.insert(pair, Chosen { direction, age: before.map_or(0, |before| before.age) + 1 });
+            return Some(inside.led(way));
+        }
+        let around = around(scene, particles, surface, entity, first);
+        let all: Vec<&Solid<'_>> = std::iter::once(&solid).chain(&around).collect();
+        let way = inside.best_way(&solid, &all, margin, before.map(|before| before.direction))?;
+        self.ways.insert(pair, Chosen { direction: way.outward, age: 0 });
+        Some(inside.led(way))
+    }
+}
+
+/// Whether a body may touch a shape.
+fn is_near(body: &ActiveSurface, shape: &ActiveShape, scene: &Scene<'_, '_>) -> bool {
+    let [pose, _] = scene.poses(shape);
+    body.layers.interacts_with(shape.layers)
+        && shape.geometry.bounds().is_none_or(|bounds| moved_box(&bounds, &pose).overlaps(&body.world_bounds))
+}
+
+/// A surface where it is when the tick begins.
+fn placed<'a>(
+    scene: &Scene<'_, '_>,
+    particles: &Particles,
+    surface: &'a ActiveSurface,
+    first: impl Fn(Entity) -> Option<usize>,
+) -> Option<Solid<'a>> {
+    let count = surface.topology.vertex_count();
+    let points: Option<Vec<DVec3>> = match first(surface.entity) {
+        Some(first) => Some(particles.start[first..first + count].to_vec()),
+        None => (0..count).map(|vertex| Some(scene.ends(surface.entity, &surface.pose, vertex)?[0])).collect(),
+    };
+    Some(Solid::surface(&surface.topology, points?, surface.one_sided))
+}
+
+/// Everything but a solid that a body cannot push out of its way.
+fn around<'a>(
+    scene: &'a Scene<'_, '_>,
+    particles: &Particles,
+    body: &ActiveSurface,
+    solid: Entity,
+    first: impl Fn(Entity) -> Option<usize>,
+) -> Vec<Solid<'a>> {
+    let surfaces = scene.active.surfaces.iter();
+    let surfaces = surfaces
+        .filter(|other| other.entity != solid && first(other.entity).is_none() && body.meets(other))
+        .filter_map(|other| placed(scene, particles, other, &first));
+    let shapes = scene.active.shapes.iter();
+    let shapes = shapes
+        .filter(|other| other.entity != solid && body.layers.interacts_with(other.layers))
+        .map(|other| Solid::shape(&other.geometry, scene.poses(other)[0]));
+    surfaces.chain(shapes).collect()
+}
+
+/// Where a point on a surface that no solver moves is when the tick ends: it goes with the nearest vertex.
+fn end_of(scene: &Scene<'_, '_>, surface: &ActiveSurface, point: DVec3) -> DVec3 {
+    let Some(course) = scene.motions.course(surface.entity) else { return point };
+    let vertices = 0..surface.topology.vertex_count();
+    let away = |vertex: &usize| course.now.point(*vertex).distance_squared(point);
+    let nearest = vertices.min_by(|one, other| away(one).total_cmp(&away(other)));
+    nearest.map_or(point, |vertex| point + course.ahead.point(vertex) - course.now.point(vertex))
+}
+
+/// The vertices of a body that are inside a solid.
+struct Inside<'a> {
+    particles: &'a Particles,
+    inside: Vec<u32>,
+    /// A point inside that stands for them.
+    from: DVec3,
+}
+
+impl<'a> Inside<'a> {
+    fn new(particles: &'a Particles, body: Body<'_>, solid: &Solid<'_>, shallow: f64) -> Option<Self> {
+        let at = |particle: usize| particles.start[particle];
+        let is_free = |&particle: &usize| particles.inverse_mass[particle] > 0.0;
+        let near: Vec<usize> =
+            body.particles().filter(is_free).filter(|&particle| solid.may_contain(at(particle))).collect();
+        if near.len() * solid.cost() > MOST_LOOKS {
+            return None;
+        }
+        let inside: Vec<usize> = near.into_iter().filter(|&particle| solid.contains(at(particle), shallow)).collect();
+        let mean = |places: &mut dyn ExactSizeIterator<Item = usize>| {
+            let count = places.len().max(1) as f64;
+            places.map(at).sum::<DVec3>() / count
+        };
+        let center = mean(&mut inside.iter().copied());
+        // The middle of what is inside may be outside of a solid that is not convex.
+        let nearest = inside
+            .iter()
+            .copied()
+            .min_by(|&one, &other| at(one).distance_squared(center).total_cmp(&at(other).distance_squared(center)))?;
+        let candidates = [mean(&mut body.particles()), center];
+        let from = candidates.into_iter().find(|&point| solid.contains(point, shallow)).unwrap_or(at(nearest));
+        Some(Self { particles, inside: inside.into_iter().map(|particle| particle as u32).collect(), from })
+    }
+
+    /// The nearest place along a direction where there is room for all of the vertices between solids.
+    fn way_along(&self, direction: DVec3, solids: &[&Solid<'_>], margin: f64) -> Option<Exit> {
+        let [lowest, highest] = self.ends(direction)?;
+        let room = direction.dot(highest - lowest) + margin;
+        let free = |from: DVec3| Some(from + direction * free_from(from, direction, solids, room)?);
+        // The hindmost may have farther to go than what stands for all.
+        let [one, other] = [free(self.from)?, free(lowest)?];
+        let at = if direction.dot(one) > direction.dot(other) { one } else { other };
+        Some(Exit { at, outward: direction })
+    }
+
+    /// The hindmost and the foremost of the vertices along a direction.
+    fn ends(&self, direction: DVec3) -> Option<[DVec3; 2]> {
+        let points = || self.inside.iter().map(|&particle| self.particles.start[particle as usize]);
+        let by_height = |one: &DVec3, other: &DVec3| direction.dot(*one).total_cmp(&direction.dot(*other));
+        Some([points().min_by(by_height)?, points().max_by(by_height)?])
+    }
+
+    fn depth(&self, way: Exit) -> f64 {
+        self.ends(way.outward).map_or(0.0, |[lowest, _]| way.outward.dot(way.at - lowest))
+    }
+
+    /// The shortest way of those straight out, in many directions, and the one that was taken `before`; the nearest
+    /// exit of the solid where none is free.
+    fn best_way(&self, solid: &Solid<'_>, solids: &[&Solid<'_>], margin: f64, before: Option<DVec3>) -> Option<Exit> {
+        let nearest = solid.nearest_exit(self.from);
+        let directions = nearest.map(|exit| exit.outward).into_iter().chain(directions());
+        let mut best: Option<(f64, Exit)> = None;
+        let tried = before.into_iter().map(|direction| (direction, FAITH)).chain(directions.map(|one| (one, 1.0)));
+        for (direction, factor) in tried {
+            let Some(way) = self.way_along(direction, solids, margin) else { continue };
+            let cost = factor * self.depth(way);
+            if best.is_none_or(|(least, _)| cost < least) {
+                best = Some((cost, way));
+            }
+        }
+        best.map(|(_, way)| way).or(nearest)
+    }
+
+    fn led(self, exit: Exit) -> WayOut {
+        let depth = self.depth(exit).max(0.0);
+        WayOut { particles: self.inside, exit, depth }
+    }
+}
+
+/// How far one has to go from a point along a direction to where the next `room` is free of solids.
+fn free_from(point: DVec3, direction: DVec3, solids: &[&Solid<'_>], room: f64) -> Option<f64> {
+    let mut free = 0.0;
+    for _ in 0..MOST_SOLIDS {
+        let before = free;
+        for solid in solids {
+            free = solid.free_from(point, direction, free, room)?;
+        }
+        if free == before {
+            return Some(free);
+        }
+    }
+    None
+}
+
+/// The directions to the faces, edges and corners of a cube.
+fn directions() -> impl Iterator<Item = DVec3> {
+    let places = (0..27).map(|place| [place % 3, place / 3 % 3, place / 9].map(|step| f64::from(step) - 1.0));
+    places.filter_map(|place| DVec3::from_array(place).try_normalize())
+}
+
+impl WayOut {
+    /// Makes a constraint for every vertex: beyond the plane through the exit, which goes to `end`, at the pace of the deepest.
+    fn lead_out(&self, particles: &mut Particles, contacts: &mut Vec<ContactConstraint>, end: DVec3, distance: f64) {
+        let exit = particles.len() as u32;
+        particles.push_driven(self.exit.at, end);
+        let pace = distance.max(self.depth * DEPTHS_OF_PACE);
+        for &particle in &self.particles {
+            let entries = [(particle, 1.0), (exit, -1.0)].into_iter().collect();
+            let features = Features::Plane { particles: entries, offset: -distance };
+            contacts.push(ContactConstraint::new(features, self.exit.outward, pace, [0.0; 2]));
+        }
+    }
+}
