@@ -149,6 +149,23 @@ impl Scene<'_, '_> {
         records.any(|record| record.features.kind() == FeatureKind::EdgeFace || f64::from(record.distance) < -shallow)
     }
 
+    /// The places where triangles of a body cross another side: by triangle, with the weights of its corners.
+    pub(super) fn crossing_of(&self, body: Entity, other: Entity) -> Vec<(u32, [f64; 3])> {
+        let mut crossing = Vec::new();
+        for pair in self.store.pairs_between(body, other) {
+            let records = pair.contacts.iter().filter(|record| record.features.kind() == FeatureKind::EdgeFace);
+            crossing.extend(records.map(|record| {
+                if pair.a.entity() == body {
+                    (record.triangle_a, completed(record.features.a, record.barycentric_a))
+                } else {
+                    (record.triangle_b, completed(record.features.b, record.barycentric_b))
+                }
+            }));
+        }
+        crossing.sort_by_key(|&(triangle, _)| triangle);
+        crossing
+    }
+
     /// Where a vertex of a surface that no solver moves begins and ends this part of the tick; `pose` is where one at rest stands.
     pub(super) fn ends(&self, entity: Entity, pose: &Pose, vertex: usize) -> Option<[DVec3; 2]> {
         if let Some(course) = self.motions.course(entity) {
@@ -263,6 +280,11 @@ impl Gatherer {
     /// Whether a particle is on its way out of a surface.
     pub(super) fn is_leaving(&self, surface: Entity, particle: u32) -> bool {
         self.insides.is_leaving(surface, particle)
+    }
+
+    /// Whether a triangle of a body crosses the boundary of a solid that it is led out of, or is beside one that does.
+    pub(super) fn is_crossing(&self, body: Entity, solid: Entity, triangle: u32) -> bool {
+        self.insides.is_crossing(body, solid, triangle)
     }
 
     /// Makes constraints that lead out what is inside a solid.
@@ -402,6 +424,15 @@ impl Gatherer {
             corners.iter().any(|&corner| self.insides.is_leaving(other.entity(), corner))
         };
         if is_leaving(a, pair.b) || b.is_some_and(|b| is_leaving(b, pair.a)) {
+            return None;
+        }
+        // A vertex may hold on to a boundary that its triangle crosses.
+        let crosses = |side: ContactSide, other: ContactSide, triangle: u32, feature: Feature| {
+            !matches!(feature, Feature::Vertex(_)) && self.is_crossing(side.entity(), other.entity(), triangle)
+        };
+        if crosses(pair.a, pair.b, record.triangle_a, record.features.a)
+            || b.is_some() && crosses(pair.b, pair.a, record.triangle_b, record.features.b)
+        {
             return None;
         }
         let Some(b) = b else {

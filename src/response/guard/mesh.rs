@@ -152,6 +152,10 @@ impl Mesh {
         if corners.iter().any(|&corner| gatherer.is_leaving(other.name.entity, corner as u32)) {
             return true;
         }
+        let is_vertex = matches!(feature, Feature::Vertex(_));
+        if !is_vertex && gatherer.is_crossing(self.name.entity, other.name.entity, triangle) {
+            return true;
+        }
         let Some((geometry, own)) = other.shape.as_ref().filter(|_| other.radius <= 0.0) else { return false };
         let begins_inside = |corner: usize| {
             let start = own.transform_point(particles.start[corner]);

@@ -6,6 +6,7 @@
 
 mod solid;
 
+use arrayvec::ArrayVec;
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::{HashMap, HashSet};
 use glam::DVec3;
@@ -19,6 +20,7 @@ use super::{
 };
 use crate::{
     detection::moved_box,
+    kernel::{ids::EdgeId, topology::SurfaceTopology},
     surface::{ActiveShape, ActiveSurface},
 };
 
@@ -51,6 +53,8 @@ pub(super) struct Insides {
     ways: HashMap<(Entity, Entity), Chosen>,
     /// By surface the particles that are on their way out of it.
     leaving: EntityHashMap<HashSet<u32>>,
+    /// By body and solid the body's triangles that cross the solid's boundary, and those beside them.
+    crossing: HashMap<(Entity, Entity), HashSet<u32>>,
 }
 
 /// The way that a body takes out of a solid.
@@ -62,13 +66,30 @@ struct Chosen {
     age: u32,
 }
 
-/// The vertices of a body that are inside a solid, and the way out of it that all of them take: in different directions they
+/// The points of a body that are inside a solid, and the way out of it that all of them take: in different directions they
 /// would hold each other back, or tear the body apart.
 struct WayOut {
-    particles: Vec<u32>,
+    points: Vec<BodyPoint>,
     exit: Exit,
-    /// How far the farthest of the vertices has to go.
+    /// How far the farthest of the points has to go.
     depth: f64,
+}
+
+/// A vertex of a body, or a point on one of its triangles.
+#[derive(Clone, Debug)]
+struct BodyPoint {
+    /// Particles with their weights.
+    entries: ArrayVec<(u32, f64), 3>,
+    /// Where it is when the tick begins.
+    at: DVec3,
+}
+
+impl BodyPoint {
+    fn new(entries: impl IntoIterator<Item = (u32, f64)>, particles: &Particles) -> Self {
+        let entries: ArrayVec<(u32, f64), 3> = entries.into_iter().collect();
+        let at = entries.iter().map(|&(particle, weight)| particles.start[particle as usize] * weight).sum();
+        Self { entries, at }
+    }
 }
 
 /// A body with its particles from `first` on.
@@ -90,6 +111,11 @@ impl Insides {
         self.leaving.get(&surface).is_some_and(|particles| particles.contains(&particle))
     }
 
+    /// Whether a triangle of a body crosses the boundary of a solid, or is beside one that does.
+    pub(super) fn is_crossing(&self, body: Entity, solid: Entity, triangle: u32) -> bool {
+        self.crossing.get(&(body, solid)).is_some_and(|triangles| triangles.contains(&triangle))
+    }
+
     /// Makes constraints that lead out what is inside a solid; `first` is the first particle of a body.
     pub(super) fn lead_out(
         &mut self,
@@ -100,6 +126,7 @@ impl Insides {
         std::mem::swap(&mut self.near, &mut self.before);
         self.near.clear();
         self.leaving.clear();
+        self.crossing.clear();
         for surface in &scene.active.surfaces {
             let Some(place) = first(surface.entity) else { continue };
             let body = Body { surface, first: place };
@@ -117,7 +144,7 @@ impl Insides {
                     // What is led through each other must not hold on to each other.
                     leaving.extend(body.particles().map(|particle| particle as u32));
                 } else {
-                    leaving.extend(&way.particles);
+                    leaving.extend(way.vertices());
                 }
                 let distance = f64::from(surface.thickness) + f64::from(other.thickness);
                 let end = end_of(scene, other, way.exit.at);
@@ -133,14 +160,14 @@ impl Insides {
                 let names = (shape.entity, shape.fresh);
                 let way = self.find(scene, &solver.particles, body, names, shallow, solid, &first);
                 let Some(way) = way else { continue };
-                self.leaving.entry(shape.entity).or_default().extend(&way.particles);
+                self.leaving.entry(shape.entity).or_default().extend(way.vertices());
                 let end = ahead.transform_point(pose.inverse().transform_point(way.exit.at));
                 way.lead_out(&mut solver.particles, &mut solver.contacts, end, f64::from(surface.thickness));
             }
         }
     }
 
-    /// Finds the way out of a solid for a body that is near it; what is no deeper than `shallow` is left to contacts.
+    /// Finds the way out of a solid for a body that is near it; where nothing is deeper than `shallow`, that is left to contacts.
     fn find<'a>(
         &mut self,
         scene: &'a Scene<'_, '_>,
@@ -161,7 +188,10 @@ impl Insides {
             return None;
         }
         let solid = solid()?;
-        let inside = Inside::new(particles, body, &solid, shallow)?;
+        let crossing = scene.crossing_of(surface.entity, entity);
+        let inside = Inside::new(particles, body, &solid, shallow, &crossing)?;
+        let triangles = crossing.iter().flat_map(|&(triangle, _)| beside(&surface.topology, triangle));
+        self.crossing.insert(pair, triangles.collect());
         let margin = 2.0 * f64::from(surface.thickness);
         let opposite = self.ways.get(&(entity, surface.entity)).map(|other| -other.direction);
         let kept = opposite.or(before.filter(|before| before.age < CHOSEN_FOR).map(|before| before.direction));
@@ -229,16 +259,38 @@ fn end_of(scene: &Scene<'_, '_>, surface: &ActiveSurface, point: DVec3) -> DVec3
     nearest.map_or(point, |vertex| point + course.ahead.point(vertex) - course.now.point(vertex))
 }
 
-/// The vertices of a body that are inside a solid.
-struct Inside<'a> {
-    particles: &'a Particles,
-    inside: Vec<u32>,
+/// A triangle and all that share an edge with it.
+fn beside(topology: &SurfaceTopology, triangle: u32) -> impl Iterator<Item = u32> {
+    let edges = topology.triangle_edges()[triangle as usize].into_iter();
+    edges.flat_map(|edge| topology.triangles_of_edge(EdgeId(edge)).iter().copied())
+}
+
+/// The middle of the places where a triangle of a body crosses something, for every one that does in more than one place.
+fn between(crossing: &[(u32, [f64; 3])], body: Body<'_>, particles: &Particles) -> impl Iterator<Item = BodyPoint> {
+    crossing.chunk_by(|one, other| one.0 == other.0).filter(|places| places.len() > 1).map(move |places| {
+        let corners = body.surface.topology.welded_triangles()[places[0].0 as usize];
+        let mean = |corner: usize| places.iter().map(|(_, weights)| weights[corner]).sum::<f64>() / places.len() as f64;
+        let entries = [0, 1, 2].map(|corner| (body.first as u32 + corners[corner], mean(corner)));
+        BodyPoint::new(entries, particles)
+    })
+}
+
+/// The points of a body that are inside a solid.
+struct Inside {
+    points: Vec<BodyPoint>,
     /// A point inside that stands for them.
     from: DVec3,
 }
 
-impl<'a> Inside<'a> {
-    fn new(particles: &'a Particles, body: Body<'_>, solid: &Solid<'_>, shallow: f64) -> Option<Self> {
+impl Inside {
+    /// The vertices inside, and where triangles cross the boundary, by triangle and weights, what is between such places.
+    fn new(
+        particles: &Particles,
+        body: Body<'_>,
+        solid: &Solid<'_>,
+        shallow: f64,
+        crossing: &[(u32, [f64; 3])],
+    ) -> Option<Self> {
         let at = |particle: usize| particles.start[particle];
         let is_free = |&particle: &usize| particles.inverse_mass[particle] > 0.0;
         let near: Vec<usize> =
@@ -246,20 +298,21 @@ impl<'a> Inside<'a> {
         if near.len() * solid.cost() > MOST_LOOKS {
             return None;
         }
-        let inside: Vec<usize> = near.into_iter().filter(|&particle| solid.contains(at(particle), shallow)).collect();
-        let mean = |places: &mut dyn ExactSizeIterator<Item = usize>| {
-            let count = places.len().max(1) as f64;
-            places.map(at).sum::<DVec3>() / count
-        };
-        let center = mean(&mut inside.iter().copied());
+        let vertices = near.into_iter().map(|particle| BodyPoint::new([(particle as u32, 1.0)], particles));
+        let inside = |point: &BodyPoint| solid.contains(point.at, 0.0);
+        let mut points: Vec<BodyPoint> = vertices.filter(inside).collect();
+        let vertex_count = points.len();
+        points.extend(between(crossing, body, particles).filter(inside));
+        if points.len() == vertex_count && !points.iter().any(|point| solid.contains(point.at, shallow)) {
+            return None;
+        }
+        let center = points.iter().map(|point| point.at).sum::<DVec3>() / points.len().max(1) as f64;
         // The middle of what is inside may be outside of a solid that is not convex.
-        let nearest = inside
-            .iter()
-            .copied()
-            .min_by(|&one, &other| at(one).distance_squared(center).total_cmp(&at(other).distance_squared(center)))?;
-        let candidates = [mean(&mut body.particles()), center];
-        let from = candidates.into_iter().find(|&point| solid.contains(point, shallow)).unwrap_or(at(nearest));
-        Some(Self { particles, inside: inside.into_iter().map(|particle| particle as u32).collect(), from })
+        let away = |point: &DVec3| point.distance_squared(center);
+        let nearest = points.iter().map(|point| point.at).min_by(|one, other| away(one).total_cmp(&away(other)))?;
+        let middle = body.particles().map(at).sum::<DVec3>() / body.particles().len().max(1) as f64;
+        let from = [middle, center].into_iter().find(|&point| solid.contains(point, 0.0)).unwrap_or(nearest);
+        Some(Self { points, from })
     }
 
     /// The nearest place along a direction where there is room for all of the vertices between solids.
@@ -275,7 +328,7 @@ impl<'a> Inside<'a> {
 
     /// The hindmost and the foremost of the vertices along a direction.
     fn ends(&self, direction: DVec3) -> Option<[DVec3; 2]> {
-        let points = || self.inside.iter().map(|&particle| self.particles.start[particle as usize]);
+        let points = || self.points.iter().map(|point| point.at);
         let by_height = |one: &DVec3, other: &DVec3| direction.dot(*one).total_cmp(&direction.dot(*other));
         Some([points().min_by(by_height)?, points().max_by(by_height)?])
     }
@@ -303,7 +356,7 @@ impl<'a> Inside<'a> {
 
     fn led(self, exit: Exit) -> WayOut {
         let depth = self.depth(exit).max(0.0);
-        WayOut { particles: self.inside, exit, depth }
+        WayOut { points: self.points, exit, depth }
     }
 }
 
@@ -329,13 +382,18 @@ fn directions() -> impl Iterator<Item = DVec3> {
 }
 
 impl WayOut {
+    /// The particles that are inside themselves.
+    fn vertices(&self) -> impl Iterator<Item = u32> {
+        self.points.iter().filter(|point| point.entries.len() == 1).map(|point| point.entries[0].0)
+    }
+
     /// Makes a constraint for every vertex: beyond the plane through the exit, which goes to `end`, at the pace of the deepest.
     fn lead_out(&self, particles: &mut Particles, contacts: &mut Vec<ContactConstraint>, end: DVec3, distance: f64) {
         let exit = particles.len() as u32;
         particles.push_driven(self.exit.at, end);
         let pace = distance.max(self.depth * DEPTHS_OF_PACE);
-        for &particle in &self.particles {
-            let entries = [(particle, 1.0), (exit, -1.0)].into_iter().collect();
+        for point in &self.points {
+            let entries = point.entries.iter().copied().chain([(exit, -1.0)]).collect();
             let features = Features::Plane { particles: entries, offset: -distance };
             contacts.push(ContactConstraint::new(features, self.exit.outward, pace, [0.0; 2]));
         }
