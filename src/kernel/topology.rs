@@ -386,6 +386,12 @@ impl SurfaceTopology {
         self.edge_triangles.around(edge.0)
     }
 
+    /// A triangle and all that share an edge with it; some more than once.
+    pub(crate) fn triangles_beside(&self, triangle: u32) -> impl Iterator<Item = u32> {
+        let edges = self.triangle_edges[triangle as usize].into_iter();
+        edges.flat_map(|edge| self.edge_triangles.around(edge).iter().copied())
+    }
+
     /// The triangles around a vertex and everything welded to it, ascending.
     ///
     /// # Panics

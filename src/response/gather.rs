@@ -19,13 +19,14 @@ use super::{
     particles::Particles,
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
     solver::{Solver, SolverBody},
+    untangle::{CutOff, PiercingEdge, cut_off},
 };
 use crate::{
     contacts::{ContactSide, ContactStore, PairOrder, StoredPair},
     detection::SharedList,
     kernel::{
         contact::{CompactContact, ContactKey, TouchingPair},
-        exact::{Feature, FeatureKind},
+        exact::{Feature, FeatureKind, side::face_normal},
         pose::Pose,
         topology::SurfaceTopology,
     },
@@ -84,6 +85,8 @@ pub(super) struct Gatherer {
     known: HashSet<Features4>,
     /// The vertices of the triangles that cross in this pair.
     tangled: HashSet<u32>,
+    /// Where the first side of this pair has to go against the second, where a part of one is cut off: a unit vector.
+    back: Option<DVec3>,
     insides: Insides,
 }
 
@@ -333,22 +336,60 @@ impl Gatherer {
         true
     }
 
-    /// Lists the corners of the triangles of a pair that cross.
+    /// Finds what is tangled in a pair of surfaces without inside: which triangles cross, and which part goes back.
     fn find_tangled(&mut self, particles: &mut Particles, scene: &Scene<'_, '_>, pair: &StoredPair) {
         self.tangled.clear();
+        self.back = None;
         if pair.nearest > 0.0 || pair.one_sided.contains(&true) {
             return;
         }
         let Some(topology_b) = &pair.topology_b else { return };
-        let sides = [self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, Some(topology_b))];
+        let topologies = [&pair.topology_a, topology_b];
+        let sides = [self.side(pair.a, Some(topologies[0])), self.side(pair.b, Some(topologies[1]))];
+        let mut piercing: [Vec<PiercingEdge>; 2] = [Vec::new(), Vec::new()];
+        let mut crossing: [HashSet<u32>; 2] = [HashSet::new(), HashSet::new()];
         for record in pair.contacts.iter() {
             if record.features.kind() != FeatureKind::EdgeFace {
                 continue;
             }
-            for ((side, pose), triangle) in sides.iter().zip(&pair.poses).zip([record.triangle_a, record.triangle_b]) {
-                let corners = self.corners(particles, scene, side, pose, triangle);
-                self.tangled.extend(corners.into_iter().flatten());
+            let triangles = [record.triangle_a, record.triangle_b];
+            let corners = [0, 1].map(|k| self.corners(particles, scene, &sides[k], &pair.poses[k], triangles[k]));
+            let [Some(corners_a), Some(corners_b)] = corners else { continue };
+            self.tangled.extend(corners_a.into_iter().chain(corners_b));
+            let at = |corner: u32| particles.start[corner as usize];
+            for (k, feature) in [record.features.a, record.features.b].into_iter().enumerate() {
+                crossing[k].extend(topologies[k].triangles_beside(triangles[k]));
+                let Feature::Edge(edge) = feature else { continue };
+                let ends = [edge as usize, (edge as usize + 1) % 3];
+                let [own, other] = if k == 0 { [corners_a, corners_b] } else { [corners_b, corners_a] };
+                piercing[k].push(PiercingEdge {
+                    edge: topologies[k].triangle_edges()[triangles[k] as usize][edge as usize],
+                    vertices: ends.map(|end| topologies[k].welded_triangles()[triangles[k] as usize][end]),
+                    along: at(own[ends[1]]) - at(own[ends[0]]),
+                    normal: face_normal(&other.map(at)),
+                });
             }
+        }
+        if self.tangled.is_empty() || pair.a == pair.b {
+            return;
+        }
+        let names = [pair.a.entity(), pair.b.entity()];
+        let mut least: Option<(usize, CutOff)> = None;
+        for k in [0, 1] {
+            self.insides.let_pass(names[k], names[1 - k], &crossing[k]);
+            if self.first_particle(names[k]).is_none() {
+                continue;
+            }
+            let part = cut_off(topologies[k].vertex_count(), topologies[k].edges(), &piercing[k]);
+            let is_less = |part: &CutOff| least.as_ref().is_none_or(|(_, least)| part.share < least.share);
+            least = part.filter(is_less).map(|part| (k, part)).or(least);
+        }
+        if let Some((k, part)) = least
+            && let Some(first) = self.first_particle(names[k])
+        {
+            let particles = part.vertices.iter().map(|&vertex| first as u32 + vertex);
+            self.insides.let_leave(names[1 - k], particles);
+            self.back = Some(if k == 0 { part.back } else { -part.back });
         }
     }
 
@@ -423,15 +464,18 @@ impl Gatherer {
         let is_leaving = |corners: [u32; 3], other: ContactSide| {
             corners.iter().any(|&corner| self.insides.is_leaving(other.entity(), corner))
         };
-        if is_leaving(a, pair.b) || b.is_some_and(|b| is_leaving(b, pair.a)) {
+        let goes_back = self.back.is_some() && record.features.kind() == FeatureKind::EdgeFace;
+        if !goes_back && (is_leaving(a, pair.b) || b.is_some_and(|b| is_leaving(b, pair.a))) {
             return None;
         }
         // A vertex may hold on to a boundary that its triangle crosses.
         let crosses = |side: ContactSide, other: ContactSide, triangle: u32, feature: Feature| {
             !matches!(feature, Feature::Vertex(_)) && self.is_crossing(side.entity(), other.entity(), triangle)
         };
-        if crosses(pair.a, pair.b, record.triangle_a, record.features.a)
-            || b.is_some() && crosses(pair.b, pair.a, record.triangle_b, record.features.b)
+        let is_crossing = record.features.kind() == FeatureKind::EdgeFace;
+        if !is_crossing
+            && (crosses(pair.a, pair.b, record.triangle_a, record.features.a)
+                || b.is_some() && crosses(pair.b, pair.a, record.triangle_b, record.features.b))
         {
             return None;
         }
@@ -453,7 +497,7 @@ impl Gatherer {
             (_, Feature::Vertex(corner)) if !penetrated => (face_of(b[corner as usize], a), -normal),
             (Feature::Edge(_), Feature::Face) | (Feature::Face, Feature::Edge(_)) => {
                 let firsts = [pair.a, pair.b].map(|side| self.first_particle(side.entity()));
-                return if has_inside { None } else { untangling(particles, pair, record, [a, b], firsts) };
+                return if has_inside { None } else { untangling(particles, pair, record, [a, b], firsts, self.back) };
             }
             _ => (flat(particles, record, [a, b], normal, distance), normal),
         };

@@ -26,6 +26,12 @@ pub(super) fn edges_of(a: [u32; 3], edge_a: u8, b: [u32; 3], edge_b: u8) -> Feat
     Features::EdgeEdge([a0, a1, b0, b1])
 }
 
+/// What goes back as a whole goes so many contact distances in a tick, if the pace of pushing out lets it.
+const WAY_BACK: f64 = 4.0;
+
+/// An edge that shortens the curve of crossing goes so many.
+const WAY_OF_EDGE: f64 = 2.0;
+
 /// All three weights from the first two, none for corners that are no part of the feature.
 pub(super) fn completed(feature: Feature, [first, second]: [f32; 2]) -> [f64; 3] {
     let [first, second] = [f64::from(first), f64::from(second)];
@@ -49,15 +55,34 @@ fn weights_of(record: &CompactContact) -> [[f64; 3]; 2] {
     [completed(record.features.a, record.barycentric_a), completed(record.features.b, record.barycentric_b)]
 }
 
-/// The constraint of a crossing without memory: the edge moves against the face by a contact distance, so that the curve
-/// in which the two surfaces cross becomes shorter.
+/// The constraint of a crossing without memory: the sides move against each other by a contact distance, the first along
+/// `back` where a part goes back as a whole, or so that the curve in which they cross becomes shorter.
 pub(super) fn untangling(
     particles: &Particles,
     pair: &StoredPair,
     record: &CompactContact,
     [a, b]: [[u32; 3]; 2],
     firsts: [Option<usize>; 2],
+    back: Option<DVec3>,
 ) -> Option<ContactConstraint> {
+    let (normal, way) = match back {
+        Some(back) => (back, WAY_BACK),
+        None => (shortening(particles, pair, record, [a, b], firsts)?, WAY_OF_EDGE),
+    };
+    let entries = weighted([a, b], weights_of(record));
+    let distance = f64::from(pair.contact_distance);
+    let offset = -distance * way - normal.dot(detected_sum(particles, &entries));
+    Some(ContactConstraint::new(Features::Plane { particles: entries, offset }, normal, distance, [0.0; 2]))
+}
+
+/// In which direction the first side has to move at a crossing to make the curve in which both cross shorter.
+fn shortening(
+    particles: &Particles,
+    pair: &StoredPair,
+    record: &CompactContact,
+    [a, b]: [[u32; 3]; 2],
+    firsts: [Option<usize>; 2],
+) -> Option<DVec3> {
     let topology_b = pair.topology_b.as_ref()?;
     let (topology, triangle, corners, edge, face, first_particle, sign) = match (record.features.a, record.features.b) {
         (Feature::Edge(edge), Feature::Face) => {
@@ -78,11 +103,7 @@ pub(super) fn untangling(
         corners.into_iter().find(|corner| ![start, end].contains(corner)).map(at)
     });
     let direction = untangling_direction([at(start), at(end)], &face.map(at), beside)?;
-    let entries = weighted([a, b], weights_of(record));
-    let normal = direction * sign;
-    let distance = f64::from(pair.contact_distance);
-    let offset = -distance - normal.dot(detected_sum(particles, &entries));
-    Some(ContactConstraint::new(Features::Plane { particles: entries, offset }, normal, distance, [0.0; 2]))
+    Some(direction * sign)
 }
 
 /// A contact whose normal and weights stay for the tick: of spheres, and of features that have penetrated at a rim.

@@ -1,15 +1,111 @@
-//! Which way an edge that pierces a face has to go, where nobody remembers on which side it was.
+//! Which way crossing surfaces have to go, where nobody remembers on which side they were.
 //!
-//! Two crossing sheets meet in a curve. It ends, or goes over into other triangles, where an edge pierces a face; when the
+//! The curve in which two sheets cross cuts a part off one of them, or off both. The smaller part is what has gone beyond:
+//! it goes back as a whole, against the faces that its edges pierce. Where the curve cuts nothing off, because it ends in the
+//! middle of both, it is made shorter: it ends, or goes over into other triangles, where an edge pierces a face; when the
 //! edge moves by `D` against the face, that point moves by `D − E (D·N)/(E·N)`, with `E` along the edge and `N` the face's
 //! normal, and the curve in each triangle beside the edge, which leaves the point along `R`, becomes shorter by what it
 //! moves along `R`. So `D` along the sum of `R − N (E·R)/(E·N)` shortens it fastest (the idea: Volino and
-//! Magnenat-Thalmann 2006, "Resolving Surface Collisions through Intersection Contour Minimization").
+//! Magnenat-Thalmann 2006, "Resolving Surface Collisions through Intersection Contour Minimization"; parts by flood fill:
+//! Baraff, Witkin and Kass 2003, "Untangling Cloth").
 
+use bevy_platform::collections::HashSet;
 use glam::DVec3;
 
 /// Edges that make a smaller sine with a face go along it rather than through it.
 const GRAZING_SINE: f64 = 1.0e-3;
+
+/// A part that is cut off goes back where its edges agree about the direction by this much, of 1.
+const AGREEMENT: f64 = 0.2;
+
+/// An edge of a surface that pierces a face of another one.
+#[derive(Clone, Copy, Debug)]
+pub struct PiercingEdge {
+    /// Its number in the topology.
+    pub edge: u32,
+    /// Its two vertices, welded.
+    pub vertices: [u32; 2],
+    /// From the first to the second.
+    pub along: DVec3,
+    /// Unit normal of the face, to either side.
+    pub normal: DVec3,
+}
+
+/// A part of a surface that is cut off by another one.
+#[derive(Clone, Debug)]
+pub struct CutOff {
+    /// Its vertices, welded.
+    pub vertices: Vec<u32>,
+    /// Which share of the surface's vertices they are.
+    pub share: f64,
+    /// Unit vector: where it has to go.
+    pub back: DVec3,
+}
+
+/// The smaller part of a surface, with welded edges `edges`, that is cut off where other edges are than those that pierce;
+/// `None` where they cut nothing off, or in different directions.
+#[must_use]
+pub fn cut_off(vertex_count: usize, edges: &[[u32; 2]], piercing: &[PiercingEdge]) -> Option<CutOff> {
+    let cut: HashSet<u32> = piercing.iter().map(|piercing| piercing.edge).collect();
+    let mut parts = Parts::new(vertex_count);
+    for (number, &[a, b]) in (0..).zip(edges) {
+        if !cut.contains(&number) {
+            parts.join(a, b);
+        }
+    }
+    let mut smaller = HashSet::new();
+    let mut back = DVec3::ZERO;
+    for piercing in piercing {
+        let [a, b] = piercing.vertices.map(|vertex| parts.of(vertex));
+        if a == b {
+            continue;
+        }
+        let is_first = parts.size[a as usize] < parts.size[b as usize];
+        smaller.insert(if is_first { a } else { b });
+        let along = if is_first { piercing.along } else { -piercing.along };
+        back += piercing.normal * piercing.normal.dot(along).signum();
+    }
+    if back.length() < AGREEMENT * piercing.len() as f64 {
+        return None;
+    }
+    let vertices: Vec<u32> = (0..vertex_count as u32).filter(|&vertex| smaller.contains(&parts.of(vertex))).collect();
+    let share = vertices.len() as f64 / vertex_count as f64;
+    (!vertices.is_empty()).then_some(CutOff { vertices, share, back: back.normalize() })
+}
+
+/// Which vertices are joined.
+struct Parts {
+    parent: Vec<u32>,
+    size: Vec<u32>,
+}
+
+impl Parts {
+    fn new(count: usize) -> Self {
+        Self { parent: (0..count as u32).collect(), size: vec![1; count] }
+    }
+
+    /// The vertex that a part is named by.
+    fn of(&mut self, mut vertex: u32) -> u32 {
+        while self.parent[vertex as usize] != vertex {
+            let above = self.parent[self.parent[vertex as usize] as usize];
+            self.parent[vertex as usize] = above;
+            vertex = above;
+        }
+        vertex
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (mut large, mut small) = (self.of(a), self.of(b));
+        if large == small {
+            return;
+        }
+        if self.size[large as usize] < self.size[small as usize] {
+            std::mem::swap(&mut large, &mut small);
+        }
+        self.parent[small as usize] = large;
+        self.size[large as usize] += self.size[small as usize];
+    }
+}
 
 /// The unit direction in which to move an edge against a face that it pierces; `beside` are the third corners of the
 /// triangles along the edge. `None` where the curve is as long whichever way it moves, or there is no telling.

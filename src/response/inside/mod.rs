@@ -20,7 +20,6 @@ use super::{
 };
 use crate::{
     detection::moved_box,
-    kernel::{ids::EdgeId, topology::SurfaceTopology},
     surface::{ActiveShape, ActiveSurface},
 };
 
@@ -38,8 +37,17 @@ const MOST_LOOKS: usize = 20_000_000;
 /// So often, in detections, another direction is looked for.
 const CHOSEN_FOR: u32 = 16;
 
-/// Another direction has to be shorter by this factor than the one that was chosen.
+/// A way that leads on counts as shorter by this factor than it is, and one that does not as longer by its inverse.
 const FAITH: f64 = 0.5;
+
+/// So many of the points inside, about, are followed along each direction.
+const MOST_FOLLOWED: usize = 8;
+
+/// The cosine between two directions that count as one.
+const SAME: f64 = 0.99;
+
+/// A way leads on where this share of it is left, at most, when another one is looked for.
+const LEFT: f64 = 0.75;
 
 /// Where one direction leads from solid into solid, it is given up after so many.
 const MOST_SOLIDS: usize = 16;
@@ -64,6 +72,8 @@ struct Chosen {
     direction: DVec3,
     /// For how many detections.
     age: u32,
+    /// How far it was when it was chosen.
+    depth: f64,
 }
 
 /// The points of a body that are inside a solid, and the way out of it that all of them take: in different directions they
@@ -114,6 +124,16 @@ impl Insides {
     /// Whether a triangle of a body crosses the boundary of a solid, or is beside one that does.
     pub(super) fn is_crossing(&self, body: Entity, solid: Entity, triangle: u32) -> bool {
         self.crossing.get(&(body, solid)).is_some_and(|triangles| triangles.contains(&triangle))
+    }
+
+    /// Lets triangles of a body pass the boundary of another surface, where they cross it.
+    pub(super) fn let_pass(&mut self, body: Entity, other: Entity, triangles: &HashSet<u32>) {
+        self.crossing.entry((body, other)).or_default().extend(triangles);
+    }
+
+    /// Lets particles leave a surface.
+    pub(super) fn let_leave(&mut self, surface: Entity, particles: impl Iterator<Item = u32>) {
+        self.leaving.entry(surface).or_default().extend(particles);
     }
 
     /// Makes constraints that lead out what is inside a solid; `first` is the first particle of a body.
@@ -190,7 +210,7 @@ impl Insides {
         let solid = solid()?;
         let crossing = scene.crossing_of(surface.entity, entity);
         let inside = Inside::new(particles, body, &solid, shallow, &crossing)?;
-        let triangles = crossing.iter().flat_map(|&(triangle, _)| beside(&surface.topology, triangle));
+        let triangles = crossing.iter().flat_map(|&(triangle, _)| surface.topology.triangles_beside(triangle));
         self.crossing.insert(pair, triangles.collect());
         let margin = 2.0 * f64::from(surface.thickness);
         let opposite = self.ways.get(&(entity, surface.entity)).map(|other| -other.direction);
@@ -198,13 +218,14 @@ impl Insides {
         if let Some(direction) = kept
             && let Some(way) = inside.way_along(direction, &[&solid], margin)
         {
-            self.ways.insert(pair, Chosen { direction, age: before.map_or(0, |before| before.age) + 1 });
+            let chosen = before.unwrap_or(Chosen { direction, age: 0, depth: inside.depth(way) });
+            self.ways.insert(pair, Chosen { direction, age: chosen.age + 1, ..chosen });
             return Some(inside.led(way));
         }
         let around = around(scene, particles, surface, entity, first);
         let all: Vec<&Solid<'_>> = std::iter::once(&solid).chain(&around).collect();
-        let way = inside.best_way(&solid, &all, margin, before.map(|before| before.direction))?;
-        self.ways.insert(pair, Chosen { direction: way.outward, age: 0 });
+        let way = inside.best_way(&solid, &all, margin, before)?;
+        self.ways.insert(pair, Chosen { direction: way.outward, age: 0, depth: inside.depth(way) });
         Some(inside.led(way))
     }
 }
@@ -257,12 +278,6 @@ fn end_of(scene: &Scene<'_, '_>, surface: &ActiveSurface, point: DVec3) -> DVec3
     let away = |vertex: &usize| course.now.point(*vertex).distance_squared(point);
     let nearest = vertices.min_by(|one, other| away(one).total_cmp(&away(other)));
     nearest.map_or(point, |vertex| point + course.ahead.point(vertex) - course.now.point(vertex))
-}
-
-/// A triangle and all that share an edge with it.
-fn beside(topology: &SurfaceTopology, triangle: u32) -> impl Iterator<Item = u32> {
-    let edges = topology.triangle_edges()[triangle as usize].into_iter();
-    edges.flat_map(|edge| topology.triangles_of_edge(EdgeId(edge)).iter().copied())
 }
 
 /// The middle of the places where a triangle of a body crosses something, for every one that does in more than one place.
@@ -320,9 +335,15 @@ impl Inside {
         let [lowest, highest] = self.ends(direction)?;
         let room = direction.dot(highest - lowest) + margin;
         let free = |from: DVec3| Some(from + direction * free_from(from, direction, solids, room)?);
-        // The hindmost may have farther to go than what stands for all.
-        let [one, other] = [free(self.from)?, free(lowest)?];
-        let at = if direction.dot(one) > direction.dot(other) { one } else { other };
+        // Any of them may have farther to go than what stands for all.
+        let step = self.points.len().div_ceil(MOST_FOLLOWED);
+        let followed = self.points.iter().step_by(step).map(|point| point.at).chain([self.from, lowest]);
+        let mut farthest: Option<DVec3> = None;
+        for from in followed {
+            let at = free(from)?;
+            farthest = farthest.filter(|farthest| direction.dot(*farthest) >= direction.dot(at)).or(Some(at));
+        }
+        let at = farthest?;
         Some(Exit { at, outward: direction })
     }
 
@@ -337,21 +358,22 @@ impl Inside {
         self.ends(way.outward).map_or(0.0, |[lowest, _]| way.outward.dot(way.at - lowest))
     }
 
-    /// The shortest way of those straight out, in many directions, and the one that was taken `before`; the nearest
+    /// The shortest way of those straight out and in many directions, and the one that was taken `before`; the nearest
     /// exit of the solid where none is free.
-    fn best_way(&self, solid: &Solid<'_>, solids: &[&Solid<'_>], margin: f64, before: Option<DVec3>) -> Option<Exit> {
+    fn best_way(&self, solid: &Solid<'_>, solids: &[&Solid<'_>], margin: f64, before: Option<Chosen>) -> Option<Exit> {
         let nearest = solid.nearest_exit(self.from);
-        let directions = nearest.map(|exit| exit.outward).into_iter().chain(directions());
-        let mut best: Option<(f64, Exit)> = None;
-        let tried = before.into_iter().map(|direction| (direction, FAITH)).chain(directions.map(|one| (one, 1.0)));
-        for (direction, factor) in tried {
-            let Some(way) = self.way_along(direction, solids, margin) else { continue };
-            let cost = factor * self.depth(way);
-            if best.is_none_or(|(least, _)| cost < least) {
-                best = Some((cost, way));
+        let taken = before.map(|before| before.direction);
+        let tried = taken.into_iter().chain(nearest.map(|exit| exit.outward)).chain(directions());
+        let ways = tried.filter_map(|direction| self.way_along(direction, solids, margin));
+        let cost = |way: &Exit| {
+            let depth = self.depth(*way);
+            match before.filter(|before| before.direction.dot(way.outward) > SAME) {
+                Some(before) if depth <= LEFT * before.depth => depth * FAITH,
+                Some(_) => depth,
+                None => depth,
             }
-        }
-        best.map(|(_, way)| way).or(nearest)
+        };
+        ways.min_by(|one, other| cost(one).total_cmp(&cost(other))).or(nearest)
     }
 
     fn led(self, exit: Exit) -> WayOut {
