@@ -340,7 +340,8 @@ impl Gatherer {
     fn find_tangled(&mut self, particles: &mut Particles, scene: &Scene<'_, '_>, pair: &StoredPair) {
         self.tangled.clear();
         self.back = None;
-        if pair.nearest > 0.0 || pair.one_sided.contains(&true) {
+        let is_own = pair.a == pair.b;
+        if pair.nearest > 0.0 || !is_own && pair.one_sided.contains(&true) {
             return;
         }
         let Some(topology_b) = &pair.topology_b else { return };
@@ -370,10 +371,14 @@ impl Gatherer {
                 });
             }
         }
-        if self.tangled.is_empty() || pair.a == pair.b {
+        if self.tangled.is_empty() {
             return;
         }
         let names = [pair.a.entity(), pair.b.entity()];
+        if is_own {
+            crossing.iter().for_each(|triangles| self.insides.let_pass(names[0], names[0], triangles));
+            return;
+        }
         let mut least: Option<(usize, CutOff)> = None;
         for k in [0, 1] {
             self.insides.let_pass(names[k], names[1 - k], &crossing[k]);
@@ -497,7 +502,11 @@ impl Gatherer {
             (_, Feature::Vertex(corner)) if !penetrated => (face_of(b[corner as usize], a), -normal),
             (Feature::Edge(_), Feature::Face) | (Feature::Face, Feature::Edge(_)) => {
                 let firsts = [pair.a, pair.b].map(|side| self.first_particle(side.entity()));
-                return if has_inside { None } else { untangling(particles, pair, record, [a, b], firsts, self.back) };
+                return if has_inside && pair.a != pair.b {
+                    None
+                } else {
+                    untangling(particles, pair, record, [a, b], firsts, self.back)
+                };
             }
             _ => (flat(particles, record, [a, b], normal, distance), normal),
         };

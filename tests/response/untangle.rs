@@ -1,10 +1,14 @@
 //! Sheets that cross to begin with, when nobody knows their sides.
 
 use bevy_circumsphere::{ContactStore, prelude::*, response::*};
-use circumsphere_support::scenes::{Diagonals, grid};
+use bevy_transform::components::Transform;
+use circumsphere_support::{
+    random::Random,
+    scenes::{Diagonals, grid, icosphere},
+};
 use glam::Vec3;
 
-use crate::harness::Scene;
+use crate::harness::{Scene, ticks_in};
 
 fn crossings(scene: &Scene) -> usize {
     let store = scene.app.world().resource::<ContactStore>();
@@ -49,4 +53,56 @@ fn sheets_that_cross_in_their_middles_come_apart() {
     assert!(crossings(&scene) > 10, "the test would show nothing: {}", crossings(&scene));
     scene.run(120);
     assert_eq!(crossings(&scene), 0);
+}
+
+#[test]
+fn sheets_in_random_places_come_apart() {
+    let mut random = Random::new(0x5eed);
+    let mut left = Vec::new();
+    let mut began = 0;
+    for round in 0..18 {
+        let mut scene = Scene::new();
+        scene.settings().gravity = Vec3::ZERO;
+        let rate = [30.0, 60.0, 120.0][round % 3];
+        for _ in 0..2 {
+            let [turn, tilt, x, y, z] = std::array::from_fn(|_| random.signed_unit());
+            let sheet = grid(8 + round % 5, 10, 0.5, 0.45, Diagonals::Alternating)
+                .rotate([0.0, 0.6, 0.8], 3.0 * turn)
+                .rotate([1.0, 0.0, 0.0], 3.0 * tilt)
+                .translate([x, y, z].map(|place| 0.12 * place));
+            scene.add(&sheet, XpbdMaterial::CLOTH, (SelfCollision, SweptCollision));
+        }
+        scene.tick(1.0 / rate);
+        began += usize::from(crossings(&scene) > 0);
+        (0..ticks_in(2.0, rate)).for_each(|_| scene.tick(1.0 / rate));
+        if crossings(&scene) > 0 {
+            left.push(format!("{round} {rate} Hz: {}", crossings(&scene)));
+        }
+    }
+    assert!(began > 12, "{began}");
+    assert!(left.is_empty(), "{left:?}");
+}
+
+#[test]
+fn what_a_wall_has_crushed_crosses_itself_no_longer() {
+    for rate in [30.0, 60.0, 120.0] {
+        let mut most = 0;
+        for speed in [20.0, 40.0, 80.0] {
+            let mut scene = Scene::new();
+            scene.settings().gravity = Vec3::ZERO;
+            let wall = RigidShape(SharedShape::cuboid(2.0, 2.0, 0.1));
+            scene.app.world_mut().spawn((wall, Transform::from_xyz(0.0, 0.0, -0.1)));
+            let ball = icosphere(2, 0.1).translate([0.01, 0.02, 0.5]);
+            let body = scene.add(&ball, XpbdMaterial::SOFT, (SelfCollision, SweptCollision));
+            scene.body_mut(body).velocities.fill(Vec3::NEG_Z * speed);
+            for _ in 0..ticks_in(1.0, rate) {
+                scene.tick(1.0 / rate);
+                most = most.max(crossings(&scene));
+            }
+            assert_eq!(crossings(&scene), 0, "{rate} Hz, {speed} m/s");
+            let lowest = scene.positions(body).iter().map(|position| position.z).fold(1.0, f32::min);
+            assert!(lowest > 0.0, "{rate} Hz, {speed} m/s: {lowest}");
+        }
+        assert!(most > 10, "{rate} Hz: the test would show nothing");
+    }
 }
