@@ -199,7 +199,7 @@ impl Guard {
                     cause => is_met(cause).then_some((*pair, impact)),
                 }
             }));
-            if a == b && found.len() - before > MOST_OWN_IMPACTS * mesh_a.topology.vertex_count() {
+            if a == b && impacts.len() > MOST_OWN_IMPACTS * mesh_a.topology.vertex_count() {
                 found.truncate(before);
                 jammed.push(a);
             }
