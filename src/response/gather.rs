@@ -14,7 +14,7 @@ use super::{
     body::{SurfaceFriction, XpbdBody},
     contact::{ContactConstraint, Features},
     guard::{MeetingCorners, MeetingTriangles},
-    inside::Insides,
+    inside::{Crossing, Insides},
     motion::Motions,
     particles::Particles,
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
@@ -152,20 +152,21 @@ impl Scene<'_, '_> {
         records.any(|record| record.features.kind() == FeatureKind::EdgeFace || f64::from(record.distance) < -shallow)
     }
 
-    /// The places where triangles of a body cross another side: by triangle, with the weights of its corners.
-    pub(super) fn crossing_of(&self, body: Entity, other: Entity) -> Vec<(u32, [f64; 3])> {
+    /// The places where triangles of a body cross another side, by triangle.
+    pub(super) fn crossing_of(&self, body: Entity, other: Entity) -> Vec<Crossing> {
         let mut crossing = Vec::new();
         for pair in self.store.pairs_between(body, other) {
             let records = pair.contacts.iter().filter(|record| record.features.kind() == FeatureKind::EdgeFace);
             crossing.extend(records.map(|record| {
-                if pair.a.entity() == body {
-                    (record.triangle_a, completed(record.features.a, record.barycentric_a))
+                let (triangle, feature, weights) = if pair.a.entity() == body {
+                    (record.triangle_a, record.features.a, record.barycentric_a)
                 } else {
-                    (record.triangle_b, completed(record.features.b, record.barycentric_b))
-                }
+                    (record.triangle_b, record.features.b, record.barycentric_b)
+                };
+                Crossing { triangle, feature, weights: completed(feature, weights) }
             }));
         }
-        crossing.sort_by_key(|&(triangle, _)| triangle);
+        crossing.sort_by_key(|crossing| crossing.triangle);
         crossing
     }
 

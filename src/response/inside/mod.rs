@@ -17,9 +17,11 @@ use super::{
     gather::Scene,
     particles::Particles,
     solver::Solver,
+    untangle::{CutOff, PiercingEdge, cut_off},
 };
 use crate::{
     detection::moved_box,
+    kernel::exact::Feature,
     surface::{ActiveShape, ActiveSurface},
 };
 
@@ -100,6 +102,16 @@ impl BodyPoint {
         let at = entries.iter().map(|&(particle, weight)| particles.start[particle as usize] * weight).sum();
         Self { entries, at }
     }
+}
+
+/// Where a triangle of a body crosses the boundary of something.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Crossing {
+    pub(super) triangle: u32,
+    /// An edge of it pierces a face, or its face is pierced.
+    pub(super) feature: Feature,
+    /// Of its corners.
+    pub(super) weights: [f64; 3],
 }
 
 /// A body with its particles from `first` on.
@@ -210,11 +222,17 @@ impl Insides {
         let solid = solid()?;
         let crossing = scene.crossing_of(surface.entity, entity);
         let inside = Inside::new(particles, body, &solid, shallow, &crossing)?;
-        let triangles = crossing.iter().flat_map(|&(triangle, _)| surface.topology.triangles_beside(triangle));
+        let triangles = crossing.iter().flat_map(|place| surface.topology.triangles_beside(place.triangle));
         self.crossing.insert(pair, triangles.collect());
         let margin = 2.0 * f64::from(surface.thickness);
+        let threaded = inside.is_threaded().then(|| threaded(&crossing, body, particles)).flatten();
+        if let Some(part) = &threaded {
+            let leaving = part.vertices.iter().map(|&vertex| body.first as u32 + vertex);
+            self.leaving.entry(entity).or_default().extend(leaving);
+        }
         let opposite = self.ways.get(&(entity, surface.entity)).map(|other| -other.direction);
-        let kept = opposite.or(before.filter(|before| before.age < CHOSEN_FOR).map(|before| before.direction));
+        let back = threaded.map(|part| part.back);
+        let kept = opposite.or(back).or(before.filter(|before| before.age < CHOSEN_FOR).map(|before| before.direction));
         if let Some(direction) = kept
             && let Some(way) = inside.way_along(direction, &[&solid], margin)
         {
@@ -281,13 +299,34 @@ fn end_of(scene: &Scene<'_, '_>, surface: &ActiveSurface, point: DVec3) -> DVec3
 }
 
 /// The middle of the places where a triangle of a body crosses something, for every one that does in more than one place.
-fn between(crossing: &[(u32, [f64; 3])], body: Body<'_>, particles: &Particles) -> impl Iterator<Item = BodyPoint> {
-    crossing.chunk_by(|one, other| one.0 == other.0).filter(|places| places.len() > 1).map(move |places| {
-        let corners = body.surface.topology.welded_triangles()[places[0].0 as usize];
-        let mean = |corner: usize| places.iter().map(|(_, weights)| weights[corner]).sum::<f64>() / places.len() as f64;
-        let entries = [0, 1, 2].map(|corner| (body.first as u32 + corners[corner], mean(corner)));
-        BodyPoint::new(entries, particles)
-    })
+fn between(crossing: &[Crossing], body: Body<'_>, particles: &Particles) -> impl Iterator<Item = BodyPoint> {
+    crossing.chunk_by(|one, other| one.triangle == other.triangle).filter(|places| places.len() > 1).map(
+        move |places| {
+            let corners = body.surface.topology.welded_triangles()[places[0].triangle as usize];
+            let mean =
+                |corner: usize| places.iter().map(|place| place.weights[corner]).sum::<f64>() / places.len() as f64;
+            let entries = [0, 1, 2].map(|corner| (body.first as u32 + corners[corner], mean(corner)));
+            BodyPoint::new(entries, particles)
+        },
+    )
+}
+
+/// The smaller part of a body, cut off by a solid that pierces it: it goes back to the larger one.
+fn threaded(crossing: &[Crossing], body: Body<'_>, particles: &Particles) -> Option<CutOff> {
+    let topology = &body.surface.topology;
+    let piercing: Vec<PiercingEdge> = crossing
+        .iter()
+        .filter_map(|place| {
+            let Feature::Edge(edge) = place.feature else { return None };
+            let corners = topology.welded_triangles()[place.triangle as usize];
+            let vertices = [edge as usize, (edge as usize + 1) % 3].map(|end| corners[end]);
+            let [start, end] = vertices.map(|vertex| particles.start[body.first + vertex as usize]);
+            let along = end - start;
+            let edge = topology.triangle_edges()[place.triangle as usize][edge as usize];
+            Some(PiercingEdge { edge, vertices, along, normal: along.try_normalize()? })
+        })
+        .collect();
+    cut_off(topology.vertex_count(), topology.edges(), &piercing)
 }
 
 /// The points of a body that are inside a solid.
@@ -298,13 +337,13 @@ struct Inside {
 }
 
 impl Inside {
-    /// The vertices inside, and where triangles cross the boundary, by triangle and weights, what is between such places.
+    /// The vertices inside, and where triangles cross the boundary, what is between such places.
     fn new(
         particles: &Particles,
         body: Body<'_>,
         solid: &Solid<'_>,
         shallow: f64,
-        crossing: &[(u32, [f64; 3])],
+        crossing: &[Crossing],
     ) -> Option<Self> {
         let at = |particle: usize| particles.start[particle];
         let is_free = |&particle: &usize| particles.inverse_mass[particle] > 0.0;
@@ -328,6 +367,11 @@ impl Inside {
         let middle = body.particles().map(at).sum::<DVec3>() / body.particles().len().max(1) as f64;
         let from = [middle, center].into_iter().find(|&point| solid.contains(point, 0.0)).unwrap_or(nearest);
         Some(Self { points, from })
+    }
+
+    /// Whether triangles go through the solid, and no vertex is inside.
+    fn is_threaded(&self) -> bool {
+        self.points.iter().all(|point| point.entries.len() > 1)
     }
 
     /// The nearest place along a direction where there is room for all of the vertices between solids.
