@@ -40,11 +40,11 @@
 //!
 //! What it does not cover:
 //!
-//! - What touches, crosses or is inside when a tick begins. What is inside is led out to the nearest side, where it may meet
-//!   something else: a body in a block that lies on the ground may stay there. Sheets that cross at a border are untangled, sheets
-//!   that cross in their middles and soft bodies that are nearly in one place may stay crossed.
-//! - Where two driven things squeeze a body so that no way is left, it may be inside of one of them or cross itself. So may what is
-//!   crumpled against a wall at some 20 m/s and more: it crosses itself.
+//! - What touches, crosses or is inside when a tick begins. What is inside a solid is led out, all of it one way: the shortest of 27
+//!   directions in which there is room between everything that no solver moves. Of sheets that cross, the smaller part that is cut
+//!   off goes back; where none is, and where a body crosses itself, the curve of crossing is made shorter until it is gone.
+//! - Where two driven things squeeze a body so that no way is left, it may be inside of one of them or cross itself. What is thrown
+//!   at a wall at 20 m/s and more may cross itself, too, for some ticks.
 //!   [`XpbdDiagnostics::impacts_remaining`] and [`XpbdDiagnostics::jammed`] tell, and the log once an episode.
 //! - What two bodies without `SweptCollision`, or one and something that stands, do to each other: contacts alone stop them. The
 //!   log warns once where such a body moves farther than its thickness between two detections.
@@ -55,7 +55,7 @@
 //!
 //! Animated surfaces, rigid shapes and pinned vertices go from where the last tick left them to where the game has written them
 //! now, while the solver steps. Surfaces and shapes that go farther near a body than half of its mean edge, as seen from the body,
-//! cut the tick into up to 16 parts ([`XpbdDiagnostics::parts`]), with a detection each; within a part, vertices go straight. So
+//! cut the tick into up to 8 parts ([`XpbdDiagnostics::parts`]), with a detection each; within a part, vertices go straight. So
 //! contacts that are read after the tick, and their messages, are those of the beginning of its last part, for both sides. Insert
 //! [`Teleported`](crate::Teleported) where something is to jump. What moves in a tick of no duration goes its way in the next one.
 //!

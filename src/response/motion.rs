@@ -15,10 +15,10 @@ use crate::{
 };
 
 /// What the game moves goes no farther between two detections than this share of the mean edge of the finest body near it.
-const SHARE_OF_EDGE: f64 = 0.5;
+const SHARE_OF_EDGE: f64 = 1.0;
 
 /// Into how many parts a tick is cut at most.
-const MOST_PARTS: u32 = 16;
+const MOST_PARTS: u32 = 8;
 
 /// Where a surface or shape is: its vertices in its own frame, none of a shape that is tested by formula, and that frame in
 /// the world.

@@ -3,11 +3,11 @@
 //! Cloth is dropped on floors at several rates and in several resolutions, with default settings and thickness. The
 //! finest cloths take minutes on a slow machine: `cargo test --test response -- holds --ignored` runs them.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{SurfaceDetection, prelude::*, response::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid};
-use glam::{Quat, Vec3};
+use glam::{DVec3, Quat, Vec3};
 use parry3d::{math::Pose, utils::Array2};
 
 use crate::{
@@ -188,6 +188,14 @@ enum Pinned {
     UpperEdge,
 }
 
+/// Where the vertices of the only surface were at every detection of a tick.
+#[derive(Resource, Default)]
+struct PartStarts(Vec<Vec<DVec3>>);
+
+fn note_part_start(surface: Single<&SurfacePositions>, mut starts: ResMut<PartStarts>) {
+    starts.0.push(doubles(&surface.0));
+}
+
 /// Drives a ball at 30 m/s into a flag, and tells what was wrong.
 fn ball_against_flag(rate: f64, cells: usize, pinned: Pinned, flight: Flight, aim: Vec3) -> Result<(), String> {
     const RADIUS: f32 = 0.15;
@@ -207,7 +215,9 @@ fn ball_against_flag(rate: f64, cells: usize, pinned: Pinned, flight: Flight, ai
     let shape = RigidShape(SharedShape::ball(RADIUS));
     let ball = scene.app.world_mut().spawn((shape, Transform::from_translation(start))).id();
     let triangles = scene.app.world().get::<DeformableSurface>(flag).unwrap().topology().triangles().to_vec();
-    let mut last = (start.as_dvec3(), doubles(scene.positions(flag)));
+    // Where the flag is when each part of a tick begins.
+    scene.app.init_resource::<PartStarts>().add_systems(SurfaceDetection, note_part_start);
+    let mut last = start.as_dvec3();
     for tick in 0..ticks_in(0.6, rate) {
         // A tick stands first: there is a pose of the tick before.
         let way = (tick as f64 / rate * SPEED) as f32;
@@ -221,7 +231,7 @@ fn ball_against_flag(rate: f64, cells: usize, pinned: Pinned, flight: Flight, ai
         if now.1.iter().any(|position| !position.is_finite()) {
             return failed("not finite".into());
         }
-        let inside = |position: &&glam::DVec3| position.distance(now.0) < f64::from(RADIUS) - ROUNDING;
+        let inside = |position: &&DVec3| position.distance(now.0) < f64::from(RADIUS) - ROUNDING;
         let count = now.1.iter().filter(inside).count();
         if count > 0 {
             return failed(format!("{count} vertices inside"));
@@ -232,14 +242,20 @@ fn ball_against_flag(rate: f64, cells: usize, pinned: Pinned, flight: Flight, ai
         if nearest < f64::from(RADIUS) - ROUNDING {
             return failed(format!("a triangle is {nearest:.6} m from the center"));
         }
-        let passes = triangles.iter().any(|triangle| {
-            let ways = triangle.map(|corner| [last.1[corner as usize], now.1[corner as usize]]);
-            crosses_on_its_way([last.0, now.0], ways)
+        let mut places = std::mem::take(&mut scene.app.world_mut().resource_mut::<PartStarts>().0);
+        places.push(now.1);
+        let parts = places.len() - 1;
+        let center = |part: usize| last.lerp(now.0, part as f64 / parts as f64);
+        let passes = (0..parts).any(|part| {
+            triangles.iter().any(|triangle| {
+                let ways = triangle.map(|corner| [part, part + 1].map(|part| places[part][corner as usize]));
+                crosses_on_its_way([center(part), center(part + 1)], ways)
+            })
         });
         if passes {
             return failed("the center goes through the flag".into());
         }
-        last = now;
+        last = now.0;
     }
     Ok(())
 }
