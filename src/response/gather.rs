@@ -3,6 +3,8 @@
 //! Every body's vertices are particles in world space; of everything else only the vertices that contacts touch are.
 //! Contacts are taken in the order of what they are named by, whatever order they come in.
 
+mod tangled;
+
 use std::sync::Arc;
 
 use arrayvec::ArrayVec;
@@ -19,14 +21,13 @@ use super::{
     particles::Particles,
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
     solver::{Solver, SolverBody},
-    untangle::{CutOff, PiercingEdge, cut_off},
 };
 use crate::{
     contacts::{ContactSide, ContactStore, PairOrder, StoredPair},
     detection::SharedList,
     kernel::{
         contact::{CompactContact, ContactKey, TouchingPair},
-        exact::{Feature, FeatureKind, side::face_normal},
+        exact::{Feature, FeatureKind},
         pose::Pose,
         topology::SurfaceTopology,
     },
@@ -335,68 +336,6 @@ impl Gatherer {
         let friction = scene.friction(a.entity, b.entity);
         solver.contacts.push(ContactConstraint::new(features, normal, distance, friction));
         true
-    }
-
-    /// Finds what is tangled in a pair of surfaces without inside: which triangles cross, and which part goes back.
-    fn find_tangled(&mut self, particles: &mut Particles, scene: &Scene<'_, '_>, pair: &StoredPair) {
-        self.tangled.clear();
-        self.back = None;
-        let is_own = pair.a == pair.b;
-        if pair.nearest > 0.0 || !is_own && pair.one_sided.contains(&true) {
-            return;
-        }
-        let Some(topology_b) = &pair.topology_b else { return };
-        let topologies = [&pair.topology_a, topology_b];
-        let sides = [self.side(pair.a, Some(topologies[0])), self.side(pair.b, Some(topologies[1]))];
-        let mut piercing: [Vec<PiercingEdge>; 2] = [Vec::new(), Vec::new()];
-        let mut crossing: [HashSet<u32>; 2] = [HashSet::new(), HashSet::new()];
-        for record in pair.contacts.iter() {
-            if record.features.kind() != FeatureKind::EdgeFace {
-                continue;
-            }
-            let triangles = [record.triangle_a, record.triangle_b];
-            let corners = [0, 1].map(|k| self.corners(particles, scene, &sides[k], &pair.poses[k], triangles[k]));
-            let [Some(corners_a), Some(corners_b)] = corners else { continue };
-            self.tangled.extend(corners_a.into_iter().chain(corners_b));
-            let at = |corner: u32| particles.start[corner as usize];
-            for (k, feature) in [record.features.a, record.features.b].into_iter().enumerate() {
-                crossing[k].extend(topologies[k].triangles_beside(triangles[k]));
-                let Feature::Edge(edge) = feature else { continue };
-                let ends = [edge as usize, (edge as usize + 1) % 3];
-                let [own, other] = if k == 0 { [corners_a, corners_b] } else { [corners_b, corners_a] };
-                piercing[k].push(PiercingEdge {
-                    edge: topologies[k].triangle_edges()[triangles[k] as usize][edge as usize],
-                    vertices: ends.map(|end| topologies[k].welded_triangles()[triangles[k] as usize][end]),
-                    along: at(own[ends[1]]) - at(own[ends[0]]),
-                    normal: face_normal(&other.map(at)),
-                });
-            }
-        }
-        if self.tangled.is_empty() {
-            return;
-        }
-        let names = [pair.a.entity(), pair.b.entity()];
-        if is_own {
-            crossing.iter().for_each(|triangles| self.insides.let_pass(names[0], names[0], triangles));
-            return;
-        }
-        let mut least: Option<(usize, CutOff)> = None;
-        for k in [0, 1] {
-            self.insides.let_pass(names[k], names[1 - k], &crossing[k]);
-            if self.first_particle(names[k]).is_none() {
-                continue;
-            }
-            let part = cut_off(topologies[k].vertex_count(), topologies[k].edges(), &piercing[k]);
-            let is_less = |part: &CutOff| least.as_ref().is_none_or(|(_, least)| part.share < least.share);
-            least = part.filter(is_less).map(|part| (k, part)).or(least);
-        }
-        if let Some((k, part)) = least
-            && let Some(first) = self.first_particle(names[k])
-        {
-            let particles = part.vertices.iter().map(|&vertex| first as u32 + vertex);
-            self.insides.let_leave(names[1 - k], particles);
-            self.back = Some(if k == 0 { part.back } else { -part.back });
-        }
     }
 
     /// Whether a feature pair is not among the constraints yet.

@@ -131,7 +131,10 @@ pub fn untangling_direction(edge: [DVec3; 2], face: &[DVec3; 3], beside: impl It
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
+    use crate::kernel::topology::SurfaceTopology;
 
     /// Length of the line in which two triangles cross, by where the edges of each pierce the other.
     fn curve_length(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
@@ -180,6 +183,34 @@ mod tests {
         let weights = [(at * bb - bt * ab) / determinant, (bt * aa - at * ab) / determinant];
         assert!(weights.iter().all(|&weight| weight > 0.0), "{weights:?}");
         assert!((of_ends(weights) - steepest).length() < 1e-5, "{steepest} {directions:?}");
+    }
+
+    /// A row of four squares along x, two triangles each, and the edges of it that a plane at `x` cuts.
+    fn row(x: f64) -> (SurfaceTopology, Vec<PiercingEdge>) {
+        let corners: Vec<Vec3> = (0..10).map(|place| Vec3::new((place / 2) as f32, 0.0, (place % 2) as f32)).collect();
+        let triangles: Vec<[u32; 3]> =
+            (0..4).flat_map(|k| [[2 * k, 2 * k + 1, 2 * k + 2], [2 * k + 1, 2 * k + 3, 2 * k + 2]]).collect();
+        let topology = SurfaceTopology::new(&corners, &triangles).unwrap();
+        let at = |vertex: u32| corners[vertex as usize].as_dvec3();
+        let piercing = (0..)
+            .zip(topology.edges())
+            .filter(|(_, [a, b])| (at(*a).x - x) * (at(*b).x - x) < 0.0)
+            .map(|(edge, &[a, b])| PiercingEdge { edge, vertices: [a, b], along: at(b) - at(a), normal: DVec3::NEG_X })
+            .collect();
+        (topology, piercing)
+    }
+
+    #[test]
+    fn the_shorter_end_of_a_row_is_cut_off_and_goes_back_to_the_longer() {
+        for (x, expected, back) in [(0.5, vec![0, 1], DVec3::X), (2.7, vec![6, 7, 8, 9], DVec3::NEG_X)] {
+            let (topology, piercing) = row(x);
+            let part = cut_off(topology.vertex_count(), topology.edges(), &piercing).unwrap();
+            assert_eq!(part.vertices, expected);
+            assert_eq!(part.back, back);
+            assert!((part.share - expected.len() as f64 / 10.0).abs() < 1e-12);
+            // Where one edge still holds, nothing is cut off.
+            assert!(cut_off(topology.vertex_count(), topology.edges(), &piercing[1..]).is_none());
+        }
     }
 
     #[test]

@@ -39,7 +39,7 @@ const MOST_LOOKS: usize = 20_000_000;
 /// So often, in detections, another direction is looked for.
 const CHOSEN_FOR: u32 = 16;
 
-/// A way that leads on counts as shorter by this factor than it is, and one that does not as longer by its inverse.
+/// A way that leads on counts as shorter by this factor than it is.
 const FAITH: f64 = 0.5;
 
 /// So many of the points inside, about, are followed along each direction.
@@ -114,6 +114,15 @@ pub(super) struct Crossing {
     pub(super) weights: [f64; 3],
 }
 
+/// What a way out is looked for in.
+#[derive(Clone, Copy)]
+struct Surroundings<'a> {
+    scene: &'a Scene<'a, 'a>,
+    particles: &'a Particles,
+    /// The first particle of a body.
+    first: &'a dyn Fn(Entity) -> Option<usize>,
+}
+
 /// A body with its particles from `first` on.
 #[derive(Clone, Copy)]
 struct Body<'a> {
@@ -168,8 +177,9 @@ impl Insides {
                     continue;
                 }
                 let names = (other.entity, other.fresh);
-                let solid = || placed(scene, &solver.particles, other, &first);
-                let Some(way) = self.find(scene, &solver.particles, body, names, 0.0, solid, &first) else { continue };
+                let surroundings = Surroundings { scene, particles: &solver.particles, first: &first };
+                let solid = || surroundings.placed(other);
+                let Some(way) = self.find(surroundings, body, names, 0.0, solid) else { continue };
                 let particles = &mut solver.particles;
                 let leaving = self.leaving.entry(other.entity).or_default();
                 if first(other.entity).is_some() {
@@ -190,7 +200,8 @@ impl Insides {
                 let shallow = SHALLOW * f64::from(surface.thickness);
                 let solid = || Some(Solid::shape(&shape.geometry, pose));
                 let names = (shape.entity, shape.fresh);
-                let way = self.find(scene, &solver.particles, body, names, shallow, solid, &first);
+                let surroundings = Surroundings { scene, particles: &solver.particles, first: &first };
+                let way = self.find(surroundings, body, names, shallow, solid);
                 let Some(way) = way else { continue };
                 self.leaving.entry(shape.entity).or_default().extend(way.vertices());
                 let end = ahead.transform_point(pose.inverse().transform_point(way.exit.at));
@@ -202,14 +213,13 @@ impl Insides {
     /// Finds the way out of a solid for a body that is near it; where nothing is deeper than `shallow`, that is left to contacts.
     fn find<'a>(
         &mut self,
-        scene: &'a Scene<'_, '_>,
-        particles: &Particles,
+        surroundings: Surroundings<'a>,
         body: Body<'_>,
         (entity, fresh): (Entity, bool),
         shallow: f64,
         solid: impl FnOnce() -> Option<Solid<'a>>,
-        first: impl Fn(Entity) -> Option<usize>,
     ) -> Option<WayOut> {
+        let Surroundings { scene, particles, .. } = surroundings;
         let surface = body.surface;
         let pair = (surface.entity, entity);
         self.near.insert(pair);
@@ -240,7 +250,7 @@ impl Insides {
             self.ways.insert(pair, Chosen { direction, age: chosen.age + 1, ..chosen });
             return Some(inside.led(way));
         }
-        let around = around(scene, particles, surface, entity, first);
+        let around = surroundings.around(surface, entity);
         let all: Vec<&Solid<'_>> = std::iter::once(&solid).chain(&around).collect();
         let way = inside.best_way(&solid, &all, margin, before)?;
         self.ways.insert(pair, Chosen { direction: way.outward, age: 0, depth: inside.depth(way) });
@@ -255,38 +265,27 @@ fn is_near(body: &ActiveSurface, shape: &ActiveShape, scene: &Scene<'_, '_>) -> 
         && shape.geometry.bounds().is_none_or(|bounds| moved_box(&bounds, &pose).overlaps(&body.world_bounds))
 }
 
-/// A surface where it is when the tick begins.
-fn placed<'a>(
-    scene: &Scene<'_, '_>,
-    particles: &Particles,
-    surface: &'a ActiveSurface,
-    first: impl Fn(Entity) -> Option<usize>,
-) -> Option<Solid<'a>> {
-    let count = surface.topology.vertex_count();
-    let points: Option<Vec<DVec3>> = match first(surface.entity) {
-        Some(first) => Some(particles.start[first..first + count].to_vec()),
-        None => (0..count).map(|vertex| Some(scene.ends(surface.entity, &surface.pose, vertex)?[0])).collect(),
-    };
-    Some(Solid::surface(&surface.topology, points?, surface.one_sided))
-}
+impl<'a> Surroundings<'a> {
+    /// A surface where it is when the tick begins.
+    fn placed(self, surface: &'a ActiveSurface) -> Option<Solid<'a>> {
+        let count = surface.topology.vertex_count();
+        let at = |vertex: usize| Some(self.scene.ends(surface.entity, &surface.pose, vertex)?[0]);
+        let points: Option<Vec<DVec3>> = match (self.first)(surface.entity) {
+            Some(first) => Some(self.particles.start[first..first + count].to_vec()),
+            None => (0..count).map(at).collect(),
+        };
+        Some(Solid::surface(&surface.topology, points?, surface.one_sided))
+    }
 
-/// Everything but a solid that a body cannot push out of its way.
-fn around<'a>(
-    scene: &'a Scene<'_, '_>,
-    particles: &Particles,
-    body: &ActiveSurface,
-    solid: Entity,
-    first: impl Fn(Entity) -> Option<usize>,
-) -> Vec<Solid<'a>> {
-    let surfaces = scene.active.surfaces.iter();
-    let surfaces = surfaces
-        .filter(|other| other.entity != solid && first(other.entity).is_none() && body.meets(other))
-        .filter_map(|other| placed(scene, particles, other, &first));
-    let shapes = scene.active.shapes.iter();
-    let shapes = shapes
-        .filter(|other| other.entity != solid && body.layers.interacts_with(other.layers))
-        .map(|other| Solid::shape(&other.geometry, scene.poses(other)[0]));
-    surfaces.chain(shapes).collect()
+    /// Everything but a solid that a body cannot push out of its way.
+    fn around(self, body: &ActiveSurface, solid: Entity) -> Vec<Solid<'a>> {
+        let is_firm =
+            |other: &&ActiveSurface| other.entity != solid && (self.first)(other.entity).is_none() && body.meets(other);
+        let surfaces = self.scene.active.surfaces.iter().filter(is_firm).filter_map(|other| self.placed(other));
+        let meets = |other: &&ActiveShape| other.entity != solid && body.layers.interacts_with(other.layers);
+        let shapes = self.scene.active.shapes.iter().filter(meets);
+        surfaces.chain(shapes.map(|other| Solid::shape(&other.geometry, self.scene.poses(other)[0]))).collect()
+    }
 }
 
 /// Where a point on a surface that no solver moves is when the tick ends: it goes with the nearest vertex.
@@ -413,8 +412,7 @@ impl Inside {
             let depth = self.depth(*way);
             match before.filter(|before| before.direction.dot(way.outward) > SAME) {
                 Some(before) if depth <= LEFT * before.depth => depth * FAITH,
-                Some(_) => depth,
-                None => depth,
+                _ => depth,
             }
         };
         ways.min_by(|one, other| cost(one).total_cmp(&cost(other))).or(nearest)

@@ -100,7 +100,7 @@ impl<'a> Solid<'a> {
     pub(super) fn free_from(&self, point: DVec3, direction: DVec3, from: f64, room: f64) -> Option<f64> {
         match self {
             Self::Shape(shape) => shape.free_from(point, direction, from, room),
-            Self::Closed(mesh) => mesh.free_from(point, direction, from, room),
+            Self::Closed(mesh) => Some(mesh.free_from(point, direction, from, room)),
             Self::Open(mesh) => {
                 let mut is_crossed = false;
                 mesh.cross(point, direction, |at, _| is_crossed |= (0.0..from + room).contains(&at));
@@ -193,7 +193,7 @@ impl PlacedMesh<'_> {
         }
     }
 
-    fn free_from(&self, point: DVec3, direction: DVec3, from: f64, room: f64) -> Option<f64> {
+    fn free_from(&self, point: DVec3, direction: DVec3, from: f64, room: f64) -> f64 {
         let mut places = Vec::new();
         self.cross(point, direction, |at, leaves| places.push((at, leaves)));
         places.sort_unstable_by(|one, other| one.0.total_cmp(&other.0));
@@ -218,7 +218,7 @@ impl PlacedMesh<'_> {
                 free = range.end;
             }
         }
-        Some(free)
+        free
     }
 
     fn nearest_exit(&self, point: DVec3) -> Option<Exit> {
@@ -247,6 +247,7 @@ impl PlacedMesh<'_> {
 #[cfg(test)]
 mod tests {
     use glam::Vec3;
+    use parry3d::shape::SharedShape;
 
     use super::*;
 
@@ -305,5 +306,34 @@ mod tests {
             assert!(!closed.contains(DVec3::new(-3.0, at, at), 0.0));
             assert!(!closed.contains(DVec3::new(3.0, at, at), 0.0));
         }
+    }
+
+    #[test]
+    fn a_line_is_free_of_a_cube_where_it_leaves_it_and_in_gaps_that_have_room() {
+        let (topology, points) = cube();
+        let shape = SharedShape::cuboid(1.0, 1.0, 1.0);
+        let geometry = ShapeGeometry::new(&shape).unwrap();
+        let solids = [Solid::surface(&topology, points, true), Solid::shape(&geometry, Pose::IDENTITY)];
+        let from = DVec3::new(0.1, 0.2, -0.3);
+        for solid in &solids {
+            let free = |from: DVec3, direction: DVec3, room: f64| solid.free_from(from, direction, 0.0, room).unwrap();
+            for direction in [DVec3::X, DVec3::NEG_Y, DVec3::Z, DVec3::new(1.0, 1.0, 0.0).normalize()] {
+                let sides = (DVec3::ONE - from * direction.signum()) / direction.abs();
+                assert!((free(from, direction, 0.1) - sides.min_element()).abs() < 1e-3, "{direction}");
+            }
+            // Half a unit before the cube: enough room for less than that, beyond it for more.
+            let before = DVec3::new(-1.5, 0.2, -0.3);
+            assert_eq!(free(before, DVec3::X, 0.4), 0.0);
+            assert!((free(before, DVec3::X, 0.6) - 2.5).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn no_line_into_a_half_space_is_free() {
+        let shape = SharedShape::halfspace(Vec3::Y);
+        let geometry = ShapeGeometry::new(&shape).unwrap();
+        let solid = Solid::shape(&geometry, Pose::IDENTITY);
+        assert_eq!(solid.free_from(DVec3::NEG_Y, DVec3::NEG_Y, 0.0, 1.0), None);
+        assert!((solid.free_from(DVec3::NEG_Y, DVec3::Y, 0.0, 1.0).unwrap() - 1.0).abs() < 1e-3);
     }
 }
