@@ -292,10 +292,12 @@ impl Gatherer {
         self.insides.is_crossing(body, solid, triangle)
     }
 
-    /// Makes constraints that lead out what is inside a solid.
-    pub(super) fn lead_out(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>) {
+    /// Makes constraints that lead out what is inside a solid, and tells how many points are.
+    pub(super) fn lead_out(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>) -> usize {
         let Self { insides, bodies, .. } = self;
+        let before = solver.contacts.len();
         insides.lead_out(solver, scene, |entity| bodies.get(&entity).copied());
+        solver.contacts.len() - before
     }
 
     /// Forgets what no contact has touched in this tick.

@@ -45,7 +45,7 @@
 //!   off goes back; where none is, and where a body crosses itself, the curve of crossing is made shorter until it is gone.
 //! - Where two driven things squeeze a body so that no way is left, it may be inside of one of them or cross itself. What is thrown
 //!   at a wall at 20 m/s and more may cross itself, too, for some ticks.
-//!   [`XpbdDiagnostics::impacts_remaining`] and [`XpbdDiagnostics::jammed`] tell, and the log once an episode.
+//!   [`XpbdDiagnostics::impacts_remaining`], [`XpbdDiagnostics::jammed`] and [`XpbdDiagnostics::inside`] tell, and the log once an episode.
 //! - What two bodies without `SweptCollision`, or one and something that stands, do to each other: contacts alone stop them. The
 //!   log warns once where such a body moves farther than its thickness between two detections.
 //! - What the game moves passes through other things that the game moves.

@@ -52,6 +52,8 @@ pub struct XpbdDiagnostics {
     /// Bodies that were squeezed so that they met themselves nearly everywhere: they were not kept from crossing themselves.
     /// Once for each part of the tick.
     pub jammed: Vec<Entity>,
+    /// Vertices, and points between vertices, that were inside of a solid when the last part of the tick began: they are led out.
+    pub inside: usize,
     /// Looking for impacts, and solving again.
     pub guarding: Duration,
     /// Bodies that could not be moved in this tick and why: they stand until that is mended.
@@ -258,7 +260,7 @@ fn respond(
     }
     refused.clear();
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
-    gatherer.lead_out(solver, &scene);
+    diagnostics.inside = gatherer.lead_out(solver, &scene);
     gatherer.add_contacts(solver, &scene, Watch { duration, slack: f64::from(*slack) });
     diagnostics.bodies = moved.len();
     diagnostics.contacts = solver.contacts.len();
