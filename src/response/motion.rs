@@ -14,10 +14,8 @@ use crate::{
     surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptTarget},
 };
 
-/// What the game moves goes no farther between two detections than this share of the mean edge of the finest body near it.
-const SHARE_OF_EDGE: f64 = 1.0;
-
-/// Into how many parts a tick is cut at most.
+/// Into how many parts a tick is cut at most; with fewer, what the game moves goes no farther between two detections than the
+/// mean edge of the finest body near it is long.
 const MOST_PARTS: u32 = 8;
 
 /// Where a surface or shape is: its vertices in its own frame, none of a shape that is tested by formula, and that frame in
@@ -246,7 +244,7 @@ impl Motions {
                 is_near = true;
                 let way = course.way(points.as_ref().map(|points| &points[..]), body.motion);
                 longest = longest.max(way);
-                let fits = |count: &u32| way <= f64::from(*count) * SHARE_OF_EDGE * body.mean_edge;
+                let fits = |count: &u32| way <= f64::from(*count) * body.mean_edge;
                 if body.mean_edge > 0.0 {
                     parts = (parts..MOST_PARTS).find(fits).unwrap_or(MOST_PARTS);
                 }

@@ -1,4 +1,4 @@
-//! Which way crossing surfaces have to go, where nobody remembers on which side they were.
+//! How crossing surfaces come apart when it is not known which side each was on.
 //!
 //! The curve in which two sheets cross cuts a part off one of them, or off both. The smaller part is what has gone beyond:
 //! it goes back as a whole, against the faces that its edges pierce. Where the curve cuts nothing off, because it ends in the
@@ -11,6 +11,8 @@
 
 use bevy_platform::collections::HashSet;
 use glam::DVec3;
+
+use crate::kernel::topology::SurfaceTopology;
 
 /// Edges that make a smaller sine with a face go along it rather than through it.
 const GRAZING_SINE: f64 = 1.0e-3;
@@ -29,6 +31,26 @@ pub struct PiercingEdge {
     pub along: DVec3,
     /// Unit normal of the face, to either side.
     pub normal: DVec3,
+}
+
+impl PiercingEdge {
+    /// Edge `side` of a triangle with corners at `points`.
+    pub(super) fn new(
+        topology: &SurfaceTopology,
+        triangle: u32,
+        side: u8,
+        points: [DVec3; 3],
+        normal: impl FnOnce(DVec3) -> DVec3,
+    ) -> Self {
+        let ends = [side as usize, (side as usize + 1) % 3];
+        let along = points[ends[1]] - points[ends[0]];
+        Self {
+            edge: topology.triangle_edges()[triangle as usize][side as usize],
+            vertices: ends.map(|end| topology.welded_triangles()[triangle as usize][end]),
+            along,
+            normal: normal(along),
+        }
+    }
 }
 
 /// A part of a surface that is cut off by another one.
@@ -134,7 +156,6 @@ mod tests {
     use glam::Vec3;
 
     use super::*;
-    use crate::kernel::topology::SurfaceTopology;
 
     /// Length of the line in which two triangles cross, by where the edges of each pierce the other.
     fn curve_length(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {

@@ -74,6 +74,12 @@ impl Scene {
         self.app.world().get::<XpbdBody>(entity).unwrap()
     }
 
+    /// The greatest speed of a vertex, in meters per second; not a number if one is not.
+    pub fn fastest(&self, entity: Entity) -> f32 {
+        let speeds = self.body(entity).velocities.iter().map(|velocity| velocity.length());
+        speeds.fold(0.0, |fastest, speed| if speed > fastest || speed.is_nan() { speed } else { fastest })
+    }
+
     pub fn body_mut(&mut self, entity: Entity) -> Mut<'_, XpbdBody> {
         self.app.world_mut().get_mut::<XpbdBody>(entity).unwrap()
     }

@@ -67,8 +67,7 @@ fn what_begins_inside_a_solid_is_outside_after_a_second() {
         let mut fastest = 0.0_f32;
         for _ in 0..60 {
             scene.tick(TICK);
-            let speeds = scene.body(body).velocities.iter().map(|velocity| velocity.length());
-            fastest = speeds.fold(fastest, f32::max);
+            fastest = fastest.max(scene.fastest(body));
         }
         let (inside, center) =
             (inside(&scene), scene.positions(body).iter().sum::<Vec3>() / mesh.positions.len() as f32);
@@ -190,7 +189,7 @@ fn what_begins_in_blocks_among_others_comes_out_to_where_there_is_room() {
         let mut fastest = 0.0_f32;
         for _ in 0..ticks_in(1.0, rate) {
             scene.tick(1.0 / rate);
-            fastest = scene.body(body).velocities.iter().map(|velocity| velocity.length()).fold(fastest, f32::max);
+            fastest = fastest.max(scene.fastest(body));
         }
         if inside(&scene) > 0 || fastest > 12.0 {
             failures.push(format!("{round} {kind:?} {rate} Hz: {} inside, fastest {fastest}", inside(&scene)));

@@ -9,12 +9,6 @@ use glam::Vec3;
 
 use crate::harness::{Scene, TICK, apart, surface_of};
 
-/// The greatest speed of a vertex, in meters per second; not a number if one is not.
-fn fastest(scene: &Scene, entity: Entity) -> f32 {
-    let speeds = scene.body(entity).velocities.iter().map(|velocity| velocity.length());
-    speeds.fold(0.0, |fastest, speed| if speed > fastest || speed.is_nan() { speed } else { fastest })
-}
-
 #[test]
 fn bodies_of_any_shape_fly_on_without_shaking() {
     let meshes: Vec<(&str, Mesh)> = vec![
@@ -35,7 +29,7 @@ fn bodies_of_any_shape_fly_on_without_shaking() {
             let body = scene.add_changed(&mesh, material, |body| body.moving(Vec3::X), ());
             scene.run(60);
             // Rounding to single precision is a micrometer a tick at this distance, a thousandth of this bound.
-            let speed = fastest(&scene, body);
+            let speed = scene.fastest(body);
             assert!((speed - 1.0).abs() < 0.1, "{name} {material:?}: {speed}");
         }
     }
@@ -57,7 +51,7 @@ fn survives(change: impl Fn(&mut Scene, bevy_ecs::entity::Entity) -> f64, prepar
             assert!(position.is_finite() && position.length() < 1.5, "tick {tick}: {position}");
         }
     }
-    let speed = fastest(&scene, body);
+    let speed = scene.fastest(body);
     assert!(speed < 5.0, "{speed}");
 }
 

@@ -38,14 +38,9 @@ impl Gatherer {
             for (k, feature) in [record.features.a, record.features.b].into_iter().enumerate() {
                 crossing[k].extend(topologies[k].triangles_beside(triangles[k]));
                 let Feature::Edge(edge) = feature else { continue };
-                let ends = [edge as usize, (edge as usize + 1) % 3];
                 let [own, other] = if k == 0 { [corners_a, corners_b] } else { [corners_b, corners_a] };
-                piercing[k].push(PiercingEdge {
-                    edge: topologies[k].triangle_edges()[triangles[k] as usize][edge as usize],
-                    vertices: ends.map(|end| topologies[k].welded_triangles()[triangles[k] as usize][end]),
-                    along: at(own[ends[1]]) - at(own[ends[0]]),
-                    normal: face_normal(&other.map(at)),
-                });
+                let normal = |_| face_normal(&other.map(at));
+                piercing[k].push(PiercingEdge::new(topologies[k], triangles[k], edge, own.map(at), normal));
             }
         }
         if self.tangled.is_empty() {

@@ -208,6 +208,8 @@ impl Insides {
                 way.lead_out(&mut solver.particles, &mut solver.contacts, end, f64::from(surface.thickness));
             }
         }
+        let Self { ways, near, .. } = self;
+        ways.retain(|pair, _| near.contains(pair));
     }
 
     /// Finds the way out of a solid for a body that is near it; where nothing is deeper than `shallow`, that is left to contacts.
@@ -318,11 +320,9 @@ fn threaded(crossing: &[Crossing], body: Body<'_>, particles: &Particles) -> Opt
         .filter_map(|place| {
             let Feature::Edge(edge) = place.feature else { return None };
             let corners = topology.welded_triangles()[place.triangle as usize];
-            let vertices = [edge as usize, (edge as usize + 1) % 3].map(|end| corners[end]);
-            let [start, end] = vertices.map(|vertex| particles.start[body.first + vertex as usize]);
-            let along = end - start;
-            let edge = topology.triangle_edges()[place.triangle as usize][edge as usize];
-            Some(PiercingEdge { edge, vertices, along, normal: along.try_normalize()? })
+            let points = corners.map(|vertex| particles.start[body.first + vertex as usize]);
+            let piercing = PiercingEdge::new(topology, place.triangle, edge, points, DVec3::normalize_or_zero);
+            (piercing.normal != DVec3::ZERO).then_some(piercing)
         })
         .collect();
     cut_off(topology.vertex_count(), topology.edges(), &piercing)
