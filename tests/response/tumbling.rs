@@ -81,10 +81,20 @@ impl Mover {
         self.solid.depth(self.placed(tick).to_own(point))
     }
 
-    fn outward(&self, tick: usize, point: DVec3) -> DVec3 {
-        const NUDGE: f64 = 1e-6;
-        let slope = |axis: DVec3| self.depth(tick, point - axis * NUDGE) - self.depth(tick, point + axis * NUDGE);
-        DVec3::from_array(DVec3::AXES.map(slope)).normalize_or_zero()
+    /// In which direction it pushes a triangle that is within `distance` of it.
+    fn push(&self, tick: usize, corners: [DVec3; 3], distance: f64) -> Option<DVec3> {
+        let placed = self.placed(tick);
+        let pose = parry3d_f64::math::Pose::from_parts(placed.offset, placed.turn);
+        let [a, b, c] = corners;
+        let triangle = parry3d_f64::shape::Triangle::new(a, b, c);
+        let shape: &dyn parry3d_f64::shape::Shape = match self.solid {
+            Solid::Cuboid(half) => &parry3d_f64::shape::Cuboid::new(half),
+            Solid::HalfSpace => &parry3d_f64::shape::HalfSpace::new(DVec3::Y),
+            _ => unreachable!("movers are boxes and a floor"),
+        };
+        let at = parry3d_f64::math::Pose::IDENTITY;
+        let contact = parry3d_f64::query::contact(&pose, shape, &at, &triangle, distance).expect("parry knows both")?;
+        Some(contact.normal1)
     }
 }
 
@@ -135,6 +145,12 @@ fn are_opposed(movers: &[Mover], touched: &[(usize, DVec3)]) -> bool {
             .iter()
             .any(|&(second, other)| first != second && (moves(first) || moves(second)) && push.dot(other) < -0.2)
     })
+}
+
+/// The shapes that are near a triangle, and in which direction each pushes it.
+fn touched_by(movers: &[Mover], tick: usize, corners: [DVec3; 3]) -> Vec<(usize, DVec3)> {
+    let push = |(number, mover): (usize, &Mover)| Some((number, mover.push(tick, corners, 4.0 * f64::from(THICKNESS))?));
+    movers.iter().enumerate().filter_map(push).collect()
 }
 
 /// A world with what moves in it, and its bodies.
@@ -214,26 +230,24 @@ fn play(number: u64) -> Fate {
             break;
         }
         for (points, &body) in all.iter().zip(&bodies) {
-            let is_closed = scene.app.world().get::<DeformableSurface>(body).unwrap().topology().is_closed();
-            // What the body touches, and in which directions that pushes it.
-            let mut touched: Vec<(usize, DVec3)> = Vec::new();
+            let topology = scene.app.world().get::<DeformableSurface>(body).unwrap().topology();
             for &position in points {
-                let first = touched.len();
-                for (number, mover) in movers.iter().enumerate() {
-                    let depth = mover.depth(tick, position);
-                    if depth > -4.0 * f64::from(THICKNESS) {
-                        touched.push((number, mover.outward(tick, position)));
-                    }
-                    inside += usize::from(depth > ROUNDING);
-                }
-                if !is_closed && are_opposed(&movers, &touched[first..]) {
-                    fate.squeezed.get_or_insert(tick);
-                }
+                inside += movers.iter().filter(|mover| mover.depth(tick, position) > ROUNDING).count();
                 let beside = position.x.abs().max(position.z.abs()) > f64::from(ROOM) + 0.2;
                 fate.escaped += usize::from(tick + 1 == TICKS && (beside && position.y < 2.9 || position.y < -0.01));
             }
-            // A soft body keeps its volume: it is squeezed between what touches any two of its vertices.
-            if is_closed && are_opposed(&movers, &touched) {
+            // A cloth is squeezed where one of its triangles is between two shapes; a soft body, which keeps its volume, where
+            // any two of its triangles are.
+            let touched: Vec<Vec<(usize, DVec3)>> = topology
+                .triangles()
+                .iter()
+                .map(|triangle| touched_by(&movers, tick, triangle.map(|corner| points[corner as usize])))
+                .collect();
+            let is_squeezed = match topology.is_closed() {
+                true => are_opposed(&movers, &touched.concat()),
+                false => touched.iter().any(|touched| are_opposed(&movers, touched)),
+            };
+            if is_squeezed {
                 fate.squeezed.get_or_insert(tick);
             }
         }
