@@ -4,16 +4,15 @@
 //! Of the peers that are programs of their own only Embree takes part, and only where it is installed: the others take minutes
 //! to build. The program itself compares all counts that should agree, whoever takes part.
 
-use std::{collections::BTreeMap, fs, process::Command};
-
-use bevy_circumsphere::kernel::reference::{box_pairs, exact_weld, mean_edge_length, touching_pairs_tree};
 use circumsphere_support::{
     programs::example_program,
     recording::{Recording, write_recording},
     scenes::crumpled_sheet,
 };
+use circumsphere_truth::{box_pairs, exact_weld, mean_edge_length, touching_pairs_tree};
 use glam::DVec3;
 use serde_json::Value;
+use std::{collections::BTreeMap, fs, process::Command};
 
 const TRIANGLES: usize = 1_000;
 const DISTANCE_EDGES: f64 = 0.1;

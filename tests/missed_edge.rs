@@ -1,21 +1,20 @@
 //! The walk-through's scene as its readers play it: the program says what the truth in f64 says, and why the method misses.
 
-use std::{
-    collections::BTreeSet,
-    process::{Command, Output},
-};
-
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     detection::{Circumspheres, TriangleCones},
-    kernel::reference::{ReferencePair, touching_pairs_between_brute_force},
     prelude::*,
 };
 use circumsphere_support::{
     programs::example_program,
     scenes::{MovingScene, beam_on_mattress},
 };
+use circumsphere_truth::{ReferencePair, touching_pairs_between_brute_force};
 use glam::{DVec3, Vec3};
+use std::{
+    collections::BTreeSet,
+    process::{Command, Output},
+};
 
 const TICKS: usize = 60;
 

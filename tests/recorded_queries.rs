@@ -10,11 +10,8 @@ use std::{
 
 use bevy_circumsphere::kernel::{
     bounds::Aabb,
-    ccd::{
-        FeatureImpact, ImpactCause, MovingSide, PairImpact, edge_edge_impact, first_impacts, swept_ball_pairs,
-        vertex_face_impact,
-    },
-    circumsphere::enclosing_balls,
+    ccd::{FeatureImpact, ImpactCause, MovingSide, PairImpact, edge_edge_impact, first_impacts, vertex_face_impact},
+    ids::TriangleId,
     topology::SurfaceTopology,
     tree::BoxTree,
 };
@@ -224,6 +221,11 @@ fn every_recorded_collision_of_features_is_one_of_their_triangles() {
             if !query.collides {
                 continue;
             }
+            // Welding makes neighbors, which are no pair, of triangles whose vertices begin at equal positions.
+            if topology.share_vertex(TriangleId(pair[0]), TriangleId(pair[1])) {
+                assert!(here.is_none(), "{}: neighbors {pair:?} are reported", path.display());
+                continue;
+            }
             compared += 1;
             let triangles = here.unwrap_or_else(|| panic!("{}: triangles {pair:?} are missed", path.display()));
             let features = impact(truth.kind, query).expect("no query is missed");
@@ -267,31 +269,11 @@ fn no_stage_before_the_features_drops_an_impact_of_a_recorded_step() {
         impacts.clear();
         first_impacts(&side, &side, true, &candidates, 0.0, &mut impacts);
 
-        let mut balls = [Vec::new(), Vec::new()];
-        enclosing_balls(&start, &recording.triangles, &mut balls[0]);
-        enclosing_balls(&end, &recording.triangles, &mut balls[1]);
-        let both = [&balls[0][..], &balls[1][..]];
-        let mut kept = Vec::new();
-        let ball_nanoseconds = least_nanoseconds(&candidates, |batch| {
-            kept.clear();
-            swept_ball_pairs(both, both, batch, 0.0, &mut kept);
-        });
-        kept.clear();
-        swept_ball_pairs(both, both, &candidates, 0.0, &mut kept);
         println!(
-            "{stem}: {all} pairs of swept boxes, of {} of them {} have balls that meet ({ball_nanoseconds:.0} ns a pair) and \
-             {} an impact ({nanoseconds:.0} ns a pair)",
-            candidates.len(),
-            kept.len(),
+            "{stem}: {all} pairs of swept boxes, {} of {} of them have an impact ({nanoseconds:.0} ns a pair)",
             impacts.len(),
+            candidates.len(),
         );
-        let mut kept = kept.into_iter();
-        for found in &impacts {
-            let (_, time) = kept
-                .find(|(pair, _)| *pair == [found.triangle_a, found.triangle_b])
-                .unwrap_or_else(|| panic!("{stem}: the balls of {found:?} do not meet"));
-            assert!(time <= found.impact.time, "{stem}: balls at {time}, {found:?}");
-        }
         // What planes and boxes drop has no feature that meets.
         let mut dropped = 0;
         let mut found = impacts.iter().peekable();

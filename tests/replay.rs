@@ -2,20 +2,19 @@
 //!
 //! One process per call, so that every number of threads has a task pool of its own.
 
+use circumsphere_support::{
+    programs::example_program,
+    recording::{Recording, write_recording},
+    scenes::{BALL_TRIANGLES, CLOTH_TRIANGLES, FRAMES, Mesh, TORUS_TRIANGLES, cuboid, icosphere, merge},
+};
+use circumsphere_truth::{compare, exact_weld, mean_edge_length, touching_pairs_tree};
+use glam::{DVec3, Vec3};
 use std::{
     fmt::Write,
     fs,
     path::Path,
     process::{Command, Output},
 };
-
-use bevy_circumsphere::kernel::reference::{compare, exact_weld, mean_edge_length, touching_pairs_tree};
-use circumsphere_support::{
-    programs::example_program,
-    recording::{Recording, write_recording},
-    scenes::{BALL_TRIANGLES, CLOTH_TRIANGLES, FRAMES, Mesh, TORUS_TRIANGLES, cuboid, icosphere, merge},
-};
-use glam::{DVec3, Vec3};
 use tempfile::TempDir;
 
 fn replay(arguments: &[&str]) -> Output {

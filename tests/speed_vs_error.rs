@@ -3,6 +3,15 @@
 #[path = "../examples/speed_vs_error/statistics.rs"]
 mod statistics;
 
+use circumsphere_support::{
+    programs::example_program,
+    recording::{Recording, write_recording},
+    scenes::{Fineness, MOVING_SCENES, icosphere, merge, moving_scene},
+};
+use circumsphere_truth::{exact_weld, mean_edge_length, touching_pairs_between_brute_force};
+use glam::{DVec3, Vec3};
+use proptest::prelude::*;
+use statistics::{Spread, log_slope, mean, median, pareto_front};
 use std::{
     collections::BTreeSet,
     fs,
@@ -10,16 +19,6 @@ use std::{
     path::Path,
     process::{Command, Output},
 };
-
-use bevy_circumsphere::kernel::reference::{exact_weld, mean_edge_length, touching_pairs_between_brute_force};
-use circumsphere_support::{
-    programs::example_program,
-    recording::{Recording, write_recording},
-    scenes::{Fineness, MOVING_SCENES, icosphere, merge, moving_scene},
-};
-use glam::{DVec3, Vec3};
-use proptest::prelude::*;
-use statistics::{Spread, log_slope, mean, median, pareto_front};
 
 const CLOTH_FALL: &[u8] = include_bytes!("../assets/cloth_fall.bin");
 

@@ -8,7 +8,6 @@ use bevy_circumsphere::kernel::{
     circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
     cone::SafetyCones,
     curvature::{CurvatureEstimator, Curvatures},
-    exact::cull::cull_by_planes,
     leaf_triangles::{LeafTriangles, PairCull},
     pair::{FoundPairs, PairSettings, SurfaceSide},
     refine::{refine_closest, refine_pairs},
@@ -40,7 +39,6 @@ pub struct Stages {
     pub tree: BoxTree,
     pub candidates: Vec<[u32; 2]>,
     pub leaf_triangles: LeafTriangles,
-    pub past_planes: Vec<[u32; 2]>,
     pub past_slabs: Vec<[u32; 2]>,
     pub balls: Vec<Ball>,
     pub curvatures: Curvatures,
@@ -78,27 +76,18 @@ impl Sheet {
     fn range(&self) -> f32 {
         self.settings.range as f32
     }
-
-    fn both_positions(&self) -> [&[Vec3]; 2] {
-        [&self.positions; 2]
-    }
-
-    fn both_triangles(&self) -> [&[[u32; 3]]; 2] {
-        [self.topology.triangles(); 2]
-    }
 }
 
 /// A stage: reads the sheet and what was made before, and writes its own.
 pub type Stage = fn(&Sheet, &mut Stages);
 
 /// All of them in the order of the plugin, the tree's first build before them.
-pub const STAGES: [(&str, Stage); 16] = [
+pub const STAGES: [(&str, Stage); 15] = [
     ("build", build),
     ("bounds", bounds),
     ("refit_tree", refit_tree),
     ("leaf_triangles", leaf_triangles),
     ("self_pairs", self_pairs),
-    ("planes", planes),
     ("self_pairs_past_slabs", self_pairs_past_slabs),
     ("refined", refined),
     ("closest", closest),
@@ -140,13 +129,6 @@ pub fn self_pairs(_: &Sheet, stages: &mut Stages) {
 #[inline(never)]
 pub fn leaf_triangles(sheet: &Sheet, stages: &mut Stages) {
     stages.leaf_triangles.update(&stages.tree, &sheet.topology, &sheet.positions);
-}
-
-#[inline(never)]
-pub fn planes(sheet: &Sheet, stages: &mut Stages) {
-    stages.past_planes.clear();
-    let (positions, triangles) = (sheet.both_positions(), sheet.both_triangles());
-    cull_by_planes(positions, triangles, &stages.candidates, sheet.range(), &mut stages.past_planes);
 }
 
 /// Of boxes and slabs, as the exact methods have it.

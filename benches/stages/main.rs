@@ -73,7 +73,7 @@ fn run_stages_once(triangles: usize) {
     for (_, stage) in STAGES {
         stage(&sheet, &mut stages);
     }
-    println!("{triangles} triangles, {} candidates, {} past planes", stages.candidates.len(), stages.past_planes.len());
+    println!("{triangles} triangles, {} candidates, {} past slabs", stages.candidates.len(), stages.past_slabs.len());
 }
 
 fn run_tick(method: ContactMethod, triangles: usize) {

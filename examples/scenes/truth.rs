@@ -1,18 +1,14 @@
 //! What is wrong in a scene, judged in f64 without the detection that played it: triangles that cross, vertices inside
 //! surfaces and rigid shapes.
 
-use std::{collections::HashMap, f64::consts::TAU};
-
-use bevy_circumsphere::{
-    kernel::reference::{exact_weld, touching_pairs_tree},
-    prelude::*,
-};
+use super::Stage;
+use bevy_circumsphere::prelude::*;
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
+use circumsphere_truth::{exact_weld, touching_pairs_tree};
 use glam::{DQuat, DVec3, Vec3};
 use parry3d::shape::{Shape, TypedShape};
-
-use super::Stage;
+use std::{collections::HashMap, f64::consts::TAU};
 
 /// How many pairs of triangles cross, of those that may meet: of bodies with each other, with obstacles, and with
 /// themselves where they are self-colliding. Takes a second for 20,000 triangles.

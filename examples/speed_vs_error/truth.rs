@@ -1,13 +1,9 @@
 //! The truth about a scene, by the reference in f64: made once at the farthest contact distance, read at all of them.
 
-use std::{num::NonZero, thread};
-
-use bevy_circumsphere::kernel::reference::{
-    ClosestKind, closest_features, touching_pairs_between_tree, touching_pairs_tree,
-};
-use glam::DVec3;
-
 use super::scene::{Scene, wide};
+use circumsphere_truth::{ClosestKind, closest_features, touching_pairs_between_tree, touching_pairs_tree};
+use glam::DVec3;
+use std::{num::NonZero, thread};
 
 /// Distances of f32 inputs are only as good as their rounding at edge scale: within this share of the contact distance
 /// either answer is right.

@@ -1,24 +1,22 @@
 //! The exact narrow phase on any bit patterns: nothing panics, finite input gives numbers, and where the reference can
 //! judge it agrees.
 
-use std::collections::HashSet;
-
+use crate::{input::Input, meshes::FuzzedSurface};
 use bevy_circumsphere::kernel::{
     bounds::triangle_bounds,
     contact::CompactContact,
     ids::TriangleId,
     leaf_triangles::{LeafTriangles, PairCull},
     pair::{FoundPairs, PairSettings, SurfaceSide, can_penetrate},
-    reference::triangle_distance,
     refine::{refine_closest, refine_pairs},
-    settle::settle_penetrations,
+    settle::{Finding, Settling},
     tree::BoxTree,
     unique::UniqueFeatures,
 };
 use circumsphere_support::bars::{BAND, SEPARATION_TOLERANCE};
+use circumsphere_truth::triangle_distance;
 use glam::Vec3;
-
-use crate::{input::Input, meshes::FuzzedSurface};
+use std::collections::HashSet;
 
 /// Normals are stored in f32: three components of half a unit in the last place each, with room.
 const UNIT_TOLERANCE: f32 = 1.0e-5;
@@ -120,7 +118,11 @@ fn detect(
     refine(a, b, candidates, settings, &mut found);
     // As the stage does.
     if can_penetrate([a, b], settings) {
-        settle_penetrations(a, b, candidates, settings, &mut found.contacts);
+        let mut settling = Settling::default();
+        settling.prepare(a, b, candidates, settings, &found.contacts);
+        let mut findings = vec![Finding::Alone; settling.questions().len()];
+        settling.look(a, b, &found.contacts, settling.questions(), &mut findings);
+        settling.carry_out(&findings, settings, &mut found.contacts);
         // How often a shared one was found depends on the screen.
         let mut known = HashSet::new();
         found.contacts.retain(|contact| !contact.is_shared || known.insert(contact.key));

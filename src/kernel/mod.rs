@@ -1,8 +1,7 @@
 //! Pure geometry: slices in, the caller's buffers out, no ECS type.
 //!
 //! Everything here can be used without Bevy's app. Later rooms (`surface`, `detection`, `contacts`) are adapters that
-//! fetch components, call these functions and store what they return; `reference`, the truth that tests and reports go by,
-//! stands beside them. Lengths are in the unit of the positions,
+//! fetch components, call these functions and store what they return. Lengths are in the unit of the positions,
 //! angles in radians, curvature in 1/length.
 
 mod approach;
@@ -27,7 +26,6 @@ pub mod pair_order;
 pub mod pose;
 mod prefetch;
 mod recipe;
-pub mod reference;
 pub mod refine;
 pub(crate) mod room;
 pub mod settle;

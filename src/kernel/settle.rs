@@ -42,22 +42,8 @@ pub enum Finding {
 /// candidates. Where that is outside, the contact is a positive distance after all. Where it is inside, contacts that
 /// are no way out are dropped, because they would claim more depth than there is: of a vertex all but the nearest, of
 /// an edge or face those whose direction is not out of the solid at the feature.
-pub fn settle_penetrations(
-    a: &SurfaceSide<'_>,
-    b: &SurfaceSide<'_>,
-    candidates: &[[u32; 2]],
-    settings: &PairSettings,
-    contacts: &mut Vec<CompactContact>,
-) {
-    let mut settling = Settling::default();
-    settling.prepare(a, b, candidates, settings, contacts);
-    let mut findings = vec![Finding::Alone; settling.questions().len()];
-    settling.look(a, b, contacts, settling.questions(), &mut findings);
-    settling.carry_out(&findings, settings, contacts);
-}
-
-/// [`settle_penetrations`] in three steps, of which the one in the middle takes the time and may be split among threads.
-/// Keeps its memory from pair to pair.
+///
+/// In three steps, of which the one in the middle takes the time and may be split among threads. Keeps its memory from pair to pair.
 #[derive(Clone, Debug, Default)]
 pub struct Settling {
     /// The places of the contacts that have to be settled, each with the place of its question.

@@ -256,13 +256,8 @@ impl BoxTree {
         dispatch!(Level::new(), simd => self.pairs_in_lanes::<true, _>(simd, leaves, self, cull, pairs))
     }
 
-    /// Appends every pair of an item of this tree and one of `other` whose boxes overlap, in the trees' order.
-    pub fn pairs_with(&self, other: &Self, pairs: &mut Vec<[u32; 2]>) {
-        self.pairs_of(0..self.leaf_count(), other, None, pairs);
-    }
-
-    /// The same for the items in `leaves` of this tree, without those that `cull` drops. Returns how many there are
-    /// without culling by slabs.
+    /// Appends every pair of an item in `leaves` of this tree and one of `other` whose boxes overlap, in the trees' order, without
+    /// those that `cull` drops. Returns how many there are without culling by slabs.
     pub fn pairs_of(
         &self,
         leaves: Range<usize>,

@@ -1,16 +1,12 @@
 //! Recorded meshes: every exact method against the reference. Needs the folder of recordings in the environment
 //! variable `CIRCUMSPHERE_DATA`; skips aloud without it.
 
-use std::collections::HashSet;
-
-use bevy_circumsphere::{
-    kernel::reference::{exact_weld, mean_edge_length},
-    prelude::*,
-};
-use circumsphere_support::recording::{read_recording, recordings_folder};
-use glam::{DVec3, Vec3};
-
 use crate::detect::{BAND, BroadPhase, Detector, assert_agrees, crossings_without_near_features, truth};
+use bevy_circumsphere::prelude::*;
+use circumsphere_support::recording::{read_recording, recordings_folder};
+use circumsphere_truth::{exact_weld, mean_edge_length};
+use glam::{DVec3, Vec3};
+use std::collections::HashSet;
 
 /// Larger recordings take the reference too long.
 const MOST_TRIANGLES: usize = 50_000;

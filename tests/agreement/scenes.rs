@@ -1,12 +1,10 @@
 //! Generated scenes: every exact method and broad phase against the reference, and contacts against their pairs.
 
-use std::collections::{HashMap, HashSet};
-
+use crate::detect::{BroadPhase, Detector, assert_agrees, crossings_without_near_features, truth};
 use bevy_circumsphere::{
     kernel::{
         contact::TouchingPair,
         exact::{Feature, FeatureKind},
-        reference::{closest_features, exact_weld, mean_edge_length},
     },
     prelude::*,
 };
@@ -14,9 +12,9 @@ use circumsphere_support::scenes::{
     Diagonals, Mesh, cloth_fall, cuboid, duplicate_vertices, grid, icosphere, merge, ragged_slivers, saddle,
     sheet_stack, torus, triangle_soup, twisted_rod,
 };
+use circumsphere_truth::{closest_features, exact_weld, mean_edge_length};
 use glam::{DVec3, Vec3};
-
-use crate::detect::{BroadPhase, Detector, assert_agrees, crossings_without_near_features, truth};
+use std::collections::{HashMap, HashSet};
 
 struct Scene {
     name: &'static str,

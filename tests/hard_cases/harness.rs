@@ -2,22 +2,11 @@
 //! found. Truth is the f64 reference over stored positions and poses, both taken as exact. Every tick of every test
 //! goes through [`Run::tick`], which checks what must hold whatever the case is.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    ops::AddAssign,
-};
-
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore, StoredPair,
     detection::{BruteForceBroadPhasePlugin, ParryBroadPhasePlugin, TreeBroadPhasePlugin},
-    kernel::{
-        contact::{CompactContact, TouchingPair},
-        reference::{
-            ReferencePair, exact_weld, point_segment, point_triangle, segment_segment, touching_pairs_between_tree,
-            touching_pairs_tree,
-        },
-    },
+    kernel::contact::{CompactContact, TouchingPair},
     prelude::*,
 };
 use bevy_ecs::{
@@ -29,7 +18,15 @@ use circumsphere_support::{
     bars::{BAND, SEPARATION_TOLERANCE},
     scenes::{Mesh, cuboid, icosphere},
 };
+use circumsphere_truth::{
+    ReferencePair, exact_weld, point_segment, point_triangle, segment_segment, touching_pairs_between_tree,
+    touching_pairs_tree,
+};
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ops::AddAssign,
+};
 
 /// Weights and normals are stored in f32: a handful of roundings.
 const STORAGE: f32 = 8.0 * f32::EPSILON;

@@ -1,14 +1,12 @@
 //! What is remembered of pairs is less than the truth in f64, and no pair is missing.
 
-use std::collections::{BTreeMap, BTreeSet};
-
+use crate::surface_tree::Surface;
 use bevy_circumsphere::kernel::{
     bounded_pairs::{BoundedPairs, ListedTriangles},
     ids::TriangleId,
     leaf_triangles::PairCull,
     motion::Motion,
     pair::{FoundPairs, PairSettings, SurfaceSide},
-    reference::triangle_distance,
     refine::{refine_closest, refine_pairs},
     share::OneByOne,
 };
@@ -16,9 +14,9 @@ use circumsphere_support::{
     random::Random,
     scenes::{Mesh, crumpled_sheet, ragged_slivers, triangle_soup},
 };
+use circumsphere_truth::triangle_distance;
 use glam::Vec3;
-
-use crate::surface_tree::Surface;
+use std::collections::{BTreeMap, BTreeSet};
 
 fn side(surface: &Surface) -> SurfaceSide<'_> {
     let Surface { topology, positions, .. } = surface;

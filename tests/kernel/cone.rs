@@ -12,12 +12,12 @@ use bevy_circumsphere::kernel::{
     curvature::{CurvatureEstimator, Curvatures},
     pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
-    reference::triangle_distance,
     sphere_contacts::meeting_caps,
     sphere_pairs::{BallSide, CapSide, overlapping_balls, overlapping_caps},
     topology::SurfaceTopology,
 };
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere};
+use circumsphere_truth::triangle_distance;
 use glam::{Affine3A, DQuat, DVec3, Vec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 

@@ -5,13 +5,11 @@ use crate::{
     shapes::{assert_well_formed, at, examine, hull_facets, random_triangle},
     truth::{exact, random_rotation},
 };
-use bevy_circumsphere::kernel::{
-    exact::{
-        Feature,
-        rigid_shape::{ShapeGeometry, ShapeProximity},
-    },
-    reference::{point_segment, triangle_distance},
+use bevy_circumsphere::kernel::exact::{
+    Feature,
+    rigid_shape::{ShapeGeometry, ShapeProximity},
 };
+use circumsphere_truth::{point_segment, triangle_distance};
 use glam::{DVec3, Vec3};
 use parry3d::shape::SharedShape;
 use parry3d_f64::{math::Pose as ParryPose, query, shape::Triangle};

@@ -3,15 +3,13 @@
 use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
 use bevy_circumsphere::kernel::{
     exact::{
-        Feature, FeatureKind, FeaturePair, PairProximity, Proximity,
-        cull::cull_by_planes,
-        examine_pair,
+        Feature, FeatureKind, FeaturePair, PairProximity, Proximity, examine_pair,
         side::{outward_direction, rise},
     },
-    reference::{ClosestKind, closest_features, segment_segment, triangle_distance},
     topology::SurfaceTopology,
 };
 use circumsphere_support::scenes::icosphere;
+use circumsphere_truth::{ClosestKind, closest_features, segment_segment};
 use glam::{DVec3, Vec3};
 
 /// Error of a distance relative to the pair's extent. Products of f32 differences are exact in f64 or nearly so; what
@@ -355,106 +353,6 @@ fn hard_cases_have_the_distance_worked_out_by_hand() {
             }
         }
     }
-}
-
-/// Batches of pairs as the cull by planes takes them, each with the truth of its pairs.
-struct Batch {
-    positions: [Vec<Vec3>; 2],
-    triangles: Vec<[u32; 3]>,
-    pairs: Vec<[u32; 2]>,
-    distances: Vec<f64>,
-}
-
-fn batch(pairs: &[(Triangle, Triangle)]) -> Batch {
-    let stored = |side: fn(&(Triangle, Triangle)) -> Triangle| {
-        pairs.iter().flat_map(|pair| side(pair).map(DVec3::as_vec3)).collect()
-    };
-    let count = pairs.len() as u32;
-    Batch {
-        positions: [stored(|pair| pair.0), stored(|pair| pair.1)],
-        triangles: (0..count).map(|triangle| [3 * triangle, 3 * triangle + 1, 3 * triangle + 2]).collect(),
-        pairs: (0..count).map(|triangle| [triangle, triangle]).collect(),
-        distances: pairs.iter().map(|(a, b)| triangle_distance(a, b)).collect(),
-    }
-}
-
-impl Batch {
-    /// What the planes keep.
-    fn kept(&self, range: f64) -> Vec<[u32; 2]> {
-        let (positions, triangles) = ([&self.positions[0][..], &self.positions[1][..]], [&self.triangles[..]; 2]);
-        let mut kept = Vec::new();
-        cull_by_planes(positions, triangles, &self.pairs, range as f32, &mut kept);
-        kept
-    }
-}
-
-#[test]
-fn planes_reject_no_pair_within_range() {
-    let mut random = Random::new(4);
-    let (mut within, mut beyond, mut rejected) = (0, 0, 0);
-    for index in 0..8_000 {
-        // Of one category, and of numbers that leave lanes unused.
-        let count = 1 + random.below(37);
-        let hard: Vec<_> = (0..count).map(|_| hard_pair(&mut random, index % CATEGORIES.len())).collect();
-        let batch = batch(&hard);
-        let chosen = random.below(count);
-        let (a, b) = &hard[chosen];
-        let range = match random.below(4) {
-            0 => 0.0,
-            // At the edge: exactly as far apart as one of the pairs, as f32 has it, rounded up.
-            1 => f64::from((batch.distances[chosen] as f32).next_up()),
-            2 => f64::from((batch.distances[chosen] * random.range(0.3, 1.5)) as f32),
-            _ => f64::from((extent(a, b) * random.power_of_ten(-4.0, 0.0)) as f32),
-        };
-        let kept = batch.kept(range);
-        assert!(kept.is_sorted(), "the order of the candidates is kept");
-        for (pair, &distance) in batch.distances.iter().enumerate() {
-            let is_kept = kept.binary_search(&[pair as u32; 2]).is_ok();
-            assert!(is_kept || distance > range, "{distance:e} {range:e} {:?}", hard[pair]);
-            rejected += usize::from(!is_kept);
-        }
-        within += batch.distances.iter().filter(|&&distance| distance <= range).count();
-        beyond += batch.distances.iter().filter(|&&distance| distance > range).count();
-    }
-    println!("{within} pairs within range, {beyond} beyond: planes reject {rejected}");
-    assert!(within > 30_000 && beyond > 30_000 && rejected * 3 > beyond);
-}
-
-/// Found by the fuzz target `narrow_phase`: infinite projections of either sign made a gap between triangles that touch.
-#[test]
-fn planes_reject_no_pair_within_range_where_f32_overflows() {
-    let point = |x: f32, y: f32, z: f32| Vec3::new(x, y, z).as_dvec3();
-    let large = [point(0.0, 0.0, 3.184_344_8e-11), point(-3.522_885_4e25, -3.534_804e25, 4.482_079_4e-8)];
-    let large = [large[0], large[1], point(-3.536_107_8e25, 0.0, 0.0)];
-    let small = [point(0.0, 0.0, 0.0), point(0.0, 0.0, -35_651_584.0), point(-1.073_741_8e8, -1.073_741_8e8, -1.0e8)];
-    let pairs = batch(&[(large, small), (small, large)]);
-    assert!(pairs.distances.iter().all(|&distance| distance < 1.0e-10));
-    assert_eq!(pairs.kept(4.0), pairs.pairs);
-}
-
-#[test]
-fn planes_reject_most_pairs_of_two_rumpled_layers_that_are_apart() {
-    let mut random = Random::new(5);
-    let range = f64::from(0.1f32);
-    let (mut within, mut beyond, mut rejected) = (0, 0, 0);
-    for _ in 0..1_000 {
-        let flat = |random: &mut Random, shift: DVec3| {
-            [0; 3].map(|_| (v(random.unit(), random.unit(), random.range(-0.05, 0.05)) + shift).as_vec3().as_dvec3())
-        };
-        let pairs: Vec<_> = (0..50)
-            .map(|_| {
-                let shift = v(random.range(-1.0, 1.0), random.range(-1.0, 1.0), random.range(0.02, 0.3));
-                (flat(&mut random, DVec3::ZERO), flat(&mut random, shift))
-            })
-            .collect();
-        let batch = batch(&pairs);
-        let near = batch.distances.iter().filter(|&&distance| distance <= range).count();
-        within += near;
-        beyond += pairs.len() - near;
-        rejected += pairs.len() - batch.kept(range).len();
-    }
-    println!("{within} pairs within range, {beyond} beyond: planes reject {rejected}");
-    assert!(within > 2_000 && rejected * 2 > beyond);
 }
 
 /// Bumpy, so that at many vertices and edges some faces rise along a direction and others fall; some have no area.

@@ -1,7 +1,5 @@
 //! What a traversal drops on its way: neighbors by their vertices, others by slabs; and that its parts make the whole.
 
-use std::collections::{BTreeSet, HashSet};
-
 use crate::{
     common::{CATEGORIES, Random, Triangle, hard_pair},
     surface_tree::Surface,
@@ -12,11 +10,12 @@ use bevy_circumsphere::kernel::{
     bounds::{Aabb, triangle_bounds},
     ids::TriangleId,
     leaf_triangles::{LeafTriangles, PairCull},
-    reference::triangle_distance,
     tree::{BoxTree, LEAF_WIDTH},
 };
 use circumsphere_support::scenes::{Mesh, crumpled_sheet, duplicate_vertices, icosphere, merge, triangle_soup};
+use circumsphere_truth::triangle_distance;
 use glam::{DVec3, Vec3};
+use std::collections::{BTreeSet, HashSet};
 
 fn of_triangles(triangles: &[Triangle], range: f32) -> Surface {
     let stored: Vec<[Vec3; 3]> = triangles.iter().map(|corners| corners.map(DVec3::as_vec3)).collect();
@@ -92,7 +91,7 @@ fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
         if is_self {
             a.tree.self_pairs(&mut all);
         } else {
-            a.tree.pairs_with(&b.tree, &mut all);
+            a.tree.pairs_of(0..a.tree.leaf_count(), &b.tree, None, &mut all);
         }
         let distances: Vec<f64> = all
             .iter()

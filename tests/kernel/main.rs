@@ -2,7 +2,7 @@
 
 mod bounded_pairs;
 mod ccd;
-#[path = "../reference/common.rs"]
+#[path = "../truth/tests/reference/common.rs"]
 mod common;
 mod compounds;
 mod cone;

@@ -8,10 +8,10 @@ use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
 use crate::truth::{independent, longest_edge};
 use bevy_circumsphere::kernel::{
     pair::{FoundPairs, PairSettings, SurfaceSide},
-    reference::{ClosestFeatures, ClosestKind, closest_features},
     refine::{refine_closest, refine_pairs},
     topology::SurfaceTopology,
 };
+use circumsphere_truth::{ClosestFeatures, ClosestKind, closest_features};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::time::Instant;

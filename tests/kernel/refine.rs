@@ -9,15 +9,15 @@ use bevy_circumsphere::kernel::{
     exact::{Feature, FeatureKind, FeaturePair, PairProximity, examine_pair},
     pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
-    reference::{
-        exact_weld, point_triangle, touching_pairs_between_brute_force, touching_pairs_brute_force, triangle_distance,
-    },
     refine::{refine_closest, refine_pairs},
-    settle::settle_penetrations,
+    settle::{Finding, Settling},
     topology::SurfaceTopology,
     unique::UniqueFeatures,
 };
 use circumsphere_support::scenes::{Mesh, duplicate_vertices, icosphere, merge, triangle_soup};
+use circumsphere_truth::{
+    exact_weld, point_triangle, touching_pairs_between_brute_force, touching_pairs_brute_force, triangle_distance,
+};
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
@@ -210,7 +210,11 @@ fn settled(
     found: &FoundPairs,
 ) -> Vec<CompactContact> {
     let mut contacts = found.contacts.clone();
-    settle_penetrations(a, b, candidates, settings, &mut contacts);
+    let mut settling = Settling::default();
+    settling.prepare(a, b, candidates, settings, &contacts);
+    let mut findings = vec![Finding::Alone; settling.questions().len()];
+    settling.look(a, b, &contacts, settling.questions(), &mut findings);
+    settling.carry_out(&findings, settings, &mut contacts);
     contacts.sort_by_key(|contact| (contact.triangles(), contact.key));
     let mut known = HashSet::new();
     contacts.retain(|contact| !contact.is_shared || known.insert(contact.key));

@@ -4,13 +4,11 @@ use crate::{
     common::Random,
     truth::{exact, random_rotation},
 };
-use bevy_circumsphere::kernel::{
-    exact::{
-        Feature, PairProximity,
-        rigid_shape::{ShapeError, ShapeGeometry, ShapeProximity},
-    },
-    reference::{point_segment, point_triangle, triangle_distance},
+use bevy_circumsphere::kernel::exact::{
+    Feature, PairProximity,
+    rigid_shape::{ShapeError, ShapeGeometry, ShapeProximity},
 };
+use circumsphere_truth::{point_segment, point_triangle, triangle_distance};
 use glam::{DVec3, Vec3};
 use parry3d::shape::SharedShape;
 use parry3d_f64::{

@@ -3,7 +3,6 @@
 use crate::{common::Random, truth::positions};
 use bevy_circumsphere::kernel::{
     ids::{EdgeId, TriangleId, VertexId},
-    reference,
     topology::{MAX_ELEMENTS, SurfaceTopology, TopologyError, TopologyReport},
 };
 use circumsphere_support::scenes::{
@@ -96,8 +95,9 @@ fn welding_restores_the_adjacency_of_a_mesh_with_split_vertices() {
         assert!(welded.is_closed());
         assert_eq!(welded.edges().len(), whole.edges().len());
         assert_eq!(welded.triangles(), &split.triangles[..], "the caller's numbers stay");
-        let reference =
-            reference::exact_weld(&positions(&split).iter().map(|position| position.as_dvec3()).collect::<Vec<_>>());
+        let reference = circumsphere_truth::exact_weld(
+            &positions(&split).iter().map(|position| position.as_dvec3()).collect::<Vec<_>>(),
+        );
         assert_eq!(welded.weld(), &reference[..]);
         for (own, corners) in welded.welded_triangles().iter().zip(&split.triangles) {
             for k in 0..3 {
@@ -236,7 +236,8 @@ fn the_mean_edge_counts_every_edge_once() {
     for mesh in [icosphere(2, 1.0), ragged_slivers(1), duplicate_vertices(&cuboid([1.0, 0.2, 3.0], 2))] {
         let points = positions(&mesh);
         let exact: Vec<_> = points.iter().map(|point| point.as_dvec3()).collect();
-        let expected = reference::mean_edge_length(&exact, &mesh.triangles, &reference::exact_weld(&exact));
+        let expected =
+            circumsphere_truth::mean_edge_length(&exact, &mesh.triangles, &circumsphere_truth::exact_weld(&exact));
         assert!((topology(&mesh).mean_edge_length(&points) - expected).abs() < 1.0e-12 * expected);
     }
     let point = SurfaceTopology::new(&[Vec3::X], &[[0, 0, 0]]).expect("valid");

@@ -81,7 +81,7 @@ fn assert_tree_equals_brute_force(tree: &BoxTree, boxes: &[Aabb], other: &BoxTre
 
     let expected_between = brute_between(boxes, other_boxes);
     let mut found = Vec::new();
-    tree.pairs_with(other, &mut found);
+    tree.pairs_of(0..tree.leaf_count(), other, None, &mut found);
     assert_eq!(sorted(found), expected_between);
     let mut found = Vec::new();
     pairs_between_brute_force(boxes, other_boxes, &mut found);
@@ -184,8 +184,8 @@ fn an_empty_tree_finds_nothing_and_is_found_by_nothing() {
     let mut pairs = Vec::new();
     empty.self_pairs(&mut pairs);
     one.self_pairs(&mut pairs);
-    empty.pairs_with(&one, &mut pairs);
-    one.pairs_with(&empty, &mut pairs);
+    empty.pairs_of(0..empty.leaf_count(), &one, None, &mut pairs);
+    one.pairs_of(0..one.leaf_count(), &empty, None, &mut pairs);
     empty.query(&one.bounds(), |_| panic!("there is nothing to find"));
     one.query(&Aabb::EMPTY, |_| panic!("the empty box overlaps nothing"));
     assert!(pairs.is_empty());
@@ -204,7 +204,8 @@ fn a_box_without_bounds_finds_every_item_once() {
         found.sort_unstable();
         assert_eq!(found, (0..count as u32).collect::<Vec<_>>());
         let mut found = Vec::new();
-        BoxTree::new(&[everywhere]).pairs_with(&tree, &mut found);
+        let all = BoxTree::new(&[everywhere]);
+        all.pairs_of(0..all.leaf_count(), &tree, None, &mut found);
         assert_eq!(sorted(found), (0..count as u32).map(|item| [0, item]).collect::<Vec<_>>());
         let mut with_everywhere = boxes.clone();
         with_everywhere[count / 2] = everywhere;

@@ -1,7 +1,9 @@
 //! Why two triangles do not touch: the step that dropped a pair is the one at which the stages dropped it.
 
-use std::collections::{BTreeMap, BTreeSet};
-
+use crate::{
+    methods::{app_with_brute_force, mixed_scene},
+    world::{Called, THIN, app, at, insert, place, sheet, spawn, world_matrix},
+};
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ActiveSurfaces, ContactStore,
@@ -10,19 +12,16 @@ use bevy_circumsphere::{
         OverlappingTrianglePairs, PairFates, SurfacePair, TriangleCones,
         broad_phase::{BroadPhaseSystems, OtherSide},
     },
-    kernel::{pair_fate::PairFate, reference::triangle_distance},
+    kernel::pair_fate::PairFate,
     prelude::*,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, grid, icosphere};
+use circumsphere_truth::triangle_distance;
 use glam::{DVec3, Quat, Vec3};
-
-use crate::{
-    methods::{app_with_brute_force, mixed_scene},
-    world::{Called, THIN, app, at, insert, place, sheet, spawn, world_matrix},
-};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// How far, relative to the contact distance, rounding may decide either way: distances of stored f32 positions under
 /// f32 poses of unit size, as the exact methods are held to.

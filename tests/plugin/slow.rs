@@ -1,13 +1,12 @@
 //! What lists of candidates remember of meshes that move a little is, to the last bit, what is found without: in motion of
 //! any kind and speed, while everything else changes too, at any scale and place, on one and on several threads.
 
-use std::collections::HashSet;
-
+use crate::world::{Called, app, fingerprint, insert, store, write_positions};
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ActiveSurfaces, CircumsphereSettings,
     detection::{CandidateTrianglePairs, DetectionDiagnostics, PairFates, broad_phase::OtherSide},
-    kernel::{pair_fate::PairFate, reference::triangle_distance, topology::SurfaceTopology},
+    kernel::{pair_fate::PairFate, topology::SurfaceTopology},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
@@ -18,9 +17,9 @@ use circumsphere_support::{
     recording::{read_recording, recordings_folder},
     scenes::{Diagonals, Mesh, crumpled_sheet, grid, icosphere},
 };
+use circumsphere_truth::triangle_distance;
 use glam::Vec3;
-
-use crate::world::{Called, app, fingerprint, insert, store, write_positions};
+use std::collections::HashSet;
 
 const SURFACES: [&str; 4] = ["cloth", "low sheet", "high sheet", "ball"];
 

@@ -1,23 +1,18 @@
 //! Touching pairs are those of the reference: any meshes, motions, sizes and contact distances, every exact method, both
 //! broad phases, any number of threads.
 
-use std::collections::HashSet;
-
-use bevy_circumsphere::{
-    detection::CandidateTrianglePairs,
-    kernel::{contact::TouchingPair, reference::ReferencePair},
-    prelude::*,
-};
-use circumsphere_support::{
-    scenes::{Mesh, triangle_soup},
-    strategies::{Motion, motion, placement, two_meshes},
-};
-use proptest::prelude::*;
-
 use crate::harness::{
     BAND, Body, BroadPhase, Count, Found, Judge, Setup, SmallWorld, assert_numbers, between, for_all, mean_edge,
     points, truth_between, truth_within, wide,
 };
+use bevy_circumsphere::{detection::CandidateTrianglePairs, kernel::contact::TouchingPair, prelude::*};
+use circumsphere_support::{
+    scenes::{Mesh, triangle_soup},
+    strategies::{Motion, motion, placement, two_meshes},
+};
+use circumsphere_truth::ReferencePair;
+use proptest::prelude::*;
+use std::collections::HashSet;
 
 /// Contact distances in mean edges, 0 and less than f32 resolves of a mesh far from the origin included.
 pub fn edges() -> impl Strategy<Value = f64> {

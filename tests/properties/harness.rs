@@ -1,17 +1,10 @@
 //! Runs strategies, small worlds and the reference.
 
-use std::{cell::Cell, fmt::Debug};
-
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore,
     detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
-    kernel::{
-        contact::{CompactContact, TouchingPair},
-        reference::{
-            ReferencePair, exact_weld, mean_edge_length, touching_pairs_between_brute_force, touching_pairs_brute_force,
-        },
-    },
+    kernel::contact::{CompactContact, TouchingPair},
     prelude::*,
 };
 use bevy_ecs::prelude::*;
@@ -19,11 +12,15 @@ use bevy_tasks::{ComputeTaskPool, TaskPoolBuilder};
 use bevy_transform::components::Transform;
 pub use circumsphere_support::bars::BAND;
 use circumsphere_support::{bars::SEPARATION_TOLERANCE, scenes::Mesh};
+use circumsphere_truth::{
+    ReferencePair, exact_weld, mean_edge_length, touching_pairs_between_brute_force, touching_pairs_brute_force,
+};
 use glam::{DVec3, Vec3};
 use proptest::{
     prelude::*,
     test_runner::{RngSeed, TestError, TestRunner},
 };
+use std::{cell::Cell, fmt::Debug};
 
 /// Rounding of f64 in the distance of two triangles that just touch, in their extent: where the contact distance is 0
 /// either answer is right within it.

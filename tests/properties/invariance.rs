@@ -1,20 +1,19 @@
 //! What must not matter does not: numbering, order, a common motion, the unit of length.
 
-use std::collections::BTreeMap;
-
-use bevy_circumsphere::{kernel::reference::triangle_distance, prelude::*};
+use crate::{
+    agreement::{Case, case},
+    harness::{BAND, Body, Count, Found, ROUNDING, Setup, SmallWorld, between, for_all, points},
+};
+use bevy_circumsphere::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::{
     scenes::Mesh,
     strategies::{Turn, offset, turn},
 };
+use circumsphere_truth::triangle_distance;
 use glam::{DVec3, Quat, Vec3};
 use proptest::prelude::*;
-
-use crate::{
-    agreement::{Case, case},
-    harness::{BAND, Body, Count, Found, ROUNDING, Setup, SmallWorld, between, for_all, points},
-};
+use std::collections::BTreeMap;
 
 const SIDES: [[usize; 2]; 3] = [[0, 0], [0, 1], [1, 1]];
 

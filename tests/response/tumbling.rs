@@ -149,7 +149,8 @@ fn are_opposed(movers: &[Mover], touched: &[(usize, DVec3)]) -> bool {
 
 /// The shapes that are near a triangle, and in which direction each pushes it.
 fn touched_by(movers: &[Mover], tick: usize, corners: [DVec3; 3]) -> Vec<(usize, DVec3)> {
-    let push = |(number, mover): (usize, &Mover)| Some((number, mover.push(tick, corners, 4.0 * f64::from(THICKNESS))?));
+    let push =
+        |(number, mover): (usize, &Mover)| Some((number, mover.push(tick, corners, 4.0 * f64::from(THICKNESS))?));
     movers.iter().enumerate().filter_map(push).collect()
 }
 

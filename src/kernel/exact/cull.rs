@@ -7,10 +7,9 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
-use glam::Vec3;
+use fearless_simd::{f32x8, prelude::*};
 
-use crate::kernel::lanes::{PairLanes, TriangleLanes, VectorLanes, WIDTH};
+use crate::kernel::lanes::{PairLanes, VectorLanes};
 
 /// Gaps must exceed the range by this factor, and by [`ROUNDING`] times the pair's extent, before a pair is rejected:
 /// the projections' own rounding is a few units in the last place of the extent (6e-8 each).
@@ -49,40 +48,4 @@ fn normal<S: Simd>(corners: &[VectorLanes<S>; 3]) -> VectorLanes<S> {
 fn project<S: Simd>(corners: &[VectorLanes<S>; 3], direction: VectorLanes<S>) -> (f32x8<S>, f32x8<S>) {
     let (first, second, third) = (direction.dot(corners[0]), direction.dot(corners[1]), direction.dot(corners[2]));
     (first.min(second).min(third), first.max(second).max(third))
-}
-
-/// Appends the pairs that their planes do not separate by more than `range` (in the unit of the positions, 0 or more).
-/// `positions` and `triangles` are those of the first and the second surface.
-pub fn cull_by_planes(
-    positions: [&[Vec3]; 2],
-    triangles: [&[[u32; 3]]; 2],
-    pairs: &[[u32; 2]],
-    range: f32,
-    kept: &mut Vec<[u32; 2]>,
-) {
-    dispatch!(Level::new(), simd => cull_in_lanes(simd, positions, triangles, pairs, range, kept));
-}
-
-#[inline(always)]
-fn cull_in_lanes<S: Simd>(
-    simd: S,
-    positions: [&[Vec3]; 2],
-    triangles: [&[[u32; 3]]; 2],
-    pairs: &[[u32; 2]],
-    range: f32,
-    kept: &mut Vec<[u32; 2]>,
-) {
-    let mut of_pairs = [[[0; 3]; WIDTH]; 2];
-    for pairs in pairs.chunks(WIDTH) {
-        for (lane, pair) in pairs.iter().enumerate() {
-            for side in 0..2 {
-                of_pairs[side][lane] = triangles[side][pair[side] as usize];
-            }
-        }
-        let a = TriangleLanes::gather(simd, positions[0], &of_pairs[0][..pairs.len()]);
-        let b = TriangleLanes::gather(simd, positions[1], &of_pairs[1][..pairs.len()]);
-        // An excess that is not a number, of coordinates near the end of f32, proves nothing.
-        let apart = PairLanes::new(&a.0, &b.0).excess_along_normals(range).simd_gt(0.0).to_bitmask();
-        kept.extend(pairs.iter().enumerate().filter(|&(lane, _)| apart & (1 << lane) == 0).map(|(_, &pair)| pair));
-    }
 }

@@ -1,12 +1,9 @@
 //! Made-up motions of a vertex and a face or of two edges, from easy to degenerate, and the reference distance.
 
-use bevy_circumsphere::kernel::{
-    ccd::{FeatureImpact, edge_edge_impact, vertex_face_impact},
-    reference::{point_triangle, segment_segment},
-};
-use glam::{DQuat, DVec3};
-
 use crate::common::Random;
+use bevy_circumsphere::kernel::ccd::{FeatureImpact, edge_edge_impact, vertex_face_impact};
+use circumsphere_truth::{point_triangle, segment_segment};
+use glam::{DQuat, DVec3};
 
 /// Which features the four points are: a vertex and a face's corners, or the ends of two edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

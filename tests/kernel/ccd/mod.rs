@@ -4,6 +4,5 @@ mod designs;
 mod families;
 mod feature;
 mod sweep;
-mod swept_balls;
 mod triangle_pair;
 mod truth;

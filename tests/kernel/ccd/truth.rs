@@ -1,13 +1,10 @@
 //! First times of impact against the times the reference certifies.
 
-use bevy_circumsphere::kernel::{
-    ccd::{CommonVertices, ImpactCause, MovingTriangle, triangle_pair_impact},
-    reference::{ImpactTruth, edge_edge_impact, triangle_impact, vertex_face_impact},
-};
-use glam::DVec3;
-
 use super::families::{FAMILIES, KINDS, Kind, Motion, motion};
 use crate::common::{CATEGORIES, Random, hard_pair};
+use bevy_circumsphere::kernel::ccd::{CommonVertices, ImpactCause, MovingTriangle, triangle_pair_impact};
+use circumsphere_truth::{ImpactTruth, edge_edge_impact, triangle_impact, vertex_face_impact};
+use glam::DVec3;
 
 /// How far above the separation, relative to their size, features may be at a time that is called an impact: the
 /// kernel's resolution of 1.4e-14, and what normals lose at corners and on flat features (1e-13 in a million). Only searches that

@@ -2,7 +2,7 @@
 //! parry3d-f64.
 
 use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
-use bevy_circumsphere::kernel::reference::{
+use circumsphere_truth::{
     ClosestFeatures, ClosestKind, TriangleSide, closest_features, point_segment, point_triangle, segment_segment,
     triangle_distance, triangles_cross,
 };

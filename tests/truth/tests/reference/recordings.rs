@@ -6,10 +6,10 @@
 //!
 //! Needs the folder of recordings in the environment variable `CIRCUMSPHERE_DATA`; skips aloud without it.
 
-use bevy_circumsphere::kernel::reference::{
+use circumsphere_support::recording::{read_recording, recordings_folder};
+use circumsphere_truth::{
     ReferencePair, box_pairs, compare, exact_weld, mean_edge_length, touching_pairs_brute_force, touching_pairs_tree,
 };
-use circumsphere_support::recording::{read_recording, recordings_folder};
 use glam::{DVec3, Vec3};
 use std::time::Instant;
 

@@ -3,13 +3,13 @@
 
 use crate::common::{CATEGORIES, Mesh, Random, Triangle, hard_pair, soup};
 use crate::exact_impact;
-use bevy_circumsphere::kernel::reference::{
+use circumsphere_support::recording::{
+    QueryKind, read_ccd_queries, read_f64_recording, read_recorded_impacts, read_recording, recordings_folder,
+};
+use circumsphere_truth::{
     FeatureImpact, ImpactKind, ImpactTruth, MovingMesh, edge_edge_impact, exact_weld, feature_impacts_brute_force,
     feature_impacts_tree, triangle_distance, triangle_impact, triangle_impacts_brute_force, triangle_impacts_tree,
     triangles_cross, vertex_face_impact,
-};
-use circumsphere_support::recording::{
-    QueryKind, read_ccd_queries, read_f64_recording, read_recorded_impacts, read_recording, recordings_folder,
 };
 use glam::{DQuat, DVec3, Vec3};
 use std::time::Instant;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::kernel::reference::{
+use crate::{
     triangle_crossing::triangles_cross,
     triangle_pair::{ClosestKind, TriangleSide, closest_features, point_triangle, segment_segment},
 };

@@ -1,7 +1,7 @@
 //! The lists of touching pairs: tree against brute force, closed forms, welding, bad input, and the comparison.
 
 use crate::common::{Mesh, Random, grid, joined, soup};
-use bevy_circumsphere::kernel::reference::{
+use circumsphere_truth::{
     ReferencePair, box_pairs, compare, exact_weld, mean_edge_length, touching_pairs_between_brute_force,
     touching_pairs_between_tree, touching_pairs_brute_force, touching_pairs_tree,
 };
