@@ -19,6 +19,7 @@ use crate::{
         ids::TriangleId,
         leaf_triangles::Region,
         pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, shape_fates},
+        refine::{refine_closest, refine_pairs},
     },
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
@@ -187,7 +188,8 @@ impl PairFates<'_, '_> {
                     let (own, ..) = self.surfaces.get(self.active.surfaces[pair.first].entity).ok()?;
                     let (other, ..) = self.surfaces.get(self.active.surfaces[second].entity).ok()?;
                     let [a, b] = surface_sides(&self.active, pair, own, other)?;
-                    Some(map(&|chunk, fates| exact_fates(&a, &b, chunk, &settings, fates)))
+                    let examine = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
+                    Some(map(&|chunk, fates| exact_fates(&a, &b, chunk, &settings, examine, fates)))
                 }
             },
         }

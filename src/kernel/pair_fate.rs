@@ -1,8 +1,8 @@
 //! At which step a pair of triangles whose boxes overlap was dropped.
 //!
-//! No stage records it: whoever asks runs the stages' own functions once more, and hears from them after each step which
-//! pairs are left. So the answer is that of the stages, and costs nothing where nobody asks. Read by
-//! `detection::PairFates`, which adds what slabs have dropped before there were candidates.
+//! No stage records it. These functions run the stages' own functions once more, one step at a time, so the answer agrees with
+//! what the tick did and costs nothing where nobody asks. Used by `detection::PairFates`, which adds the pairs that slabs
+//! dropped before they were candidates.
 
 use glam::Vec3;
 
@@ -10,9 +10,9 @@ use super::{
     exact::rigid_shape::ShapeGeometry,
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pose::Pose,
-    refine::{refine_closest, refine_shape},
-    sphere_contacts::{ball_contacts, meeting_caps},
-    sphere_pairs::{BallSide, CapSide, overlapping_balls_in_steps, overlapping_caps_in_steps},
+    refine::refine_shape,
+    sphere_contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
+    sphere_pairs::{BallSide, CapSide, CapTests, caps_passing},
     topology::SurfaceTopology,
 };
 
@@ -82,24 +82,6 @@ impl PairFate {
     }
 }
 
-/// Hears after each step of a method which candidates are left, in their order.
-pub(super) trait StepObserver {
-    /// Whether anybody hears: else steps may be taken together, in whatever order is fastest.
-    const ASKS: bool;
-
-    /// `step` has been taken, and `left` are the pairs that it did not drop.
-    fn passed(&mut self, step: PairFate, left: impl Iterator<Item = [u32; 2]>);
-}
-
-/// Nobody asks: what the stages pass, for which nothing is computed.
-pub(super) struct Unobserved;
-
-impl StepObserver for Unobserved {
-    const ASKS: bool = false;
-
-    fn passed(&mut self, _: PairFate, _: impl Iterator<Item = [u32; 2]>) {}
-}
-
 /// The fates of a list of candidates, as far as the steps have been taken.
 struct Fates<'a> {
     candidates: &'a [[u32; 2]],
@@ -113,11 +95,8 @@ impl<'a> Fates<'a> {
         fates.resize(before + candidates.len(), PairFate::Touching);
         Self { candidates, fates: &mut fates[before..] }
     }
-}
 
-impl StepObserver for Fates<'_> {
-    const ASKS: bool = true;
-
+    /// `step` has been taken, and `left` are the pairs that it did not drop, in the order of the candidates.
     fn passed(&mut self, step: PairFate, left: impl Iterator<Item = [u32; 2]>) {
         let mut left = left.peekable();
         for (candidate, fate) in self.candidates.iter().zip(&mut *self.fates) {
@@ -144,7 +123,9 @@ pub fn ball_fates(
 ) {
     let mut fates = Fates::append(candidates, fates);
     let (mut overlapping, mut found) = (Vec::new(), FoundPairs::default());
-    overlapping_balls_in_steps(a, b, candidates, settings, &mut overlapping, &mut fates);
+    fates.passed(PairFate::Neighbors, without_neighbors(&a.surface, candidates, settings).iter().copied());
+    overlapping_ball_contacts(a, b, candidates, settings, &mut overlapping, &mut FoundSpheres::default());
+    fates.passed(PairFate::Spheres, overlapping.iter().copied());
     ball_contacts(a, b, &overlapping, settings, &mut found);
     fates.passed(PairFate::Distance, touching(&found));
 }
@@ -158,25 +139,40 @@ pub fn cap_fates(
     fates: &mut Vec<PairFate>,
 ) {
     let mut fates = Fates::append(candidates, fates);
-    let (mut overlapping, mut meeting, mut found) = (Vec::new(), Vec::new(), FoundPairs::default());
-    overlapping_caps_in_steps(a, b, candidates, settings, &mut overlapping, &mut fates);
-    meeting_caps(a, b, &overlapping, settings, &mut meeting, &mut found);
+    let mut left = without_neighbors(&a.surface, candidates, settings).into_owned();
+    fates.passed(PairFate::Neighbors, left.iter().copied());
+    let spheres = (PairFate::Spheres, CapTests::SPHERES);
+    let steps = if settings.cull {
+        &[(PairFate::Planes, CapTests::PLANES), spheres, (PairFate::CenterLine, CapTests::CENTER_LINE)][..]
+    } else {
+        &[spheres]
+    };
+    for &(step, tests) in steps {
+        let mut passing = Vec::new();
+        caps_passing(a, b, &left, tests, settings, &mut passing);
+        fates.passed(step, passing.iter().copied());
+        left = passing;
+    }
+    let (mut meeting, mut found) = (Vec::new(), FoundPairs::default());
+    meeting_caps(a, b, &left, settings, &mut meeting, &mut found);
     fates.passed(PairFate::Cone, meeting.iter().copied());
     fates.passed(PairFate::Distance, touching(&found));
 }
 
-/// Appends the fate of each candidate by the methods that are exact. What slabs part the broad phase has dropped before.
+/// Appends the fate of each candidate by a method that is exact, `examine`: [`refine_pairs`](super::refine::refine_pairs) or
+/// [`refine_closest`](super::refine::refine_closest). The broad phase has dropped the pairs that slabs part.
 pub fn exact_fates(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
     settings: &PairSettings,
+    examine: impl Fn(&SurfaceSide<'_>, &SurfaceSide<'_>, &[[u32; 2]], &PairSettings, &mut FoundPairs),
     fates: &mut Vec<PairFate>,
 ) {
     let mut fates = Fates::append(candidates, fates);
     let mut found = FoundPairs::default();
     fates.passed(PairFate::Neighbors, without_neighbors(a, candidates, settings).iter().copied());
-    refine_closest(a, b, candidates, settings, &mut found);
+    examine(a, b, candidates, settings, &mut found);
     fates.passed(PairFate::Distance, touching(&found));
 }
 

@@ -202,8 +202,8 @@ impl ContactSink for FoundPairs {
     }
 }
 
-/// Appends the candidates whose enclosing balls come within range to `overlapping`, and how far apart those are to `found`: what
-/// [`overlapping_balls`](super::sphere_pairs::overlapping_balls) and [`ball_contacts`] do one after the other.
+/// Appends the candidates whose enclosing balls come within range to `overlapping`, and how far apart those are to `found`. In a
+/// self-collision, pairs that share a vertex are left out.
 pub fn overlapping_ball_contacts(
     a: &BallSide<'_>,
     b: &BallSide<'_>,

@@ -6,17 +6,16 @@
 
 #![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
 
-use fearless_simd::{Level, dispatch, f32x4, f32x8, mask32x8, prelude::*, u32x8};
+use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 
 use super::{
     circumsphere::{Ball, OffsetSpheres},
     cone::{Cap, SafetyCones},
     ids::TriangleId,
-    lanes::{CapLanes, PairLanes, VectorLanes, WIDTH, first_lanes, transposed},
-    pair::{PairSettings, SurfaceSide, without_neighbors},
-    pair_fate::{PairFate, StepObserver, Unobserved},
+    lanes::{CapLanes, PairLanes, VectorLanes, WIDTH, first_lanes},
+    pair::{PairSettings, SurfaceSide},
     pose::Pose,
-    prefetch::{Prefetch, ask_ahead, ask_for_room, prefetch},
+    prefetch::{Prefetch, ask_ahead, ask_for_room},
     share::Share,
     sphere_rows::{BallRows, CapRows, RowLanes, TriangleRow, own_corners},
 };
@@ -171,81 +170,6 @@ impl CapSide<'_> {
     }
 }
 
-/// Appends the candidates whose enclosing balls come within range. In a self-collision, pairs that share a vertex are
-/// left out.
-pub fn overlapping_balls(
-    a: &BallSide<'_>,
-    b: &BallSide<'_>,
-    candidates: &[[u32; 2]],
-    settings: &PairSettings,
-    overlapping: &mut Vec<[u32; 2]>,
-) {
-    overlapping_balls_in_steps(a, b, candidates, settings, overlapping, &mut Unobserved);
-}
-
-/// [`overlapping_balls`], telling after each step which pairs are left.
-pub(super) fn overlapping_balls_in_steps<O: StepObserver>(
-    a: &BallSide<'_>,
-    b: &BallSide<'_>,
-    candidates: &[[u32; 2]],
-    settings: &PairSettings,
-    overlapping: &mut Vec<[u32; 2]>,
-    observer: &mut O,
-) {
-    let before = overlapping.len();
-    if O::ASKS {
-        observer.passed(PairFate::Neighbors, without_neighbors(&a.surface, candidates, settings).iter().copied());
-    }
-    dispatch!(Level::new(), simd => keep_overlapping_balls(simd, a, b, candidates, settings, overlapping));
-    if O::ASKS {
-        observer.passed(PairFate::Spheres, overlapping[before..].iter().copied());
-    }
-}
-
-/// What the overlap of balls reads of one side.
-struct OverlapNumbers<'a> {
-    side: &'a BallSide<'a>,
-    settings: &'a PairSettings,
-}
-
-impl Prefetch for OverlapNumbers<'_> {
-    #[inline(always)]
-    fn prefetch(&self, triangle: u32) {
-        prefetch(self.side.balls, triangle);
-        if self.settings.same_surface {
-            prefetch(self.side.surface.topology.welded_triangles(), triangle);
-        }
-    }
-}
-
-/// Of each pair both balls, four numbers each, are the row that is turned into lanes.
-#[inline(always)]
-fn keep_overlapping_balls<S: Simd>(
-    simd: S,
-    a: &BallSide<'_>,
-    b: &BallSide<'_>,
-    candidates: &[[u32; 2]],
-    settings: &PairSettings,
-    kept: &mut Vec<[u32; 2]>,
-) {
-    let reach = (settings.range / settings.scale) as f32;
-    for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
-        ask_ahead(&OverlapNumbers { side: a, settings }, &OverlapNumbers { side: b, settings }, candidates, block);
-        let mut rows = [f32x8::splat(simd, 0.0); WIDTH];
-        for (row, &[triangle_a, triangle_b]) in rows.iter_mut().zip(pairs) {
-            let (ball_a, ball_b) = (a.ball(triangle_a), b.ball(triangle_b));
-            *row = f32x4::load_array(simd, ball_a.into()).combine(f32x4::load_array(simd, ball_b.into()));
-        }
-        let [x, y, z, radius_a, other_x, other_y, other_z, radius_b] = transposed(rows);
-        let centers = [VectorLanes { x, y, z }, VectorLanes { x: other_x, y: other_y, z: other_z }];
-        let mut within = reach_each_other(centers, [radius_a, radius_b], reach);
-        if settings.same_surface {
-            within &= !neighbors(&a.surface, pairs);
-        }
-        ListedPairs::new(simd, pairs).append(simd, within & first_lanes(pairs.len()), kept);
-    }
-}
-
 /// One bit for each pair of balls that are no farther apart than `reach`.
 #[inline(always)]
 fn reach_each_other<S: Simd>([a, b]: [VectorLanes<S>; 2], [radius_a, radius_b]: [f32x8<S>; 2], reach: f32) -> u64 {
@@ -254,8 +178,7 @@ fn reach_each_other<S: Simd>([a, b]: [VectorLanes<S>; 2], [radius_a, radius_b]: 
     between.dot(between).simd_le(sum * sum).to_bitmask()
 }
 
-/// One bit for each of eight pairs whose balls come within range, in a self-collision without those that share a vertex: those
-/// that [`overlapping_balls`] keeps.
+/// One bit for each of eight pairs whose enclosing balls come within range, in a self-collision without those that share a vertex.
 #[inline(always)]
 pub(super) fn balls_within<S: Simd>(
     side: &BallSide<'_>,
@@ -294,33 +217,27 @@ pub fn overlapping_caps(
     settings: &PairSettings,
     overlapping: &mut Vec<[u32; 2]>,
 ) {
-    overlapping_caps_in_steps(a, b, candidates, settings, overlapping, &mut Unobserved);
+    let tests = if settings.cull { CapTests::ALL } else { CapTests::SPHERES };
+    caps_passing(a, b, candidates, tests, settings, overlapping);
 }
 
-/// [`overlapping_caps`], telling after each step which pairs are left.
-pub(super) fn overlapping_caps_in_steps<O: StepObserver>(
-    a: &CapSide<'_>,
-    b: &CapSide<'_>,
-    candidates: &[[u32; 2]],
-    settings: &PairSettings,
-    overlapping: &mut Vec<[u32; 2]>,
-    observer: &mut O,
-) {
-    let steps: &[PairFate] =
-        if settings.cull { &[PairFate::Planes, PairFate::Spheres, PairFate::CenterLine] } else { &[PairFate::Spheres] };
-    if O::ASKS {
-        let mut left = without_neighbors(&a.surface, candidates, settings).into_owned();
-        observer.passed(PairFate::Neighbors, left.iter().copied());
-        for &step in steps {
-            let mut passed = Vec::new();
-            keep_overlapping_caps(a, b, &left, &[step], settings, &mut passed);
-            observer.passed(step, passed.iter().copied());
-            left = passed;
-        }
-        overlapping.extend(left);
-        return;
-    }
-    keep_overlapping_caps(a, b, candidates, steps, settings, overlapping);
+/// What may keep the caps of two triangles apart.
+#[derive(Clone, Copy)]
+pub(super) struct CapTests {
+    /// A slab along the normal of either triangle.
+    planes: bool,
+    /// The offset spheres.
+    spheres: bool,
+    /// A slab along the line between the centers of the spheres.
+    center_line: bool,
+}
+
+impl CapTests {
+    const NONE: Self = Self { planes: false, spheres: false, center_line: false };
+    const ALL: Self = Self { planes: true, spheres: true, center_line: true };
+    pub(super) const PLANES: Self = Self { planes: true, ..Self::NONE };
+    pub(super) const SPHERES: Self = Self { spheres: true, ..Self::NONE };
+    pub(super) const CENTER_LINE: Self = Self { center_line: true, ..Self::NONE };
 }
 
 /// The caps of eight pairs of triangles, of sheets those that face the other triangle.
@@ -334,16 +251,16 @@ pub(super) fn facing_caps<S: Simd>(a: &CapSide<'_>, b: &CapSide<'_>, rows: &[Row
     ]
 }
 
-/// Appends the pairs that pass all of some steps.
-fn keep_overlapping_caps(
+/// Appends the pairs that no test keeps apart. In a self-collision, pairs that share a vertex are left out.
+pub(super) fn caps_passing(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
     pairs: &[[u32; 2]],
-    steps: &[PairFate],
+    tests: CapTests,
     settings: &PairSettings,
-    kept: &mut Vec<[u32; 2]>,
+    passing: &mut Vec<[u32; 2]>,
 ) {
-    dispatch!(Level::new(), simd => overlap_in_lanes(simd, a, b, pairs, steps, settings, kept));
+    dispatch!(Level::new(), simd => overlap_in_lanes(simd, a, b, pairs, tests, settings, passing));
 }
 
 #[inline(always)]
@@ -352,12 +269,10 @@ fn overlap_in_lanes<S: Simd>(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
     candidates: &[[u32; 2]],
-    steps: &[PairFate],
+    tests: CapTests,
     settings: &PairSettings,
     kept: &mut Vec<[u32; 2]>,
 ) {
-    let [planes, spheres, center_line] =
-        [PairFate::Planes, PairFate::Spheres, PairFate::CenterLine].map(|step| steps.contains(&step));
     let reach = (settings.range / settings.scale) as f32;
     let rounded_reach = reach + a.surface.rounding() + b.surface.rounding();
     for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
@@ -367,13 +282,13 @@ fn overlap_in_lanes<S: Simd>(
         let corners = PairLanes::new(&corners_a, &corners_b);
         let [cap_a, cap_b] = facing_caps(a, b, &rows);
         let mut apart = mask32x8::splat(simd, false);
-        if planes {
+        if tests.planes {
             apart |= corners.excess_along_normals(rounded_reach).simd_gt(0.0);
         }
-        if spheres {
+        if tests.spheres {
             apart |= !cap_a.overlap(&cap_b, reach);
         }
-        if center_line {
+        if tests.center_line {
             apart |= corners.excess_along(cap_a.center - cap_b.center, rounded_reach).simd_gt(0.0);
         }
         let within = !apart.to_bitmask() & first_lanes(pairs.len());

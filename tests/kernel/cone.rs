@@ -12,8 +12,8 @@ use bevy_circumsphere::kernel::{
     curvature::{CurvatureEstimator, Curvatures},
     pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
-    sphere_contacts::meeting_caps,
-    sphere_pairs::{BallSide, CapSide, overlapping_balls, overlapping_caps},
+    sphere_contacts::{FoundSpheres, meeting_caps, overlapping_ball_contacts},
+    sphere_pairs::{BallSide, CapSide, overlapping_caps},
     topology::SurfaceTopology,
 };
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere};
@@ -372,6 +372,17 @@ fn overlap_is_decided_by_the_sum_of_the_radii_and_the_reach() {
         }
     }
     assert!(yes > 5_000 && no > 5_000);
+}
+
+/// The candidates whose enclosing balls come within range.
+fn overlapping_balls(
+    a: &BallSide<'_>,
+    b: &BallSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    overlapping: &mut Vec<[u32; 2]>,
+) {
+    overlapping_ball_contacts(a, b, candidates, settings, overlapping, &mut FoundSpheres::default());
 }
 
 /// Enclosing balls contain their triangles, so the coarse stage loses no pair within reach, moved or not.

@@ -9,11 +9,12 @@ use bevy_circumsphere::kernel::{
     cone::{Cap, SafetyCones, cap_contact},
     curvature::{CurvatureEstimator, Curvatures},
     exact::barycentric::barycentric_of,
+    ids::TriangleId,
     pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
     share::OneByOne,
     sphere_contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
-    sphere_pairs::{BallSide, CapSide, overlapping_balls},
+    sphere_pairs::{BallSide, CapSide},
     sphere_rows::{BallRows, CapRows},
     topology::SurfaceTopology,
 };
@@ -412,11 +413,14 @@ fn balls_are_found_where_they_are_written_even_at_the_limit() {
         a.rows(&OneByOne, &mut rows_a);
         b.rows(&OneByOne, &mut rows_b);
         let (by_rows_a, by_rows_b) = (BallSide { rows: Some(&rows_a), ..a }, BallSide { rows: Some(&rows_b), ..b });
-        let distance = |[triangle_a, triangle_b]: [u32; 2]| {
+        let ball_gap = |[triangle_a, triangle_b]: [u32; 2]| {
             let (own, other_ball) = (a.ball(triangle_a), b.ball(triangle_b));
             let between = own.center.as_dvec3().distance(other_ball.center.as_dvec3());
-            let gap = between - f64::from(own.radius) - f64::from(other_ball.radius);
-            gap.max(box_gap(&one.corners(triangle_a), &other.corners(triangle_b))) * SETTINGS.scale
+            between - f64::from(own.radius) - f64::from(other_ball.radius)
+        };
+        let distance = |[triangle_a, triangle_b]: [u32; 2]| {
+            ball_gap([triangle_a, triangle_b]).max(box_gap(&one.corners(triangle_a), &other.corners(triangle_b)))
+                * SETTINGS.scale
         };
         let distances = pairs.iter().map(|&pair| distance(pair));
         let limits: Vec<f64> = distances.filter(|distance| (1.0e-3..1.0).contains(distance)).collect();
@@ -426,7 +430,16 @@ fn balls_are_found_where_they_are_written_even_at_the_limit() {
                 let (reported_distance, range) = (1.5 * limit, 2.0 * limit);
                 let settings = PairSettings { contact_distance, reported_distance, range, same_surface, ..SETTINGS };
                 let (mut kept, mut written) = (Vec::new(), FoundPairs::default());
-                overlapping_balls(&a, &b, &pairs, &settings, &mut kept);
+                overlapping_ball_contacts(&a, &b, &pairs, &settings, &mut kept, &mut FoundSpheres::default());
+                let is_neighbor = |[first, second]: [u32; 2]| {
+                    same_surface && one.topology.share_vertex(TriangleId(first), TriangleId(second))
+                };
+                for &pair in pairs.iter().filter(|&&pair| !is_neighbor(pair)) {
+                    let gap = ball_gap(pair) * SETTINGS.scale;
+                    // Coordinates of 100 in f32.
+                    let is_certain = (gap - range).abs() > 1.0e-4;
+                    assert!(!is_certain || kept.contains(&pair) == (gap < range), "{pair:?}: {gap} of {range}");
+                }
                 ball_contacts(&a, &b, &kept, &settings, &mut written);
                 for [a, b] in [[&a, &b], [&by_rows_a, &by_rows_b]] {
                     let (mut overlapping, mut found) = (Vec::new(), FoundSpheres::default());
