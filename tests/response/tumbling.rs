@@ -244,9 +244,10 @@ fn play(number: u64) -> Fate {
                 .iter()
                 .map(|triangle| touched_by(&movers, tick, triangle.map(|corner| points[corner as usize])))
                 .collect();
-            let is_squeezed = match topology.is_closed() {
-                true => are_opposed(&movers, &touched.concat()),
-                false => touched.iter().any(|touched| are_opposed(&movers, touched)),
+            let is_squeezed = if topology.is_closed() {
+                are_opposed(&movers, &touched.concat())
+            } else {
+                touched.iter().any(|touched| are_opposed(&movers, touched))
             };
             if is_squeezed {
                 fate.squeezed.get_or_insert(tick);
