@@ -32,7 +32,7 @@ use std::{
     process::ExitCode,
 };
 
-use bevy_circumsphere::{ContactMethod, kernel::topology::TopologyError};
+use bevy_circumsphere::{ContactMethod, kernel::mesh::topology::TopologyError};
 use circumsphere_support::{
     recording::{Recording, RecordingError, read_recording},
     scenes::crumpled_sheet,

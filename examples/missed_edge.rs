@@ -20,7 +20,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
     detection::PairFates,
-    kernel::{pair_fate::PairFate, topology::TopologyError},
+    kernel::{mesh::topology::TopologyError, pair_fate::PairFate},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};

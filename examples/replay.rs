@@ -41,7 +41,7 @@ enum ReplayError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error("{name}: {source}")]
-    Mesh { name: String, source: bevy_circumsphere::kernel::topology::TopologyError },
+    Mesh { name: String, source: bevy_circumsphere::kernel::mesh::topology::TopologyError },
     #[error(transparent)]
     Options(#[from] OptionsError),
     #[error(transparent)]

@@ -12,15 +12,14 @@ pub mod settings;
 pub mod surface;
 
 pub use contacts::*;
+pub use surface::*;
+
 pub use plugins::DeformableCollisionPlugins;
 pub use schedule::{DeformableSystems, SurfaceDetection, SurfaceDetectionSystems};
 pub use settings::CircumsphereSettings;
-pub use surface::*;
 
 /// What most games need: `use bevy_circumsphere::prelude::*;`.
 pub mod prelude {
-    pub use parry3d::shape::SharedShape;
-
     pub use crate::{
         contacts::{
             Contact, ContactSide, Impact, SmoothNormals, StencilEntry, SurfaceContactEnded, SurfaceContactStarted,
@@ -29,9 +28,11 @@ pub mod prelude {
         kernel::{
             ccd::ImpactCause,
             contact::ContactKey,
-            exact::{Feature, FeatureKind},
-            ids::{TriangleId, VertexId},
-            topology::TopologyError,
+            mesh::{
+                feature::{Feature, FeatureKind},
+                ids::{TriangleId, VertexId},
+                topology::TopologyError,
+            },
         },
         plugins::DeformableCollisionPlugins,
         schedule::DeformableSystems,
@@ -42,4 +43,5 @@ pub mod prelude {
             SurfaceThickness, SweptCollision, SweptTarget, Teleported,
         },
     };
+    pub use parry3d::shape::SharedShape;
 }

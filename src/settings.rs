@@ -2,7 +2,10 @@
 
 use bevy_ecs::prelude::*;
 
-use crate::kernel::{circumsphere::RecipeSettings, curvature::CurvatureEstimator, smooth_normal::CreaseAngle};
+use crate::kernel::{
+    mesh::smooth_normal::CreaseAngle,
+    spheres::{circumsphere::RecipeSettings, curvature::CurvatureEstimator},
+};
 
 /// How surfaces are tested. You need not touch this: the defaults miss no contact.
 ///

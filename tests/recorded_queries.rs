@@ -9,11 +9,9 @@ use std::{
 };
 
 use bevy_circumsphere::kernel::{
-    bounds::Aabb,
+    bvh::tree::BoxTree,
     ccd::{FeatureImpact, ImpactCause, MovingSide, PairImpact, edge_edge_impact, first_impacts, vertex_face_impact},
-    ids::TriangleId,
-    topology::SurfaceTopology,
-    tree::BoxTree,
+    mesh::{bounds::Aabb, ids::TriangleId, topology::SurfaceTopology},
 };
 use circumsphere_support::recording::{
     QueryKind, RecordedImpacts, read_ccd_queries, read_f64_recording, read_recorded_impacts, read_recording,

@@ -4,17 +4,23 @@
 //! No stage is inlined, so that instruction counters find it by its name.
 
 use bevy_circumsphere::kernel::{
-    bounds::{Aabb, triangle_bounds},
-    circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
-    cone::SafetyCones,
-    curvature::{CurvatureEstimator, Curvatures},
-    leaf_triangles::{LeafTriangles, PairCull},
+    bvh::{
+        leaf_triangles::{LeafTriangles, PairCull},
+        tree::BoxTree,
+    },
+    exact::stage::{refine_closest, refine_pairs},
+    mesh::{
+        bounds::{Aabb, triangle_bounds},
+        topology::SurfaceTopology,
+    },
     pair::{FoundPairs, PairSettings, SurfaceSide},
-    refine::{refine_closest, refine_pairs},
-    sphere_contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
-    sphere_pairs::{BallSide, CapSide, overlapping_caps},
-    topology::SurfaceTopology,
-    tree::BoxTree,
+    spheres::{
+        circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
+        cone::SafetyCones,
+        contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
+        curvature::{CurvatureEstimator, Curvatures},
+        pairs::{BallSide, CapSide, overlapping_caps},
+    },
 };
 use circumsphere_support::scenes::crumpled_sheet;
 use glam::Vec3;

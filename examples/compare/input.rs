@@ -1,6 +1,6 @@
 //! What everyone is given: one mesh, and positions of it tick by tick.
 
-use bevy_circumsphere::kernel::topology::{SurfaceTopology, TopologyError};
+use bevy_circumsphere::kernel::mesh::topology::{SurfaceTopology, TopologyError};
 use circumsphere_support::{random::Random, recording::Recording};
 use glam::Vec3;
 

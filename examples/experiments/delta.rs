@@ -4,7 +4,7 @@
 use bevy_circumsphere::{
     CircumsphereSettings,
     detection::{Circumspheres, DetectionDiagnostics, TriangleCones, TriangleCurvature},
-    kernel::{
+    kernel::spheres::{
         circumsphere::{OffsetSpheres, RecipeSettings},
         cone::SafetyCones,
     },

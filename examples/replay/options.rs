@@ -2,7 +2,7 @@
 
 use std::{ops::Range, path::PathBuf};
 
-use bevy_circumsphere::{CircumsphereSettings, kernel::curvature::CurvatureEstimator};
+use bevy_circumsphere::{CircumsphereSettings, kernel::spheres::curvature::CurvatureEstimator};
 use clap::{ArgAction, Parser, ValueEnum};
 use serde::Serialize;
 

@@ -9,7 +9,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
     detection::{BroadPhasePlugin, BruteForceBroadPhasePlugin, ParryBroadPhasePlugin, TreeBroadPhasePlugin},
-    kernel::topology::{SurfaceTopology, TopologyError},
+    kernel::mesh::topology::{SurfaceTopology, TopologyError},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::SystemState};

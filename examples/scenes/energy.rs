@@ -1,7 +1,7 @@
 //! The energy of a scene's bodies.
 
 use bevy_circumsphere::{
-    kernel::{ids::EdgeId, topology::SurfaceTopology},
+    kernel::mesh::{ids::EdgeId, topology::SurfaceTopology},
     response::{XpbdBody, XpbdMaterial, XpbdSettings},
 };
 use glam::{DVec3, Vec3};

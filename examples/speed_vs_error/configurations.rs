@@ -6,7 +6,7 @@
 
 use std::fmt::Write;
 
-use bevy_circumsphere::{CircumsphereSettings, ContactMethod, kernel::curvature::CurvatureEstimator};
+use bevy_circumsphere::{CircumsphereSettings, ContactMethod, kernel::spheres::curvature::CurvatureEstimator};
 
 use super::options::Extent;
 

@@ -8,7 +8,7 @@ use bevy_circumsphere::{
     detection::StageDiagnostics,
     kernel::{
         contact::{CompactContact, feature_number},
-        exact::{Feature, FeatureKind},
+        mesh::feature::{Feature, FeatureKind},
     },
 };
 use glam::DVec3;

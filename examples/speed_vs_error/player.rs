@@ -13,7 +13,7 @@ use bevy_circumsphere::{
     detection::{CandidateTrianglePairs, MeetingCaps, OverlappingTrianglePairs, StageDiagnostics},
     kernel::{
         contact::{CompactContact, TouchingPair},
-        topology::SurfaceTopology,
+        mesh::topology::SurfaceTopology,
     },
     prelude::*,
 };

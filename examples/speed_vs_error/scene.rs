@@ -1,17 +1,19 @@
 //! What is played: bodies with positions tick by tick, from a generated scene or a recording.
 
-use super::options::{Options, OptionsError};
-use bevy_circumsphere::kernel::topology::{SurfaceTopology, TopologyError};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use bevy_circumsphere::kernel::mesh::topology::{SurfaceTopology, TopologyError};
 use circumsphere_support::{
     recording::{Recording, RecordingError, read_recording},
     scenes::{MovingScene, moving_scene},
 };
 use circumsphere_truth::{exact_weld, mean_edge_length};
 use glam::{DVec3, Vec3};
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+
+use super::options::{Options, OptionsError};
 
 /// The recording that one of the scenes is cut from.
 const CLOTH_FALL: &[u8] = include_bytes!("../../assets/cloth_fall.bin");

@@ -8,10 +8,12 @@
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     kernel::{
-        circumsphere::{OffsetSpheres, RecipeSettings},
-        cone::SafetyCones,
-        curvature::{CurvatureEstimator, Curvatures},
-        topology::SurfaceTopology,
+        mesh::topology::SurfaceTopology,
+        spheres::{
+            circumsphere::{OffsetSpheres, RecipeSettings},
+            cone::SafetyCones,
+            curvature::{CurvatureEstimator, Curvatures},
+        },
     },
     prelude::*,
 };

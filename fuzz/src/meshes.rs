@@ -1,6 +1,6 @@
 //! Small meshes for the targets of the kernel, and what their coordinates allow to expect.
 
-use bevy_circumsphere::kernel::{pair::SurfaceSide, topology::SurfaceTopology};
+use bevy_circumsphere::kernel::{mesh::topology::SurfaceTopology, pair::SurfaceSide};
 use glam::Vec3;
 
 use crate::input::{Coordinates, Input};

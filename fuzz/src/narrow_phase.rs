@@ -1,22 +1,27 @@
 //! The exact narrow phase on any bit patterns: nothing panics, finite input gives numbers, and where the reference can
 //! judge it agrees.
 
-use crate::{input::Input, meshes::FuzzedSurface};
+use std::collections::HashSet;
+
 use bevy_circumsphere::kernel::{
-    bounds::triangle_bounds,
+    bvh::{
+        leaf_triangles::{LeafTriangles, PairCull},
+        tree::BoxTree,
+    },
     contact::CompactContact,
-    ids::TriangleId,
-    leaf_triangles::{LeafTriangles, PairCull},
+    exact::{
+        penetration::{Finding, Settling},
+        stage::{refine_closest, refine_pairs},
+        unique::UniqueFeatures,
+    },
+    mesh::{bounds::triangle_bounds, ids::TriangleId},
     pair::{FoundPairs, PairSettings, SurfaceSide, can_penetrate},
-    refine::{refine_closest, refine_pairs},
-    settle::{Finding, Settling},
-    tree::BoxTree,
-    unique::UniqueFeatures,
 };
 use circumsphere_support::bars::{BAND, SEPARATION_TOLERANCE};
 use circumsphere_truth::triangle_distance;
 use glam::Vec3;
-use std::collections::HashSet;
+
+use crate::{input::Input, meshes::FuzzedSurface};
 
 /// Normals are stored in f32: three components of half a unit in the last place each, with room.
 const UNIT_TOLERANCE: f32 = 1.0e-5;

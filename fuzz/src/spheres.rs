@@ -2,14 +2,16 @@
 //! sane magnitudes every ball contains its triangle, fresh or stale.
 
 use bevy_circumsphere::kernel::{
-    circumsphere::{
-        Ball, OffsetSpheres, RecipeSettings, circumcenter, curvature_factor, enclosing_balls, in_plane_center,
-    },
-    cone::SafetyCones,
-    curvature::{CurvatureEstimator, Curvatures},
     pair::{FoundPairs, PairSettings},
-    sphere_contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
-    sphere_pairs::{BallSide, CapSide, overlapping_caps},
+    spheres::{
+        circumsphere::{
+            Ball, OffsetSpheres, RecipeSettings, circumcenter, curvature_factor, enclosing_balls, in_plane_center,
+        },
+        cone::SafetyCones,
+        contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
+        curvature::{CurvatureEstimator, Curvatures},
+        pairs::{BallSide, CapSide, overlapping_caps},
+    },
 };
 use glam::Vec3;
 

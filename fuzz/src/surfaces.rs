@@ -7,9 +7,11 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore,
     kernel::{
-        curvature::CurvatureEstimator,
-        ids::{EdgeId, VertexId},
-        topology::SurfaceTopology,
+        mesh::{
+            ids::{EdgeId, VertexId},
+            topology::SurfaceTopology,
+        },
+        spheres::curvature::CurvatureEstimator,
     },
     prelude::*,
 };

@@ -11,7 +11,7 @@ use bevy_ecs::{
 
 use super::store::{ContactStore, PairOrder, StoredPair};
 use crate::{
-    kernel::room,
+    kernel::capacity,
     schedule::DeformableSystems,
     surface::{PendingQuarantines, QuarantineReason},
 };
@@ -160,7 +160,7 @@ fn track_contacts(store: Res<ContactStore>, mut sides: ResMut<TouchingSides>) {
     touching.extend_from_slice(started);
     let count = touching.len();
     for list in [touching, started, ended] {
-        room::trim(list, count);
+        capacity::trim(list, count);
     }
 }
 

@@ -17,7 +17,7 @@ use crate::{
         broad_phase::{Frame, OtherSide},
         is_one_sided,
     },
-    kernel::room,
+    kernel::capacity,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces},
@@ -113,13 +113,13 @@ fn gather_contacts(
     // Who found those finds their memory again.
     previous.pairs.clear();
     let count = store.pairs.len();
-    room::trim(&mut previous.pairs, count);
-    room::trim(&mut store.pairs, count);
+    capacity::trim(&mut previous.pairs, count);
+    capacity::trim(&mut store.pairs, count);
     index_entities(&mut store);
-    room::trim(&mut store.by_entity, 2 * count);
-    room::trim(&mut previous.by_entity, 2 * count);
-    room::trim(stored_places, candidates.pairs.len());
-    room::trim(last_places, candidates.pairs.len());
+    capacity::trim(&mut store.by_entity, 2 * count);
+    capacity::trim(&mut previous.by_entity, 2 * count);
+    capacity::trim(stored_places, candidates.pairs.len());
+    capacity::trim(last_places, candidates.pairs.len());
     if by_sides.len() > 2 * count {
         by_sides.clear();
         by_sides.shrink_to(count);

@@ -15,9 +15,11 @@ use glam::Vec3;
 use super::reading::{StencilEntry, stencil_side};
 use crate::kernel::{
     ccd::ImpactCause,
-    exact::{Feature, FeatureKind, FeaturePair},
-    ids::TriangleId,
-    topology::SurfaceTopology,
+    mesh::{
+        feature::{Feature, FeatureKind, FeaturePair},
+        ids::TriangleId,
+        topology::SurfaceTopology,
+    },
 };
 
 /// The first impact of two triangles of a pair of surfaces.

@@ -10,10 +10,12 @@ use super::store::{ContactSide, ContactStore, StoredPair};
 use crate::{
     kernel::{
         contact::{CompactContact, ContactKey},
-        exact::{Feature, FeatureKind},
-        ids::{TriangleId, VertexId},
-        smooth_normal::{CreaseAngle, NormalCone, SurfacePlace, smooth_normal},
-        topology::SurfaceTopology,
+        mesh::{
+            feature::{Feature, FeatureKind},
+            ids::{TriangleId, VertexId},
+            smooth_normal::{CreaseAngle, NormalCone, SurfacePlace, smooth_normal},
+            topology::SurfaceTopology,
+        },
     },
     settings::CircumsphereSettings,
     surface::SurfacePositions,

@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use crate::kernel::{
     contact::{CompactContact, ContactKey, SharedContact},
-    share::Share,
+    simd::share::Share,
 };
 
 #[cfg(test)]

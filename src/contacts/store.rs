@@ -10,9 +10,9 @@ use crate::{
     kernel::{
         contact::{CompactContact, SharedContact, TouchingPair},
         exact::rigid_shape::ShapeGeometry,
+        mesh::topology::SurfaceTopology,
         pose::Pose,
-        sphere_contacts::SphereContact,
-        topology::SurfaceTopology,
+        spheres::contacts::SphereContact,
     },
     surface::SideOrder,
 };

@@ -22,12 +22,14 @@ use super::{
 use crate::{
     contacts::EVENT_HYSTERESIS,
     kernel::{
-        bounds::{Aabb, bounds_of_moved, point_bounds, triangle_bounds_on},
-        motion::Motion,
+        capacity,
+        mesh::{
+            bounds::{Aabb, bounds_of_moved, point_bounds, triangle_bounds_on},
+            motion::Motion,
+            topology::SurfaceTopology,
+        },
         pose::{Pose, SIMILARITY_TOLERANCE},
-        room,
-        share::{OneByOne, Share},
-        topology::SurfaceTopology,
+        simd::share::{OneByOne, Share},
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -284,7 +286,7 @@ fn compute_bounds(
         surface.world_bounds = bounds.in_world.map_or(Aabb::EMPTY, |(_, in_world)| in_world);
     }
     let count = active.surfaces.len();
-    room::trim(&mut active.surfaces, count);
-    room::trim(&mut taken, count);
+    capacity::trim(&mut active.surfaces, count);
+    capacity::trim(&mut taken, count);
     diagnostics.finish(DetectionDiagnostics::FIRST_DETECTION_STAGE, start, 0, 0);
 }

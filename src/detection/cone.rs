@@ -17,8 +17,8 @@ use super::{
 };
 use crate::{
     kernel::{
-        room,
-        sphere_contacts::{cap_contacts, meeting_caps},
+        capacity,
+        spheres::contacts::{cap_contacts, meeting_caps},
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -118,9 +118,9 @@ fn test_cones(
         meeting.pairs.push(meeting_caps);
         contacts.pairs.push(found);
     }
-    room::trim(&mut both, count);
-    room::trim(&mut meeting.pairs, count);
-    room::trim(&mut contacts.pairs, count);
+    capacity::trim(&mut both, count);
+    capacity::trim(&mut meeting.pairs, count);
+    capacity::trim(&mut contacts.pairs, count);
     if !candidates.pairs.iter().any(|pair| pair.method == ContactMethod::Circumsphere) {
         buffers.clear();
     }

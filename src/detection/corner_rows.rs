@@ -8,7 +8,7 @@ use super::{
     parallel::fill_chunks,
 };
 use crate::{
-    kernel::corner_rows::CornerRows,
+    kernel::mesh::corner_rows::CornerRows,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
 };
 

@@ -14,7 +14,7 @@ use super::{
     sphere_memory::{SpherePart, SphereSource, check_spheres},
 };
 use crate::{
-    kernel::curvature::Curvatures,
+    kernel::spheres::curvature::Curvatures,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},

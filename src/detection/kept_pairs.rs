@@ -1,7 +1,7 @@
 //! Candidate lists that outlive the tick they were found in, for meshes that move a little.
 //!
 //! A list holds the pairs of triangles that are within the range and a *skin* of it, see
-//! [`bounded_pairs`](crate::kernel::bounded_pairs). As long as the surfaces have moved by less than the skin, no other pair
+//! [`bounded_pairs`](crate::kernel::bvh::near_pairs). As long as the surfaces have moved by less than the skin, no other pair
 //! can have come within range: neither boxes nor trees are asked. Where the motion has used up what a pair's bound had beyond
 //! the range, the broad phase looks for a gap between its triangles, and where that is wide enough the pair goes on with a
 //! new bound. How thick the skin is follows from how fast the surfaces move; where they are too fast for a list to pay, there
@@ -21,8 +21,8 @@ use super::{
 };
 use crate::{
     kernel::{
-        bounded_pairs::{BoundedPairs, ListedTriangles},
-        room,
+        bvh::near_pairs::{BoundedPairs, ListedTriangles},
+        capacity,
     },
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
@@ -132,8 +132,8 @@ impl KeptList {
         }
         (self.is_made, self.is_followed, self.is_too_long) = (false, false, false);
         self.pairs.clear_room();
-        room::clear(&mut self.near);
-        room::clear(&mut self.near_places);
+        capacity::clear(&mut self.near);
+        capacity::clear(&mut self.near_places);
     }
 
     /// Decides what to do in this detection, after `motion` since the last one; `slack` is what distances may be off by.
@@ -169,8 +169,8 @@ impl KeptList {
     /// surfaces, and `glanced_at` are pairs that had to be [looked at](Self::look_closer).
     pub(super) fn find_near(&mut self, triangles: usize, glanced_at: usize) {
         self.last_limit = self.limit;
-        room::clear(&mut self.near);
-        room::clear(&mut self.near_places);
+        capacity::clear(&mut self.near);
+        capacity::clear(&mut self.near_places);
         self.pairs.append_near(self.limit, &mut self.near, &mut self.near_places);
         if self.list_use == ListUse::Made {
             self.examined_at_first = self.near.len();
@@ -267,8 +267,8 @@ impl KeptPairs {
         }
         last.clear();
         let count = lists.len();
-        room::trim(last, count);
-        room::trim(lists, count);
+        capacity::trim(last, count);
+        capacity::trim(lists, count);
         if places.len() > count {
             // Those of the last tick.
             places.clear();

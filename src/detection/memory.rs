@@ -16,7 +16,7 @@ use super::{
     sphere_memory::SphereMemory,
 };
 use crate::{
-    kernel::{bounds::Aabb, room},
+    kernel::{capacity, mesh::bounds::Aabb},
     settings::CircumsphereSettings,
     surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
 };
@@ -121,9 +121,9 @@ impl DetectionMemory {
         last_surfaces.extend(active.surfaces.iter().map(|surface| (surface.clone(), computed(surface))));
         last_shapes.clone_from(&active.shapes);
         let count = last_surfaces.len();
-        room::trim(last_surfaces, count);
+        capacity::trim(last_surfaces, count);
         for places in [surfaces, former_surfaces] {
-            room::trim(places, count);
+            capacity::trim(places, count);
         }
         self.last_count = self.origins.len();
         self.origins.clear();
@@ -203,10 +203,10 @@ impl DetectionMemory {
         let Self { origins, former_places, candidates, moved, .. } = self;
         let count = origins.len();
         for places in [origins, former_places] {
-            room::trim(places, count);
+            capacity::trim(places, count);
         }
-        room::trim(candidates, count);
-        room::trim(moved, count);
+        capacity::trim(candidates, count);
+        capacity::trim(moved, count);
     }
 
     /// Whether a pair of this detection is what it was in the last one.
@@ -297,7 +297,7 @@ impl DetectionMemory {
         if stays {
             // Whoever has gone has gone from the end.
             lists.truncate(self.former_places.len());
-            room::trim(lists, self.former_places.len());
+            capacity::trim(lists, self.former_places.len());
             return;
         }
         let mut last: Vec<Option<T>> = std::mem::take(lists).into_iter().map(Some).collect();

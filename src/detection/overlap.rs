@@ -17,10 +17,12 @@ use super::{
 };
 use crate::{
     kernel::{
+        capacity,
         pair::PairSettings,
-        room,
-        sphere_contacts::{ball_contacts, overlapping_ball_contacts},
-        sphere_pairs::overlapping_caps,
+        spheres::{
+            contacts::{ball_contacts, overlapping_ball_contacts},
+            pairs::overlapping_caps,
+        },
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -156,9 +158,9 @@ fn test_overlap(
         overlapping.pairs.push(passed);
         contacts.pairs.push(found);
     }
-    room::trim(&mut both, count);
-    room::trim(&mut overlapping.pairs, count);
-    room::trim(&mut contacts.pairs, count);
+    capacity::trim(&mut both, count);
+    capacity::trim(&mut overlapping.pairs, count);
+    capacity::trim(&mut contacts.pairs, count);
     if !candidates.pairs.iter().any(uses_spheres) {
         spare.clear();
         buffers.clear();

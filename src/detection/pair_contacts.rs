@@ -11,10 +11,10 @@ use bevy_ecs::entity::Entity;
 
 use super::sphere_lists::{KeptSpheres, PassedAndFound, SphereBuffers, SphereLists};
 use crate::kernel::{
+    capacity,
     contact::{CompactContact, SharedContact, TouchingPair},
+    exact::unique::UniqueFeatures,
     pair::{FoundPairs, PairSettings},
-    room,
-    unique::UniqueFeatures,
 };
 
 /// A list that several hold. Whoever writes to it while others hold it, too, gets one of its own. Some lists are not written
@@ -112,7 +112,7 @@ impl<T> SharedList<T> {
         let mut list = self.own().map(mem::take).unwrap_or_default();
         // An empty one has been emptied before: how much it held then is not known any more.
         if !list.is_empty() {
-            room::clear(&mut list);
+            capacity::clear(&mut list);
         }
         list
     }
@@ -123,7 +123,7 @@ impl<T> SharedList<T> {
             mem::swap(self, other);
         } else if let Some(other) = other.own() {
             // Nobody holds the last one: the other one is not needed.
-            room::clear(other);
+            capacity::clear(other);
         }
         self.take()
     }
@@ -203,7 +203,7 @@ impl PairContacts {
             lower_bounds: mem::take(&mut self.lower_bounds),
             ..FoundPairs::default()
         };
-        room::clear(&mut found.lower_bounds);
+        capacity::clear(&mut found.lower_bounds);
         self.finish(FoundPairs::default());
         found
     }

@@ -16,10 +16,10 @@ use super::{
 };
 use crate::{
     kernel::{
-        ids::TriangleId,
-        leaf_triangles::Region,
+        bvh::leaf_triangles::Region,
+        exact::stage::{refine_closest, refine_pairs},
+        mesh::ids::TriangleId,
         pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, shape_fates},
-        refine::{refine_closest, refine_pairs},
     },
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod, SurfacePositions},

@@ -10,7 +10,9 @@ use std::{
 
 use bevy_tasks::ComputeTaskPool;
 
-use crate::kernel::{bounded_pairs::BoundedPairs, pair::FoundPairs, share::Share, sphere_contacts::FoundSpheres};
+use crate::kernel::{
+    bvh::near_pairs::BoundedPairs, pair::FoundPairs, simd::share::Share, spheres::contacts::FoundSpheres,
+};
 
 /// Pairs handed out at a time: enough work to outweigh the handing out, few enough to balance.
 pub(super) const CHUNK: usize = 4096;

@@ -19,11 +19,13 @@ use super::{
 };
 use crate::{
     kernel::{
+        capacity,
+        exact::{
+            pair_order::PairSorter,
+            stage::{refine_closest, refine_pairs, refine_shape},
+            unique::UniqueFeatures,
+        },
         pair::{FoundPairs, can_penetrate},
-        pair_order::PairSorter,
-        refine::{refine_closest, refine_pairs, refine_shape},
-        room,
-        unique::UniqueFeatures,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -92,7 +94,7 @@ fn refine(
             refined.finish(found);
         },
     );
-    room::trim(&mut refined.pairs, candidates.pairs.len());
+    capacity::trim(&mut refined.pairs, candidates.pairs.len());
     if !candidates.pairs.iter().any(|pair| pair.method.is_exact()) {
         spare.clear();
         buffers.clear();

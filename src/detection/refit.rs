@@ -15,7 +15,7 @@ use super::{
     sphere_memory::{SpherePart, SphereSource, check_spheres},
 };
 use crate::{
-    kernel::{
+    kernel::spheres::{
         circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls_on},
         cone::SafetyCones,
         curvature::CurvatureEstimator,

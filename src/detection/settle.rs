@@ -2,8 +2,8 @@
 
 use super::parallel::fill_chunks;
 use crate::kernel::{
+    exact::penetration::{Finding, Settling},
     pair::{FoundPairs, PairSettings, SurfaceSide},
-    settle::{Finding, Settling},
 };
 
 /// Contacts handed out at a time: each takes as long as several pairs of triangles.

@@ -15,9 +15,11 @@ use crate::{
     kernel::{
         pair::{MovedSide, PairSettings, SurfaceSide},
         pose::Pose,
-        share::Share,
-        sphere_pairs::{BallSide, CapSide},
-        sphere_rows::{BallRows, CapRows},
+        simd::share::Share,
+        spheres::{
+            pairs::{BallSide, CapSide},
+            rows::{BallRows, CapRows},
+        },
     },
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces, ContactMethod, SurfacePositions},

@@ -23,18 +23,20 @@ use super::{
     parallel::{Buffers, Threads, append_chunks},
 };
 use crate::kernel::{
-    circumsphere::OffsetSpheres,
-    cone::SafetyCones,
+    capacity,
     contact::{CompactContact, TouchingPair},
+    exact::pair_order::PairSorter,
+    mesh::topology::SurfaceTopology,
     pair::{FoundPairs, PairSettings, SurfaceSide},
-    pair_order::PairSorter,
     pose::Pose,
-    room,
-    share::{OneByOne, Share},
-    sphere_contacts::{FoundSpheres, SphereContact, ball_contacts, cap_contacts},
-    sphere_pairs::{BallSide, CapSide},
-    sphere_rows::{BallRows, CapRows},
-    topology::SurfaceTopology,
+    simd::share::{OneByOne, Share},
+    spheres::{
+        circumsphere::OffsetSpheres,
+        cone::SafetyCones,
+        contacts::{FoundSpheres, SphereContact, ball_contacts, cap_contacts},
+        pairs::{BallSide, CapSide},
+        rows::{BallRows, CapRows},
+    },
 };
 
 /// The spheres of a side.
@@ -201,7 +203,7 @@ impl SphereLists {
         match self.written.take() {
             Some(mut written) => {
                 written.clear_room();
-                room::clear(&mut write_room.pairs);
+                capacity::clear(&mut write_room.pairs);
                 write_room.written = written;
             }
             // Nobody reads any more.

@@ -1,18 +1,18 @@
 //! The compact record of one contact, and the key that names it from tick to tick.
 //!
-//! Written by `refine` and the sphere stages, stored by the `contacts` room.
+//! Written by the exact and the sphere stages, stored by the `contacts` room.
 
 use std::hint::select_unpredictable;
 
 use glam::Vec3;
 
-use super::{
-    exact::{Feature, FeaturePair, rigid_shape::ShapeProximity},
+use super::mesh::{
+    feature::{Feature, FeaturePair},
     topology::SurfaceTopology,
 };
 
 /// Bits of a feature's number within a key.
-pub(super) const FEATURE_BITS: u32 = 28;
+pub(in crate::kernel) const FEATURE_BITS: u32 = 28;
 
 /// Names a contact within its pair of surfaces: the kind of both features and their [numbers](feature_number). The same two features have the same key in every tick, so a solver can keep what it knows about them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -20,7 +20,7 @@ pub struct ContactKey(pub u64);
 
 impl ContactKey {
     #[inline]
-    fn new(features: FeaturePair, number_a: u32, number_b: u32) -> Self {
+    pub(in crate::kernel) fn new(features: FeaturePair, number_a: u32, number_b: u32) -> Self {
         let kinds = rank(features.a) * 3 + rank(features.b);
         Self((kinds << (2 * FEATURE_BITS)) | (u64::from(number_a) << FEATURE_BITS) | u64::from(number_b))
     }
@@ -138,7 +138,7 @@ impl SharedContact {
     }
 
     /// The same where that many contacts before it are dropped from the list.
-    pub(super) const fn earlier(self, count: u32) -> Self {
+    pub(in crate::kernel) const fn earlier(self, count: u32) -> Self {
         Self { key: self.key, place: self.place - count }
     }
 }
@@ -156,16 +156,16 @@ pub struct TouchingPair {
 
 /// Where two faces meet: the fields of the same names of a [`CompactContact`].
 #[derive(Clone, Copy)]
-pub(super) struct FacePlace {
-    pub(super) barycentrics: [[f32; 2]; 2],
-    pub(super) point_b: Vec3,
-    pub(super) normal: Vec3,
-    pub(super) distance: f32,
+pub(in crate::kernel) struct FacePlace {
+    pub(in crate::kernel) barycentrics: [[f32; 2]; 2],
+    pub(in crate::kernel) point_b: Vec3,
+    pub(in crate::kernel) normal: Vec3,
+    pub(in crate::kernel) distance: f32,
 }
 
 impl CompactContact {
     /// Keeps the place of a contact that nothing has come of: no pair of features has its key.
-    pub(super) const NONE: Self = Self {
+    pub(in crate::kernel) const NONE: Self = Self {
         key: ContactKey(u64::MAX),
         triangle_a: 0,
         triangle_b: 0,
@@ -181,12 +181,12 @@ impl CompactContact {
 
     /// Leaves the place empty.
     #[inline]
-    pub(super) fn drop_name(&mut self) {
+    pub(in crate::kernel) fn drop_name(&mut self) {
         self.key = Self::NONE.key;
     }
 
     /// Whether nothing is there.
-    pub(super) fn is_none(&self) -> bool {
+    pub(in crate::kernel) fn is_none(&self) -> bool {
         self.key == Self::NONE.key
     }
 
@@ -195,7 +195,7 @@ impl CompactContact {
     /// first. Barycentrics are the weights of the first two corners of either triangle.
     #[expect(clippy::too_many_arguments, reason = "one argument per field of the record")]
     #[inline]
-    pub(super) fn between_features(
+    pub(in crate::kernel) fn between_features(
         triangles: [u32; 2],
         same_surface: bool,
         features: FeaturePair,
@@ -212,7 +212,7 @@ impl CompactContact {
 
     /// The same without saying where it is.
     #[inline]
-    pub(super) fn named(
+    pub(in crate::kernel) fn named(
         triangles: [u32; 2],
         same_surface: bool,
         features: FeaturePair,
@@ -237,7 +237,7 @@ impl CompactContact {
 
     /// The contact of two whole triangles, which are known by their own numbers.
     #[inline]
-    pub(super) fn between_faces(triangles: [u32; 2], same_surface: bool, place: FacePlace) -> Self {
+    pub(in crate::kernel) fn between_faces(triangles: [u32; 2], same_surface: bool, place: FacePlace) -> Self {
         let swapped = same_surface && triangles[1] < triangles[0];
         let [first, second] = if swapped { [triangles[1], triangles[0]] } else { triangles };
         let features = FeaturePair { a: Feature::Face, b: Feature::Face };
@@ -268,39 +268,5 @@ impl CompactContact {
         let mask = (1u64 << FEATURE_BITS) - 1;
         let numbers = [((self.key.0 >> FEATURE_BITS) & mask) as u32, (self.key.0 & mask) as u32];
         if self.swapped { [numbers[1], numbers[0]] } else { numbers }
-    }
-
-    /// A contact with a shape that is tested by formula. `scale` is the world length of a unit of the shape's frame.
-    #[must_use]
-    pub fn with_shape(
-        topology: &SurfaceTopology,
-        positions: &[Vec3],
-        triangle: u32,
-        proximity: &ShapeProximity,
-        scale: f64,
-    ) -> Self {
-        let features = FeaturePair {
-            a: proximity.feature,
-            // The pair's kind tells a crossing apart: an edge of the triangle or of the shape pierces a face. An edge
-            // that is only close to the shape is close to an edge of it, as far as the kind goes.
-            b: match (proximity.crossing, proximity.feature) {
-                (true, Feature::Face) | (false, Feature::Edge(_)) => Feature::Edge(0),
-                _ => Feature::Face,
-            },
-        };
-        let number = feature_number(topology, positions, triangle, proximity.feature);
-        Self {
-            key: ContactKey::new(features, number, proximity.shape_feature),
-            swapped: false,
-            is_shared: !matches!(proximity.feature, Feature::Face),
-            triangle_a: triangle,
-            triangle_b: proximity.shape_feature,
-            features,
-            barycentric_a: [proximity.barycentric[0] as f32, proximity.barycentric[1] as f32],
-            barycentric_b: [0.0; 2],
-            point_b: proximity.shape_point.as_vec3(),
-            normal: proximity.normal.as_vec3(),
-            distance: (proximity.distance * scale) as f32,
-        }
     }
 }

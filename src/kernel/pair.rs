@@ -5,16 +5,16 @@ use std::borrow::Cow;
 use glam::{DVec3, Vec3};
 
 use super::{
+    capacity,
     contact::{CompactContact, SharedContact, TouchingPair, feature_number},
-    corner_rows::{CornerRow, CornerRows},
-    exact::{
-        Feature, FeaturePair,
+    mesh::{
+        corner_rows::{CornerRow, CornerRows},
+        feature::{Feature, FeaturePair},
+        ids::TriangleId,
         side::{outward_direction, rise},
+        topology::SurfaceTopology,
     },
-    ids::TriangleId,
     pose::Pose,
-    room,
-    topology::SurfaceTopology,
 };
 
 /// One side of a pair, in the frame of the pair.
@@ -59,7 +59,7 @@ impl<'a> MovedSide<'a> {
 impl SurfaceSide<'_> {
     /// The corners of a triangle in the frame of the pair, not rounded.
     #[inline]
-    pub(super) fn corners(&self, triangle: u32) -> [DVec3; 3] {
+    pub(in crate::kernel) fn corners(&self, triangle: u32) -> [DVec3; 3] {
         let [first, second, third] = self.topology.triangles()[triangle as usize];
         let corner = |vertex: u32| self.moved_point(self.own_positions()[vertex as usize].as_dvec3());
         [corner(first), corner(second), corner(third)]
@@ -67,29 +67,29 @@ impl SurfaceSide<'_> {
 
     /// The vertices in the side's own frame.
     #[inline]
-    pub(super) fn own_positions(&self) -> &[Vec3] {
+    pub(in crate::kernel) fn own_positions(&self) -> &[Vec3] {
         self.moved.as_ref().map_or(self.positions, |moved| moved.own_positions)
     }
 
     /// A point of the side's own frame in the frame of the pair.
     #[inline]
-    pub(super) fn moved_point(&self, point: DVec3) -> DVec3 {
+    pub(in crate::kernel) fn moved_point(&self, point: DVec3) -> DVec3 {
         self.moved.as_ref().map_or(point, |moved| moved.pose.transform_point(point))
     }
 
     /// Whether a pose is the way to the frame of the pair; `None` where the side's own frame is that.
     #[inline]
-    pub(super) fn is_moved_by(&self, pose: Option<&Pose>) -> bool {
+    pub(in crate::kernel) fn is_moved_by(&self, pose: Option<&Pose>) -> bool {
         self.moved.map(|moved| moved.pose) == pose
     }
 
     /// Makes a row for one triangle.
     #[inline]
-    pub(super) fn row(&self, triangle: u32) -> CornerRow {
+    pub(in crate::kernel) fn row(&self, triangle: u32) -> CornerRow {
         CornerRow::new(self.topology, self.own_positions(), triangle)
     }
 
-    pub(super) fn outward(&self, triangle: u32, feature: Feature) -> DVec3 {
+    pub(in crate::kernel) fn outward(&self, triangle: u32, feature: Feature) -> DVec3 {
         if let Some(moved) = &self.moved {
             // Turned as a direction, which a mirrored pose leaves outward.
             let outward = outward_direction(self.topology, moved.own_positions, triangle as usize, feature);
@@ -101,7 +101,7 @@ impl SurfaceSide<'_> {
 
     /// How a direction goes along the [outward](Self::outward) one: more than 0 where it leads out, less than 0 where it leads
     /// in.
-    pub(super) fn rise(&self, triangle: u32, feature: Feature, direction: DVec3) -> f64 {
+    pub(in crate::kernel) fn rise(&self, triangle: u32, feature: Feature, direction: DVec3) -> f64 {
         if let Some(moved) = &self.moved {
             let direction = moved.pose.inverse_transform_direction(direction);
             return rise(self.topology, moved.own_positions, triangle as usize, feature, direction);
@@ -118,38 +118,38 @@ impl SurfaceSide<'_> {
 
 /// A pair of triangles by their rows.
 #[derive(Clone, Copy)]
-pub(super) struct RowPair<'a> {
+pub(in crate::kernel) struct RowPair<'a> {
     /// Both sides in the frame of the pair.
-    pub(super) sides: [&'a SurfaceSide<'a>; 2],
+    pub(in crate::kernel) sides: [&'a SurfaceSide<'a>; 2],
     /// One triangle of each.
-    pub(super) triangles: [u32; 2],
+    pub(in crate::kernel) triangles: [u32; 2],
     /// The rows of those.
-    pub(super) rows: [&'a CornerRow; 2],
+    pub(in crate::kernel) rows: [&'a CornerRow; 2],
 }
 
 impl RowPair<'_> {
     /// A corner of either triangle in the frame of the pair, not rounded.
     #[inline]
-    pub(super) fn corner(&self, side: usize, corner: usize) -> DVec3 {
+    pub(in crate::kernel) fn corner(&self, side: usize, corner: usize) -> DVec3 {
         self.sides[side].moved_point(self.rows[side].corner(corner))
     }
 
     /// The three corners of either triangle.
     #[inline]
-    pub(super) fn corners(&self, side: usize) -> [DVec3; 3] {
+    pub(in crate::kernel) fn corners(&self, side: usize) -> [DVec3; 3] {
         [self.corner(side, 0), self.corner(side, 1), self.corner(side, 2)]
     }
 
     /// Whether the two share a vertex, given that the sides are the same surface.
     #[inline]
-    pub(super) fn are_neighbors(&self) -> bool {
+    pub(in crate::kernel) fn are_neighbors(&self) -> bool {
         let [a, b] = self.triangles.map(TriangleId);
         self.sides[0].topology.share_vertex(a, b)
     }
 
     /// The [number](feature_number) of a part of either triangle, see [`Feature::of_part`].
     #[inline]
-    pub(super) fn number(&self, side: usize, part: usize) -> u32 {
+    pub(in crate::kernel) fn number(&self, side: usize, part: usize) -> u32 {
         let (SurfaceSide { topology, positions, .. }, triangle) = (self.sides[side], self.triangles[side]);
         if topology.is_welded() {
             return feature_number(topology, positions, triangle, Feature::of_part(part));
@@ -159,7 +159,7 @@ impl RowPair<'_> {
 
     /// The numbers of two features.
     #[inline]
-    pub(super) fn numbers(&self, FeaturePair { a, b }: FeaturePair) -> [u32; 2] {
+    pub(in crate::kernel) fn numbers(&self, FeaturePair { a, b }: FeaturePair) -> [u32; 2] {
         [self.number(0, a.part()), self.number(1, b.part())]
     }
 }
@@ -174,7 +174,7 @@ pub fn can_penetrate(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings) -> b
 /// Whether the sides have passed each other, as far as a one-sided surface tells, given the way from the second to the first.
 /// A face tells best, of two edges the second side's. A vertex or an edge that is close to another triangle's boundary may be
 /// closer still to a neighbor of it, and then its direction misleads: where both sides have an inside, both have to agree.
-pub(super) fn is_inside(
+pub(in crate::kernel) fn is_inside(
     [a, b]: [&SurfaceSide<'_>; 2],
     [triangle_a, triangle_b]: [u32; 2],
     features: FeaturePair,
@@ -207,7 +207,7 @@ pub struct PairSettings {
     pub scale: f64,
     /// Whether a quicker test of eight pairs side by side comes first: a screen of features before exact ones, slabs before
     /// caps. The screen changes the time and how often the same contact is reported, never the result without
-    /// [repeats](super::unique::UniqueFeatures); slabs drop pairs that caps alone would let touch.
+    /// [repeats](super::exact::unique::UniqueFeatures); slabs drop pairs that caps alone would let touch.
     pub cull: bool,
     /// Whether both sides are the same surface.
     pub same_surface: bool,
@@ -220,7 +220,7 @@ pub struct FoundPairs {
     pub touching: Vec<TouchingPair>,
     /// Contacts, in the order of the candidates, those of one pair by key. Those that are
     /// [shared](CompactContact::is_shared) may occur several times, under the same key, until
-    /// [`UniqueFeatures`](super::unique::UniqueFeatures) has dropped the repeats.
+    /// [`UniqueFeatures`](super::exact::unique::UniqueFeatures) has dropped the repeats.
     pub contacts: Vec<CompactContact>,
     /// Which contacts of the exact test are shared; once repeats have been dropped, only those that have sides.
     pub shared: Vec<SharedContact>,
@@ -262,10 +262,10 @@ impl FoundPairs {
 
     /// Empties the lists and keeps room for about as much as they held.
     pub(crate) fn clear_room(&mut self) {
-        room::clear(&mut self.touching);
-        room::clear(&mut self.contacts);
-        room::clear(&mut self.shared);
-        room::clear(&mut self.lower_bounds);
+        capacity::clear(&mut self.touching);
+        capacity::clear(&mut self.contacts);
+        capacity::clear(&mut self.shared);
+        capacity::clear(&mut self.lower_bounds);
         self.clear();
     }
 
@@ -335,7 +335,7 @@ fn is_later_of_pair(one: &CompactContact, other: &CompactContact) -> bool {
 
 /// The candidates without those that share a vertex, which in a self-collision are neighbors. The list itself where
 /// there are none, as a broad phase has left them out already.
-pub(super) fn without_neighbors<'a>(
+pub(in crate::kernel) fn without_neighbors<'a>(
     surface: &SurfaceSide<'_>,
     candidates: &'a [[u32; 2]],
     settings: &PairSettings,

@@ -7,13 +7,14 @@
 use glam::Vec3;
 
 use super::{
-    exact::rigid_shape::ShapeGeometry,
+    exact::{rigid_shape::ShapeGeometry, stage::refine_shape},
+    mesh::topology::SurfaceTopology,
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pose::Pose,
-    refine::refine_shape,
-    sphere_contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
-    sphere_pairs::{BallSide, CapSide, CapTests, caps_passing},
-    topology::SurfaceTopology,
+    spheres::{
+        contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
+        pairs::{BallSide, CapSide, CapTests, caps_passing},
+    },
 };
 
 /// What became of a pair whose boxes overlap: the step that dropped it, in the order in which the methods take them, or that
@@ -159,8 +160,8 @@ pub fn cap_fates(
     fates.passed(PairFate::Distance, touching(&found));
 }
 
-/// Appends the fate of each candidate by a method that is exact, `examine`: [`refine_pairs`](super::refine::refine_pairs) or
-/// [`refine_closest`](super::refine::refine_closest). The broad phase has dropped the pairs that slabs part.
+/// Appends the fate of each candidate by a method that is exact, `examine`: [`refine_pairs`](super::exact::stage::refine_pairs) or
+/// [`refine_closest`](super::exact::stage::refine_closest). The broad phase has dropped the pairs that slabs part.
 pub fn exact_fates(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,

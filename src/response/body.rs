@@ -11,9 +11,11 @@ use glam::{DVec3, Vec3};
 use super::constraints::{Hinge, Spring, enclosed_volume};
 use crate::{
     kernel::{
-        ids::{EdgeId, VertexId},
+        mesh::{
+            ids::{EdgeId, VertexId},
+            topology::SurfaceTopology,
+        },
         pose::Pose,
-        topology::SurfaceTopology,
     },
     surface::{DeformableSurface, SurfacePositions, SweptTarget},
 };

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use crate::kernel::exact::{
-    Feature,
+use crate::kernel::mesh::{
     barycentric::barycentric_of,
+    feature::Feature,
     side::{closest_feature, face_normal},
 };
 

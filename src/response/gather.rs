@@ -27,9 +27,11 @@ use crate::{
     detection::SharedList,
     kernel::{
         contact::{CompactContact, ContactKey, TouchingPair},
-        exact::{Feature, FeatureKind},
+        mesh::{
+            feature::{Feature, FeatureKind},
+            topology::SurfaceTopology,
+        },
         pose::Pose,
-        topology::SurfaceTopology,
     },
     surface::{ActiveShape, ActiveSurface, ActiveSurfaces, SurfacePositions, SweptCollision},
 };

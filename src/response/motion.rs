@@ -10,7 +10,7 @@ use glam::{DMat3, DQuat, DVec3, Vec3};
 
 use super::body::XpbdBody;
 use crate::{
-    kernel::{bounds::Aabb, exact::rigid_shape::ShapeGeometry, pose::Pose},
+    kernel::{exact::rigid_shape::ShapeGeometry, mesh::bounds::Aabb, pose::Pose},
     surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptTarget},
 };
 

@@ -13,7 +13,10 @@ use super::{
 };
 use crate::{
     contacts::StoredPair,
-    kernel::{contact::CompactContact, exact::Feature, ids::EdgeId},
+    kernel::{
+        contact::CompactContact,
+        mesh::{feature::Feature, ids::EdgeId},
+    },
 };
 
 pub(super) fn face_of(vertex: u32, [a, b, c]: [u32; 3]) -> Features {

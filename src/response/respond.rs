@@ -16,7 +16,10 @@ use super::{
     solver::{Solved, Solver},
 };
 use crate::{
-    kernel::{ids::VertexId, pose::Pose, topology::SurfaceTopology},
+    kernel::{
+        mesh::{ids::VertexId, topology::SurfaceTopology},
+        pose::Pose,
+    },
     schedule::run_detection,
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptCollision, SweptTarget},

@@ -18,7 +18,7 @@ use super::{
     particles::Particles,
     settings::XpbdSettings,
 };
-use crate::kernel::topology::SurfaceTopology;
+use crate::kernel::mesh::topology::SurfaceTopology;
 
 /// The particles of one body and what holds them together.
 pub(super) struct SolverBody {

@@ -12,7 +12,7 @@
 use bevy_platform::collections::HashSet;
 use glam::DVec3;
 
-use crate::kernel::topology::SurfaceTopology;
+use crate::kernel::mesh::topology::SurfaceTopology;
 
 /// Edges that make a smaller sine with a face go along it rather than through it.
 const GRAZING_SINE: f64 = 1.0e-3;

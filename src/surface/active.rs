@@ -8,7 +8,11 @@ use glam::Vec3;
 use super::components::{ContactMethod, SurfaceLayers};
 use crate::{
     contacts::ContactSide,
-    kernel::{bounds::Aabb, exact::rigid_shape::ShapeGeometry, pose::Pose, topology::SurfaceTopology},
+    kernel::{
+        exact::rigid_shape::ShapeGeometry,
+        mesh::{bounds::Aabb, topology::SurfaceTopology},
+        pose::Pose,
+    },
 };
 
 /// A surface that takes part in this tick.

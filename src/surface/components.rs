@@ -13,7 +13,7 @@ use crate::{
         Circumspheres, EnclosingBalls, PreviousPositions, SurfaceRows, TriangleBounds, TriangleCones,
         TriangleCurvature, broad_phase::SurfaceTree,
     },
-    kernel::{
+    kernel::mesh::{
         ids::VertexId,
         topology::{SurfaceTopology, TopologyError},
     },

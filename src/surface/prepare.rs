@@ -25,9 +25,8 @@ use crate::{
     contacts::SurfaceQuarantined,
     detection::{DetectionDiagnostics, TriangleBounds},
     kernel::{
-        bounds::Aabb,
         exact::rigid_shape::ShapeError,
-        ids::VertexId,
+        mesh::{bounds::Aabb, ids::VertexId},
         pose::{Pose, PoseError},
     },
     schedule::DeformableSystems,

@@ -24,7 +24,7 @@ use crate::{
     },
     kernel::{
         exact::rigid_shape::{ShapeError, ShapeGeometry, SweepPart},
-        topology::SurfaceTopology,
+        mesh::topology::SurfaceTopology,
     },
 };
 

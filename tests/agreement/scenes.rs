@@ -1,10 +1,11 @@
 //! Generated scenes: every exact method and broad phase against the reference, and contacts against their pairs.
 
-use crate::detect::{BroadPhase, Detector, assert_agrees, crossings_without_near_features, truth};
+use std::collections::{HashMap, HashSet};
+
 use bevy_circumsphere::{
     kernel::{
         contact::TouchingPair,
-        exact::{Feature, FeatureKind},
+        mesh::feature::{Feature, FeatureKind},
     },
     prelude::*,
 };
@@ -14,7 +15,8 @@ use circumsphere_support::scenes::{
 };
 use circumsphere_truth::{closest_features, exact_weld, mean_edge_length};
 use glam::{DVec3, Vec3};
-use std::collections::{HashMap, HashSet};
+
+use crate::detect::{BroadPhase, Detector, assert_agrees, crossings_without_near_features, truth};
 
 struct Scene {
     name: &'static str,

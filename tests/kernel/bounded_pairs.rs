@@ -1,14 +1,16 @@
 //! What is remembered of pairs is less than the truth in f64, and no pair is missing.
 
-use crate::surface_tree::Surface;
+use std::collections::{BTreeMap, BTreeSet};
+
 use bevy_circumsphere::kernel::{
-    bounded_pairs::{BoundedPairs, ListedTriangles},
-    ids::TriangleId,
-    leaf_triangles::PairCull,
-    motion::Motion,
+    bvh::{
+        leaf_triangles::PairCull,
+        near_pairs::{BoundedPairs, ListedTriangles},
+    },
+    exact::stage::{refine_closest, refine_pairs},
+    mesh::{ids::TriangleId, motion::Motion},
     pair::{FoundPairs, PairSettings, SurfaceSide},
-    refine::{refine_closest, refine_pairs},
-    share::OneByOne,
+    simd::share::OneByOne,
 };
 use circumsphere_support::{
     random::Random,
@@ -16,7 +18,8 @@ use circumsphere_support::{
 };
 use circumsphere_truth::triangle_distance;
 use glam::Vec3;
-use std::collections::{BTreeMap, BTreeSet};
+
+use crate::surface_tree::Surface;
 
 fn side(surface: &Surface) -> SurfaceSide<'_> {
     let Surface { topology, positions, .. } = surface;

@@ -1,19 +1,17 @@
 //! Triangles against unions of shapes: brute force over the union.
 
+use bevy_circumsphere::kernel::{
+    exact::rigid_shape::{ShapeError, ShapeGeometry},
+    mesh::{feature::Feature, topology::SurfaceTopology},
+};
+use glam::{DQuat, DVec3, Quat, Vec3};
+use parry3d::{math::Pose, shape::SharedShape};
+
 use crate::{
     common::Random,
     shapes::{assert_well_formed, examine, random_triangle},
     truth::random_rotation,
 };
-use bevy_circumsphere::kernel::{
-    exact::{
-        Feature,
-        rigid_shape::{ShapeError, ShapeGeometry},
-    },
-    topology::SurfaceTopology,
-};
-use glam::{DQuat, DVec3, Quat, Vec3};
-use parry3d::{math::Pose, shape::SharedShape};
 
 #[derive(Clone, Copy)]
 struct Block {

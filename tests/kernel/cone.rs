@@ -1,25 +1,31 @@
 //! The cone test: what the sphere stages find, and the geometry of a contact of two caps.
 
-use crate::{
-    common::Random,
-    truth::{ROUNDING, positions, random_rotation},
-};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
 use bevy_circumsphere::kernel::{
-    bounds::{pairs_between_brute_force, triangle_bounds},
-    circumsphere::{OffsetSpheres, RecipeSettings, enclosing_balls},
-    cone::{Cap, SafetyCones, cap_contact, spheres_overlap},
     contact::CompactContact,
-    curvature::{CurvatureEstimator, Curvatures},
+    mesh::{
+        bounds::{pairs_between_brute_force, triangle_bounds},
+        topology::SurfaceTopology,
+    },
     pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
-    sphere_contacts::{FoundSpheres, meeting_caps, overlapping_ball_contacts},
-    sphere_pairs::{BallSide, CapSide, overlapping_caps},
-    topology::SurfaceTopology,
+    spheres::{
+        circumsphere::{OffsetSpheres, RecipeSettings, enclosing_balls},
+        cone::{Cap, SafetyCones, cap_contact, spheres_overlap},
+        contacts::{FoundSpheres, meeting_caps, overlapping_ball_contacts},
+        curvature::{CurvatureEstimator, Curvatures},
+        pairs::{BallSide, CapSide, overlapping_caps},
+    },
 };
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere};
 use circumsphere_truth::triangle_distance;
 use glam::{Affine3A, DQuat, DVec3, Vec3};
-use std::f64::consts::{FRAC_PI_2, TAU};
+
+use crate::{
+    common::Random,
+    truth::{ROUNDING, positions, random_rotation},
+};
 
 const REACH: f32 = 0.05;
 

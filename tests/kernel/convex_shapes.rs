@@ -1,18 +1,19 @@
 //! Triangles against cylinders, cones and rounded shapes: brute force over the triangle, closed forms, and parry in f64.
 
-use crate::{
-    common::Random,
-    shapes::{assert_well_formed, at, examine, hull_facets, random_triangle},
-    truth::{exact, random_rotation},
-};
-use bevy_circumsphere::kernel::exact::{
-    Feature,
-    rigid_shape::{ShapeGeometry, ShapeProximity},
+use bevy_circumsphere::kernel::{
+    exact::rigid_shape::{ShapeGeometry, ShapeProximity},
+    mesh::feature::Feature,
 };
 use circumsphere_truth::{point_segment, triangle_distance};
 use glam::{DVec3, Vec3};
 use parry3d::shape::SharedShape;
 use parry3d_f64::{math::Pose as ParryPose, query, shape::Triangle};
+
+use crate::{
+    common::Random,
+    shapes::{assert_well_formed, at, examine, hull_facets, random_triangle},
+    truth::{exact, random_rotation},
+};
 
 /// Distances in f64 of things about 1 long, by two ways.
 const TOLERANCE: f64 = 1.0e-9;
@@ -340,8 +341,9 @@ fn sweep_meshes_are_closed_and_lie_on_the_shape() {
         let shape = ShapeGeometry::new(&shared).expect("a convex shape");
         let parts = shape.sweep_parts();
         assert_eq!(parts.len(), 1);
-        let topology = bevy_circumsphere::kernel::topology::SurfaceTopology::new(&parts[0].points, &parts[0].triangles)
-            .expect("a sweep part is a surface");
+        let topology =
+            bevy_circumsphere::kernel::mesh::topology::SurfaceTopology::new(&parts[0].points, &parts[0].triangles)
+                .expect("a sweep part is a surface");
         assert!(topology.is_closed(), "{:?}", topology.report());
         for point in &parts[0].points {
             let height = solid.signed(point.as_dvec3()) + f64::from(parts[0].radius);
@@ -368,7 +370,8 @@ fn sweep_meshes_are_closed_and_lie_on_the_shape() {
     }
     for shape in [SharedShape::ball(0.5), SharedShape::capsule(Vec3::X, Vec3::Y, 0.5)] {
         let parts = ShapeGeometry::new(&shape).expect("rounded").sweep_parts();
-        let topology = bevy_circumsphere::kernel::topology::SurfaceTopology::new(&parts[0].points, &parts[0].triangles);
+        let topology =
+            bevy_circumsphere::kernel::mesh::topology::SurfaceTopology::new(&parts[0].points, &parts[0].triangles);
         assert!(topology.is_ok() && parts[0].radius == 0.5 && parts[0].points.len() == 3);
     }
     let half_space = ShapeGeometry::new(&SharedShape::halfspace(Vec3::Y)).expect("a half-space");

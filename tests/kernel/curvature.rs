@@ -1,17 +1,18 @@
 //! Both curvature estimators against closed forms.
 
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use bevy_circumsphere::kernel::{
+    mesh::{ids::EdgeId, topology::SurfaceTopology},
+    spheres::curvature::{CurvatureEstimator, Curvatures},
+};
+use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, cylinder_side, grid, icosphere, saddle};
+use glam::{DVec3, Vec3};
+
 use crate::{
     common::Random,
     truth::{ROUNDING, circumcircle, corners, exact, positions, random_rotation},
 };
-use bevy_circumsphere::kernel::{
-    curvature::{CurvatureEstimator, Curvatures},
-    ids::EdgeId,
-    topology::SurfaceTopology,
-};
-use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, cylinder_side, grid, icosphere, saddle};
-use glam::{DVec3, Vec3};
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 const ESTIMATORS: [CurvatureEstimator; 2] = [CurvatureEstimator::SignedEdge, CurvatureEstimator::DualAngleDeficit];
 

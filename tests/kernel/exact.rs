@@ -1,16 +1,18 @@
 //! The exact test of two triangles against the f64 reference.
 
-use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
 use bevy_circumsphere::kernel::{
-    exact::{
-        Feature, FeatureKind, FeaturePair, PairProximity, Proximity, examine_pair,
+    exact::{PairProximity, Proximity, examine_pair},
+    mesh::{
+        feature::{Feature, FeatureKind, FeaturePair},
         side::{outward_direction, rise},
+        topology::SurfaceTopology,
     },
-    topology::SurfaceTopology,
 };
 use circumsphere_support::scenes::icosphere;
 use circumsphere_truth::{ClosestKind, closest_features, segment_segment};
 use glam::{DVec3, Vec3};
+
+use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
 
 /// Error of a distance relative to the pair's extent. Products of f32 differences are exact in f64 or nearly so; what
 /// is left is the division by a sliver's normal, whose square is 1e-16 of the edges' at the flattest f32 can store.

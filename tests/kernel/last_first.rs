@@ -1,6 +1,6 @@
 //! Tasks of the kernel in the order that nobody expects.
 
-use bevy_circumsphere::kernel::share::Share;
+use bevy_circumsphere::kernel::simd::share::Share;
 
 /// Hands out tasks from the last to the first: nothing may depend on which is done when.
 pub struct LastFirst;

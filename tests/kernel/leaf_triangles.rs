@@ -1,21 +1,27 @@
 //! What a traversal drops on its way: neighbors by their vertices, others by slabs; and that its parts make the whole.
 
+use std::collections::{BTreeSet, HashSet};
+
+use bevy_circumsphere::kernel::{
+    bvh::{
+        leaf_triangles::{LeafTriangles, PairCull},
+        near_pairs::BoundedPairs,
+        tree::{BoxTree, LEAF_WIDTH},
+    },
+    mesh::{
+        bounds::{Aabb, triangle_bounds},
+        ids::TriangleId,
+    },
+};
+use circumsphere_support::scenes::{Mesh, crumpled_sheet, duplicate_vertices, icosphere, merge, triangle_soup};
+use circumsphere_truth::triangle_distance;
+use glam::{DVec3, Vec3};
+
 use crate::{
     common::{CATEGORIES, Random, Triangle, hard_pair},
     surface_tree::Surface,
     truth::independent,
 };
-use bevy_circumsphere::kernel::{
-    bounded_pairs::BoundedPairs,
-    bounds::{Aabb, triangle_bounds},
-    ids::TriangleId,
-    leaf_triangles::{LeafTriangles, PairCull},
-    tree::{BoxTree, LEAF_WIDTH},
-};
-use circumsphere_support::scenes::{Mesh, crumpled_sheet, duplicate_vertices, icosphere, merge, triangle_soup};
-use circumsphere_truth::triangle_distance;
-use glam::{DVec3, Vec3};
-use std::collections::{BTreeSet, HashSet};
 
 fn of_triangles(triangles: &[Triangle], range: f32) -> Surface {
     let stored: Vec<[Vec3; 3]> = triangles.iter().map(|corners| corners.map(DVec3::as_vec3)).collect();

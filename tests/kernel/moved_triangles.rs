@@ -1,14 +1,17 @@
 //! Triangles and boxes that are brought into another frame, against f64 and one at a time.
 
-use crate::common::Random;
 use bevy_circumsphere::kernel::{
-    bounds::{Aabb, bounds_of_moved, triangle_bounds},
-    moved_triangles::{MovingMesh, Reach},
+    bvh::{
+        moved_triangles::{MovingMesh, Reach},
+        tree::BoxTree,
+    },
+    mesh::bounds::{Aabb, bounds_of_moved, triangle_bounds},
     pose::Pose,
-    tree::BoxTree,
 };
 use circumsphere_support::scenes::triangle_soup;
 use glam::{Affine3A, DVec3, Quat, Vec3};
+
+use crate::common::Random;
 
 /// Similarities of all sizes, near the origin and far from it, some mirrored.
 fn random_pose(random: &mut Random) -> Pose {

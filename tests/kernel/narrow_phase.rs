@@ -4,17 +4,19 @@
 //! reference. Each batch has one contact distance, so its pairs are brought to one size by powers of two, which round
 //! nothing.
 
-use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
-use crate::truth::{independent, longest_edge};
+use std::collections::BTreeMap;
+use std::time::Instant;
+
 use bevy_circumsphere::kernel::{
+    exact::stage::{refine_closest, refine_pairs},
+    mesh::topology::SurfaceTopology,
     pair::{FoundPairs, PairSettings, SurfaceSide},
-    refine::{refine_closest, refine_pairs},
-    topology::SurfaceTopology,
 };
 use circumsphere_truth::{ClosestFeatures, ClosestKind, closest_features};
 use glam::{DVec3, Vec3};
-use std::collections::BTreeMap;
-use std::time::Instant;
+
+use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
+use crate::truth::{independent, longest_edge};
 
 /// Where honest rounding of f32 positions decides, relative to the contact distance: section 5 of the design.
 const BAND: f64 = 1.0e-4;

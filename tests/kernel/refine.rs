@@ -1,25 +1,32 @@
 //! The exact stage over whole surfaces: signs, keys, and independence of the order of triangles.
 
-use crate::{
-    common::Random,
-    truth::{corners, exact, positions},
-};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
+
 use bevy_circumsphere::kernel::{
     contact::{CompactContact, ContactKey},
-    exact::{Feature, FeatureKind, FeaturePair, PairProximity, examine_pair},
+    exact::{
+        PairProximity, examine_pair,
+        penetration::{Finding, Settling},
+        stage::{refine_closest, refine_pairs},
+        unique::UniqueFeatures,
+    },
+    mesh::{
+        feature::{Feature, FeatureKind, FeaturePair},
+        topology::SurfaceTopology,
+    },
     pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
-    refine::{refine_closest, refine_pairs},
-    settle::{Finding, Settling},
-    topology::SurfaceTopology,
-    unique::UniqueFeatures,
 };
 use circumsphere_support::scenes::{Mesh, duplicate_vertices, icosphere, merge, triangle_soup};
 use circumsphere_truth::{
     exact_weld, point_triangle, touching_pairs_between_brute_force, touching_pairs_brute_force, triangle_distance,
 };
 use glam::{DAffine3, DQuat, DVec3, Vec3};
-use std::collections::{BTreeMap, BTreeSet, HashSet};
+
+use crate::{
+    common::Random,
+    truth::{corners, exact, positions},
+};
 
 const REACH: f64 = 0.08;
 

@@ -1,12 +1,11 @@
 //! Triangles against rigid shapes: closed forms, the f64 reference, and parry in f64.
 
-use crate::{
-    common::Random,
-    truth::{exact, random_rotation},
-};
-use bevy_circumsphere::kernel::exact::{
-    Feature, PairProximity,
-    rigid_shape::{ShapeError, ShapeGeometry, ShapeProximity},
+use bevy_circumsphere::kernel::{
+    exact::{
+        PairProximity,
+        rigid_shape::{ShapeError, ShapeGeometry, ShapeProximity},
+    },
+    mesh::feature::Feature,
 };
 use circumsphere_truth::{point_segment, point_triangle, triangle_distance};
 use glam::{DVec3, Vec3};
@@ -15,6 +14,11 @@ use parry3d_f64::{
     math::Pose as ParryPose,
     query,
     shape::{ConvexPolyhedron, Cuboid, Triangle},
+};
+
+use crate::{
+    common::Random,
+    truth::{exact, random_rotation},
 };
 
 /// Distances in f64 between f32 inputs of length about 1; parry's search stops at 5e-8 of a pair of unit size.

@@ -1,18 +1,22 @@
 //! Smooth normals against closed forms: planes, spheres, cylinders, boxes, and meshes with nothing smooth about them.
 
+use bevy_circumsphere::kernel::{
+    mesh::{
+        feature::Feature,
+        ids::{EdgeId, TriangleId, VertexId},
+        side::face_normal,
+        smooth_normal::{CreaseAngle, NormalCone, SurfacePlace, smooth_normal},
+        topology::SurfaceTopology,
+    },
+    pose::Pose,
+};
+use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, cylinder_side, grid, icosphere, saddle, triangle_soup};
+use glam::{Affine3A, DVec3, Quat, Vec3};
+
 use crate::{
     common::Random,
     truth::{ROUNDING, positions, random_rotation},
 };
-use bevy_circumsphere::kernel::{
-    exact::{Feature, side::face_normal},
-    ids::{EdgeId, TriangleId, VertexId},
-    pose::Pose,
-    smooth_normal::{CreaseAngle, NormalCone, SurfacePlace, smooth_normal},
-    topology::SurfaceTopology,
-};
-use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, cylinder_side, grid, icosphere, saddle, triangle_soup};
-use glam::{Affine3A, DVec3, Quat, Vec3};
 
 /// The default of the plugin's settings.
 const CREASE: f32 = 1.0;

@@ -1,25 +1,26 @@
 //! Contacts of spheres, eight at a time, are those of one pair at a time.
 
+use bevy_circumsphere::kernel::{
+    mesh::{barycentric::barycentric_of, ids::TriangleId, topology::SurfaceTopology},
+    pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
+    pose::Pose,
+    simd::share::OneByOne,
+    spheres::{
+        circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
+        cone::{Cap, SafetyCones, cap_contact},
+        contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
+        curvature::{CurvatureEstimator, Curvatures},
+        pairs::{BallSide, CapSide},
+        rows::{BallRows, CapRows},
+    },
+};
+use circumsphere_support::scenes::crumpled_sheet;
+use glam::{Affine3A, DVec3, Quat, Vec3};
+
 use crate::{
     common::Random,
     truth::{ROUNDING, independent, positions},
 };
-use bevy_circumsphere::kernel::{
-    circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
-    cone::{Cap, SafetyCones, cap_contact},
-    curvature::{CurvatureEstimator, Curvatures},
-    exact::barycentric::barycentric_of,
-    ids::TriangleId,
-    pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
-    pose::Pose,
-    share::OneByOne,
-    sphere_contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
-    sphere_pairs::{BallSide, CapSide},
-    sphere_rows::{BallRows, CapRows},
-    topology::SurfaceTopology,
-};
-use circumsphere_support::scenes::crumpled_sheet;
-use glam::{Affine3A, DVec3, Quat, Vec3};
 
 /// Rounding of a handful of operations in f64 on coordinates of 100, below what single precision stores.
 const DOUBLE_ROUNDING: f64 = 1.0e-12;

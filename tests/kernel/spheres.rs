@@ -1,5 +1,13 @@
 //! Circumcenters, enclosing balls and offset spheres of single triangles.
 
+use bevy_circumsphere::kernel::spheres::{
+    circumsphere::{
+        Ball, RecipeSettings, circumcenter, curvature_factor, enclosing_ball, enclosing_balls, in_plane_center,
+    },
+    cone::SafetyCones,
+};
+use glam::{DVec3, Vec3};
+
 use crate::{
     common::Random,
     truth::{
@@ -7,13 +15,6 @@ use crate::{
         longest_edge, triangle_with_angles,
     },
 };
-use bevy_circumsphere::kernel::{
-    circumsphere::{
-        Ball, RecipeSettings, circumcenter, curvature_factor, enclosing_ball, enclosing_balls, in_plane_center,
-    },
-    cone::SafetyCones,
-};
-use glam::{DVec3, Vec3};
 
 /// Largest angle up to which the in-plane center is the circumcenter.
 const CLAMP_ANGLE: f64 = 150.0;

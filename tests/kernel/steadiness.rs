@@ -1,12 +1,13 @@
 //! When recipes are refreshed, and when not.
 
+use bevy_circumsphere::kernel::spheres::circumsphere::RecipeSettings;
+use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere, saddle, torus};
+use glam::{DQuat, DVec3, Vec3};
+
 use crate::{
     common::Random,
     truth::{Spheres, independent, positions, random_rotation, triangle_with_angles},
 };
-use bevy_circumsphere::kernel::circumsphere::RecipeSettings;
-use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere, saddle, torus};
-use glam::{DQuat, DVec3, Vec3};
 
 fn settings(delta: f32) -> RecipeSettings {
     RecipeSettings { phi: 1.0, curvature_threshold: 1.0, delta }

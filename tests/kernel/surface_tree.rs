@@ -1,7 +1,8 @@
 //! Meshes with their trees, for what goes through those.
 
 use bevy_circumsphere::kernel::{
-    bounds::triangle_bounds, leaf_triangles::LeafTriangles, topology::SurfaceTopology, tree::BoxTree,
+    bvh::{leaf_triangles::LeafTriangles, tree::BoxTree},
+    mesh::{bounds::triangle_bounds, topology::SurfaceTopology},
 };
 use circumsphere_support::scenes::Mesh;
 use glam::{DVec3, Vec3};

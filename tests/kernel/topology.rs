@@ -1,7 +1,8 @@
 //! Adjacency, welding and the report of unusual meshes, against counts that are known.
 
-use crate::{common::Random, truth::positions};
-use bevy_circumsphere::kernel::{
+use std::collections::{BTreeMap, BTreeSet};
+
+use bevy_circumsphere::kernel::mesh::{
     ids::{EdgeId, TriangleId, VertexId},
     topology::{MAX_ELEMENTS, SurfaceTopology, TopologyError, TopologyReport},
 };
@@ -9,7 +10,8 @@ use circumsphere_support::scenes::{
     Diagonals, Mesh, cuboid, duplicate_vertices, grid, icosphere, merge, ragged_slivers, torus,
 };
 use glam::Vec3;
-use std::collections::{BTreeMap, BTreeSet};
+
+use crate::{common::Random, truth::positions};
 
 fn topology(mesh: &Mesh) -> SurfaceTopology {
     SurfaceTopology::new(&positions(mesh), &mesh.triangles).expect("the mesh is valid")

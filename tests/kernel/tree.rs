@@ -1,13 +1,14 @@
 //! The bounding volume tree against comparing every box with every other.
 
-use crate::{common::Random, last_first::LastFirst};
 use bevy_circumsphere::kernel::{
-    bounds::{Aabb, pairs_between_brute_force, self_pairs_brute_force, triangle_bounds},
-    tree::{BoxTree, LEAF_WIDTH},
+    bvh::tree::{BoxTree, LEAF_WIDTH},
+    mesh::bounds::{Aabb, pairs_between_brute_force, self_pairs_brute_force, triangle_bounds},
 };
 use circumsphere_support::scenes::triangle_soup;
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
+
+use crate::{common::Random, last_first::LastFirst};
 
 /// Boxes on a coarse grid (so that many touch exactly, repeat or are flat) or anywhere.
 fn random_box(random: &mut Random) -> Aabb {

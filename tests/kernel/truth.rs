@@ -1,14 +1,17 @@
 //! Shared by the kernel's tests: closed forms in f64, and random triangles of a given shape.
 
-use crate::common::Random;
 use bevy_circumsphere::kernel::{
-    circumsphere::{OffsetSpheres, RecipeSettings},
-    cone::SafetyCones,
-    curvature::{CurvatureEstimator, Curvatures},
-    topology::SurfaceTopology,
+    mesh::topology::SurfaceTopology,
+    spheres::{
+        circumsphere::{OffsetSpheres, RecipeSettings},
+        cone::SafetyCones,
+        curvature::{CurvatureEstimator, Curvatures},
+    },
 };
 use circumsphere_support::scenes::Mesh;
 use glam::{DQuat, DVec3, Vec3};
+
+use crate::common::Random;
 
 /// Half a unit in the last place of an f32, relative: the error of one rounding.
 pub const ROUNDING: f64 = f32::EPSILON as f64 * 0.5;

@@ -5,7 +5,7 @@ use std::time::Duration;
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     detection::{DetectionDiagnostics, TriangleBounds, broad_phase::SurfaceTree},
-    kernel::tree::BoxTree,
+    kernel::bvh::tree::BoxTree,
     prelude::*,
 };
 use bevy_ecs::prelude::*;

@@ -7,7 +7,7 @@ use bevy_circumsphere::{
         BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, DetectionDiagnostics,
         TreeBroadPhasePlugin, TriangleBounds,
     },
-    kernel::bounds::triangle_bounds,
+    kernel::mesh::bounds::triangle_bounds,
     prelude::*,
     surface::ActiveSurfaces,
 };

@@ -1,12 +1,13 @@
 //! What lists of candidates remember of meshes that move a little is, to the last bit, what is found without: in motion of
 //! any kind and speed, while everything else changes too, at any scale and place, on one and on several threads.
 
-use crate::world::{Called, app, fingerprint, insert, store, write_positions};
+use std::collections::HashSet;
+
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ActiveSurfaces, CircumsphereSettings,
     detection::{CandidateTrianglePairs, DetectionDiagnostics, PairFates, broad_phase::OtherSide},
-    kernel::{pair_fate::PairFate, topology::SurfaceTopology},
+    kernel::{mesh::topology::SurfaceTopology, pair_fate::PairFate},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
@@ -19,7 +20,8 @@ use circumsphere_support::{
 };
 use circumsphere_truth::triangle_distance;
 use glam::Vec3;
-use std::collections::HashSet;
+
+use crate::world::{Called, app, fingerprint, insert, store, write_positions};
 
 const SURFACES: [&str; 4] = ["cloth", "low sheet", "high sheet", "ball"];
 

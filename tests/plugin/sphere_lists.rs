@@ -8,7 +8,7 @@ use bevy_circumsphere::{
     detection::{CandidateTrianglePairs, MeetingCaps, SphereContacts, broad_phase::BroadPhaseSystems},
     kernel::{
         contact::{CompactContact, TouchingPair},
-        sphere_contacts::SphereContact,
+        spheres::contacts::SphereContact,
     },
     prelude::*,
     response::*,

@@ -1,15 +1,11 @@
 //! What passes through another surface between two ticks: closed forms, the certified times of the reference, and what is
 //! not looked at.
 
-use crate::world::{
-    Called, THIN, app, assert_near_vector, at, ball, fingerprint, insert, place, points, sheet, spawn, surface,
-    write_positions,
-};
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     SweptImpacts,
     detection::{DetectionDiagnostics, PreviousPositions, StageDiagnostics},
-    kernel::exact::{Feature, FeatureKind},
+    kernel::mesh::feature::{Feature, FeatureKind},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
@@ -20,6 +16,11 @@ use circumsphere_support::{
 };
 use circumsphere_truth::{ImpactTruth, MovingMesh, exact_weld, triangle_impacts_tree};
 use glam::{DVec3, Quat, Vec3};
+
+use crate::world::{
+    Called, THIN, app, assert_near_vector, at, ball, fingerprint, insert, place, points, sheet, spawn, surface,
+    write_positions,
+};
 
 /// What [`THIN`] surfaces have.
 const THICKNESS: f32 = 0.05;

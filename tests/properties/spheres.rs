@@ -1,12 +1,14 @@
 //! Curvature, spheres and cones of any mesh at any size: numbers always, balls that contain their triangles however stale.
 
 use bevy_circumsphere::kernel::{
-    circumsphere::{
-        Ball, OffsetSpheres, RecipeSettings, circumcenter, curvature_factor, enclosing_balls, in_plane_center,
+    mesh::topology::SurfaceTopology,
+    spheres::{
+        circumsphere::{
+            Ball, OffsetSpheres, RecipeSettings, circumcenter, curvature_factor, enclosing_balls, in_plane_center,
+        },
+        cone::{Cap, SafetyCones, cap_contact},
+        curvature::{CurvatureEstimator, Curvatures},
     },
-    cone::{Cap, SafetyCones, cap_contact},
-    curvature::{CurvatureEstimator, Curvatures},
-    topology::SurfaceTopology,
 };
 use circumsphere_support::strategies::{mesh, motion, placement};
 use glam::Vec3;

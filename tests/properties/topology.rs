@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use bevy_circumsphere::{
     DeformableSurface,
-    kernel::{
+    kernel::mesh::{
         ids::{EdgeId, TriangleId, VertexId},
         topology::{SurfaceTopology, TopologyError},
     },

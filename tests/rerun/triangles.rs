@@ -314,11 +314,11 @@ fn boxes_of_a_tree_lie_in_those_of_the_level_above_and_the_root_holds_just_all_t
                 for (level, pair) in levels.windows(2).enumerate() {
                     let inside = pair[1].iter().all(|inner| pair[0].iter().any(|outer| holds(outer, inner)));
                     assert!(inside, "{name}: a box of level {} sticks out", level + 1);
-                    assert!(pair[1].len() <= bevy_circumsphere::kernel::tree::LEAF_WIDTH * pair[0].len());
+                    assert!(pair[1].len() <= bevy_circumsphere::kernel::bvh::tree::LEAF_WIDTH * pair[0].len());
                 }
                 if tree_levels == u32::MAX {
                     let all: Vec<&Box3> = levels.iter().flatten().collect();
-                    let is_held = |bounds: &bevy_circumsphere::kernel::bounds::Aabb| {
+                    let is_held = |bounds: &bevy_circumsphere::kernel::mesh::bounds::Aabb| {
                         all.iter().filter(|outer| holds(outer, &(bounds.min, bounds.max))).count() >= levels.len() / 2
                     };
                     assert!(triangles.iter().all(is_held));

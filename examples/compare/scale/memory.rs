@@ -13,7 +13,7 @@ use bevy_circumsphere::{
         RefinedTrianglePairs, SphereContacts, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature,
         broad_phase::SurfaceTree,
     },
-    kernel::topology::SurfaceTopology,
+    kernel::mesh::topology::SurfaceTopology,
     prelude::*,
 };
 use bevy_ecs::prelude::*;

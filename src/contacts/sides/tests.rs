@@ -6,10 +6,10 @@ use circumsphere_support::random::Random;
 
 use super::*;
 use crate::kernel::{
-    exact::{Feature, FeaturePair},
+    exact::unique::UniqueFeatures,
+    mesh::feature::{Feature, FeaturePair},
     pair::FoundPairs,
-    share::{OnTwoThreads, OneByOne},
-    unique::UniqueFeatures,
+    simd::share::{OnTwoThreads, OneByOne},
 };
 
 /// Kinds of feature pairs, with what keys name them by.

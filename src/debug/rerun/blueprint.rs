@@ -28,7 +28,7 @@ use super::{
     series::{COUNTS, DEPTHS, MILLISECONDS, MOTION, SERIES, STEADINESS},
     text_log::LOG,
 };
-use crate::kernel::bounds::Aabb;
+use crate::kernel::mesh::bounds::Aabb;
 
 /// Layers that are hidden until the reader asks for them.
 const HIDDEN: [Layer; 6] =

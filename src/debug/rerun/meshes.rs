@@ -17,7 +17,7 @@ use super::{
     wires::wires,
 };
 use crate::{
-    kernel::{exact::rigid_shape::ShapeGeometry, pose::Pose, topology::SurfaceTopology},
+    kernel::{exact::rigid_shape::ShapeGeometry, mesh::topology::SurfaceTopology, pose::Pose},
     surface::{ActiveSurface, ActiveSurfaces},
 };
 

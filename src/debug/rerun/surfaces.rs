@@ -16,10 +16,12 @@ use super::{
 };
 use crate::{
     kernel::{
-        circumsphere::{Ball, OffsetSpheres},
-        cone::{Cap, SafetyCones},
-        curvature::Curvatures,
-        tree::BoxTree,
+        bvh::tree::BoxTree,
+        spheres::{
+            circumsphere::{Ball, OffsetSpheres},
+            cone::{Cap, SafetyCones},
+            curvature::Curvatures,
+        },
     },
     surface::{ActiveSurface, ContactMethod},
 };

@@ -17,7 +17,10 @@ use crate::{
         TriangleBounds, TriangleCones, TriangleCurvature,
         broad_phase::{OtherSide, SurfaceTree, surfaces_with_method},
     },
-    kernel::{bounds::Aabb, ids::VertexId, pose::Pose},
+    kernel::{
+        mesh::{bounds::Aabb, ids::VertexId},
+        pose::Pose,
+    },
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces, ContactMethod, RigidShape, SurfacePositions, first_non_finite},
 };

@@ -11,9 +11,11 @@ use super::{
 use crate::{
     detection::{DetectionDiagnostics, DetectionMemory, TriangleBounds},
     kernel::{
-        bounds::{Aabb, pairs_between_brute_force, self_pairs_brute_force},
         exact::rigid_shape::ShapeGeometry,
-        ids::TriangleId,
+        mesh::{
+            bounds::{Aabb, pairs_between_brute_force, self_pairs_brute_force},
+            ids::TriangleId,
+        },
     },
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,

@@ -17,12 +17,6 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 use glam::Vec3;
 
-pub use brute_force::BruteForceBroadPhasePlugin;
-pub use moved::TriangleMover;
-pub use parry::ParryBroadPhasePlugin;
-pub(super) use tree::{MovedLeaves, Traversal, asked::Asked};
-pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
-
 use super::{
     bounds::{TriangleBounds, moved_box, world_growth},
     diagnostics::DetectionDiagnostics,
@@ -31,11 +25,16 @@ use super::{
 };
 use crate::{
     contacts::{ContactStore, EVENT_HYSTERESIS},
-    kernel::{bounds::Aabb, pose::Pose, room, tree::BoxTree},
+    kernel::{bvh::tree::BoxTree, capacity, mesh::bounds::Aabb, pose::Pose},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
 };
+pub use brute_force::BruteForceBroadPhasePlugin;
+pub use moved::TriangleMover;
+pub use parry::ParryBroadPhasePlugin;
+pub(super) use tree::{MovedLeaves, Traversal, asked::Asked};
+pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
 
 /// A tree is built anew once its boxes have grown by this factor relative to the whole: a refitted tree answers
 /// correctly however old it is, only ever more slowly.
@@ -219,9 +218,9 @@ impl PairingBuffers {
         });
         let Some((pair, place)) = former else { return Default::default() };
         let mut lists = (pair.triangles, pair.moved_triangles, pair.moved_positions);
-        room::clear(&mut lists.0);
-        room::clear(&mut lists.1);
-        room::clear(&mut lists.2);
+        capacity::clear(&mut lists.0);
+        capacity::clear(&mut lists.1);
+        capacity::clear(&mut lists.2);
         (lists, Some(place))
     }
 }
@@ -243,7 +242,7 @@ fn pair_surfaces(
         buffers.tree = BoxTree::default();
     }
     buffers.update_tree(surfaces);
-    room::trim(&mut buffers.bounds, surfaces.len());
+    capacity::trim(&mut buffers.bounds, surfaces.len());
     let mut places = std::mem::take(&mut buffers.places);
     places.clear();
     buffers.tree.self_pairs(&mut places);
@@ -304,15 +303,15 @@ fn pair_surfaces(
     memory.end_pairs();
     memory.seal(StageList::Candidates, candidates.last_changed());
     let count = candidates.pairs.len();
-    room::trim(&mut candidates.bypass_change_detection().pairs, count);
+    capacity::trim(&mut candidates.bypass_change_detection().pairs, count);
     // What pairs had that have gone is given back.
     buffers.last.clear();
-    room::trim(&mut buffers.last, count);
-    room::trim(&mut buffers.last_names, count);
+    capacity::trim(&mut buffers.last, count);
+    capacity::trim(&mut buffers.last_names, count);
     buffers.places = places;
-    room::trim(&mut buffers.places, count);
+    capacity::trim(&mut buffers.places, count);
     buffers.with_shapes = with_shapes;
-    room::trim(&mut buffers.with_shapes, count);
+    capacity::trim(&mut buffers.with_shapes, count);
     diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
 }
 

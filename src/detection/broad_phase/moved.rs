@@ -9,7 +9,11 @@ use glam::Vec3;
 use super::{Frame, OtherSide, SurfacePair};
 use crate::{
     detection::bounds::frame_growth,
-    kernel::{bounds::Aabb, ids::VertexId, moved_triangles::MovingMesh, pose::Pose, topology::SurfaceTopology},
+    kernel::{
+        bvh::moved_triangles::MovingMesh,
+        mesh::{bounds::Aabb, ids::VertexId, topology::SurfaceTopology},
+        pose::Pose,
+    },
     surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
 };
 

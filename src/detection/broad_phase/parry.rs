@@ -20,7 +20,7 @@ use super::{
 };
 use crate::{
     detection::{DetectionDiagnostics, DetectionMemory, TriangleBounds},
-    kernel::{bounds::Aabb, ids::TriangleId, topology::SurfaceTopology},
+    kernel::mesh::{bounds::Aabb, ids::TriangleId, topology::SurfaceTopology},
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},

@@ -30,12 +30,14 @@ use crate::{
         sides::{pair_settings, surface_sides},
     },
     kernel::{
-        bounded_pairs::BoundedPairs,
-        leaf_triangles::{LeafTriangles, PairCull},
-        moved_triangles::Reach,
-        room,
-        topology::SurfaceTopology,
-        tree::{BoxTree, LEAF_WIDTH, LEAVES_TOGETHER},
+        bvh::{
+            leaf_triangles::{LeafTriangles, PairCull},
+            moved_triangles::Reach,
+            near_pairs::BoundedPairs,
+            tree::{BoxTree, LEAF_WIDTH, LEAVES_TOGETHER},
+        },
+        capacity,
+        mesh::topology::SurfaceTopology,
     },
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
@@ -166,8 +168,8 @@ fn update_trees(
         },
     );
     taken.clear();
-    room::trim(&mut taken, active.surfaces.len());
-    room::trim(&mut asked, active.surfaces.len());
+    capacity::trim(&mut taken, active.surfaces.len());
+    capacity::trim(&mut asked, active.surfaces.len());
     let start = start + diagnostics.first_tree_builds;
     diagnostics.finish("tree update", start, 0, 0);
 }

@@ -26,12 +26,11 @@ use super::{
 use crate::{
     contacts::{SweptImpact, SweptImpacts, SweptPair},
     kernel::{
-        bounds::Aabb,
+        bvh::tree::BoxTree,
         ccd::{PairImpact, SWEEP_PART, Sweep, SweepLeaves, TreeWork, sort_impacts},
         exact::rigid_shape::ShapeGeometry,
-        ids::TriangleId,
+        mesh::{bounds::Aabb, ids::TriangleId},
         pose::Pose,
-        tree::BoxTree,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,

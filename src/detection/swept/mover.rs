@@ -8,10 +8,9 @@ use glam::{DVec3, Vec3};
 use super::path::Path;
 use crate::{
     kernel::{
-        bounds::Aabb,
         exact::rigid_shape::{boundary_topology, boundary_triangle},
+        mesh::{bounds::Aabb, topology::SurfaceTopology},
         pose::Pose,
-        topology::SurfaceTopology,
     },
     surface::{ActiveShape, ActiveSurface, SurfaceLayers},
 };

@@ -7,10 +7,9 @@
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
 use crate::kernel::{
-    bounds::Aabb,
     ccd::{SweepTree, SweptMesh, drift, outward_box},
+    mesh::{bounds::Aabb, topology::SurfaceTopology},
     pose::Pose,
-    topology::SurfaceTopology,
 };
 
 /// Bound of what rounding moves a coordinate by on its way into the frame, relative to the largest length on that way. In

@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use super::triangle_pair::{CommonVertices, MovingTriangle, TriangleImpact, triangle_pair_impact};
-use crate::kernel::topology::SurfaceTopology;
+use crate::kernel::mesh::topology::SurfaceTopology;
 
 /// One moving side of a list of pairs, in a frame common to both sides and to both ends of the step.
 #[derive(Clone, Copy, Debug)]

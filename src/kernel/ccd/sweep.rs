@@ -13,9 +13,11 @@ use super::{
     triangle_pair::MovingTriangle,
 };
 use crate::kernel::{
-    bounds::{Aabb, pairs_between_brute_force},
-    topology::SurfaceTopology,
-    tree::BoxTree,
+    bvh::tree::BoxTree,
+    mesh::{
+        bounds::{Aabb, pairs_between_brute_force},
+        topology::SurfaceTopology,
+    },
 };
 
 /// Leaves of eight triangles whose pairs are looked for and tested at a time: so many bound the candidates that wait.
@@ -247,7 +249,7 @@ pub struct SweepBuffers {
 /// let mut impacts = Vec::new();
 /// sweep(&resting, &trees[0], &falling, &trees[1], false, 0.0, &mut SweepBuffers::default(), &mut impacts);
 /// assert!((impacts[0].impact.time - 0.25).abs() < 1.0e-12);
-/// # Ok::<(), bevy_circumsphere::kernel::topology::TopologyError>(())
+/// # Ok::<(), bevy_circumsphere::kernel::mesh::topology::TopologyError>(())
 /// ```
 ///
 /// # Panics

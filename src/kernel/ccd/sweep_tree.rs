@@ -6,7 +6,7 @@
 use glam::{DVec3, Vec3};
 
 use super::sweep::SweptMesh;
-use crate::kernel::{bounds::Aabb, tree::BoxTree};
+use crate::kernel::{bvh::tree::BoxTree, mesh::bounds::Aabb};
 
 /// A tree is built anew once its boxes have grown by this factor relative to the whole.
 const REBUILD_DECAY: f32 = 1.5;

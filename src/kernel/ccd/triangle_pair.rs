@@ -12,9 +12,9 @@ use super::{
     feature::{FeatureImpact, edge_edge_impact_within, vertex_face_impact_within},
     parting::{stay_apart, stay_apart_about_vertex},
 };
-use crate::kernel::exact::{
-    Feature, FeaturePair,
+use crate::kernel::mesh::{
     barycentric::{corner_weights, edge_weights},
+    feature::{Feature, FeaturePair},
 };
 
 /// The corners of a triangle when a step begins and when it ends.

@@ -11,14 +11,13 @@ use self::{
     kernels::{edges_through_faces, pairs_of_edges, vertices_on_edges, vertices_over_faces},
     plan::{FIRST, Kind, ONE, PLANS, POINTS, Plan, SECOND},
 };
-use super::FeatureSet;
+use super::{FeatureSet, unique::RecentFeatures};
 use crate::kernel::{
     contact::CompactContact,
-    corner_rows::CornerRow,
-    lanes::{DoubleVectorLanes, DoubleVectorRows, VectorRows, WIDTH, first_lanes, rounded},
+    mesh::corner_rows::CornerRow,
     pair::{PairSettings, RowPair, SurfaceSide, can_penetrate, is_inside},
     pose::Pose,
-    unique::RecentFeatures,
+    simd::lanes::{DoubleVectorLanes, DoubleVectorRows, VectorRows, WIDTH, first_lanes, rounded},
 };
 
 mod kernels;

@@ -4,7 +4,7 @@
 
 use fearless_simd::{mask64x8, prelude::*, u64x8};
 
-use super::feature::{Feature, FeaturePair};
+use crate::kernel::mesh::feature::{Feature, FeaturePair};
 
 /// Features of a pair of triangles, one bit each: a vertex over a face, two edges, an edge that pierces a face, or
 /// anything on the boundaries of both.

@@ -3,19 +3,18 @@
 //! Last geometric stage: candidate pairs come in, distances and feature pairs go out. Input positions are f32 and
 //! taken as exact; every difference is formed in f64 relative to a corner of the pair.
 
-pub mod barycentric;
 mod batch;
 mod cases;
-pub mod cull;
-pub mod feature;
+pub mod pair_order;
+pub mod penetration;
 pub mod rigid_shape;
 mod screen;
-pub mod side;
+pub mod stage;
 pub mod triangle_pair;
+pub mod unique;
 
 pub(in crate::kernel) use batch::{FeatureBatches, LeftOver, Reports};
 pub(in crate::kernel) use cases::{CaseLanes, Cases, FeatureSet};
-pub use feature::{Feature, FeatureKind, FeaturePair};
 pub(in crate::kernel) use screen::{PairScreen, ScreenLimits, Screened, rounded_down};
 pub use triangle_pair::{PairProximity, Proximity, examine_pair};
 pub(in crate::kernel) use triangle_pair::{examine_boundaries, examine_screened};

@@ -19,9 +19,9 @@ use super::{
     triangle_pair::{ROUND_OFF, SQUARE_SLACK, TIE},
 };
 use crate::kernel::{
-    corner_rows::CornerRow,
-    lanes::{WIDTH, first_lanes},
+    mesh::corner_rows::CornerRow,
     pose::Pose,
+    simd::lanes::{WIDTH, first_lanes},
 };
 
 mod features;

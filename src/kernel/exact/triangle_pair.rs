@@ -8,11 +8,10 @@
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
-use super::{
+use super::{cases::Cases, screen::ScreenedPair};
+use crate::kernel::mesh::{
     barycentric::{corner_weights, edge_weights, normalized, point_at},
-    cases::Cases,
     feature::{Feature, FeaturePair},
-    screen::ScreenedPair,
 };
 
 /// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, and one for

@@ -5,7 +5,10 @@ use bevy_platform::collections::HashSet;
 use super::{Gatherer, Scene};
 use crate::{
     contacts::StoredPair,
-    kernel::exact::{Feature, FeatureKind, side::face_normal},
+    kernel::mesh::{
+        feature::{Feature, FeatureKind},
+        side::face_normal,
+    },
     response::{
         particles::Particles,
         untangle::{CutOff, PiercingEdge, cut_off},

@@ -9,12 +9,12 @@ use super::ROUNDING;
 use crate::{
     kernel::{
         ccd::{SweepTree, SweptMesh},
-        exact::{
-            Feature, FeaturePair,
-            rigid_shape::{ShapeGeometry, boundary_triangle},
+        exact::rigid_shape::{ShapeGeometry, boundary_triangle},
+        mesh::{
+            feature::{Feature, FeaturePair},
+            topology::SurfaceTopology,
         },
         pose::Pose,
-        topology::SurfaceTopology,
     },
     response::{
         gather::{Gatherer, Scene},

@@ -29,14 +29,13 @@ use super::{
 };
 use crate::{
     kernel::{
-        bounds::Aabb,
+        bvh::tree::BoxTree,
         ccd::{CommonVertices, ImpactCause, PairImpact, SweepBuffers, SweptMesh, sweep, triangle_pair_impact},
         exact::{
             rigid_shape::{ShapeGeometry, boundary_topology},
             triangle_pair::{PairProximity, examine_pair},
         },
-        topology::SurfaceTopology,
-        tree::BoxTree,
+        mesh::{bounds::Aabb, topology::SurfaceTopology},
     },
     surface::ActiveShape,
 };

@@ -21,7 +21,7 @@ use super::{
 };
 use crate::{
     detection::moved_box,
-    kernel::exact::Feature,
+    kernel::mesh::feature::Feature,
     surface::{ActiveShape, ActiveSurface},
 };
 

@@ -5,13 +5,12 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::kernel::{
-    exact::{
-        rigid_shape::ShapeGeometry,
+    exact::{rigid_shape::ShapeGeometry, triangle_pair::PairProximity},
+    mesh::{
         side::{closest_feature, face_normal},
-        triangle_pair::PairProximity,
+        topology::SurfaceTopology,
     },
     pose::Pose,
-    topology::SurfaceTopology,
 };
 
 /// So many steps are taken along a line through a shape, at most.

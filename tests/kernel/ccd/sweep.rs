@@ -1,15 +1,16 @@
 //! Sweeps of whole meshes against every pair tested alone, the certified times of the reference, and closed forms.
 
-use crate::common::Random;
 use bevy_circumsphere::kernel::{
     ccd::{
         ImpactCause, MovingSide, PairImpact, Sweep, SweepBuffers, SweepLeaves, SweepTree, SweptMesh, TreeWork, drift,
         first_impacts, outward_box, sort_impacts, sweep,
     },
-    topology::SurfaceTopology,
+    mesh::topology::SurfaceTopology,
 };
 use circumsphere_truth::{ImpactTruth, MovingMesh, triangle_distance, triangle_impacts_tree};
 use glam::{DQuat, DVec3, Vec3};
+
+use crate::common::Random;
 
 /// Half of the distance at which the meshes of these tests touch.
 const THICKNESS: f64 = 0.01;

@@ -1,16 +1,19 @@
 //! First impacts of two triangles and of lists of them.
 
-use crate::common::{CATEGORIES, Random, hard_pair};
 use bevy_circumsphere::kernel::{
     ccd::{
         CommonVertices, ImpactCause, MovingSide, MovingTriangle, PairImpact, TriangleImpact, first_impacts,
         triangle_pair_impact,
     },
-    exact::{Feature, FeatureKind, FeaturePair},
-    topology::SurfaceTopology,
+    mesh::{
+        feature::{Feature, FeatureKind, FeaturePair},
+        topology::SurfaceTopology,
+    },
 };
 use circumsphere_truth::triangle_distance;
 use glam::{DVec3, Vec3};
+
+use crate::common::{CATEGORIES, Random, hard_pair};
 
 /// Distances by the reference are right to a few units in the last place of the pair's size.
 const REFERENCE_ERROR: f64 = 4.0e-15;

@@ -2,18 +2,20 @@
 
 use glam::Vec3;
 
-use super::{
-    super::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair},
-    SurfaceTree, TreeQuery,
-};
+use super::{SurfaceTree, TreeQuery};
 use crate::{
     detection::{
         DetectionMemory,
+        broad_phase::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair},
         kept_pairs::{KeptPairs, ListUse},
         parallel::Threads,
         sides::pair_settings,
     },
-    kernel::{leaf_triangles::Region, room, topology::SurfaceTopology, tree::BoxTree},
+    kernel::{
+        bvh::{leaf_triangles::Region, tree::BoxTree},
+        capacity,
+        mesh::topology::SurfaceTopology,
+    },
     settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces, ContactMethod},
 };
@@ -52,7 +54,7 @@ pub(super) fn mark_asked_surfaces(
     surfaces.resize_with(active.surfaces.len(), AskedTriangles::default);
     for surface in &mut *surfaces {
         surface.asked = Asked::Boxes;
-        room::clear(&mut surface.regions);
+        capacity::clear(&mut surface.regions);
     }
     for (number, pair) in candidates.pairs.iter().enumerate() {
         let OtherSide::Surface(second) = pair.second else { continue };

@@ -10,7 +10,7 @@ use crate::{
         kept_pairs::{KeptList, KeptPairs, ListUse},
         parallel::{Buffers, append_parts},
     },
-    kernel::bounded_pairs::{BoundedPairs, ListedTriangles},
+    kernel::bvh::near_pairs::{BoundedPairs, ListedTriangles},
     settings::CircumsphereSettings,
     surface::ActiveSurfaces,
 };

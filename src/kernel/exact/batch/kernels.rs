@@ -7,7 +7,7 @@ use fearless_simd::{f64x8, mask64x8, prelude::*};
 use super::{Batch, FIRST, Limits, Results, SECOND};
 use crate::kernel::{
     exact::triangle_pair::AT_END,
-    lanes::{DoubleVectorLanes, VectorLanes, VectorRows, rounded},
+    simd::lanes::{DoubleVectorLanes, VectorLanes, VectorRows, rounded},
 };
 
 #[inline(always)]

@@ -1,11 +1,9 @@
 //! What becomes of each of the features that a pair of triangles may report, in tables instead of decisions.
 
 use crate::kernel::{
-    exact::{
-        cases::FeatureSet,
-        feature::{Feature, FeaturePair},
-    },
-    lanes::WIDTH,
+    exact::cases::FeatureSet,
+    mesh::feature::{Feature, FeaturePair},
+    simd::lanes::WIDTH,
 };
 
 /// What is computed together.

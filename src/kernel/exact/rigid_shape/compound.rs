@@ -5,11 +5,12 @@
 
 use glam::{DQuat, DVec3, Vec3};
 
-use super::{
-    super::{barycentric::point_at, triangle_pair::PairProximity},
-    ShapeError, ShapeGeometry, ShapeProximity, rounded,
+use super::{ShapeError, ShapeGeometry, ShapeProximity, rounded};
+use crate::kernel::{
+    contact::FEATURE_BITS,
+    exact::triangle_pair::PairProximity,
+    mesh::{barycentric::point_at, bounds::Aabb, smooth_normal::NormalCone},
 };
-use crate::kernel::{bounds::Aabb, contact::FEATURE_BITS, smooth_normal::NormalCone};
 
 /// Parts no farther apart than this, relative to the size of the whole, have no gap between them: the rounding of f32 poses.
 const SEAM: f64 = 1.0e-5;

@@ -7,14 +7,14 @@
 use glam::DVec3;
 
 use super::{
-    super::{
-        barycentric::{corner_weights, edge_weights},
-        feature::Feature,
-    },
     SUPPORT_SLACK, ShapeProximity,
     frustum::{Foot, Frustum, Part, Support},
 };
-use crate::kernel::smooth_normal::NormalCone;
+use crate::kernel::mesh::{
+    barycentric::{corner_weights, edge_weights},
+    feature::Feature,
+    smooth_normal::NormalCone,
+};
 
 /// Numbers of a part: the part itself, times the places on it that one edge or face may touch.
 const PARTS: u32 = 8;

@@ -4,11 +4,8 @@ use std::sync::{Arc, LazyLock};
 
 use glam::{DVec3, Vec3};
 
-use super::{
-    super::{barycentric::corner_weights, feature::Feature},
-    ShapeProximity,
-};
-use crate::kernel::topology::SurfaceTopology;
+use super::ShapeProximity;
+use crate::kernel::mesh::{barycentric::corner_weights, feature::Feature, topology::SurfaceTopology};
 
 /// A triangle in the boundary of the half-space below `normal`, with a circle of some radius inside, whose center is under `point`.
 pub(crate) fn boundary_triangle(normal: DVec3, point: DVec3, radius: f64) -> [DVec3; 3] {

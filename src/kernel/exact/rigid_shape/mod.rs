@@ -6,6 +6,7 @@
 //! asked nothing while the game runs: its shapes are read once.
 
 mod compound;
+mod contact;
 mod error;
 mod frustum;
 mod frustum_contacts;
@@ -18,11 +19,10 @@ mod union;
 
 use glam::{DVec3, Vec3};
 
-use super::{feature::Feature, triangle_pair::PairProximity};
-use crate::kernel::{bounds::Aabb, smooth_normal::NormalCone};
-
 pub(crate) use self::half_space::{boundary_topology, boundary_triangle};
 pub use self::{compound::Compound, error::ShapeError, frustum::Frustum, polytope::ConvexPolytope, sweep::SweepPart};
+use super::triangle_pair::PairProximity;
+use crate::kernel::mesh::{bounds::Aabb, feature::Feature, smooth_normal::NormalCone};
 
 /// How far the shape may reach beyond the plane through a contact's point, square to its normal, relative to the shape's
 /// size. A contact beyond is not the way out but through the shape, on its far side. Far above what f32 corners tilt the

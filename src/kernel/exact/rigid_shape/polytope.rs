@@ -5,20 +5,18 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{
-    super::{
-        barycentric::{corner_weights, point_at},
-        feature::{Feature, FeaturePair},
-        side::{closest_feature, face_normal},
-        triangle_pair::{PairProximity, Proximity, examine_pair},
-    },
-    SUPPORT_SLACK, ShapeError, ShapeProximity, rounded,
-};
+use super::{SUPPORT_SLACK, ShapeError, ShapeProximity, rounded};
 use crate::kernel::{
-    bounds::Aabb,
-    ids::{EdgeId, VertexId},
-    smooth_normal::NormalCone,
-    topology::SurfaceTopology,
+    exact::triangle_pair::{PairProximity, Proximity, examine_pair},
+    mesh::{
+        barycentric::{corner_weights, point_at},
+        bounds::Aabb,
+        feature::{Feature, FeaturePair},
+        ids::{EdgeId, VertexId},
+        side::{closest_feature, face_normal},
+        smooth_normal::NormalCone,
+        topology::SurfaceTopology,
+    },
 };
 
 /// Twice a face's area, relative to the square of the polyhedron's size, below which rounding of its f32 corners may turn it

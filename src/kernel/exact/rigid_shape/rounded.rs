@@ -2,14 +2,10 @@
 
 use glam::DVec3;
 
-use super::{
-    super::{
-        barycentric::point_at,
-        feature::Feature,
-        side::face_normal,
-        triangle_pair::{PairProximity, examine_pair},
-    },
-    SUPPORT_SLACK, ShapeProximity,
+use super::{SUPPORT_SLACK, ShapeProximity};
+use crate::kernel::{
+    exact::triangle_pair::{PairProximity, examine_pair},
+    mesh::{barycentric::point_at, feature::Feature, side::face_normal},
 };
 
 /// Both ends and what is between.

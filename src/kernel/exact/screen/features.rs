@@ -7,7 +7,7 @@ use fearless_simd::{f64x8, mask64x8, prelude::*, u64x8};
 use super::rows::Rows;
 use crate::kernel::{
     exact::{cases::Cases, triangle_pair::PARALLEL_SINE},
-    lanes::DoubleVectorLanes,
+    simd::lanes::DoubleVectorLanes,
 };
 
 /// The least squared distance and whose it is.

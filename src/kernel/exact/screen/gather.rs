@@ -5,9 +5,9 @@
 use fearless_simd::{f32x8, f64x8, prelude::*};
 
 use crate::kernel::{
-    corner_rows::CornerRow,
-    lanes::{DoubleVectorLanes, WIDTH, columns_from, widened},
+    mesh::corner_rows::CornerRow,
     pose::Pose,
+    simd::lanes::{DoubleVectorLanes, WIDTH, columns_from, widened},
 };
 
 /// The corners of eight triangles, one number to the lanes, moved as [`Pose::transform_point`] does it.

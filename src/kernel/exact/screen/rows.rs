@@ -9,7 +9,7 @@ use fearless_simd::{f64x8, prelude::*, u64x8};
 
 use crate::kernel::{
     exact::triangle_pair::AT_END,
-    lanes::{DoubleVectorLanes, DoubleVectorRows, WIDTH},
+    simd::lanes::{DoubleVectorLanes, DoubleVectorRows, WIDTH},
 };
 
 /// A number of each of eight pairs.

@@ -1,0 +1,199 @@
+//! Bounds of pairs that may have come within range since they were looked at, by where their triangles are now.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
+use glam::Vec3;
+
+use super::BoundedPairs;
+use crate::kernel::simd::{
+    approach::{Approach, Corners, bounds_by, in_units},
+    lanes::{
+        PairLanes, TriangleLanes, VectorLanes, WIDTH,
+        fused::{Vectors, dot, project},
+    },
+    share::Share,
+    slab::ROUNDING,
+};
+
+/// Places of a list that are one task.
+const PART: usize = 1 << 14;
+
+/// How many places wait before they are looked at.
+const ROOM: usize = 64;
+
+/// Where the triangles of a list's pairs are: those of the surface that is named first, and of the other one, which may be the
+/// same.
+#[derive(Clone, Copy, Debug)]
+pub struct ListedTriangles<'a> {
+    /// Of their vertices, in one frame.
+    pub positions: [&'a [Vec3]; 2],
+    /// The vertices of each triangle.
+    pub triangles: [&'a [[u32; 3]]; 2],
+}
+
+impl BoundedPairs {
+    /// Raises, where gaps between the triangles tell, the bounds that exceed the first of `limits`, but not the second, after
+    /// `motion`: those of pairs that were not within range when they were looked at last, but may be by now. A bound that is no
+    /// number stays. Returns how many were looked at.
+    pub fn look_closer(
+        &mut self,
+        share: &impl Share,
+        triangles: &ListedTriangles<'_>,
+        limits: [f32; 2],
+        motion: f32,
+    ) -> usize {
+        let (looked_at, count) = (AtomicUsize::new(0), self.len().div_ceil(PART));
+        let names = self.firsts.chunks(PART).zip(self.seconds.chunks(PART));
+        share.hand_out(names.zip(self.bounds.chunks_mut(PART)), count, |((firsts, seconds), bounds)| {
+            let mut part = Part { names: [firsts, seconds], bounds, triangles, motion };
+            let mut count = 0;
+            dispatch!(Level::new(), simd => count = part.look_closer(simd, limits));
+            looked_at.fetch_add(count, Ordering::Relaxed);
+        });
+        looked_at.into_inner()
+    }
+}
+
+/// Some consecutive pairs of a list.
+struct Part<'a> {
+    names: [&'a [u32]; 2],
+    bounds: &'a mut [f32],
+    triangles: &'a ListedTriangles<'a>,
+    motion: f32,
+}
+
+impl Part<'_> {
+    #[inline(always)]
+    fn look_closer<S: Simd>(&mut self, simd: S, limits: [f32; 2]) -> usize {
+        let (mut places, mut count, mut looked_at) = ([0; ROOM + WIDTH], 0, 0);
+        let lanes = u32x8::from_slice(simd, &[0, 1, 2, 3, 4, 5, 6, 7]);
+        for first in (0..self.bounds.len()).step_by(WIDTH) {
+            let asked = self.asked(simd, first, limits);
+            if asked == 0 {
+                continue;
+            }
+            let asked_lanes = (lanes + first as u32).compress(mask32x8::from_bitmask(simd, asked));
+            asked_lanes.store_slice(&mut places[count..count + WIDTH]);
+            count += asked.count_ones() as usize;
+            if count >= ROOM {
+                self.raise(simd, &places[..ROOM]);
+                places.copy_within(ROOM.., 0);
+                count -= ROOM;
+                looked_at += ROOM;
+            }
+        }
+        self.raise(simd, &places[..count]);
+        looked_at + count
+    }
+
+    /// One bit for each of the eight pairs from a place on that is to be looked at.
+    #[inline(always)]
+    fn asked<S: Simd>(&self, simd: S, first: usize, [passed, limit]: [f32; 2]) -> u64 {
+        let (bounds, mut last) = (&self.bounds[first..], [f32::NAN; WIDTH]);
+        let bounds = bounds.first_chunk().unwrap_or_else(|| {
+            last[..bounds.len()].copy_from_slice(bounds);
+            &last
+        });
+        let bounds = f32x8::from_slice(simd, bounds);
+        (bounds.simd_gt(passed) & bounds.simd_le(limit)).to_bitmask()
+    }
+
+    #[inline(always)]
+    fn raise<S: Simd>(&mut self, simd: S, places: &[u32]) {
+        for places in places.chunks(WIDTH) {
+            let (a, b) = (self.corners::<0, S>(simd, places), self.corners::<1, S>(simd, places));
+            let mut found = [0.0; WIDTH];
+            (lower_bounds(&PairLanes::new(&a.0, &b.0)) + self.motion).store_slice(&mut found);
+            for (&place, found) in places.iter().zip(found) {
+                let bound = &mut self.bounds[place as usize];
+                // What is no number tells nothing.
+                *bound = if found > *bound { found } else { *bound };
+            }
+        }
+    }
+
+    /// The triangles of one side of up to eight pairs.
+    #[inline(always)]
+    fn corners<const SIDE: usize, S: Simd>(&self, simd: S, places: &[u32]) -> TriangleLanes<S> {
+        let ListedTriangles { positions, triangles } = self.triangles;
+        let mut vertices = [[0; 3]; WIDTH];
+        for (vertices, &place) in vertices.iter_mut().zip(places) {
+            *vertices = triangles[SIDE][self.names[SIDE][place as usize] as usize];
+        }
+        TriangleLanes::gather(simd, positions[SIDE], &vertices[..places.len()])
+    }
+}
+
+/// Of the distances of eight pairs; not above 0, or no number, where nothing tells.
+#[inline(always)]
+fn lower_bounds<S: Simd>(pairs: &PairLanes<S>) -> f32x8<S> {
+    let PairLanes { a: [a, b, c], b: [d, e, f], extent } = *pairs;
+    let corners = [[numbers(a), numbers(b), numbers(c)], [numbers(d), numbers(e), numbers(f)]];
+    let by_first = gap_along(&corners, numbers((b - a).cross(c - a)));
+    let by_second = gap_along(&corners, numbers((e - d).cross(f - d)));
+    // A normal may be so long that nothing comes of it. Some processors take the second of two numbers where either is none.
+    let widest = by_first.max(by_second).max(Approach::new(&corners).widest_gap());
+    bounds_by(widest, extent * ROUNDING)
+}
+
+#[inline(always)]
+fn gap_along<S: Simd>([corners, others]: &Corners<S>, direction: Vectors<S>) -> f32x8<S> {
+    let ((low, high), (other_low, other_high)) = (project(corners, direction), project(others, direction));
+    in_units((other_low - high).max(low - other_high), dot(direction, direction))
+}
+
+#[inline(always)]
+fn numbers<S: Simd>(VectorLanes { x, y, z }: VectorLanes<S>) -> Vectors<S> {
+    [x, y, z]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::simd::share::{OnTwoThreads, OneByOne};
+
+    #[test]
+    fn bounds_do_not_depend_on_parts_and_threads_nor_on_what_is_beside() {
+        // Triangles along a screw, of which some are near one another.
+        let positions: Vec<Vec3> = (0..900)
+            .map(|place| {
+                let (sine, cosine) = bevy_math::ops::sin_cos(place as f32 * 0.7);
+                Vec3::new(cosine, sine, place as f32 * 0.007)
+            })
+            .collect();
+        let triangles: Vec<[u32; 3]> = (0..300).map(|number| [3 * number, 3 * number + 1, 3 * number + 2]).collect();
+        let at = ListedTriangles { positions: [&positions; 2], triangles: [&triangles; 2] };
+        let pairs: Vec<[u32; 2]> = (0..300).flat_map(|a| (0..300).map(move |b| [a, b])).collect();
+        let [firsts, seconds] = [0, 1].map(|side: usize| pairs.iter().map(|pair| pair[side]).collect::<Vec<_>>());
+        let bounds: Vec<f32> = (0..pairs.len()).map(|place| (place % 11) as f32 * 0.05).collect();
+        assert!(pairs.len() > 5 * PART);
+        let looked_at = |share: &dyn Fn(&mut BoundedPairs) -> usize, range: std::ops::Range<usize>| {
+            let mut list = BoundedPairs::default();
+            list.extend_from_slices(&firsts[range.clone()], &seconds[range.clone()], &bounds[range]);
+            let count = share(&mut list);
+            (list.bounds, count)
+        };
+        let limits = [0.1, 0.4];
+        let by_one = |list: &mut BoundedPairs| list.look_closer(&OneByOne, &at, limits, 0.02);
+        let by_two = |list: &mut BoundedPairs| list.look_closer(&OnTwoThreads, &at, limits, 0.02);
+        let whole = looked_at(&by_one, 0..pairs.len());
+        assert_eq!(whole, looked_at(&by_two, 0..pairs.len()));
+        let (mut pieces, mut count, mut start) = (Vec::new(), 0, 0);
+        for length in (1..).map(|number| number * number) {
+            let end = (start + length).min(pairs.len());
+            let (bounds, looked_at) = looked_at(&by_one, start..end);
+            pieces.extend(bounds);
+            count += looked_at;
+            start = end;
+            if start == pairs.len() {
+                break;
+            }
+        }
+        assert_eq!((pieces, count), whole);
+        let raised = whole.0.iter().zip(&bounds).filter(|(now, before)| now > before).count();
+        assert!(raised > 10_000 && raised < whole.1, "{raised} of {}", whole.1);
+    }
+}

@@ -1,0 +1,177 @@
+//! A tree follows its boxes: leaves first, then every node after its children.
+//!
+//! What is below each child of the root stands together, and is a task of its own. Those are the same for any number of
+//! threads, and so is every sum.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{Level, dispatch, f32x4, f32x8, prelude::*};
+use glam::Vec3;
+
+use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, Leaf, Node};
+use crate::kernel::simd::{
+    lanes::columns,
+    prefetch::prefetch,
+    share::{OneByOne, Share},
+};
+
+/// Fewer items than these are not worth a second thread.
+const ITEMS_OF_ONE: usize = 8192;
+
+/// How many leaves ahead the boxes of items are asked for.
+const LEAVES_AHEAD: usize = 4;
+
+impl BoxTree {
+    /// Follows moved boxes without changing the tree's structure.
+    ///
+    /// # Panics
+    /// If `bounds` has another length than the tree was built with.
+    pub fn refit(&mut self, bounds: &[Aabb]) {
+        self.refit_on(&OneByOne, bounds);
+    }
+
+    /// The same in tasks that may be shared.
+    ///
+    /// # Panics
+    /// If `bounds` has another length than the tree was built with.
+    pub fn refit_on(&mut self, share: &impl Share, bounds: &[Aabb]) {
+        assert_eq!(bounds.len(), self.item_count, "a tree is refitted with as many boxes as it was built with");
+        let Self { nodes, leaves, item_count, .. } = self;
+        let mut area = 0.0;
+        if let Some((root, nodes)) = nodes.split_first_mut() {
+            let mut areas = [0.0; LEAF_WIDTH];
+            share.hand_out(subtrees(root, nodes, leaves, &mut areas), *item_count / ITEMS_OF_ONE, |subtree| {
+                dispatch!(Level::new(), simd => subtree.refit(simd, bounds));
+            });
+            dispatch!(Level::new(), simd => root.refit(simd, [1, 0], nodes, leaves));
+            area = areas.iter().sum::<f32>() + root.bounds.half_area();
+        }
+        let whole = self.bounds().half_area();
+        self.cost = if whole > 0.0 { area / whole } else { 0.0 };
+        if std::mem::take(&mut self.is_new) {
+            self.built_cost = self.cost;
+        }
+    }
+}
+
+/// What is below a child of the root.
+struct Subtree<'a> {
+    nodes: &'a mut [Node],
+    leaves: &'a mut [Leaf],
+    /// The places of the first node and the first leaf in the tree.
+    first: [usize; 2],
+    /// The sum over nodes and leaves is left here.
+    area: &'a mut f32,
+}
+
+/// The subtrees below the root, of which `nodes` are those after it.
+fn subtrees<'a>(
+    root: &Node,
+    mut nodes: &'a mut [Node],
+    mut leaves: &'a mut [Leaf],
+    areas: &'a mut [f32; LEAF_WIDTH],
+) -> impl Iterator<Item = Subtree<'a>> + use<'a> {
+    let Node { children, ends, leaf_children, child_count, .. } = *root;
+    let is_leaf = move |lane: usize| leaf_children & (1 << lane) != 0;
+    let mut first = [1, 0];
+    areas.iter_mut().take(child_count as usize).enumerate().map(move |(lane, area)| {
+        // Nodes come in the order of the children that they are below.
+        let next = (lane + 1..child_count as usize).find(|&next| !is_leaf(next));
+        let node_end =
+            if is_leaf(lane) { first[0] } else { next.map_or(first[0] + nodes.len(), |next| children[next] as usize) };
+        let (own_nodes, later_nodes) = std::mem::take(&mut nodes).split_at_mut(node_end - first[0]);
+        let (own_leaves, later_leaves) = std::mem::take(&mut leaves).split_at_mut(ends[lane] as usize - first[1]);
+        (nodes, leaves) = (later_nodes, later_leaves);
+        let own_first = std::mem::replace(&mut first, [node_end, ends[lane] as usize]);
+        Subtree { nodes: own_nodes, leaves: own_leaves, first: own_first, area }
+    })
+}
+
+impl Subtree<'_> {
+    #[inline(always)]
+    fn refit<S: Simd>(self, simd: S, bounds: &[Aabb]) {
+        let mut area = 0.0;
+        for place in 0..self.leaves.len() {
+            if let Some(later) = self.leaves.get(place + LEAVES_AHEAD) {
+                for &item in &later.items {
+                    prefetch(bounds, item);
+                }
+            }
+            let leaf = &mut self.leaves[place];
+            leaf.refit(simd, bounds);
+            area += leaf.bounds.half_area();
+        }
+        // Children stand after their parent, so backwards every child is ready before its parent asks.
+        for place in (0..self.nodes.len()).rev() {
+            let (nodes, later) = self.nodes.split_at_mut(place + 1);
+            let [first_node, first_leaf] = self.first;
+            nodes[place].refit(simd, [first_node + place + 1, first_leaf], later, self.leaves);
+            area += nodes[place].bounds.half_area();
+        }
+        *self.area = area;
+    }
+}
+
+/// Stands where there is no box: overlaps nothing, and nothing is around it.
+static NO_BOX: Aabb = Aabb { min: Vec3::NAN, max: Vec3::NAN };
+
+impl Node {
+    /// `nodes` and `leaves` hold its children; `first` are the places of the first ones in the tree.
+    #[inline(always)]
+    fn refit<S: Simd>(&mut self, simd: S, first: [usize; 2], nodes: &[Node], leaves: &[Leaf]) {
+        let mut boxes = [&NO_BOX; LEAF_WIDTH];
+        for (lane, bounds) in boxes.iter_mut().enumerate().take(self.child_count as usize) {
+            let child = self.children[lane] as usize;
+            let is_leaf = self.leaf_children & (1 << lane) != 0;
+            *bounds = if is_leaf { &leaves[child - first[1]].bounds } else { &nodes[child - first[0]].bounds };
+        }
+        self.bounds = self.boxes.set_all(simd, boxes);
+    }
+}
+
+impl Leaf {
+    #[inline(always)]
+    fn refit<S: Simd>(&mut self, simd: S, bounds: &[Aabb]) {
+        let mut boxes = [&NO_BOX; LEAF_WIDTH];
+        for (own, &item) in boxes.iter_mut().zip(&self.items[..self.count as usize]) {
+            *own = &bounds[item as usize];
+        }
+        self.bounds = self.boxes.set_all(simd, boxes);
+    }
+
+    /// Takes the boxes of its items from them.
+    #[inline(always)]
+    pub(super) fn set_boxes<S: Simd>(&mut self, simd: S, items: &[(u32, Aabb)]) {
+        let mut boxes = [&NO_BOX; LEAF_WIDTH];
+        for (own, (_, bounds)) in boxes.iter_mut().zip(items) {
+            *own = bounds;
+        }
+        self.bounds = self.boxes.set_all(simd, boxes);
+    }
+}
+
+impl Boxes {
+    /// Takes eight boxes. Returns the box around them, but for those that are empty or not a number: such a box overlaps nothing,
+    /// and must not make a node that overlaps nothing.
+    #[inline(always)]
+    fn set_all<S: Simd>(&mut self, simd: S, boxes: [&Aabb; LEAF_WIDTH]) -> Aabb {
+        let (mut heads, mut tails) = ([f32x4::splat(simd, 0.0); LEAF_WIDTH], [f32x4::splat(simd, 0.0); LEAF_WIDTH]);
+        for lane in 0..LEAF_WIDTH {
+            let Aabb { min, max } = boxes[lane];
+            heads[lane] = f32x4::load_array(simd, [min.x, min.y, min.z, max.x]);
+            tails[lane] = f32x4::load_array(simd, [min.z, max.x, max.y, max.z]);
+        }
+        let ([min_x, min_y, min_z, max_x], [_, _, max_y, max_z]) = (columns(heads), columns(tails));
+        let (min, max) = ([min_x, min_y, min_z], [max_x, max_y, max_z]);
+        let is_box = min_x.simd_le(max_x) & min_y.simd_le(max_y) & min_z.simd_le(max_z);
+        let (highest, lowest) = (f32x8::splat(simd, f32::INFINITY), f32x8::splat(simd, f32::NEG_INFINITY));
+        let mut around = Aabb::EMPTY;
+        for axis in 0..3 {
+            min[axis].store_slice(&mut self.min[axis]);
+            max[axis].store_slice(&mut self.max[axis]);
+            around.min[axis] = is_box.select(min[axis], highest).reduce_min();
+            around.max[axis] = is_box.select(max[axis], lowest).reduce_max();
+        }
+        around
+    }
+}

@@ -1,0 +1,48 @@
+//! The record of a contact with a shape that is tested by formula.
+
+use glam::Vec3;
+
+use super::ShapeProximity;
+use crate::kernel::{
+    contact::{CompactContact, ContactKey, feature_number},
+    mesh::{
+        feature::{Feature, FeaturePair},
+        topology::SurfaceTopology,
+    },
+};
+
+impl CompactContact {
+    /// A contact with a shape that is tested by formula. `scale` is the world length of a unit of the shape's frame.
+    #[must_use]
+    pub fn with_shape(
+        topology: &SurfaceTopology,
+        positions: &[Vec3],
+        triangle: u32,
+        proximity: &ShapeProximity,
+        scale: f64,
+    ) -> Self {
+        let features = FeaturePair {
+            a: proximity.feature,
+            // The pair's kind tells a crossing apart: an edge of the triangle or of the shape pierces a face. An edge
+            // that is only close to the shape is close to an edge of it, as far as the kind goes.
+            b: match (proximity.crossing, proximity.feature) {
+                (true, Feature::Face) | (false, Feature::Edge(_)) => Feature::Edge(0),
+                _ => Feature::Face,
+            },
+        };
+        let number = feature_number(topology, positions, triangle, proximity.feature);
+        Self {
+            key: ContactKey::new(features, number, proximity.shape_feature),
+            swapped: false,
+            is_shared: !matches!(proximity.feature, Feature::Face),
+            triangle_a: triangle,
+            triangle_b: proximity.shape_feature,
+            features,
+            barycentric_a: [proximity.barycentric[0] as f32, proximity.barycentric[1] as f32],
+            barycentric_b: [0.0; 2],
+            point_b: proximity.shape_point.as_vec3(),
+            normal: proximity.normal.as_vec3(),
+            distance: (proximity.distance * scale) as f32,
+        }
+    }
+}

@@ -1,0 +1,368 @@
+//! The exact stage over a list of candidate pairs: a screen of eight side by side, exact distance, contacts.
+//!
+//! Reads candidate triangle pairs and positions in one common frame, writes touching pairs and contacts, both in the order of
+//! the candidates. Of a feature pair that several pairs of triangles have the first contact stays, when contacts are stored.
+//! Mostly only that one is written: that of the first triangles around both features, which the topology knows alone, because
+//! every pair that has both touches too. Where only the closest features are wanted, every pair reports its own. What is on the
+//! boundaries of both is not reported again where another pair has just done so.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use arrayvec::ArrayVec;
+use fearless_simd::{Level, dispatch, mask64x8, prelude::*, u64x8};
+use glam::{DVec3, Vec3};
+
+use self::{
+    block::Block,
+    contacts::{contact, numbers},
+    reports::{ReportedLanes, reported_as_first, reports},
+};
+use super::{
+    CaseLanes, Cases, FeatureBatches, LeftOver, PairProximity, PairScreen, Proximity, ScreenLimits, examine_pair,
+    rigid_shape::{ShapeGeometry, ShapeProximity},
+    rounded_down,
+    triangle_pair::TIE,
+};
+use crate::kernel::{
+    contact::{CompactContact, TouchingPair},
+    mesh::{corner_rows::CornerRow, feature::FeaturePair, topology::SurfaceTopology},
+    pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
+    pose::Pose,
+    simd::{
+        lanes::SetLanes,
+        prefetch::{ask_ahead, ask_for_room},
+    },
+};
+
+mod block;
+mod contacts;
+pub(in crate::kernel) mod reports;
+
+/// Tests candidate pairs of two surfaces exactly and appends what it finds.
+pub fn refine_pairs(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+) {
+    if settings.cull {
+        examine_pairs(a, b, candidates, settings, found, &EachOnce);
+    } else {
+        examine_pairs_alone(a, b, &without_neighbors(a, candidates, settings), settings, found);
+    }
+}
+
+/// Tests candidate pairs of two surfaces exactly, like [`refine_pairs`], and appends what it finds: the same pairs, but of
+/// a pair that is apart only the closest features make a contact, of several that are equally close one. Each pair
+/// reports its own closest features, whatever others contain them: to those they need not be the closest. What is on the
+/// boundaries of both, and where a side has an inside outside of it, may be left to a pair that has just reported the same.
+pub fn refine_closest(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+) {
+    examine_pairs(a, b, candidates, settings, found, &Closest);
+}
+
+/// What pairs report.
+trait Choice {
+    /// Which of the cases of eight pairs, and of which the closest ones are known.
+    fn of_lanes<S: Simd>(
+        &self,
+        simd: S,
+        block: &Block<'_>,
+        cases: CaseLanes<S>,
+        closest: CaseLanes<S>,
+    ) -> ReportedLanes<S>;
+
+    /// Whether features of a pair make a contact.
+    fn makes_contact(&self, pair: &PairProximity, features: &Proximity) -> bool;
+}
+
+/// All that no other pair reports.
+struct EachOnce;
+
+impl Choice for EachOnce {
+    #[inline(always)]
+    fn of_lanes<S: Simd>(&self, simd: S, block: &Block<'_>, cases: CaseLanes<S>, _: CaseLanes<S>) -> ReportedLanes<S> {
+        let is_welded = block.sides[0].topology.is_welded() || block.sides[1].topology.is_welded();
+        reported_as_first(simd, &block.rows, block.settings.same_surface, is_welded, cases)
+    }
+
+    fn makes_contact(&self, _: &PairProximity, _: &Proximity) -> bool {
+        true
+    }
+}
+
+/// The closest features, of a pair that crosses all.
+struct Closest;
+
+impl Choice for Closest {
+    #[inline(always)]
+    fn of_lanes<S: Simd>(
+        &self,
+        simd: S,
+        _: &Block<'_>,
+        cases: CaseLanes<S>,
+        closest: CaseLanes<S>,
+    ) -> ReportedLanes<S> {
+        ReportedLanes {
+            cases: CaseLanes(cases.may_cross().select(cases.0, closest.0)),
+            shared: CaseLanes(u64x8::splat(simd, Cases::ALL.bits())),
+            others: mask64x8::splat(simd, false),
+        }
+    }
+
+    fn makes_contact(&self, pair: &PairProximity, features: &Proximity) -> bool {
+        pair.distance == 0.0 || features.distance <= pair.distance * (1.0 + TIE)
+    }
+}
+
+/// Tests pairs exactly, eight side by side first. Of each only those features are looked at that are chosen or on the
+/// boundaries of both.
+fn examine_pairs(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+    choice: &impl Choice,
+) {
+    // Bits are counted and shifted all the time, which early processors have no instructions for.
+    dispatch!(Level::new(), simd => examine_blocks(simd, a, b, candidates, settings, found, choice));
+}
+
+#[inline(always)]
+fn examine_blocks<S: Simd>(
+    simd: S,
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+    choice: &impl Choice,
+) {
+    found.examined += candidates.len();
+    let limits =
+        ScreenLimits { scale: settings.scale, range: settings.range, contact_distance: settings.contact_distance };
+    let mut proximity = PairProximity::default();
+    let mut screen = PairScreen::new();
+    let mut batches = FeatureBatches::new([a, b], settings);
+    let first_contact = found.contacts.len();
+    // Pairs that the screen was in doubt about.
+    let mut apart: ArrayVec<(usize, f64), { PairScreen::WIDTH }> = ArrayVec::new();
+    let mut made = [[CornerRow::EMPTY; PairScreen::WIDTH]; 2];
+    let [made_a, made_b] = &mut made;
+    let poses = [a, b].map(|side| side.moved.map(|moved| moved.pose));
+    for (number, pairs) in candidates.chunks(PairScreen::WIDTH).enumerate() {
+        if let (Some(rows_a), Some(rows_b)) = (a.rows, b.rows) {
+            ask_ahead(rows_a, rows_b, candidates, number);
+        }
+        ask_for_room(&mut found.contacts);
+        ask_for_room(&mut found.touching);
+        let rows = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
+        let screened = screen.screen([&rows[0], &rows[1]], poses, pairs.len(), &limits);
+        let block = Block { sides: [a, b], settings, pairs, rows, screen: &screen, screened };
+        let neighbors = block.neighbors();
+        found.examined -= neighbors.count_ones() as usize;
+        let [near, doubtful] = [screened.near & !neighbors, screened.doubtful & !neighbors];
+        let mut of_block = block.reports(simd, near | doubtful, near, choice);
+        let mut stops = of_block.examined | of_block.meeting;
+        let is_plain = stops == 0;
+        if is_plain {
+            block.add_pairs(near, found);
+        }
+        // In the order of the candidates, up to each that has to be looked at alone.
+        let mut left = near & !of_block.examined;
+        loop {
+            let next = stops.trailing_zeros().min(u32::BITS - 1);
+            let part = left & (u32::MAX >> (u32::BITS - 1 - next));
+            left &= !part;
+            if !is_plain {
+                for place in SetLanes(part) {
+                    block.add_pair(place, found);
+                }
+            }
+            batches.add(pairs, &mut of_block.reports, part, &mut found.contacts);
+            if stops == 0 {
+                break;
+            }
+            stops &= stops - 1;
+            let place = next as usize;
+            if of_block.examined >> place & 1 != 0 {
+                let wanted = of_block.of(place);
+                let distance = block.add_examined(place, wanted, choice, &mut proximity, found);
+                apart.extend(distance.map(|distance| (place, distance)));
+            } else {
+                block.add_boundaries(place, &mut proximity, &mut found.contacts);
+            }
+        }
+        if found.wants_lower_bounds {
+            let first = found.lower_bounds.len();
+            found.lower_bounds.extend_from_slice(&screen.lower_bounds()[..pairs.len()]);
+            for (place, distance) in apart.drain(..) {
+                found.lower_bounds[first + place] = rounded_down(distance);
+            }
+        }
+    }
+    let LeftOver { doubtful, mut has_gaps } = batches.finish(&mut found.contacts);
+    for place in doubtful {
+        let contact = &mut found.contacts[place as usize];
+        if let Some(known) = contact_alone(a, b, settings, contact) {
+            *contact = known;
+        } else {
+            contact.drop_name();
+            has_gaps = true;
+        }
+    }
+    if has_gaps {
+        close_gaps(&mut found.contacts, first_contact);
+    }
+    found.finish_contacts(first_contact);
+}
+
+/// Drops places without a contact from the first of some on.
+fn close_gaps(contacts: &mut Vec<CompactContact>, first: usize) {
+    let mut kept = first;
+    for place in first..contacts.len() {
+        if !contacts[place].is_none() {
+            contacts[kept] = contacts[place];
+            kept += 1;
+        }
+    }
+    contacts.truncate(kept);
+}
+
+/// The rows of one side's triangles of up to eight pairs, of fewer the last one fills up. Where nobody has made them, they
+/// are `made`.
+#[inline(always)]
+fn rows_of<'a, const SIDE: usize>(
+    side: &SurfaceSide<'a>,
+    pairs: &[[u32; 2]],
+    made: &'a mut [CornerRow; PairScreen::WIDTH],
+) -> [&'a CornerRow; PairScreen::WIDTH] {
+    let triangle = |lane: usize| pairs[lane.min(pairs.len() - 1)][SIDE];
+    if let Some(rows) = side.rows {
+        return std::array::from_fn(|lane| rows.of(triangle(lane)));
+    }
+    for (row, pair) in made.iter_mut().zip(pairs) {
+        *row = side.row(pair[SIDE]);
+    }
+    std::array::from_fn(|lane| &made[lane.min(pairs.len() - 1)])
+}
+
+/// The contact of a feature pair by the test of its triangles alone, where it is close enough to be reported.
+fn contact_alone(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    settings: &PairSettings,
+    named: &CompactContact,
+) -> Option<CompactContact> {
+    let CompactContact { triangle_a, triangle_b, features, is_shared, .. } = *named;
+    let triangles = [triangle_a, triangle_b];
+    let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
+    let mut proximity = PairProximity::default();
+    examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
+    let found = proximity.proximities.iter().find(|found| found.features == features)?;
+    let is_reported = found.distance * settings.scale <= settings.reported_distance;
+    let numbers = numbers(a, b, triangles, features);
+    is_reported.then(|| contact(a, b, settings, triangles, numbers, is_shared, &corners, found))
+}
+
+/// Tests pairs exactly, each for itself and whole: what the other ways are measured by.
+fn examine_pairs_alone(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    pairs: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+) {
+    let mut proximity = PairProximity::default();
+    found.examined += pairs.len();
+    let first_contact = found.contacts.len();
+    for &triangles in pairs {
+        let corners = [a.corners(triangles[0]), b.corners(triangles[1])];
+        examine_pair(&corners[0], &corners[1], settings.range / settings.scale, &mut proximity);
+        let reported = |features: &Proximity| reports(a, b, settings.same_surface, triangles, features.features);
+        let number = |features: FeaturePair| numbers(a, b, triangles, features);
+        add_examined(a, b, settings, triangles, &corners, &proximity, reported, number, found);
+    }
+    found.finish_contacts(first_contact);
+}
+
+/// Adds what a pair amounts to that was looked at alone: nothing where it is beyond the range. Of features that make a
+/// contact, `reported` says whether other pairs may report them, too; `number` knows their numbers.
+#[expect(clippy::too_many_arguments, reason = "a pair, what is known of it, and where it goes")]
+fn add_examined(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    settings: &PairSettings,
+    triangles: [u32; 2],
+    corners: &[[DVec3; 3]; 2],
+    pair: &PairProximity,
+    reported: impl Fn(&Proximity) -> Option<bool>,
+    number: impl Fn(FeaturePair) -> [u32; 2],
+    found: &mut FoundPairs,
+) {
+    let distance = pair.distance * settings.scale;
+    if distance > settings.range {
+        return;
+    }
+    add_pair(triangles, distance, settings, found);
+    for features in &pair.proximities {
+        if features.distance * settings.scale <= settings.reported_distance
+            && let Some(is_shared) = reported(features)
+        {
+            let numbers = number(features.features);
+            found.contacts.push(contact(a, b, settings, triangles, numbers, is_shared, corners, features));
+        }
+    }
+}
+
+fn add_pair([triangle_a, triangle_b]: [u32; 2], distance: f64, settings: &PairSettings, found: &mut FoundPairs) {
+    found.nearest = found.nearest.min(distance);
+    if distance <= settings.contact_distance {
+        found.touching.push(TouchingPair { triangle_a, triangle_b, distance });
+    }
+}
+
+/// Tests candidate triangles of a surface exactly against a rigid shape and appends what it finds. `pose` brings the
+/// surface into the shape's frame, which is the frame of the pair.
+pub fn refine_shape(
+    topology: &SurfaceTopology,
+    positions: &[Vec3],
+    pose: &Pose,
+    shape: &ShapeGeometry,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+) {
+    let mut scratch = PairProximity::default();
+    let mut proximities: Vec<ShapeProximity> = Vec::new();
+    let first_contact = found.contacts.len();
+    for &[triangle, _] in candidates {
+        let corners = topology.triangles()[triangle as usize]
+            .map(|vertex| pose.transform_point(positions[vertex as usize].as_dvec3()));
+        proximities.clear();
+        found.examined += 1;
+        let distance =
+            shape.examine(&corners, settings.range / settings.scale, &mut scratch, &mut proximities) * settings.scale;
+        if distance > settings.range {
+            continue;
+        }
+        found.nearest = found.nearest.min(distance.max(0.0));
+        if distance <= settings.contact_distance {
+            found.touching.push(TouchingPair { triangle_a: triangle, triangle_b: 0, distance: distance.max(0.0) });
+        }
+        found.contacts.extend(
+            proximities
+                .iter()
+                .filter(|proximity| proximity.distance * settings.scale <= settings.reported_distance)
+                .map(|proximity| CompactContact::with_shape(topology, positions, triangle, proximity, settings.scale)),
+        );
+    }
+    found.finish_contacts(first_contact);
+}

@@ -1,0 +1,162 @@
+//! Which features of a pair of triangles the pair reports, so that mostly each is reported once.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{mask64x8, prelude::*, u64x8};
+
+use crate::kernel::{
+    exact::{CaseLanes, Cases},
+    mesh::{
+        corner_rows::CornerRow,
+        feature::{Feature, FeaturePair},
+        ids::{EdgeId, TriangleId, VertexId},
+        surroundings::SurroundingLanes,
+        topology::share_corner,
+    },
+    pair::{RowPair, SurfaceSide},
+    simd::lanes::WIDTH,
+};
+
+/// Which features of a pair it reports.
+#[derive(Clone, Copy)]
+pub(super) struct Reported {
+    pub(super) cases: Cases,
+    /// Those of them that other pairs may report, too, and maybe others.
+    pub(super) shared: Cases,
+}
+
+impl Reported {
+    /// Adds a case if it is reported, and whether it is shared.
+    fn add(&mut self, case: Cases, is_shared: Option<bool>) {
+        if let Some(is_shared) = is_shared {
+            self.cases = self.cases.or(case);
+            self.shared = if is_shared { self.shared.or(case) } else { self.shared };
+        }
+    }
+
+    /// Whether other pairs may report these features, too.
+    pub(super) fn is_shared(self, features: FeaturePair) -> bool {
+        let case = Cases::of(features);
+        case.without_boundary().are_none() || self.shared.contain(case)
+    }
+}
+
+/// Which features of eight pairs they report.
+#[derive(Clone, Copy)]
+pub(super) struct ReportedLanes<S: Simd> {
+    pub(super) cases: CaseLanes<S>,
+    pub(super) shared: CaseLanes<S>,
+    /// Pairs that may report more than that.
+    pub(super) others: mask64x8<S>,
+}
+
+/// Those of the cases of eight pairs that they report, see [`reports`], as far as they are first at them.
+#[inline(always)]
+pub(super) fn reported_as_first<S: Simd>(
+    simd: S,
+    rows: &[[&CornerRow; WIDTH]; 2],
+    same_surface: bool,
+    is_welded: bool,
+    CaseLanes(cases): CaseLanes<S>,
+) -> ReportedLanes<S> {
+    let none = u64x8::splat(simd, 0);
+    let surroundings = |side: usize| rows[side].map(|row| row.surroundings);
+    let a = SurroundingLanes::new(simd, surroundings(0));
+    let b = SurroundingLanes::new(simd, surroundings(1));
+    let first = CaseLanes::between(a.first_of(), b.first_of());
+    let shared = (a.are_collapsed() | b.are_collapsed()).select(u64x8::splat(simd, Cases::ALL.bits()), none);
+    let rest = !(cases & !first.0 & Cases::ALL.without_boundary().bits()).simd_eq(none);
+    let others = match (is_welded, same_surface) {
+        (true, _) => rest,
+        (false, true) => rest & a.firsts_may_meet(b),
+        (false, false) => mask64x8::splat(simd, false),
+    };
+    ReportedLanes { cases: first, shared: CaseLanes(shared), others }
+}
+
+/// Adds those of other cases of a pair that it reports although there are triangles before its own around their features.
+#[inline(never)]
+pub(super) fn add_others(pair: &RowPair<'_>, same_surface: bool, cases: Cases, reported: &mut Reported) {
+    let [a, b] = pair.sides;
+    let others = cases.without(reported.cases).without_boundary();
+    if a.topology.is_welded() || b.topology.is_welded() {
+        for case in others.each() {
+            reported.add(case, reports(a, b, same_surface, pair.triangles, case.features()));
+        }
+        return;
+    }
+    for case in others.each() {
+        let [part_a, part_b] = case.parts();
+        let first_a = pair.rows[0].first_around(a.topology, part_a);
+        let first_b = pair.rows[1].first_around(a.topology, part_b);
+        let case = case.only_if(share_corner(first_a, first_b));
+        (reported.cases, reported.shared) = (reported.cases.or(case), reported.shared.or(case));
+    }
+}
+
+/// Whether this pair of triangles reports a feature pair, and if so whether others may, too. The pair of the first triangles
+/// around both features does alone, unless those are neighbors, which are no pair: then every pair does that has both features,
+/// and only the first of them stays later, as of pairs that are closest on a boundary.
+pub(super) fn reports(
+    a: &SurfaceSide<'_>,
+    b: &SurfaceSide<'_>,
+    same_surface: bool,
+    triangles: [u32; 2],
+    features: FeaturePair,
+) -> Option<bool> {
+    if matches!(
+        (features.a, features.b),
+        (Feature::Vertex(_), Feature::Vertex(_) | Feature::Edge(_)) | (Feature::Edge(_), Feature::Vertex(_))
+    ) {
+        return Some(true);
+    }
+    let first_around = |side: &SurfaceSide<'_>, triangle: u32, feature: Feature| {
+        let around = triangles_around(side, triangle, feature).unwrap_or_default();
+        around.iter().copied().find(|&candidate| shares_feature(side, triangle, feature, candidate)).unwrap_or(triangle)
+    };
+    let firsts = [first_around(a, triangles[0], features.a), first_around(b, triangles[1], features.b)];
+    if firsts == triangles {
+        let around = |side: &SurfaceSide<'_>, triangle: u32| side.topology.surroundings(TriangleId(triangle));
+        return Some(around(a, triangles[0]).is_collapsed() || around(b, triangles[1]).is_collapsed());
+    }
+    let are_neighbors = same_surface && a.topology.share_vertex(TriangleId(firsts[0]), TriangleId(firsts[1]));
+    are_neighbors.then_some(true)
+}
+
+pub(in crate::kernel) fn triangles_around<'a>(
+    side: &SurfaceSide<'a>,
+    triangle: u32,
+    feature: Feature,
+) -> Option<&'a [u32]> {
+    match feature {
+        Feature::Vertex(corner) => {
+            let vertex = side.topology.welded_triangles()[triangle as usize][corner as usize];
+            Some(side.topology.triangles_of_vertex(VertexId(vertex)))
+        }
+        Feature::Edge(edge) => Some(
+            side.topology.triangles_of_edge(EdgeId(side.topology.triangle_edges()[triangle as usize][edge as usize])),
+        ),
+        Feature::Face => None,
+    }
+}
+
+/// Whether `candidate` still has the feature of `triangle` at the same place: vertices that were welded because they
+/// coincided once may have moved apart since.
+fn shares_feature(side: &SurfaceSide<'_>, triangle: u32, feature: Feature, candidate: u32) -> bool {
+    if candidate == triangle || !side.topology.is_welded() {
+        return true;
+    }
+    let same_corner = |corner: usize| {
+        let vertex = side.topology.triangles()[triangle as usize][corner];
+        let welded = side.topology.weld()[vertex as usize];
+        let own = side.positions[vertex as usize];
+        side.topology.triangles()[candidate as usize].iter().any(|&other| {
+            other == vertex || side.topology.weld()[other as usize] == welded && side.positions[other as usize] == own
+        })
+    };
+    match feature {
+        Feature::Vertex(corner) => same_corner(corner as usize),
+        Feature::Edge(edge) => same_corner(edge as usize) && same_corner((edge as usize + 1) % 3),
+        Feature::Face => true,
+    }
+}

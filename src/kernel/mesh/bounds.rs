@@ -1,0 +1,176 @@
+//! Axis-aligned boxes of triangles at their current positions.
+//!
+//! Every box is grown by half of the distance at which a pair matters, so that two triangles within that distance have
+//! boxes that overlap. The boxes follow the triangles, never the offset spheres. Feeds the broad phase.
+
+use glam::{Mat3A, Vec3, Vec3A};
+
+use crate::kernel::{
+    pose::Pose,
+    simd::share::{OneByOne, Share},
+};
+
+/// Boxes are grown by this many units in the last place of their largest coordinate besides, so that f32 rounding of
+/// their planes never loses a pair.
+pub(in crate::kernel) const ROUNDING_GROWTH: f32 = 2.0 * f32::EPSILON;
+
+/// Triangles of one task at least, whose boxes take as long as to wake another thread, and into how many tasks at most they
+/// are cut.
+const LEAST_PART: usize = 65_536;
+const MOST_PARTS: usize = 64;
+
+/// An axis-aligned box. Empty where a minimum exceeds its maximum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aabb {
+    /// Smallest coordinates.
+    pub min: Vec3,
+    /// Largest coordinates.
+    pub max: Vec3,
+}
+
+impl Default for Aabb {
+    /// The empty box.
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
+impl Aabb {
+    /// The box of nothing: overlaps nothing, and joins as the neutral element.
+    pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
+
+    /// The smallest box around some points.
+    #[must_use]
+    pub fn from_points(points: impl IntoIterator<Item = Vec3>) -> Self {
+        points
+            .into_iter()
+            .fold(Self::EMPTY, |bounds, point| Self { min: bounds.min.min(point), max: bounds.max.max(point) })
+    }
+
+    /// The smallest box around both.
+    #[must_use]
+    pub fn union(&self, other: &Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// Whether the closed boxes share a point.
+    #[must_use]
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
+    }
+
+    /// The box with every side moved outward by `distance` and by what rounding may take.
+    #[must_use]
+    pub fn grown(&self, distance: f32) -> Self {
+        let (min, max) = grown(self.min.into(), self.max.into(), distance);
+        Self { min: min.into(), max: max.into() }
+    }
+
+    /// Sum of the products of two side lengths: half the surface area.
+    #[must_use]
+    pub fn half_area(&self) -> f32 {
+        let size = (self.max - self.min).max(Vec3::ZERO);
+        size.x * size.y + size.y * size.z + size.z * size.x
+    }
+}
+
+/// Writes the box of every triangle, grown by `growth`, into `bounds` and returns the box around all of them. A box
+/// that is not a number is written, overlaps nothing, and is left out of the box around all.
+pub fn triangle_bounds(positions: &[Vec3], triangles: &[[u32; 3]], growth: f32, bounds: &mut Vec<Aabb>) -> Aabb {
+    triangle_bounds_on(&OneByOne, positions, triangles, growth, bounds)
+}
+
+/// The same in tasks that may be shared.
+pub fn triangle_bounds_on(
+    share: &impl Share,
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+    growth: f32,
+    bounds: &mut Vec<Aabb>,
+) -> Aabb {
+    bounds.resize(triangles.len(), Aabb::EMPTY);
+    let part = triangles.len().div_ceil(MOST_PARTS).max(LEAST_PART);
+    let mut wholes = [(Vec3A::INFINITY, Vec3A::NEG_INFINITY); MOST_PARTS];
+    let parts = triangles.chunks(part).zip(bounds.chunks_mut(part)).zip(&mut wholes);
+    share.hand_out(parts, triangles.len() / LEAST_PART, |((triangles, bounds), (low, high))| {
+        for (corners, bounds) in triangles.iter().zip(bounds) {
+            let [a, b, c] = corners.map(|vertex| Vec3A::from(positions[vertex as usize]));
+            let (min, max) = grown(a.min(b).min(c), a.max(b).max(c), growth);
+            *bounds = Aabb { min: min.into(), max: max.into() };
+            if min.cmple(max).all() {
+                (*low, *high) = (low.min(min), high.max(max));
+            }
+        }
+    });
+    wholes.iter().fold(Aabb::EMPTY, |all, &(low, high)| all.union(&Aabb { min: low.into(), max: high.into() }))
+}
+
+/// The box of some points, grown by `growth`: around the boxes of all triangles between them that are grown so.
+#[must_use]
+pub fn point_bounds(points: &[Vec3], growth: f32) -> Aabb {
+    if points.is_empty() {
+        return Aabb::EMPTY;
+    }
+    let (low, high) = points.iter().fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), &point| {
+        let point = Vec3A::from(point);
+        (low.min(point), high.max(point))
+    });
+    Aabb { min: low.into(), max: high.into() }.grown(growth)
+}
+
+/// The sides of a box, moved outward by `distance` and by what rounding may take.
+#[inline]
+fn grown(min: Vec3A, max: Vec3A, distance: f32) -> (Vec3A, Vec3A) {
+    let largest = min.abs().max(max.abs()).max_element();
+    let growth = Vec3A::splat(distance + ROUNDING_GROWTH * (largest + distance));
+    (min - growth, max + growth)
+}
+
+/// What rounding adds to a moved point, relative to what its coordinates are made of: each coefficient, three products and three
+/// sums are rounded by half a unit in the last place, and some to spare.
+const MOVED_ROUNDING: f32 = 8.0 * f32::EPSILON;
+
+/// A box around some points that `pose` has moved. Larger than it needs to be by what rounding may take; around everything where
+/// f32 cannot tell.
+#[must_use]
+pub fn bounds_of_moved(pose: &Pose, points: &[Vec3]) -> Aabb {
+    let affine = pose.to_affine();
+    let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
+    let linear = Mat3A::from_cols(x.as_vec3a(), y.as_vec3a(), z.as_vec3a());
+    let translation = affine.translation.as_vec3a();
+    let (mut low, mut high, mut largest) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY, Vec3A::ZERO);
+    for &point in points {
+        let point = Vec3A::from(point);
+        let moved = linear * point + translation;
+        (low, high, largest) = (low.min(moved), high.max(moved), largest.max(point.abs()));
+    }
+    let reach = linear.abs() * largest + translation.abs();
+    if !reach.is_finite() {
+        // Parts of a sum that overflow may leave no number.
+        return Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
+    }
+    let rounding = reach * MOVED_ROUNDING;
+    Aabb { min: (low - rounding).into(), max: (high + rounding).into() }
+}
+
+/// Writes every pair of overlapping boxes of one list, lower index first, sorted, by comparing all of them.
+pub fn self_pairs_brute_force(bounds: &[Aabb], pairs: &mut Vec<[u32; 2]>) {
+    for (first, own) in bounds.iter().enumerate() {
+        for (second, other) in bounds.iter().enumerate().skip(first + 1) {
+            if own.overlaps(other) {
+                pairs.push([first as u32, second as u32]);
+            }
+        }
+    }
+}
+
+/// Writes every pair of overlapping boxes of two lists, sorted, by comparing all of them.
+pub fn pairs_between_brute_force(bounds_a: &[Aabb], bounds_b: &[Aabb], pairs: &mut Vec<[u32; 2]>) {
+    for (first, own) in bounds_a.iter().enumerate() {
+        for (second, other) in bounds_b.iter().enumerate() {
+            if own.overlaps(other) {
+                pairs.push([first as u32, second as u32]);
+            }
+        }
+    }
+}

@@ -1,0 +1,12 @@
+//! A mesh and where it is: ids, topology and adjacency, features and their normals, boxes, motion, rows of corners.
+
+pub mod barycentric;
+pub mod bounds;
+pub mod corner_rows;
+pub mod feature;
+pub mod ids;
+pub mod motion;
+pub mod side;
+pub mod smooth_normal;
+pub(in crate::kernel) mod surroundings;
+pub mod topology;

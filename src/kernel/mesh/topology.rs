@@ -1,0 +1,571 @@
+//! What is connected to what in a triangle mesh, found once and shared by every instance.
+//!
+//! Vertices with exactly equal positions, or within a distance that the caller gives, are welded for adjacency only: the
+//! triangles keep the caller's vertex numbers. Each welded edge and vertex knows its triangles, so later stages can decide alone which of several
+//! triangles reports a shared feature. First in the flow: positions and triangles come in, adjacency goes out.
+
+use std::{collections::HashMap, sync::OnceLock};
+
+use glam::{DVec3, Vec3};
+
+use super::{
+    ids::{EdgeId, TriangleId, VertexId},
+    surroundings::Surroundings,
+};
+
+/// The largest number of vertices, edges or triangles of one surface: feature numbers are packed into 28 bits of a
+/// contact's key.
+pub const MAX_ELEMENTS: usize = (1 << 28) - 1;
+
+/// What makes a list of positions and triangles unusable as a surface.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum TopologyError {
+    /// The triangle list is empty.
+    #[error("the surface has no triangles: give at least one")]
+    NoTriangles,
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle} names vertex {vertex}, but there are only {vertices} positions")]
+    VertexOutOfRange {
+        /// The triangle's place in the list.
+        triangle: usize,
+        /// The vertex it names.
+        vertex: u32,
+        /// How many positions there are.
+        vertices: usize,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error("the position of vertex {vertex} is not finite: {position}")]
+    NonFinitePosition {
+        /// The vertex's place in the list.
+        vertex: usize,
+        /// Its position.
+        position: Vec3,
+    },
+    /// A distance to weld within is negative, NaN or infinite.
+    #[error(
+        "the distance to weld within is {0}: give a finite one of 0 or more, below the length of the shortest edge"
+    )]
+    WeldDistance(f32),
+    /// More elements than a contact's key can number.
+    #[error("the surface has {count} {element}, more than the {MAX_ELEMENTS} that one surface can have: split it")]
+    TooLarge {
+        /// `"vertices"`, `"triangles"` or `"edges"`.
+        element: &'static str,
+        /// How many there are.
+        count: usize,
+    },
+}
+
+/// What is unusual about a mesh. None of it is an error; all of it is handled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TopologyReport {
+    /// Edges with a single triangle.
+    pub boundary_edges: usize,
+    /// Edges with three triangles or more.
+    pub non_manifold_edges: usize,
+    /// Edges whose two triangles run through them in the same direction: one of them is turned inside out.
+    pub inconsistent_edges: usize,
+    /// Triangles that name the same welded vertex twice.
+    pub collapsed_triangles: usize,
+    /// Vertices that are welded to an earlier one, because they share its position or are within the distance to weld
+    /// within.
+    pub welded_vertices: usize,
+}
+
+/// The triangles of a surface and their adjacency. Immutable: share it behind an [`Arc`](std::sync::Arc).
+#[derive(Clone, Debug)]
+pub struct SurfaceTopology {
+    vertex_count: usize,
+    triangles: Vec<[u32; 3]>,
+    welded_triangles: Vec<[u32; 3]>,
+    weld: Vec<u32>,
+    edges: Vec<[u32; 2]>,
+    triangle_edges: Vec<[u32; 3]>,
+    edge_triangles: Incidence,
+    vertex_triangles: Incidence,
+    surroundings: Vec<Surroundings>,
+    report: TopologyReport,
+    hinges: OnceLock<Box<[Hinge]>>,
+    /// Once an exact test has asked.
+    firsts: OnceLock<FirstTriangles>,
+}
+
+/// The first triangles around vertices and edges.
+#[derive(Clone, Debug)]
+struct FirstTriangles {
+    /// Of each welded vertex that has triangles the corners of the first.
+    around_vertices: Box<[[u32; 3]]>,
+    /// Of each edge the corner of its first triangle that lies opposite.
+    opposite: Box<[u32]>,
+}
+
+/// Whether two triangles, given as vertices, have one in common.
+#[inline]
+pub(in crate::kernel) fn share_corner([a0, a1, a2]: [u32; 3], other: [u32; 3]) -> bool {
+    // Without short circuits: nine comparisons cost less than one branch that is hard to predict.
+    other.iter().fold(false, |shared, &vertex| shared | (vertex == a0) | (vertex == a1) | (vertex == a2))
+}
+
+/// How the triangles around an edge fold there.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::kernel) enum Hinge {
+    /// The edge ends the surface.
+    Rim,
+    /// Two triangles.
+    Fold {
+        /// The lower one first.
+        triangles: [u32; 2],
+        /// The ends of the edge as the first triangle runs through it and the caller numbered them.
+        ends: [u32; 2],
+        /// Whether the second triangle runs through it in the same direction, and so is turned inside out.
+        turned: bool,
+    },
+    /// Three triangles or more.
+    Branch,
+}
+
+/// For each element of one kind the triangles around it, in ascending order, as one flat list with offsets.
+#[derive(Clone, Debug, Default)]
+pub(in crate::kernel) struct Incidence {
+    offsets: Vec<u32>,
+    triangles: Vec<u32>,
+}
+
+impl Incidence {
+    /// How many elements there are.
+    pub(in crate::kernel) fn len(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// `corners[t]` names the three elements of triangle `t`.
+    fn new(element_count: usize, corners: &[[u32; 3]]) -> Self {
+        let mut offsets = vec![0u32; element_count + 1];
+        let distinct = |elements: &[u32; 3], corner: usize| !elements[..corner].contains(&elements[corner]);
+        for elements in corners {
+            for corner in 0..3 {
+                if distinct(elements, corner) {
+                    offsets[elements[corner] as usize + 1] += 1;
+                }
+            }
+        }
+        for element in 0..element_count {
+            offsets[element + 1] += offsets[element];
+        }
+        let mut next = offsets.clone();
+        let mut triangles = vec![0u32; offsets[element_count] as usize];
+        for (triangle, elements) in corners.iter().enumerate() {
+            for corner in 0..3 {
+                if distinct(elements, corner) {
+                    let slot = &mut next[elements[corner] as usize];
+                    triangles[*slot as usize] = triangle as u32;
+                    *slot += 1;
+                }
+            }
+        }
+        Self { offsets, triangles }
+    }
+
+    #[inline]
+    pub(in crate::kernel) fn around(&self, element: u32) -> &[u32] {
+        let element = element as usize;
+        &self.triangles[self.offsets[element] as usize..self.offsets[element + 1] as usize]
+    }
+}
+
+impl SurfaceTopology {
+    /// Builds the adjacency of `triangles` (vertex numbers, counter-clockwise from outside where the mesh has an
+    /// outside), welding vertices whose `positions` are exactly equal.
+    ///
+    /// # Errors
+    /// An empty triangle list, a vertex number out of range, a coordinate that is not finite, more than
+    /// [`MAX_ELEMENTS`] of anything.
+    pub fn new(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, TopologyError> {
+        Self::welded_within(positions, triangles, 0.0)
+    }
+
+    /// The same, welding all vertices whose positions are no farther apart than `distance`, in the unit of the positions, and
+    /// with them what is welded to those: a chain of vertices is one, named by the lowest. 0 welds equal positions alone.
+    ///
+    /// The distance has to stay below the length of the shortest edge: triangles with a shorter edge collapse, and then the
+    /// surface is not [closed](Self::is_closed). Takes time in proportion to the vertices as long as it does.
+    ///
+    /// # Errors
+    /// A distance that is negative or not finite, besides those of [`new`](Self::new).
+    pub fn welded_within(positions: &[Vec3], triangles: &[[u32; 3]], distance: f32) -> Result<Self, TopologyError> {
+        validate(positions, triangles)?;
+        if !(distance.is_finite() && distance >= 0.0) {
+            return Err(TopologyError::WeldDistance(distance));
+        }
+        let mut weld = exact_weld(positions);
+        if distance > 0.0 {
+            weld_within(positions, f64::from(distance), &mut weld);
+        }
+        let welded_triangles: Vec<[u32; 3]> =
+            triangles.iter().map(|corners| corners.map(|vertex| weld[vertex as usize])).collect();
+        let (edges, triangle_edges) = unique_edges(&welded_triangles);
+        // Beyond the edges, three numbers a triangle are for edges whose welded ends come apart.
+        let edge_numbers = edges.len() + 3 * triangles.len();
+        if edge_numbers > MAX_ELEMENTS {
+            return Err(TopologyError::TooLarge { element: "edges", count: edge_numbers });
+        }
+        let edge_triangles = Incidence::new(edges.len(), &triangle_edges);
+        let vertex_triangles = Incidence::new(positions.len(), &welded_triangles);
+        let surroundings = Surroundings::of_all(&welded_triangles, &triangle_edges, &vertex_triangles, &edge_triangles);
+        let mut topology = Self {
+            vertex_count: positions.len(),
+            triangles: triangles.to_vec(),
+            welded_triangles,
+            weld,
+            edges,
+            triangle_edges,
+            edge_triangles,
+            vertex_triangles,
+            surroundings,
+            report: TopologyReport::default(),
+            hinges: OnceLock::new(),
+            firsts: OnceLock::new(),
+        };
+        topology.report = topology.inspect();
+        Ok(topology)
+    }
+
+    fn inspect(&self) -> TopologyReport {
+        let mut report = TopologyReport {
+            collapsed_triangles: self.welded_triangles.iter().filter(|&&[a, b, c]| a == b || b == c || c == a).count(),
+            welded_vertices: self.weld.iter().enumerate().filter(|&(vertex, &to)| vertex as u32 != to).count(),
+            ..TopologyReport::default()
+        };
+        for (edge, &[first, second]) in self.edges.iter().enumerate() {
+            if first == second {
+                continue;
+            }
+            match self.edge_triangles.around(edge as u32) {
+                [_] => report.boundary_edges += 1,
+                &[a, b] => {
+                    let forward = |triangle: u32| self.runs_forward(triangle, edge as u32);
+                    report.inconsistent_edges += usize::from(forward(a) == forward(b));
+                }
+                _ => report.non_manifold_edges += 1,
+            }
+        }
+        report
+    }
+
+    /// Whether `triangle` runs through `edge` from its lower to its higher welded vertex.
+    pub(crate) fn runs_forward(&self, triangle: u32, edge: u32) -> bool {
+        let corners = self.welded_triangles[triangle as usize];
+        let [first, second] = self.edges[edge as usize];
+        (0..3).any(|k| corners[k] == first && corners[(k + 1) % 3] == second)
+    }
+
+    /// The hinge at each edge, found when they are first asked for.
+    pub(in crate::kernel) fn hinges(&self) -> &[Hinge] {
+        self.hinges.get_or_init(|| (0..self.edges.len() as u32).map(|edge| self.hinge(edge)).collect())
+    }
+
+    fn hinge(&self, edge: u32) -> Hinge {
+        match *self.edge_triangles.around(edge) {
+            [] | [_] => Hinge::Rim,
+            [first, second] => {
+                let edges = self.triangle_edges[first as usize];
+                let side = (0..3).find(|&k| edges[k] == edge).unwrap_or_default();
+                let corners = self.triangles[first as usize];
+                Hinge::Fold {
+                    triangles: [first, second],
+                    ends: [corners[side], corners[(side + 1) % 3]],
+                    turned: self.runs_forward(first, edge) == self.runs_forward(second, edge),
+                }
+            }
+            _ => Hinge::Branch,
+        }
+    }
+
+    /// How many positions the surface needs.
+    #[must_use]
+    pub fn vertex_count(&self) -> usize {
+        self.vertex_count
+    }
+
+    /// Whether every vertex is a corner of a triangle.
+    #[must_use]
+    pub(crate) fn names_every_vertex(&self) -> bool {
+        let mut named = vec![false; self.vertex_count];
+        for &vertex in self.triangles.as_flattened() {
+            named[vertex as usize] = true;
+        }
+        !named.contains(&false)
+    }
+
+    /// The triangles, as the caller's vertex numbers.
+    #[must_use]
+    #[inline]
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The triangles as welded vertices: each is named by the first vertex that it is welded to.
+    #[must_use]
+    #[inline]
+    pub fn welded_triangles(&self) -> &[[u32; 3]] {
+        &self.welded_triangles
+    }
+
+    /// For each of the caller's vertices the first one that it is welded to: with exactly the same position, or where the
+    /// surface was [welded within](Self::welded_within) a distance, in the same chain of vertices.
+    #[must_use]
+    #[inline]
+    pub fn weld(&self) -> &[u32] {
+        &self.weld
+    }
+
+    /// The unique edges as pairs of welded vertices, lower first, sorted. A triangle that names a welded vertex twice
+    /// has an edge from that vertex to itself.
+    #[must_use]
+    pub fn edges(&self) -> &[[u32; 2]] {
+        &self.edges
+    }
+
+    /// The edges of each triangle: edge `k` joins its corners `k` and `k + 1`.
+    #[must_use]
+    #[inline]
+    pub fn triangle_edges(&self) -> &[[u32; 3]] {
+        &self.triangle_edges
+    }
+
+    /// The welded corners of the first triangle around a welded vertex that has triangles.
+    #[inline]
+    pub(in crate::kernel) fn first_around_vertex(&self, vertex: u32) -> [u32; 3] {
+        self.firsts().around_vertices[vertex as usize]
+    }
+
+    /// The welded corner of the first triangle of an edge that lies opposite.
+    #[inline]
+    pub(in crate::kernel) fn first_opposite(&self, edge: EdgeId) -> u32 {
+        self.firsts().opposite[edge.index()]
+    }
+
+    #[inline]
+    fn firsts(&self) -> &FirstTriangles {
+        self.firsts.get().unwrap_or_else(|| self.find_firsts())
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn find_firsts(&self) -> &FirstTriangles {
+        let around_vertex = |vertex: u32| {
+            let first = self.vertex_triangles.around(vertex).first();
+            first.map_or([vertex; 3], |&first| self.welded_triangles[first as usize])
+        };
+        let opposite = |edge: u32| {
+            let first = self.edge_triangles.around(edge)[0] as usize;
+            let place = self.triangle_edges[first].iter().position(|&own| own == edge).unwrap_or_default();
+            self.welded_triangles[first][(place + 2) % 3]
+        };
+        self.firsts.get_or_init(|| FirstTriangles {
+            around_vertices: (0..self.vertex_count as u32).map(around_vertex).collect(),
+            opposite: (0..self.edges.len() as u32).map(opposite).collect(),
+        })
+    }
+
+    /// What a triangle is to its neighbors.
+    #[inline]
+    pub(in crate::kernel) fn surroundings(&self, triangle: TriangleId) -> Surroundings {
+        self.surroundings[triangle.index()]
+    }
+
+    /// Whether any two vertices are welded.
+    #[inline]
+    pub(crate) fn is_welded(&self) -> bool {
+        self.report.welded_vertices > 0
+    }
+
+    /// The triangles around an edge, ascending.
+    #[must_use]
+    #[inline]
+    pub fn triangles_of_edge(&self, edge: EdgeId) -> &[u32] {
+        self.edge_triangles.around(edge.0)
+    }
+
+    /// A triangle and all that share an edge with it; some more than once.
+    pub(crate) fn triangles_beside(&self, triangle: u32) -> impl Iterator<Item = u32> {
+        let edges = self.triangle_edges[triangle as usize].into_iter();
+        edges.flat_map(|edge| self.edge_triangles.around(edge).iter().copied())
+    }
+
+    /// The triangles around a vertex and everything welded to it, ascending.
+    ///
+    /// # Panics
+    /// If there is no such vertex.
+    #[must_use]
+    #[inline]
+    pub fn triangles_of_vertex(&self, vertex: VertexId) -> &[u32] {
+        self.vertex_triangles.around(self.weld[vertex.index()])
+    }
+
+    /// Whether two triangles share a welded vertex. Such a pair is never reported as touching.
+    #[must_use]
+    #[inline]
+    pub fn share_vertex(&self, a: TriangleId, b: TriangleId) -> bool {
+        share_corner(self.welded_triangles[a.index()], self.welded_triangles[b.index()])
+    }
+
+    /// Whether every edge has two triangles that run through it in opposite directions: the surface has an inside.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.report.boundary_edges == 0
+            && self.report.non_manifold_edges == 0
+            && self.report.inconsistent_edges == 0
+            && self.report.collapsed_triangles == 0
+    }
+
+    /// What is unusual about the mesh.
+    #[must_use]
+    pub fn report(&self) -> TopologyReport {
+        self.report
+    }
+
+    /// Mean length of the unique welded edges at the given positions; 0 where there is no edge with two ends.
+    ///
+    /// # Panics
+    /// If there are fewer positions than [`vertex_count`](Self::vertex_count).
+    #[must_use]
+    pub fn mean_edge_length(&self, positions: &[Vec3]) -> f64 {
+        let lengths = self.edges.iter().filter(|[first, second]| first != second).map(|&[first, second]| {
+            (positions[first as usize].as_dvec3() - positions[second as usize].as_dvec3()).length()
+        });
+        let (sum, count) = lengths.fold((0.0, 0usize), |(sum, count), length| (sum + length, count + 1));
+        sum / count.max(1) as f64
+    }
+
+    /// Numbers the connected components (triangles joined through shared welded vertices) in the order of their first
+    /// triangle. Returns the component of each triangle and how many there are.
+    #[must_use]
+    pub fn components(&self) -> (Vec<u32>, usize) {
+        const UNSEEN: u32 = u32::MAX;
+        let mut component = vec![UNSEEN; self.triangles.len()];
+        let mut count = 0;
+        let mut open = Vec::new();
+        for seed in 0..self.triangles.len() {
+            if component[seed] != UNSEEN {
+                continue;
+            }
+            component[seed] = count;
+            open.push(seed as u32);
+            while let Some(triangle) = open.pop() {
+                for vertex in self.welded_triangles[triangle as usize] {
+                    for &neighbor in self.vertex_triangles.around(vertex) {
+                        if component[neighbor as usize] == UNSEEN {
+                            component[neighbor as usize] = count;
+                            open.push(neighbor);
+                        }
+                    }
+                }
+            }
+            count += 1;
+        }
+        (component, count as usize)
+    }
+}
+
+fn validate(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<(), TopologyError> {
+    if triangles.is_empty() {
+        return Err(TopologyError::NoTriangles);
+    }
+    for (element, count) in [("vertices", positions.len()), ("triangles", triangles.len())] {
+        if count > MAX_ELEMENTS {
+            return Err(TopologyError::TooLarge { element, count });
+        }
+    }
+    if let Some(vertex) = positions.iter().position(|position| !position.is_finite()) {
+        return Err(TopologyError::NonFinitePosition { vertex, position: positions[vertex] });
+    }
+    for (triangle, corners) in triangles.iter().enumerate() {
+        if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= positions.len()) {
+            return Err(TopologyError::VertexOutOfRange { triangle, vertex, vertices: positions.len() });
+        }
+    }
+    Ok(())
+}
+
+/// For each vertex the first one with exactly the same position (−0 equals 0).
+fn exact_weld(positions: &[Vec3]) -> Vec<u32> {
+    let mut first = HashMap::with_capacity(positions.len());
+    let bits = |position: &Vec3| (*position + Vec3::ZERO).to_array().map(f32::to_bits);
+    positions
+        .iter()
+        .enumerate()
+        .map(|(vertex, position)| *first.entry(bits(position)).or_insert(vertex as u32))
+        .collect()
+}
+
+/// Cells of the grid have sides of this many distances: most points are near no other cell, and few are in each.
+const DISTANCES_OF_A_CELL: f64 = 4.0;
+
+/// Joins vertices that are no farther apart than `distance`, and chains of them, given those that are welded already.
+fn weld_within(positions: &[Vec3], distance: f64, weld: &mut [u32]) {
+    let size = DISTANCES_OF_A_CELL * distance;
+    // Whole numbers as f64: beyond 2^53, where neighbors have no numbers of their own, different f32 are farther apart than a cell.
+    let cell_of = |point: DVec3| (point / size).floor() + DVec3::ZERO;
+    let key = |cell: DVec3| cell.to_array().map(f64::to_bits);
+    let mut cells: HashMap<[u64; 3], Vec<u32>> = HashMap::with_capacity(positions.len());
+    for vertex in 0..positions.len() {
+        if weld[vertex] as usize != vertex {
+            continue;
+        }
+        let point = positions[vertex].as_dvec3();
+        let [low, high] = [point - distance, point + distance].map(cell_of);
+        for x in whole_numbers(low.x, high.x) {
+            for y in whole_numbers(low.y, high.y) {
+                for z in whole_numbers(low.z, high.z) {
+                    for &other in cells.get(&key(DVec3::new(x, y, z))).into_iter().flatten() {
+                        if point.distance_squared(positions[other as usize].as_dvec3()) <= distance * distance {
+                            join(weld, vertex as u32, other);
+                        }
+                    }
+                }
+            }
+        }
+        cells.entry(key(cell_of(point))).or_default().push(vertex as u32);
+    }
+    for vertex in 0..weld.len() {
+        weld[vertex] = root(weld, vertex as u32);
+    }
+}
+
+/// One or two cells along an axis.
+fn whole_numbers(low: f64, high: f64) -> impl Iterator<Item = f64> {
+    [Some(low), (high != low).then_some(high)].into_iter().flatten()
+}
+
+/// The lowest vertex of a chain.
+fn root(weld: &mut [u32], vertex: u32) -> u32 {
+    let mut root = vertex;
+    while weld[root as usize] != root {
+        // Every second one is brought nearer: chains stay short.
+        weld[root as usize] = weld[weld[root as usize] as usize];
+        root = weld[root as usize];
+    }
+    root
+}
+
+/// Makes one chain of two, named by its lowest vertex.
+fn join(weld: &mut [u32], first: u32, second: u32) {
+    let (first, second) = (root(weld, first), root(weld, second));
+    weld[first.max(second) as usize] = first.min(second);
+}
+
+fn unique_edges(welded_triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {
+    let side = |corners: &[u32; 3], k: usize| {
+        let (from, to) = (corners[k], corners[(k + 1) % 3]);
+        [from.min(to), from.max(to)]
+    };
+    let mut edges = Vec::with_capacity(3 * welded_triangles.len());
+    edges.extend(welded_triangles.iter().flat_map(|corners| [0, 1, 2].map(|k| side(corners, k))));
+    edges.sort_unstable();
+    edges.dedup();
+    // Most are named twice.
+    edges.shrink_to_fit();
+    let number = |edge: [u32; 2]| edges.binary_search(&edge).expect("every triangle's edges were collected") as u32;
+    let triangle_edges = welded_triangles.iter().map(|corners| [0, 1, 2].map(|k| number(side(corners, k)))).collect();
+    (edges, triangle_edges)
+}

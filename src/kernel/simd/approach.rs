@@ -1,0 +1,92 @@
+//! How far apart triangles are along directions that come closer and closer to the best one.
+//!
+//! That is Gilbert's method for the point of a convex set next to the origin ("An iterative procedure for computing the minimum
+//! of a quadratic form on a convex set", SIAM Journal on Control 4, 1966), of the set of all ways from one triangle to the other:
+//! the next way is the shortest between this one and that from the foremost corner of the first to the foremost of the second.
+//! However a way was rounded, what stands between the triangles along it is a gap.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{f32x8, prelude::*};
+
+use super::{
+    lanes::fused::{Vectors, dot, minus, plus},
+    slab::{LEAST_SQUARED, RANGE_SLACK},
+};
+
+/// The corners of the triangles of eight pairs, by triangle and corner, in one frame.
+pub(in crate::kernel) type Corners<S> = [[Vectors<S>; 3]; 2];
+
+/// Ways between two triangles along which a gap is looked for. Of the pairs that do not touch, and that neither their planes nor
+/// the first way keeps apart, three find 47 to 83 % and four 59 to 90 %, measured on five recordings.
+pub(in crate::kernel) const STEPS: usize = 4;
+
+/// A way from each of eight triangles to another, which gets shorter step by step. Along the shortest one they are as far apart
+/// as they are.
+pub(in crate::kernel) struct Approach<'a, S: Simd> {
+    corners: &'a Corners<S>,
+    way: Vectors<S>,
+}
+
+impl<'a, S: Simd> Approach<'a, S> {
+    /// Begins with the way between the centroids.
+    #[inline(always)]
+    pub(in crate::kernel) fn new(corners: &'a Corners<S>) -> Self {
+        let [[a, b, c], [other_a, other_b, other_c]] = *corners;
+        let [x, y, z] = minus(plus(plus(other_a, other_b), other_c), plus(plus(a, b), c));
+        Self { corners, way: [x * (1.0 / 3.0), y * (1.0 / 3.0), z * (1.0 / 3.0)] }
+    }
+
+    /// How far apart the triangles are along this way, in lengths of what stands beside it, which is its square. Goes on to the
+    /// next way.
+    #[inline(always)]
+    pub(in crate::kernel) fn step(&mut self) -> (f32x8<S>, f32x8<S>) {
+        let [x, y, z] = self.way;
+        let (from, height) = foremost(&self.corners[0], [x, y, z]);
+        let (to, depth) = foremost(&self.corners[1], [-x, -y, -z]);
+        let turn = minus(minus(to, from), [x, y, z]);
+        let turn_squared = dot(turn, turn).max(f32::MIN_POSITIVE);
+        let share = (-dot([x, y, z], turn) / turn_squared).max(0.0).min(1.0);
+        self.way = [turn[0].mul_add(share, x), turn[1].mul_add(share, y), turn[2].mul_add(share, z)];
+        (-(depth + height), dot([x, y, z], [x, y, z]))
+    }
+
+    /// The widest gap along the first [`STEPS`] ways; 0 where there is none.
+    #[inline(always)]
+    pub(in crate::kernel) fn widest_gap(mut self) -> f32x8<S> {
+        let mut widest = f32x8::splat(self.way[0].simd, 0.0);
+        for _ in 0..STEPS {
+            let (gap, squared) = self.step();
+            widest = widest.max(in_units(gap, squared));
+        }
+        widest
+    }
+}
+
+/// Gaps in lengths of directions, of which the squares are given; 0 where one is too short to tell.
+#[inline(always)]
+pub(in crate::kernel) fn in_units<S: Simd>(gap: f32x8<S>, squared: f32x8<S>) -> f32x8<S> {
+    squared.simd_gt(LEAST_SQUARED).select(gap / squared.sqrt(), f32x8::splat(gap.simd, 0.0))
+}
+
+/// Lower bounds of distances by gaps, which may be off by `rounding`; not above 0 where there is no gap.
+#[inline(always)]
+pub(in crate::kernel) fn bounds_by<S: Simd>(gap: f32x8<S>, rounding: f32x8<S>) -> f32x8<S> {
+    (gap - rounding) * (1.0 / RANGE_SLACK)
+}
+
+/// The corner of each triangle that is farthest in a direction, and how far that is, in lengths of the direction.
+#[inline(always)]
+fn foremost<S: Simd>(corners: &[Vectors<S>; 3], direction: Vectors<S>) -> (Vectors<S>, f32x8<S>) {
+    let [a, b, c] = *corners;
+    let (mut farthest, mut height) = (a, dot(direction, a));
+    for corner in [b, c] {
+        let own = dot(direction, corner);
+        let is_farther = own.simd_gt(height);
+        height = height.max(own);
+        for axis in 0..3 {
+            farthest[axis] = is_farther.select(corner[axis], farthest[axis]);
+        }
+    }
+    (farthest, height)
+}

@@ -1,0 +1,341 @@
+//! Vectors of eight triangles or pairs side by side.
+//!
+//! What the sphere stages compute with, over the lanes of `fearless_simd`: a kernel is dispatched as a whole to the widest
+//! instructions that the machine has, and everything below it is inlined into it.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+mod angles;
+mod corners;
+pub(in crate::kernel) mod fused;
+mod pairs;
+mod transpose;
+mod triangles;
+
+use std::ops::Sub;
+
+use fearless_simd::{f32x4, f32x8, f64x8, mask32x8, mask64x8, prelude::*};
+use glam::{DMat3, DVec3, Vec3};
+
+pub(in crate::kernel) use self::{
+    angles::{arc_tangent, sine_cosine, tangent},
+    corners::{CornerLanes, TrianglePairLanes},
+    pairs::{LARGEST_EXTENT, PairLanes},
+    transpose::{columns, columns_from, rows, transposed},
+    triangles::{EdgeChoice, FrameLanes, LEAST_EXACT_SQUARE, RADIUS_SLACK, TriangleLanes, ZERO_AREA},
+};
+use crate::kernel::pose::Pose;
+
+/// How many triangles or pairs are worked on at a time.
+pub(in crate::kernel) const WIDTH: usize = 8;
+
+/// The types of one precision.
+macro_rules! vectors {
+    ($Lanes:ident, $Rows:ident, $numbers:ident, $mask:ident, $number:ty, $Vector:ident, $align:literal) => {
+        /// One vector of each of eight pairs.
+        #[derive(Clone, Copy)]
+        pub(in crate::kernel) struct $Lanes<S: Simd> {
+            pub(in crate::kernel) x: $numbers<S>,
+            pub(in crate::kernel) y: $numbers<S>,
+            pub(in crate::kernel) z: $numbers<S>,
+        }
+
+        /// The same in memory, where single lanes are read and written.
+        #[derive(Clone, Copy, Debug)]
+        #[repr(align($align))]
+        pub(in crate::kernel) struct $Rows([[$number; WIDTH]; 3]);
+
+        impl<S: Simd> $Lanes<S> {
+            #[inline(always)]
+            pub(in crate::kernel) fn splat(simd: S, vector: $Vector) -> Self {
+                Self {
+                    x: $numbers::splat(simd, vector.x),
+                    y: $numbers::splat(simd, vector.y),
+                    z: $numbers::splat(simd, vector.z),
+                }
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn load(simd: S, $Rows([x, y, z]): &$Rows) -> Self {
+                Self {
+                    x: $numbers::from_slice(simd, x),
+                    y: $numbers::from_slice(simd, y),
+                    z: $numbers::from_slice(simd, z),
+                }
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn store(self, $Rows([x, y, z]): &mut $Rows) {
+                self.x.store_slice(x);
+                self.y.store_slice(y);
+                self.z.store_slice(z);
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn dot(self, other: Self) -> $numbers<S> {
+                self.x * other.x + self.y * other.y + self.z * other.z
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn cross(self, other: Self) -> Self {
+                Self {
+                    x: self.y * other.z - self.z * other.y,
+                    y: self.z * other.x - self.x * other.z,
+                    z: self.x * other.y - self.y * other.x,
+                }
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn plus(self, other: Self) -> Self {
+                Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
+            }
+
+            /// Unlike a difference from zero it turns the sign of zeros too.
+            #[inline(always)]
+            pub(in crate::kernel) fn negated(self) -> Self {
+                Self { x: -self.x, y: -self.y, z: -self.z }
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn min(self, other: Self) -> Self {
+                Self { x: self.x.min(other.x), y: self.y.min(other.y), z: self.z.min(other.z) }
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn max(self, other: Self) -> Self {
+                Self { x: self.x.max(other.x), y: self.y.max(other.y), z: self.z.max(other.z) }
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn abs(self) -> Self {
+                Self { x: self.x.abs(), y: self.y.abs(), z: self.z.abs() }
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn scaled(self, factor: $numbers<S>) -> Self {
+                Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+            }
+
+            #[inline(always)]
+            pub(in crate::kernel) fn select(mask: $mask<S>, yes: Self, no: Self) -> Self {
+                Self { x: mask.select(yes.x, no.x), y: mask.select(yes.y, no.y), z: mask.select(yes.z, no.z) }
+            }
+        }
+
+        impl<S: Simd> Sub for $Lanes<S> {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
+            }
+        }
+
+        impl $Rows {
+            pub(in crate::kernel) const ZERO: Self = Self([[0.0; WIDTH]; 3]);
+
+            #[inline(always)]
+            pub(in crate::kernel) fn get(&self, lane: usize) -> $Vector {
+                let Self([x, y, z]) = self;
+                $Vector::new(x[lane], y[lane], z[lane])
+            }
+        }
+    };
+}
+
+vectors!(VectorLanes, VectorRows, f32x8, mask32x8, f32, Vec3, 32);
+vectors!(DoubleVectorLanes, DoubleVectorRows, f64x8, mask64x8, f64, DVec3, 64);
+
+impl<S: Simd> VectorLanes<S> {
+    /// One vector after the other: without a way through memory, where they would be written in parts and read as a whole.
+    #[inline(always)]
+    pub(in crate::kernel) fn of(simd: S, vectors: [Vec3; WIDTH]) -> Self {
+        let mut rows = [f32x4::splat(simd, 0.0); WIDTH];
+        for lane in 0..WIDTH {
+            rows[lane] = row(simd, vectors[lane]);
+        }
+        let [x, y, z, _] = columns(rows);
+        Self { x, y, z }
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn stored(self) -> VectorRows {
+        let mut rows = VectorRows::ZERO;
+        self.store(&mut rows);
+        rows
+    }
+
+    /// The first eight of some vectors, or fewer.
+    #[inline(always)]
+    pub(in crate::kernel) fn of_arrays(simd: S, vectors: &[[f32; 3]]) -> Self {
+        let mut block = [Vec3::ZERO; WIDTH];
+        if let Some(vectors) = vectors.first_chunk::<WIDTH>() {
+            for lane in 0..WIDTH {
+                block[lane] = vectors[lane].into();
+            }
+            return Self::of(simd, block);
+        }
+        for (own, &vector) in block.iter_mut().zip(vectors) {
+            *own = vector.into();
+        }
+        Self::of(simd, block)
+    }
+
+    /// Writes the first ones into memory, eight at most.
+    #[inline(always)]
+    pub(in crate::kernel) fn write<T: From<[f32; 3]>>(self, vectors: &mut [T]) {
+        let rows = rows([self.x, self.y, self.z, self.z]);
+        let Some(vectors) = vectors.first_chunk_mut::<WIDTH>() else {
+            for (vector, row) in vectors.iter_mut().zip(rows) {
+                *vector = [row[0], row[1], row[2]].into();
+            }
+            return;
+        };
+        for (vector, row) in vectors.iter_mut().zip(rows) {
+            *vector = [row[0], row[1], row[2]].into();
+        }
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn over(self, divisor: f32x8<S>) -> Self {
+        Self { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
+    }
+
+    /// Points moved as [`Pose::transform_point`] does it, rounded once.
+    #[inline(always)]
+    pub(in crate::kernel) fn moved(self, simd: S, pose: Option<&Pose>) -> Self {
+        self.widened().moved(simd, pose).rounded()
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn widened(self) -> DoubleVectorLanes<S> {
+        DoubleVectorLanes { x: widened(self.x), y: widened(self.y), z: widened(self.z) }
+    }
+}
+
+impl VectorRows {
+    #[inline(always)]
+    pub(in crate::kernel) fn set(&mut self, lane: usize, vector: Vec3) {
+        let Self([x, y, z]) = self;
+        (x[lane], y[lane], z[lane]) = (vector.x, vector.y, vector.z);
+    }
+}
+
+impl<S: Simd> DoubleVectorLanes<S> {
+    /// Points moved as [`Pose::transform_point`] does it.
+    #[inline(always)]
+    pub(in crate::kernel) fn moved(self, simd: S, pose: Option<&Pose>) -> Self {
+        let Some(pose) = pose else { return self };
+        let affine = pose.to_affine();
+        self.turned(simd, &affine.matrix3).plus(Self::splat(simd, affine.translation))
+    }
+
+    /// Directions turned as [`Pose::transform_direction`] does it.
+    #[inline(always)]
+    pub(in crate::kernel) fn moved_direction(self, simd: S, pose: &Pose) -> Self {
+        let (turned, scale) = (self.turned(simd, &pose.to_affine().matrix3), pose.scale());
+        Self { x: turned.x / scale, y: turned.y / scale, z: turned.z / scale }
+    }
+
+    /// Multiplied by a matrix as `glam` does it.
+    #[inline(always)]
+    pub(in crate::kernel) fn turned(self, simd: S, matrix: &DMat3) -> Self {
+        let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
+        let (x, y, z) = (Self::splat(simd, x), Self::splat(simd, y), Self::splat(simd, z));
+        x.scaled(self.x).plus(y.scaled(self.y)).plus(z.scaled(self.z))
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn rounded(self) -> VectorLanes<S> {
+        VectorLanes { x: rounded(self.x), y: rounded(self.y), z: rounded(self.z) }
+    }
+}
+
+/// The same numbers in double precision.
+#[inline(always)]
+pub(in crate::kernel) fn widened<S: Simd>(numbers: f32x8<S>) -> f64x8<S> {
+    let (low, high) = numbers.widen();
+    low.combine(high)
+}
+
+/// The nearest numbers in single precision.
+#[inline(always)]
+pub(in crate::kernel) fn rounded<S: Simd>(numbers: f64x8<S>) -> f32x8<S> {
+    let (low, high) = numbers.split();
+    low.narrow(high)
+}
+
+/// The numbers of eight lanes in memory.
+#[inline(always)]
+pub(in crate::kernel) fn stored<S: Simd>(numbers: f32x8<S>) -> [f32; WIDTH] {
+    let mut row = [0.0; WIDTH];
+    numbers.store_slice(&mut row);
+    row
+}
+
+/// The first eight of some numbers; where there are fewer, 0 in the other lanes.
+#[inline(always)]
+pub(in crate::kernel) fn load_first<S: Simd>(simd: S, numbers: &[f32]) -> f32x8<S> {
+    if let Some(numbers) = numbers.first_chunk::<WIDTH>() {
+        return f32x8::from_slice(simd, numbers);
+    }
+    let mut row = [0.0; WIDTH];
+    row[..numbers.len()].copy_from_slice(numbers);
+    f32x8::from_slice(simd, &row)
+}
+
+/// Writes the numbers of the first lanes into memory, at most of eight.
+#[inline(always)]
+pub(in crate::kernel) fn store_first<S: Simd>(numbers: f32x8<S>, row: &mut [f32]) {
+    if let Some(row) = row.first_chunk_mut::<WIDTH>() {
+        numbers.store_slice(row);
+    } else {
+        row.copy_from_slice(&stored(numbers)[..row.len()]);
+    }
+}
+
+/// One bit for each of some lanes, at least one of them.
+#[inline(always)]
+pub(in crate::kernel) fn first_lanes(count: usize) -> u64 {
+    u64::MAX >> (u64::BITS as usize - count)
+}
+
+/// The lanes whose bits are set, ascending.
+pub(in crate::kernel) struct SetLanes(pub(in crate::kernel) u32);
+
+impl Iterator for SetLanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let lane = self.0.trailing_zeros() as usize;
+        self.0 &= self.0.wrapping_sub(1);
+        if lane < WIDTH { Some(lane) } else { None }
+    }
+}
+
+/// The three numbers of a vector, and nothing beside.
+#[inline(always)]
+fn row<S: Simd>(simd: S, Vec3 { x, y, z }: Vec3) -> f32x4<S> {
+    f32x4::load_array(simd, [x, y, z, 0.0])
+}
+
+/// Calls a function with every instruction set that the machine has, and with the least that the build is for.
+#[cfg(test)]
+macro_rules! by_all_instructions {
+    ($test:ident) => {
+        let level = fearless_simd::Level::new();
+        for level in [level, fearless_simd::Level::baseline()] {
+            fearless_simd::dispatch!(level, simd => $test(simd));
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = level.as_sse4_2() {
+            $test(simd);
+        }
+        #[cfg(target_arch = "x86_64")]
+        if let Some(simd) = level.as_avx2() {
+            $test(simd);
+        }
+    };
+}
+#[cfg(test)]
+pub(in crate::kernel) use by_all_instructions;

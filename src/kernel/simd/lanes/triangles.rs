@@ -1,0 +1,203 @@
+//! Eight triangles of one surface side by side: their edges, and the frame of the longest one.
+//!
+//! What curvature and spheres are made from. The same arithmetic in the same order as one triangle at a time in
+//! `circumsphere`, so that both agree to the last bit. Triangles without area, and lengths whose squares leave the range that
+//! single precision is good for, are pointed out and left to that.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{f32x8, mask32x8, prelude::*};
+use glam::Vec3;
+
+use super::{VectorLanes, WIDTH};
+
+/// A triangle whose normal is shorter than this, relative to the square of its longest edge, has no area.
+pub(in crate::kernel) const ZERO_AREA: f32 = 1.0e-6;
+
+/// Radii are lengthened by this factor, so that rounding never leaves a vertex outside its ball.
+pub(in crate::kernel) const RADIUS_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
+
+/// Squares below this have lost precision to the end of f32, 2^23 times its least normal number.
+pub(in crate::kernel) const LEAST_EXACT_SQUARE: f32 = f32::MIN_POSITIVE / f32::EPSILON;
+
+/// The inverse of a length is finite where the length is more than 2^-128, a quarter of the least normal number.
+const LEAST_LENGTH: f32 = 0.25 * f32::MIN_POSITIVE;
+
+/// Where squares are exact enough to have their roots taken.
+#[inline(always)]
+fn is_exact<S: Simd>(squared: f32x8<S>) -> mask32x8<S> {
+    squared.simd_ge(LEAST_EXACT_SQUARE) & squared.is_finite()
+}
+
+/// The corners of eight triangles.
+#[derive(Clone, Copy)]
+pub(in crate::kernel) struct TriangleLanes<S: Simd>(pub(in crate::kernel) [VectorLanes<S>; 3]);
+
+impl<S: Simd> TriangleLanes<S> {
+    /// The first eight of `triangles`; where there are fewer, the other lanes are of no account.
+    #[inline(always)]
+    pub(in crate::kernel) fn gather(simd: S, positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+        if let Some(triangles) = triangles.first_chunk() {
+            return Self::gather_all(simd, positions, triangles);
+        }
+        let mut block = [[0; 3]; WIDTH];
+        block[..triangles.len()].copy_from_slice(triangles);
+        Self::gather_all(simd, positions, &block)
+    }
+
+    #[inline(always)]
+    fn gather_all(simd: S, positions: &[Vec3], triangles: &[[u32; 3]; WIDTH]) -> Self {
+        let mut corners = [[Vec3::ZERO; WIDTH]; 3];
+        for (lane, vertices) in triangles.iter().enumerate() {
+            for k in 0..3 {
+                corners[k][lane] = positions[vertices[k] as usize];
+            }
+        }
+        let [a, b, c] = corners;
+        Self([VectorLanes::of(simd, a), VectorLanes::of(simd, b), VectorLanes::of(simd, c)])
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn relative_to(&self, origin: VectorLanes<S>) -> Self {
+        Self([self.0[0] - origin, self.0[1] - origin, self.0[2] - origin])
+    }
+
+    /// Edge `k` joins the corners `k` and `k + 1`.
+    #[inline(always)]
+    pub(in crate::kernel) fn edge(&self, k: usize) -> VectorLanes<S> {
+        self.0[(k + 1) % 3] - self.0[k]
+    }
+
+    /// The lengths of the edges, and where they are exact.
+    #[inline(always)]
+    pub(in crate::kernel) fn edge_lengths(&self) -> ([f32x8<S>; 3], mask32x8<S>) {
+        let [a, b, c] = [self.edge(0), self.edge(1), self.edge(2)];
+        let [a, b, c] = [a.dot(a), b.dot(b), c.dot(c)];
+        ([a.sqrt(), b.sqrt(), c.sqrt()], is_exact(a) & is_exact(b) & is_exact(c))
+    }
+
+    /// Distance of the farthest corner from a point, and where it is exact.
+    #[inline(always)]
+    pub(in crate::kernel) fn farthest_corner(&self, center: VectorLanes<S>) -> (f32x8<S>, mask32x8<S>) {
+        let [a, b, c] = [self.0[0] - center, self.0[1] - center, self.0[2] - center];
+        let farthest = a.dot(a).max(b.dot(b)).max(c.dot(c));
+        (farthest.sqrt(), is_exact(farthest))
+    }
+
+    /// The radius of a ball around a point that contains the triangle, and where it is exact.
+    #[inline(always)]
+    pub(in crate::kernel) fn containing_radius(&self, center: VectorLanes<S>) -> (f32x8<S>, mask32x8<S>) {
+        let (farthest, exact) = self.farthest_corner(center);
+        ((farthest * RADIUS_SLACK).min(f32::MAX), exact)
+    }
+}
+
+/// One edge of each of eight triangles: which of the two masks holds, else the first.
+#[derive(Clone, Copy)]
+pub(in crate::kernel) struct EdgeChoice<S: Simd> {
+    second: mask32x8<S>,
+    third: mask32x8<S>,
+}
+
+impl<S: Simd> EdgeChoice<S> {
+    /// The longest edges; of edges of the same length the first.
+    #[inline(always)]
+    pub(in crate::kernel) fn longest(lengths: &[f32x8<S>; 3]) -> Self {
+        let second = lengths[1].simd_gt(lengths[0]);
+        let third = lengths[2].simd_gt(second.select(lengths[1], lengths[0]));
+        Self { second: second & !third, third }
+    }
+
+    /// The edges that [`bits`](Self::bits) tell.
+    #[inline(always)]
+    pub(in crate::kernel) fn from_bits(simd: S, [second, third]: [u8; 2]) -> Self {
+        Self { second: mask32x8::from_bitmask(simd, second.into()), third: mask32x8::from_bitmask(simd, third.into()) }
+    }
+
+    /// One bit for each triangle whose edge is the second, and one where it is the third.
+    #[inline(always)]
+    pub(in crate::kernel) fn bits(self) -> [u8; 2] {
+        [self.second.to_bitmask() as u8, self.third.to_bitmask() as u8]
+    }
+
+    /// This one where `mask` holds, else `other`.
+    #[inline(always)]
+    pub(in crate::kernel) fn where_else(self, mask: mask32x8<S>, other: Self) -> Self {
+        Self {
+            second: (mask & self.second) | (!mask & other.second),
+            third: (mask & self.third) | (!mask & other.third),
+        }
+    }
+
+    #[inline(always)]
+    fn number(&self, [first, second, third]: &[f32x8<S>; 3]) -> f32x8<S> {
+        self.third.select(*third, self.second.select(*second, *first))
+    }
+
+    #[inline(always)]
+    fn of(&self, [first, second, third]: [&VectorLanes<S>; 3]) -> VectorLanes<S> {
+        VectorLanes::select(self.third, *third, VectorLanes::select(self.second, *second, *first))
+    }
+}
+
+/// [`LongestEdgeFrame`](crate::kernel::spheres::circumsphere) of eight triangles.
+pub(in crate::kernel) struct FrameLanes<S: Simd> {
+    pub(in crate::kernel) midpoint: VectorLanes<S>,
+    pub(in crate::kernel) half_length: f32x8<S>,
+    pub(in crate::kernel) normal: VectorLanes<S>,
+    pub(in crate::kernel) inward: VectorLanes<S>,
+    pub(in crate::kernel) cotangent: f32x8<S>,
+    /// Where the triangle has an area.
+    pub(in crate::kernel) exact: mask32x8<S>,
+}
+
+impl<S: Simd> FrameLanes<S> {
+    /// Relative to `origin`, given the [lengths of the edges](TriangleLanes::edge_lengths), which are exact.
+    #[inline(always)]
+    pub(in crate::kernel) fn new(
+        triangles: &TriangleLanes<S>,
+        origin: VectorLanes<S>,
+        edge: EdgeChoice<S>,
+        lengths: &[f32x8<S>; 3],
+    ) -> Self {
+        let length = edge.number(lengths);
+        let [a, b, c] = &triangles.0;
+        let simd = a.x.simd;
+        let (from, to, apex) = (edge.of([a, b, c]), edge.of([b, c, a]), edge.of([c, a, b]));
+        let (half, one) = (f32x8::splat(simd, 0.5), f32x8::splat(simd, 1.0));
+        let along = to - from;
+        let scale = one / length;
+        let (u, v) = ((from - apex).scaled(scale), (to - apex).scaled(scale));
+        let cross = u.cross(v);
+        let doubled_area = cross.dot(cross).sqrt();
+        let normal = cross.over(doubled_area);
+        let (inward, has_inward) = normal.cross(along.scaled(scale)).normalized();
+        let exact = is_exact(cross.dot(cross)) & doubled_area.simd_gt(ZERO_AREA) & has_inward;
+        Self {
+            midpoint: (from - origin).plus(along.scaled(half)),
+            half_length: half * length,
+            normal,
+            inward,
+            cotangent: u.dot(v) / doubled_area,
+            exact,
+        }
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn point_across(&self, halves: f32x8<S>) -> VectorLanes<S> {
+        let across = (halves * self.half_length).min(f32::MAX);
+        self.midpoint.plus(self.inward.scaled(across))
+    }
+}
+
+impl<S: Simd> VectorLanes<S> {
+    /// Of unit length, or zero where that cannot be told; and where it can.
+    #[inline(always)]
+    pub(in crate::kernel) fn normalized(self) -> (Self, mask32x8<S>) {
+        let simd = self.x.simd;
+        let length = self.dot(self).sqrt();
+        let has_length = length.simd_gt(LEAST_LENGTH) & length.is_finite();
+        let unit = self.scaled(f32x8::splat(simd, 1.0) / length);
+        (Self::select(has_length, unit, Self::splat(simd, Vec3::ZERO)), has_length)
+    }
+}

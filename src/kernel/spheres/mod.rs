@@ -1,0 +1,10 @@
+//! Spheres through triangles: curvature, circumspheres and their recipes, safety cones, which pairs overlap, and their contacts.
+
+pub(in crate::kernel) mod cap_lanes;
+pub mod circumsphere;
+pub mod cone;
+pub mod contacts;
+pub mod curvature;
+pub mod pairs;
+pub(in crate::kernel) mod recipe;
+pub mod rows;

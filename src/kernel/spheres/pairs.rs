@@ -1,0 +1,377 @@
+//! Which candidate pairs come within range as spheres, and what the sphere stages read of either side.
+//!
+//! Reads candidate pairs and the spheres of both sides, writes the pairs that pass, eight pairs at a time; their contacts
+//! are made in `sphere_contacts`. Spheres are kept in the frame of their own surface; those of a moved side are brought over
+//! pair by pair.
+
+#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+
+use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
+
+use super::{
+    cap_lanes::CapLanes,
+    circumsphere::{Ball, OffsetSpheres},
+    cone::{Cap, SafetyCones},
+    rows::{BallRows, CapRows, RowLanes, TriangleRow, own_corners},
+};
+use crate::kernel::{
+    mesh::ids::TriangleId,
+    pair::{PairSettings, SurfaceSide},
+    pose::Pose,
+    simd::{
+        lanes::{PairLanes, VectorLanes, WIDTH, first_lanes},
+        prefetch::{Prefetch, ask_ahead, ask_for_room},
+        share::Share,
+    },
+};
+
+/// The enclosing balls of one side, and the way to the frame of the pair.
+#[derive(Clone, Copy)]
+pub struct BallSide<'a> {
+    /// The surface in the frame of the pair.
+    pub surface: SurfaceSide<'a>,
+    /// One ball a triangle, in the side's own frame.
+    pub balls: &'a [Ball],
+    /// From the side's own frame to the frame of the pair, as the surface has it, unless there are [rows](Self::rows), which have
+    /// all that there is to be moved; `None` where the two are the same.
+    pub pose: Option<&'a Pose>,
+    /// [Its rows](Self::rows), where somebody has made them.
+    pub rows: Option<&'a BallRows>,
+}
+
+impl Prefetch for BallSide<'_> {
+    #[inline(always)]
+    fn prefetch(&self, triangle: u32) {
+        if let Some(rows) = self.rows {
+            rows.prefetch(triangle);
+        }
+    }
+}
+
+impl BallSide<'_> {
+    /// Writes a row for each triangle, in the side's own frame: worth it where most triangles are in several pairs.
+    pub fn rows(&self, share: &impl Share, rows: &mut BallRows) {
+        rows.fill(share, self.balls.len(), |triangle| self.row(triangle));
+    }
+
+    #[inline(always)]
+    fn row(&self, triangle: u32) -> TriangleRow {
+        TriangleRow::of_ball(own_corners(&self.surface, triangle), &self.balls[triangle as usize])
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn gather<const SIDE: usize, S: Simd>(&self, simd: S, pairs: &[[u32; 2]]) -> RowLanes<S> {
+        debug_assert!(
+            self.rows.is_some() || self.surface.is_moved_by(self.pose),
+            "corners would be where they are not"
+        );
+        let own = if let Some(rows) = self.rows {
+            RowLanes::gather_balls::<SIDE>(simd, rows, pairs)
+        } else {
+            let rows = self.make_rows::<SIDE>(pairs);
+            RowLanes::new(simd, |lane| &rows[lane], &[[0.0; WIDTH]; 2])
+        };
+        own.with_balls_moved(simd, self.pose)
+    }
+
+    #[inline(never)]
+    fn make_rows<const SIDE: usize>(&self, pairs: &[[u32; 2]]) -> [TriangleRow; WIDTH] {
+        let mut rows = [TriangleRow::EMPTY; WIDTH];
+        for (row, pair) in rows.iter_mut().zip(pairs) {
+            *row = self.row(pair[SIDE]);
+        }
+        rows
+    }
+
+    /// One triangle's ball in the frame of the pair.
+    #[inline(always)]
+    #[must_use]
+    pub fn ball(&self, triangle: u32) -> Ball {
+        let ball = self.balls[triangle as usize];
+        let Some(pose) = self.pose else { return ball };
+        Ball {
+            center: pose.transform_point(ball.center.as_dvec3()).as_vec3(),
+            radius: (f64::from(ball.radius) * pose.scale()) as f32,
+        }
+    }
+}
+
+/// The offset spheres and cones of one side, and the way to the frame of the pair.
+#[derive(Clone, Copy)]
+pub struct CapSide<'a> {
+    /// The surface in the frame of the pair. A sheet, which has no inside, has a cap on either side of each triangle.
+    pub surface: SurfaceSide<'a>,
+    /// Offset spheres, in the side's own frame.
+    pub spheres: &'a OffsetSpheres,
+    /// Safety cones, in the side's own frame.
+    pub cones: &'a SafetyCones,
+    /// From the side's own frame to the frame of the pair, as the surface has it, unless there are [rows](Self::rows), which have
+    /// all that there is to be moved; `None` where the two are the same.
+    pub pose: Option<&'a Pose>,
+    /// [Its rows](Self::rows), where somebody has made them.
+    pub rows: Option<&'a CapRows>,
+}
+
+impl Prefetch for CapSide<'_> {
+    #[inline(always)]
+    fn prefetch(&self, triangle: u32) {
+        if let Some(rows) = self.rows {
+            rows.prefetch(triangle);
+        }
+    }
+}
+
+impl CapSide<'_> {
+    /// Writes a row for each triangle, in the side's own frame: worth it where most triangles are in several pairs.
+    pub fn rows(&self, share: &impl Share, rows: &mut CapRows) {
+        rows.fill(share, self.spheres.radii.len(), |triangle| self.row(triangle));
+    }
+
+    #[inline(always)]
+    fn row(&self, triangle: u32) -> (TriangleRow, [f32; 2]) {
+        let cap = Cap::of(self.spheres, self.cones, triangle as usize);
+        TriangleRow::of_cap(own_corners(&self.surface, triangle), &cap)
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn gather<const SIDE: usize, S: Simd>(&self, simd: S, pairs: &[[u32; 2]]) -> RowLanes<S> {
+        debug_assert!(
+            self.rows.is_some() || self.surface.is_moved_by(self.pose),
+            "corners would be where they are not"
+        );
+        let own = if let Some(rows) = self.rows {
+            RowLanes::gather_caps::<SIDE>(simd, rows, pairs)
+        } else {
+            let (rows, rest) = self.make_rows::<SIDE>(pairs);
+            RowLanes::new(simd, |lane| &rows[lane], &rest)
+        };
+        own.with_caps_moved(simd, self.pose)
+    }
+
+    #[inline(never)]
+    fn make_rows<const SIDE: usize>(&self, pairs: &[[u32; 2]]) -> ([TriangleRow; WIDTH], [[f32; WIDTH]; 2]) {
+        let (mut rows, mut rest) = ([TriangleRow::EMPTY; WIDTH], [[0.0; WIDTH]; 2]);
+        for (lane, pair) in pairs.iter().enumerate().take(WIDTH) {
+            (rows[lane], [rest[0][lane], rest[1][lane]]) = self.row(pair[SIDE]);
+        }
+        (rows, rest)
+    }
+
+    /// One triangle's sphere and cone in the frame of the pair.
+    #[inline(always)]
+    #[must_use]
+    pub fn cap(&self, triangle: u32) -> Cap {
+        let cap = Cap::of(self.spheres, self.cones, triangle as usize);
+        let Some(pose) = self.pose else { return cap };
+        let scale = pose.scale();
+        Cap {
+            center: pose.transform_point(cap.center.as_dvec3()).as_vec3(),
+            radius: (f64::from(cap.radius) * scale) as f32,
+            height: (f64::from(cap.height) * scale) as f32,
+            // A pose may stretch a little more along one axis than along another.
+            axis: pose.transform_direction(cap.axis.as_dvec3()).normalize_or_zero().as_vec3(),
+            cosine: cap.cosine,
+        }
+    }
+}
+
+/// One bit for each pair of balls that are no farther apart than `reach`.
+#[inline(always)]
+fn reach_each_other<S: Simd>([a, b]: [VectorLanes<S>; 2], [radius_a, radius_b]: [f32x8<S>; 2], reach: f32) -> u64 {
+    let between = a - b;
+    let sum = radius_a + radius_b + reach;
+    between.dot(between).simd_le(sum * sum).to_bitmask()
+}
+
+/// One bit for each of eight pairs whose enclosing balls come within range, in a self-collision without those that share a vertex.
+#[inline(always)]
+pub(in crate::kernel) fn balls_within<S: Simd>(
+    side: &BallSide<'_>,
+    rows: &[RowLanes<S>; 2],
+    pairs: &[[u32; 2]],
+    settings: &PairSettings,
+) -> u64 {
+    let [a, b] = rows;
+    let reach = (settings.range / settings.scale) as f32;
+    let within = reach_each_other([a.center(), b.center()], [a.radius(), b.radius()], reach) & first_lanes(pairs.len());
+    without_meeting(within, settings, &side.surface, [&a.corners(), &b.corners()], pairs)
+}
+
+/// Of eight pairs those that share no vertex, where both sides are the same surface.
+#[inline(always)]
+fn without_meeting<S: Simd>(
+    within: u64,
+    settings: &PairSettings,
+    surface: &SurfaceSide<'_>,
+    [corners_a, corners_b]: [&[VectorLanes<S>; 3]; 2],
+    pairs: &[[u32; 2]],
+) -> u64 {
+    if !settings.same_surface {
+        return within;
+    }
+    let near = if surface.topology.is_welded() { within } else { within & meeting(corners_a, corners_b) };
+    if near == 0 { within } else { within & !neighbors(surface, pairs) }
+}
+
+/// Appends the candidates whose offset spheres come within range and, where asked, which neither their planes nor the
+/// line between the sphere centers separate by more. In a self-collision, pairs that share a vertex are left out.
+pub fn overlapping_caps(
+    a: &CapSide<'_>,
+    b: &CapSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    overlapping: &mut Vec<[u32; 2]>,
+) {
+    let tests = if settings.cull { CapTests::ALL } else { CapTests::SPHERES };
+    caps_passing(a, b, candidates, tests, settings, overlapping);
+}
+
+/// What may keep the caps of two triangles apart.
+#[derive(Clone, Copy)]
+pub(in crate::kernel) struct CapTests {
+    /// A slab along the normal of either triangle.
+    planes: bool,
+    /// The offset spheres.
+    spheres: bool,
+    /// A slab along the line between the centers of the spheres.
+    center_line: bool,
+}
+
+impl CapTests {
+    const NONE: Self = Self { planes: false, spheres: false, center_line: false };
+    const ALL: Self = Self { planes: true, spheres: true, center_line: true };
+    pub(in crate::kernel) const PLANES: Self = Self { planes: true, ..Self::NONE };
+    pub(in crate::kernel) const SPHERES: Self = Self { spheres: true, ..Self::NONE };
+    pub(in crate::kernel) const CENTER_LINE: Self = Self { center_line: true, ..Self::NONE };
+}
+
+/// The caps of eight pairs of triangles, of sheets those that face the other triangle.
+#[inline(always)]
+pub(in crate::kernel) fn facing_caps<S: Simd>(
+    a: &CapSide<'_>,
+    b: &CapSide<'_>,
+    rows: &[RowLanes<S>; 2],
+) -> [CapLanes<S>; 2] {
+    let [cap_a, cap_b] = [rows[0].cap(), rows[1].cap()];
+    let centers = [cap_a.in_plane_center(), cap_b.in_plane_center()];
+    [
+        if a.surface.one_sided { cap_a } else { cap_a.facing(centers[1]) },
+        if b.surface.one_sided { cap_b } else { cap_b.facing(centers[0]) },
+    ]
+}
+
+/// Appends the pairs that no test keeps apart. In a self-collision, pairs that share a vertex are left out.
+pub(in crate::kernel) fn caps_passing(
+    a: &CapSide<'_>,
+    b: &CapSide<'_>,
+    pairs: &[[u32; 2]],
+    tests: CapTests,
+    settings: &PairSettings,
+    passing: &mut Vec<[u32; 2]>,
+) {
+    dispatch!(Level::new(), simd => overlap_in_lanes(simd, a, b, pairs, tests, settings, passing));
+}
+
+#[inline(always)]
+fn overlap_in_lanes<S: Simd>(
+    simd: S,
+    a: &CapSide<'_>,
+    b: &CapSide<'_>,
+    candidates: &[[u32; 2]],
+    tests: CapTests,
+    settings: &PairSettings,
+    kept: &mut Vec<[u32; 2]>,
+) {
+    let reach = (settings.range / settings.scale) as f32;
+    let rounded_reach = reach + a.surface.rounding() + b.surface.rounding();
+    for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
+        ask_ahead(a, b, candidates, block);
+        let rows = [a.gather::<0, S>(simd, pairs), b.gather::<1, S>(simd, pairs)];
+        let [corners_a, corners_b] = [rows[0].corners(), rows[1].corners()];
+        let corners = PairLanes::new(&corners_a, &corners_b);
+        let [cap_a, cap_b] = facing_caps(a, b, &rows);
+        let mut apart = mask32x8::splat(simd, false);
+        if tests.planes {
+            apart |= corners.excess_along_normals(rounded_reach).simd_gt(0.0);
+        }
+        if tests.spheres {
+            apart |= !cap_a.overlap(&cap_b, reach);
+        }
+        if tests.center_line {
+            apart |= corners.excess_along(cap_a.center - cap_b.center, rounded_reach).simd_gt(0.0);
+        }
+        let within = !apart.to_bitmask() & first_lanes(pairs.len());
+        let within = without_meeting(within, settings, &a.surface, [&corners_a, &corners_b], pairs);
+        ListedPairs::new(simd, pairs).append(simd, within, kept);
+    }
+}
+
+/// One bit for each pair with a corner of either triangle as far along the first axis as one of the other: where no vertices
+/// are welded, all that share a vertex are among them, but for those with corners that are not numbers.
+#[inline(always)]
+fn meeting<S: Simd>(a: &[VectorLanes<S>; 3], b: &[VectorLanes<S>; 3]) -> u64 {
+    let [own, other] = [a, b].map(|corners| [corners[0].x.to_bits(), corners[1].x.to_bits(), corners[2].x.to_bits()]);
+    // Equal numbers differ in no bit, and one comparison tells of all nine.
+    let mut least = own[0] ^ other[0];
+    for own in own {
+        for other in other {
+            least = least.min(own ^ other);
+        }
+    }
+    least.simd_eq(0).to_bitmask()
+}
+
+/// One bit for each pair of triangles that share a vertex.
+#[inline(always)]
+fn neighbors(surface: &SurfaceSide<'_>, pairs: &[[u32; 2]]) -> u64 {
+    let mut bits = 0;
+    for (lane, &[triangle_a, triangle_b]) in pairs.iter().enumerate().take(WIDTH) {
+        let share_vertex = surface.topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b));
+        bits |= u64::from(share_vertex) << lane;
+    }
+    bits
+}
+
+/// The triangles of up to eight pairs.
+#[derive(Clone, Copy)]
+pub(in crate::kernel) struct ListedPairs<S: Simd> {
+    firsts: u32x8<S>,
+    seconds: u32x8<S>,
+}
+
+impl<S: Simd> ListedPairs<S> {
+    #[inline(always)]
+    pub(in crate::kernel) fn new(simd: S, pairs: &[[u32; 2]]) -> Self {
+        let mut block = [[0; 2]; WIDTH];
+        if let Some(pairs) = pairs.first_chunk() {
+            block = *pairs;
+        } else {
+            block[..pairs.len()].copy_from_slice(pairs);
+        }
+        let (low, high) = block.as_flattened().split_at(WIDTH);
+        let (firsts, seconds) = u32x8::from_slice(simd, low).deinterleave(u32x8::from_slice(simd, high));
+        Self { firsts, seconds }
+    }
+
+    /// Appends those whose bits are set. Which ones those are is hard to foresee: so eight are appended, those first, and the
+    /// others dropped.
+    #[inline(always)]
+    pub(in crate::kernel) fn append(&self, simd: S, set: u64, list: &mut Vec<[u32; 2]>) {
+        let mask = mask32x8::from_bitmask(simd, set);
+        let (low, high) = self.firsts.compress(mask).interleave(self.seconds.compress(mask));
+        ask_for_room(list);
+        let mut block = [[0; 2]; WIDTH];
+        let (first, second) = block.as_flattened_mut().split_at_mut(WIDTH);
+        low.store_slice(first);
+        high.store_slice(second);
+        append_first(&block, set.count_ones() as usize, list);
+    }
+}
+
+/// Appends the first of eight items.
+#[inline(always)]
+pub(in crate::kernel) fn append_first<T: Copy>(items: &[T; WIDTH], count: usize, list: &mut Vec<T>) {
+    let before = list.len();
+    list.extend_from_slice(items);
+    list.truncate(before + count);
+}
