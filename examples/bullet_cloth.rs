@@ -1,12 +1,12 @@
-//! A ball shot at a pinned sheet, a sheet at a sheet, or a needle at a closed surface: does it tunnel?
+//! Tunnelling test: a ball is shot at a pinned sheet, a sheet at a sheet, or a needle at a closed surface.
 //!
 //! `cargo run --release --example bullet_cloth -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock themselves")]
+#[expect(dead_code, reason = "scenes advance the clock")]
 mod headless;
 #[path = "headless/method.rs"]
 mod method;
-#[expect(dead_code, reason = "a program plays one of them")]
+#[expect(dead_code, reason = "each program plays one scene")]
 mod scenes;
 
 use std::process::ExitCode;
@@ -14,21 +14,21 @@ use std::process::ExitCode;
 use clap::Parser;
 use scenes::{Shot, bullet_cloth::Target, options::SceneOptions, program::run};
 
-/// Shoot something at what should stop it.
+/// Shoot an object at a target that should stop it.
 #[derive(Parser, Debug)]
 #[command(name = "bullet_cloth", allow_negative_numbers = true)]
 struct Options {
-    /// What is shot at what
+    /// Object and target
     #[arg(long, value_enum, default_value_t = Shot::default().target)]
     target: Target,
-    /// How far it flies in a tick, in thicknesses of 2 mm
+    /// Speed of the object, in thicknesses of 2 mm per tick
     #[arg(long, value_name = "X", default_value_t = Shot::default().speed, value_parser = speed)]
     speed: f32,
     #[command(flatten)]
     scene: SceneOptions,
 }
 
-/// The fastest that is shot: beyond it single precision does not tell where in its flight something is.
+/// Highest speed. Beyond it, single precision cannot resolve the position of the object in flight.
 const FASTEST: f32 = 100_000.0;
 
 fn speed(text: &str) -> Result<f32, String> {

@@ -1,12 +1,12 @@
-//! A cloth that meets itself falls onto a ball and hangs over it: the stable scene.
+//! A self-colliding cloth falls onto a ball and drapes over it: the stability scene.
 //!
 //! `cargo run --release --example cloth_drop -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock themselves")]
+#[expect(dead_code, reason = "scenes advance the clock")]
 mod headless;
 #[path = "headless/method.rs"]
 mod method;
-#[expect(dead_code, reason = "a program plays one of them")]
+#[expect(dead_code, reason = "each program plays one scene")]
 mod scenes;
 
 use std::process::ExitCode;

@@ -1,29 +1,29 @@
-//! What others need for the same input, and what we need: one table, measured in one run.
+//! Compares times and memory with other libraries on the same input: one table, measured in one run.
 //!
-//! `cargo run --release --example compare -- [FILES…] [options]`; `--help` lists the options. Without files: a crumpled
-//! sheet, and the embedded scene. Everyone is given the same mesh, the same contact distance and the same boxes, and in
-//! every round everyone is measured once, in turn; medians are stated against parry's traversal of its tree in the same
-//! run, with the faster of its two build strategies.
+//! `cargo run --release --example compare -- [FILES…] [options]`; `--help` lists the options. Without files it uses a
+//! crumpled sheet and the embedded scene. Every contestant gets the same mesh, contact distance, and boxes, and each is
+//! measured once per round, in turn. Medians are given relative to parry's traversal of its tree in the same run, with
+//! the faster of its two build strategies.
 //!
-//! *Cold* is a tick at which the mesh has new positions, the tick before was of another shape (the frame before; the one
-//! after for the first; of a mesh that never moves, one with every vertex a contact distance away), and
-//! [`Teleported`](bevy_circumsphere::Teleported) forbids the use of anything remembered. Trees stay and are refitted, as the
-//! others' are. *Moved* is the mean of twelve ticks that follow, in each of which every vertex moves by 0.09 contact distances,
-//! each in a direction of its own; those that go by a list of an earlier tick, and those that make one, are stated beside it;
-//! *unchanged* is the tick after that, to which nothing is written. Ours are timed from outside:
-//! the whole update of the app, contacts stored.
+//! *Cold* is a tick in which the mesh has new positions and [`Teleported`](bevy_circumsphere::Teleported) forbids the
+//! use of anything remembered. The tick before had another shape: the previous frame, or the next one for the first
+//! frame. A mesh that never moves had every vertex a contact distance away. Trees are kept and refitted, as those of
+//! the other libraries are. *Moved* is the mean of the twelve ticks that follow, in each of which every vertex moves by
+//! 0.09 contact distances in its own direction. Ticks that use a list from an earlier tick and ticks that make one are
+//! also given separately. *Unchanged* is the tick after those, in which nothing is written. Our methods are timed from
+//! outside: the whole update of the app, including the storage of contacts.
 //!
-//! The table says what everyone found, since not everyone finds the same. `box pairs` are pairs of boxes that overlap,
-//! neighbors included: everyone's must agree, and whoever's do not is named below the table, as are exact methods of ours that
-//! disagree. Ours never stores neighbors, and its boxes are larger by a thousandth of the contact
-//! distance, so `apart`, those of them that are no neighbors, differs by that. `tested` are pairs that reach an
-//! exact test in f64: those that no slab has parted.
-//! `BoundingSphere` and `Circumsphere` touch by another definition. parry's distance is f32 with absolute tolerances: its
-//! `touching` is near ours, and not exact. rapier has other contacts: see `benches/peers/src/rapier.rs`.
+//! The table also says what each contestant found, because the results differ. `box pairs` are pairs of overlapping
+//! boxes, including neighbors. They must agree for all contestants. Contestants that disagree are named below the
+//! table, as are exact methods of ours that disagree. Ours never stores neighbors, and its boxes are larger by a
+//! thousandth of the contact distance. So `apart`, the box pairs that are not neighbors, differs by that. `tested` are
+//! pairs that reach an exact test in f64, because no slab separates them. `BoundingSphere` and `Circumsphere` define
+//! touching differently. parry computes distances in f32 with absolute tolerances, so its `touching` is close to ours
+//! but not exact. rapier has other contacts: see `benches/peers/src/rapier.rs`.
 //!
-//! Peers that would make the crate heavier than it is are programs of their own, see [`peers`]: nothing of them is compiled, nor
-//! downloaded, unless somebody compares with them. obvhs and rapier3d are a package with its own lock file (some two minutes to
-//! build), Embree is a C file against the library of the system. The crate's own tests and builds do not know them.
+//! Peers that would make the crate heavier are separate programs, see [`peers`]. They are only compiled or downloaded
+//! for a comparison with them. obvhs and rapier3d are a package with its own lock file (about two minutes to build).
+//! Embree is a C file that links the system's library. The crate's own tests and builds do not depend on them.
 
 use std::{
     fs,
@@ -32,7 +32,7 @@ use std::{
     process::ExitCode,
 };
 
-use bevy_circumsphere::{ContactMethod, kernel::mesh::topology::TopologyError};
+use bevy_circumsphere::{ContactMethod, kernel::mesh::validation::TopologyError};
 use circumsphere_support::{
     recording::{Recording, RecordingError, read_recording},
     scenes::crumpled_sheet,
@@ -56,7 +56,7 @@ use serde::Serialize;
 mod embedded;
 #[path = "headless/frames.rs"]
 mod frames;
-#[expect(dead_code, reason = "what a detection did is read from the diagnostics here")]
+#[expect(dead_code, reason = "this example reads results from the diagnostics")]
 mod headless;
 #[path = "compare/headline.rs"]
 mod headline;
@@ -78,21 +78,21 @@ mod peers;
 mod report;
 #[path = "compare/scale/mod.rs"]
 mod scale;
-#[expect(dead_code, reason = "spreads and fronts are for reports of errors")]
+#[expect(dead_code, reason = "only error reports use spreads and fronts")]
 #[path = "speed_vs_error/statistics.rs"]
 mod statistics;
 
-/// Counts what is on the heap, for the memory that surfaces and pairs take.
+/// Tracks heap usage, for the memory of surfaces and pairs.
 #[global_allocator]
 static HEAP: PeakAlloc = PeakAlloc;
 
-/// A frame of the embedded scene in which the cloth lies in folds.
+/// A frame of the embedded scene in which the cloth is folded.
 const EMBEDDED_FRAME: usize = 100;
 
-/// How far the waves of the crumpled sheet move from one frame to the other, in radians.
+/// Phase shift of the waves of the crumpled sheet between its two frames, in radians.
 const SHEET_PHASE: f64 = 0.05;
 
-/// Bad input of any kind: the shell's convention for a wrong call.
+/// Exit status for any bad input, by the shell's convention for wrong usage.
 const BAD_INPUT: u8 = 2;
 
 #[derive(Debug, thiserror::Error)]
@@ -109,7 +109,7 @@ enum CompareError {
     Write { path: PathBuf, source: io::Error },
 }
 
-/// Everything that `--json` writes.
+/// Contents of the `--json` file.
 #[derive(Serialize)]
 struct Comparison {
     machine: Machine,
@@ -128,7 +128,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// A recording, its name, and the first frame to measure where none is asked for.
+/// Recordings with their names and the first frame to measure by default.
 fn recordings(options: &Options) -> Result<Vec<(String, Recording, usize)>, CompareError> {
     if options.files.is_empty() {
         let states = [0.0, SHEET_PHASE].map(|phase| crumpled_sheet(options.sheet as usize, phase));
@@ -160,7 +160,7 @@ fn compare(options: &Options) -> Result<(), CompareError> {
             record(&input, options, folder)?;
         }
         let report = measure(&input, options);
-        // Whoever reads the table may stop reading.
+        // The reader of the table may have closed the pipe.
         let _ = write!(io::stdout(), "{report}");
         inputs.push(report);
     }
@@ -188,7 +188,7 @@ fn compare(options: &Options) -> Result<(), CompareError> {
     Ok(())
 }
 
-/// Records what is measured, each method into a file of its own.
+/// Records what is measured, with one file per method.
 fn record(input: &Input, options: &Options, folder: &Path) -> Result<(), CompareError> {
     fs::create_dir_all(folder).map_err(|source| CompareError::Write { path: folder.to_owned(), source })?;
     for method in ContactMethod::ALL {

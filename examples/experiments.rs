@@ -1,7 +1,8 @@
-//! The source paper's experiments, which it describes in words only, repeated as numbers and pictures.
+//! Repeats the experiments of the source paper, which describes them only in words, as numbers and plots.
 //!
-//! `cargo run --release --example experiments -- [options]`; `--help` lists the options. Writes tables (CSV), plots and
-//! `report.md`, in which every experiment ends in one sentence: the claim, what was found, whether it holds.
+//! `cargo run --release --example experiments -- [options]`; `--help` lists the options. Writes tables (CSV), plots,
+//! and `report.md`, in which every experiment ends with one sentence: the claim, the result, and whether the claim
+//! holds.
 
 #[path = "experiments/caps.rs"]
 mod caps;
@@ -10,7 +11,7 @@ mod delta;
 mod drawing;
 #[path = "experiments/finding.rs"]
 mod finding;
-#[expect(dead_code, reason = "here the contacts of a detection count, not what it did")]
+#[expect(dead_code, reason = "this example uses the contacts of a detection, not its statistics")]
 mod headless;
 #[path = "experiments/iterations.rs"]
 mod iterations;
@@ -28,11 +29,11 @@ mod plots;
 mod report;
 #[path = "experiments/residual.rs"]
 mod residual;
-#[expect(dead_code, reason = "experiments play scenes by themselves")]
+#[expect(dead_code, reason = "experiments use their own player")]
 mod scenes;
 #[path = "experiments/sizes.rs"]
 mod sizes;
-#[expect(dead_code, reason = "the report of speed against error asks for more")]
+#[expect(dead_code, reason = "only the example `speed_vs_error` uses the rest")]
 #[path = "speed_vs_error/statistics.rs"]
 mod statistics;
 #[path = "speed_vs_error/tables.rs"]
@@ -48,7 +49,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use options::{Experiment, Options};
 use report::Study;
 
-/// Bad input of any kind: the shell's convention for a wrong call.
+/// Exit status for any bad input, by the shell's convention for wrong usage.
 const BAD_INPUT: u8 = 2;
 
 #[derive(Debug, thiserror::Error)]
@@ -77,9 +78,9 @@ fn main() -> ExitCode {
     }
 }
 
-/// Makes the experiments that are asked for.
+/// Runs the requested experiments.
 fn study(options: &Options) -> Result<Study, ReportError> {
-    // A folder that cannot be made is found out before anything is measured.
+    // Create the folder first, so that an error shows before anything is measured.
     std::fs::create_dir_all(&options.out).map_err(|source| ReportError::Write { path: options.out.clone(), source })?;
     let extent = options.extent();
     let load = machine::load();

@@ -1,12 +1,12 @@
-//! Ten sheets of cloth fall on each other and on the ground.
+//! Ten sheets of cloth fall onto each other and the ground.
 //!
 //! `cargo run --release --example layers -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock themselves")]
+#[expect(dead_code, reason = "scenes advance the clock")]
 mod headless;
 #[path = "headless/method.rs"]
 mod method;
-#[expect(dead_code, reason = "a program plays one of them")]
+#[expect(dead_code, reason = "each program plays one scene")]
 mod scenes;
 
 use std::process::ExitCode;
@@ -14,7 +14,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use scenes::{Shot, options::SceneOptions, program::run};
 
-/// Drop ten sheets of cloth on each other.
+/// Drop ten sheets of cloth onto each other.
 #[derive(Parser, Debug)]
 #[command(name = "layers")]
 struct Options {

@@ -1,12 +1,12 @@
-//! Cloths, a flag and soft balls on a level of rigid shapes, with platforms that move and a fast ball.
+//! Cloths, a flag, and soft balls on a level of rigid shapes, with moving platforms and a fast ball.
 //!
 //! `cargo run --release --example level -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock themselves")]
+#[expect(dead_code, reason = "scenes advance the clock")]
 mod headless;
 #[path = "headless/method.rs"]
 mod method;
-#[expect(dead_code, reason = "a program plays one of them")]
+#[expect(dead_code, reason = "each program plays one scene")]
 mod scenes;
 
 use std::process::ExitCode;
@@ -14,11 +14,11 @@ use std::process::ExitCode;
 use clap::Parser;
 use scenes::{Variation, options::SceneOptions, program::run_varied};
 
-/// Drop cloths, a flag and soft balls on a level.
+/// Drop cloths, a flag, and soft balls onto a level.
 #[derive(Parser, Debug)]
 #[command(name = "level", allow_negative_numbers = true)]
 struct Options {
-    /// How fast the ball flies into the flag, in meters per second, 0 to 1000
+    /// Speed of the ball that flies into the flag, in meters per second, from 0 to 1000
     #[arg(long, value_name = "X", default_value_t = Variation::default().ball_speed, value_parser = speed)]
     speed: f64,
     #[command(flatten)]

@@ -1,10 +1,10 @@
-//! A box edge that the `Circumsphere` method misses, tick by tick, and the step at which each missed pair was dropped.
+//! Shows a box edge that `Circumsphere` misses, tick by tick, with the step at which each missed pair was dropped.
 //!
-//! `cargo run --release --example missed_edge -- [options]`; `--help` lists the options. A beam is lowered edge first onto
-//! a mattress: `Refined` says which triangles touch, the method that was asked for which of them it finds, and
-//! [`PairFates`] what became of the others.
+//! `cargo run --release --example missed_edge -- [options]`; `--help` lists the options. A beam is lowered edge first
+//! onto a mattress. `Refined` finds the true touching pairs, the chosen method finds some of them, and [`PairFates`]
+//! says what happened to the others.
 
-#[expect(dead_code, reason = "here the pairs of a detection count, not its times")]
+#[expect(dead_code, reason = "this example uses the pairs of a detection, not its times")]
 mod headless;
 #[path = "headless/method.rs"]
 mod method;
@@ -20,7 +20,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
     detection::PairFates,
-    kernel::{mesh::topology::TopologyError, pair_fate::PairFate},
+    kernel::{mesh::validation::TopologyError, pair_fate::PairFate},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
@@ -33,32 +33,32 @@ use headless::{
 };
 use method::Method;
 
-/// Half the contact distance: a tenth of the mattress's edges.
+/// Half the contact distance, which is a tenth of the mattress's edges.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.01);
 
-/// Bad input of any kind: the shell's convention for a wrong call.
+/// Exit status for any bad input, by the shell's convention for wrong usage.
 const BAD_INPUT: u8 = 2;
 
-/// Watch a method miss the edge of a beam that is lowered onto a mattress, and see where it does.
+/// Watch a method miss the edge of a beam that is lowered onto a mattress, and see at which step.
 #[derive(Parser, Debug)]
 #[command(name = "missed_edge", allow_negative_numbers = true)]
 struct Options {
-    /// The method that is held against Refined
+    /// Method to compare with Refined
     #[arg(long, value_enum, default_value_t = Method::Circumsphere)]
     method: Method,
     /// Height of a flat triangle's sphere center below its plane, in radii of the triangle
     #[arg(long, default_value_t = CircumsphereSettings::default().phi)]
     phi: f32,
-    /// Whether planes that hold two triangles apart hold their caps apart
+    /// Drop pairs of caps if a plane separates their triangles
     #[arg(long, value_name = "BOOL", default_value_t = CircumsphereSettings::default().plane_cull, action = ArgAction::Set)]
     plane_cull: bool,
-    /// Whether safety cones are widened by the angle to the neighbors
+    /// Widen safety cones by the angle to the neighbors
     #[arg(long, value_name = "BOOL", default_value_t = CircumsphereSettings::default().widen_cones, action = ArgAction::Set)]
     widen_cones: bool,
-    /// Into how many parts the beam's triangles cut its length
+    /// Number of parts that the beam is split into along its length
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     beam_cells: u16,
-    /// In how many ticks the beam is lowered
+    /// Number of ticks in which the beam is lowered
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u16).range(1..=1000))]
     ticks: u16,
     #[command(flatten)]
@@ -77,7 +77,7 @@ fn main() -> ExitCode {
     let options = Options::parse();
     match compare(&options) {
         Ok(comparison) => {
-            // Whoever reads the table may stop reading.
+            // The reader of the table may have closed the pipe.
             let _ = write!(io::stdout(), "{comparison}");
             ExitCode::SUCCESS
         }
@@ -88,7 +88,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Both bodies in an app of their own, tested by one method.
+/// An app with both bodies, tested by one method.
 struct Stage {
     app: App,
     mattress: Entity,
@@ -121,7 +121,7 @@ impl Stage {
         store.touching().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
     }
 
-    /// What became of each of these pairs, counted; `None` for those that the broad phase has not paired.
+    /// Counts the fates of pairs. `None` is for pairs that the broad phase did not pair.
     fn fates(&mut self, pairs: Vec<[u32; 2]>) -> BTreeMap<Option<PairFate>, usize> {
         let (mattress, beam) = (self.mattress, self.beam);
         let count = move |fates: PairFates| {
@@ -140,14 +140,14 @@ fn positions(scene: &MovingScene, body: usize, tick: usize) -> Vec<Vec3> {
     scene.bodies[body].ticks[tick].iter().copied().map(Vec3::from_array).collect()
 }
 
-/// What a tick showed.
+/// Results of a tick.
 struct Tick {
-    /// How deep the beam's edge is below the crest of the mattress; negative above it.
+    /// Depth of the beam's edge below the crest of the mattress; negative above it.
     sunk: f32,
     touching: usize,
     found: usize,
     false_pairs: usize,
-    /// Where the touching pairs that were not found have been dropped.
+    /// The steps that dropped the touching pairs that were not found.
     dropped: BTreeMap<Option<PairFate>, usize>,
 }
 
@@ -156,7 +156,7 @@ struct Comparison {
     ticks: Vec<Tick>,
 }
 
-/// Plays the scene by both methods, and records the one that was asked for.
+/// Plays the scene with both methods, and records the chosen one.
 fn compare(options: &Options) -> Result<Comparison, MissedEdgeError> {
     let scene = beam_on_mattress(usize::from(options.beam_cells), usize::from(options.ticks));
     let settings = CircumsphereSettings {
@@ -189,7 +189,7 @@ impl Display for Comparison {
         let method = self.method;
         writeln!(formatter, "A beam is lowered edge first onto a mattress: {method:?} against Refined.\n")?;
         writeln!(formatter, "tick     sunk  touching  found  missed  false  missed ones dropped by")?;
-        // Detections are counted from 1, in a recording too.
+        // Ticks are counted from 1, as in a recording.
         for (number, tick) in (1..).zip(&self.ticks) {
             let &Tick { sunk, touching, found, false_pairs, .. } = tick;
             let missed = touching - found;

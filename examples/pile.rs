@@ -2,11 +2,11 @@
 //!
 //! `cargo run --release --example pile -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock themselves")]
+#[expect(dead_code, reason = "scenes advance the clock")]
 mod headless;
 #[path = "headless/method.rs"]
 mod method;
-#[expect(dead_code, reason = "a program plays one of them")]
+#[expect(dead_code, reason = "each program plays one scene")]
 mod scenes;
 
 use std::process::ExitCode;

@@ -1,7 +1,7 @@
-//! Detects the contacts of a recorded deforming mesh, frame by frame, through a headless app.
+//! Detects the contacts of a recorded deforming mesh with itself, frame by frame, in a headless app.
 //!
 //! `cargo run --release --example replay -- [FILES…] [options]`; `--help` lists the options. Without files it plays an
-//! embedded scene: a cloth that falls over a ball and a deforming torus and folds onto itself.
+//! embedded scene: a cloth falls over a ball and a deforming torus and folds onto itself.
 
 #[path = "headless/embedded.rs"]
 mod embedded;
@@ -33,7 +33,7 @@ use embedded::{EMBEDDED_NAME, embedded_scene};
 use options::{Options, OptionsError};
 use output::OutputError;
 
-/// Bad input of any kind: the shell's convention for a wrong call.
+/// Exit status for any bad input, by the shell's convention for wrong usage.
 const BAD_INPUT: u8 = 2;
 
 #[derive(Debug, thiserror::Error)]
@@ -41,7 +41,7 @@ enum ReplayError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error("{name}: {source}")]
-    Mesh { name: String, source: bevy_circumsphere::kernel::mesh::topology::TopologyError },
+    Mesh { name: String, source: bevy_circumsphere::kernel::mesh::validation::TopologyError },
     #[error(transparent)]
     Options(#[from] OptionsError),
     #[error(transparent)]
@@ -77,7 +77,7 @@ fn replay(options: &Options) -> Result<(), ReplayError> {
     })?;
     let report = report::Report::new(name, &recording, &settings, played);
     writers.finish(&report)?;
-    // Whoever reads the table may stop reading.
+    // The reader of the table may have closed the pipe.
     let _ = write!(io::stdout(), "{report}");
     Ok(())
 }

@@ -1,12 +1,12 @@
-//! A skirt hangs from the waist of a figure that begins to walk: cloth over a character.
+//! A skirt hangs from the waist of a figure that begins to walk: cloth on a character.
 //!
 //! `cargo run --release --example skirt -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock themselves")]
+#[expect(dead_code, reason = "scenes advance the clock")]
 mod headless;
 #[path = "headless/method.rs"]
 mod method;
-#[expect(dead_code, reason = "a program plays one of them")]
+#[expect(dead_code, reason = "each program plays one scene")]
 mod scenes;
 
 use std::process::ExitCode;

@@ -1,12 +1,12 @@
-//! An instrument presses into a soft organ, slides over it and lifts: the precision scene.
+//! An instrument presses into a soft organ, slides over it, and lifts: the precision scene.
 //!
 //! `cargo run --release --example soft_tissue -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock themselves")]
+#[expect(dead_code, reason = "scenes advance the clock")]
 mod headless;
 #[path = "headless/method.rs"]
 mod method;
-#[expect(dead_code, reason = "a program plays one of them")]
+#[expect(dead_code, reason = "each program plays one scene")]
 mod scenes;
 
 use std::process::ExitCode;
@@ -14,7 +14,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use scenes::{Shot, options::SceneOptions, program::run};
 
-/// Press an instrument into a soft organ and slide it over its back.
+/// Press an instrument into a soft organ and slide it across.
 #[derive(Parser, Debug)]
 #[command(name = "soft_tissue")]
 struct Options {

@@ -1,7 +1,7 @@
-//! Measures what each contact method costs and what it gets wrong against the truth in f64, and writes a report.
+//! Measures the time and the errors of each contact method against the f64 reference, and writes a report.
 //!
-//! `cargo run --release --example speed_vs_error -- [FOLDER] [options]`; `--help` lists the options. Without a folder of
-//! recordings it plays scenes of the project's own making.
+//! `cargo run --release --example speed_vs_error -- [FOLDER] [options]`; `--help` lists the options. Without a folder
+//! of recordings it plays generated scenes.
 
 #[path = "speed_vs_error/configurations.rs"]
 mod configurations;
@@ -49,11 +49,11 @@ use scaling::ScalingRow;
 use scene::{Scene, SceneError};
 use sliding::SlidingRow;
 
-/// Counts bytes, so that the report can tell what a triangle costs in memory.
+/// Tracks heap usage, so that the report can state the memory per triangle.
 #[global_allocator]
 static HEAP: PeakAlloc = PeakAlloc;
 
-/// Bad input of any kind: the shell's convention for a wrong call.
+/// Exit status for any bad input, by the shell's convention for wrong usage.
 const BAD_INPUT: u8 = 2;
 
 #[derive(Debug, thiserror::Error)]
@@ -91,7 +91,7 @@ fn study(options: &Options) -> Result<Study, ReportError> {
     let distances = options.contact_distances()?;
     let scenes = scene::scenes(options)?;
     let configurations = configurations::configurations(&distances, options.extent());
-    // A folder that cannot be made is found out before anything is measured.
+    // Create the folder first, so that an error shows before anything is measured.
     std::fs::create_dir_all(&options.out).map_err(|source| ReportError::Write { path: options.out.clone(), source })?;
     let start = Instant::now();
     let farthest = distances[distances.len() - 1];
@@ -117,7 +117,7 @@ fn study(options: &Options) -> Result<Study, ReportError> {
             measured.push(measure::measure(scene, &truth, configuration));
             progress.inc(1);
         }
-        // In turns, so that a disturbance does not hit all times of one configuration.
+        // Take turns, so that a disturbance does not affect all times of one configuration.
         let of_scene = measured.len() - configurations.len();
         for _ in 1..measure::rounds(scene, options.extent()) {
             progress.set_message(format!("{}: times", scene.name));
@@ -142,7 +142,7 @@ fn study(options: &Options) -> Result<Study, ReportError> {
     Ok(Study { scenes, configurations, measured, pooled, scaling, sliding, seconds: start.elapsed().as_secs_f64() })
 }
 
-/// Records every scene under each configuration into a file of its own.
+/// Records every scene with each configuration, one file each.
 fn record<'a>(
     options: &Options,
     folder: &Path,

@@ -1,12 +1,12 @@
-//! A character of two bones walks on a circle in its skirt, and nothing of the skirt gets into the body.
+//! A two-bone character walks in a circle in its skirt, and no vertex of the skirt may get inside the body.
 //!
 //! `cargo run --release --example walking_skirt -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock themselves")]
+#[expect(dead_code, reason = "scenes advance the clock")]
 mod headless;
 #[path = "headless/method.rs"]
 mod method;
-#[expect(dead_code, reason = "a program plays one of them")]
+#[expect(dead_code, reason = "each program plays one scene")]
 mod scenes;
 
 use std::process::ExitCode;
@@ -18,7 +18,7 @@ use scenes::{Variation, options::SceneOptions, program::run_varied};
 #[derive(Parser, Debug)]
 #[command(name = "walking_skirt", allow_negative_numbers = true)]
 struct Options {
-    /// How fast it walks, in meters per second, 0 to 10
+    /// Walking speed, in meters per second, from 0 to 10
     #[arg(long, value_name = "X", default_value_t = Variation::default().walking_speed, value_parser = speed)]
     speed: f64,
     #[command(flatten)]

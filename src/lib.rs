@@ -4,6 +4,7 @@ pub mod contacts;
 #[cfg(feature = "rerun")]
 pub mod debug;
 pub mod detection;
+mod diagnostics;
 pub mod kernel;
 mod plugins;
 pub mod response;
@@ -16,14 +17,14 @@ pub use surface::*;
 
 pub use plugins::DeformableCollisionPlugins;
 pub use schedule::{DeformableSystems, SurfaceDetection, SurfaceDetectionSystems};
-pub use settings::CircumsphereSettings;
+pub use settings::{CircumsphereSettings, SphereContactDetail};
 
 /// What most games need: `use bevy_circumsphere::prelude::*;`.
 pub mod prelude {
     pub use crate::{
         contacts::{
-            Contact, ContactSide, Impact, SmoothNormals, StencilEntry, SurfaceContactEnded, SurfaceContactStarted,
-            SurfaceContacts, SurfaceImpacts, SurfaceQuarantined,
+            Contact, Impact, SmoothNormals, StencilEntry, SurfaceContactEnded, SurfaceContactStarted, SurfaceContacts,
+            SurfaceImpacts,
         },
         kernel::{
             ccd::ImpactCause,
@@ -31,16 +32,16 @@ pub mod prelude {
             mesh::{
                 feature::{Feature, FeatureKind},
                 ids::{TriangleId, VertexId},
-                topology::TopologyError,
+                validation::TopologyError,
             },
         },
         plugins::DeformableCollisionPlugins,
         schedule::DeformableSystems,
-        settings::CircumsphereSettings,
+        settings::{CircumsphereSettings, SphereContactDetail},
         surface::{
-            ContactEventsEnabled, ContactMethod, DeformableSurface, QuarantineReason, RigidShape, SelfCollision,
-            Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus,
-            SurfaceThickness, SweptCollision, SweptTarget, Teleported,
+            ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason, RigidShape,
+            SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions,
+            SurfaceQuarantined, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
         },
     };
     pub use parry3d::shape::SharedShape;

@@ -7,6 +7,21 @@ use crate::kernel::{
     spheres::{circumsphere::RecipeSettings, curvature::CurvatureEstimator},
 };
 
+/// Two surfaces have parted only when they are farther apart than their contact distance by this share of it: at rest
+/// on the threshold, rounding does not make them part and meet in every tick.
+pub(crate) const EVENT_HYSTERESIS: f32 = 1.0e-3;
+
+/// What the sphere methods write about contacts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SphereContactDetail {
+    /// Which triangles are in contact and how far apart they are, in [`StoredPair::sphere_contacts`](crate::StoredPair::sphere_contacts).
+    /// The lists of contacts and touching pairs stay empty. Takes half of the time or less.
+    Distances,
+    /// Contacts with points and normals, as the exact methods write them.
+    #[default]
+    Points,
+}
+
 /// How surfaces are tested. You need not touch this: the defaults miss no contact.
 ///
 /// Changes take effect in the next tick; a value out of range is replaced by the nearest one in range.
@@ -41,6 +56,8 @@ pub struct CircumsphereSettings {
     /// as smooth, the normal turns over whole triangles: where large flat faces meet at small angles, as a floor and a
     /// ramp do, use 0, which brings exact normals into the range that the faces around a feature span, and no more.
     pub crease_angle: f32,
+    /// What the methods `BoundingSphere` and `Circumsphere` write about contacts. Default: contacts with points and normals.
+    pub sphere_contacts: SphereContactDetail,
     /// How many threads may work on one tick, the calling one included. 1 never touches a task pool. Default 0: as
     /// many as Bevy's compute task pool has, where the app has one. Contacts are the same for any number.
     pub threads: usize,
@@ -49,8 +66,7 @@ pub struct CircumsphereSettings {
     /// fraction of the contact distance a tick keep lists of the triangles that are near each other, with bounds of their
     /// distances, for as many ticks as these hold (`Refined` and `Closest`, surfaces in one frame, not where one of two surfaces
     /// has an inside). Default true. Contacts are the same either way: false is for measuring what a tick costs in which
-    /// everything has moved. Systems of your own that write to what a stage wrote are heeded: everything is found anew then,
-    /// in that tick and the next.
+    /// everything has moved.
     pub memory: bool,
 }
 
@@ -65,6 +81,7 @@ impl Default for CircumsphereSettings {
             delta: 0.7,
             estimator: CurvatureEstimator::SignedEdge,
             crease_angle: 1.0,
+            sphere_contacts: SphereContactDetail::Points,
             threads: 0,
             memory: true,
         }

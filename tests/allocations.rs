@@ -139,7 +139,7 @@ fn a_steady_tick_on_one_thread_asks_for_no_memory() {
             }
             candidates.push(world.resource::<CandidateTrianglePairs>().triangle_pair_count());
             let store = world.resource::<ContactStore>();
-            assert!(store.pairs.len() >= 5 && store.contact_count() > 5_000, "{method:?}: hardly anything touches");
+            assert!(store.pairs().len() >= 5 && store.contact_count() > 5_000, "{method:?}: hardly anything touches");
         }
         assert!(candidates[0] != candidates[1] && candidates[0] > 10_000, "{method:?}: nothing moves: {candidates:?}");
         println!("{method:?}: {by_stage:?}");

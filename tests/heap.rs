@@ -115,7 +115,7 @@ fn measure(count: usize, ticks: usize, motion: Motion, method: ContactMethod) {
             println!(
                 "{what}: {megabytes:.2} MB after {} ticks, {} pairs of {} triangles, {contacts} contacts",
                 tick + 1,
-                candidates.pairs.len(),
+                candidates.pairs().len(),
                 candidates.triangle_pair_count()
             );
         }
@@ -128,7 +128,7 @@ fn measure(count: usize, ticks: usize, motion: Motion, method: ContactMethod) {
         megabytes(bytes)
     );
     let store = world.app.world().resource::<ContactStore>();
-    assert!(store.pairs.len() > 2 * count, "{what}: hardly anything touches");
+    assert!(store.pairs().len() > 2 * count, "{what}: hardly anything touches");
 
     for cube in std::mem::take(&mut world.cubes) {
         world.app.world_mut().despawn(cube);

@@ -1,9 +1,14 @@
 //! The walk-through's scene as its readers play it: the program says what the truth in f64 says, and why the method misses.
 
+use std::{
+    collections::BTreeSet,
+    process::{Command, Output},
+};
+
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
-    detection::{Circumspheres, TriangleCones},
     prelude::*,
+    surface::{Circumspheres, TriangleCones},
 };
 use circumsphere_support::{
     programs::example_program,
@@ -11,10 +16,6 @@ use circumsphere_support::{
 };
 use circumsphere_truth::{ReferencePair, touching_pairs_between_brute_force};
 use glam::{DVec3, Vec3};
-use std::{
-    collections::BTreeSet,
-    process::{Command, Output},
-};
 
 const TICKS: usize = 60;
 
@@ -136,8 +137,8 @@ fn the_line_to_the_center_of_a_long_triangle_leaves_the_cones_of_short_ones() {
     let [mattress, beam] = entities.map(|entity| {
         let entity = app.world().entity(entity);
         (
-            &entity.get::<Circumspheres>().expect("it is a surface").0,
-            &entity.get::<TriangleCones>().expect("it is a surface").0,
+            &**entity.get::<Circumspheres>().expect("it is a surface"),
+            &**entity.get::<TriangleCones>().expect("it is a surface"),
         )
     });
     let (mut least_excess, mut angles, mut cones) = (f64::INFINITY, Vec::new(), Vec::new());

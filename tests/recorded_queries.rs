@@ -219,9 +219,11 @@ fn every_recorded_collision_of_features_is_one_of_their_triangles() {
             if !query.collides {
                 continue;
             }
-            // Welding makes neighbors, which are no pair, of triangles whose vertices begin at equal positions.
-            if topology.share_vertex(TriangleId(pair[0]), TriangleId(pair[1])) {
-                assert!(here.is_none(), "{}: neighbors {pair:?} are reported", path.display());
+            // Welding makes neighbors of triangles whose vertices begin at equal positions, and takes their features for one.
+            let [a, b] = pair.map(|triangle| step.triangles[triangle as usize]);
+            let is_welded_alone = !a.iter().any(|vertex| b.contains(vertex))
+                && topology.share_vertex(TriangleId(pair[0]), TriangleId(pair[1]));
+            if here.is_none() && is_welded_alone {
                 continue;
             }
             compared += 1;

@@ -528,11 +528,11 @@ fn named(contact: &CompactContact, remembers: bool) -> String {
 fn compare(living: &Living, new: &Living, state: &State, tools: &Tools) -> Result<usize, String> {
     let sides = |world: &Living, pair: &StoredPair| [world.place_of(pair.a), world.place_of(pair.b)];
     let names =
-        |world: &Living| -> Vec<[usize; 2]> { world.store().pairs.iter().map(|pair| sides(world, pair)).collect() };
+        |world: &Living| -> Vec<[usize; 2]> { world.store().pairs().iter().map(|pair| sides(world, pair)).collect() };
     if names(living) != names(new) {
         return Err(format!("other pairs: {:?} instead of {:?}", names(living), names(new)));
     }
-    for (warm, fresh) in living.store().pairs.iter().zip(&new.store().pairs) {
+    for (warm, fresh) in living.store().pairs().iter().zip(new.store().pairs()) {
         let [a, b] = sides(living, warm);
         let things = [a, b].map(|place| &state.things[place]);
         let is_one_sided = |place: usize| {

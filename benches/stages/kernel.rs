@@ -1,7 +1,7 @@
-//! Every stage of the kernel by itself, on a crumpled sheet: each reads what the stages before it made, and writes into
-//! buffers that keep their memory.
+//! Every stage of the kernel by itself, on a crumpled sheet. Each stage reads the results of the previous stages, and
+//! writes into buffers that keep their memory.
 //!
-//! No stage is inlined, so that instruction counters find it by its name.
+//! No stage is inlined, so that instruction counters find it by name.
 
 use bevy_circumsphere::kernel::{
     bvh::{
@@ -31,14 +31,14 @@ const DISTANCE_EDGES: f64 = 0.1;
 /// The defaults of the plugin.
 const RECIPE: RecipeSettings = RecipeSettings { phi: 0.5, curvature_threshold: 2.0, delta: 0.7 };
 
-/// A mesh and how it is tested.
+/// A mesh and the settings of its test.
 pub struct Sheet {
     pub topology: SurfaceTopology,
     pub positions: Vec<Vec3>,
     settings: PairSettings,
 }
 
-/// What the stages make of it.
+/// The results of the stages.
 #[derive(Clone, Default)]
 pub struct Stages {
     pub bounds: Vec<Aabb>,
@@ -84,10 +84,10 @@ impl Sheet {
     }
 }
 
-/// A stage: reads the sheet and what was made before, and writes its own.
+/// A stage: reads the sheet and the results of previous stages, and writes its own results.
 pub type Stage = fn(&Sheet, &mut Stages);
 
-/// All of them in the order of the plugin, the tree's first build before them.
+/// All stages in the order of the plugin, preceded by the first build of the tree.
 pub const STAGES: [(&str, Stage); 15] = [
     ("build", build),
     ("bounds", bounds),
@@ -123,7 +123,7 @@ pub fn refit_tree(_: &Sheet, stages: &mut Stages) {
     stages.tree.refit(&stages.bounds);
 }
 
-/// Of boxes alone, neighbors left out.
+/// Pairs by boxes alone, without neighbors.
 #[inline(never)]
 pub fn self_pairs(_: &Sheet, stages: &mut Stages) {
     stages.candidates.clear();
@@ -137,7 +137,7 @@ pub fn leaf_triangles(sheet: &Sheet, stages: &mut Stages) {
     stages.leaf_triangles.update(&stages.tree, &sheet.topology, &sheet.positions);
 }
 
-/// Of boxes and slabs, as the exact methods have it.
+/// Pairs by boxes and slabs, as in the exact methods.
 #[inline(never)]
 pub fn self_pairs_past_slabs(sheet: &Sheet, stages: &mut Stages) {
     stages.past_slabs.clear();
@@ -146,14 +146,14 @@ pub fn self_pairs_past_slabs(sheet: &Sheet, stages: &mut Stages) {
     stages.tree.self_pairs_of(0..stages.tree.leaf_count(), Some(&cull), &mut stages.past_slabs);
 }
 
-/// `Refined`, of what slabs have left.
+/// `Refined`, on the pairs that slabs have left.
 #[inline(never)]
 pub fn refined(sheet: &Sheet, stages: &mut Stages) {
     stages.found.clear();
     refine_pairs(&sheet.side(), &sheet.side(), &stages.past_slabs, &sheet.settings, &mut stages.found);
 }
 
-/// `Closest`, of what slabs have left.
+/// `Closest`, on the pairs that slabs have left.
 #[inline(never)]
 pub fn closest(sheet: &Sheet, stages: &mut Stages) {
     stages.found.clear();
@@ -165,7 +165,7 @@ pub fn curvature(sheet: &Sheet, stages: &mut Stages) {
     stages.curvatures.measure(&sheet.topology, &sheet.positions, CurvatureEstimator::SignedEdge);
 }
 
-/// With every recipe made anew.
+/// With a new recipe for every triangle.
 #[inline(never)]
 pub fn refit_spheres(sheet: &Sheet, stages: &mut Stages) {
     let Stages { spheres, cones, curvatures, .. } = stages;

@@ -1,9 +1,10 @@
 //! Times of the kernel's stages, one by one: `cargo bench --bench stages`.
 //!
-//! `-- --once [TRIANGLES]` runs every stage a single time instead, and `-- --tick METHOD [TRIANGLES]` one cold tick of the
-//! whole plugin: for `benches/instructions.sh`, which counts instructions, since times on a shared machine are noisy.
+//! `-- --once [TRIANGLES]` instead runs every stage a single time, and `-- --tick METHOD [TRIANGLES]` runs one cold
+//! tick of the whole plugin. `benches/instructions.sh` uses these to count instructions, because times on a shared
+//! machine are noisy.
 
-#[expect(dead_code, reason = "nothing is recorded where instructions are counted")]
+#[expect(dead_code, reason = "this bench does not record")]
 #[path = "../../examples/headless/mod.rs"]
 mod headless;
 mod kernel;
@@ -22,13 +23,13 @@ use self::{
     kernel::{STAGES, Sheet, Stages},
 };
 
-/// Triangles of the sheet: more than fit into a processor's own caches, few enough for a run in seconds.
+/// Triangles of the sheet: too many for the processor's private caches, and few enough for a run in seconds.
 const TRIANGLES: usize = 90_000;
 
-/// How far the sheet's waves move from one state to the next, in radians.
+/// Phase shift of the sheet's waves from one state to the next, in radians.
 const PHASE: f64 = 0.05;
 
-/// The sheet, and what every stage makes of it.
+/// The sheet, with the results of every stage.
 static MADE: LazyLock<(Sheet, Stages)> = LazyLock::new(|| {
     let sheet = Sheet::new(TRIANGLES);
     let mut stages = Stages::default();
@@ -49,7 +50,7 @@ fn main() -> ExitCode {
     ExitCode::from(2)
 }
 
-/// Does what is asked for; `None` where that cannot be understood.
+/// Runs what the arguments ask for. `None` if they are invalid.
 fn run(arguments: &[&str]) -> Option<()> {
     let triangles = |rest: &[&str]| match rest {
         [] => Some(TRIANGLES),
@@ -84,7 +85,7 @@ fn run_tick(method: ContactMethod, triangles: usize) {
         (mesh.positions.into_iter().map(Vec3::from_array).collect::<Vec<_>>(), mesh.triangles)
     };
     let (positions, corners) = state(PHASE);
-    let (surface, positions) = DeformableSurface::from_mesh(&positions, &corners).expect("the sheet is a mesh");
+    let (surface, positions) = DeformableSurface::from_mesh(&positions, &corners).expect("the sheet is a valid mesh");
     let surface = app.world_mut().spawn((surface, positions, SelfCollision, method)).id();
     detect(&mut app);
     move_surface(&mut app, surface, state(0.0).0);
@@ -93,7 +94,7 @@ fn run_tick(method: ContactMethod, triangles: usize) {
     println!("{triangles} triangles, {method:?}");
 }
 
-/// What an instruction counter looks for.
+/// Instruction counters look for this function.
 #[inline(never)]
 fn cold_tick(app: &mut App) {
     app.update();

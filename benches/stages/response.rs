@@ -1,7 +1,7 @@
-//! What the response costs a contact: a tick of a stack of sheets at rest, with it and without.
+//! Cost of the response per contact: a tick of a stack of sheets at rest, with and without the response.
 //!
-//! Every tick is detected anew, and items are contacts that the solver watches: the difference of the two times an item is the
-//! cost of the response to one.
+//! Every tick is detected from scratch. Items are contacts that the solver watches, so the difference of the two times
+//! per item is the cost of the response to one contact.
 
 use std::time::Duration;
 
@@ -48,7 +48,7 @@ fn tick(app: &mut App, duration: Duration) {
 fn stack_at_rest(bencher: Bencher, with_response: bool) {
     let mut app = stack();
     let contacts = app.world().resource::<XpbdDiagnostics>().contacts;
-    // A tick of no time is detected and not responded to.
+    // A tick of zero duration runs detection, but no response.
     let duration = if with_response { TICK } else { Duration::ZERO };
     bencher.counter(ItemsCount::new(contacts)).bench_local(move || tick(&mut app, duration));
 }

@@ -1,8 +1,8 @@
-//! The size that the source paper states in its headline: 3,000 deforming vertices against 100,000 static triangles, as a
-//! share of a frame.
+//! The scene size in the headline of the source paper: 3,000 deforming vertices against 100,000 static triangles, with
+//! times as a share of a frame.
 //!
-//! A sheet ripples along hilly ground and touches it with about a quarter of its area; every tick is measured as the game
-//! pays for it.
+//! A sheet ripples along hilly ground and touches it with about a quarter of its area. Every tick is measured as a game
+//! would pay for it.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -24,15 +24,15 @@ const GROUND_CELLS: usize = 224;
 /// Cells along a side of the sheet: 3,025 vertices.
 const SHEET_CELLS: usize = 54;
 
-/// Half the contact distance, where a cell is 1 long.
+/// Half the contact distance, in cells.
 const THICKNESS: f32 = 0.05;
 
-/// Radians that the ripples move in a tick.
+/// Phase that the ripples advance per tick, in radians.
 const STEP: f32 = 0.05;
 
 const TICKS: usize = 60;
 
-/// A frame at 60 a second.
+/// A frame at 60 frames per second.
 const FRAME_MILLISECONDS: f64 = 1000.0 / 60.0;
 
 #[derive(Serialize)]
@@ -71,7 +71,7 @@ fn measure_method(method: ContactMethod) -> HeadlineRow {
     let settings = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };
     let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, Recorder::default());
     let mut spawn = |mesh: &Mesh, positions: &[Vec3]| {
-        let surface = DeformableSurface::from_mesh(positions, &mesh.triangles).expect("a grid is a mesh");
+        let surface = DeformableSurface::from_mesh(positions, &mesh.triangles).expect("a grid is a valid mesh");
         app.world_mut().spawn((surface, SurfaceThickness::World(THICKNESS), method)).id()
     };
     spawn(&ground, &positions(&ground, ground_height));

@@ -1,22 +1,23 @@
-//! What everyone is given: one mesh, and positions of it tick by tick.
+//! The common input of all contestants: one mesh, with positions for each tick.
 
-use bevy_circumsphere::kernel::mesh::topology::{SurfaceTopology, TopologyError};
+use bevy_circumsphere::kernel::mesh::{topology::SurfaceTopology, validation::TopologyError};
 use circumsphere_support::{random::Random, recording::Recording};
 use glam::Vec3;
 
-/// Ticks after the cold one, in each of which every vertex moves by [`DRIFT`]: enough for what is remembered to be renewed
-/// twice.
+/// Number of ticks after the cold one, in each of which every vertex moves by [`DRIFT`]. Enough for remembered data to
+/// be renewed twice.
 const DRIFT_TICKS: usize = 12;
 
-/// How far a vertex moves in such a tick, in contact distances: less than a tenth.
+/// Displacement of a vertex per drift tick, in contact distances: less than a tenth.
 const DRIFT: f32 = 0.09;
 
-/// A mesh and how far apart its triangles touch.
+/// A mesh and its contact distance.
 pub struct Input {
     pub name: String,
     pub vertices: usize,
     pub triangles: Vec<[u32; 3]>,
-    /// The same with one vertex for all at exactly equal positions of the first frame: who shares one is a neighbor.
+    /// The triangles after welding of vertices at exactly equal positions in the first frame. Triangles that share a
+    /// welded vertex are neighbors.
     pub welded: Vec<[u32; 3]>,
     pub mean_edge: f64,
     pub contact_distance: f64,
@@ -25,13 +26,13 @@ pub struct Input {
 
 /// One measured tick.
 pub struct Tick {
-    /// The number of its frame.
+    /// Frame number.
     pub frame: usize,
-    /// Another state of the mesh, in which it is before the measured tick.
+    /// Positions before the measured tick, with another shape.
     pub before: Vec<Vec3>,
-    /// Its state at the measured tick.
+    /// Positions in the measured tick.
     pub now: Vec<Vec3>,
-    /// The ticks that follow, in small steps, every vertex in a direction of its own.
+    /// Positions in the ticks that follow, in small steps. Every vertex moves in its own direction.
     pub drift: Vec<Vec<Vec3>>,
 }
 
@@ -39,14 +40,14 @@ fn positions(frame: &[[f32; 3]]) -> Vec<Vec3> {
     frame.iter().copied().map(Vec3::from_array).collect()
 }
 
-/// One direction a vertex, all over the sphere.
+/// One random direction per vertex, uniform over the sphere.
 fn directions(count: usize) -> Vec<Vec3> {
     let mut random = Random::new(1);
     (0..count)
         .map(|_| {
             loop {
                 let point = Vec3::from_array(std::array::from_fn(|_| random.signed_unit()));
-                // Within the ball every direction is as likely as any other.
+                // Within the ball, all directions are equally likely.
                 if (0.01..1.0).contains(&point.length_squared()) {
                     break point.normalize();
                 }
@@ -56,7 +57,8 @@ fn directions(count: usize) -> Vec<Vec3> {
 }
 
 impl Input {
-    /// The frames of a recording in `frames`; `distance_edges` is the contact distance in mean edges of its first frame.
+    /// The given frames of a recording. `distance_edges` is the contact distance in mean edges of the first frame of
+    /// the recording.
     pub fn new(
         name: String,
         recording: &Recording,
@@ -74,8 +76,8 @@ impl Input {
         let ticks = frames
             .map(|frame| {
                 let now = positions(&recording.frames[frame]);
-                // The frame before, after the first one the next, and of a mesh that never moves one in which every
-                // vertex is a contact distance away.
+                // The previous frame, or the next one for the first frame. For a mesh that never moves, positions
+                // displaced by the contact distance.
                 let before = match frame.checked_sub(1).or((recording.frames.len() > 1).then_some(1)) {
                     Some(other) => positions(&recording.frames[other]),
                     None => moved(&now, contact_distance as f32),

@@ -1,4 +1,4 @@
-//! What the measurements were made on.
+//! The machine and build that the measurements were made with.
 
 use std::{fs, process::Command};
 
@@ -9,14 +9,14 @@ pub struct Machine {
     pub processor: String,
     pub processors: usize,
     pub system: String,
-    /// What the processor has of what matters here.
+    /// Supported instruction sets that matter here.
     pub instruction_sets: Vec<&'static str>,
-    /// What this program was compiled for; kernels may use more where they ask the processor.
+    /// Instruction sets that this program was compiled for. Kernels may use more after run-time detection.
     pub compiled_for: Vec<&'static str>,
     pub rustc: String,
     pub features: Vec<&'static str>,
     pub profile: &'static str,
-    /// Processes that wanted to run, over the last minute, before and after the measurements.
+    /// Load average over the last minute, before and after the measurements.
     pub load: [Option<f64>; 2],
 }
 
@@ -33,14 +33,14 @@ fn processor() -> String {
     }
 }
 
-/// The compiler that `rustc` names here and now, as cargo would have used it.
+/// The version of the compiler that cargo would use.
 fn rustc() -> String {
     let program = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let output = Command::new(program).arg("--version").output().ok();
     output.map_or_else(|| "unknown".to_owned(), |output| String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
-/// Which of the named sets hold.
+/// Lists the names for which `$holds` is true.
 macro_rules! held {
     ($holds:ident: $($name:tt),*) => {{
         let mut held = Vec::new();

@@ -1,4 +1,4 @@
-//! Rounds of measurements: everyone once a round, so that what disturbs the machine disturbs all alike.
+//! Rounds of measurements: each contestant once per round, so that disturbances of the machine affect all alike.
 
 use std::{
     collections::BTreeMap,
@@ -9,27 +9,27 @@ use serde::Serialize;
 
 use super::input::{Input, Tick};
 
-/// Whoever takes longer than this for a round takes part only in the first [`ROUNDS_OF_THE_SLOW`] of them.
+/// Contestants that take longer than this for a round only take part in the first [`ROUNDS_OF_THE_SLOW`] rounds.
 const SLOW: Duration = Duration::from_millis(2500);
 
 const ROUNDS_OF_THE_SLOW: u32 = 7;
 
-/// What was found in a tick. `None` where a row does not count it.
+/// What was found in a tick. `None` if a row does not count it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
-    /// Pairs of triangles whose grown boxes overlap, neighbors included.
+    /// Pairs of triangles with overlapping grown boxes, including neighbors.
     pub box_pairs: Option<u64>,
-    /// Those of them that share no vertex.
+    /// Box pairs that share no vertex.
     pub apart: Option<u64>,
     /// Pairs that were tested exactly.
     pub tested: Option<u64>,
-    /// Pairs that touch.
+    /// Touching pairs.
     pub touching: Option<u64>,
-    /// Contacts, feature pair by feature pair.
+    /// Contacts, one per feature pair.
     pub contacts: Option<u64>,
 }
 
-/// What a row is about.
+/// Level of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Level {
@@ -47,13 +47,13 @@ pub struct Row {
     pub threads: usize,
     pub level: Level,
     pub milliseconds: Vec<f64>,
-    /// By frame.
+    /// Counts by frame.
     pub counts: BTreeMap<usize, Counts>,
-    /// Whether a frame once counted otherwise than another time.
+    /// Whether the counts of a frame differed between rounds.
     pub is_unsteady: bool,
 }
 
-/// All lines, in the order in which they were first heard of.
+/// All lines, in the order of their first entry.
 #[derive(Default)]
 pub struct Log {
     pub rows: Vec<Row>,
@@ -81,16 +81,16 @@ impl Log {
     }
 }
 
-/// Someone who finds pairs.
+/// A participant that finds pairs.
 pub trait Contestant {
     /// Its name in messages.
     fn name(&self) -> String;
 
-    /// Finds the pairs of a tick, `place` its number among the input's, after having seen the state before it.
+    /// Finds the pairs of a tick, after visiting the state before it. `place` is the index of the tick in the input.
     fn run(&mut self, place: usize, tick: &Tick, log: &mut Log) -> Result<(), String>;
 }
 
-/// Runs `operation` and says how long it took.
+/// Runs `operation` and returns its duration and result.
 pub fn timed<T>(operation: impl FnOnce() -> T) -> (Duration, T) {
     let start = Instant::now();
     let result = std::hint::black_box(operation());
@@ -104,7 +104,7 @@ struct Entry {
     fault: Option<String>,
 }
 
-/// All rounds. `report` hears what goes on. Also gives who failed, and why.
+/// Plays all rounds. `report` receives progress messages. Also returns the contestants that failed, with the reasons.
 pub fn play(
     input: &Input,
     contestants: Vec<Box<dyn Contestant>>,
@@ -121,7 +121,7 @@ pub fn play(
         for (place, tick) in input.ticks.iter().enumerate() {
             log.frame = tick.frame;
             for turn in 0..count {
-                // Nobody always comes after the same one.
+                // Rotate the order, so that no contestant always runs after the same one.
                 let entry = &mut entries[if round == 0 { turn } else { (turn + round as usize) % count }];
                 if entry.fault.is_some() || (entry.longest > SLOW && entry.rounds >= ROUNDS_OF_THE_SLOW) {
                     continue;

@@ -14,19 +14,19 @@ use super::{
 };
 
 pub const COLD: &str = "cold tick";
-/// The same where the small motion ends: what a moved and an unchanged tick are stated against, as they find the same.
+/// The same at the end of the small motion. Moved and unchanged ticks are compared with it, because they find the same.
 pub const COLD_MOVED: &str = "cold tick, where the motion ends";
 pub const MOVED: &str = "tick, moved by 0.09 contact distances";
-/// Those of them that go by a list of an earlier tick, and those that do not.
+/// Moved ticks that use a list from an earlier tick, and moved ticks that make one.
 pub const FOLLOWED: &str = "of those, by a list of an earlier tick";
 pub const RENEWED: &str = "of those, that make a list";
 pub const UNCHANGED: &str = "tick, unchanged";
-/// What a first reading takes of the contacts of spheres, which are written then, and a tick together with its reading where
-/// every tick is read.
+/// First reading of sphere contacts, which are written at that time; and a tick including its reading, if every tick is
+/// read.
 pub const READ: &str = "its contacts, when nobody has read any before";
 pub const READ_EACH: &str = "cold tick and its contacts, read every tick";
-/// After as many ticks in which nobody has read, contacts are left to whoever reads them first, and the memory for what is
-/// written has been let go.
+/// Number of ticks without a reader after which contacts are left to the first reader, and the memory for written
+/// contacts has been freed.
 const UNREAD: usize = 10;
 
 /// One method on one number of threads.
@@ -46,7 +46,7 @@ impl Ours {
         Self::recorded(input, method, threads, Recorder::default())
     }
 
-    /// Plays the frames once for the recorder, and measures nothing.
+    /// Plays the frames once for the recorder, without measuring.
     pub fn record(input: &Input, method: ContactMethod, recorder: Recorder) {
         let mut ours = Self::recorded(input, method, 1, recorder);
         for tick in &input.ticks {
@@ -60,11 +60,11 @@ impl Ours {
         let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, recorder);
         let positions = &input.ticks[0].now;
         let (surface, positions) =
-            DeformableSurface::from_mesh(positions, &input.triangles).expect("the mesh has been accepted before");
+            DeformableSurface::from_mesh(positions, &input.triangles).expect("the mesh has been validated");
         let thickness = SurfaceThickness::World(input.thickness());
         let parts = (surface, positions, SelfCollision, thickness, Sidedness::TwoSided, method);
         let surface = app.world_mut().spawn(parts).id();
-        // Trees are built at the first tick, as the others' are before theirs.
+        // Trees are built in the first tick, as those of the other libraries are built before theirs.
         detect(&mut app);
         Self { app, surface, method, threads }
     }
@@ -74,7 +74,7 @@ impl Ours {
         let (store, diagnostics) = (world.resource::<ContactStore>(), world.resource::<DetectionDiagnostics>());
         Counts {
             box_pairs: None,
-            // What overlaps and is no neighbor, before slabs drop most of it.
+            // Overlapping boxes that are not neighbors, before slabs drop most of them.
             apart: diagnostics
                 .stages
                 .iter()
@@ -86,29 +86,29 @@ impl Ours {
         }
     }
 
-    /// Goes through all contacts of the last tick.
+    /// Visits all contacts of the last tick.
     fn read(&self) -> f64 {
         self.app.world().resource::<ContactStore>().contacts().map(|contact| f64::from(contact.distance)).sum()
     }
 
-    /// Moves the mesh to where nothing remembered helps.
+    /// Moves the mesh as a teleport, so that nothing remembered is used.
     fn jump(&mut self, positions: &[Vec3]) {
         move_surface(&mut self.app, self.surface, positions.to_vec());
         self.app.world_mut().entity_mut(self.surface).insert(Teleported);
     }
 
-    /// A cold tick that nobody measures.
+    /// A cold tick that is not measured.
     fn jump_and_update(&mut self, positions: &[Vec3]) {
         self.jump(positions);
         self.app.update();
     }
 
-    /// What has been measured as a whole.
+    /// Logs a whole tick or a whole reading.
     fn log(&self, what: &str, duration: Duration, log: &mut Log) {
         log.add(&method_name(self.method), what, self.threads, Level::Whole, duration, self.counts());
     }
 
-    /// One tick on the clock: the whole update, of which the stages are parts.
+    /// Times one tick: the whole update, and optionally its stages.
     fn measure(&mut self, what: &str, log: &mut Log, with_stages: bool) {
         let (duration, ()) = timed(|| self.app.update());
         self.log(what, duration, log);
@@ -127,11 +127,11 @@ impl Contestant for Ours {
     }
 
     fn run(&mut self, _: usize, tick: &Tick, log: &mut Log) -> Result<(), String> {
-        // Nothing remembered helps a cold tick: the mesh comes from another shape, and is told to forget it.
+        // For a cold tick, the mesh comes from another shape and teleports.
         self.jump_and_update(&tick.before);
         self.jump(&tick.now);
         self.measure(COLD, log, true);
-        // The baseline that remembers nothing has nothing to show here but its time.
+        // The baseline remembers nothing, so only its cold tick is of interest.
         if self.method == ContactMethod::Polygon {
             return Ok(());
         }
@@ -143,7 +143,7 @@ impl Contestant for Ours {
             let (_, sum, count) = &mut ticks[usize::from(!is_followed)];
             (*sum, *count) = (*sum + duration, *count + 1);
         }
-        // All of them together: what is remembered has to be renewed now and then, and that is part of the price.
+        // The mean over all of them, because renewing what is remembered is part of the price.
         let [(_, followed, followed_count), (_, renewed, renewed_count)] = ticks;
         let (who, mean) = (method_name(self.method), (followed + renewed) / (followed_count + renewed_count));
         self.log(MOVED, mean, log);
@@ -158,7 +158,8 @@ impl Contestant for Ours {
     }
 }
 
-/// A method by spheres in an app whose contacts are read: what that costs. Who reads has other lists in memory.
+/// A sphere method in an app whose contacts are read. It is a separate app, because reading changes which lists are in
+/// memory.
 pub struct Reader(pub Ours);
 
 impl Contestant for Reader {
@@ -166,7 +167,7 @@ impl Contestant for Reader {
         format!("{}, read", self.0.name())
     }
 
-    /// Reads a tick after others that nobody has read, and one after another that was read.
+    /// Reads a tick after several unread ticks, and then a tick right after another read one.
     fn run(&mut self, _: usize, tick: &Tick, log: &mut Log) -> Result<(), String> {
         let Self(ours) = self;
         for _ in 0..UNREAD {

@@ -1,4 +1,4 @@
-//! What parry offers: its `Bvh` refitted or rebuilt, traversed against itself, and its exact queries on every pair.
+//! parry's offer: its `Bvh` refitted or rebuilt, traversed against itself, and its exact queries on every pair.
 //!
 //! Boxes are those of the triangles' corners, grown by half the contact distance in f32.
 
@@ -18,7 +18,7 @@ use super::{
     measure::{Contestant, Counts, Level, Log, timed},
 };
 
-/// Everyone of parry's.
+/// All contestants based on parry.
 pub fn contestants(input: &Input) -> Vec<Box<dyn Contestant>> {
     let mut all: Vec<Box<dyn Contestant>> = Vec::new();
     for strategy in STRATEGIES {
@@ -30,10 +30,10 @@ pub fn contestants(input: &Input) -> Vec<Box<dyn Contestant>> {
 
 pub const STRATEGIES: [BvhBuildStrategy; 2] = [BvhBuildStrategy::Binned, BvhBuildStrategy::Ploc];
 
-/// The name of a row that is traversal alone, whatever the strategy.
+/// Name of the rows with traversal alone, for either strategy.
 pub const TRAVERSAL: &str = "self-traversal, counting";
 
-/// The name of the row in which the tree is built anew in every tick and every pair is measured.
+/// Name of the row in which the tree is rebuilt in every tick and the distance of every pair is computed.
 pub const REBUILT: &str = "rebuild + traversal + distance of every pair";
 
 pub fn strategy_name(strategy: BvhBuildStrategy) -> &'static str {
@@ -80,7 +80,7 @@ impl Mesh {
     }
 }
 
-/// Leaf update, refit and self-traversal of a tree that was built once.
+/// Leaf update, refit, and self-traversal of a tree that was built once.
 struct Traversal {
     mesh: Mesh,
     strategy: BvhBuildStrategy,
@@ -134,7 +134,7 @@ impl Contestant for Traversal {
     }
 }
 
-/// The exact queries on every pair that shares no vertex.
+/// Exact queries on every pair that shares no vertex.
 struct Queries {
     mesh: Mesh,
     contact_distance: f32,
@@ -152,7 +152,7 @@ impl Queries {
         }
     }
 
-    /// Counts the pairs for which `holds`.
+    /// Counts the pairs for which `holds` is true.
     fn count(&self, positions: &[Vec3], holds: impl Fn(&Triangle, &Triangle) -> bool) -> (Duration, u64) {
         let triangle = |triangle: u32| {
             let [a, b, c] = self.mesh.corners(positions, triangle as usize);

@@ -1,11 +1,12 @@
-//! Peers that are programs of their own, so that nothing they need becomes a dependency of the crate: Embree through a
-//! small C file, and obvhs and rapier through the package `benches/peers`.
+//! Peers that run as separate programs, so that the crate does not depend on anything they need: Embree through a small
+//! C file, and obvhs and rapier through the package `benches/peers`.
 //!
-//! A peer is started with a recording whose frames are, tick by tick, the state before and the state to measure, with
-//! half the contact distance, and the number of threads. It prints a line `peer NAME`, and then for each line with a number of
-//! a tick that it reads: lines `row`, each with a name, `whole` or `part`, nanoseconds, and box pairs, pairs apart, tested
-//! pairs, touching pairs and contacts, `-` where it does not count them, separated by tabs; then `done`. It runs only while it
-//! is asked, so that it disturbs nobody else's measurements.
+//! A peer is started with a recording, half the contact distance, and the number of threads. The frames of the
+//! recording are, for each tick, the state before it and the state to measure. The peer prints a line `peer NAME`. Then
+//! it reads lines with the number of a tick, and answers each with lines `row`, followed by a line `done`. A row has
+//! these fields, separated by tabs: a name, `whole` or `part`, nanoseconds, and the counts of box pairs, pairs apart,
+//! tested pairs, touching pairs, and contacts, with `-` for what it does not count. A peer only works while it is
+//! asked, so that it does not disturb other measurements.
 
 use std::{
     fs,
@@ -23,14 +24,14 @@ use super::{
     measure::{Contestant, Counts, Level, Log},
 };
 
-/// The name of Embree's row that is its traversal alone, and of rapier's that is its narrow phase alone.
+/// The rows of Embree's traversal alone and of rapier's narrow phase alone.
 pub const EMBREE_COLLIDE: (&str, &str) = ("Embree", "rtcCollide, counting pairs of boxes");
 pub const RAPIER_NARROW_PHASE: (&str, &str) = ("rapier3d", "narrow phase (self-contacts of the soft body)");
 
-/// The sources, found where this program was built.
+/// The source folder, as of the build of this program.
 const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches");
 
-/// Those who may be asked.
+/// The available peers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Peer {
     Obvhs,
@@ -41,7 +42,7 @@ pub enum Peer {
 impl Peer {
     pub const ALL: [Self; 3] = [Self::Obvhs, Self::Rapier, Self::Embree];
 
-    /// Builds the peer where that is needed, and says which command runs it.
+    /// Builds the peer if necessary, and returns the command that runs it.
     fn build(self, folder: &Path) -> Result<Command, String> {
         match self {
             Self::Embree => build_embree(folder).map(Command::new),
@@ -65,11 +66,11 @@ fn run_builder(command: &mut Command) -> Result<(), String> {
     Err(format!("{program}: {line}"))
 }
 
-/// The package of Rust peers, which has a lock file of its own; built in about two minutes, once.
+/// Builds the package of Rust peers, which has its own lock file. It takes about two minutes, once.
 fn build_package() -> Result<PathBuf, String> {
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
-    // This program lies in TARGET/PROFILE/examples.
-    let target = own.ancestors().nth(3).ok_or("this program lies in no target folder")?.join("peers");
+    // This program is in TARGET/PROFILE/examples.
+    let target = own.ancestors().nth(3).ok_or("this program is not in a target folder")?.join("peers");
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let manifest = Path::new(SOURCES).join("peers/Cargo.toml");
     let mut command = Command::new(cargo);
@@ -78,7 +79,7 @@ fn build_package() -> Result<PathBuf, String> {
     Ok(target.join(format!("release/circumsphere_peers{}", std::env::consts::EXE_SUFFIX)))
 }
 
-/// The C file against the library that the system has.
+/// Builds the C file against the system's library.
 fn build_embree(folder: &Path) -> Result<PathBuf, String> {
     let program = folder.join(format!("embree{}", std::env::consts::EXE_SUFFIX));
     let compiler = std::env::var_os("CC").unwrap_or_else(|| "cc".into());
@@ -102,18 +103,18 @@ struct Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        // The end of its input ends it.
+        // The peer ends at the end of its input.
         drop(self.questions.take());
         let _ = self.child.wait();
     }
 }
 
-/// Builds and starts the peers that were asked for, each on each number of threads that it knows. Also says which there are
-/// not, and why.
+/// Builds and starts the requested peers, with each number of threads that they support. Also returns which peers are
+/// missing, and why.
 pub fn contestants(peers: &[Peer], input: &Input, threads: &[usize]) -> (Vec<Box<dyn Contestant>>, Vec<String>) {
     let (mut all, mut faults): (Vec<Box<dyn Contestant>>, _) = (Vec::new(), Vec::new());
     for &peer in peers {
-        // Neither of the packages is built with threads of its own here.
+        // The Rust peers are built without threads.
         let threads = if peer == Peer::Embree { threads } else { &[1] };
         for &threads in threads {
             match start(peer, input, threads) {
@@ -134,7 +135,7 @@ fn start(peer: Peer, input: &Input, threads: usize) -> Result<Program, String> {
         .flat_map(|tick| [&tick.before, &tick.now])
         .map(|positions| positions.iter().map(glam::Vec3::to_array).collect())
         .collect();
-    // Neighbors are those that share a vertex, so the welded mesh is the one to give.
+    // Neighbors are triangles that share a vertex, so the peer gets the welded mesh.
     let recording = Recording { triangles: input.welded.clone(), frames };
     write_recording(&scene, &recording).map_err(|error| error.to_string())?;
     let mut child = peer
@@ -150,7 +151,7 @@ fn start(peer: Peer, input: &Input, threads: usize) -> Result<Program, String> {
     let answers = BufReader::new(child.stdout.take().ok_or("it has no output")?);
     let mut program = Program { name: String::new(), threads, child, questions, answers, _folder: folder };
     let line = program.line()?;
-    let name = line.strip_prefix("peer ").ok_or_else(|| format!("it says {line:?}"))?;
+    let name = line.strip_prefix("peer ").ok_or_else(|| format!("unexpected output {line:?}"))?;
     name.clone_into(&mut program.name);
     let _ = fs::remove_file(&scene);
     Ok(program)
@@ -160,14 +161,14 @@ impl Program {
     fn line(&mut self) -> Result<String, String> {
         let mut line = String::new();
         match self.answers.read_line(&mut line) {
-            Ok(0) => Err("it ended".to_owned()),
+            Ok(0) => Err("the program ended".to_owned()),
             Ok(_) => Ok(line.trim_end().to_owned()),
             Err(error) => Err(error.to_string()),
         }
     }
 }
 
-/// A row as a peer prints it.
+/// Parses a row that a peer has printed.
 fn parse(line: &str) -> Option<(&str, Level, Duration, Counts)> {
     let fields: Vec<&str> = line.strip_prefix("row\t")?.split('\t').collect();
     let &[what, level, nanoseconds, box_pairs, apart, tested, touching, contacts] = fields.as_slice() else {
@@ -195,14 +196,14 @@ impl Contestant for Program {
     }
 
     fn run(&mut self, place: usize, _: &Tick, log: &mut Log) -> Result<(), String> {
-        let questions = self.questions.as_mut().ok_or("it has no input")?;
+        let questions = self.questions.as_mut().ok_or("the program has no input")?;
         writeln!(questions, "{place}").and_then(|()| questions.flush()).map_err(|error| error.to_string())?;
         loop {
             let line = self.line()?;
             if line == "done" {
                 return Ok(());
             }
-            let (what, level, duration, counts) = parse(&line).ok_or_else(|| format!("it says {line:?}"))?;
+            let (what, level, duration, counts) = parse(&line).ok_or_else(|| format!("unexpected output {line:?}"))?;
             log.add(&self.name, what, self.threads, level, duration, counts);
         }
     }

@@ -1,4 +1,4 @@
-//! What was measured, as a table, as answers to the bars of the project, and as JSON.
+//! The results as a table, as verdicts on the project's bars, and as JSON.
 
 use std::{
     collections::BTreeMap,
@@ -25,13 +25,13 @@ pub struct Report {
     pub frames: Vec<usize>,
     pub mean_edge: f64,
     pub contact_distance: f64,
-    /// The row that every ratio is stated against: parry's traversal with the faster of its two build strategies.
+    /// The row that every ratio refers to: parry's traversal with the faster of its two build strategies.
     pub reference: String,
     pub rows: Vec<RowReport>,
     pub bars: Vec<Bar>,
-    /// What more threads than one gain, stage by stage.
+    /// Speedup by more threads than one, stage by stage.
     pub speedups: Vec<Speedup>,
-    /// Who is missing or failed, and why.
+    /// Contestants that are missing, failed, or disagree, with the reasons.
     pub faults: Vec<String>,
 }
 
@@ -45,40 +45,40 @@ pub struct RowReport {
     pub median_ms: f64,
     pub least_ms: f64,
     pub quartiles_ms: [f64; 2],
-    /// Median over the reference's.
+    /// Median relative to that of the reference.
     pub ratio: f64,
     /// Mean over the frames.
     pub counts: Counts,
-    /// Whether a frame once counted otherwise than another time.
+    /// Whether the counts of a frame differed between rounds.
     pub is_unsteady: bool,
 }
 
-/// A ratio that the project has set itself.
+/// A performance limit that the project has set itself.
 #[derive(Serialize)]
 pub struct Bar {
     pub what: String,
     pub limit: String,
-    /// Of medians; none where one of the two was not measured.
+    /// Ratio of medians; `None` if one of the two was not measured.
     pub ratio: Option<f64>,
-    /// The same of the least times, which other programs disturb less.
+    /// Ratio of minima, which other programs disturb less.
     pub least_ratio: Option<f64>,
     pub holds: Option<bool>,
 }
 
-/// One thread's time over that of several.
+/// Time on one thread relative to the time on several.
 #[derive(Serialize)]
 pub struct Speedup {
     pub who: String,
     pub what: String,
     pub level: Level,
     pub threads: usize,
-    /// Medians of one thread and of several.
+    /// Medians on one thread and on several.
     pub milliseconds: [f64; 2],
     pub ratio: f64,
     pub least_ratio: f64,
 }
 
-/// The value that so many quarters of a sorted list do not exceed, between two of them in proportion.
+/// Quartile of a sorted list, with linear interpolation.
 fn quartile(sorted: &[f64], quarters: usize) -> f64 {
     let place = quarters * (sorted.len() - 1);
     let (low, high) = (sorted[place / 4], sorted[place.div_ceil(4)]);
@@ -119,7 +119,7 @@ impl RowReport {
     }
 }
 
-/// Whether a ratio has to be at least or at most something.
+/// Direction of a limit.
 #[derive(Clone, Copy)]
 enum Limit {
     AtMost(f64),
@@ -138,7 +138,7 @@ impl Report {
         for row in &mut rows {
             row.ratio = row.median_ms / reference_ms;
         }
-        // Ours first, then the reference and everyone else, and everyone's rows together.
+        // Our methods first, then the reference and all others, with the rows of each together.
         let mut order: Vec<String> = ContactMethod::ALL.into_iter().map(method_name).collect();
         order.extend(STRATEGIES.map(|strategy| strategy_name(strategy).to_owned()));
         for row in &rows {
@@ -171,8 +171,8 @@ impl Report {
         self.rows.iter().find(|row| row.who == who && row.what == what && row.threads == threads)
     }
 
-    /// Who counts otherwise than the others though all should count the same: pairs of boxes, everyone; touching pairs at the
-    /// measured positions, our exact methods.
+    /// Contestants whose counts differ from the others where all must agree: box pairs for all, and touching pairs at
+    /// the measured positions for our exact methods.
     fn disagreements(&self) -> Vec<String> {
         let exact: Vec<String> =
             ContactMethod::ALL.into_iter().filter(|method| method.is_exact()).map(method_name).collect();
@@ -197,7 +197,7 @@ impl Report {
 
     fn compare_threads(&self) -> Vec<Speedup> {
         let ours = ContactMethod::ALL.map(method_name);
-        // Of the ticks only the cold one is told stage by stage.
+        // Only the cold tick has rows for its stages.
         let is_told = |row: &&RowReport| row.level == Level::Part || row.what == COLD;
         let several = self.rows.iter().filter(|row| row.threads > 1 && ours.contains(&row.who)).filter(is_told);
         several
@@ -289,7 +289,7 @@ pub fn grouped(count: u64) -> String {
     text
 }
 
-/// A time or ratio with three digits that matter.
+/// A time or ratio with three significant digits.
 pub fn short(value: f64) -> String {
     match value {
         value if !value.is_finite() => "-".to_owned(),
@@ -313,7 +313,7 @@ impl Display for Report {
             self.contact_distance,
             self.contact_distance / self.mean_edge
         )?;
-        // They decide about a third of the time.
+        // The instruction set determines about a third of the time.
         let level = format!("{:?}", fearless_simd::Level::new());
         let level = level.split('(').next().unwrap_or_default();
         writeln!(out, "our instructions: {level}, chosen at run time; the peers': as they were compiled")?;

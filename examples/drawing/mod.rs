@@ -1,7 +1,7 @@
-//! Drawing for the reports that examples write: sheets of panels, each as SVG and as PNG, in colors that the color-blind can
-//! tell apart (Okabe and Ito, 2008) and with another shape or dash for each series.
+//! Figures for the reports that examples write: sheets of panels, each as SVG and PNG. Readers with color blindness can
+//! tell the colors apart (Okabe and Ito, 2008), and each series has its own marker or dash.
 //!
-//! A program that draws has a `ReportError` for what cannot be written or drawn.
+//! A program that uses this module has a `ReportError` for files that cannot be written or drawn.
 
 use std::{fs, path::Path, sync::Arc};
 
@@ -34,10 +34,10 @@ pub const SHAPES: [MarkerShape; 6] = [
 ];
 pub const DASHES: [LineStyle; 4] = [LineStyle::Solid, LineStyle::Dashed, LineStyle::Dotted, LineStyle::DashDot];
 
-/// Pixels of a PNG for each unit of the drawing: sharp at the width of a README.
+/// Pixels of a PNG per unit of the drawing: sharp at the width of a README.
 const PIXELS: f32 = 2.0;
 
-/// The panels of a figure in rows, and the legend in a cell after them.
+/// The panels of a figure in rows, followed by a cell with the legend.
 pub struct Sheet {
     pub columns: usize,
     /// Width and height of a panel.
@@ -50,13 +50,13 @@ pub struct Sheet {
 impl Sheet {
     pub fn write(self, folder: &Path, name: &str) -> Result<(), ReportError> {
         let (mut plots, mut layouts): (Vec<_>, Vec<_>) = self.panels.into_iter().unzip();
-        // A full grid has its legend in a row below, as wide as all of it; any other has a cell to spare.
+        // In a full grid, the legend gets its own row at full width. Otherwise it uses the free cells.
         let is_full = plots.len() % self.columns == 0;
         let rows = plots.len() / self.columns + 1;
         let mut structure: Vec<Vec<usize>> = (0..plots.len()).map(|cell| vec![cell]).collect();
         structure.push((plots.len()..rows * self.columns).collect());
         let mut legend = LegendPlot::from_entries(self.legend.clone()).without_box();
-        // Letters are hardly ever wider than nine units, and a swatch with its margins takes 45.
+        // A letter is rarely wider than nine units, and a swatch with its margins takes 45.
         let longest = self.legend.iter().map(|entry| entry.label.chars().count()).max().unwrap_or(0);
         let legend_columns =
             if is_full { (usize::from(self.panel.0) * self.columns / (9 * longest + 45)).max(1) } else { 1 };
@@ -112,14 +112,14 @@ pub fn layout(plots: &[Plot], title: &str, x: &str, y: &str) -> Layout {
         .with_body_size(13)
 }
 
-/// A line with a marker on each of its points.
+/// A line with a marker on each point.
 pub fn marked_line(points: &[(f64, f64)], color: &str, style: LineStyle, shape: MarkerShape) -> [Plot; 2] {
     let line = LinePlot::new().with_data(points.to_vec()).with_color(color).with_stroke_width(2.0);
     let marks = ScatterPlot::new().with_data(points.to_vec()).with_color(color).with_size(4.5).with_marker(shape);
     [line.with_line_style(style).into(), marks.into()]
 }
 
-/// Powers of ten and what lies between, thousands and millions by their letters.
+/// Plain numbers, with suffixes for thousands and millions.
 pub fn plain_numbers() -> TickFormat {
     TickFormat::Custom(Arc::new(|value| {
         let (scaled, unit) = match value {

@@ -1,4 +1,4 @@
-//! φ and the curvature threshold: how much tunnels, how many touching triangles are missed, how many tests are needless.
+//! φ and the curvature threshold: shots that tunnel, touching triangles that are missed, and needless tests.
 
 use std::collections::BTreeSet;
 
@@ -26,15 +26,15 @@ use super::{
 const PHIS: [f32; 6] = [0.0, 0.25, 0.5, 1.0, 2.0, 5.0];
 const THRESHOLDS: [f32; 4] = [0.5, 1.0, 2.0, 4.0];
 
-/// In thicknesses a tick: around those at which shots begin to come through.
+/// Speeds in thicknesses per tick, around those at which shots begin to tunnel.
 const SPEEDS: [f32; 5] = [10.0, 20.0, 40.0, 70.0, 100.0];
 
-/// Scenes whose touching triangles are counted, besides the beam that is lowered edge first.
+/// Scenes in which touching triangles are counted, besides the beam that is lowered edge first.
 const MOVING: [&str; 4] = ["box_on_edge_and_corner", "soft_spheres", "ribbed_panel", "cloth_over_ball"];
 
 const CLOTH_FALL: &[u8] = include_bytes!("../../assets/cloth_fall.bin");
 
-/// What a setting lets through, misses, and tests in vain.
+/// Tunnelling, misses, and needless tests of a setting.
 #[derive(Clone, Debug, Serialize)]
 pub struct CapsRow {
     pub phi: f32,
@@ -42,24 +42,24 @@ pub struct CapsRow {
     pub shots: usize,
     pub tunnelled: usize,
     pub tunnelling_rate: f64,
-    /// Pairs of triangles that touch, by the exact method.
+    /// Touching pairs of triangles, by the exact method.
     pub true_pairs: usize,
-    /// Of those, the ones that are missed.
+    /// Share of true pairs that are missed.
     pub missed_share: f64,
-    /// Of those between the beam and the mattress that it is lowered on edge first.
+    /// The same between the mattress and the beam that is lowered edge first.
     pub missed_share_on_edge: f64,
     /// Pairs whose spheres overlap, which go to the cone test.
     pub examined_pairs: usize,
-    /// Of those, the ones that do not touch.
+    /// Share of examined pairs that do not touch.
     pub needless_share: f64,
-    /// Of the pairs that are reported, those that do not touch.
+    /// Share of reported pairs that do not touch.
     pub false_share: f64,
-    /// Which shots tunnelled: the same were made with every setting.
+    /// Whether each shot tunnelled. All settings get the same shots.
     #[serde(skip)]
     pub which: Vec<bool>,
 }
 
-/// A scene and which of its triangles touch, tick by tick.
+/// A scene with its touching triangles in each tick.
 struct Judged {
     scene: MovingScene,
     thickness: SurfaceThickness,
@@ -123,7 +123,7 @@ fn scenes(extent: Extent) -> Result<Vec<Judged>, RecordingError> {
         scenes.push((beam_on_mattress(cells, ticks), SurfaceThickness::World(0.01), true));
     }
     for name in MOVING {
-        let scene = moving_scene(name, fineness, ticks, CLOTH_FALL)?.expect("its scenes are known");
+        let scene = moving_scene(name, fineness, ticks, CLOTH_FALL)?.expect("the listed scenes exist");
         scenes.push((scene, SurfaceThickness::default(), false));
     }
     Ok(scenes
@@ -138,7 +138,7 @@ fn scenes(extent: Extent) -> Result<Vec<Judged>, RecordingError> {
         .collect())
 }
 
-/// Which triangles a method finds touching, and how many pairs it sent to the cone test, tick by tick.
+/// The touching triangles that a method finds, and the number of pairs that it sends to the cone test, for each tick.
 fn play(judged: &Judged, method: ContactMethod, settings: CircumsphereSettings) -> Vec<(BTreeSet<[u32; 4]>, usize)> {
     let Judged { scene, thickness, .. } = judged;
     let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, Recorder::default());
@@ -148,7 +148,7 @@ fn play(judged: &Judged, method: ContactMethod, settings: CircumsphereSettings) 
     let entities: Vec<Entity> = (0..scene.bodies.len())
         .map(|body| {
             let (surface, positions) = DeformableSurface::from_mesh(&positions(body, 0), &scene.bodies[body].triangles)
-                .expect("the scene is sound");
+                .expect("the scene is valid");
             let mut entity = app.world_mut().spawn((surface, positions, method, *thickness));
             if scene.bodies[body].touches_itself {
                 entity.insert(SelfCollision);
@@ -166,7 +166,7 @@ fn play(judged: &Judged, method: ContactMethod, settings: CircumsphereSettings) 
             let number =
                 |entity: Entity| entities.iter().position(|&own| own == entity).map_or(u32::MAX, |place| place as u32);
             let mut touching = BTreeSet::new();
-            for pair in &store.pairs {
+            for pair in store.pairs() {
                 let sides = [number(pair.a.entity()), number(pair.b.entity())];
                 let triangles = pair.touching.iter();
                 touching.extend(triangles.map(|both| [sides[0], sides[1], both.triangle_a, both.triangle_b]));
@@ -178,7 +178,7 @@ fn play(judged: &Judged, method: ContactMethod, settings: CircumsphereSettings) 
         .collect()
 }
 
-/// Pairs of triangles over a scene.
+/// Counts of pairs of triangles over a scene.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counted {
     truth: usize,
@@ -209,7 +209,7 @@ fn count(judged: &Judged, settings: CircumsphereSettings) -> Counted {
     counted
 }
 
-/// A measure at the least and at the largest φ, mean over all thresholds.
+/// A measure at the smallest and at the largest φ, mean over all thresholds.
 fn ends(rows: &[CapsRow], value: fn(&CapsRow) -> f64) -> Option<[f64; 2]> {
     let phis = || rows.iter().map(|row| row.phi);
     let at = |phi: f32| mean(rows.iter().filter(|row| row.phi == phi).map(value));

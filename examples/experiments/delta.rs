@@ -1,14 +1,15 @@
-//! How stale may spheres be? δ from 0 to 2 in the three kinds of scenes: cost of the refresh, error of the surface that the
-//! caps make, and how quiet the scenes are.
+//! How stale may spheres be? δ from 0 to 2 in the three kinds of scenes: cost of the refresh, error of the surface that
+//! the caps make, and steadiness of the scenes.
 
 use bevy_circumsphere::{
     CircumsphereSettings,
-    detection::{Circumspheres, DetectionDiagnostics, TriangleCones, TriangleCurvature},
+    detection::DetectionDiagnostics,
     kernel::spheres::{
         circumsphere::{OffsetSpheres, RecipeSettings},
         cone::SafetyCones,
     },
     prelude::*,
+    surface::{Circumspheres, TriangleCones, TriangleCurvature},
 };
 use glam::Vec3;
 use indicatif::ProgressBar;
@@ -22,42 +23,42 @@ use super::{
     statistics::{mean, median},
 };
 
-/// From always to hardly ever.
+/// From a refresh in every tick to almost none.
 const DELTAS: [f32; 9] = [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6, 2.0];
 
-/// What the paper advises: for steadiness, for speed.
+/// The paper's advice for steadiness and for speed.
 const STEADIEST: f32 = 0.7;
 const FASTEST: f32 = 0.9;
 
-/// Less is the rounding of positions.
+/// Smaller values are within the rounding of positions.
 const LEAST_TREMBLING: f64 = 1.0e-8;
 
-/// Every so many ticks the caps are compared with fresh ones.
+/// Number of ticks between comparisons of the caps with fresh ones.
 const LOOK_EVERY: usize = 5;
 
-/// What a δ does to a scene: medians of its repetitions.
+/// Results of a δ in a scene: medians of its repetitions.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeltaRow {
     pub kind: &'static str,
     pub scene: &'static str,
     pub delta: f32,
     pub repetitions: usize,
-    /// Repetitions that flew apart; the others are told of.
+    /// Repetitions that flew apart. Steadiness is that of the remaining ones.
     pub broken: usize,
-    /// Of curvature, spheres and cones of a tick, in microseconds.
+    /// Time to refresh curvature, spheres, and cones of a tick, in microseconds.
     pub time_refresh_us: f64,
-    /// Of the whole detection of a tick, in milliseconds.
+    /// Time of the whole detection of a tick, in milliseconds.
     pub time_detection_ms: f64,
-    /// Largest over least of the repetitions.
+    /// Largest divided by smallest of the repetitions.
     pub time_detection_spread: f64,
-    /// Spheres made anew in a tick, of those of all triangles.
+    /// Share of spheres whose recipe is made anew in a tick.
     pub refreshed_share: f64,
-    /// How far the tops of the caps are from those of fresh ones, in mean edges.
+    /// Mean distance of the tops of the caps from those of fresh ones, in mean edges.
     pub surface_error_edges: f64,
-    /// How much higher or lower caps bulge than fresh ones, of what those bulge.
+    /// Difference of the bulge of caps from that of fresh ones, relative to the latter.
     pub surface_error_relative: f64,
     pub trembling: Option<f64>,
-    /// Largest over least of the repetitions.
+    /// Largest divided by smallest of the repetitions.
     pub trembling_spread: Option<f64>,
     pub jitter: Option<f64>,
     pub churn: Option<f64>,
@@ -73,7 +74,8 @@ struct Run {
     steadiness: Option<super::player::Steadiness>,
 }
 
-/// Plays every scene at every δ, repetition by repetition, so that a disturbance of the machine does not hit one δ alone.
+/// Plays every scene at every δ, one repetition after the other, so that a disturbance of the machine does not affect a
+/// single δ.
 pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<DeltaRow> {
     let deltas = extent.pick(&DELTAS[4..6], &DELTAS[..]);
     let (repetitions, ticks) = extent.pick((1, 30), (3, 360));
@@ -115,17 +117,17 @@ fn run(scene: &str, delta: f32, repetition: u64, ticks: usize) -> Run {
     run
 }
 
-/// How far a body's caps are from fresh ones: of their tops in mean edges, and of what they bulge by. `None` where its
-/// spheres are not those of the last tick.
+/// Error of a body's caps relative to fresh ones: of their tops in mean edges, and of their bulges. `None` if its
+/// spheres are not up to date with the last tick.
 fn surface_error(player: &Player, body: usize) -> Option<[f64; 2]> {
     let stage = &player.scene.stage;
     let (world, entity) = (stage.app.world(), stage.bodies[body]);
     let positions = player.detected_positions(body);
     let surface = stage.surface(entity);
     let triangles = surface.topology().triangles();
-    let spheres = &world.get::<Circumspheres>(entity)?.0;
-    let curvature = &world.get::<TriangleCurvature>(entity)?.0;
-    let axes = &world.get::<TriangleCones>(entity)?.0.axes;
+    let spheres = &world.get::<Circumspheres>(entity)?;
+    let curvature = &world.get::<TriangleCurvature>(entity)?;
+    let axes = &world.get::<TriangleCones>(entity)?.axes;
     if spheres.centers.len() != triangles.len() || !follows(spheres, positions, triangles) {
         return None;
     }
@@ -147,7 +149,8 @@ fn surface_error(player: &Player, body: usize) -> Option<[f64; 2]> {
     Some([away / (triangles.len() as f64 * f64::from(surface.mean_edge())), higher / bulges])
 }
 
-/// Whether every sphere reaches just as far as its triangle's farthest corner: whether it is of these positions.
+/// Whether every sphere reaches exactly its triangle's farthest corner, which means that it was refitted to these
+/// positions.
 fn follows(spheres: &OffsetSpheres, positions: &[Vec3], triangles: &[[u32; 3]]) -> bool {
     const ROUNDING: f32 = 1.0e-4;
     triangles.iter().zip(spheres.centers.iter().zip(&spheres.radii)).all(|(corners, (&center, &radius))| {
@@ -182,14 +185,14 @@ fn row((kind, scene): (&'static str, &'static str), delta: f32, runs: &[Run]) ->
     }
 }
 
-/// The largest over the least; numbers below `least` count as that.
+/// Largest divided by smallest value. Numbers below `least` count as `least`.
 fn spread(values: &[f64], least: f64) -> f64 {
     let (low, high) =
         values.iter().fold((f64::INFINITY, least), |(low, high), &value| (low.min(value), high.max(value)));
     high / low.max(least)
 }
 
-/// A measure over all scenes at each δ, as a multiple of the least. Only δ at which every scene has one.
+/// A measure over all scenes at each δ, as a multiple of the smallest. Only for δ at which every scene has a value.
 fn pooled(rows: &[DeltaRow], value: impl Fn(&DeltaRow) -> Option<f64>, least: f64) -> Vec<(f32, f64)> {
     let mut deltas: Vec<f32> = rows.iter().map(|row| row.delta).collect();
     deltas.sort_by(f32::total_cmp);
@@ -203,7 +206,7 @@ fn pooled(rows: &[DeltaRow], value: impl Fn(&DeltaRow) -> Option<f64>, least: f6
     means.into_iter().map(|(delta, mean)| (delta, mean / best)).collect()
 }
 
-/// Whether what the paper advises is best: in words, and in short. Within `noise` of the best is no worse.
+/// Whether the advised δ is best, in words and as an outcome. Values within `noise` of the best count as equal.
 fn advised(what: &str, pooled: &[(f32, f64)], advised: f32, noise: f64) -> (String, Outcome) {
     let best = pooled.iter().min_by(|a, b| a.1.total_cmp(&b.1));
     let (Some(&(best, _)), Some(&(_, ratio))) = (best, pooled.iter().find(|one| one.0 == advised)) else {

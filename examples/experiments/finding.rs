@@ -1,4 +1,4 @@
-//! How an experiment ends: a claim, what was found, and whether the claim holds, all of it made from the figures.
+//! The conclusion of an experiment: a claim, the result, and whether the claim holds, all generated from the figures.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -8,15 +8,15 @@ use super::statistics::mean;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     Holds,
-    /// Part of what is claimed.
+    /// A part of the claim holds.
     HoldsInPart,
     Fails,
-    /// The differences are no larger than those that chance makes.
+    /// The differences are no larger than chance.
     Undecided,
 }
 
 impl Outcome {
-    /// Of a claim in several parts.
+    /// Outcome of a claim in several parts.
     pub fn all(parts: &[Self]) -> Self {
         let count = |outcome| parts.iter().filter(|&&part| part == outcome).count();
         if count(Self::Holds) == parts.len() {
@@ -31,9 +31,8 @@ impl Outcome {
     }
 }
 
-/// Whether less happens to one than to the other, of two to whom the same was done again and again. What matters is how often
-/// it happened to one of them alone: chance parts those evenly, give or take twice the root of their number (a sign
-/// test).
+/// Whether an event happens less often to one of two series of paired trials. Only trials count in which it happened to
+/// exactly one of them. Chance splits those evenly, within twice the square root of their number (a sign test).
 pub fn happens_less<'a>(own: impl IntoIterator<Item = &'a bool>, other: impl IntoIterator<Item = &'a bool>) -> Outcome {
     let (mut own_alone, mut other_alone) = (0_i32, 0_i32);
     for (&own, &other) in own.into_iter().zip(other) {
@@ -76,7 +75,7 @@ impl Display for Finding {
     }
 }
 
-/// A number in three digits, or in powers of ten where it is very small or large.
+/// A number with three digits, or in scientific notation if it is very small or large.
 pub fn figure(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 {
@@ -97,22 +96,22 @@ pub fn figure(value: f64) -> String {
     }
 }
 
-/// [`figure`] of what there is, and a dash for what there is not.
+/// [`figure`], or a dash for `None`.
 pub fn optional(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), figure)
 }
 
-/// A share in percent, three digits.
+/// A share in percent, with three digits.
 pub fn percent(share: f64) -> String {
     format!("{} %", figure(100.0 * share))
 }
 
-/// The mean of ratios: numbers below `least` count as that.
+/// The geometric mean. Numbers below `least` count as `least`.
 pub fn geometric_mean(values: impl IntoIterator<Item = f64>, least: f64) -> Option<f64> {
     mean(values.into_iter().map(|value| value.max(least).ln())).map(f64::exp)
 }
 
-/// A table for people.
+/// A Markdown table.
 pub fn table(header: &[String], rows: impl IntoIterator<Item = Vec<String>>) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let rule: Vec<String> =

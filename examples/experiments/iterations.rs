@@ -1,4 +1,4 @@
-//! Contact methods at few and many solver iterations: what a tick costs, how quiet the scenes get, what is left of
+//! Contact methods at few and many solver iterations: time of a tick, steadiness of the scenes, and residual
 //! penetration by the exact method.
 
 use bevy_circumsphere::{prelude::*, response::XpbdSettings};
@@ -14,21 +14,21 @@ use super::{
     statistics::median,
 };
 
-/// The methods that are compared.
+/// The methods to compare.
 pub const METHODS: [ContactMethod; 4] =
     [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Refined, ContactMethod::Polygon];
 
 const ITERATIONS: [u32; 6] = [1, 2, 4, 8, 16, 32];
 
-/// As many as a game that counts iterations takes, rather than the many that make iterations superfluous.
+/// The number of substeps of a game that relies on iterations. The default number would make iterations superfluous.
 pub const SUBSTEPS: u32 = 2;
 
-/// What counts as few.
+/// Upper limit of few iterations.
 const FEW: u32 = 4;
 
 const LEAST_TREMBLING: f64 = 1.0e-8;
 
-/// What a method does in a scene: medians of its repetitions.
+/// Results of a method in a scene: medians of its repetitions.
 #[derive(Clone, Debug, Serialize)]
 pub struct IterationsRow {
     pub kind: &'static str,
@@ -38,15 +38,15 @@ pub struct IterationsRow {
     pub substeps: u32,
     pub iterations: u32,
     pub repetitions: usize,
-    /// Repetitions that flew apart; the others are told of.
+    /// Repetitions that flew apart. Except for times, the other fields describe the remaining ones.
     pub broken: usize,
-    /// Of a tick, in milliseconds.
+    /// Median time of a tick, in milliseconds.
     pub time_detection_ms: f64,
     pub time_response_ms: f64,
     pub trembling: Option<f64>,
     pub jitter: Option<f64>,
     pub churn: Option<f64>,
-    /// Contacts that are too near at the end, in contact distances: their mean and the most.
+    /// Mean and largest overlap of contacts at the end, in contact distances.
     pub residual_mean: Option<f64>,
     pub residual_deepest: Option<f64>,
     /// Edges that pierce a face at the end.
@@ -61,7 +61,7 @@ struct Run {
     quiet: Option<(Steadiness, Residual)>,
 }
 
-/// Plays every scene by every method with every number of iterations, repetition by repetition.
+/// Plays every scene with every method and every number of iterations, one repetition after the other.
 pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<IterationsRow> {
     let iterations = extent.pick(&ITERATIONS[1..3], &ITERATIONS[..]);
     let (repetitions, ticks) = extent.pick((1, 20), (2, 360));
@@ -89,7 +89,7 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<IterationsRow> {
 fn run(scene: &str, method: ContactMethod, iterations: u32, repetition: u64, ticks: usize) -> Run {
     let response = XpbdSettings { substeps: SUBSTEPS, iterations, ..XpbdSettings::default() };
     let mut player = Player::new(scene, &Variation { response, ..variation(method) }, repetition);
-    // Not farther than what is settled: afterwards the instrument lifts, and nothing is in contact.
+    // Stop at the end of the settled ticks. After them, the instrument lifts and nothing is in contact.
     let settled = player.scene.settled.end as usize;
     player.play(ticks.min(settled), |_| ());
     let milliseconds = |time: fn(&super::scenes::measure::Tick) -> std::time::Duration| {
@@ -130,7 +130,7 @@ fn row(
     }
 }
 
-/// Trembling of circumspheres over that of polygons at few iterations, and how often either flew apart alone.
+/// Compares the trembling of circumspheres with that of polygons at few iterations, and how often each flew apart.
 pub fn finding(rows: &[IterationsRow]) -> Finding {
     let few = |method: ContactMethod| rows.iter().filter(move |row| row.method == method && row.iterations <= FEW);
     let (mut ratios, mut steadier, mut settings) = (Vec::new(), 0, 0);
@@ -177,7 +177,7 @@ pub fn finding(rows: &[IterationsRow]) -> Finding {
     }
 }
 
-/// A measure, scene by scene: a row for each number of iterations, a column for each method.
+/// One table per measure and scene: a row for each number of iterations, and a column for each method.
 pub fn tables(rows: &[IterationsRow]) -> String {
     let measures: [(&str, fn(&IterationsRow) -> String); 5] = [
         ("detection + response (ms)", |row| {

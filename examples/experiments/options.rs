@@ -1,17 +1,17 @@
-//! What the command line may ask for.
+//! The command-line options.
 
 use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
 
-/// Repeat the source paper's experiments, and write tables, plots and a report.
+/// Repeat the experiments of the source paper, and write tables, plots, and a report.
 #[derive(Parser, Debug)]
 #[command(name = "experiments")]
 pub struct Options {
-    /// Where the report goes; made where it is missing
+    /// Folder for the report; created if missing
     #[arg(long, value_name = "DIR", default_value = "experiments")]
     pub out: PathBuf,
-    /// Only these experiments
+    /// Run only these experiments
     #[arg(long, value_enum, value_name = "NAME,…", value_delimiter = ',')]
     pub only: Vec<Experiment>,
     /// The fewest settings and ticks: some seconds, to see that everything works. Its figures mean nothing
@@ -40,7 +40,7 @@ pub enum Experiment {
 }
 
 impl Experiment {
-    /// A headline.
+    /// Headline in the report.
     pub const fn title(self) -> &'static str {
         match self {
             Self::Delta => "How stale may spheres be? δ from 0 to 2",
@@ -51,7 +51,7 @@ impl Experiment {
         }
     }
 
-    /// What its table and its plot are called, without the ending.
+    /// File name of its table and plot, without extension.
     pub const fn file(self) -> &'static str {
         match self {
             Self::Delta => "delta",
@@ -84,7 +84,7 @@ impl Options {
         if self.quick { Extent::Quick } else { Extent::Full }
     }
 
-    /// The experiments to make, in the report's order.
+    /// The experiments to run, in the order of the report.
     pub fn experiments(&self) -> Vec<Experiment> {
         let wanted = |experiment: &Experiment| self.only.is_empty() || self.only.contains(experiment);
         Experiment::value_variants().iter().copied().filter(wanted).collect()

@@ -1,5 +1,5 @@
-//! Plays a scene, tick by tick, for an experiment: from a start that is a little another one each time, and only as long as
-//! it does not fly apart.
+//! Plays a scene tick by tick for an experiment: from a slightly different start in each repetition, and only until it
+//! flies apart.
 
 use bevy_circumsphere::{prelude::*, response::XpbdBody};
 use bevy_ecs::prelude::*;
@@ -15,44 +15,45 @@ use super::{
     },
 };
 
-/// The paper's three kinds of scenes, and ours of that kind.
+/// The three kinds of scenes in the paper, and our scene of each kind.
 pub const KINDS: [(&str, &str); 3] = [("stable", "cloth_drop"), ("precision", "soft_tissue"), ("efficiency", "pile")];
 
-/// In mean edges: far below what one sees, and enough to make another course of what is chaotic.
+/// Disturbance of the start, in mean edges: far below what is visible, but enough to change the course of a chaotic
+/// scene.
 const DISTURBANCE: f32 = 1.0e-5;
 
-/// Nothing falls or is pushed as fast, in meters per second: what is faster has been thrown by the solver.
+/// Speed limit in meters per second. Nothing falls or is pushed as fast. Anything faster has been thrown by the solver.
 const THROWN: f32 = 30.0;
 
-/// A scene that is being played.
+/// A scene in play.
 pub struct Player {
     pub scene: Scene,
     pub ticks: Vec<Tick>,
-    /// Of all vertices, tick by tick: see [`Steadiness::trembling`].
+    /// Trembling of each tick: see [`Steadiness::trembling`].
     trembling: Vec<f64>,
-    /// Whether something has been thrown. Nothing that follows means anything.
+    /// Whether a vertex has been thrown. Results after that are meaningless.
     pub is_broken: bool,
-    /// Where the bodies' vertices were when the last tick began, and one tick before.
+    /// Positions of the bodies' vertices at the beginning of the last tick, and one tick before.
     last: [Vec<Vec<Vec3>>; 2],
     measure: Measure,
 }
 
-/// How quiet the settled ticks of a scene are.
+/// Steadiness of the settled ticks of a scene.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Steadiness {
-    /// Mean way in a tick of the vertices that are in contact, in mean edges.
+    /// Mean displacement per tick of the vertices in contact, in mean edges.
     pub jitter: f64,
-    /// The mean second difference of all vertices that are free to move, in mean edges a tick: what of their motion is not steady. The
-    /// same vertices for every method, where those in contact are others.
+    /// Mean second difference of all free vertices, in mean edges per tick: the part of their motion that is not
+    /// steady. Unlike the vertices in contact, these are the same vertices for every method.
     pub trembling: f64,
-    /// The share of contacts that come or go in a tick.
+    /// Share of contacts that come or go in a tick.
     pub churn: f64,
 }
 
 impl Player {
-    /// The scene of that name; `repetition` tells how its start is disturbed.
+    /// The scene with that name. `repetition` seeds the disturbance of its start.
     pub fn new(name: &str, variation: &Variation, repetition: u64) -> Self {
-        let mut scene = scene(name, variation, Recorder::default()).expect("experiments play scenes that there are");
+        let mut scene = scene(name, variation, Recorder::default()).expect("experiments only play existing scenes");
         let mut random = Random::new(0x5EED ^ repetition);
         for body in scene.stage.bodies.clone() {
             let reach = DISTURBANCE * scene.stage.surface(body).mean_edge();
@@ -72,7 +73,7 @@ impl Player {
         }
     }
 
-    /// Plays a tick. Whether another one may follow.
+    /// Plays a tick. Returns whether another one may follow.
     pub fn tick(&mut self) -> bool {
         let stage = &self.scene.stage;
         let now: Vec<Vec<Vec3>> = stage.bodies.iter().map(|&body| stage.positions(body).to_vec()).collect();
@@ -87,19 +88,19 @@ impl Player {
         !self.is_broken
     }
 
-    /// Plays until the scene has shown what it is about, at most `most` ticks, and calls `look` after each.
+    /// Plays at most `most` ticks of the scene, and calls `look` after each, until it breaks.
     pub fn play(&mut self, most: usize, mut look: impl FnMut(&Self)) {
         while self.ticks.len() < (self.scene.ticks as usize).min(most) && self.tick() {
             look(self);
         }
     }
 
-    /// Where the vertices of a body were when the last tick began: what its detection has seen.
+    /// Positions of a body's vertices at the beginning of the last tick, which its detection has seen.
     pub fn detected_positions(&self, body: usize) -> &[Vec3] {
         &self.last[0][body]
     }
 
-    /// Of the settled ticks; `None` where there is nothing to tell of.
+    /// Steadiness of the settled ticks. `None` if the scene broke or has no settled ticks.
     pub fn steadiness(&self) -> Option<Steadiness> {
         let range = settled(&self.scene, self.ticks.len());
         let quiet = &self.ticks[range.clone()];
@@ -107,7 +108,7 @@ impl Player {
             return None;
         }
         let jitter: Jitter = quiet.iter().map(|tick| tick.jitter).sum();
-        // There is no second difference in the first tick.
+        // The first tick has no second difference.
         let trembling = &self.trembling[range.start.saturating_sub(1)..range.end - 1];
         Some(Steadiness {
             jitter: jitter.step(),
@@ -121,7 +122,7 @@ impl Player {
         let stage = &self.scene.stage;
         for (place, &entity) in stage.bodies.iter().enumerate() {
             let edge = f64::from(stage.surface(entity).mean_edge());
-            let body = stage.app.world().get::<XpbdBody>(entity).expect("the scene's bodies stay");
+            let body = stage.app.world().get::<XpbdBody>(entity).expect("bodies are never removed");
             let [last, before] = [&self.last[0][place], &self.last[1][place]];
             for (vertex, now) in stage.positions(entity).iter().enumerate() {
                 if body.inverse_masses[vertex] > 0.0 {
@@ -136,12 +137,13 @@ impl Player {
 }
 
 fn is_thrown(stage: &Stage, entity: Entity) -> bool {
-    let body = stage.app.world().get::<XpbdBody>(entity).expect("the scene's bodies stay");
+    let body = stage.app.world().get::<XpbdBody>(entity).expect("bodies are never removed");
     let is_fine = |velocity: &Vec3| velocity.length() <= THROWN;
     !body.velocities.iter().all(is_fine) || !stage.positions(entity).iter().all(|position| position.is_finite())
 }
 
-/// A variation whose contacts are tested by `method`, where things are when a tick begins: what the method misses is missed.
+/// A variation with contacts tested by `method`, and only at the beginning of each tick. So what the method misses
+/// stays missed.
 pub fn variation(method: ContactMethod) -> Variation {
     Variation { method, continuous: false, extent: super::scenes::Extent::Small, ..Variation::default() }
 }

@@ -1,4 +1,4 @@
-//! The report's plots, one sheet for each experiment.
+//! The plots of the report, one sheet per experiment.
 
 use bevy_circumsphere::ContactMethod;
 use kuva::prelude::{Layout, LegendEntry, LinePlot, LineStyle, Plot};
@@ -13,7 +13,7 @@ use super::{
     tunnelling::{TARGETS, TunnellingRow},
 };
 
-/// How the axes of a panel run.
+/// Scales of the axes of a panel.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Axes {
     Linear,
@@ -22,10 +22,10 @@ enum Axes {
     LogBoth,
 }
 
-/// A line over a setting: its points, and the number that gives color, dash and shape.
+/// A line over a setting: its points, and the index that selects color, dash, and marker.
 type Series = (Vec<(f64, f64)>, usize);
 
-/// Lines over a setting, with room for the outermost markers; nothing where there is no point.
+/// Lines over a setting, with room for the outermost markers. A placeholder if there is no point.
 fn panel(series: &[Series], title: &str, [x, y]: [&str; 2], axes: Axes, top: Option<f64>) -> (Vec<Plot>, Layout) {
     let is_log_y = matches!(axes, Axes::LogY | Axes::LogBoth);
     let is_drawn = |&(_, y): &(f64, f64)| y.is_finite() && (!is_log_y || y > 0.0);
@@ -42,7 +42,7 @@ fn panel(series: &[Series], title: &str, [x, y]: [&str; 2], axes: Axes, top: Opt
         }
     }
     if plots.is_empty() {
-        // Where everything flew apart there is nothing to draw.
+        // If all runs flew apart, there is nothing to draw.
         (left, right, low, high) = (1.0, 10.0, 0.1, 1.0);
         plots.push(LinePlot::new().with_data(vec![(left, low), (left, low)]).with_color(BLACK).into());
     }

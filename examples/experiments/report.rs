@@ -1,4 +1,4 @@
-//! The report: what was done, its sentence, its plot and its table, experiment by experiment.
+//! The report. For each experiment: what was done, its plot, its table, and its sentence.
 
 use std::{fmt::Write, fs};
 
@@ -20,7 +20,7 @@ use super::{
     tunnelling::{self, TunnellingRow},
 };
 
-/// Everything that was measured.
+/// All results.
 #[derive(Default)]
 pub struct Study {
     pub delta: Vec<DeltaRow>,
@@ -29,17 +29,17 @@ pub struct Study {
     pub caps: Vec<CapsRow>,
     pub sizes: Vec<SizesRow>,
     pub seconds: f64,
-    /// Of the machine, before and after.
+    /// Load of the machine, before and after.
     pub load: [Option<f64>; 2],
 }
 
-/// A method's name in a table.
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serializers call it so")]
+/// Serializes the name of a method for a table.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde requires a reference")]
 pub fn name_of_method<S: Serializer>(method: &ContactMethod, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(&format_args!("{method:?}"))
 }
 
-/// Writes tables, plots and the report.
+/// Writes tables, plots, and the report.
 pub fn write(options: &Options, study: &Study) -> Result<(), ReportError> {
     let mut text = head(options, study);
     let mut section = |experiment: Experiment| -> Result<(), ReportError> {
@@ -78,7 +78,7 @@ pub fn write(options: &Options, study: &Study) -> Result<(), ReportError> {
     fs::write(&path, text).map_err(|source| ReportError::Write { path, source })
 }
 
-/// Writes the figures of an experiment; its sentence, its table and its plot.
+/// Writes the CSV file of an experiment, and returns its sentence, table, and plot.
 fn written<Row: Serialize>(
     options: &Options,
     experiment: Experiment,
@@ -126,7 +126,7 @@ fn head(options: &Options, study: &Study) -> String {
     )
 }
 
-/// What was done.
+/// Describes what was done.
 fn how(experiment: Experiment) -> String {
     let XpbdSettings { substeps, iterations, .. } = XpbdSettings::default();
     match experiment {

@@ -1,4 +1,4 @@
-//! How wrong a scene is at its end, by the exact method, whatever method has played it.
+//! Residual penetration of a scene, measured with the exact method, whatever method has played it.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{CircumsphereSettings, prelude::*};
@@ -10,22 +10,22 @@ use super::{
     scenes::{Stage, truth::vertices_inside},
 };
 
-/// What is left of penetration.
+/// Residual penetration.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Residual {
-    /// How much nearer than the contact distance the contacts are, in contact distances, the mean of those that are; 0
-    /// where none is.
+    /// Mean overlap of contacts that are closer than the contact distance, in contact distances; 0 without such
+    /// contacts.
     pub depth: f64,
-    /// The most.
+    /// Largest overlap, in contact distances.
     pub deepest: f64,
-    /// Edges that pierce a face.
+    /// Number of edges that pierce a face.
     pub crossings: usize,
-    /// Vertices of bodies inside another closed surface, by winding in f64.
+    /// Number of body vertices inside another closed surface, by winding in f64.
     pub inside: usize,
 }
 
 impl Residual {
-    /// Of a scene as it is.
+    /// Measures the scene in its current state.
     pub fn of(stage: &Stage) -> Self {
         let settings = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };
         let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, Recorder::default());
@@ -44,7 +44,7 @@ impl Residual {
         }
         detect(&mut app);
         let mut state: SystemState<SurfaceContacts> = SystemState::new(app.world_mut());
-        let contacts = state.get(app.world()).expect("the plugins keep a contact store");
+        let contacts = state.get(app.world()).expect("the plugins insert the contact store");
         let mut residual = Self { inside: vertices_inside(stage), ..Self::default() };
         let mut count = 0_usize;
         for contact in contacts.iter() {

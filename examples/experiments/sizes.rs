@@ -1,5 +1,5 @@
-//! How much fits into a frame: cloths of 3,000 vertices that come to lie on hilly ground of 100,000 triangles each, from a
-//! sixteenth of one upwards, until a tick takes longer than a frame.
+//! What fits into a frame: cloths of 3,000 vertices that settle on hilly ground of 100,000 triangles each, from a
+//! sixteenth of such a scene upwards, until a tick takes longer than a frame.
 
 use std::time::Duration;
 
@@ -25,50 +25,50 @@ use super::{
     statistics::median,
 };
 
-/// The paper's scene.
+/// Size of the paper's scene: deforming vertices and static triangles.
 const DEFORMING: f64 = 3_000.0;
 const STATIC: f64 = 100_000.0;
 
-/// A frame at 60 a second, in milliseconds.
+/// A frame at 60 frames per second, in milliseconds.
 pub const FRAME_MS: f64 = 1_000.0 / 60.0;
 
 /// Multiples of the paper's scene.
 const MULTIPLES: [f64; 8] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
 
-/// Beyond this multiple one method is measured: the response has long exceeded a frame.
+/// Above this multiple, only one method is measured: the response takes far longer than a frame by then.
 const MOST_RESPONSES: f64 = 2.0;
 
-/// The length of a cell of ground and cloth, in meters.
+/// Length of a cell of ground and cloth, in meters.
 const CELL: f32 = 0.025;
 
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.002);
 
-/// Until the cloths lie on the hills, and how many ticks are measured then.
+/// Number of ticks until the cloths lie on the hills, and number of ticks measured after that.
 const FALL: usize = 25;
 const MEASURED: usize = 9;
 
-/// A size, and what a tick of it takes: medians, one thread.
+/// A size, and the times of a tick: medians, on one thread.
 #[derive(Clone, Debug, Serialize)]
 pub struct SizesRow {
     #[serde(serialize_with = "super::report::name_of_method")]
     pub method: ContactMethod,
-    /// Times the paper's scene.
+    /// Multiple of the paper's scene.
     pub multiple: f64,
     pub deforming_vertices: usize,
     pub static_triangles: usize,
-    /// Within the contact distance, at the end.
+    /// Contacts within the contact distance, at the end.
     pub contacts: usize,
-    /// The detection of the same motion where nothing answers and nothing is asked for beyond the contact distance, in milliseconds.
+    /// Time to detect the same motion without a response and without a margin, in milliseconds.
     pub time_detection_alone_ms: f64,
-    /// Detection with the margin that the response asks for.
+    /// Time to detect with the margin of the response, in milliseconds.
     pub time_detection_ms: f64,
     pub time_response_ms: f64,
-    /// Of a frame at 60 a second.
+    /// Share of a frame at 60 frames per second.
     pub frame_share_detection_alone: f64,
     pub frame_share_with_response: f64,
 }
 
-/// Measures multiple by multiple, until detection alone exceeds a frame by either method.
+/// Measures one multiple after the other, until detection alone takes longer than a frame with both methods.
 pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<SizesRow> {
     let multiples = extent.pick(&MULTIPLES[..1], &MULTIPLES[..]);
     let (fall, measured) = extent.pick((3, 3), (FALL, MEASURED));
@@ -84,7 +84,7 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<SizesRow> {
     rows
 }
 
-/// The ground, then the cloths.
+/// Builds the ground and the cloths.
 #[expect(clippy::cast_sign_loss, reason = "roots and multiples are not negative")]
 fn meshes(multiple: f64) -> (Mesh, Vec<Mesh>) {
     let cells = (STATIC * multiple / 2.0).sqrt().round() as usize;
@@ -101,14 +101,14 @@ fn meshes(multiple: f64) -> (Mesh, Vec<Mesh>) {
         let place = |number: usize, of: usize| ((number as f32 + 0.5) / of as f32 - 0.5) * width;
         let cloth_width = (side - 1) as f32 * CELL;
         let cloth = grid(side - 1, side - 1, cloth_width, cloth_width, Diagonals::Alternating);
-        // Turned against the ground: no two cells lie alike.
+        // Rotate the cloths relative to the ground, so that no two cells are aligned in the same way.
         let (x, z) = (place(number % columns, columns), place(number / columns, count.div_ceil(columns)));
         cloth.rotate([0.0, 1.0, 0.0], 0.3 + number as f32).translate([x, 0.1, z])
     });
     (ground, cloths.collect())
 }
 
-/// What a response found in the measured ticks: medians of times, contacts at the end, and the way that everything took.
+/// Results of the measured ticks with a response: median times, contacts at the end, and the motion.
 struct Played {
     detection: f64,
     response: f64,
@@ -143,7 +143,7 @@ fn measure_size(multiple: f64, fall: usize, measured: usize) -> Vec<SizesRow> {
     let (ground, cloths) = meshes(multiple);
     let own = play(ContactMethod::Circumsphere, &ground, &cloths, fall, measured);
     let exact = (multiple <= MOST_RESPONSES).then(|| play(ContactMethod::Refined, &ground, &cloths, fall, measured));
-    // Each of the motion that its own contacts lead to.
+    // Each method replays the motion that its own contacts led to.
     [(ContactMethod::Circumsphere, Some(own)), (ContactMethod::Refined, exact)]
         .into_iter()
         .filter_map(|(method, played)| {
@@ -165,14 +165,14 @@ fn measure_size(multiple: f64, fall: usize, measured: usize) -> Vec<SizesRow> {
         .collect()
 }
 
-/// The time of each detection of a motion without a response. The first, which builds trees, is left out.
+/// Detection times of a motion without a response. The first detection, which builds trees, is left out.
 fn replay(method: ContactMethod, ground: &Mesh, cloths: &[Mesh], motion: &[Vec<Vec<Vec3>>]) -> Vec<f64> {
     let settings = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };
     let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, Recorder::default());
     let mut spawn = |mesh: &Mesh, is_cloth: bool| {
         let positions: Vec<Vec3> = mesh.positions.iter().map(|&position| Vec3::from(position)).collect();
         let (surface, positions) =
-            DeformableSurface::from_mesh(&positions, &mesh.triangles).expect("the meshes are sound");
+            DeformableSurface::from_mesh(&positions, &mesh.triangles).expect("the meshes are valid");
         let mut entity = app.world_mut().spawn((surface, positions, method, THICKNESS));
         if is_cloth {
             entity.insert(SelfCollision);
@@ -192,8 +192,8 @@ fn replay(method: ContactMethod, ground: &Mesh, cloths: &[Mesh], motion: &[Vec<V
     times[1..].to_vec()
 }
 
-/// The number of deforming vertices that take a whole frame, on a line of logarithms between the sizes that were measured; `None`
-/// where none do, or all.
+/// Number of deforming vertices that take a whole frame, interpolated logarithmically between the measured sizes.
+/// `None` if no size crosses that limit.
 fn vertices_in_a_frame(rows: &[&SizesRow], share: fn(&SizesRow) -> f64) -> Option<f64> {
     let points: Vec<(f64, f64)> = rows.iter().map(|row| (row.deforming_vertices as f64, share(row))).collect();
     points.windows(2).find(|pair| pair[0].1 <= 1.0 && pair[1].1 > 1.0).map(|pair| {
@@ -202,7 +202,7 @@ fn vertices_in_a_frame(rows: &[&SizesRow], share: fn(&SizesRow) -> f64) -> Optio
     })
 }
 
-/// What a method takes of a frame at the paper's size, and when it takes all of it: in words.
+/// Describes a method's share of a frame at the paper's size, and the size at which it takes a whole frame.
 fn told(rows: &[SizesRow], method: ContactMethod, share: fn(&SizesRow) -> f64) -> Option<(String, f64)> {
     let own: Vec<&SizesRow> = rows.iter().filter(|row| row.method == method).collect();
     let taken = share(own.iter().find(|row| row.multiple == 1.0)?);

@@ -1,5 +1,5 @@
-//! Tunnelling against speed: a ball at a sheet, a sheet at a sheet, a needle at a closed surface, by each method, with and
-//! without continuous detection.
+//! Tunnelling against speed: a ball at a sheet, a sheet at a sheet, and a needle at a closed surface, with each method,
+//! with and without continuous detection.
 
 use bevy_circumsphere::{CircumsphereSettings, prelude::*, response::XpbdSettings};
 use circumsphere_support::random::Random;
@@ -16,38 +16,38 @@ use super::{
     scenes::{Scene, Shot, TICK, Variation, bullet_cloth::Target, scene},
 };
 
-/// In thicknesses a tick.
+/// Speeds in thicknesses per tick.
 const SPEEDS: [f32; 11] = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
 
-/// What is shot at what, and its name.
+/// Objects and targets, with their names.
 pub const TARGETS: [(Target, &str); 3] =
     [(Target::Sheet, "ball at sheet"), (Target::SheetBySheet, "sheet at sheet"), (Target::Closed, "needle at organ")];
 
-/// The slowest shot meets its target in the tenth tick.
+/// Enough ticks: the slowest shot reaches its target in the tenth tick.
 const TICKS: u32 = 30;
 
-/// How far aside shots go at most, in meters.
+/// Largest sideways displacement of a shot, in meters.
 const ASIDE: f32 = 0.02;
 
-/// How a shot is turned at most, in radians, besides any turn around the vertical.
+/// Largest tilt of a shot, in radians. The rotation about the vertical is not limited.
 const TILT: f32 = 0.15;
 
-/// Some shots of one kind at one speed.
+/// A number of shots of one kind at one speed.
 #[derive(Clone, Debug, Serialize)]
 pub struct TunnellingRow {
     pub target: &'static str,
     #[serde(serialize_with = "super::report::name_of_method")]
     pub method: ContactMethod,
     pub continuous: bool,
-    /// In thicknesses a tick, when it is shot.
+    /// Initial speed, in thicknesses per tick.
     pub speed: f32,
     pub shots: usize,
-    /// Shots of which a vertex is on the wrong side at the end, judged in f64.
+    /// Shots with at least one vertex on the wrong side at the end, judged in f64.
     pub tunnelled: usize,
     pub rate: f64,
-    /// Vertices on the wrong side, mean of all shots.
+    /// Vertices on the wrong side, mean over all shots.
     pub vertices: f64,
-    /// Which shots tunnelled: the same were made by every method.
+    /// Whether each shot tunnelled. All methods get the same shots.
     #[serde(skip)]
     pub which: Vec<bool>,
 }
@@ -59,7 +59,7 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<TunnellingRow> {
     let mut rows = Vec::new();
     for (target, name) in TARGETS {
         for continuous in [false, true] {
-            // It takes long to stop what is fast.
+            // Stopping fast objects takes long.
             let shots = extent.pick(1, if continuous { 2 } else { 10 });
             for method in METHODS {
                 for &speed in speeds {
@@ -86,15 +86,15 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<TunnellingRow> {
     rows
 }
 
-/// How many vertices have tunnelled, shot by shot: the same shots whatever the method.
+/// Number of tunnelled vertices of each shot. All methods get the same shots.
 pub fn shoot(base: &Variation, shot: Shot, shots: usize) -> Vec<usize> {
-    // Without weight: the speed is the one that is told.
+    // Without gravity, so that the speed stays as given.
     let response = XpbdSettings { gravity: Vec3::ZERO, ..base.response };
     let variation = Variation { response, shot, ..*base };
     let mut random = Random::new(0x005E_ED0F_5407);
     (0..shots)
         .map(|_| {
-            let mut scene = scene("bullet_cloth", &variation, Recorder::default()).expect("there is such a scene");
+            let mut scene = scene("bullet_cloth", &variation, Recorder::default()).expect("the scene exists");
             aim(&mut scene, shot, &mut random);
             (0..TICKS).for_each(|_| scene.tick());
             scene.tunnelled()
@@ -102,8 +102,8 @@ pub fn shoot(base: &Variation, shot: Shot, shots: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Turns and moves what is shot before it flies, and lets it begin a share of a tick earlier, so that it meets its target at
-/// any moment of a tick.
+/// Rotates and displaces the object before its flight. Its start is also displaced by up to one tick of flight, so that
+/// it can reach its target at any moment of a tick.
 fn aim(scene: &mut Scene, shot: Shot, random: &mut Random) {
     let body = *scene.stage.bodies.last().expect("something is shot");
     let thickness = match scene.stage.app.world().get::<SurfaceThickness>(body) {
@@ -123,7 +123,7 @@ fn aim(scene: &mut Scene, shot: Shot, random: &mut Random) {
     scene.stage.move_vertices(body, turned.into_iter().map(|position| position + lift + offset).enumerate());
 }
 
-/// The share of shots that tunnelled, of those that `wanted` picks.
+/// Share of tunnelled shots among the rows that `wanted` selects.
 fn share(rows: &[TunnellingRow], wanted: impl Fn(&TunnellingRow) -> bool) -> f64 {
     let (mut tunnelled, mut shots) = (0, 0);
     for row in rows.iter().filter(|row| wanted(row)) {
@@ -165,7 +165,7 @@ pub fn finding(rows: &[TunnellingRow]) -> Finding {
     }
 }
 
-/// The settings that shots were made by.
+/// Duration of a tick in which shots were made, in seconds.
 pub fn seconds_per_tick() -> f64 {
     TICK.as_secs_f64()
 }
@@ -194,7 +194,7 @@ pub fn tables(rows: &[TunnellingRow]) -> String {
     table(&header, lines)
 }
 
-/// The detection of the shots, with other caps.
+/// The variation for shots, with other caps.
 pub fn with_caps(phi: f32, curvature_threshold: f32) -> Variation {
     let base = variation(ContactMethod::Circumsphere);
     Variation { detection: CircumsphereSettings { phi, curvature_threshold, ..base.detection }, ..base }

@@ -1,8 +1,8 @@
-//! Which frames of a recording an example plays.
+//! The range of frames of a recording that an example plays.
 
 use std::{ops::Range, str::FromStr};
 
-/// `A..B` as it was typed; either end may be missing.
+/// A range `A..B`, as typed. Either end may be missing.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameRange {
     start: Option<usize>,
@@ -10,7 +10,7 @@ pub struct FrameRange {
 }
 
 #[derive(Debug, thiserror::Error)]
-#[error("--frames {start}..{end}: expected at least one frame, and none that is not within 0..{frames}")]
+#[error("--frames {start}..{end}: expected at least one frame, within 0..{frames}")]
 pub struct NoSuchFrames {
     start: usize,
     end: usize,
@@ -31,7 +31,7 @@ impl FromStr for FrameRange {
 }
 
 impl FrameRange {
-    /// The frames of a recording that has `frames` of them.
+    /// The range in a recording with `frames` frames.
     pub fn of(self, frames: usize) -> Result<Range<usize>, NoSuchFrames> {
         let range = self.start.unwrap_or(0)..self.end.unwrap_or(frames);
         if range.is_empty() || range.end > frames {

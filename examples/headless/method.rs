@@ -1,4 +1,4 @@
-//! The contact methods as the command line names them.
+//! The contact methods as command-line values.
 
 use bevy_circumsphere::ContactMethod;
 use clap::ValueEnum;

@@ -1,6 +1,6 @@
-//! The headless app that the examples play meshes in: what is on every example's stage, whatever it measures there.
+//! The headless app in which the examples play meshes.
 //!
-//! An example adds its surfaces, writes their positions tick by tick and reads what one detection did.
+//! An example adds its surfaces, writes their positions every tick, and reads the results of detection.
 
 pub mod recording;
 
@@ -18,7 +18,7 @@ use glam::Vec3;
 
 use self::recording::Recorder;
 
-/// An app that detects contacts at every update, with as many threads as the settings name, and that `recorder` records.
+/// An app that detects contacts on every update, with the number of threads from the settings. `recorder` records it.
 pub fn headless_app(plugins: PluginGroupBuilder, settings: CircumsphereSettings, recorder: Recorder) -> App {
     let mut app = App::new();
     if settings.threads > 1 {
@@ -43,14 +43,14 @@ pub fn headless_app(plugins: PluginGroupBuilder, settings: CircumsphereSettings,
     app
 }
 
-/// Gives a surface the positions of the next tick.
+/// Sets the positions of a surface for the next tick.
 pub fn move_surface(app: &mut App, surface: Entity, positions: Vec<Vec3>) {
     if let Some(mut current) = app.world_mut().get_mut::<SurfacePositions>(surface) {
         current.0 = positions;
     }
 }
 
-/// What one detection did.
+/// The results of one detection.
 pub struct Detection {
     pub total: Duration,
     pub stages: Vec<StageDiagnostics>,
@@ -59,10 +59,11 @@ pub struct Detection {
     pub contacts: usize,
 }
 
-/// How much simulated time a detection stands for.
+/// Simulated time per detection.
 const STEP: Duration = Duration::from_nanos(1_000_000_000 / 60);
 
-/// Detects once, and advances the clock. Also gives the time of first builds of trees, which is no part of the detection's.
+/// Detects once and advances the clock. Also returns the time of first tree builds, which is not part of the
+/// detection's time.
 pub fn detect(app: &mut App) -> (Detection, Duration) {
     app.update();
     app.world_mut().resource_mut::<Time>().advance_by(STEP);

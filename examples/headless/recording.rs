@@ -1,4 +1,4 @@
-//! The options of every example that records what it plays for the Rerun viewer.
+//! The options of every example that can record for the Rerun viewer.
 
 use std::path::{Path, PathBuf};
 
@@ -30,19 +30,19 @@ pub enum RecordingError {
     Rerun(#[from] bevy_circumsphere::debug::RerunError),
 }
 
-/// Records an app, or by default nothing.
+/// Records an app. The default records nothing.
 #[derive(Default)]
 pub struct Recorder(Option<Record>);
 
 #[cfg(feature = "rerun")]
 type Record = (bevy_circumsphere::debug::DeformableRerunPlugin, bevy_circumsphere::debug::RerunSettings);
 
-/// There is none without the feature.
+/// Without the feature there is no recording.
 #[cfg(not(feature = "rerun"))]
 type Record = std::convert::Infallible;
 
 impl RecordingOptions {
-    /// Opens a file for what is asked for.
+    /// Opens the file and applies the options.
     pub fn recorder(&self, path: &Path) -> Result<Recorder, RecordingError> {
         open(self, path).map(|record| Recorder(Some(record)))
     }
@@ -63,7 +63,7 @@ fn open(_options: &RecordingOptions, path: &Path) -> Result<Record, RecordingErr
 }
 
 impl Recorder {
-    /// Records what the app does from now on.
+    /// Records everything that the app does from now on.
     pub fn add_to(self, app: &mut App) {
         if let Some(record) = self.0 {
             add(record, app);

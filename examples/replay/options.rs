@@ -1,4 +1,4 @@
-//! What the command line may ask for, and what it amounts to for a given recording.
+//! The command-line options, and the settings derived from them for a given recording.
 
 use std::{ops::Range, path::PathBuf};
 
@@ -12,28 +12,28 @@ use super::{
     method::Method,
 };
 
-/// Contact distance where none is given, in mean edges.
+/// Default contact distance, in mean edges.
 const DEFAULT_DISTANCE_EDGES: f64 = 0.1;
 
 /// Detect the contacts of a recorded deforming mesh with itself, frame by frame.
 #[derive(Parser, Debug)]
 #[command(name = "replay", allow_negative_numbers = true)]
 pub struct Options {
-    /// The frames of one mesh in order (PLY or OBJ), or one .bin recording; none: an embedded scene
+    /// The frames of one mesh in order (PLY or OBJ), or one .bin recording; without files: an embedded scene
     pub files: Vec<PathBuf>,
-    /// How a pair of triangles is tested
+    /// Contact method
     #[arg(long, value_enum, default_value_t = Method::Refined)]
     pub method: Method,
-    /// How pairs of triangles are found
+    /// Broad phase that finds candidate pairs of triangles
     #[arg(long, value_enum, default_value_t = BroadPhase::Tree)]
     pub broad_phase: BroadPhase,
     /// One self-colliding surface, or one per connected component; both find the same pairs
     #[arg(long, value_enum, default_value_t = Surfaces::Whole)]
     pub surfaces: Surfaces,
-    /// Distance at which a pair of triangles touches, in the unit of the file
+    /// Contact distance, in the unit of the file
     #[arg(long, value_name = "X", conflicts_with = "contact_distance_edges")]
     pub contact_distance: Option<f64>,
-    /// The same, times the mean length of the unique welded edges of the first frame [default: 0.1]
+    /// Contact distance, in mean unique welded edges of the first frame [default: 0.1]
     #[arg(long, value_name = "X")]
     pub contact_distance_edges: Option<f64>,
     /// Height of a flat triangle's sphere center below its plane, in radii of the triangle
@@ -45,25 +45,26 @@ pub struct Options {
     /// Curvature times radius at which a sphere is no longer offset
     #[arg(long, default_value_t = CircumsphereSettings::default().curvature_threshold)]
     pub curvature_threshold: f32,
-    /// Whether planes that hold two triangles apart hold their caps apart
+    /// Drop pairs of caps if a plane separates their triangles
     #[arg(long, value_name = "BOOL", default_value_t = CircumsphereSettings::default().plane_cull, action = ArgAction::Set)]
     pub plane_cull: bool,
-    /// Whether safety cones are widened by the angle to the neighbors
+    /// Widen safety cones by the angle to the neighbors
     #[arg(long, value_name = "BOOL", default_value_t = CircumsphereSettings::default().widen_cones, action = ArgAction::Set)]
     pub widen_cones: bool,
-    /// How curvature is estimated
+    /// Curvature estimator
     #[arg(long, value_enum, default_value_t = Estimator::SignedEdge)]
     pub estimator: Estimator,
-    /// Frames to play, counted from 0, B excluded; either end may be left out
+    /// Frames to play, counted from 0, B excluded; either end may be omitted
     #[arg(long, value_name = "A..B", default_value = "..")]
     pub frames: FrameRange,
     /// Play everything N times, each time in a fresh app, and report medians
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub repeat: u32,
-    /// Detect each frame N times in a row in one app, with the trees and buffers of the time before, as if it had moved
+    /// Detect each frame N times in a row in one app, with the trees and buffers of the previous detection, as if it
+    /// had moved
     #[arg(long)]
     pub warm: bool,
-    /// Threads that may work on one frame; 1 bypasses any pool
+    /// Threads that may work on one frame; 1 uses no task pool
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: u16,
     /// Write the touching pairs of triangles
@@ -74,7 +75,7 @@ pub struct Options {
     pub contacts: Option<PathBuf>,
     #[command(flatten)]
     pub recording: RecordingOptions,
-    /// Write times and counts
+    /// Write times and counts as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
 }
@@ -142,7 +143,7 @@ pub struct Settings {
 }
 
 impl Options {
-    /// What is played, for the report.
+    /// The name of the input for the report.
     pub fn input_name(&self, embedded: &str) -> String {
         match self.files.as_slice() {
             [] => embedded.to_owned(),

@@ -1,4 +1,4 @@
-//! The files that a replay may write.
+//! The output files of a replay.
 
 use std::{
     collections::HashMap,
@@ -31,7 +31,7 @@ pub enum OutputError {
 
 type CsvFile = (PathBuf, Writer<BufWriter<File>>);
 
-/// The open files. They are opened before anything is computed, so that a wrong path costs no time.
+/// The open files. They are opened before any computation, so that a wrong path is reported at once.
 pub struct Writers {
     pairs: Option<CsvFile>,
     contacts: Option<CsvFile>,
@@ -73,7 +73,7 @@ struct ContactRow {
     separation: f32,
 }
 
-/// The header is written here, because a file without a single row has one too.
+/// Headers are written separately, so that files without rows have one too.
 const PAIR_HEADER: [&str; 4] = ["frame", "triangle_a", "triangle_b", "distance"];
 const CONTACT_HEADER: [&str; 23] = [
     "frame",
@@ -161,7 +161,7 @@ impl Writers {
 
 fn pair_rows(frame: usize, contacts: &FrameContacts) -> Vec<PairRow> {
     let mut rows = Vec::new();
-    for pair in &contacts.store.pairs {
+    for pair in contacts.store.pairs() {
         let (part_a, part_b) = (contacts.parts[&pair.a.entity()], contacts.parts[&pair.b.entity()]);
         rows.extend(pair.touching.iter().map(|touching| {
             let first = part_a.triangles[touching.triangle_a as usize];
@@ -173,7 +173,7 @@ fn pair_rows(frame: usize, contacts: &FrameContacts) -> Vec<PairRow> {
     rows
 }
 
-/// A vertex as `v7`, an edge as `e7-9`, a face as `f12`, in the file's numbers.
+/// A vertex as `v7`, an edge as `e7-9`, or a face as `f12`, with the numbers of the file.
 fn feature_name(part: &Part, triangle: u32, vertices: &[VertexId]) -> String {
     let number = |vertex: &VertexId| part.vertices[vertex.index()];
     match vertices {

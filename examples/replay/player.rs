@@ -1,4 +1,4 @@
-//! Plays a recording through a headless app.
+//! Plays a recording in a headless app.
 
 use std::{
     collections::HashMap,
@@ -8,12 +8,13 @@ use std::{
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
-    detection::{BroadPhasePlugin, BruteForceBroadPhasePlugin, ParryBroadPhasePlugin, TreeBroadPhasePlugin},
-    kernel::mesh::topology::{SurfaceTopology, TopologyError},
+    detection::{BroadPhasePlugin, BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
+    kernel::mesh::{topology::SurfaceTopology, validation::TopologyError},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::SystemState};
 use circumsphere_support::recording::Recording;
+use circumsphere_truth::ParryBroadPhasePlugin;
 use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -23,7 +24,7 @@ use super::{
     output::OutputError,
 };
 
-/// A part of the recorded mesh that becomes a surface of its own: its elements as numbered in the file.
+/// A part of the recorded mesh that becomes a separate surface. Its elements are numbered as in the file.
 pub struct Part {
     pub name: String,
     pub vertices: Vec<u32>,
@@ -49,7 +50,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// `names` are those of the connected components, as far as they have any.
+    /// `names` are the names of the connected components. Components without one are numbered.
     pub fn new(recording: &Recording, options: &Options, names: &[&str]) -> Result<Self, TopologyError> {
         let first_frame: Vec<Vec3> = recording.frames[0].iter().copied().map(Vec3::from_array).collect();
         let topology = SurfaceTopology::new(&first_frame, &recording.triangles)?;
@@ -95,21 +96,21 @@ pub struct PlayedFrame {
     pub detections: Vec<Detection>,
 }
 
-/// Everything that was played.
+/// The results of playing.
 pub struct Played {
-    /// Adjacency and first trees, once for each app.
+    /// Time to build adjacency and first trees, once per app.
     pub builds: Vec<Duration>,
     pub frames: Vec<PlayedFrame>,
 }
 
-/// The contacts of a frame, with the way back to the file's numbers.
+/// The contacts of a frame, with the parts that map them to the numbers of the file.
 pub struct FrameContacts<'a> {
     pub parts: &'a HashMap<Entity, &'a Part>,
     pub store: &'a ContactStore,
     pub contacts: &'a SurfaceContacts<'a>,
 }
 
-/// Plays the frames. `recorder` records the first app; `write` is called once for each frame with what was found.
+/// Plays the frames. `recorder` records the first app. `write` is called once per frame with the contacts.
 pub fn play(
     recording: &Recording,
     scene: &Scene,
@@ -150,7 +151,7 @@ pub fn play(
     Ok(played)
 }
 
-/// An app with the surfaces in it.
+/// An app with the surfaces.
 struct Stage<'a> {
     app: App,
     surfaces: Vec<(Entity, &'a Part)>,
@@ -178,7 +179,7 @@ impl<'a> Stage<'a> {
             widen_cones: settings.widen_cones,
             estimator: settings.estimator.into(),
             threads: settings.threads,
-            // A frame that is detected again stands for one that has moved.
+            // A frame that is detected again counts as one that has moved.
             memory: !settings.warm,
             ..CircumsphereSettings::default()
         };
@@ -187,11 +188,11 @@ impl<'a> Stage<'a> {
             .parts
             .iter()
             .map(|part| {
-                // Always welded at the first frame of the file, whichever frames are played.
+                // Weld at the first frame of the file, whichever frames are played.
                 let positions = part.positions(&recording.frames[0]);
                 let (surface, _) = DeformableSurface::from_mesh(&positions, &part.local_triangles)
-                    .expect("the whole mesh has been accepted");
-                // A recording is one mesh: whether a part of it is a surface of its own must not change its contacts.
+                    .expect("the whole mesh has been validated");
+                // A recording is one mesh. Splitting it into surfaces must not change its contacts.
                 let sidedness = Sidedness::TwoSided;
                 let thickness = SurfaceThickness::World((0.5 * settings.contact_distance) as f32);
                 let entity = app
@@ -222,7 +223,7 @@ impl<'a> Stage<'a> {
 
     fn read<T>(&mut self, read: impl FnOnce(&FrameContacts) -> T) -> T {
         let world = self.app.world();
-        let contacts = self.contacts.get(world).expect("the plugins keep a contact store");
+        let contacts = self.contacts.get(world).expect("the plugins insert the contact store");
         read(&FrameContacts { parts: &self.parts, store: world.resource::<ContactStore>(), contacts: &contacts })
     }
 }

@@ -1,4 +1,4 @@
-//! What a replay measured, as a table and as JSON.
+//! The measurements of a replay, as a table and as JSON.
 
 use std::{
     fmt::{self, Display, Formatter},
@@ -22,7 +22,7 @@ pub struct Report {
     vertices: usize,
     threads: usize,
     build_ms: f64,
-    /// Peak resident set of the process; `null` where the system does not tell.
+    /// Peak resident set size of the process; `null` if the system does not report it.
     peak_bytes: Option<u64>,
     frames: Vec<FrameReport>,
 }
@@ -64,7 +64,7 @@ fn milliseconds(duration: Duration) -> f64 {
 #[cfg(unix)]
 fn peak_resident_bytes() -> Option<u64> {
     use nix::sys::resource::{UsageWho, getrusage};
-    // Kilobytes everywhere but on Apple's systems.
+    // In kilobytes, except on Apple's systems.
     let unit = if cfg!(target_vendor = "apple") { 1 } else { 1024 };
     let peak = getrusage(UsageWho::RUSAGE_SELF).ok()?.max_rss();
     u64::try_from(peak).ok().map(|peak| peak * unit)
@@ -120,7 +120,7 @@ impl Report {
         median(self.frames.iter().map(value))
     }
 
-    /// The stages in the order in which they first occur.
+    /// The stages, in the order of their first occurrence.
     fn stage_names(&self) -> Vec<&'static str> {
         let mut names = Vec::new();
         for stage in self.frames.iter().flat_map(|frame| &frame.stages) {

@@ -1,4 +1,4 @@
-//! Tunnelling: something is shot at what should stop it, at so many thicknesses a tick.
+//! Tunnelling: an object is shot at a target that should stop it, at a speed given in thicknesses per tick.
 
 use bevy_circumsphere::{
     prelude::*,
@@ -15,26 +15,26 @@ use crate::headless::recording::Recorder;
 /// Half the contact distance, in meters.
 const THICKNESS: f32 = 0.002;
 
-/// The width of the sheet that is shot at, in meters.
+/// Width of the target sheet, in meters.
 const SHEET: f32 = 0.5;
 
-/// What is shot at what.
+/// Object and target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Target {
-    /// A ball at a sheet that is held along its border
+    /// A ball at a sheet pinned along its border
     Sheet,
-    /// A sheet, flat, at a larger one that is held along its border
+    /// A flat sheet at a larger sheet pinned along its border
     SheetBySheet,
-    /// A needle at a closed surface that stands
+    /// A needle at a static closed surface
     Closed,
 }
 
-/// What is shot, and how fast.
+/// Object, target, and speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shot {
-    /// At what.
+    /// Object and target.
     pub target: Target,
-    /// In thicknesses of 2 mm a tick.
+    /// Speed in thicknesses of 2 mm per tick.
     pub speed: f32,
 }
 
@@ -45,7 +45,7 @@ impl Default for Shot {
     }
 }
 
-/// A needle of steel keeps its shape.
+/// Steel, so that the needle keeps its shape.
 const STEEL: XpbdMaterial = XpbdMaterial {
     area_density: 8.0,
     stretch_compliance: 0.0,
@@ -55,12 +55,12 @@ const STEEL: XpbdMaterial = XpbdMaterial {
     drag: 0.0,
 };
 
-/// Shoots downwards; reaches the target in the second tick.
+/// The shot goes downwards and reaches the target in the second tick.
 pub fn bullet_cloth(variation: &Variation, recorder: Recorder) -> Scene {
     let mut stage = Stage::new(variation, recorder);
     let Shot { target, speed } = variation.shot;
     let way = speed * THICKNESS;
-    // The first tick is to be over before anything meets, and the way to go no whole number of ticks.
+    // The first tick must end before any collision, and the distance must not be a whole number of ticks.
     let gap = 3.0 * THICKNESS + 1.37 * way;
     let shot = |body: XpbdBody| body.moving(Vec3::NEG_Y * (way / TICK.as_secs_f32()));
     let thickness = SurfaceThickness::World(THICKNESS);
@@ -92,7 +92,7 @@ pub fn bullet_cloth(variation: &Variation, recorder: Recorder) -> Scene {
     }
 }
 
-/// A sheet in the plane y = 0, held along its border.
+/// A sheet in the plane y = 0, pinned along its border.
 fn add_sheet(stage: &mut Stage, variation: &Variation) -> Entity {
     let cells = variation.extent.pick(10, 30);
     let sheet = grid(cells, cells, SHEET, SHEET, Diagonals::Alternating);
@@ -106,8 +106,9 @@ fn border(sheet: &Mesh) -> Vec<VertexId> {
     (0..).zip(&sheet.positions).filter(|(_, position)| is_outer(position)).map(|(vertex, _)| VertexId(vertex)).collect()
 }
 
-/// How many vertices of what was shot are straight below where the sheet was at rest, and not in the pocket that the sheet
-/// makes: between itself and there. What bounced off may have fallen down beside it.
+/// Number of vertices of the object that are directly below the rest position of the sheet, and not in the pocket
+/// between the sheet and its rest position. Vertices beside the sheet do not count: the object may have bounced off and
+/// fallen past it.
 fn behind_sheet(stage: &Stage, sheet: Entity, shot: Entity) -> usize {
     let current = stage.world_positions(sheet);
     let triangles = stage.surface(sheet).topology().triangles();
@@ -124,7 +125,7 @@ fn behind_sheet(stage: &Stage, sheet: Entity, shot: Entity) -> usize {
     stage.world_positions(shot).iter().filter(is_behind).count()
 }
 
-/// How many vertices are straight below a surface that they came to from above.
+/// Number of vertices directly below a surface that they approached from above.
 fn below(stage: &Stage, surface: Entity, shot: Entity) -> usize {
     let surface = stage.world_positions(surface);
     let (low, high) =

@@ -8,24 +8,24 @@ use glam::{DVec3, Vec3};
 
 use super::Stage;
 
-/// In joules, of all that is not pinned.
+/// Energy in joules of everything that is not pinned.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Energy {
-    /// Of motion.
+    /// Kinetic energy.
     pub kinetic: f64,
-    /// Of height: against gravity, from the world's origin.
+    /// Potential energy in gravity, relative to the world's origin.
     pub height: f64,
-    /// Of springs and hinges that have some compliance. What is as stiff as the solver can make it has none.
+    /// Elastic energy of springs and hinges with positive, finite compliance. Those with compliance 0 store none.
     pub elastic: f64,
 }
 
 impl Energy {
-    /// Of the bodies as they are.
+    /// The energy of the bodies in their current state.
     pub fn of(stage: &Stage) -> Self {
         let gravity = stage.app.world().resource::<XpbdSettings>().gravity.as_dvec3();
         let mut energy = Self::default();
         for &entity in &stage.bodies {
-            let body = stage.app.world().get::<XpbdBody>(entity).expect("the scene's bodies stay");
+            let body = stage.app.world().get::<XpbdBody>(entity).expect("bodies are never removed");
             energy.kinetic += body.kinetic_energy();
             let masses =
                 body.inverse_masses.iter().map(|&inverse| if inverse > 0.0 { 1.0 / f64::from(inverse) } else { 0.0 });
@@ -37,13 +37,12 @@ impl Energy {
         energy
     }
 
-    /// All of it.
     pub fn total(&self) -> f64 {
         self.kinetic + self.height + self.elastic
     }
 }
 
-/// Half the square of each stretch and bend, over its compliance.
+/// Half the square of each stretch and bend, divided by its compliance.
 fn elastic(topology: &SurfaceTopology, material: &XpbdMaterial, positions: &[Vec3], rest: &[DVec3]) -> f64 {
     let gives = |compliance: f32| compliance > 0.0 && compliance.is_finite();
     let now: Vec<DVec3> = positions.iter().map(|position| position.as_dvec3()).collect();
@@ -65,7 +64,7 @@ fn elastic(topology: &SurfaceTopology, material: &XpbdMaterial, positions: &[Vec
     energy
 }
 
-/// The angle between the normals of two triangles at their common edge, in radians, positive where they are convex.
+/// The angle between the normals of two triangles at their common edge, in radians, positive if convex.
 fn bend(topology: &SurfaceTopology, points: &[DVec3], edge: EdgeId, triangles: [u32; 2]) -> f64 {
     let [first, second] = triangles.map(|triangle| {
         let [a, b, c] = topology.welded_triangles()[triangle as usize].map(|corner| points[corner as usize]);

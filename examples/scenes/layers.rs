@@ -1,4 +1,4 @@
-//! Sheets of cloth that fall on each other and on the ground.
+//! Sheets of cloth that fall onto each other and the ground.
 
 use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use bevy_transform::components::Transform;
@@ -11,10 +11,10 @@ use crate::headless::recording::Recorder;
 /// Half the contact distance, in meters.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.002);
 
-/// How far the sheets are above each other at the start, in meters.
+/// Initial vertical gap between the sheets, in meters.
 const GAP: f32 = 0.02;
 
-/// Ten sheets of half a meter above the ground, each turned a little against the one below.
+/// Ten sheets of half a meter above the ground, each rotated a little relative to the one below.
 pub fn layers(variation: &Variation, recorder: Recorder) -> Scene {
     let mut stage = Stage::new(variation, recorder);
     stage.add_shape("ground", SharedShape::halfspace(Vec3::Y), Transform::IDENTITY);

@@ -1,5 +1,5 @@
-//! What games are made of: cloths, a flag and soft balls on ground of every kind of rigid shape, with platforms that move
-//! and a fast ball.
+//! A typical game level: cloths, a flag, and soft balls on ground made of every kind of rigid shape, with moving
+//! platforms and a fast ball.
 
 use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use bevy_transform::components::Transform;
@@ -13,7 +13,7 @@ use parry3d::{math::Pose, utils::Array2};
 use super::{Scene, Stage, Variation};
 use crate::headless::recording::Recorder;
 
-/// The stairs, from the highest step down: each 0.3 m deep and 0.15 m high.
+/// Number of stairs. Each is 0.3 m deep and 0.15 m high.
 const STEPS: u8 = 4;
 
 /// The level with everything above its ground.
@@ -30,7 +30,7 @@ pub fn level(variation: &Variation, recorder: Recorder) -> Scene {
     let cells = variation.extent.pick(8, 20);
     let sheet =
         |at: [f32; 3]| grid(cells, cells, 0.7, 0.7, Diagonals::Alternating).rotate([0.0, 1.0, 0.0], 0.3).translate(at);
-    // Over the mesh, the height field, both, the stairs, the slab, the lift and the ferry.
+    // Above the mesh, the height field, both, the stairs, the slab, the lift, and the ferry.
     let places: [[f32; 3]; 7] = [
         [-1.8, 0.8, -2.2],
         [1.5, 0.8, -0.2],
@@ -47,7 +47,7 @@ pub fn level(variation: &Variation, recorder: Recorder) -> Scene {
         let ball = icosphere(variation.extent.pick(1, 2), 0.1).translate([x + 0.05, y + 0.4, z - 0.03]);
         stage.add_body("soft ball", &ball, XpbdMaterial::SOFT, |body| body, ());
     }
-    // Upright in the way of the ball, held by its upper edge.
+    // Upright in the path of the ball, pinned along its upper edge.
     let flag = grid(cells, cells, 0.8, 0.8, Diagonals::Alternating)
         .rotate([1.0, 0.0, 0.0], std::f32::consts::FRAC_PI_2)
         .translate([0.0, 1.3, -0.5]);
@@ -66,7 +66,7 @@ fn add_ground(stage: &mut Stage) {
     stage.add_shape("mesh", trimesh(&level_ground()), Transform::IDENTITY);
     let heights = level_heights();
     let [columns, rows] = LEVEL_CELLS.map(|cells| cells + 1);
-    // Columns of the array run along x, and its numbers run down the columns.
+    // Columns of the array run along x, and the numbers run down the columns.
     let by_column = (0..columns).flat_map(|column| heights.iter().map(move |row| row[column])).collect();
     let scale = Vec3::new(LEVEL_HALF_WIDTH, 1.0, 2.0 * LEVEL_HALF_WIDTH);
     let field = SharedShape::heightfield(Array2::new(rows, columns, by_column), scale);
@@ -78,13 +78,13 @@ fn add_ground(stage: &mut Stage) {
     });
     stage.add_shape("stairs", SharedShape::compound(steps.collect()), Transform::from_xyz(1.5, -0.1, -2.0));
     stage.add_shape("slab", SharedShape::cuboid(0.6, 0.02, 0.6), Transform::from_xyz(-1.0, 0.7, -0.6));
-    // Far below, so that what falls off the level's border is somewhere.
+    // Far below, to catch what falls off the border of the level.
     stage.add_shape("abyss", SharedShape::halfspace(Vec3::Y), Transform::from_xyz(0.0, -20.0, 0.0));
 }
 
 fn trimesh(mesh: &Mesh) -> SharedShape {
     let positions = mesh.positions.iter().map(|&position| Vec3::from(position)).collect();
-    SharedShape::trimesh(positions, mesh.triangles.clone()).expect("the meshes of scenes are sound")
+    SharedShape::trimesh(positions, mesh.triangles.clone()).expect("scene meshes are valid")
 }
 
 fn place(middle: [f32; 3], angle: f32) -> Transform {

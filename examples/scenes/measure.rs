@@ -1,4 +1,4 @@
-//! What a tick of a scene did, and what a whole run amounts to.
+//! Measures each tick of a scene, and summarizes a run.
 
 use std::{
     collections::{BTreeSet, HashSet},
@@ -8,35 +8,34 @@ use std::{
 };
 
 use bevy_circumsphere::{
-    contacts::ContactSide, detection::DetectionDiagnostics, kernel::contact::ContactKey, prelude::*,
-    response::XpbdDiagnostics,
+    detection::DetectionDiagnostics, kernel::contact::ContactKey, prelude::*, response::XpbdDiagnostics,
 };
 use bevy_ecs::prelude::*;
 use glam::Vec3;
 
 use super::{Energy, Scene, Stage};
 
-/// Contacts count as touching up to this share of the contact distance beyond it: what rests is at the contact distance
-/// give or take a rounding, and must not count as parting in every second tick.
+/// Contacts count as touching up to this share of the contact distance beyond it. A resting contact is at the contact
+/// distance within rounding, and must not count as ended in every second tick.
 const TOUCHING: f32 = 0.05;
 
-/// How far vertices that are in contact go, in mean edges of their surface, summed up so that ticks can be added.
+/// Motion of vertices in contact, in mean edges of their surface. Stored as sums, so that ticks can be added.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Jitter {
-    /// `|x_t − x_{t−1}|`.
+    /// Sum of `|x_t − x_{t−1}|`.
     step: f64,
-    /// `|x_t − 2 x_{t−1} + x_{t−2}|`: what of it is no steady motion.
+    /// Sum of `|x_t − 2 x_{t−1} + x_{t−2}|`: the part that is not steady motion.
     second: f64,
     count: usize,
 }
 
 impl Jitter {
-    /// The mean way of a vertex in a tick; 0 where nothing was in contact.
+    /// Mean displacement of a vertex in a tick; 0 if nothing was in contact.
     pub fn step(&self) -> f64 {
         self.step / self.count.max(1) as f64
     }
 
-    /// The mean second difference.
+    /// Mean second difference; 0 if nothing was in contact.
     pub fn second_difference(&self) -> f64 {
         self.second / self.count.max(1) as f64
     }
@@ -56,40 +55,40 @@ impl Sum for Jitter {
     }
 }
 
-/// What a tick did. Contacts are those that were detected when it began, everything else is as it ended.
+/// Results of a tick. Contacts are those detected at its beginning. Everything else describes its end.
 #[derive(Clone, Debug, Default)]
 pub struct Tick {
     /// Time of detection.
     pub detection: Duration,
     /// Time of the response.
     pub response: Duration,
-    /// Time of the whole tick, what Bevy adds to it included.
+    /// Time of the whole tick, including the overhead of Bevy.
     pub whole: Duration,
-    /// Pairs of features within the contact distance.
+    /// Feature pairs within the contact distance.
     pub contacts: usize,
     /// Contacts that the solver watched.
     pub watched: usize,
     /// Contacts that pushed in the last substep.
     pub pressing: usize,
-    /// The largest contact distance of those, in world units; 0 where there is none.
+    /// Largest contact distance among these contacts, in world units; 0 without contacts.
     pub contact_distance: f64,
-    /// How much nearer than the contact distance the nearest contact is, in world units; 0 where none is.
+    /// Overlap of the deepest contact with the contact distance, in world units; 0 if none overlaps.
     pub deepest: f64,
-    /// The same, the mean of all contacts that are nearer.
+    /// Mean overlap of all contacts that overlap, in world units.
     pub mean_depth: f64,
-    /// Contacts that are crossings, an edge that pierces a face, by the detection.
+    /// Contacts that are crossings according to detection: an edge pierces a face.
     pub crossings: usize,
-    /// Contacts that are not in both this tick and the last, of those in one of them; 0 where there is none.
+    /// Share of contacts that are in only one of this tick and the last; 0 without contacts.
     pub churn: f64,
-    /// Of the vertices in contact.
+    /// Jitter of the vertices in contact.
     pub jitter: Jitter,
     pub energy: Energy,
 }
 
-/// Plays a scene and looks at every tick.
+/// Plays a scene and measures every tick.
 #[derive(Default)]
 pub struct Measure {
-    /// Where the vertices of each body were one and two ticks ago.
+    /// Positions of each body's vertices, one and two ticks ago.
     last: Vec<[Vec<Vec3>; 2]>,
     contacts: HashSet<(ContactSide, ContactSide, ContactKey)>,
 }
@@ -112,7 +111,7 @@ impl Measure {
         tick
     }
 
-    /// Fills in what contacts tell, and gives the vertices in contact.
+    /// Fills in what contacts show, and returns the vertices in contact.
     fn look_at_contacts(&mut self, stage: &mut Stage, tick: &mut Tick) -> BTreeSet<(Entity, VertexId)> {
         let mut touching = BTreeSet::new();
         let mut named = HashSet::with_capacity(self.contacts.len());
@@ -145,7 +144,7 @@ impl Measure {
         touching
     }
 
-    /// How far the vertices have gone, two ticks after the first look.
+    /// Measures the motion of vertices, from the third tick on.
     fn follow(&mut self, stage: &Stage, touching: &BTreeSet<(Entity, VertexId)>) -> Jitter {
         let mut jitter = Jitter::default();
         self.last.resize_with(stage.bodies.len(), <[Vec<Vec3>; 2]>::default);
@@ -169,8 +168,8 @@ impl Measure {
     }
 }
 
-/// The ticks of `played` that are settled: those that the scene names, or the last quarter where it has not come so far or
-/// has gone on.
+/// The settled ticks among the `played` ones: those that the scene names, or the last quarter if the scene ended before
+/// them or went on beyond its end.
 pub fn settled(scene: &Scene, played: usize) -> Range<usize> {
     let named = scene.settled.start as usize..played.min(scene.settled.end as usize);
     let goes_on = played > scene.ticks as usize;

@@ -1,6 +1,7 @@
-//! The physics scenes that the examples, the experiments and the tests play: bodies, what they meet, and what moves.
+//! The physics scenes that examples, experiments, and tests play.
 //!
-//! A scene is built by name and played tick by tick; `measure` looks at what a tick did, `truth` judges the result in f64.
+//! A scene is built by name and played tick by tick. `measure` observes each tick, and `truth` judges the result in
+//! f64.
 
 pub mod bullet_cloth;
 mod cloth_drop;
@@ -28,11 +29,11 @@ pub use self::{
 };
 use crate::headless::recording::Recorder;
 
-/// The names that [`scene`] knows.
+/// The names that [`scene`] accepts.
 pub const SCENES: [&str; 8] =
     ["cloth_drop", "layers", "soft_tissue", "pile", "skirt", "bullet_cloth", "walking_skirt", "level"];
 
-/// The scene of that name, or `None` where there is none.
+/// The scene with that name, or `None`.
 pub fn scene(name: &str, variation: &Variation, recorder: Recorder) -> Option<Scene> {
     let build = match name {
         "cloth_drop" => cloth_drop::cloth_drop,
@@ -48,12 +49,12 @@ pub fn scene(name: &str, variation: &Variation, recorder: Recorder) -> Option<Sc
     Some(build(variation, recorder))
 }
 
-/// How large a scene is.
+/// Size of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Extent {
-    /// Some hundred triangles: for tests.
+    /// A few hundred triangles, for tests.
     Small,
-    /// Some thousand.
+    /// A few thousand triangles.
     #[default]
     Usual,
 }
@@ -67,24 +68,22 @@ impl Extent {
     }
 }
 
-/// What can be varied about a scene.
+/// The variable parameters of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Variation {
-    /// How contacts are detected.
+    /// Contact method.
     pub method: ContactMethod,
-    /// Settings of the detection, its threads among them: 1 by default.
+    /// Settings of detection. The number of threads is 1 by default.
     pub detection: CircumsphereSettings,
-    /// Settings of the response.
     pub response: XpbdSettings,
     /// Whether everything that moves has [`SweptCollision`]; true by default.
     pub continuous: bool,
-    /// How large it is.
     pub extent: Extent,
-    /// What `bullet_cloth` shoots at what.
+    /// Object, target, and speed in `bullet_cloth`.
     pub shot: Shot,
-    /// How fast the character of `walking_skirt` walks, 0 to 10 meters per second.
+    /// Walking speed of the character in `walking_skirt`, from 0 to 10 meters per second.
     pub walking_speed: f64,
-    /// How fast the ball of `level` flies, in meters per second.
+    /// Speed of the ball in `level`, in meters per second.
     pub ball_speed: f64,
 }
 
@@ -103,24 +102,24 @@ impl Default for Variation {
     }
 }
 
-/// A scene that is being played.
+/// A scene in play.
 pub struct Scene {
-    /// Its world.
+    /// The world of the scene.
     pub stage: Stage,
-    /// How many ticks it takes to see what it is about.
+    /// Number of ticks that show the point of the scene.
     pub ticks: u32,
-    /// The ticks in which nothing new happens, of those: where jitter tells something.
+    /// The ticks in which nothing new happens, in which jitter is meaningful.
     pub settled: Range<u32>,
-    /// Whether the truth is asked after every tick, not only at the end.
+    /// Whether the truth is evaluated after every tick, not only at the end.
     pub is_judged: bool,
-    /// Moves what physics does not move to where it is at a time, in seconds since the start.
+    /// Moves kinematic objects to their places at a time, in seconds since the start.
     animate: Box<dyn FnMut(&mut Stage, f64)>,
-    /// How many vertices are where they can only have come through something, closed surfaces left aside.
+    /// Number of vertices at places that they can only have reached by tunnelling, closed surfaces excluded.
     passed: Box<dyn Fn(&Stage) -> usize>,
 }
 
 impl Scene {
-    /// A scene in which only physics moves something. The last quarter of its ticks is settled.
+    /// A scene in which nothing is kinematic. The last quarter of its ticks counts as settled.
     fn new(stage: Stage, ticks: u32) -> Self {
         let settled = ticks - ticks / 4..ticks;
         Self { stage, ticks, settled, is_judged: false, animate: Box::new(|_, _| ()), passed: Box::new(|_| 0) }
@@ -138,15 +137,15 @@ impl Scene {
         Self { is_judged: true, ..self }
     }
 
-    /// Plays one tick.
     pub fn tick(&mut self) {
         let time = self.stage.next_time();
         (self.animate)(&mut self.stage, time);
         self.stage.tick();
     }
 
-    /// How many vertices of bodies have tunnelled: are inside a closed surface or a rigid shape, or behind what they cannot have
-    /// passed. Those that are nowhere count too, or a body that has burst would pass for one that was stopped.
+    /// Number of body vertices that have tunnelled: they are inside a closed surface or a rigid shape, or behind
+    /// something that they cannot have passed. Vertices that are not finite count too. Otherwise a body that has
+    /// exploded would pass for one that was stopped.
     pub fn tunnelled(&self) -> usize {
         let stage = &self.stage;
         let inside = truth::vertices_inside(stage) + truth::vertices_in_shapes(stage);

@@ -1,4 +1,4 @@
-//! What the command line of every scene may ask for.
+//! The command-line options that all scenes share.
 
 use bevy_circumsphere::{CircumsphereSettings, response::XpbdSettings};
 use clap::Args;
@@ -8,25 +8,25 @@ use crate::{headless::recording::RecordingOptions, method::Method};
 
 #[derive(Args, Clone, Debug)]
 pub struct SceneOptions {
-    /// How many ticks of a sixtieth of a second to play [default: as many as show what the scene is about]
+    /// Number of ticks to play, of a sixtieth of a second each [default: enough to show the point of the scene]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub ticks: Option<u32>,
-    /// How a pair of triangles is tested
+    /// Contact method
     #[arg(long, value_enum, default_value_t = Method::Refined)]
     pub method: Method,
-    /// Threads that may work on one tick; 1 bypasses any pool
+    /// Threads that may work on one tick; 1 uses no task pool
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: u16,
-    /// Into how many steps a tick is cut
+    /// Substeps per tick
     #[arg(long, value_name = "N", default_value_t = XpbdSettings::default().substeps, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub substeps: u32,
-    /// How often a step goes over all constraints
+    /// Passes over all constraints per substep
     #[arg(long, value_name = "N", default_value_t = XpbdSettings::default().iterations, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub iterations: u32,
-    /// Detect only where things are when a tick begins, not on their way
+    /// Detect only at the beginning of each tick, without sweeping the motion
     #[arg(long)]
     pub no_continuous: bool,
-    /// A small version of the scene
+    /// Play a small version of the scene
     #[arg(long)]
     pub small: bool,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! The program of a scene: plays it as the command line asks, and prints what came of it.
+//! The main program of every scene: plays it as the command line asks, and prints the results.
 
 use std::{
     fmt::{self, Display, Formatter},
@@ -17,19 +17,19 @@ use super::{
 };
 use crate::headless::recording::RecordingError;
 
-/// Bad input of any kind: the shell's convention for a wrong call.
+/// Exit status for any bad input, by the shell's convention for wrong usage.
 const BAD_INPUT: u8 = 2;
 
-/// Plays the scene of that name, prints a table, and tells the shell how it went.
+/// Plays the scene with that name, prints a table, and returns the exit status.
 pub fn run(name: &str, options: &SceneOptions, shot: Shot) -> ExitCode {
     run_varied(name, options, &Variation { shot, ..options.variation() })
 }
 
-/// The same for whatever else can be varied.
+/// Like [`run`], for any variation.
 pub fn run_varied(name: &str, options: &SceneOptions, variation: &Variation) -> ExitCode {
     match play(name, options, variation) {
         Ok(outcome) => {
-            // Whoever reads the table may stop reading.
+            // The reader of the table may have closed the pipe.
             let _ = write!(io::stdout(), "{name}: {outcome}");
             ExitCode::SUCCESS
         }
@@ -42,9 +42,9 @@ pub fn run_varied(name: &str, options: &SceneOptions, variation: &Variation) -> 
 
 fn play(name: &str, options: &SceneOptions, variation: &Variation) -> Result<Outcome, RecordingError> {
     let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;
-    let mut scene = scene(name, variation, recorder.unwrap_or_default()).expect("a program has a scene of its name");
+    let mut scene = scene(name, variation, recorder.unwrap_or_default()).expect("every program names a scene");
     let ticks = options.ticks.unwrap_or(scene.ticks);
-    // Drawn on a terminal alone.
+    // Only drawn on a terminal.
     let progress = ProgressBar::new(u64::from(ticks)).with_style(
         ProgressStyle::with_template("{bar:40} {pos}/{len} ticks, {eta} left").expect("the template is well formed"),
     );
@@ -55,7 +55,7 @@ fn play(name: &str, options: &SceneOptions, variation: &Variation) -> Result<Out
         let tick = measure.tick(&mut scene);
         if scene.is_judged {
             let judged = (scene.tunnelled(), number + 1);
-            // The first of the worst ticks.
+            // Keep the first of the worst ticks.
             worst = Some(worst.map_or(judged, |worst: (usize, u32)| if judged.0 > worst.0 { judged } else { worst }));
         }
         tick
@@ -75,7 +75,7 @@ fn play(name: &str, options: &SceneOptions, variation: &Variation) -> Result<Out
     })
 }
 
-/// What came of playing a scene.
+/// The results of playing a scene.
 struct Outcome {
     scene: Scene,
     bodies: usize,
@@ -84,7 +84,7 @@ struct Outcome {
     ticks: Vec<Tick>,
     crossing: usize,
     tunnelled: usize,
-    /// How many vertices were where they cannot be in the worst tick, and which tick that was.
+    /// Number of tunnelled vertices in the worst tick, and the number of that tick.
     worst: Option<(usize, u32)>,
     hash: u64,
 }

@@ -1,4 +1,4 @@
-//! Cloth over a character: a skirt hangs from the waist of a figure that begins to walk.
+//! Cloth on a character: a skirt hangs from the waist of a figure that begins to walk.
 
 use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use bevy_ecs::prelude::*;
@@ -13,13 +13,13 @@ use crate::headless::recording::Recorder;
 /// Half the contact distance, in meters.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.003);
 
-/// Limbs overlap at their joints: they meet cloth, and not each other.
+/// Limbs overlap at their joints, so they collide with cloth but not with each other.
 const LIMBS: SurfaceLayers = SurfaceLayers { memberships: 2, filters: 1 };
 
-/// How many steps the figure walks.
+/// Number of steps that the figure walks.
 const STEPS: f64 = 4.0;
 
-/// A figure with a skirt, which stands, then walks in place.
+/// A figure in a skirt that stands, then walks in place.
 pub fn skirt(variation: &Variation, recorder: Recorder) -> Scene {
     let mut stage = Stage::new(variation, recorder);
     let limbs: Vec<Entity> = FIGURE_LIMBS
@@ -41,7 +41,7 @@ pub fn skirt(variation: &Variation, recorder: Recorder) -> Scene {
         let offset = Vec3::from(pelvis_offset(time)) - Vec3::from(pelvis_offset(0.0));
         stage.move_vertices(skirt, waist.iter().map(|&(vertex, start)| (vertex, start + offset)));
     });
-    // Walking at full size: only the second difference is trembling.
+    // Walking at full stride: only the second difference shows trembling.
     scene.settled = tick_at(FIGURE_EASE + FIGURE_STEP)..scene.ticks;
     scene
 }

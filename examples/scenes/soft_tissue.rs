@@ -1,4 +1,4 @@
-//! The precision scene: an instrument presses into a soft organ, slides over it and lifts.
+//! The precision scene: an instrument presses into a soft organ, slides over it, and lifts.
 
 use bevy_circumsphere::{
     prelude::*,
@@ -16,10 +16,10 @@ use crate::headless::recording::Recorder;
 /// Half the contact distance, in meters.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.0005);
 
-/// What is lower than this, in meters, is grown to what lies below.
+/// The organ is attached to its base below this height, in meters.
 const HELD_BELOW: f32 = -0.02;
 
-/// A skin that weighs what the organ of 1.5 liters weighs, and gives way to a finger.
+/// A skin as heavy as an organ of 1.5 liters, soft enough to yield to a finger.
 const TISSUE: XpbdMaterial = XpbdMaterial {
     area_density: 20.0,
     stretch_compliance: 1.0e-4,
@@ -29,12 +29,12 @@ const TISSUE: XpbdMaterial = XpbdMaterial {
     drag: 2.0,
 };
 
-/// Tissue is wet.
+/// Low friction, because tissue is wet.
 const FRICTION: SurfaceFriction = SurfaceFriction { static_coefficient: 0.2, dynamic_coefficient: 0.1 };
 
-/// An organ that is held below, and an instrument that comes down on it, slides for two seconds and lifts.
+/// An organ that is held at its base, and an instrument that comes down on it, slides for two seconds, and lifts.
 ///
-/// Without gravity: the shape at rest is the one that the organ has under its own weight.
+/// There is no gravity: the rest shape is the shape that the organ has under its own weight.
 pub fn soft_tissue(variation: &Variation, recorder: Recorder) -> Scene {
     let response = XpbdSettings { gravity: Vec3::ZERO, ..variation.response };
     let mut stage = Stage::new(&Variation { response, ..*variation }, recorder);
@@ -47,9 +47,9 @@ pub fn soft_tissue(variation: &Variation, recorder: Recorder) -> Scene {
     stage.add_body("organ", &tissue, TISSUE, |body| body.pinned(held), (THICKNESS, FRICTION));
     let tool = stage.add_moving_obstacle("instrument", &instrument(), (THICKNESS, FRICTION, pose(0.0)));
     let mut scene = Scene::new(stage, tick_at(INSTRUMENT_END)).animated(move |stage, time| {
-        *stage.app.world_mut().get_mut::<Transform>(tool).expect("the instrument stays") = pose(time);
+        *stage.app.world_mut().get_mut::<Transform>(tool).expect("the instrument is never removed") = pose(time);
     });
-    // While it slides steadily.
+    // The ticks in which it slides steadily.
     scene.settled = tick_at(INSTRUMENT_SLIDE_START + 0.5)..tick_at(INSTRUMENT_SLIDE_END - 0.3);
     scene
 }

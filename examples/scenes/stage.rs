@@ -1,4 +1,4 @@
-//! The world of a scene: a headless app with bodies and obstacles in it, advanced by hand.
+//! The world of a scene: a headless app with bodies and obstacles, advanced by hand.
 
 use std::time::Duration;
 
@@ -16,37 +16,36 @@ use glam::{DVec3, Vec3};
 use super::Variation;
 use crate::headless::{headless_app, recording::Recorder};
 
-/// How long a tick is.
+/// Duration of a tick.
 pub const TICK: Duration = Duration::from_nanos(1_000_000_000 / 60);
 
-/// How many whole ticks there are in some seconds.
+/// Number of whole ticks in a duration in seconds.
 pub(super) fn tick_at(seconds: f64) -> u32 {
     (Duration::from_secs_f64(seconds).as_nanos() / TICK.as_nanos()) as u32
 }
 
 /// The world of a scene.
 pub struct Stage {
-    /// The app.
     pub app: App,
-    /// Everything that moves by physics.
+    /// The bodies, which the solver moves.
     pub bodies: Vec<Entity>,
-    /// The surfaces that stand, or move as the scene writes them.
+    /// The surfaces that are static or kinematic.
     pub obstacles: Vec<Entity>,
-    /// The rigid shapes, which stand or move by their transforms.
+    /// The rigid shapes, which are static or moved by their transforms.
     pub shapes: Vec<Entity>,
-    /// How many ticks have been played.
+    /// Number of ticks played.
     pub ticks: u32,
     contacts: SystemState<SurfaceContacts<'static>>,
     method: ContactMethod,
     continuous: bool,
 }
 
-/// Where the vertices of a body have been put, in its own frame: the shape that it returns to.
+/// The initial positions of a body's vertices in its own frame: its rest shape.
 #[derive(Component, Clone, Debug)]
 struct RestPositions(Vec<DVec3>);
 
 impl Stage {
-    /// An empty world, that `recorder` records.
+    /// An empty world, recorded by `recorder`.
     pub fn new(variation: &Variation, recorder: Recorder) -> Self {
         let plugins = DeformableCollisionPlugins::new(Update).build().add(XpbdResponsePlugin::new(Update));
         let mut app = headless_app(plugins, variation.detection, recorder);
@@ -65,7 +64,7 @@ impl Stage {
         }
     }
 
-    /// Adds a surface that stands.
+    /// Adds a static surface.
     pub fn add_obstacle(&mut self, name: &'static str, mesh: &Mesh, extra: impl Bundle) -> Entity {
         let (surface, positions) = surface_of(mesh);
         let entity = self.app.world_mut().spawn((surface, positions, self.method, Name::new(name), extra)).id();
@@ -73,26 +72,24 @@ impl Stage {
         entity
     }
 
-    /// Adds a surface that the scene moves, by positions or by its transform.
+    /// Adds a surface that the scene moves, by its positions or its transform.
     pub fn add_moving_obstacle(&mut self, name: &'static str, mesh: &Mesh, extra: impl Bundle) -> Entity {
         let entity = self.add_obstacle(name, mesh, extra);
         self.sweep(entity);
         entity
     }
 
-    /// Adds a rigid shape.
     pub fn add_shape(&mut self, name: &'static str, shape: SharedShape, transform: Transform) -> Entity {
         let entity = self.app.world_mut().spawn((RigidShape(shape), transform, Name::new(name))).id();
         self.shapes.push(entity);
         entity
     }
 
-    /// Moves a surface or a rigid shape as a whole.
+    /// Sets the transform of a surface or rigid shape.
     pub fn place(&mut self, entity: Entity, transform: Transform) {
-        *self.app.world_mut().get_mut::<Transform>(entity).expect("what the scene moves has a transform") = transform;
+        *self.app.world_mut().get_mut::<Transform>(entity).expect("moved objects have a transform") = transform;
     }
 
-    /// Adds a body.
     pub fn add_body(
         &mut self,
         name: &'static str,
@@ -102,7 +99,7 @@ impl Stage {
         extra: impl Bundle,
     ) -> Entity {
         let (surface, positions) = surface_of(mesh);
-        let body = XpbdBody::new(&surface, &positions, material).expect("the meshes of scenes are sound");
+        let body = XpbdBody::new(&surface, &positions, material).expect("scene meshes are valid");
         let rest = RestPositions(positions.0.iter().map(|position| position.as_dvec3()).collect());
         let bundle = (surface, positions, change(body), rest, self.method, Name::new(name), extra);
         let entity = self.app.world_mut().spawn(bundle).id();
@@ -117,7 +114,7 @@ impl Stage {
         }
     }
 
-    /// When the next tick ends, in seconds since the start.
+    /// End of the next tick, in seconds since the start.
     pub fn next_time(&self) -> f64 {
         f64::from(self.ticks + 1) * TICK.as_secs_f64()
     }
@@ -134,12 +131,12 @@ impl Stage {
         self.bodies.iter().chain(&self.obstacles).copied()
     }
 
-    /// Where the vertices of a surface are, in its own frame.
+    /// Vertex positions of a surface, in its own frame.
     pub fn positions(&self, entity: Entity) -> &[Vec3] {
-        &self.app.world().get::<SurfacePositions>(entity).expect("the scene's surfaces stay").0
+        &self.app.world().get::<SurfacePositions>(entity).expect("surfaces are never removed").0
     }
 
-    /// Where the vertices of a surface are in the world.
+    /// Vertex positions of a surface, in world space.
     pub fn world_positions(&self, entity: Entity) -> Vec<DVec3> {
         if self.app.world().get::<SurfaceFrame>(entity) == Some(&SurfaceFrame::World) {
             return self.positions(entity).iter().map(|position| position.as_dvec3()).collect();
@@ -149,42 +146,42 @@ impl Stage {
         self.positions(entity).iter().map(|position| turn * position.as_dvec3() + offset).collect()
     }
 
-    /// Where the vertices of a body were when it was added.
+    /// Initial vertex positions of a body.
     pub fn rest(&self, body: Entity) -> &[DVec3] {
-        &self.app.world().get::<RestPositions>(body).expect("the scene's bodies stay").0
+        &self.app.world().get::<RestPositions>(body).expect("bodies are never removed").0
     }
 
-    /// What a surface is made of.
+    /// The surface component of an entity.
     pub fn surface(&self, entity: Entity) -> &DeformableSurface {
-        self.app.world().get::<DeformableSurface>(entity).expect("the scene's surfaces stay")
+        self.app.world().get::<DeformableSurface>(entity).expect("surfaces are never removed")
     }
 
-    /// How many triangles all surfaces have.
+    /// Number of triangles of all surfaces.
     pub fn triangle_count(&self) -> usize {
         self.surfaces().map(|entity| self.surface(entity).topology().triangles().len()).sum()
     }
 
     /// Reads the contacts of the last tick.
     pub fn with_contacts<T>(&mut self, read: impl FnOnce(&SurfaceContacts<'_>) -> T) -> T {
-        let contacts = self.contacts.get(self.app.world()).expect("the plugins keep a contact store");
+        let contacts = self.contacts.get(self.app.world()).expect("the plugins insert the contact store");
         read(&contacts)
     }
 
-    /// Writes the positions of a surface that the scene moves, or of the pinned vertices of a body.
+    /// Writes positions of a surface that the scene moves, or of pinned vertices of a body.
     pub fn move_vertices(&mut self, entity: Entity, positions: impl IntoIterator<Item = (usize, Vec3)>) {
-        let mut current = self.app.world_mut().get_mut::<SurfacePositions>(entity).expect("the scene's surfaces stay");
+        let mut current = self.app.world_mut().get_mut::<SurfacePositions>(entity).expect("surfaces are never removed");
         for (vertex, position) in positions {
             current.0[vertex] = position;
         }
     }
 
-    /// A number that tells one state of the bodies from another: the FNV-1a hash of all positions and velocities.
+    /// Hash of the state of all bodies: FNV-1a over all positions and velocities.
     pub fn hash(&self) -> u64 {
         const OFFSET_BASIS: u64 = 0xcbf2_9ce4_8422_2325;
         const PRIME: u64 = 0x0100_0000_01b3;
         let mut hash = OFFSET_BASIS;
         for &entity in &self.bodies {
-            let body = self.app.world().get::<XpbdBody>(entity).expect("the scene's bodies stay");
+            let body = self.app.world().get::<XpbdBody>(entity).expect("bodies are never removed");
             for vector in self.positions(entity).iter().chain(&body.velocities) {
                 for byte in vector.to_array().into_iter().flat_map(|coordinate| coordinate.to_bits().to_le_bytes()) {
                     hash = (hash ^ u64::from(byte)).wrapping_mul(PRIME);
@@ -197,5 +194,5 @@ impl Stage {
 
 fn surface_of(mesh: &Mesh) -> (DeformableSurface, SurfacePositions) {
     let positions: Vec<Vec3> = mesh.positions.iter().map(|&position| Vec3::from(position)).collect();
-    DeformableSurface::from_mesh(&positions, &mesh.triangles).expect("the meshes of scenes are sound")
+    DeformableSurface::from_mesh(&positions, &mesh.triangles).expect("scene meshes are valid")
 }

@@ -1,4 +1,4 @@
-//! What is wrong in a scene, judged in f64 without the detection that played it: triangles that cross, vertices inside
+//! Judges a scene in f64, independently of the detection that played it: triangles that cross, and vertices inside
 //! surfaces and rigid shapes.
 
 use super::Stage;
@@ -10,14 +10,14 @@ use glam::{DQuat, DVec3, Vec3};
 use parry3d::shape::{Shape, TypedShape};
 use std::{collections::HashMap, f64::consts::TAU};
 
-/// How many pairs of triangles cross, of those that may meet: of bodies with each other, with obstacles, and with
-/// themselves where they are self-colliding. Takes a second for 20,000 triangles.
+/// Number of crossing pairs of triangles among those that may collide: of bodies with each other, with obstacles, and
+/// with themselves if they have self-collision. Takes a second for 20,000 triangles.
 pub fn crossing_pairs(stage: &Stage) -> usize {
     let (mut positions, mut triangles, mut weld, mut owners) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (owner, entity) in stage.surfaces().enumerate() {
         let own = stage.world_positions(entity);
         let first = positions.len() as u32;
-        // Neighbors are told by the mesh at rest: vertices that come to coincide later are none.
+        // Neighbors are determined from the rest positions. Vertices that coincide later are not neighbors.
         let rest = if owner < stage.bodies.len() { exact_weld(stage.rest(entity)) } else { exact_weld(&own) };
         weld.extend(rest.iter().map(|vertex| first + vertex));
         let own_triangles = stage.surface(entity).topology().triangles();
@@ -35,13 +35,13 @@ pub fn crossing_pairs(stage: &Stage) -> usize {
         .count()
 }
 
-/// How many vertices of bodies have a coordinate that is not finite.
+/// Number of body vertices with a coordinate that is not finite.
 pub fn vertices_nowhere(stage: &Stage) -> usize {
     let nowhere = |&entity: &Entity| stage.positions(entity).iter().filter(|position| !position.is_finite()).count();
     stage.bodies.iter().map(nowhere).sum()
 }
 
-/// How many vertices of bodies are inside another surface that is closed.
+/// Number of body vertices inside another, closed surface.
 pub fn vertices_inside(stage: &Stage) -> usize {
     let world: Vec<(Entity, Vec<DVec3>)> =
         stage.surfaces().map(|entity| (entity, stage.world_positions(entity))).collect();
@@ -59,15 +59,16 @@ pub fn vertices_inside(stage: &Stage) -> usize {
     count
 }
 
-/// How deep in a rigid shape counts as inside, in meters: positions and poses of some meters are rounded by a micrometer.
+/// Depth in a rigid shape that counts as inside, in meters. Positions and poses of a few meters are rounded by about a
+/// micrometer.
 const ROUNDING: f64 = 1.0e-5;
 
-/// How many vertices of bodies are inside rigid shapes, or below those that are ground: meshes that are not closed, and
-/// height fields, both of which face up along their own y axis.
+/// Number of body vertices inside rigid shapes, or below shapes that are ground. Ground is a height field or a mesh
+/// that is not closed, and faces up along its own y axis.
 pub fn vertices_in_shapes(stage: &Stage) -> usize {
     let world: Vec<DVec3> = stage.bodies.iter().flat_map(|&body| stage.world_positions(body)).collect();
     let count = |&entity: &Entity| {
-        let shape = stage.app.world().get::<RigidShape>(entity).expect("the scene's shapes stay");
+        let shape = stage.app.world().get::<RigidShape>(entity).expect("shapes are never removed");
         let transform = stage.app.world().get::<Transform>(entity).copied().unwrap_or_default();
         let (turn, offset) = (transform.rotation.as_dquat().normalize().inverse(), transform.translation.as_dvec3());
         let solid = Solid::of(&*shape.0);
@@ -76,14 +77,14 @@ pub fn vertices_in_shapes(stage: &Stage) -> usize {
     stage.shapes.iter().map(count).sum()
 }
 
-/// What a rigid shape fills, in its own frame and by no query of parry's.
+/// The volume of a rigid shape in its own frame, computed without any query of parry.
 pub enum Solid {
     Ball(f64),
     Cuboid(DVec3),
     Capsule([DVec3; 2], f64),
     /// Below the plane through the origin with this outward normal.
     HalfSpace(DVec3),
-    /// Half the height along y, and the radius.
+    /// Half-height along y, and radius.
     Cylinder(f64, f64),
     Mesh(Vec<DVec3>, Vec<[u32; 3]>),
     /// Everything below triangles that face up.
@@ -93,7 +94,7 @@ pub enum Solid {
 
 impl Solid {
     /// # Panics
-    /// Panics where no scene has such a shape.
+    /// If no scene has a shape of this type.
     pub fn of(shape: &dyn Shape) -> Self {
         let doubles = |points: &[Vec3]| -> Vec<DVec3> { points.iter().map(|point| point.as_dvec3()).collect() };
         match shape.as_typed_shape() {
@@ -130,7 +131,7 @@ impl Solid {
         Self::Ground(triangles.iter().map(|corners| corners.map(|corner| points[corner as usize])).collect())
     }
 
-    /// Whether a point is deeper inside than rounding tells.
+    /// Whether a point is deeper inside than the rounding tolerance.
     pub fn contains(&self, point: DVec3) -> bool {
         let depth = match self {
             Self::Ball(radius) => radius - point.length(),
@@ -143,7 +144,7 @@ impl Solid {
             Self::HalfSpace(normal) => -normal.dot(point),
             Self::Cylinder(half_height, radius) => (half_height - point.y.abs()).min(radius - point.x.hypot(point.z)),
             Self::Mesh(points, triangles) => return Closed::new(points, triangles).contains(point),
-            // By the highest triangle above or below the point: ground has no overhangs.
+            // The highest triangle above or below the point decides, because ground has no overhangs.
             Self::Ground(triangles) => {
                 let heights = triangles.iter().filter_map(|corners| height_above(corners, point));
                 heights.reduce(f64::max).unwrap_or(f64::NEG_INFINITY)
@@ -156,7 +157,7 @@ impl Solid {
     }
 }
 
-/// How far a triangle is above a point along y; `None` beside it, or where it stands upright.
+/// Height of a triangle above a point, along y. `None` if the point is beside it, or the triangle is vertical.
 fn height_above(corners: &[DVec3; 3], point: DVec3) -> Option<f64> {
     let flat = |a: DVec3, b: DVec3| a.z * b.x - a.x * b.z;
     let [a, b, c] = corners.map(|corner| corner - point);
@@ -166,7 +167,7 @@ fn height_above(corners: &[DVec3; 3], point: DVec3) -> Option<f64> {
     is_within.then(|| (a.y * weights[0] + b.y * weights[1] + c.y * weights[2]) / area)
 }
 
-/// Whether every edge is run through once in either direction.
+/// Whether every edge is used once in each direction.
 fn is_closed(triangles: &[[u32; 3]]) -> bool {
     let mut edges: HashMap<[u32; 2], [u32; 2]> = HashMap::new();
     for &[a, b, c] in triangles {
@@ -177,7 +178,7 @@ fn is_closed(triangles: &[[u32; 3]]) -> bool {
     edges.values().all(|&counts| counts == [1, 1])
 }
 
-/// A closed surface, whichever way it is wound.
+/// A closed surface with either winding.
 pub struct Closed<'a> {
     positions: &'a [DVec3],
     triangles: &'a [[u32; 3]],
@@ -198,7 +199,7 @@ impl<'a> Closed<'a> {
             return false;
         }
         let angle = |corners: &[u32; 3]| solid_angle(corners.map(|corner| self.positions[corner as usize] - point));
-        // All of the sphere of directions, 4 π, or none of it.
+        // The sum is the full solid angle, 4 π, or 0.
         self.triangles.iter().map(angle).sum::<f64>().abs() > TAU
     }
 }

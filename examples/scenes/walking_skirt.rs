@@ -1,4 +1,4 @@
-//! Cloth over a character that goes somewhere: a skinned body of two bones walks on a circle, turns and swings its leg.
+//! Cloth on a moving character: a skinned body with two bones walks in a circle, turns, and swings its leg.
 
 use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use circumsphere_support::scenes::{
@@ -9,10 +9,10 @@ use glam::Vec3;
 use super::{Scene, Stage, Variation, stage::tick_at};
 use crate::headless::recording::Recorder;
 
-/// How long the character walks after it has reached its speed, in seconds.
+/// Walking time after the character has reached its speed, in seconds.
 const WALK: f64 = 4.0;
 
-/// A character in its skirt. Body and skirt have the default thickness.
+/// A character in its skirt. Both have the default thickness.
 pub fn walking_skirt(variation: &Variation, recorder: Recorder) -> Scene {
     let mut stage = Stage::new(variation, recorder);
     let fineness = variation.extent.pick(CharacterFineness::Coarse, CharacterFineness::Fine);

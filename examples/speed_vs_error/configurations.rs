@@ -1,8 +1,7 @@
-//! What is tried: every method, and `Circumsphere` under every setting worth a line.
+//! The configurations to measure: every method, and `Circumsphere` with a range of settings.
 //!
-//! One factor at a time around the defaults, the full product of φ, plane cull and contact distance, and φ with cones
-//! that are not widened. To try
-//! something else, add a line to [`FURTHER_SETTINGS`].
+//! Settings vary one factor at a time around the defaults. In addition there is the full product of φ, plane cull, and
+//! contact distance, and φ with cones that are not widened. To add a setting, add a line to [`FURTHER_SETTINGS`].
 
 use std::fmt::Write;
 
@@ -12,7 +11,7 @@ use super::options::Extent;
 
 /// Contact distances in mean edges.
 pub const ALL_DISTANCES: [f64; 3] = [0.02, 0.1, 0.5];
-/// The one that single factors are varied at.
+/// The distance at which single factors vary.
 pub const DEFAULT_DISTANCE: f64 = 0.1;
 
 const PHIS: [f32; 6] = [0.0, 0.5, 1.0, 2.0, 5.0, 10.0];
@@ -20,7 +19,7 @@ const THRESHOLDS: [f32; 3] = [0.5, 1.0, 2.0];
 const DELTAS: [f32; 5] = [0.0, 0.3, 0.7, 0.9, 2.0];
 const ESTIMATORS: [CurvatureEstimator; 2] = [CurvatureEstimator::SignedEdge, CurvatureEstimator::DualAngleDeficit];
 
-/// Settings of `Circumsphere` beside the grid: a name, and what they change of the defaults.
+/// Settings of `Circumsphere` outside the grid: a name, and the change to the defaults.
 const FURTHER_SETTINGS: [(&str, fn(&mut CircumsphereSettings)); 1] = [("as in the source paper", |settings| {
     settings.phi = 1.0;
     settings.plane_cull = false;
@@ -28,10 +27,10 @@ const FURTHER_SETTINGS: [(&str, fn(&mut CircumsphereSettings)); 1] = [("as in th
     settings.estimator = CurvatureEstimator::DualAngleDeficit;
 })];
 
-/// One way to detect contacts.
+/// One configuration of detection.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Configuration {
-    /// Names it among all; without the contact distance.
+    /// Unique name, without the contact distance.
     pub name: String,
     pub method: ContactMethod,
     pub settings: CircumsphereSettings,
@@ -42,7 +41,7 @@ pub struct Configuration {
 impl Configuration {
     /// The method with the default settings.
     fn new(method: ContactMethod, distance_edges: f64) -> Self {
-        // One thread: times are compared, and a pool's are not steady.
+        // One thread, because times with a thread pool vary too much to compare.
         let settings = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };
         Self { name: format!("{method:?}"), method, settings, distance_edges }
     }
@@ -52,7 +51,7 @@ impl Configuration {
         Self { name: default.name.clone() + &differences(&settings), settings, ..default }
     }
 
-    /// Whether this is `Circumsphere` with defaults once `put_back` has undone what may differ.
+    /// Whether this is `Circumsphere` with defaults after `put_back` has reset the settings that may differ.
     pub fn is_default_but(&self, put_back: impl FnOnce(&mut CircumsphereSettings, &CircumsphereSettings)) -> bool {
         let default = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };
         let mut settings = self.settings;
@@ -66,7 +65,7 @@ impl Configuration {
     }
 }
 
-/// What of the grid's factors differs from the defaults, in words.
+/// The differences from the defaults in the grid's factors, in words.
 fn differences(settings: &CircumsphereSettings) -> String {
     let default = CircumsphereSettings::default();
     let mut words = String::new();
@@ -94,8 +93,8 @@ pub const fn estimator_name(estimator: CurvatureEstimator) -> &'static str {
     }
 }
 
-/// Everything to try at the given contact distances, each once. What is not the default distance's business is tried
-/// at the default distance only, or at the first one where that is not among them.
+/// All configurations at the given contact distances, without duplicates. Single factors vary at the default distance
+/// only, or at the first one if the default is not in the list.
 pub fn configurations(distances: &[f64], extent: Extent) -> Vec<Configuration> {
     let few = extent == Extent::Smoke;
     let phis: &[f32] = if few { &[0.0, 1.0, 5.0] } else { &PHIS };
@@ -107,7 +106,7 @@ pub fn configurations(distances: &[f64], extent: Extent) -> Vec<Configuration> {
     let mut all = Vec::new();
     for &distance in distances {
         all.extend(ContactMethod::ALL.map(|method| Configuration::new(method, distance)));
-        // A quick pass has time for the product at one distance.
+        // A quick run only has time for the product at one distance.
         if extent == Extent::Full || distance == center {
             for &phi in phis {
                 for plane_cull in [true, false] {

@@ -1,5 +1,4 @@
-//! The measures of one scene under one configuration: what was missed, what was made up, how far off, how steady, at
-//! what cost.
+//! Measures one scene with one configuration: missed and false pairs, accuracy, steadiness, and costs.
 
 use std::{collections::HashMap, time::Duration};
 
@@ -23,15 +22,15 @@ use super::{
     truth::{BAND, PairName, TrueTick},
 };
 
-/// In how many ticks a configuration is timed at least, where a scene has fewer, by playing it again.
+/// Smallest number of ticks in which a configuration is timed. Scenes with fewer ticks are played several times.
 const TIMED_TICKS: usize = 5;
 
-/// Two contacts of one pair of triangles whose distances are nearer to each other than this share of its size are
-/// taken for the same: single precision tells distances apart to some 1e-7 of it.
+/// Two contacts of one pair of triangles count as the same if their distances differ by less than this share of the
+/// pair's size. Single precision resolves distances to about 1e-7 of it.
 const SAME_FEATURES: f64 = 1.0e-5;
 
-/// One line of `measures.csv`. Rates are shares from 0 to 1, angles degrees; a column whose name starts with `time` is
-/// a time, and nothing else differs between two runs on one machine.
+/// One line of `measures.csv`. Rates are shares from 0 to 1, and angles are in degrees. Columns whose names start with
+/// `time` are times. All other columns are equal in any two runs on one machine.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct MeasureRow {
     pub scene: String,
@@ -46,18 +45,18 @@ pub struct MeasureRow {
     pub contact_distance_edges: f64,
     pub ticks: usize,
     pub ticks_measured: usize,
-    /// Pairs of triangles that have to be found, over the measured ticks.
+    /// Pairs of triangles that must be found, over the measured ticks.
     pub true_pairs: usize,
     pub found_pairs: usize,
     pub missed_pairs: usize,
     pub false_pairs: usize,
     /// Pairs within the band, which may be found or not.
     pub band_pairs: usize,
-    /// Missed pairs over true pairs: 1 − recall.
+    /// Missed pairs / true pairs: 1 − recall.
     pub pair_miss_rate: Option<f64>,
-    /// False pairs over found pairs: 1 − precision.
+    /// False pairs / found pairs: 1 − precision.
     pub pair_false_rate: Option<f64>,
-    /// 1 − F1, F1 the harmonic mean of recall and precision.
+    /// 1 − F1, where F1 is the harmonic mean of recall and precision.
     pub pair_error: Option<f64>,
     pub true_triangles: usize,
     pub triangle_miss_rate: Option<f64>,
@@ -65,15 +64,15 @@ pub struct MeasureRow {
     pub true_vertices: usize,
     pub vertex_miss_rate: Option<f64>,
     pub vertex_false_rate: Option<f64>,
-    /// Pairs of bodies, or bodies with themselves, that touch; and the share of them of which nothing is found.
+    /// Touching pairs of bodies, including bodies with themselves, and the share of them for which nothing is found.
     pub true_body_pairs: usize,
     pub object_miss_rate: Option<f64>,
-    /// |found − true| over the larger of contact distance and longest edge, of true pairs that were found.
+    /// |found − true| / the larger of contact distance and longest edge, over true pairs that were found.
     pub separation_error_median: Option<f64>,
     pub separation_error_p99: Option<f64>,
     pub separation_error_max: Option<f64>,
     pub crossing_pairs_found: usize,
-    /// The same of crossing pairs, whose distance is 0.
+    /// The same for crossing pairs, whose true distance is 0.
     pub crossing_separation_error_median: Option<f64>,
     pub crossing_separation_error_p99: Option<f64>,
     pub crossing_separation_error_max: Option<f64>,
@@ -82,27 +81,27 @@ pub struct MeasureRow {
     pub normal_error_median: Option<f64>,
     pub normal_error_p99: Option<f64>,
     pub normal_error_max: Option<f64>,
-    /// Found pairs that do not cross and of whose closest features no contact is reported.
+    /// Found pairs that do not cross and have no contact of their closest features.
     pub pairs_without_contact: usize,
-    /// 1 − |both ticks| / |either tick|, of contact keys and of touching pairs, mean over ticks.
+    /// 1 − |both ticks| / |either tick|, for contact keys and for touching pairs; mean over ticks.
     pub contact_churn: Option<f64>,
     pub pair_churn: Option<f64>,
-    /// Angle by which a contact that lasts turns its normal within a tick.
+    /// Rotation of the normal of a persistent contact within a tick.
     pub normal_jump_median: Option<f64>,
     pub normal_jump_p99: Option<f64>,
     pub normal_jump_max: Option<f64>,
-    /// The same of contacts that cross in both ticks, an edge piercing a face.
+    /// The same for contacts that are crossings in both ticks: an edge pierces a face.
     pub crossing_normal_jump_p99: Option<f64>,
     pub crossing_normal_jump_max: Option<f64>,
     pub candidates_per_tick: f64,
     pub contacts_per_tick: f64,
-    /// After the first tick, which makes every recipe.
+    /// Without the first tick, which makes every recipe.
     pub recipes_refreshed_per_tick: Option<f64>,
     pub recipes_refreshed_share: Option<f64>,
     pub bytes_per_triangle: f64,
     pub bytes_per_candidate: Option<f64>,
     pub bytes_per_contact: Option<f64>,
-    /// Median over ticks, the first left out where there are others; of each tick the fastest round.
+    /// Median over ticks, except the first if there are others. Each tick counts with its fastest round.
     pub time_ms: f64,
 }
 
@@ -124,7 +123,7 @@ pub struct Measured {
     pub configuration: Configuration,
     pub row: MeasureRow,
     pub stages: Vec<StageRow>,
-    /// What each tick cost, round by round.
+    /// The costs of each tick, round by round.
     rounds: Vec<Vec<TickCost>>,
 }
 
@@ -136,7 +135,8 @@ fn share(part: usize, whole: usize) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
 
-/// How often to time a scene: other programs disturb, and the fastest of a tick's times is the least disturbed one.
+/// How often to time a scene. Other programs disturb the times, and the fastest of a tick's times is the least
+/// disturbed.
 pub fn rounds(scene: &Scene, extent: Extent) -> usize {
     let least = match extent {
         Extent::Smoke => 1,
@@ -145,7 +145,8 @@ pub fn rounds(scene: &Scene, extent: Extent) -> usize {
     least.max(TIMED_TICKS.div_ceil(scene.ticks()))
 }
 
-/// Plays a scene with a configuration and compares it with the truth, which must reach as far.
+/// Plays a scene with a configuration and compares it with the truth, which must cover the configuration's contact
+/// distance.
 pub fn measure(scene: &Scene, truth: &[TrueTick], configuration: &Configuration) -> Measured {
     let Configuration { method, settings, distance_edges, .. } = *configuration;
     let mut errors = Errors::new(scene, distance_edges, method);
@@ -183,7 +184,7 @@ pub fn measure(scene: &Scene, truth: &[TrueTick], configuration: &Configuration)
 }
 
 impl Measured {
-    /// Plays the scene once more for the times alone.
+    /// Plays the scene once more, only for the times.
     pub fn time_again(&mut self, scene: &Scene) {
         let Configuration { method, settings, distance_edges, .. } = self.configuration;
         self.rounds.push(play(scene, method, settings, distance_edges, |_| ()).0);
@@ -200,7 +201,7 @@ impl Measured {
     }
 }
 
-/// Milliseconds: the fastest round of each tick, median over all ticks but the first, where there are others.
+/// Milliseconds: the fastest round of each tick, then the median over all ticks, except the first if there are others.
 fn steady_median(rounds: &[Vec<TickCost>], value: impl Fn(&TickCost) -> Option<Duration>) -> Option<f64> {
     let ticks = rounds[0].len();
     let fastest = |tick: usize| rounds.iter().filter_map(|costs| value(&costs[tick])).min().map(milliseconds);
@@ -252,7 +253,7 @@ fn stage_rows(row: &MeasureRow, costs: &[TickCost]) -> Vec<StageRow> {
         .collect()
 }
 
-/// Counts of things that have to be found, may be found, and are found.
+/// Counts of items that are required, missed, found, and false.
 #[derive(Default)]
 struct Marks {
     required: usize,
@@ -277,7 +278,7 @@ impl Marks {
     }
 }
 
-/// What a method got wrong, over the measured ticks.
+/// Errors of a method over the measured ticks.
 struct Errors<'a> {
     scene: &'a Scene,
     distance: f64,
@@ -342,7 +343,7 @@ impl<'a> Errors<'a> {
             separations.push((found_distance - pair.distance).abs() / self.distance.max(pair.size));
             if let Some(direction) = pair.direction {
                 match normals.of(pair.name, self.exact) {
-                    // Of exact features, the contact has to be the one of the closest.
+                    // With exact features, the contact must be that of the closest features.
                     Some((normal, distance))
                         if !self.exact
                             || (distance.abs() - pair.distance).abs()
@@ -399,10 +400,10 @@ impl<'a> Errors<'a> {
     }
 }
 
-/// Every touching pair with its distance, sorted by name.
+/// All touching pairs with their distances, sorted by name.
 fn touching_pairs(played: &PlayedTick) -> Vec<(PairName, f64)> {
     let mut pairs: Vec<(PairName, f64)> = Vec::with_capacity(played.store.touching_count());
-    for stored in &played.store.pairs {
+    for stored in played.store.pairs() {
         let bodies = [stored.a, stored.b].map(|side| played.body(side.entity()) as u32);
         pairs.extend(
             stored
@@ -415,7 +416,7 @@ fn touching_pairs(played: &PlayedTick) -> Vec<(PairName, f64)> {
     pairs
 }
 
-/// Which triangles, vertices and pairs of bodies touch, and which are found, in one tick.
+/// Which triangles, vertices, and pairs of bodies touch in one tick, and which are found.
 struct TickMarks<'a> {
     scene: &'a Scene,
     triangles: Vec<Vec<u8>>,
@@ -444,7 +445,7 @@ impl<'a> TickMarks<'a> {
     }
 }
 
-/// A feature of a body: what it is and its number among the body's features of that kind.
+/// A feature of a body: its kind, and its number among the body's features of that kind.
 type FeatureName = (u8, u32);
 
 const FEATURES: [Feature; 7] = [
@@ -457,8 +458,8 @@ const FEATURES: [Feature; 7] = [
     Feature::Face,
 ];
 
-/// Normals and distances of a tick's contacts by their features. A contact stands for every pair of triangles that has
-/// its two features.
+/// Normals and distances of a tick's contacts, by features. A contact represents every pair of triangles with its two
+/// features.
 struct ContactNormals<'a> {
     scene: &'a Scene,
     played: &'a PlayedTick<'a>,
@@ -476,7 +477,7 @@ const fn rank(feature: Feature) -> u8 {
 impl<'a> ContactNormals<'a> {
     fn new(scene: &'a Scene, played: &'a PlayedTick<'a>) -> Self {
         let mut of_features = HashMap::new();
-        for stored in &played.store.pairs {
+        for stored in played.store.pairs() {
             let bodies = [stored.a, stored.b].map(|side| played.body(side.entity()) as u32);
             for contact in stored.contacts.iter() {
                 let numbers = contact.feature_numbers();
@@ -492,7 +493,7 @@ impl<'a> ContactNormals<'a> {
         Self { scene, played, of_features }
     }
 
-    /// The contact of the closest features of a pair of triangles that are in contact.
+    /// The contact of the closest features of a touching pair of triangles.
     fn of(&self, [body_a, body_b, triangle_a, triangle_b]: PairName, exact: bool) -> Option<(DVec3, f64)> {
         // Spheres touch as whole faces.
         let features = if exact { &FEATURES[..] } else { &FEATURES[6..] };
@@ -509,14 +510,14 @@ impl<'a> ContactNormals<'a> {
     }
 }
 
-/// Degrees between a contact's normal and the direction between its pair's closest points. Of a contact that counts as
-/// penetrated the normal leads the way back, so that either direction of that line is right.
+/// Angle in degrees between a contact's normal and the direction between its pair's closest points. The normal of a
+/// penetrating contact points the way out, so either direction along that line is right.
 fn normal_error(normal: DVec3, distance: f64, direction: DVec3) -> f64 {
     let angle = normal.angle_between(direction).to_degrees();
     if distance < 0.0 { angle.min(180.0 - angle) } else { angle }
 }
 
-/// How contacts change from tick to tick.
+/// Changes of contacts from tick to tick.
 #[derive(Default)]
 struct Steadiness {
     last: Option<TickContacts>,
@@ -527,8 +528,8 @@ struct Steadiness {
 }
 
 struct TickContacts {
-    /// Bodies, key, normal, and whether an edge pierces a face there; sorted by bodies and key, of which the features'
-    /// kinds are a part.
+    /// Bodies, key, normal, and whether it is a crossing. Sorted by bodies and key. The key includes the kinds of the
+    /// features.
     contacts: Vec<([u32; 2], u64, DVec3, bool)>,
     pairs: Vec<PairName>,
 }
@@ -536,7 +537,7 @@ struct TickContacts {
 impl TickContacts {
     fn of(played: &PlayedTick) -> Self {
         let mut contacts = Vec::with_capacity(played.store.contact_count());
-        for stored in &played.store.pairs {
+        for stored in played.store.pairs() {
             let bodies = [stored.a, stored.b].map(|side| played.body(side.entity()) as u32);
             contacts.extend(stored.contacts.iter().map(|contact: &CompactContact| {
                 let normal = stored.frame_pose.transform_direction(contact.normal.as_dvec3());
@@ -583,7 +584,7 @@ impl Steadiness {
     }
 }
 
-/// Nothing where neither tick has anything.
+/// Churn from the counts of two ticks. `None` if both are empty.
 fn churn(before: usize, now: usize, both: usize) -> Option<f64> {
     share(before + now - 2 * both, before + now - both)
 }

@@ -1,4 +1,4 @@
-//! What the command line may ask for, and what it amounts to.
+//! The command-line options and the values derived from them.
 
 use std::path::PathBuf;
 
@@ -10,28 +10,28 @@ use super::{
     headless::recording::RecordingOptions,
 };
 
-/// Measure what each contact method costs and what it gets wrong, and write a report.
+/// Measure the time and the errors of each contact method, and write a report.
 #[derive(Parser, Debug)]
 #[command(name = "speed_vs_error", allow_negative_numbers = true)]
 pub struct Options {
-    /// A folder of recordings (.bin, .ply, .obj) to measure on; none: scenes of the project's own making
+    /// Folder of recordings (.bin, .ply, .obj) to measure; without it, generated scenes
     pub folder: Option<PathBuf>,
-    /// Where the report goes; made where it is missing
+    /// Folder for the report; created if missing
     #[arg(long, value_name = "DIR", default_value = "report")]
     pub out: PathBuf,
-    /// Smaller scenes and fewer settings: under a minute
+    /// Use smaller scenes and fewer settings: takes less than a minute
     #[arg(long)]
     pub quick: bool,
-    /// The smallest scenes and the fewest settings: a few seconds, to see that everything works
+    /// Use the smallest scenes and the fewest settings: a few seconds, to check that everything works
     #[arg(long)]
     pub smoke: bool,
-    /// Only these scenes, by name; of a folder the files' names without their extension
+    /// Only these scenes, by name; for a folder, by file name without extension
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub scenes: Vec<String>,
-    /// Ticks of each scene, or frames of each recording, to play [default: 16; of recordings 3]
+    /// Number of ticks to play per scene, or frames per recording [default: 16; 3 for recordings]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: Option<u32>,
-    /// Contact distances in mean edges [default: 0.02,0.1,0.5; of recordings 0.1]
+    /// Contact distances in mean edges [default: 0.02,0.1,0.5; 0.1 for recordings]
     #[arg(long, value_name = "X,…", value_delimiter = ',')]
     pub distances: Vec<f64>,
     #[command(flatten)]
@@ -48,7 +48,7 @@ pub enum Extent {
 
 #[derive(Debug, thiserror::Error)]
 pub enum OptionsError {
-    #[error("--scenes {name}: expected some of {known}")]
+    #[error("--scenes {name}: expected one or more of {known}")]
     NoSuchScene { name: String, known: String },
     #[error("--distances {value}: expected a number above 0 and at most 10")]
     Distance { value: f64 },
@@ -71,7 +71,7 @@ impl Options {
         }
     }
 
-    /// Ticks of a generated scene.
+    /// Number of ticks of a generated scene.
     pub fn ticks(&self) -> usize {
         let default = match self.extent() {
             Extent::Smoke => 4,
@@ -81,12 +81,12 @@ impl Options {
         self.frames.map_or(default, |frames| frames as usize)
     }
 
-    /// Frames of a recording at most.
+    /// Largest number of frames of a recording.
     pub fn recording_frames(&self) -> usize {
         self.frames.map_or(3, |frames| frames as usize)
     }
 
-    /// The generated scenes to play, in their order.
+    /// Names of the generated scenes to play, in order.
     pub fn scene_names(&self) -> Result<Vec<&'static str>, OptionsError> {
         if let Some(name) = self.scenes.iter().find(|name| !MOVING_SCENES.contains(&name.as_str())) {
             return Err(OptionsError::NoSuchScene { name: name.clone(), known: MOVING_SCENES.join(", ") });

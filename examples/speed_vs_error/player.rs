@@ -1,4 +1,4 @@
-//! Plays a scene with one configuration through the real plugin, and shows each tick's contacts to whoever measures.
+//! Plays a scene with one configuration through the real plugin, and passes each tick's contacts to the measurement.
 
 use std::{
     hint::black_box,
@@ -26,7 +26,7 @@ use super::{
     scene::Scene,
 };
 
-/// What a detection cost.
+/// Cost of a detection.
 #[derive(Clone, Debug)]
 pub struct TickCost {
     pub total: Duration,
@@ -37,18 +37,18 @@ pub struct TickCost {
     pub recipes_refreshed: usize,
 }
 
-/// What the app holds after its last tick, in bytes.
+/// Memory that the app holds after its last tick, in bytes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Memory {
-    /// Everything since the first surface was spawned.
+    /// Everything allocated since the first surface was spawned.
     pub all: usize,
     /// Lists of pairs of triangles, from the broad phase on.
     pub candidate_lists: usize,
-    /// Contacts and touching pairs of this tick and the one before.
+    /// Contacts and touching pairs of this tick and the previous one.
     pub contact_lists: usize,
 }
 
-/// One tick's outcome, while the app still holds it.
+/// The results of one tick, while the app still holds them.
 pub struct PlayedTick<'a> {
     pub tick: usize,
     pub store: &'a ContactStore,
@@ -57,13 +57,13 @@ pub struct PlayedTick<'a> {
 }
 
 impl PlayedTick<'_> {
-    /// The body that an entity is.
+    /// The index of the body with an entity.
     pub fn body(&self, entity: Entity) -> usize {
         self.surfaces.iter().position(|&surface| surface == entity).expect("contacts are between bodies of the scene")
     }
 }
 
-/// An app with the bodies of a scene in it.
+/// An app with the bodies of a scene.
 pub struct Stage {
     app: App,
     surfaces: Vec<Entity>,
@@ -110,9 +110,9 @@ impl Stage {
         }
         let (detection, _) = detect(&mut self.app);
         let candidates = self.app.world().resource::<CandidateTrianglePairs>().triangle_pair_count();
-        // What is compared with the truth has to be written, which some methods leave to the reader.
+        // Read the contacts, because some methods only write them for the reader.
         let start = Instant::now();
-        for pair in &self.app.world().resource::<ContactStore>().pairs {
+        for pair in self.app.world().resource::<ContactStore>().pairs() {
             black_box((pair.contacts.first(), pair.touching.first()));
         }
         let reading = start.elapsed();
@@ -127,7 +127,7 @@ impl Stage {
         }
     }
 
-    /// What the last tick found.
+    /// The results of the last tick.
     pub fn played(&self, tick: usize) -> PlayedTick<'_> {
         let store = self.app.world().resource::<ContactStore>();
         PlayedTick { tick, store, surfaces: &self.surfaces, topologies: &self.topologies }
@@ -135,9 +135,9 @@ impl Stage {
 
     pub fn memory(&self) -> Memory {
         let world = self.app.world();
-        let candidates = &world.resource::<CandidateTrianglePairs>().pairs;
-        let overlapping = &world.resource::<OverlappingTrianglePairs>().pairs;
-        let meeting = &world.resource::<MeetingCaps>().pairs;
+        let candidates = &world.resource::<CandidateTrianglePairs>().pairs();
+        let overlapping = &world.resource::<OverlappingTrianglePairs>().pairs();
+        let meeting = &world.resource::<MeetingCaps>().pairs();
         let store = world.resource::<ContactStore>();
         let pair = size_of::<[u32; 2]>();
         let (touching, contact) = (size_of::<TouchingPair>(), size_of::<CompactContact>());
@@ -145,17 +145,17 @@ impl Stage {
             + overlapping.iter().map(|list| list.capacity() * pair).sum::<usize>()
             + meeting.iter().map(|list| list.capacity() * pair).sum::<usize>();
         let contact_lists: usize = store
-            .pairs
+            .pairs()
             .iter()
             .map(|pair| pair.touching.capacity() * touching + pair.contacts.capacity() * contact)
             .sum();
-        // The memory of the tick before is kept for the next one, and is as large.
+        // The memory of the previous tick is kept for the next one, and is as large.
         let contact_lists = 2 * contact_lists;
         Memory { all: self.held, candidate_lists, contact_lists }
     }
 }
 
-/// Plays all ticks in a fresh app; `show` sees each of them.
+/// Plays all ticks in a fresh app, and calls `show` after each.
 pub fn play(
     scene: &Scene,
     method: ContactMethod,
@@ -172,7 +172,7 @@ pub fn play(
     (costs, stage.memory())
 }
 
-/// Plays all ticks of a configuration for the recorder, which costs too much to measure anything beside.
+/// Plays all ticks of a configuration for the recorder. Recording is too slow to measure anything at the same time.
 pub fn record(scene: &Scene, configuration: &Configuration, recorder: Recorder) {
     let Configuration { method, settings, distance_edges, .. } = configuration;
     let mut stage = Stage::recorded(scene, *method, *settings, *distance_edges, recorder);

@@ -1,4 +1,4 @@
-//! The report's plots.
+//! The plots of the report.
 
 use std::path::Path;
 
@@ -19,16 +19,16 @@ use super::{
     statistics::pareto_front,
 };
 
-/// A plot that was written: its name without the ending and what it shows.
+/// A plot that was written: its file name without extension, and its description.
 pub struct Drawn {
     pub name: &'static str,
     pub shows: &'static str,
 }
 
-/// Points, color, dash and shape of a line.
+/// Points, color, dash, and marker of a line.
 type Line<'a> = (Vec<(f64, f64)>, &'a str, usize, MarkerShape);
 
-/// Lines over a setting, from 0 upwards, with room for the outermost markers.
+/// Lines over a setting, with y from 0 upwards and room for the outermost markers.
 fn line_panel(lines: &[Line], x: &str, y: &str) -> (Vec<Plot>, Layout) {
     let mut plots = Vec::new();
     let (mut left, mut right, mut top) = (f64::INFINITY, f64::NEG_INFINITY, 0.0_f64);
@@ -52,7 +52,7 @@ fn percent(share: Option<f64>) -> Option<f64> {
     share.map(|share| 100.0 * share)
 }
 
-/// Which series of a speed–error plot a configuration belongs to.
+/// Series of a speed–error plot: label, color, marker, and size.
 const GROUPS: [(&str, &str, MarkerShape, f64); 7] = [
     ("BoundingSphere", ORANGE, MarkerShape::Square, 6.0),
     ("Circumsphere without plane cull", SKY, MarkerShape::TriangleDown, 4.5),
@@ -82,7 +82,7 @@ fn group_legend() -> Vec<LegendEntry> {
     entries
 }
 
-/// Points of a time and an error, colored by group, the front among them marked.
+/// Points by time and error, colored by group, with the Pareto front marked.
 fn speed_error_panel(points: &[(usize, f64, f64)], title: &str, x: &str, y: &str) -> (Vec<Plot>, Layout) {
     let mut plots: Vec<Plot> = Vec::new();
     let places: Vec<(f64, f64)> = points.iter().map(|&(_, time, error)| (time, error)).collect();
@@ -104,13 +104,13 @@ fn speed_error_panel(points: &[(usize, f64, f64)], title: &str, x: &str, y: &str
     let layout = layout(&plots, title, x, y)
         .with_x_axis_min(0.0)
         .with_x_axis_max(right)
-        // Room for the markers of what has no error.
+        // Room for the markers of points without error.
         .with_y_axis_min(-0.05 * top)
         .with_y_axis_max(top);
     (plots, layout)
 }
 
-/// Draws everything that there are figures for.
+/// Draws all plots for which there is data.
 pub fn draw(folder: &Path, study: &Study) -> Result<Vec<Drawn>, ReportError> {
     let mut drawn = Vec::new();
     let mut add = |name: &'static str, shows: &'static str, sheet: Option<Sheet>| -> Result<(), ReportError> {
@@ -130,7 +130,7 @@ pub fn draw(folder: &Path, study: &Study) -> Result<Vec<Drawn>, ReportError> {
     Ok(drawn)
 }
 
-/// The measures of error that are drawn: what the axis says, of a scene, and of all scenes.
+/// An error measure that is drawn: the label of its axis, its value for a scene, and its value for all scenes.
 type ErrorMeasure = (&'static str, fn(&Measured) -> Option<f64>, fn(&Pooled) -> Option<f64>);
 const ERRORS: [ErrorMeasure; 3] = [
     ("missed pairs (%)", |one| percent(one.row.pair_miss_rate), |all| percent(all.row.pair_miss_rate)),
@@ -187,7 +187,7 @@ fn speed_vs_error_by_scene(study: &Study) -> Sheet {
     }
 }
 
-/// Panels of all error measures over a setting, one line for each series; nothing where no series has two points.
+/// Panels of all error measures over a setting, with one line per series. `None` if no series has two points.
 fn error_lines(
     x: &str,
     series: &[(String, &str, usize, Vec<(f64, &Pooled)>)],
@@ -274,7 +274,7 @@ fn error_vs_curvature(study: &Study) -> Option<Sheet> {
     Some(Sheet { columns: 2, panel: (470, 340), title, panels, legend })
 }
 
-/// What is drawn against δ: the axis, and the measure of a scene.
+/// Measures that are drawn against δ: the label of the axis, and the value for a scene.
 const DELTA_MEASURES: [(&str, fn(&Measured) -> Option<f64>); 4] = [
     ("missed pairs (%)", |one| percent(one.row.pair_miss_rate)),
     ("false pairs (%)", |one| percent(one.row.pair_false_rate)),
@@ -343,7 +343,7 @@ fn time_vs_triangles(study: &Study) -> Option<Sheet> {
     Some(Sheet { columns: 1, panel: (760, 480), title, panels: vec![(plots, layout)], legend })
 }
 
-/// Stages as they are drawn together, and their color.
+/// Groups of stages that are drawn together, and their colors.
 const STAGE_GROUPS: [(&str, &[&str], &str); 8] = [
     ("bounds and trees", &["prepare", "bounds", "pair surfaces", "tree update"], BLACK),
     ("broad phase", &["broad phase"], SKY),
@@ -374,7 +374,7 @@ pub fn stage_time(study: &Study, method: ContactMethod, group: usize) -> f64 {
     super::statistics::mean(times).unwrap_or_default()
 }
 
-/// The group that a stage is drawn with; what is new and has none yet, with the first.
+/// The group of a stage. New stages without a group count to the first.
 fn stage_group(stage: &str) -> usize {
     STAGE_GROUPS.iter().position(|(_, stages, _)| stages.contains(&stage)).unwrap_or(0)
 }
@@ -404,7 +404,7 @@ fn time_by_stage(study: &Study) -> Sheet {
     Sheet { columns: 1, panel: (760, 460), title, panels: vec![(plots, layout)], legend }
 }
 
-/// Names of the groups of stages in the order in which they are drawn.
+/// Names of the groups of stages, in drawing order.
 pub fn stage_group_names() -> impl Iterator<Item = &'static str> {
     STAGE_GROUPS.iter().map(|(name, ..)| *name)
 }

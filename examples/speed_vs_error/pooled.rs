@@ -1,16 +1,16 @@
-//! All scenes together: each scene counts alike, however many pairs it has.
+//! Results over all scenes. Each scene has the same weight, however many pairs it has.
 
 use serde::Serialize;
 
 use super::{configurations::Configuration, measure::Measured, statistics::mean};
 
-/// One line of `pooled.csv`: a configuration over all scenes. Rates are means of the scenes' rates.
+/// One line of `pooled.csv`: a configuration over all scenes. Rates are means of the rates of the scenes.
 #[derive(Clone, Debug, Serialize)]
 pub struct PooledRow {
     pub configuration: String,
     pub method: String,
     pub contact_distance_edges: f64,
-    /// Scenes in which something touches.
+    /// Scenes in which anything touches.
     pub scenes: usize,
     pub true_pairs: usize,
     pub missed_pairs: usize,
@@ -21,11 +21,11 @@ pub struct PooledRow {
     pub triangle_miss_rate: Option<f64>,
     pub triangle_false_rate: Option<f64>,
     pub object_miss_rate: Option<f64>,
-    /// The largest share of pairs missed in a scene.
+    /// Largest share of missed pairs in a scene.
     pub worst_pair_miss_rate: Option<f64>,
     pub contact_churn: Option<f64>,
     pub recipes_refreshed_share: Option<f64>,
-    /// Geometric mean over scenes of the time in units of `Refined`'s at the same contact distance.
+    /// Geometric mean over scenes of the time relative to `Refined` at the same contact distance.
     pub time_ratio: Option<f64>,
 }
 
@@ -34,7 +34,7 @@ pub struct Pooled {
     pub row: PooledRow,
 }
 
-/// One entry for each configuration, in the order of their first occurrence.
+/// One entry per configuration, in the order of their first occurrence.
 pub fn pooled(measured: &[Measured]) -> Vec<Pooled> {
     let mut configurations: Vec<&Configuration> = Vec::new();
     for one in measured {
@@ -76,7 +76,7 @@ fn pool(configuration: &Configuration, measured: &[Measured]) -> Pooled {
         missed_pairs: total(|one| one.row.missed_pairs),
         false_pairs: total(|one| one.row.false_pairs),
         pair_miss_rate: mean_of(|one| one.row.pair_miss_rate),
-        // Nothing found is nothing false.
+        // If nothing is found, nothing is false.
         pair_false_rate: mean_of(|one| Some(one.row.pair_false_rate.unwrap_or(0.0))),
         pair_error: mean_of(|one| one.row.pair_error),
         triangle_miss_rate: mean_of(|one| one.row.triangle_miss_rate),

@@ -1,4 +1,4 @@
-//! The report in words and tables: every sentence about a figure is made from that figure.
+//! The report in words and tables. Every sentence about a figure is generated from that figure.
 
 use std::{
     fmt::{self, Write},
@@ -24,10 +24,10 @@ use super::{
     truth::BAND,
 };
 
-/// What has been found out once on pairs of random triangles, by a test that takes too long for every run.
+/// Results on pairs of random triangles, computed once by a test that takes too long for every run.
 const RANDOM_PAIRS: &str = include_str!("random_pairs.json");
 
-/// What is told about a scene.
+/// Facts about a scene for the report.
 pub struct SceneFacts {
     pub name: String,
     pub what: String,
@@ -54,7 +54,7 @@ impl SceneFacts {
     }
 }
 
-/// Everything that was measured.
+/// All results.
 pub struct Study {
     pub scenes: Vec<SceneFacts>,
     pub configurations: Vec<Configuration>,
@@ -74,13 +74,13 @@ impl Study {
         distances
     }
 
-    /// The distance that single factors were varied at.
+    /// The contact distance at which single factors vary.
     pub fn center_distance(&self) -> f64 {
         let distances = self.distances();
         if distances.contains(&DEFAULT_DISTANCE) { DEFAULT_DISTANCE } else { distances[0] }
     }
 
-    /// A scene under `Circumsphere` with defaults but for δ.
+    /// A scene under `Circumsphere` with all settings but δ at their defaults.
     pub fn delta_series<'a>(&'a self, scene: &'a str) -> impl Iterator<Item = &'a Measured> {
         self.measured.iter().filter(move |one| {
             one.row.scene == scene
@@ -89,7 +89,7 @@ impl Study {
         })
     }
 
-    /// A method with defaults over all scenes.
+    /// A method with default settings, over all scenes.
     fn pooled_default(&self, method: ContactMethod, distance: f64) -> Option<&PooledRow> {
         self.pooled
             .iter()
@@ -101,7 +101,7 @@ impl Study {
             .map(|all| &all.row)
     }
 
-    /// `Circumsphere` at the center distance with defaults but for what `put_back` undoes.
+    /// `Circumsphere` at the center distance with all settings at their defaults, except those that `put_back` resets.
     fn pooled_but(
         &self,
         put_back: impl Fn(&mut CircumsphereSettings, &CircumsphereSettings) + Copy,
@@ -123,7 +123,7 @@ struct RandomPairs {
     worst_separation_error: Option<f64>,
 }
 
-/// Writes tables, plots and the report itself.
+/// Writes tables, plots, and the report.
 pub fn write(options: &Options, study: &Study) -> Result<(), ReportError> {
     let folder = &options.out;
     write_csv(folder, "measures.csv", study.measured.iter().map(|one| &one.row))?;
@@ -141,7 +141,7 @@ pub fn write(options: &Options, study: &Study) -> Result<(), ReportError> {
     fs::write(&path, text).map_err(|source| ReportError::Write { path, source })
 }
 
-/// Two decimals of a percentage, or a dash; what is above 0 never reads as 0.
+/// Percentage with two decimals, or a dash. A positive value never shows as 0.
 fn percent(share: Option<f64>) -> String {
     match share {
         None => "–".to_owned(),
@@ -154,7 +154,7 @@ fn fixed(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(|| "–".to_owned(), |value| format!("{value:.decimals$}"))
 }
 
-/// A small number with its power of ten.
+/// Number in scientific notation.
 fn scientific(value: Option<f64>) -> String {
     match value {
         None => "–".to_owned(),
@@ -221,7 +221,7 @@ impl fmt::Display for Text<'_> {
 impl Text<'_> {
     fn command(&self) -> String {
         let options = self.options;
-        // Where a folder lies is nobody's business but the machine's.
+        // Leave out the local path of an absolute folder.
         let show = |path: &Path| {
             if path.is_absolute() { path.file_name().map_or(path, Path::new) } else { path }.display().to_string()
         };
@@ -456,7 +456,7 @@ impl Text<'_> {
         )
     }
 
-    /// All scenes under all methods with their defaults at the center distance.
+    /// All scenes under all methods with default settings, at the center distance.
     fn defaults(&self) -> impl Iterator<Item = &Measured> {
         let distance = self.study.center_distance();
         self.study
@@ -465,7 +465,7 @@ impl Text<'_> {
             .filter(move |one| one.configuration.is_default() && one.configuration.distance_edges == distance)
     }
 
-    /// Says which of some settings has the least 1 − F1, and how the default compares.
+    /// States which setting has the smallest 1 − F1, and how the default compares.
     fn best<'a>(
         out: &mut fmt::Formatter<'_>,
         among: impl Iterator<Item = &'a Pooled>,
@@ -583,7 +583,7 @@ impl Text<'_> {
         write!(out, "{table}")
     }
 
-    /// Settings that are no point of the grid.
+    /// A table of all settings of `Circumsphere` at the center distance.
     fn further(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let study = self.study;
         writeln!(out, "## All settings of `Circumsphere` at {} edges\n", study.center_distance())?;
@@ -830,7 +830,7 @@ impl Text<'_> {
         write!(out, "\n{table}")
     }
 
-    #[expect(clippy::unused_self, reason = "a section like the others")]
+    #[expect(clippy::unused_self, reason = "same signature as the other sections")]
     fn random_pairs(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(out, "## Random pairs\n")?;
         let once: RandomPairs = serde_json::from_str(RANDOM_PAIRS).expect("the file beside this one is well formed");
@@ -852,7 +852,7 @@ impl Text<'_> {
         }
     }
 
-    #[expect(clippy::unused_self, reason = "a section like the others")]
+    #[expect(clippy::unused_self, reason = "same signature as the other sections")]
     fn not_measured(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             out,

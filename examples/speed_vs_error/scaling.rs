@@ -1,4 +1,4 @@
-//! Time against the number of triangles: the same picture at every size, and the slope on doubly logarithmic paper.
+//! Time against the number of triangles, in the same scene at every size, and the slope in a log-log plot.
 
 use bevy_circumsphere::{CircumsphereSettings, ContactMethod};
 use circumsphere_support::scenes::growing_sheets;
@@ -25,7 +25,7 @@ pub struct ScalingRow {
     pub time_ms: f64,
 }
 
-/// How many sizes an extent has time for.
+/// The sizes that an extent has time for.
 pub fn sizes(extent: Extent) -> &'static [usize] {
     match extent {
         Extent::Smoke => &SIZES[..2],
@@ -50,14 +50,14 @@ pub fn measure_size(triangles: usize) -> Result<Vec<ScalingRow>, SceneError> {
                 triangles: scene.triangles(),
                 candidates_per_tick: costs[ticks - 1].candidates,
                 touching_pairs_per_tick: costs[ticks - 1].touching_pairs,
-                // All ticks do the same work, and the fastest is the least disturbed one.
+                // All ticks do the same work, so the fastest one is the least disturbed.
                 time_ms: costs[1..].iter().map(|cost| milliseconds(cost.total)).fold(f64::INFINITY, f64::min),
             }
         })
         .collect())
 }
 
-/// The exponent k of a method's time ~ triangles^k.
+/// The exponent k in time ~ triangles^k for a method.
 pub fn slope(rows: &[ScalingRow], method: ContactMethod) -> Option<f64> {
     let name = format!("{method:?}");
     let points: Vec<(f64, f64)> =

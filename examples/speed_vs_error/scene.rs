@@ -1,11 +1,11 @@
-//! What is played: bodies with positions tick by tick, from a generated scene or a recording.
+//! The scenes to play: bodies with positions for each tick, generated or from a recording.
 
 use std::{
     fs,
     path::{Path, PathBuf},
 };
 
-use bevy_circumsphere::kernel::mesh::topology::{SurfaceTopology, TopologyError};
+use bevy_circumsphere::kernel::mesh::{topology::SurfaceTopology, validation::TopologyError};
 use circumsphere_support::{
     recording::{Recording, RecordingError, read_recording},
     scenes::{MovingScene, moving_scene},
@@ -18,10 +18,10 @@ use super::options::{Options, OptionsError};
 /// The recording that one of the scenes is cut from.
 const CLOTH_FALL: &[u8] = include_bytes!("../../assets/cloth_fall.bin");
 
-/// Other files that lie beside recordings: answers and queries, and the same meshes in double precision.
+/// Other files that may lie next to recordings: answers, queries, and the same meshes in double precision.
 const NOT_RECORDINGS: [&str; 3] = [".f64.bin", ".gt.bin", ".ccdq.bin"];
 
-/// In how many of a generated scene's ticks errors are measured; costs and steadiness are in all of them.
+/// Number of ticks of a generated scene in which errors are measured. Costs and steadiness are measured in all ticks.
 const MEASURED_TICKS: usize = 6;
 
 #[derive(Debug, thiserror::Error)]
@@ -32,9 +32,9 @@ pub enum SceneError {
     Recording(#[from] RecordingError),
     #[error("cannot read {}: {source}", .path.display())]
     Folder { path: PathBuf, source: std::io::Error },
-    #[error("{}: no recording in it: expected files that end in .bin, .ply or .obj", .path.display())]
+    #[error("{}: the folder has no recordings: expected files that end in .bin, .ply, or .obj", .path.display())]
     NoRecording { path: PathBuf },
-    #[error("{}: no recording named {name} in it", .path.display())]
+    #[error("{}: the folder has no recording named {name}", .path.display())]
     NoSuchRecording { path: PathBuf, name: String },
     #[error("{name}: {source}")]
     Mesh { name: String, source: TopologyError },
@@ -45,7 +45,7 @@ pub struct Body {
     pub ticks: Vec<Vec<Vec3>>,
     pub is_closed: bool,
     pub touches_itself: bool,
-    /// For each vertex the one that stands for it: vertices at equal places in the first tick are one.
+    /// The representative of each vertex: vertices at equal positions in the first tick are welded.
     pub weld: Vec<u32>,
     pub mean_edge: f64,
 }
@@ -97,7 +97,7 @@ impl Scene {
             what: scene.what.to_owned(),
             deforms: scene.deforms,
             bodies,
-            // The last tick is always among them.
+            // The last tick is always included.
             measured: (0..ticks).rev().step_by(step).collect::<Vec<_>>().into_iter().rev().collect(),
         })
     }
@@ -106,7 +106,7 @@ impl Scene {
         let frames = frames.min(recording.frames.len());
         let ticks: Vec<Vec<Vec3>> =
             recording.frames[..frames].iter().map(|frame| frame.iter().copied().map(Vec3::from).collect()).collect();
-        // A recording is one mesh, whatever its parts: sides are what it has been on, as in a replay.
+        // A recording is one two-sided mesh, whatever its components, as in the example `replay`.
         let body = Body::new(&name, recording.triangles, ticks, false, true)?;
         let (what, deforms) = (format!("{frames} of {} recorded frames", recording.frames.len()), frames > 1);
         Ok(Self { name, what, deforms, bodies: vec![body], measured: (0..frames).collect() })
@@ -120,21 +120,21 @@ impl Scene {
         self.bodies.iter().map(|body| body.triangles.len()).sum()
     }
 
-    /// Mean edge of the middle one of the bodies, in the order of their mean edges: contact distances are multiples of
-    /// it. Neither a single coarse ground nor a single fine trinket decides.
+    /// The median of the bodies' mean edges, in multiples of which contact distances are given. So neither a single
+    /// coarse ground nor a single fine object determines it.
     pub fn mean_edge(&self) -> f64 {
         let mut edges: Vec<f64> = self.bodies.iter().map(|body| body.mean_edge).collect();
         edges.sort_by(f64::total_cmp);
         edges[(edges.len() - 1) / 2]
     }
 
-    /// What a body's thickness has to be for a contact distance in mean edges, and that distance as it then is.
+    /// The thickness of a body for a contact distance in mean edges, and that distance after rounding.
     pub fn thickness(&self, distance_edges: f64) -> (f32, f64) {
         let thickness = (0.5 * distance_edges * self.mean_edge()) as f32;
         (thickness, f64::from(thickness + thickness))
     }
 
-    /// Which bodies may touch, the lower one first.
+    /// The pairs of bodies that may touch, the lower index first.
     pub fn body_pairs(&self) -> Vec<[usize; 2]> {
         let count = self.bodies.len();
         (0..count)

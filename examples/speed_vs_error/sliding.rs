@@ -1,9 +1,9 @@
-//! Sliding bodies: how steady and how true contact normals are, and what bumps they give.
+//! Sliding bodies: how steady and how accurate contact normals are, and what bumps they cause.
 //!
-//! A ball and a box, as rigid shapes and as meshes, are led over irregularly triangulated ground at a constant true
-//! distance, so that the true normal is known at every tick; then over flat ground they are pushed and held up by
-//! nothing but their contacts. The same motion for every kind of normal, parry's triangle mesh with and without its fix
-//! of internal edges among them.
+//! A ball and a box, as rigid shapes and as meshes, are guided over irregularly triangulated ground at a constant true
+//! distance, so that the true normal is known in every tick. Then they are pushed over flat ground, supported only by
+//! their contacts. The motion is the same for every kind of normal, including parry's triangle mesh with and without
+//! its fix for internal edges.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -31,70 +31,71 @@ use parry3d::{
 };
 use serde::Serialize;
 
-/// Bodies touch within this distance, and are led at two fifths of it from the true ground.
+/// Contact distance, and the distance from the true ground at which bodies are guided: two fifths of it.
 const CONTACT_DISTANCE: f64 = 0.05;
 const GAP: f64 = 0.02;
 
-/// Mean edge of the ground. Its vertices lie up to a third of it off a regular grid.
+/// Mean edge of the ground. Its vertices are displaced by up to a third of it from a regular grid.
 const EDGE: f64 = 0.3;
 const CELLS: usize = 24;
 
 const BALL_RADIUS: f64 = 0.5;
 const BOX_HALF_EXTENTS: [f64; 3] = [0.4, 0.3, 0.4];
 
-/// How far a body moves in a tick.
+/// Distance that a body moves per tick.
 const TICK: f64 = 0.004;
 
-/// In the pushed motion: ticks a second and gravity in lengths/second², so that it moves 0.24 a second.
+/// In the pushed motion: ticks per second, and gravity in lengths/second². The speed is 0.24 per second.
 const TICK_RATE: f64 = 60.0;
 const GRAVITY: f64 = 9.81;
 
-/// A tick of the pushed motion is a bump where the velocity after it is off by more than this share of the speed.
+/// A tick of the pushed motion is a bump if the velocity after it is off by more than this share of the speed.
 const BUMP: f64 = 0.01;
 
-/// One method over one ground. Angles are in degrees. Jumps are between ticks in a row, errors against the true normal;
-/// `deepest` is the contact of least separation, `mean` the mean of those that touch, weighted by how much they do.
+/// One kind of normal over one ground. Angles are in degrees. Jumps are between consecutive ticks, and errors are
+/// against the true normal. `deepest` is the contact with the smallest separation. `mean` is the mean over touching
+/// contacts, weighted by their overlap.
 #[derive(Clone, Debug, Serialize)]
 pub struct SlidingRow {
-    /// What is slid over.
+    /// The ground.
     pub ground: &'static str,
-    /// What slides.
+    /// The sliding body.
     pub body: &'static str,
-    /// Whose normals.
+    /// The kind of normals.
     pub normals: &'static str,
-    /// Ticks of the led motion.
+    /// Ticks of the guided motion.
     pub ticks: usize,
-    /// Ticks of them without a touching contact.
+    /// Ticks of the guided motion without a touching contact.
     pub lost_ticks: usize,
-    /// Touching contacts in a tick, on average.
+    /// Mean number of touching contacts per tick.
     pub contacts: f64,
     /// Largest jump of the deepest contact's normal.
     pub deepest_jump_max: f64,
-    /// Root mean square of the same.
+    /// Root mean square jump of the deepest contact's normal.
     pub deepest_jump_rms: f64,
     /// Largest jump of the mean normal.
     pub mean_jump_max: f64,
-    /// Root mean square of the same.
+    /// Root mean square jump of the mean normal.
     pub mean_jump_rms: f64,
     /// Largest error of the deepest contact's normal.
     pub deepest_error_max: f64,
-    /// Root mean square of the same.
+    /// Root mean square error of the deepest contact's normal.
     pub deepest_error_rms: f64,
     /// Largest error of the mean normal.
     pub mean_error_max: f64,
-    /// Root mean square of the same.
+    /// Root mean square error of the mean normal.
     pub mean_error_rms: f64,
     /// Largest error of any touching contact.
     pub any_error_max: f64,
-    /// Pushed motion, on flat ground: share of ticks with a bump.
+    /// Pushed motion, only on flat ground: share of ticks with a bump.
     pub bump_share: Option<f64>,
     /// Largest share of the forward speed lost in one tick.
     pub speed_loss_max: Option<f64>,
-    /// How far the path rose and fell, in edges of the ground.
+    /// Height range of the path, in edges of the ground.
     pub height_range: Option<f64>,
 }
 
-/// Measures everything. A quick pass goes a sixth of the way.
+/// Measures all combinations. A quick run covers about a sixth of the path.
 #[must_use]
 pub fn measure(quick: bool) -> Vec<SlidingRow> {
     let ticks = if quick { 160 } else { 1_000 };
@@ -122,7 +123,7 @@ pub fn measure(quick: bool) -> Vec<SlidingRow> {
     rows
 }
 
-/// What slides.
+/// A sliding body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Body {
     Ball,
@@ -164,12 +165,12 @@ impl Body {
         if self.is_box() { SharedShape::cuboid(x, y, z) } else { SharedShape::ball(BALL_RADIUS as f32) }
     }
 
-    /// Distance of the center from the ground it stands on.
+    /// Height of the center above the ground when the body stands on it.
     fn height(self) -> f64 {
         if self.is_box() { BOX_HALF_EXTENTS[1] } else { BALL_RADIUS }
     }
 
-    /// Where it is with its lowest point `gap` above a place of the ground.
+    /// The pose at which the body's lowest point is `gap` above a place on the ground.
     fn pose(self, foot: DVec3, normal: DVec3, gap: f64) -> Transform {
         let turned = DQuat::from_rotation_arc(DVec3::Y, normal) * DQuat::from_rotation_y(0.5);
         let center = foot + normal * (self.height() + gap);
@@ -177,22 +178,23 @@ impl Body {
     }
 }
 
-/// Whose normals.
+/// A kind of normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Normals {
-    /// Exact, of the features that meet.
+    /// Exact normals of the features in contact.
     Exact,
     /// Smooth normals of this crate.
     Smooth,
-    /// The same with every bent edge a crease: the exact normals, brought into the range that their features' faces span.
+    /// Smooth normals with every bent edge as a crease: the exact normals, clamped to the range that the faces of their
+    /// features span.
     Sharp,
-    /// Of the spheres of the two triangles, as in the source paper.
+    /// Normals of the spheres of the two triangles, as in the source paper.
     Caps,
-    /// Vertex normals weighted by angle and interpolated, with no regard for creases: what a renderer shades by.
+    /// Interpolated, angle-weighted vertex normals without creases, as a renderer uses for shading.
     Interpolated,
     /// parry's triangle mesh.
     Parry,
-    /// parry's triangle mesh with internal edges fixed.
+    /// parry's triangle mesh with fixed internal edges.
     ParryFixed,
 }
 
@@ -237,7 +239,7 @@ fn points(mesh: &Mesh) -> Vec<Vec3> {
     mesh.positions.iter().copied().map(Vec3::from).collect()
 }
 
-/// This crate's contacts, each by the chosen normal.
+/// This crate's contacts, with the chosen kind of normal.
 struct OwnDetector {
     app: App,
     ground: Entity,
@@ -257,7 +259,7 @@ impl OwnDetector {
         let surface = |mesh: &Mesh| {
             DeformableSurface::from_mesh(&points(mesh), &mesh.triangles).expect("a generated mesh is valid")
         };
-        // A shape has no thickness of its own.
+        // A rigid shape has no thickness of its own.
         let thickness = if body.is_mesh() { 0.5 * CONTACT_DISTANCE } else { CONTACT_DISTANCE } as f32;
         let thickness = SurfaceThickness::World(thickness);
         let ground_entity = app.world_mut().spawn((surface(ground), thickness)).id();
@@ -278,7 +280,7 @@ impl OwnDetector {
     }
 }
 
-/// What other methods make of this crate's contacts.
+/// The normals that other methods give for this crate's contacts.
 struct Peers {
     ground: PeerNormals,
     body: PeerNormals,
@@ -292,7 +294,7 @@ impl Peers {
         let mut sum = DVec3::ZERO;
         if let Some(triangle) = of_ground {
             let normal = self.ground.at(triangle, at_ground, by_caps);
-            // The ground is a sheet with two sides.
+            // The ground is a two-sided sheet.
             sum += if normal.dot(exact) < 0.0 { -normal } else { normal };
         }
         if let Some(triangle) = of_body {
@@ -306,7 +308,7 @@ impl Detector for OwnDetector {
     fn touches(&mut self, pose: &Transform) -> Vec<Touch> {
         *self.app.world_mut().get_mut::<Transform>(self.body).expect("the body has a transform") = *pose;
         self.app.update();
-        let (contacts, smooth_normals) = self.state.get(self.app.world()).expect("the plugins keep a store");
+        let (contacts, smooth_normals) = self.state.get(self.app.world()).expect("the plugins insert the store");
         let touching = contacts.between(self.body, self.ground).filter(|contact| contact.separation() <= 0.0);
         touching
             .map(|contact| Touch {
@@ -321,7 +323,7 @@ impl Detector for OwnDetector {
     }
 }
 
-/// Normals that other methods would give, in a mesh's own frame.
+/// Normals of other methods, in the mesh's own frame.
 struct PeerNormals {
     mesh: Mesh,
     spheres: OffsetSpheres,
@@ -366,7 +368,7 @@ impl PeerNormals {
     }
 }
 
-/// parry's contact manifolds, kept from tick to tick as an engine keeps them.
+/// parry's contact manifolds, kept between ticks as a physics engine does.
 struct ParryDetector {
     ground: TriMesh,
     body: Box<dyn Shape>,
@@ -421,9 +423,10 @@ struct Ground {
     takes_boxes: bool,
     place: Box<dyn Fn(f64, f64) -> DVec3>,
     normal: Box<dyn Fn(f64, f64) -> DVec3>,
-    /// Half the angle of a crease along u = 0, where there is one.
+    /// Half the angle of a crease along u = 0; 0 without a crease.
     ridge: f64,
-    /// Where the path starts and its direction; over a crease the first is found from where it is met.
+    /// Start and direction of the path. If there is a crease, the start is computed from the point at which the path
+    /// reaches it.
     start: [f64; 2],
     direction: [f64; 2],
 }
@@ -468,7 +471,7 @@ fn grounds() -> Vec<Ground> {
         place: Box::new(move |u, v| DVec3::new(u + u.max(0.0) * (angle.cos() - 1.0), u.max(0.0) * angle.sin(), v)),
         normal: Box::new(|_, _| DVec3::Y),
         ridge: 0.0,
-        // Along the foot of the ramp over the triangles beside it, not so near that the body touches the ramp.
+        // Along the foot of the ramp, over the triangles beside it, but not so close that the body touches the ramp.
         start: [-0.22, -2.0],
         direction: [0.0, 1.0],
     };
@@ -490,7 +493,7 @@ fn grounds() -> Vec<Ground> {
 }
 
 impl Ground {
-    /// Triangles of about `edge`, irregular but for vertices along u = 0, where creases are.
+    /// Triangles with edges of about `edge`, irregular except for vertices along u = 0, where creases are.
     fn mesh(&self, cells: usize, edge: f64) -> Mesh {
         let mut random = Random::new(7);
         let mut mesh = Mesh::default();
@@ -518,12 +521,12 @@ impl Ground {
         mesh
     }
 
-    /// Where the body's lowest point is in each tick, and the true normal there.
+    /// The place of the body's lowest point in each tick, and the true normal there.
     fn path(&self, ticks: usize) -> Vec<(DVec3, DVec3)> {
         let mut path = Vec::with_capacity(ticks);
         let [mut u, mut v] = self.start;
         if self.ridge > 0.0 {
-            // The ridge is met after a third of the way.
+            // The path reaches the ridge after a third of its length.
             u = -TICK * self.direction[0] * (ticks / 3) as f64;
         }
         while path.len() < ticks {
@@ -531,7 +534,7 @@ impl Ground {
             u += TICK * self.direction[0];
             v += TICK * self.direction[1];
             if self.ridge > 0.0 && before < 0.0 && u >= 0.0 {
-                // A ball rolls over the ridge: its center on an arc about the point where it meets the ridge.
+                // A ball rolls over the ridge: its center moves on an arc about the contact point.
                 let mut angle = -self.ridge;
                 while angle < self.ridge {
                     path.push(((self.place)(0.0, v), DVec3::new(angle.sin(), angle.cos(), 0.0)));
@@ -549,7 +552,7 @@ fn degrees_between(one: DVec3, other: DVec3) -> f64 {
     one.cross(other).length().atan2(one.dot(other)).to_degrees()
 }
 
-/// Largest and root mean square of what is added.
+/// Maximum and root mean square of the added values.
 #[derive(Clone, Copy, Debug, Default)]
 struct Spread {
     largest: f64,
@@ -594,7 +597,7 @@ fn truth_row(ground: &Ground, body: Body, path: &[(DVec3, DVec3)]) -> SlidingRow
     }
 }
 
-/// Leads a body along the path.
+/// Guides a body along the path.
 fn led(ground: &Ground, mesh: &Mesh, path: &[(DVec3, DVec3)], body: Body, normals: Normals) -> SlidingRow {
     let mut detector = detector(mesh, body, normals);
     let (mut deepest_jump, mut mean_jump) = (Spread::default(), Spread::default());
@@ -644,15 +647,15 @@ fn led(ground: &Ground, mesh: &Mesh, path: &[(DVec3, DVec3)], body: Body, normal
     }
 }
 
-/// What came of pushing.
+/// Results of the pushed motion.
 struct Pushed {
     bump_share: f64,
     speed_loss_max: f64,
     height_range: f64,
 }
 
-/// Pushes a body over flat ground: its horizontal velocity is set anew in every tick, gravity pulls it down, and every
-/// touching contact takes away the velocity into it and moves the body out along its normal.
+/// Pushes a body over flat ground. Its horizontal velocity is reset in every tick, and gravity pulls it down. Every
+/// touching contact removes the velocity into it and moves the body out along its normal.
 fn push(mesh: &Mesh, ticks: usize, body: Body, normals: Normals) -> Pushed {
     let mut detector = detector(mesh, body, normals);
     let speed = TICK * TICK_RATE;

@@ -1,13 +1,13 @@
-//! Medians, tails and slopes of lists of numbers.
+//! Medians, tails, and slopes of lists of numbers.
 
-/// The middle of a list, or of its two middle numbers; `None` of an empty one.
+/// The median, or the mean of the two middle numbers; `None` for an empty list.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let count = values.len();
     (count > 0).then(|| 0.5 * (values[(count - 1) / 2] + values[count / 2]))
 }
 
-/// The middle, the 99th percentile (the least value that 99 % do not exceed) and the largest.
+/// The median, the 99th percentile (the least value that 99 % do not exceed), and the maximum.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spread {
     pub median: Option<f64>,
@@ -23,13 +23,13 @@ impl Spread {
     }
 }
 
-/// Mean of the numbers there are.
+/// The mean; `None` for an empty list.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.into_iter().fold((0.0, 0_usize), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Slope of the least-squares line through points whose coordinates are both taken as logarithms.
+/// Slope of the least-squares line through the logarithms of both coordinates.
 pub fn log_slope(points: &[(f64, f64)]) -> Option<f64> {
     let logs: Vec<(f64, f64)> =
         points.iter().filter(|(x, y)| *x > 0.0 && *y > 0.0).map(|(x, y)| (x.ln(), y.ln())).collect();
@@ -39,7 +39,7 @@ pub fn log_slope(points: &[(f64, f64)]) -> Option<f64> {
     (spread > 0.0).then(|| product / spread)
 }
 
-/// The numbers of the points on the Pareto front, from left to right: no other point is as low and as far left.
+/// Indices of the points on the Pareto front, from left to right: no other point is both as low and as far left.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a].0.total_cmp(&points[b].0).then(points[a].1.total_cmp(&points[b].1)));

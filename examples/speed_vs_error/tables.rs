@@ -1,4 +1,4 @@
-//! The report's tables as files of comma-separated values.
+//! The tables of the report as CSV files.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::ReportError;
 
-/// Writes rows under a header of their fields' names.
+/// Writes rows below a header with the names of their fields.
 pub fn write_csv<Row: Serialize>(
     folder: &Path,
     name: &str,

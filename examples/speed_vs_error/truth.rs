@@ -1,38 +1,37 @@
-//! The truth about a scene, by the reference in f64: made once at the farthest contact distance, read at all of them.
+//! The f64 reference for a scene: computed once at the largest contact distance, and used at all of them.
 
 use super::scene::{Scene, wide};
 use circumsphere_truth::{ClosestKind, closest_features, touching_pairs_between_tree, touching_pairs_tree};
 use glam::DVec3;
 use std::{num::NonZero, thread};
 
-/// Distances of f32 inputs are only as good as their rounding at edge scale: within this share of the contact distance
-/// either answer is right.
+/// Relative band around the contact distance in which either answer is right, because f32 inputs are rounded.
 pub const BAND: f64 = 1.0e-4;
 
-/// Closer than this share of its size, the direction from one triangle of a pair to the other is lost in the rounding
-/// of f32 positions.
+/// If two triangles are closer than this share of their size, the direction between them is lost in the rounding of f32
+/// positions.
 const NO_DIRECTION: f64 = 1.0e-4;
 
-/// Names a pair of triangles: both bodies, the lower one first, and both triangles.
+/// Identifies a pair of triangles: both bodies, the lower one first, and both triangles.
 pub type PairName = [u32; 4];
 
-/// Two triangles within the farthest contact distance.
+/// Two triangles within the largest contact distance.
 #[derive(Clone, Copy, Debug)]
 pub struct TruePair {
     pub name: PairName,
     pub distance: f64,
     pub crosses: bool,
-    /// Unit vector from the second triangle to the first between their closest points; none where they cross or nearly
+    /// Unit vector from the second triangle to the first, between their closest points. `None` if they cross or nearly
     /// do.
     pub direction: Option<DVec3>,
-    /// The longest edge of the two.
+    /// The longest edge of both triangles.
     pub size: f64,
 }
 
-/// One measured tick's pairs, sorted by name.
+/// The pairs of one measured tick, sorted by name.
 pub type TrueTick = Vec<TruePair>;
 
-/// The pairs within `distance_edges` and the band, of each measured tick.
+/// The pairs within `distance_edges` plus the band, for each measured tick.
 pub fn truth(scene: &Scene, distance_edges: f64) -> Vec<TrueTick> {
     let threads = thread::available_parallelism().map_or(1, NonZero::get).min(scene.measured.len());
     let mut ticks: Vec<TrueTick> = vec![TrueTick::new(); scene.measured.len()];
@@ -45,8 +44,8 @@ pub fn truth(scene: &Scene, distance_edges: f64) -> Vec<TrueTick> {
                 }
             })
         });
-        // Joined one by one: the end of the scope does not wait until a thread has given back its last bytes, and the
-        // heap is about to be measured.
+        // Join the threads one by one. The end of the scope does not wait until a thread has freed its last bytes, and
+        // heap usage is measured next.
         for thread in work.collect::<Vec<_>>() {
             thread.join().expect("the reference does not panic");
         }

@@ -165,13 +165,13 @@ fn spawn_clean_bodies(app: &mut App) -> [Entity; 2] {
 fn contacts_between(app: &App, [a, b]: [Entity; 2]) -> usize {
     let store = app.world().resource::<ContactStore>();
     let sides = [ContactSide::Surface(a), ContactSide::Surface(b)];
-    let pairs = store.pairs.iter().filter(|pair| sides == [pair.a, pair.b] || sides == [pair.b, pair.a]);
+    let pairs = store.pairs().iter().filter(|pair| sides == [pair.a, pair.b] || sides == [pair.b, pair.a]);
     pairs.map(|pair| pair.touching.len()).sum()
 }
 
 fn check_contacts(app: &App) {
     let store = app.world().resource::<ContactStore>();
-    for pair in &store.pairs {
+    for pair in store.pairs() {
         assert!(pair.nearest >= 0.0, "the nearest pair is {} away", pair.nearest);
     }
     for touching in store.touching() {

@@ -13,12 +13,9 @@ use super::store::{ContactStore, PairOrder, StoredPair};
 use crate::{
     kernel::capacity,
     schedule::DeformableSystems,
-    surface::{PendingQuarantines, QuarantineReason},
+    settings::EVENT_HYSTERESIS,
+    surface::{PendingQuarantines, SurfaceQuarantined},
 };
-
-/// Two surfaces have parted only when they are farther apart than their contact distance by this share of it: at rest
-/// on the threshold, rounding does not make them part and meet in every tick.
-pub(crate) const EVENT_HYSTERESIS: f32 = 1.0e-3;
 
 /// Two surfaces, or a surface and a shape, came into contact in this tick. Sent for those of which one at least has
 /// [`ContactEventsEnabled`](crate::ContactEventsEnabled).
@@ -41,16 +38,6 @@ pub struct SurfaceContactEnded {
     pub entity: Entity,
     /// The other side.
     pub other: Entity,
-}
-
-/// A surface or shape cannot be used and was set aside. Sent once; it is taken back without a message as soon as its
-/// [`SurfaceStatus`](crate::SurfaceStatus) can be active again.
-#[derive(Message, EntityEvent, Clone, Debug, PartialEq)]
-pub struct SurfaceQuarantined {
-    /// Which.
-    pub entity: Entity,
-    /// Why.
-    pub reason: QuarantineReason,
 }
 
 /// Sends messages and entity events in [`DeformableSystems::Events`].

@@ -8,19 +8,19 @@ use glam::Vec3;
 
 use super::{
     sides::{Before, Reversed, Sides},
-    store::{ContactSide, ContactStore, StoredPair},
+    store::{ContactStore, StoredPair},
 };
 use crate::{
     detection::{
         CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, PairContacts, RefinedTrianglePairs,
-        SphereContacts, StageList, SurfacePair, Threads,
+        SphereContacts, SurfacePair, Threads,
         broad_phase::{Frame, OtherSide},
         is_one_sided,
     },
     kernel::capacity,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces},
+    surface::{ActiveSurface, ActiveSurfaces, ContactSide},
 };
 
 /// Gathers contacts into the [`ContactStore`].
@@ -56,17 +56,13 @@ fn gather_contacts(
     mut kept: Local<KeptPairs>,
     mut sides: Local<Sides>,
     mut reversed: Local<Reversed>,
-    mut memory: ResMut<DetectionMemory>,
+    memory: Res<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
 ) {
     let start = Instant::now();
-    let is_spoiled = memory.is_spoiled(StageList::Candidates, candidates.last_changed())
-        | memory.is_spoiled(StageList::Refined, refined.last_changed())
-        | memory.is_spoiled(StageList::SphereContacts, spheres.last_changed());
     diagnostics.pairs_kept = memory.kept_count();
-    if memory.keeps_all() && !is_spoiled {
+    if memory.keeps_all() {
         store.tick += 1;
-        memory.seal(StageList::Store, store.last_changed());
         diagnostics.finish("contacts", start, 0, store.contact_count());
         return;
     }
@@ -80,9 +76,7 @@ fn gather_contacts(
     stored_places.clear();
 
     for (place, pair) in candidates.pairs.iter().enumerate() {
-        if let Some(origin) = memory.origin(place)
-            && !is_spoiled
-        {
+        if let Some(origin) = memory.origin(place) {
             let last = last_places[origin].map(|last| &previous.pairs[last as usize]);
             stored_places.push(last.map(|_| store.pairs.len() as u32));
             store.pairs.extend(last.cloned());
@@ -96,9 +90,6 @@ fn gather_contacts(
         }
         stored_places.push(Some(store.pairs.len() as u32));
         if is_exact {
-            if is_spoiled {
-                found.restore_order();
-            }
             let before =
                 if keeps_sides(&active, pair) { last_of(&previous, by_sides, sides_of(&active, pair)) } else { None };
             let before = match before {
@@ -106,7 +97,7 @@ fn gather_contacts(
                 Some((before, true)) => reversed.of(before.before(), |normal| turned(normal, before, pair.frame)),
                 None => Before::default(),
             };
-            sides.keep(&mut found.contacts, before, &Threads(settings.threads));
+            sides.keep(found.contacts.make_mut(), before, &Threads(settings.threads));
         }
         store.pairs.push(stored_pair(&active, pair, found));
     }
@@ -124,9 +115,6 @@ fn gather_contacts(
         by_sides.clear();
         by_sides.shrink_to(count);
     }
-    memory.seal(StageList::Refined, refined.last_changed());
-    memory.seal(StageList::SphereContacts, spheres.last_changed());
-    memory.seal(StageList::Store, store.last_changed());
     diagnostics.finish("contacts", start, candidates.pairs.len(), store.contact_count());
 }
 

@@ -7,12 +7,11 @@ mod reading;
 mod sides;
 mod store;
 
-pub(crate) use events::EVENT_HYSTERESIS;
-pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted, SurfaceQuarantined};
+pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted};
 #[cfg(feature = "rerun")]
 pub(crate) use events::{Touching, TouchingSides};
 pub use gather::ContactsPlugin;
-pub use impacts::{Impact, SurfaceImpacts, SweptImpact, SweptImpacts, SweptPair};
+pub use impacts::{Impact, SurfaceImpacts};
 pub use reading::{Contact, SmoothNormals, StencilEntry, SurfaceContacts};
 pub(crate) use store::PairOrder;
-pub use store::{ContactSide, ContactStore, StoredPair};
+pub use store::{ContactStore, StoredPair};

@@ -6,7 +6,7 @@ use arrayvec::ArrayVec;
 use bevy_ecs::{prelude::*, system::SystemParam};
 use glam::{DVec3, Vec3};
 
-use super::store::{ContactSide, ContactStore, StoredPair};
+use super::store::{ContactStore, StoredPair};
 use crate::{
     kernel::{
         contact::{CompactContact, ContactKey},
@@ -18,7 +18,7 @@ use crate::{
         },
     },
     settings::CircumsphereSettings,
-    surface::SurfacePositions,
+    surface::{ContactSide, SurfacePositions},
 };
 
 /// The square of a unit vector's length is rounded by less than this: records are in f32. A scale that differs between the axes,

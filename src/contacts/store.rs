@@ -6,7 +6,7 @@ use bevy_ecs::prelude::*;
 
 use super::sides::Before;
 use crate::{
-    detection::{SharedList, SphereLists},
+    detection::{FoundBySpheres, SharedList},
     kernel::{
         contact::{CompactContact, SharedContact, TouchingPair},
         exact::rigid_shape::ShapeGeometry,
@@ -14,27 +14,8 @@ use crate::{
         pose::Pose,
         spheres::contacts::SphereContact,
     },
-    surface::SideOrder,
+    surface::{ContactSide, SideOrder},
 };
-
-/// One side of a contact.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum ContactSide {
-    /// A deformable surface.
-    Surface(Entity),
-    /// A [rigid shape](crate::RigidShape), whether a solid or made of triangles.
-    Shape(Entity),
-}
-
-impl ContactSide {
-    /// The entity, whatever it is.
-    #[must_use]
-    pub const fn entity(self) -> Entity {
-        match self {
-            Self::Surface(entity) | Self::Shape(entity) => entity,
-        }
-    }
-}
 
 /// A surface and what it is in contact with, or near to.
 #[derive(Clone, Debug)]
@@ -53,8 +34,8 @@ pub struct StoredPair {
     pub contacts: SharedList<CompactContact>,
     /// Its touching triangles, in their order.
     pub touching: SharedList<TouchingPair>,
-    /// What a method by spheres has found.
-    pub(super) spheres: Option<Arc<SphereLists>>,
+    /// What a sphere method has found.
+    pub(super) spheres: Option<FoundBySpheres>,
     /// Which of its contacts are [shared](CompactContact::is_shared) and have sides: in another tick other triangles may report
     /// them.
     pub(super) shared: SharedList<SharedContact>,
@@ -74,14 +55,22 @@ pub struct StoredPair {
 }
 
 impl StoredPair {
-    /// Of a method by spheres its contacts as a tick finds them, whatever others have done to the lists since: which triangles,
-    /// and how far apart but for rounding in single precision. They are not sorted, and come in the same order for any number of
-    /// threads. Points, normals and the order of [`contacts`](Self::contacts) and [`touching`](Self::touching) come of them
-    /// when one of those is first read, on one thread, which takes up to twice as long as the tick on one thread has taken
-    /// (`compare` states it); in the tick, by all threads, where those of the same surfaces have been read in the last few
-    /// ticks, and where triangles are in few pairs or moved. None where the method is exact.
+    /// The contacts that a sphere method has found: which triangles, and how far apart but for rounding in single precision. In the
+    /// order of the candidates, the same for any number of threads. None where the method is exact.
     pub fn sphere_contacts(&self) -> impl Iterator<Item = SphereContact> {
-        self.spheres.iter().flat_map(|lists| lists.contacts())
+        self.spheres.iter().flat_map(FoundBySpheres::contacts)
+    }
+
+    /// How many contacts there are, whether or not they are [written](crate::settings::SphereContactDetail).
+    #[must_use]
+    pub fn contact_count(&self) -> usize {
+        self.spheres.as_ref().map_or(self.contacts.len(), |found| found.reported)
+    }
+
+    /// How many pairs of triangles touch, whether or not they are [written](crate::settings::SphereContactDetail).
+    #[must_use]
+    pub fn touching_count(&self) -> usize {
+        self.spheres.as_ref().map_or(self.touching.len(), |found| found.touching)
     }
 
     /// What the next tick is told of it.
@@ -99,17 +88,27 @@ pub(crate) type PairOrder = (bool, SideOrder, SideOrder);
 /// surfaces have penetrated each other, contacts that do not lead out of the solid are left out.
 ///
 /// Most systems read it through [`SurfaceContacts`](super::SurfaceContacts).
-#[derive(Resource, Clone, Debug, Default)]
+#[derive(Resource, Debug, Default)]
 pub struct ContactStore {
-    /// How many times contacts have been detected.
-    pub tick: u64,
-    /// Pairs that are in contact or near it.
-    pub pairs: Vec<StoredPair>,
+    pub(super) tick: u64,
+    pub(crate) pairs: Vec<StoredPair>,
     /// For each entity the places of its pairs, sorted by entity.
     pub(crate) by_entity: Vec<(Entity, u32)>,
 }
 
 impl ContactStore {
+    /// How many times contacts have been detected.
+    #[must_use]
+    pub fn tick(&self) -> u64 {
+        self.tick
+    }
+
+    /// Pairs that are in contact or near it.
+    #[must_use]
+    pub fn pairs(&self) -> &[StoredPair] {
+        &self.pairs
+    }
+
     /// The contacts of all pairs.
     pub fn contacts(&self) -> impl Iterator<Item = &CompactContact> {
         self.pairs.iter().flat_map(|pair| pair.contacts.iter())
@@ -118,7 +117,7 @@ impl ContactStore {
     /// How many those are.
     #[must_use]
     pub fn contact_count(&self) -> usize {
-        self.pairs.iter().map(|pair| pair.contacts.len()).sum()
+        self.pairs.iter().map(StoredPair::contact_count).sum()
     }
 
     /// The touching triangles of all pairs.
@@ -129,7 +128,7 @@ impl ContactStore {
     /// How many those are.
     #[must_use]
     pub fn touching_count(&self) -> usize {
-        self.pairs.iter().map(|pair| pair.touching.len()).sum()
+        self.pairs.iter().map(StoredPair::touching_count).sum()
     }
 
     pub(crate) fn pairs_of(&self, entity: Entity) -> impl Iterator<Item = &StoredPair> {

@@ -16,11 +16,11 @@ use bytemuck::cast_slice;
 use glam::Vec3;
 
 use super::{
-    diagnostics::DetectionDiagnostics,
     parallel::{Threads, for_each_weighed},
+    state::SurfaceStates,
 };
 use crate::{
-    contacts::EVENT_HYSTERESIS,
+    diagnostics::DetectionDiagnostics,
     kernel::{
         capacity,
         mesh::{
@@ -32,16 +32,16 @@ use crate::{
         simd::share::{OneByOne, Share},
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
-    settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, SurfacePositions, first_non_finite},
+    settings::{CircumsphereSettings, EVENT_HYSTERESIS},
+    surface::{ActiveSurfaces, CheckedPositions, SurfacePositions},
 };
 
 /// Lengths that are rounded to f32 on the way to a box are lengthened by this factor.
 const GROWTH_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// The boxes of a surface's triangles in its own frame, grown by its thickness and half the margin. Other ones only
-/// where positions, triangles or growth are no longer, bit by bit, those of the last detection.
-#[derive(Component, Debug, Default)]
+/// A surface's positions as they were checked, and the boxes of its triangles in its own frame, grown by its thickness and half the
+/// margin. They change only where positions, triangles or growth are no longer, bit by bit, those of the last detection.
+#[derive(Debug, Default)]
 pub struct TriangleBounds {
     /// One box a triangle, once somebody has asked for them.
     triangles: OnceLock<Vec<Aabb>>,
@@ -53,13 +53,13 @@ pub struct TriangleBounds {
     whole: Aabb,
     /// The same in the world, where the surface was last.
     in_world: Option<(Pose, Aabb)>,
-    /// A count that grows by 1 whenever there are other ones, and begins [far from those](first_count) of other
-    /// components: what was made from them is as old as the count it was made at.
-    computed: u64,
+    /// Grows by 1 whenever positions, triangles or growth change, and begins [far from those](first_version) of other surfaces:
+    /// results computed from a version are current while the version stays.
+    version: u64,
     /// From the positions of the count before to those of the last one.
     motion: Motion,
     positions: Vec<Vec3>,
-    /// The change tick of the surface's positions when they were these, and all of them were finite.
+    /// The change tick of the surface's positions when they were these.
     seen: Option<Tick>,
     topology: Option<Arc<SurfaceTopology>>,
     /// Whether all vertices are corners, so that the box of those is that of the triangles.
@@ -67,10 +67,10 @@ pub struct TriangleBounds {
     growth: f32,
 }
 
-/// Where the count of a component begins: so far from those of all others that it never gets there.
-fn first_count() -> u64 {
-    static COMPONENTS: AtomicU64 = AtomicU64::new(0);
-    1 + (COMPONENTS.fetch_add(1, Ordering::Relaxed) << u32::BITS)
+/// Where the versions of a surface begin: so far from those of all others that they never get there.
+fn first_version() -> u64 {
+    static SURFACES: AtomicU64 = AtomicU64::new(0);
+    1 + (SURFACES.fetch_add(1, Ordering::Relaxed) << u32::BITS)
 }
 
 impl TriangleBounds {
@@ -95,35 +95,29 @@ impl TriangleBounds {
         self.triangles.get_or_init(|| triangles)
     }
 
+    /// The positions in the surface's own frame.
+    pub(super) fn positions(&self) -> &[Vec3] {
+        &self.positions
+    }
+
     /// How many triangles there are.
     pub(super) fn triangle_count(&self) -> usize {
         self.topology.as_ref().map_or(0, |topology| topology.triangles().len())
     }
 
-    /// A count that grows by 1 whenever there are other boxes; while it stays the same, so do they, even where another
-    /// component has taken the place of this one.
-    pub(super) fn computed(&self) -> u64 {
-        self.computed
-    }
-
-    /// Whether these positions are those that the boxes follow, all of them finite: nobody has written to them since.
-    pub(crate) fn have_seen(&self, positions: &Ref<SurfacePositions>) -> bool {
-        self.seen == Some(positions.last_changed())
-    }
-
-    /// The [count](Self::computed) of the boxes, where they are those of `positions`.
-    pub(super) fn computed_of(&self, positions: &Ref<SurfacePositions>) -> Option<u64> {
-        self.have_seen(positions).then_some(self.computed)
+    /// Grows by 1 whenever positions, triangles or growth change; unique among all surfaces.
+    pub(super) fn version(&self) -> u64 {
+        self.version
     }
 
     /// The box of the whole surface.
-    pub(crate) fn whole(&self) -> &Aabb {
+    pub(super) fn whole(&self) -> &Aabb {
         &self.whole
     }
 
-    /// How the surface has moved in its own frame from when there had been other boxes as many times.
-    pub(super) fn motion_since(&self, computed: u64) -> Motion {
-        match self.computed.checked_sub(computed) {
+    /// How the surface has moved in its own frame since an earlier version.
+    pub(super) fn motion_since(&self, version: u64) -> Motion {
+        match self.version.checked_sub(version) {
             Some(0) => Motion::REST,
             Some(1) => self.motion,
             _ => Motion::UNKNOWN,
@@ -151,7 +145,7 @@ impl TriangleBounds {
         if let Some(triangles) = self.triangles.take() {
             *spare = triangles;
         }
-        self.computed = if self.topology.is_none() { first_count() } else { self.computed + 1 };
+        self.version = if self.topology.is_none() { first_version() } else { self.version + 1 };
         if !same_mesh {
             self.names_every_vertex = topology.names_every_vertex();
             self.topology = Some(Arc::clone(topology));
@@ -197,13 +191,6 @@ const MOST_TURNED_VERTICES: usize = 16_384;
 /// Triangles of a surface that are worth more than one thread, by half.
 const TRIANGLES_OF_ONE: usize = 65_536;
 
-/// The boxes of an active surface, away from it while threads share them out.
-struct TakenBounds {
-    place: usize,
-    bounds: TriangleBounds,
-    has_moved: bool,
-}
-
 /// Whether two lists of positions are the same bit by bit, down to the sign of a zero: contacts have it too.
 fn has_bits_of(positions: &[Vec3], others: &[Vec3]) -> bool {
     cast_slice::<Vec3, u8>(positions) == cast_slice::<Vec3, u8>(others)
@@ -214,7 +201,7 @@ pub struct BoundsPlugin;
 
 impl Plugin for BoundsPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<CircumsphereSettings>();
+        app.init_resource::<CircumsphereSettings>().init_resource::<SurfaceStates>();
         app.add_systems(SurfaceDetection, compute_bounds.in_set(SurfaceDetectionSystems::Bounds));
     }
 }
@@ -246,47 +233,39 @@ fn compute_bounds(
     mut active: ResMut<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut taken: Local<Vec<TakenBounds>>,
-    mut surfaces: Query<(Ref<SurfacePositions>, &mut TriangleBounds)>,
+    mut states: ResMut<SurfaceStates>,
+    mut surfaces: Query<(Ref<SurfacePositions>, &mut CheckedPositions)>,
 ) {
     diagnostics.begin_detection();
     let start = Instant::now();
-    // What was gathered may have been spoiled or despawned since, by a prediction or before a run by hand: it sits this
-    // detection out, and the next `Prepare` names the reason if there still is one.
+    // A prediction may have written positions since `Prepare`, or despawned a surface. One that cannot be used sits this detection
+    // out, and the next `Prepare` names the reason if there still is one.
     active.surfaces.retain(|surface| {
-        surfaces.get(surface.entity).is_ok_and(|(positions, bounds)| {
-            let are_known = bounds.have_seen(&positions);
-            positions.0.len() == surface.topology.vertex_count()
-                && (are_known || first_non_finite(&positions.0).is_none())
+        surfaces.get_mut(surface.entity).is_ok_and(|(positions, mut checked)| {
+            positions.0.len() == surface.topology.vertex_count() && checked.check(&positions).is_ok()
         })
     });
-    for (place, surface) in active.surfaces.iter().enumerate() {
-        let Ok((_, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
-        taken.push(TakenBounds { place, bounds: mem::take(&mut *bounds), has_moved: false });
-    }
+    states.align(&active.surfaces, |entity| surfaces.contains(entity));
     let all_positions = surfaces.as_readonly();
+    let ActiveSurfaces { surfaces, .. } = &mut *active;
     for_each_weighed(
-        &mut taken,
+        states.all_mut(),
         settings.threads,
         TRIANGLES_OF_ONE,
-        |_, taken| active.surfaces[taken.place].topology.triangles().len(),
-        |_, taken, threads| {
-            let surface = &active.surfaces[taken.place];
+        |place, _| surfaces[place].topology.triangles().len(),
+        |place, state, threads| {
+            let surface = &surfaces[place];
             let Ok((positions, _)) = all_positions.get(surface.entity) else { return };
             let growth = frame_growth(surface.thickness, settings.margin(), surface.pose.scale());
-            taken.has_moved = taken.bounds.update(&positions, &surface.topology, growth, threads);
-            taken.bounds.update_in_world(&surface.pose);
+            state.has_moved = state.bounds.update(&positions, &surface.topology, growth, threads);
+            state.bounds.update_in_world(&surface.pose);
         },
     );
-    for TakenBounds { place, bounds: updated, has_moved } in taken.drain(..) {
-        let surface = &mut active.surfaces[place];
-        let Ok((_, mut bounds)) = surfaces.get_mut(surface.entity) else { continue };
-        *bounds = updated;
-        diagnostics.surfaces_unmoved += usize::from(!has_moved);
-        surface.world_bounds = bounds.in_world.map_or(Aabb::EMPTY, |(_, in_world)| in_world);
+    for (surface, state) in surfaces.iter_mut().zip(states.all()) {
+        diagnostics.surfaces_unmoved += usize::from(!state.has_moved);
+        surface.world_bounds = state.bounds.in_world.map_or(Aabb::EMPTY, |(_, in_world)| in_world);
     }
-    let count = active.surfaces.len();
-    capacity::trim(&mut active.surfaces, count);
-    capacity::trim(&mut taken, count);
+    let count = surfaces.len();
+    capacity::trim(surfaces, count);
     diagnostics.finish(DetectionDiagnostics::FIRST_DETECTION_STAGE, start, 0, 0);
 }

@@ -7,30 +7,42 @@ use bevy_ecs::prelude::*;
 
 use super::{
     broad_phase::CandidateTrianglePairs,
-    diagnostics::DetectionDiagnostics,
-    memory::{DetectionMemory, StageList},
+    memory::DetectionMemory,
     overlap::{OverlappingTrianglePairs, SphereContacts},
     pair_contacts::{PairContacts, SharedList},
     parallel::{CHUNK, for_each_weighed},
-    sides::{SphereQuery, SphereRows, pair_settings, surface_entities, with_caps},
-    sphere_lists::{SphereBuffers, SphereReaders},
+    sides::{SphereQuery, SphereRows, pair_settings, with_caps},
+    sphere_lists::{PassedAndFound, SphereBuffers, SphereTests},
+    state::SurfaceStates,
 };
 use crate::{
+    diagnostics::DetectionDiagnostics,
     kernel::{
         capacity,
-        spheres::contacts::{cap_contacts, meeting_caps},
+        pair::{FoundPairs, PairSettings},
+        spheres::{
+            contacts::{cap_contacts, meeting_caps},
+            pairs::CapSide,
+        },
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
-    settings::CircumsphereSettings,
+    settings::{CircumsphereSettings, SphereContactDetail},
     surface::{ActiveSurfaces, ContactMethod},
 };
 
 /// The pairs whose caps meet, one list for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a pair is
 /// not tested by cones.
-#[derive(Resource, Clone, Debug, Default)]
+#[derive(Resource, Debug, Default)]
 pub struct MeetingCaps {
+    pub(crate) pairs: Vec<SharedList<[u32; 2]>>,
+}
+
+impl MeetingCaps {
     /// Pairs of triangles, in the order of the candidates.
-    pub pairs: Vec<SharedList<[u32; 2]>>,
+    #[must_use]
+    pub fn pairs(&self) -> &[SharedList<[u32; 2]>] {
+        &self.pairs
+    }
 }
 
 /// Tests cones.
@@ -41,7 +53,6 @@ impl Plugin for ConePlugin {
         app.init_resource::<MeetingCaps>()
             .init_resource::<SphereContacts>()
             .init_resource::<SphereRows>()
-            .init_resource::<SphereReaders>()
             .init_resource::<DetectionMemory>();
         app.add_systems(SurfaceDetection, test_cones.in_set(SurfaceDetectionSystems::Cone));
     }
@@ -53,7 +64,6 @@ fn test_cones(
     candidates: Res<CandidateTrianglePairs>,
     overlapping: Res<OverlappingTrianglePairs>,
     mut rows: ResMut<SphereRows>,
-    readers: Res<SphereReaders>,
     settings: Res<CircumsphereSettings>,
     mut meeting: ResMut<MeetingCaps>,
     mut contacts: ResMut<SphereContacts>,
@@ -61,15 +71,11 @@ fn test_cones(
     buffers: Local<SphereBuffers>,
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
+    states: Res<SurfaceStates>,
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
     let kept_before = memory.kept_count();
-    memory.reads(StageList::Candidates, candidates.last_changed());
-    memory.reads(StageList::Overlapping, overlapping.last_changed());
-    let is_whole = memory.is_whole();
-    memory.writes(StageList::Meeting, meeting.last_changed());
-    memory.writes(StageList::SphereContacts, contacts.last_changed());
     memory.carry(&mut meeting.pairs);
     if memory.kept_count() < kept_before {
         // Nobody has made rows for those that the stage before has kept: there may be older ones, of other surfaces.
@@ -80,8 +86,6 @@ fn test_cones(
     contacts.pairs.resize_with(count, PairContacts::default);
     both.clear();
     both.extend(meeting.pairs.drain(..).zip(contacts.pairs.drain(..)));
-    memory.seal(StageList::Meeting, meeting.last_changed());
-    memory.seal(StageList::SphereContacts, contacts.last_changed());
     let uses_cones =
         |place: usize| !memory.keeps(place) && candidates.pairs[place].method == ContactMethod::Circumsphere;
     for_each_weighed(
@@ -98,19 +102,11 @@ fn test_cones(
             if !uses_cones(place) {
                 return;
             }
-            let Some(sides) = surface_entities(&active, pair) else { return };
             let pair_settings = pair_settings(pair, &settings);
-            with_caps(&active, &surfaces, pair, &rows, |a, b| {
-                // Only lists of our own have every pair once.
-                let spheres = rows.kept(&active, pair).filter(|_| is_whole && !readers.expect(sides));
-                *meeting = contacts.find_spheres(
-                    sides,
-                    overlapping,
-                    (spheres, pair_settings),
-                    (threads, &buffers),
-                    |chunk, (meeting, found)| meeting_caps(a, b, chunk, &pair_settings, meeting, found),
-                    |chunk, found| cap_contacts(a, b, chunk, &pair_settings, found),
-                );
+            with_caps(&active, states.all(), &surfaces, pair, &rows, |a, b| {
+                let tests = CapTests { a, b, settings: &pair_settings };
+                let with_points = settings.sphere_contacts == SphereContactDetail::Points;
+                *meeting = contacts.find_spheres(overlapping, &pair_settings, (threads, &buffers), &tests, with_points);
             });
         },
     );
@@ -126,8 +122,25 @@ fn test_cones(
     }
     let tested = overlapping.pairs.iter().enumerate().filter(|&(place, _)| uses_cones(place));
     let pairs_in = tested.map(|(_, overlapping)| overlapping.len()).sum();
-    let pairs_out = memory.changed(&meeting.pairs).map(SharedList::len).sum();
+    let pairs_out = memory.changed(&meeting.pairs).map(|list| list.len()).sum();
     if (0..candidates.pairs.len()).any(uses_cones) {
         diagnostics.finish("cone", start, pairs_in, pairs_out);
+    }
+}
+
+/// Tests the caps of a pair of surfaces.
+struct CapTests<'a> {
+    a: &'a CapSide<'a>,
+    b: &'a CapSide<'a>,
+    settings: &'a PairSettings,
+}
+
+impl SphereTests for CapTests<'_> {
+    fn find(&self, pairs: &[[u32; 2]], (passed, found): &mut PassedAndFound) {
+        meeting_caps(self.a, self.b, pairs, self.settings, passed, found);
+    }
+
+    fn write(&self, pairs: &[[u32; 2]], found: &mut FoundPairs) {
+        cap_contacts(self.a, self.b, pairs, self.settings, found);
     }
 }

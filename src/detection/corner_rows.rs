@@ -1,32 +1,31 @@
 //! Before the exact test: the rows of those surfaces whose triangles are in many of its pairs.
 
-use bevy_ecs::prelude::*;
-
 use super::{
     bounds::TriangleBounds,
     broad_phase::{OtherSide, SurfacePair},
     parallel::fill_chunks,
+    state::SurfaceState,
 };
 use crate::{
     kernel::mesh::corner_rows::CornerRows,
-    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
+    surface::{ActiveSurfaces, ContactMethod},
 };
 
 /// Rows that one thread writes at a time.
 const CHUNK: usize = 4096;
 
 /// The rows of a surface's triangles, as old as the tick in which they were needed last.
-#[derive(Component, Clone, Debug, Default)]
-pub struct SurfaceRows {
+#[derive(Debug, Default)]
+pub(super) struct SurfaceRows {
     rows: CornerRows,
-    /// How many times the boxes had been computed when the rows followed them last.
+    /// The version of the positions that the rows are of.
     followed: u64,
 }
 
 impl SurfaceRows {
     /// The rows, where they are those of the positions that the boxes are of.
     pub(super) fn current(&self, bounds: &TriangleBounds) -> Option<&CornerRows> {
-        (self.followed == bounds.computed()).then_some(&self.rows)
+        (self.followed == bounds.version()).then_some(&self.rows)
     }
 }
 
@@ -36,7 +35,7 @@ pub(super) fn fill_rows<'a>(
     pairs: impl Iterator<Item = &'a SurfacePair>,
     threads: usize,
     counts: &mut Vec<usize>,
-    surfaces: &mut Query<(&SurfacePositions, &TriangleBounds, &mut SurfaceRows)>,
+    states: &mut [SurfaceState],
 ) {
     counts.clear();
     counts.resize(active.surfaces.len(), 0);
@@ -46,16 +45,16 @@ pub(super) fn fill_rows<'a>(
             counts[second] += pair.triangles.len();
         }
     }
-    for (surface, &count) in active.surfaces.iter().zip(counts.iter()) {
-        let Ok((positions, bounds, mut rows)) = surfaces.get_mut(surface.entity) else { continue };
+    for ((surface, state), &count) in active.surfaces.iter().zip(states).zip(counts.iter()) {
+        let SurfaceState { rows, bounds, .. } = state;
         let triangles = surface.topology.triangles();
         if count < triangles.len() || rows.current(bounds).is_some() {
             continue;
         }
-        let SurfaceRows { rows, followed } = &mut *rows;
-        *followed = bounds.computed();
+        let SurfaceRows { rows, followed } = rows;
+        *followed = bounds.version();
         fill_chunks(triangles, rows.resize(triangles.len()), CHUNK, threads, |first, _, rows| {
-            CornerRows::fill(rows, first as u32, &surface.topology, &positions.0);
+            CornerRows::fill(rows, first as u32, &surface.topology, bounds.positions());
         });
     }
 }

@@ -13,13 +13,13 @@ use std::collections::HashMap;
 use bevy_ecs::prelude::*;
 
 use super::{
-    bounds::TriangleBounds,
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
-    diagnostics::DetectionDiagnostics,
     memory::DetectionMemory,
     parallel::Threads,
+    state::SurfaceState,
 };
 use crate::{
+    diagnostics::DetectionDiagnostics,
     kernel::{
         bvh::near_pairs::{BoundedPairs, ListedTriangles},
         capacity,
@@ -74,8 +74,8 @@ pub(super) enum ListUse {
 #[derive(Debug, Default)]
 pub(super) struct KeptList {
     surfaces: Option<[Entity; 2]>,
-    /// How often the boxes of both had been computed when their motion was last looked at.
-    computed: [u64; 2],
+    /// The versions of both when their motion was last looked at.
+    versions: [u64; 2],
     range: f64,
     pub(super) list_use: ListUse,
     /// Whether there is a list.
@@ -110,7 +110,6 @@ pub(super) struct KeptList {
 
 /// The candidate lists of surfaces that move a little, see [`memory`](field@CircumsphereSettings::memory): of every pair of
 /// triangles on them its numbers and a bound of its distance, 12 bytes, and of each that is tested its place, 4 bytes.
-/// Nobody but the stages reads or writes it; a new one may be inserted in its place to free its memory.
 #[derive(Resource, Debug, Default)]
 pub struct KeptPairs {
     /// One for each of [`CandidateTrianglePairs`]; empty where there is none.
@@ -196,11 +195,6 @@ impl KeptPairs {
         self.lists.iter().map(|list| list.pairs.len()).sum()
     }
 
-    /// Forgets all lists.
-    pub(super) fn forget(&mut self) {
-        self.lists.iter_mut().for_each(|list| *list = KeptList::default());
-    }
-
     /// What a pair of surfaces does with its list in this detection.
     pub(super) fn list_use(&self, place: usize) -> ListUse {
         self.lists.get(place).map_or(ListUse::None, |list| list.list_use)
@@ -241,13 +235,13 @@ impl KeptPairs {
         candidates: &CandidateTrianglePairs,
         settings: &CircumsphereSettings,
         memory: &DetectionMemory,
-        bounds: &Query<&TriangleBounds>,
+        states: &[SurfaceState],
     ) {
         let Self { lists, last, places } = self;
         std::mem::swap(lists, last);
         lists.clear();
         places.clear();
-        if !settings.memory || !memory.is_undisturbed() {
+        if !settings.memory {
             last.clear();
         }
         let named = last.iter().enumerate().filter_map(|(place, list)| Some((list.surfaces?, place)));
@@ -258,10 +252,8 @@ impl KeptPairs {
             let mut list = kept.unwrap_or_default();
             list.surfaces = sides;
             list.list_use = ListUse::None;
-            if let Some(sides) = sides
-                && !memory.keeps(place)
-            {
-                update(&mut list, active, pair, sides, bounds);
+            if sides.is_some() && !memory.keeps(place) {
+                update(&mut list, active, pair, states);
             }
             lists.push(list);
         }
@@ -278,21 +270,12 @@ impl KeptPairs {
 }
 
 /// Notes how the surfaces of a pair have moved, and decides what to do.
-fn update(
-    list: &mut KeptList,
-    active: &ActiveSurfaces,
-    pair: &SurfacePair,
-    sides: [Entity; 2],
-    bounds: &Query<&TriangleBounds>,
-) {
-    let [Ok(first), Ok(second)] = sides.map(|entity| bounds.get(entity)) else {
-        *list = KeptList::default();
-        return;
-    };
-    let [before_first, before_second] = list.computed;
-    let motion = first.motion_since(before_first).relative(&second.motion_since(before_second));
-    list.computed = [first.computed(), second.computed()];
+fn update(list: &mut KeptList, active: &ActiveSurfaces, pair: &SurfacePair, states: &[SurfaceState]) {
     let OtherSide::Surface(other) = pair.second else { return };
+    let [first, second] = [pair.first, other].map(|place| &states[place].bounds);
+    let [before_first, before_second] = list.versions;
+    let motion = first.motion_since(before_first).relative(&second.motion_since(before_second));
+    list.versions = [first.version(), second.version()];
     let range = f64::from(pair.range) / pair.frame_pose.scale();
     let whole = first.whole().union(second.whole());
     let extent = f64::from((whole.max - whole.min).element_sum());

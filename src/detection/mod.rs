@@ -8,7 +8,6 @@ pub mod broad_phase;
 mod cone;
 mod corner_rows;
 mod curvature;
-mod diagnostics;
 mod kept_pairs;
 mod memory;
 mod overlap;
@@ -20,27 +19,27 @@ mod refit;
 mod settle;
 mod sides;
 mod sphere_lists;
-mod sphere_memory;
+mod state;
 mod swept;
 
-pub(crate) use bounds::moved_box;
-pub use bounds::{BoundsPlugin, TriangleBounds};
 pub use broad_phase::{
-    BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, ParryBroadPhasePlugin, SurfacePair,
-    TreeBroadPhasePlugin,
+    BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, SurfacePair, TreeBroadPhasePlugin,
 };
+pub use swept::{SweptImpact, SweptImpacts, SweptPair, SweptPlugin};
+
+pub use crate::diagnostics::{DetectionDiagnostics, StageDiagnostics};
+pub use bounds::BoundsPlugin;
+pub(crate) use bounds::moved_box;
 pub use cone::{ConePlugin, MeetingCaps};
-pub use corner_rows::SurfaceRows;
-pub use curvature::{CurvaturePlugin, TriangleCurvature};
-pub use diagnostics::{DetectionDiagnostics, StageDiagnostics};
+pub use curvature::CurvaturePlugin;
 pub use kept_pairs::KeptPairs;
-pub(crate) use memory::{DetectionMemory, StageList};
+pub(crate) use memory::DetectionMemory;
 pub use overlap::{OverlapPlugin, OverlappingTrianglePairs, SphereContacts};
 pub use pair_contacts::{PairContacts, SharedList};
 pub use pair_fates::PairFates;
 pub(crate) use parallel::Threads;
 pub use refine::{RefinePlugin, RefinedTrianglePairs};
-pub use refit::{Circumspheres, EnclosingBalls, RefitPlugin, TriangleCones};
+pub use refit::RefitPlugin;
 pub(crate) use sides::is_one_sided;
-pub(crate) use sphere_lists::SphereLists;
-pub use swept::{PreviousPositions, SweptPlugin};
+pub(crate) use sphere_lists::FoundBySpheres;
+pub use state::{SurfaceState, SurfaceStates};

@@ -7,43 +7,57 @@ use bevy_ecs::prelude::*;
 
 use super::{
     broad_phase::{CandidateTrianglePairs, SurfacePair},
-    diagnostics::DetectionDiagnostics,
-    memory::{DetectionMemory, StageList},
+    memory::DetectionMemory,
     pair_contacts::{PairContacts, SharedList},
     parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
-    sides::{SphereQuery, SphereRows, pair_settings, surface_entities, with_balls, with_caps},
-    sphere_lists::{SphereBuffers, SphereReaders},
-    sphere_memory::check_spheres,
+    sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
+    sphere_lists::{PassedAndFound, SphereBuffers, SphereTests},
+    state::SurfaceStates,
 };
 use crate::{
+    diagnostics::DetectionDiagnostics,
     kernel::{
         capacity,
-        pair::PairSettings,
+        pair::{FoundPairs, PairSettings},
         spheres::{
             contacts::{ball_contacts, overlapping_ball_contacts},
-            pairs::overlapping_caps,
+            pairs::{BallSide, overlapping_caps},
         },
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
-    settings::CircumsphereSettings,
+    settings::{CircumsphereSettings, SphereContactDetail},
     surface::{ActiveSurfaces, ContactMethod},
 };
 
 /// The candidates that come within range as spheres, one list for each pair of surfaces in
 /// [`CandidateTrianglePairs`]; empty where a pair's method does not use spheres.
-#[derive(Resource, Clone, Debug, Default)]
+#[derive(Resource, Debug, Default)]
 pub struct OverlappingTrianglePairs {
+    pub(crate) pairs: Vec<SharedList<[u32; 2]>>,
+}
+
+impl OverlappingTrianglePairs {
     /// Pairs of triangles, in the order of the candidates.
-    pub pairs: Vec<SharedList<[u32; 2]>>,
+    #[must_use]
+    pub fn pairs(&self) -> &[SharedList<[u32; 2]>] {
+        &self.pairs
+    }
 }
 
 /// What the sphere methods found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a
 /// pair's method does not use spheres.
-#[derive(Resource, Clone, Debug, Default)]
+#[derive(Resource, Debug, Default)]
 pub struct SphereContacts {
+    pub(crate) pairs: Vec<PairContacts>,
+}
+
+impl SphereContacts {
     /// Touching pairs and contacts; where a surface meets itself, contacts are sorted by the lower triangle, whichever stands
     /// first. Where nobody has read those of the last few ticks, mostly they are not written before somebody reads them.
-    pub pairs: Vec<PairContacts>,
+    #[must_use]
+    pub fn pairs(&self) -> &[PairContacts] {
+        &self.pairs
+    }
 }
 
 /// Tests spheres for overlap.
@@ -54,12 +68,8 @@ impl Plugin for OverlapPlugin {
         app.init_resource::<OverlappingTrianglePairs>()
             .init_resource::<SphereContacts>()
             .init_resource::<SphereRows>()
-            .init_resource::<SphereReaders>()
             .init_resource::<DetectionMemory>();
-        app.add_systems(
-            SurfaceDetection,
-            (check_spheres, test_overlap).chain().in_set(SurfaceDetectionSystems::Overlap),
-        );
+        app.add_systems(SurfaceDetection, test_overlap.in_set(SurfaceDetectionSystems::Overlap));
     }
 }
 
@@ -73,17 +83,13 @@ fn test_overlap(
     mut both: Local<Vec<(SharedList<[u32; 2]>, PairContacts)>>,
     mut memory: ResMut<DetectionMemory>,
     mut rows: ResMut<SphereRows>,
-    mut readers: ResMut<SphereReaders>,
     spare: Local<Buffers<Vec<[u32; 2]>>>,
     buffers: Local<SphereBuffers>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
+    states: Res<SurfaceStates>,
     surfaces: SphereQuery,
 ) {
     let start = Instant::now();
-    memory.reads(StageList::Candidates, candidates.last_changed());
-    memory.writes(StageList::Overlapping, overlapping.last_changed());
-    memory.writes(StageList::SphereContacts, contacts.last_changed());
-    readers.update(contacts.pairs.iter());
     memory.carry(&mut overlapping.pairs);
     memory.carry(&mut contacts.pairs);
     let count = candidates.pairs.len();
@@ -91,20 +97,10 @@ fn test_overlap(
     contacts.pairs.resize_with(count, PairContacts::default);
     both.clear();
     both.extend(overlapping.pairs.drain(..).zip(contacts.pairs.drain(..)));
-    memory.seal(StageList::Overlapping, overlapping.last_changed());
-    memory.seal(StageList::SphereContacts, contacts.last_changed());
     let uses_spheres = |pair: &SurfacePair| !pair.method.is_exact();
-    for (place, (_, contacts)) in both.iter_mut().enumerate() {
-        if memory.keeps(place) {
-            contacts.rest_spheres();
-        } else {
-            contacts.release_spheres();
-        }
-    }
-    let is_whole = memory.is_whole();
     if memory.changed(&candidates.pairs).any(uses_spheres) {
         let pairs = memory.changed(&candidates.pairs);
-        rows.update(&active, &surfaces, pairs, &Threads(settings.threads));
+        rows.update(&active, states.all(), &surfaces, pairs, &Threads(settings.threads));
     } else if !candidates.pairs.iter().any(uses_spheres) {
         rows.clear();
     }
@@ -121,35 +117,33 @@ fn test_overlap(
             let room = overlapping.take();
             overlapping.put(Vec::new());
             contacts.clear();
-            let Some(sides) = surface_entities(&active, pair).filter(|_| uses_spheres(pair)) else {
+            if !uses_spheres(pair) {
                 contacts.forget_spheres();
                 return;
-            };
+            }
             if pair.triangles.is_empty() {
                 return;
             }
             let pair_settings = pair_settings(pair, &settings);
-            // A broad phase of our own has left out neighbors: nobody has to look for them again.
-            let test_settings = PairSettings { same_surface: pair_settings.same_surface && !is_whole, ..pair_settings };
+            // The broad phase has left out neighbors.
+            let test_settings = PairSettings { same_surface: false, ..pair_settings };
             if pair.method == ContactMethod::Circumsphere {
                 let mut kept = room;
-                with_caps(&active, &surfaces, pair, &rows, |a, b| {
+                with_caps(&active, states.all(), &surfaces, pair, &rows, |a, b| {
                     let test = |chunk: &[[u32; 2]], kept: &mut _| overlapping_caps(a, b, chunk, &test_settings, kept);
                     append_chunks(&pair.triangles, threads, &spare, &mut kept, test, Vec::append);
                 });
                 overlapping.put(kept);
                 return;
             }
-            with_balls(&active, &surfaces, pair, &rows, |a, b| {
-                // Only lists of our own have every pair once.
-                let spheres = rows.kept(&active, pair).filter(|_| is_whole && !readers.expect(sides));
+            with_balls(&active, states.all(), &surfaces, pair, &rows, |a, b| {
+                let tests = BallTests { a, b, settings: &pair_settings, test_settings: &test_settings };
                 *overlapping = contacts.find_spheres(
-                    sides,
                     &pair.triangles,
-                    (spheres, pair_settings),
+                    &pair_settings,
                     (threads, &buffers),
-                    |chunk, (kept, found)| overlapping_ball_contacts(a, b, chunk, &test_settings, kept, found),
-                    |chunk, found| ball_contacts(a, b, chunk, &pair_settings, found),
+                    &tests,
+                    settings.sphere_contacts == SphereContactDetail::Points,
                 );
             });
         },
@@ -167,8 +161,27 @@ fn test_overlap(
     }
     let tested = memory.changed(&candidates.pairs).filter(|pair| uses_spheres(pair));
     let pairs_in: usize = tested.map(|pair| pair.triangles.len()).sum();
-    let pairs_out = memory.changed(&overlapping.pairs).map(SharedList::len).sum();
+    let pairs_out = memory.changed(&overlapping.pairs).map(|list| list.len()).sum();
     if pairs_in > 0 {
         diagnostics.finish("overlap", start, pairs_in, pairs_out);
+    }
+}
+
+/// Tests the enclosing balls of a pair of surfaces.
+struct BallTests<'a> {
+    a: &'a BallSide<'a>,
+    b: &'a BallSide<'a>,
+    settings: &'a PairSettings,
+    /// Those for pairs without neighbors.
+    test_settings: &'a PairSettings,
+}
+
+impl SphereTests for BallTests<'_> {
+    fn find(&self, pairs: &[[u32; 2]], (passed, found): &mut PassedAndFound) {
+        overlapping_ball_contacts(self.a, self.b, pairs, self.test_settings, passed, found);
+    }
+
+    fn write(&self, pairs: &[[u32; 2]], found: &mut FoundPairs) {
+        ball_contacts(self.a, self.b, pairs, self.settings, found);
     }
 }

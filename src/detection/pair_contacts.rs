@@ -1,110 +1,42 @@
-//! What a stage has found of a pair of surfaces, in lists that the store takes part in without a copy.
+//! What a stage has found of a pair of surfaces, in lists that the store shares without a copy.
 
-use std::{
-    fmt::{self, Debug, Formatter},
-    mem,
-    ops::{Deref, DerefMut},
-    sync::Arc,
-};
+use std::{mem, ops::Deref, sync::Arc};
 
-use bevy_ecs::entity::Entity;
-
-use super::sphere_lists::{KeptSpheres, PassedAndFound, SphereBuffers, SphereLists};
+use super::sphere_lists::{FoundBySpheres, Order, SphereBuffers, SphereTests};
 use crate::kernel::{
     capacity,
     contact::{CompactContact, SharedContact, TouchingPair},
-    exact::unique::UniqueFeatures,
     pair::{FoundPairs, PairSettings},
 };
 
-/// A list that several hold. Whoever writes to it while others hold it, too, gets one of its own. Some lists are not written
-/// until somebody reads them: how long such a list is, is known before, and asking for that is not reading.
-#[derive(Clone)]
-pub struct SharedList<T: 'static>(Shared<T>);
-
-/// Where a list is.
-#[derive(Clone)]
-enum Shared<T: 'static> {
-    /// Nowhere, as there is nothing on it.
-    Nothing,
-    Written(Arc<Vec<T>>),
-    /// With whoever writes it when it is first read, if not before.
-    Deferred(Arc<dyn Deferred<T>>),
-}
-
-/// Lists that are written when they are first read, if not before.
-pub(super) trait Deferred<T>: Send + Sync {
-    fn len(&self) -> usize;
-
-    fn list(&self) -> &Vec<T>;
-
-    /// The list, where it has been written.
-    fn written(&self) -> Option<&Vec<T>>;
-}
-
-/// Nothing is written to be shown, nor does that count as reading.
-impl<T: Debug> Debug for SharedList<T> {
-    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        let written = match &self.0 {
-            Shared::Nothing => None,
-            Shared::Written(list) => Some(&**list),
-            Shared::Deferred(lists) => match lists.written() {
-                None => return write!(formatter, "[{} unwritten]", lists.len()),
-                written => written,
-            },
-        };
-        formatter.debug_list().entries(written.into_iter().flatten()).finish()
-    }
-}
+/// A copy-on-write list: cloning it shares the items.
+#[derive(Clone, Debug)]
+pub struct SharedList<T>(Option<Arc<Vec<T>>>);
 
 impl<T> Default for SharedList<T> {
     fn default() -> Self {
-        Self(Shared::Nothing)
+        Self(None)
     }
 }
 
 impl<T> Deref for SharedList<T> {
-    type Target = Vec<T>;
+    type Target = [T];
 
-    fn deref(&self) -> &Vec<T> {
-        match &self.0 {
-            Shared::Nothing => const { &Vec::new() },
-            Shared::Written(list) => list,
-            Shared::Deferred(lists) => lists.list(),
-        }
-    }
-}
-
-impl<T: Clone> DerefMut for SharedList<T> {
-    fn deref_mut(&mut self) -> &mut Vec<T> {
-        if !matches!(self.0, Shared::Written(_)) {
-            self.0 = Shared::Written(Arc::new(self.to_vec()));
-        }
-        let Shared::Written(list) = &mut self.0 else { unreachable!("it has just been written") };
-        Arc::make_mut(list)
+    fn deref(&self) -> &[T] {
+        self.0.as_ref().map_or(&[], |list| list)
     }
 }
 
 impl<T> SharedList<T> {
-    /// How many items there are, without writing the list.
+    /// How many items the list has room for.
     #[must_use]
-    pub fn len(&self) -> usize {
-        match &self.0 {
-            Shared::Nothing => 0,
-            Shared::Written(list) => list.len(),
-            Shared::Deferred(lists) => lists.len(),
-        }
+    pub fn capacity(&self) -> usize {
+        self.0.as_ref().map_or(0, |list| list.capacity())
     }
 
-    /// Whether there are none, without writing the list.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
-    /// The list, where nobody else holds it.
+    /// The list, where it is not shared.
     fn own(&mut self) -> Option<&mut Vec<T>> {
-        if let Shared::Written(list) = &mut self.0 { Arc::get_mut(list) } else { None }
+        self.0.as_mut().and_then(Arc::get_mut)
     }
 
     /// Takes the memory of the list, trimmed to what it held, unless it is shared. Leaves an empty list.
@@ -117,12 +49,13 @@ impl<T> SharedList<T> {
         list
     }
 
-    /// Takes the memory of one of two lists, the first if nobody else holds it. It becomes the first.
-    fn take_memory(&mut self, other: &mut Self) -> Vec<T> {
-        if self.own().is_none() {
+    /// Takes the memory of one of two lists, the first if it is not shared. It becomes the first.
+    pub(super) fn take_memory(&mut self, other: &mut Self) -> Vec<T> {
+        let is_other_better = self.0.is_some() || other.own().is_some();
+        if self.own().is_none() && is_other_better {
             mem::swap(self, other);
         } else if let Some(other) = other.own() {
-            // Nobody holds the last one: the other one is not needed.
+            // The last one is not shared: the other one is not needed.
             capacity::clear(other);
         }
         self.take()
@@ -132,21 +65,15 @@ impl<T> SharedList<T> {
     pub(super) fn put(&mut self, list: Vec<T>) {
         match self.own() {
             Some(place) => *place = list,
-            None if list.capacity() > 0 => self.0 = Shared::Written(Arc::new(list)),
-            None => self.0 = Shared::Nothing,
+            None => self.0 = (list.capacity() > 0).then(|| Arc::new(list)),
         }
     }
+}
 
-    /// A list that others write.
-    fn defer(lists: Arc<dyn Deferred<T>>) -> Self {
-        Self(Shared::Deferred(lists))
-    }
-
-    /// Lets go of those who would write it.
-    fn release(&mut self) {
-        if let Shared::Deferred(_) = self.0 {
-            self.0 = Shared::Nothing;
-        }
+impl<T: Clone> SharedList<T> {
+    /// The items, to be changed: copied first where they are shared.
+    pub(crate) fn make_mut(&mut self) -> &mut [T] {
+        self.0.as_mut().map_or(&mut [], |list| Arc::make_mut(list).as_mut_slice())
     }
 }
 
@@ -161,18 +88,16 @@ pub struct PairContacts {
     pub nearest: f64,
     /// How many pairs reached the exact test.
     pub examined: usize,
-    /// Of a method by spheres, what was found, and what the lists above are written from.
-    pub(crate) spheres: Option<Arc<SphereLists>>,
+    /// What a sphere method has found.
+    pub(crate) spheres: Option<FoundBySpheres>,
     /// Those of the contacts that other pairs of triangles may report in another tick, and that have sides.
     pub(crate) shared: SharedList<SharedContact>,
     /// What [`FoundPairs`] has besides.
     lower_bounds: Vec<f32>,
-    /// Lists of the tick before the last one, which nobody holds any more: their memory serves this one.
+    /// The lists of the tick before the last one: their memory serves this one.
     spare: (SharedList<TouchingPair>, SharedList<CompactContact>, SharedList<SharedContact>),
-    /// The same as `spheres` of the tick before.
-    last_spheres: Option<Arc<SphereLists>>,
-    /// Empty ones that nobody else holds: their memory serves another tick.
-    spare_spheres: Option<Arc<SphereLists>>,
+    spare_spheres: Option<FoundBySpheres>,
+    order: Order,
 }
 
 impl Default for PairContacts {
@@ -186,8 +111,8 @@ impl Default for PairContacts {
             shared: SharedList::default(),
             lower_bounds: Vec::new(),
             spare: Default::default(),
-            last_spheres: None,
             spare_spheres: None,
+            order: Order::default(),
         }
     }
 }
@@ -214,63 +139,34 @@ impl PairContacts {
         self.finish(nothing);
     }
 
-    /// Begins a tick of its own: lets go of the spheres of the tick before the last one.
-    pub(super) fn release_spheres(&mut self) {
-        self.touching.release();
-        self.contacts.release();
-        let older = mem::replace(&mut self.last_spheres, self.spheres.take());
-        self.keep_memory(older);
-    }
-
-    /// Lets go of all spheres but those of the contacts: nothing is found in this tick. The memory of what is read stays for
-    /// when it is written again: there is much of it.
-    pub(super) fn rest_spheres(&mut self) {
-        let last = self.last_spheres.take().filter(|lists| lists.is_read());
-        self.keep_memory(last);
-    }
-
-    /// Lets go of everything that spheres have found: they are not asked any more.
+    /// Drops everything that spheres have found: the pair is not tested by them any more.
     pub(super) fn forget_spheres(&mut self) {
-        (self.spheres, self.last_spheres, self.spare_spheres) = (None, None, None);
+        (self.spheres, self.spare_spheres, self.order) = (None, None, Order::default());
     }
 
-    /// What spheres have found, in the last tick and the one before.
-    pub(super) fn sphere_lists(&self) -> impl Iterator<Item = &SphereLists> {
-        [&self.spheres, &self.last_spheres].into_iter().flatten().map(|lists| &**lists)
-    }
-
-    /// Empties lists that nobody else holds, for another tick.
-    fn keep_memory(&mut self, lists: Option<Arc<SphereLists>>) {
-        if let Some(mut lists) = lists
-            && let Some(own) = Arc::get_mut(&mut lists)
-        {
-            own.clear();
-            self.spare_spheres = Some(lists);
-        }
-    }
-
-    /// [Finds](SphereLists::find) what is in contact by spheres, and keeps it. Returns the pairs that passed.
+    /// Finds what is in contact by spheres. Returns the pairs that passed.
     pub(super) fn find_spheres(
         &mut self,
-        sides: [Entity; 2],
         pairs: &[[u32; 2]],
-        written_by: (Option<KeptSpheres>, PairSettings),
-        buffers: (usize, &SphereBuffers),
-        find: impl Fn(&[[u32; 2]], &mut PassedAndFound) + Sync,
-        write: impl Fn(&[[u32; 2]], &mut FoundPairs) + Sync,
+        settings: &PairSettings,
+        (threads, buffers): (usize, &SphereBuffers),
+        tests: &impl SphereTests,
+        with_points: bool,
     ) -> SharedList<[u32; 2]> {
-        let mut place = self.spare_spheres.take().unwrap_or_default();
-        let mut lists = Arc::get_mut(&mut place).map(mem::take).unwrap_or_default();
-        lists.find(sides, pairs, written_by, buffers, find, write);
-        (self.nearest, self.examined) = (lists.nearest(), 0);
-        let passed = lists.pairs().clone();
-        match Arc::get_mut(&mut place) {
-            Some(own) => *own = lists,
-            None => place = Arc::new(lists),
+        let (mut last, mut spare) =
+            (self.spheres.take().unwrap_or_default(), self.spare_spheres.take().unwrap_or_default());
+        let found = last.reuse(&mut spare);
+        self.spare_spheres = Some(spare);
+        let found = buffers.find(found, pairs, threads, tests);
+        let mut written = self.begin();
+        if with_points {
+            buffers.write(&found, settings, threads, tests, &mut self.order, &mut written);
         }
-        self.touching = SharedList::defer(Arc::clone(&place) as _);
-        self.contacts = SharedList::defer(Arc::clone(&place) as _);
-        self.spheres = Some(place);
+        written.nearest = found.1.nearest;
+        self.finish(FoundPairs { shared: Vec::new(), ..written });
+        last.put(found);
+        let passed = last.pairs.clone();
+        self.spheres = Some(last);
         passed
     }
 
@@ -282,22 +178,6 @@ impl PairContacts {
         self.nearest = found.nearest;
         self.examined = found.examined;
         self.lower_bounds = found.lower_bounds;
-    }
-
-    /// Brings the lists into their order again, and drops repeats, whoever may have written to them.
-    pub(crate) fn restore_order(&mut self) {
-        let mut found = FoundPairs {
-            touching: mem::take(&mut *self.touching),
-            contacts: mem::take(&mut *self.contacts),
-            ..FoundPairs::default()
-        };
-        found.touching.sort_by_key(|pair| (pair.triangle_a, pair.triangle_b));
-        found.contacts.sort_by_key(CompactContact::triangles);
-        found.finish_contacts(0);
-        UniqueFeatures::default().drop_repeats(&mut found, 0);
-        self.touching.put(found.touching);
-        self.contacts.put(found.contacts);
-        self.shared.put(found.shared);
     }
 
     /// Lower bounds of the distances of the candidates, where they were wanted.

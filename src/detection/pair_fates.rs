@@ -8,11 +8,11 @@ use std::collections::HashSet;
 use bevy_ecs::{prelude::*, system::SystemParam};
 
 use super::{
-    bounds::TriangleBounds,
-    broad_phase::{Asked, CandidateTrianglePairs, MovedLeaves, OtherSide, SurfacePair, SurfaceTree, Traversal},
+    broad_phase::{Asked, CandidateTrianglePairs, MovedLeaves, OtherSide, SurfacePair, Traversal},
     kept_pairs::KeptPairs,
     parallel::{Buffers, append_chunks},
     sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps},
+    state::SurfaceStates,
 };
 use crate::{
     kernel::{
@@ -22,7 +22,7 @@ use crate::{
         pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, shape_fates},
     },
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
+    surface::{ActiveSurfaces, ContactMethod},
 };
 
 /// Tells at which step each pair of triangles whose boxes overlap was dropped.
@@ -58,14 +58,14 @@ pub struct PairFates<'w, 's> {
     candidates: Res<'w, CandidateTrianglePairs>,
     settings: Res<'w, CircumsphereSettings>,
     kept: Res<'w, KeptPairs>,
+    states: Res<'w, SurfaceStates>,
     surfaces: SphereQuery<'w, 's>,
-    trees: Query<'w, 's, (&'static SurfacePositions, &'static TriangleBounds, &'static SurfaceTree)>,
 }
 
 impl PairFates<'_, '_> {
     /// The fates of [`CandidateTrianglePairs::pairs`]`[place]`, in place of what `fates` held: of its `triangles` one each,
     /// in their order, then [`PairFate::Planes`] of those that the broad phase dropped by slabs although their boxes
-    /// overlap, or where it went by a list of an earlier tick, [`PairFate::Remembered`] of those that it passed over. Empty where there is no such place, a surface is gone, or its positions have been resized since. Takes about
+    /// overlap, or where it went by a list of an earlier tick, [`PairFate::Remembered`] of those that it passed over. Empty where there is no such place or a surface is gone. Takes about
     /// as long as the pair's own stages took.
     pub fn of(&self, place: usize, fates: &mut Vec<([u32; 2], PairFate)>) {
         fates.clear();
@@ -86,7 +86,9 @@ impl PairFates<'_, '_> {
             [(a, b), (b, a)].into_iter().filter(|(first, second)| entities == [first.0, second.0]).find_map(
                 |(first, second)| {
                     let triangles = [first.1.0, second.1.0];
-                    if pair.triangles.contains(&triangles) {
+                    if pair.is_self() && self.are_neighbors(pair.first, first.1, second.1) {
+                        Some(PairFate::Neighbors)
+                    } else if pair.triangles.contains(&triangles) {
                         self.of_triangles(pair, &[triangles])?.first().copied()
                     } else if let Some(mut listed) = self.kept.followed(place) {
                         let is_whole = self.is_as_detected(pair, &[triangles]);
@@ -131,19 +133,25 @@ impl PairFates<'_, '_> {
             return None;
         }
         let moved = pair.moved_surface(&self.active).map(|surface| surface.entity);
-        let tree = |place: usize| self.trees.get(self.active.surfaces[place].entity).ok();
-        let trees = [tree(pair.first)?.2.tree(), tree(second)?.2.tree()];
-        let [first_region, second_region] = pair.asked_regions(trees);
+        let states = self.states.all();
+        let [first_region, second_region] = pair.asked_regions([pair.first, second].map(|place| states[place].tree()));
         let side = |place: usize, region: Option<Region>| {
             let surface = &self.active.surfaces[place];
-            let (positions, bounds, tree) = tree(place)?;
+            let state = &states[place];
             let asked =
                 if moved == Some(surface.entity) { Asked::Boxes } else { pair.asks_of_triangles(&self.settings) };
-            tree.is_current(&surface.topology, bounds.computed(), asked, region).then_some((positions, tree))
+            state.tree.is_current(&surface.topology, state.version(), asked, region).then_some(state)
         };
         let sides = [side(pair.first, first_region)?, side(second, second_region)?];
         let mut leaves = MovedLeaves::default();
         Some(ask(Traversal::new(&self.active, pair, &self.settings, sides, &mut leaves)?))
+    }
+
+    /// Whether two triangles of a surface are different ones that share a vertex.
+    fn are_neighbors(&self, place: usize, a: TriangleId, b: TriangleId) -> bool {
+        let topology = &self.active.surfaces[place].topology;
+        let count = topology.triangles().len();
+        a != b && a.index().max(b.index()) < count && topology.share_vertex(a, b)
     }
 
     fn entities(&self, pair: &SurfacePair) -> Option<[Entity; 2]> {
@@ -168,26 +176,25 @@ impl PairFates<'_, '_> {
         match pair.second {
             OtherSide::Shape(place) => {
                 let (shape, first) = (&self.active.shapes[place].geometry, &self.active.surfaces[pair.first]);
-                let (own, ..) = self.surfaces.get(first.entity).ok()?;
+                let own = self.states.all()[pair.first].positions();
                 Some(map(&|chunk, fates| {
-                    shape_fates(&first.topology, &own.0, &pair.relative_pose, shape, chunk, &settings, fates);
+                    shape_fates(&first.topology, own, &pair.relative_pose, shape, chunk, &settings, fates);
                 }))
             }
             OtherSide::Surface(second) => match pair.method {
                 ContactMethod::BoundingSphere => {
-                    with_balls(&self.active, &self.surfaces, pair, &SphereRows::default(), |a, b| {
+                    with_balls(&self.active, self.states.all(), &self.surfaces, pair, &SphereRows::default(), |a, b| {
                         map(&|chunk, fates| ball_fates(a, b, chunk, &settings, fates))
                     })
                 }
                 ContactMethod::Circumsphere => {
-                    with_caps(&self.active, &self.surfaces, pair, &SphereRows::default(), |a, b| {
+                    with_caps(&self.active, self.states.all(), &self.surfaces, pair, &SphereRows::default(), |a, b| {
                         map(&|chunk, fates| cap_fates(a, b, chunk, &settings, fates))
                     })
                 }
                 ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => {
-                    let (own, ..) = self.surfaces.get(self.active.surfaces[pair.first].entity).ok()?;
-                    let (other, ..) = self.surfaces.get(self.active.surfaces[second].entity).ok()?;
-                    let [a, b] = surface_sides(&self.active, pair, own, other)?;
+                    let states = [pair.first, second].map(|place| &self.states.all()[place]);
+                    let [a, b] = surface_sides(&self.active, pair, states)?;
                     let examine = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
                     Some(map(&|chunk, fates| exact_fates(&a, &b, chunk, &settings, examine, fates)))
                 }
@@ -195,24 +202,26 @@ impl PairFates<'_, '_> {
         }
     }
 
-    /// Whether everything that the triangles point at is there, and as large as it was.
+    /// Whether everything that the triangles point at is still there.
     fn is_as_detected(&self, pair: &SurfacePair, triangles: &[[u32; 2]]) -> bool {
         let side = |place: usize, side: usize| {
-            let surface = self.active.surfaces.get(place)?;
-            let (positions, balls, spheres, cones, _) = self.surfaces.get(surface.entity).ok()?;
+            let (Some(surface), Some(_)) = (self.active.surfaces.get(place), self.states.all().get(place)) else {
+                return false;
+            };
+            let Ok((balls, spheres, cones)) = self.surfaces.get(surface.entity) else { return false };
             let count = surface.topology.triangles().len();
             let has_spheres = match pair.method {
-                ContactMethod::BoundingSphere => balls.0.len() == count,
-                ContactMethod::Circumsphere => [spheres.0.centers.len(), cones.0.axes.len()] == [count; 2],
+                ContactMethod::BoundingSphere => balls.len() == count,
+                ContactMethod::Circumsphere => [spheres.centers.len(), cones.axes.len()] == [count; 2],
                 ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => true,
             };
-            let is_whole = positions.0.len() == surface.topology.vertex_count() && has_spheres;
-            (is_whole && triangles.iter().all(|triangles| (triangles[side] as usize) < count)).then_some(&positions.0)
+            has_spheres && triangles.iter().all(|triangles| (triangles[side] as usize) < count)
         };
-        let Some(own) = side(pair.first, 0) else { return false };
+        if !side(pair.first, 0) {
+            return false;
+        }
         match pair.second {
-            OtherSide::Surface(second) => side(second, 1)
-                .is_some_and(|other| pair.positions(own, other).map(<[_]>::len) == [own.len(), other.len()]),
+            OtherSide::Surface(second) => side(second, 1),
             OtherSide::Shape(place) => place < self.active.shapes.len(),
         }
     }

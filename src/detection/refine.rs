@@ -6,18 +6,18 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
-    bounds::TriangleBounds,
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
-    corner_rows::{SurfaceRows, fill_rows},
-    diagnostics::DetectionDiagnostics,
+    corner_rows::fill_rows,
     kept_pairs::{KeptPairs, ListUse},
-    memory::{DetectionMemory, StageList},
+    memory::DetectionMemory,
     pair_contacts::PairContacts,
     parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
     settle::SettleBuffers,
     sides::{pair_settings, surface_sides},
+    state::{SurfaceState, SurfaceStates},
 };
 use crate::{
+    diagnostics::DetectionDiagnostics,
     kernel::{
         capacity,
         exact::{
@@ -29,15 +29,22 @@ use crate::{
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
+    surface::{ActiveSurfaces, ContactMethod},
 };
 
 /// What the exact test found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a pair is
 /// tested by spheres. The last stage keeps two-sided contacts on the sides they were on, here too.
-#[derive(Resource, Clone, Debug, Default)]
+#[derive(Resource, Debug, Default)]
 pub struct RefinedTrianglePairs {
+    pub(crate) pairs: Vec<PairContacts>,
+}
+
+impl RefinedTrianglePairs {
     /// Touching pairs and contacts.
-    pub pairs: Vec<PairContacts>,
+    #[must_use]
+    pub fn pairs(&self) -> &[PairContacts] {
+        &self.pairs
+    }
 }
 
 /// Tests candidates exactly.
@@ -62,18 +69,13 @@ fn refine(
     mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut row_counts: Local<Vec<usize>>,
-    mut surfaces: Query<(&SurfacePositions, &TriangleBounds, &mut SurfaceRows)>,
+    mut states: ResMut<SurfaceStates>,
 ) {
     let start = Instant::now();
-    if !memory.reads(StageList::Candidates, candidates.last_changed()) {
-        kept.forget();
-    }
-    memory.writes(StageList::Refined, refined.last_changed());
     memory.carry(&mut refined.pairs);
     refined.pairs.resize_with(candidates.pairs.len(), PairContacts::default);
-    memory.seal(StageList::Refined, refined.last_changed());
-    fill_rows(&active, memory.changed(&candidates.pairs), settings.threads, &mut row_counts, &mut surfaces);
-    let surfaces = surfaces.as_readonly();
+    fill_rows(&active, memory.changed(&candidates.pairs), settings.threads, &mut row_counts, states.all_mut());
+    let states = states.all();
     for_each_weighed(
         &mut refined.pairs,
         settings.threads,
@@ -88,7 +90,7 @@ fn refine(
             found.wants_lower_bounds = kept.list_use(place) != ListUse::None;
             if pair.method.is_exact() && !pair.triangles.is_empty() {
                 buffers.with(|buffers| {
-                    refine_pair(&active, pair, &settings, &surfaces, threads, &mut found, &spare, buffers);
+                    refine_pair(&active, pair, &settings, states, threads, &mut found, &spare, buffers);
                 });
             }
             refined.finish(found);
@@ -120,13 +122,12 @@ struct RefineBuffers {
     unique: UniqueFeatures,
 }
 
-/// Does nothing where a surface is gone.
 #[expect(clippy::too_many_arguments, reason = "what a stage reads, and where it writes")]
 fn refine_pair(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
     settings: &CircumsphereSettings,
-    surfaces: &Query<(&SurfacePositions, &TriangleBounds, &SurfaceRows)>,
+    states: &[SurfaceState],
     threads: usize,
     found: &mut FoundPairs,
     spare: &Buffers<FoundPairs>,
@@ -134,7 +135,7 @@ fn refine_pair(
 ) {
     let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
-    let Ok((own, own_bounds, own_rows)) = surfaces.get(first.entity) else { return };
+    let own = &states[pair.first];
     // What is found is stored in the order of the triangles: to bring pairs into it costs least before anything is found.
     let triangles = sorter.unique(&pair.triangles, pair_settings.same_surface, &Threads(threads));
     // Those are in the order of the candidates, as a list that is taught by them is.
@@ -142,9 +143,9 @@ fn refine_pair(
     unique.clear();
     match pair.second {
         OtherSide::Surface(second) => {
-            let Ok((other, other_bounds, other_rows)) = surfaces.get(active.surfaces[second].entity) else { return };
-            let Some([mut a, mut b]) = surface_sides(active, pair, own, other) else { return };
-            (a.rows, b.rows) = (own_rows.current(own_bounds), other_rows.current(other_bounds));
+            let other = &states[second];
+            let Some([mut a, mut b]) = surface_sides(active, pair, [own, other]) else { return };
+            (a.rows, b.rows) = (own.rows.current(&own.bounds), other.rows.current(&other.bounds));
             let test = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
             let work = |chunk: &[[u32; 2]], found: &mut _| test(&a, &b, chunk, &pair_settings, found);
             if can_penetrate([&a, &b], &pair_settings) {
@@ -159,7 +160,7 @@ fn refine_pair(
         OtherSide::Shape(place) => {
             let (shape, pose) = (&active.shapes[place].geometry, &pair.relative_pose);
             collect(triangles, threads, spare, Some(unique), found, |chunk, found| {
-                refine_shape(&first.topology, &own.0, pose, shape, chunk, &pair_settings, found);
+                refine_shape(&first.topology, own.positions(), pose, shape, chunk, &pair_settings, found);
             });
         }
     }

@@ -6,39 +6,19 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use super::{
-    bounds::TriangleBounds,
-    broad_phase::CandidateTrianglePairs,
-    curvature::TriangleCurvature,
-    diagnostics::DetectionDiagnostics,
-    memory::DetectionMemory,
-    parallel::Threads,
-    sphere_memory::{SpherePart, SphereSource, check_spheres},
+    broad_phase::CandidateTrianglePairs, curvature::source, memory::DetectionMemory, parallel::Threads,
+    state::SurfaceStates,
 };
 use crate::{
+    diagnostics::DetectionDiagnostics,
     kernel::spheres::{
-        circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls_on},
-        cone::SafetyCones,
+        circumsphere::{RecipeSettings, enclosing_balls_on},
         curvature::CurvatureEstimator,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod, SurfacePositions},
+    surface::{ActiveSurfaces, Circumspheres, ContactMethod, EnclosingBalls, TriangleCones, TriangleCurvature},
 };
-
-/// The smallest ball around each triangle, of the last tick in which a pair of the surface was tested by
-/// them; empty where the surface's own method is more exact.
-#[derive(Component, Clone, Debug, Default)]
-pub struct EnclosingBalls(pub Vec<Ball>);
-
-/// The offset sphere of each triangle, of the last tick in which a pair of the surface was tested by
-/// them; empty where the surface's own method is more exact.
-#[derive(Component, Clone, Debug, Default)]
-pub struct Circumspheres(pub OffsetSpheres);
-
-/// The safety cone of each triangle, of the last tick in which a pair of the surface was tested by
-/// them; empty where the surface's own method is more exact.
-#[derive(Component, Clone, Debug, Default)]
-pub struct TriangleCones(pub SafetyCones);
 
 /// Refits balls, spheres and cones.
 pub struct RefitPlugin;
@@ -46,36 +26,36 @@ pub struct RefitPlugin;
 impl Plugin for RefitPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<DetectionMemory>();
-        app.add_systems(
-            SurfaceDetection,
-            (check_spheres, refit_balls, refit_spheres).chain().in_set(SurfaceDetectionSystems::Refit),
-        );
+        app.add_systems(SurfaceDetection, (refit_balls, refit_spheres).chain().in_set(SurfaceDetectionSystems::Refit));
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "a stage reads what earlier stages wrote")]
 fn refit_balls(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
-    mut memory: ResMut<DetectionMemory>,
+    memory: Res<DetectionMemory>,
+    states: Res<SurfaceStates>,
     mut used: Local<Vec<bool>>,
     settings: Res<CircumsphereSettings>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut surfaces: Query<(Ref<SurfacePositions>, &TriangleBounds, &mut EnclosingBalls)>,
+    mut surfaces: Query<&mut EnclosingBalls>,
 ) {
     memory.surfaces_to_update(&active, &candidates, ContactMethod::BoundingSphere, &mut used);
     let start = Instant::now();
     let mut any_made = false;
-    for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
-        let Ok((positions, bounds, mut balls)) = surfaces.get_mut(surface.entity) else { continue };
+    for ((surface, state), used) in active.surfaces.iter().zip(states.all()).zip(used.iter().copied()) {
+        let Ok(mut balls) = surfaces.get_mut(surface.entity) else { continue };
         if used {
-            let source = SphereSource { computed: bounds.computed_of(&positions), curvature: None };
-            if memory.spheres.holds(surface.entity, SpherePart::Balls, source, balls.last_changed()) {
+            let (source, is_reusable) = source(surface, state, &memory, &settings);
+            if is_reusable && balls.source == source {
                 continue;
             }
             any_made = true;
-            enclosing_balls_on(&Threads(settings.threads), &positions.0, surface.topology.triangles(), &mut balls.0);
-            memory.spheres.seal(surface.entity, SpherePart::Balls, source, balls.last_changed());
-        } else if surface.method > ContactMethod::BoundingSphere && balls.0.capacity() > 0 {
+            let share = Threads(settings.threads);
+            enclosing_balls_on(&share, state.positions(), surface.topology.triangles(), &mut balls.data);
+            balls.source = source;
+        } else if surface.method > ContactMethod::BoundingSphere && balls.capacity() > 0 {
             *balls = EnclosingBalls::default();
         }
     }
@@ -88,18 +68,13 @@ fn refit_balls(
 fn refit_spheres(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
-    mut memory: ResMut<DetectionMemory>,
+    memory: Res<DetectionMemory>,
+    states: Res<SurfaceStates>,
     mut used: Local<Vec<bool>>,
     settings: Res<CircumsphereSettings>,
     mut last: Local<Option<(RecipeSettings, CurvatureEstimator)>>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
-    mut surfaces: Query<(
-        Ref<SurfacePositions>,
-        &TriangleBounds,
-        Ref<TriangleCurvature>,
-        &mut Circumspheres,
-        &mut TriangleCones,
-    )>,
+    mut surfaces: Query<(&TriangleCurvature, &mut Circumspheres, &mut TriangleCones)>,
 ) {
     memory.surfaces_to_update(&active, &candidates, ContactMethod::Circumsphere, &mut used);
     let start = Instant::now();
@@ -110,45 +85,39 @@ fn refit_spheres(
         (RecipeSettings { delta: recipe.delta, ..made_with.0 }, made_with.1) != (recipe, estimator)
     });
     *last = Some(made_with);
-    for (surface, used) in active.surfaces.iter().zip(used.iter().copied()) {
-        let Ok((positions, bounds, curvature, mut spheres, mut cones)) = surfaces.get_mut(surface.entity) else {
-            continue;
-        };
+    for ((surface, state), used) in active.surfaces.iter().zip(states.all()).zip(used.iter().copied()) {
+        let Ok((curvature, mut spheres, mut cones)) = surfaces.get_mut(surface.entity) else { continue };
         if surface.method > ContactMethod::Circumsphere {
             // The method was changed: what no pair asks for takes no memory.
-            if !spheres.0.radii.is_empty() {
+            if !spheres.radii.is_empty() {
                 *spheres = Circumspheres::default();
                 *cones = TriangleCones::default();
             }
-        } else if (surface.fresh || changed) && !spheres.0.radii.is_empty() {
-            spheres.0.forget();
+        } else if (surface.fresh || changed) && !spheres.radii.is_empty() {
+            spheres.data.forget();
         }
         if used {
-            let source =
-                SphereSource { computed: bounds.computed_of(&positions), curvature: Some(curvature.last_changed()) };
-            if memory.spheres.holds(surface.entity, SpherePart::Spheres, source, spheres.last_changed())
-                && memory.spheres.holds(surface.entity, SpherePart::Cones, source, cones.last_changed())
-            {
+            let (source, is_reusable) = source(surface, state, &memory, &settings);
+            if is_reusable && spheres.source == source && cones.source == source {
                 // Nothing about them but their age changes.
-                spheres.bypass_change_detection().0.rest();
+                spheres.bypass_change_detection().data.rest();
                 continue;
             }
             any_made = true;
             let share = Threads(settings.threads);
-            diagnostics.recipes_refreshed += spheres.0.refit_on(
+            diagnostics.recipes_refreshed += spheres.data.refit_on(
                 &share,
-                &positions.0,
+                state.positions(),
                 surface.topology.triangles(),
-                &curvature.0.curvatures,
-                &curvature.0.dihedrals,
+                &curvature.curvatures,
+                &curvature.dihedrals,
                 settings.recipe(),
-                &mut cones.0,
+                &mut cones.data,
             );
             if settings.widen_cones {
-                cones.0.widen_on(&share, &curvature.0.spreads);
+                cones.data.widen_on(&share, &curvature.spreads);
             }
-            memory.spheres.seal(surface.entity, SpherePart::Spheres, source, spheres.last_changed());
-            memory.spheres.seal(surface.entity, SpherePart::Cones, source, cones.last_changed());
+            (spheres.source, cones.source) = (source, source);
         }
     }
     if any_made {

@@ -1,22 +1,24 @@
-//! How much room lists keep for later: enough that a steady tick allocates nothing, and no more than a new list would take.
+//! Capacity policy for reused lists: keep enough that a steady tick allocates nothing, and no more than a new list
+//! would get.
 //!
-//! Called where a list is emptied or has just been filled. There is no memory of earlier lengths: what a list held last tells
-//! what it will hold next.
+//! Call these functions where a list is cleared or has just been filled. They keep no history: the last length predicts
+//! the next one.
 
-/// A list keeps room for this many times what it holds: it grows by doubling, so a new one may have as much.
+/// A list keeps capacity for at most this many times its length. Growth doubles the capacity, so a new list may have as
+/// much.
 const MOST_ROOM: usize = 2;
 
-/// Room for so many items is always kept: short lists vary most.
+/// Capacity for this many more items is always kept: short lists vary most.
 const LEAST_ROOM: usize = 8;
 
-/// Gives back the room of a list beyond what `needed` items may take.
+/// Shrinks a list whose capacity exceeds what `needed` items may take.
 pub(crate) fn trim<T>(list: &mut Vec<T>, needed: usize) {
     if list.capacity() > MOST_ROOM * needed + LEAST_ROOM {
         list.shrink_to(needed);
     }
 }
 
-/// Empties a list, and keeps room for about what it held.
+/// Clears a list, and keeps capacity for about its previous length.
 pub(crate) fn clear<T>(list: &mut Vec<T>) {
     let held = list.len();
     list.clear();

@@ -1,6 +1,6 @@
-//! The compact record of one contact, and the key that names it from tick to tick.
+//! The compact record of a contact, and the key that identifies it from tick to tick.
 //!
-//! Written by the exact and the sphere stages, stored by the `contacts` room.
+//! Written by the exact and the sphere stages, stored by the `contacts` module.
 
 use std::hint::select_unpredictable;
 
@@ -11,10 +11,11 @@ use super::mesh::{
     topology::SurfaceTopology,
 };
 
-/// Bits of a feature's number within a key.
+/// Bits of a feature number in a key.
 pub(in crate::kernel) const FEATURE_BITS: u32 = 28;
 
-/// Names a contact within its pair of surfaces: the kind of both features and their [numbers](feature_number). The same two features have the same key in every tick, so a solver can keep what it knows about them.
+/// Identifies a contact within its pair of surfaces: the kinds of both features and their [numbers](feature_number).
+/// The same two features have the same key in every tick, so a solver can keep its state per contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ContactKey(pub u64);
 
@@ -25,7 +26,7 @@ impl ContactKey {
         Self((kinds << (2 * FEATURE_BITS)) | (u64::from(number_a) << FEATURE_BITS) | u64::from(number_b))
     }
 
-    /// The key of the same features, where the surfaces come in the other order.
+    /// The key of the same features, with the surfaces in the other order.
     pub(crate) const fn reversed(self) -> Self {
         const NUMBER: u64 = (1 << FEATURE_BITS) - 1;
         let (kinds, a, b) = (self.0 >> (2 * FEATURE_BITS), (self.0 >> FEATURE_BITS) & NUMBER, self.0 & NUMBER);
@@ -33,11 +34,11 @@ impl ContactKey {
         Self((kinds << (2 * FEATURE_BITS)) | (b << FEATURE_BITS) | a)
     }
 
-    /// Whether its features are a vertex and a face or two edges: those pass each other from one side to the other, while around
-    /// a corner or a rim a direction may turn without anything having passed.
+    /// Whether the features are a vertex and a face, or two edges. Such features pass each other from one side to the
+    /// other, whereas around a corner or a rim a direction may turn without anything having passed.
     #[inline]
     pub(crate) const fn has_sides(self) -> bool {
-        // Three times the rank of the first and the rank of the second.
+        // Three times the rank of the first feature, plus the rank of the second.
         const VERTEX_FACE: u64 = 2;
         const EDGE_EDGE: u64 = 4;
         const FACE_VERTEX: u64 = 6;
@@ -45,7 +46,7 @@ impl ContactKey {
     }
 }
 
-/// Vertices before edges before faces.
+/// Vertices come before edges, and edges before faces.
 #[inline]
 const fn rank(feature: Feature) -> u64 {
     match feature {
@@ -56,8 +57,8 @@ const fn rank(feature: Feature) -> u64 {
 }
 
 /// The number of a triangle's feature: its welded vertex, its edge, or the triangle itself. Vertices that were welded
-/// because they coincided once may have moved apart since: such a vertex has its own number, and an edge with such an
-/// end a number after all edges.
+/// at equal positions may have moved apart since. Such a vertex has its own number, and an edge that ends at one has a
+/// number after all edges.
 #[must_use]
 #[inline]
 pub fn feature_number(topology: &SurfaceTopology, positions: &[Vec3], triangle: u32, feature: Feature) -> u32 {
@@ -92,69 +93,70 @@ fn welded_feature_number(topology: &SurfaceTopology, positions: &[Vec3], triangl
     }
 }
 
-/// One feature pair in contact. Positions and directions are in the frame of the pair; distances in world units.
+/// One feature pair in contact. Positions and directions are in the pair's frame, distances in world units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompactContact {
-    /// Names the feature pair within its pair of surfaces.
+    /// Identifies the feature pair within its pair of surfaces.
     pub key: ContactKey,
-    /// Triangle of the first surface, as the caller numbered it.
+    /// Triangle of the first surface, in the caller's numbering.
     pub triangle_a: u32,
-    /// Triangle of the second surface; of a shape that is tested by formula the number of its part.
+    /// Triangle of the second surface. For a shape that is tested by formula, the number of its feature.
     pub triangle_b: u32,
-    /// Which parts of the two triangles. A shape that is tested by formula is a face, or an edge where it meets one.
+    /// The features of the two triangles. A shape that is tested by formula counts as a face, or as an edge if an edge
+    /// of the triangle is close to it, or if it pierces the triangle's face.
     pub features: FeaturePair,
-    /// Whether the features of a contact of a surface with itself stand in the other order than in the key.
+    /// For a surface in contact with itself: whether the features are in the opposite order from the key.
     pub swapped: bool,
-    /// Whether the same two features may be reported more than once, mostly by other pairs of triangles, in this tick or another:
-    /// not where that is for the first triangles around both alone.
+    /// Whether the same two features may be reported more than once, in this tick or another, usually by other pairs of
+    /// triangles. False if only the first triangles around both features report them.
     pub is_shared: bool,
-    /// Weights of the first two corners of triangle a; the third is what is left of 1.
+    /// Weights of the first two corners of triangle a. All three sum to 1.
     pub barycentric_a: [f32; 2],
-    /// Weights of the first two corners of triangle b; without meaning for a shape that is tested by formula.
+    /// Weights of the first two corners of triangle b. Meaningless for a shape that is tested by formula.
     pub barycentric_b: [f32; 2],
-    /// The contact point on the second side, in the frame of the pair.
+    /// The contact point on the second side, in the pair's frame.
     pub point_b: Vec3,
-    /// Unit vector from the second side to the first, in the frame of the pair: moving the first side along it parts
-    /// the two.
+    /// Unit vector from the second side to the first, in the pair's frame. Moving the first side along it separates the
+    /// two.
     pub normal: Vec3,
-    /// Signed distance of the two contact points in world units: negative where the sides have passed each other.
+    /// Signed distance of the two contact points in world units. Negative if the sides have passed each other.
     pub distance: f32,
 }
 
-/// A contact of a list that is [shared](CompactContact::is_shared).
+/// A [shared](CompactContact::is_shared) contact of a list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SharedContact {
     /// Its key.
     pub key: ContactKey,
-    /// Its place on the list.
+    /// Its index in the list.
     pub place: u32,
 }
 
 impl SharedContact {
-    /// The same where that many contacts stand before the list.
+    /// The same contact when `count` others precede the list.
     #[must_use]
     pub const fn later(self, count: u32) -> Self {
         Self { key: self.key, place: self.place + count }
     }
 
-    /// The same where that many contacts before it are dropped from the list.
+    /// The same contact when `count` others before it have been dropped from the list.
     pub(in crate::kernel) const fn earlier(self, count: u32) -> Self {
         Self { key: self.key, place: self.place - count }
     }
 }
 
-/// A pair of triangles that touch.
+/// A touching pair of triangles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TouchingPair {
     /// Triangle of the first surface.
     pub triangle_a: u32,
-    /// Triangle of the second surface; the higher one of a self-collision.
+    /// Triangle of the second surface. In a self-collision, the higher one.
     pub triangle_b: u32,
-    /// Their distance in world units, at least 0; 0 where they cross.
+    /// Distance in world units, at least 0. 0 if they cross.
     pub distance: f64,
 }
 
-/// Where two faces meet: the fields of the same names of a [`CompactContact`].
+/// Where two faces meet: the fields with the same names of a [`CompactContact`].
 #[derive(Clone, Copy)]
 pub(in crate::kernel) struct FacePlace {
     pub(in crate::kernel) barycentrics: [[f32; 2]; 2],
@@ -164,7 +166,7 @@ pub(in crate::kernel) struct FacePlace {
 }
 
 impl CompactContact {
-    /// Keeps the place of a contact that nothing has come of: no pair of features has its key.
+    /// An empty record, for a contact that turned out not to exist. No pair of features has its key.
     pub(in crate::kernel) const NONE: Self = Self {
         key: ContactKey(u64::MAX),
         triangle_a: 0,
@@ -179,20 +181,20 @@ impl CompactContact {
         distance: 0.0,
     };
 
-    /// Leaves the place empty.
+    /// Empties the record.
     #[inline]
     pub(in crate::kernel) fn drop_name(&mut self) {
         self.key = Self::NONE.key;
     }
 
-    /// Whether nothing is there.
+    /// Whether the record is empty.
     pub(in crate::kernel) fn is_none(&self) -> bool {
         self.key == Self::NONE.key
     }
 
-    /// Names a contact of two triangles by the [numbers](feature_number) of its features. In a self-collision
-    /// (`same_surface`) a feature pair is the same from either side, so its key does not depend on which triangle came
-    /// first. Barycentrics are the weights of the first two corners of either triangle.
+    /// A contact of two triangles, identified by the [numbers](feature_number) of its features. In a self-collision
+    /// (`same_surface`) a feature pair is the same from either side, so its key does not depend on which triangle comes
+    /// first. Barycentrics are the weights of the first two corners of each triangle.
     #[expect(clippy::too_many_arguments, reason = "one argument per field of the record")]
     #[inline]
     pub(in crate::kernel) fn between_features(
@@ -210,7 +212,7 @@ impl CompactContact {
         Self { barycentric_a, barycentric_b, point_b, normal, distance, ..named }
     }
 
-    /// The same without saying where it is.
+    /// A contact of two triangles without its location.
     #[inline]
     pub(in crate::kernel) fn named(
         triangles: [u32; 2],
@@ -221,7 +223,7 @@ impl CompactContact {
     ) -> Self {
         let order = |feature: Feature, number: u32| rank(feature) << u32::BITS | u64::from(number);
         let swapped = same_surface & (order(features.b, number_b) < order(features.a, number_a));
-        // Both keys, and no branch: which of them it is nobody can foresee.
+        // Computes both keys: a branch on which of them it is would be unpredictable.
         let keys =
             [ContactKey::new(features, number_a, number_b), ContactKey::new(features.swapped(), number_b, number_a)];
         Self {
@@ -235,7 +237,7 @@ impl CompactContact {
         }
     }
 
-    /// The contact of two whole triangles, which are known by their own numbers.
+    /// The contact of two whole triangles, identified by their own numbers.
     #[inline]
     pub(in crate::kernel) fn between_faces(triangles: [u32; 2], same_surface: bool, place: FacePlace) -> Self {
         let swapped = same_surface && triangles[1] < triangles[0];
@@ -256,13 +258,14 @@ impl CompactContact {
         }
     }
 
-    /// Its triangles: what contacts of a pair of surfaces are sorted by, before their keys.
+    /// Its triangles. Contacts of a pair of surfaces are sorted by these, then by their keys.
     #[must_use]
     pub const fn triangles(&self) -> (u32, u32) {
         (self.triangle_a, self.triangle_b)
     }
 
-    /// The numbers of both features, see [`feature_number`]; of a shape that is tested by formula that of its part.
+    /// The numbers of both features, see [`feature_number`]. For a shape that is tested by formula, the number of its
+    /// feature.
     #[must_use]
     pub fn feature_numbers(&self) -> [u32; 2] {
         let mask = (1u64 << FEATURE_BITS) - 1;

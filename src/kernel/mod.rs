@@ -1,7 +1,6 @@
-//! Pure geometry: slices in, the caller's buffers out, no ECS type.
+//! Pure geometry: functions take slices and write into buffers that the caller owns. No ECS type.
 //!
-//! Lengths are in the unit of the positions, angles in radians, curvature in 1/length. Each room imports only from those above it
-//! in this list; `tests/architecture.rs` holds them to that.
+//! Lengths are in the unit of the positions, angles in radians, curvature in 1/length.
 
 pub mod bvh;
 pub(crate) mod capacity;

@@ -1,11 +1,10 @@
-//! What every stage over triangle pairs shares: the two sides in one frame, the distances that matter, what was found.
+//! What all stages over triangle pairs share: the two sides in one frame, the distances that matter, and the results.
 
 use std::borrow::Cow;
 
 use glam::{DVec3, Vec3};
 
 use super::{
-    capacity,
     contact::{CompactContact, SharedContact, TouchingPair, feature_number},
     mesh::{
         corner_rows::{CornerRow, CornerRows},
@@ -17,37 +16,37 @@ use super::{
     pose::Pose,
 };
 
-/// One side of a pair, in the frame of the pair.
+/// One side of a pair, in the pair's frame.
 #[derive(Clone, Copy)]
 pub struct SurfaceSide<'a> {
     /// Its triangles.
     pub topology: &'a SurfaceTopology,
-    /// Its vertices in the frame of the pair, rounded to f32 there.
+    /// Its vertices in the pair's frame, rounded to f32.
     pub positions: &'a [Vec3],
-    /// How they came there; `None` where they are in their own frame.
+    /// How they were transformed. `None` if the side's own frame is the pair's frame.
     pub moved: Option<MovedSide<'a>>,
     /// Whether it has an inside, so that the sign of its distance is known.
     pub one_sided: bool,
-    /// Whether the way to the frame of the pair turned its outward normals inward.
+    /// Whether the transform to the pair's frame flips its outward normals inward.
     pub mirrored: bool,
-    /// The rows of its triangles, where somebody has made them: worth it where most triangles are in several pairs.
+    /// The rows of its triangles, if they have been made. Worthwhile if most triangles are in several pairs.
     pub rows: Option<&'a CornerRows>,
 }
 
-/// The way of a side to the frame of the pair. Far from that frame's origin f32 is coarse: exact tests move the
-/// vertices again, and do not round them.
+/// The transform of a side to the pair's frame. Far from that frame's origin f32 is coarse, so exact tests transform
+/// the vertices again without rounding them.
 #[derive(Clone, Copy)]
 pub struct MovedSide<'a> {
     /// The vertices in the side's own frame.
     pub own_positions: &'a [Vec3],
-    /// From there to the frame of the pair.
+    /// From the side's own frame to the pair's frame.
     pub pose: &'a Pose,
-    /// How far rounding may have put a vertex from where it is, in the unit of the frame of the pair.
+    /// How far rounding may have displaced a vertex, in the unit of the pair's frame.
     pub rounding: f32,
 }
 
 impl<'a> MovedSide<'a> {
-    /// `moved_positions` are those that the pose makes of `own_positions`.
+    /// `moved_positions` are the `own_positions` that `pose` has transformed.
     #[must_use]
     pub fn new(own_positions: &'a [Vec3], pose: &'a Pose, moved_positions: &[Vec3]) -> Self {
         let largest = moved_positions.iter().fold(Vec3::ZERO, |largest, position| largest.max(position.abs()));
@@ -57,7 +56,7 @@ impl<'a> MovedSide<'a> {
 }
 
 impl SurfaceSide<'_> {
-    /// The corners of a triangle in the frame of the pair, not rounded.
+    /// The corners of a triangle in the pair's frame, not rounded.
     #[inline]
     pub(in crate::kernel) fn corners(&self, triangle: u32) -> [DVec3; 3] {
         let [first, second, third] = self.topology.triangles()[triangle as usize];
@@ -71,19 +70,19 @@ impl SurfaceSide<'_> {
         self.moved.as_ref().map_or(self.positions, |moved| moved.own_positions)
     }
 
-    /// A point of the side's own frame in the frame of the pair.
+    /// Transforms a point from the side's own frame to the pair's frame.
     #[inline]
     pub(in crate::kernel) fn moved_point(&self, point: DVec3) -> DVec3 {
         self.moved.as_ref().map_or(point, |moved| moved.pose.transform_point(point))
     }
 
-    /// Whether a pose is the way to the frame of the pair; `None` where the side's own frame is that.
+    /// Whether `pose` is the transform to the pair's frame. `None` means that the side's own frame is the pair's frame.
     #[inline]
     pub(in crate::kernel) fn is_moved_by(&self, pose: Option<&Pose>) -> bool {
         self.moved.map(|moved| moved.pose) == pose
     }
 
-    /// Makes a row for one triangle.
+    /// Builds the row of one triangle.
     #[inline]
     pub(in crate::kernel) fn row(&self, triangle: u32) -> CornerRow {
         CornerRow::new(self.topology, self.own_positions(), triangle)
@@ -91,7 +90,7 @@ impl SurfaceSide<'_> {
 
     pub(in crate::kernel) fn outward(&self, triangle: u32, feature: Feature) -> DVec3 {
         if let Some(moved) = &self.moved {
-            // Turned as a direction, which a mirrored pose leaves outward.
+            // Transformed as a direction, which stays outward even if the pose is mirrored.
             let outward = outward_direction(self.topology, moved.own_positions, triangle as usize, feature);
             return moved.pose.transform_direction(outward);
         }
@@ -99,8 +98,8 @@ impl SurfaceSide<'_> {
         if self.mirrored { -outward } else { outward }
     }
 
-    /// How a direction goes along the [outward](Self::outward) one: more than 0 where it leads out, less than 0 where it leads
-    /// in.
+    /// Whether a direction leads out, judged by the [outward](Self::outward) direction: greater than 0 if it leads out,
+    /// less than 0 if it leads in. Only the sign is meaningful.
     pub(in crate::kernel) fn rise(&self, triangle: u32, feature: Feature, direction: DVec3) -> f64 {
         if let Some(moved) = &self.moved {
             let direction = moved.pose.inverse_transform_direction(direction);
@@ -110,44 +109,44 @@ impl SurfaceSide<'_> {
         rise(self.topology, self.positions, triangle as usize, feature, direction)
     }
 
-    /// How far rounding may have put a position from where it is.
+    /// How far rounding may have displaced a position, in the unit of the pair's frame.
     pub(crate) fn rounding(&self) -> f32 {
         self.moved.map_or(0.0, |moved| moved.rounding)
     }
 }
 
-/// A pair of triangles by their rows.
+/// A pair of triangles with their rows.
 #[derive(Clone, Copy)]
 pub(in crate::kernel) struct RowPair<'a> {
-    /// Both sides in the frame of the pair.
+    /// Both sides, in the pair's frame.
     pub(in crate::kernel) sides: [&'a SurfaceSide<'a>; 2],
-    /// One triangle of each.
+    /// One triangle of each side.
     pub(in crate::kernel) triangles: [u32; 2],
-    /// The rows of those.
+    /// The rows of the triangles.
     pub(in crate::kernel) rows: [&'a CornerRow; 2],
 }
 
 impl RowPair<'_> {
-    /// A corner of either triangle in the frame of the pair, not rounded.
+    /// A corner of one of the triangles in the pair's frame, not rounded.
     #[inline]
     pub(in crate::kernel) fn corner(&self, side: usize, corner: usize) -> DVec3 {
         self.sides[side].moved_point(self.rows[side].corner(corner))
     }
 
-    /// The three corners of either triangle.
+    /// The three corners of one of the triangles.
     #[inline]
     pub(in crate::kernel) fn corners(&self, side: usize) -> [DVec3; 3] {
         [self.corner(side, 0), self.corner(side, 1), self.corner(side, 2)]
     }
 
-    /// Whether the two share a vertex, given that the sides are the same surface.
+    /// Whether the triangles are neighbors. Both sides must be the same surface.
     #[inline]
     pub(in crate::kernel) fn are_neighbors(&self) -> bool {
         let [a, b] = self.triangles.map(TriangleId);
         self.sides[0].topology.share_vertex(a, b)
     }
 
-    /// The [number](feature_number) of a part of either triangle, see [`Feature::of_part`].
+    /// The [number](feature_number) of a feature. The feature is given by its local index, see [`Feature::of_part`].
     #[inline]
     pub(in crate::kernel) fn number(&self, side: usize, part: usize) -> u32 {
         let (SurfaceSide { topology, positions, .. }, triangle) = (self.sides[side], self.triangles[side]);
@@ -164,16 +163,17 @@ impl RowPair<'_> {
     }
 }
 
-/// Whether the sides can be inside each other: then penetrations are settled, and about features that are inside each pair
-/// of triangles has a say of its own.
+/// Whether the sides can be inside each other. If so, penetrations are resolved, and each pair of triangles reports
+/// features that are inside on its own.
 #[must_use]
 pub fn can_penetrate(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings) -> bool {
     !settings.same_surface && sides.iter().any(|side| side.one_sided)
 }
 
-/// Whether the sides have passed each other, as far as a one-sided surface tells, given the way from the second to the first.
-/// A face tells best, of two edges the second side's. A vertex or an edge that is close to another triangle's boundary may be
-/// closer still to a neighbor of it, and then its direction misleads: where both sides have an inside, both have to agree.
+/// Whether the sides have passed each other, judged by the sides that have an inside, given the vector from the second
+/// side to the first. A face is the best judge; of two edges, the second side's. A vertex or an edge near the boundary
+/// of another triangle may be closer still to one of that triangle's neighbors, and then its direction is misleading:
+/// if both sides have an inside, both must agree.
 pub(in crate::kernel) fn is_inside(
     [a, b]: [&SurfaceSide<'_>; 2],
     [triangle_a, triangle_b]: [u32; 2],
@@ -199,39 +199,41 @@ pub(in crate::kernel) fn is_inside(
 pub struct PairSettings {
     /// Triangles touch within this distance.
     pub contact_distance: f64,
-    /// Contacts are written up to this distance, at least `contact_distance`.
+    /// Contacts are written up to this distance, which is at least `contact_distance`.
     pub reported_distance: f64,
-    /// The nearest pair is looked for up to this distance, at least `reported_distance`.
+    /// The nearest pair is searched up to this distance, which is at least `reported_distance`.
     pub range: f64,
-    /// World length of a unit of the frame of the pair.
+    /// World length of one unit of the pair's frame.
     pub scale: f64,
-    /// Whether a quicker test of eight pairs side by side comes first: a screen of features before exact ones, slabs before
-    /// caps. The screen changes the time and how often the same contact is reported, never the result without
-    /// [repeats](super::exact::unique::UniqueFeatures); slabs drop pairs that caps alone would let touch.
+    /// Whether a faster test of eight pairs at a time comes first: a screen of features before exact tests, slabs
+    /// before caps. The screen changes the time and how often the same contact is reported, never the result without
+    /// [repeats](super::exact::unique::UniqueFeatures). Slabs drop pairs that caps alone would report as touching.
     pub cull: bool,
     /// Whether both sides are the same surface.
     pub same_surface: bool,
 }
 
-/// What a list of pairs amounts to.
+/// The results for a list of pairs.
 #[derive(Clone, Debug)]
 pub struct FoundPairs {
-    /// Pairs of triangles that touch, in the order of the candidates.
+    /// Touching pairs, in the order of the candidates.
     pub touching: Vec<TouchingPair>,
-    /// Contacts, in the order of the candidates, those of one pair by key. Those that are
-    /// [shared](CompactContact::is_shared) may occur several times, under the same key, until
-    /// [`UniqueFeatures`](super::exact::unique::UniqueFeatures) has dropped the repeats.
+    /// Contacts, in the order of the candidates. Contacts of one pair are sorted by key.
+    /// [Shared](CompactContact::is_shared) contacts may occur several times, under the same key, until
+    /// [`UniqueFeatures`](super::exact::unique::UniqueFeatures) drops the repeats.
     pub contacts: Vec<CompactContact>,
-    /// Which contacts of the exact test are shared; once repeats have been dropped, only those that have sides.
+    /// The shared contacts of the exact test. After repeats have been dropped, only vertex–face and edge–edge contacts
+    /// are listed.
     pub shared: Vec<SharedContact>,
-    /// Distance of the nearest pair in world units, at least 0; infinite where none is within range.
+    /// Distance of the nearest pair in world units, at least 0. Infinite if none is within range.
     pub nearest: f64,
-    /// How many pairs reached the exact test.
+    /// Number of pairs that reached the exact test.
     pub examined: usize,
-    /// Of each candidate of the exact test, in their order, a lower bound of its distance in the unit of the frame of the
-    /// pair, rounded down: its distance, but for rounding, where it is apart, even beyond the range. Only where wanted.
+    /// For each candidate of the exact test, in their order, a lower bound of its distance in the unit of the pair's
+    /// frame, rounded down. For separate triangles this is the distance except for rounding, even beyond the range.
+    /// Only if [requested](Self::wants_lower_bounds).
     pub lower_bounds: Vec<f32>,
-    /// Whether those are wanted: not unless somebody says so.
+    /// Whether lower bounds are requested. Defaults to false.
     pub wants_lower_bounds: bool,
 }
 
@@ -250,7 +252,7 @@ impl Default for FoundPairs {
 }
 
 impl FoundPairs {
-    /// Empties the lists and keeps their memory.
+    /// Clears the lists and keeps their memory.
     pub fn clear(&mut self) {
         self.touching.clear();
         self.contacts.clear();
@@ -260,17 +262,8 @@ impl FoundPairs {
         self.lower_bounds.clear();
     }
 
-    /// Empties the lists and keeps room for about as much as they held.
-    pub(crate) fn clear_room(&mut self) {
-        capacity::clear(&mut self.touching);
-        capacity::clear(&mut self.contacts);
-        capacity::clear(&mut self.shared);
-        capacity::clear(&mut self.lower_bounds);
-        self.clear();
-    }
-
-    /// Appends what was found in a later part of the pairs by faces, which are sorted: a pair that stands on both sides of
-    /// the cut has one contact.
+    /// Appends the results of a later part of a sorted list of pairs of faces. A pair on both sides of the cut has one
+    /// contact.
     pub fn append_sorted(&mut self, later: &mut Self) {
         if let (Some(last), Some(first)) = (self.contacts.last(), later.contacts.first())
             && last.key == first.key
@@ -280,8 +273,8 @@ impl FoundPairs {
         self.append(later);
     }
 
-    /// Brings the contacts from the place `first` on into their order, given that those of different pairs are, and lists
-    /// which of them are shared, given that those before are listed.
+    /// Sorts the contacts of each pair from index `first` on by key, and lists the shared ones. The pairs must already
+    /// be in order, and the contacts before `first` listed.
     pub(crate) fn finish_contacts(&mut self, first: usize) {
         const STEP: usize = 64;
         let contacts = &mut self.contacts[first..];
@@ -294,7 +287,7 @@ impl FoundPairs {
         }
         let mut place = first as u32;
         for contacts in contacts.chunks(STEP) {
-            // Those that are not shared are written over: which ones those are nobody can foresee.
+            // Entries that are not shared get overwritten: a branch on it would be unpredictable.
             let mut count = self.shared.len();
             self.shared.resize(count + contacts.len(), SharedContact { key: CompactContact::NONE.key, place: 0 });
             for contact in contacts {
@@ -306,8 +299,8 @@ impl FoundPairs {
         }
     }
 
-    /// Brings touching pairs into their order, where they are in that of the contacts: where a surface meets itself, those of
-    /// spheres are sorted by the lower triangle, whichever stands first.
+    /// Sorts touching pairs by their triangles, given that they are in the order of the contacts. In a self-collision,
+    /// contacts of spheres are sorted by the lower triangle, whichever comes first.
     pub(crate) fn sort_touching(&mut self) {
         let place = |pair: &TouchingPair| (pair.triangle_a, pair.triangle_b);
         if !self.touching.is_sorted_by_key(place) {
@@ -315,7 +308,7 @@ impl FoundPairs {
         }
     }
 
-    /// Appends what was found in a later part of the candidates.
+    /// Appends the results of a later part of the candidates.
     pub fn append(&mut self, later: &mut Self) {
         self.touching.append(&mut later.touching);
         let before = self.contacts.len() as u32;
@@ -327,14 +320,14 @@ impl FoundPairs {
     }
 }
 
-/// Whether a contact stands after another one of the same triangles.
+/// Whether a contact belongs after another one of the same triangles.
 #[inline]
 fn is_later_of_pair(one: &CompactContact, other: &CompactContact) -> bool {
     (one.key > other.key) & (one.triangles() == other.triangles())
 }
 
-/// The candidates without those that share a vertex, which in a self-collision are neighbors. The list itself where
-/// there are none, as a broad phase has left them out already.
+/// The candidates without those that share a vertex, which are neighbors in a self-collision. Returns the list itself
+/// if there are none, as after a broad phase that leaves them out.
 pub(in crate::kernel) fn without_neighbors<'a>(
     surface: &SurfaceSide<'_>,
     candidates: &'a [[u32; 2]],

@@ -1,8 +1,8 @@
-//! At which step a pair of triangles whose boxes overlap was dropped.
+//! At which step a pair of triangles with overlapping boxes was dropped.
 //!
-//! No stage records it. These functions run the stages' own functions once more, one step at a time, so the answer agrees with
-//! what the tick did and costs nothing where nobody asks. Used by `detection::PairFates`, which adds the pairs that slabs
-//! dropped before they were candidates.
+//! No stage records it. These functions run the stages' own functions once more, one step at a time, so the answer
+//! agrees with the tick and costs nothing unless it is requested. Used by `detection::PairFates`, which adds the pairs
+//! that slabs dropped before they became candidates.
 
 use glam::Vec3;
 
@@ -17,37 +17,38 @@ use super::{
     },
 };
 
-/// What became of a pair whose boxes overlap: the step that dropped it, in the order in which the methods take them, or that
-/// it touches. Each method takes some of the steps; a rigid shape is only measured ([`Distance`](Self::Distance)).
+/// What became of a pair whose boxes overlap: the step that dropped it, in the order of the steps, or that it touches.
+/// Each method takes some of the steps. A rigid shape is only measured ([`Distance`](Self::Distance)).
 ///
-/// What *matters* is the contact distance, or more where a margin or the end of contacts asks for it
+/// The *range* is the contact distance, or more if a margin or the end of contacts requires it
 /// ([`SurfacePair::range`](crate::detection::SurfacePair::range)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum PairFate {
-    /// The two share a vertex in a self-collision. The broad phases of this crate leave such pairs out already.
+    /// The triangles share a vertex, in a self-collision. The broad phases of this crate leave such pairs out already.
     Neighbors,
-    /// What is remembered of the distance of the two, less what their surfaces have moved since, exceeds what matters, or
-    /// else a slab still keeps them farther apart: they were passed over. `Refined` and `Closest`, where surfaces have [moved a
-    /// little](field@crate::CircumsphereSettings::memory); of such surfaces' other pairs whose boxes may overlap nothing is
-    /// known.
+    /// The remembered distance of the triangles, less the motion of their surfaces since, exceeds the range, or else a
+    /// slab still separates them by more than the range. The pair was skipped. `Refined` and `Closest`, if the surfaces
+    /// have [moved a little](field@crate::CircumsphereSettings::memory). Nothing is known about the other pairs of such
+    /// surfaces whose boxes may overlap.
     Remembered,
-    /// A slab keeps the two farther apart than matters: along the normal of one of them or, with `Refined` and `Closest`,
-    /// along one of some directions from one to the other, of which the first is the line between their centroids. The
-    /// broad phase by trees drops such pairs before they are candidates. After one that does not, `Circumsphere` drops
-    /// those of the normals; `Refined` and `Closest` measure them ([`Distance`](Self::Distance)). `Circumsphere` only
-    /// with [`plane_cull`](crate::CircumsphereSettings::plane_cull); not `BoundingSphere` and `Polygon`.
+    /// A slab separates the triangles by more than the range: along the normal of one of them or, with `Refined` and
+    /// `Closest`, along one of several directions from one to the other, starting with the line between their
+    /// centroids. The broad phase by trees drops such pairs before they become candidates. After a broad phase that
+    /// does not, `Circumsphere` drops those that the normals separate, whereas `Refined` and `Closest` measure them
+    /// ([`Distance`](Self::Distance)). `Circumsphere` only with
+    /// [`plane_cull`](crate::CircumsphereSettings::plane_cull). Not `BoundingSphere` and `Polygon`.
     Planes,
-    /// The spheres of the two are farther apart than matters: their enclosing balls (`BoundingSphere`), or the offset
-    /// spheres (`Circumsphere`).
+    /// The spheres of the triangles are farther apart than the range: their enclosing balls (`BoundingSphere`), or the
+    /// offset spheres (`Circumsphere`).
     Spheres,
-    /// Along the line between the centers of their offset spheres the two are farther apart than matters.
+    /// The triangles are separated by more than the range along the line between the centers of their offset spheres.
     /// `Circumsphere` with [`plane_cull`](crate::CircumsphereSettings::plane_cull).
     CenterLine,
-    /// The line between the centers of their offset spheres leaves one of them outside its safety cone: as far as
-    /// the method knows, it is not the surface that is met there. `Circumsphere`, and the step at which that method misses
-    /// pairs that touch.
+    /// The line between the centers of the offset spheres leaves one of them outside its safety cone, so the method
+    /// assumes that the surface is not met there. `Circumsphere`. This is the step at which that method misses touching
+    /// pairs.
     Cone,
-    /// Farther apart than the contact distance, as far as the method measures it. Any method. Within the
+    /// Farther apart than the contact distance, as the method measures it. Any method. Within the
     /// [margin](field@crate::CircumsphereSettings::margin) such a pair still has contacts.
     Distance,
     /// Within the contact distance.
@@ -55,7 +56,7 @@ pub enum PairFate {
 }
 
 impl PairFate {
-    /// All of them, in order.
+    /// All fates, in order.
     pub const ALL: [Self; 8] = [
         Self::Neighbors,
         Self::Remembered,
@@ -67,7 +68,7 @@ impl PairFate {
         Self::Touching,
     ];
 
-    /// A short name in lower case.
+    /// A short lowercase name.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -83,25 +84,26 @@ impl PairFate {
     }
 }
 
-/// The fates of a list of candidates, as far as the steps have been taken.
+/// The fates of a list of candidates, after the steps taken so far.
 struct Fates<'a> {
     candidates: &'a [[u32; 2]],
     fates: &'a mut [PairFate],
 }
 
 impl<'a> Fates<'a> {
-    /// Appends a fate for each candidate, to be settled by the steps.
+    /// Appends a fate for each candidate, which the steps then decide.
     fn append(candidates: &'a [[u32; 2]], fates: &'a mut Vec<PairFate>) -> Self {
         let before = fates.len();
         fates.resize(before + candidates.len(), PairFate::Touching);
         Self { candidates, fates: &mut fates[before..] }
     }
 
-    /// `step` has been taken, and `left` are the pairs that it did not drop, in the order of the candidates.
+    /// Records that `step` has been taken. `left` are the pairs that it did not drop, in the order of the candidates.
     fn passed(&mut self, step: PairFate, left: impl Iterator<Item = [u32; 2]>) {
         let mut left = left.peekable();
         for (candidate, fate) in self.candidates.iter().zip(&mut *self.fates) {
-            // A pair that is listed twice passes twice, or not at all: the next one left is a candidate's own, or later.
+            // A pair that is listed twice passes twice or not at all: the next one left is the candidate's own, or a
+            // later one.
             if *fate == PairFate::Touching && left.next_if_eq(candidate).is_none() {
                 *fate = step;
             }
@@ -114,7 +116,7 @@ fn touching(found: &FoundPairs) -> impl Iterator<Item = [u32; 2]> {
     found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b])
 }
 
-/// Appends the fate of each candidate by the method `BoundingSphere`.
+/// Appends the fate of each candidate with the method `BoundingSphere`.
 pub fn ball_fates(
     a: &BallSide<'_>,
     b: &BallSide<'_>,
@@ -131,7 +133,7 @@ pub fn ball_fates(
     fates.passed(PairFate::Distance, touching(&found));
 }
 
-/// Appends the fate of each candidate by the method `Circumsphere`.
+/// Appends the fate of each candidate with the method `Circumsphere`.
 pub fn cap_fates(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
@@ -160,8 +162,9 @@ pub fn cap_fates(
     fates.passed(PairFate::Distance, touching(&found));
 }
 
-/// Appends the fate of each candidate by a method that is exact, `examine`: [`refine_pairs`](super::exact::stage::refine_pairs) or
-/// [`refine_closest`](super::exact::stage::refine_closest). The broad phase has dropped the pairs that slabs part.
+/// Appends the fate of each candidate with an exact method, `examine`:
+/// [`refine_pairs`](super::exact::stage::refine_pairs) or [`refine_closest`](super::exact::stage::refine_closest). The
+/// broad phase has dropped the pairs that slabs separate.
 pub fn exact_fates(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -177,7 +180,7 @@ pub fn exact_fates(
     fates.passed(PairFate::Distance, touching(&found));
 }
 
-/// Appends the fate of each candidate triangle near a rigid shape; see [`refine_shape`] for what they are of.
+/// Appends the fate of each candidate triangle near a rigid shape. For the arguments see [`refine_shape`].
 pub fn shape_fates(
     topology: &SurfaceTopology,
     positions: &[Vec3],

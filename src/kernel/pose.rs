@@ -1,16 +1,16 @@
-//! Similarity transforms: where a surface or a shape stands in the world, and relative to one another.
+//! Similarity transforms: the pose of a surface or shape in the world, or relative to another.
 //!
-//! Rotation, translation and uniform scale, possibly mirrored, kept in f64: relative poses are composed before
-//! anything is rounded, so that two neighbors far from the origin meet as precisely as near it. Used by the bounds and
-//! broad phase stages to bring a pair into one frame.
+//! A pose combines rotation, translation, and uniform scale, possibly mirrored, in f64. Relative poses are composed
+//! before anything is rounded, so two neighbors far from the origin meet as precisely as near it. The bounds and
+//! broad-phase stages use poses to transform a pair into one frame.
 
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 
-/// Largest relative difference of the three scale factors, and largest cosine between two axes, that still count as a
-/// uniform scale: f32 rounding of a chain of parent transforms stays well below it.
+/// Tolerance for a uniform scale: the largest relative difference of the three scale factors, and the largest cosine
+/// between two axes. f32 rounding of a chain of parent transforms stays well below it.
 pub(crate) const SIMILARITY_TOLERANCE: f64 = 1.0e-3;
 
-/// A rotation, a translation and a uniform scale (negative determinant: mirrored).
+/// A rotation, a translation, and a uniform scale. A negative determinant means that the pose is mirrored.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     linear: DMat3,
@@ -18,7 +18,7 @@ pub struct Pose {
     scale: f64,
 }
 
-/// Why a transform is no [`Pose`].
+/// Why a transform is not a [`Pose`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum PoseError {
     /// A coefficient is NaN or infinite.
@@ -27,7 +27,7 @@ pub enum PoseError {
     /// The scale is 0.
     #[error("the transform has a scale of zero")]
     ZeroScale,
-    /// The scale differs between the axes, or the axes are not at right angles.
+    /// The scale differs between the axes, or the axes are not perpendicular.
     #[error(
         "the transform scales its axes differently or shears them: use a uniform scale, or bake it into the positions"
     )]
@@ -41,23 +41,23 @@ impl Default for Pose {
 }
 
 impl Pose {
-    /// The pose that changes nothing.
+    /// The identity pose.
     pub const IDENTITY: Self = Self { linear: DMat3::IDENTITY, translation: DVec3::ZERO, scale: 1.0 };
 
-    /// Reads an affine transform; its coefficients are taken as exact.
+    /// Converts an affine transform. Its coefficients are taken as exact.
     ///
     /// # Errors
-    /// Where it is not finite, or is anything but rotation, translation, uniform scale and mirroring.
+    /// If the transform is not finite, or is anything but rotation, translation, uniform scale, and mirroring.
     pub fn from_affine(affine: &Affine3A) -> Result<Self, PoseError> {
         let [x, y, z] = [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis];
         let linear = DMat3::from_cols(x.as_dvec3(), y.as_dvec3(), z.as_dvec3());
         Self::from_double_affine(&DAffine3 { matrix3: linear, translation: affine.translation.as_dvec3() })
     }
 
-    /// Reads an affine transform that was composed in f64.
+    /// Converts an affine transform that was composed in f64.
     ///
     /// # Errors
-    /// Like [`from_affine`](Self::from_affine).
+    /// The same as [`from_affine`](Self::from_affine).
     pub fn from_double_affine(affine: &DAffine3) -> Result<Self, PoseError> {
         if !affine.is_finite() {
             return Err(PoseError::NonFinite);
@@ -80,13 +80,13 @@ impl Pose {
         Ok(Self { linear, translation: affine.translation, scale })
     }
 
-    /// How much longer a length becomes. More than 0.
+    /// The factor by which lengths are scaled. Greater than 0.
     #[must_use]
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// Whether the pose turns outward normals inward.
+    /// Whether the pose is mirrored, which flips outward normals inward.
     #[must_use]
     pub fn is_mirrored(&self) -> bool {
         self.linear.determinant() < 0.0
@@ -98,14 +98,14 @@ impl Pose {
         DAffine3 { matrix3: self.linear, translation: self.translation }
     }
 
-    /// The pose that undoes this one.
+    /// The inverse pose.
     #[must_use]
     pub fn inverse(&self) -> Self {
         let linear = self.linear.inverse();
         Self { linear, translation: -(linear * self.translation), scale: self.scale.recip() }
     }
 
-    /// First `inner`, then this pose.
+    /// Composes two poses: applies `inner` first, then this pose.
     #[must_use]
     pub fn after(&self, inner: &Self) -> Self {
         Self {
@@ -115,13 +115,14 @@ impl Pose {
         }
     }
 
-    /// This pose as seen from `frame`, exactly the identity where both are the same.
+    /// This pose relative to `frame`. Exactly the identity if both are equal.
     #[must_use]
     pub fn relative_to(&self, frame: &Self) -> Self {
         if self == frame { Self::IDENTITY } else { frame.inverse().after(self) }
     }
 
-    /// Whether both move every point to the same bits, down to the sign of a zero.
+    /// Whether both poses are bit-identical, signs of zeros included, so that they transform every point to the same
+    /// bits.
     #[must_use]
     pub fn has_bits_of(&self, other: &Self) -> bool {
         let bits = |pose: &Self| {
@@ -132,25 +133,25 @@ impl Pose {
         bits(self) == bits(other)
     }
 
-    /// Moves a point.
+    /// Transforms a point.
     #[must_use]
     pub fn transform_point(&self, point: DVec3) -> DVec3 {
         self.linear * point + self.translation
     }
 
-    /// Turns a direction, without scaling it.
+    /// Transforms a direction without scaling it.
     #[must_use]
     pub fn transform_direction(&self, direction: DVec3) -> DVec3 {
         self.linear * direction / self.scale
     }
 
-    /// Turns a direction back that [`transform_direction`](Self::transform_direction) has turned.
+    /// Inverts [`transform_direction`](Self::transform_direction).
     #[must_use]
     pub fn inverse_transform_direction(&self, direction: DVec3) -> DVec3 {
         self.linear.transpose() * direction / self.scale
     }
 
-    /// Writes the moved `positions` into `moved`, rounded once.
+    /// Writes the transformed `positions` into `moved`, rounded once to f32.
     pub fn transform_points(&self, positions: &[Vec3], moved: &mut Vec<Vec3>) {
         moved.clear();
         moved.extend(positions.iter().map(|position| self.transform_point(position.as_dvec3()).as_vec3()));

@@ -1,4 +1,4 @@
-//! The components that make a surface a body: what it weighs, what it is made of, and its shape at rest.
+//! The components that make a surface a body: its masses, its material, and its rest shape.
 
 use std::sync::{
     Arc,
@@ -20,25 +20,27 @@ use crate::{
     surface::{DeformableSurface, SurfacePositions, SweptTarget},
 };
 
-/// What a body is made of. A compliance is one over a stiffness: 0 is as stiff as the solver can make it, infinite is no
-/// such resistance at all.
+/// The material of a body. A compliance is one over a stiffness: 0 is as stiff as the solver can make it, infinite is
+/// no resistance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct XpbdMaterial {
-    /// Kilograms per square meter of surface; more than 0. Default 0.2, a light cloth.
+    /// Mass per area of the surface, in kilograms per square meter; more than 0. Default 0.2, a light cloth.
     pub area_density: f32,
-    /// Of every edge against stretching and compression, in meters per newton. Default 0: cloth hardly stretches.
+    /// Compliance of every edge against stretching and compression, in meters per newton; 0 or more. Default 0: cloth
+    /// hardly stretches.
     pub stretch_compliance: f32,
-    /// Of every inner edge against bending, in radians per newton meter. Default 30,000, a soft cloth with edges of
-    /// centimeters.
+    /// Compliance of every inner edge against bending, in radians per newton meter; 0 or more. Default 30,000, a soft
+    /// cloth with edges of a few centimeters.
     pub bend_compliance: f32,
-    /// Of a closed body against a change of its volume, in cubic meters per pascal. Default infinite: cloth has no
-    /// volume. Without effect on surfaces that are not [closed](SurfaceTopology::is_closed): [`XpbdBody::new`] warns of the first.
+    /// Compliance of a closed body against a change of its volume, in cubic meters per pascal; 0 or more. Default
+    /// infinite: cloth has no volume. It has no effect on surfaces that are not [closed](SurfaceTopology::is_closed):
+    /// [`XpbdBody::new`] warns about the first one.
     pub volume_compliance: f32,
-    /// Share of the velocity that is lost to the air, per second. 0 or more. Default 2: a light cloth falls no faster than 5 meters
-    /// per second.
+    /// Share of the velocity lost to air drag, per second; 0 or more. Default 2: a light cloth falls at 5 meters per
+    /// second at most.
     pub drag: f32,
-    /// How fast oscillations along the edges die, per second. 0 or more. Default 100: without it, the little that a substep
-    /// leaves of a stretch swings on.
+    /// Decay rate of oscillations along the edges, per second; 0 or more. Default 100: without damping, the residual
+    /// stretch that a substep leaves keeps oscillating.
     pub damping: f32,
 }
 
@@ -53,7 +55,7 @@ impl XpbdMaterial {
         damping: 100.0,
     };
 
-    /// A ball of rubber: a skin that stretches a little around a volume that stays.
+    /// A rubber ball: a skin that stretches a little around an incompressible volume.
     pub const SOFT: Self = Self {
         area_density: 2.0,
         stretch_compliance: 1.0e-4,
@@ -70,38 +72,40 @@ impl Default for XpbdMaterial {
     }
 }
 
-/// The largest coordinate, in world units, and the largest component of a velocity, in world units per second, that a body is given.
-/// Squares and triple products of such numbers are finite in f64, and those of what is a millionth as large in f32.
+/// Largest coordinate of a body, in world units, and largest component of its velocity, in world units per second.
+/// Squares and triple products of such numbers are finite in f64. In f32 they are finite for numbers a million times
+/// smaller.
 pub(super) const MOST_COORDINATE: f64 = 1.0e15;
 
-/// Whether open surfaces with a volume have been warned of.
+/// Whether the warning about a volume on an open surface has been logged.
 static HAS_WARNED_OF_OPEN_VOLUME: AtomicBool = AtomicBool::new(false);
 
-/// Why a surface cannot be made a body.
+/// Why a surface cannot be a body.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum XpbdBodyError {
-    /// The body was made for other triangles, or vertices that coincided otherwise, than those of its surface. Make it anew.
-    #[error("it was made for another mesh than its surface has by now")]
+    /// The body was made for other triangles, or for vertices that coincided differently, than its surface has now.
+    /// Make it again.
+    #[error("the body was made for a different mesh than its surface has now: make it again with XpbdBody::new")]
     Mesh,
-    /// The number of values is not that of the mesh's vertices.
+    /// The number of values does not match the number of vertices of the mesh.
     #[error("there are {found} {what}, but the mesh has {expected} vertices")]
     Count {
-        /// Of what.
+        /// What was counted.
         what: &'static str,
-        /// How many the mesh has.
+        /// Number of vertices of the mesh.
         expected: usize,
-        /// How many there are.
+        /// Number of values found.
         found: usize,
     },
-    /// A coordinate of the shape at rest is NaN or infinite.
+    /// A coordinate of the rest shape is NaN or infinite.
     #[error("the position of vertex {} is not finite", .0.0)]
     NonFinitePosition(VertexId),
     /// A velocity is NaN or infinite.
     #[error("the velocity of vertex {} is not finite", .0.0)]
     NonFiniteVelocity(VertexId),
-    /// A vertex would leave the range in which positions and velocities can be computed: the body was not moved and its
-    /// velocities were set to zero. Look for a force, a velocity or a stiffness that is far too large.
-    #[error("vertex {} would move beyond {MOST_COORDINATE:e} or to no number at all; the body was stopped where it stood", .0.0)]
+    /// A vertex would leave the range in which positions and velocities can be computed. The body was not moved and its
+    /// velocities were set to zero. Look for a force, velocity, or stiffness that is far too large.
+    #[error("vertex {} would move beyond {MOST_COORDINATE:e} or to NaN; the body was stopped where it was", .0.0)]
     OutOfRange(VertexId),
     /// An inverse mass is negative, NaN or infinite.
     #[error("the inverse mass of vertex {} is {}; it must be finite and 0 or more, where 0 pins the vertex", .0.0, .1)]
@@ -109,30 +113,32 @@ pub enum XpbdBodyError {
     /// A value of the material is out of range.
     #[error("{what} is {value}; it must be {range}")]
     Material {
-        /// Which.
+        /// Name of the value.
         what: &'static str,
-        /// What it is.
+        /// The value.
         value: f32,
-        /// What it may be.
+        /// Its valid range.
         range: &'static str,
     },
 }
 
-/// Friction of a surface or rigid shape. Of two that touch, the geometric mean counts: what is frictionless slips on
-/// everything.
+/// Friction of a surface or rigid shape. Two sides in contact use the geometric mean of their coefficients, so a
+/// frictionless side slides on everything.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceFriction {
-    /// Up to this share of the pressure, what rests stays. 0 or more. Default 0.5.
+    /// Static coefficient: a resting contact holds while the tangential force is at most this share of the normal
+    /// force. 0 or more. Default 0.5.
     pub static_coefficient: f32,
-    /// This share of the pressure slows what slides. 0 or more, at most the static one. Default 0.4.
+    /// Dynamic coefficient: a sliding contact is slowed by this share of the normal force. 0 or more, and at most the
+    /// static coefficient. Default 0.4.
     pub dynamic_coefficient: f32,
 }
 
 impl SurfaceFriction {
-    /// None at all.
+    /// No friction.
     pub const NONE: Self = Self { static_coefficient: 0.0, dynamic_coefficient: 0.0 };
 
-    /// That of two things that touch: static and dynamic.
+    /// Static and dynamic friction between two sides in contact.
     pub(super) fn between(self, other: Self) -> [f64; 2] {
         let mean = |own: f32, other: f32| (f64::from(own.max(0.0)) * f64::from(other.max(0.0))).sqrt();
         let holding = mean(self.static_coefficient, other.static_coefficient);
@@ -146,12 +152,12 @@ impl Default for SurfaceFriction {
     }
 }
 
-/// What a body returns to: lengths, bends and volume, in the surface's own frame.
+/// The rest shape of a body: lengths, bends, and volume, in the surface's own frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RestShape {
     pub(super) springs: Vec<Spring>,
     pub(super) hinges: Vec<Hinge>,
-    /// Positive, and only where the surface is closed.
+    /// Positive. `Some` only if the surface is closed.
     pub(super) volume: Option<f64>,
 }
 
@@ -184,7 +190,8 @@ fn hinge(topology: &SurfaceTopology, edge: u32, first: u32, second: u32, points:
     };
     let (start, end, left) = corner(first)?;
     let (other_start, _, right) = corner(second)?;
-    // Two triangles that run the same way along their edge are turned over against each other.
+    // If both triangles run the same way along the edge, one of them is wound the other way round: there is no dihedral
+    // angle.
     let corners = [start, end, left, right];
     if other_start == start || left == right {
         return None;
@@ -193,9 +200,9 @@ fn hinge(topology: &SurfaceTopology, edge: u32, first: u32, second: u32, points:
     Some(Hinge { corners, bend })
 }
 
-/// Makes a surface a body that falls, stretches, bends, keeps its volume and answers contacts, with
-/// [`XpbdResponsePlugin`](super::XpbdResponsePlugin). A surface without it stands, or moves as the game writes it, and
-/// nothing pushes it.
+/// Makes a surface a body that falls, stretches, bends, keeps its volume, and responds to contacts. Needs
+/// [`XpbdResponsePlugin`](super::XpbdResponsePlugin). A surface without this component is static or moves as the game
+/// writes it, and nothing pushes it.
 ///
 /// ```
 /// # use bevy_circumsphere::{prelude::*, response::*};
@@ -212,26 +219,27 @@ fn hinge(topology: &SurfaceTopology, edge: u32, first: u32, second: u32, points:
 pub struct XpbdBody {
     /// The velocity of every vertex, in world units per second.
     pub velocities: Vec<Vec3>,
-    /// One over the mass of every vertex, in 1/kg. 0 pins it: it stays, or goes where the game writes its position.
-    /// Vertices that are welded because they coincide are one: pinned if one of them is.
+    /// One over the mass of every vertex, in 1/kg; finite and 0 or more. 0 pins a vertex: it stays in place, or moves
+    /// to where the game writes its position. Welded vertices count as one, which is pinned if any of them is.
     pub inverse_masses: Vec<f32>,
-    /// What it is made of.
+    /// The material.
     pub material: XpbdMaterial,
-    /// The mesh that it was made for.
+    /// The mesh that the body was made for.
     mesh: Arc<SurfaceTopology>,
     pub(super) rest: Arc<RestShape>,
-    /// The positions that it last wrote, in the surface's own frame.
+    /// The positions that the response last wrote, in the surface's own frame.
     pub(super) written: Vec<Vec3>,
-    /// Where that frame stood in the world then.
+    /// The pose of that frame in the world at that time.
     pub(super) stood: Option<Pose>,
 }
 
 impl XpbdBody {
-    /// A body at rest in the shape that it returns to. A vertex weighs a third of the triangles around it; one without any
-    /// triangle that has an area weighs as much as the mean.
+    /// A body at rest in its rest shape. The mass of a vertex is a third of the mass of the triangles around it. A
+    /// vertex without a triangle of positive area gets the mean mass.
     ///
     /// # Errors
-    /// Where the number of positions is not that of the surface, one is not finite, or the material is out of range.
+    /// If the number of positions does not match the surface, a position is not finite, or a material value is out of
+    /// range.
     pub fn new(
         surface: &DeformableSurface,
         positions: &SurfacePositions,
@@ -275,7 +283,7 @@ impl XpbdBody {
         })
     }
 
-    /// The body with some vertices pinned. Vertices that it does not have are passed over.
+    /// Pins the given vertices. Vertices out of range are ignored.
     #[must_use]
     pub fn pinned(mut self, vertices: impl IntoIterator<Item = VertexId>) -> Self {
         for vertex in vertices {
@@ -286,21 +294,22 @@ impl XpbdBody {
         self
     }
 
-    /// The body with all of it moving at a velocity, in world units per second.
+    /// Gives all vertices the same velocity, in world units per second.
     #[must_use]
     pub fn moving(mut self, velocity: Vec3) -> Self {
         self.velocities.fill(velocity);
         self
     }
 
-    /// Energy of motion of everything that is not pinned, in joules.
+    /// Kinetic energy of all vertices that are not pinned, in joules.
     #[must_use]
     pub fn kinetic_energy(&self) -> f64 {
         let moved = self.velocities.iter().zip(&self.inverse_masses).filter(|&(_, &inverse_mass)| inverse_mass > 0.0);
         moved.map(|(velocity, &inverse)| 0.5 * velocity.as_dvec3().length_squared() / f64::from(inverse)).sum()
     }
 
-    /// Whether it can be moved with a mesh and so many positions, now that the game may have written to all of them.
+    /// Checks that the body can be solved with a mesh and a number of positions. The game may have written to any of
+    /// its fields.
     pub(super) fn check(&self, mesh: &Arc<SurfaceTopology>, positions: usize) -> Result<(), XpbdBodyError> {
         let is_same = |own: &SurfaceTopology| own.triangles() == mesh.triangles() && own.weld() == mesh.weld();
         if !Arc::ptr_eq(&self.mesh, mesh) && !is_same(&self.mesh) {
@@ -321,15 +330,15 @@ impl XpbdBody {
     }
 }
 
-/// Says once that a body has no volume to keep.
+/// Warns once that a body has no volume to keep.
 fn warn_of_open_volume(topology: &SurfaceTopology) {
     if HAS_WARNED_OF_OPEN_VOLUME.swap(true, Ordering::Relaxed) {
         return;
     }
     if topology.is_closed() {
         log::warn!(
-            "a body's volume_compliance has no effect, because its mesh is inside out: reverse its triangles. This is \
-             said once"
+            "a body's volume_compliance has no effect, because its mesh is inside out: reverse its triangles. This \
+             warning appears only once"
         );
         return;
     }
@@ -337,7 +346,8 @@ fn warn_of_open_volume(topology: &SurfaceTopology) {
     log::warn!(
         "a body's volume_compliance has no effect, because its mesh is not closed ({} boundary edges, {} non-manifold, {} \
          inconsistent, {} collapsed triangles). If seams differ by rounding, make the surface with \
-         DeformableSurface::builder(..).weld_within(..); for a sheet, set the volume_compliance to infinity. This is said once",
+         DeformableSurface::builder(..).weld_within(..); for a sheet, set the volume_compliance to infinity. This warning \
+         appears only once",
         report.boundary_edges,
         report.non_manifold_edges,
         report.inconsistent_edges,

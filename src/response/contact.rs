@@ -1,9 +1,10 @@
-//! Contacts as constraints: never nearer than the contact distance, and friction along the surface.
+//! Contact constraints: keep the contact distance, with friction along the surface.
 //!
-//! A contact names the features that met when the tick began. In every step the pair of features is looked at where it
-//! is by then, on the side where it was, and gives a constraint `C = n·(Σ a p − Σ b p) − d ≥ 0` with the multiplier kept at
-//! or above 0. Friction holds up to the static share of the normal multiplier and slides with the dynamic one (Macklin et
-//! al. 2014, "Unified Particle Physics"), as a constraint of its own with a bounded multiplier, without a jump in between.
+//! A contact names the features that were close when the tick began. In every substep the solver evaluates the feature
+//! pair at its current positions, on the side where it was, which gives a constraint `C = n·(Σ a p − Σ b p) − d ≥ 0`
+//! with a Lagrange multiplier of at least 0. Friction is a constraint of its own with a bounded multiplier. It sticks
+//! up to the static share of the normal multiplier and slides with the dynamic share (Macklin et al. 2014, "Unified
+//! Particle Physics"), without a jump in between.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -13,29 +14,29 @@ use super::{
     particles::Particles,
 };
 
-/// Friction loses this share of what a contact slips by, until the dynamic one is left. With a jump from static to dynamic
-/// friction what rests near the limit slips and sticks forever; as it is, what rests by its weight is at dynamic friction
-/// from a speed of `(μ_s − μ_d) / 0.05` times what gravity adds in a substep: 3 centimeters a second by default.
+/// Share of the slip by which friction weakens, until only the dynamic share is left. With a jump from static to
+/// dynamic friction, anything at rest near the limit would alternate between stick and slip forever. With this ramp, an
+/// object held by its weight reaches dynamic friction at a speed of `(μ_s − μ_d) / 0.05` times the speed that gravity
+/// adds in a substep: 3 centimeters per second by default.
 const WEAKENING: f64 = 0.05;
 
-/// What friction holds of `wanted`, where that is more than the static one: `held = holding − WEAKENING (wanted − held)`.
+/// The friction for a `wanted` that is larger than the static limit: `held = holding − WEAKENING (wanted − held)`.
 fn slipping(wanted: f64, holding: f64) -> f64 {
     (holding - WEAKENING * wanted) / (1.0 - WEAKENING)
 }
 
-/// What is known of a contact when the tick begins.
+/// The features of a contact, as known at the beginning of the tick.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Features {
-    /// A vertex, the first particle, and a face.
+    /// A vertex (the first particle) and a face.
     VertexFace([u32; 4]),
     /// Two edges.
     EdgeEdge([u32; 4]),
-    /// Particles with signed weights, one normal for the whole tick, and the separation where the contact was
-    /// detected, with the share of it that is due to where the particles were then.
+    /// Particles with signed weights, and one normal and offset for the whole tick.
     Plane {
-        /// Which, and with which weights.
+        /// The particles and their weights.
         particles: ArrayVec<(u32, f64), 6>,
-        /// What is added to the sum of the weighted particles along the normal, to get the separation.
+        /// Added to the weighted sum of the particles along the normal to get the separation.
         offset: f64,
     },
 }
@@ -52,43 +53,43 @@ impl Features {
 /// A contact that the solver watches.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactConstraint {
-    /// What meets.
+    /// The features of both sides.
     pub features: Features,
-    /// Unit vector from the second side to the first when the tick begins.
+    /// Unit vector from the second side to the first at the beginning of the tick.
     pub normal: DVec3,
-    /// The distance to keep.
+    /// The contact distance to keep, in world units.
     pub distance: f64,
-    /// Static and dynamic friction.
+    /// Static and dynamic friction coefficients.
     pub friction: [f64; 2],
-    /// A lower bound of the separation when the tick begins; negative infinity where none is known.
+    /// A lower bound of the separation at the beginning of the tick; negative infinity if none is known.
     pub apart: f64,
-    /// The normal where they were last looked at.
+    /// The normal at the last evaluation.
     last_normal: DVec3,
-    /// Separation when the last step ended in which they were looked at.
+    /// Separation at the end of the last substep in which the features were evaluated.
     left: f64,
 }
 
 impl ContactConstraint {
-    /// A contact; `normal` is the unit vector from the second side to the first.
+    /// A contact constraint. `normal` is the unit vector from the second side to the first.
     #[must_use]
     pub fn new(features: Features, normal: DVec3, distance: f64, friction: [f64; 2]) -> Self {
         Self { features, normal, distance, friction, apart: f64::NEG_INFINITY, last_normal: normal, left: 0.0 }
     }
 
-    /// The greatest speed of a particle that it acts on, in a tick of `duration` seconds.
+    /// Highest speed of a particle of the contact, in a tick of `duration` seconds.
     #[must_use]
     pub fn fastest(&self, particles: &Particles, duration: f64) -> f64 {
         let speeds = self.features.particles().into_iter().map(|particle| particles.speed(particle as usize, duration));
         speeds.fold(0.0, f64::max)
     }
 
-    /// Whether it acts on a particle that nothing moves.
+    /// Whether one of its particles is static or kinematic.
     #[must_use]
     pub fn is_on_firm_ground(&self, particles: &Particles) -> bool {
         self.features.particles().into_iter().any(|particle| particles.inverse_mass[particle as usize] <= 0.0)
     }
 
-    /// Looks where the features are when a tick begins, unless they are known to be apart.
+    /// Evaluates the features at the beginning of a tick, unless they are known to be apart.
     pub fn begin_tick(&mut self, particles: &Particles) {
         self.last_normal = self.normal;
         if self.apart <= 0.0 {
@@ -97,7 +98,7 @@ impl ContactConstraint {
         self.left = self.apart;
     }
 
-    /// Whether the sides may come together in this step, once everything has moved as it would without them.
+    /// Whether the sides may come together in this substep, given the unconstrained positions.
     #[inline]
     #[must_use]
     pub fn may_meet(&self, particles: &Particles) -> bool {
@@ -115,13 +116,13 @@ impl ContactConstraint {
         }
     }
 
-    /// Looks where the features are in a step, once everything has moved as it would without them. `None` where they are too far
-    /// apart to act. What separation is missing already is made up for by at most `push_out`.
+    /// Evaluates the features at the unconstrained positions of a substep. `None` if they are too far apart to act, or
+    /// nothing in the contact can move. An overlap that existed before is reduced by at most `push_out`.
     pub fn begin_step(&mut self, particles: &Particles, push_out: f64) -> Option<ActingContact> {
         let mut looked = self.look(particles);
         let separation = looked.separation(particles);
         let way = looked.points.iter().map(|point| particles.way[point.particle as usize]).fold(0.0, f64::max);
-        // Solving may move what is pushed as far again.
+        // Constraints may move the particles as far again.
         if separation > 2.0 * way {
             self.left = separation;
             return None;
@@ -135,12 +136,12 @@ impl ContactConstraint {
         Some(looked)
     }
 
-    /// Ends a step in which it acted: sees what separation is left.
+    /// Ends a substep in which the contact acted, and records the separation that is left.
     pub fn end_step(&mut self, acted: &ActingContact, particles: &Particles) {
         self.left = acted.separation(particles);
     }
 
-    /// The contact as it is where everything is now.
+    /// Evaluates the contact at the current positions.
     fn look(&mut self, particles: &Particles) -> ActingContact {
         let mut looked = ActingContact { friction: self.friction, ..ActingContact::default() };
         let mut add = |particle: u32, weight: f64| {
@@ -166,7 +167,7 @@ impl ContactConstraint {
     }
 }
 
-/// A particle with its weight in a contact, and how far a unit of push moves it.
+/// A particle with its weight in a contact, and its displacement per unit of push.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Point {
     particle: u32,
@@ -174,18 +175,18 @@ struct Point {
     mobility: f64,
 }
 
-/// A contact that may act in a step, with the weights and the normal that it has in it.
+/// A contact that may act in a substep, with its weights and normal in that substep.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ActingContact {
     points: ArrayVec<Point, 6>,
     normal: DVec3,
-    /// What is added to the weighted sum along the normal to get the separation.
+    /// Added to the weighted sum along the normal to get the separation.
     offset: f64,
-    /// The least separation asked for: 0, or less where some was missing already.
+    /// The separation to reach: 0, or less if the sides overlapped before the substep.
     target: f64,
     /// `Σ w a²`.
     weight: f64,
-    /// How fast it was opening when the step began.
+    /// Separating speed at the beginning of the substep.
     opening: f64,
     friction: [f64; 2],
     multiplier: f64,
@@ -193,7 +194,7 @@ pub struct ActingContact {
 }
 
 impl ActingContact {
-    /// Whether it has to push to keep the sides apart.
+    /// Whether it pushes in this substep.
     #[must_use]
     pub fn presses(&self) -> bool {
         self.multiplier > 0.0
@@ -213,7 +214,7 @@ impl ActingContact {
         }
     }
 
-    /// Pushes the sides apart as far as they are too near.
+    /// Pushes the sides apart to the target separation.
     pub fn separate(&mut self, particles: &mut Particles) {
         let missing = self.target - self.separation(particles);
         let before = self.multiplier;
@@ -224,7 +225,7 @@ impl ActingContact {
         }
     }
 
-    /// Holds the sides along the surface, as far as friction goes.
+    /// Applies friction: holds the sides along the surface, within the friction limits.
     pub fn rub(&mut self, particles: &mut Particles) {
         if !self.presses() && self.sliding == DVec3::ZERO || self.friction[0] <= 0.0 {
             return;
@@ -240,7 +241,7 @@ impl ActingContact {
         self.push(&mut particles.position, change);
     }
 
-    /// Takes away the velocity with which the sides would part after having been pushed: contacts do not bounce.
+    /// Removes the separating velocity that a push has added: contacts do not bounce.
     pub fn settle_velocity(&self, particles: &mut Particles) {
         if !self.presses() {
             return;

@@ -1,4 +1,5 @@
-//! Where two features of a contact are nearest, and in which direction they part, given on which side they were.
+//! Closest points of the two features of a contact, and the direction that separates them, given the side on which they
+//! were.
 
 use glam::DVec3;
 
@@ -8,23 +9,23 @@ use crate::kernel::mesh::{
     side::{closest_feature, face_normal},
 };
 
-/// Features nearer than this share of their size have no direction of their own.
+/// Features closer than this share of their size have no direction of their own.
 const TOGETHER: f64 = 1.0e-9;
 
-/// Edges with a smaller sine between them count as parallel.
+/// Edges count as parallel if the sine of the angle between them is smaller.
 const PARALLEL_SINE: f64 = 1.0e-6;
 
-/// The nearest points of two features.
+/// The closest points of two features.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Meeting {
-    /// Signed weights of the four points: those of the first feature sum to 1, those of the second to −1.
+    /// Signed weights of the four points: they sum to 1 for the first feature and to −1 for the second.
     pub weights: [f64; 4],
-    /// Unit vector along which the first feature has to move to part from the second, or to get back to its side.
+    /// Unit vector along which the first feature moves away from the second, or back to its own side.
     pub normal: DVec3,
 }
 
-/// A vertex, the first point, and a face. `before` is the direction from the face to the vertex when they were last
-/// looked at: a vertex that is over the inside of the face on the other side has passed through it.
+/// A vertex (the first point) and a face. `before` is the direction from the face to the vertex at the last evaluation.
+/// A vertex that projects into the interior of the face from the other side has passed through it.
 #[must_use]
 pub fn vertex_face(points: &[DVec3; 4], before: DVec3) -> Meeting {
     let [vertex, face @ ..] = *points;
@@ -53,8 +54,8 @@ pub fn vertex_face(points: &[DVec3; 4], before: DVec3) -> Meeting {
     directed(weights, between, size, before, false)
 }
 
-/// Two edges, of two points each. `before` is the direction from the second to the first when they were last looked
-/// at: edges that are nearest between their ends, on the other side of each other, have passed each other.
+/// Two edges of two points each. `before` is the direction from the second to the first at the last evaluation. Edges
+/// whose closest points lie strictly between their ends, with the direction reversed, have passed each other.
 #[must_use]
 pub fn edge_edge(points: &[DVec3; 4], before: DVec3) -> Meeting {
     let [a0, a1, b0, b1] = *points;
@@ -76,7 +77,7 @@ pub fn edge_edge(points: &[DVec3; 4], before: DVec3) -> Meeting {
     directed(weights, between, size, before, !parallel && is_inside(along_a) && is_inside(along_b))
 }
 
-/// `between` is from the second nearest point to the first.
+/// `between` points from the second closest point to the first.
 fn directed(weights: [f64; 4], between: DVec3, size: f64, before: DVec3, can_pass: bool) -> Meeting {
     let distance = between.length();
     if distance <= TOGETHER * size {

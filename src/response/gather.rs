@@ -1,58 +1,57 @@
-//! From entities to the solver: bodies become particles, contacts become constraints on them.
+//! From entities to the solver: bodies become particles, and contacts become constraints on them.
 //!
-//! Every body's vertices are particles in world space; of everything else only the vertices that contacts touch are.
-//! Contacts are taken in the order of what they are named by, whatever order they come in.
+//! All vertices of bodies are particles in world space. Of other objects, only the vertices that contacts touch are.
+//! Contacts are taken in the order of their keys, whatever order they arrive in.
 
 mod tangled;
 
 use std::sync::Arc;
 
 use arrayvec::ArrayVec;
-use bevy_ecs::{entity::EntityHashMap, prelude::*, system::SystemParam};
+use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashSet;
 use glam::{DVec3, Vec3};
 
 use super::{
-    body::{SurfaceFriction, XpbdBody},
+    body::XpbdBody,
     contact::{ContactConstraint, Features},
     guard::{MeetingCorners, MeetingTriangles},
-    inside::{Crossing, Insides},
-    motion::Motions,
+    inside::Insides,
     particles::Particles,
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
+    scene::Scene,
     solver::{Solver, SolverBody},
 };
 use crate::{
-    contacts::{ContactSide, ContactStore, PairOrder, StoredPair},
-    detection::SharedList,
+    contacts::{ContactStore, PairOrder, StoredPair},
     kernel::{
-        contact::{CompactContact, ContactKey, TouchingPair},
+        contact::{CompactContact, ContactKey},
         mesh::{
             feature::{Feature, FeatureKind},
             topology::SurfaceTopology,
         },
         pose::Pose,
     },
-    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, SurfacePositions, SweptCollision},
+    surface::{ActiveSurface, ContactSide},
 };
 
-/// A vertex that is no particle.
+/// Marks a vertex that is not a particle.
 const NONE: u32 = u32::MAX;
 
-/// Distances in records are rounded to f32; with room for the poses that brought them there.
+/// Relative bound on the rounding of recorded distances to f32, with room for the poses applied to them.
 const ROUNDING: f64 = 1.0e-6;
 
-/// What stands or is moved by the game: which of its vertices are particles in this tick.
+/// Which vertices of a static or kinematic object are particles in this tick.
 #[derive(Default)]
 struct Driven {
     slots: Vec<u32>,
     used: Vec<u32>,
-    /// The tick in which it was last seen.
+    /// The last tick in which a contact touched the object.
     tick: u64,
 }
 
 impl Driven {
-    /// The particle of a vertex: made, where it is none yet, of where it begins and ends.
+    /// Returns the particle of a vertex, and creates it from its start and end position if it does not exist yet.
     fn particle(
         &mut self,
         particles: &mut Particles,
@@ -70,7 +69,7 @@ impl Driven {
     }
 }
 
-/// What a contact is named by: the order of its pair, its key and its triangles.
+/// Sort key of a contact: the order of its pair, its key, and its triangles.
 fn name_of(store: &ContactStore, pair: u32, place: u32) -> (PairOrder, ContactKey, [u32; 2]) {
     let pair = &store.pairs[pair as usize];
     let record = &pair.contacts[place as usize];
@@ -83,115 +82,35 @@ pub(super) struct Gatherer {
     driven: EntityHashMap<Driven>,
     bodies: EntityHashMap<usize>,
     tick: u64,
-    /// The contacts of all pairs with a body by their names: the places of the pair and of the record.
+    /// The contacts of all pairs with a body, sorted by `name_of`: indices of the pair and of the record in it.
     order: Vec<[u32; 2]>,
     known: HashSet<Features4>,
-    /// The vertices of the triangles that cross in this pair.
+    /// The particles of all triangles that cross in the current pair.
     tangled: HashSet<u32>,
-    /// Where the first side of this pair has to go against the second, where a part of one is cut off: a unit vector.
+    /// Unit vector along which the first side of the current pair moves back against the second, if a part of either is
+    /// cut off.
     back: Option<DVec3>,
     insides: Insides,
 }
 
-/// Which contacts the solver watches: those whose separation is no more than twice what their own vertices move by
-/// in the tick, and some slack.
+/// Which contacts the solver watches: those whose separation is at most twice the distance that their fastest vertex
+/// moves in the tick, plus a slack.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch {
-    /// The tick's, in seconds.
+    /// Duration of the tick or part, in seconds.
     pub(super) duration: f64,
     /// In world units.
     pub(super) slack: f64,
 }
 
-/// The particles of a feature pair, and whether they are two edges.
+/// The particles of a feature pair. The flag is `true` for two edges.
 type Features4 = (bool, [u32; 4]);
 
-/// One side of a pair, as the solver knows it.
+/// One side of a pair, as the solver sees it.
 enum Side<'a> {
     Body { first: usize, topology: &'a SurfaceTopology },
     Driven { entity: Entity, topology: &'a SurfaceTopology },
     Shape { entity: Entity },
-}
-
-/// What the response reads of the world.
-#[derive(SystemParam)]
-pub(super) struct Scene<'w, 's> {
-    pub(super) active: Res<'w, ActiveSurfaces>,
-    pub(super) motions: Res<'w, Motions>,
-    pub(super) positions: Query<'w, 's, (Ref<'static, SurfacePositions>, Option<&'static XpbdBody>)>,
-    store: Res<'w, ContactStore>,
-    frictions: Query<'w, 's, &'static SurfaceFriction>,
-    swept: Query<'w, 's, (), With<SweptCollision>>,
-}
-
-impl Scene<'_, '_> {
-    pub(super) fn is_any_swept(&self) -> bool {
-        !self.swept.is_empty()
-    }
-
-    pub(super) fn is_swept(&self, entity: Entity) -> bool {
-        self.swept.contains(entity)
-    }
-
-    /// The distance from a surface to what is nearest to it, as far as detection reaches.
-    pub(super) fn nearest(&self, entity: Entity) -> Option<f64> {
-        let distances = self.store.pairs_of(entity).map(|pair| pair.nearest.min(f64::from(pair.contact_distance)));
-        distances.reduce(f64::min)
-    }
-
-    /// The triangles of two surfaces that touch, or of a surface and a shape.
-    pub(super) fn touching(&self) -> impl Iterator<Item = ([Entity; 2], &SharedList<TouchingPair>)> {
-        self.store.pairs.iter().map(|pair| ([pair.a.entity(), pair.b.entity()], &pair.touching))
-    }
-
-    /// The distance of two surfaces, as far as detection reaches.
-    pub(super) fn nearest_of(&self, a: Entity, b: Entity) -> Option<f64> {
-        self.store.pairs_between(a, b).next().map(|pair| pair.nearest)
-    }
-
-    /// Whether contacts tell that something is inside the other side: they cross, or are deeper than `shallow`.
-    pub(super) fn is_deep_in(&self, body: Entity, solid: Entity, shallow: f64) -> bool {
-        let mut records = self.store.pairs_between(body, solid).flat_map(|pair| pair.contacts.iter());
-        records.any(|record| record.features.kind() == FeatureKind::EdgeFace || f64::from(record.distance) < -shallow)
-    }
-
-    /// The places where triangles of a body cross another side, by triangle.
-    pub(super) fn crossing_of(&self, body: Entity, other: Entity) -> Vec<Crossing> {
-        let mut crossing = Vec::new();
-        for pair in self.store.pairs_between(body, other) {
-            let records = pair.contacts.iter().filter(|record| record.features.kind() == FeatureKind::EdgeFace);
-            crossing.extend(records.map(|record| {
-                let (triangle, feature, weights) = if pair.a.entity() == body {
-                    (record.triangle_a, record.features.a, record.barycentric_a)
-                } else {
-                    (record.triangle_b, record.features.b, record.barycentric_b)
-                };
-                Crossing { triangle, feature, weights: completed(feature, weights) }
-            }));
-        }
-        crossing.sort_by_key(|crossing| crossing.triangle);
-        crossing
-    }
-
-    /// Where a vertex of a surface that no solver moves begins and ends this part of the tick; `pose` is where one at rest stands.
-    pub(super) fn ends(&self, entity: Entity, pose: &Pose, vertex: usize) -> Option<[DVec3; 2]> {
-        if let Some(course) = self.motions.course(entity) {
-            return Some([course.now.point(vertex), course.ahead.point(vertex)]);
-        }
-        let (positions, _) = self.positions.get(entity).ok()?;
-        Some([pose.transform_point(positions.0.get(vertex)?.as_dvec3()); 2])
-    }
-
-    /// Where a shape is when this part of the tick begins, and when it ends.
-    pub(super) fn poses(&self, shape: &ActiveShape) -> [Pose; 2] {
-        let course = self.motions.course(shape.entity);
-        course.map_or([shape.pose; 2], |course| [course.now.pose, course.ahead.pose])
-    }
-
-    fn friction(&self, a: Entity, b: Entity) -> [f64; 2] {
-        let of = |entity| self.frictions.get(entity).copied().unwrap_or_default();
-        of(a).between(of(b))
-    }
 }
 
 impl Gatherer {
@@ -206,7 +125,8 @@ impl Gatherer {
         }
     }
 
-    /// Makes a body's vertices particles. Pinned ones go where the game has written them.
+    /// Makes the vertices of a body particles. Pinned vertices are kinematic: they move to where the game has written
+    /// them.
     pub(super) fn add_body(
         &mut self,
         solver: &mut Solver,
@@ -239,12 +159,11 @@ impl Gatherer {
         self.bodies.insert(surface.entity, first);
     }
 
-    /// The first particle of a body.
     pub(super) fn first_particle(&self, entity: Entity) -> Option<usize> {
         self.bodies.get(&entity).copied()
     }
 
-    /// Makes constraints of all contacts that have a body on one side.
+    /// Makes constraints of all contacts with a body on at least one side.
     pub(super) fn add_contacts(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>, watch: Watch) {
         let mut order = std::mem::take(&mut self.order);
         order.clear();
@@ -276,7 +195,8 @@ impl Gatherer {
             if separation > slack + 2.0 * duration * constraint.fastest(&solver.particles, duration) {
                 continue;
             }
-            // A vertex over a rim is near each part of the face it belongs to.
+            // A vertex beyond the rim of a face is close to several of its features. The records all give the same
+            // feature pair.
             if self.is_new(&constraint.features) {
                 solver.contacts.push(constraint);
             }
@@ -284,17 +204,18 @@ impl Gatherer {
         self.order = order;
     }
 
-    /// Whether a particle is on its way out of a surface.
+    /// Whether a particle is being depenetrated from a surface or shape.
     pub(super) fn is_leaving(&self, surface: Entity, particle: u32) -> bool {
         self.insides.is_leaving(surface, particle)
     }
 
-    /// Whether a triangle of a body crosses the boundary of a solid that it is led out of, or is beside one that does.
+    /// Whether a triangle of a body crosses the boundary of a solid from which the body is depenetrated, or is next to
+    /// one that does.
     pub(super) fn is_crossing(&self, body: Entity, solid: Entity, triangle: u32) -> bool {
         self.insides.is_crossing(body, solid, triangle)
     }
 
-    /// Makes constraints that lead out what is inside a solid, and tells how many points are.
+    /// Adds depenetration constraints for all points inside a solid, and returns their number.
     pub(super) fn lead_out(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>) -> usize {
         let Self { insides, bodies, .. } = self;
         let before = solver.contacts.len();
@@ -302,13 +223,14 @@ impl Gatherer {
         solver.contacts.len() - before
     }
 
-    /// Forgets what no contact has touched in this tick.
+    /// Forgets objects that no contact has touched in this tick.
     pub(super) fn end(&mut self) {
         let Self { driven, tick, .. } = self;
         driven.retain(|_, driven| driven.tick == *tick);
     }
 
-    /// Makes a constraint of two triangles that would meet; `false` where it is among the constraints already.
+    /// Makes a constraint of two triangles that would collide. Returns `false` if it exists already, or if the impact
+    /// has no usable normal or features.
     pub(super) fn add_impact(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>, found: &MeetingTriangles) -> bool {
         let Some(normal) = found.normal.try_normalize() else { return false };
         let [a, b] = &found.sides;
@@ -342,7 +264,7 @@ impl Gatherer {
         true
     }
 
-    /// Whether a feature pair is not among the constraints yet.
+    /// Whether a feature pair has no constraint yet. Remembers it. Planes always count as new.
     fn is_new(&mut self, features: &Features) -> bool {
         match features {
             Features::VertexFace(places) => self.known.insert((false, *places)),
@@ -351,7 +273,7 @@ impl Gatherer {
         }
     }
 
-    /// Which vertices of something that is driven are particles.
+    /// The particle slots of a static or kinematic surface.
     fn slots(&mut self, entity: Entity, vertex_count: usize) -> &mut Driven {
         let driven = self.driven.entry(entity).or_default();
         driven.tick = self.tick;
@@ -409,7 +331,8 @@ impl Gatherer {
         let (side_a, side_b) = (self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, pair.topology_b.as_ref()));
         let a = self.corners(particles, scene, &side_a, &pair.poses[0], record.triangle_a)?;
         let b = self.corners(particles, scene, &side_b, &pair.poses[1], record.triangle_b);
-        // What is on its way out of a solid goes the way that the whole body goes.
+        // A body that is depenetrated moves in one direction as a whole. Its own contacts with the solid would pull
+        // against it.
         let is_leaving = |corners: [u32; 3], other: ContactSide| {
             corners.iter().any(|&corner| self.insides.is_leaving(other.entity(), corner))
         };
@@ -417,7 +340,8 @@ impl Gatherer {
         if !goes_back && (is_leaving(a, pair.b) || b.is_some_and(|b| is_leaving(b, pair.a))) {
             return None;
         }
-        // A vertex may hold on to a boundary that its triangle crosses.
+        // A triangle that crosses the boundary keeps only its vertex contacts: its vertices may still rest on the
+        // boundary.
         let crosses = |side: ContactSide, other: ContactSide, triangle: u32, feature: Feature| {
             !matches!(feature, Feature::Vertex(_)) && self.is_crossing(side.entity(), other.entity(), triangle)
         };
@@ -433,7 +357,8 @@ impl Gatherer {
             return Some(against_shape(scene, particles, pair, record, (a, entity, normal), friction));
         };
         let has_inside = pair.one_sided.contains(&true);
-        // What a guard has kept apart has not passed, whatever side a rotation has brought it to.
+        // A pair that the guard kept apart has not passed through, even if a rotation brought it to the other side of
+        // the normal.
         let is_apart = pair.nearest > 0.0 && [pair.a, pair.b].iter().any(|side| scene.is_swept(side.entity()));
         let is_wrong_side = record.distance < 0.0 && !has_inside && is_apart;
         let normal = if is_wrong_side { -normal } else { normal };
@@ -454,14 +379,14 @@ impl Gatherer {
             }
             _ => (flat(particles, record, [a, b], normal, distance), normal),
         };
-        // Beside a crossing, what is on the wrong side would be held there.
+        // Next to a crossing, a contact would hold features on the wrong side.
         let is_tangled = |corners: [u32; 3]| corners.iter().any(|corner| self.tangled.contains(corner));
         if !penetrated && is_tangled(a) && is_tangled(b) {
             return None;
         }
         let mut constraint = ContactConstraint::new(features, normal, distance, friction);
-        // A record of another kind is not about the same features: a vertex that is nearest to an edge where
-        // two edges meet may be nearer to the inside of the face.
+        // The recorded distance is a bound only for the same features. A vertex recorded against an edge of two faces
+        // may be closer to the interior of one of them.
         let is_same = matches!(record.features.kind(), FeatureKind::VertexFace | FeatureKind::EdgeEdge);
         if is_same && record.distance > 0.0 {
             constraint.apart = f64::from(record.distance) * (1.0 - ROUNDING) - distance;
@@ -470,7 +395,7 @@ impl Gatherer {
     }
 }
 
-/// A contact with a rigid shape: the point on the shape goes where the shape goes.
+/// A contact with a rigid shape. The contact point on the shape moves with the shape.
 fn against_shape(
     scene: &Scene<'_, '_>,
     particles: &mut Particles,

@@ -1,7 +1,8 @@
-//! Response: an optional stage that moves bodies and answers contacts, by extended position-based dynamics.
+//! Response: an optional stage that moves bodies and resolves contacts with extended position-based dynamics (XPBD).
 //!
-//! Reads the contacts of the tick, writes positions and velocities at its end. It is no physics engine: enough that cloth and
-//! soft bodies run out of the box. A game with a solver of its own leaves the plugin out and reads the same contacts.
+//! It reads the contacts of the tick and writes positions and velocities at its end. It is not a physics engine: it
+//! does just enough for cloth and soft bodies to work out of the box. A game with its own solver leaves the plugin out
+//! and reads the same contacts.
 //!
 //! ```
 //! use bevy_app::prelude::*;
@@ -28,45 +29,50 @@
 //!
 //! # What is guaranteed
 //!
-//! No vertex and no edge of an [`XpbdBody`] with [`SweptCollision`](crate::SweptCollision) passes through what it meets by
-//! [`SurfaceLayers`](crate::SurfaceLayers), at any speed, while a way is left for it:
+//! No vertex and no edge of an [`XpbdBody`] with [`SweptCollision`](crate::SweptCollision) passes through anything that
+//! its [`SurfaceLayers`](crate::SurfaceLayers) let it collide with, at any speed, while a way is left for it:
 //!
 //! | the body against | |
 //! |---|---|
-//! | another body | guarded where at least one of the two has `SweptCollision` |
+//! | another body | guarded if at least one of the two has `SweptCollision` |
 //! | itself | guarded with [`SelfCollision`](crate::SelfCollision); triangles that share a vertex are not tested |
-//! | a surface without [`XpbdBody`], at rest, animated, skinned or moved by its transform | guarded |
-//! | a [`RigidShape`](crate::RigidShape) of any kind, at rest or moved | guarded; a cylinder or cone as a solid of 256 sides in it, and what is between those and its surface is left to contacts |
+//! | a surface without [`XpbdBody`]: static, animated, skinned, or moved by its transform | guarded |
+//! | a [`RigidShape`](crate::RigidShape) of any kind, static or moved | guarded; a cylinder or cone as an inscribed solid of 256 sides, and the gap between that and its true surface is left to contacts |
 //!
 //! What it does not cover:
 //!
-//! - What touches, crosses or is inside when a tick begins. What is inside a solid is led out, all of it one way: the shortest of 27
-//!   directions in which there is room between everything that no solver moves. Of sheets that cross, the smaller part that is cut
-//!   off goes back; where none is, and where a body crosses itself, the curve of crossing is made shorter until it is gone.
-//! - Where two driven things squeeze a body so that no way is left, it may be inside of one of them or cross itself. What is thrown
-//!   at a wall at 20 m/s and more may cross itself, too, for some ticks.
-//!   [`XpbdDiagnostics::impacts_remaining`], [`XpbdDiagnostics::jammed`] and [`XpbdDiagnostics::inside`] tell, and the log once an episode.
-//! - What two bodies without `SweptCollision`, or one and something that stands, do to each other: contacts alone stop them. The
-//!   log warns once where such a body moves farther than its thickness between two detections.
-//! - What the game moves passes through other things that the game moves.
-//! - A body that cannot be solved ([`XpbdDiagnostics::refused`]) is not moved, and counts as something that stands.
+//! - Anything that touches, crosses, or is inside when a tick begins. A body inside a solid is depenetrated in one
+//!   direction: the shortest of 27 that lead to a place with room between all static and kinematic objects. Where two
+//!   sheets cross, the smaller part that is cut off moves back. If no part is cut off, or if a body crosses itself, the
+//!   intersection contour is shortened until it vanishes.
+//! - If two kinematic objects squeeze a body so that no way is left, it may be inside one of them or cross itself. A
+//!   body thrown at a wall at 20 m/s or more may also cross itself for some ticks.
+//!   [`XpbdDiagnostics::impacts_remaining`], [`XpbdDiagnostics::jammed`], and [`XpbdDiagnostics::inside`] report these
+//!   cases. The log warns once per episode when impacts remain or a body is jammed.
+//! - Two bodies without `SweptCollision`, or one such body and a static or kinematic object: only contacts stop them.
+//!   The log warns once if such a body moves farther than its thickness between two detections.
+//! - Kinematic objects against each other: they pass through each other.
+//! - A body that cannot be solved ([`XpbdDiagnostics::refused`]): it is not moved and counts as static.
 //!
 //! # What the game moves
 //!
-//! Animated surfaces, rigid shapes and pinned vertices go from where the last tick left them to where the game has written them
-//! now, while the solver steps. Surfaces and shapes that go farther near a body than half of its mean edge, as seen from the body,
-//! cut the tick into up to 8 parts ([`XpbdDiagnostics::parts`]), with a detection each; within a part, vertices go straight. So
-//! contacts that are read after the tick, and their messages, are those of the beginning of its last part, for both sides. Insert
-//! [`Teleported`](crate::Teleported) where something is to jump. What moves in a tick of no duration goes its way in the next one.
+//! Animated surfaces, rigid shapes, and pinned vertices are kinematic: the game moves them and the solver does not.
+//! While the solver steps, they move from where the last tick left them to where the game has written them now. If a
+//! surface or shape near a body moves farther than the body's mean edge, relative to the body, the tick is split into
+//! up to 8 parts ([`XpbdDiagnostics::parts`]), each with its own detection. Within a part, vertices move in straight
+//! lines. So contacts that are read after the tick, and their messages, describe the beginning of its last part, for
+//! both sides. Insert [`Teleported`](crate::Teleported) on anything that should jump instead. Motion written during a
+//! tick of zero duration takes place in the next tick.
 //!
-//! A body whose `Transform`, or that of a parent, moves keeps its place in the world, as it has inertia; pinned vertices go along.
-//! Insert [`Teleported`](crate::Teleported) to move it as a whole.
+//! If the `Transform` of a body or of one of its parents moves, the body keeps its place in the world, because it has
+//! inertia. Its pinned vertices move with the transform. Insert [`Teleported`](crate::Teleported) to move the whole
+//! body.
 //!
 //! # Another solver
 //!
-//! Another solver reads the contacts of the tick as they are. Each has a flat stencil: how its separation grows with every
-//! vertex that it acts on. Vertices of rigid shapes are not among them. One pass of the simplest solver there is, that of positions
-//! alone:
+//! Another solver reads the contacts of the tick as they are. Each contact has a flat stencil: the gradient of its
+//! separation with respect to every vertex that it acts on. The vertices of rigid shapes are not in it. One pass of the
+//! simplest possible solver, which works on positions alone:
 //!
 //! ```
 //! use std::collections::HashMap;
@@ -121,6 +127,7 @@ mod motion;
 mod particles;
 mod record;
 mod respond;
+mod scene;
 mod settings;
 mod solver;
 mod untangle;
@@ -132,26 +139,26 @@ use bevy_ecs::{
 };
 use bevy_time::Time;
 
-pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
-pub use respond::XpbdDiagnostics;
-pub use settings::XpbdSettings;
-
 use crate::{
     schedule::{DeformableSystems, run_detection},
     surface::SurfacePlugin,
 };
+pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
+pub use respond::XpbdDiagnostics;
+pub use settings::XpbdSettings;
 
-/// Moves every [`XpbdBody`] and answers its contacts. Needs [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins)
-/// in the same schedule, and a clock: the `Time` resource tells how long a tick is.
+/// Moves every [`XpbdBody`] and resolves its contacts. It needs
+/// [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins) in the same schedule, and a `Time` resource that
+/// says how long a tick is.
 ///
-/// While the game leaves [`CircumsphereSettings::margin`](field@crate::CircumsphereSettings::margin) at 0, the margin follows what
-/// the bodies move by in a tick.
+/// While the game leaves [`CircumsphereSettings::margin`](field@crate::CircumsphereSettings::margin) at 0, the plugin
+/// adapts the margin to the motion of the bodies in a tick.
 pub struct XpbdResponsePlugin {
     schedule: InternedScheduleLabel,
 }
 
 impl XpbdResponsePlugin {
-    /// Responds in `schedule`, the one that contacts are detected in.
+    /// Responds in `schedule`, which must be the schedule in which contacts are detected.
     #[must_use]
     pub fn new(schedule: impl ScheduleLabel) -> Self {
         Self { schedule: schedule.intern() }
@@ -159,7 +166,7 @@ impl XpbdResponsePlugin {
 }
 
 impl Default for XpbdResponsePlugin {
-    /// In [`FixedPostUpdate`], as detection is by default.
+    /// Runs in [`FixedPostUpdate`], the default schedule of detection.
     fn default() -> Self {
         Self::new(FixedPostUpdate)
     }
@@ -185,10 +192,10 @@ impl Plugin for XpbdResponsePlugin {
 
     fn finish(&self, app: &mut App) {
         if !app.is_plugin_added::<SurfacePlugin>() {
-            log::warn!("bodies meet nothing without DeformableCollisionPlugins: add them to the same schedule");
+            log::warn!("bodies have no contacts without DeformableCollisionPlugins: add it to the same schedule");
         }
         if !app.world().contains_resource::<Time>() {
-            log::warn!("bodies stand still without a clock: add TimePlugin, or a Time resource that you advance");
+            log::warn!("bodies do not move without a clock: add TimePlugin, or a Time resource that you advance");
         }
     }
 }

@@ -1,8 +1,9 @@
-//! Where everything goes in a tick that the game moves and no solver: animated surfaces, rigid shapes, pinned vertices.
+//! Trajectories of everything that the game moves and the solver does not: animated surfaces, rigid shapes, and pinned
+//! vertices.
 //!
-//! The game has written where these are when the tick ends. Detection and solver see them where the last tick left them, as
-//! bodies are, and they go from there to their ends while the solver steps. A tick in which something near a body goes
-//! farther than features are large is cut into several, each with a detection of its own.
+//! The game has written where these are at the end of the tick. Detection and solver see them where the last tick left
+//! them, like the bodies, and they move to their ends while the solver steps. If one of them moves farther than an edge
+//! near a body, the tick is split into parts with a detection each.
 
 use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
 use bevy_time::Time;
@@ -14,12 +15,12 @@ use crate::{
     surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptTarget},
 };
 
-/// Into how many parts a tick is cut at most; with fewer, what the game moves goes no farther between two detections than the
-/// mean edge of the finest body near it is long.
+/// Largest number of parts of a tick. With fewer, no kinematic object moves farther between two detections than the
+/// mean edge of the finest body near it.
 const MOST_PARTS: u32 = 8;
 
-/// Where a surface or shape is: its vertices in its own frame, none of a shape that is tested by formula, and that frame in
-/// the world.
+/// State of a surface or shape: its vertices in its own frame, and the pose of that frame. A shape tested by formula has
+/// no vertices.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stand {
     pub(super) positions: Vec<Vec3>,
@@ -33,12 +34,12 @@ impl Stand {
         self.pose = *pose;
     }
 
-    /// A vertex in the world.
+    /// World position of a vertex.
     pub(super) fn point(&self, vertex: usize) -> DVec3 {
         self.pose.transform_point(self.positions[vertex].as_dvec3())
     }
 
-    /// Becomes what lies between two others.
+    /// Interpolates between two states.
     fn become_between(&mut self, from: &Self, to: &Self, share: f64, deforms: bool) {
         self.positions.clear();
         if share >= 1.0 {
@@ -55,7 +56,7 @@ impl Stand {
     }
 }
 
-/// A pose on the way from one to another: it turns about one axis, and moves and grows in a straight line.
+/// Interpolates between two poses: it rotates about one axis, and translates and scales linearly.
 fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
     if from.has_bits_of(to) {
         return *to;
@@ -76,26 +77,26 @@ fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
     Pose::from_double_affine(&affine).unwrap_or(*to)
 }
 
-/// What is known of something that no solver moves, at the end of the last tick.
+/// The state of an object that the solver does not move, at the end of the last tick.
 #[derive(Debug, Default)]
 struct Trace {
     stand: Stand,
-    /// When its positions changed last.
+    /// The last change of its positions.
     changed: Option<Tick>,
     tick: u64,
 }
 
-/// The way of one surface or shape in this tick.
+/// The trajectory of one surface or shape in this tick.
 #[derive(Debug)]
 pub(super) struct Course {
     from: Stand,
     to: Stand,
     deforms: bool,
-    /// Of a body: only its pinned vertices go this way.
+    /// Whether it belongs to a body. Only the body's pinned vertices then follow it.
     is_of_pins: bool,
-    /// Where it is when the current part of the tick begins.
+    /// State at the beginning of the current part.
     pub(super) now: Stand,
-    /// Where it is when that part ends.
+    /// State at the end of the current part.
     pub(super) ahead: Stand,
 }
 
@@ -105,13 +106,13 @@ impl Course {
         Self { from, to, deforms, is_of_pins, now: Stand::default(), ahead: Stand::default() }
     }
 
-    /// Where detection sees it, or the game.
+    /// The state at which detection sees it, or, after detection, at which the game sees it.
     fn shown(&self, is_on_its_way: bool) -> &Stand {
         if is_on_its_way { &self.now } else { &self.to }
     }
 
-    /// How far it goes as seen from something that moves by `common`: the longest way of some of its points, given in its own
-    /// frame, or of all of its vertices.
+    /// Largest displacement relative to something that moves by `common`: over the given points of its own frame, or
+    /// over all of its vertices.
     fn way(&self, points: Option<&[DVec3]>, common: DVec3) -> f64 {
         let (from, to) = (&self.from, &self.to);
         let squared = |from: DVec3, to: DVec3| {
@@ -127,7 +128,7 @@ impl Course {
     }
 }
 
-/// The ways of all that no solver moves.
+/// The trajectories of everything that the solver does not move.
 #[derive(Resource, Debug, Default)]
 pub(super) struct Motions {
     tick: u64,
@@ -135,11 +136,10 @@ pub(super) struct Motions {
     courses: EntityHashMap<Course>,
     parts: u32,
     part: u32,
-    /// The longest way of anything near a body within one part of the tick, in world units.
+    /// Largest displacement of any object near a body within one part, in world units.
     longest: f64,
 }
 
-/// A box around points in double precision.
 #[derive(Clone, Copy)]
 struct Region {
     low: DVec3,
@@ -168,36 +168,36 @@ impl Region {
     }
 }
 
-/// Where a body may be in this tick, how its vertices move on the whole, and how long its edges are.
+/// Where a body may be in this tick, its mean displacement, and its mean edge.
 struct Reach {
     region: Region,
     motion: DVec3,
     mean_edge: f64,
 }
 
-/// What a course may reach, and the points that tell how far it goes where those are not its vertices.
+/// The region that a trajectory may reach, and the points to measure it by if those are not its vertices.
 struct Track {
     region: Region,
     points: Option<[DVec3; 8]>,
 }
 
 impl Motions {
-    /// Into how many parts the tick is cut, 1 or more.
+    /// Number of parts of the tick, 1 or more.
     pub(super) fn parts(&self) -> u32 {
         self.parts.max(1)
     }
 
-    /// The longest way of anything near a body within one part of the tick.
+    /// Largest displacement of any object near a body within one part of the tick, in world units.
     pub(super) fn longest(&self) -> f64 {
         self.longest
     }
 
-    /// The way of something that moves in the current part of the tick.
+    /// The trajectory of an object that moves in the current part.
     pub(super) fn course(&self, entity: Entity) -> Option<&Course> {
         self.courses.get(&entity)
     }
 
-    /// The vertices of a body as the game has written them, where it has moved pinned ones.
+    /// The vertices of a body as the game has written them, if it has moved pinned ones.
     pub(super) fn pins_of(&self, entity: Entity) -> Option<&[Vec3]> {
         self.courses.get(&entity).filter(|course| course.is_of_pins).map(|course| &*course.to.positions)
     }
@@ -206,7 +206,8 @@ impl Motions {
         self.part + 1 >= self.parts()
     }
 
-    /// Adds the way of something that has moved since the last tick. `positions` are none for a shape.
+    /// Records the trajectory of an object if it has moved since the last tick. `positions` is empty for a shape
+    /// tested by formula.
     fn follow(&mut self, entity: Entity, positions: &[Vec3], changed: Option<Tick>, pose: &Pose, fresh: bool) {
         let tick = self.tick;
         let trace = self.traces.entry(entity).or_default();
@@ -225,13 +226,13 @@ impl Motions {
         }
     }
 
-    /// Nothing moves in this tick.
+    /// Resets to a tick in which nothing moves.
     fn stand_still(&mut self) {
         self.courses.clear();
         (self.parts, self.part, self.longest) = (1, 0, 0.0);
     }
 
-    /// Forgets what comes near no body, and finds into how many parts the tick has to be cut.
+    /// Drops trajectories that come near no body, and decides how many parts the tick needs.
     fn plan(&mut self, bodies: &[Reach], track: impl Fn(Entity, &Course) -> Track) {
         let (mut parts, mut longest) = (1, 0.0_f64);
         self.courses.retain(|&entity, course| {
@@ -260,7 +261,7 @@ impl Motions {
         self.look_ahead();
     }
 
-    /// Brings every course to the part of the tick that begins.
+    /// Advances every trajectory to the part that begins.
     fn look_ahead(&mut self) {
         let share = f64::from(self.part + 1) / f64::from(self.parts());
         for Course { from, to, deforms, now, ahead, .. } in self.courses.values_mut() {
@@ -270,8 +271,8 @@ impl Motions {
     }
 }
 
-/// Finds out what the game has moved, and where to. Bodies whose transform has moved keep their places in the world, but for
-/// their pinned vertices, which go along.
+/// Finds out what the game has moved, and where to. If the transform of a body has moved, the body keeps its place in
+/// the world, and its pinned vertices move with the transform.
 pub(super) fn begin(
     time: Option<Res<Time>>,
     active: Res<ActiveSurfaces>,
@@ -282,7 +283,7 @@ pub(super) fn begin(
     motions.stand_still();
     let duration = time.map_or(0.0, |time| time.delta_secs_f64());
     if duration <= 0.0 {
-        // What moves while the clock stands does so in the next tick, but for what jumps.
+        // While the clock is stopped, motion is deferred to the next tick. An object that jumps forgets where it was.
         let all = active.surfaces.iter().map(|surface| (surface.entity, surface.fresh));
         let all = all.chain(active.shapes.iter().map(|shape| (shape.entity, shape.fresh)));
         for (jumped, _) in all.filter(|(_, fresh)| *fresh) {
@@ -337,7 +338,7 @@ pub(super) fn begin(
     });
 }
 
-/// Where a body may be until the tick ends.
+/// The region in which a body may be until the tick ends.
 fn reach_of(surface: &ActiveSurface, positions: &[Vec3], body: &XpbdBody, mean_edge: f64, duration: f64) -> Reach {
     let points = positions.iter().map(|position| surface.pose.transform_point(position.as_dvec3()));
     let squared = body.velocities.iter().map(|velocity| velocity.as_dvec3().length_squared());
@@ -349,9 +350,9 @@ fn reach_of(surface: &ActiveSurface, positions: &[Vec3], body: &XpbdBody, mean_e
     Reach { region, motion: sum * (duration / count.max(1) as f64), mean_edge }
 }
 
-/// Where the transform of a body has moved since its positions were written last, its vertices stay where they were in the
-/// world, but for those that the game has written. Where pinned vertices have moved, by that or because the game has written
-/// them, their way is returned, and they are where it begins.
+/// If the transform of a body has moved since its positions were last written, its vertices keep their place in the
+/// world, except those that the game has written. If pinned vertices have moved, with the transform or because the game
+/// has written them, returns their trajectory and moves them to its beginning.
 fn keep_in_the_world(
     surface: &ActiveSurface,
     positions: &mut Mut<SurfacePositions>,
@@ -386,8 +387,7 @@ fn keep_in_the_world(
     course
 }
 
-/// Brings everything that moves to where the current part of the tick begins, for detection, and tells the swept stage where it
-/// goes.
+/// Moves everything to the beginning of the current part, for detection, and tells the swept stage where it goes.
 pub(super) fn rewind(
     mut active: ResMut<ActiveSurfaces>,
     motions: Res<Motions>,
@@ -396,7 +396,7 @@ pub(super) fn rewind(
     show(&mut active, &motions, &mut surfaces, true);
 }
 
-/// Brings everything back to where the game has written it.
+/// Moves everything back to where the game has written it.
 pub(super) fn restore(
     mut active: ResMut<ActiveSurfaces>,
     motions: Res<Motions>,
@@ -405,13 +405,13 @@ pub(super) fn restore(
     show(&mut active, &motions, &mut surfaces, false);
 }
 
-/// Goes on to the next part of the tick.
+/// Proceeds to the next part of the tick.
 pub(super) fn advance(mut motions: ResMut<Motions>) {
     motions.part += 1;
     motions.look_ahead();
 }
 
-/// Shows what is driven where it is when the part of the tick begins, and where it goes; or at its end.
+/// Shows kinematic objects at the beginning of the current part, with their sweep targets, or at the end of the tick.
 fn show(
     active: &mut ActiveSurfaces,
     motions: &Motions,

@@ -1,39 +1,38 @@
-//! The particles of one tick: the vertices of all bodies, and those other vertices that contacts touch.
+//! The particles of one tick: the vertices of all bodies, and the vertices of other objects that contacts touch.
 
 use glam::DVec3;
 
 /// Particles in world space and double precision, in structure-of-arrays form.
 ///
-/// A particle with an inverse mass of 0 goes from `start` to `end` in a straight line, whatever pushes it.
+/// A particle with an inverse mass of 0 is kinematic: it moves from `start` to `end` in a straight line, whatever
+/// pushes it.
 #[derive(Clone, Debug, Default)]
 pub struct Particles {
-    /// Where it was when the tick began.
+    /// Position at the beginning of the tick.
     pub start: Vec<DVec3>,
-    /// Where it has to be when the tick ends, if it has no mass to be moved by.
+    /// Position at the end of the tick, for a kinematic particle.
     pub end: Vec<DVec3>,
-    /// Where it was when the step began.
+    /// Position at the beginning of the substep.
     pub previous: Vec<DVec3>,
-    /// Where it is.
+    /// Current position.
     pub position: Vec<DVec3>,
-    /// World units per second.
+    /// In world units per second.
     pub velocity: Vec<DVec3>,
-    /// One over its mass; 0 where nothing moves it.
+    /// One over the mass; 0 for a kinematic particle.
     pub inverse_mass: Vec<f64>,
-    /// How far it would go in this step, if nothing held it.
+    /// Length of the unconstrained displacement in this substep.
     pub way: Vec<f64>,
-    /// How far from `start` it may be when this step ends: where it would be, and twice that way for what constraints do
-    /// to it.
+    /// Upper bound of the distance from `start` at the end of this substep: the distance to the unconstrained position,
+    /// plus twice the unconstrained displacement for the effect of constraints.
     pub reach: Vec<f64>,
 }
 
 impl Particles {
-    /// How many there are.
     #[must_use]
     pub fn len(&self) -> usize {
         self.start.len()
     }
 
-    /// Forgets all particles.
     pub fn clear(&mut self) {
         let Self { start, end, previous, position, velocity, inverse_mass, way, reach } = self;
         [inverse_mass, way, reach].into_iter().for_each(Vec::clear);
@@ -42,17 +41,17 @@ impl Particles {
         }
     }
 
-    /// Appends a particle that forces move.
+    /// Appends a particle that forces and constraints move.
     pub fn push_moved(&mut self, position: DVec3, velocity: DVec3, inverse_mass: f64) {
         self.push(position, position, velocity, inverse_mass);
     }
 
-    /// Appends a particle that goes its own way.
+    /// Appends a kinematic particle.
     pub fn push_driven(&mut self, start: DVec3, end: DVec3) {
         self.push(start, end, DVec3::ZERO, 0.0);
     }
 
-    /// How fast a particle is when a tick of `duration` seconds begins.
+    /// Speed of a particle at the beginning of a tick of `duration` seconds.
     #[must_use]
     pub fn speed(&self, particle: usize, duration: f64) -> f64 {
         if self.inverse_mass[particle] > 0.0 {
@@ -62,7 +61,7 @@ impl Particles {
         }
     }
 
-    /// Makes a particle go the way of another one that is driven.
+    /// Makes a particle follow the trajectory of another one that is kinematic.
     pub fn pin(&mut self, particle: usize, to: usize) {
         self.inverse_mass[particle] = 0.0;
         self.velocity[particle] = DVec3::ZERO;
@@ -81,7 +80,7 @@ impl Particles {
         self.inverse_mass.push(inverse_mass);
     }
 
-    /// Begins a step of length `step` in which the driven particles reach `share` of their way.
+    /// Begins a substep of `step` seconds, in which kinematic particles reach `share` of their trajectory.
     pub fn predict(&mut self, step: f64, gravity: DVec3, share: f64) {
         self.way.resize(self.len(), 0.0);
         self.reach.resize(self.len(), 0.0);
@@ -102,7 +101,7 @@ impl Particles {
         }
     }
 
-    /// Ends a step: velocities are what positions have changed by.
+    /// Ends a substep: derives velocities from the change of positions.
     pub fn update_velocities(&mut self, step: f64) {
         for particle in 0..self.len() {
             self.velocity[particle] = (self.position[particle] - self.previous[particle]) / step;

@@ -1,7 +1,7 @@
-//! From the record of a contact to what the solver watches of it.
+//! From a contact record to the features or the plane that the solver watches.
 //!
-//! Corners come as particles. What a record says in single precision, in the frame of its pair, becomes features that are
-//! looked at anew in every step, or a plane that stays for the tick.
+//! Corners are passed as particles. A record is in single precision and in the frame of its pair. It becomes either
+//! features, which are evaluated again in every substep, or a plane, which stays fixed for the tick.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -29,13 +29,13 @@ pub(super) fn edges_of(a: [u32; 3], edge_a: u8, b: [u32; 3], edge_b: u8) -> Feat
     Features::EdgeEdge([a0, a1, b0, b1])
 }
 
-/// What goes back as a whole goes so many contact distances in a tick, if the pace of pushing out lets it.
+/// Distance that a cut-off part moves back per tick, in contact distances, unless the push-out speed limits it.
 const WAY_BACK: f64 = 4.0;
 
-/// An edge that shortens the curve of crossing goes so many.
+/// Distance that an edge moves per tick to shorten the intersection contour, in contact distances.
 const WAY_OF_EDGE: f64 = 2.0;
 
-/// All three weights from the first two, none for corners that are no part of the feature.
+/// Completes the first two weights to three. Corners that are not part of the feature get 0.
 pub(super) fn completed(feature: Feature, [first, second]: [f32; 2]) -> [f64; 3] {
     let [first, second] = [f64::from(first), f64::from(second)];
     match feature {
@@ -44,7 +44,7 @@ pub(super) fn completed(feature: Feature, [first, second]: [f32; 2]) -> [f64; 3]
     }
 }
 
-/// The corners of two triangles with their weights, those of the second negative. Corners without a share are left out.
+/// The corners of two triangles with their weights, negative for the second. Corners with weight 0 are left out.
 pub(super) fn weighted([a, b]: [[u32; 3]; 2], [weights_a, weights_b]: [[f64; 3]; 2]) -> ArrayVec<(u32, f64), 6> {
     let mut entries = ArrayVec::new();
     entries.extend(a.into_iter().zip(weights_a));
@@ -53,13 +53,13 @@ pub(super) fn weighted([a, b]: [[u32; 3]; 2], [weights_a, weights_b]: [[f64; 3];
     entries
 }
 
-/// The weights that a record gives the corners of its triangles.
+/// The weights of the corners of both triangles in a record.
 fn weights_of(record: &CompactContact) -> [[f64; 3]; 2] {
     [completed(record.features.a, record.barycentric_a), completed(record.features.b, record.barycentric_b)]
 }
 
-/// The constraint of a crossing without memory: the sides move against each other by a contact distance, the first along
-/// `back` where a part goes back as a whole, or so that the curve in which they cross becomes shorter.
+/// The constraint of a crossing for which no side is remembered. With `back`, the first side moves along it, because a
+/// cut-off part moves back as a whole. Otherwise the edge moves so that the intersection contour shortens.
 pub(super) fn untangling(
     particles: &Particles,
     pair: &StoredPair,
@@ -78,7 +78,7 @@ pub(super) fn untangling(
     Some(ContactConstraint::new(Features::Plane { particles: entries, offset }, normal, distance, [0.0; 2]))
 }
 
-/// In which direction the first side has to move at a crossing to make the curve in which both cross shorter.
+/// Direction in which the first side of a crossing moves to shorten the intersection contour.
 fn shortening(
     particles: &Particles,
     pair: &StoredPair,
@@ -109,7 +109,8 @@ fn shortening(
     Some(direction * sign)
 }
 
-/// A contact whose normal and weights stay for the tick: of spheres, and of features that have penetrated at a rim.
+/// A contact whose normal and weights stay fixed for the tick: between spheres, or between features that have
+/// penetrated at a rim.
 pub(super) fn flat(
     particles: &Particles,
     record: &CompactContact,
@@ -123,7 +124,7 @@ pub(super) fn flat(
     Features::Plane { particles: entries, offset }
 }
 
-/// The weighted sum of particles where detection saw them.
+/// The weighted sum of particles at the positions that detection saw.
 pub(super) fn detected_sum(particles: &Particles, entries: &[(u32, f64)]) -> DVec3 {
     entries.iter().map(|&(particle, weight)| particles.start[particle as usize] * weight).sum()
 }

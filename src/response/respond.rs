@@ -1,4 +1,4 @@
-//! The stages of the response: a margin for detection, the solver, and what it found written back.
+//! The systems of the response: choose a margin for detection, solve the tick, and write the result back.
 
 use std::time::{Duration, Instant};
 
@@ -8,10 +8,11 @@ use glam::{DVec3, Vec3};
 
 use super::{
     body::{MOST_COORDINATE, XpbdBody, XpbdBodyError},
-    gather::{Gatherer, Scene, Watch},
+    gather::{Gatherer, Watch},
     guard::Guard,
     motion::{self, Motions},
     particles::Particles,
+    scene::Scene,
     settings::XpbdSettings,
     solver::{Solved, Solver},
 };
@@ -25,87 +26,93 @@ use crate::{
     surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptCollision, SweptTarget},
 };
 
-/// What the response did in the last tick.
+/// What the response did in the last tick. If the tick was split, fields that say so describe its last part only, and
+/// the others are sums over all parts.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct XpbdDiagnostics {
-    /// Into how many parts the tick was cut, each with a detection of its own, 16 at most: more than one where the game moves
-    /// something near a body farther than half of the body's mean edge, as seen from the body.
+    /// Number of parts that the tick was split into, each with its own detection, from 1 to 8. More than 1 if a
+    /// kinematic surface or shape near a body moves farther than the body's mean edge, relative to the body.
     pub parts: u32,
-    /// How many bodies were moved.
+    /// Bodies that were moved, in the last part.
     pub bodies: usize,
-    /// Contacts that the solver watched: those with a body on one side, within the margin.
+    /// Contacts that the solver watched, in the last part: those with a body on at least one side, within the margin,
+    /// and depenetration constraints.
     pub contacts: usize,
-    /// How often one of them was solved for, over all substeps and iterations.
+    /// Contact solves over all substeps and iterations. If the tick was solved again, only its last solution counts.
     pub contact_solves: usize,
-    /// Contacts that pushed in the last substep.
+    /// Contacts that pushed in the last substep, in the last part.
     pub pressing: usize,
-    /// Making constraints of contacts.
+    /// Time to make constraints of contacts.
     pub gathering: Duration,
-    /// Solving.
+    /// Time of the first solution.
     pub solving: Duration,
-    /// How often the tick was solved again, with what bodies would have met on their ways.
+    /// How often the tick was solved again, with constraints against impacts that were found along the trajectories of
+    /// bodies.
     pub solved_again: usize,
-    /// Impacts on the ways of bodies with [`SweptCollision`](crate::SweptCollision) that contacts had not prevented.
+    /// Impacts along the trajectories of bodies with [`SweptCollision`](crate::SweptCollision) that contacts did not
+    /// prevent.
     pub impacts: usize,
-    /// Vertices that were stopped short of them.
+    /// Vertices that the guard moved or stopped because of them.
     pub vertices_stopped: usize,
-    /// Impacts that could not be prevented, because two driven things squeeze a body so that no way is left: it may be inside
-    /// of one of them. Where it is not 0, or `jammed` not empty, the log has it, once an episode.
+    /// Impacts that could not be prevented, because two kinematic objects squeeze a body so that no way is left. The
+    /// body may be inside one of them. If this is not 0 or `jammed` is not empty, the log warns once per episode.
     pub impacts_remaining: usize,
-    /// Bodies that were squeezed so that they met themselves nearly everywhere: they were not kept from crossing themselves.
-    /// Once for each part of the tick.
+    /// Bodies squeezed so that they collided with themselves nearly everywhere. They were not kept from crossing
+    /// themselves. A body is listed once for each part of the tick in which that happened.
     pub jammed: Vec<Entity>,
-    /// Vertices, and points between vertices, that were inside of a solid when the last part of the tick began: they are led out.
+    /// Vertices, and points between vertices, that were inside a solid at the beginning of the last part. They are
+    /// depenetrated.
     pub inside: usize,
-    /// Looking for impacts, and solving again.
+    /// Time to look for impacts and to solve again.
     pub guarding: Duration,
-    /// Bodies that could not be moved in this tick and why: they stand until that is mended.
+    /// Bodies that could not be moved, with the reason. They stay in place until it is fixed. In the last part.
     pub refused: Vec<(Entity, XpbdBodyError)>,
 }
 
-/// What the response keeps from stage to stage and from tick to tick.
+/// State that the response keeps between stages and ticks.
 #[derive(Resource, Default)]
 pub(super) struct Response {
     solver: Solver,
     gatherer: Gatherer,
     guard: Guard,
-    /// The bodies of this tick, in the order of the solver's.
+    /// The bodies of this tick, in the order of the solver.
     moved: Vec<Entity>,
-    /// The margin that was chosen last: another one is the game's.
+    /// The margin chosen last. If the setting differs from it, the game has set it.
     margin: Option<f32>,
-    /// For how many ticks in a row it has been wider than needed.
+    /// Number of consecutive ticks in which the margin was wider than needed.
     too_wide: u32,
-    /// The least margin of this tick, in world units.
+    /// The smallest margin of this tick, in world units.
     slack: f32,
     refused: Vec<Entity>,
-    /// Bodies that left the range of what can be computed, in this tick and in the last one.
+    /// Bodies that left the computable range, in this tick and in the last one.
     stopped: Vec<Entity>,
     stopped_last: Vec<Entity>,
-    /// Whether a fast body without [`SweptCollision`] has been warned of.
+    /// Whether the warning about a fast body without [`SweptCollision`] has been logged.
     has_warned_of_speed: bool,
-    /// For how many more ticks squeezed bodies are not warned of again.
+    /// Number of ticks until a squeezed body is warned about again.
     squeezed_for: u32,
 }
 
-/// Bodies that have not been squeezed for so many ticks are warned of again.
+/// Number of ticks without a squeezed body after which the warning may repeat.
 const CALM_TICKS: u32 = 60;
 
-/// Margins in mean edges of the finest body: at rest, and at most.
+/// Smallest and largest margin, in mean edges of the finest body.
 const LEAST_MARGIN: f32 = 0.125;
 const MOST_MARGIN: f32 = 0.5;
 
-/// For how many ticks a margin may be wider than needed: lists of near triangles hold for one margin, and are lost with it.
+/// Number of ticks for which the margin may stay wider than needed. A change of the margin discards the lists of near
+/// pairs.
 const WIDE_TICKS: u32 = 8;
 
-/// Steps of a part of a tick, at least: fewer leave what a driven side pushes behind.
+/// Smallest number of substeps of a part. With fewer, vertices lag behind the kinematic object that pushes them.
 const LEAST_SUBSTEPS: u32 = 4;
 
-/// How often a tick is solved at most.
+/// Largest number of solutions of an unsplit tick, and of a part.
 const MOST_SOLUTIONS: usize = 4;
 const MOST_SOLUTIONS_OF_PART: usize = 3;
 
-/// Widens the margin to what bodies will move by in this tick, in powers of two: what may touch within the tick is
-/// detected when it begins. A margin that the game has set stays.
+/// Widens the margin to the expected motion of bodies in this tick, in powers of two, so that anything that may touch
+/// during the tick is detected at its beginning. A margin set by the game is kept.
 pub(super) fn choose_margin(
     time: Option<Res<Time>>,
     settings: Res<XpbdSettings>,
@@ -133,7 +140,8 @@ pub(super) fn choose_margin(
     }
     let speed = (squared_speeds / vertices.max(1) as f32).sqrt();
     let duration = time.delta_secs() / motions.parts() as f32;
-    // Both sides of a contact may be as fast. Only what falls onto something that is held comes nearer by falling.
+    // Both sides of a contact may move at that speed. Gravity only brings a body closer to something that does not fall
+    // with it.
     let way = (2.0 * speed + settings.in_range().gravity.length() * duration) * duration + motions.longest() as f32;
     let mut margin = LEAST_MARGIN * finest;
     while margin < way.min(MOST_MARGIN * finest) {
@@ -150,7 +158,7 @@ pub(super) fn choose_margin(
     }
 }
 
-/// Tells the swept stage where bodies with [`SweptCollision`] would go if nothing pushed them.
+/// Tells the swept stage where bodies with [`SweptCollision`] would move if nothing pushed them.
 pub(super) fn aim(
     time: Option<Res<Time>>,
     settings: Res<XpbdSettings>,
@@ -178,7 +186,7 @@ pub(super) fn aim(
     }
 }
 
-/// Solves the tick, in as many parts as it is cut into. Each begins with a detection; that of the first has run.
+/// Solves the tick in all its parts. Each part begins with a detection, which has already run for the first.
 pub(super) fn respond_in_parts(world: &mut World) {
     *world.resource_mut::<XpbdDiagnostics>() = XpbdDiagnostics::default();
     let parts = world.resource::<Motions>().parts();
@@ -199,7 +207,7 @@ pub(super) fn respond_in_parts(world: &mut World) {
     run(world, warn_of_squeezed);
 }
 
-/// Says once an episode that bodies are squeezed so that no way is left for them.
+/// Warns once per episode that bodies are squeezed with no way left.
 fn warn_of_squeezed(diagnostics: Res<XpbdDiagnostics>, mut response: ResMut<Response>) {
     let XpbdDiagnostics { impacts_remaining, jammed, .. } = &*diagnostics;
     if *impacts_remaining == 0 && jammed.is_empty() {
@@ -208,11 +216,11 @@ fn warn_of_squeezed(diagnostics: Res<XpbdDiagnostics>, mut response: ResMut<Resp
     }
     if response.squeezed_for == 0 {
         let by_themselves =
-            if jammed.is_empty() { String::new() } else { format!("; they may cross themselves: {jammed:?}") };
+            if jammed.is_empty() { String::new() } else { format!("; these may cross themselves: {jammed:?}") };
         log::warn!(
-            "bodies are squeezed so that no way is left, and may be inside of what squeezes them ({impacts_remaining} impacts \
-             remain{by_themselves}): leave more room between what the game moves. This is said again after {CALM_TICKS} ticks \
-             without"
+            "bodies are squeezed with no way left and may be inside the objects that squeeze them ({impacts_remaining} \
+             impacts remain{by_themselves}): leave more room between kinematic objects. This warning repeats only after \
+             {CALM_TICKS} ticks without squeezing"
         );
     }
     response.squeezed_for = CALM_TICKS;
@@ -255,7 +263,7 @@ fn respond(
             }
             Err(error) => {
                 if !refused.contains(&surface.entity) {
-                    log::warn!("body {} stands still: {error}", surface.entity);
+                    log::warn!("body {} is not moved: {error}", surface.entity);
                 }
                 diagnostics.refused.push((surface.entity, error));
             }
@@ -305,8 +313,8 @@ fn respond(
     diagnostics.guarding += start.elapsed();
 }
 
-/// Writes positions and velocities to the bodies. A body with a vertex out of the computable range is not written: it keeps its
-/// positions and loses its velocity.
+/// Writes positions and velocities to the bodies. A body with a vertex out of the computable range is not written: it
+/// keeps its positions, and its velocities are set to zero.
 pub(super) fn write_back(
     active: Res<ActiveSurfaces>,
     motions: Res<Motions>,
@@ -327,7 +335,7 @@ pub(super) fn write_back(
             body.velocities.fill(Vec3::ZERO);
             let error = XpbdBodyError::OutOfRange(vertex);
             if !response.stopped_last.contains(&entity) {
-                log::warn!("body {entity} is stopped: {error}");
+                log::warn!("body {entity} was stopped: {error}");
             }
             response.stopped.push(entity);
             diagnostics.refused.push((entity, error));
@@ -336,8 +344,8 @@ pub(super) fn write_back(
         if !is_swept && !response.has_warned_of_speed && is_fast(surface, solved.first, particles) {
             response.has_warned_of_speed = true;
             log::warn!(
-                "body {entity} has moved farther than its thickness, {}, between two detections: give it SweptCollision, or it \
-                 may pass through things. This is said once, of the first such body",
+                "body {entity} moved farther than its thickness, {}, between two detections: add SweptCollision, or it \
+                 may pass through things. This warning appears once, for the first such body",
                 surface.thickness
             );
         }
@@ -360,7 +368,7 @@ pub(super) fn write_back(
     }
 }
 
-/// Whether a vertex of a body has moved farther than its thickness since contacts were detected.
+/// Whether a vertex of a body has moved farther than the body's thickness since contacts were detected.
 fn is_fast(surface: &ActiveSurface, first: usize, particles: &Particles) -> bool {
     let most = f64::from(surface.thickness);
     let own = first..first + surface.topology.vertex_count();
@@ -368,8 +376,8 @@ fn is_fast(surface: &ActiveSurface, first: usize, particles: &Particles) -> bool
     ends.any(|(start, end)| start.distance_squared(*end) > most * most)
 }
 
-/// The first vertex of a body whose solved position, in the world or in the surface's own frame, or whose velocity is too
-/// large or no number.
+/// The first vertex of a body that is out of range or NaN: its position in the world, its position in the surface's own
+/// frame, or its velocity.
 fn first_out_of_range(topology: &SurfaceTopology, first: usize, particles: &Particles, own: &Pose) -> Option<VertexId> {
     let is_in_range = |vector: DVec3| vector.abs().max_element() <= MOST_COORDINATE && !vector.is_nan();
     let is_lost = |&weld: &u32| {

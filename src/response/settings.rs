@@ -3,23 +3,27 @@
 use bevy_ecs::prelude::*;
 use glam::Vec3;
 
-/// How bodies are moved and contacts answered. The defaults suit cloth and soft bodies of everyday size, in meters,
-/// kilograms and seconds.
+/// How bodies move and how contacts are resolved. The defaults suit cloth and soft bodies of everyday size, in meters,
+/// kilograms, and seconds.
 ///
-/// Changes take effect in the next tick; a value out of range is replaced by the nearest one in range.
+/// Changes take effect in the next tick. A value out of range is replaced by the nearest one in range, and NaN by the
+/// default.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
 pub struct XpbdSettings {
-    /// Acceleration of everything that has mass, in world units per second squared. Default 9.81 downwards along y.
+    /// Acceleration of all vertices that have mass, in world units per second squared. Default 9.81 downwards along y.
     pub gravity: Vec3,
-    /// Into how many steps a tick is cut, 1 or more. Default 10. Every step integrates and solves; contacts are detected
-    /// once a tick and evaluated anew in every step. More steps make materials stiffer and stacks firmer: the error falls
-    /// with their square (Macklin et al. 2019, "Small Steps in Physics Simulation").
+    /// Number of substeps that a tick is split into, from 1 to 1000. Default 10. Each substep integrates and solves.
+    /// Contacts are detected once per tick, or once per part of a tick that is split, and evaluated again in each
+    /// substep. More substeps make materials stiffer and stacks firmer: the error falls with their square (Macklin et
+    /// al. 2019, "Small Steps in Physics Simulation").
     pub substeps: u32,
-    /// How often a step goes over all constraints, 1 or more. Default 1: more substeps pay more.
+    /// Passes over all constraints per substep, from 1 to 1000. Default 1: more substeps pay off better than more
+    /// iterations.
     pub iterations: u32,
-    /// The fastest that bodies are pushed apart which are nearer than their contact distance when a tick begins, in contact
-    /// distances per second; what falls onto something is stopped whatever its speed. 0 or more. Default 100: fast enough that
-    /// stacks do not sink into themselves, and slow enough that an overlap at spawn is undone over some substeps.
+    /// Highest speed at which bodies that are closer than their contact distance when a tick begins are pushed apart,
+    /// in contact distances per second. A body that falls onto something is stopped whatever its speed. 0 or more.
+    /// Default 100: fast enough that stacks do not sink into themselves, and slow enough that an overlap at spawn is
+    /// resolved over several substeps.
     pub push_out_speed: f32,
 }
 
@@ -29,11 +33,10 @@ impl Default for XpbdSettings {
     }
 }
 
-/// Most substeps and most iterations that are carried out.
+/// Upper limit of substeps and of iterations.
 const MOST_STEPS: u32 = 1000;
 
 impl XpbdSettings {
-    /// The settings with every value in range.
     pub(super) fn in_range(&self) -> Self {
         let default = Self::default();
         Self {

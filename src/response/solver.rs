@@ -1,11 +1,12 @@
-//! One tick of extended position-based dynamics with small steps: predict, solve, take velocities from positions.
+//! One tick of XPBD with small substeps: predict positions, solve constraints, derive velocities from positions.
 //!
-//! Knows particles and constraints, nothing of entities. Everything runs in one fixed order on one thread, so that the
-//! result is the same bit by bit however many threads detection has used.
+//! The solver knows particles and constraints, but no entities. Everything runs in one fixed order on one thread, so
+//! the result is the same to the bit for any number of threads in detection.
 //!
-//! What is stiff, springs and contacts, is solved there and back. A Gauss–Seidel pass in one direction is no symmetric
-//! operator: some of its eigenvalues are complex, and with velocities taken from positions such a mode gains energy in every
-//! step, which shows as a trembling that never dies. There and back it is symmetric, and every mode decays.
+//! Stretch and contact constraints are stiff and are solved with symmetric Gauss–Seidel sweeps: forward, then backward.
+//! A sweep in one direction is not a symmetric operator and has some complex eigenvalues. With velocities derived from
+//! positions, such modes gain energy in every substep, which shows as trembling that never decays. With symmetric
+//! sweeps every mode decays.
 
 use std::sync::Arc;
 
@@ -20,16 +21,16 @@ use super::{
 };
 use crate::kernel::mesh::topology::SurfaceTopology;
 
-/// The particles of one body and what holds them together.
+/// The particles and constraints of one body.
 pub(super) struct SolverBody {
-    /// Its first particle; the others follow in the order of its vertices.
+    /// Its first particle. The others follow in the order of its vertices.
     pub(super) first: usize,
     pub(super) topology: Arc<SurfaceTopology>,
     pub(super) rest: Arc<RestShape>,
     pub(super) material: XpbdMaterial,
-    /// World length of a unit of its own frame.
+    /// World length of a unit in the surface's own frame.
     pub(super) scale: f64,
-    /// Of springs, hinges and the volume, in one step.
+    /// Lagrange multipliers of the springs, hinges, and volume in one substep.
     multipliers: Vec<f64>,
 }
 
@@ -91,31 +92,31 @@ impl SolverBody {
     }
 }
 
-/// Goes through the places of a list in their order and then against it.
+/// Visits the indices of a list forward and then backward: a symmetric sweep.
 fn there_and_back(count: usize, mut solve: impl FnMut(usize)) {
     (0..count).for_each(&mut solve);
     (0..count).rev().for_each(solve);
 }
 
-/// Everything that one tick moves. Emptied and filled again every tick; keeps its memory.
+/// The state of one tick. It is refilled every tick and keeps its memory.
 #[derive(Default)]
 pub(super) struct Solver {
     pub(super) particles: Particles,
     pub(super) bodies: Vec<SolverBody>,
     pub(super) contacts: Vec<ContactConstraint>,
-    /// The contacts that may act in the current step, with their places.
+    /// The contacts that may act in the current substep, with their indices in `contacts`.
     acting: Vec<(u32, ActingContact)>,
     gradients: Vec<DVec3>,
-    /// Velocities when the tick began.
+    /// Velocities at the beginning of the tick.
     first_velocities: Vec<DVec3>,
 }
 
-/// What a tick of the solver did.
+/// What one call of [`Solver::advance`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Solved {
-    /// How often a contact was solved for.
+    /// Number of contact solves, over all substeps and iterations.
     pub(super) contact_solves: usize,
-    /// How many contacts pushed in the last step.
+    /// Number of contacts that pushed in the last substep.
     pub(super) pressing: usize,
 }
 
@@ -126,25 +127,26 @@ impl Solver {
         self.contacts.clear();
     }
 
-    /// Remembers the beginning of a tick, to begin it again.
+    /// Saves the velocities at the beginning of a tick, so that it can be solved again.
     pub(super) fn remember(&mut self) {
         self.first_velocities.clone_from(&self.particles.velocity);
     }
 
-    /// Begins the tick again. Particles that have come since begin it now.
+    /// Resets the tick to its beginning. Particles added since then start now.
     pub(super) fn begin_again(&mut self) {
         let Particles { start, position, velocity, .. } = &mut self.particles;
         position.clone_from(start);
         velocity[..self.first_velocities.len()].copy_from_slice(&self.first_velocities);
     }
 
-    /// Moves everything on by `duration` seconds, more than 0.
+    /// Advances all particles by `duration` seconds, which must be more than 0.
     pub(super) fn advance(&mut self, duration: f64, settings: &XpbdSettings) -> Solved {
         let step = duration / f64::from(settings.substeps);
         let gravity = settings.gravity.as_dvec3();
         let mut solved = Solved::default();
         self.contacts.iter_mut().for_each(|contact| contact.begin_tick(&self.particles));
-        // There and back ends with the first: what stands has the last word, or a stack would be pressed into the ground.
+        // A symmetric sweep ends with the first contact. Contacts with static or kinematic particles come first, so
+        // that they have the last word. Otherwise a stack would be pressed into the ground.
         let is_loose = |contact: &ContactConstraint| !contact.is_on_firm_ground(&self.particles);
         if !self.contacts.is_sorted_by_key(is_loose) {
             self.contacts.sort_by_key(is_loose);
@@ -163,8 +165,8 @@ impl Solver {
                 }
                 let Self { acting, particles, .. } = self;
                 there_and_back(acting.len(), |place| acting[place].1.separate(particles));
-                // The limits of friction are known by now, and stay: a contact that gave up pressing after its friction was
-                // solved would let go of what it holds.
+                // Friction runs after all normal multipliers are final, because they are its limits. If a contact
+                // stopped pressing after its friction was solved, it would release what it holds.
                 there_and_back(acting.len(), |place| acting[place].1.rub(particles));
                 solved.contact_solves += acting.len();
             }
@@ -179,7 +181,7 @@ impl Solver {
         solved
     }
 
-    /// Vertices that are welded to others go where those went.
+    /// Moves welded vertices to the vertices that they are welded to.
     pub(super) fn follow_welds(&mut self) {
         for body in self.bodies.iter().filter(|body| body.topology.is_welded()) {
             for (vertex, &weld) in body.topology.weld().iter().enumerate() {

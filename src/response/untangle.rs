@@ -1,40 +1,43 @@
-//! How crossing surfaces come apart when it is not known which side each was on.
+//! How crossing surfaces separate if it is not known which side each was on.
 //!
-//! The curve in which two sheets cross cuts a part off one of them, or off both. The smaller part is what has gone beyond:
-//! it goes back as a whole, against the faces that its edges pierce. Where the curve cuts nothing off, because it ends in the
-//! middle of both, it is made shorter: it ends, or goes over into other triangles, where an edge pierces a face; when the
-//! edge moves by `D` against the face, that point moves by `D − E (D·N)/(E·N)`, with `E` along the edge and `N` the face's
-//! normal, and the curve in each triangle beside the edge, which leaves the point along `R`, becomes shorter by what it
-//! moves along `R`. So `D` along the sum of `R − N (E·R)/(E·N)` shortens it fastest (the idea: Volino and
-//! Magnenat-Thalmann 2006, "Resolving Surface Collisions through Intersection Contour Minimization"; parts by flood fill:
-//! Baraff, Witkin and Kass 2003, "Untangling Cloth").
+//! The intersection contour of two sheets cuts a part off one or both of them. The smaller part has passed through: it
+//! moves back as a whole, against the faces that its edges pierce (parts by flood fill: Baraff, Witkin and Kass 2003,
+//! "Untangling Cloth").
+//!
+//! If the contour ends in the middle of both sheets, it cuts nothing off and is shortened instead. It ends, or
+//! continues into other triangles, at points where an edge pierces a face. If the edge moves by `D` against the face,
+//! such a point moves by `D − E (D·N)/(E·N)`, with `E` along the edge and `N` the normal of the face. In each triangle
+//! next to the edge the contour leaves the point along `R`, and shortens by the component of that motion along `R`. So
+//! a motion `D` along the sum of `R − N (E·R)/(E·N)` shortens it fastest (idea: Volino and Magnenat-Thalmann 2006,
+//! "Resolving Surface Collisions through Intersection Contour Minimization").
 
 use bevy_platform::collections::HashSet;
 use glam::DVec3;
 
 use crate::kernel::mesh::topology::SurfaceTopology;
 
-/// Edges that make a smaller sine with a face go along it rather than through it.
+/// If the sine of the angle between an edge and a face is smaller, the edge runs along the face and does not count as
+/// piercing it.
 const GRAZING_SINE: f64 = 1.0e-3;
 
-/// A part that is cut off goes back where its edges agree about the direction by this much, of 1.
+/// A cut-off part moves back only if the mean of the directions of its edges has at least this length, of 1.
 const AGREEMENT: f64 = 0.2;
 
-/// An edge of a surface that pierces a face of another one.
+/// An edge of a surface that pierces a face of another surface.
 #[derive(Clone, Copy, Debug)]
 pub struct PiercingEdge {
-    /// Its number in the topology.
+    /// Edge index in the topology.
     pub edge: u32,
-    /// Its two vertices, welded.
+    /// Its two welded vertices.
     pub vertices: [u32; 2],
-    /// From the first to the second.
+    /// From the first vertex to the second.
     pub along: DVec3,
-    /// Unit normal of the face, to either side.
+    /// Unit normal of the face, with either sign.
     pub normal: DVec3,
 }
 
 impl PiercingEdge {
-    /// Edge `side` of a triangle with corners at `points`.
+    /// Edge `side` of a triangle whose corners are at `points`.
     pub(super) fn new(
         topology: &SurfaceTopology,
         triangle: u32,
@@ -53,19 +56,19 @@ impl PiercingEdge {
     }
 }
 
-/// A part of a surface that is cut off by another one.
+/// A part of a surface that another surface cuts off.
 #[derive(Clone, Debug)]
 pub struct CutOff {
-    /// Its vertices, welded.
+    /// Its welded vertices.
     pub vertices: Vec<u32>,
-    /// Which share of the surface's vertices they are.
+    /// Share of the surface's vertices that it has.
     pub share: f64,
-    /// Unit vector: where it has to go.
+    /// Unit vector along which it moves back.
     pub back: DVec3,
 }
 
-/// The smaller part of a surface, with welded edges `edges`, that is cut off where other edges are than those that pierce;
-/// `None` where they cut nothing off, or in different directions.
+/// The smaller part of a surface that its piercing edges cut off. `edges` are the welded edges of the surface. `None`
+/// if the piercing edges cut nothing off, or disagree about the direction.
 #[must_use]
 pub fn cut_off(vertex_count: usize, edges: &[[u32; 2]], piercing: &[PiercingEdge]) -> Option<CutOff> {
     let cut: HashSet<u32> = piercing.iter().map(|piercing| piercing.edge).collect();
@@ -95,7 +98,7 @@ pub fn cut_off(vertex_count: usize, edges: &[[u32; 2]], piercing: &[PiercingEdge
     (!vertices.is_empty()).then_some(CutOff { vertices, share, back: back.normalize() })
 }
 
-/// Which vertices are joined.
+/// Union-find over vertices.
 struct Parts {
     parent: Vec<u32>,
     size: Vec<u32>,
@@ -106,7 +109,7 @@ impl Parts {
         Self { parent: (0..count as u32).collect(), size: vec![1; count] }
     }
 
-    /// The vertex that a part is named by.
+    /// The representative vertex of a part.
     fn of(&mut self, mut vertex: u32) -> u32 {
         while self.parent[vertex as usize] != vertex {
             let above = self.parent[self.parent[vertex as usize] as usize];
@@ -129,8 +132,8 @@ impl Parts {
     }
 }
 
-/// The unit direction in which to move an edge against a face that it pierces; `beside` are the third corners of the
-/// triangles along the edge. `None` where the curve is as long whichever way it moves, or there is no telling.
+/// The unit direction in which to move an edge against a face that it pierces. `beside` are the third corners of the
+/// triangles along the edge. `None` if no motion shortens the contour or the edge grazes the face.
 #[must_use]
 pub fn untangling_direction(edge: [DVec3; 2], face: &[DVec3; 3], beside: impl Iterator<Item = DVec3>) -> Option<DVec3> {
     let along = (edge[1] - edge[0]).try_normalize()?;
@@ -157,7 +160,7 @@ mod tests {
 
     use super::*;
 
-    /// Length of the line in which two triangles cross, by where the edges of each pierce the other.
+    /// Length of the intersection line of two triangles, computed from the points where edges of each pierce the other.
     fn curve_length(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
         let mut points = Vec::new();
         for (own, other) in [(a, b), (b, a)] {
@@ -182,7 +185,7 @@ mod tests {
     #[test]
     fn the_direction_shortens_the_curve_fastest() {
         let face = [DVec3::new(-3.0, 0.0, -2.0), DVec3::new(-1.0, 0.1, 4.0), DVec3::new(4.0, -0.2, -1.0)];
-        // One edge goes through the face, and the triangle's other two corners are on the same side.
+        // Two edges pierce the face, from the same corner. The other two corners are on the same side.
         let triangle = [DVec3::new(0.1, -0.8, 0.2), DVec3::new(-0.3, 1.1, 0.4), DVec3::new(2.5, 1.3, 0.9)];
         let moved = |by: DVec3| curve_length(&triangle.map(|corner| corner + by), &face);
         let length = moved(DVec3::ZERO);
@@ -192,11 +195,12 @@ mod tests {
         let directions = [[0, 1, 2], [2, 0, 1]].map(|[from, to, apex]| {
             untangling_direction([triangle[from], triangle[to]], &face, std::iter::once(triangle[apex])).unwrap()
         });
-        // Both edges pierce the face: the slope of the whole is that of both ends.
+        // Two edges pierce the face, so the slope of the length is the sum over both ends.
         let steepest = -DVec3::new(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z));
         let of_ends = |weights: [f64; 2]| directions[0] * weights[0] + directions[1] * weights[1];
         assert!(slope(directions[0] + directions[1]) < -0.5);
-        // The steepest way is a sum of the two ends' with positive weights: found by least squares, nothing is left.
+        // The steepest descent is a positive combination of the directions of both ends. Least squares must leave no
+        // residual.
         let [a, b] = directions;
         let (aa, ab, bb) = (a.dot(a), a.dot(b), b.dot(b));
         let (at, bt) = (a.dot(steepest), b.dot(steepest));
@@ -206,7 +210,7 @@ mod tests {
         assert!((of_ends(weights) - steepest).length() < 1e-5, "{steepest} {directions:?}");
     }
 
-    /// A row of four squares along x, two triangles each, and the edges of it that a plane at `x` cuts.
+    /// A row of four squares along x with two triangles each, and the edges that the plane at `x` cuts.
     fn row(x: f64) -> (SurfaceTopology, Vec<PiercingEdge>) {
         let corners: Vec<Vec3> = (0..10).map(|place| Vec3::new((place / 2) as f32, 0.0, (place % 2) as f32)).collect();
         let triangles: Vec<[u32; 3]> =
@@ -229,7 +233,7 @@ mod tests {
             assert_eq!(part.vertices, expected);
             assert_eq!(part.back, back);
             assert!((part.share - expected.len() as f64 / 10.0).abs() < 1e-12);
-            // Where one edge still holds, nothing is cut off.
+            // With one edge left uncut, nothing is cut off.
             assert!(cut_off(topology.vertex_count(), topology.edges(), &piercing[1..]).is_none());
         }
     }

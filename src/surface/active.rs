@@ -6,14 +6,30 @@ use bevy_ecs::prelude::*;
 use glam::Vec3;
 
 use super::components::{ContactMethod, SurfaceLayers};
-use crate::{
-    contacts::ContactSide,
-    kernel::{
-        exact::rigid_shape::ShapeGeometry,
-        mesh::{bounds::Aabb, topology::SurfaceTopology},
-        pose::Pose,
-    },
+use crate::kernel::{
+    exact::rigid_shape::ShapeGeometry,
+    mesh::{bounds::Aabb, topology::SurfaceTopology},
+    pose::Pose,
 };
+
+/// One side of a contact.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ContactSide {
+    /// A deformable surface.
+    Surface(Entity),
+    /// A [rigid shape](super::RigidShape), whether a solid or made of triangles.
+    Shape(Entity),
+}
+
+impl ContactSide {
+    /// The entity, whatever it is.
+    #[must_use]
+    pub const fn entity(self) -> Entity {
+        match self {
+            Self::Surface(entity) | Self::Shape(entity) => entity,
+        }
+    }
+}
 
 /// A surface that takes part in this tick.
 #[derive(Clone, Debug)]

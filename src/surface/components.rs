@@ -2,21 +2,18 @@
 
 use std::sync::Arc;
 
-use bevy_ecs::{lifecycle::HookContext, prelude::*, world::DeferredWorld};
+use bevy_ecs::{change_detection::Tick, lifecycle::HookContext, prelude::*, world::DeferredWorld};
 use bevy_transform::components::Transform;
 use bytemuck::cast_slice;
 use glam::Vec3;
 
-use super::prepare::QuarantineReason;
-use crate::{
-    detection::{
-        Circumspheres, EnclosingBalls, PreviousPositions, SurfaceRows, TriangleBounds, TriangleCones,
-        TriangleCurvature, broad_phase::SurfaceTree,
-    },
-    kernel::mesh::{
-        ids::VertexId,
-        topology::{SurfaceTopology, TopologyError},
-    },
+use super::{
+    prepare::QuarantineReason,
+    spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
+};
+use crate::kernel::{
+    mesh::{ids::VertexId, topology::SurfaceTopology, validation::TopologyError},
+    pose::Pose,
 };
 
 /// A triangle mesh that may deform, and takes part in contacts.
@@ -26,6 +23,7 @@ use crate::{
 #[component(immutable)]
 #[require(
     SurfacePositions,
+    CheckedPositions,
     SweptTarget,
     SurfaceStatus,
     SurfaceThickness,
@@ -35,9 +33,6 @@ use crate::{
     SurfaceFrame,
     Registration,
     Transform,
-    TriangleBounds,
-    SurfaceTree,
-    SurfaceRows,
     TriangleCurvature,
     EnclosingBalls,
     Circumspheres,
@@ -209,6 +204,29 @@ impl SweptCollision {
     }
 }
 
+/// Where a surface with [`SweptCollision`] was in the last detection: where its motion begins in the next one.
+#[derive(Component, Clone, Debug, Default)]
+pub struct PreviousPositions {
+    /// Its positions, in its own frame.
+    pub positions: Vec<Vec3>,
+    /// Where it stood in the world.
+    pub pose: Pose,
+    /// The version of the positions: with the same version they are the same bit by bit.
+    pub(crate) version: u64,
+    /// The detection that this is of.
+    pub(crate) detection: u64,
+}
+
+impl PreviousPositions {
+    pub(crate) fn remember(&mut self, positions: &[Vec3], pose: Pose, version: u64, detection: u64) {
+        if self.version != version || self.detection + 1 != detection {
+            self.positions.clear();
+            self.positions.extend_from_slice(positions);
+        }
+        (self.pose, self.version, self.detection) = (pose, version, detection);
+    }
+}
+
 /// Where a solver expects the vertices of a surface at the end of this tick, in the surface's own
 /// frame and the order of [`SurfacePositions`]: the way from the current positions to these is swept instead of that since
 /// the last tick. Write it in [`DeformableSystems::Predict`](crate::DeformableSystems::Predict).
@@ -373,8 +391,36 @@ impl Registration {
     }
 }
 
+/// What the last check of a surface's positions found: the one place where NaN and infinity are noticed.
+#[derive(Component, Clone, Copy, Debug, Default)]
+pub(crate) struct CheckedPositions {
+    /// The change tick of the positions, where all were finite, and what no coordinate is larger than.
+    passed: Option<(Tick, f32)>,
+}
+
+impl CheckedPositions {
+    /// Checks positions that have been written to since the last check. Returns a bound on the magnitude of the coordinates.
+    pub(crate) fn check(&mut self, positions: &Ref<SurfacePositions>) -> Result<f32, QuarantineReason> {
+        let changed = positions.last_changed();
+        if let Some((seen, at_most)) = self.passed
+            && seen == changed
+        {
+            return Ok(at_most);
+        }
+        self.passed = None;
+        let at_most = if first_large(&positions.0).is_none() { LARGE } else { f32::MAX };
+        if at_most == f32::MAX
+            && let Some(vertex) = first_non_finite(&positions.0)
+        {
+            return Err(QuarantineReason::NonFinitePosition(vertex));
+        }
+        self.passed = Some((changed, at_most));
+        Ok(at_most)
+    }
+}
+
 /// 2^60: in a usual pose, smaller coordinates are far from the end of f32.
-pub(crate) const LARGE: f32 = f32::from_bits((127 + 60) << 23);
+const LARGE: f32 = f32::from_bits((127 + 60) << 23);
 
 /// The first position that is not finite.
 pub(crate) fn first_non_finite(positions: &[Vec3]) -> Option<VertexId> {
@@ -382,7 +428,7 @@ pub(crate) fn first_non_finite(positions: &[Vec3]) -> Option<VertexId> {
 }
 
 /// The first position with a coordinate of [`LARGE`] or more, or that is not finite.
-pub(crate) fn first_large(positions: &[Vec3]) -> Option<VertexId> {
+fn first_large(positions: &[Vec3]) -> Option<VertexId> {
     first_beyond(positions, LARGE)
 }
 

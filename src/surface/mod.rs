@@ -7,15 +7,18 @@ mod active;
 mod components;
 mod prepare;
 mod rigid_shape;
+mod spheres;
 
 pub(crate) use active::SideOrder;
-pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces};
-pub(crate) use components::first_non_finite;
+pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactSide};
+pub(crate) use components::{CheckedPositions, first_non_finite};
 pub use components::{
-    ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceBuilder, SurfaceDisabled,
-    SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus, SurfaceThickness, SweptCollision,
-    SweptTarget, Teleported,
+    ContactEventsEnabled, ContactMethod, DeformableSurface, PreviousPositions, SelfCollision, Sidedness,
+    SurfaceBuilder, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus,
+    SurfaceThickness, SweptCollision, SweptTarget, Teleported,
 };
 pub(crate) use prepare::PendingQuarantines;
-pub use prepare::{QuarantineReason, SurfacePlugin};
+pub use prepare::{QuarantineReason, SurfacePlugin, SurfaceQuarantined};
 pub use rigid_shape::RigidShape;
+pub(crate) use spheres::SphereSource;
+pub use spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature};

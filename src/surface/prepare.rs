@@ -15,15 +15,14 @@ use glam::{DAffine3, Vec3};
 use super::{
     active::{ActiveShape, ActiveSurface, ActiveSurfaces, SideOrder},
     components::{
-        ContactEventsEnabled, ContactMethod, DeformableSurface, LARGE, NextRegistration, Registration, SelfCollision,
-        Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus,
-        SurfaceThickness, Teleported, first_large, first_non_finite,
+        CheckedPositions, ContactEventsEnabled, ContactMethod, DeformableSurface, NextRegistration, Registration,
+        SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions,
+        SurfaceStatus, SurfaceThickness, Teleported,
     },
     rigid_shape::{PreparedShape, RigidMesh, RigidShape, Solid},
 };
 use crate::{
-    contacts::SurfaceQuarantined,
-    detection::{DetectionDiagnostics, TriangleBounds},
+    diagnostics::DetectionDiagnostics,
     kernel::{
         exact::rigid_shape::ShapeError,
         mesh::{bounds::Aabb, ids::VertexId},
@@ -68,6 +67,16 @@ pub enum QuarantineReason {
     Shape(#[from] ShapeError),
 }
 
+/// A surface or shape cannot be used and was set aside. Sent once; it is taken back without a message as soon as its
+/// [`SurfaceStatus`] can be active again.
+#[derive(Message, EntityEvent, Clone, Debug, PartialEq)]
+pub struct SurfaceQuarantined {
+    /// Which.
+    pub entity: Entity,
+    /// Why.
+    pub reason: QuarantineReason,
+}
+
 /// Less than a quarter of the largest f32: of coordinates in the world up to this, differences and their lengths are finite.
 const LARGEST: f64 = 8.0e37;
 
@@ -107,7 +116,7 @@ struct SurfaceItem {
     entity: Entity,
     surface: Ref<'static, DeformableSurface>,
     positions: Ref<'static, SurfacePositions>,
-    bounds: &'static TriangleBounds,
+    checked: &'static mut CheckedPositions,
     status: &'static mut SurfaceStatus,
     thickness: &'static SurfaceThickness,
     method: &'static ContactMethod,
@@ -191,7 +200,7 @@ fn gather_surfaces(
         } else if item.positions.0.is_empty() {
             SurfaceStatus::Waiting
         } else {
-            match validate(&item, &transforms) {
+            match validate(&mut item, &transforms) {
                 Ok((pose, thickness)) => {
                     let topology = Arc::clone(item.surface.topology());
                     let one_sided = item.sidedness.has_inside(&topology);
@@ -220,12 +229,12 @@ fn gather_surfaces(
     diagnostics.finish("prepare", watch, 0, 0);
 }
 
-fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(Pose, f32), QuarantineReason> {
+fn validate(item: &mut SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(Pose, f32), QuarantineReason> {
     let (expected, found) = (item.surface.topology().vertex_count(), item.positions.0.len());
     if expected != found {
         return Err(QuarantineReason::PositionCount { expected, found });
     }
-    let at_most = check_positions(&item.positions, item.bounds)?;
+    let at_most = item.checked.check(&item.positions)?;
     let pose = match *item.frame {
         SurfaceFrame::Local => transforms.global_pose(item.entity)?,
         SurfaceFrame::World => Pose::IDENTITY,
@@ -239,17 +248,6 @@ fn validate(item: &SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(
         return Err(QuarantineReason::Thickness(thickness));
     }
     Ok((pose, thickness))
-}
-
-/// Returns a bound of the coordinates. Positions that have not been written to since their boxes were made are not read again.
-fn check_positions(positions: &Ref<SurfacePositions>, bounds: &TriangleBounds) -> Result<f32, QuarantineReason> {
-    if bounds.have_seen(positions) {
-        return Ok(largest_coordinate(bounds.whole()));
-    }
-    if first_large(&positions.0).is_none() {
-        return Ok(LARGE);
-    }
-    first_non_finite(&positions.0).map_or(Ok(f32::MAX), |vertex| Err(QuarantineReason::NonFinitePosition(vertex)))
 }
 
 /// Whether all of a surface is in range in the world, given what none of its coordinates is larger than.
@@ -278,7 +276,7 @@ fn is_in_range(largest: f32, pose: &Pose) -> bool {
 struct ShapeItem {
     entity: Entity,
     shape: Ref<'static, PreparedShape>,
-    mesh: Option<(&'static RigidMesh, Ref<'static, SurfacePositions>, &'static TriangleBounds)>,
+    mesh: Option<(&'static RigidMesh, Ref<'static, SurfacePositions>, &'static mut CheckedPositions)>,
     status: &'static mut SurfaceStatus,
     layers: &'static SurfaceLayers,
     sidedness: Option<&'static Sidedness>,
@@ -306,7 +304,7 @@ fn gather_shapes(
         let next = if item.disabled {
             SurfaceStatus::Disabled
         } else {
-            match add_shape(&item, fresh, &transforms, &mut active) {
+            match add_shape(&mut item, fresh, &transforms, &mut active) {
                 Ok(()) => SurfaceStatus::Active,
                 Err(reason) => SurfaceStatus::Quarantined(reason),
             }
@@ -318,7 +316,7 @@ fn gather_shapes(
 }
 
 fn add_shape(
-    item: &ShapeItemItem<'_, '_>,
+    item: &mut ShapeItemItem<'_, '_>,
     fresh: bool,
     transforms: &Transforms,
     active: &mut ActiveSurfaces,
@@ -335,12 +333,12 @@ fn add_shape(
         active.shapes.push(ActiveShape { entity, geometry, parts, pose, target: None, layers, fresh, events, order });
         return Ok(());
     }
-    let Some((RigidMesh { topology }, positions, bounds)) = &item.mesh else { return Ok(()) };
+    let Some((RigidMesh { topology }, positions, checked)) = &mut item.mesh else { return Ok(()) };
     let (expected, found) = (topology.vertex_count(), positions.0.len());
     if expected != found {
         return Err(QuarantineReason::PositionCount { expected, found });
     }
-    let at_most = check_positions(positions, bounds)?;
+    let at_most = checked.check(positions)?;
     check_reach(&positions.0, at_most, &pose)?;
     active.surfaces.push(ActiveSurface {
         entity,

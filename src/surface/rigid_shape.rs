@@ -15,17 +15,14 @@ use parry3d::shape::{SharedShape, TypedShape};
 
 use super::{
     active::ShapePart,
-    components::{DeformableSurface, Registration, SurfaceLayers, SurfacePositions, SurfaceStatus, SweptTarget},
+    components::{
+        CheckedPositions, DeformableSurface, Registration, SurfaceLayers, SurfacePositions, SurfaceStatus, SweptTarget,
+    },
+    spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
 };
-use crate::{
-    detection::{
-        Circumspheres, EnclosingBalls, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature,
-        broad_phase::SurfaceTree,
-    },
-    kernel::{
-        exact::rigid_shape::{ShapeError, ShapeGeometry, SweepPart},
-        mesh::topology::SurfaceTopology,
-    },
+use crate::kernel::{
+    exact::rigid_shape::{ShapeError, ShapeGeometry, SweepPart},
+    mesh::topology::SurfaceTopology,
 };
 
 /// A rigid shape that surfaces touch, placed by the entity's transform (rotation, translation, uniform scale).
@@ -113,10 +110,8 @@ impl Solid {
 #[derive(Component, Clone)]
 #[require(
     SurfacePositions,
+    CheckedPositions,
     SweptTarget,
-    TriangleBounds,
-    SurfaceTree,
-    SurfaceRows,
     TriangleCurvature,
     EnclosingBalls,
     Circumspheres,
@@ -129,7 +124,7 @@ pub(crate) struct RigidMesh {
 impl RigidMesh {
     fn remove_from(entity: &mut EntityWorldMut) {
         if entity.contains::<Self>() {
-            entity.remove::<(Self, SurfacePositions, SweptTarget, TriangleBounds, SurfaceTree, SurfaceRows)>();
+            entity.remove::<(Self, SurfacePositions, CheckedPositions, SweptTarget)>();
             entity.remove::<(TriangleCurvature, EnclosingBalls, Circumspheres, TriangleCones)>();
         }
     }

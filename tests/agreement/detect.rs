@@ -3,13 +3,14 @@
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore,
-    detection::{BruteForceBroadPhasePlugin, ParryBroadPhasePlugin, TreeBroadPhasePlugin},
+    detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
     kernel::contact::{CompactContact, TouchingPair},
     prelude::*,
 };
 use bevy_ecs::prelude::*;
 pub use circumsphere_support::bars::BAND;
 use circumsphere_support::bars::SEPARATION_TOLERANCE;
+use circumsphere_truth::ParryBroadPhasePlugin;
 use circumsphere_truth::{
     Comparison, ReferencePair, compare, exact_weld, point_triangle, segment_segment, touching_pairs_tree,
 };

@@ -2,10 +2,15 @@
 //! found. Truth is the f64 reference over stored positions and poses, both taken as exact. Every tick of every test
 //! goes through [`Run::tick`], which checks what must hold whatever the case is.
 
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    ops::AddAssign,
+};
+
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore, StoredPair,
-    detection::{BruteForceBroadPhasePlugin, ParryBroadPhasePlugin, TreeBroadPhasePlugin},
+    detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
     kernel::contact::{CompactContact, TouchingPair},
     prelude::*,
 };
@@ -18,15 +23,12 @@ use circumsphere_support::{
     bars::{BAND, SEPARATION_TOLERANCE},
     scenes::{Mesh, cuboid, icosphere},
 };
+use circumsphere_truth::ParryBroadPhasePlugin;
 use circumsphere_truth::{
     ReferencePair, exact_weld, point_segment, point_triangle, segment_segment, touching_pairs_between_tree,
     touching_pairs_tree,
 };
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    ops::AddAssign,
-};
 
 /// Weights and normals are stored in f32: a handful of roundings.
 const STORAGE: f32 = 8.0 * f32::EPSILON;
@@ -510,7 +512,7 @@ impl Neighbors {
 
     fn pair<'a>(&self, store: &'a ContactStore) -> &'a StoredPair {
         let is_ours = |pair: &&StoredPair| [pair.a.entity(), pair.b.entity()] == self.0;
-        store.pairs.iter().find(is_ours).expect("the neighbors are in contact")
+        store.pairs().iter().find(is_ours).expect("the neighbors are in contact")
     }
 }
 
@@ -575,7 +577,7 @@ impl Run {
         self.assert_neighbors_unaffected(store);
         let place = |entity: Entity| self.entities.iter().position(|&other| other == entity);
         let (mut pairs, mut normals) = (BTreeMap::new(), normals.into_iter());
-        for pair in &store.pairs {
+        for pair in store.pairs() {
             let normals: Vec<Vec3> = normals.by_ref().take(pair.contacts.len()).collect();
             let (Some(first), Some(second)) = (place(pair.a.entity()), place(pair.b.entity())) else { continue };
             let found = FoundPair { touching: pair.touching.to_vec(), contacts: pair.contacts.to_vec(), normals };

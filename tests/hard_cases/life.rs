@@ -133,7 +133,7 @@ fn an_empty_world_has_no_contacts() {
         let mut app = new_app(broad_phase, CircumsphereSettings::default());
         let is_empty = |app: &App| {
             let store = app.world().resource::<ContactStore>();
-            store.pairs.is_empty()
+            store.pairs().is_empty()
         };
         app.update();
         assert!(is_empty(&app));
@@ -148,7 +148,7 @@ fn an_empty_world_has_no_contacts() {
         app.world_mut().despawn(disabled);
         app.update();
         assert!(is_empty(&app));
-        assert_eq!(app.world().resource::<ContactStore>().tick, 3);
+        assert_eq!(app.world().resource::<ContactStore>().tick(), 3);
 
         // Nothing but the neighbors, which the harness compares.
         let found = Run::new(&Case::new([]), method, broad_phase).tick();

@@ -2,10 +2,7 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use bevy_circumsphere::{
-    detection::{Circumspheres, DetectionDiagnostics},
-    prelude::*,
-};
+use bevy_circumsphere::{detection::DetectionDiagnostics, prelude::*, surface::Circumspheres};
 use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere, twisted_rod};
 use glam::Vec3;
 
@@ -200,7 +197,7 @@ fn stale_spheres_contain_their_triangles_after_a_sudden_twist() {
 
 /// To the last bit: radii are lengthened by more than rounding takes.
 fn assert_spheres_contain_triangles(run: &Run, body: usize, twist: f32) {
-    let spheres = &run.app.world().get::<Circumspheres>(run.entities[body]).expect("a surface has spheres").0;
+    let spheres = &run.app.world().get::<Circumspheres>(run.entities[body]).expect("a surface has spheres");
     let body = &run.bodies[body];
     for (triangle, corners) in body.triangles.iter().enumerate() {
         let (center, radius) = (spheres.centers[triangle].as_dvec3(), f64::from(spheres.radii[triangle]));

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use bevy_circumsphere::kernel::mesh::{
     ids::{EdgeId, TriangleId, VertexId},
-    topology::{MAX_ELEMENTS, SurfaceTopology, TopologyError, TopologyReport},
+    topology::{SurfaceTopology, TopologyReport},
+    validation::{MAX_ELEMENTS, TopologyError},
 };
 use circumsphere_support::scenes::{
     Diagonals, Mesh, cuboid, duplicate_vertices, grid, icosphere, merge, ragged_slivers, torus,

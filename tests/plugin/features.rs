@@ -1,7 +1,7 @@
 //! What a contact says of its features where that is easily wrong.
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{ContactStore, detection::Circumspheres, prelude::*};
+use bevy_circumsphere::{ContactStore, prelude::*, surface::Circumspheres};
 use bevy_ecs::prelude::*;
 use circumsphere_support::scenes::cuboid;
 use glam::Vec3;
@@ -71,7 +71,7 @@ fn sphere_settings_take_effect_on_a_mesh_at_rest() {
     app.update();
     let highest = |app: &App| {
         let spheres = app.world().get::<Circumspheres>(first).expect("it has spheres");
-        spheres.0.heights.iter().copied().fold(0.0, f32::max)
+        spheres.heights.iter().copied().fold(0.0, f32::max)
     };
     let before = highest(&app);
     app.world_mut().resource_mut::<CircumsphereSettings>().phi = 3.0;

@@ -30,7 +30,7 @@ fn instances_share_the_adjacency_and_touch_on_their_own() {
         place(&mut app, instance, Vec3::new(-1.6 + 0.8 * number as f32, 3.0, 0.2));
     }
     app.update();
-    assert_eq!(store(&app).pairs.len(), 0);
+    assert_eq!(store(&app).pairs().len(), 0);
     place(&mut app, instances[1], Vec3::new(-0.8, 0.33, 0.2));
     let shrunk: Vec<Vec3> = points(&mesh).iter().map(|point| *point * 0.1).collect();
     write_positions(&mut app, instances[3], &shrunk);
@@ -41,7 +41,7 @@ fn instances_share_the_adjacency_and_touch_on_their_own() {
     for untouched in [0, 2, 4] {
         assert_eq!(of(&mut app, instances[untouched]), []);
     }
-    assert_eq!(store(&app).pairs.len(), 2);
+    assert_eq!(store(&app).pairs().len(), 2);
 
     // An instance touches another one.
     place(&mut app, instances[0], Vec3::new(0.0, 5.0, 0.0));

@@ -116,7 +116,7 @@ impl Scene {
             let mut carrier = self.app.world_mut().get_mut::<Transform>(self.carrier).expect("it is there");
             *carrier = Transform::from_xyz(0.3 * turns, -0.1 * turns, 0.2 * turns).with_rotation(rotation);
         }
-        let before = store(&self.app).tick;
+        let before = store(&self.app).tick();
         if let Clock::Fixed(ticks) = self.clock
             && self.frames.is_multiple_of(2)
         {
@@ -125,7 +125,7 @@ impl Scene {
             set_ticks(&mut self.app, 0);
             self.app.update();
             set_ticks(&mut self.app, ticks);
-            assert_eq!(store(&self.app).tick, before);
+            assert_eq!(store(&self.app).tick(), before);
             assert_eq!(all(&mut self.app).len(), contacts.len());
             assert_eq!(announced(&mut self.app), []);
         }
@@ -134,7 +134,7 @@ impl Scene {
             Clock::Update => 1,
             Clock::Fixed(ticks) => u64::from(ticks),
         };
-        assert_eq!(store(&self.app).tick, before + ticks);
+        assert_eq!(store(&self.app).tick(), before + ticks);
         self.heard = announced(&mut self.app);
         assert!(self.heard.iter().all(|(tick, ..)| *tick == before + 1), "{:?} after {before}", self.heard);
     }
@@ -446,7 +446,7 @@ fn what_comes_and_goes_between_two_detections_was_never_there() {
     app.world_mut().despawn(ball);
     set_ticks(&mut app, 1);
     app.update();
-    assert_eq!((store(&app).tick, announced(&mut app)), (1, vec![]));
+    assert_eq!((store(&app).tick(), announced(&mut app)), (1, vec![]));
     assert_eq!(all(&mut app), []);
 }
 
@@ -591,7 +591,7 @@ fn a_new_place_in_the_order_neither_ends_nor_starts_a_contact() {
     assert_eq!(messages(&mut app), [Started(sheet, ball)]);
     insert(&mut app, sheet, SurfaceOrder(3));
     app.update();
-    assert_eq!(store(&app).pairs[0].a, ContactSide::Surface(ball), "the order has changed");
+    assert_eq!(store(&app).pairs()[0].a, ContactSide::Surface(ball), "the order has changed");
     assert_eq!(announced(&mut app), []);
     place(&mut app, ball, Vec3::Y * 3.0);
     app.update();

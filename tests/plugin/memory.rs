@@ -3,8 +3,8 @@
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings,
-    detection::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
     prelude::*,
+    surface::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
 };
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use circumsphere_support::scenes::cuboid;
@@ -16,20 +16,20 @@ use crate::world::{EXACT_METHODS, THIN, app, at, ball, insert, points, sheet, sp
 fn held(app: &App, entity: Entity) -> [usize; 4] {
     let entity = app.world().entity(entity);
     let curvature =
-        entity.get::<TriangleCurvature>().map_or(0, |it| it.0.curvatures.capacity().max(it.0.dihedrals.capacity()));
-    let balls = entity.get::<EnclosingBalls>().map_or(0, |it| it.0.capacity());
-    let spheres = entity.get::<Circumspheres>().map_or(0, |it| it.0.centers.capacity().max(it.0.radii.capacity()));
-    let cones = entity.get::<TriangleCones>().map_or(0, |it| it.0.axes.capacity().max(it.0.cosines.capacity()));
+        entity.get::<TriangleCurvature>().map_or(0, |it| it.curvatures.capacity().max(it.dihedrals.capacity()));
+    let balls = entity.get::<EnclosingBalls>().map_or(0, |it| it.capacity());
+    let spheres = entity.get::<Circumspheres>().map_or(0, |it| it.centers.capacity().max(it.radii.capacity()));
+    let cones = entity.get::<TriangleCones>().map_or(0, |it| it.axes.capacity().max(it.cosines.capacity()));
     [curvature, balls, spheres, cones]
 }
 
 fn counts(app: &App, entity: Entity) -> [usize; 4] {
     let entity = app.world().entity(entity);
     [
-        entity.get::<TriangleCurvature>().map_or(0, |it| it.0.curvatures.len()),
-        entity.get::<EnclosingBalls>().map_or(0, |it| it.0.len()),
-        entity.get::<Circumspheres>().map_or(0, |it| it.0.centers.len()),
-        entity.get::<TriangleCones>().map_or(0, |it| it.0.axes.len()),
+        entity.get::<TriangleCurvature>().map_or(0, |it| it.curvatures.len()),
+        entity.get::<EnclosingBalls>().map_or(0, |it| it.len()),
+        entity.get::<Circumspheres>().map_or(0, |it| it.centers.len()),
+        entity.get::<TriangleCones>().map_or(0, |it| it.axes.len()),
     ]
 }
 

@@ -113,7 +113,11 @@ fn no_method_gives_anything_that_is_not_a_number() {
             for tick in 0..3 {
                 app.update();
                 let store = store(&app);
-                assert!(store.pairs.len() >= 2 && store.contact_count() > 10, "{method:?}: {}", store.contact_count());
+                assert!(
+                    store.pairs().len() >= 2 && store.contact_count() > 10,
+                    "{method:?}: {}",
+                    store.contact_count()
+                );
                 for contact in store.contacts() {
                     let what = format!("{method:?} in tick {tick}: {contact:?}");
                     assert!(contact.distance.is_finite() && contact.point_b.is_finite(), "{what}");
@@ -168,7 +172,7 @@ fn candidates(app: &mut App) -> [Candidates; 2] {
                 names: Query<&Called>| {
         let name = |entity: Entity| names.get(entity).expect("it is named").0.to_owned();
         let (mut sets, mut count) = ([Candidates::new(), Candidates::new()], 0);
-        for (place, pair) in candidates.pairs.iter().enumerate() {
+        for (place, pair) in candidates.pairs().iter().enumerate() {
             let first = name(active.surfaces[pair.first].entity);
             let second = match pair.second {
                 OtherSide::Surface(place) => name(active.surfaces[place].entity),

@@ -157,11 +157,11 @@ fn a_thickness_in_edges_grows_with_the_scale_and_one_in_the_world_does_not() {
         insert(&mut pair.app, pair.sheet, (SurfaceThickness::World(0.0), at(0.0, 0.53 - 0.53 * scale, 0.0)));
         insert(&mut pair.app, pair.ball, SurfaceThickness::World(0.25));
         pair.app.update();
-        assert_near(store(&pair.app).pairs[0].contact_distance, 0.25, rounding(1.0), scale);
+        assert_near(store(&pair.app).pairs()[0].contact_distance, 0.25, rounding(1.0), scale);
         insert(&mut pair.app, pair.ball, SurfaceThickness::MeanEdges(1.0));
         pair.app.update();
         // Edges of a fine ball of radius 0.5, from 0.137 to 0.163.
-        let edge = store(&pair.app).pairs[0].contact_distance / scale;
+        let edge = store(&pair.app).pairs()[0].contact_distance / scale;
         assert!((0.137..0.164).contains(&edge), "{edge}");
     }
 }
@@ -250,7 +250,7 @@ fn only_what_reaches_the_other_surface_is_moved() {
     }
     app.update();
     assert!(store(&app).touching_count() > 10);
-    let [pair] = &app.world().resource::<CandidateTrianglePairs>().pairs[..] else { panic!("there are two balls") };
+    let [pair] = app.world().resource::<CandidateTrianglePairs>().pairs() else { panic!("there are two balls") };
     let moved = pair.moved_positions.iter().filter(|position| position.is_finite()).count();
     let whole = pair.moved_positions.len();
     assert!(pair.is_moved() && moved > 10 && moved * 5 < whole, "{moved} of {whole} vertices");

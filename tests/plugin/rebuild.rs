@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
-    detection::{DetectionDiagnostics, TriangleBounds, broad_phase::SurfaceTree},
+    detection::{DetectionDiagnostics, SurfaceState, SurfaceStates},
     kernel::bvh::tree::BoxTree,
     prelude::*,
 };
@@ -50,12 +50,12 @@ impl Stirred {
         write_positions(&mut self.app, self.ball, &above);
     }
 
-    fn tree(&self) -> &SurfaceTree {
-        self.app.world().get::<SurfaceTree>(self.sheet).expect("it is a surface")
+    fn state(&self) -> &SurfaceState {
+        self.app.world().resource::<SurfaceStates>().get(self.sheet).expect("it is a surface")
     }
 
     fn has_followed(&self) -> bool {
-        self.tree().has_followed(self.app.world().get::<TriangleBounds>(self.sheet).expect("it is a surface"))
+        self.state().is_tree_current()
     }
 
     fn tick(&mut self, tick: usize) -> (Duration, usize) {
@@ -117,7 +117,7 @@ fn area(tree: &BoxTree) -> f32 {
 #[test]
 fn a_tree_that_has_rested_while_its_surface_was_alone_is_soon_as_good_as_a_new_one() {
     let mut scene = Stirred::new(40);
-    assert!(scene.tree().tree().is_empty());
+    assert!(scene.app.world().resource::<SurfaceStates>().get(scene.sheet).is_none());
     scene.put_ball(90.0);
     scene.tick(0);
     assert!(scene.has_followed(), "a tree is built when its surface comes");
@@ -125,16 +125,16 @@ fn a_tree_that_has_rested_while_its_surface_was_alone_is_soon_as_good_as_a_new_o
     assert!(!scene.has_followed());
     scene.put_ball(0.0);
     let mut tick = 1;
-    while scene.tree().tree().decay() <= 1.5 {
+    while scene.state().tree().decay() <= 1.5 {
         tick += 1;
         assert!(tick < TICKS && scene.tick(tick).1 == 0 && scene.has_followed());
     }
-    let area_before = area(scene.tree().tree());
+    let area_before = area(scene.state().tree());
     scene.put_ball(90.0);
     for alone in 0..50 {
         assert_eq!(scene.tick(tick + alone).1, 0);
         assert!(!scene.has_followed() || alone == 0, "nobody asks the tree");
-        assert_eq!(area(scene.tree().tree()), area_before);
+        assert_eq!(area(scene.state().tree()), area_before);
     }
     scene.put_ball(0.0);
     for near in 0..15 {
@@ -144,7 +144,7 @@ fn a_tree_that_has_rested_while_its_surface_was_alone_is_soon_as_good_as_a_new_o
         let mut fresh = Stirred::new(40);
         fresh.tick(stirred);
         assert!(store(&scene.app).contacts().eq(store(&fresh.app).contacts()), "{near}");
-        let [area, new] = [&scene, &fresh].map(|scene| area(scene.tree().tree()));
+        let [area, new] = [&scene, &fresh].map(|scene| area(scene.state().tree()));
         println!("{near}: {:.3} of a new tree", area / new);
         assert!(near < 10 || area < 1.3 * new, "{area} against {new} of a new tree");
     }

@@ -4,8 +4,8 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings,
     detection::{
-        BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, DetectionDiagnostics,
-        TreeBroadPhasePlugin, TriangleBounds,
+        BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, DetectionDiagnostics, SurfaceState,
+        SurfaceStates, TreeBroadPhasePlugin,
     },
     kernel::mesh::bounds::triangle_bounds,
     prelude::*,
@@ -122,18 +122,18 @@ fn another_mesh_of_the_same_positions_gets_boxes_of_its_own_triangles() {
     let fewer = Mesh { triangles: mesh.triangles[..20].to_vec(), ..mesh.clone() };
     insert(&mut app, entity, surface(&fewer).0);
     app.update();
-    let bounds = app.world().get::<TriangleBounds>(entity).expect("it is a surface");
-    assert_eq!(bounds.triangles().len(), 20);
+    let bounds = app.world().resource::<SurfaceStates>().get(entity).expect("it is a surface");
+    assert_eq!(bounds.triangle_boxes().len(), 20);
     assert_eq!(app.world().resource::<DetectionDiagnostics>().surfaces_unmoved, 0);
     assert_boxes(bounds, &points(&fewer), &fewer.triangles);
 }
 
 /// Boxes are grown by a thickness of 0.05, and by no less.
-fn assert_boxes(bounds: &TriangleBounds, positions: &[Vec3], triangles: &[[u32; 3]]) {
+fn assert_boxes(bounds: &SurfaceState, positions: &[Vec3], triangles: &[[u32; 3]]) {
     let mut expected = Vec::new();
     triangle_bounds(positions, triangles, 0.05, &mut expected);
-    assert_eq!(bounds.triangles().len(), expected.len());
-    for (found, least) in bounds.triangles().iter().zip(&expected) {
+    assert_eq!(bounds.triangle_boxes().len(), expected.len());
+    for (found, least) in bounds.triangle_boxes().iter().zip(&expected) {
         assert!(found.min.cmple(least.min).all() && found.max.cmpge(least.max).all());
         // Events part a thousandth farther out; 4 units in the last place of 1.
         let slack = Vec3::splat(0.05e-3 + 4.0 * f32::EPSILON);
@@ -150,14 +150,14 @@ fn boxes_of_what_is_near_nothing_are_those_of_the_last_detection_whenever_they_a
         let positions: Vec<Vec3> = points(&mesh).iter().map(|&point| point * (1.0 + 0.1 * tick as f32)).collect();
         insert(&mut app, entity, SurfacePositions(positions.clone()));
         app.update();
-        let bounds = app.world().get::<TriangleBounds>(entity).expect("it is a surface");
+        let bounds = app.world().resource::<SurfaceStates>().get(entity).expect("it is a surface");
         // Nobody asks in the second tick; what is written after a detection is not in its boxes.
         if tick != 1 {
             assert_boxes(bounds, &positions, &mesh.triangles);
         }
     }
     insert(&mut app, entity, SurfacePositions(vec![Vec3::ZERO; mesh.positions.len()]));
-    let bounds = app.world().get::<TriangleBounds>(entity).expect("it is a surface");
+    let bounds = app.world().resource::<SurfaceStates>().get(entity).expect("it is a surface");
     let last: Vec<Vec3> = points(&mesh).iter().map(|&point| point * (1.0 + 0.1 * 3.0)).collect();
     assert_boxes(bounds, &last, &mesh.triangles);
 }
@@ -180,7 +180,7 @@ fn a_vertex_that_no_triangle_has_brings_nothing_near() {
                 active.surfaces.iter().find(|surface| surface.entity == body).expect("it is active").world_bounds
             });
             assert_eq!(first.overlaps(&second), is_named);
-            let pairs = &app.world().resource::<CandidateTrianglePairs>().pairs;
+            let pairs = &app.world().resource::<CandidateTrianglePairs>().pairs();
             assert_eq!(pairs.iter().filter(|pair| !pair.is_self()).count(), usize::from(is_named));
         }
     }

@@ -31,7 +31,7 @@ fn an_empty_world_has_no_contacts() {
     let mut app = app();
     for tick in 1..4 {
         app.update();
-        assert_eq!(store(&app).tick, tick);
+        assert_eq!(store(&app).tick(), tick);
         assert_eq!(all(&mut app), []);
     }
     let never = app.world_mut().spawn_empty().id();
@@ -122,7 +122,7 @@ fn two_apps_in_one_process_know_nothing_of_each_other() {
     assert_touches(&mut one, bodies);
     assert_eq!(all(&mut other), []);
     one.update();
-    assert_eq!((store(&one).tick, store(&other).tick), (2, 1));
+    assert_eq!((store(&one).tick(), store(&other).tick()), (2, 1));
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn every_schedule_can_host_detection() {
     ] {
         let bodies = sheet_and_ball(&mut app);
         app.update();
-        assert_eq!(store(&app).tick, 1, "{name}");
+        assert_eq!(store(&app).tick(), 1, "{name}");
         assert_touches(&mut app, bodies);
     }
 }
@@ -162,7 +162,7 @@ fn detection_can_be_run_by_hand() {
     let mut app = app();
     let [sheet, ball] = sheet_and_ball(&mut app);
     app.world_mut().run_schedule(SurfaceDetection);
-    assert_eq!((store(&app).tick, store(&app).contact_count()), (1, 0), "nothing was prepared yet");
+    assert_eq!((store(&app).tick(), store(&app).contact_count()), (1, 0), "nothing was prepared yet");
     app.update();
     assert_touches(&mut app, [sheet, ball]);
 
@@ -170,7 +170,7 @@ fn detection_can_be_run_by_hand() {
     let moved: Vec<Vec3> = points(&crate::world::ball()).iter().map(|point| *point + Vec3::Y * 0.03).collect();
     write_positions(&mut app, ball, &moved);
     app.world_mut().run_schedule(SurfaceDetection);
-    assert_eq!(store(&app).tick, 3);
+    assert_eq!(store(&app).tick(), 3);
     assert_near(deepest(&between(&mut app, sheet, ball)).distance, 0.06, rounding(1.0), "by hand");
 }
 
@@ -247,7 +247,7 @@ fn a_fixed_schedule_without_a_clock_warns_and_does_not_panic() {
     app.cleanup();
     app.update();
     app.update();
-    assert_eq!(store(&app).tick, 0);
+    assert_eq!(store(&app).tick(), 0);
     assert_eq!(all(&mut app), []);
     assert_eq!(warnings_about("FixedFirst"), before + 1);
     // The schedule itself is sound: run by hand, it detects.

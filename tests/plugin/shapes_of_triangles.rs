@@ -72,12 +72,12 @@ fn a_floor_gives_the_same_contacts_as_a_shape_and_as_a_surface() {
                     app.update();
                 }
                 let lists = [&as_shape, &as_surface].map(|(app, ..)| {
-                    let pairs = &store(app).pairs;
+                    let pairs = &store(app).pairs();
                     pairs.iter().map(told).collect::<Vec<_>>()
                 });
                 assert!(lists[0] == lists[1], "{cells} {turn} {margin}: tick {tick}");
                 let (app, [_, _, floor], _) = &as_shape;
-                let pairs = store(app).pairs.iter().filter(|pair| pair.b == ContactSide::Shape(*floor));
+                let pairs = store(app).pairs().iter().filter(|pair| pair.b == ContactSide::Shape(*floor));
                 for contact in pairs.flat_map(|pair| pair.contacts.iter()) {
                     contacts += 1;
                     passed += usize::from(contact.distance < 0.0);
@@ -141,7 +141,7 @@ fn rigid_shapes_never_make_a_pair() {
         let floor = app.world_mut().spawn(RigidShape(trimesh(&sheet()))).id();
         for _ in 0..3 {
             app.update();
-            assert!(store(&app).pairs.is_empty());
+            assert!(store(&app).pairs().is_empty());
             assert_eq!(app.world().resource::<DetectionDiagnostics>().pairs_kept, 0);
             insert(&mut app, first, at(0.0, 0.01, 0.0));
         }
@@ -151,7 +151,7 @@ fn rigid_shapes_never_make_a_pair() {
         for shape in [first, second, floor] {
             assert!(!between(&mut app, ball, shape).is_empty());
         }
-        assert_eq!(store(&app).pairs.len(), 3);
+        assert_eq!(store(&app).pairs().len(), 3);
     }
 }
 
@@ -223,7 +223,7 @@ fn pairs_with_meshes_and_solids_come_in_the_order_of_the_game() {
             let place = at(0.1 + 0.01 * order as f32, 0.42, 0.2);
             app.world_mut().spawn((RigidShape(shape.clone()), place, SurfaceOrder(order))).id()
         });
-        let order = |app: &App| store(app).pairs.iter().map(|pair| pair.b.entity()).collect::<Vec<_>>();
+        let order = |app: &App| store(app).pairs().iter().map(|pair| pair.b.entity()).collect::<Vec<_>>();
         app.update();
         assert_eq!(order(&app), [shapes[1], shapes[0], shapes[2]], "{name}");
         insert(&mut app, shapes[2], SurfaceOrder(1));
@@ -233,7 +233,7 @@ fn pairs_with_meshes_and_solids_come_in_the_order_of_the_game() {
         insert(&mut app, sheet, SurfaceOrder(100));
         app.update();
         assert_eq!(order(&app), [shapes[2], shapes[1], shapes[0]], "{name}");
-        assert!(store(&app).pairs.iter().all(|pair| pair.a == ContactSide::Surface(sheet)), "{name}");
+        assert!(store(&app).pairs().iter().all(|pair| pair.a == ContactSide::Surface(sheet)), "{name}");
     }
 }
 

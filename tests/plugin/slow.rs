@@ -331,11 +331,11 @@ fn fates_of_pairs_that_are_passed_over_are_told_and_true() {
                 fates.of(place, &mut found);
                 found
             };
-            (0..candidates.pairs.len()).map(of).collect()
+            (0..candidates.pairs().len()).map(of).collect()
         };
         let found = twin.app.world_mut().run_system_once(read).expect("fates can be read");
         let world = twin.app.world();
-        let (active, pairs) = (world.resource::<ActiveSurfaces>(), &world.resource::<CandidateTrianglePairs>().pairs);
+        let (active, pairs) = (world.resource::<ActiveSurfaces>(), &world.resource::<CandidateTrianglePairs>().pairs());
         let corners = |surface: usize, triangle: u32| {
             let surface = &active.surfaces[surface];
             let positions = &world.get::<SurfacePositions>(surface.entity).expect("it is a surface").0;

@@ -3,10 +3,10 @@
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
-    SweptImpacts,
-    detection::{DetectionDiagnostics, PreviousPositions, StageDiagnostics},
+    detection::{DetectionDiagnostics, StageDiagnostics, SweptImpacts},
     kernel::mesh::feature::{Feature, FeatureKind},
     prelude::*,
+    surface::PreviousPositions,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
 use bevy_transform::components::Transform;

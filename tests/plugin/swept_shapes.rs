@@ -1,7 +1,7 @@
 //! What passes through a rigid shape between two ticks, or a shape through it: closed forms, for shapes of every kind.
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{SweptImpacts, prelude::*};
+use bevy_circumsphere::{detection::SweptImpacts, prelude::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use glam::{Quat, Vec3};

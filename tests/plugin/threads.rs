@@ -39,7 +39,7 @@ fn bits(app: &App) -> Bits {
     let store = store(app);
     let name = |side: ContactSide| app.world().get::<Called>(side.entity()).expect("it is named").0;
     let pairs = store
-        .pairs
+        .pairs()
         .iter()
         .map(|pair| (name(pair.a), name(pair.b), pair.nearest.to_bits(), pair.contacts.len(), pair.touching.len()));
     let contacts = store.contacts().map(|contact| {
@@ -68,7 +68,7 @@ fn contacts_are_the_same_to_the_last_bit_for_any_number_of_threads() {
             let first = bits(&app);
             app.update();
             assert!(first == bits(&app), "{method:?}: nothing has moved, yet the second tick differs");
-            let pairs = &app.world().resource::<CandidateTrianglePairs>().pairs;
+            let pairs = &app.world().resource::<CandidateTrianglePairs>().pairs();
             let chunks = pairs.iter().map(|pair| pair.triangles.len().div_ceil(4096)).max();
             assert!(chunks >= Some(8), "{chunks:?} chunks are too few");
             first
@@ -106,7 +106,7 @@ fn contacts_of_many_bodies_are_the_same_to_the_last_bit_for_any_number_of_thread
             let first = bits(&app);
             app.update();
             assert!(first == bits(&app), "{method:?}: nothing has moved, yet the second tick differs");
-            let pairs = &app.world().resource::<CandidateTrianglePairs>().pairs;
+            let pairs = &app.world().resource::<CandidateTrianglePairs>().pairs();
             let most = pairs.iter().map(|pair| pair.triangles.len()).max();
             assert!(most < Some(4096), "{most:?} candidates are cut into parts");
             let all: usize = pairs.iter().map(|pair| pair.triangles.len()).sum();

@@ -283,7 +283,7 @@ pub fn fingerprint(app: &App) -> Vec<(&'static str, &'static str, Vec<String>)> 
     let name = |side: ContactSide| app.world().get::<Called>(side.entity()).expect("it is named").0;
     let store = store(app);
     store
-        .pairs
+        .pairs()
         .iter()
         .map(|pair| {
             let contacts = pair.contacts.iter().map(|contact| format!("{contact:?}"));

@@ -203,7 +203,7 @@ impl SmallWorld {
             self.entities.iter().position(|&entity| entity == side.entity()).expect("there is nothing else")
         };
         let found: Vec<Found> = store
-            .pairs
+            .pairs()
             .iter()
             .map(|pair| Found {
                 sides: [place(pair.a), place(pair.b)],

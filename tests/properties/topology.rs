@@ -6,7 +6,8 @@ use bevy_circumsphere::{
     DeformableSurface,
     kernel::mesh::{
         ids::{EdgeId, TriangleId, VertexId},
-        topology::{SurfaceTopology, TopologyError},
+        topology::SurfaceTopology,
+        validation::TopologyError,
     },
 };
 use circumsphere_support::strategies::{MOST_TRIANGLES, mesh};

@@ -2,9 +2,7 @@
 //! used again, spheres that were refreshed lazily.
 
 use bevy_circumsphere::{
-    detection::{Circumspheres, DetectionDiagnostics},
-    kernel::contact::CompactContact,
-    prelude::*,
+    detection::DetectionDiagnostics, kernel::contact::CompactContact, prelude::*, surface::Circumspheres,
 };
 use circumsphere_support::strategies::{motion, placement, two_meshes};
 use proptest::prelude::*;
@@ -97,7 +95,7 @@ fn stale_spheres_of_a_world_that_has_run_for_long_contain_their_triangles() {
             let mut count = 0;
             for (body, mesh) in current.iter().enumerate() {
                 let positions = points(&placement.apply(mesh.clone()));
-                let spheres = &world.app.world().get::<Circumspheres>(world.entities[body]).expect("it has some").0;
+                let spheres = &world.app.world().get::<Circumspheres>(world.entities[body]).expect("it has some");
                 count += spheres.radii.len();
                 for (triangle, corners) in mesh.triangles.iter().enumerate().take(spheres.radii.len()) {
                     let center = spheres.centers[triangle].as_dvec3();

@@ -41,8 +41,8 @@ fn observe(on: On<SurfaceContactStarted>, names: Query<&Name>, mut journal: ResM
 /// The store by names, every float to the last bit: `Debug` writes the shortest number that reads back as the same.
 fn fingerprint(app: &App, scene: &Scene) -> Vec<String> {
     let store = app.world().resource::<ContactStore>();
-    let mut lines = vec![format!("tick {}", store.tick)];
-    for pair in &store.pairs {
+    let mut lines = vec![format!("tick {}", store.tick())];
+    for pair in store.pairs() {
         let name = scene.pair_name(pair.a.entity(), pair.b.entity());
         lines.push(format!("{name} {} {} {:?}", pair.contact_distance, pair.nearest, pair.frame_pose));
         lines.extend(pair.contacts.iter().map(|contact| format!("{contact:?}")));

@@ -23,7 +23,7 @@ type Told = Vec<([Entity; 2], bool, Vec<([u32; 2], PairFate)>)>;
 fn told(recorded: &mut Recorded) -> Told {
     let read = |fates: PairFates, candidates: Res<CandidateTrianglePairs>, active: Res<ActiveSurfaces>| -> Told {
         let of = |place: usize| {
-            let pair = &candidates.pairs[place];
+            let pair = &candidates.pairs()[place];
             let mut found = Vec::new();
             fates.of(place, &mut found);
             assert!(found.len() >= pair.triangles.len());
@@ -33,7 +33,7 @@ fn told(recorded: &mut Recorded) -> Told {
             };
             ([active.surfaces[pair.first].entity, second], is_shape, found)
         };
-        (0..candidates.pairs.len()).map(of).collect()
+        (0..candidates.pairs().len()).map(of).collect()
     };
     recorded.app.world_mut().run_system_once(read).expect("fates can be read")
 }

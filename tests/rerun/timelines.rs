@@ -18,7 +18,7 @@ use crate::{
 struct Clock(Vec<(u64, Duration)>);
 
 fn read_clock(time: Res<Time>, store: Res<ContactStore>, mut clock: ResMut<Clock>) {
-    clock.0.push((store.tick, time.elapsed()));
+    clock.0.push((store.tick(), time.elapsed()));
 }
 
 /// Compares the times of all rows with the clock. Gives how many there were.

@@ -5,11 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use bevy_circumsphere::{
     ActiveSurfaces,
     debug::{LevelOfDetail, RerunSettings},
-    detection::{
-        CandidateTrianglePairs, Circumspheres, DetectionDiagnostics, EnclosingBalls, TriangleBounds, TriangleCones,
-        TriangleCurvature, broad_phase::OtherSide,
-    },
+    detection::{CandidateTrianglePairs, DetectionDiagnostics, SurfaceStates, broad_phase::OtherSide},
     prelude::*,
+    surface::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
 };
 use bevy_ecs::prelude::*;
 use glam::{Quat, Vec3};
@@ -24,7 +22,7 @@ use crate::{
 /// The surfaces of a pair that is tested by `method`.
 fn used_by(recorded: &Recorded, method: ContactMethod) -> BTreeSet<Entity> {
     let active = recorded.app.world().resource::<ActiveSurfaces>();
-    let pairs = recorded.app.world().resource::<CandidateTrianglePairs>().pairs.iter();
+    let pairs = recorded.app.world().resource::<CandidateTrianglePairs>().pairs().iter();
     let sides = pairs.filter(|pair| pair.method == method).flat_map(|pair| {
         let second = match pair.second {
             OtherSide::Surface(second) => Some(second),
@@ -70,8 +68,8 @@ struct Cap {
 fn caps(recorded: &Recorded, entity: Entity, triangles: &[u32]) -> Vec<Cap> {
     let one_sided = is_one_sided(recorded, entity);
     let entity = recorded.app.world().entity(entity);
-    let spheres = &entity.get::<Circumspheres>().expect("it is a surface").0;
-    let cones = &entity.get::<TriangleCones>().expect("it is a surface").0;
+    let spheres = entity.get::<Circumspheres>().expect("it is a surface");
+    let cones = entity.get::<TriangleCones>().expect("it is a surface");
     let mut caps = Vec::new();
     for &triangle in triangles {
         let place = triangle as usize;
@@ -104,7 +102,7 @@ fn spheres_and_balls_are_those_of_the_stages() {
                         expected.extend(caps.iter().map(|cap| (cap.triangle, cap.center, cap.radius)));
                     }
                     if used_by(&recorded, ContactMethod::BoundingSphere).contains(&entity) {
-                        let balls = &recorded.app.world().get::<EnclosingBalls>(entity).expect("it is a surface").0;
+                        let balls = recorded.app.world().get::<EnclosingBalls>(entity).expect("it is a surface");
                         let ball = |triangle: u32| balls[triangle as usize];
                         expected.extend(
                             triangles.iter().map(|&triangle| (triangle, ball(triangle).center, ball(triangle).radius)),
@@ -207,9 +205,9 @@ fn curvature_and_recipe_ages_are_those_of_the_stages() {
             for (name, entity) in scene.surfaces() {
                 let triangles = wanted(&mut recorded, level, entity);
                 let world = recorded.app.world();
-                let curvatures = &world.get::<TriangleCurvature>(entity).expect("it is a surface").0.curvatures;
+                let curvatures = &world.get::<TriangleCurvature>(entity).expect("it is a surface").curvatures;
                 let ages: Vec<u32> =
-                    world.get::<Circumspheres>(entity).expect("it is a surface").0.recipe_ages().collect();
+                    world.get::<Circumspheres>(entity).expect("it is a surface").recipe_ages().collect();
                 let mesh = &world.get::<Made>(entity).expect("it was made").0;
                 let positions = positions(world, entity);
                 let corners = bits(triangles.iter().flat_map(|&triangle| {
@@ -306,8 +304,13 @@ fn boxes_of_a_tree_lie_in_those_of_the_level_above_and_the_root_holds_just_all_t
                 deepest = deepest.max(levels.len());
                 let Some(root) = levels.first() else { continue };
                 assert_eq!(root.len(), 1);
-                let triangles =
-                    &recorded.app.world().get::<TriangleBounds>(entity).expect("it is a surface").triangles();
+                let triangles = recorded
+                    .app
+                    .world()
+                    .resource::<SurfaceStates>()
+                    .get(entity)
+                    .expect("it is a surface")
+                    .triangle_boxes();
                 let least = triangles.iter().fold(Vec3::INFINITY, |least, bounds| least.min(bounds.min));
                 let most = triangles.iter().fold(Vec3::NEG_INFINITY, |most, bounds| most.max(bounds.max));
                 assert!(holds(&root[0], &(least, most)) && holds(&(least, most), &root[0]), "{name}: {root:?}");

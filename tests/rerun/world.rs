@@ -108,7 +108,7 @@ impl Recorded {
 
     /// The tick of the store, as rows have it.
     pub fn number(&self) -> i64 {
-        i64::try_from(self.app.world().resource::<ContactStore>().tick).expect("there are few")
+        i64::try_from(self.app.world().resource::<ContactStore>().tick()).expect("there are few")
     }
 }
 
@@ -294,7 +294,7 @@ pub fn touching(app: &mut App, entity: Entity) -> (BTreeSet<u32>, BTreeSet<u32>)
         }
     }
     let store = app.world().resource::<ContactStore>();
-    for pair in &store.pairs {
+    for pair in store.pairs() {
         for pair_of_triangles in &pair.touching[..] {
             for (side, triangle) in [(pair.a, pair_of_triangles.triangle_a), (pair.b, pair_of_triangles.triangle_b)] {
                 if side == ContactSide::Surface(entity) {

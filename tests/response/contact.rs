@@ -1,13 +1,8 @@
 //! Contacts and friction against closed forms.
 
-use bevy_app::prelude::*;
-use bevy_circumsphere::{ContactStore, DeformableSystems, prelude::*, response::*};
-use bevy_ecs::prelude::*;
+use bevy_circumsphere::{prelude::*, response::*};
 use bevy_transform::components::Transform;
-use circumsphere_support::{
-    random::Random,
-    scenes::{Diagonals, cuboid, grid, icosphere},
-};
+use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere};
 use glam::{Quat, Vec3};
 
 use crate::harness::{Scene, TICK, mean};
@@ -112,38 +107,6 @@ fn a_driven_surface_pushes_a_cloth_along() {
             assert!(position.y > height + 0.02, "tick {tick}: {position} is in the plate at {height}");
         }
     }
-}
-
-/// Shuffles the contacts of every pair, as a store from elsewhere might have them.
-fn shuffle(mut store: ResMut<ContactStore>) {
-    let mut random = Random::new(11);
-    for pair in &mut store.pairs {
-        let contacts = &mut pair.contacts;
-        for place in (1..contacts.len()).rev() {
-            contacts.swap(place, random.below(place as u64 + 1) as usize);
-        }
-    }
-}
-
-#[test]
-fn the_order_of_contacts_does_not_matter() {
-    let ends = [false, true].map(|shuffled| {
-        let mut scene = Scene::new();
-        if shuffled {
-            scene.app.add_systems(Update, shuffle.after(DeformableSystems::Detect).before(DeformableSystems::Respond));
-        }
-        scene.add_obstacle(&icosphere(3, 0.2), ());
-        let sheet = grid(12, 12, 0.6, 0.6, Diagonals::Alternating).translate([0.01, 0.23, 0.02]);
-        let body = scene.add(&sheet, XpbdMaterial::CLOTH, (SelfCollision, SurfaceThickness::World(0.003)));
-        let mut most = 0;
-        for _ in 0..60 {
-            scene.tick(TICK);
-            most = most.max(scene.diagnostics().contacts);
-        }
-        assert!(most > 100, "{most}");
-        scene.positions(body).iter().map(|position| position.to_array().map(f32::to_bits)).collect::<Vec<_>>()
-    });
-    assert_eq!(ends[0], ends[1]);
 }
 
 #[test]

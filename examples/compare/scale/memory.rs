@@ -1,20 +1,21 @@
-//! Where the bytes are.
+//! Memory use, by owner.
 //!
-//! What holds them is taken away from the world one after the other, and the allocator is asked each time how much that has
-//! freed: nothing is left out, as what remains is stated too. Memory per triangle is that of a sheet that is tested against
-//! something in its box, and none of whose triangles is near it: no pair takes any. Pairs are weighed on a crumpled sheet.
-//! What its topology adds once it meets itself under an exact method, six numbers a triangle, is among what is elsewhere.
+//! Owners are removed from the world one after the other, and the allocator reports how many bytes each removal frees.
+//! Nothing is left out, because the remainder is reported too. Memory per triangle is that of a sheet that is tested
+//! against a triangle in its box, while none of its own triangles is near: no pair takes memory. Pairs are weighed on a
+//! crumpled sheet. What self-collision under an exact method adds to its topology, six numbers per triangle, is part of
+//! the remainder.
 
 use std::fmt::{self, Display, Formatter};
 
 use bevy_circumsphere::{
     detection::{
-        CandidateTrianglePairs, Circumspheres, EnclosingBalls, KeptPairs, MeetingCaps, OverlappingTrianglePairs,
-        RefinedTrianglePairs, SphereContacts, SurfaceRows, TriangleBounds, TriangleCones, TriangleCurvature,
-        broad_phase::SurfaceTree,
+        CandidateTrianglePairs, KeptPairs, MeetingCaps, OverlappingTrianglePairs, RefinedTrianglePairs, SphereContacts,
+        SurfaceStates,
     },
     kernel::mesh::topology::SurfaceTopology,
     prelude::*,
+    surface::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
 };
 use bevy_ecs::prelude::*;
 use serde::Serialize;
@@ -28,15 +29,15 @@ use super::{
     scenes::{self, Scene},
 };
 
-/// Ticks before anything is weighed: buffers are swapped and reused from tick to tick.
+/// Ticks before weighing, because buffers are swapped and reused between ticks.
 const TICKS: usize = 4;
 
-/// What one method holds.
+/// Memory of one method.
 #[derive(Serialize)]
 pub struct Memory {
     pub method: String,
     pub triangles: usize,
-    /// All that a sheet without pairs takes, wherever it is, and the rows that it has with them.
+    /// All memory of a sheet without pairs, plus the rows that a sheet with pairs has.
     pub bytes_per_triangle_without_pairs: f64,
     candidates: usize,
     contacts: usize,
@@ -44,9 +45,9 @@ pub struct Memory {
     bytes_per_candidate: f64,
     bytes_per_contact: f64,
     listed: usize,
-    /// None where nothing is listed.
+    /// `None` if nothing is listed.
     bytes_per_listed: Option<f64>,
-    /// The most that a tick takes beyond what it leaves behind.
+    /// Peak memory of a tick beyond what it leaves behind.
     passing_bytes_per_candidate: f64,
 }
 
@@ -54,36 +55,36 @@ pub struct Memory {
 #[derive(Serialize)]
 struct Part {
     name: &'static str,
-    /// Of the sheet without pairs; of rows, which it does not have, of the crumpled one.
+    /// For the sheet without pairs. For rows, which that sheet does not have, for the crumpled one.
     bytes_per_triangle: f64,
-    /// Of the crumpled sheet.
+    /// For the crumpled sheet.
     bytes: usize,
 }
 
-/// What a sheet takes, by what holds it.
+/// The memory of a sheet, by owner.
 struct Weighed {
     parts: Vec<(&'static str, usize)>,
     candidates: usize,
     contacts: usize,
-    /// Pairs on lists that outlive a tick.
+    /// Pairs in lists that outlive a tick.
     listed: usize,
-    /// Beyond what stays, at the worst moment of a tick.
+    /// Peak of a tick beyond what remains.
     passing: usize,
 }
 
 const TOPOLOGY: &str = "topology";
-/// What a sheet has only where it is in many pairs, as much as a triangle takes.
-const ROWS: &str = "SurfaceRows";
+/// Positions, boxes, tree and rows.
+const STATES: &str = "SurfaceStates";
 const CANDIDATES: &str = "CandidateTrianglePairs";
 const LISTS: &str = "KeptPairs (of a mesh that moves a little)";
-/// What only the stages themselves can reach.
+/// Memory that only the stages themselves can reach.
 const ELSEWHERE: &str = "elsewhere (scratch)";
 
-/// What holds the pairs that were found, rather than candidates.
+/// Owners of pairs that were found, as opposed to candidates.
 const RESULTS: [&str; 6] =
     ["OverlappingTrianglePairs", "MeetingCaps", "RefinedTrianglePairs", "SphereContacts", "ContactStore", ELSEWHERE];
 
-/// Takes something away from the world, or from the sheet.
+/// Removes a component of the sheet, or a resource.
 type Take = fn(&mut World, Entity);
 
 fn take_component<T: Component>(world: &mut World, surface: Entity) {
@@ -96,14 +97,14 @@ fn take_resource<T: Resource>(world: &mut World, _: Entity) {
 
 fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
     let body = &scene.bodies[0];
-    // Shared by whoever refers to it, so it is not freed before the last one is.
+    // Shared by several owners, so it is only freed with the last one.
     let before = HEAP.current_usage();
-    let topology = SurfaceTopology::new(&body.states[0].positions, &body.triangles).expect("a scene has meshes");
+    let topology = SurfaceTopology::new(&body.states[0].positions, &body.triangles).expect("it is a valid mesh");
     let topology_bytes = HEAP.current_usage() - before;
     drop(topology);
 
     let before = HEAP.current_usage();
-    // What an app takes with nothing in it is not the sheet's.
+    // The memory of an empty app does not count for the sheet.
     let empty = Stage::new(&Scene { bodies: Vec::new(), ..*scene }, method);
     let empty_bytes = HEAP.current_usage() - before;
     drop(empty);
@@ -117,21 +118,19 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
         stage.app.update();
         passing = HEAP.peak_usage() - HEAP.current_usage();
     }
-    // A mesh that moves a little has lists besides.
+    // After a small motion the mesh has lists, too.
     stage.creep();
     stage.app.update();
     let listed = stage.app.world().resource::<KeptPairs>().listed();
     let whole = (HEAP.current_usage() - before).saturating_sub(empty_bytes);
     let size = stage.size(scene);
-    let holders: [(&'static str, Take); 15] = [
+    let holders: [(&'static str, Take); 13] = [
         ("SurfacePositions", take_component::<SurfacePositions>),
-        ("TriangleBounds", take_component::<TriangleBounds>),
-        ("SurfaceTree", take_component::<SurfaceTree>),
         ("TriangleCurvature", take_component::<TriangleCurvature>),
         ("EnclosingBalls", take_component::<EnclosingBalls>),
         ("Circumspheres", take_component::<Circumspheres>),
         ("TriangleCones", take_component::<TriangleCones>),
-        (ROWS, take_component::<SurfaceRows>),
+        (STATES, take_resource::<SurfaceStates>),
         (CANDIDATES, take_resource::<CandidateTrianglePairs>),
         (LISTS, take_resource::<KeptPairs>),
         ("OverlappingTrianglePairs", take_resource::<OverlappingTrianglePairs>),
@@ -155,18 +154,13 @@ impl Memory {
     pub fn measure(method: ContactMethod, triangles: usize) -> Self {
         let (lone, crumpled) = (scenes::lone(triangles), scenes::crumpled(triangles));
         let (without, with) = (weigh(&lone, method), weigh(&crumpled, method));
-        assert_eq!(without.candidates, 0, "the lone sheet is for what no pair takes");
+        assert_eq!(without.candidates, 0, "the lone sheet must have no candidates");
         let lone_triangles = lone.triangles() as f64;
         let parts: Vec<Part> = without
             .parts
             .iter()
             .zip(&with.parts)
-            .map(|(&(name, lone), &(_, bytes))| {
-                let per_triangle = lone as f64 / lone_triangles;
-                let bytes_per_triangle =
-                    if name == ROWS { bytes as f64 / crumpled.triangles() as f64 } else { per_triangle };
-                Part { name, bytes_per_triangle, bytes }
-            })
+            .map(|(&(name, lone), &(_, bytes))| Part { name, bytes_per_triangle: lone as f64 / lone_triangles, bytes })
             .collect();
         let bytes = |names: &[&str]| {
             parts.iter().filter(|part| names.contains(&part.name)).map(|part| part.bytes).sum::<usize>() as f64

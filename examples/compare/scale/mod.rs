@@ -1,9 +1,9 @@
-//! How time and memory grow with the number of triangles and of bodies.
+//! Growth of time and memory with the number of triangles and bodies.
 //!
-//! Three scenes at several sizes each, on one thread: a crumpled sheet, bodies that are apart, and bodies in a pile. In every
-//! tick every vertex and every pose changes, and [`Teleported`] forbids the use of anything remembered. The slope is that of
-//! the least-squares line through the medians on doubly logarithmic paper: 1 is in proportion to the triangles. It says
-//! something only where contacts grow as triangles do, so those are printed beside it.
+//! There are three scenes at several sizes each, on one thread: a crumpled sheet, bodies that are apart, and bodies in
+//! a pile. In every tick all vertices and poses change, and [`Teleported`] forbids the use of anything remembered. The
+//! slope is that of the least-squares line through the medians in a log-log plot: 1 is proportional to the number of
+//! triangles. It is only meaningful if contacts grow in proportion to triangles, so their slope is printed too.
 
 mod memory;
 mod scenes;
@@ -33,32 +33,32 @@ use super::{
     statistics::{log_slope, median},
 };
 
-/// Triangles of the crumpled sheet, half a decade apart, without and with the long sweep.
+/// Triangles of the crumpled sheet, half a decade apart, for the short and the long sweep.
 const SHEETS: [usize; 5] = [1_000, 3_162, 10_000, 31_623, 100_000];
 const LONG_SHEETS: [usize; 7] = [1_000, 3_162, 10_000, 31_623, 100_000, 316_228, 1_000_000];
 
-/// Bodies that are apart, and in a pile. The fewer there are, the more of them are on the outside: contacts grow faster than
-/// bodies do, and what the slope of contacts exceeds 1 by is none of ours.
+/// Number of bodies that are apart, and in a pile. In a small pile, a larger share of the bodies is on the outside, so
+/// contacts grow faster than bodies. The part of the contacts' slope above 1 comes from the scene.
 const APART: [usize; 4] = [216, 343, 512, 1_000];
 const PILED: [usize; 4] = [27, 48, 64, 100];
 
-/// Triangles of the sheets whose memory is taken apart.
+/// Triangles of the sheets whose memory is measured.
 const WEIGHED: usize = 100_000;
 
-/// The methods whose cost is of interest at any size: the baseline that tests every candidate is slow and knows it.
+/// The methods to measure. The baseline, which tests every candidate, is left out as slow.
 const METHODS: [ContactMethod; 4] =
     [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Closest, ContactMethod::Refined];
 
-/// The steepest growth that the project allows itself, and the most memory.
+/// The project's own limits: the steepest slope, and the most bytes per triangle.
 const STEEPEST: f64 = 1.1;
 const HEAVIEST: f64 = 400.0;
 
-/// Ticks are measured until there are enough, or for this long.
+/// Largest and smallest number of measured ticks, and the time limit after which the smallest number suffices.
 const TICKS: usize = 16;
 const FEWEST_TICKS: usize = 5;
 const PATIENCE: Duration = Duration::from_millis(1500);
 
-/// How much of what the sizes have time for.
+/// The sizes to measure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sweep {
     Short,
@@ -66,7 +66,7 @@ pub enum Sweep {
     Long,
 }
 
-/// Everything about growth.
+/// All results about growth.
 #[derive(Serialize)]
 pub struct Scale {
     series: Vec<Series>,
@@ -79,7 +79,7 @@ struct Series {
     scene: &'static str,
     method: String,
     sizes: Vec<Size>,
-    /// How candidates and contacts grow, by which the growth of times is to be judged.
+    /// Slopes of candidates and contacts, by which the slope of times must be judged.
     candidates_slope: Option<f64>,
     contacts_slope: Option<f64>,
     stages: Vec<Growth>,
@@ -103,15 +103,15 @@ struct Size {
     contacts: usize,
 }
 
-/// Times of one stage, or of the whole, at every size; 0 where a size had no use for the stage.
+/// Times of one stage, or of the whole tick, at every size; 0 at sizes that did not run the stage.
 #[derive(Default, Serialize)]
 struct Growth {
     stage: &'static str,
     median_ms: Vec<f64>,
     least_ms: Vec<f64>,
-    /// None where no size took any time.
+    /// `None` if no size took any time.
     slope: Option<f64>,
-    /// Of the least times, which other programs disturb less: they disturb a long tick more than a short one.
+    /// Slope of minima, which other programs disturb less: they disturb long ticks more than short ones.
     least_slope: Option<f64>,
 }
 
@@ -122,11 +122,12 @@ impl Growth {
     }
 }
 
-/// How far such a vertex moves along an axis, where edges were 1 long: far less than the contact distance.
+/// Displacement of a vertex along each axis in [`Stage::creep`], for edges of length 1: far less than the contact
+/// distance.
 const CREEP: f32 = 1.0e-3;
 
 const WHOLE: &str = "cold tick";
-/// The same without what others on the machine took.
+/// The same without the time that other programs took.
 const PROCESSOR: &str = "cold tick, processor time";
 
 /// A scene in an app.
@@ -142,7 +143,7 @@ impl Stage {
         let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, Recorder::default());
         let surfaces = scene.bodies.iter().map(|body| {
             let surface =
-                DeformableSurface::from_mesh(&body.states[0].positions, &body.triangles).expect("a scene has meshes");
+                DeformableSurface::from_mesh(&body.states[0].positions, &body.triangles).expect("it is a valid mesh");
             let mut surface = app.world_mut().spawn((surface, body.states[0].pose, scene.sidedness, method));
             if scene.meets_itself {
                 surface.insert(SelfCollision);
@@ -150,7 +151,7 @@ impl Stage {
             surface.id()
         });
         let surfaces = surfaces.collect();
-        // Trees are built at the first tick.
+        // Trees are built in the first tick.
         detect(&mut app);
         Self { app, surfaces, tick: 0 }
     }
@@ -165,7 +166,7 @@ impl Stage {
         }
     }
 
-    /// Moves every vertex a little from where it is, each in a direction of its own.
+    /// Moves every vertex a little, in its own random direction.
     fn creep(&mut self) {
         let mut random = Random::new(1);
         for &surface in &self.surfaces {
@@ -183,7 +184,7 @@ impl Stage {
         Size {
             bodies: scene.bodies.len(),
             triangles: scene.triangles(),
-            surface_pairs: candidates.pairs.len(),
+            surface_pairs: candidates.pairs().len(),
             candidates: candidates.triangle_pair_count(),
             touching: store.touching_count(),
             contacts: store.contact_count(),
@@ -191,14 +192,14 @@ impl Stage {
     }
 }
 
-/// Milliseconds of one tick after the other, of the whole and of each stage.
+/// Milliseconds of each tick, for the whole tick and for each stage.
 fn play(stage: &mut Stage, scene: &Scene) -> Vec<(&'static str, Vec<f64>)> {
     let milliseconds = |duration: Duration| duration.as_secs_f64() * 1.0e3;
     let mut times = vec![(WHOLE, Vec::new())];
     let start = Instant::now();
     // Buffers grow in the first two ticks.
     for tick in 0..TICKS + 2 {
-        // What is counted afterwards is counted in the same of the two states.
+        // Stop after a pair of ticks, so that counts are always taken in the same of the two states.
         if tick % 2 == 0 && tick > FEWEST_TICKS + 2 && start.elapsed() > PATIENCE {
             break;
         }
@@ -223,7 +224,8 @@ fn play(stage: &mut Stage, scene: &Scene) -> Vec<(&'static str, Vec<f64>)> {
     times
 }
 
-/// One scene at its sizes, by all methods: of every size all methods before the next, so that a scene is made once.
+/// Measures one scene at all sizes with all methods. Each scene is only built once, because the methods take turns at
+/// each size.
 fn measure_series(
     name: &'static str,
     sizes: &[usize],
@@ -247,7 +249,7 @@ fn measure_series(
             for (name, times) in play(&mut stage, &scene) {
                 let known = series.stages.iter().position(|growth| growth.stage == name);
                 let stage = known.unwrap_or_else(|| {
-                    // Smaller sizes had no use for it.
+                    // Smaller sizes did not run this stage.
                     series.stages.push(Growth { stage: name, ..Growth::default() });
                     series.stages.len() - 1
                 });

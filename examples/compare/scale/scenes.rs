@@ -1,4 +1,4 @@
-//! Scenes of any size whose triangles have about as many contacts at every size.
+//! Scenes of any size with about the same number of contacts per triangle at every size.
 
 use bevy_circumsphere::Sidedness;
 use bevy_transform::components::Transform;
@@ -10,14 +10,14 @@ use glam::{DQuat, DVec3, Vec3};
 
 use super::super::SHEET_PHASE;
 
-/// Bodies, each a mesh of its own.
+/// Bodies, each with its own mesh.
 pub struct Scene {
     pub bodies: Vec<Body>,
     pub meets_itself: bool,
     pub sidedness: Sidedness,
 }
 
-/// A mesh that goes back and forth between two states.
+/// A mesh that alternates between two states.
 pub struct Body {
     pub triangles: Vec<[u32; 3]>,
     pub states: [State; 2],
@@ -33,9 +33,11 @@ impl Scene {
         self.bodies.iter().map(|body| body.triangles.len()).sum()
     }
 
-    /// `count` bodies in a lattice, `spacing` apart, each turned its own way and off its place by at most `jitter`.
+    /// `count` bodies in a lattice at distances of `spacing`. Each has its own rotation and is displaced by at most
+    /// `jitter`.
     fn lattice(count: usize, mesh: &Mesh, spacing: f32, jitter: f32) -> Self {
-        // As high as it is wide where that comes out even: the outside of a heap touches less than its inside.
+        // As close to a cube as the count allows, because bodies on the outside of a heap have fewer contacts than
+        // those inside.
         let nearest = |side: &usize| side.pow(3).abs_diff(count);
         let side = (1..=count).min_by_key(nearest).unwrap_or(1);
         let mut random = Random::new(count as u64);
@@ -61,7 +63,7 @@ impl Scene {
 }
 
 impl Body {
-    /// A body at two states of one mesh, in the frame of the world.
+    /// A body with two states of one mesh, in world space.
     fn of(states: [Mesh; 2]) -> Self {
         let triangles = states[0].triangles.clone();
         let state = |mesh: Mesh| State {
@@ -72,7 +74,7 @@ impl Body {
     }
 }
 
-/// The mesh, thicker by a share that differs from place to place.
+/// The mesh, scaled by a factor that varies from place to place.
 fn swelling(mesh: &Mesh, share: f32) -> Vec<Vec3> {
     mesh.positions
         .iter()
@@ -83,13 +85,13 @@ fn swelling(mesh: &Mesh, share: f32) -> Vec<Vec3> {
         .collect()
 }
 
-/// A sheet that folds over and passes through itself. Its edges are as long at every size.
+/// A sheet that folds over and passes through itself. The length of its edges is the same at every size.
 pub fn crumpled(triangles: usize) -> Scene {
     let sheet = Body::of([0.0, SHEET_PHASE].map(|phase| crumpled_sheet(triangles, phase)));
     Scene { bodies: vec![sheet], meets_itself: true, sidedness: Sidedness::TwoSided }
 }
 
-/// A tilted sheet and a triangle within its box, far from its triangles.
+/// A tilted sheet, and a triangle within its box but far from its triangles.
 pub fn lone(triangles: usize) -> Scene {
     let side = (triangles / 2).isqrt().max(1);
     let sheet = grid(side, side, side as f32, side as f32, Diagonals::Alternating).rotate([0.0, 0.0, 1.0], 0.8);
@@ -105,7 +107,7 @@ pub fn apart(bodies: usize) -> Scene {
     Scene::lattice(bodies, &icosphere(2, 0.5), 1.4, 0.1)
 }
 
-/// Rings of 1,000 triangles with hardly a hole, each in contact with most of those around it.
+/// Tori of 1,000 triangles with almost no hole. Each is in contact with most of its neighbors.
 pub fn piled(bodies: usize) -> Scene {
     Scene::lattice(bodies, &torus(0.3, 0.25, 25, 20), 0.85, 0.1)
 }

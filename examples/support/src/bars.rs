@@ -1,8 +1,7 @@
-//! What the tests hold every exact method to.
+//! Tolerances that the tests apply to every exact method.
 
-/// Distances of f32 inputs are only as good as their rounding at edge scale: within this share of the contact distance
-/// either answer is right.
+/// Relative band around the contact distance in which either answer is right, because f32 inputs are rounded.
 pub const BAND: f64 = 1.0e-4;
 
-/// The most that a separation may be wrong by, relative to the larger of contact distance and triangle size.
+/// Largest error of a separation, relative to the larger of contact distance and triangle size.
 pub const SEPARATION_TOLERANCE: f64 = 1.0e-5;

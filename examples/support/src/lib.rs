@@ -1,8 +1,8 @@
-//! What the examples, tests, benches and fuzz targets of `bevy_circumsphere` share: recorded meshes and procedural ones,
-//! random numbers, and the bars of the tests.
+//! Shared code of the examples, tests, benches, and fuzz targets of `bevy_circumsphere`: recorded and procedural
+//! meshes, random numbers, and the tolerances of the tests.
 //!
-//! Nothing here is published and nothing here knows the library: meshes are plain arrays, so that a test can
-//! compare the library with data the library had no hand in.
+//! Nothing here is published, and nothing here depends on the library. Meshes are plain arrays, so that tests can
+//! compare the library with independent data.
 
 #![forbid(unsafe_code)]
 #![warn(missing_docs)]

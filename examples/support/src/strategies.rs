@@ -1,8 +1,8 @@
-//! Strategies of proptest for meshes, motions and sizes: those a game has, and those it should not have.
+//! Strategies of proptest for meshes, motions, and sizes: both typical and defective ones.
 //!
-//! Meshes are about one unit large, around the origin, and of at most [`MOST_TRIANGLES`] triangles, so that brute force
-//! can judge them. [`Placement`] brings them to any size and any distance from the origin, [`Motion`] from one tick to
-//! the next. Everything shrinks towards what is plain: fewer flaws, no motion, unit size.
+//! Meshes are about one unit large, near the origin, and have at most [`MOST_TRIANGLES`] triangles, so that brute force
+//! can judge them. [`Placement`] gives them any size and distance from the origin. [`Motion`] moves them from one tick
+//! to the next. Everything shrinks towards simple cases: fewer flaws, no motion, unit size.
 
 use proptest::{prelude::*, sample::Index};
 
@@ -12,13 +12,13 @@ use crate::scenes::{
     twisted_rod,
 };
 
-/// The most triangles of a mesh of these strategies.
+/// Largest number of triangles of a mesh.
 pub const MOST_TRIANGLES: usize = 400;
 
-/// The largest distance of a placement from the origin, in sizes of the mesh.
+/// Largest distance of a placement from the origin, in sizes of the mesh.
 pub const FARTHEST: f32 = 1.0e6;
 
-/// Any mesh: closed, open, non-manifold or degenerate, alone or two of very different sizes together.
+/// Any mesh: closed, open, non-manifold, or degenerate, alone or as two meshes of very different sizes.
 pub fn mesh() -> BoxedStrategy<Mesh> {
     prop_oneof![
         2 => closed_mesh(),
@@ -30,7 +30,7 @@ pub fn mesh() -> BoxedStrategy<Mesh> {
     .boxed()
 }
 
-/// A mesh with an inside: a ball, a box, a ring, or two that pass through each other.
+/// A mesh with an inside: a ball, a box, a torus, or two of them that pass through each other.
 pub fn closed_mesh() -> BoxedStrategy<Mesh> {
     let one = || {
         prop_oneof![
@@ -48,7 +48,7 @@ pub fn closed_mesh() -> BoxedStrategy<Mesh> {
     .boxed()
 }
 
-/// A mesh with boundaries: sheets flat and crumpled, tubes, saddles, rods with a twist, loose triangles.
+/// A mesh with boundaries: flat and crumpled sheets, tubes, saddles, twisted rods, or loose triangles.
 pub fn open_mesh() -> BoxedStrategy<Mesh> {
     let diagonals = prop_oneof![Just(Diagonals::Uniform), Just(Diagonals::Alternating)];
     let sheet = (1usize..7, 1usize..7, diagonals, 0.2f32..1.5)
@@ -64,12 +64,12 @@ pub fn open_mesh() -> BoxedStrategy<Mesh> {
     (shape, crumple(), turn()).prop_map(|(mesh, crumple, turn)| turn.apply(crumple.apply(mesh))).boxed()
 }
 
-/// A mesh with an edge of more than two triangles, or parts that meet in a single vertex.
+/// A mesh with an edge of more than two triangles, or with parts that share a single vertex.
 pub fn non_manifold_mesh() -> BoxedStrategy<Mesh> {
     let book = (3usize..9, any::<u64>()).prop_map(|(pages, seed)| book(pages, seed));
     let glued = (prop_oneof![closed_mesh(), open_mesh()], any::<Index>(), any::<Index>(), offset(0.5)).prop_map(
         |(mut mesh, triangle, vertex, offset)| {
-            // A flap on an edge that has its triangles already.
+            // A flap on an edge that already has its triangles.
             let [a, b, _] = mesh.triangles[triangle.index(mesh.triangles.len())];
             let base = mesh.positions[vertex.index(mesh.positions.len())];
             let tip = number(mesh.positions.len());
@@ -86,14 +86,14 @@ pub fn non_manifold_mesh() -> BoxedStrategy<Mesh> {
     (prop_oneof![book, glued, bow], turn()).prop_map(|(mesh, turn)| turn.apply(mesh)).boxed()
 }
 
-/// A mesh with one flaw or several.
+/// A mesh with one or more flaws.
 pub fn degenerate_mesh() -> BoxedStrategy<Mesh> {
     (prop_oneof![closed_mesh(), open_mesh(), non_manifold_mesh()], prop::collection::vec(flaw(), 1..6))
         .prop_map(|(mesh, flaws)| flaws.into_iter().fold(mesh, |mesh, flaw| flaw.apply(mesh)))
         .boxed()
 }
 
-/// A mesh beside a vertex of another that is a thousand times as large.
+/// A small mesh near a vertex of another one that is a thousand times as large.
 pub fn mesh_of_mixed_sizes() -> BoxedStrategy<Mesh> {
     (prop_oneof![closed_mesh(), open_mesh()], closed_mesh(), any::<Index>(), offset(1.0))
         .prop_map(|(large, small, vertex, offset)| {
@@ -104,7 +104,7 @@ pub fn mesh_of_mixed_sizes() -> BoxedStrategy<Mesh> {
         .boxed()
 }
 
-/// Two meshes that pass through each other, touch, or just miss each other.
+/// Two meshes that pass through each other, touch, or narrowly miss each other.
 pub fn two_meshes() -> BoxedStrategy<[Mesh; 2]> {
     let beside = (mesh(), mesh(), any::<Index>(), any::<Index>(), offset(0.3)).prop_map(
         |(first, second, own, other, offset)| {
@@ -115,34 +115,34 @@ pub fn two_meshes() -> BoxedStrategy<[Mesh; 2]> {
         },
     );
     let within = (mesh(), mesh(), offset(0.6)).prop_map(|(first, second, offset)| [first, second.translate(offset)]);
-    // The same mesh twice: coinciding, or moved within itself.
+    // The same mesh twice: coinciding, or displaced within itself.
     let twice = (mesh(), prop_oneof![Just([0.0; 3]), offset(0.1)])
         .prop_map(|(mesh, offset)| [mesh.clone(), mesh.translate(offset)]);
     prop_oneof![2 => beside, 2 => within, 1 => twice].boxed()
 }
 
-/// What is wrong with a mesh.
+/// A flaw of a mesh.
 #[derive(Clone, Copy, Debug)]
 pub enum Flaw {
-    /// A corner of a triangle is drawn to the next one until this share of their edge is left.
+    /// A corner of a triangle is moved towards the previous one until this share of their edge is left.
     Needle(Index, f32),
-    /// A corner lies exactly in the middle of the opposite edge, as far as f32 can say.
+    /// A corner is exactly in the middle of the opposite edge, within the precision of f32.
     ZeroArea(Index),
-    /// A corner lies exactly on the next one, and remains another vertex.
+    /// A corner is exactly at the position of the previous one, but remains a separate vertex.
     DuplicateVertices(Index),
     /// A triangle names a vertex twice.
     RepeatedIndex(Index),
     /// A triangle names one vertex three times.
     Point(Index),
-    /// An edge is split in its triangle and not in its neighbor.
+    /// An edge is split in its triangle, but not in the neighbor.
     TJunction(Index),
-    /// A triangle runs the other way round.
+    /// A triangle has reversed winding.
     FlippedWinding(Index),
-    /// A triangle is there twice.
+    /// A triangle exists twice.
     DuplicateTriangle(Index),
     /// A vertex belongs to no triangle.
     LooseVertex,
-    /// Each triangle has vertices of its own, at the same places.
+    /// Each triangle has its own vertices, at the same positions.
     Unindexed,
 }
 
@@ -165,7 +165,7 @@ pub fn flaw() -> BoxedStrategy<Flaw> {
 }
 
 impl Flaw {
-    /// The mesh with the flaw.
+    /// Applies the flaw to a mesh.
     #[must_use]
     pub fn apply(self, mut mesh: Mesh) -> Mesh {
         let count = mesh.triangles.len();
@@ -213,22 +213,22 @@ impl Flaw {
     }
 }
 
-/// What happens to a surface of about unit size from one tick to the next.
+/// Motion of a surface of about unit size from one tick to the next.
 #[derive(Clone, Copy, Debug)]
 pub enum Motion {
-    /// Nothing.
+    /// No motion.
     Rest,
     /// A rotation and a translation.
     Rigid(Turn, [f32; 3]),
-    /// A rotation, a change of size, and where the flag is set a mirroring.
+    /// A rotation and a change of size, with mirroring if the flag is set.
     Similarity(Turn, f32, bool),
-    /// A rotation about the y axis by this angle for each unit along it.
+    /// A rotation about the y axis, by this angle per unit along the axis.
     Twist(f32),
-    /// A displacement of each vertex by up to this much, from a few units in the last place on.
+    /// A displacement of each vertex by up to this amount, from a few units in the last place upwards.
     Noise(f32, u64),
-    /// A stretching and compression along the axes, all at once.
+    /// Stretching and compression along the axes, all at once.
     ShapeChange([f32; 3]),
-    /// A jump, to where nothing of the last tick is of use.
+    /// A jump to a place where nothing from the last tick is useful.
     Teleport([f32; 3]),
 }
 
@@ -248,7 +248,7 @@ pub fn motion() -> BoxedStrategy<Motion> {
 }
 
 impl Motion {
-    /// Where the vertices are afterwards.
+    /// Applies the motion to a mesh.
     #[must_use]
     pub fn apply(self, mesh: Mesh) -> Mesh {
         match self {
@@ -273,12 +273,12 @@ impl Motion {
     }
 }
 
-/// Where a mesh of about unit size is brought.
+/// Placement of a mesh of about unit size.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
-    /// How much larger it becomes.
+    /// Scale factor.
     pub scale: f32,
-    /// How far it is moved, in its sizes.
+    /// Displacement before scaling, in sizes of the mesh.
     pub offset: [f32; 3],
 }
 
@@ -291,14 +291,15 @@ impl Placement {
     /// Unit size at the origin.
     pub const PLAIN: Self = Self { scale: 1.0, offset: [0.0; 3] };
 
-    /// The mesh in its place. Far from the origin f32 leaves little of its shape: it is another, degenerate mesh.
+    /// Applies the placement to a mesh. Far from the origin, f32 leaves little of its shape: it becomes a different,
+    /// degenerate mesh.
     #[must_use]
     pub fn apply(self, mesh: Mesh) -> Mesh {
         mesh.translate(self.offset).scale(self.scale)
     }
 }
 
-/// Factors from 1e-6 to 1e6, among them 1 and powers of two.
+/// Factors from 1e-6 to 1e6, including 1 and powers of two.
 pub fn scale() -> impl Strategy<Value = f32> {
     prop_oneof![
         2 => Just(1.0),
@@ -307,7 +308,7 @@ pub fn scale() -> impl Strategy<Value = f32> {
     ]
 }
 
-/// No offset, or one of up to [`FARTHEST`] in each coordinate, at every order of magnitude.
+/// No offset, or one of up to [`FARTHEST`] in each coordinate, at all orders of magnitude.
 pub fn far_offset() -> impl Strategy<Value = [f32; 3]> {
     prop_oneof![
         2 => Just([0.0; 3]),
@@ -325,19 +326,19 @@ pub fn offset(reach: f32) -> impl Strategy<Value = [f32; 3]> {
 /// A rotation.
 #[derive(Clone, Copy, Debug)]
 pub struct Turn {
-    /// The axis, of any length but zero.
+    /// The axis, of any length except zero.
     pub axis: [f32; 3],
     /// The angle in radians.
     pub angle: f32,
 }
 
-/// No rotation, a right angle about an axis of coordinates, or any rotation.
+/// No rotation, a right angle about a coordinate axis, or any rotation.
 pub fn turn() -> BoxedStrategy<Turn> {
     let right_angle = (0usize..3).prop_map(|axis| Turn {
         axis: std::array::from_fn(|other| f32::from(u8::from(other == axis))),
         angle: std::f32::consts::FRAC_PI_2,
     });
-    // A first coordinate that is not zero gives the axis a length.
+    // The first coordinate is not zero, so the axis has a length.
     let any = (0.01f32..1.0, -1.0f32..1.0, -1.0f32..1.0, -3.2f32..3.2)
         .prop_map(|(x, y, z, angle)| Turn { axis: [x, y, z], angle });
     prop_oneof![
@@ -349,10 +350,10 @@ pub fn turn() -> BoxedStrategy<Turn> {
 }
 
 impl Turn {
-    /// The mesh turned around the origin.
+    /// Rotates a mesh about the origin.
     #[must_use]
     pub fn apply(self, mesh: Mesh) -> Mesh {
-        // No rotation is to change no bit.
+        // A zero rotation must not change any bit.
         if self.angle == 0.0 { mesh } else { mesh.rotate(self.axis, self.angle) }
     }
 }
@@ -361,9 +362,9 @@ impl Turn {
 #[derive(Clone, Copy, Debug)]
 enum Crumple {
     None,
-    /// By up to this much.
+    /// By up to this amount.
     Any(f32, u64),
-    /// By multiples of an eighth, so that vertices, edges and planes coincide.
+    /// To multiples of an eighth, so that vertices, edges, and planes coincide.
     Eighths(u64),
 }
 
@@ -417,7 +418,7 @@ fn book(pages: usize, seed: u64) -> Mesh {
     mesh
 }
 
-/// A vertex number as the `u32` that triangles hold.
+/// A vertex index as the `u32` that triangles store.
 fn number(vertex: usize) -> u32 {
     u32::try_from(vertex).expect("a mesh has fewer than 2^32 vertices")
 }

@@ -1,4 +1,4 @@
-//! The embedded scene: the asset is what the code makes, and it shows what it is there to show.
+//! The embedded scene: the asset is what the code computes, and it shows what it is intended to show.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -50,13 +50,13 @@ fn edges(triangles: &[[u32; 3]]) -> Vec<[usize; 2]> {
     edges.into_iter().collect()
 }
 
-/// Without optimizations the whole scene takes half a minute, so only its first third is made there.
+/// Without optimizations the whole scene takes half a minute, so only its first third is computed.
 #[test]
 fn asset_is_what_the_code_makes() {
     let frames = if cfg!(debug_assertions) { 40 } else { FRAMES };
     let made = cloth_fall_start(frames);
     assert_eq!(made.triangles, ASSET.triangles);
-    // Not compared as a whole: the message would list thousands of vertices.
+    // Compared frame by frame, because a failure of the whole comparison would print thousands of vertices.
     for (frame, positions) in made.frames.iter().enumerate() {
         assert!(*positions == ASSET.frames[frame], "frame {frame} differs");
     }
@@ -91,7 +91,7 @@ fn ball_rests_and_ring_deforms() {
     for frame in &ASSET.frames {
         assert_eq!(frame[BALL_VERTICES], ASSET.frames[0][BALL_VERTICES]);
     }
-    // A moving rigid body would keep its edges.
+    // A rigid body would keep its edge lengths.
     let edges = edges(&ASSET.triangles[TORUS_TRIANGLES]);
     let change = |frame: usize| {
         let changes = edges.iter().map(|&[a, b]| {
@@ -110,7 +110,7 @@ fn cloth_falls() {
 
 #[test]
 fn cloth_moves_less_than_an_edge_per_frame() {
-    // 5 m/s are 83 mm in a sixtieth of a second: a scene that explodes is faster.
+    // 5 m/s are 83 mm in a sixtieth of a second. An exploding scene is faster.
     for frame in 1..FRAMES {
         for (now, before) in cloth(frame).iter().zip(cloth(frame - 1)) {
             assert!(distance(*now, *before) < 1.2 * f64::from(CLOTH_EDGE), "frame {frame}");
@@ -162,10 +162,10 @@ fn cloth_touches_ball_and_ring() {
     };
     assert!((0..FRAMES).all(|frame| above_ball(frame) > 0.0));
     assert!(above_ball(0) > edge);
-    // The mesh of the ball is inside of the sphere, and the cloth less than a tenth of an edge outside of the mesh.
+    // The mesh of the ball is inside the sphere, and the cloth is less than a tenth of an edge outside the mesh.
     assert!((0..FRAMES).filter(|&frame| above_ball(frame) < 0.1 * edge).count() > 80);
 
-    // Vertices of the ring are about an edge apart, so the cloth on it is that near to some of them.
+    // Vertices of the torus are about an edge apart, so cloth on the torus is within that distance of some of them.
     let above_ring = |frame: usize| {
         let ring = &ASSET.frames[frame][TORUS_VERTICES];
         let near = |position: &[f32; 3]| ring.iter().any(|other| distance(*position, *other) < edge);
@@ -186,7 +186,7 @@ fn crosses([from, to]: [Point; 2], [a, b, c]: [Point; 3]) -> bool {
     sides[0] != sides[1] && around[0] == around[1] && around[1] == around[2]
 }
 
-/// How many pairs of an edge and a triangle without common vertices cross each other.
+/// Number of crossings between an edge and a triangle without common vertices.
 fn crossings(positions: &[[f32; 3]], edges: &[[usize; 2]], triangles: Range<usize>) -> usize {
     let mut count = 0;
     for triangle in &ASSET.triangles[triangles] {
@@ -213,7 +213,7 @@ fn crossings(positions: &[[f32; 3]], edges: &[[usize; 2]], triangles: Range<usiz
 fn nothing_crosses_anything() {
     let cloth = edges(&ASSET.triangles[CLOTH_TRIANGLES]);
     let obstacles = edges(&ASSET.triangles[BALL_TRIANGLES.start..TORUS_TRIANGLES.end]);
-    // All frames where the code is optimized, or the check takes longer than all the others together.
+    // All frames if the code is optimized. Otherwise the check would take longer than all other tests together.
     let step = if cfg!(debug_assertions) { 8 } else { 1 };
     for frame in (0..FRAMES).step_by(step) {
         let positions = &ASSET.frames[frame];
@@ -221,13 +221,13 @@ fn nothing_crosses_anything() {
         assert_eq!(crossings(positions, &obstacles, CLOTH_TRIANGLES), 0, "frame {frame}");
     }
 
-    // The check sees a crossing where there is one: the last cloth around the middle of the ball.
+    // Check that crossings are detected: the last cloth, moved to the center of the ball.
     let mut moved = ASSET.frames[FRAMES - 1].clone();
     for position in &mut moved[CLOTH_VERTICES] {
         position[1] -= BALL_RADIUS;
     }
     assert!(crossings(&moved, &cloth, BALL_TRIANGLES) > 10);
-    // And where the first row of the cloth has changed places with its middle row.
+    // And the cloth with its first row swapped with its middle row.
     let mut swapped = ASSET.frames[FRAMES - 1].clone();
     for column in 0..CLOTH_SIDE_VERTICES {
         swapped.swap(column, CLOTH_SIDE_VERTICES * CLOTH_SIDE_VERTICES / 2 + column);

@@ -1,4 +1,4 @@
-//! The moving scenes are what their bodies claim to be, at every tick.
+//! Checks the properties that bodies of moving scenes claim, in every tick.
 
 use std::collections::HashMap;
 
@@ -23,7 +23,7 @@ fn directed_edges(triangles: &[[u32; 3]]) -> HashMap<[u32; 2], usize> {
     edges
 }
 
-/// Six times the volume that the triangles enclose, positive where they face outward.
+/// Six times the volume that the triangles enclose, positive if they face outward.
 fn volume(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> f64 {
     triangles
         .iter()
@@ -63,7 +63,7 @@ fn finer_scenes_have_more_triangles_up_to_twenty_thousand() {
     for name in MOVING_SCENES {
         let count = |fineness| scene(name, fineness, 1).bodies.iter().map(|body| body.triangles.len()).sum::<usize>();
         let counts = [Fineness::Coarse, Fineness::Middle, Fineness::Fine].map(count);
-        // The embedded recording has but one size.
+        // The embedded recording has only one resolution.
         assert!(counts.is_sorted_by(|a, b| a < b) || name == "cloth_over_ball", "{name}: {counts:?}");
         assert!((1_000..=20_000).contains(&counts[2]), "{name}: {counts:?}");
     }
@@ -85,7 +85,7 @@ fn scenes_say_whether_they_deform() {
                 }
             }
         }
-        // Rigid motion changes edges by no more than the rounding of positions at coordinates of up to 200.
+        // Rigid motion changes edges by no more than the rounding of positions with coordinates of up to 200.
         assert_eq!(change > 1.0e-3, scene.deforms, "{name}: edges change by {change}");
     }
 }
@@ -121,15 +121,15 @@ fn a_beam_sinks_edge_first_into_the_crest_of_a_mattress_of_even_triangles() {
         let scene = beam_on_mattress(cells, 7);
         let [mattress, beam] = &scene.bodies[..] else { panic!("{} bodies", scene.bodies.len()) };
         assert_eq!([mattress.triangles.len(), beam.triangles.len()], [448, 8 * cells + 4]);
-        // The sheet does not move, and its edges are a tenth long: arched by a radius of 10, the steepest rise by 14 %
-        // of their run, which makes them 1 % longer.
+        // The sheet does not move, and its edges have length 0.1. On an arch with radius 10, the steepest edges rise by
+        // 14 % of their run, which makes them 1 % longer.
         assert!(mattress.ticks.iter().all(|positions| *positions == mattress.ticks[0]));
         let at = |corner: u32| mattress.ticks[0][corner as usize].map(f64::from);
         let length = |a: u32, b: u32| (0..3).map(|axis| (at(a)[axis] - at(b)[axis]).powi(2)).sum::<f64>().sqrt();
         for [a, b] in directed_edges(&mattress.triangles).into_keys() {
             assert!((0.1 - 1.0e-6..0.1011).contains(&length(a, b)), "an edge is {} long", length(a, b));
         }
-        // One edge of the beam is the lowest, over the crest at x = 2.5 and level.
+        // The lowest edge of the beam is level and above the crest at x = 2.5.
         for (tick, positions) in beam.ticks.iter().enumerate() {
             assert!(volume(positions, &beam.triangles) > 0.0, "the beam is inside out");
             let edges = directed_edges(&beam.triangles);

@@ -1,4 +1,4 @@
-//! The readers of recorded queries against files written byte by byte, and against every way they can be bad.
+//! Tests the readers of recorded queries with files written byte by byte, and with every kind of invalid file.
 
 mod bytes;
 
@@ -17,7 +17,7 @@ fn words(words: &[u32]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
-/// Two queries whose coordinates count up from 0, the second of which collides.
+/// Two queries whose coordinates count up from 0. The second one collides.
 fn queries_file() -> Vec<u8> {
     let mut bytes = words(&[MAGIC_QUERIES, 1, 2, 0]);
     for coordinate in 0..48 {
@@ -27,7 +27,7 @@ fn queries_file() -> Vec<u8> {
     bytes
 }
 
-/// Three answers, of which the second is that the features stay apart.
+/// Three answers. In the second one the features do not collide.
 fn truth_file() -> Vec<u8> {
     let mut bytes = words(&[MAGIC_TRUTH, 0, 3, 0]);
     bytes.extend(words(&[7, 0, 1, 2, 8, 3, 4, 5, u32::MAX, 6, 7, 8]));
@@ -43,7 +43,7 @@ fn truth(bytes: &[u8]) -> Result<RecordedImpacts, RecordingError> {
     RecordedImpacts::from_bytes(bytes, Path::new("some.vf.gt.bin"))
 }
 
-/// The two messages that refuse a change made to either file.
+/// The two errors for a change that is made to either file.
 fn refusals(change: impl Fn(&mut Vec<u8>)) -> [RecordingError; 2] {
     let (mut first, mut second) = (queries_file(), truth_file());
     change(&mut first);
@@ -197,7 +197,7 @@ fn recorded_queries_are_read() {
     assert!(asked > 0 && answered > 0, "the folder has no queries");
 }
 
-/// What a reader returns is an error or holds as many records as the bytes have room for, all of them finite.
+/// The result of a reader is an error, or has exactly as many records as fit into the bytes, all of them finite.
 fn assert_sound(bytes: &[u8]) {
     if let Ok(found) = queries(bytes) {
         assert_eq!(bytes.len(), 16 + 193 * found.queries.len());

@@ -1,4 +1,4 @@
-//! The readers against files written by hand, byte by byte, and against every way a file can be bad.
+//! Tests the readers with files written by hand, byte by byte, and with every kind of invalid file.
 
 mod bytes;
 
@@ -15,10 +15,10 @@ use proptest::prelude::*;
 
 use bytes::mutated;
 
-/// A refusal takes no longer than this, whatever a header claims; counting to four billion takes seconds.
+/// Time limit for refusing a file, whatever its header claims. Counting to four billion would take seconds.
 const QUICK: Duration = Duration::from_millis(500);
 
-/// A folder of its own for one test, removed at the end.
+/// A separate folder for one test, removed at the end.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -54,7 +54,7 @@ fn words(words: &[u32]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
-/// The tetrahedron as a `.bin` recording, spelled out independently of the writer.
+/// The tetrahedron as a `.bin` recording, written independently of the writer under test.
 fn tetrahedron_bin() -> Vec<u8> {
     let recording = tetrahedron();
     let mut bytes = words(&[MAGIC, 4, 4, 2]);
@@ -116,7 +116,7 @@ fn ply_binary(recording: &Recording, frame: usize, little: bool) -> Vec<u8> {
     bytes
 }
 
-/// Reads one file that has to be refused, quickly and with its name in the message.
+/// Reads one file that must be refused, quickly and with its name in the message.
 fn refusal(path: &Path) -> RecordingError {
     refusal_of(&[path.to_path_buf()], path)
 }
@@ -509,7 +509,7 @@ fn ply_with_bad_content_is_refused_with_the_place() {
     assert_refused!(changed("0 1.5 0", "0 1e99 0"), RecordingError::NotFinite { .. }, "frame 0 vertex 2");
     assert_refused!(changed("0 1.5 0", "0 nan 0"), RecordingError::Malformed { .. }, "Line 13");
     assert_refused!(changed("0 1.5 0", "0 1.5"), RecordingError::Malformed { .. }, "Line 13");
-    // One vertex too few or too many makes a face line of a vertex line, or the reverse.
+    // With one vertex too few or too many, a vertex line is read as a face line, or the reverse.
     assert_refused!(
         changed("vertex 4", "vertex 3"),
         RecordingError::Malformed { .. } | RecordingError::TooFewCorners { .. } | RecordingError::TrailingBytes { .. },
@@ -629,7 +629,7 @@ fn recordings_folder_is_read() {
     assert!(single > 0 && double > 0, "the folder has no recordings");
 }
 
-/// What a reader returns is either an error or a recording that keeps the promises of its type.
+/// The result of a reader is an error, or a recording that satisfies the guarantees of its type.
 fn assert_sound(result: Result<Recording, RecordingError>) {
     let Ok(recording) = result else { return };
     assert!(!recording.triangles.is_empty());

@@ -1,4 +1,4 @@
-//! The shapes against their closed forms, the broken meshes against what they promise to break.
+//! Compares shapes with their closed forms, and checks that defective meshes have the defects they promise.
 
 use std::collections::BTreeMap;
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -8,7 +8,7 @@ use circumsphere_support::scenes::{
     saddle, sheet_stack, torus, triangle_soup, twisted_rod,
 };
 
-/// Rounding of coordinates of about 1 that went through a dozen operations in f32.
+/// Rounding of coordinates of about 1 after a dozen operations in f32.
 const ROUNDING: f64 = 1e-5;
 
 type Point = [f64; 3];
@@ -42,7 +42,7 @@ fn volume(mesh: &Mesh) -> f64 {
     corners(mesh).map(|[a, b, c]| dot(a, cross(b, c)) / 6.0).sum()
 }
 
-/// How often each edge is run through, in its two directions.
+/// How often each edge is used in each of its two directions.
 fn edges(mesh: &Mesh) -> BTreeMap<[u32; 2], [usize; 2]> {
     let mut edges = BTreeMap::new();
     for &[a, b, c] in &mesh.triangles {
@@ -54,7 +54,7 @@ fn edges(mesh: &Mesh) -> BTreeMap<[u32; 2], [usize; 2]> {
     edges
 }
 
-/// Every edge has two triangles that run through it in opposite directions, and every vertex has an edge.
+/// Every edge has two triangles that use it in opposite directions, and every vertex has an edge.
 fn assert_watertight(mesh: &Mesh) {
     let edges = edges(mesh);
     assert!(edges.values().all(|count| *count == [1, 1]));
@@ -70,7 +70,7 @@ fn assert_all_used(mesh: &Mesh) {
     assert!(corners(mesh).all(|corners| length(normal(corners)) > 0.0));
 }
 
-/// No edge has two triangles that run through it in one direction; the answer is the number of border edges.
+/// Asserts that no edge has two triangles that use it in the same direction. Returns the number of border edges.
 fn border(mesh: &Mesh) -> usize {
     let edges = edges(mesh);
     assert!(edges.values().all(|count| count[0] <= 1 && count[1] <= 1));
@@ -137,7 +137,7 @@ fn icosphere_is_closed_and_round() {
     let edge = 1.0 / (0.4 * std::f64::consts::PI).sin();
     let expected = 5.0 / 12.0 * (3.0 + 5.0_f64.sqrt()) * edge.powi(3);
     assert_near(volume(&icosphere(0, 1.0)), expected, ROUNDING);
-    // A level quarters the volume that is missing, up to the next order.
+    // Each level quarters the missing volume, up to the next order.
     let missing = |level| 4.0 / 3.0 * std::f64::consts::PI - volume(&icosphere(level, 1.0));
     assert_near(missing(3) / missing(4), 4.0, 0.1);
 }
@@ -166,7 +166,7 @@ fn torus_is_closed_and_near_its_volume() {
         let [x, y, z] = position.map(f64::from);
         assert_near((x.hypot(z) - 1.0).hypot(y), 0.25, ROUNDING);
     }
-    // 2π² R r², less than 2 % of it cut off by 48 by 32 flat sides.
+    // 2π² R r². The 48 by 32 flat sides cut off less than 2 %.
     let expected = 2.0 * std::f64::consts::PI.powi(2) * 0.0625;
     assert_near(volume(&mesh), expected, 0.02 * expected);
     assert_eq!(mesh.positions[0], [1.25, 0.0, 0.0]);
@@ -217,7 +217,7 @@ fn twisted_rod_is_closed_and_turns_its_ends() {
         assert_near(f64::from(turned[0]), x * angle.cos() - y * angle.sin(), ROUNDING);
         assert_near(f64::from(turned[1]), x * angle.sin() + y * angle.cos(), ROUNDING);
     }
-    // The section keeps its area; flat triangles between turned sections miss a little of it.
+    // The section keeps its area. Flat triangles between rotated sections lose a little volume.
     assert_near(volume(&twisted), 1.0, 0.01);
 }
 
@@ -259,7 +259,7 @@ fn moves_are_exact_where_they_can_be() {
             assert_near(f64::from(*found), expected, ROUNDING);
         }
     }
-    // A third of a turn around the diagonal moves the axes on by one.
+    // A third of a full rotation about the diagonal permutes the axes.
     let turned = start.rotate([1.0; 3], 2.0 * PI / 3.0);
     for (found, expected) in turned.positions[0].iter().zip([3.0, 1.0, 2.0]) {
         assert_near(f64::from(*found), expected, ROUNDING);
@@ -341,10 +341,11 @@ fn crumpled_sheets_of_any_fineness_have_alike_edges_and_move_with_their_phase() 
             let difference: [f64; 3] = std::array::from_fn(|axis| f64::from(to[axis]) - f64::from(from[axis]));
             length(difference)
         });
-        // Every vertex moves, and none by more than the waves' amplitudes, 12 of up to about 10, times the phase.
+        // Every vertex moves, and none by more than the sum of the waves' amplitudes, 12 of up to about 10, times the
+        // phase.
         assert!(displacements.into_iter().all(|moved| moved > 0.0 && moved < 12.0 * 10.0 * 0.05));
         if made > 2 {
-            // Stretched by the waves, and no more so where there are more triangles.
+            // Edges are stretched by the waves, but not more so with more triangles.
             assert!((1.5..4.0).contains(&mean_edge(&mesh)), "{}", mean_edge(&mesh));
         }
     }

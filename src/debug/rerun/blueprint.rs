@@ -1,7 +1,7 @@
-//! How the viewer lays a recording out: the scene with the log beside it, curves below both.
+//! Layout of a recording in the viewer: the scene with the log beside it, and curves below both.
 //!
-//! The SDK's own layout types have no way to hide an entity, so the rows that describe a layout are written here, where
-//! the viewer's own would be.
+//! The layout types of the SDK cannot hide an entity. So this module writes the rows of a layout itself, at the paths
+//! that the viewer uses.
 
 use glam::Vec3;
 use rerun::{
@@ -30,11 +30,11 @@ use super::{
 };
 use crate::kernel::mesh::bounds::Aabb;
 
-/// Layers that are hidden until the reader asks for them.
+/// Layers that are initially hidden.
 const HIDDEN: [Layer; 6] =
     [Layer::Pairs, Layer::Spheres, Layer::Cones, Layer::Curvature, Layer::RecipeAge, Layer::Tree];
 
-/// A view or container, named by the number that its identifier is made of.
+/// A view or container, identified by the number in its identifier.
 struct Part {
     path: EntityPath,
     identifier: [u8; 16],
@@ -89,10 +89,10 @@ impl Layout {
     }
 }
 
-/// From where a scene is seen, beside its center, in diagonals of its box.
+/// Position of the eye relative to the center of the scene, in diagonals of its bounding box.
 const EYE: Vec3 = Vec3::new(0.47, 0.33, 0.6);
 
-/// Sends the layout into a recording and makes it the one that is shown, with the eye on `bounds`.
+/// Sends the layout into a recording and activates it, with the eye on `bounds`.
 pub(super) fn send(recording: &RecordingStream, bounds: &Aabb) -> RecordingStreamResult<()> {
     let Some(store) = recording.store_info() else { return Ok(()) };
     let builder = RecordingStreamBuilder::new(store.application_id().clone()).recording_id("layout").blueprint();
@@ -112,7 +112,7 @@ pub(super) fn send(recording: &RecordingStream, bounds: &Aabb) -> RecordingStrea
     layout.log(of_scene("LineGrid3D"), &LineGrid3D::new().with_visible(false))?;
     let diagonal = (bounds.max - bounds.min).length();
     if diagonal.is_finite() && diagonal > 0.0 {
-        // Left to itself the viewer stays a unit away, however small the scene.
+        // By default the viewer stays one unit away, however small the scene is.
         let center = (bounds.min + bounds.max) * 0.5;
         let eye = EyeControls3D::new()
             .with_position((center + EYE * diagonal).to_array())
@@ -152,14 +152,14 @@ pub(super) fn send(recording: &RecordingStream, bounds: &Aabb) -> RecordingStrea
 }
 
 fn time_panel() -> TimePanelBlueprint {
-    // Following: a recording opens at its last tick, where most has happened.
+    // Following: the recording opens at its last tick, where most has happened.
     TimePanelBlueprint::new()
         .with_state(PanelState::Collapsed)
         .with_timeline(TICK)
         .with_play_state(PlayState::Following)
 }
 
-/// The tick, how grave it is, and what it says: the entity's path would take half the width.
+/// The tick, level, and text. The path of the entity would take half of the width.
 fn text_log_columns() -> TextLogColumns {
     let column = |kind| TextLogColumn(datatypes::TextLogColumn { visible: true.into(), kind });
     let timeline = datatypes::TimelineColumn { visible: true.into(), timeline: TICK.into() };

@@ -1,6 +1,7 @@
-//! Colors that a color-blind reader can tell apart.
+//! Colors that readers with color blindness can tell apart.
 //!
-//! Classes take those of Okabe and Ito ("Color Universal Design", 2008), scales perceptually uniform color maps.
+//! Categories use the palette of Okabe and Ito ("Color Universal Design", 2008). Scales use perceptually uniform color
+//! maps.
 
 use colorous::{CIVIDIS, Gradient, PURPLE_ORANGE};
 use rerun::{Color, Radius, Rgba32};
@@ -25,34 +26,34 @@ pub(super) const PURPLE: Color = rgb(204, 121, 167);
 pub(super) const WHITE: Color = rgb(255, 255, 255);
 pub(super) const GREY: Color = rgb(160, 160, 160);
 
-/// What touches, on meshes and as points; what has passed each other; what is only near.
+/// Contacts on meshes and as points: touching, passed each other, only near.
 pub(super) const TOUCHING: Color = ORANGE;
 pub(super) const PENETRATING: Color = VERMILION;
 pub(super) const NEAR: Color = SKY_BLUE;
 
-/// Things of which there are many over one another: hardly there.
+/// Overlapping wireframes are nearly transparent.
 pub(super) const SPHERES: Color = rgba(86, 180, 233, 60);
 pub(super) const CONES: Color = rgba(0, 158, 115, 70);
 pub(super) const SHAPES: Color = GREY;
 
-/// The darkness behind it all, from which every color above stands out.
+/// A dark background, from which every color above stands out.
 pub(super) const BACKGROUND: Color = rgb(24, 26, 30);
 
-/// Most contacts lie behind or between layers of a mesh: they are seen through it.
+/// Transparent meshes: most contacts lie behind or between the layers of a mesh.
 pub(super) const MESH_FACTOR: Color = rgba(255, 255, 255, 110);
 
-/// A line of a point and a half on the screen, whatever the scene's scale.
+/// A line 1.5 points wide on the screen, at any scale of the scene.
 pub(super) const THIN: Radius = Radius(rerun::datatypes::Float32(-0.75));
 
-/// Surfaces that touch nothing: greys, so that the colors above stand out, and neighbors differ.
+/// Surfaces without contacts: shades of grey, so that the colors above stand out and neighbors differ.
 const SURFACES: [Color; 4] = [rgb(150, 150, 150), rgb(120, 125, 135), rgb(165, 160, 150), rgb(135, 140, 140)];
 
-/// The color of a surface that touches nothing.
+/// The color of a surface without contacts.
 pub(super) fn surface(place: usize) -> Color {
     SURFACES[place % SURFACES.len()]
 }
 
-/// The color of pairs by what became of them.
+/// The color of a pair, by its fate.
 pub(super) const fn fate(fate: PairFate) -> Color {
     match fate {
         PairFate::Neighbors | PairFate::Remembered | PairFate::Planes => GREY,
@@ -64,8 +65,8 @@ pub(super) const fn fate(fate: PairFate) -> Color {
     }
 }
 
-/// The color of a curve, the same in every recording; `None` for those that are named after what a game has. Stages that
-/// take next to no time are greys.
+/// The color of a curve, the same in every recording. `None` for curves named after entities of the game. Stages that
+/// take almost no time are grey.
 pub(super) fn curve(name: &str) -> Option<Color> {
     let grey = |level| Some(rgb(level, level, level));
     match name.strip_prefix("after ").unwrap_or(name) {
@@ -86,19 +87,19 @@ pub(super) fn curve(name: &str) -> Option<Color> {
     }
 }
 
-/// The jitter of one surface after the other: none of the colors that its plot has already.
+/// Colors for the jitter of single surfaces, none of which the plot uses otherwise.
 pub(super) const OTHER_CURVES: [Color; 8] =
     [GREEN, YELLOW, PURPLE, BLUE, GREY, rgb(170, 170, 0), rgb(153, 221, 255), rgb(100, 100, 100)];
 
 /// The levels of a tree, in turn.
 pub(super) const LEVELS: [Color; 9] = [SKY_BLUE, ORANGE, GREEN, YELLOW, VERMILION, PURPLE, WHITE, GREY, BLUE];
 
-/// Concave (−1, purple) over flat (0, white) to convex (1, orange).
+/// From concave (−1, purple) through flat (0, white) to convex (1, orange).
 pub(super) fn curvature(value: f32) -> Color {
     at(PURPLE_ORANGE, 0.5 - 0.5 * f64::from(value.clamp(-1.0, 1.0)))
 }
 
-/// Ages in ticks: new ones bright, then darker with the logarithm, darkest from a thousand on.
+/// From new (bright) to old (dark), on a logarithmic scale that ends at 1000 ticks.
 pub(super) fn age(ticks: u32) -> Color {
     at(CIVIDIS, 1.0 - (f64::from(ticks).ln_1p() / 1000.0_f64.ln_1p()).min(1.0))
 }

@@ -1,4 +1,4 @@
-//! Draws contacts: points, normals, the depths of the deepest, and what has penetrated.
+//! Draws contacts: points, normals, separations of the deepest, and penetrations.
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use rerun::{AnyValues, Arrows3D, AsComponents, Color, LineStrips3D, Points3D, Radius};
@@ -15,14 +15,14 @@ use crate::{
     surface::DeformableSurface,
 };
 
-/// How many contacts of a tick are labelled with their separation: more would hide each other.
+/// Number of contacts per tick that are labeled with their separation. More labels would hide each other.
 const LABELS: usize = 3;
 
-/// Points that are seen over a mesh from afar, in points on the screen.
+/// Sizes that are visible over a mesh from afar, in points on the screen.
 const POINT: Radius = Radius(rerun::datatypes::Float32(-4.0));
 const LINE: Radius = Radius(rerun::datatypes::Float32(-1.5));
 
-/// Draws them all. Normals are half as long as the edges of the finer side.
+/// Draws all contacts. Normals are half as long as the mean edge of the finer side.
 pub(super) fn draw(
     writer: &mut TickWriter,
     detected: &Detected,
@@ -40,7 +40,7 @@ pub(super) fn draw(
         .collect();
     let of_pair = |pair: &StoredPair| {
         let sides = [pair.a.entity(), pair.b.entity()];
-        // Of a surface that is gone by now nothing is known.
+        // Nothing is known about a surface that is gone.
         let finer = sides.iter().filter_map(|side| edges.get(side)).copied().reduce(f32::min);
         (names.of_pair(sides), 0.5 * finer.unwrap_or(0.0))
     };
@@ -76,12 +76,12 @@ pub(super) fn draw(
 #[derive(Clone, Copy)]
 struct Drawn<'a> {
     contact: Contact<'a>,
-    /// The name of the pair that it is of.
+    /// The name of its pair.
     pair: &'a str,
     normal_length: f32,
 }
 
-/// Contacts by the pair that they are of; of more pairs than can be told apart in a list, one group of them all.
+/// Groups contacts by pair, or into a single group if there are too many pairs for a list.
 fn grouped(pairs: Vec<Vec<Drawn<'_>>>) -> Vec<(&str, Vec<Drawn<'_>>)> {
     if pairs.len() > MANY_PAIRS {
         vec![(ALL_PAIRS, pairs.into_iter().flatten().collect())]
@@ -104,7 +104,7 @@ fn color(contact: &Contact) -> Color {
     }
 }
 
-/// Which pair and triangles a contact is of, and how far apart they are.
+/// The pair, triangles, distance, and separation of each contact.
 fn numbers(contacts: &[Drawn]) -> AnyValues {
     let side = |drawn: &Drawn| {
         let (a, b) = drawn.contact.triangles();
@@ -115,7 +115,7 @@ fn numbers(contacts: &[Drawn]) -> AnyValues {
     let separations: Vec<f32> = contacts.iter().map(|drawn| drawn.contact.separation()).collect();
     let values = values::number(values::contact_triangles(&triangles), "distance", &distances);
     let values = values::number(values, "separation", &separations);
-    // Elsewhere the entity is named after its pair.
+    // Otherwise the entity is named after the pair.
     let is_mixed = contacts.iter().any(|drawn| drawn.pair != contacts[0].pair);
     if is_mixed { values::texts(values, "pair", contacts.iter().map(|drawn| drawn.pair)) } else { values }
 }
@@ -126,7 +126,7 @@ fn draw_contacts(writer: &mut TickWriter, share: &mut Share, name: &str, contact
         return;
     }
     let of = |kind: &str| path([Layer::Contacts.name(), kind, name]);
-    // On the second side: the first is at the other end of the normal.
+    // Draw the point on the second side. The first side is at the other end of the normal.
     let points: Vec<[f32; 3]> = kept.iter().map(|drawn| drawn.contact.points().1.to_array()).collect();
     let point_colors = kept.iter().map(|drawn| color(&drawn.contact));
     let marks = Points3D::new(points.iter().copied()).with_colors(point_colors).with_radii([POINT]);
@@ -140,7 +140,7 @@ fn deepest<'a>(contacts: &[Drawn<'a>]) -> Option<Drawn<'a>> {
     contacts.iter().min_by(|a, b| a.contact.separation().total_cmp(&b.contact.separation())).copied()
 }
 
-/// Labels the deepest of the deepest contact of each pair: contacts of one pair often lie where their labels would overlap.
+/// Labels the deepest contacts, at most one per pair: the labels of one pair's contacts would often overlap.
 fn draw_depths(writer: &mut TickWriter, mut contacts: Vec<Drawn>) {
     contacts.sort_by(|a, b| a.contact.separation().total_cmp(&b.contact.separation()));
     contacts.truncate(LABELS);

@@ -1,7 +1,7 @@
-//! Draws surfaces as meshes colored where they touch, and rigid shapes as wires.
+//! Draws surfaces as meshes, colored where they touch, and rigid shapes as wireframes.
 //!
-//! Both stay in the viewer until they change: of a mesh its triangles are recorded once, its positions, colors and pose
-//! in the ticks that change them. Positions are those of the surface's own frame, bit by bit.
+//! Both stay in the viewer until they change. The triangles of a mesh are recorded once, and its positions, colors, and
+//! pose in the ticks that change them. Positions are bitwise those of the surface's own frame.
 
 use std::sync::Arc;
 
@@ -21,12 +21,12 @@ use crate::{
     surface::{ActiveSurface, ActiveSurfaces},
 };
 
-/// The meshes and shapes that the viewer shows.
+/// The meshes and shapes that the viewer currently shows.
 #[derive(Default)]
 pub(super) struct ShownBodies {
     meshes: EntityHashMap<ShownMesh>,
     shapes: EntityHashMap<ShownShape>,
-    /// Where the first surfaces were, for the shapes that have no end.
+    /// The place of the first surfaces, used to draw infinite shapes.
     scene: Option<Scene>,
 }
 
@@ -37,18 +37,18 @@ struct Scene {
     reach: f32,
 }
 
-/// What a shape sees before there are surfaces.
+/// The scene that is used before there are surfaces.
 const EMPTY_SCENE: Scene = Scene { center: Vec3::ZERO, reach: 10.0 };
 
 impl Scene {
-    /// `None` where there are no surfaces.
+    /// `None` if there are no surfaces.
     fn of(active: &ActiveSurfaces) -> Option<Self> {
         let bounds = scene_bounds(active);
         let reach = (bounds.max - bounds.min).length();
         (reach.is_finite() && reach > 0.0).then(|| Self { center: (bounds.min + bounds.max) * 0.5, reach })
     }
 
-    /// As a shape in this pose sees it.
+    /// The scene in the own frame of a shape with this pose.
     fn seen_from(self, pose: &Pose) -> Self {
         let center = pose.inverse().transform_point(self.center.as_dvec3()).as_vec3();
         Self { center, reach: (f64::from(self.reach) / pose.scale()) as f32 }
@@ -59,7 +59,7 @@ impl Scene {
 struct ShownMesh {
     path: EntityPath,
     topology: Arc<SurfaceTopology>,
-    /// Which triangles are shown; `None`: all.
+    /// The triangles that are shown, or `None` for all.
     triangles: Option<Vec<u32>>,
     pose: Pose,
     positions: Vec<Vec3>,
@@ -91,7 +91,7 @@ impl ShownBodies {
             let path = path([Layer::Meshes.name(), &names.of(surface.entity)]);
             let next = ShownMesh::new(path, surface, place, positions, settings.meshes, touches);
             if next.is_empty() {
-                // The viewer takes a mesh without triangles for an error.
+                // The viewer reports a mesh without triangles as an error.
                 continue;
             }
             let shown = before.remove(&surface.entity);
@@ -157,7 +157,7 @@ impl ShownMesh {
         self.triangles.as_ref().is_some_and(Vec::is_empty)
     }
 
-    /// Records what differs from what is shown. Gives what is shown then.
+    /// Records what differs from `shown`. Returns the state that is shown afterwards.
     fn draw(self, writer: &mut TickWriter, shown: Option<Self>) -> Option<Self> {
         let shown = match shown {
             Some(shown) if shown.path != self.path => {
@@ -185,7 +185,7 @@ impl ShownMesh {
             return Some(self);
         }
         if !writer.fits(Layer::Meshes, bytes, components) {
-            // Better not there than where it was.
+            // A missing mesh is better than one at an old position.
             if let Some(shown) = shown {
                 writer.remove(shown.path);
             }
@@ -215,7 +215,7 @@ impl ShownMesh {
     }
 }
 
-/// Normals for shading only: the sum of the normals of the faces around a vertex, weighted by their area.
+/// Normals for shading only: area-weighted means of the face normals.
 fn vertex_normals(positions: &[Vec3], triangles: &[[u32; 3]]) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; positions.len()];
     for corners in triangles {

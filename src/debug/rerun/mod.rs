@@ -1,7 +1,7 @@
 //! Records every tick for the Rerun viewer, layer by layer, without a screen.
 //!
-//! Reads what the tick left behind and changes nothing of it: once after detection, before anybody answers contacts, and
-//! once at the end of the tick for what came of it. Timelines `tick` and, where the app has a clock, `simulated_time`.
+//! It only reads the state of the tick: once after detection, before the response, and once at the end of the tick for
+//! the result. The timelines are `tick` and, if the app has a clock, `simulated_time`.
 
 mod blueprint;
 mod colors;
@@ -30,7 +30,6 @@ use ::rerun::{
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 use bevy_time::Time;
-pub use settings::{LevelOfDetail, RerunSettings};
 
 use self::{
     meshes::ShownBodies,
@@ -39,16 +38,17 @@ use self::{
     tick::{Detected, Names, Touches, scene_bounds},
 };
 use crate::{
-    contacts::{SurfaceContacts, SurfaceQuarantined, TouchingSides},
+    contacts::{SurfaceContacts, TouchingSides},
     schedule::{DeformableSystems, HostSchedule, run_detection},
-    surface::{ActiveSurfaces, DeformableSurface, RigidShape, SurfacePositions},
+    surface::{ActiveSurfaces, DeformableSurface, RigidShape, SurfacePositions, SurfaceQuarantined},
 };
+pub use settings::{LevelOfDetail, RerunSettings};
 
 /// The timelines of a recording.
 const TICK: &str = "tick";
 const SIMULATED_TIME: &str = "simulated_time";
 
-/// Names the recordings of this crate to the viewer, which keeps a layout for each name.
+/// The application name of the recordings. The viewer keeps a layout for each name.
 const APPLICATION: &str = "bevy_circumsphere";
 
 /// Why nothing can be recorded.
@@ -57,38 +57,39 @@ pub enum RerunError {
     /// The file cannot be written.
     #[error("cannot record to {}: {source}", .path.display())]
     File {
-        /// Which.
+        /// Path of the file.
         path: PathBuf,
-        /// Why.
+        /// The underlying error.
         source: Box<RecordingStreamError>,
     },
-    /// This is no address of a viewer.
+    /// The address is not the address of a viewer.
     #[error("cannot send a recording to {address}: {source}")]
     Viewer {
-        /// Which.
+        /// The address.
         address: String,
-        /// Why.
+        /// The underlying error.
         source: Box<RecordingStreamError>,
     },
-    /// No viewer listens under this address.
-    #[error("no viewer listens at {address}: start it (`rerun`) before the game")]
+    /// No viewer listens at this address.
+    #[error("no viewer listens at {address}: start the viewer (`rerun`) before the game")]
     NoViewer {
-        /// Which.
+        /// The address.
         address: String,
     },
-    /// No recording can be started.
+    /// The recording cannot be started.
     #[error("cannot start a recording: {0}")]
     Start(Box<RecordingStreamError>),
 }
 
-/// Records every tick for the [Rerun](https://rerun.io) viewer: to a file, to a viewer, to memory, or to a stream of your
-/// own. What is recorded is up to [`RerunSettings`]; contacts are the same with and without it.
+/// Records every tick for the [Rerun](https://rerun.io) viewer: to a file, to a viewer, to memory, or to a stream of
+/// your own. [`RerunSettings`] selects what is recorded. Contacts are the same with and without it.
 ///
-/// Add it after [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins). Without a sink, as
-/// [`DeformableRerunPlugin::default`] makes it, nothing is recorded and nothing computed.
+/// Add it after [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins). Without a sink, as in
+/// [`DeformableRerunPlugin::default`], nothing is recorded or computed.
 ///
-/// A file is complete when the app has been dropped. Until then, and if the program is killed or leaves by
-/// `std::process::exit`, it can be opened up to what was written last, though `rerun rrd verify` misses its end.
+/// A file is complete when the app has been dropped. Before that, or if the program is killed or ends with
+/// `std::process::exit`, the file can be opened up to the last write, but `rerun rrd verify` reports that its end is
+/// missing.
 #[derive(Clone)]
 pub struct DeformableRerunPlugin {
     stream: RecordingStream,
@@ -102,10 +103,10 @@ impl Default for DeformableRerunPlugin {
 }
 
 impl DeformableRerunPlugin {
-    /// Records to a file (`.rrd`), which is replaced if it is there.
+    /// Records to a file (`.rrd`). An existing file is replaced.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// If the file cannot be written.
     pub fn to_file(path: impl AsRef<Path>) -> Result<Self, RerunError> {
         let path = path.as_ref();
         match RecordingStreamBuilder::new(APPLICATION).save(path) {
@@ -114,33 +115,34 @@ impl DeformableRerunPlugin {
         }
     }
 
-    /// Records to a running viewer, by its address: `rerun+http://127.0.0.1:9876/proxy` for one on this machine with its
-    /// own settings. The viewer has to be there: it is waited for up to five seconds.
+    /// Records to a running viewer at an address, which is `rerun+http://127.0.0.1:9876/proxy` for a viewer on this
+    /// machine with default settings. The viewer must already be running. This call waits for it for up to five
+    /// seconds.
     ///
     /// # Errors
-    /// Where the address is none, or no viewer listens there.
+    /// If the address is invalid, or no viewer listens there.
     pub fn to_viewer(address: &str) -> Result<Self, RerunError> {
         let address = address.to_owned();
         match RecordingStreamBuilder::new(APPLICATION).connect_grpc_opts(address.as_str()) {
-            // With nobody there the stream would fill up, stall the game, and then keep it from ending.
+            // Without a viewer, the stream would fill up, stall the game, and then keep it from exiting.
             Ok(stream) if stream.flush_blocking().is_err() => Err(RerunError::NoViewer { address }),
             Ok(stream) => Ok(Self { stream }),
             Err(source) => Err(RerunError::Viewer { address, source: Box::new(source) }),
         }
     }
 
-    /// Records to memory; what was recorded is taken from the storage.
+    /// Records to memory. Take the recorded messages from the returned storage.
     ///
     /// # Errors
-    /// Where no thread can be started.
+    /// If no thread can be started.
     pub fn to_memory() -> Result<(Self, MemorySinkStorage), RerunError> {
         let memory = RecordingStreamBuilder::new(APPLICATION).memory();
         let (stream, storage) = memory.map_err(|source| RerunError::Start(Box::new(source)))?;
         Ok((Self { stream }, storage))
     }
 
-    /// Records to a stream of your own, with what you log yourself. Its clock is left alone; the viewer is told to lay the
-    /// recording out as this crate does, which shows what else you log in 3D, but none of your curves and texts.
+    /// Records to a stream of your own, together with what you log yourself. The clock of the stream is not touched.
+    /// The viewer gets the layout of this crate, which shows your own 3D data, but not your own curves and texts.
     #[must_use]
     pub fn to_stream(stream: RecordingStream) -> Self {
         Self { stream }
@@ -150,7 +152,7 @@ impl DeformableRerunPlugin {
 impl Plugin for DeformableRerunPlugin {
     fn build(&self, app: &mut App) {
         let Some(&HostSchedule(schedule)) = app.world().get_resource() else {
-            panic!("DeformableRerunPlugin records what DeformableCollisionPlugins do: add those first");
+            panic!("DeformableRerunPlugin records DeformableCollisionPlugins: add DeformableCollisionPlugins first");
         };
         app.init_resource::<RerunSettings>();
         app.insert_resource(Recorder::new(self.stream.clone()));
@@ -165,7 +167,7 @@ impl Plugin for DeformableRerunPlugin {
     }
 }
 
-/// The stream, and what it has been told.
+/// The stream, and what has been sent to it.
 #[derive(Resource)]
 struct Recorder {
     stream: RecordingStream,
@@ -174,11 +176,11 @@ struct Recorder {
     bodies: ShownBodies,
     series: Series,
     tick: RecordedTick,
-    /// What recording the last recorded tick took.
+    /// Time that recording the last recorded tick took.
     cost: Duration,
-    /// Layers of which the game's log has been told that they are thinned.
+    /// Layers for which the game's log already has the warning about thinning.
     warned: BTreeSet<Layer>,
-    /// Whether the viewer has been told how to lay the recording out.
+    /// Whether the layout has been sent to the viewer.
     has_layout: bool,
 }
 
@@ -186,7 +188,7 @@ struct Recorder {
 #[derive(Default)]
 struct RecordedTick {
     time: TimePoint,
-    /// Whether it is one of those of which the layers are recorded.
+    /// Whether the layers of this tick are recorded.
     has_layers: bool,
     cost: Duration,
     newly_thinned: Vec<(Layer, Thinned)>,
@@ -221,7 +223,7 @@ fn record_detection(
 ) {
     let start = Instant::now();
     let Recorder { stream, shown, names, bodies, series, tick, cost, has_layout, .. } = &mut *recorder;
-    let number = detected.store.tick;
+    let number = detected.store.tick();
     let mut time = TimePoint::default();
     time.insert_cell(
         TimelineName::from_static_str(TICK),
@@ -242,7 +244,7 @@ fn record_detection(
     let touches = Touches::new(&detected);
     let steadiness = settings.series.then(|| series.observe(&detected, &surfaces, names, &touches));
     if has_layers {
-        // Before that there is nothing to look at.
+        // Without surfaces there is nothing to look at yet.
         if !*has_layout && !detected.active.surfaces.is_empty() {
             *has_layout = true;
             lay_out(stream, &detected.active);
@@ -260,7 +262,7 @@ fn record_detection(
     tick.cost = start.elapsed();
 }
 
-/// Tells the viewer which way is up, and how to show it all.
+/// Sends the up axis and the layout to the viewer.
 fn lay_out(stream: &RecordingStream, active: &ActiveSurfaces) {
     let up = stream.log_static(recorder::path([]), &ViewCoordinates::RIGHT_HAND_Y_UP());
     if let Err(error) = up.and_then(|()| blueprint::send(stream, &scene_bounds(active))) {
@@ -268,7 +270,7 @@ fn lay_out(stream: &RecordingStream, active: &ActiveSurfaces) {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "what became of a tick is spread over the world")]
+#[expect(clippy::too_many_arguments, reason = "the results of a tick are spread over many resources and components")]
 fn record_answer(
     mut recorder: ResMut<Recorder>,
     settings: Res<RerunSettings>,

@@ -1,4 +1,4 @@
-//! Draws the pairs of triangles whose boxes overlap, by what became of them.
+//! Draws pairs of triangles whose boxes overlap, by their fate.
 
 use glam::{DVec3, Vec3};
 use rerun::{AsComponents, LineStrips3D};
@@ -16,14 +16,14 @@ use crate::{
     surface::ActiveSurface,
 };
 
-/// A pair of surfaces and the pairs of triangles in it, by fate.
+/// A pair of surfaces, with its pairs of triangles by fate.
 struct DrawnPair<'a> {
     pair: &'a SurfacePair,
     name: String,
     by_fate: Vec<Vec<[u32; 2]>>,
 }
 
-/// Draws them all.
+/// Draws all pairs.
 pub(super) fn draw(
     writer: &mut TickWriter,
     detected: &Detected,
@@ -43,14 +43,14 @@ pub(super) fn draw(
             };
             wants_second && touches.wants(level, pair.first, first)
         };
-        // Fates take as long as the stages did: nothing is asked of pairs that are not drawn.
+        // Fates take as long as the stages, so they are only computed for pairs that are drawn.
         let wanted: Vec<[u32; 2]> = pair.triangles.iter().copied().filter(wants).collect();
         let fates = detected.fates.of_triangles(pair, &wanted).unwrap_or_default();
         let mut by_fate = vec![Vec::new(); PairFate::ALL.len()];
         for (triangles, fate) in wanted.into_iter().zip(fates) {
             by_fate[fate as usize].push(triangles);
         }
-        // Slabs part most of them, and never wrongly.
+        // Slabs drop most pairs, and never wrongly.
         let parted = &mut by_fate[PairFate::Planes as usize];
         if level == LevelOfDetail::All {
             parted.extend(detected.fates.dropped_by_slabs(place, pair));
@@ -62,10 +62,10 @@ pub(super) fn draw(
     }
     drawn.retain(|pair: &DrawnPair| pair.by_fate.iter().any(|pairs| !pairs.is_empty()));
     let is_mixed = drawn.len() > MANY_PAIRS;
-    // Looked up once: whether a surface's positions can be drawn takes as long as looking at all of them.
+    // Look up positions once, because checking the positions of a surface visits all of them.
     let place = |surface| Placed { surface, positions: detected.surface(surface).map(|(positions, _)| positions) };
     let placed: Vec<Placed> = detected.active.surfaces.iter().map(place).collect();
-    // Those that came farthest first: they say most.
+    // Start with the pairs that passed the most steps: they are the most informative.
     for fate in PairFate::ALL.into_iter().rev() {
         let lists = || drawn.iter().map(|drawn| &drawn.by_fate[fate as usize]);
         let filled = if is_mixed { 1 } else { lists().filter(|pairs| !pairs.is_empty()).count() };
@@ -86,12 +86,12 @@ pub(super) fn draw(
     }
 }
 
-/// Pairs of triangles that make one row.
+/// Pairs of triangles that form one row.
 #[derive(Default)]
 struct Row<'a> {
     lines: Vec<Vec<[f32; 3]>>,
     triangles: Vec<[u32; 2]>,
-    /// The pairs of surfaces that they are of.
+    /// Names of their pairs of surfaces.
     names: Vec<&'a str>,
 }
 
@@ -110,7 +110,7 @@ impl Row<'_> {
     }
 }
 
-/// A line between the centers of two triangles; of a pair with a rigid shape the triangle's outline.
+/// A line between the centers of two triangles. For a pair with a rigid shape, the outline of the triangle.
 fn line(surfaces: &[Placed], pair: &SurfacePair, [a, b]: [u32; 2]) -> Vec<[f32; 3]> {
     let first = surfaces[pair.first].corners(a);
     match pair.second {
@@ -122,14 +122,14 @@ fn line(surfaces: &[Placed], pair: &SurfacePair, [a, b]: [u32; 2]) -> Vec<[f32; 
     }
 }
 
-/// A surface and where its vertices are, in its own frame; `None` where it is gone.
+/// A surface and its vertices in its own frame; `None` if it is gone.
 struct Placed<'a> {
     surface: &'a ActiveSurface,
     positions: Option<&'a [Vec3]>,
 }
 
 impl Placed<'_> {
-    /// The corners of a triangle in the world; all at the origin where the surface is gone.
+    /// The corners of a triangle in world space; all at the origin if the surface is gone.
     fn corners(&self, triangle: u32) -> [DVec3; 3] {
         let Some(positions) = self.positions else { return [DVec3::ZERO; 3] };
         self.surface.topology.triangles()[triangle as usize]

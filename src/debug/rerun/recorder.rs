@@ -1,6 +1,7 @@
-//! Writes rows of one tick, within its budget of bytes.
+//! Writes the rows of one tick, within its byte budget.
 //!
-//! A row carries its own time: the stream's clock belongs to whoever handed it in, and to each thread apart.
+//! A row carries its own time. The clock of the stream belongs to the caller that provided the stream, and is separate
+//! for each thread.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -9,17 +10,17 @@ use rerun::{
     external::arrow::array::Array, log::PendingRow,
 };
 
-/// What a row of so many components takes beside its numbers where it is sent alone, at most: the names of entity,
-/// timelines and components. Measured on files with two timelines and names of up to forty letters. Rows of ticks that
-/// follow one another within a fifth of a second share it.
+/// Upper bound of the overhead of a row with this many components if it is sent alone: the names of entity, timelines,
+/// and components. Measured on files with two timelines and names of up to forty letters. Rows of consecutive ticks
+/// within a fifth of a second share the overhead.
 pub(super) const fn row_bytes(components: usize) -> usize {
     1800 + 640 * components
 }
 
-/// What it takes to remove an entity.
+/// Size of the removal of an entity.
 const CLEAR_BYTES: usize = row_bytes(1);
 
-/// A layer of the recording, in the order in which they are recorded: those that can least be done without first.
+/// A layer of the recording. They are recorded in this order, the most important first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) enum Layer {
     Meshes,
@@ -35,7 +36,7 @@ pub(super) enum Layer {
 }
 
 impl Layer {
-    /// The entity of the layer.
+    /// The name of the layer's entity.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Meshes => "meshes",
@@ -52,17 +53,17 @@ impl Layer {
     }
 }
 
-/// The path of an entity from its unescaped parts.
+/// The path of an entity, from unescaped parts.
 pub(super) fn path<'a>(parts: impl IntoIterator<Item = &'a str>) -> EntityPath {
     EntityPath::new(parts.into_iter().map(EntityPathPart::new).collect())
 }
 
-/// What the viewer shows of ticks before, as far as the next tick has to undo it.
+/// What the viewer still shows from previous ticks, if the next tick has to undo it.
 #[derive(Default)]
 pub(super) struct Shown {
-    /// Entities whose last row holds for one tick only.
+    /// Entities whose last row is valid for one tick only.
     passing: HashSet<EntityPath>,
-    /// What was left out of layers in the last recorded tick.
+    /// The layers that were thinned in the last recorded tick.
     pub(super) thinned: BTreeMap<Layer, Thinned>,
 }
 
@@ -83,21 +84,21 @@ pub(super) struct TickWriter<'a> {
     thinned: BTreeMap<Layer, Thinned>,
 }
 
-/// The same share of every list of a layer, evenly spread over all of them.
+/// An even share of all lists of a layer.
 #[derive(Clone, Debug)]
 pub(super) struct Share {
     recorded: usize,
     all: usize,
-    /// How many instances the lists so far had.
+    /// Number of instances in the lists so far.
     passed: usize,
 }
 
 impl Share {
-    /// The places in the layer's next list, of `count`, that are recorded.
+    /// The indices to record in the layer's next list, which has `count` instances.
     pub(super) fn places(&mut self, count: usize) -> Vec<usize> {
         let Self { recorded, all, passed } = *self;
         self.passed += count;
-        // Each instance that lifts the running share to another whole number.
+        // Record each instance at which the running share reaches the next integer.
         let before = |instance: usize| instance as u128 * recorded as u128 / all.max(1) as u128;
         (0..count).filter(|place| before(passed + place + 1) > before(passed + place)).collect()
     }
@@ -105,12 +106,12 @@ impl Share {
 
 impl<'a> TickWriter<'a> {
     pub(super) fn new(stream: &'a RecordingStream, time: TimePoint, budget: usize, shown: &'a mut Shown) -> Self {
-        // What is shown and not written again has to be cleared, whatever happens.
+        // Everything that is shown and not written again has to be cleared in any case.
         let left = budget.saturating_sub(shown.passing.len() * CLEAR_BYTES);
         Self { stream, time, left, shown, passing: HashSet::new(), thinned: BTreeMap::new() }
     }
 
-    /// Writes a row that holds until the next one of its entity.
+    /// Writes a row that is valid until the next row of its entity.
     pub(super) fn row(&mut self, path: EntityPath, archetypes: &[&dyn AsComponents]) {
         let batches: Vec<SerializedComponentBatch> =
             archetypes.iter().flat_map(|archetype| archetype.as_serialized_batches()).collect();
@@ -118,7 +119,7 @@ impl<'a> TickWriter<'a> {
         self.stream.record_row(path, PendingRow::from_iter(self.time.clone(), batches), false);
     }
 
-    /// Writes a row that holds for all ticks.
+    /// Writes a row that is valid for all ticks.
     pub(super) fn timeless_row(&mut self, path: EntityPath, archetype: &dyn AsComponents) {
         self.stream.record_row(
             path,
@@ -127,7 +128,7 @@ impl<'a> TickWriter<'a> {
         );
     }
 
-    /// Writes a row that holds for this tick only.
+    /// Writes a row that is valid for this tick only.
     pub(super) fn passing_row(&mut self, path: EntityPath, archetypes: &[&dyn AsComponents]) {
         if self.shown.passing.contains(&path) {
             self.left += CLEAR_BYTES;
@@ -141,7 +142,7 @@ impl<'a> TickWriter<'a> {
         self.row(path, &[&Clear::recursive()]);
     }
 
-    /// Whether a row that cannot be thinned fits into the budget; counted as left out where it does not.
+    /// Whether a row that cannot be thinned fits into the budget. If not, it counts as left out.
     pub(super) fn fits(&mut self, layer: Layer, bytes: usize, components: usize) -> bool {
         let fits = bytes + row_bytes(components) <= self.left;
         let thinned = self.thinned.entry(layer).or_default();
@@ -150,8 +151,8 @@ impl<'a> TickWriter<'a> {
         fits
     }
 
-    /// How much of `count` instances of so many bytes, in that many lists, fits into the budget. A list of which
-    /// something is recorded takes [`row_bytes`] of its rows.
+    /// How many of `count` instances, each of `bytes_each` bytes and in `lists` lists, fit into the budget. A list with
+    /// at least one recorded instance costs `row_bytes` more.
     pub(super) fn share(
         &mut self,
         layer: Layer,
@@ -161,14 +162,15 @@ impl<'a> TickWriter<'a> {
         row_bytes: usize,
     ) -> Share {
         let fits_whole = lists * row_bytes + count * bytes_each <= self.left;
-        // What has to be thinned leaves something to the layers after it: contacts a quarter, others as much as they take.
+        // A layer that has to be thinned leaves budget for later layers: a quarter for contacts and penetrations,
+        // otherwise half.
         let available = match layer {
             _ if fits_whole => self.left,
             Layer::Contacts | Layer::Penetrations => self.left / 4 * 3,
             _ => self.left / 2,
         };
         let in_all_lists = available.saturating_sub(lists * row_bytes) / bytes_each;
-        // With fewer instances than lists each is in a list of its own.
+        // If there are fewer instances than lists, each is in a list of its own.
         let recorded = count.min(in_all_lists.max(lists.min(available / (bytes_each + row_bytes))));
         let thinned = self.thinned.entry(layer).or_default();
         thinned.all += count;
@@ -176,8 +178,8 @@ impl<'a> TickWriter<'a> {
         Share { recorded, all: count, passed: 0 }
     }
 
-    /// Removes what was shown in the last tick and is not in this one. Gives the layers of which other shares are
-    /// recorded than in the last tick.
+    /// Removes entities that were shown in the last tick and not in this one. Returns the layers that are thinned in
+    /// this tick and were not in the last one.
     pub(super) fn finish(mut self) -> Vec<(Layer, Thinned)> {
         let passing = std::mem::take(&mut self.passing);
         let mut gone: Vec<EntityPath> = self.shown.passing.difference(&passing).cloned().collect();

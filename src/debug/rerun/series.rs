@@ -1,4 +1,4 @@
-//! Curves: what every stage cost and kept, how steady contacts are, how deep sides are in each other.
+//! Curves: time and pairs of every stage, steadiness of contacts, and depths.
 
 use std::{
     collections::{HashMap, HashSet},
@@ -16,13 +16,13 @@ use super::{
     tick::{Detected, Names, Touch, Touches},
 };
 use crate::{
-    contacts::{Contact, ContactSide, SurfaceContacts},
+    contacts::{Contact, SurfaceContacts},
     detection::StageDiagnostics,
     kernel::contact::ContactKey,
-    surface::{ActiveSurfaces, DeformableSurface, SurfacePositions},
+    surface::{ActiveSurfaces, ContactSide, DeformableSurface, SurfacePositions},
 };
 
-/// The room of all curves in the recording, and its parts, each a plot of its own.
+/// The root entity of all curves, and its children, each a plot.
 pub(super) const SERIES: &str = "series";
 pub(super) const MILLISECONDS: &str = "milliseconds";
 pub(super) const COUNTS: &str = "counts";
@@ -30,44 +30,44 @@ pub(super) const STEADINESS: &str = "steadiness";
 pub(super) const MOTION: &str = "motion";
 pub(super) const DEPTHS: &str = "depths";
 
-/// Of more surfaces that touch in a tick only the largest jitter is drawn.
+/// If more surfaces touch in a tick, only the largest jitter is drawn.
 const JITTER_CURVES: usize = 8;
 
-/// Names a contact among those of all pairs.
+/// Identifies a contact among all pairs.
 type ContactName = (ContactSide, ContactSide, ContactKey);
 
-/// What the curves remember of the ticks before.
+/// What the curves remember of previous ticks.
 #[derive(Default)]
 pub(super) struct Series {
-    /// Curves that have a color and a name already, in the order in which they came, by plot.
+    /// Curves that already have a color and a name, by plot, in the order of their first appearance.
     named: HashMap<&'static str, Vec<String>>,
-    /// How many curves have had a color in turn.
+    /// Number of curves that have taken a color from the cycle.
     others: usize,
     contacts: HashMap<ContactName, Vec3>,
-    /// Vertices in the world, in this tick and in the two before it.
+    /// World positions of vertices, in this tick and the two before it.
     vertices: EntityHashMap<Track>,
 }
 
-/// The vertices of a surface in the world, the newest tick first.
+/// World positions of the vertices of a surface, newest tick first.
 #[derive(Default)]
 struct Track([Vec<DVec3>; 3]);
 
-/// How steady contacts were from the last tick to this one.
+/// Steadiness of contacts from the last tick to this one.
 pub(super) struct Steadiness {
-    /// Share of the contacts of both ticks that only one of them has, from 0 to 1.
+    /// Share of contacts that only one of the two ticks has, from 0 to 1.
     churn: f64,
-    /// Largest turn of the normal of a contact that both ticks have, in degrees.
+    /// Largest rotation of the normal of a contact that both ticks have, in degrees.
     normal_jump: f64,
-    /// For each surface that touches: its name, and by how much its touching vertices change their motion, as the mean
-    /// second difference of their positions, in mean edges.
+    /// The name of each touching surface, with the mean second difference of the positions of its touching vertices, in
+    /// mean edges.
     jitter: Vec<(String, f64)>,
-    /// The longest way of a vertex, in contact distances of its surface with its like: what moves by more than one may pass
-    /// through another unseen.
+    /// Largest displacement of a vertex, in contact distances of two surfaces with its surface's thickness. Above 1, it
+    /// may tunnel.
     motion: f64,
 }
 
 impl Series {
-    /// Follows a tick, whether it is recorded or not.
+    /// Observes a tick, whether it is recorded or not.
     pub(super) fn observe(
         &mut self,
         detected: &Detected,
@@ -89,7 +89,7 @@ impl Series {
         let mut tracks = std::mem::take(&mut self.vertices);
         for (place, surface) in detected.active.surfaces.iter().enumerate() {
             let Some((positions, _)) = detected.surface(surface) else { continue };
-            // What was before a jump tells nothing of the motion after it.
+            // Positions before a jump say nothing about the motion after it.
             let before = tracks.remove(&surface.entity).filter(|_| !surface.fresh);
             let Track([newest, last, _]) = before.unwrap_or_default();
             let vertices = positions.iter().map(|&position| surface.pose.transform_point(position.as_dvec3()));
@@ -118,7 +118,7 @@ impl Series {
         let there: HashSet<String> =
             detected.active.surfaces.iter().map(|surface| jitter_of(&names.of(surface.entity))).collect();
         if let Some(named) = self.named.get_mut(STEADINESS) {
-            // Curves of surfaces that are gone end: there may be ever more of them.
+            // End the curves of surfaces that are gone. Otherwise their number could grow without bound.
             named.retain(|curve| !curve.starts_with(&jitter_of("")) || there.contains(curve));
         }
         Steadiness {
@@ -129,13 +129,13 @@ impl Series {
         }
     }
 
-    /// Forgets the ticks so far: the next one does not follow them.
+    /// Forgets the previous ticks, because the next observed tick does not follow them.
     pub(super) fn forget(&mut self) {
         self.contacts.clear();
         self.vertices.clear();
     }
 
-    /// Draws what detection says of the tick; `recording` is what recording the last tick took.
+    /// Draws the results of detection. `recording` is the time that recording the last tick took.
     pub(super) fn draw(
         &mut self,
         writer: &mut TickWriter,
@@ -179,7 +179,7 @@ impl Series {
         self.draw_plot(writer, MOTION, vec![("largest motion".to_owned(), steadiness.motion)]);
     }
 
-    /// Draws how deep the sides are once the tick has been answered. Positions have moved since detection, poses have not.
+    /// Draws depths before and after the response. Positions have moved since detection, poses have not.
     pub(super) fn draw_answer(
         &mut self,
         writer: &mut TickWriter,
@@ -209,7 +209,7 @@ impl Series {
         self.draw_plot(writer, DEPTHS, curves.map(|(curve, depth)| (curve.to_owned(), depth)).to_vec());
     }
 
-    /// Draws the curves of a plot. One that has no value in this tick falls to 0.
+    /// Draws the curves of a plot. A curve without a value in this tick drops to 0.
     fn draw_plot(&mut self, writer: &mut TickWriter, plot: &'static str, curves: Vec<(String, f64)>) {
         let named = self.named.entry(plot).or_default();
         let of = |curve: &str| path([SERIES, plot, curve]);
@@ -231,20 +231,20 @@ impl Series {
     }
 }
 
-/// The name of the curve of a surface's jitter.
+/// Name of the jitter curve of a surface.
 fn jitter_of(surface: &str) -> String {
     format!("jitter of {surface}")
 }
 
 impl Track {
-    /// The longest way of a vertex from the last tick to this one; 0 where there was none.
+    /// Largest displacement of a vertex since the last tick; 0 if there is no last tick.
     fn longest_way(&self) -> f64 {
         let [now, last, _] = &self.0;
         let ways = now.iter().zip(last).map(|(now, last)| now.distance(*last));
         if now.len() == last.len() { ways.fold(0.0, f64::max) } else { 0.0 }
     }
 
-    /// Over the vertices that are marked; `None` where none is, or the track is too short.
+    /// Mean over the marked vertices. `None` if none is marked, or if the track is too short.
     fn mean_second_difference(&self, marked: &[bool]) -> Option<f64> {
         let [now, last, before] = &self.0;
         let count = marked.iter().filter(|&&marked| marked).count();
@@ -256,16 +256,16 @@ impl Track {
     }
 }
 
-/// The deepest contacts, in world units.
+/// Depths of the deepest contacts, in world units.
 struct Depths {
-    /// How much closer than the contact distance.
+    /// Overlap: how much closer than the contact distance.
     overlap: f64,
-    /// How far the sides have passed each other.
+    /// Penetration: how far the sides have passed each other.
     penetration: f64,
 }
 
 impl Depths {
-    /// Of contacts and by how much each has opened since it was found.
+    /// Depths of contacts. Each comes with the distance by which it has opened since detection.
     fn of<'a>(contacts: impl Iterator<Item = (Contact<'a>, f64)>) -> Self {
         contacts.fold(Self { overlap: 0.0, penetration: 0.0 }, |deepest, (contact, opened)| Self {
             overlap: deepest.overlap.max(-(f64::from(contact.separation()) + opened)),

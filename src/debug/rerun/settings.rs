@@ -7,8 +7,8 @@ use bevy_ecs::prelude::*;
 pub enum LevelOfDetail {
     /// Nothing.
     Off,
-    /// Triangles that touch another, and those that share a vertex with them; of pairs, those of two such triangles that
-    /// no slab parts.
+    /// Triangles that touch others, and triangles that share a vertex with them. For pairs: those of two such triangles
+    /// that no slab separates.
     NearContacts,
     /// Everything.
     All,
@@ -16,49 +16,51 @@ pub enum LevelOfDetail {
 
 /// What [`DeformableRerunPlugin`](super::DeformableRerunPlugin) records. Changes take effect in the next tick.
 ///
-/// Every layer is an entity of its own at the root of the recording, named like its field here, with the surfaces or pairs
-/// below it: the viewer can show and hide a layer with one click. Of more than 48 pairs there is one entity for all, and each
-/// point or line says of which pair it is. What a method does not compute has nothing to show:
-/// curvature, recipe ages, spheres and cones are there for pairs tested by `Circumsphere`.
+/// Every layer is an entity at the root of the recording, named like its field here, with the surfaces or pairs below
+/// it. So the viewer can show or hide a layer with one click. More than 48 pairs share one entity, and each point or
+/// line names its pair. A layer is empty if the contact method does not compute its content: curvature, recipe ages,
+/// offset spheres, and cones exist for pairs tested by `Circumsphere`.
 #[derive(Resource, Clone, Debug, PartialEq, Eq)]
-#[expect(clippy::struct_excessive_bools, reason = "each switches a layer of its own")]
+#[expect(clippy::struct_excessive_bools, reason = "each flag switches its own layer")]
 pub struct RerunSettings {
-    /// Every how many ticks the layers are recorded; 0 counts as 1. Default 1. The text log has every tick.
+    /// Layers are recorded every this many ticks; 0 counts as 1. Default 1. The text log has every tick.
     pub every: u32,
-    /// About how many bytes a recorded tick may take, before compression. Layers are recorded in the order of the fields
-    /// below. One that no longer fits is thinned evenly into half of what is left, contacts into three quarters, a mesh left out as a whole, and a warning
-    /// says so, in the text log too. Default 4,000,000. The series, the log and the removal of what is gone are always
-    /// recorded: some kilobytes, or some tens of them where ticks are more than a fifth of a second apart.
+    /// Approximate limit of the bytes of a recorded tick, before compression. Default 4,000,000. Layers are recorded in
+    /// the order of the fields below. A layer that no longer fits is thinned evenly to half of the remaining bytes, or
+    /// to three quarters for contacts and penetrations. A mesh or rigid shape that does not fit is left out. A warning
+    /// reports each case, also in the text log. The series, the log, and the removal of entities are always recorded.
+    /// They take some kilobytes, or some tens of kilobytes if ticks are more than a fifth of a second apart.
     pub bytes_per_tick: usize,
-    /// Time, pairs and refreshes of every stage, steadiness and depth, as curves. Default true. Jitter is the mean second
-    /// difference of the positions of a surface's touching vertices, in mean edges; while no more than 8 surfaces touch, each
-    /// has a curve of its own. What moves by more than one contact distance in a tick may pass through something unseen.
+    /// Curves of the time, pairs, and recipe refreshes of the stages, of steadiness, and of depth. Default true. Jitter
+    /// is the mean second difference of the positions of a surface's touching vertices, in mean edges. While at most 8
+    /// surfaces touch, each has its own jitter curve. A vertex that moves by more than one contact distance in a tick
+    /// may tunnel.
     pub series: bool,
-    /// Wall-clock times among the series: of each stage, and what recording the last tick took. Default true; without them
-    /// two recordings of the same ticks are equal.
+    /// Whether the series include wall-clock times: of each stage, and of recording the last tick. Default true.
+    /// Without them, two recordings of the same ticks are equal.
     pub times: bool,
-    /// Surfaces, colored where they touch. Default all. A mesh's triangles are recorded once, its positions when they
-    /// change.
+    /// Surfaces, colored where they touch. Default `All`. The triangles of a mesh are recorded once, and its positions
+    /// when they change.
     pub meshes: LevelOfDetail,
-    /// Rigid shapes, as wires. Default true.
+    /// Rigid shapes, as wireframes. Default true.
     pub shapes: bool,
-    /// Contact points, normals, and the depths of the deepest. Default true.
+    /// Contact points, normals, and the separations of the deepest contacts. Default true.
     pub contacts: bool,
-    /// Where sides have passed each other, and where edges pierce faces. Default true.
+    /// Contacts whose sides have passed each other, and edges that pierce faces. Default true.
     pub penetrations: bool,
-    /// Pairs of triangles whose boxes overlap, by the step that dropped them, those that came farthest first.
-    /// Default near contacts.
+    /// Pairs of triangles whose boxes overlap, by the step that dropped them. Pairs that passed the most steps are
+    /// recorded first. Default `NearContacts`.
     pub pairs: LevelOfDetail,
-    /// Offset spheres, or enclosing balls. Default near contacts.
+    /// Offset spheres or enclosing balls. Default `NearContacts`.
     pub spheres: LevelOfDetail,
-    /// Safety cones. Default near contacts.
+    /// Safety cones. Default `NearContacts`.
     pub cones: LevelOfDetail,
-    /// Triangles colored by curvature. Default near contacts.
+    /// Triangles colored by curvature. Default `NearContacts`.
     pub curvature: LevelOfDetail,
-    /// Triangles colored by how long ago their sphere's recipe was made. Default off.
+    /// Triangles colored by the age of their sphere's recipe. Default `Off`.
     pub recipe_age: LevelOfDetail,
-    /// How many levels of each surface's tree are recorded, from the root, where it is that of the tick. Default 4: up to 585
-    /// boxes a surface.
+    /// Number of levels of each surface's tree, from the root, if the tree is up to date in the tick. Default 4, which
+    /// is up to 585 boxes per surface.
     pub tree_levels: u32,
 }
 
@@ -84,7 +86,7 @@ impl Default for RerunSettings {
 }
 
 impl RerunSettings {
-    /// Records everything of every layer, as far as the budget reaches.
+    /// Records everything of every layer, within the byte budget.
     #[must_use]
     pub fn everything() -> Self {
         Self {

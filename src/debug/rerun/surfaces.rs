@@ -1,6 +1,6 @@
-//! Draws what the triangles of a surface carry: spheres, cones, curvature, recipes, and the tree over them.
+//! Draws per-triangle data of surfaces: spheres, cones, curvature, recipe ages, and trees.
 //!
-//! Everything is drawn in the surface's own frame with the pose beside it, as the stages keep it.
+//! Everything is drawn in the surface's own frame, as the stages store it, together with the pose.
 
 use std::f32::consts::TAU;
 
@@ -15,6 +15,7 @@ use super::{
     values,
 };
 use crate::{
+    detection::SurfaceState,
     kernel::{
         bvh::tree::BoxTree,
         spheres::{
@@ -26,21 +27,21 @@ use crate::{
     surface::{ActiveSurface, ContactMethod},
 };
 
-/// Corners of the circle that a cone cuts out of its sphere.
+/// Number of corners of the circle that a cone cuts out of its sphere.
 const RIM_CORNERS: usize = 16;
 
-/// A surface and what the stages have made of it in this tick.
+/// A surface with the results of the stages in this tick.
 struct Drawn<'a> {
     place: usize,
     surface: &'a ActiveSurface,
     name: String,
     pose: Transform3D,
     positions: &'a [Vec3],
-    /// Empty where no pair was tested by them.
+    /// Empty if no pair was tested with balls.
     balls: &'a [Ball],
-    /// `None` where no pair was tested by them.
+    /// `None` if no pair was tested with offset spheres.
     caps: Option<Caps<'a>>,
-    /// Where it is that of this tick.
+    /// `None` if the tree is not up to date in this tick.
     tree: Option<&'a BoxTree>,
 }
 
@@ -52,7 +53,7 @@ struct Caps<'a> {
 }
 
 impl Drawn<'_> {
-    /// A triangle's cap, and that on the other side of a sheet.
+    /// The cap of a triangle, and for a sheet the cap on its other side.
     fn caps(&self, triangle: u32) -> impl Iterator<Item = Cap> {
         let both = self.caps.map(|Caps { spheres, cones, .. }| {
             let cap = Cap::of(spheres, cones, triangle as usize);
@@ -67,7 +68,7 @@ impl Drawn<'_> {
     }
 }
 
-/// Draws them all.
+/// Draws all layers of this module.
 pub(super) fn draw(
     writer: &mut TickWriter,
     detected: &Detected,
@@ -86,13 +87,13 @@ pub(super) fn draw(
             name: names.of(surface.entity),
             pose: transform(&surface.pose),
             positions,
-            balls: if by_balls[place] { &carried.balls.0 } else { &[] },
+            balls: if by_balls[place] { carried.balls } else { &[] },
             caps: by_caps[place].then_some(Caps {
-                curvature: &carried.curvature.0,
-                spheres: &carried.spheres.0,
-                cones: &carried.cones.0,
+                curvature: carried.curvature,
+                spheres: carried.spheres,
+                cones: carried.cones,
             }),
-            tree: carried.tree.has_followed(carried.bounds).then(|| carried.tree.tree()),
+            tree: detected.states.get(surface.entity).filter(|state| state.is_tree_current()).map(SurfaceState::tree),
         });
     }
     draw_spheres(writer, settings.spheres, touches, &surfaces);
@@ -101,7 +102,7 @@ pub(super) fn draw(
     draw_faces(writer, Layer::Curvature, settings.curvature, touches, &surfaces, |caps, kept| {
         let of = |numbers: &[f32]| kept.iter().map(|&triangle| numbers[triangle as usize]).collect::<Vec<_>>();
         let curvatures = of(&caps.curvature.curvatures);
-        // As the curvature factor takes it: at 1 and −1 the sphere is no longer offset.
+        // Normalized like the curvature factor: at 1 and −1 the sphere is no longer offset.
         let relative = |((curvature, radius), height): ((&f32, f32), f32)| {
             curvature * (radius * radius - height * height).max(0.0).sqrt() / threshold
         };
@@ -156,7 +157,7 @@ fn draw_spheres(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches
     }
 }
 
-/// The side of a cone whose top is at the origin, of length 1 along z and radius 1 at its end.
+/// The lateral surface of a cone with its apex at the origin, of height 1 along z and radius 1 at its end.
 fn unit_cone() -> Mesh3D {
     let rim = (0..RIM_CORNERS).map(|corner| {
         let (y, x) = bevy_math::ops::sin_cos(TAU * corner as f32 / RIM_CORNERS as f32);
@@ -177,7 +178,7 @@ fn draw_cones(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches, 
         .iter()
         .map(|drawn| {
             let wanted = touches.triangles(level, drawn.place).into_iter();
-            // A cone that holds every direction has no shape.
+            // A cone that contains every direction has no shape.
             wanted
                 .flat_map(|triangle| drawn.caps(triangle).map(move |cap| (triangle, cap)))
                 .filter(|(_, cap)| cap.cosine > SafetyCones::EVERYWHERE)
@@ -186,7 +187,7 @@ fn draw_cones(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches, 
         .collect();
     let count = cones.iter().map(Vec::len).sum();
     let filled = cones.iter().filter(|cones| !cones.is_empty()).count();
-    // The cone that is posed is a row's own, too.
+    // The unit cone that the poses refer to is part of the row.
     let mut share = writer.share(Layer::Cones, count, 12 + 16 + 12 + 4 + 4, filled, row_bytes(12));
     for (drawn, cones) in surfaces.iter().zip(cones) {
         let kept: Vec<(u32, Cap)> = share.places(cones.len()).into_iter().map(|place| cones[place]).collect();
@@ -209,7 +210,8 @@ fn draw_cones(writer: &mut TickWriter, level: LevelOfDetail, touches: &Touches, 
     }
 }
 
-/// Draws triangles that share no vertex, each in its own color. `faces` gives the colors and numbers of some triangles.
+/// Draws triangles without shared vertices, each in its own color. `faces` returns the colors and numbers of the given
+/// triangles.
 fn draw_faces(
     writer: &mut TickWriter,
     layer: Layer,
@@ -230,7 +232,7 @@ fn draw_faces(
         }
         let (face_colors, values) = faces(caps, &kept);
         let corners: Vec<[Vec3; 3]> = kept.iter().map(|&triangle| drawn.corners(triangle)).collect();
-        // Without normals the viewer does not shade, which would make other colors of these.
+        // Without normals the viewer does not shade, which would change the colors.
         let mesh = Mesh3D::update_fields()
             .with_vertex_positions(corners.iter().flatten().map(Vec3::to_array))
             .with_vertex_colors(face_colors.into_iter().flat_map(|color| [color; 3]));

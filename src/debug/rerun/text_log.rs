@@ -1,7 +1,8 @@
-//! Says in words what has happened: quarantines, contacts that started or ended, thinned layers.
+//! Text log: quarantines, contacts that started or ended, and thinned layers.
 //!
-//! Each kind of message is an entity of its own, and a tick's messages of a kind are lines of one text: a reader that keeps
-//! one row an entity and tick loses none. The log is narrow: what matters stands at the start of a line.
+//! Each kind of message has its own entity, and all messages of a kind and tick are lines of one text. So a reader that
+//! keeps one row per entity and tick loses none. The log view is narrow, so the important part is at the start of a
+//! line.
 
 use std::collections::BTreeSet;
 
@@ -11,9 +12,9 @@ use super::{
     recorder::{Layer, Thinned, TickWriter, path},
     tick::Names,
 };
-use crate::contacts::{SurfaceQuarantined, TouchingSides};
+use crate::{contacts::TouchingSides, surface::SurfaceQuarantined};
 
-/// The room of all messages in the recording.
+/// The root entity of all messages.
 pub(super) const LOG: &str = "log";
 
 pub(super) fn contacts(writer: &mut TickWriter, touching: &TouchingSides, names: &Names) {
@@ -31,7 +32,7 @@ pub(super) fn quarantines(writer: &mut TickWriter, quarantines: &[&SurfaceQuaran
     say(writer, "quarantines", TextLogLevel::WARN, quarantines.iter().map(line).collect());
 }
 
-/// `warned` are the layers of which the game's own log has been told before.
+/// `warned` are the layers that the game's own log has already been warned about.
 pub(super) fn thinned(
     writer: &mut TickWriter,
     layers: &[(Layer, Thinned)],
@@ -42,11 +43,11 @@ pub(super) fn thinned(
         format!("{}: {recorded} of {all} recorded", layer.name())
     };
     for thinned in layers.iter().filter(|&&(layer, _)| warned.insert(layer)) {
-        log::warn!("{}, to stay in {budget} bytes a tick (RerunSettings::bytes_per_tick)", line(thinned));
+        log::warn!("{}, to stay within {budget} bytes per tick (RerunSettings::bytes_per_tick)", line(thinned));
     }
     let mut lines: Vec<String> = layers.iter().map(line).collect();
     if !lines.is_empty() {
-        lines.push(format!("to stay in {budget} bytes a tick\n(RerunSettings::bytes_per_tick)"));
+        lines.push(format!("to stay within {budget} bytes per tick\n(RerunSettings::bytes_per_tick)"));
     }
     say(writer, "warnings", TextLogLevel::WARN, lines);
 }

@@ -1,4 +1,4 @@
-//! What a tick left behind, gathered for the layers that draw it.
+//! The results of a tick, collected for the layers that draw it.
 
 use bevy_ecs::{
     entity::{EntityHashMap, EntityHashSet},
@@ -11,33 +11,33 @@ use rerun::{Transform3D, components::TransformMat3x3};
 
 use super::settings::LevelOfDetail;
 use crate::{
-    contacts::{Contact, ContactSide, ContactStore, StoredPair, SurfaceContacts},
+    contacts::{Contact, ContactStore, StoredPair, SurfaceContacts},
     detection::{
-        CandidateTrianglePairs, Circumspheres, DetectionDiagnostics, EnclosingBalls, PairFates, SurfacePair,
-        TriangleBounds, TriangleCones, TriangleCurvature,
-        broad_phase::{OtherSide, SurfaceTree, surfaces_with_method},
+        CandidateTrianglePairs, DetectionDiagnostics, PairFates, SurfacePair, SurfaceStates,
+        broad_phase::{OtherSide, surfaces_with_method},
     },
     kernel::{
         mesh::{bounds::Aabb, ids::VertexId},
         pose::Pose,
     },
     settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces, ContactMethod, RigidShape, SurfacePositions, first_non_finite},
+    surface::{
+        ActiveSurface, ActiveSurfaces, Circumspheres, ContactMethod, ContactSide, EnclosingBalls, RigidShape,
+        SurfacePositions, TriangleCones, TriangleCurvature, first_non_finite,
+    },
 };
 
-/// What the stages keep for each triangle of a surface.
+/// What the stages store for each triangle of a surface.
 #[derive(QueryData)]
 pub(super) struct Carried {
     positions: &'static SurfacePositions,
-    pub(super) bounds: &'static TriangleBounds,
     pub(super) curvature: &'static TriangleCurvature,
     pub(super) balls: &'static EnclosingBalls,
     pub(super) spheres: &'static Circumspheres,
     pub(super) cones: &'static TriangleCones,
-    pub(super) tree: &'static SurfaceTree,
 }
 
-/// Everything that detection left behind.
+/// The results of detection.
 #[derive(SystemParam)]
 pub(super) struct Detected<'w, 's> {
     pub(super) active: Res<'w, ActiveSurfaces>,
@@ -47,14 +47,15 @@ pub(super) struct Detected<'w, 's> {
     pub(super) diagnostics: Res<'w, DetectionDiagnostics>,
     pub(super) settings: Res<'w, CircumsphereSettings>,
     pub(super) fates: PairFates<'w, 's>,
+    pub(super) states: Res<'w, SurfaceStates>,
     surfaces: Query<'w, 's, Carried>,
     pub(super) shapes: Query<'w, 's, &'static RigidShape>,
     names: Query<'w, 's, &'static Name>,
 }
 
 impl Detected<'_, '_> {
-    /// The positions of a surface and what is kept for its triangles; `None` where it is gone, of another size by now, or
-    /// spoiled.
+    /// The positions of a surface and the per-triangle data. `None` if the surface is gone, has another number of
+    /// vertices by now, or has a position that is not finite.
     pub(super) fn surface(&self, surface: &ActiveSurface) -> Option<(&[Vec3], CarriedItem<'_, '_>)> {
         let carried = self.surfaces.get(surface.entity).ok()?;
         let positions = carried.positions.0.as_slice();
@@ -62,7 +63,6 @@ impl Detected<'_, '_> {
         is_whole.then_some((positions, carried))
     }
 
-    /// The two sides of a pair.
     pub(super) fn sides(&self, pair: &SurfacePair) -> [Entity; 2] {
         let second = match pair.second {
             OtherSide::Surface(second) => self.active.surfaces[second].entity,
@@ -71,7 +71,7 @@ impl Detected<'_, '_> {
         [self.active.surfaces[pair.first].entity, second]
     }
 
-    /// For each active surface whether a pair of it was tested by `method` in this tick.
+    /// For each active surface, whether `method` tested a pair of it in this tick.
     pub(super) fn used_by(&self, method: ContactMethod) -> Vec<bool> {
         let mut used = Vec::new();
         surfaces_with_method(&self.active, self.candidates.pairs.iter(), method, &mut used);
@@ -79,29 +79,29 @@ impl Detected<'_, '_> {
     }
 }
 
-/// What a triangle does in this tick.
+/// Contact state of a triangle in this tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Touch {
     /// It touches nothing.
     #[default]
     None,
-    /// It touches another.
+    /// It touches another triangle.
     Touching,
-    /// It has passed another, or crosses it.
+    /// It has passed another triangle, or crosses it.
     Penetrating,
 }
 
-/// Whether the two sides have passed each other here, or cross.
+/// Whether the two sides of a contact have passed each other, or cross.
 pub(super) fn has_passed(contact: &Contact) -> bool {
     contact.distance() < 0.0 || contact.is_crossing()
 }
 
-/// The box around all surfaces; empty where there are none.
+/// The bounding box of all surfaces; empty if there are none.
 pub(super) fn scene_bounds(active: &ActiveSurfaces) -> Aabb {
     active.surfaces.iter().fold(Aabb::EMPTY, |bounds, surface| bounds.union(&surface.world_bounds))
 }
 
-/// For each active surface what its triangles do, and which of them are near a contact.
+/// For each active surface, the contact states of its triangles, and which of them are near a contact.
 pub(super) struct Touches {
     pub(super) triangles: Vec<Vec<Touch>>,
     near: Vec<Vec<bool>>,
@@ -151,7 +151,7 @@ impl Touches {
         Self { triangles, near }
     }
 
-    /// Whether a triangle of an active surface belongs to a layer.
+    /// Whether a triangle of an active surface is recorded at a level of detail.
     pub(super) fn wants(&self, level: LevelOfDetail, place: usize, triangle: u32) -> bool {
         match level {
             LevelOfDetail::Off => false,
@@ -160,23 +160,23 @@ impl Touches {
         }
     }
 
-    /// The triangles of an active surface that belong to a layer.
+    /// The triangles of an active surface that are recorded at a level of detail.
     pub(super) fn triangles(&self, level: LevelOfDetail, place: usize) -> Vec<u32> {
         (0..self.near[place].len() as u32).filter(|&triangle| self.wants(level, place, triangle)).collect()
     }
 }
 
-/// Of more pairs of surfaces than this a layer has one entity for all: the names of that many entities would take more bytes
-/// than what is in them.
+/// If a layer has more pairs of surfaces than this, it uses a single entity for all of them. Otherwise the names of the
+/// entities would take more bytes than their contents.
 pub(super) const MANY_PAIRS: usize = 48;
 pub(super) const ALL_PAIRS: &str = "all pairs";
 
-/// A name for every surface and shape that no other has at the same time.
+/// A unique name for every surface and shape.
 #[derive(Default)]
 pub(super) struct Names(EntityHashMap<String>);
 
 impl Names {
-    /// Names what is new, and keeps the names of what was there before.
+    /// Names new entities, and keeps existing names.
     pub(super) fn update(&mut self, detected: &Detected) {
         let surfaces = detected.active.surfaces.iter().map(|surface| (surface.entity, "surface"));
         let shapes = detected.active.shapes.iter().map(|shape| (shape.entity, "shape"));
@@ -185,7 +185,7 @@ impl Names {
         }
     }
 
-    /// Names an entity as it is called, and by its number where that would not tell it from others; unless it has a name.
+    /// Names an entity unless it has a name: by its `Name`, or with its number if that would not be unique.
     pub(super) fn add(&mut self, entity: Entity, kind: &str, given: Option<&str>) {
         if self.0.contains_key(&entity) {
             return;
@@ -195,7 +195,7 @@ impl Names {
             let numbered = format!("{} {entity}", given.unwrap_or(kind));
             std::iter::successors(Some(numbered), |name| Some(format!("{name} {entity}")))
         };
-        // Such names could be read as a pair's.
+        // Such a name could be mistaken for the name of a pair.
         let alone = given.filter(|name| !name.contains(" with ") && *name != "itself");
         let is_free = |name: &String| !self.0.values().any(|taken| taken == name);
         if let Some(name) = alone.map(str::to_owned).into_iter().chain(numbered()).find(is_free) {
@@ -203,7 +203,7 @@ impl Names {
         }
     }
 
-    /// Forgets what is no longer there.
+    /// Forgets entities that are no longer active.
     pub(super) fn retain(&mut self, detected: &ActiveSurfaces) {
         let surfaces = detected.surfaces.iter().map(|surface| surface.entity);
         let there: EntityHashSet = surfaces.chain(detected.shapes.iter().map(|shape| shape.entity)).collect();
@@ -219,7 +219,7 @@ impl Names {
     }
 }
 
-/// A pose as the viewer takes it.
+/// Converts a pose for the viewer.
 pub(super) fn transform(pose: &Pose) -> Transform3D {
     let affine = pose.to_affine();
     let columns = affine.matrix3.as_mat3().to_cols_array_2d();

@@ -1,18 +1,18 @@
-//! Outlines of rigid shapes, as lines in the shape's own frame.
+//! Wireframes of rigid shapes, in the shape's own frame.
 
 use glam::Vec3;
 use parry3d::shape::{SharedShape, TypedShape};
 
-/// Corners of a circle.
+/// Number of corners of a circle.
 const CORNERS: u32 = 24;
 
-/// Cells on a side of the square that stands for a half-space, which has no end.
+/// Number of cells along a side of the square grid that represents an infinite half-space.
 const HALF_SPACE_CELLS: i32 = 20;
 
-/// A line of points.
+/// A polyline.
 pub(super) type Wire = Vec<[f32; 3]>;
 
-/// The outline of a shape. Of a half-space a grid of lines below `center`, as far as `reach` to each side of it.
+/// The wireframe of a shape. A half-space is a grid of lines below `center` that extends `reach` to each side.
 pub(super) fn wires(shape: &SharedShape, center: Vec3, reach: f32) -> Vec<Wire> {
     match shape.as_typed_shape() {
         TypedShape::Ball(shape) => lines(shape.to_outline(CORNERS)),
@@ -55,7 +55,7 @@ pub(super) fn wires(shape: &SharedShape, center: Vec3, reach: f32) -> Vec<Wire> 
             };
             shape.shapes().iter().flat_map(moved).collect()
         }
-        // A box says at least where it is.
+        // The bounding box at least shows the place of the shape.
         TypedShape::Voxels(_) | TypedShape::Custom(_) => {
             let bounds = shape.compute_local_aabb();
             let center = bounds.center();
@@ -79,7 +79,8 @@ fn grid(normal: Vec3, center: Vec3, reach: f32) -> Vec<Wire> {
     let (u, v) = normal.any_orthonormal_pair();
     let middle = center - normal * normal.dot(center);
     let place = |number: i32| reach * (2 * number - HALF_SPACE_CELLS) as f32 / HALF_SPACE_CELLS as f32;
-    // In as many parts as it has cells: the viewer draws each part as thick as it has to be at its ends.
+    // Each line has as many segments as the grid has cells, because the viewer sets the thickness of a segment by the
+    // distance of its ends.
     let line = |number: i32, across: Vec3, along: Vec3| -> Wire {
         let start = middle + across * place(number);
         (0..=HALF_SPACE_CELLS).map(|part| (start + along * place(part)).to_array()).collect()

@@ -1,14 +1,12 @@
 //! Stage 2: which surfaces and shapes are near each other, and which of their triangles may be.
 //!
-//! This plugin pairs surfaces. The pairs of triangles are found by one algorithm plugin beside it; whichever it is, the same
-//! contacts come of them. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in
-//! [`BroadPhaseSystems::PairTriangles`] that fills [`SurfacePair::triangles`], and brings what it pairs into one frame by
-//! [`SurfacePair::mover`]. Of unchanged pairs, and of those that have moved a little, nothing is
-//! [kept](CircumsphereSettings::memory) then: only the algorithms here say which lists are theirs.
+//! This plugin pairs surfaces. One algorithm plugin beside it pairs their triangles; every algorithm leads to the same contacts. To
+//! use your own, disable [`TreeBroadPhasePlugin`] and add a system in [`BroadPhaseSystems::PairTriangles`] that calls
+//! [`CandidateWriter::write`].
 
 mod brute_force;
+mod custom;
 mod moved;
-mod parry;
 mod tree;
 
 use std::time::Instant;
@@ -18,23 +16,23 @@ use bevy_ecs::prelude::*;
 use glam::Vec3;
 
 use super::{
-    bounds::{TriangleBounds, moved_box, world_growth},
-    diagnostics::DetectionDiagnostics,
+    bounds::{moved_box, world_growth},
     kept_pairs::KeptPairs,
-    memory::{DetectionMemory, StageList},
+    memory::DetectionMemory,
+    state::SurfaceStates,
 };
 use crate::{
-    contacts::{ContactStore, EVENT_HYSTERESIS},
+    diagnostics::DetectionDiagnostics,
     kernel::{bvh::tree::BoxTree, capacity, mesh::bounds::Aabb, pose::Pose},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
-    settings::CircumsphereSettings,
+    settings::{CircumsphereSettings, EVENT_HYSTERESIS},
     surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
 };
 pub use brute_force::BruteForceBroadPhasePlugin;
-pub use moved::TriangleMover;
-pub use parry::ParryBroadPhasePlugin;
+pub use custom::{BoxSide, CandidateWriter, SurfaceBoxes};
+pub(super) use tree::SurfaceTree;
+pub use tree::TreeBroadPhasePlugin;
 pub(super) use tree::{MovedLeaves, Traversal, asked::Asked};
-pub use tree::{SurfaceTree, TreeBroadPhasePlugin};
 
 /// A tree is built anew once its boxes have grown by this factor relative to the whole: a refitted tree answers
 /// correctly however old it is, only ever more slowly.
@@ -90,8 +88,8 @@ pub struct SurfacePair {
     pub relative_pose: Pose,
     /// Triangles of the other surface that may be near, with their boxes in that frame, where the algorithm lists them.
     pub moved_triangles: Vec<(u32, Aabb)>,
-    /// Vertices of the other surface in that frame, and not numbers where no triangle of theirs was [asked
-    /// for](Self::mover); empty where none was, or its own are in that frame.
+    /// Vertices of the other surface in that frame, NaN where none of their triangles may be near. Empty where none is, or where its
+    /// own positions are in that frame.
     pub moved_positions: Vec<Vec3>,
     /// How far rounding may have put one of those from where it is, in the unit of the frame.
     pub moved_rounding: f32,
@@ -129,13 +127,18 @@ impl SurfacePair {
 }
 
 /// What the broad phase found: pairs of surfaces by their order, then surfaces with shapes.
-#[derive(Resource, Clone, Debug, Default)]
+#[derive(Resource, Debug, Default)]
 pub struct CandidateTrianglePairs {
-    /// The pairs.
-    pub pairs: Vec<SurfacePair>,
+    pub(crate) pairs: Vec<SurfacePair>,
 }
 
 impl CandidateTrianglePairs {
+    /// The pairs.
+    #[must_use]
+    pub fn pairs(&self) -> &[SurfacePair] {
+        &self.pairs
+    }
+
     /// How many pairs of triangles there are.
     #[must_use]
     pub fn triangle_pair_count(&self) -> usize {
@@ -225,7 +228,6 @@ impl PairingBuffers {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
 fn pair_surfaces(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
@@ -233,8 +235,7 @@ fn pair_surfaces(
     mut memory: ResMut<DetectionMemory>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut buffers: Local<PairingBuffers>,
-    store: Option<Res<ContactStore>>,
-    bounds: Query<&TriangleBounds>,
+    states: Res<SurfaceStates>,
 ) {
     let start = Instant::now();
     let surfaces = &active.surfaces;
@@ -251,16 +252,15 @@ fn pair_surfaces(
     places.extend(selves.map(|(place, _)| [place as u32, place as u32]));
     places.sort_unstable();
 
-    let store_changed = store.map(|store| store.last_changed());
-    memory.begin(&active, &settings, candidates.last_changed(), store_changed, &bounds);
+    memory.begin(&active, &settings, states.all());
     buffers.last_names.clear();
     buffers.last_names.extend(candidates.pairs.iter().map(|pair| name(pair.first, pair.second)));
     buffers.last.clear();
     buffers.last.extend(candidates.pairs.drain(..).map(Some));
     for &[first, second] in &places {
         let [first, second] = [first as usize, second as usize];
-        if let Some((mut pair, origin)) = buffers.keep(&memory, first, OtherSide::Surface(second)) {
-            memory.keep_pair(origin, &mut pair);
+        if let Some((pair, origin)) = buffers.keep(&memory, first, OtherSide::Surface(second)) {
+            memory.keep_pair(origin);
             candidates.pairs.push(pair);
             continue;
         }
@@ -290,8 +290,8 @@ fn pair_surfaces(
     }
     with_shapes.sort_unstable();
     for &[first, place] in &with_shapes {
-        if let Some((mut pair, origin)) = buffers.keep(&memory, first, OtherSide::Shape(place)) {
-            memory.keep_pair(origin, &mut pair);
+        if let Some((pair, origin)) = buffers.keep(&memory, first, OtherSide::Shape(place)) {
+            memory.keep_pair(origin);
             candidates.pairs.push(pair);
             continue;
         }
@@ -301,9 +301,8 @@ fn pair_surfaces(
         candidates.pairs.push(pair);
     }
     memory.end_pairs();
-    memory.seal(StageList::Candidates, candidates.last_changed());
     let count = candidates.pairs.len();
-    capacity::trim(&mut candidates.bypass_change_detection().pairs, count);
+    capacity::trim(&mut candidates.pairs, count);
     // What pairs had that have gone is given back.
     buffers.last.clear();
     capacity::trim(&mut buffers.last, count);
@@ -313,24 +312,6 @@ fn pair_surfaces(
     buffers.with_shapes = with_shapes;
     capacity::trim(&mut buffers.with_shapes, count);
     diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
-}
-
-/// Fills the candidates of every pair that is not kept, one after the other, for an algorithm that keeps no lists of its own.
-fn fill_pairs(
-    mut candidates: ResMut<CandidateTrianglePairs>,
-    memory: &mut DetectionMemory,
-    diagnostics: &mut DetectionDiagnostics,
-    mut fill: impl FnMut(&mut SurfacePair),
-) {
-    let start = Instant::now();
-    memory.reads(StageList::Candidates, candidates.last_changed());
-    memory.hand_back_moved(&mut candidates.pairs);
-    memory.hand_back_candidates(&mut candidates.pairs);
-    let pairs = candidates.pairs.iter_mut().enumerate().filter(|&(place, _)| !memory.keeps(place));
-    pairs.for_each(|(_, pair)| fill(pair));
-    memory.seal(StageList::Candidates, candidates.last_changed());
-    let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
-    diagnostics.finish("broad phase", start, count, count);
 }
 
 /// Sorts pairs as the broad phase does: by their surfaces, those with shapes last.

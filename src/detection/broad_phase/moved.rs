@@ -14,14 +14,13 @@ use crate::{
         mesh::{bounds::Aabb, ids::VertexId, topology::SurfaceTopology},
         pose::Pose,
     },
-    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
+    surface::{ActiveSurface, ActiveSurfaces},
 };
 
 /// Moves triangles of a pair's other surface into the frame of the pair.
 ///
-/// What an algorithm of the broad phase asks for boxes where a pair [needs it](SurfacePair::is_moved): of which triangles is
-/// up to the algorithm, but it has to have asked for every triangle that it pairs.
-pub struct TriangleMover<'a> {
+/// Every triangle that is paired has to be moved first.
+pub(super) struct TriangleMover<'a> {
     topology: &'a SurfaceTopology,
     mesh: MovingMesh<'a>,
     moved: &'a mut Vec<Vec3>,
@@ -46,10 +45,10 @@ impl SurfacePair {
 
     /// Begins to move the triangles of `surface`, which is [`moved_surface`](Self::moved_surface), from its own `positions`;
     /// `margin` is that of the settings.
-    pub fn mover<'a>(
+    pub(super) fn mover<'a>(
         &'a mut self,
         surface: &'a ActiveSurface,
-        positions: &'a SurfacePositions,
+        positions: &'a [Vec3],
         margin: f32,
     ) -> TriangleMover<'a> {
         self.moved_positions.clear();
@@ -58,7 +57,7 @@ impl SurfacePair {
             topology: &surface.topology,
             mesh: MovingMesh {
                 pose: &self.relative_pose,
-                positions: &positions.0,
+                positions,
                 triangles: surface.topology.triangles(),
                 growth: frame_growth(surface.thickness, margin, self.frame_pose.scale()),
             },
@@ -73,7 +72,7 @@ impl TriangleMover<'_> {
     ///
     /// # Panics
     /// If there is no such triangle.
-    pub fn move_triangles(&mut self, triangles: &[u32], bounds: &mut Vec<(u32, Aabb)>) {
+    pub(super) fn move_triangles(&mut self, triangles: &[u32], bounds: &mut Vec<(u32, Aabb)>) {
         let Self { topology, mesh, moved, rounding } = self;
         if moved.is_empty() {
             moved.resize(mesh.positions.len(), Vec3::NAN);
@@ -94,7 +93,7 @@ impl TriangleMover<'_> {
     }
 
     /// The same of all triangles.
-    pub fn move_all(&mut self, bounds: &mut Vec<(u32, Aabb)>) {
+    pub(super) fn move_all(&mut self, bounds: &mut Vec<(u32, Aabb)>) {
         let all: Vec<u32> = (0..self.mesh.triangles.len() as u32).collect();
         self.move_triangles(&all, bounds);
     }

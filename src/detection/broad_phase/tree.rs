@@ -15,20 +15,22 @@ use bevy_ecs::prelude::*;
 
 use self::{
     asked::{AskedTriangles, mark_asked_surfaces},
-    follow::{Outcome, TakenTree, update_each},
+    follow::{Outcome, update_each},
     lists::{look_closer, make_list, mark_idle_trees},
 };
 use super::{
-    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, brute_force::pair_with_shape_brute_force,
-    shape_bounds,
+    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, custom::pair_with_shape, shape_bounds,
 };
 use crate::{
     detection::{
-        DetectionDiagnostics, DetectionMemory, StageList, TriangleBounds,
+        DetectionMemory, SurfaceStates,
+        bounds::TriangleBounds,
         kept_pairs::{KeptPairs, ListUse},
         parallel::{Buffers, Threads, append_ranges, for_each_weighed},
         sides::{pair_settings, surface_sides},
+        state::SurfaceState,
     },
+    diagnostics::DetectionDiagnostics,
     kernel::{
         bvh::{
             leaf_triangles::{LeafTriangles, PairCull},
@@ -41,7 +43,7 @@ use crate::{
     },
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, SurfacePositions},
+    surface::ActiveSurfaces,
 };
 
 pub(super) mod asked;
@@ -66,32 +68,30 @@ const LEAVES_LOOKED_AT: usize = 16;
 const PAIRS_OF_A_LEAF: usize = 2000;
 
 /// The tree over a surface's triangles, and the mesh it was built for.
-#[derive(Component, Default)]
-pub struct SurfaceTree {
+#[derive(Default)]
+pub(in crate::detection) struct SurfaceTree {
     tree: BoxTree,
     triangles: LeafTriangles,
-    /// How many times the boxes had been computed when the triangles that somebody asks about followed them last.
+    /// The version of the boxes that the triangles that somebody asks about followed last.
     triangles_followed: u64,
     /// The tree's arrangement when their vertices were named last.
     vertices_named: u64,
     topology: Option<Arc<SurfaceTopology>>,
-    /// How many times the boxes had been computed when the tree followed them last.
+    /// The version of the boxes that the tree followed last.
     followed: u64,
+    /// What became of it in this detection.
+    outcome: Outcome,
 }
 
 impl SurfaceTree {
-    /// The tree over the surface's [`TriangleBounds`], in the surface's own frame. It [follows](Self::has_followed) them in every
-    /// detection in which one of the surface's pairs is looked for in it: not where the surface has none, or all of them are as
-    /// they were or have [moved a little](crate::CircumsphereSettings::memory). Built in the first detection; empty before.
-    #[must_use]
-    pub fn tree(&self) -> &BoxTree {
+    /// The tree over the surface's boxes, in the surface's own frame.
+    pub(in crate::detection) fn tree(&self) -> &BoxTree {
         &self.tree
     }
 
     /// Whether the tree is that of the surface's boxes as they are now.
-    #[must_use]
-    pub fn has_followed(&self, bounds: &TriangleBounds) -> bool {
-        self.followed == bounds.computed() && self.tree.len() == bounds.triangle_count()
+    pub(in crate::detection) fn has_followed(&self, bounds: &TriangleBounds) -> bool {
+        self.followed == bounds.version() && self.tree.len() == bounds.triangle_count()
     }
 }
 
@@ -107,41 +107,38 @@ impl Plugin for TreeBroadPhasePlugin {
     }
 }
 
-type TreesToUpdate<'w, 's> =
-    Query<'w, 's, (&'static SurfacePositions, &'static TriangleBounds, &'static mut SurfaceTree)>;
-
 #[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
 fn update_trees(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
-    mut memory: ResMut<DetectionMemory>,
+    memory: Res<DetectionMemory>,
     mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut idle: Local<Vec<bool>>,
     mut asked: Local<Vec<AskedTriangles>>,
-    mut taken: Local<Vec<TakenTree>>,
-    bounds: Query<&TriangleBounds>,
-    mut surfaces: TreesToUpdate,
+    mut states: ResMut<SurfaceStates>,
 ) {
     let start = Instant::now();
-    memory.reads(StageList::Candidates, candidates.last_changed());
-    kept.begin(&active, &candidates, &settings, &memory, &bounds);
+    kept.begin(&active, &candidates, &settings, &memory, states.all());
     mark_idle_trees(&active, &candidates, &memory, &kept, &mut idle);
-    update_each(&active, &mut taken, &mut surfaces, settings.threads, |place, tree, (_, bounds), surface, threads| {
-        // A tree is built when its surface comes, not when something first comes near it.
-        let rests = idle[place] && tree.is_of(surface);
-        if rests { Outcome::default() } else { tree.follow(surface, bounds, threads) }
-    });
+    update_each(
+        &active,
+        &mut states,
+        settings.threads,
+        |place, SurfaceState { tree, bounds, .. }, surface, threads| {
+            // A tree is built when its surface comes, not when something first comes near it.
+            let rests = idle[place] && tree.is_of(surface);
+            tree.outcome = if rests { Outcome::default() } else { tree.follow(surface, bounds, threads) };
+        },
+    );
     let mut first_builds = Duration::ZERO;
-    for outcome in taken.drain(..).map(|taken| taken.outcome) {
-        diagnostics.trees_rebuilt += usize::from(outcome.is_rebuilt);
-        first_builds += outcome.first_build;
+    for Outcome { is_rebuilt, first_build } in states.all().iter().map(|state| state.tree.outcome) {
+        diagnostics.trees_rebuilt += usize::from(is_rebuilt);
+        first_builds += first_build;
     }
     // Several threads build several trees at the same time.
     diagnostics.first_tree_builds += first_builds.min(start.elapsed());
-    let trees = surfaces.as_readonly();
-    memory.hand_back_moved(&mut candidates.pairs);
     for_each_weighed(
         &mut candidates.pairs,
         settings.threads,
@@ -149,26 +146,21 @@ fn update_trees(
         |place, pair| usize::from(pair.is_moved() && !memory.keeps(place)) * LEAVES_LOOKED_AT,
         |place, pair, _| {
             if !memory.keeps(place) {
-                move_triangles(&active, &settings, pair, &trees);
+                move_triangles(&active, &settings, pair, states.all());
             }
         },
     );
-    memory.seal(StageList::Candidates, candidates.last_changed());
-    mark_asked_surfaces(&active, &candidates, &settings, &memory, &kept, &trees, &mut asked);
+    mark_asked_surfaces(&active, &candidates, &settings, &memory, &kept, states.all(), &mut asked);
     update_each(
         &active,
-        &mut taken,
-        &mut surfaces,
+        &mut states,
         settings.threads,
-        |place, tree, (positions, _), surface, threads| {
+        |place, SurfaceState { tree, bounds, .. }, surface, threads| {
             if !idle[place] {
-                tree.follow_triangles(&asked[place], surface, &positions.0, threads);
+                tree.follow_triangles(&asked[place], surface, bounds.positions(), threads);
             }
-            Outcome::default()
         },
     );
-    taken.clear();
-    capacity::trim(&mut taken, active.surfaces.len());
     capacity::trim(&mut asked, active.surfaces.len());
     let start = start + diagnostics.first_tree_builds;
     diagnostics.finish("tree update", start, 0, 0);
@@ -179,24 +171,22 @@ fn move_triangles(
     active: &ActiveSurfaces,
     settings: &CircumsphereSettings,
     pair: &mut SurfacePair,
-    surfaces: &Query<(&SurfacePositions, &TriangleBounds, &SurfaceTree)>,
+    states: &[SurfaceState],
 ) {
     let OtherSide::Surface(second) = pair.second else { return };
     let sides = match pair.frame {
         Frame::First => [second, pair.first],
         Frame::Second => [pair.first, second],
     };
-    let [surface, other] = sides.map(|place| &active.surfaces[place]);
     if !pair.is_moved() {
         return;
     }
-    let (Ok((own, _, tree)), Ok((.., other_tree))) = (surfaces.get(surface.entity), surfaces.get(other.entity)) else {
-        return;
-    };
-    let target = other_tree.tree.bounds();
+    let surface = &active.surfaces[sides[0]];
+    let [SurfaceState { tree, bounds, .. }, other] = sides.map(|place| &states[place]);
+    let target = other.tree.tree.bounds();
     let reach = Reach::new(&pair.relative_pose, &target);
     let mut reaching = std::mem::take(&mut pair.moved_triangles);
-    let mut mover = pair.mover(surface, own, settings.margin());
+    let mut mover = pair.mover(surface, bounds.positions(), settings.margin());
     tree.tree.visit_reaching(&reach, |items| {
         let before = reaching.len();
         mover.move_triangles(items, &mut reaching);
@@ -217,36 +207,21 @@ pub(in crate::detection) struct MovedLeaves {
     triangles: LeafTriangles,
 }
 
-type TreeQuery<'w, 's> = Query<'w, 's, (&'static SurfacePositions, &'static TriangleBounds, &'static SurfaceTree)>;
-
 #[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
 fn pair_triangles(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
     mut candidates: ResMut<CandidateTrianglePairs>,
-    mut memory: ResMut<DetectionMemory>,
+    memory: Res<DetectionMemory>,
     mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     buffers: Local<Buffers<MovedLeaves>>,
     spare: Local<Buffers<Vec<[u32; 2]>>>,
     spare_lists: Local<Buffers<BoundedPairs>>,
-    mut surfaces: TreesToUpdate,
+    states: Res<SurfaceStates>,
 ) {
     let start = Instant::now();
-    let is_untouched = memory.reads(StageList::Candidates, candidates.last_changed());
-    if !is_untouched || kept.lists.len() != candidates.pairs.len() {
-        // Whose lists are whose is no longer known, and trees that nobody was to ask are asked.
-        kept.forget();
-        let asked = AskedTriangles::all();
-        for surface in &active.surfaces {
-            let Ok((positions, bounds, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
-            let tree = &mut *tree;
-            tree.follow(surface, bounds, settings.threads);
-            tree.follow_triangles(&asked, surface, &positions.0, settings.threads);
-        }
-    }
-    let surfaces = surfaces.as_readonly();
-    memory.hand_back_candidates(&mut candidates.pairs);
+    let states = states.all();
     let leaf_count = |place: usize| active.surfaces[place].topology.triangles().len() / LEAF_WIDTH;
     let weight = |pair: &SurfacePair| match pair.second {
         OtherSide::Surface(second) => leaf_count(pair.first).min(leaf_count(second)),
@@ -268,12 +243,12 @@ fn pair_triangles(
         },
         |place, list, threads| {
             if list.list_use == ListUse::Made {
-                make_list(&active, &settings, &candidates.pairs[place], list, &surfaces, &spare_lists, threads);
+                make_list(&active, &settings, &candidates.pairs[place], list, states, &spare_lists, threads);
             }
             if list.list_use != ListUse::None {
                 overlapping.fetch_add(list.pairs.len(), Ordering::Relaxed);
                 let pair = &candidates.pairs[place];
-                let glanced_at = look_closer(&active, pair, list, &surfaces, threads);
+                let glanced_at = look_closer(&active, pair, list, states, threads);
                 list.find_near(triangle_count(pair), glanced_at);
             }
         },
@@ -292,10 +267,9 @@ fn pair_triangles(
             }
             let found = match pair.second {
                 OtherSide::Surface(second) => buffers.with(|moved| {
-                    pair_surface(&active, &settings, pair, second, &surfaces, moved, &spare, threads)
-                        .unwrap_or_default()
+                    pair_surface(&active, &settings, pair, second, states, moved, &spare, threads).unwrap_or_default()
                 }),
-                OtherSide::Shape(place) => pair_shape(&active, &settings, pair, place, &surfaces),
+                OtherSide::Shape(place) => pair_shape(&active, &settings, pair, place, states),
             };
             overlapping.fetch_add(found, Ordering::Relaxed);
         },
@@ -307,7 +281,6 @@ fn pair_triangles(
     }
     kept.count(&mut diagnostics);
     kept.hand_over(&mut candidates.pairs);
-    memory.seal(StageList::Candidates, candidates.last_changed());
     let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
     diagnostics.finish("broad phase", start, overlapping.into_inner(), count);
 }
@@ -325,18 +298,18 @@ pub(in crate::detection) struct Traversal<'a> {
 }
 
 impl<'a> Traversal<'a> {
-    /// Given the positions and trees of both surfaces, and room for the triangles of one that is moved. `None` where none of
+    /// Given what is known of both surfaces, and room for the triangles of one that is moved. `None` where none of
     /// them has been, or the second side is a shape.
     pub(in crate::detection) fn new(
         active: &ActiveSurfaces,
         pair: &SurfacePair,
         settings: &CircumsphereSettings,
-        [(own, own_tree), (other, other_tree)]: [(&SurfacePositions, &'a SurfaceTree); 2],
+        [own, other]: [&'a SurfaceState; 2],
         moved: &'a mut MovedLeaves,
     ) -> Option<Self> {
-        let mut sides = [(&own_tree.tree, &own_tree.triangles), (&other_tree.tree, &other_tree.triangles)];
+        let mut sides = [own, other].map(|state| (&state.tree.tree, &state.tree.triangles));
         let mut side = usize::from(sides[1].0.leaf_count() < sides[0].0.leaf_count());
-        let slabs = slab_range(active, pair, settings, own, other).unwrap_or(f32::INFINITY);
+        let slabs = slab_range(active, pair, settings, [own, other]).unwrap_or(f32::INFINITY);
         if let Some(surface) = pair.moved_surface(active) {
             if pair.moved_triangles.is_empty() {
                 return None;
@@ -442,14 +415,12 @@ fn pair_surface(
     settings: &CircumsphereSettings,
     pair: &mut SurfacePair,
     second: usize,
-    surfaces: &TreeQuery,
+    states: &[SurfaceState],
     moved: &mut MovedLeaves,
     spare: &Buffers<Vec<[u32; 2]>>,
     threads: usize,
 ) -> Option<usize> {
-    let (own, _, own_tree) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
-    let (other, _, other_tree) = surfaces.get(active.surfaces[second].entity).ok()?;
-    let traversal = Traversal::new(active, pair, settings, [(own, own_tree), (other, other_tree)], moved)?;
+    let traversal = Traversal::new(active, pair, settings, [&states[pair.first], &states[second]], moved)?;
     let (leaf_count, at_once) = (traversal.leaves.leaf_count(), traversal.leaves_at_once(threads));
     let found = append_ranges(leaf_count, at_once, threads, spare, &mut pair.triangles, |part, pairs| {
         traversal.append(part, traversal.cull.as_ref(), pairs)
@@ -468,15 +439,15 @@ fn pair_shape(
     settings: &CircumsphereSettings,
     pair: &mut SurfacePair,
     place: usize,
-    surfaces: &TreeQuery,
+    states: &[SurfaceState],
 ) -> usize {
     let (first, shape) = (&active.surfaces[pair.first], &active.shapes[place]);
-    let Ok((_, bounds, tree)) = surfaces.get(first.entity) else { return 0 };
+    let SurfaceState { tree, bounds, .. } = &states[pair.first];
     if let Some(reach) = shape_bounds(pair, shape, first, settings.margin()) {
         tree.tree.query(&reach, |triangle| pair.triangles.push([triangle, 0]));
     } else {
         // A shape without a box, a half-space, has nothing to ask the tree with.
-        pair_with_shape_brute_force(pair, shape, first, settings.margin(), bounds.triangles());
+        pair_with_shape(active, pair, place, settings.margin(), bounds.triangles());
     }
     pair.triangles.len()
 }
@@ -487,13 +458,12 @@ fn slab_range(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
     settings: &CircumsphereSettings,
-    own: &SurfacePositions,
-    other: &SurfacePositions,
+    states: [&SurfaceState; 2],
 ) -> Option<f32> {
     if !pair.has_slabs(settings) {
         return None;
     }
     let pair_settings = pair_settings(pair, settings);
-    let [a, b] = surface_sides(active, pair, own, other)?;
+    let [a, b] = surface_sides(active, pair, states)?;
     Some((pair_settings.range / pair_settings.scale) as f32 + a.rounding() + b.rounding())
 }

@@ -4,6 +4,7 @@
 //! changes. Pairs are looked for by what whole surfaces sweep, then swept triangle by triangle in a frame that flies along with
 //! the larger surface; that one's tree is kept from tick to tick where it rests. Solids are swept as triangles with a radius.
 
+mod impacts;
 mod mover;
 mod path;
 
@@ -12,19 +13,18 @@ use std::{sync::Arc, time::Instant};
 use bevy_app::prelude::*;
 use bevy_ecs::{entity::EntityHashMap, prelude::*, query::QueryData};
 use bevy_platform::collections::HashMap;
-use glam::Vec3;
 
+pub use self::impacts::{SweptImpact, SweptImpacts, SweptPair};
 use self::{
     mover::{Mover, Plane},
     path::{Frame, Path, SweptPositions},
 };
 use super::{
-    bounds::TriangleBounds,
-    diagnostics::DetectionDiagnostics,
     parallel::{Buffers, append_ranges},
+    state::{SurfaceState, SurfaceStates},
 };
 use crate::{
-    contacts::{SweptImpact, SweptImpacts, SweptPair},
+    diagnostics::DetectionDiagnostics,
     kernel::{
         bvh::tree::BoxTree,
         ccd::{PairImpact, SWEEP_PART, Sweep, SweepLeaves, TreeWork, sort_impacts},
@@ -35,26 +35,13 @@ use crate::{
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{
-        ActiveShape, ActiveSurface, ActiveSurfaces, SurfacePositions, SweptCollision, SweptTarget, first_non_finite,
+        ActiveShape, ActiveSurface, ActiveSurfaces, PreviousPositions, SweptCollision, SweptTarget, first_non_finite,
     },
 };
 
 /// A triangle is fast where a vertex moves farther than this share of its surface's thickness. What passes through each
 /// other without being fast comes no farther apart, before and after, than the same share of the contact distance.
 const FAST: f64 = 0.5;
-
-/// Where a surface with [`SweptCollision`] was in the last detection: where its motion begins in the next one.
-#[derive(Component, Clone, Debug, Default)]
-pub struct PreviousPositions {
-    /// Its positions, in its own frame.
-    pub positions: Vec<Vec3>,
-    /// Where it stood in the world.
-    pub pose: Pose,
-    /// How many times its boxes had been computed by then: as often now, and the positions are the same bit by bit.
-    computed: u64,
-    /// The detection that this is of.
-    detection: u64,
-}
 
 /// Sweeps fast surfaces.
 pub struct SweptPlugin;
@@ -69,8 +56,6 @@ impl Plugin for SweptPlugin {
 #[derive(QueryData)]
 #[query_data(mutable)]
 struct SweptItem {
-    positions: &'static SurfacePositions,
-    bounds: &'static TriangleBounds,
     target: Option<&'static SweptTarget>,
     previous: Option<&'static mut PreviousPositions>,
     swept: Has<SweptCollision>,
@@ -83,8 +68,7 @@ struct MainSide {
     frame: Frame,
     bounds: Aabb,
     rounding: f64,
-    /// How many times the surface's boxes had been computed, where it was at rest: as long as it stays there, nothing of
-    /// this changes.
+    /// The version of the surface's positions, where it was at rest: with the same version nothing of this changes.
     at_rest: Option<u64>,
     /// The detection in which it was last looked at.
     detection: u64,
@@ -98,8 +82,8 @@ impl MainSide {
         if std::mem::replace(&mut self.detection, detection) == detection {
             return;
         }
-        let Mover { path, computed, fresh, .. } = mover;
-        let at_rest = path.is_still().then_some(*computed);
+        let Mover { path, version, fresh, .. } = mover;
+        let at_rest = path.is_still().then_some(*version);
         if at_rest.is_some() && at_rest == self.at_rest && !fresh {
             // A rest tells nothing about where in the world.
             self.frame.pose = path.end_pose;
@@ -144,6 +128,7 @@ struct Cost {
     trees_refitted: usize,
 }
 
+#[expect(clippy::too_many_arguments, reason = "a stage reads what earlier stages wrote")]
 fn find_impacts(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
@@ -151,6 +136,7 @@ fn find_impacts(
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut buffers: Local<SweptBuffers>,
     asking: Query<(), With<SweptCollision>>,
+    states: Res<SurfaceStates>,
     mut surfaces: Query<SweptItem>,
 ) {
     let start = Instant::now();
@@ -174,10 +160,10 @@ fn find_impacts(
         });
         let ways: Vec<[Pose; 2]> = ways.collect();
         let mut movers: Vec<Mover<'_>> = Vec::with_capacity(world.surfaces.len());
-        for surface in &world.surfaces {
+        for (surface, state) in world.surfaces.iter().zip(states.all()) {
             let Ok(item) = items.get_inner(surface.entity) else { continue };
-            let (path, asks) = buffers.path_of(surface, &item);
-            movers.push(Mover::of_surface(surface, path, item.bounds.computed(), asks));
+            let (path, asks) = buffers.path_of(surface, state, &item);
+            movers.push(Mover::of_surface(surface, path, state.version(), asks));
         }
         let whole = movers.iter().fold(Aabb::EMPTY, |whole, mover| whole.union(&mover.world));
         let planes: Vec<Option<Plane>> =
@@ -198,12 +184,12 @@ fn find_impacts(
         }
     }
     buffers.spare.truncate(found.pairs.len());
-    for surface in &world.surfaces {
+    for (surface, state) in world.surfaces.iter().zip(states.all()) {
         let Ok(item) = surfaces.get_mut(surface.entity) else { continue };
         if item.swept
             && let Some(mut previous) = item.previous
         {
-            previous.remember(item.positions, surface.pose, item.bounds.computed(), detection);
+            previous.remember(state.positions(), surface.pose, state.version(), detection);
         }
     }
     buffers.main_sides.retain(|_, side| side.last_active == detection);
@@ -215,15 +201,6 @@ fn find_impacts(
         diagnostics.swept_trees_built = cost.trees_built;
         diagnostics.swept_trees_refitted = cost.trees_refitted;
         diagnostics.finish("swept", start, cost.candidates, found.pairs.iter().map(|pair| pair.impacts.len()).sum());
-    }
-}
-
-impl PreviousPositions {
-    fn remember(&mut self, positions: &SurfacePositions, pose: Pose, computed: u64, detection: u64) {
-        if self.computed != computed || self.detection + 1 != detection {
-            self.positions.clone_from(&positions.0);
-        }
-        (self.pose, self.computed, self.detection) = (pose, computed, detection);
     }
 }
 
@@ -242,8 +219,13 @@ impl SweptBuffers {
 
     /// The way of a surface in this tick, and whether it asks to be swept. What does not, or has no past, stands where it is;
     /// rigid shapes have one always.
-    fn path_of<'a>(&self, surface: &ActiveSurface, item: &SweptItemReadOnlyItem<'a, '_>) -> (Path<'a>, bool) {
-        let (now, pose) = (&item.positions.0, surface.pose);
+    fn path_of<'a>(
+        &self,
+        surface: &ActiveSurface,
+        state: &'a SurfaceState,
+        item: &SweptItemReadOnlyItem<'a, '_>,
+    ) -> (Path<'a>, bool) {
+        let (now, pose) = (state.positions(), surface.pose);
         let still = Path::still(now, pose);
         let target = item.target.map(|target| &target.0);
         if let Some(target) = target.filter(|target| target.len() == now.len() && first_non_finite(target).is_none()) {
@@ -256,7 +238,7 @@ impl SweptBuffers {
             !surface.fresh && previous.detection + 1 == self.detection && previous.positions.len() == now.len()
         };
         match item.previous.filter(|_| item.swept).filter(is_known) {
-            Some(previous) if previous.computed != item.bounds.computed() => {
+            Some(previous) if previous.version != state.version() => {
                 (Path { start: &previous.positions, start_pose: previous.pose, ..still }, true)
             }
             Some(previous) => (Path { start_pose: previous.pose, ..still }, true),

@@ -35,14 +35,14 @@ pub(super) struct Mover<'a> {
     pub rigid: bool,
     /// Whether nothing remembered of it holds.
     pub fresh: bool,
-    /// How many times its boxes have been computed: as often, and the positions are the same.
-    pub computed: u64,
+    /// How many times its boxes have been version: as often, and the positions are the same.
+    pub version: u64,
     /// Whether it is to be swept against all that it meets.
     pub asks: bool,
 }
 
 impl<'a> Mover<'a> {
-    pub fn of_surface(surface: &'a ActiveSurface, path: Path<'a>, computed: u64, asks: bool) -> Self {
+    pub fn of_surface(surface: &'a ActiveSurface, path: Path<'a>, version: u64, asks: bool) -> Self {
         let ActiveSurface { entity, topology, thickness, layers, self_collision, rigid, fresh, .. } = surface;
         Self {
             entity: *entity,
@@ -56,7 +56,7 @@ impl<'a> Mover<'a> {
             self_collision: *self_collision,
             rigid: *rigid,
             fresh: *fresh,
-            computed,
+            version,
             asks,
         }
     }
@@ -86,7 +86,7 @@ impl<'a> Mover<'a> {
                 self_collision: false,
                 rigid: true,
                 fresh: shape.fresh,
-                computed: 0,
+                version: 0,
                 asks,
             }
         })

@@ -1,13 +1,14 @@
-//! The triangles of a tree's leaves, eight side by side, with their planes: what a traversal drops before a pair is made.
+//! The triangles of a tree's leaves with their planes, eight side by side, by which a traversal drops pairs before they
+//! are created.
 //!
-//! A triangle of one leaf is compared with the eight of another without gathering anything. Neighbors go by their
-//! vertices, others by slabs along either plane's normal and along the line between the centroids; what these leave, by slabs
-//! along better and better directions, which an iteration finds on the way from one triangle to the other. Two triangles whose
-//! projections on a direction of length 1 are farther apart than a distance are themselves farther apart, however the
-//! direction was rounded. Everything is kept relative to the leaf's own center, so that rounding is that of the leaves'
-//! size and distance, wherever the surface is.
+//! A triangle of one leaf is compared with the eight of another one without gathering. Neighbors are found by their
+//! vertices. Other pairs are tested by slabs along the normals of both planes and along the line between the centroids.
+//! The remaining pairs are tested by slabs along better and better directions, which an iteration finds from one
+//! triangle to the other. If the projections of two triangles on a unit vector are farther apart than some distance, so
+//! are the triangles, however the vector was rounded. Everything is relative to the center of the leaf, so rounding
+//! depends on the size and distance of the leaves, wherever the surface is.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 mod close_pairs;
 mod lane_numbers;
@@ -33,21 +34,21 @@ use crate::kernel::{
     },
 };
 
-/// The error of a normal in f32, relative to the square of the leaf's extent: of both edges some units in the last place of
-/// the extent (6e-8 each), times the other edge.
+/// The error of an f32 normal, relative to the square of the leaf's extent: for both edges some units in the last place
+/// of the extent (6e-8 each), times the other edge.
 const NORMAL_ROUNDING: f32 = 5.0e-7;
 
-/// Leaves that one task follows.
+/// Leaves that one task updates.
 const BLOCKS_AT_ONCE: usize = 1024;
 
-/// Leaves gathered before the first of them is read again, by whole rows: which a processor waits for that has just written
-/// them number by number.
+/// How many leaves are gathered before the first of them is read again in whole rows. A processor stalls on rows that
+/// it has just written number by number.
 const GATHERED_AHEAD: usize = 16;
 
-/// How many blocks ahead of the one that is written memory is asked for.
+/// How many blocks ahead of the written one to prefetch.
 const BLOCKS_AHEAD: usize = 4;
 
-/// Marks the corners of an unused lane, and of no triangle.
+/// Marks the corners of an unused lane. Not a vertex of any triangle.
 const NO_VERTEX: u32 = u32::MAX;
 
 type Row = [f32; LEAF_WIDTH];
@@ -58,15 +59,15 @@ type Row = [f32; LEAF_WIDTH];
 struct Block {
     /// By corner and axis, relative to `origin`.
     corners: [[Row; 3]; 3],
-    /// Of length 1 but for rounding; zero where a triangle has no area to speak of.
+    /// Unit vectors except for rounding, or zero if a triangle has practically no area.
     normals: [Row; 3],
-    /// Where each triangle's own projections on its normal begin and end.
+    /// The interval of each triangle's own projections on its normal.
     low: Row,
     high: Row,
-    /// How far each normal may be from the one in f64, as a sine; too large to be of use where there is none.
+    /// How far each normal may be from the one in f64, as a sine. Too large to be useful where there is no normal.
     doubt: Row,
     origin: Vec3,
-    /// No projection of a corner on a direction of length 1 exceeds it.
+    /// No projection of a corner on a unit vector exceeds this.
     extent: f32,
 }
 
@@ -87,7 +88,7 @@ impl Block {
 #[repr(align(32))]
 struct Vertices([[u32; LEAF_WIDTH]; 3]);
 
-/// Where triangles are asked about.
+/// Where triangles are needed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Region {
     /// In every leaf.
@@ -96,7 +97,7 @@ pub(crate) enum Region {
     Within(Aabb),
 }
 
-/// How far a leaf's triangles have followed.
+/// Whether a leaf's triangles are up to date.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LeafState {
     Old,
@@ -115,20 +116,20 @@ pub struct LeafTriangles {
 }
 
 impl LeafTriangles {
-    /// Follows the leaves of `tree`, which is over the triangles of `topology` at `positions`.
+    /// Updates the triangles to the leaves of `tree`, which is over the triangles of `topology` at `positions`.
     pub fn update(&mut self, tree: &BoxTree, topology: &SurfaceTopology, positions: &[Vec3]) {
         self.update_on(&OneByOne, tree, topology, positions);
     }
 
-    /// The same in tasks that may be shared.
+    /// Like [`update`](Self::update), in tasks that `share` may distribute.
     pub fn update_on(&mut self, share: &impl Share, tree: &BoxTree, topology: &SurfaceTopology, positions: &[Vec3]) {
         self.name_vertices(tree, topology);
         self.begin_following(tree);
         self.follow_on(share, tree, &[Region::Everywhere], topology, positions);
     }
 
-    /// Takes the names of the vertices of `tree`'s leaves, all that is asked for where no slabs are. They stay as they are until
-    /// items get other leaves.
+    /// Stores the vertices of the triangles in `tree`'s leaves, which is all that is needed without slabs. They stay
+    /// valid until items move to other leaves.
     pub(crate) fn name_vertices(&mut self, tree: &BoxTree, topology: &SurfaceTopology) {
         self.vertices.clear();
         self.vertices.extend((0..tree.leaf_count()).map(|leaf| {
@@ -142,15 +143,15 @@ impl LeafTriangles {
         }));
     }
 
-    /// The triangles in the leaves of `tree` have moved: none of them have followed.
+    /// Marks all triangles as out of date, after those in the leaves of `tree` have moved.
     pub(crate) fn begin_following(&mut self, tree: &BoxTree) {
         self.blocks.resize(tree.leaf_count(), Block::EMPTY);
         self.states.clear();
         self.states.resize(tree.leaf_count(), LeafState::Old);
     }
 
-    /// Follows the triangles in the leaves of `tree` that are asked about and have not followed, in tasks that may be shared. Of all
-    /// leaves the vertices are [named](Self::name_vertices).
+    /// Updates the triangles in the leaves of `tree` that are needed and out of date, in tasks that `share` may
+    /// distribute. The vertices of all leaves must have been [stored](Self::name_vertices).
     pub(crate) fn follow_on(
         &mut self,
         share: &impl Share,
@@ -204,7 +205,7 @@ impl LeafTriangles {
         });
     }
 
-    /// Whether all triangles in the leaves of `tree` that are asked about have followed.
+    /// Whether all needed triangles in the leaves of `tree` are up to date.
     pub(crate) fn have_followed(&self, tree: &BoxTree, region: Region) -> bool {
         let has_followed = |state: &LeafState| *state == LeafState::Followed;
         match region {
@@ -251,7 +252,7 @@ impl Block {
         let reliable = squared.simd_gt(LEAST_SQUARED) & squared.simd_lt(f32::MAX);
         let scale = reliable.select(f32x8::splat(simd, 1.0) / squared.sqrt(), f32x8::splat(simd, 0.0));
         let normal = [normal[0] * scale, normal[1] * scale, normal[2] * scale];
-        // An unreliable normal may be infinite, and infinity times zero is no number.
+        // An unreliable normal may be infinite, and infinity times zero is NaN.
         let zero = f32x8::splat(simd, 0.0);
         let normal =
             [reliable.select(normal[0], zero), reliable.select(normal[1], zero), reliable.select(normal[2], zero)];
@@ -271,24 +272,26 @@ fn splat<S: Simd>(simd: S, [x, y, z]: [f32; 3]) -> [f32x8<S>; 3] {
     [f32x8::splat(simd, x), f32x8::splat(simd, y), f32x8::splat(simd, z)]
 }
 
-/// What drops pairs during a traversal.
+/// Which pairs a traversal drops.
 #[derive(Clone, Copy, Debug)]
 pub struct PairCull<'a> {
-    /// The triangles of both trees, the one that is gone through leaf by leaf first; in a self-collision the same.
+    /// The triangles of both trees, starting with the tree that is visited leaf by leaf. In a self-collision both are
+    /// the same.
     pub triangles: [&'a LeafTriangles; 2],
     /// Drops triangles of one surface that share a welded vertex.
     pub neighbors: bool,
-    /// Drops triangles that a slab keeps farther apart than this, in the unit of the positions, 0 or more; infinite where slabs
-    /// drop none. Not an `Option`, whose number compilers multiply before they look whether there is one: what stands there
-    /// may be subnormal, and then each product takes as long as a hundred.
+    /// Drops triangles that a slab separates by more than this, in the unit of the positions, 0 or more. Infinite if
+    /// slabs drop none. Not an `Option`: compilers multiply its payload before they check whether there is one. An
+    /// unset payload may be subnormal, and then each product takes as long as a hundred others.
     pub slabs: f32,
-    /// Whether only slabs along the normals count, and only as f64 has them: for a method that goes by those itself, so
-    /// that it drops the same pairs wherever it gets them from. Else any direction counts, as it is rounded.
+    /// Whether only slabs along the normals count, and only if they hold with the normals in f64. Meant for a method
+    /// that tests these slabs itself, so that it drops the same pairs wherever they come from. Otherwise any direction
+    /// counts, as it is rounded.
     pub planes_only: bool,
 }
 
 impl<'a> PairCull<'a> {
-    /// What tells which triangles of two leaves share a vertex. Where nobody asks, it tells of none.
+    /// Tells which triangles of two leaves are neighbors. Reports none unless neighbors are to be dropped.
     #[inline(always)]
     pub(in crate::kernel) fn neighbors_between(&self, leaves: [usize; 2]) -> Neighbors<'a> {
         let [first, second] = self.triangles;
@@ -299,14 +302,14 @@ impl<'a> PairCull<'a> {
         })
     }
 
-    /// Whether slabs drop any.
+    /// Whether slabs drop any pairs.
     #[inline(always)]
     pub(in crate::kernel) fn has_slabs(&self) -> bool {
         self.slabs < f32::INFINITY
     }
 
-    /// What tells which triangles of two leaves slabs keep apart. Only where there are [slabs](Self::has_slabs): else nobody has
-    /// brought the leaves' triangles up to date.
+    /// Tells which triangles of two leaves slabs separate. Requires [slabs](Self::has_slabs): otherwise the triangles
+    /// of the leaves are not up to date.
     #[inline(always)]
     pub(in crate::kernel) fn between(&self, leaves: [usize; 2]) -> Separation<'a> {
         debug_assert!(
@@ -322,20 +325,20 @@ impl<'a> PairCull<'a> {
     }
 }
 
-/// The vertices of the triangles of two leaves, where it matters whether they share any.
+/// The vertices of the triangles of two leaves, if neighbors are to be dropped.
 pub(in crate::kernel) struct Neighbors<'a>(Option<[&'a [[u32; LEAF_WIDTH]; 3]; 2]>);
 
 impl Neighbors<'_> {
-    /// Where nobody asks.
+    /// Reports no neighbors.
     pub(in crate::kernel) const NONE: Self = Self(None);
 
-    /// The lanes of the second leaf that share a vertex with a triangle of the first.
+    /// The lanes of the second leaf that share a vertex with the triangle in a lane of the first.
     #[inline(always)]
     pub(in crate::kernel) fn of_lane<S: Simd>(&self, simd: S, lane: usize) -> u32 {
         let Some([[a, b, c], others]) = self.0 else { return 0 };
         let (first, second) = (u32x8::from_slice(simd, &others[0]), u32x8::from_slice(simd, &others[1]));
         let third = u32x8::from_slice(simd, &others[2]);
-        // Equal numbers differ in no bit, and one comparison tells of all nine.
+        // Equal numbers have an XOR of 0, so one comparison covers all nine.
         let (a, b, c) = (u32x8::splat(simd, a[lane]), u32x8::splat(simd, b[lane]), u32x8::splat(simd, c[lane]));
         let of_first = (first ^ a).min(first ^ b).min(first ^ c);
         let of_second = (second ^ a).min(second ^ b).min(second ^ c);
@@ -344,28 +347,28 @@ impl Neighbors<'_> {
     }
 }
 
-/// The triangles of two leaves, and what is known of them.
+/// The triangles of two leaves, and what separation tests need.
 pub(in crate::kernel) struct Separation<'a> {
     own: &'a Block,
     other: &'a Block,
     /// From the frame of the first leaf to that of the second.
     offset: Vec3,
-    /// No projection of a corner on a direction of length 1 exceeds it.
+    /// No projection of a corner on a unit vector exceeds this.
     extent: f32,
-    /// Projections farther apart than this prove that triangles are.
+    /// A gap wider than this proves that triangles are separated.
     needed: f32,
     planes_only: bool,
 }
 
 impl Separation<'_> {
-    /// How far a projection may be from what it is.
+    /// The rounding error of a projection.
     #[inline(always)]
     fn rounding(&self) -> f32 {
         self.extent * ROUNDING
     }
 
-    /// Which of up to eight pairs of lanes are kept apart: by either plane, or across the line between the centroids, which
-    /// parts those that lie beside each other in nearly one plane.
+    /// Which of up to eight pairs of lanes are separated, along either normal or along the line between the centroids.
+    /// The latter separates triangles that lie side by side in nearly one plane.
     #[inline(always)]
     pub(in crate::kernel) fn separated<S: Simd>(&self, simd: S, pairs: &LanePairs<S>, corners: &Corners<S>) -> u32 {
         let needed = self.needed;
@@ -402,7 +405,7 @@ impl Separation<'_> {
         [corners, others]
     }
 
-    /// How far apart the triangles are along the normal of the first, and of the second.
+    /// The gaps between the triangles along the normal of the first, and of the second.
     #[inline(always)]
     fn plane_gaps<S: Simd>(&self, simd: S, pairs: &LanePairs<S>, [corners, others]: &Corners<S>) -> [f32x8<S>; 2] {
         let (own, other) = (self.own, self.other);
@@ -417,7 +420,8 @@ impl Separation<'_> {
     }
 }
 
-/// How far apart triangles are along the line between their centroids, in lengths of what stands beside it.
+/// The gap between triangles along the line between their centroids, multiplied by the length of the direction, and the
+/// direction.
 #[inline(always)]
 fn line_gap<S: Simd>([corners, others]: &Corners<S>) -> (f32x8<S>, [f32x8<S>; 3]) {
     let between = minus(plus(plus(others[0], others[1]), others[2]), plus(plus(corners[0], corners[1]), corners[2]));
@@ -432,7 +436,7 @@ pub(in crate::kernel) struct LanePairs<S: Simd> {
 }
 
 impl<S: Simd> LanePairs<S> {
-    /// `pairs` are each eight times the lane of the first leaf and the lane of the second.
+    /// Each of `pairs` is eight times the lane of the first leaf, plus the lane of the second.
     #[inline(always)]
     pub(in crate::kernel) fn new(simd: S, pairs: &[u32; LEAF_WIDTH]) -> Self {
         let pairs = u32x8::from_slice(simd, pairs);

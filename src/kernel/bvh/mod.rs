@@ -1,4 +1,5 @@
-//! The tree over triangle boxes: build, refit, search; the triangles in its leaves with their planes; lists of near pairs.
+//! The bounding volume hierarchy over triangle boxes: build, refit, and search; the triangles in its leaves with their
+//! planes; and the lists of near pairs.
 
 pub mod leaf_triangles;
 pub mod moved_triangles;

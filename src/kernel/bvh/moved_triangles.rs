@@ -1,9 +1,9 @@
-//! Triangles of a surface in the frame of another one, eight at a time, with their boxes there.
+//! Transforms triangles of a surface into the frame of another one, eight at a time, with their boxes there.
 //!
-//! Read and written by the broad phase: which boxes of a tree reach another surface, then positions and names of their
-//! triangles in, moved positions and boxes out.
+//! Used by the broad phase. First it finds the boxes of a tree that reach the other surface. Then it turns the
+//! positions of their triangles into positions and boxes in the other frame.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{Level, dispatch, f32x8, f64x8, prelude::*};
 use glam::{DMat3, DVec3, Vec3};
@@ -14,7 +14,7 @@ use crate::kernel::{
     simd::lanes::{DoubleVectorLanes, TriangleLanes, VectorLanes, WIDTH},
 };
 
-/// Whether boxes, brought into another frame, reach a box there.
+/// Tests whether boxes, transformed into another frame, reach a box there.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
     linear: DMat3,
@@ -24,11 +24,11 @@ pub struct Reach {
     half: DVec3,
 }
 
-/// Boxes are rounded to f32 on the way here by a few units in the last place: far more than those are allowed for.
+/// Allowance for the f32 rounding of the boxes, which is a few units in the last place: far less than this.
 const ROUNDING: f64 = 32.0 * f32::EPSILON as f64;
 
 impl Reach {
-    /// `pose` brings boxes into the frame of `target`.
+    /// `pose` transforms boxes into the frame of `target`.
     #[must_use]
     pub fn new(pose: &Pose, target: &Aabb) -> Self {
         let affine = pose.to_affine();
@@ -38,8 +38,8 @@ impl Reach {
         Self { linear, absolute, translation: affine.translation, center: (low + high) * 0.5, half: (high - low) * 0.5 }
     }
 
-    /// One bit for each of eight boxes that reaches the target. Never says that something is apart that is not: what is no number
-    /// reaches.
+    /// One bit for each of eight boxes that reaches the target. Conservative: no box that reaches the target is left
+    /// out, and NaN counts as reaching.
     #[inline(always)]
     pub(in crate::kernel) fn reached_by<S: Simd>(&self, simd: S, min: VectorLanes<S>, max: VectorLanes<S>) -> u32 {
         let (low, high, half) = (min.widened(), max.widened(), f64x8::splat(simd, 0.5));
@@ -56,25 +56,26 @@ impl Reach {
     }
 }
 
-/// A mesh of which triangles are to be moved.
+/// A mesh whose triangles are to be transformed.
 #[derive(Clone, Copy, Debug)]
 pub struct MovingMesh<'a> {
-    /// Moves it.
+    /// The transform.
     pub pose: &'a Pose,
-    /// Its vertices before they are moved.
+    /// Its vertices before the transform.
     pub positions: &'a [Vec3],
     /// Its triangles.
     pub triangles: &'a [[u32; 3]],
-    /// How far boxes of moved triangles are grown.
+    /// How far the boxes of transformed triangles are grown.
     pub growth: f32,
 }
 
 impl MovingMesh<'_> {
-    /// Moves the corners of the triangles `named` to their places in `moved`, rounded once. Appends each of the triangles with its
-    /// box there, [grown](Aabb::grown). Returns the largest coordinate of any corner, by its magnitude.
+    /// Transforms the corners of the triangles `named`, and writes them to their indices in `moved`, rounded once.
+    /// Appends each of the triangles with its transformed box, [grown](Aabb::grown). Returns the largest coordinate
+    /// magnitude of any corner.
     ///
     /// # Panics
-    /// If there is no such triangle or vertex, or `moved` has no place for it.
+    /// If a triangle or vertex does not exist, or `moved` has no entry for it.
     pub fn move_triangles(&self, named: &[u32], moved: &mut [Vec3], bounds: &mut Vec<(u32, Aabb)>) -> f32 {
         let mut largest = 0.0;
         dispatch!(Level::new(), simd => {
@@ -88,7 +89,7 @@ impl MovingMesh<'_> {
     #[inline(always)]
     fn move_eight<S: Simd>(&self, simd: S, named: &[u32], moved: &mut [Vec3], bounds: &mut Vec<(u32, Aabb)>) -> f32 {
         let Self { pose, positions, triangles, growth } = *self;
-        // Of fewer than eight the first one fills up.
+        // The first triangle fills unused lanes.
         let mut vertices = [triangles[named[0] as usize]; WIDTH];
         for (vertices, &triangle) in vertices.iter_mut().zip(named) {
             *vertices = triangles[triangle as usize];
@@ -104,7 +105,7 @@ impl MovingMesh<'_> {
             }
         }
         let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-        // As `Aabb::grown` has it.
+        // Like `Aabb::grown`.
         let largest = low.largest_coordinate().max(high.largest_coordinate());
         let grown = (largest + growth) * ROUNDING_GROWTH + growth;
         let grown = VectorLanes { x: grown, y: grown, z: grown };

@@ -1,47 +1,48 @@
-//! Pairs of triangles that may come within range, each with a lower bound of its distance, kept while their meshes move.
+//! Pairs of triangles that may come within range, each with a lower bound of its distance, kept while their meshes
+//! move.
 //!
-//! Two triangles that were a distance apart are at least that less by what their meshes have moved since. So a bound is
-//! stored as if it had been found when the list was made, by adding the motion from then on, and a pair need not be looked
-//! at before the motion uses up what its bound has beyond the range. What is looked at is given a new bound, by gaps between
-//! the triangles or by an exact distance.
+//! The distance of two triangles shrinks at most by the motion of their meshes. A bound is stored as if it had been
+//! found when the list was made, by adding the motion from then on. A pair need not be tested before the motion uses up
+//! what its bound has beyond the range. A tested pair gets a new bound, from gaps between the triangles or from an
+//! exact distance.
 
 mod closer_look;
 
 pub use self::closer_look::ListedTriangles;
 use crate::kernel::capacity;
 
-/// A list of pairs and bounds. All lengths are in the unit of the pairs' frame; the motion is that since the list was
-/// made.
+/// A list of pairs and bounds. All lengths are in the unit of the pairs' frame. The motion is the motion since the list
+/// was made.
 #[derive(Clone, Debug, Default)]
 pub struct BoundedPairs {
     firsts: Vec<u32>,
     seconds: Vec<u32>,
-    /// Of the distance, plus the motion at which it was found.
+    /// Lower bound of the distance, plus the motion at which it was found.
     bounds: Vec<f32>,
 }
 
 impl BoundedPairs {
-    /// Empties the list and keeps its memory.
+    /// Clears the list and keeps its memory.
     pub fn clear(&mut self) {
         self.firsts.clear();
         self.seconds.clear();
         self.bounds.clear();
     }
 
-    /// Empties the list and keeps room for about as many pairs as it held.
+    /// Clears the list and keeps capacity for about as many pairs as it held.
     pub(crate) fn clear_room(&mut self) {
         capacity::clear(&mut self.firsts);
         capacity::clear(&mut self.seconds);
         capacity::clear(&mut self.bounds);
     }
 
-    /// How many pairs there are.
+    /// The number of pairs.
     #[must_use]
     pub fn len(&self) -> usize {
         self.bounds.len()
     }
 
-    /// Whether there are none.
+    /// Whether the list has no pairs.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.bounds.is_empty()
@@ -52,29 +53,29 @@ impl BoundedPairs {
         self.firsts.iter().zip(&self.seconds).map(|(&first, &second)| [first, second])
     }
 
-    /// Appends pairs with lower bounds of their distances, before there is any motion.
+    /// Appends pairs with lower bounds of their distances, found before any motion.
     pub fn extend_from_slices(&mut self, firsts: &[u32], seconds: &[u32], bounds: &[f32]) {
         self.firsts.extend_from_slice(firsts);
         self.seconds.extend_from_slice(seconds);
         self.bounds.extend_from_slice(bounds);
     }
 
-    /// Appends what a later part of a traversal has found.
+    /// Appends the results of a later part of a traversal.
     pub fn append(&mut self, later: &mut Self) {
         self.firsts.append(&mut later.firsts);
         self.seconds.append(&mut later.seconds);
         self.bounds.append(&mut later.bounds);
     }
 
-    /// Names the second triangle of every pair first.
+    /// Swaps the triangles of every pair.
     pub fn reverse(&mut self) {
         std::mem::swap(&mut self.firsts, &mut self.seconds);
     }
 
-    /// Sorts the pairs by their triangles, of which either surface has no more than `triangles`: so what is found of them is
-    /// sorted, too.
+    /// Sorts the pairs by their triangles, so that the results are sorted too. Both surfaces have at most `triangles`
+    /// triangles.
     pub fn sort(&mut self, triangles: usize) {
-        // A number for each first triangle: where its pairs begin, and in the end where they end.
+        // One number per first triangle: where its pairs begin, and in the end where they end.
         let mut places = vec![0_u32; triangles];
         for &first in &self.firsts {
             places[first as usize] += 1;
@@ -83,8 +84,8 @@ impl BoundedPairs {
         for place in &mut places {
             start += std::mem::replace(place, start);
         }
-        // What moves is one number, the second triangle in its higher half: few have the same first one, and no two of them the
-        // same second.
+        // Sorts single numbers, with the second triangle in the upper half. Few pairs have the same first triangle, and
+        // no two of those the same second.
         let mut seconds_and_bounds = vec![0_u64; self.len()];
         for ((&first, &second), &bound) in self.firsts.iter().zip(&self.seconds).zip(&self.bounds) {
             let place = &mut places[first as usize];
@@ -103,10 +104,10 @@ impl BoundedPairs {
         }
     }
 
-    /// Appends the pairs whose bounds do not exceed `limit`: the range, plus the motion, and their places on the list. A bound
-    /// that is no number exceeds nothing.
+    /// Appends the pairs whose bounds do not exceed `limit`, the range plus the motion, and their indices in the list.
+    /// A NaN bound exceeds nothing.
     pub fn append_near(&self, limit: f32, near: &mut Vec<[u32; 2]>, places: &mut Vec<u32>) {
-        /// Which pairs are near is hard to foresee: so all are written, and the next ones over those that are not.
+        /// Which pairs are near is unpredictable, so all are written, and the next ones overwrite those that are not.
         const ROOM: usize = 512;
         let (mut recent, mut recent_places) = ([[0; 2]; ROOM], [0; ROOM]);
         let mut place = 0;
@@ -124,8 +125,8 @@ impl BoundedPairs {
         }
     }
 
-    /// Gives the pairs at some places the lower bounds that have been found of their distances, in the same order, after
-    /// `motion`. Where there are more or fewer, nothing is learned.
+    /// Stores new lower bounds for the pairs at some indices, in the same order, found after `motion`. Does nothing if
+    /// the numbers of indices and bounds differ.
     pub fn learn(&mut self, places: &[u32], motion: f32, found: &[f32]) {
         if places.len() != found.len() {
             return;

@@ -1,11 +1,12 @@
-//! A bounding volume tree over boxes, eight to a leaf and eight children to a node, in structure-of-arrays form.
+//! A bounding volume hierarchy over boxes, with eight boxes per leaf and eight children per node, in
+//! structure-of-arrays form.
 //!
-//! Built once over a surface's triangles, refitted every tick, traversed against itself, another tree or a box. A box is
-//! compared with the eight of a node or leaf at once. The same tree holds triangles of a surface and surfaces of a world.
-//! A traversal goes leaf by leaf of one tree, each on its own, so that it can be cut into parts anywhere. How a tree is
-//! built and how it follows its boxes stands beside this.
+//! Built once over a surface's triangles, refitted every tick, and traversed against itself, another tree, or a box. A
+//! box is compared with all eight boxes of a node or leaf at once. The same tree holds the triangles of a surface and
+//! the surfaces of a world. A traversal visits the leaves of one tree independently of each other, so it can be split
+//! anywhere. Submodules build and refit the tree.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 mod bounded;
 
@@ -35,19 +36,20 @@ mod build;
 mod refit;
 mod search;
 
-/// Boxes to a leaf, and children to a node.
+/// Boxes per leaf, and children per node.
 pub const LEAF_WIDTH: usize = 8;
 
-/// How many leaves look around together for what is near them.
+/// How many leaves search for their neighbors together.
 pub(crate) const LEAVES_TOGETHER: usize = 8;
 
 /// Marks an unused lane of a leaf.
 const NO_ITEM: u32 = u32::MAX;
 
-/// A tree of 2²⁸ items is less than ten nodes deep, and of each level all but one child may wait.
+/// Capacity of a traversal stack. A tree of 2²⁸ items is less than ten nodes deep, and on each level all children but
+/// one may wait.
 const STACK: usize = 128;
 
-/// Eight boxes side by side. Unused ones are not numbers, and overlap nothing.
+/// Eight boxes side by side. Unused ones are NaN, and overlap nothing.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
 struct Boxes {
@@ -75,7 +77,7 @@ impl Boxes {
 }
 
 impl Boxes {
-    /// One bit for each box that reaches another one in its frame.
+    /// One bit for each box that reaches the target of `reach` in the target's frame.
     #[inline(always)]
     fn reaching<S: Simd>(&self, simd: S, reach: &Reach) -> u32 {
         reach.reached_by(simd, corners(simd, &self.min, 0), corners(simd, &self.max, 0))
@@ -90,7 +92,7 @@ fn overlapping<S: Simd>(min: VectorLanes<S>, max: VectorLanes<S>, bounds: &Aabb)
     (begin & end).to_bitmask() as u32
 }
 
-/// The corners of eight of many boxes, from the `first` on.
+/// The lower or the upper corners of eight boxes, from index `first` on.
 #[inline(always)]
 fn corners<S: Simd, const COUNT: usize>(simd: S, [x, y, z]: &[[f32; COUNT]; 3], first: usize) -> VectorLanes<S> {
     let end = first + LEAF_WIDTH;
@@ -106,9 +108,9 @@ struct Node {
     boxes: Boxes,
     /// The box around all children.
     bounds: Aabb,
-    /// Places of nodes, or of leaves where the bit in `leaf_children` is set.
+    /// Indices of nodes, or of leaves where the bit in `leaf_children` is set.
     children: [u32; LEAF_WIDTH],
-    /// The leaf after the last one below each child.
+    /// For each child, the index after the last leaf below it.
     ends: [u32; LEAF_WIDTH],
     leaf_children: u32,
     child_count: u32,
@@ -122,26 +124,26 @@ struct Leaf {
     count: u32,
 }
 
-/// A bounding volume tree over a fixed number of items.
+/// A bounding volume hierarchy over a fixed number of items.
 #[derive(Clone, Debug, Default)]
 pub struct BoxTree {
     /// The root first, and children after their parents.
     nodes: Vec<Node>,
     leaves: Vec<Leaf>,
     item_count: usize,
-    /// Total area of the nodes' boxes relative to the root's when the tree was built.
+    /// Total area of the boxes of all nodes and leaves, relative to the root's, when the tree was built.
     built_cost: f32,
     cost: f32,
-    /// Whether items have got other leaves since the boxes were fitted.
+    /// Whether items have moved to other leaves since the boxes were fitted.
     is_new: bool,
-    /// How many times they have.
+    /// How many times items have moved to other leaves.
     arrangement: u64,
     rebuild: Option<Arrangement>,
 }
 
 impl BoxTree {
-    /// How much larger the nodes are, relative to the whole, than when the tree was built. 1 after a build; a tree
-    /// that has grown far beyond answers more slowly than a new one.
+    /// How much larger the boxes of the nodes are than when the tree was built, relative to the root's. 1 after a
+    /// build. A tree that has grown far beyond that is slower to traverse than a new one.
     #[must_use]
     pub fn decay(&self) -> f32 {
         if self.built_cost > 0.0 { self.cost / self.built_cost } else { 1.0 }
@@ -169,25 +171,25 @@ impl BoxTree {
         }
     }
 
-    /// How many items the tree holds.
+    /// The number of items.
     #[must_use]
     pub fn len(&self) -> usize {
         self.item_count
     }
 
-    /// How many times items have got other leaves; 0 of a tree that has never been built.
+    /// How many times items have moved to other leaves. 0 for a tree that has never been built.
     pub(crate) fn arrangement(&self) -> u64 {
         self.arrangement
     }
 
-    /// Whether the tree holds nothing.
+    /// Whether the tree has no items.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.item_count == 0
     }
 
-    /// How many leaves there are: what [`self_pairs_of`](Self::self_pairs_of) and [`pairs_of`](Self::pairs_of) can be cut
-    /// into.
+    /// The number of leaves, into which [`self_pairs_of`](Self::self_pairs_of) and [`pairs_of`](Self::pairs_of) can be
+    /// split.
     #[must_use]
     pub fn leaf_count(&self) -> usize {
         self.leaves.len()
@@ -204,7 +206,7 @@ impl BoxTree {
         &self.leaves[leaf].bounds
     }
 
-    /// Appends the leaves whose boxes overlap `bounds`, in the tree's order.
+    /// Appends the leaves whose boxes overlap `bounds`, in tree order.
     pub(in crate::kernel) fn leaves_within(&self, bounds: &Aabb, leaves: &mut Vec<u32>) {
         dispatch!(Level::new(), simd => {
             let mut search = LeafSearch::new();
@@ -215,7 +217,7 @@ impl BoxTree {
         });
     }
 
-    /// Calls `visit` with every item whose box overlaps `bounds`, in the tree's order.
+    /// Calls `visit` with every item whose box overlaps `bounds`, in tree order.
     pub fn query(&self, bounds: &Aabb, mut visit: impl FnMut(u32)) {
         dispatch!(Level::new(), simd => {
             let mut search = LeafSearch::new();
@@ -231,8 +233,8 @@ impl BoxTree {
         });
     }
 
-    /// Calls `visit` with the items of every leaf that reaches a box in another frame, in the tree's order. No box of an item is
-    /// asked about.
+    /// Calls `visit` with the items of every leaf that reaches a box in another frame, in tree order. Does not test the
+    /// boxes of the items.
     pub fn visit_reaching(&self, reach: &Reach, mut visit: impl FnMut(&[u32])) {
         let mut stack: ArrayVec<u32, STACK> = ArrayVec::new();
         stack.extend((!self.nodes.is_empty()).then_some(0));
@@ -249,19 +251,19 @@ impl BoxTree {
         }
     }
 
-    /// Appends every pair of items whose boxes overlap, lower item first, in the tree's order.
+    /// Appends every pair of items whose boxes overlap, lower item first, in tree order.
     pub fn self_pairs(&self, pairs: &mut Vec<[u32; 2]>) {
         self.self_pairs_of(0..self.leaf_count(), None, pairs);
     }
 
-    /// The same for the pairs with one item in `leaves` and the other there or after, without those that `cull` drops.
-    /// Returns how many there are without culling by slabs.
+    /// Like [`self_pairs`](Self::self_pairs), for pairs with one item in `leaves` and the other in the same leaf or a
+    /// later one, without the pairs that `cull` drops. Returns the number of pairs before slabs drop any.
     pub fn self_pairs_of(&self, leaves: Range<usize>, cull: Option<&PairCull<'_>>, pairs: &mut Vec<[u32; 2]>) -> usize {
         dispatch!(Level::new(), simd => self.pairs_in_lanes::<true, _>(simd, leaves, self, cull, pairs))
     }
 
-    /// Appends every pair of an item in `leaves` of this tree and one of `other` whose boxes overlap, in the trees' order, without
-    /// those that `cull` drops. Returns how many there are without culling by slabs.
+    /// Appends every pair of an item in `leaves` of this tree and an item of `other` whose boxes overlap, in tree
+    /// order, without the pairs that `cull` drops. Returns the number of pairs before slabs drop any.
     pub fn pairs_of(
         &self,
         leaves: Range<usize>,
@@ -272,7 +274,7 @@ impl BoxTree {
         dispatch!(Level::new(), simd => self.pairs_in_lanes::<false, _>(simd, leaves, other, cull, pairs))
     }
 
-    /// Of a tree with itself (`SELF`) only the later leaves and lanes are asked, and the lower item comes first.
+    /// For a tree against itself (`SELF`), only later leaves and lanes are tested, and the lower item comes first.
     #[inline(always)]
     fn pairs_in_lanes<const SELF: bool, S: Simd>(
         &self,
@@ -339,10 +341,9 @@ impl BoxTree {
     }
 }
 
-/// Pairs of lanes of two leaves whose boxes overlap, side by side: slabs are asked of eight at a time, whichever lanes they
-/// are of.
+/// Pairs of lanes of two leaves whose boxes overlap, packed so that slabs can test eight at a time.
 struct LaneHits {
-    /// Eight times the lane of the first leaf, and the lane of the second.
+    /// Eight times the lane of the first leaf, plus the lane of the second.
     pairs: [[u32; LEAF_WIDTH]; LEAF_WIDTH + 1],
     count: usize,
 }
@@ -362,7 +363,7 @@ impl LaneHits {
         self.count += lanes.count_ones() as usize;
     }
 
-    /// Eight pairs at a time, with a bit for each that there is.
+    /// Groups of eight pairs, with a bit for each pair that exists.
     #[inline(always)]
     fn groups(&self) -> impl Iterator<Item = (&[u32; LEAF_WIDTH], u32)> {
         let groups = self.pairs[..self.count.div_ceil(LEAF_WIDTH)].iter().enumerate();
@@ -373,8 +374,8 @@ impl LaneHits {
     }
 }
 
-/// Pairs on their way to a list. Which of eight are kept is hard to foresee: so all are written, those that are kept
-/// first, and the next ones over the others.
+/// A buffer of pairs on their way to a list. Which of eight pairs are kept is unpredictable, so all are written, the
+/// kept ones first, and the next ones overwrite the rest.
 struct Recent {
     items: [u32; 2 * Self::ROOM],
     count: usize,
@@ -400,7 +401,7 @@ impl Recent {
         self.count += kept.count_ones() as usize;
     }
 
-    /// Takes those of complete groups that no gap keeps apart, or of all.
+    /// Takes the pairs that no gap separates, of complete groups or of all.
     #[inline(never)]
     fn take(&mut self, close: &mut ClosePairs, groups: Groups, list: &mut Vec<[u32; 2]>) {
         dispatch!(Level::new(), simd => {

@@ -1,7 +1,8 @@
 //! First impacts of a vertex with a face, and of two edges, whose vertices move in straight lines.
 //!
-//! Called by `triangle_pair`, or alone by a caller that has its own list of features. Only the differences between the
-//! points of the two features enter, so that a common motion costs nothing and distance from the origin no precision.
+//! Called by `triangle_pair`, or directly by a caller with its own list of features. Only the differences between the
+//! points of the two features matter, so a common motion costs nothing, and distance from the origin costs no
+//! precision.
 
 use glam::DVec3;
 
@@ -16,12 +17,12 @@ pub struct FeatureImpact {
     /// 0 at the start of the step, 1 at its end. Never later than the first time at which the distance is at most the
     /// separation.
     pub time: f64,
-    /// Whether the features begin within the separation, reach it, or might.
+    /// Whether the features start within the separation, reach it, or may reach it.
     pub cause: ImpactCause,
-    /// Weights of the four points at that time: those of the first feature sum to 1, those of the second as well.
+    /// Weights of the four points at that time. For each of the two features they sum to 1.
     pub weights: [f64; 4],
-    /// Unit vector from the second feature to the first, across a plane that lies between them until that time. Zero
-    /// if they touch when the step begins.
+    /// Unit vector from the second feature to the first, perpendicular to a plane that separates them until that time.
+    /// Zero if they touch at the start of the step.
     pub normal: DVec3,
     /// Steps that the search took.
     pub steps: u32,
@@ -29,9 +30,9 @@ pub struct FeatureImpact {
 
 /// First impact of a vertex, `[0]`, with a face, `[1]` to `[3]`, its boundary included.
 ///
-/// `start` and `end` are the points when the step begins and ends, with finite coordinates (others never meet);
-/// `separation` is the distance, 0 or more, that counts as an impact. `None` if the distance stays greater for the whole
-/// step, both ends included. In which order the face's corners come makes no difference to the time.
+/// `start` and `end` are the points at the start and at the end of the step, with finite coordinates (others never
+/// meet). `separation` is the distance, 0 or more, that counts as an impact. `None` if the distance stays greater for
+/// the whole step, both ends included. The order of the face's corners makes no difference to the time.
 #[must_use]
 pub fn vertex_face_impact(start: &[DVec3; 4], end: &[DVec3; 4], separation: f64) -> Option<FeatureImpact> {
     vertex_face_impact_within(start, end, separation, 0.0, 1.0)
@@ -39,14 +40,14 @@ pub fn vertex_face_impact(start: &[DVec3; 4], end: &[DVec3; 4], separation: f64)
 
 /// First impact of two edges, `[0]` to `[1]` and `[2]` to `[3]`, their ends included.
 ///
-/// Arguments and answer are as for [`vertex_face_impact`]. In which order the edges and their ends come makes no
-/// difference to the time.
+/// Arguments and result are as for [`vertex_face_impact`]. The order of the edges and of their ends makes no difference
+/// to the time.
 #[must_use]
 pub fn edge_edge_impact(start: &[DVec3; 4], end: &[DVec3; 4], separation: f64) -> Option<FeatureImpact> {
     edge_edge_impact_within(start, end, separation, 0.0, 1.0)
 }
 
-/// [`vertex_face_impact`] in a part of the step, before which the features are known to be clear.
+/// [`vertex_face_impact`] in a part of the step. The features must be clear before it.
 pub(super) fn vertex_face_impact_within(
     start: &[DVec3; 4],
     end: &[DVec3; 4],
@@ -76,7 +77,7 @@ pub(super) fn vertex_face_impact_within(
     Some(FeatureImpact { time, cause, weights, normal, steps })
 }
 
-/// [`edge_edge_impact`] in a part of the step, before which the features are known to be clear.
+/// [`edge_edge_impact`] in a part of the step. The features must be clear before it.
 pub(super) fn edge_edge_impact_within(
     start: &[DVec3; 4],
     end: &[DVec3; 4],
@@ -108,8 +109,8 @@ pub(super) fn edge_edge_impact_within(
     Some(FeatureImpact { time, cause, weights, normal: if is_swapped { -normal } else { normal }, steps })
 }
 
-/// Whether one moving point comes after another in an order that depends on nothing but their coordinates, so that an
-/// answer is the same, to the last bit, from whichever side it is asked.
+/// Whether one moving point comes after another, in an order that depends only on their coordinates. The result is then
+/// the same from either side, to the last bit.
 fn is_later(start: &[DVec3; 4], end: &[DVec3; 4], first: usize, second: usize) -> bool {
     let key = |point: usize| (start[point].to_array(), end[point].to_array());
     key(first) > key(second)

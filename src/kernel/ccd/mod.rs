@@ -1,10 +1,11 @@
 //! Continuous collision detection: when triangles whose vertices move in straight lines first come close.
 //!
-//! The stage of fast motion. Positions at the start and at the end of a step come in, times of impact in 0 to 1 go out,
-//! in stages that each narrow the one before: the boxes of [`sweep_tree`], [`triangle_pair`] and the feature pairs of
-//! [`feature`], which everything rests on. [`sweep`](mod@sweep) is all of it for two meshes. A reported time is never later than the true one, and no impact is missed: every bound takes the rounding of its
-//! own arithmetic into account. What that costs is a resolution of [`RESOLUTION`] times the size of a pair, below which
-//! features that pass each other count as meeting.
+//! The stage for fast motion. Takes positions at the start and at the end of a step, and returns times of impact from 0
+//! to 1. Each stage narrows the one before: the boxes of [`sweep_tree`], then [`triangle_pair`], then the feature pairs
+//! of [`feature`], on which everything depends. [`sweep`](mod@sweep) is all of it for two meshes. A reported time is
+//! never later than the true one, and no impact is missed: every bound accounts for the rounding of its own arithmetic.
+//! The price is a resolution of [`RESOLUTION`] times the size of a pair, below which features that pass each other
+//! count as meeting.
 
 mod advance;
 pub mod feature;

@@ -1,7 +1,7 @@
 //! First impacts over a list of candidate pairs of triangles.
 //!
-//! The whole of continuous detection after the broad phase, whose boxes must cover both ends of the step: planes and
-//! features in turn, pair by pair.
+//! All of continuous detection after the broad phase, whose boxes must cover both ends of the step: planes, then
+//! features, pair by pair.
 
 use glam::DVec3;
 
@@ -13,9 +13,9 @@ use crate::kernel::mesh::topology::SurfaceTopology;
 pub struct MovingSide<'a, Position> {
     /// Its triangles.
     pub topology: &'a SurfaceTopology,
-    /// Its vertices when the step begins, in single or double precision.
+    /// Its vertices at the start of the step, in f32 or f64.
     pub start: &'a [Position],
-    /// Its vertices when the step ends.
+    /// Its vertices at the end of the step.
     pub end: &'a [Position],
 }
 
@@ -40,8 +40,9 @@ impl<Position: Copy + Into<DVec3>> MovingSide<'_, Position> {
 
 /// Appends the first impact of each of `candidates` that comes within `separation`, in the order of the candidates.
 ///
-/// With `same_surface` set, both sides are one surface, and features that share a (welded) vertex are left out; the other
-/// features of triangles that share one are tested. Candidates may name a triangle with itself: that is no impact.
+/// If `same_surface` is set, both sides are one surface, and features that share a (welded) vertex are left out. The
+/// other features of triangles that share one are tested. A candidate may be a triangle with itself, which is no
+/// impact.
 pub fn first_impacts<Position: Copy + Into<DVec3>>(
     a: &MovingSide<'_, Position>,
     b: &MovingSide<'_, Position>,

@@ -1,15 +1,15 @@
-//! What keeps two sets of moving points apart for a whole step, as far as a look at both ends of the step tells.
+//! Finds what separates two sets of moving points for a whole step, from both ends of the step alone.
 //!
-//! Asked of triangles, then of features, before the search for a time of impact: most candidates of the boxes pass each
-//! other far enough aside. Points that move in straight lines, and their convex hulls, stay on their sides of a plane at
-//! rest where they are there at both ends; so do their differences beside the origin along an axis.
+//! Tested for triangles, then for features, before the search for a time of impact: most candidates of the boxes pass
+//! each other at a distance. Points that move in straight lines, and their convex hulls, stay on one side of a plane at
+//! rest if they are there at both ends. Likewise, along an axis, their differences stay on one side of the origin.
 
 use glam::DVec3;
 
 use super::advance::{HEIGHT_ERROR, LENGTH_SLACK};
 
-/// Whether the hulls of two sets of points surely stay more than `separation` apart from the start of a step, `[0]`, to
-/// its end: along a coordinate axis, or across a plane between their middles where these come nearest.
+/// Whether the hulls of two sets of points certainly stay more than `separation` apart from the start of a step, `[0]`,
+/// to its end: along a coordinate axis, or on both sides of a plane between their means where these come closest.
 pub(super) fn stay_apart<const A: usize, const B: usize>(
     a: [&[DVec3; A]; 2],
     b: [&[DVec3; B]; 2],
@@ -17,7 +17,7 @@ pub(super) fn stay_apart<const A: usize, const B: usize>(
 ) -> bool {
     let [start, end] = [0, 1].map(|time| Differences::new(a[time], b[time]));
     let (low, high) = (start.low.min(end.low), start.high.max(end.high));
-    // Coordinates of differences, and of each set about one of its points, are no more than twice the largest.
+    // The coordinates of differences, and of each set relative to one of its points, are at most twice the largest.
     let within = separation * LENGTH_SLACK + 2.0 * HEIGHT_ERROR * low.abs().max(high.abs()).max_element();
     if low.max(-high).max_element() > within {
         return true;
@@ -35,9 +35,9 @@ pub(super) fn stay_apart<const A: usize, const B: usize>(
     gap(0).min(gap(1)) > within * normal.length()
 }
 
-/// The same for two triangles with one common vertex, of what they have besides: `a` and `b` are their other corners seen
-/// from there at both ends. No pair of features that leaves out the common vertex comes nearer than `separation` where these
-/// are on different sides of a plane through it, and the features of one side away from it.
+/// Like [`stay_apart`], for two triangles with one common vertex. `a` and `b` are their other corners relative to it,
+/// at both ends. No pair of features without the common vertex comes closer than `separation` if these corners are on
+/// different sides of a plane through it, and the features of one side are away from it.
 pub(super) fn stay_apart_about_vertex(a: [[DVec3; 2]; 2], b: [[DVec3; 2]; 2], separation: f64) -> bool {
     let corners = || a.as_flattened().iter().chain(b.as_flattened());
     let sum = |corners: [[DVec3; 2]; 2]| corners.as_flattened().iter().sum::<DVec3>();
@@ -48,7 +48,7 @@ pub(super) fn stay_apart_about_vertex(a: [[DVec3; 2]; 2], b: [[DVec3; 2]; 2], se
         && b.as_flattened().iter().all(|corner| normal.dot(*corner) < -within)
 }
 
-/// What the differences between the points of two sets span at one time.
+/// The extent of the differences between the points of two sets at one time.
 struct Differences {
     low: DVec3,
     high: DVec3,

@@ -1,7 +1,8 @@
 //! First impacts of two moving meshes, or of one with itself: from positions at both ends of a step to a sorted list.
 //!
-//! Continuous detection as a whole, for a caller that keeps one [`SweepTree`] a mesh: boxes that triangles sweep, then how
-//! far apart they are known to begin, then [`first_impacts`]. Only what is fast is swept, and what a step costs follows that.
+//! Continuous detection as a whole, for a caller that keeps one [`SweepTree`] per mesh: the boxes that triangles sweep,
+//! then known distances at the start, then [`first_impacts`]. Only fast triangles are swept, so the cost of a step
+//! depends on how many there are.
 
 use std::ops::Range;
 
@@ -20,31 +21,32 @@ use crate::kernel::{
     },
 };
 
-/// Leaves of eight triangles whose pairs are looked for and tested at a time: so many bound the candidates that wait.
+/// Leaves of eight triangles whose pairs are found and tested at a time. Limits how many candidates wait.
 pub const SWEEP_PART: usize = 4;
 
 /// A mesh whose vertices move in straight lines from the start of a step to its end.
 ///
-/// All positions that are asked about together are in one frame, that of both meshes and of both ends. A frame that moves
-/// along with the meshes, see [`drift`], makes most of a fast common motion disappear.
+/// All positions of one sweep are in one frame, the same for both meshes and for both ends. A frame that moves with the
+/// meshes, see [`drift`], removes most of a fast common motion.
 #[derive(Clone, Copy, Debug)]
 pub struct SweptMesh<'a> {
     /// Its triangles.
     pub topology: &'a SurfaceTopology,
-    /// Its vertices when the step begins.
+    /// Its vertices at the start of the step.
     pub start: &'a [DVec3],
-    /// Its vertices when the step ends. May be the same slice: then the mesh is at rest.
+    /// Its vertices at the end of the step. May be the same slice, if the mesh is at rest.
     pub end: &'a [DVec3],
-    /// A triangle with a vertex that moves farther than this is fast. 0 or more; infinite: none is.
+    /// A triangle is fast if one of its vertices moves farther than this. 0 or more, and infinite if no triangle is
+    /// fast.
     ///
-    /// Pairs of which neither triangle is fast are not tested. Such a pair that passes through each other is within the
-    /// sum of both reaches when the step begins and when it ends, since that is how far one moves relative to the other
-    /// at most. This holds in any frame.
+    /// Pairs in which neither triangle is fast are not tested. If such a pair passes through each other, the triangles
+    /// are within the sum of both reaches at the start and at the end of the step, because one can move no farther than
+    /// that relative to the other. This holds in any frame.
     pub reach: f64,
 }
 
 impl SweptMesh<'_> {
-    /// The corners of a triangle at both ends.
+    /// The corners of a triangle at both ends of the step.
     #[must_use]
     pub fn triangle(&self, triangle: u32) -> MovingTriangle {
         let vertices = self.topology.triangles()[triangle as usize];
@@ -57,35 +59,35 @@ impl SweptMesh<'_> {
     }
 }
 
-/// The motion that vertices have in common: their mean motion. Zero where there are none, where a motion is not finite,
-/// and where they would move no less without it, as when most rest while some move.
+/// The common motion of the vertices: their mean motion. Zero if there are no vertices, if a motion is not finite, and
+/// if the vertices would move no less without it, as when most of them rest while some move.
 ///
-/// Added to the positions at the start, of all meshes that are asked about together, it takes that motion away: paths stay
-/// straight and impacts what they are, boxes become smaller, and fewer triangles are fast.
+/// Adding it to the start positions of all meshes of a sweep removes that motion. Paths stay straight and impacts stay
+/// the same, boxes become smaller, and fewer triangles are fast.
 #[must_use]
 pub fn drift(start: &[DVec3], end: &[DVec3]) -> DVec3 {
     let motions = || start.iter().zip(end).map(|(start, end)| *end - *start);
     let mean = motions().sum::<DVec3>() / start.len().min(end.len()) as f64;
     let way = |drift: DVec3| motions().map(|motion| (motion - drift).abs().element_sum()).sum::<f64>();
-    // Written so that no number makes it zero.
+    // Written so that NaN becomes zero.
     if way(mean) < way(DVec3::ZERO) { mean } else { DVec3::ZERO }
 }
 
 /// Two meshes that are swept against each other, or one against itself, with their boxes.
 #[derive(Clone, Copy, Debug)]
 pub struct Sweep<'a> {
-    /// The first mesh and its boxes, [up to date](SweepTree::update).
+    /// The first mesh and its boxes, which must be [up to date](SweepTree::update).
     pub a: (SweptMesh<'a>, &'a SweepTree),
-    /// The second one; in a sweep of one mesh against itself the same as the first.
+    /// The second mesh and its boxes. The same as the first in a sweep of one mesh against itself.
     pub b: (SweptMesh<'a>, &'a SweepTree),
-    /// Whether both are one surface: then triangles are paired once, the lower one first, and features that share a
+    /// Whether both are one surface. If so, triangles are paired once, the lower one first, and features that share a
     /// welded vertex are left out.
     pub same_surface: bool,
     /// The distance that counts as an impact, 0 or more.
     pub separation: f64,
 }
 
-/// The triangles of one side that may meet something of the other, in leaves.
+/// The triangles of one side that may meet the other side, in leaves.
 #[derive(Clone, Debug, Default)]
 pub struct SweepLeaves {
     items: Vec<(u32, Aabb)>,
@@ -93,7 +95,7 @@ pub struct SweepLeaves {
 }
 
 impl SweepLeaves {
-    /// How many leaves there are: what [`Sweep::append_part`] can be cut into.
+    /// The number of leaves, into which [`Sweep::append_part`] can be split.
     #[must_use]
     pub fn len(&self) -> usize {
         self.leaves.leaf_count()
@@ -107,22 +109,22 @@ impl SweepLeaves {
 }
 
 impl Sweep<'_> {
-    /// Whether the first side is cut into leaves, and the tree of the second one asked. Of two meshes the larger one's
-    /// tree is asked, where it has one that follows its boxes.
+    /// Whether the first side is cut into leaves, and the tree of the second one is queried. Of two meshes, the larger
+    /// one's tree is queried, if it is up to date.
     fn asks_second(&self) -> bool {
         let size = |tree: &SweepTree| (tree.tree().is_some(), tree.boxes().len());
         self.same_surface || size(self.b.1) >= size(self.a.1)
     }
 
-    /// The side that is cut into leaves, and the one whose tree is asked.
+    /// The side that is cut into leaves, and the side whose tree is queried.
     fn sides(&self) -> [&SweepTree; 2] {
         if self.asks_second() { [self.a.1, self.b.1] } else { [self.b.1, self.a.1] }
     }
 
-    /// Finds the triangles of one side that may meet some of the other.
+    /// Finds the triangles of one side that may meet the other side.
     ///
     /// # Panics
-    /// If boxes are not those of as many triangles as their mesh has.
+    /// If a mesh and its boxes do not have the same number of triangles.
     pub fn collect(&self, leaves: &mut SweepLeaves) {
         for (mesh, tree) in [&self.a, &self.b] {
             assert_eq!(mesh.topology.triangles().len(), tree.boxes().len(), "the boxes are updated before a sweep");
@@ -135,12 +137,12 @@ impl Sweep<'_> {
                 let is_fast = own.is_fast(triangle);
                 let bounds = own.boxes()[triangle as usize].grown(growth);
                 let reach = if is_fast { other.bounds() } else { other.fast_bounds() };
-                // Of one surface every pair has a fast triangle that is asked about.
+                // Every pair of one surface has a fast triangle in the leaves.
                 if is_fast || !self.same_surface && bounds.overlaps(reach) {
                     leaves.items.push((triangle, bounds));
                 }
             };
-            // In the order of the tree, triangles of a leaf are near each other.
+            // In the order of the tree, the triangles of a leaf are near each other.
             match own.tree() {
                 Some(tree) => (0..tree.leaf_count()).flat_map(|leaf| tree.leaf_items(leaf)).for_each(|&item| add(item)),
                 None => (0..own.boxes().len() as u32).for_each(add),
@@ -149,9 +151,10 @@ impl Sweep<'_> {
         leaves.leaves.collect_leaves(&leaves.items);
     }
 
-    /// Appends the first impact of each pair with a triangle of some leaves. Returns how many pairs have boxes that overlap.
+    /// Appends the first impact of each pair with a triangle in some leaves. Returns the number of pairs whose boxes
+    /// overlap.
     ///
-    /// What the parts of all leaves append together, in whatever order, is what [`sweep`] finds before it sorts.
+    /// All parts together, in any order, append what [`sweep`] finds before it sorts.
     pub fn append_part(
         &self,
         leaves: &SweepLeaves,
@@ -176,7 +179,7 @@ impl Sweep<'_> {
         candidates.retain_mut(|pair| {
             let [first, second] = *pair;
             if self.same_surface {
-                // Where both are fast, both are asked about.
+                // If both are fast, both are in the leaves.
                 *pair = [first.min(second), first.max(second)];
                 return first < second || first > second && !other.is_fast(second);
             }
@@ -191,7 +194,7 @@ impl Sweep<'_> {
         count
     }
 
-    /// Whether two triangles may come together as far as is known of how far apart they begin.
+    /// Whether two triangles may meet, given a known lower bound of their distance at the start.
     fn may_meet(&self, [a, b]: [u32; 2]) -> bool {
         let ((mesh_a, tree_a), (mesh_b, tree_b)) = (&self.a, &self.b);
         let (Some(reach_a), Some(reach_b)) = (tree_a.known_reach(a), tree_b.known_reach(b)) else { return true };
@@ -213,26 +216,28 @@ impl Sweep<'_> {
     }
 }
 
-/// What [`sweep`] keeps for its memory.
+/// The buffers of [`sweep`], kept for their memory.
 #[derive(Clone, Debug, Default)]
 pub struct SweepBuffers {
     leaves: SweepLeaves,
     candidates: Vec<[u32; 2]>,
 }
 
-/// Appends the first impact of every two triangles of which at least one is fast and that come within `separation`,
-/// sorted by the triangle of the first mesh, then that of the second. Returns how many pairs have boxes that overlap.
+/// Appends the first impact of each pair of triangles that comes within `separation`, if at least one of the two is
+/// fast. Impacts are sorted by the triangle of the first mesh, then by that of the second. Returns the number of pairs
+/// whose boxes overlap.
 ///
-/// Both trees must be [updated](SweepTree::update) with the meshes as they are; the one over the larger mesh should
-/// follow its boxes too ([`SweepTree::update_tree`]), or each of its boxes is looked at for each triangle of the other.
-/// Where `same_surface` is set both meshes are the same, triangles that share welded vertices meet by features that do not,
-/// and the lower triangle comes first. A time is never later than the first time at which the distance of two triangles is
-/// at most `separation`, 0 or more, but for what the caller has rounded positions by: add that to `separation`.
+/// Both trees must be [updated](SweepTree::update) to the current meshes. The tree over the larger mesh should follow
+/// its boxes too ([`SweepTree::update_tree`]), otherwise each of its boxes is tested for each triangle of the other
+/// mesh. If `same_surface` is set, both meshes are the same, triangles that share welded vertices meet by features that
+/// do not, and the lower triangle comes first. A time is never later than the first time at which the distance of two
+/// triangles is at most `separation`, 0 or more. This does not account for positions that the caller has rounded: add
+/// that error to `separation`.
 ///
 /// ```
 /// use bevy_circumsphere::kernel::{
 ///     ccd::{SweepBuffers, SweepTree, SweptMesh, sweep},
-///     topology::SurfaceTopology,
+///     mesh::topology::SurfaceTopology,
 /// };
 /// use glam::{DVec3, Vec3};
 ///
@@ -249,12 +254,12 @@ pub struct SweepBuffers {
 /// let mut impacts = Vec::new();
 /// sweep(&resting, &trees[0], &falling, &trees[1], false, 0.0, &mut SweepBuffers::default(), &mut impacts);
 /// assert!((impacts[0].impact.time - 0.25).abs() < 1.0e-12);
-/// # Ok::<(), bevy_circumsphere::kernel::mesh::topology::TopologyError>(())
+/// # Ok::<(), bevy_circumsphere::kernel::mesh::validation::TopologyError>(())
 /// ```
 ///
 /// # Panics
-/// If boxes are not those of as many triangles as their mesh has.
-#[expect(clippy::too_many_arguments, reason = "two sides, how to take them, and the caller's buffers")]
+/// If a mesh and its boxes do not have the same number of triangles.
+#[expect(clippy::too_many_arguments, reason = "two sides, how to sweep them, and the caller's buffers")]
 pub fn sweep(
     a: &SweptMesh<'_>,
     tree_a: &SweepTree,
@@ -277,7 +282,7 @@ pub fn sweep(
     candidates
 }
 
-/// Brings impacts into the order of [`sweep`].
+/// Sorts impacts into the order of [`sweep`].
 pub fn sort_impacts(impacts: &mut [PairImpact]) {
     impacts.sort_unstable_by_key(|found| [found.triangle_a, found.triangle_b]);
 }

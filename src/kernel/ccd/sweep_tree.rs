@@ -1,49 +1,49 @@
 //! Boxes that the triangles of a mesh sweep in a step, and a tree over them that is kept from step to step.
 //!
-//! The broad phase of continuous detection: [`sweep`](super::sweep()) asks the boxes of one mesh about those of another. Only
-//! the larger of two meshes needs the tree, and a mesh that rests keeps boxes and tree as they are.
+//! The broad phase of continuous detection: [`sweep`](super::sweep()) tests the boxes of one mesh against those of
+//! another. Only the larger of two meshes needs the tree. A mesh at rest keeps its boxes and its tree.
 
 use glam::{DVec3, Vec3};
 
 use super::sweep::SweptMesh;
 use crate::kernel::{bvh::tree::BoxTree, mesh::bounds::Aabb};
 
-/// A tree is built anew once its boxes have grown by this factor relative to the whole.
+/// A tree is rebuilt once its boxes have grown by this factor, relative to the whole.
 const REBUILD_DECAY: f32 = 1.5;
 
-/// What [`SweepTree::update_tree`] had to do.
+/// What [`SweepTree::update_tree`] did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TreeWork {
-    /// Nothing: the boxes are those that the tree was fitted to.
+    /// Nothing: the boxes have not changed.
     Kept,
-    /// The tree follows boxes that have changed.
+    /// The tree was refitted to boxes that have changed.
     Refitted,
-    /// The tree was built, for the first time or because its boxes had outgrown it.
+    /// The tree was built, for the first time or because its boxes had grown too large.
     Built,
 }
 
 /// The box that each triangle of a mesh sweeps in a step, which of them are fast, and a tree over the boxes.
 ///
-/// Made by default, then [updated](Self::update) whenever an end of the step changes; its memory is kept.
+/// Create it with `default`, then [update](Self::update) it whenever an end of the step changes. Its memory is kept.
 #[derive(Clone, Debug, Default)]
 pub struct SweepTree {
     boxes: Vec<Aabb>,
     fast: Vec<bool>,
-    /// The reach of each triangle, where these tell how far apart triangles are.
+    /// The reach of each triangle. Empty unless reaches bound the distances of triangles.
     reaches: Vec<f64>,
     fast_count: usize,
     bounds: Aabb,
     fast_bounds: Aabb,
     tree: BoxTree,
-    /// Whether the tree is fitted to the boxes as they are.
+    /// Whether the tree is fitted to the current boxes.
     has_tree: bool,
 }
 
 impl SweepTree {
-    /// Brings the boxes up to date, and which triangles are fast; one pass over the triangles. The tree is left as it is:
-    /// [`update_tree`](Self::update_tree) lets it follow.
+    /// Updates the boxes, and which triangles are fast, in one pass over the triangles. Does not change the tree:
+    /// [`update_tree`](Self::update_tree) does.
     ///
-    /// Boxes are rounded outward. A triangle with a coordinate that is not finite has none, and meets nothing.
+    /// Boxes are rounded outward. A triangle with a coordinate that is not finite has no box, and meets nothing.
     ///
     /// # Panics
     /// If the mesh has fewer positions than its triangles name.
@@ -52,23 +52,25 @@ impl SweepTree {
         self.update_boxes(mesh, |_| mesh.reach);
     }
 
-    /// The same where more is known: each triangle has a reach of its own, instead of that of the mesh, and of two triangles
-    /// without a common vertex, of one mesh or of two that both have such reaches, the distance when the step begins is more
-    /// than the sum of both reaches. So those are left out that move less than this sum relative to each other, fast or not.
+    /// Like [`update`](Self::update), with a reach for each triangle instead of the mesh's. These also bound distances:
+    /// two triangles without a common vertex, of one mesh or of two that both have such reaches, must be farther apart
+    /// at the start of the step than the sum of both reaches. Pairs that move less than this sum relative to each other
+    /// are left out, fast or not.
     ///
-    /// Minus infinity where nothing is known of a triangle, which is fast then however slow.
+    /// If nothing is known about a triangle, its reach is minus infinity. It then counts as fast, however slowly it
+    /// moves.
     ///
     /// # Panics
-    /// If the mesh has fewer positions than its triangles name, or there are not as many reaches as triangles.
+    /// If the mesh has fewer positions than its triangles name, or the numbers of reaches and triangles differ.
     pub fn update_with_reaches(&mut self, mesh: &SweptMesh<'_>, reaches: &[f64]) {
         self.update_boxes(mesh, |triangle| reaches[triangle]);
         self.update_reaches(reaches);
     }
 
-    /// The reaches alone, of a mesh that rests as it did before: none of its triangles is fast.
+    /// Updates the reaches alone, for a mesh that is still at rest: none of its triangles is fast.
     ///
     /// # Panics
-    /// If there are not as many reaches as triangles.
+    /// If the numbers of reaches and triangles differ.
     pub fn update_reaches(&mut self, reaches: &[f64]) {
         assert_eq!(self.boxes.len(), reaches.len(), "every triangle has a reach");
         self.reaches.clear();
@@ -98,7 +100,7 @@ impl SweepTree {
         self.fast_count = self.fast.iter().filter(|&&is_fast| is_fast).count();
     }
 
-    /// Of the fast triangles only those count as such from now on for which `is_asked`: pairs of others are known by now.
+    /// A fast triangle stays fast only if `is_asked` is true for it. Pairs of the others must already be known.
     pub fn keep_fast(&mut self, is_asked: impl Fn(usize) -> bool) {
         self.fast_bounds = Aabb::EMPTY;
         self.fast_count = 0;
@@ -111,15 +113,15 @@ impl SweepTree {
         }
     }
 
-    /// No triangle counts as fast from now on: pairs of two of them are known.
+    /// Treats no triangle as fast from now on. Pairs of fast triangles must already be known.
     pub fn forget_fast(&mut self) {
         self.fast.fill(false);
         self.fast_bounds = Aabb::EMPTY;
         self.fast_count = 0;
     }
 
-    /// Lets the tree follow the boxes: not at all where none has changed, else by refitting it, and by building it where
-    /// there is none or it has decayed.
+    /// Updates the tree to the boxes. Keeps it if none has changed, refits it otherwise, and builds it if there is none
+    /// or it has decayed.
     pub fn update_tree(&mut self) -> TreeWork {
         if self.has_tree {
             return TreeWork::Kept;
@@ -135,13 +137,13 @@ impl SweepTree {
         TreeWork::Built
     }
 
-    /// How many triangles are fast.
+    /// The number of fast triangles.
     #[must_use]
     pub fn fast_count(&self) -> usize {
         self.fast_count
     }
 
-    /// The box around all that the mesh sweeps.
+    /// The box around everything that the mesh sweeps.
     #[must_use]
     pub fn bounds(&self) -> &Aabb {
         &self.bounds
@@ -153,7 +155,7 @@ impl SweepTree {
         &self.boxes
     }
 
-    /// The tree over them, where it follows them.
+    /// The tree over the boxes, if it is up to date.
     pub(super) fn tree(&self) -> Option<&BoxTree> {
         self.has_tree.then_some(&self.tree)
     }
@@ -164,18 +166,18 @@ impl SweepTree {
         self.fast[triangle as usize]
     }
 
-    /// The reach of a triangle, where reaches tell how far apart triangles are.
+    /// The reach of a triangle, if reaches bound the distances of triangles.
     pub(super) fn known_reach(&self, triangle: u32) -> Option<f64> {
         self.reaches.get(triangle as usize).copied()
     }
 
-    /// The box around all that fast triangles sweep.
+    /// The box around everything that fast triangles sweep.
     pub(super) fn fast_bounds(&self) -> &Aabb {
         &self.fast_bounds
     }
 }
 
-/// The smallest box of single precision around some finite points.
+/// The smallest f32 box around some finite points.
 #[must_use]
 pub fn outward_box(points: impl IntoIterator<Item = DVec3>) -> Aabb {
     let (low, high) = points
@@ -187,13 +189,13 @@ pub fn outward_box(points: impl IntoIterator<Item = DVec3>) -> Aabb {
     }
 }
 
-/// The largest number of single precision that is not larger.
+/// The largest f32 that is not larger.
 fn rounded_down(value: f64) -> f32 {
     let nearest = value as f32;
     if f64::from(nearest) > value { nearest.next_down() } else { nearest }
 }
 
-/// The smallest number of single precision that is not smaller.
+/// The smallest f32 that is not smaller.
 pub(super) fn rounded_up(value: f64) -> f32 {
     -rounded_down(-value)
 }

@@ -1,8 +1,8 @@
 //! First impact of two triangles whose vertices move in straight lines.
 //!
-//! Triangles that are apart first meet where a vertex of one meets the face of the other or where two edges meet: 6 + 9
-//! pairs of features. Before those are asked, planes along the faces show for how long all of both triangles stays
-//! apart. Triangles that cross in the beginning need not have features near each other, so that is looked for as well.
+//! Separate triangles first meet where a vertex of one meets the face of the other, or where two edges meet: 6 + 9
+//! pairs of features. Before these are tested, planes along the faces show how long the whole triangles stay apart.
+//! Triangles that cross at the start need not have features near each other, so that is tested as well.
 
 use glam::DVec3;
 use robust::Coord3D;
@@ -17,22 +17,22 @@ use crate::kernel::mesh::{
     feature::{Feature, FeaturePair},
 };
 
-/// The corners of a triangle when a step begins and when it ends.
+/// The corners of a triangle at the start and at the end of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MovingTriangle {
-    /// When it begins.
+    /// At the start.
     pub start: [DVec3; 3],
-    /// When it ends.
+    /// At the end.
     pub end: [DVec3; 3],
 }
 
 impl MovingTriangle {
-    /// How its corners move.
+    /// The motions of its corners.
     pub(super) fn motions(&self) -> [DVec3; 3] {
         std::array::from_fn(|corner| self.end[corner] - self.start[corner])
     }
 
-    /// How far the corner moves that moves the farthest.
+    /// How far the fastest corner moves.
     pub(super) fn way(&self) -> f64 {
         self.motions().iter().map(|motion| motion.length_squared()).fold(0.0, f64::max).sqrt()
     }
@@ -43,10 +43,10 @@ impl MovingTriangle {
 pub struct CommonVertices([[bool; 3]; 3]);
 
 impl CommonVertices {
-    /// None is, as with triangles of different surfaces.
+    /// No corner is, as for triangles of different surfaces.
     pub const NONE: Self = Self([[false; 3]; 3]);
 
-    /// Those that have the same (welded) number.
+    /// Those with the same (welded) number.
     #[must_use]
     pub fn of(a: [u32; 3], b: [u32; 3]) -> Self {
         Self(a.map(|vertex_a| b.map(|vertex_b| vertex_a == vertex_b)))
@@ -56,14 +56,14 @@ impl CommonVertices {
         self.0.as_flattened().contains(&true)
     }
 
-    /// The corner of each that is common, where it is one alone.
+    /// The common corner of each triangle, if there is exactly one.
     fn only(&self) -> Option<[usize; 2]> {
         let mut common = (0..9).filter(|&pair| self.0[pair / 3][pair % 3]);
         let first = common.next()?;
         common.next().is_none().then_some([first / 3, first % 3])
     }
 
-    /// Whether one of these corners of the first triangle is one of these of the second.
+    /// Whether one of these corners of the first triangle is one of these corners of the second.
     fn between(&self, of_a: &[usize], of_b: &[usize]) -> bool {
         of_a.iter().any(|&corner_a| of_b.iter().any(|&corner_b| self.0[corner_a][corner_b]))
     }
@@ -73,25 +73,25 @@ impl CommonVertices {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleImpact {
     /// 0 at the start of the step, 1 at its end. Never later than the first time at which the distance of the triangles
-    /// is at most the separation, features that share a vertex aside.
+    /// is at most the separation, except for features that share a vertex.
     pub time: f64,
-    /// Whether the triangles begin within the separation, cross in the beginning, reach the separation, or might.
+    /// Whether the triangles start within the separation, cross at the start, reach the separation, or may reach it.
     pub cause: ImpactCause,
-    /// A vertex and a face, or two edges; an edge and a face where they cross. Of several features that meet at once,
-    /// as those around a vertex that meets an edge, one.
+    /// A vertex and a face, or two edges. An edge and a face if they cross. If several features meet at once, such as
+    /// those around a vertex that meets an edge, one of them.
     pub features: FeaturePair,
-    /// Weights of the first triangle's corners at that time; they sum to 1.
+    /// Weights of the first triangle's corners at that time. They sum to 1.
     pub barycentric_a: [f64; 3],
-    /// Weights of the second triangle's corners at that time; they sum to 1.
+    /// Weights of the second triangle's corners at that time. They sum to 1.
     pub barycentric_b: [f64; 3],
-    /// Unit vector from the second triangle to the first, as in [`FeatureImpact::normal`]; zero where they cross.
+    /// Unit vector from the second triangle to the first, as in [`FeatureImpact::normal`]. Zero if they cross.
     pub normal: DVec3,
 }
 
 /// First impact of two triangles: the first time at which their distance is at most `separation`, 0 or more. `None` if
 /// it stays greater for the whole step, both ends included, or if a coordinate is not finite.
 ///
-/// The time does not depend on which of the triangles is called the first.
+/// The time does not depend on which triangle comes first.
 #[must_use]
 pub fn triangle_pair_impact(
     a: &MovingTriangle,
@@ -166,7 +166,7 @@ fn triangle_impact(
 }
 
 impl TriangleImpact {
-    /// The same impact with the second triangle first.
+    /// The same impact, with the triangles swapped.
     fn swapped(self) -> Self {
         Self {
             features: self.features.swapped(),
@@ -184,8 +184,9 @@ fn keep_earlier(first: &mut Option<TriangleImpact>, found: TriangleImpact) {
     }
 }
 
-/// For how long planes along the faces surely keep the triangles farther than `separation` apart: 0 where they touch, or
-/// share a vertex, infinite where for the whole step. `None` where a glance tells that, or where a coordinate is not finite.
+/// How long planes along the faces certainly keep the triangles farther than `separation` apart: 0 if they touch or
+/// share a vertex, infinite if for the whole step. `None` if a quick test shows that they stay apart, or if a
+/// coordinate is not finite.
 fn clear_from_start(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVertices, separation: f64) -> Option<f64> {
     let all = [&a.start, &a.end, &b.start, &b.end];
     if common.any() {
@@ -209,9 +210,9 @@ fn clear_from_start(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVerti
     Some(clear)
 }
 
-/// Whether what two triangles have besides a common corner surely stays farther than `separation` apart.
+/// Whether two triangles certainly stay farther than `separation` apart, except for a common corner.
 fn stay_apart_about(a: &MovingTriangle, b: &MovingTriangle, [common_a, common_b]: [usize; 2], separation: f64) -> bool {
-    // Vertices that were welded where the mesh was at rest may have parted.
+    // Vertices that were welded where the mesh was at rest may have moved apart.
     let is_one = a.start[common_a] == b.start[common_b] && a.end[common_a] == b.end[common_b];
     let others = |corners: &[DVec3; 3], common: usize| {
         [corners[(common + 1) % 3] - corners[common], corners[(common + 2) % 3] - corners[common]]
@@ -221,8 +222,8 @@ fn stay_apart_about(a: &MovingTriangle, b: &MovingTriangle, [common_a, common_b]
     is_one && stay_apart_about_vertex(both(a, common_a), both(b, common_b), separation)
 }
 
-/// An edge of one triangle that pierces the face of the other when the step begins, by exact signs. Touching does not
-/// count: features that touch are found as such.
+/// An edge of one triangle that pierces the face of the other at the start of the step, by exact signs. Touching does
+/// not count: features that touch are found as such.
 fn crossing(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVertices) -> Option<TriangleImpact> {
     for edge_is_of_a in [true, false] {
         let (own, other) = if edge_is_of_a { (a, b) } else { (b, a) };
@@ -248,7 +249,7 @@ fn crossing(a: &MovingTriangle, b: &MovingTriangle, common: &CommonVertices) -> 
     None
 }
 
-/// Where along an edge, and with which weights of the face's corners, the edge passes through the inside of a face.
+/// Where along an edge, and with which weights of the face's corners, the edge pierces the inside of a face.
 fn piercing(edge: [DVec3; 2], face: &[DVec3; 3]) -> Option<(f64, [f64; 3])> {
     let coordinates = |point: DVec3| Coord3D { x: point.x, y: point.y, z: point.z };
     let volume = |p: DVec3, q: DVec3, r: DVec3, s: DVec3| {

@@ -1,9 +1,9 @@
-//! Contacts between features of one kind, eight side by side.
+//! Contacts between features of one kind, eight at a time.
 //!
-//! What the screen has found to count needs no second look: its weights, points and directions follow, by the arithmetic of
-//! `triangle_pair`, operation by operation. What is too close for a direction is left to that.
+//! Features that the screen has confirmed need no second test. Their weights, points, and directions are computed by
+//! the operations of `triangle_pair`. Features that are too close for a direction are left to that module.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{Level, dispatch, f64x8, prelude::*};
 
@@ -23,43 +23,44 @@ use crate::kernel::{
 mod kernels;
 mod plan;
 
-/// Of separations whose square is smaller, the direction is left to the test of a pair alone, which scales them first.
+/// If the square of a separation is smaller, the direction is left to the test of a single pair, which scales the
+/// separation first.
 const LEAST_SQUARED: f64 = 1.0e-150;
 
-/// Eight pairs of triangles and what they report.
+/// Eight pairs of triangles, and what they report.
 pub(in crate::kernel) struct Reports<'a> {
-    /// The rows of either triangle.
+    /// The rows of both triangles.
     pub(in crate::kernel) rows: [[&'a CornerRow; WIDTH]; 2],
-    /// What counts, as [`FeatureSet`](super::FeatureSet)s.
+    /// The features that count, as [`FeatureSet`](super::FeatureSet)s.
     pub(in crate::kernel) sets: [u64; WIDTH],
-    /// What of that other pairs may report as well.
+    /// Those of them that other pairs may report too.
     pub(in crate::kernel) shared: [u64; WIDTH],
-    /// The pairs with anything that counts.
+    /// The pairs with any feature that counts.
     pub(in crate::kernel) with_any: u32,
-    /// The pairs of which all that is on the boundaries of both is near enough to be reported, however it is rounded.
+    /// The pairs whose boundary features are all close enough to be reported, however they are rounded.
     pub(in crate::kernel) certain: u32,
-    /// Distances up to this are none.
+    /// Distances up to this count as 0.
     pub(in crate::kernel) nothing: [f64; WIDTH],
 }
 
-/// One feature pair on its way.
+/// One feature pair that waits for its batch.
 #[derive(Clone, Copy)]
 struct Task {
-    /// Where the contact belongs.
+    /// The index of the contact.
     place: u32,
-    /// Which features, as a bit of a [`FeatureSet`](super::FeatureSet).
+    /// The features, as a bit of a [`FeatureSet`](super::FeatureSet).
     case: u8,
 }
 
-/// The tasks of one kind that wait for their company.
+/// The waiting tasks of one kind.
 struct Batch {
-    /// The points of either feature in their own surface's frame, see [`Plan`].
+    /// The points of both features in their own surface's frame, see [`Plan`].
     points: [VectorRows; POINTS],
     /// The first corner of the first triangle.
     origin: VectorRows,
-    /// Below this a distance is none.
+    /// Distances up to this count as 0.
     nothing: [f64; WIDTH],
-    /// Where the feature named first is of the second triangle, one bit each.
+    /// Where the feature named first belongs to the second triangle, one bit each.
     swapped: u64,
     /// Where the feature named first is the second edge of its triangle, and where the third.
     turned: [u64; 2],
@@ -78,7 +79,7 @@ impl Batch {
         count: 0,
     };
 
-    /// Adds a task. Whether they are complete.
+    /// Adds a task. Returns whether the batch is full.
     #[inline(always)]
     fn push(&mut self, task: Task, plan: &Plan, rows: [&CornerRow; 2], nothing: f64) -> bool {
         let lane = self.count % WIDTH;
@@ -100,45 +101,46 @@ impl Batch {
     }
 }
 
-/// What comes out of a batch, rounded as contacts are.
+/// The results of a batch, rounded like contacts.
 struct Results {
-    /// Rows that the weights of corners are taken from: 0, 1, the start and the end of the first feature where it is an edge,
-    /// those of the second edge or of the face's first two corners; and two that stay empty.
+    /// Rows from which the weights of corners are taken: 0, 1, the start and end of the first feature if it is an edge,
+    /// the start and end of the second edge or the first two corners of the face, and two rows that stay empty.
     weights: [[f32; WIDTH]; 8],
     point_b: VectorRows,
     normal: VectorRows,
     distance: [f32; WIDTH],
-    /// From the point on the second triangle to that on the first.
+    /// From the point on the second triangle to the point on the first.
     separation: DoubleVectorRows,
     /// The contacts whose points are far enough apart for a direction, one bit each.
     reliable: u64,
-    /// Those of them that are near enough to be reported.
+    /// Those of them that are close enough to be reported.
     reported: u64,
 }
 
-/// All kinds of feature pairs, and what becomes of them.
+/// All kinds of feature pairs, in batches.
 pub(in crate::kernel) struct FeatureBatches<'a> {
     batches: [Batch; Kind::COUNT],
     results: Results,
     limits: Limits<'a>,
     sides: Sides<'a>,
-    /// What was reported lately and may be again, on boundaries. Where sides can be inside each other only what is outside
-    /// counts: of what is inside each pair has a way out of its own, some of which are dropped later.
+    /// Features on boundaries that were reported recently and may be reported again. If the sides can be inside each
+    /// other, only contacts outside count: inside, each pair has its own way out, and some of these are dropped later.
     recent: RecentFeatures,
     /// What does not become a contact here.
     left: LeftOver,
 }
 
-/// What batches leave.
+/// What batches leave to the caller.
 #[derive(Default)]
 pub(in crate::kernel) struct LeftOver {
-    /// Places of contacts between features too close for a direction: what they are only the test of the pair alone can tell.
+    /// Indices of contacts between features that are too close for a direction. Only the test of a single pair can
+    /// decide these.
     pub(in crate::kernel) doubtful: Vec<u32>,
-    /// Whether a place is empty because its contact is too far away to be reported.
+    /// Whether entries are empty because their contacts are too far apart to be reported.
     pub(in crate::kernel) has_gaps: bool,
 }
 
-/// What of the surfaces decides about contacts.
+/// The properties of the surfaces that affect contacts.
 #[derive(Clone, Copy)]
 struct Sides<'a> {
     both: [&'a SurfaceSide<'a>; 2],
@@ -173,8 +175,8 @@ impl<'a> FeatureBatches<'a> {
         }
     }
 
-    /// Appends contacts for all that some of up to eight pairs report, pair by pair, and writes those of whatever is complete
-    /// by that.
+    /// Appends contacts for everything that the `asked` pairs report, pair by pair, and computes each batch that
+    /// becomes full.
     #[inline(always)]
     pub(in crate::kernel) fn add(
         &mut self,
@@ -185,7 +187,7 @@ impl<'a> FeatureBatches<'a> {
     ) {
         let Sides { both: sides, same_surface, solid } = self.sides;
         let mut left = reports.with_any & asked;
-        // One loop over all features of all pairs: how many those of one pair are nobody can foresee.
+        // One loop over all features of all pairs: how many a pair has is unpredictable.
         while left != 0 {
             let lane = left.trailing_zeros() as usize % WIDTH;
             let set = reports.sets[lane];
@@ -202,7 +204,7 @@ impl<'a> FeatureBatches<'a> {
             let named = CompactContact::named(pair.triangles, same_surface, plan.features, numbers, is_shared);
             let stays = reports.certain >> lane & 1 != 0;
             if case >= FeatureSet::BOUNDARY && self.recent.know(named.key, stays && !solid) {
-                // The first contact of these features stays: this one would be dropped.
+                // The first contact of these features is kept, so this one would be dropped.
                 continue;
             }
             let task = Task { place: contacts.len() as u32, case: case as u8 };
@@ -213,7 +215,7 @@ impl<'a> FeatureBatches<'a> {
         }
     }
 
-    /// Writes the contacts of all that is left.
+    /// Computes the remaining contacts.
     pub(in crate::kernel) fn finish(mut self, contacts: &mut [CompactContact]) -> LeftOver {
         for kind in [Kind::VertexFace, Kind::EdgeEdge, Kind::Piercing, Kind::VertexEdge] {
             if self.batches[kind as usize].count > 0 {
@@ -227,7 +229,7 @@ impl<'a> FeatureBatches<'a> {
     fn finish_kind(&mut self, kind: Kind, contacts: &mut [CompactContact]) {
         let Self { batches, results, left, limits, sides, recent } = self;
         let batch = &mut batches[kind as usize];
-        // Each by itself: together they take more room than the stack of a thread has, where nothing is optimized.
+        // Dispatched one by one: together they exceed the stack of a thread in unoptimized builds.
         let level = Level::new();
         match kind {
             Kind::VertexFace => dispatch!(level, simd => vertices_over_faces(simd, batch, limits, results)),
@@ -239,7 +241,8 @@ impl<'a> FeatureBatches<'a> {
     }
 }
 
-/// Up to where contacts are reported, how many world units one of the pair's frame is, and how points come there.
+/// The distance up to which contacts are reported, the world length of one unit of the pair's frame, and the transforms
+/// to that frame.
 #[derive(Clone, Copy)]
 struct Limits<'a> {
     scale: f64,
@@ -248,7 +251,7 @@ struct Limits<'a> {
 }
 
 impl Results {
-    /// Writes the contacts of a batch, and empties it.
+    /// Writes the contacts of a batch, and clears it.
     #[inline(always)]
     fn write(
         &self,
@@ -293,8 +296,7 @@ impl Results {
         batch.clear();
     }
 
-    /// Keeps separations, how long they are, and which of them and of their directions can be relied on. Returns the
-    /// directions.
+    /// Stores separations and distances, and which of them have a reliable direction. Returns the directions.
     #[inline(always)]
     fn set_distance<S: Simd>(
         &mut self,

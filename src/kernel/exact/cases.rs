@@ -1,13 +1,13 @@
-//! Which features of a pair of triangles are meant, as a set of bits.
+//! Sets of features of a pair of triangles, as bits.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{mask64x8, prelude::*, u64x8};
 
 use crate::kernel::mesh::feature::{Feature, FeaturePair};
 
-/// Features of a pair of triangles, one bit each: a vertex over a face, two edges, an edge that pierces a face, or
-/// anything on the boundaries of both.
+/// Features of a pair of triangles, one bit each: a vertex over a face, two edges, an edge that pierces a face, or any
+/// *boundary features*, which are two vertices, or a vertex and an edge, on the boundaries of both triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::kernel) struct Cases(pub(super) u32);
 
@@ -63,18 +63,18 @@ impl Cases {
         Self(self.0 & !other.0)
     }
 
-    /// None of them where something does not hold, without a branch.
+    /// This set if `holds`, otherwise the empty set, without a branch.
     #[inline]
     pub(in crate::kernel) const fn only_if(self, holds: bool) -> Self {
         Self(self.0 & 0u32.wrapping_sub(holds as u32))
     }
 
-    /// Without what is on the boundaries of both.
+    /// This set without boundary features.
     pub(in crate::kernel) const fn without_boundary(self) -> Self {
         self.without(Self::BOUNDARY)
     }
 
-    /// Each of them alone.
+    /// Each case by itself.
     pub(in crate::kernel) fn each(self) -> impl Iterator<Item = Self> {
         let mut left = self.0;
         std::iter::from_fn(move || {
@@ -84,13 +84,13 @@ impl Cases {
         })
     }
 
-    /// The features that a single case is about.
+    /// The features of a single case.
     pub(in crate::kernel) fn features(self) -> FeaturePair {
         let [part_a, part_b] = self.parts();
         FeaturePair { a: Feature::of_part(part_a), b: Feature::of_part(part_b) }
     }
 
-    /// The case that two features are.
+    /// The case of two features.
     pub(in crate::kernel) const fn of(features: FeaturePair) -> Self {
         match (features.a, features.b) {
             (Feature::Vertex(vertex), Feature::Face) => Self::vertex_face(true, vertex as usize),
@@ -102,8 +102,7 @@ impl Cases {
         }
     }
 
-    /// The part of the first and of the second triangle that a single case is about, numbered as in
-    /// [`Feature::of_part`].
+    /// The local indices of a single case's features on the first and the second triangle, as in [`Feature::of_part`].
     #[inline]
     pub(in crate::kernel) fn parts(self) -> [usize; 2] {
         PARTS[self.0.trailing_zeros() as usize % PARTS.len()].map(usize::from)
@@ -120,7 +119,7 @@ impl Cases {
     }
 }
 
-/// The parts of each case: which one it is nobody can foresee.
+/// The local feature indices of each case, as a table: a branch on the case would be unpredictable.
 static PARTS: [[u8; 2]; 32] = {
     let mut parts = [[0; 2]; 32];
     let mut bit = 0;
@@ -131,9 +130,9 @@ static PARTS: [[u8; 2]; 32] = {
     parts
 };
 
-/// What of a pair of triangles is on the boundaries of both, one bit each: a vertex and the inside of an edge, bit `3 v + e`
-/// for vertex `v` of the first triangle and edge `e` of the second, nine bits further for a vertex of the second and an edge of
-/// the first; and two vertices, of which the second one is where edge `e` starts, 18 bits further.
+/// The boundary features of a pair of triangles, one bit each. A vertex and the inside of an edge have bit `3 v + e`
+/// for vertex `v` of the first triangle and edge `e` of the second, plus nine for a vertex of the second and an edge of
+/// the first. Two vertices, the second of which is the start of edge `e`, have that bit plus 18.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernel) struct BoundaryCases(pub(super) u64);
 
@@ -142,7 +141,7 @@ impl BoundaryCases {
         self.0
     }
 
-    /// The bit of two vertices, given that of the first and the edge that starts at the second.
+    /// The bit of two vertices, given the bit index of the first one and the edge that starts at the second.
     pub(super) const fn of_vertices(place: usize) -> u64 {
         1 << (18 + place)
     }
@@ -153,12 +152,14 @@ impl BoundaryCases {
 pub(in crate::kernel) struct CaseLanes<S: Simd>(pub(in crate::kernel) u64x8<S>);
 
 impl<S: Simd> CaseLanes<S> {
-    /// Those between some of the vertices and edges of either triangle: bits 0 to 2 its vertices, 3 to 5 its edges.
+    /// All cases between some of the vertices and edges of both triangles. Bits 0 to 2 are the vertices, 3 to 5 the
+    /// edges.
     #[inline(always)]
     pub(in crate::kernel) fn between(parts_of_a: u64x8<S>, parts_of_b: u64x8<S>) -> Self {
         let [vertices_of_a, vertices_of_b] = [parts_of_a & 7, parts_of_b & 7];
         let [edges_of_a, edges_of_b] = [parts_of_a >> 3 & 7, parts_of_b >> 3 & 7];
-        // Every pair of edges: of the first triangle each bit at three places, of the second three times all.
+        // Every pair of edges: each bit of the first triangle at three places, combined with three copies of the
+        // second's.
         let spread = edges_of_a & 1 | (edges_of_a & 2) << 2 | (edges_of_a & 4) << 4;
         let edges = (spread | spread << 1 | spread << 2) & (edges_of_b | edges_of_b << 3 | edges_of_b << 6);
         Self(vertices_of_a | vertices_of_b << 3 | edges << 6 | edges_of_a << 15 | edges_of_b << 18)
@@ -170,7 +171,7 @@ impl<S: Simd> CaseLanes<S> {
         !(self.0 & Cases::PIERCING.bits()).simd_eq(0)
     }
 
-    /// Those of them inside of faces and edges, in the order of [`FeatureSet`]s.
+    /// The cases inside faces and edges, in the order of [`FeatureSet`].
     #[inline(always)]
     fn in_order(self) -> u64x8<S> {
         let edges = (self.0 & Cases::EDGES.bits()) >> 6;
@@ -179,9 +180,9 @@ impl<S: Simd> CaseLanes<S> {
     }
 }
 
-/// What a pair of triangles reports, one bit each in the order in which the contacts are written: nine pairs of edges, six
-/// vertices over faces, six edges that pierce a face, and what is on the boundaries of both, 27 bits in the order of
-/// [`BoundaryCases`].
+/// The features that a pair of triangles reports, one bit each, in the order in which the contacts are written: nine
+/// pairs of edges, six vertices over faces, six edges that pierce a face, and 27 bits for boundary features, in the
+/// order of [`BoundaryCases`].
 pub(in crate::kernel) struct FeatureSet;
 
 impl FeatureSet {
@@ -189,7 +190,7 @@ impl FeatureSet {
     pub(super) const PIERCING: usize = 15;
     pub(super) const BOUNDARY: usize = 21;
 
-    /// Of eight pairs of triangles those of cases and of [`BoundaryCases`].
+    /// Combines the cases and the [`BoundaryCases`] of eight pairs of triangles.
     #[inline(always)]
     pub(in crate::kernel) fn in_lanes<S: Simd>(cases: CaseLanes<S>, boundary: u64x8<S>) -> u64x8<S> {
         cases.in_order() | boundary << Self::BOUNDARY as u32

@@ -1,7 +1,7 @@
 //! Exact proximity of two triangles, and of a triangle and a rigid shape, in f64.
 //!
-//! Last geometric stage: candidate pairs come in, distances and feature pairs go out. Input positions are f32 and
-//! taken as exact; every difference is formed in f64 relative to a corner of the pair.
+//! The last geometric stage: candidate pairs come in, distances and feature pairs go out. Input positions are f32 and
+//! taken as exact. Every difference is formed in f64, relative to a corner of the pair.
 
 mod batch;
 mod cases;

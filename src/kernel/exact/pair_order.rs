@@ -1,28 +1,29 @@
-//! Sorts pairs of triangles into the order of the contacts they may give.
+//! Sorts pairs of triangles into the order of the contacts that they may give.
 //!
-//! Eight bytes a pair are moved rather than whole contacts: the exact stage sorts its candidates, whoever writes contacts of
-//! spheres their pairs, and contacts are made in order. Pairs are dealt out, chunk by chunk, to buckets of neighboring numbers,
-//! where they take up half the room: what the bucket leaves open of both triangles. Each bucket is collected from all chunks and
-//! sorted digit by digit, both in the nearest caches, so that the whole list is read twice and written once, in tasks that may be
-//! shared among threads.
+//! This moves eight bytes per pair rather than whole contacts: the exact stage sorts its candidates, the writer of
+//! sphere contacts sorts its pairs, and contacts are made in order. Pairs are distributed, chunk by chunk, to buckets
+//! of consecutive numbers, where they take half the memory: only those bits of both triangles that the bucket does not
+//! determine. Each bucket is collected from all chunks and radix-sorted, both in the nearest caches. The whole list is
+//! thus read twice and written once, in tasks that can be distributed among threads.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{Level, dispatch, prelude::*};
 
 use crate::kernel::simd::{lanes::WIDTH, share::Share};
 
-/// Pairs that are measured, or dealt out, by one task.
+/// Pairs that one task measures or distributes.
 const CHUNK: usize = 8192;
 
-/// Fewer pairs than these are not worth another thread: to wake it takes as long as to sort them.
+/// With fewer pairs than this another thread does not pay off: waking it takes as long as sorting them.
 const PAIRS_OF_ONE: usize = 32_768;
 
-/// Pairs of a bucket, where they are evenly spread: few enough for the nearest cache, and enough to be worth the counts of
+/// Pairs per bucket if they are evenly spread: few enough for the nearest cache, and enough to be worth the counts of
 /// wide digits.
 const OF_BUCKET: usize = 4096;
 
-/// There may be more buckets than there are pairs for them, up to so many, where a pair's rest fits into 32 bits by that.
+/// There may be more buckets than the number of pairs calls for, up to this many, if the rest of a pair then fits into
+/// 32 bits.
 const MOST_SMALL_BUCKETS: usize = 8192;
 
 /// Buckets that one task sorts.
@@ -31,11 +32,12 @@ const BUCKETS_AT_ONCE: usize = 4;
 /// Shorter lists and buckets are sorted by comparison.
 const SHORT: usize = 64;
 
-/// The least and the most bits that are sorted by at a time. Between these a digit has as many values as there are numbers.
+/// The smallest and the largest number of bits per digit. Between these, a digit has as many values as there are
+/// numbers.
 const LEAST_DIGIT: u32 = 8;
 const MOST_DIGIT: u32 = 13;
 
-/// What is to be known of pairs before they are dealt out.
+/// What must be known about pairs before they are distributed.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     low: [u32; 2],
@@ -61,7 +63,7 @@ impl Extent {
     }
 }
 
-/// Eight pairs at a time.
+/// Measures eight pairs at a time.
 #[inline(always)]
 fn measure<S: Simd>(_: S, pairs: &[[u32; 2]]) -> Extent {
     let (blocks, rest) = pairs.as_chunks::<WIDTH>();
@@ -81,13 +83,13 @@ fn measure<S: Simd>(_: S, pairs: &[[u32; 2]]) -> Extent {
     lanes.chain(rest).fold(Extent::EMPTY, |all, other| all.union(&other))
 }
 
-/// Which bucket a pair belongs to, and what is left to sort it by there. Both are parts of one number: the second triangle
-/// in its lower bits and the first in the others, each from the lowest that there is on.
+/// Which bucket a pair belongs to, and the rest of its bits, by which it is sorted there. Both are parts of one number:
+/// the second triangle in the lower bits and the first one above, each relative to the lowest.
 #[derive(Clone, Copy, Debug)]
 struct Packing {
     low: [u32; 2],
     second_bits: u32,
-    /// The lower bits of a number, which a bucket leaves open.
+    /// The lower bits of a number, which a bucket does not determine.
     open_bits: u32,
     bucket_count: usize,
 }
@@ -100,7 +102,7 @@ impl Packing {
         let second_bits = bits(second_range);
         let highest = first_range << second_bits | second_range;
         let wanted = (pairs / OF_BUCKET).max(1) as u64;
-        // No number can be shifted by all of its bits.
+        // A number cannot be shifted by all of its bits.
         let mut open_bits = bits(highest / wanted).min(u64::BITS - 1);
         if open_bits > u32::BITS && (highest >> u32::BITS) < MOST_SMALL_BUCKETS as u64 {
             open_bits = u32::BITS;
@@ -109,7 +111,7 @@ impl Packing {
         Self { low: extent.low, second_bits, open_bits, bucket_count }
     }
 
-    /// Whether what a bucket leaves open fits into 32 bits.
+    /// Whether the rest fits into 32 bits.
     fn is_small(&self) -> bool {
         self.open_bits <= u32::BITS
     }
@@ -130,8 +132,8 @@ impl Packing {
         (number >> self.open_bits) as usize
     }
 
-    /// Brings a chunk into the order of the buckets, as what `rest` makes of a pair and its number; of each bucket writes
-    /// where it ends.
+    /// Writes a chunk in the order of the buckets, as `rest` converts each pair and its number, and writes the end of
+    /// each bucket.
     fn deal<T>(&self, pairs: &[[u32; 2]], dealt: &mut [T], ends: &mut [u32], rest: impl Fn([u32; 2], u64) -> T) {
         ends.fill(0);
         for &pair in pairs {
@@ -146,7 +148,7 @@ impl Packing {
         }
     }
 
-    /// Writes the pairs of a bucket in order, whose rests come in several lists.
+    /// Writes the pairs of a bucket in order. Their rests come in several lists.
     fn sort_small<'a>(
         &self,
         bucket: usize,
@@ -154,7 +156,7 @@ impl Packing {
         sorted: &mut [[u32; 2]],
         counts: &mut Counts,
     ) {
-        // A pair has room for its rest twice: in the first half of the room, and in the second, where it is to be at last.
+        // The output holds each rest twice: in its first half, and in its second half, where it must be at the end.
         let count = sorted.len();
         let most_bits = (usize::BITS - count.leading_zeros()).clamp(LEAST_DIGIT, MOST_DIGIT);
         let digits = if count < SHORT { 0 } else { self.open_bits.div_ceil(most_bits) };
@@ -173,8 +175,8 @@ impl Packing {
         }
         let base = (bucket as u64) << self.open_bits;
         for place in 0..count {
-            // No rest is overwritten before it is read: this one stands behind both numbers of its pair, or in the place of
-            // the second.
+            // No rest is overwritten before it is read: it is behind both numbers of its pair, or in the place of the
+            // second.
             let rest = sorted.as_flattened()[count + place];
             sorted[place] = self.pair(base | u64::from(rest));
         }
@@ -189,10 +191,11 @@ fn collect<'a, T: Copy + 'a>(lists: impl Iterator<Item = &'a [T]>, mut to: &mut 
     }
 }
 
-/// How many there are of each value of a digit.
+/// How often each value of a digit occurs.
 type Counts = [u32; 1 << MOST_DIGIT];
 
-/// Writes numbers sorted by the bits from `shift` on that have as many values as there are counts; equals keep their order.
+/// Sorts numbers stably by a digit, and writes them. The digit starts at bit `shift`, and has as many values as there
+/// are counts.
 fn sort_by_digit(from: &[u32], to: &mut [u32], shift: u32, counts: &mut [u32]) {
     let mask = counts.len() - 1;
     counts.fill(0);
@@ -207,7 +210,7 @@ fn sort_by_digit(from: &[u32], to: &mut [u32], shift: u32, counts: &mut [u32]) {
     }
 }
 
-/// Turns how many there are of each into where each starts.
+/// Turns the count of each value into where its entries start.
 fn starts_of_counts(counts: &mut [u32]) {
     let mut start = 0;
     for count in counts {
@@ -215,15 +218,15 @@ fn starts_of_counts(counts: &mut [u32]) {
     }
 }
 
-/// Room to sort in, kept from list to list.
+/// Sorts pairs. Keeps its buffers from list to list.
 #[derive(Clone, Debug, Default)]
 pub struct PairSorter {
     extents: Vec<Extent>,
-    /// What is left to sort pairs by in their buckets, where that fits into 32 bits.
+    /// The rests of pairs in their buckets, if these fit into 32 bits.
     small: Vec<u32>,
-    /// Whole pairs, where it does not.
+    /// Whole pairs, if they do not.
     large: Vec<[u32; 2]>,
-    /// Of each chunk, where its part of each bucket ends.
+    /// For each chunk, where its part of each bucket ends.
     ends: Vec<u32>,
     /// Where each bucket begins in the sorted list, and where the last one ends.
     starts: Vec<usize>,
@@ -231,16 +234,16 @@ pub struct PairSorter {
 }
 
 impl PairSorter {
-    /// Sorts `pairs` by their contacts' [keys](crate::kernel::contact::ContactKey): by the first triangle, then by the second; of a
-    /// surface with itself (`same_surface`) by the lower one, then by the higher.
+    /// Sorts `pairs` by the [keys](crate::kernel::contact::ContactKey) of their contacts: by the first triangle, then
+    /// by the second. In a self-collision (`same_surface`), by the lower one, then by the higher.
     pub fn sort(&mut self, pairs: &mut Vec<[u32; 2]>, same_surface: bool, share: &impl Share) {
         if self.sort_from(pairs, same_surface, share) {
             std::mem::swap(pairs, &mut self.sorted);
         }
     }
 
-    /// The same in a list of its own, each pair once, and of a surface with itself the lower triangle first; `pairs` itself
-    /// where it is in order.
+    /// The sorted pairs in a separate list, each pair once, and in a self-collision with the lower triangle first.
+    /// Returns `pairs` itself if it is in order.
     pub fn unique<'a>(&'a mut self, pairs: &'a [[u32; 2]], same_surface: bool, share: &impl Share) -> &'a [[u32; 2]] {
         let is_turned = |&[first, second]: &[u32; 2]| same_surface & (second < first);
         let are_in_order = |one: &[u32; 2], other: &[u32; 2]| (one < other) & !is_turned(one);
@@ -251,7 +254,7 @@ impl PairSorter {
             self.sorted.clear();
             self.sorted.extend_from_slice(pairs);
         }
-        // Those are sorted by the lower triangle, whichever stands first.
+        // These are sorted by the lower triangle, whichever comes first.
         for [first, second] in self.sorted.iter_mut().filter(|pair| is_turned(pair)) {
             std::mem::swap(first, second);
         }
@@ -259,7 +262,7 @@ impl PairSorter {
         &self.sorted
     }
 
-    /// Writes the pairs in order, and returns whether it had to.
+    /// Writes the pairs in order. Returns whether sorting was necessary.
     fn sort_from(&mut self, pairs: &[[u32; 2]], same_surface: bool, share: &impl Share) -> bool {
         let is_sorted = pairs.is_sorted();
         if is_sorted && !same_surface {
@@ -307,7 +310,7 @@ impl PairSorter {
     }
 }
 
-/// Deals pairs out to the buckets, as what `rest` makes of them.
+/// Distributes pairs to the buckets, as `rest` converts them.
 fn deal<T: Copy + Default + Send>(
     packing: &Packing,
     pairs: &[[u32; 2]],
@@ -326,14 +329,14 @@ fn deal<T: Copy + Default + Send>(
     starts.clear();
     starts.resize(packing.bucket_count + 1, 0);
     for ends in ends.chunks(packing.bucket_count) {
-        // Where a bucket ends in each of the chunks amounts to where it ends in all.
+        // The ends of a bucket in all chunks add up to its end in the whole list.
         for (start, &end) in starts[1..].iter_mut().zip(ends) {
             *start += end as usize;
         }
     }
 }
 
-/// Calls `sort` with the number of each bucket, its part of each chunk, and its part of the sorted list to write.
+/// Calls `sort` with the index of each bucket, its part of each chunk, and its part of the sorted list to write.
 fn sort_buckets<T: Sync>(
     packing: &Packing,
     dealt: &[T],
@@ -351,7 +354,7 @@ fn sort_buckets<T: Sync>(
         (first..last, own)
     });
     share.hand_out(tasks, most_threads, |(buckets, mut sorted)| {
-        #[expect(clippy::large_stack_arrays, reason = "32 KiB, for which each thread has room")]
+        #[expect(clippy::large_stack_arrays, reason = "32 KiB, which fits on every thread's stack")]
         let mut counts = [0; 1 << MOST_DIGIT];
         for bucket in buckets {
             let (own, later) = std::mem::take(&mut sorted).split_at_mut(starts[bucket + 1] - starts[bucket]);
@@ -383,7 +386,7 @@ mod tests {
     use super::*;
     use crate::kernel::simd::share::{OnTwoThreads, OneByOne};
 
-    /// Numbers that look random, below `end`.
+    /// Pseudo-random numbers below `end`.
     fn numbers(count: usize, end: u32) -> impl Iterator<Item = u32> {
         (0..count as u64)
             .map(move |place| ((place * 2_654_435_761 + place * place * 40_503) % 4_294_967_291) as u32 % end)
@@ -394,7 +397,7 @@ mod tests {
         numbers(count, end_a).zip(second).map(<[u32; 2]>::from).collect()
     }
 
-    /// Sorts in all ways that there are.
+    /// Sorts in all possible ways.
     fn assert_sorts(sorter: &mut PairSorter, pairs: &[[u32; 2]], same_surface: bool, expected: &[[u32; 2]]) {
         let name = format!("{} pairs up to {:?}", pairs.len(), pairs.iter().max());
         let mut sorted = pairs.to_vec();
@@ -429,7 +432,7 @@ mod tests {
                     }
                     assert!(count < SHORT || end < 300 || pairs != expected, "there is something to sort");
                     assert_sorts(&mut sorter, &pairs, same_surface, &expected);
-                    // Lower triangle first, as broad phases list them: not by comparisons.
+                    // Lower triangle first, as broad phases list them: not sorted by comparison.
                     let ordered: Vec<[u32; 2]> = expected.iter().rev().map(|&[a, b]| [a.min(b), a.max(b)]).collect();
                     let mut expected = ordered.clone();
                     expected.sort_unstable();
@@ -446,7 +449,7 @@ mod tests {
         for end in ends {
             for count in [1_000, 50_000] {
                 let mut even = pairs(count, end);
-                // Nine in ten are of one huge triangle, and some numbers are far from all others.
+                // Nine in ten belong to one triangle, and some numbers are far from all others.
                 let mut uneven = even.clone();
                 for (place, pair) in uneven.iter_mut().enumerate() {
                     pair[0] = if place % 10 == 0 { pair[0] } else { end[0] / 2 };

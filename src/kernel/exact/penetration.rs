@@ -1,6 +1,8 @@
-//! Settles which contacts of one-sided surfaces have really penetrated, once all of a pair of surfaces are found.
+//! Resolves which contacts of one-sided surfaces have really penetrated, once all contacts of a pair of surfaces are
+//! known.
 //!
-//! Runs after the exact stage, on its contacts and the candidates they came from; only negative distances are looked at.
+//! Runs after the exact stage, on its contacts and the candidates that they came from. Only negative distances are
+//! examined.
 
 use glam::DVec3;
 
@@ -15,50 +17,51 @@ use crate::kernel::{
     pair::{PairSettings, SurfaceSide},
 };
 
-/// A direction counts as out of a solid at an edge or vertex where no neighboring face rises along it by more than this
-/// sine.
+/// A direction leads out of a solid at an edge or vertex if no neighboring face rises along it by more than this sine.
 const OUTWARD_SLACK: f64 = 1.0e-3;
 
-/// A depth counts as the least one where it exceeds that by no more than this share: the rounding of stored distances.
+/// A depth counts as the smallest one if it exceeds that by no more than this share. Covers the rounding of stored
+/// distances.
 const DEPTH_SLACK: f64 = 1.0e-5;
 
-/// A triangle is passed over only where its box is farther than the nearest triangle by this share: far more than f64
-/// rounds either distance by.
+/// A triangle is skipped only if its box is farther away than the nearest triangle by this share. Far above the f64
+/// rounding of both distances.
 const BOX_SLACK: f64 = 1.0e-6;
 
-/// What the surroundings of a contact's point say about contacts there.
+/// What the surroundings of a contact point imply for the contacts there.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Finding {
-    /// Nothing of the solid is near the point: contacts stay as they are.
+    /// Nothing of the solid is near the point. Contacts stay as they are.
     #[default]
     Alone,
-    /// The point is outside: distances are positive after all.
+    /// The point is outside. Distances become positive.
     Outside,
-    /// The point is inside, and contacts may claim no more depth than this, in the frame of the pair: infinite where their
-    /// direction leads out of the solid, negative where it does not.
+    /// The point is inside, and contacts may claim at most this depth, in the pair's frame. Infinite if their direction
+    /// leads out of the solid, negative if it does not.
     Inside(f64),
 }
 
-/// Settles which contacts of one-sided surfaces have really penetrated, once all of them are found.
+/// Resolves which contacts of one-sided surfaces have really penetrated, once all of them are known.
 ///
-/// A feature pair alone cannot tell: seen from behind a face may be the far side of a thin plate, and from behind an
-/// edge the near side of another face. So the point of the other side is looked up on its closest feature among the
-/// candidates. Where that is outside, the contact is a positive distance after all. Where it is inside, contacts that
-/// are no way out are dropped, because they would claim more depth than there is: of a vertex all but the nearest, of
-/// an edge or face those whose direction is not out of the solid at the feature.
+/// A feature pair alone cannot decide this. Seen from behind, a face may be the far side of a thin plate, and an edge
+/// the near side of another face. Therefore the point of the other side is compared with its closest feature among the
+/// candidates. If it is outside, the contact has a positive distance after all. If it is inside, contacts that do not
+/// lead out are dropped, because they would claim too much depth: for a vertex, all but the nearest; for an edge or
+/// face, those whose direction does not lead out of the solid at the feature.
 ///
-/// In three steps, of which the one in the middle takes the time and may be split among threads. Keeps its memory from pair to pair.
+/// Runs in three steps. The second one takes the time, and can be split among threads. Keeps its memory from pair to
+/// pair.
 #[derive(Clone, Debug, Default)]
 pub struct Settling {
-    /// The places of the contacts that have to be settled, each with the place of its question.
+    /// The indices of the contacts to resolve, each with the index of its query.
     penetrated: Vec<[u32; 2]>,
     questions: Vec<u32>,
-    /// For either side, what of the other side is near its triangles.
+    /// For each side, the triangles of the other side that are near its triangles.
     partners: [Partners; 2],
 }
 
 impl Settling {
-    /// Finds out which contacts are to be settled, and lists the triangles that are near them.
+    /// Determines which contacts to resolve, and lists the triangles near them.
     pub fn prepare(
         &mut self,
         a: &SurfaceSide<'_>,
@@ -96,14 +99,14 @@ impl Settling {
         }
     }
 
-    /// The contacts whose surroundings have to be looked at, by their places: of those at one corner of a triangle, which
-    /// all ask the same, only the first.
+    /// The queries: indices of the contacts whose surroundings must be examined. Contacts at the same corner of a
+    /// triangle share one query.
     #[must_use]
     pub fn questions(&self) -> &[u32] {
         &self.questions
     }
 
-    /// Answers some of those.
+    /// Answers some of the queries.
     pub fn look(
         &self,
         a: &SurfaceSide<'_>,
@@ -144,7 +147,7 @@ impl Settling {
         Finding::Inside(if is_way_out { f64::INFINITY } else { f64::NEG_INFINITY })
     }
 
-    /// Does what was found about each of [`questions`](Self::questions).
+    /// Applies the findings about all [queries](Self::questions).
     pub fn carry_out(&self, findings: &[Finding], settings: &PairSettings, contacts: &mut Vec<CompactContact>) {
         let mut penetrated = self.penetrated.iter().copied().peekable();
         if penetrated.peek().is_none() {
@@ -168,19 +171,19 @@ impl Settling {
     }
 }
 
-/// For wanted triangles of one side, the triangles of the other side that are near.
+/// For the requested triangles of one side, the nearby triangles of the other side.
 #[derive(Clone, Debug, Default)]
 struct Partners {
-    /// One more than the number under which a triangle is wanted; 0 for the others.
+    /// One more than the index of a triangle among the requested ones, or 0 if it is not requested.
     numbers: Vec<u32>,
     wanted: Vec<u32>,
-    /// The questions about the corners of wanted triangles.
+    /// The queries about the corners of requested triangles.
     asked: Vec<[Option<u32>; 3]>,
-    /// For a question that is nobody else's.
+    /// Used for queries that are not shared.
     own: Option<u32>,
-    /// A wanted triangle's number, and a triangle that is near.
+    /// The index of a requested triangle, and a triangle near it.
     pairs: Vec<[u32; 2]>,
-    /// Where the list of each number ends.
+    /// Where the list of each requested triangle ends.
     ends: Vec<u32>,
     near: Vec<u32>,
 }
@@ -195,7 +198,7 @@ impl Partners {
         self.numbers.resize(triangle_count, 0);
     }
 
-    /// Asks for the partners of a triangle. Gives the question about a feature of it, if it has been asked.
+    /// Requests the triangles near a triangle. Returns the query about one of its features, if there is one already.
     fn want(&mut self, triangle: u32, feature: Feature) -> &mut Option<u32> {
         let number = &mut self.numbers[triangle as usize];
         if *number == 0 {
@@ -212,7 +215,7 @@ impl Partners {
         }
     }
 
-    /// Lists what is near the wanted ones.
+    /// Lists the triangles near the requested ones.
     fn fill(&mut self, candidates: &[[u32; 2]], side: usize) {
         self.pairs.clear();
         self.ends.clear();
@@ -227,7 +230,7 @@ impl Partners {
                 self.ends[number as usize] += 1;
             }
         }
-        // From counts to where each list starts; writing it moves that on to where it ends.
+        // Turns counts into list starts. Filling a list then moves its start to its end.
         let mut start = 0;
         for end in &mut self.ends {
             start += std::mem::replace(end, start);
@@ -248,8 +251,8 @@ impl Partners {
     }
 }
 
-/// How far a point is from the nearest of some triangles, and whether it is behind it; of several that are as near, the
-/// one with the lowest number decides. `likely` is the one of them that is probably near.
+/// The distance from a point to the nearest of some triangles, and whether the point is behind it. Of equally near
+/// triangles, the one with the lowest number decides. `likely` is a triangle among them that is probably near.
 fn depth_in(side: &SurfaceSide<'_>, likely: u32, triangles: &[u32], point: DVec3) -> Option<(f64, bool)> {
     if triangles.is_empty() {
         return None;
@@ -274,7 +277,7 @@ fn depth_in(side: &SurfaceSide<'_>, likely: u32, triangles: &[u32], point: DVec3
     Some((depth, side.rise(triangle, feature, between) < 0.0))
 }
 
-/// Squared distance of a point to the box of a triangle, whose corners are rounded.
+/// Squared distance from a point to the box of a triangle, whose corners are rounded.
 #[inline]
 fn squared_distance_to_box(side: &SurfaceSide<'_>, triangle: u32, point: DVec3) -> f64 {
     let [a, b, c] = side.topology.triangles()[triangle as usize].map(|vertex| side.positions[vertex as usize]);
@@ -282,7 +285,7 @@ fn squared_distance_to_box(side: &SurfaceSide<'_>, triangle: u32, point: DVec3) 
     (low - point).max(point - high).max(DVec3::ZERO).length_squared()
 }
 
-/// Whether a direction leads out of a solid at a feature: no face around it rises along the direction.
+/// Whether a direction leads out of a solid at a feature: no face around the feature rises along it.
 fn leads_out(side: &SurfaceSide<'_>, triangle: u32, feature: Feature, direction: DVec3) -> bool {
     let corners = side.corners(triangle);
     let rises = |along: DVec3| direction.dot(along) > OUTWARD_SLACK * along.length();
@@ -307,8 +310,8 @@ fn leads_out(side: &SurfaceSide<'_>, triangle: u32, feature: Feature, direction:
     }
 }
 
-/// The side that tells whether the other one has passed it, by its place: the second, unless only the first has an
-/// inside, or the first's face meets it.
+/// The index of the side that decides whether the other one has passed it: the second, unless only the first has an
+/// inside, or the face of the first is in contact.
 fn solid_side(a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, features: FeaturePair) -> usize {
     usize::from(b.one_sided && (features.a != Feature::Face || !a.one_sided))
 }

@@ -1,11 +1,11 @@
-//! Which features of eight pairs of triangles count, and how far apart the triangles are, side by side, before any pair is
-//! looked at alone.
+//! Screens eight pairs of triangles side by side, before any pair is examined by itself: which features count, and how
+//! far apart the triangles are.
 //!
-//! The arithmetic is that of `triangle_pair`, operation by operation, so that a feature passes here exactly where it
-//! passes there and a distance is the same number. Only edges that pierce a face are told by the signs of volumes that
-//! are computed another way: what may be of either sign passes, and is left to the exact test.
+//! Every operation is that of `triangle_pair`, so a feature passes here exactly if it passes there, and distances are
+//! the same numbers. Only edges that pierce a face are decided by the signs of volumes that are computed differently.
+//! What may have either sign passes, and is left to the exact test.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{Level, dispatch, f64x8, prelude::*};
 
@@ -28,91 +28,91 @@ mod features;
 mod gather;
 mod rows;
 
-/// A volume of three edges may be of either sign where it is below this share of the cube of the pair's largest
-/// coordinate: seven times what its rounding amounts to.
+/// A volume of three edges may have either sign if it is below this share of the cube of the pair's largest coordinate:
+/// seven times its rounding error.
 const VOLUME_ROUNDING: f64 = 1.0e-12;
 
-/// An edge pierces a face beyond doubt where its rise over the face, times the pair's size, is more than this share of the fourth
-/// power of the largest coordinate: then the volumes' rounding moves the point of piercing by less than a tenth of what
-/// `triangle_pair` allows, 3e-13 of that power over the rise and the size against 1e-10.
+/// An edge certainly pierces a face if its rise over the face, times the pair's size, is more than this share of the
+/// fourth power of the largest coordinate. The rounding of the volumes then moves the piercing point by less than a
+/// tenth of what `triangle_pair` allows: 3e-13 of that power over the rise and the size, compared with 1e-10.
 const FIRM_PIERCING: f64 = 3.0e-2;
 
 /// A pair of triangles that may be within range.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernel) struct ScreenedPair {
-    /// What of it counts, or may.
+    /// What counts, or may count.
     pub(in crate::kernel) cases: Cases,
-    /// Least squared distance of a vertex of either from an edge of the other.
+    /// Smallest squared distance of a vertex of one triangle from an edge of the other.
     pub(super) boundary: f64,
-    /// Which vertices and edges within the range are that close, or nearly: bit `3 v + e` for vertex `v` of the first triangle and edge `e` of
-    /// the second, nine bits further for a vertex of the second.
+    /// Which boundary features within the range are that close, or nearly: bit `3 v + e` for vertex `v` of the first
+    /// triangle and edge `e` of the second, plus nine for a vertex of the second.
     pub(super) on_boundary: u32,
-    /// Squared distance of the two, unless they cross.
+    /// Squared distance of the triangles, unless they cross.
     pub(super) nearest: f64,
-    /// Its root.
+    /// The square root of `nearest`.
     distance: f64,
-    /// The largest coordinate of either.
+    /// The largest coordinate of either triangle.
     pub(super) largest: f64,
-    /// Which of the vertices over faces and pairs of edges is closest, the first of those that are equally close; none
-    /// where boundaries are closer.
+    /// The closest vertex over a face or pair of edges, the first of equally close ones. None if boundaries are at
+    /// least as close.
     pub(in crate::kernel) closest: Cases,
 }
 
 impl ScreenedPair {
-    /// The distance below which the pair's features touch as far as f64 tells.
+    /// The distance below which features of the pair touch within the precision of f64.
     pub(in crate::kernel) fn nothing(&self) -> f64 {
         ROUND_OFF * self.largest
     }
 
-    /// Whether there is no distance between the two.
+    /// Whether the distance of the triangles counts as 0.
     pub(in crate::kernel) fn touches(&self) -> bool {
         self.distance <= self.nothing()
     }
 }
 
-/// A lower bound of a distance in f32.
+/// A lower bound of a distance, in f32.
 #[inline]
 pub(in crate::kernel) fn rounded_down(distance: f64) -> f32 {
-    // The conversion rounds to the nearest, at most by half of that.
+    // The conversion rounds to nearest, by at most half of that.
     (distance * (1.0 - f64::from(f32::EPSILON))).max(0.0) as f32
 }
 
-/// What distances are asked about. They are in world units, of which one unit of the frame of the pairs is `scale`.
+/// The distances of interest, in world units. One unit of the pairs' frame is `scale` world units.
 #[derive(Clone, Copy)]
 pub(in crate::kernel) struct ScreenLimits {
     pub(in crate::kernel) scale: f64,
-    /// Up to where the nearest pair is looked for.
+    /// The nearest pair is searched up to here.
     pub(in crate::kernel) range: f64,
     pub(in crate::kernel) contact_distance: f64,
 }
 
-/// Some of the eight pairs of a screen, one bit each.
+/// Subsets of the eight pairs of a screen, one bit each.
 #[derive(Clone, Copy, Default)]
 pub(in crate::kernel) struct Screened {
-    /// Those that may be within the range.
+    /// Pairs that may be within the range.
     pub(in crate::kernel) possible: u32,
-    /// Those of them of which there is no telling whether they cross.
+    /// Of these, the pairs that may or may not cross.
     pub(in crate::kernel) doubtful: u32,
-    /// Those with a vertex of either on the boundary of the other, without any distance.
+    /// Pairs with a vertex of one triangle exactly on the boundary of the other.
     pub(in crate::kernel) meeting: u32,
-    /// Of those without doubt: those within the range.
+    /// Pairs without doubt that are within the range.
     pub(in crate::kernel) near: u32,
-    /// Those within the contact distance.
+    /// Pairs without doubt that are within the contact distance.
     pub(in crate::kernel) touching: u32,
-    /// Those with features inside of faces or edges that are within the range, or cross.
+    /// Pairs with features inside faces or edges that are within the range, or cross.
     pub(in crate::kernel) with_cases: u32,
-    /// Those with nothing closer than what is on the boundaries of both.
+    /// Pairs in which nothing is closer than the boundary features.
     pub(in crate::kernel) on_boundary: u32,
 }
 
-/// Eight pairs of triangles and what is known of them.
+/// A screen of eight pairs of triangles, and its results.
 #[repr(align(64))]
 pub(in crate::kernel) struct PairScreen {
     cases: [u64; WIDTH],
     closest: [u64; WIDTH],
     boundary: [f64; WIDTH],
     on_boundary: [u64; WIDTH],
-    /// Where the vertex is closest to the start of the edge, or to its end, of pairs with nothing closer.
+    /// For pairs in which nothing is closer: where the vertex is closest to the start of the edge, or to its end.
     at_start: [u64; WIDTH],
     at_end: [u64; WIDTH],
     nearest: [f64; WIDTH],
@@ -141,8 +141,8 @@ impl PairScreen {
         }
     }
 
-    /// Screens pairs, of which the first `count` are asked about. The triangles of either side are given in the frame of the
-    /// side's `pose`, if it has one.
+    /// Screens eight pairs, and returns results for the first `count`. The triangles of each side are in the side's own
+    /// frame, which its `pose`, if any, transforms.
     pub(in crate::kernel) fn screen(
         &mut self,
         sides: [&[&CornerRow; WIDTH]; 2],
@@ -163,7 +163,7 @@ impl PairScreen {
         }
     }
 
-    /// One of the pairs.
+    /// The result for one of the pairs.
     #[inline]
     pub(in crate::kernel) fn pair(&self, place: usize) -> ScreenedPair {
         ScreenedPair {
@@ -177,12 +177,12 @@ impl PairScreen {
         }
     }
 
-    /// The distances of the pairs in world units, 0 where they cross; without meaning where that is in doubt.
+    /// The distances of the pairs in world units, 0 if they cross. Meaningless where that is in doubt.
     pub(in crate::kernel) fn distances(&self) -> &[f64; WIDTH] {
         &self.world_distance
     }
 
-    /// What of a pair is on the boundaries of both, where nothing is closer.
+    /// The boundary features of a pair in which nothing is closer.
     pub(in crate::kernel) fn boundary_cases(&self, place: usize) -> BoundaryCases {
         // The end of an edge is the start of the next one.
         let cases = self.on_boundary[place] & !self.at_end[place];
@@ -191,8 +191,8 @@ impl PairScreen {
         BoundaryCases((cases & !vertices) | ((vertices & 0x1ff) * BoundaryCases::of_vertices(0)))
     }
 
-    /// Lower bounds of the distances of the pairs, as they were screened: within the range or not, the distance but for
-    /// rounding, and 0 of pairs that may cross.
+    /// Lower bounds of the distances of the screened pairs, whether within the range or not. The distance except for
+    /// rounding, and 0 for pairs that may cross.
     #[inline]
     pub(in crate::kernel) fn lower_bounds(&self) -> [f32; WIDTH] {
         let mut bounds = [0.0; WIDTH];
@@ -224,7 +224,7 @@ impl PairScreen {
         let nothing = largest * ROUND_OFF;
         let range = nothing.max(limits.range / limits.scale);
         let range_squared = range * range * (1.0 + SQUARE_SLACK);
-        // A distance that is infinite is none, however far the range goes.
+        // An infinite distance does not count, however large the range.
         let limit = range_squared.min(f64::MAX);
         self.rows.set(simd, [second, third], &b);
         let mut found = features(simd, &mut self.rows, limit);

@@ -1,12 +1,13 @@
-//! The exact stage over a list of candidate pairs: a screen of eight side by side, exact distance, contacts.
+//! The exact stage over a list of candidate pairs: a screen of eight at a time, exact distances, and contacts.
 //!
-//! Reads candidate triangle pairs and positions in one common frame, writes touching pairs and contacts, both in the order of
-//! the candidates. Of a feature pair that several pairs of triangles have the first contact stays, when contacts are stored.
-//! Mostly only that one is written: that of the first triangles around both features, which the topology knows alone, because
-//! every pair that has both touches too. Where only the closest features are wanted, every pair reports its own. What is on the
-//! boundaries of both is not reported again where another pair has just done so.
+//! Reads candidate triangle pairs and positions in one common frame, and writes touching pairs and contacts, both in
+//! the order of the candidates. If several pairs of triangles have the same feature pair, the first contact that is
+//! stored is kept. Usually only that one is written, by the pair of the first triangles around both features. The
+//! topology alone determines these, because every pair with both features touches too. If only the closest features are
+//! requested, every pair reports its own. Boundary features are not reported again if another pair has just reported
+//! them.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use arrayvec::ArrayVec;
 use fearless_simd::{Level, dispatch, mask64x8, prelude::*, u64x8};
@@ -38,7 +39,7 @@ mod block;
 mod contacts;
 pub(in crate::kernel) mod reports;
 
-/// Tests candidate pairs of two surfaces exactly and appends what it finds.
+/// Tests candidate pairs of two surfaces exactly, and appends the results.
 pub fn refine_pairs(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -53,10 +54,10 @@ pub fn refine_pairs(
     }
 }
 
-/// Tests candidate pairs of two surfaces exactly, like [`refine_pairs`], and appends what it finds: the same pairs, but of
-/// a pair that is apart only the closest features make a contact, of several that are equally close one. Each pair
-/// reports its own closest features, whatever others contain them: to those they need not be the closest. What is on the
-/// boundaries of both, and where a side has an inside outside of it, may be left to a pair that has just reported the same.
+/// Like [`refine_pairs`], with the same touching pairs, but a pair that does not cross makes a contact of its closest
+/// features only, of one of them if several are equally close. Each pair reports its own closest features, whatever
+/// other pairs contain them, because for those they need not be the closest. Boundary features may be left to a pair
+/// that has just reported the same ones. If a side has an inside, this only applies outside of it.
 pub fn refine_closest(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -69,7 +70,7 @@ pub fn refine_closest(
 
 /// What pairs report.
 trait Choice {
-    /// Which of the cases of eight pairs, and of which the closest ones are known.
+    /// The cases that eight pairs report, given all their cases and the closest one.
     fn of_lanes<S: Simd>(
         &self,
         simd: S,
@@ -82,7 +83,7 @@ trait Choice {
     fn makes_contact(&self, pair: &PairProximity, features: &Proximity) -> bool;
 }
 
-/// All that no other pair reports.
+/// Everything that no other pair reports.
 struct EachOnce;
 
 impl Choice for EachOnce {
@@ -97,7 +98,7 @@ impl Choice for EachOnce {
     }
 }
 
-/// The closest features, of a pair that crosses all.
+/// The closest features, or all features of a pair that crosses.
 struct Closest;
 
 impl Choice for Closest {
@@ -121,8 +122,7 @@ impl Choice for Closest {
     }
 }
 
-/// Tests pairs exactly, eight side by side first. Of each only those features are looked at that are chosen or on the
-/// boundaries of both.
+/// Tests pairs exactly, eight at a time first. Only chosen features and boundary features are examined.
 fn examine_pairs(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -131,7 +131,7 @@ fn examine_pairs(
     found: &mut FoundPairs,
     choice: &impl Choice,
 ) {
-    // Bits are counted and shifted all the time, which early processors have no instructions for.
+    // Bits are counted and shifted all the time, for which early processors have no instructions.
     dispatch!(Level::new(), simd => examine_blocks(simd, a, b, candidates, settings, found, choice));
 }
 
@@ -152,7 +152,7 @@ fn examine_blocks<S: Simd>(
     let mut screen = PairScreen::new();
     let mut batches = FeatureBatches::new([a, b], settings);
     let first_contact = found.contacts.len();
-    // Pairs that the screen was in doubt about.
+    // Pairs that the screen was in doubt about and that are beyond the range, with lower bounds of their distances.
     let mut apart: ArrayVec<(usize, f64), { PairScreen::WIDTH }> = ArrayVec::new();
     let mut made = [[CornerRow::EMPTY; PairScreen::WIDTH]; 2];
     let [made_a, made_b] = &mut made;
@@ -175,7 +175,7 @@ fn examine_blocks<S: Simd>(
         if is_plain {
             block.add_pairs(near, found);
         }
-        // In the order of the candidates, up to each that has to be looked at alone.
+        // In the order of the candidates, up to each pair that must be examined by itself.
         let mut left = near & !of_block.examined;
         loop {
             let next = stops.trailing_zeros().min(u32::BITS - 1);
@@ -224,7 +224,7 @@ fn examine_blocks<S: Simd>(
     found.finish_contacts(first_contact);
 }
 
-/// Drops places without a contact from the first of some on.
+/// Removes empty entries from index `first` on.
 fn close_gaps(contacts: &mut Vec<CompactContact>, first: usize) {
     let mut kept = first;
     for place in first..contacts.len() {
@@ -236,8 +236,8 @@ fn close_gaps(contacts: &mut Vec<CompactContact>, first: usize) {
     contacts.truncate(kept);
 }
 
-/// The rows of one side's triangles of up to eight pairs, of fewer the last one fills up. Where nobody has made them, they
-/// are `made`.
+/// The rows of one side's triangles for up to eight pairs. The last row fills unused lanes. If rows have not been made,
+/// they are written to `made`.
 #[inline(always)]
 fn rows_of<'a, const SIDE: usize>(
     side: &SurfaceSide<'a>,
@@ -254,7 +254,7 @@ fn rows_of<'a, const SIDE: usize>(
     std::array::from_fn(|lane| &made[lane.min(pairs.len() - 1)])
 }
 
-/// The contact of a feature pair by the test of its triangles alone, where it is close enough to be reported.
+/// The contact of a feature pair by the test of its triangles alone, if it is close enough to be reported.
 fn contact_alone(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -272,7 +272,7 @@ fn contact_alone(
     is_reported.then(|| contact(a, b, settings, triangles, numbers, is_shared, &corners, found))
 }
 
-/// Tests pairs exactly, each for itself and whole: what the other ways are measured by.
+/// Tests each pair exactly by itself and completely. The other ways are compared with this.
 fn examine_pairs_alone(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -293,9 +293,10 @@ fn examine_pairs_alone(
     found.finish_contacts(first_contact);
 }
 
-/// Adds what a pair amounts to that was looked at alone: nothing where it is beyond the range. Of features that make a
-/// contact, `reported` says whether other pairs may report them, too; `number` knows their numbers.
-#[expect(clippy::too_many_arguments, reason = "a pair, what is known of it, and where it goes")]
+/// Adds the result of a pair that was examined by itself, or nothing if it is beyond the range. `reported` returns
+/// `None` for features that make no contact, and otherwise whether other pairs may report them too. `number` returns
+/// the numbers of features.
+#[expect(clippy::too_many_arguments, reason = "a pair, what is known about it, and where the result goes")]
 fn add_examined(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -329,8 +330,8 @@ fn add_pair([triangle_a, triangle_b]: [u32; 2], distance: f64, settings: &PairSe
     }
 }
 
-/// Tests candidate triangles of a surface exactly against a rigid shape and appends what it finds. `pose` brings the
-/// surface into the shape's frame, which is the frame of the pair.
+/// Tests candidate triangles of a surface exactly against a rigid shape, and appends the results. `pose` transforms the
+/// surface to the shape's frame, which is the pair's frame.
 pub fn refine_shape(
     topology: &SurfaceTopology,
     positions: &[Vec3],

@@ -1,9 +1,9 @@
-//! Distance of two triangles and the feature pairs that realize it.
+//! The distance of two triangles, and the feature pairs that realize it.
 //!
-//! The distance of two triangles that do not cross is attained between a vertex and the inside of a face, between the
-//! insides of two edges, or between a vertex and an edge (its ends included); those 6 + 9 + 18 cases are examined. A
-//! crossing shows itself by an edge that pierces a face, wherever the features lie: of deeply crossing triangles no
-//! feature need be near another. Coplanar crossings have edges that cross or a vertex inside the other face.
+//! Two triangles that do not cross are closest between a vertex and the inside of a face, between the insides of two
+//! edges, or between a vertex and an edge, ends included. These 6 + 9 + 18 cases are examined. A crossing shows as an
+//! edge that pierces a face, wherever the features are: deeply crossing triangles need not have features near each
+//! other. Coplanar crossings have edges that cross, or a vertex inside the other face.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -14,51 +14,51 @@ use crate::kernel::mesh::{
     feature::{Feature, FeaturePair},
 };
 
-/// Most proximities one pair can have: 6 vertex–face, 9 edge–edge, 6 edge–face, and one for
-/// each vertex and edge, 18.
+/// The largest number of proximities of one pair: 6 vertex–face, 9 edge–edge, 6 edge–face, and one for each vertex of
+/// one triangle and edge of the other, 18.
 pub const MAX_PROXIMITIES: usize = 39;
 
-/// Boundary pairs count as equally close within this share of their squared distance: twice what the rounding of f32
-/// positions leaves of two edges that are meant to be parallel.
+/// Boundary pairs are equally close if their squared distances differ by no more than this share: twice what the
+/// rounding of f32 positions leaves of two edges that are meant to be parallel.
 pub(in crate::kernel) const TIE: f64 = 2.0e-6;
 
-/// A position along an edge this close to an end is at the end.
+/// A position along an edge, 0 to 1, this close to an end is at the end.
 pub(super) const AT_END: f64 = 1.0e-9;
 
-/// Two edges whose angle has a smaller sine are parallel: their closest points are then at an end of one of them. In
-/// f64, products of differences of f32 numbers resolve sines far below this.
+/// Two edges are parallel if the sine of their angle is smaller. Their closest points are then at an end of one of
+/// them. In f64, products of differences of f32 numbers resolve sines far below this.
 pub(super) const PARALLEL_SINE: f64 = 1.0e-12;
 
-/// The points at which a piercing edge and the pierced face are said to meet are no farther apart than this, relative
-/// to the pair's edges. An edge that lies in the face's plane but for rounding pierces it nowhere in particular; the
-/// vertices and edges around there are as close as the rounding.
+/// The largest distance between the points at which a piercing edge and the pierced face meet, relative to the pair's
+/// edges. An edge that lies in the plane of the face except for rounding pierces it nowhere in particular. The vertices
+/// and edges around there are then as close as the rounding.
 const PIERCING_TOLERANCE: f64 = 1.0e-10;
 
-/// Triangles this close, relative to their extent, touch as far as f64 tells: of some that share a point exactly, in one
-/// plane above all, products round to 1e-14 of it.
+/// Triangles this close, relative to their extent, touch within the precision of f64. For triangles that share a point
+/// exactly, coplanar ones above all, products round to 1e-14 of the extent.
 pub(super) const ROUND_OFF: f64 = 1.0e-13;
 
-/// The square of a range is taken larger by this share, ten times what squares, roots and scales are rounded by: features
-/// that are looked at need not be within the range, but none that is, as its distance is rounded, is passed over.
+/// The square of a range is enlarged by this share, ten times the rounding of squares, roots, and scales. Examined
+/// features need not be within the range, but none is missed whose rounded distance is.
 pub(super) const SQUARE_SLACK: f64 = 1.0e-14;
 
 /// A pair of features that are close to each other, or that cross.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Proximity {
-    /// Which parts of the two triangles.
+    /// The features of the two triangles.
     pub features: FeaturePair,
-    /// Weights of the first triangle's corners; they sum to 1.
+    /// Weights of the first triangle's corners. They sum to 1.
     pub barycentric_a: [f64; 3],
-    /// Weights of the second triangle's corners; they sum to 1.
+    /// Weights of the second triangle's corners. They sum to 1.
     pub barycentric_b: [f64; 3],
-    /// From the point on the second triangle to the point on the first; zero where an edge pierces a face.
+    /// From the point on the second triangle to the point on the first. Zero if an edge pierces a face.
     pub separation: DVec3,
     /// Length of `separation`, at least 0.
     pub distance: f64,
 }
 
 impl Proximity {
-    /// The same connection with the second triangle first.
+    /// The same proximity, with the triangles swapped.
     fn swapped(self) -> Self {
         Self {
             features: self.features.swapped(),
@@ -73,12 +73,12 @@ impl Proximity {
 /// What is known about a pair of triangles.
 #[derive(Clone, Debug, Default)]
 pub struct PairProximity {
-    /// Distance of the two triangles, 0 where an edge of one pierces the other. Exact up to the range that was asked
-    /// for; a pair farther apart has some value above the range.
+    /// Distance of the two triangles, 0 if an edge of one pierces the other. Exact up to the requested range. A pair
+    /// that is farther apart has some value above the range.
     pub distance: f64,
-    /// Vertex–face and edge–edge pairs within range, or beyond it by rounding, that face each other, every piercing
-    /// edge–face pair, and those vertex–edge and vertex–vertex pairs that are the closest of all: several where they are
-    /// equally close.
+    /// Vertex–face and edge–edge pairs that face each other within range, or beyond it by rounding; every edge–face
+    /// pair that pierces; and those vertex–edge and vertex–vertex pairs that are the closest of all, several if they
+    /// are equally close.
     pub proximities: Proximities,
 }
 
@@ -92,7 +92,7 @@ struct Sides {
     inverse_lengths_squared: [f64; 3],
     normal: DVec3,
     inverse_normal_squared: f64,
-    /// In the plane, at right angles to each edge, away from it to the inside.
+    /// In the plane, perpendicular to each edge, toward the inside.
     inward: [DVec3; 3],
 }
 
@@ -107,7 +107,7 @@ impl Sides {
     }
 }
 
-/// Examines two triangles: their distance, and every feature pair within `range` (0 or more) that counts, see
+/// Examines two triangles: their distance, and all feature pairs within `range` (0 or more) that count, see
 /// [`PairProximity`]. Degenerate triangles count as the segment or point that they are.
 pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut PairProximity) {
     let (a, b) = local_sides(a, b);
@@ -129,8 +129,8 @@ pub fn examine_pair(a: &[DVec3; 3], b: &[DVec3; 3], range: f64, found: &mut Pair
     found.conclude(&a, &b, crossing, range_squared, (boundary, u32::MAX), nearest, nothing);
 }
 
-/// The same for a pair that was screened for the same range, except that only those of its feature pairs are found that
-/// are in `wanted`, or the closest and on the boundaries of both.
+/// Like [`examine_pair`], for a pair that was screened with the same range. Finds only feature pairs in `wanted`, and
+/// boundary features if they are closest.
 #[inline]
 pub(in crate::kernel) fn examine_screened(
     pair: &ScreenedPair,
@@ -162,7 +162,7 @@ pub(in crate::kernel) fn examine_screened(
     let mut crossing =
         pair.cases.may_cross() && pierce(&a, &b, true, cases, found) | pierce(&b, &a, false, cases, found);
     if !crossing && pair.cases.may_cross() {
-        // Of the others it is enough that there is one.
+        // Of the others, one is enough.
         let others = pair.cases.without(wanted);
         let before = found.proximities.len();
         crossing = pierce(&a, &b, true, others, found) || pierce(&b, &a, false, others, found);
@@ -171,13 +171,13 @@ pub(in crate::kernel) fn examine_screened(
     found.conclude(&a, &b, crossing, range_squared, (pair.boundary, pair.on_boundary), pair.nearest, nothing);
 }
 
-/// The squared distance up to which features are looked at, of which those up to `nothing` have none.
+/// The squared distance up to which features are examined. Distances up to `nothing` count as 0.
 fn square_of_range(range: f64, nothing: f64) -> f64 {
     let range = range.max(nothing);
     range * range * (1.0 + SQUARE_SLACK)
 }
 
-/// Both triangles relative to the first one's first corner.
+/// Both triangles, relative to the first corner of the first one.
 #[inline]
 fn local_sides(a: &[DVec3; 3], b: &[DVec3; 3]) -> (Sides, Sides) {
     let origin = a[0];
@@ -186,10 +186,10 @@ fn local_sides(a: &[DVec3; 3], b: &[DVec3; 3]) -> (Sides, Sides) {
 }
 
 impl PairProximity {
-    /// Settles the distance, and adds what is on the boundaries of both, if that is the closest. Distances are squared
-    /// but for `nothing`, below which they are none; beside that of the boundaries stands which of their parts to look at,
-    /// see [`ScreenedPair`].
-    #[expect(clippy::too_many_arguments, reason = "what the two ways to examine a pair have in common")]
+    /// Determines the distance, and adds the boundary features if they are closest. Distances are squared, except for
+    /// `nothing`: smaller distances count as 0. `on_boundary` selects the boundary features to examine, see
+    /// [`ScreenedPair`].
+    #[expect(clippy::too_many_arguments, reason = "shared by the two ways of examining a pair")]
     #[inline]
     fn conclude(
         &mut self,
@@ -225,7 +225,8 @@ fn inverse_length_squared(edge: DVec3) -> f64 {
     if squared > 0.0 { squared.recip() } else { 0.0 }
 }
 
-/// Where along an edge a point is closest, 0–1, and the squared distance, given the way from the edge's start to the point.
+/// Where along an edge a point is closest, 0–1, and the squared distance, given the vector from the edge's start to the
+/// point.
 #[inline]
 fn place_on_edge(from_start: DVec3, edge: DVec3, inverse_length_squared: f64) -> (f64, f64) {
     let along = (from_start.dot(edge) * inverse_length_squared).clamp(0.0, 1.0);
@@ -243,7 +244,7 @@ fn least_boundary_distance_squared(own: &Sides, other: &Sides) -> f64 {
     least
 }
 
-/// What is closest on the boundaries of both triangles of a pair that was screened for the same range and that does not cross.
+/// The closest boundary features, for a pair that was screened with the same range and does not cross.
 #[inline]
 pub(in crate::kernel) fn examine_boundaries(
     pair: &ScreenedPair,
@@ -261,9 +262,9 @@ pub(in crate::kernel) fn examine_boundaries(
     }
 }
 
-/// Those vertices of `own` that are within a squared distance of an edge of `other`, or of its start: the end of an edge is
-/// the start of the next one. Two vertices are reported from the first triangle only. Of which it is `asked`, bit
-/// `3 v + e` for vertex `v` and edge `e`.
+/// The vertices of `own` that are within a squared distance of an edge of `other`, or of its start: the end of an edge
+/// is the start of the next one. Two vertices are reported from the first triangle only. `asked` selects the cases, by
+/// bit `3 v + e` for vertex `v` and edge `e`.
 #[inline]
 fn boundary_proximities(
     own: &[DVec3; 3],
@@ -300,8 +301,8 @@ fn boundary_proximities(
     }
 }
 
-/// A vertex of `own` over the inside of the face of `other`. Returns the squared distance, infinite where the vertex
-/// is not over the face or farther than the range.
+/// A vertex of `own` over the inside of the face of `other`. Returns the squared distance, infinite if the vertex is
+/// not over the face or is beyond the range.
 fn vertex_face(
     own: &Sides,
     other: &Sides,
@@ -313,7 +314,7 @@ fn vertex_face(
     let position = own.corners[vertex];
     let height = other.normal.dot(position - other.corners[0]);
     let distance_squared = height * height * other.inverse_normal_squared;
-    // The distance from a face without area is not a number.
+    // The distance from a face without area is NaN.
     if distance_squared > range_squared || distance_squared.is_nan() {
         return f64::INFINITY;
     }
@@ -331,8 +332,8 @@ fn vertex_face(
     distance_squared
 }
 
-/// The insides of two edges. With `u`, `v` the edges, `n = u × v` and `r` from the start of one to the other, the
-/// closest points of the lines are at `(r × v)·n/|n|²` and `(r × u)·n/|n|²`, a distance `|n·r|/|n|` apart.
+/// The insides of two edges. With the edges `u` and `v`, `n = u × v`, and `r` from the start of one to the start of the
+/// other, the closest points of the lines are at `(r × v)·n/|n|²` and `(r × u)·n/|n|²`, at the distance `|n·r|/|n|`.
 fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: f64, found: &mut Proximities) -> f64 {
     let (u, v) = (a.edges[edge_a], b.edges[edge_b]);
     let normal = u.cross(v);
@@ -346,7 +347,7 @@ fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: 
         return f64::INFINITY;
     }
     let (along_a, along_b) = (between.cross(v).dot(normal), between.cross(u).dot(normal));
-    // Of edges that end in one point these are mostly exactly 0 or the whole, which a quotient need not be.
+    // If the edges end in one point, these are usually exactly 0 or the whole, which a quotient need not be.
     let inside = |along: f64| along > 0.0 && along < normal_squared;
     if !(inside(along_a) && inside(along_b)) {
         return f64::INFINITY;
@@ -362,7 +363,7 @@ fn edge_edge(a: &Sides, b: &Sides, edge_a: usize, edge_b: usize, range_squared: 
     distance_squared
 }
 
-/// Edges of `own` that pierce the face of `other`: their ends lie on different sides of its plane, and its three edges
+/// Edges of `own` that pierce the face of `other`: their ends are on different sides of its plane, and its three edges
 /// pass the piercing edge on the same side.
 fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, cases: Cases, found: &mut PairProximity) -> bool {
     let height = |corner: DVec3| other.normal.dot(corner - other.corners[0]);
@@ -379,7 +380,7 @@ fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, cases: Cases, found: &mut
         let volumes = [volume(q, r), volume(r, p), volume(p, q)];
         let least = volumes[0].min(volumes[1]).min(volumes[2]);
         let largest = volumes[0].max(volumes[1]).max(volumes[2]);
-        // All three of one sign; all zero is an edge without length, or one in line with a face without area.
+        // All three have one sign. All zero means an edge without length, or one in line with a face without area.
         if (least < 0.0 && largest > 0.0) || least == largest && least == 0.0 {
             continue;
         }
@@ -402,9 +403,9 @@ fn pierce(own: &Sides, other: &Sides, edge_of_a: bool, cases: Cases, found: &mut
     pierced
 }
 
-/// Weights of the point of `face` that a piercing edge meets at `point`: from the volumes, which are exact for slivers,
-/// or where the edge runs so nearly in the plane that they are not, from the areas around the point. `None` where the
-/// two are not in one place.
+/// Weights of the point of `face` that a piercing edge meets. They come from the volumes, which are exact for slivers,
+/// or, where the edge is too nearly in the plane for that, from the areas around the point. `None` if the two points do
+/// not coincide.
 fn met_at(face: &Sides, point_on_edge: DVec3, edge: DVec3, volumes: [f64; 3]) -> Option<[f64; 3]> {
     let size_squared = edge.length_squared() + face.edges[0].length_squared() + face.edges[1].length_squared();
     let meets = |weights: &[f64; 3]| {

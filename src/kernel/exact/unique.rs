@@ -1,7 +1,8 @@
-//! Each pair of features once.
+//! Keeps one contact per feature pair.
 //!
-//! Contacts are found triangle pair by triangle pair, in the order in which they are stored. Most features are reported by one
-//! triangle pair alone; of those that [several](crate::kernel::contact::CompactContact::is_shared) report the first contact stays.
+//! Contacts are found triangle pair by triangle pair, in the order in which they are stored. Most feature pairs are
+//! reported by one triangle pair only. If [several](crate::kernel::contact::CompactContact::is_shared) report one, the
+//! first contact is kept.
 
 use bevy_platform::collections::HashSet;
 
@@ -10,22 +11,22 @@ use crate::kernel::{
     pair::FoundPairs,
 };
 
-/// Drops contacts of features that have one already. Keeps its memory.
+/// Drops contacts of feature pairs that have one already. Keeps its memory.
 #[derive(Debug, Default)]
 pub struct UniqueFeatures {
     known: HashSet<ContactKey>,
-    /// The places of contacts that are dropped, ascending.
+    /// The indices of contacts to drop, ascending.
     repeats: Vec<u32>,
 }
 
 impl UniqueFeatures {
-    /// Forgets all features.
+    /// Forgets all feature pairs.
     pub fn clear(&mut self) {
         self.known.clear();
     }
 
-    /// Drops repeats among the contacts that are listed as shared, from the place `first_shared` of that list on. Only those
-    /// stay listed that have sides.
+    /// Drops repeats among the contacts that are listed as shared, from index `first_shared` of that list on.
+    /// Afterwards only vertex–face and edge–edge contacts are listed.
     pub fn drop_repeats(&mut self, found: &mut FoundPairs, first_shared: usize) {
         self.repeats.clear();
         let mut listed = first_shared;
@@ -42,15 +43,15 @@ impl UniqueFeatures {
         drop_places(&mut found.contacts, &self.repeats);
     }
 
-    /// Appends what was found in a later part of the candidates, without repeats.
+    /// Appends the results of a later part of the candidates, without repeats.
     pub fn append(&mut self, found: &mut FoundPairs, later: &mut FoundPairs) {
         self.drop_repeats(later, 0);
         found.append(later);
     }
 }
 
-/// Features that were reported lately. Most of what several pairs of triangles report is known here by one look, and need
-/// not be computed, written and dropped again.
+/// Recently reported feature pairs. Most of what several pairs of triangles report is found here with one look-up, and
+/// need not be computed, written, and dropped again.
 pub(in crate::kernel) struct RecentFeatures {
     keys: [ContactKey; Self::COUNT],
 }
@@ -60,8 +61,8 @@ impl RecentFeatures {
 
     pub(in crate::kernel) const NONE: Self = Self { keys: [CompactContact::NONE.key; Self::COUNT] };
 
-    /// Whether a contact of these features was reported lately, of which it was certain that it stays. The next one is, if it
-    /// `stays` for certain.
+    /// Whether a contact of these features was reported recently that is certain to be kept. Remembers this contact if
+    /// it is certain to be kept (`stays`).
     #[inline]
     pub(in crate::kernel) fn know(&mut self, key: ContactKey, stays: bool) -> bool {
         let known = self.place(key);
@@ -72,7 +73,7 @@ impl RecentFeatures {
         is_known
     }
 
-    /// A contact was reported, and stays.
+    /// Remembers a contact that is certain to be kept.
     #[inline]
     pub(in crate::kernel) fn add(&mut self, key: ContactKey) {
         *self.place(key) = key;
@@ -80,13 +81,13 @@ impl RecentFeatures {
 
     #[inline]
     fn place(&mut self, key: ContactKey) -> &mut ContactKey {
-        // 2^64 over the golden ratio: the upper bits of the product depend on all of the key.
+        // 2^64 over the golden ratio: the upper bits of the product depend on the whole key.
         let place = key.0.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> (u64::BITS - Self::COUNT.ilog2());
         &mut self.keys[place as usize % Self::COUNT]
     }
 }
 
-/// Drops the contacts at some places, which ascend.
+/// Drops the contacts at some indices, which ascend.
 fn drop_places(contacts: &mut Vec<CompactContact>, places: &[u32]) {
     let Some(&first) = places.first() else { return };
     let mut kept = first as usize;

@@ -1,8 +1,8 @@
-//! Weights of a triangle's corners, and the points they stand for.
+//! Barycentric weights, and the points that they stand for.
 
 use glam::DVec3;
 
-/// The weights of a corner.
+/// The weights of a corner: 1 there, 0 elsewhere.
 #[inline]
 pub(in crate::kernel) fn corner_weights(corner: usize) -> [f64; 3] {
     let mut weights = [0.0; 3];
@@ -10,7 +10,7 @@ pub(in crate::kernel) fn corner_weights(corner: usize) -> [f64; 3] {
     weights
 }
 
-/// The weights of a position along edge `edge`, 0 at corner `edge` and 1 at the next.
+/// The weights of a position along edge `edge`: 0 is corner `edge`, and 1 the next corner.
 #[inline]
 pub(in crate::kernel) fn edge_weights(edge: usize, along: f64) -> [f64; 3] {
     let mut weights = [0.0; 3];
@@ -19,7 +19,7 @@ pub(in crate::kernel) fn edge_weights(edge: usize, along: f64) -> [f64; 3] {
     weights
 }
 
-/// Weights from three values of the same sign that are proportional to the areas opposite the corners.
+/// Normalizes three values of the same sign, which are proportional to the areas opposite the corners, to weights.
 #[inline]
 pub(in crate::kernel) fn normalized(areas: [f64; 3]) -> [f64; 3] {
     let inverse = (areas[0] + areas[1] + areas[2]).recip();
@@ -27,15 +27,15 @@ pub(in crate::kernel) fn normalized(areas: [f64; 3]) -> [f64; 3] {
     [1.0 - second - third, second, third]
 }
 
-/// The point that weights stand for.
+/// The point with the given weights.
 #[must_use]
 #[inline]
 pub fn point_at(corners: &[DVec3; 3], weights: &[f64; 3]) -> DVec3 {
     corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]
 }
 
-/// Weights of the corners at the projection of a point on the triangle's plane, clamped into the triangle; a third each
-/// where the triangle has no area or the point is infinite.
+/// The weights of a point's projection on the triangle's plane, clamped to the triangle. A third each if the triangle
+/// has no area or the point is infinite.
 #[must_use]
 pub fn barycentric_of(triangle: &[DVec3; 3], point: DVec3) -> [f64; 3] {
     let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]);

@@ -1,7 +1,7 @@
 //! Axis-aligned boxes of triangles at their current positions.
 //!
-//! Every box is grown by half of the distance at which a pair matters, so that two triangles within that distance have
-//! boxes that overlap. The boxes follow the triangles, never the offset spheres. Feeds the broad phase.
+//! Every box is grown by half the distance at which a pair matters, so that two triangles within that distance have
+//! overlapping boxes. The boxes follow the triangles, never the offset spheres. Feeds the broad phase.
 
 use glam::{Mat3A, Vec3, Vec3A};
 
@@ -10,16 +10,16 @@ use crate::kernel::{
     simd::share::{OneByOne, Share},
 };
 
-/// Boxes are grown by this many units in the last place of their largest coordinate besides, so that f32 rounding of
+/// Boxes are also grown by this share of their largest coordinate, two units in the last place, so that f32 rounding of
 /// their planes never loses a pair.
 pub(in crate::kernel) const ROUNDING_GROWTH: f32 = 2.0 * f32::EPSILON;
 
-/// Triangles of one task at least, whose boxes take as long as to wake another thread, and into how many tasks at most they
-/// are cut.
+/// Tasks have at least `LEAST_PART` triangles, whose boxes take as long as waking another thread. There are at most
+/// `MOST_PARTS` tasks.
 const LEAST_PART: usize = 65_536;
 const MOST_PARTS: usize = 64;
 
-/// An axis-aligned box. Empty where a minimum exceeds its maximum.
+/// An axis-aligned box. Empty if a minimum exceeds its maximum.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
     /// Smallest coordinates.
@@ -36,10 +36,10 @@ impl Default for Aabb {
 }
 
 impl Aabb {
-    /// The box of nothing: overlaps nothing, and joins as the neutral element.
+    /// The empty box: overlaps nothing, and is the neutral element of [`union`](Self::union).
     pub const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// The smallest box around some points.
+    /// The smallest box around the points.
     #[must_use]
     pub fn from_points(points: impl IntoIterator<Item = Vec3>) -> Self {
         points
@@ -47,7 +47,7 @@ impl Aabb {
             .fold(Self::EMPTY, |bounds, point| Self { min: bounds.min.min(point), max: bounds.max.max(point) })
     }
 
-    /// The smallest box around both.
+    /// The smallest box around both boxes.
     #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
@@ -59,7 +59,7 @@ impl Aabb {
         self.min.cmple(other.max).all() && other.min.cmple(self.max).all()
     }
 
-    /// The box with every side moved outward by `distance` and by what rounding may take.
+    /// The box with every side moved outward by `distance`, and by an allowance for rounding.
     #[must_use]
     pub fn grown(&self, distance: f32) -> Self {
         let (min, max) = grown(self.min.into(), self.max.into(), distance);
@@ -74,13 +74,13 @@ impl Aabb {
     }
 }
 
-/// Writes the box of every triangle, grown by `growth`, into `bounds` and returns the box around all of them. A box
-/// that is not a number is written, overlaps nothing, and is left out of the box around all.
+/// Writes the box of every triangle, grown by `growth`, into `bounds`, and returns the box around all of them. A box
+/// with NaN is written, overlaps nothing, and is left out of the box around all.
 pub fn triangle_bounds(positions: &[Vec3], triangles: &[[u32; 3]], growth: f32, bounds: &mut Vec<Aabb>) -> Aabb {
     triangle_bounds_on(&OneByOne, positions, triangles, growth, bounds)
 }
 
-/// The same in tasks that may be shared.
+/// Like [`triangle_bounds`], in tasks that `share` may distribute.
 pub fn triangle_bounds_on(
     share: &impl Share,
     positions: &[Vec3],
@@ -105,7 +105,7 @@ pub fn triangle_bounds_on(
     wholes.iter().fold(Aabb::EMPTY, |all, &(low, high)| all.union(&Aabb { min: low.into(), max: high.into() }))
 }
 
-/// The box of some points, grown by `growth`: around the boxes of all triangles between them that are grown so.
+/// The box of the points, grown by `growth`. Contains the boxes of all triangles between the points, grown by the same.
 #[must_use]
 pub fn point_bounds(points: &[Vec3], growth: f32) -> Aabb {
     if points.is_empty() {
@@ -118,7 +118,7 @@ pub fn point_bounds(points: &[Vec3], growth: f32) -> Aabb {
     Aabb { min: low.into(), max: high.into() }.grown(growth)
 }
 
-/// The sides of a box, moved outward by `distance` and by what rounding may take.
+/// Moves the sides of a box outward by `distance`, and by an allowance for rounding.
 #[inline]
 fn grown(min: Vec3A, max: Vec3A, distance: f32) -> (Vec3A, Vec3A) {
     let largest = min.abs().max(max.abs()).max_element();
@@ -126,12 +126,11 @@ fn grown(min: Vec3A, max: Vec3A, distance: f32) -> (Vec3A, Vec3A) {
     (min - growth, max + growth)
 }
 
-/// What rounding adds to a moved point, relative to what its coordinates are made of: each coefficient, three products and three
-/// sums are rounded by half a unit in the last place, and some to spare.
+/// The rounding error of a transformed point, relative to the terms of its coordinates. Each coefficient, three
+/// products, and three sums round by half a unit in the last place. The rest is reserve.
 const MOVED_ROUNDING: f32 = 8.0 * f32::EPSILON;
 
-/// A box around some points that `pose` has moved. Larger than it needs to be by what rounding may take; around everything where
-/// f32 cannot tell.
+/// A box around points that `pose` transforms, enlarged by the rounding error. Infinite if f32 overflows.
 #[must_use]
 pub fn bounds_of_moved(pose: &Pose, points: &[Vec3]) -> Aabb {
     let affine = pose.to_affine();
@@ -146,14 +145,14 @@ pub fn bounds_of_moved(pose: &Pose, points: &[Vec3]) -> Aabb {
     }
     let reach = linear.abs() * largest + translation.abs();
     if !reach.is_finite() {
-        // Parts of a sum that overflow may leave no number.
+        // Terms of a sum that overflow may result in NaN.
         return Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
     }
     let rounding = reach * MOVED_ROUNDING;
     Aabb { min: (low - rounding).into(), max: (high + rounding).into() }
 }
 
-/// Writes every pair of overlapping boxes of one list, lower index first, sorted, by comparing all of them.
+/// Appends every pair of overlapping boxes of one list, lower index first, sorted. Compares all boxes with all others.
 pub fn self_pairs_brute_force(bounds: &[Aabb], pairs: &mut Vec<[u32; 2]>) {
     for (first, own) in bounds.iter().enumerate() {
         for (second, other) in bounds.iter().enumerate().skip(first + 1) {
@@ -164,7 +163,7 @@ pub fn self_pairs_brute_force(bounds: &[Aabb], pairs: &mut Vec<[u32; 2]>) {
     }
 }
 
-/// Writes every pair of overlapping boxes of two lists, sorted, by comparing all of them.
+/// Appends every pair of overlapping boxes of two lists, sorted. Compares all boxes with all others.
 pub fn pairs_between_brute_force(bounds_a: &[Aabb], bounds_b: &[Aabb], pairs: &mut Vec<[u32; 2]>) {
     for (first, own) in bounds_a.iter().enumerate() {
         for (second, other) in bounds_b.iter().enumerate() {

@@ -1,9 +1,9 @@
-//! All that the exact stage asks of a triangle, one row a triangle: what is side by side in memory is read at once.
+//! Everything that the exact stage reads of a triangle, as one row of contiguous memory.
 //!
-//! A triangle is in a dozen pairs, and each pair needs its corners, which lie in as many places, and the names of its
-//! vertices and edges. Written and read by the exact stage.
+//! A triangle is in about a dozen pairs. Each pair needs its corners, which lie in as many places, and the numbers of
+//! its vertices and edges. Written and read by the exact stage.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use std::hint::select_unpredictable;
 
@@ -16,13 +16,13 @@ use super::{
 };
 use crate::kernel::simd::prefetch::{Prefetch, prefetch};
 
-/// One triangle, in a line of the cache.
+/// One triangle, in one cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
 pub struct CornerRow {
-    /// In the surface's own frame, axis by axis.
+    /// By corner and axis, in the surface's own frame.
     pub(in crate::kernel) corners: [[f32; 3]; 3],
-    /// Its vertices and its edges.
+    /// The triangle's vertices and edges.
     parts: [u32; 6],
     pub(in crate::kernel) surroundings: Surroundings,
 }
@@ -31,7 +31,7 @@ impl CornerRow {
     pub(in crate::kernel) const EMPTY: Self =
         Self { corners: [[0.0; 3]; 3], parts: [0; 6], surroundings: Surroundings::NONE };
 
-    /// The row of a triangle of a surface whose vertices are, in its own frame, at `positions`.
+    /// Builds the row of a triangle of a surface whose vertices are at `positions` in its own frame.
     #[inline(always)]
     pub(in crate::kernel) fn new(topology: &SurfaceTopology, positions: &[Vec3], triangle: u32) -> Self {
         let vertices = topology.triangles()[triangle as usize];
@@ -49,17 +49,17 @@ impl CornerRow {
         Vec3::from_array(self.corners[corner])
     }
 
-    /// The same in double precision.
+    /// A corner in the surface's own frame, in f64.
     #[inline(always)]
     pub(in crate::kernel) fn corner(&self, corner: usize) -> DVec3 {
         self.own_corner(corner).as_dvec3()
     }
 
-    /// The corners of the first triangle around a part, given by its number as in [`Feature::of_part`], where no vertices are
-    /// welded.
+    /// The corners of the first triangle around a feature. The feature is given by its local index, see
+    /// [`Feature::of_part`](super::feature::Feature::of_part). Only for surfaces without welded vertices.
     #[inline(always)]
     pub(in crate::kernel) fn first_around(&self, topology: &SurfaceTopology, part: usize) -> [u32; 3] {
-        // Looked up for a vertex and for an edge: which of them it is nobody can foresee.
+        // Looks up both a vertex and an edge: a branch on which of them it is would be unpredictable.
         let [a, b, c, ..] = self.parts;
         let (corner, next) = (part % 3, (part + 1) % 3);
         let [x, y, z] = topology.first_around_vertex(self.parts[corner]);
@@ -72,7 +72,8 @@ impl CornerRow {
         ]
     }
 
-    /// The number of a part where no vertices are welded, see [`feature_number`](super::contact::feature_number).
+    /// The number of a feature if no vertices are welded, see
+    /// [`feature_number`](crate::kernel::contact::feature_number).
     #[inline(always)]
     pub(in crate::kernel) fn number(&self, triangle: u32, part: usize) -> u32 {
         select_unpredictable(part < 6, self.parts[part.min(5)], triangle)
@@ -86,13 +87,13 @@ pub struct CornerRows {
 }
 
 impl CornerRows {
-    /// Room for the rows of so many triangles, to be [filled](Self::fill).
+    /// Resizes to the rows of `count` triangles, for [`fill`](Self::fill) to write.
     pub fn resize(&mut self, count: usize) -> &mut [CornerRow] {
         self.rows.resize(count, CornerRow::EMPTY);
         &mut self.rows
     }
 
-    /// Writes the rows of the triangles from `first` on, of which the vertices are at `positions` in the surface's own frame.
+    /// Writes the rows of the triangles from `first` on. The vertices are at `positions`, in the surface's own frame.
     pub fn fill(rows: &mut [CornerRow], first: u32, topology: &SurfaceTopology, positions: &[Vec3]) {
         for (triangle, row) in (first..).zip(rows) {
             *row = CornerRow::new(topology, positions, triangle);

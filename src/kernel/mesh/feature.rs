@@ -1,18 +1,18 @@
-//! Names for the parts of two triangles that are close to each other.
+//! Names for the features of two triangles that are close to each other.
 
-/// A part of one triangle, by its place within the triangle.
+/// A feature of one triangle, by its index within the triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Feature {
     /// Corner 0–2.
     Vertex(u8),
-    /// Edge 0–2; edge `k` joins the corners `k` and `k + 1`.
+    /// Edge 0–2. Edge `k` joins corners `k` and `k + 1`.
     Edge(u8),
-    /// The triangle's interior, or a whole rigid shape.
+    /// The interior of the triangle, or a whole rigid shape.
     Face,
 }
 
 impl Feature {
-    /// The part of a triangle with a number: 0 to 2 its corners, 3 to 5 its edges, 6 the face.
+    /// The feature with a local index: 0 to 2 are the corners, 3 to 5 the edges, and 6 is the face.
     #[inline]
     pub(in crate::kernel) const fn of_part(part: usize) -> Self {
         match part {
@@ -22,7 +22,7 @@ impl Feature {
         }
     }
 
-    /// That number.
+    /// The local index of the feature.
     #[inline]
     pub(in crate::kernel) const fn part(self) -> usize {
         match self {
@@ -33,7 +33,7 @@ impl Feature {
     }
 }
 
-/// What kinds of features meet in a contact.
+/// The kinds of the two features of a contact.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FeatureKind {
     /// Two vertices.
@@ -46,12 +46,12 @@ pub enum FeatureKind {
     EdgeEdge,
     /// An edge that pierces a face: the two surfaces cross.
     EdgeFace,
-    /// Two faces, by their spheres; or a face and a rigid shape.
+    /// Two faces, by their spheres, or a face and a rigid shape.
     FaceFace,
 }
 
 impl FeatureKind {
-    /// The kind's name in lower case with hyphens, as it stands in exported tables.
+    /// The lowercase name with hyphens that exported tables use.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -75,7 +75,7 @@ pub struct FeaturePair {
 }
 
 impl FeaturePair {
-    /// Which kinds meet.
+    /// The kinds of both features.
     #[must_use]
     pub const fn kind(self) -> FeatureKind {
         match (self.a, self.b) {
@@ -88,7 +88,7 @@ impl FeaturePair {
         }
     }
 
-    /// The same features seen from the other side.
+    /// The same features, with the sides swapped.
     #[must_use]
     pub const fn swapped(self) -> Self {
         Self { a: self.b, b: self.a }

@@ -1,4 +1,4 @@
-//! Indices with a meaning: which array a number points into is part of its type.
+//! Typed indices: the type says which array a number points into.
 
 /// Declares a newtype over `u32` that indexes one kind of mesh element.
 macro_rules! element_id {
@@ -8,7 +8,7 @@ macro_rules! element_id {
         pub struct $name(pub u32);
 
         impl $name {
-            /// The element's place in its array.
+            /// The element's index in its array.
             #[must_use]
             pub const fn index(self) -> usize {
                 self.0 as usize
@@ -18,14 +18,14 @@ macro_rules! element_id {
 }
 
 element_id! {
-    /// A triangle of one surface: its place in the triangle list that the caller gave.
+    /// A triangle of one surface: its index in the caller's triangle list.
     TriangleId
 }
 element_id! {
-    /// A vertex of one surface: its place in the position list that the caller gave, never a welded number.
+    /// A vertex of one surface: its index in the caller's position list, never a welded number.
     VertexId
 }
 element_id! {
-    /// An edge of one surface: its place among the unique welded edges, sorted by their vertices.
+    /// An edge of one surface: its index among the unique welded edges, which are sorted by their vertices.
     EdgeId
 }

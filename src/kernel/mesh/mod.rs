@@ -1,4 +1,5 @@
-//! A mesh and where it is: ids, topology and adjacency, features and their normals, boxes, motion, rows of corners.
+//! A mesh and its current state: ids, topology and adjacency, features and their normals, boxes, motion, and rows of
+//! corners.
 
 pub mod barycentric;
 pub mod bounds;
@@ -10,3 +11,5 @@ pub mod side;
 pub mod smooth_normal;
 pub(in crate::kernel) mod surroundings;
 pub mod topology;
+pub mod validation;
+mod weld;

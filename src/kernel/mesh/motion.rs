@@ -1,15 +1,15 @@
 //! How far a mesh has moved from one tick to the next, as a whole and within itself.
 //!
-//! Distances between triangles do not change where everything moves alike. What they can change by follows from one
-//! vector a mesh, and how far the motion of any vertex is from it.
+//! Distances between triangles do not change while everything moves alike. How much they can change follows from one
+//! vector per mesh, and from how far the motion of any vertex differs from it.
 
 use glam::{Vec3, Vec3A};
 
-/// Motion of all vertices: each within `radius` of `center`.
+/// The motion of all vertices: each lies within `radius` of `center`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     center: Vec3,
-    /// Infinite where nothing is known.
+    /// Infinite if the motion is unknown.
     radius: f32,
 }
 
@@ -20,8 +20,8 @@ impl Default for Motion {
     }
 }
 
-/// Half a unit in the last place is what a difference, its distance from the center or a root may be rounded by; some ten
-/// roundings are on the way to a radius.
+/// Relative rounding error. A difference, its distance from the center, and a root each round by half a unit in the
+/// last place, and a radius is the result of about ten roundings.
 const ROUNDING: f32 = 8.0 * f32::EPSILON;
 
 impl Motion {
@@ -30,13 +30,13 @@ impl Motion {
     /// Anything may have moved anywhere.
     pub const UNKNOWN: Self = Self { center: Vec3::ZERO, radius: f32::INFINITY };
 
-    /// From one list of positions to the next, of as many vertices. Rounded up.
+    /// The motion from one list of positions to the next, rounded up. Unknown if the lists differ in length.
     #[must_use]
     pub fn between(before: &[Vec3], after: &[Vec3]) -> Self {
         if before.len() != after.len() {
             return Self::UNKNOWN;
         }
-        // Three of four lanes: each takes as long as one number by itself.
+        // Uses three of four SIMD lanes, which takes as long as one number by itself.
         let differences = || before.iter().zip(after).map(|(&before, &after)| Vec3A::from(after) - Vec3A::from(before));
         let (low, high) = differences()
             .fold((Vec3A::INFINITY, Vec3A::NEG_INFINITY), |(low, high), moved| (low.min(moved), high.max(moved)));
@@ -47,13 +47,13 @@ impl Motion {
         let farthest = differences().fold(0.0, |farthest: f32, moved| farthest.max((moved - center).length_squared()));
         let largest = low.abs().max(high.abs()).max_element();
         let radius = farthest.sqrt() * (1.0 + ROUNDING) + largest * ROUNDING;
-        // Squares that are too small or too large for f32 say nothing.
+        // Squares that are too small or too large for f32 are not reliable.
         let is_reliable = low == high || (f32::MIN_POSITIVE..f32::MAX).contains(&farthest);
         if is_reliable && radius.is_finite() { Self { center: center.into(), radius } } else { Self::UNKNOWN }
     }
 
-    /// By how much the distance of a point of one mesh from a point of the other can have changed, at most; of one mesh
-    /// with itself both are the same. Infinite where a motion is not known.
+    /// The largest possible change of the distance between a point of one mesh and a point of the other. For one mesh
+    /// against itself, pass the same motion twice. Infinite if a motion is unknown.
     #[must_use]
     pub fn relative(&self, other: &Self) -> f64 {
         let between = (self.center.as_dvec3() - other.center.as_dvec3()).length();

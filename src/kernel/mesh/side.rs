@@ -1,8 +1,8 @@
-//! Which side of a surface a point is on, from the outward direction at the feature it is closest to.
+//! Decides on which side of a surface a point is, from the outward direction at the closest feature.
 //!
-//! The outward direction at a face is its normal, at an edge the sum of its faces' unit normals, at a vertex their sum
-//! weighted by the angles there: with these the sign of a closed surface's distance is right everywhere (Bærentzen
-//! and Aanæs 2005, angle weighted pseudonormal). Used for contacts of one-sided surfaces.
+//! The outward direction of a face is its normal, of an edge the sum of the unit normals of its faces, and of a vertex
+//! their sum weighted by the angles there. With these directions the sign of the distance from a closed surface is
+//! correct everywhere (Bærentzen and Aanæs 2005, angle weighted pseudonormal). Used for contacts of one-sided surfaces.
 
 use glam::{DVec3, Vec3};
 
@@ -12,22 +12,22 @@ use super::{
     topology::SurfaceTopology,
 };
 
-/// The faces around a feature agree beyond doubt where a direction rises over each of them, or falls below each, by more than
-/// this sine: far more than f64 rounds by.
+/// The faces around a feature clearly agree if a direction rises over all of them, or falls below all of them, by more
+/// than this sine. Far above the rounding of f64.
 const CLEAR_SINE: f64 = 1.0e-9;
 
 fn corners(topology: &SurfaceTopology, positions: &[Vec3], triangle: usize) -> [DVec3; 3] {
     topology.triangles()[triangle].map(|vertex| positions[vertex as usize].as_dvec3())
 }
 
-/// Unit normal of a triangle; zero where it has no area.
+/// The unit normal of a triangle, or zero if it has no area.
 #[must_use]
 #[inline]
 pub fn face_normal(corners: &[DVec3; 3]) -> DVec3 {
     (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero()
 }
 
-/// The part of a triangle that is closest to a point, and where.
+/// The feature of a triangle that is closest to a point, and the closest point.
 #[must_use]
 pub fn closest_feature(corners: &[DVec3; 3], point: DVec3) -> (Feature, DVec3) {
     let edges = [0, 1, 2].map(|k| corners[(k + 1) % 3] - corners[k]);
@@ -56,10 +56,10 @@ pub fn closest_feature(corners: &[DVec3; 3], point: DVec3) -> (Feature, DVec3) {
     closest
 }
 
-/// How a direction goes along the [outward direction](outward_direction) at a feature of `triangle`: more than 0 where it leads
-/// out, less than 0 where it leads in. Only the sign has a meaning.
+/// Whether a direction leads out at a feature of `triangle`, judged by the [outward direction](outward_direction)
+/// there: greater than 0 if it leads out, less than 0 if it leads in. Only the sign is meaningful.
 ///
-/// Mostly the faces around the feature agree about that, and then no weights are needed.
+/// The faces around the feature usually agree, and then no weights are needed.
 #[must_use]
 pub fn rise(
     topology: &SurfaceTopology,
@@ -93,7 +93,7 @@ pub fn rise(
     }
 }
 
-/// The outward direction at a feature of `triangle`, of any length, zero where nothing around it has an area.
+/// The outward direction at a feature of `triangle`, of any length. Zero if nothing around the feature has an area.
 #[must_use]
 #[expect(clippy::missing_panics_doc, reason = "the triangles around a vertex contain it")]
 pub fn outward_direction(topology: &SurfaceTopology, positions: &[Vec3], triangle: usize, feature: Feature) -> DVec3 {
@@ -121,7 +121,7 @@ pub fn outward_direction(topology: &SurfaceTopology, positions: &[Vec3], triangl
                     let along = |to: usize| (corners[(at + to) % 3] - corners[at]).normalize_or_zero();
                     let (u, v) = (along(1), along(2));
                     let (sine, cosine) = (u.cross(v).length(), u.dot(v));
-                    // In single precision, which is plenty for a weight and the same on every platform where asked for.
+                    // f32 is precise enough for a weight, and this function can be made the same on every platform.
                     face_normal(&corners) * f64::from(bevy_math::ops::atan2(sine as f32, cosine as f32))
                 })
                 .sum()

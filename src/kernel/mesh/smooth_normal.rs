@@ -1,10 +1,10 @@
-//! Contact normals of the smooth surfaces that meshes stand for, free of the bumps that inner edges give.
+//! Contact normals of the smooth surfaces that meshes approximate, without the bumps of inner edges.
 //!
-//! A vertex has the normal of the sphere on which it and its neighbors lie, as far as they lie on one (Max, "Weights for
-//! computing vertex normals from facet normals", 1999); inside a face, barycentric weights blend the three: exactly
-//! radial on a sphere, exactly the normal of a plane, and continuous over inner edges. Creases stay sharp. What one side
-//! says is weighed against the other by the radii of curvature, as the line through the centers of two spheres runs.
-//! Reads a contact's places and the positions around them, after everything else and only on request.
+//! A vertex gets the normal of the sphere on which it and its neighbors lie, exactly if they lie on one (Max, "Weights
+//! for computing vertex normals from facet normals", 1999). Inside a face, barycentric weights blend the three vertex
+//! normals. The result is exactly radial on a sphere, exactly the normal of a plane, and continuous over inner edges.
+//! Creases stay sharp. The two sides are weighted by their radii of curvature, like the line through the centers of two
+//! spheres. Runs last and only on request, on the places of contacts and the positions around them.
 
 use glam::{DQuat, DVec3, Vec3};
 
@@ -14,28 +14,29 @@ use crate::kernel::pose::Pose;
 
 mod fan;
 
-/// Two unit normals that differ by less count as one, in radians: above what rounding of positions tilts the faces of a
-/// flat mesh, far below what tilts a body.
+/// Two unit normals that differ by less than this count as equal, in radians. Above the tilt that rounded positions
+/// give the faces of a flat mesh, and far below a tilt that affects a body.
 const FLAT: f64 = 1.0e-4;
 
-/// Squared sine below which two directions are the same direction.
+/// Two directions are the same if their squared sine is below this.
 const SAME_DIRECTION: f64 = 1.0e-24;
 
-/// How far a direction may lie beyond a plane of a cone and still count as inside, as a sine: rounding of f64.
+/// How far beyond a plane of a cone a direction may lie and still count as inside, as a sine. Covers the rounding of
+/// f64.
 const INSIDE_SLACK: f64 = 1.0e-12;
 
-/// Which edges are creases: those bent by at least an angle. Up to half that angle an edge is an inner edge of a curved
-/// surface; in between it fades from one to the other.
+/// Defines which edges are creases: those bent by at least an angle. Up to half that angle an edge is an inner edge of
+/// a curved surface. In between, the smoothing fades out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CreaseAngle {
-    /// Squared distances of two unit normals at half the angle and at the angle.
+    /// Squared distances of two unit normals, at half the angle and at the angle.
     from: f64,
     to: f64,
 }
 
 impl CreaseAngle {
-    /// The angle between the normals of two faces, in radians from 0 (every bent edge is a crease) to π. What is out of
-    /// range is replaced by the nearest value in range.
+    /// Creates the setting from the angle between the normals of two faces, in radians from 0 (every bent edge is a
+    /// crease) to π. Values out of range are clamped, and NaN becomes 0.
     #[must_use]
     pub fn new(radians: f32) -> Self {
         let radians = if radians.is_nan() { 0.0 } else { radians.clamp(0.0, core::f32::consts::PI) };
@@ -43,7 +44,7 @@ impl CreaseAngle {
         Self { from: squared_chord(0.5 * radians), to: squared_chord(radians) }
     }
 
-    /// 1 where two faces belong to one curved surface, 0 across a crease; the cubic Hermite curve in between.
+    /// 1 if two faces belong to one curved surface, 0 across a crease, and the cubic Hermite curve in between.
     fn softness(&self, one: DVec3, other: DVec3) -> f64 {
         let chord = one.distance_squared(other);
         if chord <= self.from {
@@ -66,45 +67,45 @@ pub struct SurfacePlace<'a> {
     pub positions: &'a [Vec3],
     /// The triangle.
     pub triangle: u32,
-    /// Which part of the triangle the place is on.
+    /// The feature of the triangle that the place is on.
     pub feature: Feature,
-    /// Whether the surface has an inside, so that its normals' side is the only one.
+    /// Whether the surface has an inside, so that only the side of its normals counts.
     pub one_sided: bool,
-    /// Weights of the triangle's corners. They sum to 1, and those of corners that are no part of the feature are 0.
+    /// Weights of the triangle's corners. They sum to 1, and are 0 for corners that do not belong to the feature.
     pub barycentric: [f64; 3],
 }
 
-/// The directions out of a surface in which something may touch it at one place: a single one where the surface is
-/// smooth, a range at a crease, a corner or a border.
+/// The directions out of a surface in which something may touch it at one place: a single direction where the surface
+/// is smooth, and a range at a crease, a corner, or a border.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NormalCone {
-    /// Smooth unit normals of the faces that meet in the place; empty where any direction will do.
+    /// Smooth unit normals of the faces that meet at the place. Empty if any direction is allowed.
     faces: Vec<DVec3>,
-    /// The same faces' own normals.
+    /// The unsmoothed normals of the same faces.
     facets: Vec<DVec3>,
-    /// At a border, away from the surface.
+    /// At a border, the directions away from the surface.
     border: Vec<DVec3>,
-    /// In 1/length, at least 0; infinite where any direction will do.
+    /// In 1/length, at least 0. Infinite if any direction is allowed.
     curvature: f64,
-    /// Whether the opposite directions will do as well.
+    /// Whether the opposite directions are allowed too.
     two_sided: bool,
 }
 
 impl NormalCone {
-    /// Any direction.
+    /// Allows any direction.
     #[must_use]
     pub fn anything() -> Self {
         Self { curvature: f64::INFINITY, ..Self::default() }
     }
 
-    /// One direction, at a place of the given curvature (0 or more, in 1/length).
+    /// Allows one direction, at a place of the given curvature (0 or more, in 1/length).
     #[must_use]
     pub fn single(direction: DVec3, curvature: f64) -> Self {
         Self { faces: vec![direction], facets: vec![direction], curvature, ..Self::default() }
     }
 
-    /// All directions between the unit normals of plane faces: any where there is none. A single one is that of a plane, an
-    /// edge or a corner leaves the choice to what it touches.
+    /// Allows all directions between the unit normals of plane faces, or any direction if there is none. A single
+    /// normal has no curvature, like a plane. An edge or a corner leaves the choice to the other side.
     #[must_use]
     pub fn between(faces: impl IntoIterator<Item = DVec3>) -> Self {
         let faces: Vec<DVec3> = faces.into_iter().filter(|normal| *normal != DVec3::ZERO).collect();
@@ -112,8 +113,8 @@ impl NormalCone {
         Self { facets: faces.clone(), faces, curvature, ..Self::default() }
     }
 
-    /// The cone of a place on a surface: any direction where edges have more than two triangles, or the triangle has no
-    /// area.
+    /// The cone of a place on a surface. Allows any direction if an edge there has more than two triangles, or the
+    /// triangle has no area.
     #[must_use]
     pub fn of(place: &SurfacePlace<'_>, crease: CreaseAngle) -> Self {
         let fan = |corner: usize| Fan::around(place, corner, crease);
@@ -126,11 +127,11 @@ impl NormalCone {
         let Some(mut cone) = cone else { return Self::anything() };
         cone.two_sided = !place.one_sided;
         if cone.two_sided && !cone.border.is_empty() {
-            // Past a border one side goes over into the other.
+            // Beyond a border, one side continues into the other.
             cone.border.extend(cone.faces.iter().map(|face| -*face));
             cone.two_sided = false;
         }
-        // A range of directions is one that turns within the triangle: as curved as that.
+        // A range of directions is a normal that turns within the triangle, and adds that curvature.
         let [one, two, three] = place.corners(own);
         let size = one.distance(two).max(two.distance(three)).max(three.distance(one));
         cone.curvature += spread(&[&cone.faces[..], &cone.border].concat()) / size;
@@ -193,7 +194,7 @@ impl NormalCone {
         self.curvature.is_finite() && all.into_iter().all(|direction| direction.is_finite())
     }
 
-    /// The cone where a pose takes it.
+    /// Transforms the cone.
     #[must_use]
     pub fn moved(mut self, pose: &Pose) -> Self {
         for direction in self.faces.iter_mut().chain(&mut self.facets).chain(&mut self.border) {
@@ -203,7 +204,7 @@ impl NormalCone {
         self
     }
 
-    /// The cone turned.
+    /// Rotates the cone.
     #[must_use]
     pub(in crate::kernel) fn turned(mut self, rotation: DQuat) -> Self {
         for direction in self.faces.iter_mut().chain(&mut self.facets).chain(&mut self.border) {
@@ -212,32 +213,32 @@ impl NormalCone {
         self
     }
 
-    /// The direction of the cone that is nearest to a unit vector, which tells the side of a surface that has two. The
-    /// vector itself where it is in the cone.
+    /// The direction of the cone that is nearest to a unit vector, or the vector itself if it is in the cone. For a
+    /// two-sided surface the vector selects the side.
     #[must_use]
     pub fn nearest(&self, direction: DVec3) -> DVec3 {
         nearest_in_hull(&self.faces, &self.border, self.side(direction), direction)
     }
 
-    /// The same for the cone of the faces as they are, without smoothing.
+    /// Like [`nearest`](Self::nearest), for the cone of the unsmoothed normals.
     #[must_use]
     pub fn nearest_unsmoothed(&self, direction: DVec3) -> DVec3 {
         nearest_in_hull(&self.facets, &self.border, self.side(direction), direction)
     }
 
-    /// −1 where a direction is on the other side of a surface that has two.
+    /// −1 if a direction is on the other side of a two-sided surface, otherwise 1.
     fn side(&self, direction: DVec3) -> f64 {
         let turned = self.two_sided && self.faces.iter().sum::<DVec3>().dot(direction) < 0.0;
         if turned { -1.0 } else { 1.0 }
     }
 }
 
-/// The unit normal from the second side to the first that suits both sides' cones best, given the exact normal and the
-/// way from the place on the second side to that on the first; the exact one where nothing else suits.
+/// The unit normal from the second side to the first that suits the cones of both sides best, given the exact normal
+/// and the vector from the place on the second side to the place on the first. The exact normal if nothing else suits.
 ///
-/// Two spheres part along the line between their centers: with outward normals n and radii R at any two places of theirs
-/// that is `R_b n_b − R_a n_a` and the way from one place to the other. So the flatter side has the larger say, and a
-/// contact of places beside the closest ones has the same normal as theirs.
+/// Two spheres separate along the line between their centers. With outward normals n and radii R at any two of their
+/// places, that is the direction `R_b n_b − R_a n_a` plus the vector from one place to the other. So the flatter side
+/// has more weight, and a contact of places beside the closest ones has the same normal as theirs.
 #[must_use]
 pub fn smooth_normal(exact: DVec3, apart: DVec3, a: &NormalCone, b: &NormalCone) -> DVec3 {
     let (side_a, side_b) = (a.side(-exact), b.side(exact));
@@ -251,7 +252,7 @@ pub fn smooth_normal(exact: DVec3, apart: DVec3, a: &NormalCone, b: &NormalCone)
     if smooth.dot(exact) > 0.0 { smooth } else { exact }
 }
 
-/// The first side's share of a normal: proportional to its radius of curvature.
+/// The weight of the first side in a normal, proportional to its radius of curvature.
 fn share_of_first(first: f64, second: f64) -> f64 {
     match (first.is_finite(), second.is_finite()) {
         (true, true) if first + second > 0.0 => second / (first + second),
@@ -261,14 +262,14 @@ fn share_of_first(first: f64, second: f64) -> f64 {
     }
 }
 
-/// Largest distance between two of some unit vectors.
+/// The largest distance between any two of the unit vectors.
 fn spread(directions: &[DVec3]) -> f64 {
     let apart = |one: &DVec3| directions.iter().map(|other| one.distance(*other)).fold(0.0, f64::max);
     directions.iter().map(apart).fold(0.0, f64::max)
 }
 
-/// The unit vector nearest to `direction` in the cone spanned by `faces`, all times `side`, and `border`; the vector itself
-/// where there are no faces.
+/// The unit vector nearest to `direction` in the cone that is spanned by `faces`, all multiplied by `side`, and
+/// `border`. The vector itself if there are no faces.
 fn nearest_in_hull(faces: &[DVec3], border: &[DVec3], side: f64, direction: DVec3) -> DVec3 {
     match (faces, border) {
         ([], _) => return direction,
@@ -282,8 +283,8 @@ fn nearest_in_hull(faces: &[DVec3], border: &[DVec3], side: f64, direction: DVec
             spanning.push(next);
         }
     }
-    // The projection p of d on a convex cone has (d − p)·g ≤ 0 for every spanning g. It lies on one of them or between
-    // two; where none of these is it, the direction is inside the cone.
+    // The projection p of d on a convex cone satisfies (d − p)·g ≤ 0 for every generator g. It lies on one of them or
+    // between two. If none of these is the projection, the direction is inside the cone.
     let is_projection = |point: DVec3| {
         let rest = direction - point;
         spanning.iter().all(|generator| rest.dot(*generator) <= INSIDE_SLACK)
@@ -311,7 +312,7 @@ fn nearest_in_hull(faces: &[DVec3], border: &[DVec3], side: f64, direction: DVec
 }
 
 impl SurfacePlace<'_> {
-    /// The point that the weights stand for.
+    /// The point with these weights.
     #[must_use]
     pub fn point(&self) -> DVec3 {
         point_at(&self.corners(self.triangle), &self.barycentric)

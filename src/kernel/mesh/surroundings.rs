@@ -1,40 +1,42 @@
-//! What a triangle is to its neighbors along the surface: of which vertices and edges it is the first triangle, and how far
-//! it is from some landmarks.
+//! What a triangle knows about its neighborhood: the vertices and edges whose first triangle it is, and its distances
+//! along the surface from some landmarks.
 //!
-//! Found with the topology. The exact stage tells by it, without looking anything else up, which of several triangles reports
-//! a shared feature.
+//! Found with the topology. From this alone, the exact stage decides which of several triangles reports a shared
+//! feature.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{mask64x8, prelude::*, u8x64, u64x8};
 
 use super::topology::Incidence;
 use crate::kernel::simd::lanes::WIDTH;
 
-/// From so many vertices of each component the distances along the surface are known.
+/// Number of landmarks per component: vertices whose distances along the surface are known.
 const LANDMARKS: usize = 3;
 
-/// Two triangles whose distances from a landmark differ by more have no first triangles that share a vertex: a triangle's
-/// vertices are an edge away from its first corner, and those of a triangle around one of them at most two.
+/// If the distances of two triangles from a landmark differ by more than this, the first triangles around their
+/// features share no vertex. The vertices of a triangle are one edge away from its first corner, and those of a
+/// triangle around one of them at most two.
 const FARTHEST: u8 = 4;
 
-/// What a triangle is to its neighbors, in as little room as it takes.
+/// What a triangle knows about its neighborhood, packed tightly.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernel) struct Surroundings {
-    /// How far its first corner is from each landmark, in edges, without what 256 goes into.
+    /// Distance of the first corner from each landmark, in edges, modulo 256.
     distances: [u8; LANDMARKS],
-    /// Of which of its parts it is the first of the triangles around them, one bit each: 0 to 2 its corners, 3 to 5 its
-    /// edges. 6: whether it names a vertex twice.
+    /// The features for which this triangle is the first of the triangles around them, one bit each: 0 to 2 for the
+    /// corners, 3 to 5 for the edges. Bit 6 is set if the triangle names a vertex twice.
     pub(in crate::kernel) first_of: u8,
 }
 
-/// The bit of a triangle that names a vertex twice, so that two of its parts are the same.
+/// The bit of a triangle that names a vertex twice, so that two of its features are the same.
 const COLLAPSED: u8 = 1 << 6;
 
 impl Surroundings {
     pub(in crate::kernel) const NONE: Self = Self { distances: [0; LANDMARKS], first_of: 0 };
 
-    /// Those of all triangles, given as welded vertices and as edges, with the triangles around either.
+    /// Computes the surroundings of all triangles, given their welded vertices, their edges, and the triangles around
+    /// each vertex and edge.
     pub(in crate::kernel) fn of_all(
         triangles: &[[u32; 3]],
         triangle_edges: &[[u32; 3]],
@@ -55,13 +57,13 @@ impl Surroundings {
         triangles.iter().zip(triangle_edges).enumerate().map(of_one).collect()
     }
 
-    /// Whether two parts of the triangle are the same.
+    /// Whether two features of the triangle are the same.
     #[inline]
     pub(in crate::kernel) const fn is_collapsed(self) -> bool {
         self.first_of & COLLAPSED != 0
     }
 
-    /// All of it in one number.
+    /// Everything in one number.
     #[inline(always)]
     fn bits(self) -> u64 {
         let [first, second, third] = self.distances;
@@ -69,7 +71,7 @@ impl Surroundings {
     }
 }
 
-/// Those of eight triangles.
+/// The surroundings of eight triangles.
 #[derive(Clone, Copy)]
 pub(in crate::kernel) struct SurroundingLanes<S: Simd>(u64x8<S>);
 
@@ -83,32 +85,33 @@ impl<S: Simd> SurroundingLanes<S> {
         Self(u64x8::from_slice(simd, &bits))
     }
 
-    /// Of which of its parts a triangle is the first of the triangles around them, see [`Surroundings`].
+    /// The features for which each triangle is the first around them, see [`Surroundings`].
     #[inline(always)]
     pub(in crate::kernel) fn first_of(self) -> u64x8<S> {
         self.0 >> 24
     }
 
-    /// Where two parts of the triangle are the same.
+    /// Where two features of a triangle are the same.
     #[inline(always)]
     pub(in crate::kernel) fn are_collapsed(self) -> mask64x8<S> {
         !(self.first_of() & u64::from(COLLAPSED)).simd_eq(0)
     }
 
-    /// Whether the first triangles around the vertices and edges of the one may share a vertex with those around those of
-    /// the other. Where it is false they do not; where it is true, that is all that the landmarks tell.
+    /// Whether the first triangles around the features of one triangle may share a vertex with those around the
+    /// features of the other. If false, they certainly do not. If true, the landmarks do not rule it out.
     #[inline(always)]
     pub(in crate::kernel) fn firsts_may_meet(self, other: Self) -> mask64x8<S> {
         let (own, other): (u8x64<S>, u8x64<S>) = (self.0.bitcast(), other.0.bitcast());
         let differences: u64x8<S> = (own - other + FARTHEST).bitcast();
-        // Those of eight and less have neither one of the upper four digits nor a carry from the lower ones.
+        // In numbers up to eight, none of the upper four bits is set, and adding 7 to the lower four bits does not
+        // carry.
         const { assert!(FARTHEST == 4) };
         let far = differences & 0xf0_f0f0 | ((differences & 0x0f_0f0f) + 0x07_0707) & 0x10_1010;
         far.simd_eq(0)
     }
 }
 
-/// The first triangles around the vertices and the edges of a triangle.
+/// The first triangle around each vertex and each edge of a triangle.
 fn first_triangles(
     corners: &[u32; 3],
     edges: &[u32; 3],
@@ -120,9 +123,9 @@ fn first_triangles(
     [a, b, c, d, e, f]
 }
 
-/// For each vertex how many edges away it is from each of some landmarks, which are chosen one after the other, each as
-/// far from those before as there is. Every component has landmarks of its own, and higher numbers than the one before. Of
-/// each number the last byte.
+/// The distance of each vertex from each landmark in edges, modulo 256. Landmarks are chosen one after the other, each
+/// as far from the earlier ones as possible. Every component has its own landmarks, and higher distances than the
+/// component before it.
 fn landmark_distances(triangles: &[[u32; 3]], around: &Incidence) -> Vec<[u8; LANDMARKS]> {
     const UNSEEN: u32 = u32::MAX;
     let count = around.len();

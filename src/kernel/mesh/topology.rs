@@ -1,74 +1,33 @@
-//! What is connected to what in a triangle mesh, found once and shared by every instance.
+//! The adjacency of a triangle mesh, found once and shared by every instance.
 //!
-//! Vertices with exactly equal positions, or within a distance that the caller gives, are welded for adjacency only: the
-//! triangles keep the caller's vertex numbers. Each welded edge and vertex knows its triangles, so later stages can decide alone which of several
-//! triangles reports a shared feature. First in the flow: positions and triangles come in, adjacency goes out.
+//! Vertices at exactly equal positions, or within a distance that the caller gives, are welded, for adjacency only:
+//! triangles keep the caller's vertex numbers. Each welded edge and vertex knows its triangles. A later stage can thus
+//! decide locally which of several triangles reports a shared feature. First in the flow: positions and triangles come
+//! in, adjacency goes out.
 
-use std::{collections::HashMap, sync::OnceLock};
+use std::sync::OnceLock;
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
 use super::{
     ids::{EdgeId, TriangleId, VertexId},
     surroundings::Surroundings,
+    validation::{MAX_ELEMENTS, TopologyError, validate},
+    weld::{exact_weld, weld_within},
 };
 
-/// The largest number of vertices, edges or triangles of one surface: feature numbers are packed into 28 bits of a
-/// contact's key.
-pub const MAX_ELEMENTS: usize = (1 << 28) - 1;
-
-/// What makes a list of positions and triangles unusable as a surface.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum TopologyError {
-    /// The triangle list is empty.
-    #[error("the surface has no triangles: give at least one")]
-    NoTriangles,
-    /// A triangle names a vertex that does not exist.
-    #[error("triangle {triangle} names vertex {vertex}, but there are only {vertices} positions")]
-    VertexOutOfRange {
-        /// The triangle's place in the list.
-        triangle: usize,
-        /// The vertex it names.
-        vertex: u32,
-        /// How many positions there are.
-        vertices: usize,
-    },
-    /// A coordinate is NaN or infinite.
-    #[error("the position of vertex {vertex} is not finite: {position}")]
-    NonFinitePosition {
-        /// The vertex's place in the list.
-        vertex: usize,
-        /// Its position.
-        position: Vec3,
-    },
-    /// A distance to weld within is negative, NaN or infinite.
-    #[error(
-        "the distance to weld within is {0}: give a finite one of 0 or more, below the length of the shortest edge"
-    )]
-    WeldDistance(f32),
-    /// More elements than a contact's key can number.
-    #[error("the surface has {count} {element}, more than the {MAX_ELEMENTS} that one surface can have: split it")]
-    TooLarge {
-        /// `"vertices"`, `"triangles"` or `"edges"`.
-        element: &'static str,
-        /// How many there are.
-        count: usize,
-    },
-}
-
-/// What is unusual about a mesh. None of it is an error; all of it is handled.
+/// Irregularities of a mesh. None of them is an error, and all are handled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TopologyReport {
     /// Edges with a single triangle.
     pub boundary_edges: usize,
     /// Edges with three triangles or more.
     pub non_manifold_edges: usize,
-    /// Edges whose two triangles run through them in the same direction: one of them is turned inside out.
+    /// Edges whose two triangles traverse them in the same direction: one of the triangles is inverted.
     pub inconsistent_edges: usize,
     /// Triangles that name the same welded vertex twice.
     pub collapsed_triangles: usize,
-    /// Vertices that are welded to an earlier one, because they share its position or are within the distance to weld
-    /// within.
+    /// Vertices that are welded to an earlier one, because they share its position or lie within the welding distance.
     pub welded_vertices: usize,
 }
 
@@ -86,45 +45,45 @@ pub struct SurfaceTopology {
     surroundings: Vec<Surroundings>,
     report: TopologyReport,
     hinges: OnceLock<Box<[Hinge]>>,
-    /// Once an exact test has asked.
+    /// Computed when an exact test first needs it.
     firsts: OnceLock<FirstTriangles>,
 }
 
-/// The first triangles around vertices and edges.
+/// The first triangle around each vertex and each edge.
 #[derive(Clone, Debug)]
 struct FirstTriangles {
-    /// Of each welded vertex that has triangles the corners of the first.
+    /// For each welded vertex that has triangles, the corners of the first one.
     around_vertices: Box<[[u32; 3]]>,
-    /// Of each edge the corner of its first triangle that lies opposite.
+    /// For each edge, the corner of its first triangle that is opposite the edge.
     opposite: Box<[u32]>,
 }
 
-/// Whether two triangles, given as vertices, have one in common.
+/// Whether two triangles, given by their vertices, share a vertex.
 #[inline]
 pub(in crate::kernel) fn share_corner([a0, a1, a2]: [u32; 3], other: [u32; 3]) -> bool {
-    // Without short circuits: nine comparisons cost less than one branch that is hard to predict.
+    // Without short-circuiting: nine comparisons cost less than one branch that is hard to predict.
     other.iter().fold(false, |shared, &vertex| shared | (vertex == a0) | (vertex == a1) | (vertex == a2))
 }
 
-/// How the triangles around an edge fold there.
+/// How the triangles around an edge meet.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernel) enum Hinge {
-    /// The edge ends the surface.
+    /// The edge is a boundary.
     Rim,
     /// Two triangles.
     Fold {
         /// The lower one first.
         triangles: [u32; 2],
-        /// The ends of the edge as the first triangle runs through it and the caller numbered them.
+        /// The ends of the edge in the direction of the first triangle, in the caller's numbering.
         ends: [u32; 2],
-        /// Whether the second triangle runs through it in the same direction, and so is turned inside out.
+        /// Whether the second triangle traverses the edge in the same direction, and is therefore inverted.
         turned: bool,
     },
     /// Three triangles or more.
     Branch,
 }
 
-/// For each element of one kind the triangles around it, in ascending order, as one flat list with offsets.
+/// For each element of one kind, the triangles around it, ascending, as one flat list with offsets.
 #[derive(Clone, Debug, Default)]
 pub(in crate::kernel) struct Incidence {
     offsets: Vec<u32>,
@@ -132,12 +91,12 @@ pub(in crate::kernel) struct Incidence {
 }
 
 impl Incidence {
-    /// How many elements there are.
+    /// The number of elements.
     pub(in crate::kernel) fn len(&self) -> usize {
         self.offsets.len() - 1
     }
 
-    /// `corners[t]` names the three elements of triangle `t`.
+    /// `corners[t]` are the three elements of triangle `t`.
     fn new(element_count: usize, corners: &[[u32; 3]]) -> Self {
         let mut offsets = vec![0u32; element_count + 1];
         let distinct = |elements: &[u32; 3], corner: usize| !elements[..corner].contains(&elements[corner]);
@@ -173,24 +132,26 @@ impl Incidence {
 }
 
 impl SurfaceTopology {
-    /// Builds the adjacency of `triangles` (vertex numbers, counter-clockwise from outside where the mesh has an
-    /// outside), welding vertices whose `positions` are exactly equal.
+    /// Builds the adjacency of `triangles`, and welds vertices whose `positions` are exactly equal. Triangles are
+    /// vertex numbers, counter-clockwise from outside if the mesh has an outside.
     ///
     /// # Errors
-    /// An empty triangle list, a vertex number out of range, a coordinate that is not finite, more than
-    /// [`MAX_ELEMENTS`] of anything.
+    /// If the triangle list is empty, a vertex number is out of range, a coordinate is not finite, or there are more
+    /// than [`MAX_ELEMENTS`] of anything.
     pub fn new(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<Self, TopologyError> {
         Self::welded_within(positions, triangles, 0.0)
     }
 
-    /// The same, welding all vertices whose positions are no farther apart than `distance`, in the unit of the positions, and
-    /// with them what is welded to those: a chain of vertices is one, named by the lowest. 0 welds equal positions alone.
+    /// Like [`new`](Self::new), but welds all vertices whose positions are no farther apart than `distance`, in the
+    /// unit of the positions. Welding is transitive: a chain of vertices becomes one vertex, named by the lowest. 0
+    /// welds equal positions only.
     ///
-    /// The distance has to stay below the length of the shortest edge: triangles with a shorter edge collapse, and then the
-    /// surface is not [closed](Self::is_closed). Takes time in proportion to the vertices as long as it does.
+    /// The distance must stay below the length of the shortest edge. Triangles with a shorter edge collapse, and then
+    /// the surface is not [closed](Self::is_closed). Under that condition the time is proportional to the number of
+    /// vertices.
     ///
     /// # Errors
-    /// A distance that is negative or not finite, besides those of [`new`](Self::new).
+    /// If the distance is negative or not finite, and in the cases of [`new`](Self::new).
     pub fn welded_within(positions: &[Vec3], triangles: &[[u32; 3]], distance: f32) -> Result<Self, TopologyError> {
         validate(positions, triangles)?;
         if !(distance.is_finite() && distance >= 0.0) {
@@ -203,7 +164,7 @@ impl SurfaceTopology {
         let welded_triangles: Vec<[u32; 3]> =
             triangles.iter().map(|corners| corners.map(|vertex| weld[vertex as usize])).collect();
         let (edges, triangle_edges) = unique_edges(&welded_triangles);
-        // Beyond the edges, three numbers a triangle are for edges whose welded ends come apart.
+        // Beyond the edges, three numbers per triangle are reserved for edges whose welded ends move apart.
         let edge_numbers = edges.len() + 3 * triangles.len();
         if edge_numbers > MAX_ELEMENTS {
             return Err(TopologyError::TooLarge { element: "edges", count: edge_numbers });
@@ -251,14 +212,14 @@ impl SurfaceTopology {
         report
     }
 
-    /// Whether `triangle` runs through `edge` from its lower to its higher welded vertex.
+    /// Whether `triangle` traverses `edge` from its lower to its higher welded vertex.
     pub(crate) fn runs_forward(&self, triangle: u32, edge: u32) -> bool {
         let corners = self.welded_triangles[triangle as usize];
         let [first, second] = self.edges[edge as usize];
         (0..3).any(|k| corners[k] == first && corners[(k + 1) % 3] == second)
     }
 
-    /// The hinge at each edge, found when they are first asked for.
+    /// The hinge at each edge, computed on first use.
     pub(in crate::kernel) fn hinges(&self) -> &[Hinge] {
         self.hinges.get_or_init(|| (0..self.edges.len() as u32).map(|edge| self.hinge(edge)).collect())
     }
@@ -280,7 +241,7 @@ impl SurfaceTopology {
         }
     }
 
-    /// How many positions the surface needs.
+    /// The number of positions that the surface needs.
     #[must_use]
     pub fn vertex_count(&self) -> usize {
         self.vertex_count
@@ -296,22 +257,22 @@ impl SurfaceTopology {
         !named.contains(&false)
     }
 
-    /// The triangles, as the caller's vertex numbers.
+    /// The triangles, in the caller's vertex numbers.
     #[must_use]
     #[inline]
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// The triangles as welded vertices: each is named by the first vertex that it is welded to.
+    /// The triangles, in welded vertices. Each vertex is named by the first one that it is welded to.
     #[must_use]
     #[inline]
     pub fn welded_triangles(&self) -> &[[u32; 3]] {
         &self.welded_triangles
     }
 
-    /// For each of the caller's vertices the first one that it is welded to: with exactly the same position, or where the
-    /// surface was [welded within](Self::welded_within) a distance, in the same chain of vertices.
+    /// For each of the caller's vertices, the first vertex that it is welded to: one at exactly the same position, or,
+    /// if the surface was [welded within](Self::welded_within) a distance, one in the same chain of vertices.
     #[must_use]
     #[inline]
     pub fn weld(&self) -> &[u32] {
@@ -325,20 +286,20 @@ impl SurfaceTopology {
         &self.edges
     }
 
-    /// The edges of each triangle: edge `k` joins its corners `k` and `k + 1`.
+    /// The edges of each triangle. Edge `k` joins its corners `k` and `k + 1`.
     #[must_use]
     #[inline]
     pub fn triangle_edges(&self) -> &[[u32; 3]] {
         &self.triangle_edges
     }
 
-    /// The welded corners of the first triangle around a welded vertex that has triangles.
+    /// The welded corners of the first triangle around a welded vertex. Only meaningful if the vertex has triangles.
     #[inline]
     pub(in crate::kernel) fn first_around_vertex(&self, vertex: u32) -> [u32; 3] {
         self.firsts().around_vertices[vertex as usize]
     }
 
-    /// The welded corner of the first triangle of an edge that lies opposite.
+    /// The welded corner of an edge's first triangle that is opposite the edge.
     #[inline]
     pub(in crate::kernel) fn first_opposite(&self, edge: EdgeId) -> u32 {
         self.firsts().opposite[edge.index()]
@@ -367,7 +328,7 @@ impl SurfaceTopology {
         })
     }
 
-    /// What a triangle is to its neighbors.
+    /// What a triangle knows about its neighborhood.
     #[inline]
     pub(in crate::kernel) fn surroundings(&self, triangle: TriangleId) -> Surroundings {
         self.surroundings[triangle.index()]
@@ -386,30 +347,31 @@ impl SurfaceTopology {
         self.edge_triangles.around(edge.0)
     }
 
-    /// A triangle and all that share an edge with it; some more than once.
+    /// A triangle and all triangles that share an edge with it, some of them more than once.
     pub(crate) fn triangles_beside(&self, triangle: u32) -> impl Iterator<Item = u32> {
         let edges = self.triangle_edges[triangle as usize].into_iter();
         edges.flat_map(|edge| self.edge_triangles.around(edge).iter().copied())
     }
 
-    /// The triangles around a vertex and everything welded to it, ascending.
+    /// The triangles around a vertex and all vertices welded to it, ascending.
     ///
     /// # Panics
-    /// If there is no such vertex.
+    /// If the vertex does not exist.
     #[must_use]
     #[inline]
     pub fn triangles_of_vertex(&self, vertex: VertexId) -> &[u32] {
         self.vertex_triangles.around(self.weld[vertex.index()])
     }
 
-    /// Whether two triangles share a welded vertex. Such a pair is never reported as touching.
+    /// Whether two triangles are neighbors: they share a welded vertex. Such a pair is never reported as touching.
     #[must_use]
     #[inline]
     pub fn share_vertex(&self, a: TriangleId, b: TriangleId) -> bool {
         share_corner(self.welded_triangles[a.index()], self.welded_triangles[b.index()])
     }
 
-    /// Whether every edge has two triangles that run through it in opposite directions: the surface has an inside.
+    /// Whether the surface has an inside: every edge has two triangles that traverse it in opposite directions, and no
+    /// triangle is collapsed.
     #[must_use]
     pub fn is_closed(&self) -> bool {
         self.report.boundary_edges == 0
@@ -418,13 +380,13 @@ impl SurfaceTopology {
             && self.report.collapsed_triangles == 0
     }
 
-    /// What is unusual about the mesh.
+    /// The irregularities of the mesh.
     #[must_use]
     pub fn report(&self) -> TopologyReport {
         self.report
     }
 
-    /// Mean length of the unique welded edges at the given positions; 0 where there is no edge with two ends.
+    /// Mean length of the unique welded edges at the given positions. 0 if no edge has two different ends.
     ///
     /// # Panics
     /// If there are fewer positions than [`vertex_count`](Self::vertex_count).
@@ -437,8 +399,8 @@ impl SurfaceTopology {
         sum / count.max(1) as f64
     }
 
-    /// Numbers the connected components (triangles joined through shared welded vertices) in the order of their first
-    /// triangle. Returns the component of each triangle and how many there are.
+    /// Numbers the connected components, which are triangles joined by shared welded vertices, in the order of their
+    /// first triangle. Returns the component of each triangle, and the number of components.
     #[must_use]
     pub fn components(&self) -> (Vec<u32>, usize) {
         const UNSEEN: u32 = u32::MAX;
@@ -467,93 +429,6 @@ impl SurfaceTopology {
     }
 }
 
-fn validate(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<(), TopologyError> {
-    if triangles.is_empty() {
-        return Err(TopologyError::NoTriangles);
-    }
-    for (element, count) in [("vertices", positions.len()), ("triangles", triangles.len())] {
-        if count > MAX_ELEMENTS {
-            return Err(TopologyError::TooLarge { element, count });
-        }
-    }
-    if let Some(vertex) = positions.iter().position(|position| !position.is_finite()) {
-        return Err(TopologyError::NonFinitePosition { vertex, position: positions[vertex] });
-    }
-    for (triangle, corners) in triangles.iter().enumerate() {
-        if let Some(&vertex) = corners.iter().find(|&&vertex| vertex as usize >= positions.len()) {
-            return Err(TopologyError::VertexOutOfRange { triangle, vertex, vertices: positions.len() });
-        }
-    }
-    Ok(())
-}
-
-/// For each vertex the first one with exactly the same position (−0 equals 0).
-fn exact_weld(positions: &[Vec3]) -> Vec<u32> {
-    let mut first = HashMap::with_capacity(positions.len());
-    let bits = |position: &Vec3| (*position + Vec3::ZERO).to_array().map(f32::to_bits);
-    positions
-        .iter()
-        .enumerate()
-        .map(|(vertex, position)| *first.entry(bits(position)).or_insert(vertex as u32))
-        .collect()
-}
-
-/// Cells of the grid have sides of this many distances: most points are near no other cell, and few are in each.
-const DISTANCES_OF_A_CELL: f64 = 4.0;
-
-/// Joins vertices that are no farther apart than `distance`, and chains of them, given those that are welded already.
-fn weld_within(positions: &[Vec3], distance: f64, weld: &mut [u32]) {
-    let size = DISTANCES_OF_A_CELL * distance;
-    // Whole numbers as f64: beyond 2^53, where neighbors have no numbers of their own, different f32 are farther apart than a cell.
-    let cell_of = |point: DVec3| (point / size).floor() + DVec3::ZERO;
-    let key = |cell: DVec3| cell.to_array().map(f64::to_bits);
-    let mut cells: HashMap<[u64; 3], Vec<u32>> = HashMap::with_capacity(positions.len());
-    for vertex in 0..positions.len() {
-        if weld[vertex] as usize != vertex {
-            continue;
-        }
-        let point = positions[vertex].as_dvec3();
-        let [low, high] = [point - distance, point + distance].map(cell_of);
-        for x in whole_numbers(low.x, high.x) {
-            for y in whole_numbers(low.y, high.y) {
-                for z in whole_numbers(low.z, high.z) {
-                    for &other in cells.get(&key(DVec3::new(x, y, z))).into_iter().flatten() {
-                        if point.distance_squared(positions[other as usize].as_dvec3()) <= distance * distance {
-                            join(weld, vertex as u32, other);
-                        }
-                    }
-                }
-            }
-        }
-        cells.entry(key(cell_of(point))).or_default().push(vertex as u32);
-    }
-    for vertex in 0..weld.len() {
-        weld[vertex] = root(weld, vertex as u32);
-    }
-}
-
-/// One or two cells along an axis.
-fn whole_numbers(low: f64, high: f64) -> impl Iterator<Item = f64> {
-    [Some(low), (high != low).then_some(high)].into_iter().flatten()
-}
-
-/// The lowest vertex of a chain.
-fn root(weld: &mut [u32], vertex: u32) -> u32 {
-    let mut root = vertex;
-    while weld[root as usize] != root {
-        // Every second one is brought nearer: chains stay short.
-        weld[root as usize] = weld[weld[root as usize] as usize];
-        root = weld[root as usize];
-    }
-    root
-}
-
-/// Makes one chain of two, named by its lowest vertex.
-fn join(weld: &mut [u32], first: u32, second: u32) {
-    let (first, second) = (root(weld, first), root(weld, second));
-    weld[first.max(second) as usize] = first.min(second);
-}
-
 fn unique_edges(welded_triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>) {
     let side = |corners: &[u32; 3], k: usize| {
         let (from, to) = (corners[k], corners[(k + 1) % 3]);
@@ -563,7 +438,7 @@ fn unique_edges(welded_triangles: &[[u32; 3]]) -> (Vec<[u32; 2]>, Vec<[u32; 3]>)
     edges.extend(welded_triangles.iter().flat_map(|corners| [0, 1, 2].map(|k| side(corners, k))));
     edges.sort_unstable();
     edges.dedup();
-    // Most are named twice.
+    // Most edges were collected twice.
     edges.shrink_to_fit();
     let number = |edge: [u32; 2]| edges.binary_search(&edge).expect("every triangle's edges were collected") as u32;
     let triangle_edges = welded_triangles.iter().map(|corners| [0, 1, 2].map(|k| number(side(corners, k)))).collect();

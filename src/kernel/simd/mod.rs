@@ -1,5 +1,5 @@
-//! Eight triangles or pairs side by side: vectors in lanes, slabs between triangles, what is fetched ahead, and the hook by which
-//! callers split work among threads.
+//! SIMD building blocks for eight triangles or pairs at a time: vectors in lanes, separating slabs, prefetching, and
+//! the hook through which callers distribute work among threads.
 
 pub(in crate::kernel) mod approach;
 pub(in crate::kernel) mod lanes;

@@ -1,39 +1,41 @@
-//! Asks for what is to be read or written soon.
+//! Prefetches memory that will be read or written soon.
 //!
-//! A list of pairs says long before which triangles will be looked up. The processor sees only as far as the instructions
-//! it has taken in, less than one block of eight pairs: so the loops over pairs ask some blocks ahead, and find everything
-//! in the cache. Memory that is to be written has to be there, too: where a loop writes fast, it asks for the lines that come
-//! some records later. Measured on `cloth_ball_92`: contacts of caps and of balls take 0.73 of the time without, overlap of caps
-//! 0.81.
+//! A list of pairs names the triangles long before they are looked up. The processor only sees as far as the
+//! instructions that it has taken in, which is less than one block of eight pairs. Loops over pairs therefore prefetch
+//! some blocks ahead, and find everything in the cache. Memory that is to be written must be in the cache too, so loops
+//! that write fast prefetch the lines some records ahead. Measured on `cloth_ball_92`: contacts of caps and of balls
+//! take 0.73 of the time without prefetching, the overlap of caps 0.81.
 
 #![expect(
     clippy::inline_always,
-    reason = "one instruction, in functions that are compiled for several instruction sets"
+    reason = "a single instruction inside functions that are compiled for several instruction sets"
 )]
 
 use super::lanes::WIDTH;
 
-/// How many blocks ahead: one takes less time than a line from the third cache, but not much.
+/// How many blocks ahead to prefetch. One block takes less time than a cache line from L3, but not much less.
 const AHEAD: usize = 3;
 
-/// How many records ahead of the last one memory is asked for. Records come faster than the processor foresees where they
-/// go: measured on `cloth_ball_92`, contacts of balls take 0.8 of the time without, those of caps 0.9.
+/// How many records past the end of a list to prefetch. Records are written faster than the processor predicts their
+/// addresses. Measured on `cloth_ball_92`: contacts of balls take 0.8 of the time without prefetching, contacts of caps
+/// 0.9.
 const WRITTEN_AHEAD: u32 = 32;
 
-/// Bytes of a line of the cache.
+/// Bytes per cache line.
 const LINE: usize = 64;
 
-/// What is read of the triangles of one side of pairs.
+/// Data that is read per triangle, for one side of the pairs.
 pub(in crate::kernel) trait Prefetch {
-    /// Asks for what is to be read of a triangle soon.
+    /// Prefetches the data of one triangle.
     fn prefetch(&self, triangle: u32);
 }
 
-/// Of pairs that are worked on in blocks of eight, asks at the beginning of a block for what is to be read of a later one.
+/// Prefetches the data of a later block, for pairs that are processed in blocks of eight. Called at the start of each
+/// block.
 #[inline(always)]
 pub(in crate::kernel) fn ask_ahead(a: &impl Prefetch, b: &impl Prefetch, pairs: &[[u32; 2]], block: usize) {
     let start = ((block + AHEAD) * WIDTH).min(pairs.len());
-    // The last few are not worth a loop of their own.
+    // The last partial block is not worth a loop of its own.
     if let Some(block) = pairs[start..].first_chunk::<WIDTH>() {
         for &[triangle_a, triangle_b] in block {
             a.prefetch(triangle_a);
@@ -42,7 +44,7 @@ pub(in crate::kernel) fn ask_ahead(a: &impl Prefetch, b: &impl Prefetch, pairs: 
     }
 }
 
-/// Asks for the memory that a later block of pairs is to be appended to.
+/// Prefetches the memory to which a later block of pairs will be appended.
 #[inline(always)]
 pub(in crate::kernel) fn ask_for_room<T>(list: &mut Vec<T>) {
     let room = list.spare_capacity_mut();
@@ -51,7 +53,7 @@ pub(in crate::kernel) fn ask_for_room<T>(list: &mut Vec<T>) {
     }
 }
 
-/// Brings all lines of an item of a list into the cache, where the platform has an instruction for it.
+/// Prefetches all cache lines of an item, if the platform has an instruction for it.
 #[inline(always)]
 pub(in crate::kernel) fn prefetch_whole<T>(list: &[T], place: usize) {
     if let Some(item) = list.get(place) {
@@ -62,19 +64,20 @@ pub(in crate::kernel) fn prefetch_whole<T>(list: &[T], place: usize) {
     }
 }
 
-/// Brings an item of a list into the cache, where the platform has an instruction for it. Beyond the end it changes nothing.
+/// Prefetches an item, if the platform has an instruction for it. An index past the end has no effect.
 #[inline(always)]
 pub(in crate::kernel) fn prefetch<T>(list: &[T], place: u32) {
     prefetch_address(list.as_ptr().wrapping_add(place as usize));
 }
 
 #[cfg(target_arch = "x86_64")]
-#[expect(unsafe_code, reason = "the instruction takes a pointer")]
+#[expect(unsafe_code, reason = "the intrinsic takes a raw pointer")]
 #[inline(always)]
 fn prefetch_address<T>(address: *const T) {
     use core::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
 
-    // SAFETY: the instruction is part of every x86-64 and reads nothing that a program can see, whatever the address.
+    // SAFETY: every x86-64 processor has this instruction, and it reads nothing that a program can observe, whatever
+    // the address.
     unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) };
 }
 

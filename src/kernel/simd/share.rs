@@ -1,20 +1,20 @@
-//! How functions of the kernel hand out tasks that do not depend on each other.
+//! How kernel functions hand out tasks that do not depend on each other.
 //!
-//! The kernel knows of no threads: whoever calls it says where its tasks run. What comes of them is the same anywhere.
+//! The kernel knows nothing about threads: the caller decides where tasks run. The result is the same anywhere.
 
-/// Triangles of one task, where what is made of each is independent of the others.
+/// Triangles per task, where triangles are processed independently of each other.
 pub(in crate::kernel) const PART: usize = 2048;
 
-/// Fewer triangles than these are not worth another thread.
+/// With fewer triangles than this another thread does not pay off.
 pub(in crate::kernel) const LEAST_SHARE: usize = 8192;
 
-/// Runs tasks, all of them before it returns, in any order and on any thread.
+/// Runs tasks in any order on any thread. All of them finish before the call returns.
 pub trait Share {
-    /// Calls `work` with each of some tasks, about `count`.
+    /// Calls `work` with every task. More than `count` threads do not pay off.
     fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync);
 }
 
-/// One task after the other, on the thread of the caller.
+/// Runs one task after the other on the calling thread.
 #[derive(Clone, Copy, Debug)]
 pub struct OneByOne;
 
@@ -24,7 +24,8 @@ impl Share for OneByOne {
     }
 }
 
-/// For tests of what threads share: every second task is done by a thread of its own, and either thread begins with its last.
+/// For tests of thread independence. Runs every second task on another thread, and each thread starts with its last
+/// task.
 #[cfg(test)]
 pub(crate) struct OnTwoThreads;
 

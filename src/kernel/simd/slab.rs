@@ -1,27 +1,28 @@
-//! Conservative rejection of triangle pairs, eight at a time, by a slab that separates them.
+//! Conservative rejection of triangle pairs by a separating slab, eight pairs at a time.
 //!
-//! Two triangles whose projections on any direction are farther apart than a distance are themselves farther apart, so
-//! every direction gives a proof, however it was found and rounded: the triangles' normals, or one that a method has
-//! already. What no direction rejects goes on to the next test; what lies within range is never rejected. Of candidates
-//! that no traversal has tested in its leaves already, see `leaf_triangles`, and before caps.
+//! If the projections of two triangles on any direction are farther apart than some distance, so are the triangles.
+//! Every direction therefore gives a proof, however it was found and rounded: the normals of the triangles, or a
+//! direction that a method already has. Pairs that no direction rejects go on to the next test, and pairs within range
+//! are never rejected. Runs before the cap tests, on candidates that no traversal has tested in its leaves; for those
+//! see `leaf_triangles`.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f32x8, prelude::*};
 
 use super::lanes::{PairLanes, VectorLanes};
 
-/// Gaps must exceed the range by this factor, and by [`ROUNDING`] times the pair's extent, before a pair is rejected:
-/// the projections' own rounding is a few units in the last place of the extent (6e-8 each).
+/// A pair is rejected only if its gap exceeds the range by this factor, and by [`ROUNDING`] times the extent of the
+/// pair. The projections themselves round by a few units in the last place of the extent (6e-8 each).
 pub(in crate::kernel) const RANGE_SLACK: f32 = 1.0 + 1.0e-5;
 pub(in crate::kernel) const ROUNDING: f32 = 2.0e-6;
 
-/// A squared direction below this is too close to the smallest f32 to be relied on.
+/// A squared direction below this is too close to the smallest f32 to be reliable.
 pub(in crate::kernel) const LEAST_SQUARED: f32 = 1.0e-30;
 
 impl<S: Simd> PairLanes<S> {
-    /// By how much the gap along `direction` exceeds the one that proves a pair apart, in units of the direction's
-    /// length: more than 0 where it does.
+    /// By how much the gap along `direction` exceeds the gap that proves a pair separated, multiplied by the
+    /// direction's length. Greater than 0 where the pair is separated.
     #[inline(always)]
     pub(in crate::kernel) fn excess_along(&self, direction: VectorLanes<S>, range: f32) -> f32x8<S> {
         let (low_a, high_a) = project(&self.a, direction);

@@ -1,9 +1,9 @@
-//! Eight pairs of spheres side by side: enclosing balls, and caps with their cones.
+//! Tests eight pairs of caps at a time: whether their spheres overlap, and where they are in contact.
 //!
-//! The same arithmetic in the same order as one pair at a time in `cone`, so that both agree to the last bit. Lanes whose
-//! numbers leave the range that single precision is good for are pointed out, and left to that.
+//! The operations have the same order as those for one pair at a time in `cone`, so both agree to the last bit. Lanes
+//! that leave the reliable range of f32 are flagged and left to that code.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 
@@ -66,8 +66,9 @@ impl<S: Simd> CapLanes<S> {
         (sum * sum).simd_ge(between.dot(between))
     }
 
-    /// [`cap_contact`](crate::kernel::spheres::cone::cap_contact), where the pair passes the cone test, and where only that can
-    /// tell: the caps are concentric, or the distance of their centers is too long or too short to be squared.
+    /// [`cap_contact`](crate::kernel::spheres::cone::cap_contact), the lanes that pass the cone test, and the lanes
+    /// that only the other code can decide: the caps are concentric, or the distance of their centers is too large or
+    /// too small to be squared.
     #[inline(always)]
     pub(in crate::kernel) fn contact(&self, other: &Self) -> (CapContactLanes<S>, mask32x8<S>, mask32x8<S>) {
         let (a, b) = (self, other);
@@ -90,7 +91,7 @@ impl<S: Simd> CapLanes<S> {
         (contact, !(outside_a | outside_b), !ordinary)
     }
 
-    /// From the center to the triangle's plane, in a direction whose cosine with the axis is known.
+    /// Distance from the center to the triangle's plane, in a direction with a known cosine to the axis.
     #[inline(always)]
     fn height_along(&self, toward: f32x8<S>) -> f32x8<S> {
         let distance = (self.height / toward.max(f32::MIN_POSITIVE)).min(self.radius);

@@ -1,12 +1,12 @@
-//! The sphere through a triangle's vertices, offset below its plane, and the recipe that keeps it cheap to refresh.
+//! The sphere through a triangle's vertices, offset below its plane, and the recipe that makes it cheap to refit.
 //!
 //! Flat regions get large spheres with shallow caps, sharp regions the small sphere about the circumcenter. A *recipe*
-//! remembers where a triangle's sphere sits relative to its longest edge; every tick follows the vertices by the
-//! recipe, and only a triangle whose shape has changed gets a new one. Fed by `curvature`, read by `cone` and by the
-//! sphere overlap stage. Circumcenter: the classical barycenter formula, see [`circumcenter`]; offset and cone: the
-//! source paper's construction with the height clamped at creases.
+//! stores where a triangle's sphere is relative to its longest edge. In every tick the sphere follows the vertices by
+//! its recipe, and only a triangle whose shape has changed gets a new one. Reads the results of `curvature`; read by
+//! `cone` and by the sphere overlap stage. The circumcenter is the classical barycenter formula, see [`circumcenter`].
+//! Offset and cone are the source paper's construction, with the height clamped at creases.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -25,8 +25,8 @@ use crate::kernel::simd::{
     share::{LEAST_SHARE, OneByOne, PART, Share},
 };
 
-/// How far an obtuse triangle's in-plane center may leave the midpoint of its longest edge, in halves of that edge.
-/// At √3 the circumcenter of a triangle with a largest angle of 150° is still reached.
+/// How far the in-plane center of an obtuse triangle may be from the midpoint of its longest edge, in halves of that
+/// edge. √3 still reaches the circumcenter of a triangle with a largest angle of 150°.
 pub(in crate::kernel) const OBTUSE_REACH: f32 = 1.732_050_8;
 
 /// A ball.
@@ -46,22 +46,22 @@ impl From<Ball> for [f32; 4] {
     }
 }
 
-/// A triangle seen from its longest edge.
+/// A triangle relative to its longest edge.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::kernel) struct LongestEdgeFrame {
-    /// The middle of that edge.
+    /// The midpoint of that edge.
     pub(in crate::kernel) midpoint: Vec3,
     half_length: f32,
-    /// Unit normal; `None` where the triangle has no area.
+    /// Unit normal. `None` if the triangle has no area.
     pub(in crate::kernel) normal: Option<Vec3>,
-    /// Unit vector in the plane, across the longest edge, towards the opposite corner.
+    /// Unit vector in the plane, perpendicular to the longest edge, toward the opposite corner.
     inward: Vec3,
     /// Cotangent of the angle opposite the longest edge, which is the largest angle.
     pub(in crate::kernel) cotangent: f32,
 }
 
 impl LongestEdgeFrame {
-    /// Relative to `origin`. `edge` names the longest edge, which joins the corners `edge` and `edge + 1`.
+    /// Computes the frame relative to `origin`. `edge` is the longest edge, which joins corners `edge` and `edge + 1`.
     pub(in crate::kernel) fn new(corners: [Vec3; 3], origin: Vec3, edge: usize) -> Self {
         let (from, to, apex) = (corners[edge], corners[(edge + 1) % 3], corners[(edge + 2) % 3]);
         let along = finite(to - from);
@@ -75,7 +75,7 @@ impl LongestEdgeFrame {
             let (u, v) = ((from - apex) * scale, (to - apex) * scale);
             let cross = u.cross(v);
             let doubled_area = cross.length();
-            // Infinite or no number where the edge, the longest once, is now lost beside the others: a needle.
+            // Infinite or NaN for a needle: the edge, once the longest, is now negligible beside the others.
             if doubled_area > ZERO_AREA && doubled_area.is_finite() {
                 let normal = cross / doubled_area;
                 frame.normal = Some(normal);
@@ -86,14 +86,14 @@ impl LongestEdgeFrame {
         frame
     }
 
-    /// The point of the plane that is across the middle of the longest edge by a multiple of half of that edge.
+    /// The point of the plane across from the midpoint of the longest edge, at a distance in halves of that edge.
     pub(in crate::kernel) fn point_across(&self, halves: f32) -> Vec3 {
         self.midpoint + self.inward * (halves * self.half_length).min(f32::MAX)
     }
 }
 
-/// Length of a vector of any length, at most the largest f32: squares of those above 1e19 are infinite in f32, of those
-/// below 1e-19 too coarse or 0, and then f64 holds them.
+/// Length of a vector of any size, at most the largest f32. Squares of lengths above 1e19 are infinite in f32, and
+/// squares of lengths below 1e-19 are too coarse or 0. Those are computed in f64.
 pub(in crate::kernel) fn length(vector: Vec3) -> f32 {
     let squared = vector.length_squared();
     if (LEAST_EXACT_SQUARE..=f32::MAX).contains(&squared) {
@@ -103,7 +103,7 @@ pub(in crate::kernel) fn length(vector: Vec3) -> f32 {
     }
 }
 
-/// A vector whose coordinates have overflown, brought back to the largest f32: infinities would soon be no numbers.
+/// Clamps overflowed coordinates to the largest f32: infinities would soon become NaN.
 fn finite(vector: Vec3) -> Vec3 {
     vector.clamp(Vec3::MIN, Vec3::MAX)
 }
@@ -113,7 +113,7 @@ pub(in crate::kernel) fn edge_lengths(corners: [Vec3; 3]) -> [f32; 3] {
 }
 
 pub(in crate::kernel) fn longest(lengths: [f32; 3]) -> usize {
-    // Ties go to the first, so that the choice depends on nothing but the lengths.
+    // Ties go to the first edge, so that the choice depends only on the lengths.
     (0..3).fold(0, |best, k| if lengths[k] > lengths[best] { k } else { best })
 }
 
@@ -125,11 +125,12 @@ fn containing_radius(corners: [Vec3; 3], center: Vec3) -> f32 {
     (farthest_corner(corners, center) * RADIUS_SLACK).min(f32::MAX)
 }
 
-/// Circumcenter of a triangle, relative to its vertex with the largest angle, and the circumradius; `None` where the
-/// triangle has no area. With `u`, `v` the edges from that vertex and `n = u × v`, the center is
+/// Circumcenter of a triangle, relative to its vertex with the largest angle, and the circumradius. `None` if the
+/// triangle has no area. With the edges `u` and `v` from that vertex and `n = u × v`, the center is
 /// `((v × n)|u|² + (n × u)|v|²) / (2|n|²)`, evaluated on edges scaled to unit length.
 ///
-/// Returns `(vertex, offset, radius)`: the corner 0–2 it is relative to, the vector from there, the radius.
+/// Returns `(vertex, offset, radius)`: the corner 0–2 that the center is relative to, the vector from there, and the
+/// radius.
 #[must_use]
 pub fn circumcenter(corners: [Vec3; 3]) -> Option<(usize, Vec3, f32)> {
     let lengths = edge_lengths(corners);
@@ -150,9 +151,10 @@ pub fn circumcenter(corners: [Vec3; 3]) -> Option<(usize, Vec3, f32)> {
     Some((apex, offset * length, offset.length() * length))
 }
 
-/// The in-plane center of a triangle and the distance of its farthest corner. Acute triangles: the circumcenter and
-/// the circumradius. Obtuse ones: the circumcenter, brought back towards the midpoint of the longest edge where it is
-/// farther than √3 halves of that edge, so that the radius stays bounded. Without area: that midpoint.
+/// The in-plane center of a triangle, and the distance of its farthest corner. For acute triangles, these are the
+/// circumcenter and the circumradius. For obtuse triangles, the circumcenter is moved toward the midpoint of the
+/// longest edge if it is farther than √3 halves of that edge from there, so that the radius stays bounded. Without
+/// area, the center is that midpoint.
 #[must_use]
 pub fn in_plane_center(corners: [Vec3; 3]) -> Ball {
     let frame = LongestEdgeFrame::new(corners, Vec3::ZERO, longest(edge_lengths(corners)));
@@ -160,8 +162,8 @@ pub fn in_plane_center(corners: [Vec3; 3]) -> Ball {
     Ball { center, radius: farthest_corner(corners, center) }
 }
 
-/// The smallest ball that contains a triangle: about the circumcenter, or about the midpoint of the longest edge where
-/// the triangle is obtuse or has no area.
+/// The smallest ball that contains a triangle: about the circumcenter, or about the midpoint of the longest edge if the
+/// triangle is obtuse or has no area.
 #[must_use]
 pub fn enclosing_ball(corners: [Vec3; 3]) -> Ball {
     let frame = LongestEdgeFrame::new(corners, Vec3::ZERO, longest(edge_lengths(corners)));
@@ -174,7 +176,7 @@ pub fn enclosing_balls(positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut V
     enclosing_balls_on(&OneByOne, positions, triangles, balls);
 }
 
-/// The same in tasks that may be shared.
+/// Like [`enclosing_balls`], in tasks that `share` may distribute.
 pub fn enclosing_balls_on(share: &impl Share, positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut Vec<Ball>) {
     balls.resize(triangles.len(), Ball { center: Vec3::ZERO, radius: 0.0 });
     let parts = triangles.chunks(PART).zip(balls.chunks_mut(PART));
@@ -203,23 +205,23 @@ fn write_enclosing_balls<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32
     }
 }
 
-/// Cubic Hermite factor of the curvature: 1 on flat ground, 0 where `|curvature| · radius` reaches `threshold`
-/// (dimensionless, useful from 0.5 to 2), and in between `1 − 3t² + 2t³`.
+/// Cubic Hermite factor of the curvature: 1 on flat regions, 0 where `|curvature| · radius` reaches `threshold`
+/// (dimensionless, useful from 0.5 to 2), and `1 − 3t² + 2t³` in between.
 #[must_use]
 pub fn curvature_factor(curvature: f32, radius: f32, threshold: f32) -> f32 {
     let t = (curvature.abs() * radius / threshold).clamp(0.0, 1.0);
     (1.0 - 3.0 * t * t + 2.0 * t * t * t).clamp(0.0, 1.0)
 }
 
-/// What shapes a fresh recipe.
+/// The parameters of a new recipe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RecipeSettings {
-    /// Height of the sphere's center below a flat triangle, in radii of the triangle. 0 or more.
+    /// Height of a flat triangle's sphere center below its plane, in radii of the triangle. 0 or more.
     pub phi: f32,
-    /// Curvature times radius at which the height has come down to 0. More than 0.
+    /// Curvature times radius at which the height reaches 0. Greater than 0.
     pub curvature_threshold: f32,
-    /// Shape change beyond which a recipe is refreshed: relative change of an edge length, or of a dihedral angle in
-    /// radians. 0 refreshes always.
+    /// Change of shape beyond which a recipe is refreshed: relative change of an edge length, or change of a dihedral
+    /// angle in radians. 0 always refreshes.
     pub delta: f32,
 }
 
@@ -246,47 +248,47 @@ impl<S: Simd> SphereLanes<S> {
     }
 }
 
-/// The offset spheres of a surface's triangles, structure of arrays, and the recipes they follow.
+/// The offset spheres of a surface's triangles as a structure of arrays, and the recipes that they follow.
 #[derive(Clone, Debug, Default)]
 pub struct OffsetSpheres {
     /// Centers, below the triangles' planes by [`heights`](Self::heights).
     pub centers: Vec<Vec3>,
-    /// Radii: the farthest corner's distance from the center.
+    /// Radii: the distance of the farthest corner from the center.
     pub radii: Vec<f32>,
     /// Heights of the in-plane centers above the sphere centers.
     pub heights: Vec<f32>,
     recipes: Vec<RecipeBlock>,
-    /// How many triangles have recipes.
+    /// The number of triangles with recipes.
     recipe_count: usize,
-    /// How many times the spheres have been refitted.
+    /// The number of refits so far.
     refits: u32,
 }
 
 impl OffsetSpheres {
-    /// Forgets every recipe: the next [`refit`](Self::refit) makes all of them anew.
+    /// Forgets every recipe. The next [`refit`](Self::refit) makes new ones.
     pub fn forget(&mut self) {
         self.recipe_count = 0;
     }
 
-    /// They stay as they are where a [refit](Self::refit) would have changed none: their recipes get older by one.
+    /// Counts a [refit](Self::refit) that would have changed nothing: all recipes age by one.
     pub(crate) fn rest(&mut self) {
         self.refits = self.refits.wrapping_add(1);
     }
 
-    /// How many [refits](Self::refit) ago each triangle's recipe was made, those included that would have changed nothing: 0
-    /// where the last one made it.
+    /// How many [refits](Self::refit) ago each triangle's recipe was made, including those that would have changed
+    /// nothing. 0 if the last one made it.
     pub fn recipe_ages(&self) -> impl ExactSizeIterator<Item = u32> {
         (0..self.recipe_count)
             .map(|triangle| self.refits.wrapping_sub(self.recipes[triangle / WIDTH].made_at(triangle % WIDTH)))
     }
 
-    /// Follows the current `positions`: refreshes the recipes of triangles whose shape has changed by more than
-    /// `settings.delta` since their last refresh, then writes every triangle's sphere and cone. `curvatures` and
-    /// `dihedrals` hold one entry a triangle (see [`curvature`](super::curvature)). Returns how many recipes were
-    /// refreshed.
+    /// Refits the spheres to the current `positions`. Refreshes the recipes of triangles whose shape has changed by
+    /// more than `settings.delta` since their last refresh, then writes every triangle's sphere and cone. `curvatures`
+    /// and `dihedrals` have one entry per triangle (see [`curvature`](super::curvature)). Returns the number of
+    /// refreshed recipes.
     ///
-    /// Every sphere contains its triangle, however stale its recipe. A fresh one passes through the triangle's
-    /// vertices, unless the triangle's largest angle is above 150°: then through the two ends of the longest edge.
+    /// Every sphere contains its triangle, however old its recipe. A fresh one passes through the triangle's vertices,
+    /// or, if the largest angle is above 150°, through the two ends of the longest edge.
     pub fn refit(
         &mut self,
         positions: &[Vec3],
@@ -299,8 +301,8 @@ impl OffsetSpheres {
         self.refit_on(&OneByOne, positions, triangles, curvatures, dihedrals, settings, cones)
     }
 
-    /// The same in tasks that may be shared.
-    #[expect(clippy::too_many_arguments, reason = "what a surface is, who works, and where the cones go")]
+    /// Like [`refit`](Self::refit), in tasks that `share` may distribute.
+    #[expect(clippy::too_many_arguments, reason = "the shape of a surface, who runs the tasks, and where the cones go")]
     pub fn refit_on(
         &mut self,
         share: &impl Share,
@@ -338,7 +340,7 @@ impl OffsetSpheres {
     }
 }
 
-/// The spheres, cones and recipes of consecutive triangles, which are counted from the first of them on.
+/// The spheres, cones, and recipes of consecutive triangles, indexed from the first of them.
 struct SpherePart<'a> {
     centers: &'a mut [Vec3],
     radii: &'a mut [f32],
@@ -350,7 +352,7 @@ struct SpherePart<'a> {
 }
 
 impl SpherePart<'_> {
-    /// One triangle by itself. Whether its recipe had to be made.
+    /// Refits one triangle by itself. Returns whether its recipe was refreshed.
     #[cold]
     fn refit_one(&mut self, shapes: &Shapes<'_>, triangle: usize, fresh: bool, settings: RecipeSettings) -> bool {
         let corners = shapes.triangles[triangle].map(|vertex| shapes.positions[vertex as usize]);
@@ -369,7 +371,7 @@ impl SpherePart<'_> {
         stale
     }
 
-    /// Takes the corners where they are, and relative to the first one.
+    /// Takes the corners, and the corners relative to the first one.
     fn follow(&mut self, recipe: &Recipe, triangle: usize, corners: [Vec3; 3], local: [Vec3; 3]) {
         let frame = LongestEdgeFrame::new(corners, corners[0], recipe.longest_edge as usize);
         let (in_plane, axis, height) = if let Some(normal) = frame.normal {
@@ -386,7 +388,7 @@ impl SpherePart<'_> {
         self.heights[triangle] = height;
         self.axes[triangle] = axis;
         self.cosines[triangle] = match frame.normal {
-            // Far from the origin the center is moved by rounding, by more than a small triangle's height.
+            // Far from the origin, rounding moves the center by more than a small triangle's height.
             Some(_) if radius > 0.0 => (height / radius).min(1.0),
             _ => SafetyCones::EVERYWHERE,
         };
@@ -404,7 +406,7 @@ impl SpherePart<'_> {
     }
 }
 
-/// What spheres are made from.
+/// What spheres are computed from.
 struct Shapes<'a> {
     positions: &'a [Vec3],
     triangles: &'a [[u32; 3]],
@@ -440,7 +442,7 @@ fn refit_spheres<S: Simd>(
         };
         let lanes = SphereLanes::new(&recipes, &placed, &shape.corners);
         let inexact = (!(exact & lanes.exact)).to_bitmask() & first_lanes(range.len());
-        // One that cannot be told sends its seven neighbors with it: there are few, and the same comes out.
+        // One lane that is not exact sends its whole block here. Such lanes are rare, and the results are the same.
         if inexact != 0 {
             for triangle in range {
                 refreshed += usize::from(spheres.refit_one(shapes, triangle, all_fresh, settings));

@@ -1,10 +1,10 @@
-//! Safety cones: from which directions a sphere's cap is the real surface.
+//! Safety cones: the directions from which a sphere's cap is the real surface.
 //!
-//! Two offset spheres touch as surfaces only where the line between their centers leaves both through their caps.
-//! Reads the spheres of `circumsphere`; the cone stage keeps the pairs that pass. The test alone misses contacts, so
-//! only the `Circumsphere` method rejects by it. The signed gap is the source paper's, put in terms of plane heights.
+//! Two offset spheres touch as surfaces only if the line between their centers leaves both through their caps. Reads
+//! the spheres of `circumsphere`, and the cone stage keeps the pairs that pass. The test alone misses contacts, so only
+//! the `Circumsphere` method rejects pairs by it. The signed gap is the source paper's, in terms of plane heights.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use core::f32::consts::PI;
 
@@ -17,25 +17,25 @@ use crate::kernel::simd::{
     share::{LEAST_SHARE, OneByOne, PART, Share},
 };
 
-/// Slack of the cone comparison, as a cosine: a direction that the crease clamp puts exactly on the cone's boundary
-/// passes in spite of rounding.
+/// Slack of the cone comparison, as a cosine. A direction that the crease clamp puts exactly on the cone's boundary
+/// passes despite rounding.
 pub(in crate::kernel) const BOUNDARY_SLACK: f32 = 1.0e-4;
 
-/// How far a cone is widened beyond its triangle's spread, in radians (15°): over the recordings and the generated scenes
-/// it finds the most pairs at the same precision.
+/// How far a cone is widened beyond its triangle's spread, in radians (15°). Over the recordings and the generated
+/// scenes this finds the most pairs at the same precision.
 const EXTRA_WIDENING: f32 = 0.261_799_4;
 
-/// The cones of a surface's triangles, structure of arrays.
+/// The cones of a surface's triangles, as a structure of arrays.
 #[derive(Clone, Debug, Default)]
 pub struct SafetyCones {
-    /// Unit normals of the triangles; of a triangle without area the last normal it had, or zero.
+    /// Unit normals of the triangles. For a triangle without area, its last normal, or zero.
     pub axes: Vec<Vec3>,
-    /// Cosines of the half-angles; [`EVERYWHERE`](Self::EVERYWHERE) where a triangle has no area.
+    /// Cosines of the half-angles, or [`EVERYWHERE`](Self::EVERYWHERE) if a triangle has no area.
     pub cosines: Vec<f32>,
 }
 
 impl SafetyCones {
-    /// The cosine of a cone that holds every direction.
+    /// The cosine of a cone that contains every direction.
     pub const EVERYWHERE: f32 = -1.0;
 
     pub(in crate::kernel) fn resize(&mut self, count: usize) {
@@ -45,14 +45,14 @@ impl SafetyCones {
 }
 
 impl SafetyCones {
-    /// Widens every cone by its triangle's `spread` (see [`Curvatures::spreads`](super::curvature::Curvatures)) and
-    /// by 15° more: between the cones of two neighbors there are directions from which the edge they share is met,
-    /// and which are in neither.
+    /// Widens every cone by its triangle's `spread` (see [`Curvatures::spreads`](super::curvature::Curvatures)), and by
+    /// 15° more. Between the cones of two neighbors there are directions from which their common edge is met and that
+    /// are in neither cone.
     pub fn widen(&mut self, spreads: &[f32]) {
         self.widen_on(&OneByOne, spreads);
     }
 
-    /// The same in tasks that may be shared.
+    /// Like [`widen`](Self::widen), in tasks that `share` may distribute.
     pub fn widen_on(&mut self, share: &impl Share, spreads: &[f32]) {
         let count = self.cosines.len() / LEAST_SHARE;
         share.hand_out(self.cosines.chunks_mut(PART).zip(spreads.chunks(PART)), count, |(cosines, spreads)| {
@@ -70,7 +70,7 @@ fn widen<S: Simd>(simd: S, cosines: &mut [f32], spreads: &[f32]) {
         let added = spread + EXTRA_WIDENING;
         let (sine_added, cosine_added) = sine_cosine(added);
         let sine = (one - cosine * cosine).max(0.0).sqrt();
-        // Half-angles are at least 0, so that their sum passes π where the sine of the sum turns negative.
+        // Half-angles are at least 0, so their sum passes π where its sine becomes negative.
         let past_half_circle = (sine * cosine_added + cosine * sine_added).simd_lt(0.0);
         let everything = added.simd_ge(PI) | past_half_circle;
         let widened = cosine * cosine_added - sine * sine_added;
@@ -115,7 +115,7 @@ impl Cap {
     }
 
     /// The cap on the side of the triangle where `point` is: this one, or its mirror image in the triangle's plane. A
-    /// sheet has a surface on either side.
+    /// sheet has a surface on both sides.
     #[must_use]
     pub fn facing(&self, point: Vec3) -> Self {
         let in_plane = self.in_plane_center();
@@ -136,7 +136,7 @@ pub struct CapContact {
     pub point_b: Vec3,
     /// Unit direction from the first center to the second.
     pub direction: Vec3,
-    /// Distance from `point_a` to `point_b` along `direction`; negative where the planes have passed each other.
+    /// Distance from `point_a` to `point_b` along `direction`. Negative if the planes have passed each other.
     pub gap: f32,
 }
 
@@ -147,9 +147,9 @@ pub fn spheres_overlap(center_a: Vec3, radius_a: f32, center_b: Vec3, radius_b: 
     center_a.distance_squared(center_b) <= sum * sum
 }
 
-/// The cone test: the contact of two caps along the line between their centers, or `None` where that line leaves a
-/// sphere outside its cone. Concentric caps have no line; they are in contact, along the first one's normal, or against
-/// the second one's where the first has no area.
+/// The cone test: the contact of two caps along the line between their centers, or `None` if that line leaves a sphere
+/// outside its cone. Concentric caps have no such line. They are in contact along the first one's normal, or against
+/// the second one's if the first has no area.
 #[must_use]
 pub fn cap_contact(a: &Cap, b: &Cap) -> Option<CapContact> {
     let between = b.center - a.center;
@@ -162,14 +162,14 @@ pub fn cap_contact(a: &Cap, b: &Cap) -> Option<CapContact> {
     let direction = if between.is_finite() {
         between / length
     } else {
-        // More than the largest f32 apart.
+        // Farther apart than the largest f32.
         (b.center.as_dvec3() - a.center.as_dvec3()).try_normalize()?.as_vec3()
     };
     let (toward_b, toward_a) = (direction.dot(a.axis), -direction.dot(b.axis));
     if toward_b < a.cosine - BOUNDARY_SLACK || toward_a < b.cosine - BOUNDARY_SLACK {
         return None;
     }
-    // A direction that passed meets the plane within the sphere; the bound keeps the slack from reaching past it.
+    // A direction that passed meets the plane within the sphere. The limit keeps the slack from extending beyond it.
     let to_plane = |cap: &Cap, toward: f32| {
         if cap.height > 0.0 { (cap.height / toward.max(f32::MIN_POSITIVE)).min(cap.radius) } else { 0.0 }
     };

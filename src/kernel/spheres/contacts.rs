@@ -1,10 +1,10 @@
 //! The contacts of pairs whose spheres overlap: of enclosing balls, and of caps that pass the cone test.
 //!
-//! Reads pairs of triangles and the rows of both sides, eight pairs at a time. A contact of spheres is all in the spheres: a
-//! tick only [finds](FoundSpheres) which pairs are in contact and how far apart they are, in whatever order they come. Points
-//! and normals are [written](FoundPairs) from the same pairs, in the order of the contacts, for whoever reads them.
+//! Reads pairs of triangles and the rows of both sides, eight pairs at a time. The spheres alone determine a contact of
+//! spheres, so a tick only [finds](FoundSpheres) which pairs are in contact and how far apart they are, in any order.
+//! Points and normals are [written](FoundPairs) from the same pairs, in the order of the contacts, when they are read.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{Level, dispatch, f32x8, f64x8, mask32x8, mask64x8, prelude::*};
 use glam::{DVec3, Vec3};
@@ -17,7 +17,6 @@ use super::{
     rows::RowLanes,
 };
 use crate::kernel::{
-    capacity,
     contact::{CompactContact, FacePlace, TouchingPair},
     pair::{FoundPairs, PairSettings},
     simd::{
@@ -31,7 +30,7 @@ use crate::kernel::{
 
 mod estimate;
 
-/// Eight contacts of two whole triangles by their spheres, in the frame of the pair.
+/// Eight contacts of two whole triangles by their spheres, in the pair's frame.
 pub struct FaceContacts<S: Simd> {
     triangles: TrianglePairLanes<S>,
     /// Contact points on the first and the second side.
@@ -40,9 +39,9 @@ pub struct FaceContacts<S: Simd> {
     normal: VectorLanes<S>,
     /// From one point to the other, along the normal.
     gap: f64x8<S>,
-    /// What the distance of the two is at least, as far as the method knows; at least 0.
+    /// Lower bound of the distance of the triangles, as the method knows it. At least 0.
     distance: f64x8<S>,
-    /// Where there is any contact.
+    /// Where there is a contact.
     meet: mask32x8<S>,
 }
 
@@ -54,9 +53,9 @@ struct Distances<S: Simd> {
     reported: u32,
 }
 
-/// What becomes of contacts.
+/// Consumes contacts.
 pub trait ContactSink {
-    /// Makes room for the contacts of so many pairs at most.
+    /// Reserves capacity for the contacts of at most `count` pairs.
     fn reserve(&mut self, count: usize);
 
     /// Takes the contacts of eight pairs.
@@ -70,21 +69,22 @@ pub struct SphereContact {
     pub triangle_a: u32,
     /// Triangle of the second surface.
     pub triangle_b: u32,
-    /// Signed distance of the two contact points in world units: negative where the spheres, or caps, have passed each other.
-    /// The two touch where besides their boxes, and of caps their planes, come within the contact distance.
+    /// Signed distance of the two contact points in world units. Negative if the spheres, or caps, have passed each
+    /// other. The pair touches if also the boxes of its triangles, and for caps their planes, come within the contact
+    /// distance.
     pub distance: f32,
 }
 
 /// Which pairs of a list are in contact, and how far apart they are.
 #[derive(Clone, Debug)]
 pub struct FoundSpheres {
-    /// Of each pair [`SphereContact::distance`]; infinite where it has no contact that is written.
+    /// The [`SphereContact::distance`] of each pair. Infinite if it has no reported contact.
     pub distances: Vec<f32>,
-    /// How many pairs have one.
+    /// The number of pairs with a reported contact.
     pub reported: usize,
-    /// How many of them touch.
+    /// The number of these pairs that touch.
     pub touching: usize,
-    /// Distance of the nearest pair in world units, at least 0; infinite where none meets.
+    /// Distance of the nearest pair in world units, at least 0. Infinite if no pair meets.
     pub nearest: f64,
 }
 
@@ -95,19 +95,13 @@ impl Default for FoundSpheres {
 }
 
 impl FoundSpheres {
-    /// Empties the list and keeps its memory.
+    /// Clears the list and keeps its memory.
     pub fn clear(&mut self) {
         self.distances.clear();
         (self.reported, self.touching, self.nearest) = (0, 0, f64::INFINITY);
     }
 
-    /// Empties the list and keeps room for about as much as it held.
-    pub(crate) fn clear_room(&mut self) {
-        capacity::clear(&mut self.distances);
-        self.clear();
-    }
-
-    /// Appends what was found of a later part of the list.
+    /// Appends the results of a later part of the list.
     pub fn append(&mut self, later: &mut Self) {
         self.distances.append(&mut later.distances);
         self.reported += later.reported;
@@ -115,13 +109,13 @@ impl FoundSpheres {
         self.nearest = self.nearest.min(later.nearest);
     }
 
-    /// The contacts of the list that it was found of.
+    /// The contacts of `pairs`, which must be the list that this was found for.
     pub fn contacts(&self, pairs: &[[u32; 2]]) -> impl Iterator<Item = SphereContact> {
         let contacts = pairs.iter().zip(&self.distances).filter(|(_, distance)| **distance < f32::INFINITY);
         contacts.map(|(&[triangle_a, triangle_b], &distance)| SphereContact { triangle_a, triangle_b, distance })
     }
 
-    /// Adds the pairs of eight that are on the list.
+    /// Adds the results of eight pairs, without those that are not `listed`.
     #[inline(always)]
     fn add<S: Simd>(&mut self, simd: S, listed: u64, [touching, reported]: [u32; 2], gaps: f32x8<S>) {
         self.touching += touching.count_ones() as usize;
@@ -134,7 +128,7 @@ impl FoundSpheres {
     }
 }
 
-/// Of pairs that meet.
+/// For pairs that meet.
 impl ContactSink for FoundSpheres {
     fn reserve(&mut self, count: usize) {
         self.distances.reserve(count);
@@ -156,7 +150,7 @@ impl<S: Simd> FaceContacts<S> {
         let meet = self.meet.to_bitmask() & first_lanes(count);
         let met = mask64x8::from_bitmask(simd, meet).select(distance, f64x8::splat(simd, f64::INFINITY));
         Distances {
-            // Along the normal the two may be farther apart than what counts as the pair's distance.
+            // Along the normal the triangles may be farther apart than what counts as the pair's distance.
             gap: (self.gap * settings.scale).min(distance),
             least: met.reduce_min().max(0.0),
             touching: (met.simd_le(settings.contact_distance).to_bitmask() & meet) as u32,
@@ -207,8 +201,8 @@ impl ContactSink for FoundPairs {
     }
 }
 
-/// Appends the candidates whose enclosing balls come within range to `overlapping`, and how far apart those are to `found`. In a
-/// self-collision, pairs that share a vertex are left out.
+/// Appends the candidates whose enclosing balls come within range to `overlapping`, and their distances to `found`. In
+/// a self-collision, pairs that share a vertex are left out.
 pub fn overlapping_ball_contacts(
     a: &BallSide<'_>,
     b: &BallSide<'_>,
@@ -240,7 +234,7 @@ pub fn overlapping_ball_contacts(
                     found.nearest = found.nearest.min(contacts.distances(simd, pairs.len(), settings).least);
                 }
             }
-            // The numbers must not depend on what was found before: that is another list on another thread.
+            // The numbers must not depend on what was found before, which is another list on another thread.
             if let Some(Estimate { touching, reported, gaps, meets }) = known {
                 if meets {
                     found.nearest = 0.0;
@@ -284,14 +278,14 @@ fn ball_contacts_in_lanes<S: Simd>(simd: S, rows: &[RowLanes<S>; 2]) -> FaceCont
         points: [own - normal.scaled(own_radius), other.plus(normal.scaled(other_radius))],
         normal,
         gap,
-        // Candidates reach as far as the margin: without it, only what their boxes let through would be here.
+        // Candidates extend to the margin. Without it, only those whose boxes overlap would be here.
         distance: gap.max(triangles.box_gap()),
         meet: mask32x8::splat(simd, true),
         triangles,
     }
 }
 
-/// Appends the contacts of pairs of which all pass the cone test, see [`meeting_caps`].
+/// Appends the contacts of pairs that all pass the cone test, see [`meeting_caps`].
 pub fn cap_contacts(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
@@ -308,7 +302,7 @@ pub fn cap_contacts(
     });
 }
 
-/// Appends the pairs that pass the cone test to `meeting`, and what contacts they amount to to `found`.
+/// Appends the pairs that pass the cone test to `meeting`, and their contacts to `found`.
 pub fn meeting_caps(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
@@ -351,10 +345,10 @@ fn cap_contacts_in_lanes<S: Simd>(
     }
     let between = cap_a.center.widened() - cap_b.center.widened();
     let spheres = between.dot(between).sqrt() - widened(cap_a.radius) - widened(cap_b.radius);
-    // Boxes always: candidates reach as far as the margin, and the pairs must not depend on it.
+    // Boxes always count: candidates extend to the margin, and the pairs must not depend on it.
     let mut distance = spheres.max(triangles.box_gap());
     if settings.cull {
-        // The axes are the triangles' normals. Along any direction the two are no nearer than they are.
+        // The axes are the normals of the triangles. The triangles are no nearer than their gap along any direction.
         distance = distance.max(triangles.gap_along([cap_a.axis, cap_b.axis, contact.direction]));
     }
     FaceContacts {
@@ -367,7 +361,7 @@ fn cap_contacts_in_lanes<S: Simd>(
     }
 }
 
-/// Tests the pairs that eight at a time cannot be told of, one by one.
+/// Tests the pairs that cannot be decided eight at a time, one by one.
 #[cold]
 #[inline(never)]
 fn settle<S: Simd>(

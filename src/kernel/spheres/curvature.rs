@@ -1,11 +1,11 @@
-//! One curvature value per triangle, from its neighbors across shared edges, and the dihedral angles on the way.
+//! One curvature value per triangle, from its neighbors across shared edges, and the dihedral angles.
 //!
-//! Two estimators: the signed edge curvature `β/d`, β the dihedral angle and `d` the distance of the unfolded
-//! centroids across the edge; and the angle deficit of the dual mesh (centroids joined across edges), whose root over
-//! the dual area is the mean curvature at valence three. First geometric stage of the sphere methods; `circumsphere`
-//! reads what it writes.
+//! Two estimators: the signed edge curvature `β/d`, with β the dihedral angle and `d` the distance of the unfolded
+//! centroids across the edge; and the angle deficit of the dual mesh (centroids joined across edges). The square root
+//! of the deficit over the dual area is the mean curvature at valence three. First geometric stage of the sphere
+//! methods; `circumsphere` reads its results.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use core::f32::consts::FRAC_PI_2;
 
@@ -26,26 +26,27 @@ use crate::kernel::{
 /// How the curvature of a triangle is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CurvatureEstimator {
-    /// The edge of largest `|β/d|`, signed: positive where the surface is convex seen from the side its normals point
-    /// to. Holds on stretched meshes and at boundaries.
+    /// The edge with the largest `|β/d|`, signed: positive where the surface is convex, seen from the side that its
+    /// normals point to. Works on stretched meshes and at boundaries.
     #[default]
     SignedEdge,
-    /// `sqrt(max(2π − Σα, 0) / A)` of the dual mesh at the triangle's centroid: the source paper's estimator, with
-    /// the sum of the dual triangles' areas. At least 0. Needs all three neighbors: elsewhere the signed edge
-    /// curvature stands in.
+    /// `sqrt(max(2π − Σα, 0) / A)` of the dual mesh at the triangle's centroid: the source paper's estimator, with the
+    /// sum of the dual triangles' areas. At least 0. Needs all three neighbors. Without them the signed edge curvature
+    /// is used.
     DualAngleDeficit,
 }
 
-/// Curvatures and dihedral angles of a surface's triangles, and the buffers they are computed in.
+/// Curvatures and dihedral angles of a surface's triangles, and the buffers that they are computed in.
 #[derive(Clone, Debug, Default)]
 pub struct Curvatures {
     /// Curvature of each triangle, in 1/length.
     pub curvatures: Vec<f32>,
-    /// Dihedral angle across edge `k` of each triangle, in radians from −π to π: positive where convex, 0 at a
-    /// boundary and next to a triangle without area.
+    /// Dihedral angle across edge `k` of each triangle, in radians from −π to π. Positive where convex, 0 at a boundary
+    /// and next to a triangle without area.
     pub dihedrals: Vec<[f32; 3]>,
-    /// How far the surface's normal turns away from each triangle's own before the next triangle takes over: the largest
-    /// angle to a neighbor, in radians from 0 to π; at a boundary at least π/2, as a rim is met from any side.
+    /// How far the surface's normal turns away from each triangle's own before the next triangle takes over: the
+    /// largest angle to a neighbor, in radians from 0 to π. At a boundary at least π/2, because a rim is met from any
+    /// side.
     pub spreads: Vec<f32>,
     faces: Vec<Face>,
     centroids: Vec<Vec3>,
@@ -53,10 +54,10 @@ pub struct Curvatures {
     bends: Vec<[f32; 2]>,
 }
 
-/// A triangle as its edges see it: its normal, of length 1 or zero where the triangle has no area, and its doubled area.
+/// A triangle's normal, a unit vector or zero if the triangle has no area, and its doubled area.
 type Face = [f32; 4];
 
-/// How the surface bends across an edge: the dihedral angle, or what there is instead of one, and the curvature.
+/// How the surface bends across an edge: the dihedral angle, or a marker instead of one, and the curvature.
 #[derive(Clone, Copy, Debug, Default)]
 struct Bend {
     dihedral: f32,
@@ -71,10 +72,10 @@ impl From<[f32; 2]> for Bend {
 }
 
 impl Bend {
-    /// Where there is no triangle on the other side: no angle is as large.
+    /// No triangle on the other side. No angle is as large.
     const RIM: Self = Self { dihedral: f32::INFINITY, curvature: 0.0 };
 
-    /// Where there are several, each with an angle of its own.
+    /// Several triangles on the other side, each with its own angle.
     const BRANCH: Self = Self { dihedral: f32::NAN, curvature: 0.0 };
 
     #[inline]
@@ -82,26 +83,26 @@ impl Bend {
         self.dihedral.is_nan()
     }
 
-    /// 0 where there is none.
+    /// The dihedral angle, or 0 if there is none.
     #[inline]
     fn dihedral(self) -> f32 {
         if self.dihedral == f32::INFINITY { 0.0 } else { self.dihedral }
     }
 
-    /// How far the surface's normal turns, π/2 at a rim.
+    /// How far the surface's normal turns. π/2 at a rim.
     #[inline]
     fn turn(self) -> f32 {
         if self.dihedral == f32::INFINITY { FRAC_PI_2 } else { self.dihedral.abs() }
     }
 }
 
-/// Eight edges with a triangle on either side.
+/// Eight edges with a triangle on each side.
 struct HingeLanes<S: Simd> {
-    /// From one end to the other, as the first triangle runs through it.
+    /// From one end to the other, in the direction of the first triangle.
     along: VectorLanes<S>,
     normals: [VectorLanes<S>; 2],
     doubled_areas: [f32x8<S>; 2],
-    /// Where the second triangle is turned inside out.
+    /// Where the second triangle is inverted.
     turned: mask32x8<S>,
     /// Where there are two triangles.
     folds: mask32x8<S>,
@@ -125,7 +126,7 @@ impl<S: Simd> HingeLanes<S> {
                 Hinge::Branch => branches |= 1 << lane,
             }
         }
-        // Where there is no fold, the first places are read: a loop that leaves nothing out keeps all in registers.
+        // If there is no fold, the first elements are read: a loop without branches keeps everything in registers.
         let (mut along, mut sides) = ([Vec3::ZERO; WIDTH], [[f32x4::splat(simd, 0.0); WIDTH]; 2]);
         for lane in 0..WIDTH {
             let [triangles, [from, to]] = places[lane];
@@ -168,7 +169,7 @@ impl<S: Simd> HingeLanes<S> {
     }
 }
 
-/// What there is to be known of consecutive triangles.
+/// The results for consecutive triangles.
 struct Measured<'a> {
     curvatures: &'a mut [f32],
     dihedrals: &'a mut [[f32; 3]],
@@ -235,7 +236,7 @@ impl<S: Simd> BendLanes<S> {
         most
     }
 
-    /// The one of the largest magnitude.
+    /// The curvature with the largest magnitude.
     #[inline(always)]
     fn curvature(&self) -> f32x8<S> {
         let simd = self.curvatures[0].simd;
@@ -253,7 +254,7 @@ impl Curvatures {
         self.measure_on(&OneByOne, topology, positions, estimator);
     }
 
-    /// The same in tasks that may be shared.
+    /// Like [`measure`](Self::measure), in tasks that `share` may distribute.
     pub fn measure_on(
         &mut self,
         share: &impl Share,
@@ -304,7 +305,7 @@ impl Curvatures {
         (self.curvatures, self.dihedrals, self.spreads) = (curvatures, dihedrals, spreads);
     }
 
-    /// Measures consecutive triangles, from `first` on.
+    /// Measures consecutive triangles, starting with `first`.
     #[inline(always)]
     fn measure_part<S: Simd>(
         &self,
@@ -330,7 +331,7 @@ impl Curvatures {
         }
     }
 
-    /// The same where an edge may have several triangles.
+    /// Like `measure_part`, if an edge may have several triangles.
     #[cold]
     #[inline(never)]
     fn measure_one_by_one(
@@ -366,12 +367,12 @@ impl Curvatures {
         bends
     }
 
-    /// The bend across edge `k` of a triangle to that of several neighbors which folds most.
+    /// The bend across edge `k` of a triangle, to whichever of several neighbors folds most.
     #[cold]
     fn steepest_bend(&self, topology: &SurfaceTopology, positions: &[Vec3], triangle: usize, k: usize) -> Bend {
         let (own, edge) = (triangle as u32, topology.triangle_edges()[triangle][k]);
         let corners = topology.triangles()[triangle];
-        // As the first one of the triangle's edges that is this one: a triangle may run through an edge twice.
+        // Uses the first of the triangle's edges that is this edge: a triangle may traverse an edge twice.
         let side = (0..3).find(|&side| topology.triangle_edges()[triangle][side] == edge).unwrap_or(k);
         let mut steepest = Bend::default();
         for &other in topology.triangles_of_edge(EdgeId(edge)).iter().filter(|&&other| other != own) {
@@ -390,7 +391,7 @@ impl Curvatures {
         steepest
     }
 
-    /// `None` where the triangle has not exactly one neighbor across each edge, or the dual triangles have no area.
+    /// `None` if the triangle does not have exactly one neighbor across each edge, or the dual triangles have no area.
     fn dual_angle_deficit(&self, topology: &SurfaceTopology, triangle: usize) -> Option<f32> {
         let own = triangle as u32;
         let mut spokes = [Vec3::ZERO; 3];
@@ -419,7 +420,7 @@ fn measure_faces<S: Simd>(simd: S, triangles: &[[u32; 3]], positions: &[Vec3], f
     for (triangles, faces) in triangles.chunks(WIDTH).zip(faces.chunks_mut(WIDTH)) {
         let [a, b, c] = TriangleLanes::gather(simd, positions, triangles).0;
         let (u, v) = (b - a, c - a);
-        // Scaled first: the square of an area is of order length⁴ and leaves the range of f32 before lengths do.
+        // Scaled first: the square of an area is of order length⁴, and leaves the range of f32 before lengths do.
         let extent_u = u.x.abs().max(u.y.abs()).max(u.z.abs());
         let extent = extent_u.max(v.x.abs()).max(v.y.abs()).max(v.z.abs());
         let has_extent = extent.simd_gt(0.0);

@@ -1,4 +1,5 @@
-//! Spheres through triangles: curvature, circumspheres and their recipes, safety cones, which pairs overlap, and their contacts.
+//! Spheres through triangles: curvature, circumspheres and their recipes, safety cones, overlapping pairs, and their
+//! contacts.
 
 pub(in crate::kernel) mod cap_lanes;
 pub mod circumsphere;

@@ -1,10 +1,10 @@
-//! Which candidate pairs come within range as spheres, and what the sphere stages read of either side.
+//! Which candidate pairs come within range as spheres, and what the sphere stages read of each side.
 //!
-//! Reads candidate pairs and the spheres of both sides, writes the pairs that pass, eight pairs at a time; their contacts
-//! are made in `sphere_contacts`. Spheres are kept in the frame of their own surface; those of a moved side are brought over
-//! pair by pair.
+//! Reads candidate pairs and the spheres of both sides, and writes the pairs that pass, eight at a time. `contacts`
+//! computes their contacts. Spheres are stored in the frame of their own surface. If a side is moved, they are
+//! transformed pair by pair.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 
@@ -25,17 +25,18 @@ use crate::kernel::{
     },
 };
 
-/// The enclosing balls of one side, and the way to the frame of the pair.
+/// The enclosing balls of one side, and the transform to the pair's frame.
 #[derive(Clone, Copy)]
 pub struct BallSide<'a> {
-    /// The surface in the frame of the pair.
+    /// The surface in the pair's frame.
     pub surface: SurfaceSide<'a>,
-    /// One ball a triangle, in the side's own frame.
+    /// One ball per triangle, in the side's own frame.
     pub balls: &'a [Ball],
-    /// From the side's own frame to the frame of the pair, as the surface has it, unless there are [rows](Self::rows), which have
-    /// all that there is to be moved; `None` where the two are the same.
+    /// From the side's own frame to the pair's frame, the same transform as the surface's. If there are
+    /// [rows](Self::rows), the surface need not have one, because rows contain everything to be transformed. `None` if
+    /// the two frames are the same.
     pub pose: Option<&'a Pose>,
-    /// [Its rows](Self::rows), where somebody has made them.
+    /// [Its rows](Self::rows), if they have been made.
     pub rows: Option<&'a BallRows>,
 }
 
@@ -49,7 +50,7 @@ impl Prefetch for BallSide<'_> {
 }
 
 impl BallSide<'_> {
-    /// Writes a row for each triangle, in the side's own frame: worth it where most triangles are in several pairs.
+    /// Writes a row for each triangle, in the side's own frame. Worthwhile if most triangles are in several pairs.
     pub fn rows(&self, share: &impl Share, rows: &mut BallRows) {
         rows.fill(share, self.balls.len(), |triangle| self.row(triangle));
     }
@@ -83,7 +84,7 @@ impl BallSide<'_> {
         rows
     }
 
-    /// One triangle's ball in the frame of the pair.
+    /// One triangle's ball in the pair's frame.
     #[inline(always)]
     #[must_use]
     pub fn ball(&self, triangle: u32) -> Ball {
@@ -96,19 +97,20 @@ impl BallSide<'_> {
     }
 }
 
-/// The offset spheres and cones of one side, and the way to the frame of the pair.
+/// The offset spheres and cones of one side, and the transform to the pair's frame.
 #[derive(Clone, Copy)]
 pub struct CapSide<'a> {
-    /// The surface in the frame of the pair. A sheet, which has no inside, has a cap on either side of each triangle.
+    /// The surface in the pair's frame. A sheet, which has no inside, has a cap on both sides of each triangle.
     pub surface: SurfaceSide<'a>,
     /// Offset spheres, in the side's own frame.
     pub spheres: &'a OffsetSpheres,
     /// Safety cones, in the side's own frame.
     pub cones: &'a SafetyCones,
-    /// From the side's own frame to the frame of the pair, as the surface has it, unless there are [rows](Self::rows), which have
-    /// all that there is to be moved; `None` where the two are the same.
+    /// From the side's own frame to the pair's frame, the same transform as the surface's. If there are
+    /// [rows](Self::rows), the surface need not have one, because rows contain everything to be transformed. `None` if
+    /// the two frames are the same.
     pub pose: Option<&'a Pose>,
-    /// [Its rows](Self::rows), where somebody has made them.
+    /// [Its rows](Self::rows), if they have been made.
     pub rows: Option<&'a CapRows>,
 }
 
@@ -122,7 +124,7 @@ impl Prefetch for CapSide<'_> {
 }
 
 impl CapSide<'_> {
-    /// Writes a row for each triangle, in the side's own frame: worth it where most triangles are in several pairs.
+    /// Writes a row for each triangle, in the side's own frame. Worthwhile if most triangles are in several pairs.
     pub fn rows(&self, share: &impl Share, rows: &mut CapRows) {
         rows.fill(share, self.spheres.radii.len(), |triangle| self.row(triangle));
     }
@@ -157,7 +159,7 @@ impl CapSide<'_> {
         (rows, rest)
     }
 
-    /// One triangle's sphere and cone in the frame of the pair.
+    /// One triangle's sphere and cone in the pair's frame.
     #[inline(always)]
     #[must_use]
     pub fn cap(&self, triangle: u32) -> Cap {
@@ -168,7 +170,7 @@ impl CapSide<'_> {
             center: pose.transform_point(cap.center.as_dvec3()).as_vec3(),
             radius: (f64::from(cap.radius) * scale) as f32,
             height: (f64::from(cap.height) * scale) as f32,
-            // A pose may stretch a little more along one axis than along another.
+            // A pose may stretch slightly more along one axis than along another.
             axis: pose.transform_direction(cap.axis.as_dvec3()).normalize_or_zero().as_vec3(),
             cosine: cap.cosine,
         }
@@ -183,7 +185,8 @@ fn reach_each_other<S: Simd>([a, b]: [VectorLanes<S>; 2], [radius_a, radius_b]: 
     between.dot(between).simd_le(sum * sum).to_bitmask()
 }
 
-/// One bit for each of eight pairs whose enclosing balls come within range, in a self-collision without those that share a vertex.
+/// One bit for each of eight pairs whose enclosing balls come within range. In a self-collision, neighbors are left
+/// out.
 #[inline(always)]
 pub(in crate::kernel) fn balls_within<S: Simd>(
     side: &BallSide<'_>,
@@ -197,7 +200,7 @@ pub(in crate::kernel) fn balls_within<S: Simd>(
     without_meeting(within, settings, &side.surface, [&a.corners(), &b.corners()], pairs)
 }
 
-/// Of eight pairs those that share no vertex, where both sides are the same surface.
+/// Removes neighbors from the bits of eight pairs, if both sides are the same surface.
 #[inline(always)]
 fn without_meeting<S: Simd>(
     within: u64,
@@ -213,8 +216,9 @@ fn without_meeting<S: Simd>(
     if near == 0 { within } else { within & !neighbors(surface, pairs) }
 }
 
-/// Appends the candidates whose offset spheres come within range and, where asked, which neither their planes nor the
-/// line between the sphere centers separate by more. In a self-collision, pairs that share a vertex are left out.
+/// Appends the candidates whose offset spheres come within range and, if `settings.cull` is set, that neither normals
+/// nor the line between the sphere centers separate by more. In a self-collision, pairs that share a vertex are left
+/// out.
 pub fn overlapping_caps(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
@@ -226,14 +230,14 @@ pub fn overlapping_caps(
     caps_passing(a, b, candidates, tests, settings, overlapping);
 }
 
-/// What may keep the caps of two triangles apart.
+/// The tests that can separate the caps of two triangles.
 #[derive(Clone, Copy)]
 pub(in crate::kernel) struct CapTests {
     /// A slab along the normal of either triangle.
     planes: bool,
     /// The offset spheres.
     spheres: bool,
-    /// A slab along the line between the centers of the spheres.
+    /// A slab along the line between the sphere centers.
     center_line: bool,
 }
 
@@ -245,7 +249,7 @@ impl CapTests {
     pub(in crate::kernel) const CENTER_LINE: Self = Self { center_line: true, ..Self::NONE };
 }
 
-/// The caps of eight pairs of triangles, of sheets those that face the other triangle.
+/// The caps of eight pairs of triangles. For a sheet, the caps that face the other triangle.
 #[inline(always)]
 pub(in crate::kernel) fn facing_caps<S: Simd>(
     a: &CapSide<'_>,
@@ -260,7 +264,7 @@ pub(in crate::kernel) fn facing_caps<S: Simd>(
     ]
 }
 
-/// Appends the pairs that no test keeps apart. In a self-collision, pairs that share a vertex are left out.
+/// Appends the pairs that no test separates. In a self-collision, pairs that share a vertex are left out.
 pub(in crate::kernel) fn caps_passing(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
@@ -306,12 +310,12 @@ fn overlap_in_lanes<S: Simd>(
     }
 }
 
-/// One bit for each pair with a corner of either triangle as far along the first axis as one of the other: where no vertices
-/// are welded, all that share a vertex are among them, but for those with corners that are not numbers.
+/// One bit for each pair in which a corner of each triangle has the same x coordinate. If no vertices are welded, these
+/// include all pairs that share a vertex, except those with NaN corners.
 #[inline(always)]
 fn meeting<S: Simd>(a: &[VectorLanes<S>; 3], b: &[VectorLanes<S>; 3]) -> u64 {
     let [own, other] = [a, b].map(|corners| [corners[0].x.to_bits(), corners[1].x.to_bits(), corners[2].x.to_bits()]);
-    // Equal numbers differ in no bit, and one comparison tells of all nine.
+    // Equal numbers have an XOR of 0, so one comparison covers all nine.
     let mut least = own[0] ^ other[0];
     for own in own {
         for other in other {
@@ -353,8 +357,8 @@ impl<S: Simd> ListedPairs<S> {
         Self { firsts, seconds }
     }
 
-    /// Appends those whose bits are set. Which ones those are is hard to foresee: so eight are appended, those first, and the
-    /// others dropped.
+    /// Appends the pairs whose bits are set. Which ones those are is unpredictable, so eight are appended, those first,
+    /// and the rest is dropped.
     #[inline(always)]
     pub(in crate::kernel) fn append(&self, simd: S, set: u64, list: &mut Vec<[u32; 2]>) {
         let mask = mask32x8::from_bitmask(simd, set);
@@ -368,7 +372,7 @@ impl<S: Simd> ListedPairs<S> {
     }
 }
 
-/// Appends the first of eight items.
+/// Appends the first `count` of eight items.
 #[inline(always)]
 pub(in crate::kernel) fn append_first<T: Copy>(items: &[T; WIDTH], count: usize, list: &mut Vec<T>) {
     let before = list.len();

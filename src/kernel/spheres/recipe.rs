@@ -1,9 +1,10 @@
-//! How a triangle's sphere follows its vertices, and the shape that was found for: one triangle at a time, and eight.
+//! Recipes: how a triangle's sphere follows its vertices, and the shape that it was made for, for one triangle and for
+//! eight.
 //!
-//! Where the sphere sits, relative to the longest edge, is found anew only for a triangle whose shape has changed; see
-//! `circumsphere`, which keeps the recipes in blocks of eight.
+//! Where the sphere is, relative to the longest edge, is only recomputed for a triangle whose shape has changed. See
+//! `circumsphere`, which stores recipes in blocks of eight.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 use glam::Vec3;
@@ -13,10 +14,10 @@ use super::circumsphere::{
 };
 use crate::kernel::simd::lanes::{EdgeChoice, FrameLanes, TriangleLanes, VectorLanes, WIDTH, load_first, tangent};
 
-/// How one triangle's sphere follows its vertices, and the shape it was made for.
+/// How one triangle's sphere follows its vertices, and the shape that it was made for.
 ///
-/// The in-plane center is remembered as a multiple of half the longest edge, across that edge. Barycentric coordinates
-/// would do the same for the shape they were made for, but run away when a thin triangle changes.
+/// The in-plane center is stored as a multiple of half the longest edge, across that edge. Barycentric coordinates
+/// would give the same center for the shape that they were made for, but diverge when a thin triangle changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::kernel) struct Recipe {
     pub(in crate::kernel) longest_edge: u8,
@@ -24,12 +25,12 @@ pub(in crate::kernel) struct Recipe {
     pub(in crate::kernel) height_ratio: f32,
     lengths: [f32; 3],
     dihedrals: [f32; 3],
-    /// The [count of refits](super::circumsphere::OffsetSpheres) at which it was made.
+    /// The [number of refits](super::circumsphere::OffsetSpheres) when it was made.
     made_at: u32,
 }
 
 impl Recipe {
-    /// Takes the corners where they are, and relative to the first one.
+    /// Takes the corners, and the corners relative to the first one.
     pub(in crate::kernel) fn new(
         corners: [Vec3; 3],
         local: [Vec3; 3],
@@ -64,7 +65,7 @@ impl Recipe {
 
     pub(in crate::kernel) fn shape_change(&self, lengths: [f32; 3], dihedrals: [f32; 3]) -> f32 {
         (0..3).fold(0.0, |change: f32, k| {
-            // A length that was 0 has no relative change: any other length is a new shape.
+            // A length of 0 has no relative change: any other length is a new shape.
             let stretch = if self.lengths[k] > 0.0 {
                 (lengths[k] / self.lengths[k] - 1.0).abs()
             } else if lengths[k] > 0.0 {
@@ -77,11 +78,11 @@ impl Recipe {
     }
 }
 
-/// The recipes of eight triangles, as they are kept. Aligned, so that no eight numbers lie in two lines of the cache.
+/// The stored recipes of eight triangles. Aligned, so that no row of eight numbers crosses a cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(32))]
 pub(in crate::kernel) struct RecipeBlock {
-    /// One bit for each triangle whose longest edge is the second, and one where it is the third.
+    /// One bit for each triangle whose longest edge is the second, and one for each whose longest edge is the third.
     longest_edge: [u8; 2],
     inward: [f32; WIDTH],
     height_ratio: [f32; WIDTH],
@@ -152,7 +153,7 @@ impl<S: Simd> RecipeLanes<S> {
         }
     }
 
-    /// Writes all of them, of which some have been made by now.
+    /// Writes all recipes. `made` has a bit for each recipe that was made just now.
     #[inline(always)]
     pub(in crate::kernel) fn store(&self, block: &mut RecipeBlock, made: u64, made_at: u32) {
         block.longest_edge = self.longest_edge.bits();
@@ -167,7 +168,7 @@ impl<S: Simd> RecipeLanes<S> {
         }
     }
 
-    /// [`Recipe::shape_change`], of lengths that are not 0.
+    /// [`Recipe::shape_change`], for lengths that are not 0.
     #[inline(always)]
     pub(in crate::kernel) fn shape_change(&self, shape: &ShapeLanes<S>) -> f32x8<S> {
         let mut change = f32x8::splat(shape.curvatures.simd, 0.0);
@@ -178,14 +179,14 @@ impl<S: Simd> RecipeLanes<S> {
         change
     }
 
-    /// Where triangles are by their recipes.
+    /// Places the in-plane centers by the recipes.
     #[inline(always)]
     pub(in crate::kernel) fn place(&self, shape: &ShapeLanes<S>) -> PlacedLanes<S> {
         let frame = shape.frame(self.longest_edge);
         PlacedLanes::new(frame, self.inward, shape)
     }
 
-    /// [`Recipe::new`], written where asked. Returns where triangles are by recipes that are made now.
+    /// [`Recipe::new`], stored where `stale`. Returns the in-plane centers by recipes that are made now.
     #[inline(always)]
     pub(in crate::kernel) fn refresh(
         &mut self,
@@ -220,12 +221,12 @@ impl<S: Simd> RecipeLanes<S> {
     }
 }
 
-/// Where eight triangles are, relative to their first corners.
+/// The in-plane centers of eight triangles, relative to their first corners.
 pub(in crate::kernel) struct PlacedLanes<S: Simd> {
     pub(in crate::kernel) frame: FrameLanes<S>,
     /// The in-plane center.
     pub(in crate::kernel) center: VectorLanes<S>,
-    /// The distance of the farthest corner from there.
+    /// The distance of the farthest corner from the in-plane center.
     pub(in crate::kernel) farthest: f32x8<S>,
     /// Where that is exact.
     pub(in crate::kernel) exact: mask32x8<S>,
@@ -240,17 +241,17 @@ impl<S: Simd> PlacedLanes<S> {
     }
 }
 
-/// [`curvature_factor`] of numbers from 0 to 1.
+/// [`curvature_factor`] for numbers from 0 to 1.
 #[inline(always)]
 fn curvature_factors<S: Simd>(t: f32x8<S>) -> f32x8<S> {
     let one = f32x8::splat(t.simd, 1.0);
     (one - t * 3.0 * t + t * 2.0 * t * t).max(0.0).min(1.0)
 }
 
-/// What recipes of eight triangles are made from, and whether they still hold.
+/// What the recipes of eight triangles are made from and compared with.
 pub(in crate::kernel) struct ShapeLanes<S: Simd> {
     pub(in crate::kernel) corners: TriangleLanes<S>,
-    /// The same relative to the first one, so that distance from the origin costs no precision.
+    /// The corners relative to the first one, so that distance from the origin costs no precision.
     local: TriangleLanes<S>,
     lengths: [f32x8<S>; 3],
     dihedrals: [f32x8<S>; 3],
@@ -276,7 +277,7 @@ impl<S: Simd> ShapeLanes<S> {
         }
     }
 
-    /// Seen from one edge, relative to the first corner.
+    /// The triangles relative to one edge and the first corner.
     #[inline(always)]
     fn frame(&self, edge: EdgeChoice<S>) -> FrameLanes<S> {
         FrameLanes::new(&self.corners, self.corners.0[0], edge, &self.lengths)

@@ -1,10 +1,11 @@
-//! All that the sphere stages ask of a triangle, one row a triangle: what is side by side in memory is read at once.
+//! Everything that the sphere stages read of a triangle, as one row of contiguous memory.
 //!
-//! A triangle is in a dozen pairs, and each pair needs its corners and its sphere, which lie in as many places as they have
-//! numbers. Rows are copied together once a tick, of a surface at rest once, and turned into lanes eight pairs at a time.
-//! Written by the overlap stage, read by it, by the cone stage, and by whoever writes contacts out, maybe ticks later.
+//! A triangle is in about a dozen pairs. Each pair needs its corners and its sphere, whose numbers lie in as many
+//! places. Rows are assembled once per tick, or once for a surface at rest, and transposed into lanes eight pairs at a
+//! time. Written by the overlap stage; read by it, by the cone stage, and by the writers of contacts, possibly ticks
+//! later.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f32x8, prelude::*};
 use glam::{DVec3, Vec3};
@@ -20,10 +21,10 @@ use crate::kernel::{
     },
 };
 
-/// How many rows ahead of the one that is written memory is asked for.
+/// How many rows ahead of the written one to prefetch.
 const ROWS_AHEAD: usize = 16;
 
-/// How many numbers fill a line of the cache.
+/// Numbers per cache line.
 const NUMBERS: usize = 2 * WIDTH;
 
 /// The numbers of one triangle.
@@ -41,8 +42,8 @@ pub struct BallRows {
     rows: Vec<TriangleRow>,
 }
 
-/// Rows with the corners of each triangle, its offset sphere and its cone. A row is a line of the cache: the two numbers
-/// that it has no room for are together elsewhere.
+/// Rows with the corners of each triangle, its offset sphere, and its cone. A row is one cache line. The two numbers
+/// that do not fit are stored together elsewhere.
 #[derive(Clone, Debug, Default)]
 pub struct CapRows {
     rows: Vec<TriangleRow>,
@@ -50,13 +51,13 @@ pub struct CapRows {
 }
 
 impl BallRows {
-    /// Asks for a row that is to be read soon.
+    /// Prefetches a row.
     #[inline(always)]
     pub(in crate::kernel) fn prefetch(&self, triangle: u32) {
         prefetch(&self.rows, triangle);
     }
 
-    /// Writes `count` rows, each as `row` makes it.
+    /// Writes `count` rows, which `row` makes.
     pub(in crate::kernel) fn fill(
         &mut self,
         share: &impl Share,
@@ -74,14 +75,14 @@ impl BallRows {
 }
 
 impl CapRows {
-    /// Asks for a row that is to be read soon.
+    /// Prefetches a row.
     #[inline(always)]
     pub(in crate::kernel) fn prefetch(&self, triangle: u32) {
         prefetch(&self.rows, triangle);
         prefetch(&self.rest, triangle);
     }
 
-    /// Writes `count` rows, each as `row` makes it.
+    /// Writes `count` rows, which `row` makes.
     pub(in crate::kernel) fn fill(
         &mut self,
         share: &impl Share,
@@ -101,7 +102,7 @@ impl CapRows {
 }
 
 impl TriangleRow {
-    /// `corners` and `cap` in the same frame.
+    /// `corners` and `cap` must be in the same frame.
     #[inline(always)]
     pub(in crate::kernel) fn of_cap(corners: [Vec3; 3], cap: &Cap) -> (Self, [f32; 2]) {
         let [a, b, c] = corners;
@@ -111,7 +112,7 @@ impl TriangleRow {
         (Self(row), [axis.z, cosine])
     }
 
-    /// `corners` and `ball` in the same frame.
+    /// `corners` and `ball` must be in the same frame.
     #[inline(always)]
     pub(in crate::kernel) fn of_ball(corners: [Vec3; 3], ball: &Ball) -> Self {
         let ([a, b, c], Ball { center: Vec3 { x, y, z }, radius }) = (corners, *ball);
@@ -119,16 +120,16 @@ impl TriangleRow {
     }
 }
 
-/// The rows of one side of eight pairs, one number to the lanes, in the frame of the pairs.
+/// The rows of one side of eight pairs, transposed into lanes, in the pairs' frame.
 pub(in crate::kernel) struct RowLanes<S: Simd> {
     row: [f32x8<S>; NUMBERS],
     rest: [f32x8<S>; 2],
-    /// The corners before they were rounded, where they have been moved.
+    /// The corners before rounding, if they have been transformed.
     moved_corners: Option<[DoubleVectorLanes<S>; 3]>,
 }
 
 impl<S: Simd> RowLanes<S> {
-    /// The rows of the pairs' triangles on one side.
+    /// Gathers the rows of the triangles on one side of the pairs.
     #[inline(always)]
     pub(in crate::kernel) fn gather_balls<const SIDE: usize>(simd: S, rows: &BallRows, pairs: &[[u32; 2]]) -> Self {
         let places = places::<SIDE>(pairs);
@@ -145,7 +146,7 @@ impl<S: Simd> RowLanes<S> {
         Self::new(simd, |lane| &rows.rows[places[lane] as usize], &rest)
     }
 
-    /// Of rows that have been made pair by pair.
+    /// Takes rows that were made pair by pair.
     #[inline(always)]
     pub(in crate::kernel) fn new<'a>(
         simd: S,
@@ -165,7 +166,7 @@ impl<S: Simd> RowLanes<S> {
         }
     }
 
-    /// Brings triangles and balls into another frame, if there is a pose.
+    /// Transforms triangles and balls to another frame, if there is a pose.
     #[inline(always)]
     pub(in crate::kernel) fn with_balls_moved(mut self, simd: S, pose: Option<&Pose>) -> Self {
         let Some(to_frame) = pose else { return self };
@@ -180,7 +181,7 @@ impl<S: Simd> RowLanes<S> {
         self
     }
 
-    /// Brings triangles and caps into another frame, if there is a pose.
+    /// Transforms triangles and caps to another frame, if there is a pose.
     #[inline(always)]
     pub(in crate::kernel) fn with_caps_moved(self, simd: S, pose: Option<&Pose>) -> Self {
         let mut moved = self.with_balls_moved(simd, pose);
@@ -198,7 +199,7 @@ impl<S: Simd> RowLanes<S> {
         (self.row[place], self.row[place + 1], self.row[place + 2]) = (vector.x, vector.y, vector.z);
     }
 
-    /// The corners as exactly as they are known.
+    /// The corners, not rounded even if they have been transformed.
     #[inline(always)]
     pub(in crate::kernel) fn exact_corners(&self) -> [DoubleVectorLanes<S>; 3] {
         if let Some(corners) = self.moved_corners {
@@ -240,13 +241,13 @@ impl<S: Simd> RowLanes<S> {
     }
 }
 
-/// Lengths in another frame.
+/// Converts lengths to another frame.
 #[inline(always)]
 fn scaled<S: Simd>(lengths: f32x8<S>, pose: &Pose) -> f32x8<S> {
     rounded(widened(lengths) * pose.scale())
 }
 
-/// The triangles on one side of eight pairs; of fewer the last one fills up.
+/// The triangles on one side of eight pairs. The last pair fills unused lanes.
 #[inline(always)]
 fn places<const SIDE: usize>(pairs: &[[u32; 2]]) -> [u32; WIDTH] {
     let mut places = [0; WIDTH];

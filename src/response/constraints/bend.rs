@@ -1,42 +1,42 @@
-//! Two triangles that want to meet at an angle.
+//! Bending constraint: the dihedral angle of two triangles at their common edge.
 //!
-//! The constraint is `2 sin(θ/2)` of the dihedral angle, less its value at rest: the angle itself while it is small, and
-//! without a jump where a hinge is folded flat. Gradients of the angle: Bridson, Marino and Fedkiw 2003, "Simulation of
-//! Clothing with Folds and Wrinkles".
+//! Its value is `2 sin(θ/2)` of the dihedral angle θ, minus the value at rest. That equals the angle while it is small,
+//! and has no jump where a hinge is folded flat. Gradients of the angle: Bridson, Marino and Fedkiw 2003, "Simulation
+//! of Clothing with Folds and Wrinkles".
 
 use glam::DVec3;
 
 use crate::response::particles::Particles;
 
-/// Triangles whose doubled area is below this share of their longest edge's square have no direction.
+/// A triangle counts as degenerate if twice its area is below this share of the square of its longest edge.
 const LEAST_AREA: f64 = 1.0e-9;
 
-/// Corners move by at most this share of a triangle's height at a time.
+/// Largest displacement of a corner per solve, as a share of the triangle's height.
 const FARTHEST: f64 = 0.2;
 
-/// Of the bend that is missing, one solution makes up this share where nothing gives: hinges around a vertex pull at the same
-/// corners, and all together would overshoot.
+/// Underrelaxation: one solve removes this share of the error at zero compliance. Hinges around a vertex pull at the
+/// same corners, and together would overshoot.
 const RELAXATION: f64 = 0.5;
 
-/// An inner edge, the two corners opposite of it, and the bend at rest.
+/// An inner edge, the two corners opposite it, and the bend at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hinge {
-    /// Numbered within their body: the ends of the edge, the corner of the triangle that runs along the edge, and
-    /// that of the one that runs against it.
+    /// Indices within the body: the ends of the edge, the third corner of the triangle wound along the edge, and the
+    /// third corner of the triangle wound against it.
     pub corners: [u32; 4],
-    /// `2 sin(θ/2)` at rest, −2 to 2: θ is 0 where flat, positive where the two fall away from their normals.
+    /// `2 sin(θ/2)` at rest, from −2 to 2. θ is 0 if flat, and positive if the two triangles fall away from their
+    /// normals.
     pub bend: f64,
 }
 
-/// The bend of a hinge and its gradients.
 struct Bend {
     value: f64,
-    /// Height of the lower triangle over the edge.
+    /// The smaller of the two triangles' heights over the edge.
     height: f64,
     gradients: [DVec3; 4],
 }
 
-/// Evaluates a hinge at four points; `None` where a triangle has no area.
+/// Evaluates a hinge at four points. `None` if a triangle is degenerate.
 fn bend(points: &[DVec3; 4]) -> Option<Bend> {
     let [start, end, left, right] = *points;
     let edge = end - start;
@@ -55,7 +55,7 @@ fn bend(points: &[DVec3; 4]) -> Option<Bend> {
     let scale = (area_left * area_right).sqrt().recip();
     let cosine = (normal_left.dot(normal_right) * scale).clamp(-1.0, 1.0);
     let sine = normal_left.cross(normal_right).dot(edge) * (scale * per_length);
-    // Half angles without inverse functions, each where it does not cancel.
+    // Half angles without inverse functions. Each branch uses the form that does not cancel.
     let (half_sine, half_cosine) = if cosine > 0.0 {
         let half_cosine = (0.5 * (1.0 + cosine)).sqrt();
         (0.5 * sine / half_cosine, half_cosine)
@@ -77,14 +77,14 @@ fn bend(points: &[DVec3; 4]) -> Option<Bend> {
 }
 
 impl Hinge {
-    /// The bend at four points, 0 where a triangle has no area.
+    /// The bend at four points; 0 if a triangle is degenerate.
     #[must_use]
     pub fn bend_at(points: &[DVec3; 4]) -> f64 {
         bend(points).map_or(0.0, |bend| bend.value)
     }
 
-    /// Moves the four corners toward the bend at rest. `first` is the body's first particle, `compliance` is that of the
-    /// step (`α / h²`), and `multiplier` what this constraint has gathered in it.
+    /// Moves the four corners toward the bend at rest. `first` is the body's first particle, `compliance` is scaled to
+    /// the substep (`α / h²`), and `multiplier` is the Lagrange multiplier accumulated in the substep.
     #[inline]
     pub fn solve(&self, particles: &mut Particles, first: usize, compliance: f64, multiplier: &mut f64) {
         let places = self.corners.map(|corner| first + corner as usize);
@@ -96,7 +96,7 @@ impl Hinge {
             return;
         }
         let change = (self.bend - bend.value - compliance * *multiplier) / (weight / RELAXATION + compliance);
-        // The gradients hold while no corner moves by more than a part of its height over the edge.
+        // The gradients are only valid while no corner moves by more than a fraction of the height over the edge.
         let farthest = (0..4).map(|corner| squares[corner] * weights[corner].powi(2)).fold(0.0, f64::max).sqrt();
         let change = if farthest * change.abs() > FARTHEST * bend.height {
             (FARTHEST * bend.height / farthest).copysign(change)

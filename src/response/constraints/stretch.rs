@@ -1,26 +1,25 @@
-//! Two particles that want to be at a distance.
+//! Stretch constraint: the distance of two particles.
 
 use glam::DVec3;
 
 use crate::response::particles::Particles;
 
-/// How fast an edge comes back to its length at rest, in such lengths per second. A stiff one would do so within a step: what has
-/// been drawn out to several lengths would be thrown about faster than contacts can follow.
+/// Highest rate at which an edge recovers its rest length, in rest lengths per second. A stiff edge would recover
+/// within one substep, and an edge stretched to several lengths would be thrown about faster than contacts can follow.
 const RECOVERY: f64 = 100.0;
 
-/// An edge and its length at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spring {
-    /// The particles at its ends, numbered within their body.
+    /// The particles at its ends, as indices within the body.
     pub ends: [u32; 2],
-    /// Length at rest in world units, 0 or more.
+    /// Rest length in world units, 0 or more.
     pub length: f64,
 }
 
 impl Spring {
-    /// Moves both ends toward their distance at rest. `first` is the body's first particle, `compliance` is that of
-    /// the step (`α / h²`), `step` its seconds, and `multiplier` what this constraint has gathered in it. What the length has been
-    /// wrong by when the step began is made up for at [`RECOVERY`].
+    /// Moves both ends toward the rest length. `first` is the body's first particle, `compliance` is scaled to the
+    /// substep (`α / h²`), `step` is its duration in seconds, and `multiplier` is the Lagrange multiplier accumulated
+    /// in it. The error that existed at the beginning of the substep is removed at [`RECOVERY`].
     #[inline]
     pub fn solve(&self, particles: &mut Particles, first: usize, compliance: f64, step: f64, multiplier: &mut f64) {
         let [a, b] = self.ends.map(|end| first + end as usize);
@@ -31,7 +30,7 @@ impl Spring {
         }
         let between = particles.position[a] - particles.position[b];
         let length = between.length();
-        // Ends in one place have no direction to part in; something else will move them.
+        // Coincident ends have no direction to separate in. Another constraint will move them.
         if length == 0.0 {
             return;
         }
@@ -50,7 +49,7 @@ impl Spring {
         particles.position[b] -= direction * (change * weight_b);
     }
 
-    /// Takes away a share of the velocity with which the ends part or close in; their common momentum stays.
+    /// Removes a share of the relative velocity along the edge. Momentum is preserved.
     #[inline]
     pub fn damp(&self, particles: &mut Particles, first: usize, share: f64) {
         let [a, b] = self.ends.map(|end| first + end as usize);

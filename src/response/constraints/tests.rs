@@ -1,4 +1,4 @@
-//! Gradients against differences of the value, and one constraint at a time against closed forms.
+//! Checks gradients against finite differences, and single constraints against closed forms.
 
 use glam::DVec3;
 
@@ -42,7 +42,7 @@ fn gradients_of_a_hinge_are_those_of_its_value() {
                     Hinge::bend_at(&points)
                 };
                 let slope = (at(nudge) - at(-nudge)) / (2.0 * nudge);
-                // Differences err by the nudge squared and by rounding over the nudge.
+                // The error is the square of the nudge, plus rounding divided by the nudge.
                 assert!(
                     (slope - gradients[corner][axis]).abs() < 1e-7,
                     "{angle} {corner} {axis}: {slope} {gradients:?}"
@@ -73,10 +73,10 @@ fn a_spring_makes_up_for_its_step_at_once_and_for_what_was_before_at_a_pace() {
         spring.solve(&mut particles, 0, 0.0, step, &mut 0.0);
         particles.position[0].distance(particles.position[1])
     };
-    // A hundred lengths a second.
+    // 100 rest lengths per second.
     let pace = 100.0 * step * length;
     let cases = [
-        // Before the step, added by it, and left after it.
+        // Length before the substep, change in the substep, length after the solve.
         (0.1, 0.05, 0.1),
         (0.1, -0.05, 0.1),
         (0.105, 0.0, 0.1),

@@ -1,10 +1,10 @@
-//! A closed body that wants to keep its volume.
+//! Volume constraint of a closed body.
 
 use glam::DVec3;
 
 use crate::response::particles::Particles;
 
-/// Volume enclosed by triangles of some points, which are numbered from `first` on: positive where they run
+/// Volume enclosed by triangles whose vertices start at index `first`. Positive if the triangles are wound
 /// counter-clockwise as seen from outside.
 #[must_use]
 pub fn enclosed_volume(positions: &[DVec3], first: usize, triangles: &[[u32; 3]]) -> f64 {
@@ -14,8 +14,8 @@ pub fn enclosed_volume(positions: &[DVec3], first: usize, triangles: &[[u32; 3]]
     six_times / 6.0
 }
 
-/// Moves the particles of a closed body, all at once, toward a volume. `compliance` is that of the step (`α / h²`),
-/// `multiplier` what this constraint has gathered in it, and `gradients` memory that it may use.
+/// Moves all particles of a closed body toward a volume. `compliance` is scaled to the substep (`α / h²`), `multiplier`
+/// is the Lagrange multiplier accumulated in it, and `gradients` is scratch memory.
 pub fn solve_volume(
     particles: &mut Particles,
     (first, count): (usize, usize),

@@ -1,4 +1,4 @@
-//! What is tangled in a pair of surfaces: which triangles cross, and which part goes back.
+//! Finds which triangles of a pair of surfaces cross, and which cut-off part moves back.
 
 use bevy_platform::collections::HashSet;
 
@@ -16,7 +16,7 @@ use crate::{
 };
 
 impl Gatherer {
-    /// Finds what is tangled in a pair of surfaces without inside, or in a body with itself.
+    /// Finds the crossings of two surfaces without an inside, or of a body with itself.
     pub(super) fn find_tangled(&mut self, particles: &mut Particles, scene: &Scene<'_, '_>, pair: &StoredPair) {
         self.tangled.clear();
         self.back = None;

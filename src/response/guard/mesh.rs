@@ -1,4 +1,4 @@
-//! The meshes of a tick that may meet: surfaces, and triangles inside rigid shapes.
+//! The meshes of a tick that may collide: surfaces, and triangles inside rigid shapes.
 
 use std::sync::Arc;
 
@@ -16,38 +16,36 @@ use crate::{
         },
         pose::Pose,
     },
-    response::{
-        gather::{Gatherer, Scene},
-        particles::Particles,
-    },
+    response::{gather::Gatherer, particles::Particles, scene::Scene},
     surface::SurfaceLayers,
 };
 
-/// Features are kept apart by this share of the contact distance, or half of what they began with where that is less.
+/// Separation to keep, as a share of the contact distance. If features begin closer, half of their distance is kept
+/// instead.
 const KEPT_APART: f64 = 0.02;
 
-/// Features that have come nearer than this share of the contact distance come no nearer.
+/// Features closer than this share of the contact distance may come no closer.
 const LEAST_APART: f64 = 0.005;
 
-/// What is that near keeps this share of its distance.
+/// Share of the distance that such close features keep.
 const LEAST_KEPT: f64 = 0.9;
 
-/// Two triangles that are apart cannot meet while their vertices move by less than this share of the distance, each.
+/// Two separate triangles cannot collide while each of their vertices moves by less than this share of their distance.
 const SHARE_OF_DISTANCE: f64 = 0.49;
 
-/// Triangles that no solver moves: where they begin and end, and what that is known by.
+/// Triangles that the solver does not move: their start and end positions, and the state that these were computed from.
 #[derive(Default)]
 pub(super) struct Obstacle {
-    /// When the positions changed last, and where they stood, while they are at rest.
+    /// The last change of the positions, and the pose, while the object is static.
     pub(super) at_rest: Option<(Tick, Pose)>,
     pub(super) start: Vec<DVec3>,
     pub(super) end: Vec<DVec3>,
-    /// How it turns, where it is a rigid shape on its way.
+    /// How it rotates and scales, if it is a moving rigid shape.
     pub(super) turn: Option<DMat3>,
 }
 
 impl Obstacle {
-    /// Follows something at rest, whose positions changed last at a tick; whether anything has changed.
+    /// Updates a static object whose positions last changed at `changed`. Returns whether anything is different.
     pub(super) fn rest(&mut self, positions: &[Vec3], changed: Tick, pose: &Pose) -> bool {
         let is_same = |&(seen, stood): &(Tick, Pose)| seen == changed && stood.has_bits_of(pose);
         if self.at_rest.as_ref().is_some_and(is_same) && self.start.len() == positions.len() {
@@ -58,7 +56,7 @@ impl Obstacle {
         true
     }
 
-    /// Follows something on its way.
+    /// Updates a moving object.
     pub(super) fn move_on(&mut self, positions: [&[Vec3]; 2], poses: [&Pose; 2]) {
         self.at_rest = None;
         self.turn = None;
@@ -70,40 +68,40 @@ impl Obstacle {
 }
 
 /// One mesh of a tick: a surface, or triangles inside a rigid shape.
-#[expect(clippy::struct_excessive_bools, reason = "each is asked alone")]
+#[expect(clippy::struct_excessive_bools, reason = "each flag is queried on its own")]
 pub(super) struct Mesh {
     pub(super) name: MeshName,
     pub(super) topology: Arc<SurfaceTopology>,
     pub(super) layers: SurfaceLayers,
-    /// How far it reaches beyond its triangles: what is within the sum touches.
+    /// How far it extends beyond its triangles. Two meshes touch within the sum.
     pub(super) thickness: f64,
-    /// How much of that is solid: nothing is to get in there.
+    /// The solid part of the thickness, which nothing may enter.
     pub(super) radius: f64,
     pub(super) meets_itself: bool,
-    /// Whether all that touches it is listed with its distance.
+    /// Whether detection lists everything that touches it, with distances.
     pub(super) is_exact: bool,
-    /// The shape that it is part of, with the world as seen from where it begins.
+    /// The shape that it is part of, and the transform from world space to the shape's own frame at its start.
     pub(super) shape: Option<(Arc<ShapeGeometry>, Pose)>,
-    /// Its first particle, where it is a body.
+    /// Its first particle, if it is a body.
     pub(super) first: Option<usize>,
     pub(super) obstacle: Obstacle,
-    /// Whether it is a body that nothing goes through.
+    /// Whether it is a body with [`SweptCollision`](crate::SweptCollision).
     pub(super) is_guarded: bool,
-    /// How far each triangle may move without meeting anything that moves no farther than its own reach.
+    /// How far each triangle may move without colliding with anything that moves no farther than its own reach.
     pub(super) reaches: Vec<f64>,
     pub(super) tree: SweepTree,
-    /// Whether the tree may not be that of its ways.
+    /// Whether the tree may be out of date with the trajectories.
     pub(super) stale: bool,
 }
 
-/// The entity of a surface or shape, and which of the shape's parts a mesh is.
+/// The entity of a surface or shape, and the part of the shape that the mesh stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct MeshName {
     pub(super) entity: Entity,
     pub(super) part: u32,
 }
 
-/// A surface is one part.
+/// The part number of a surface, which has only one part.
 pub(super) const SURFACE: u32 = u32::MAX;
 
 impl Mesh {
@@ -118,7 +116,7 @@ impl Mesh {
         SweptMesh { topology: &self.topology, start, end, reach: 0.0 }
     }
 
-    /// Brings the boxes up to date with the ways.
+    /// Updates the tree to the trajectories.
     pub(super) fn follow_ways(&mut self, particles: &Particles) {
         let mut tree = std::mem::take(&mut self.tree);
         tree.update_with_reaches(&self.swept(particles), &self.reaches);
@@ -127,19 +125,20 @@ impl Mesh {
         self.stale = false;
     }
 
-    /// Lets every triangle reach as far as what touches nothing may, `distance` being how far it is from everything.
+    /// Sets the reach of every triangle to that of a triangle at `distance` from everything.
     pub(super) fn reach_all(&mut self, distance: f64) {
         self.reaches.clear();
         self.reaches.resize(self.topology.triangles().len(), SHARE_OF_DISTANCE * distance);
     }
 
-    /// A triangle that is as far as `distance` from another one reaches no farther than that allows.
+    /// Limits the reach of a triangle that is at `distance` from another one.
     pub(super) fn reach_less(&mut self, triangle: u32, distance: f64) {
         let reach = &mut self.reaches[triangle as usize];
         *reach = reach.min(SHARE_OF_DISTANCE * distance);
     }
 
-    /// Whether a feature of a triangle is on its way out of another mesh, or begins inside a shape: nothing holds it there.
+    /// Whether a feature of a triangle is being pushed out of another mesh, or begins inside a shape. Nothing may hold
+    /// it there.
     pub(super) fn is_leaving(
         &self,
         triangle: u32,
@@ -170,7 +169,7 @@ impl Mesh {
         }
     }
 
-    /// The particles of a triangle, where it is of a body.
+    /// The particles of a triangle, if it belongs to a body.
     pub(super) fn corners(&self, triangle: u32) -> Option<[u32; 3]> {
         let first = self.first? as u32;
         Some(self.topology.welded_triangles()[triangle as usize].map(|vertex| first + vertex))
@@ -192,43 +191,44 @@ impl Mesh {
     }
 }
 
-/// One side of what would meet on its way.
+/// One side of a predicted impact.
 #[derive(Clone, Copy)]
 pub(in crate::response) struct MeetingSide {
     pub(in crate::response) entity: Entity,
-    /// How far the surface or shape reaches beyond the triangle.
+    /// How far the surface or shape extends beyond the triangle.
     pub(in crate::response) thickness: f64,
     pub(in crate::response) corners: MeetingCorners,
 }
 
-/// The corners of a triangle that would meet another.
+/// The corners of a triangle in a predicted impact.
 #[derive(Clone, Copy)]
 pub(in crate::response) enum MeetingCorners {
     /// Particles of a body.
     Body([u32; 3]),
-    /// Points that go from their starts to their ends, whatever pushes them; of a surface its vertices, of so many.
+    /// Points that move from `starts` to `ends`, whatever pushes them. For a surface, `vertices` holds their vertex
+    /// numbers and the surface's number of vertices.
     Driven { starts: [DVec3; 3], ends: [DVec3; 3], vertices: Option<([u32; 3], usize)> },
 }
 
-/// Where two triangles would meet on their ways.
+/// Two triangles that would collide along their trajectories.
 pub(in crate::response) struct MeetingTriangles {
     pub(in crate::response) sides: [MeetingSide; 2],
     pub(in crate::response) features: FeaturePair,
     pub(in crate::response) barycentrics: [[f64; 3]; 2],
-    /// From the second to the first, in the world.
+    /// From the second triangle to the first, in world space.
     pub(in crate::response) normal: DVec3,
 }
 
-/// Two meshes that may meet on their ways.
+/// Two meshes that may collide along their trajectories.
 #[derive(Clone, Copy)]
 pub(super) struct MeshPair {
     pub(super) places: [usize; 2],
     pub(super) separation: f64,
-    /// How much of that is solid.
+    /// The solid part of the separation.
     pub(super) radius: f64,
 }
 
-/// What is kept of a mesh between ticks: its boxes, and where it was if nothing moves it here.
+/// What is kept of a mesh between ticks.
 #[derive(Default)]
 pub(super) struct Kept {
     pub(super) obstacle: Obstacle,
@@ -245,13 +245,15 @@ impl MeshPair {
         let (a, b) = (mesh.name.entity, other.name.entity);
         let nearest = scene.nearest_of(a, b).unwrap_or(contact_distance);
         let kept = KEPT_APART * contact_distance;
-        // What is pressed on for many ticks would be halved to nothing. The nearest of all is to begin outside of it.
+        // Under pressure over many ticks, halving would shrink the separation to nothing. It still has to stay below
+        // the smallest distance.
         let floor = (LEAST_KEPT * nearest - ROUNDING * radius).clamp(0.0, LEAST_APART * contact_distance);
         Self { places, separation: radius + kept.min((0.5 * nearest).max(floor)), radius }
     }
 }
 
-/// A triangle in the boundary of a half-space that is under, or over, all that bodies may reach: where it begins and ends.
+/// Start and end of a triangle in the boundary of a half-space, large enough to lie under or over everything that
+/// bodies may reach.
 pub(super) fn plane_under(particles: &Particles, normal: DVec3, poses: [&Pose; 2]) -> Option<[Vec<DVec3>; 2]> {
     let bodies = (0..particles.len()).filter(|&particle| particles.inverse_mass[particle] > 0.0);
     let points = bodies.flat_map(|particle| [particles.start[particle], particles.position[particle]]);

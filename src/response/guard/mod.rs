@@ -1,12 +1,14 @@
-//! Last step of the solver: a body with [`SweptCollision`](crate::SweptCollision) goes through nothing.
+//! Last step of the response: the guard, which keeps bodies with [`SweptCollision`](crate::SweptCollision) from passing
+//! through things.
 //!
-//! The way of every vertex, from where the tick began to where it was solved to be, is swept against the ways of all that it
-//! may meet. What would meet ends beyond the plane between its features instead, and the ways that have changed are swept again,
-//! until nothing meets. What keeps meeting stops as seen from what moves whatever happens: it stands where nothing is driven, and
-//! is carried along by what is, joined into zones that go together, as impact zones do (X. Provot 1997; D. Harmon et al. 2008,
-//! "Robust treatment of simultaneous collisions"). What two driven things squeeze may cross other bodies, and where there is no
-//! way left, something remains inside.
+//! It sweeps the trajectory of every vertex, from the beginning of the tick to its solved position, against the
+//! trajectories of everything that it may collide with. Features that would collide are moved beyond the plane between
+//! them, and changed trajectories are swept again until nothing collides. If impacts persist, vertices are joined into
+//! impact zones (X. Provot 1997; D. Harmon et al. 2008, "Robust treatment of simultaneous collisions"). A zone stops,
+//! or moves along with the kinematic object that pushes it. Bodies between two kinematic objects may cross each other,
+//! and may stay inside an object if no way is left.
 
+mod impacts;
 mod mesh;
 mod project;
 mod ways;
@@ -19,85 +21,83 @@ use glam::DVec3;
 
 pub(super) use self::mesh::{MeetingCorners, MeetingTriangles};
 use self::{
+    impacts::{deeper, is_met},
     mesh::{Kept, Mesh, MeshName, MeshPair, SURFACE, plane_under},
     project::Planes,
     ways::{Carry, Ways, hold, turn_between, way_of},
 };
-use super::{
-    gather::{Gatherer, Scene},
-    particles::Particles,
-};
+use super::{gather::Gatherer, particles::Particles, scene::Scene};
 use crate::{
     kernel::{
         bvh::tree::BoxTree,
-        ccd::{CommonVertices, ImpactCause, PairImpact, SweepBuffers, SweptMesh, sweep, triangle_pair_impact},
+        ccd::{ImpactCause, PairImpact, SweepBuffers, sweep},
         exact::{
             rigid_shape::{ShapeGeometry, boundary_topology},
-            triangle_pair::{PairProximity, examine_pair},
+            triangle_pair::PairProximity,
         },
         mesh::{bounds::Aabb, topology::SurfaceTopology},
     },
     surface::ActiveShape,
 };
 
-/// Positions are rounded to f32 between ticks: by less than this share of the size of what they are near.
+/// Relative bound on the rounding of positions to f32 between ticks.
 const ROUNDING: f64 = 1.0e-6;
 
-/// Rounds in which what meets goes elsewhere; in which it is stopped, or carried along; and in which whole bodies are: what still
-/// meets then is squeezed between things that nothing stops.
+/// Rounds that project the ends of trajectories, then rounds that stop or carry along colliding vertices, then rounds
+/// that do so with whole bodies. Impacts that persist are between objects that nothing stops.
 const PROJECTIONS: usize = 12;
 const MOST_ROUNDS: usize = 8;
 const LAST_ROUNDS: usize = 12;
 
-/// Ends a list of particles.
+/// Terminates a list of particles.
 const NO_PARTICLE: u32 = u32::MAX;
 
-/// A body that meets itself on its way in more places than so many times its vertices is squeezed into nothing: to look after
-/// them all takes longer than a game can wait, and holds them there.
+/// A body is jammed if it collides with itself in more places than this factor times its number of vertices. Resolving
+/// all of them takes longer than a game can wait, and would lock the body in that state.
 const MOST_OWN_IMPACTS: usize = 1;
 
 /// What the guard did in a tick.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Guarded {
-    /// Impacts on the ways that were solved for.
+    /// Impacts along the solved trajectories.
     pub(super) impacts: usize,
-    /// Vertices that were stopped.
+    /// Vertices that were moved or stopped.
     pub(super) stopped: usize,
-    /// Impacts that remained: those of bodies that were hit by what nothing stops.
+    /// Impacts that remain: bodies hit by objects that nothing stops.
     pub(super) remaining: usize,
-    /// Bodies that meet themselves in so many places that they are no longer kept from crossing themselves.
+    /// Bodies that collide with themselves in so many places that they are no longer kept from crossing themselves.
     pub(super) jammed: Vec<Entity>,
 }
-/// Keeps trees and obstacles from tick to tick.
+/// State of the guard. Trees and obstacles are kept between ticks.
 #[derive(Default)]
 pub(super) struct Guard {
     kept: HashMap<MeshName, Kept>,
     meshes: Vec<Mesh>,
     pairs: Vec<MeshPair>,
-    /// The boxes of all meshes, a tree over them, and which of them overlap.
+    /// The boxes of all meshes, a tree over them, and the pairs that overlap.
     bounds: Vec<Aabb>,
     tree: BoxTree,
     places: Vec<[u32; 2]>,
-    /// The places of surfaces among the meshes.
+    /// Mesh index of each surface.
     by_entity: EntityHashMap<usize>,
-    /// How particles are carried along by what they met.
+    /// How colliding objects carry particles along.
     carried: Vec<Option<Carry>>,
-    /// Where what would meet has to go instead.
+    /// Separating planes of all impacts.
     planes: Planes,
-    /// Which particles go together, once what meets is not moved any more: each names another one of its zone, or itself.
+    /// Impact zones, as a union-find forest: each particle names another one of its zone, or itself.
     zones: Vec<u32>,
-    /// The particles of each impact that nothing could be done about in this round, each list with an end to it.
+    /// The particles of every impact that could not be resolved in this round. `NO_PARTICLE` terminates each list.
     refused: Vec<u32>,
-    /// Which particles have changed their ways in this round.
+    /// Particles whose trajectories have changed in this round.
     changed: Vec<bool>,
-    /// Which particles go where what carries them takes them, or stay where they began.
+    /// Particles that move with what carries them, or stay where they began.
     stopped: Vec<bool>,
-    /// Where particles were solved to be.
+    /// Solved positions.
     solved: Vec<DVec3>,
     impacts: Vec<PairImpact>,
-    /// The places of bodies that are so squeezed that they may rather cross themselves.
+    /// Mesh indices of jammed bodies. They may cross themselves.
     jammed: Vec<usize>,
-    /// What meets on the ways that were solved for.
+    /// Impacts along the current trajectories.
     found: Vec<(MeshPair, PairImpact)>,
     buffers: SweepBuffers,
     scratch: PairProximity,
@@ -105,8 +105,7 @@ pub(super) struct Guard {
 }
 
 impl Guard {
-    /// Looks what would go through something on its way from where the tick began to where it was solved to be. `first` tells
-    /// the first particle of a surface that is a body. Returns how many impacts there are.
+    /// Sweeps everything from the beginning of the tick to the solved positions. Returns the number of impacts.
     pub(super) fn begin(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) -> usize {
         self.tick += 1;
         self.pairs.clear();
@@ -120,13 +119,13 @@ impl Guard {
         self.found.len()
     }
 
-    /// Looks again, after the tick was solved again.
+    /// Sweeps again after the tick was solved again. Returns the number of impacts.
     pub(super) fn look_again(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) -> usize {
         let Self { meshes, solved, found, .. } = self;
         for mesh in &mut *meshes {
             let Some(first) = mesh.first else { continue };
             let own = first..first + mesh.topology.vertex_count();
-            // Bodies that nothing new has been found for are where they were.
+            // A body without new impacts has the same solved positions as before.
             if particles.position[own.clone()] != solved[own] {
                 mesh.follow_ways(particles);
                 mesh.stale = true;
@@ -140,21 +139,22 @@ impl Guard {
         self.found.len()
     }
 
-    /// Lists which meshes may meet on their ways as they are now.
+    /// Finds the pairs of meshes that may collide along their current trajectories.
     fn pair_again(&mut self, scene: &Scene<'_, '_>) {
         self.pair_meshes(scene);
         let jammed = &self.jammed;
         self.pairs.retain(|pair| pair.places[0] != pair.places[1] || !jammed.contains(&pair.places[0]));
     }
 
-    /// Lists what meets, of what has changed: what has been pushed may reach what it was not near.
+    /// Finds the impacts of meshes that have changed. A mesh that was pushed may reach others that it was not near
+    /// before.
     fn find_again(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) {
         self.pair_again(scene);
         self.found.clear();
         self.find(particles, gatherer, |mesh| mesh.stale);
     }
 
-    /// What was found last.
+    /// The impacts found last.
     pub(super) fn found(&self, particles: &Particles) -> Vec<MeetingTriangles> {
         let meetings = self.found.iter().map(|(MeshPair { places: [a, b], .. }, found)| {
             let impact = &found.impact;
@@ -171,7 +171,7 @@ impl Guard {
         meetings.collect()
     }
 
-    /// Appends what meets, of the pairs with a mesh that is `asked` about.
+    /// Appends the impacts of pairs with at least one mesh for which `asked` returns true.
     fn find(&mut self, particles: &Particles, gatherer: &Gatherer, asked: impl Fn(&Mesh) -> bool) {
         let Self { meshes, pairs, found, impacts, buffers, jammed, scratch, .. } = self;
         for pair in &*pairs {
@@ -206,7 +206,7 @@ impl Guard {
         pairs.retain(|pair| pair.places[0] != pair.places[1] || !jammed.contains(&pair.places[0]));
     }
 
-    /// Stops what would still go through something, in a part of the tick that takes so many seconds.
+    /// Stops everything that would still pass through something, in a part of the tick that lasts `duration` seconds.
     pub(super) fn stop(
         &mut self,
         particles: &mut Particles,
@@ -227,7 +227,7 @@ impl Guard {
         guarded
     }
 
-    /// Lists the meshes of this tick, and which of them are near enough to meet.
+    /// Collects the meshes of this tick, and the pairs that are close enough to collide.
     fn gather(&mut self, particles: &Particles, scene: &Scene<'_, '_>, first: impl Fn(Entity) -> Option<usize>) {
         self.by_entity.clear();
         for surface in &scene.active.surfaces {
@@ -252,7 +252,7 @@ impl Guard {
                 thickness: f64::from(surface.thickness),
                 radius: 0.0,
                 meets_itself: surface.self_collision,
-                // Other methods than the exact ones do not list all that touches.
+                // Methods that are not exact do not list all touching pairs.
                 is_exact: surface.method.is_exact(),
                 shape: None,
                 first,
@@ -314,9 +314,9 @@ impl Guard {
         }
     }
 
-    /// Tells every triangle how far it reaches, by how far detection has found it from the others: surfaces that do not touch
-    /// are farther apart than the contact distance, which is the sum of what each may come near. Shapes do not reach out: how
-    /// far a surface is from one is the surface's reach alone.
+    /// Sets how far each triangle can move without a collision, from the distances that detection found. Surfaces that
+    /// do not touch are farther apart than the contact distance, which is the sum of both thicknesses. A shape has no
+    /// reach of its own: its distance from a surface is the surface's reach alone.
     fn reach(&mut self, scene: &Scene<'_, '_>) {
         let Self { meshes, by_entity, .. } = self;
         for mesh in &mut *meshes {
@@ -329,7 +329,7 @@ impl Guard {
         }
         for (sides, touching) in scene.touching() {
             let places = sides.map(|side| by_entity.get(&side).copied());
-            // Only what meets a body that nothing goes through is looked at. Some lists are written when they are read.
+            // Only lists that involve a guarded body matter. Some lists are computed on first read.
             if !places.iter().flatten().any(|&place| meshes[place].is_guarded) {
                 continue;
             }
@@ -395,7 +395,7 @@ impl Guard {
         }
     }
 
-    /// Stops what still meets.
+    /// Stops impacts that projection did not resolve.
     fn hold(
         &mut self,
         particles: &mut Particles,
@@ -433,7 +433,7 @@ impl Guard {
             if round < MOST_ROUNDS {
                 ways.go_by_zones();
             }
-            // What others have moved is looked at again.
+            // Impacts whose particles were moved by others are tested again in the next round.
             let left =
                 |corners: &&[u32]| !corners.is_empty() && !corners.iter().any(|&corner| changed[corner as usize]);
             guarded.remaining += refused.split(|&corner| corner == NO_PARTICLE).filter(left).count();
@@ -453,7 +453,7 @@ impl Guard {
         }
     }
 
-    /// Lets welded vertices and trees follow what has changed.
+    /// Updates welded vertices and trees after particles have changed.
     fn follow(&mut self, particles: &mut Particles) {
         let Self { meshes, changed, .. } = self;
         for mesh in meshes {
@@ -472,33 +472,10 @@ impl Guard {
                 mesh.follow_ways(particles);
                 mesh.stale = true;
             }
-            // What has not changed has been looked at.
+            // Unchanged triangles have been tested already.
             let is_changed = |corners: &[u32; 3]| corners.iter().any(|&corner| changed[first + corner as usize]);
             let triangles = mesh.topology.welded_triangles();
             mesh.tree.keep_fast(|triangle| is_changed(&triangles[triangle]));
         }
     }
-}
-
-/// What has been pressed into a round shape gets no deeper: when two triangles that begin within their separation come nearer.
-fn deeper(
-    a: &SweptMesh<'_>,
-    b: &SweptMesh<'_>,
-    found: PairImpact,
-    separation: f64,
-    scratch: &mut PairProximity,
-) -> Option<PairImpact> {
-    let (a, b) = (a.triangle(found.triangle_a), b.triangle(found.triangle_b));
-    examine_pair(&a.start, &b.start, separation, scratch);
-    let distance = scratch.distance;
-    if !(distance > 0.0 && distance.is_finite()) {
-        return None;
-    }
-    let impact = triangle_pair_impact(&a, &b, &CommonVertices::NONE, distance * (1.0 - ROUNDING))?;
-    is_met(impact.cause).then_some(PairImpact { impact, ..found })
-}
-
-/// Whether two triangles meet on their ways; what is together when these begin cannot be kept apart.
-fn is_met(cause: ImpactCause) -> bool {
-    !matches!(cause, ImpactCause::Within | ImpactCause::Crossing)
 }

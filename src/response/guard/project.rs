@@ -1,9 +1,9 @@
-//! Where what would meet has to go instead: beyond each other's planes, all impacts together.
+//! Projects colliding features beyond separating planes, for all impacts together.
 //!
-//! Every impact gives a plane between its two features, as they are when they meet. The nearest ends to the solved ones, by mass,
-//! that are on the right sides of all planes are found by going over them again and again, with multipliers that only push
-//! (projected Gauss-Seidel on the impacts of all rounds: D. Harmon et al. 2008, "Robust treatment of simultaneous collisions").
-//! Along the planes nothing is held: what is squeezed gives way to the side.
+//! Every impact gives a plane between its two features at the time of impact. The result is the set of ends closest to
+//! the solved ones, weighted by mass, that lie on the right side of all planes: projected Gauss–Seidel with nonnegative
+//! multipliers over the impacts of all rounds (D. Harmon et al. 2008, "Robust treatment of simultaneous collisions").
+//! Motion along the planes is free, so squeezed vertices give way to the side.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -11,24 +11,25 @@ use glam::DVec3;
 use super::mesh::{Mesh, MeshPair};
 use crate::{kernel::ccd::PairImpact, response::particles::Particles};
 
-/// How often all planes are gone over at most.
+/// Largest number of sweeps over all planes.
 const MOST_SWEEPS: usize = 64;
 
-/// Ends are good where nothing is missing but this share of the separation.
+/// Ends are accepted if no plane misses more than this share of the separation, without its solid part.
 const GOOD: f64 = 0.1;
 
-/// Velocities are good where nothing is missing but this share of the most that was.
+/// Velocities are accepted if no plane misses more than this share of the largest initial error.
 const GOOD_SPEED: f64 = 1.0e-3;
 
-/// An impact as a plane.
+/// The separating plane of an impact.
 struct Plane {
-    /// Particles with their weights: positive on the side that the normal points to.
+    /// Particles with their weights, positive on the side that the normal points to.
     entries: ArrayVec<(u32, f64), 6>,
     normal: DVec3,
-    /// The least `normal · Σ weight position` when the part of the tick ends, and of velocities.
+    /// Lower bound of `normal · Σ weight position` at the end of the part.
     least: f64,
+    /// Lower bound of `normal · Σ weight velocity`.
     least_velocity: f64,
-    /// How fast the driven side goes.
+    /// Highest speed of the kinematic vertices in the impact.
     driven_speed: f64,
     /// `Σ weight² / mass`.
     mobility: f64,
@@ -60,7 +61,7 @@ impl Planes {
         self.planes.clear();
     }
 
-    /// Adds the plane of an impact in a part of the tick that takes so many seconds.
+    /// Adds the plane of an impact, in a part of the tick that lasts `duration` seconds.
     pub(super) fn add(
         &mut self,
         particles: &Particles,
@@ -109,7 +110,7 @@ impl Planes {
         }
     }
 
-    /// Brings particles beyond all planes, as far as there is room, and marks those that have moved.
+    /// Moves particles beyond all planes, as far as there is room, and marks the particles that have moved.
     pub(super) fn project(&mut self, particles: &mut Particles, changed: &mut [bool]) {
         let Particles { position, inverse_mass, .. } = particles;
         for _ in 0..MOST_SWEEPS {
@@ -131,8 +132,9 @@ impl Planes {
         }
     }
 
-    /// Takes away the velocity with which particles would go on through the planes that have pushed them. None becomes faster
-    /// than the fastest of all that has met: in a wedge that closes, what gives way to the side would.
+    /// Removes the velocity with which particles would continue through the planes that have pushed them. No particle
+    /// ends up faster than the fastest one in any impact. Otherwise a closing wedge would squeeze vertices out at any
+    /// speed.
     pub(super) fn settle_velocities(&self, particles: &mut Particles) {
         let Particles { velocity, inverse_mass, .. } = particles;
         let pressing: Vec<&Plane> = self.planes.iter().filter(|plane| plane.multiplier > 0.0).collect();
@@ -168,7 +170,7 @@ impl Planes {
 mod tests {
     use super::*;
 
-    /// Particles with inverse masses, at the origin, that have been solved to end somewhere.
+    /// Particles with inverse masses that start at the origin, with their solved ends.
     fn particles(ends: &[(DVec3, f64)]) -> Particles {
         let mut particles = Particles::default();
         for &(end, inverse_mass) in ends {
@@ -178,7 +180,7 @@ mod tests {
         particles
     }
 
-    /// `normal · Σ weight position` is to be `least`.
+    /// The plane `normal · Σ weight position ≥ least`.
     fn plane(particles: &Particles, entries: &[(u32, f64)], normal: DVec3, least: f64) -> Plane {
         let mobility =
             entries.iter().map(|&(particle, weight)| weight * weight * particles.inverse_mass[particle as usize]);
@@ -216,7 +218,7 @@ mod tests {
 
     #[test]
     fn in_a_corner_the_nearest_point_beyond_both_planes_is_found() {
-        // At right angles, and in a wedge of 60 degrees, whose edge is nearest.
+        // A right angle, and a wedge of 60 degrees whose edge is the closest point.
         for (angle, end) in [(90.0_f64, DVec3::new(-1.0, -2.0, 0.7)), (120.0, DVec3::new(-0.1, -2.0, 0.7))] {
             let start = particles(&[(end, 0.25)]);
             let (sine, cosine) = angle.to_radians().sin_cos();
@@ -252,7 +254,7 @@ mod tests {
     #[test]
     fn what_a_wedge_squeezes_out_is_no_faster_than_the_wedge() {
         let start = particles(&[(DVec3::ZERO, 1.0)]);
-        // Both sides close in at 3 m/s, at an angle of a hundredth.
+        // Both sides close in at 3 m/s, at a slope of 1 in 100.
         let planes = [1.0, -1.0].map(|side| {
             let normal = DVec3::new(0.01, side, 0.0).normalize();
             plane(&start, &[(0, 1.0)], normal, 3.0)

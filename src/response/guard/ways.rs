@@ -1,4 +1,4 @@
-//! How what still meets is stopped, or carried along by what is driven.
+//! How remaining impacts are resolved: vertices stop, or are carried along by kinematic objects.
 
 use glam::{DMat3, DVec3};
 
@@ -11,7 +11,8 @@ use crate::{
     response::particles::Particles,
 };
 
-/// How something that is driven takes along what it has met: it turns about a point, and that point moves.
+/// The rigid motion by which a kinematic object carries along what it hits: a rotation about a point, and the motion of
+/// that point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Carry {
     pub(super) from: DVec3,
@@ -20,29 +21,29 @@ pub(super) struct Carry {
 }
 
 impl Carry {
-    /// How a point moves that begins at `start`.
+    /// Displacement of a point that begins at `start`.
     pub(super) fn way(&self, start: DVec3) -> DVec3 {
         self.turn * (start - self.from) + self.to - start
     }
 
-    /// Of several, that along which a point moves farther counts.
+    /// The one of two motions that displaces a point farther.
     pub(super) fn longer(one: Option<Self>, other: Option<Self>, start: DVec3) -> Option<Self> {
         let length = |carry: &Option<Self>| carry.map_or(0.0, |carry| carry.way(start).length_squared());
         if length(&other) > length(&one) { other } else { one }
     }
 }
 
-/// How a point moves that something carries along, or nothing.
+/// Displacement of a point that something carries along; zero if nothing does.
 pub(super) fn way_of(carry: Option<Carry>, start: DVec3) -> DVec3 {
     carry.map_or(DVec3::ZERO, |carry| carry.way(start))
 }
 
-/// How a pose turns into another one, with how it grows.
+/// The rotation, with the change of scale, from one pose to another. `None` if they are equal.
 pub(super) fn turn_between([from, to]: [&Pose; 2]) -> Option<DMat3> {
     (!from.has_bits_of(to)).then(|| to.to_affine().matrix3 * from.to_affine().matrix3.inverse())
 }
 
-/// The turn that brings a triangle, given by its corners, from where it begins to where it ends; none where it has no area.
+/// The rotation of a triangle from its start to its end; the identity if it has no area.
 pub(super) fn turn_of(start: [DVec3; 3], end: [DVec3; 3]) -> DMat3 {
     let frame = |[a, b, c]: [DVec3; 3]| {
         let along = (b - a).try_normalize()?;
@@ -53,7 +54,7 @@ pub(super) fn turn_of(start: [DVec3; 3], end: [DVec3; 3]) -> DMat3 {
     end * start.transpose()
 }
 
-/// Which particles are stopped, and what carries them along.
+/// The particles that are stopped, and what carries them along.
 pub(super) struct Ways<'a> {
     pub(super) particles: &'a Particles,
     pub(super) stopped: &'a mut [bool],
@@ -63,7 +64,7 @@ pub(super) struct Ways<'a> {
 }
 
 impl Ways<'_> {
-    /// The particle that stands for a zone.
+    /// The representative particle of an impact zone.
     pub(super) fn zone(&mut self, mut particle: u32) -> u32 {
         while self.zones[particle as usize] != particle {
             let above = self.zones[self.zones[particle as usize] as usize];
@@ -78,7 +79,8 @@ impl Ways<'_> {
         self.zones[one.max(other) as usize] = one.min(other);
     }
 
-    /// Lets all particles of a zone go along with what moves one of them farthest: as they are, they do not meet each other.
+    /// Makes all particles of a zone follow the motion that displaces one of them farthest. At their current relative
+    /// positions they do not collide with each other.
     pub(super) fn go_by_zones(&mut self) {
         for particle in 0..self.zones.len() as u32 {
             let zone = self.zone(particle);
@@ -102,7 +104,7 @@ impl Ways<'_> {
         }
     }
 
-    /// How one side of an impact takes along what it meets: nothing does where it stands, or is a body that nothing carries.
+    /// How one side of an impact carries along what it hits. `None` if it is static, or a body that nothing carries.
     pub(super) fn carry(&self, mesh: &Mesh, triangle: u32, barycentric: &[f64; 3]) -> Option<Carry> {
         let corners = mesh.topology.welded_triangles()[triangle as usize];
         let at = |points: [DVec3; 3]| -> DVec3 {
@@ -130,8 +132,8 @@ impl Ways<'_> {
     }
 }
 
-/// Stops what meets, as seen from what moves whatever happens: where that is a driven side, or a body that such a
-/// one pushes, the others are carried along. `false` where nothing of it can be held any more.
+/// Stops both sides of an impact. If one of them is kinematic, or is a body that such an object pushes, the other side
+/// is carried along. Returns `false` if nothing on either side can be held any more.
 pub(super) fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &PairImpact, round: usize) -> bool {
     if mesh_a.first.is_none() && mesh_b.first.is_none() {
         return false;
@@ -141,7 +143,7 @@ pub(super) fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &Pa
     let is_between_bodies = mesh_a.first.is_some() && mesh_b.first.is_some();
     let is_carried = carry_a.is_some() || carry_b.is_some();
     if round >= MOST_ROUNDS && is_between_bodies && is_carried {
-        // Bodies may rather cross each other than what pushes them.
+        // Bodies crossing each other is better than bodies crossing what pushes them.
         return false;
     }
     let mut is_held = false;
@@ -152,7 +154,7 @@ pub(super) fn hold(mesh_a: &Mesh, mesh_b: &Mesh, ways: &mut Ways<'_>, found: &Pa
             if ways.particles.inverse_mass[particle] <= 0.0 {
                 return;
             }
-            // What is squeezed between two that move differently goes with the one that moves it farther.
+            // A vertex squeezed between two moving objects follows the one that displaces it farther.
             let start = ways.particles.start[particle];
             let own = ways.carried[particle];
             let carry = Carry::longer(Carry::longer(own, carry_a, start), carry_b, start);

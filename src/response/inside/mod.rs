@@ -1,8 +1,8 @@
-//! Ways out: which vertices of bodies are inside a solid, and the way on which all of them are led out of it.
+//! Depenetration: finds which vertices of a body are inside a solid, and the direction in which the whole body is
+//! pushed out.
 //!
-//! What was spawned inside a solid, or squeezed into it, is near nothing that it touches: no contact leads it out. Looked
-//! for only where there is reason to: when two surfaces come near each other, while they cross, and while anything of one
-//! was inside the other.
+//! A body that was spawned inside a solid, or squeezed into it, is too deep for contacts to push it out. The search
+//! runs only with a reason: two surfaces come near each other, they cross, or part of one was inside the other before.
 
 mod solid;
 
@@ -14,8 +14,8 @@ use glam::DVec3;
 use self::solid::{Exit, Solid};
 use super::{
     contact::{ContactConstraint, Features},
-    gather::Scene,
     particles::Particles,
+    scene::Scene,
     solver::Solver,
     untangle::{CutOff, PiercingEdge, cut_off},
 };
@@ -25,65 +25,66 @@ use crate::{
     surface::{ActiveShape, ActiveSurface},
 };
 
-/// So many thicknesses deep, contacts lead out of what is tested by formula.
+/// Depth, in thicknesses, up to which contacts alone push out of a shape tested by formula.
 const SHALLOW: f64 = 4.0;
 
-/// What is deep inside a solid is led out as if the contact distance was this share of its depth: by default six depths a
-/// second.
+/// Deep penetration is resolved as if the contact distance was this share of its depth: 6 depths per second at the
+/// default push-out speed.
 const DEPTHS_OF_PACE: f64 = 0.06;
 
-/// Vertices times triangles that are looked at for one pair of surfaces in a tick, at most: where there are more, what is
-/// inside stays there.
+/// Largest number of vertices times triangles tested for one pair of surfaces in a tick. Beyond it, vertices inside
+/// stay there.
 const MOST_LOOKS: usize = 20_000_000;
 
-/// So often, in detections, another direction is looked for.
+/// Number of detections for which a direction is kept before the search runs again.
 const CHOSEN_FOR: u32 = 16;
 
-/// A way that leads on counts as shorter by this factor than it is.
+/// Factor on the length of the previous direction in the comparison, if that direction has made progress.
 const FAITH: f64 = 0.5;
 
-/// So many of the points inside, about, are followed along each direction.
+/// Approximate number of inside points that are followed along each direction.
 const MOST_FOLLOWED: usize = 8;
 
-/// The cosine between two directions that count as one.
+/// Cosine of the angle below which two directions count as the same.
 const SAME: f64 = 0.99;
 
-/// A way leads on where this share of it is left, at most, when another one is looked for.
+/// The previous direction has made progress if at most this share of its length is left at the next search.
 const LEFT: f64 = 0.75;
 
-/// Where one direction leads from solid into solid, it is given up after so many.
+/// Number of passes over the solids after which a direction that leads from solid into solid is given up.
 const MOST_SOLIDS: usize = 16;
 
-/// Remembers which surfaces were near each other, and what was inside which.
+/// Remembers which surfaces were near each other, and how bodies leave solids.
 #[derive(Default)]
 pub(super) struct Insides {
     near: HashSet<(Entity, Entity)>,
     before: HashSet<(Entity, Entity)>,
-    /// By body and solid.
+    /// The chosen direction of each pair of body and solid.
     ways: HashMap<(Entity, Entity), Chosen>,
-    /// By surface the particles that are on their way out of it.
+    /// The particles that are being pushed out, for each surface or shape.
     leaving: EntityHashMap<HashSet<u32>>,
-    /// By body and solid the body's triangles that cross the solid's boundary, and those beside them.
+    /// Triangles of a body that cross the boundary of a solid, and triangles next to them, for each pair of body and
+    /// solid.
     crossing: HashMap<(Entity, Entity), HashSet<u32>>,
 }
 
-/// The way that a body takes out of a solid.
+/// The direction in which a body leaves a solid.
 #[derive(Clone, Copy, Debug)]
 struct Chosen {
     /// Unit vector.
     direction: DVec3,
-    /// For how many detections.
+    /// Number of detections since it was chosen.
     age: u32,
-    /// How far it was when it was chosen.
+    /// Distance to the exit when it was chosen.
     depth: f64,
 }
 
-/// The points of a body that are inside a solid, and the way out of it that all of them take: in different directions they
-/// would hold each other back, or tear the body apart.
+/// The points of a body that are inside a solid, and their common exit. With different directions, they would hold each
+/// other back or tear the body apart.
 struct WayOut {
     points: Vec<BodyPoint>,
     exit: Exit,
-    /// How far the farthest of the points has to go.
+    /// Distance from the deepest point to the exit.
     depth: f64,
 }
 
@@ -92,7 +93,7 @@ struct WayOut {
 struct BodyPoint {
     /// Particles with their weights.
     entries: ArrayVec<(u32, f64), 3>,
-    /// Where it is when the tick begins.
+    /// Position at the beginning of the tick.
     at: DVec3,
 }
 
@@ -104,26 +105,26 @@ impl BodyPoint {
     }
 }
 
-/// Where a triangle of a body crosses the boundary of something.
+/// A place where a triangle of a body crosses the boundary of another side.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Crossing {
     pub(super) triangle: u32,
-    /// An edge of it pierces a face, or its face is pierced.
+    /// An edge if the triangle's edge pierces a face of the other side, or the face if it is pierced.
     pub(super) feature: Feature,
-    /// Of its corners.
+    /// Barycentric weights of the triangle's corners.
     pub(super) weights: [f64; 3],
 }
 
-/// What a way out is looked for in.
+/// The inputs of the search for an exit.
 #[derive(Clone, Copy)]
 struct Surroundings<'a> {
     scene: &'a Scene<'a, 'a>,
     particles: &'a Particles,
-    /// The first particle of a body.
+    /// The first particle of an entity, if it is a body.
     first: &'a dyn Fn(Entity) -> Option<usize>,
 }
 
-/// A body with its particles from `first` on.
+/// A body whose particles start at `first`.
 #[derive(Clone, Copy)]
 struct Body<'a> {
     surface: &'a ActiveSurface,
@@ -137,27 +138,27 @@ impl Body<'_> {
 }
 
 impl Insides {
-    /// Whether a particle is on its way out of a surface.
+    /// Whether a particle is being pushed out of a surface or shape.
     pub(super) fn is_leaving(&self, surface: Entity, particle: u32) -> bool {
         self.leaving.get(&surface).is_some_and(|particles| particles.contains(&particle))
     }
 
-    /// Whether a triangle of a body crosses the boundary of a solid, or is beside one that does.
+    /// Whether a triangle of a body crosses the boundary of a solid, or is next to one that does.
     pub(super) fn is_crossing(&self, body: Entity, solid: Entity, triangle: u32) -> bool {
         self.crossing.get(&(body, solid)).is_some_and(|triangles| triangles.contains(&triangle))
     }
 
-    /// Lets triangles of a body pass the boundary of another surface, where they cross it.
+    /// Allows triangles of a body to pass through another surface.
     pub(super) fn let_pass(&mut self, body: Entity, other: Entity, triangles: &HashSet<u32>) {
         self.crossing.entry((body, other)).or_default().extend(triangles);
     }
 
-    /// Lets particles leave a surface.
+    /// Allows particles to leave a surface or shape.
     pub(super) fn let_leave(&mut self, surface: Entity, particles: impl Iterator<Item = u32>) {
         self.leaving.entry(surface).or_default().extend(particles);
     }
 
-    /// Makes constraints that lead out what is inside a solid; `first` is the first particle of a body.
+    /// Adds constraints that push bodies out of solids. `first` returns the first particle of a body.
     pub(super) fn lead_out(
         &mut self,
         solver: &mut Solver,
@@ -183,7 +184,7 @@ impl Insides {
                 let particles = &mut solver.particles;
                 let leaving = self.leaving.entry(other.entity).or_default();
                 if first(other.entity).is_some() {
-                    // What is led through each other must not hold on to each other.
+                    // Two bodies that are pushed through each other must not hold on to each other.
                     leaving.extend(body.particles().map(|particle| particle as u32));
                 } else {
                     leaving.extend(way.vertices());
@@ -212,7 +213,8 @@ impl Insides {
         ways.retain(|pair, _| near.contains(pair));
     }
 
-    /// Finds the way out of a solid for a body that is near it; where nothing is deeper than `shallow`, that is left to contacts.
+    /// Finds the exit of a body from a solid near it. `None` if nothing is deeper than `shallow`: contacts resolve
+    /// that.
     fn find<'a>(
         &mut self,
         surroundings: Surroundings<'a>,
@@ -268,7 +270,7 @@ fn is_near(body: &ActiveSurface, shape: &ActiveShape, scene: &Scene<'_, '_>) -> 
 }
 
 impl<'a> Surroundings<'a> {
-    /// A surface where it is when the tick begins.
+    /// A surface at its position at the beginning of the tick.
     fn placed(self, surface: &'a ActiveSurface) -> Option<Solid<'a>> {
         let count = surface.topology.vertex_count();
         let at = |vertex: usize| Some(self.scene.ends(surface.entity, &surface.pose, vertex)?[0]);
@@ -279,7 +281,7 @@ impl<'a> Surroundings<'a> {
         Some(Solid::surface(&surface.topology, points?, surface.one_sided))
     }
 
-    /// Everything but a solid that a body cannot push out of its way.
+    /// Every solid or sheet that the body collides with and cannot push away, except the given solid.
     fn around(self, body: &ActiveSurface, solid: Entity) -> Vec<Solid<'a>> {
         let is_firm =
             |other: &&ActiveSurface| other.entity != solid && (self.first)(other.entity).is_none() && body.meets(other);
@@ -290,7 +292,7 @@ impl<'a> Surroundings<'a> {
     }
 }
 
-/// Where a point on a surface that no solver moves is when the tick ends: it goes with the nearest vertex.
+/// Position, at the end of the tick, of a point on a surface: it moves with the nearest vertex. A body's point stays.
 fn end_of(scene: &Scene<'_, '_>, surface: &ActiveSurface, point: DVec3) -> DVec3 {
     let Some(course) = scene.motions.course(surface.entity) else { return point };
     let vertices = 0..surface.topology.vertex_count();
@@ -299,7 +301,7 @@ fn end_of(scene: &Scene<'_, '_>, surface: &ActiveSurface, point: DVec3) -> DVec3
     nearest.map_or(point, |vertex| point + course.ahead.point(vertex) - course.now.point(vertex))
 }
 
-/// The middle of the places where a triangle of a body crosses something, for every one that does in more than one place.
+/// For every triangle of a body with more than one crossing, the mean of its crossings.
 fn between(crossing: &[Crossing], body: Body<'_>, particles: &Particles) -> impl Iterator<Item = BodyPoint> {
     crossing.chunk_by(|one, other| one.triangle == other.triangle).filter(|places| places.len() > 1).map(
         move |places| {
@@ -312,7 +314,7 @@ fn between(crossing: &[Crossing], body: Body<'_>, particles: &Particles) -> impl
     )
 }
 
-/// The smaller part of a body, cut off by a solid that pierces it: it goes back to the larger one.
+/// The smaller part of a body that a solid cuts off by piercing it. It moves back to the larger part.
 fn threaded(crossing: &[Crossing], body: Body<'_>, particles: &Particles) -> Option<CutOff> {
     let topology = &body.surface.topology;
     let piercing: Vec<PiercingEdge> = crossing
@@ -331,12 +333,13 @@ fn threaded(crossing: &[Crossing], body: Body<'_>, particles: &Particles) -> Opt
 /// The points of a body that are inside a solid.
 struct Inside {
     points: Vec<BodyPoint>,
-    /// A point inside that stands for them.
+    /// A representative point inside.
     from: DVec3,
 }
 
 impl Inside {
-    /// The vertices inside, and where triangles cross the boundary, what is between such places.
+    /// Collects the vertices inside, and points between the crossings of triangles. `None` if there are too many to
+    /// test, or if nothing is deeper than `shallow`.
     fn new(
         particles: &Particles,
         body: Body<'_>,
@@ -360,7 +363,7 @@ impl Inside {
             return None;
         }
         let center = points.iter().map(|point| point.at).sum::<DVec3>() / points.len().max(1) as f64;
-        // The middle of what is inside may be outside of a solid that is not convex.
+        // The center of the points may be outside a solid that is not convex.
         let away = |point: &DVec3| point.distance_squared(center);
         let nearest = points.iter().map(|point| point.at).min_by(|one, other| away(one).total_cmp(&away(other)))?;
         let middle = body.particles().map(at).sum::<DVec3>() / body.particles().len().max(1) as f64;
@@ -368,17 +371,17 @@ impl Inside {
         Some(Self { points, from })
     }
 
-    /// Whether triangles go through the solid, and no vertex is inside.
+    /// Whether triangles pass through the solid although no vertex is inside.
     fn is_threaded(&self) -> bool {
         self.points.iter().all(|point| point.entries.len() > 1)
     }
 
-    /// The nearest place along a direction where there is room for all of the vertices between solids.
+    /// The nearest place along a direction with room for all points between the solids.
     fn way_along(&self, direction: DVec3, solids: &[&Solid<'_>], margin: f64) -> Option<Exit> {
         let [lowest, highest] = self.ends(direction)?;
         let room = direction.dot(highest - lowest) + margin;
         let free = |from: DVec3| Some(from + direction * free_from(from, direction, solids, room)?);
-        // Any of them may have farther to go than what stands for all.
+        // Any point may have farther to go than the representative one.
         let step = self.points.len().div_ceil(MOST_FOLLOWED);
         let followed = self.points.iter().step_by(step).map(|point| point.at).chain([self.from, lowest]);
         let mut farthest: Option<DVec3> = None;
@@ -390,7 +393,7 @@ impl Inside {
         Some(Exit { at, outward: direction })
     }
 
-    /// The hindmost and the foremost of the vertices along a direction.
+    /// The lowest and the highest of the points along a direction.
     fn ends(&self, direction: DVec3) -> Option<[DVec3; 2]> {
         let points = || self.points.iter().map(|point| point.at);
         let by_height = |one: &DVec3, other: &DVec3| direction.dot(*one).total_cmp(&direction.dot(*other));
@@ -401,8 +404,8 @@ impl Inside {
         self.ends(way.outward).map_or(0.0, |[lowest, _]| way.outward.dot(way.at - lowest))
     }
 
-    /// The shortest way of those straight out and in many directions, and the one that was taken `before`; the nearest
-    /// exit of the solid where none is free.
+    /// The shortest exit among the previous direction, the direction to the nearest boundary point, and the fixed
+    /// directions. If none leads to free space, the nearest exit of the solid.
     fn best_way(&self, solid: &Solid<'_>, solids: &[&Solid<'_>], margin: f64, before: Option<Chosen>) -> Option<Exit> {
         let nearest = solid.nearest_exit(self.from);
         let taken = before.map(|before| before.direction);
@@ -424,7 +427,7 @@ impl Inside {
     }
 }
 
-/// How far one has to go from a point along a direction to where the next `room` is free of solids.
+/// Distance to travel from a point along a direction until the next `room` is free of all solids.
 fn free_from(point: DVec3, direction: DVec3, solids: &[&Solid<'_>], room: f64) -> Option<f64> {
     let mut free = 0.0;
     for _ in 0..MOST_SOLIDS {
@@ -439,19 +442,20 @@ fn free_from(point: DVec3, direction: DVec3, solids: &[&Solid<'_>], room: f64) -
     None
 }
 
-/// The directions to the faces, edges and corners of a cube.
+/// The 26 unit vectors to the faces, edges, and corners of a cube.
 fn directions() -> impl Iterator<Item = DVec3> {
     let places = (0..27).map(|place| [place % 3, place / 3 % 3, place / 9].map(|step| f64::from(step) - 1.0));
     places.filter_map(|place| DVec3::from_array(place).try_normalize())
 }
 
 impl WayOut {
-    /// The particles that are inside themselves.
+    /// The particles among the points. Points on triangles are left out.
     fn vertices(&self) -> impl Iterator<Item = u32> {
         self.points.iter().filter(|point| point.entries.len() == 1).map(|point| point.entries[0].0)
     }
 
-    /// Makes a constraint for every vertex: beyond the plane through the exit, which goes to `end`, at the pace of the deepest.
+    /// Adds a constraint for every point: to get beyond the plane through the exit, which moves to `end`. The deepest
+    /// point sets the speed.
     fn lead_out(&self, particles: &mut Particles, contacts: &mut Vec<ContactConstraint>, end: DVec3, distance: f64) {
         let exit = particles.len() as u32;
         particles.push_driven(self.exit.at, end);

@@ -1,4 +1,4 @@
-//! What can be asked of a solid in the world: what is inside, the nearest way out, and where a line is free of it.
+//! Queries of a solid in world space: whether it contains a point, the nearest exit, and where a line is free of it.
 
 use std::ops::Range;
 
@@ -13,13 +13,12 @@ use crate::kernel::{
     pose::Pose,
 };
 
-/// So many steps are taken along a line through a shape, at most.
+/// Largest number of steps along a line through a shape.
 const MOST_STEPS: usize = 256;
 
-/// What is nearer to the boundary of a shape than this share of the room that is asked for counts as on it.
+/// Points closer to the boundary of a shape than this share of the requested room count as on it.
 const ON_BOUNDARY: f64 = 1.0e-3;
 
-/// A solid in the world.
 pub(super) enum Solid<'a> {
     Shape(PlacedShape<'a>),
     Closed(PlacedMesh<'a>),
@@ -27,14 +26,14 @@ pub(super) enum Solid<'a> {
     Open(PlacedMesh<'a>),
 }
 
-/// A rigid shape in the world.
+/// A rigid shape in world space.
 pub(super) struct PlacedShape<'a> {
     geometry: &'a ShapeGeometry,
     pose: Pose,
     own: Pose,
 }
 
-/// The triangles of a surface in the world.
+/// The triangles of a surface in world space.
 pub(super) struct PlacedMesh<'a> {
     topology: &'a SurfaceTopology,
     points: Vec<DVec3>,
@@ -42,7 +41,7 @@ pub(super) struct PlacedMesh<'a> {
     high: DVec3,
 }
 
-/// A point of the boundary with the way to it from within.
+/// A point of the boundary, with the direction to leave there.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Exit {
     pub(super) at: DVec3,
@@ -62,7 +61,7 @@ impl<'a> Solid<'a> {
         if has_inside { Self::Closed(mesh) } else { Self::Open(mesh) }
     }
 
-    /// Whether a point is inside, deeper than `shallow` where it is tested by formula.
+    /// Whether a point is inside. For a shape tested by formula, whether it is deeper than `shallow`.
     pub(super) fn contains(&self, point: DVec3, shallow: f64) -> bool {
         match self {
             Self::Shape(shape) => shape.signed_distance(point) < -shallow,
@@ -71,7 +70,7 @@ impl<'a> Solid<'a> {
         }
     }
 
-    /// About how much a look at one point costs.
+    /// Approximate cost of a query of one point, in triangles.
     pub(super) fn cost(&self) -> usize {
         match self {
             Self::Shape(_) => 1,
@@ -79,7 +78,7 @@ impl<'a> Solid<'a> {
         }
     }
 
-    /// Whether a point is in the box around a surface.
+    /// Whether a point is in the bounding box of a surface. Always true for a shape.
     pub(super) fn may_contain(&self, point: DVec3) -> bool {
         match self {
             Self::Shape(_) => true,
@@ -95,7 +94,8 @@ impl<'a> Solid<'a> {
         }
     }
 
-    /// How far one has to go from a point along a unit direction, `from` at least, until the next `room` is free of the solid.
+    /// Distance to travel from a point along a unit direction, at least `from`, until the next `room` is free of the
+    /// solid.
     pub(super) fn free_from(&self, point: DVec3, direction: DVec3, from: f64, room: f64) -> Option<f64> {
         match self {
             Self::Shape(shape) => shape.free_from(point, direction, from, room),
@@ -123,7 +123,7 @@ impl PlacedShape<'_> {
         Some(Exit { at: self.pose.transform_point(nearest.shape_point), outward })
     }
 
-    /// In steps as long as nothing of the boundary can be.
+    /// Sphere tracing: no step is longer than the distance to the boundary.
     fn free_from(&self, point: DVec3, direction: DVec3, from: f64, room: f64) -> Option<f64> {
         let least = room * ON_BOUNDARY;
         let (mut at, mut free) = (from, None);
@@ -156,7 +156,8 @@ impl PlacedMesh<'_> {
         winding > 0
     }
 
-    /// Visits where a line through a point meets the triangles: how far along a unit direction, and whether it leaves there.
+    /// Visits the intersections of a line with the triangles: the signed distance along the unit direction, and whether
+    /// the line leaves the surface there.
     fn cross(&self, point: DVec3, direction: DVec3, mut visit: impl FnMut(f64, bool)) {
         let (u, v) = direction.any_orthonormal_pair();
         let (center, extent) = ((self.low + self.high) / 2.0 - point, (self.high - self.low) / 2.0);
@@ -166,7 +167,7 @@ impl PlacedMesh<'_> {
         for triangle in self.topology.triangles() {
             let corners = self.corners(triangle).map(|corner| corner - point);
             let across = corners.map(|corner| u.dot(corner));
-            // Half-open: what goes through an edge or a vertex is counted once.
+            // Half-open test: a line through an edge or a vertex is counted once.
             let above = across.map(|across| across > 0.0);
             if above[0] == above[1] && above[1] == above[2] {
                 continue;
@@ -196,7 +197,7 @@ impl PlacedMesh<'_> {
         let mut places = Vec::new();
         self.cross(point, direction, |at, leaves| places.push((at, leaves)));
         places.sort_unstable_by(|one, other| one.0.total_cmp(&other.0));
-        // From the far end, where nothing is inside, back.
+        // Scan backward from the far end, where nothing is inside.
         let mut inside: Vec<Range<f64>> = Vec::new();
         let (mut winding, mut end) = (0, 0.0);
         for &(at, leaves) in places.iter().rev() {
@@ -250,7 +251,7 @@ mod tests {
 
     use super::*;
 
-    /// A cube of side 2 about the origin.
+    /// A cube of side length 2, centered at the origin.
     fn cube() -> (SurfaceTopology, Vec<DVec3>) {
         let corners: Vec<Vec3> = (0..8)
             .map(|bits| Vec3::new((bits & 1) as f32, (bits >> 1 & 1) as f32, (bits >> 2) as f32) * 2.0 - 1.0)
@@ -298,7 +299,7 @@ mod tests {
     fn a_ray_along_edges_and_through_vertices_counts_them_once() {
         let (topology, points) = cube();
         let closed = Solid::surface(&topology, points, true);
-        // Diagonals of the faces, where two triangles meet.
+        // Diagonals of the faces, where two triangles share an edge.
         for at in [-0.5, 0.0, 0.25] {
             assert!(closed.contains(DVec3::new(0.0, at, at), 0.0));
             assert!(closed.contains(DVec3::new(0.0, at, -at), 0.0));
@@ -320,7 +321,8 @@ mod tests {
                 let sides = (DVec3::ONE - from * direction.signum()) / direction.abs();
                 assert!((free(from, direction, 0.1) - sides.min_element()).abs() < 1e-3, "{direction}");
             }
-            // Half a unit before the cube: enough room for less than that, beyond it for more.
+            // Half a unit in front of the cube: that is enough for less room. For more, the line is free only behind
+            // the cube.
             let before = DVec3::new(-1.5, 0.2, -0.3);
             assert_eq!(free(before, DVec3::X, 0.4), 0.0);
             assert!((free(before, DVec3::X, 0.6) - 2.5).abs() < 1e-3);

@@ -11,6 +11,7 @@ mod box_tree;
 mod impact;
 mod mesh_impacts;
 mod mesh_pairs;
+mod parry_broad_phase;
 mod triangle_crossing;
 mod triangle_pair;
 
@@ -23,6 +24,7 @@ pub use mesh_pairs::{
     Comparison, ReferencePair, box_pairs, compare, exact_weld, mean_edge_length, touching_pairs_between_brute_force,
     touching_pairs_between_tree, touching_pairs_brute_force, touching_pairs_tree,
 };
+pub use parry_broad_phase::ParryBroadPhasePlugin;
 pub use triangle_crossing::triangles_cross;
 pub use triangle_pair::{
     ClosestFeatures, ClosestKind, PointSegment, PointTriangle, SegmentSegment, TriangleSide, closest_features,

@@ -1,4 +1,4 @@
-//! Writes the embedded scene to the path given: `make_assets assets/cloth_fall.bin`.
+//! Writes the embedded scene to a path: `make_assets assets/cloth_fall.bin`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,4 +1,4 @@
-//! The `.bin` recordings: header, triangles, frames, all little-endian, in `f32` or `f64`.
+//! `.bin` recordings: header, triangles, and frames, all little-endian, in `f32` or `f64`.
 
 use std::cmp::Ordering;
 use std::io::Read;
@@ -6,14 +6,14 @@ use std::path::Path;
 
 use super::{MAGIC, MAGIC_F64, RecordingError, check_positions, open};
 
-/// Bytes of the header: magic, vertices, faces, frames. The headers of `queries` are as long.
+/// Bytes of the header: magic, vertices, faces, frames. The headers of `queries` have the same length.
 pub(super) const HEADER_BYTES: usize = 16;
 /// Bytes of one face: three `u32`.
 const FACE_BYTES: usize = 12;
 
-/// A number type that recordings store coordinates in.
+/// A number type in which recordings store coordinates.
 pub(super) trait Coordinate: Copy {
-    /// The magic that goes with this type.
+    /// The magic of this type.
     const MAGIC: u32;
     /// Bytes of one coordinate.
     const BYTES: usize;
@@ -54,7 +54,7 @@ impl Coordinate for f64 {
     }
 }
 
-/// The counts of a recording, as its header has them.
+/// The counts in the header of a recording.
 struct Header {
     vertices: u32,
     faces: u32,
@@ -62,9 +62,9 @@ struct Header {
 }
 
 impl Header {
-    /// Reads the header at the start of `bytes`, which may hold no more than that.
+    /// Reads the header at the start of `bytes`, which may contain no more than the header.
     ///
-    /// `file_bytes` is the size of the whole file and has to be exactly what the counts ask for.
+    /// `file_bytes` is the size of the whole file. It must be exactly the size that the counts imply.
     fn read<C: Coordinate>(bytes: &[u8], file_bytes: u64, name: &Path) -> Result<Self, RecordingError> {
         let file = || name.to_path_buf();
         let [vertices, faces, frames] = header_words(bytes, C::MAGIC, file_bytes, name)?;
@@ -84,15 +84,15 @@ impl Header {
         Ok(header)
     }
 
-    /// Size of the file these counts describe. Three counts of 32 bits can pass 64 bits, never 128.
+    /// Size of the file that the counts describe. Three counts of 32 bits can exceed 64 bits, but never 128.
     fn file_bytes<C: Coordinate>(&self) -> u128 {
         let positions = u128::from(self.vertices) * u128::from(self.frames);
         HEADER_BYTES as u128 + u128::from(self.faces) * FACE_BYTES as u128 + positions * (3 * C::BYTES) as u128
     }
 }
 
-/// The three words after `magic` in the header at the start of `bytes`, which may hold no more than that, of a file of
-/// `file_bytes`.
+/// The three words after `magic` in the header at the start of `bytes`, which may contain no more than the header. The
+/// whole file has `file_bytes` bytes.
 pub(super) fn header_words(bytes: &[u8], magic: u32, file_bytes: u64, name: &Path) -> Result<[u32; 3], RecordingError> {
     let file = || name.to_path_buf();
     if bytes.is_empty() {
@@ -111,7 +111,7 @@ pub(super) fn header_words(bytes: &[u8], magic: u32, file_bytes: u64, name: &Pat
     Ok([next()?, next()?, next()?])
 }
 
-/// Compares the size of a file with what its header asks for.
+/// Compares the size of a file with the size that its header implies.
 pub(super) fn check_size(file_bytes: u64, expected: u128, name: &Path) -> Result<(), RecordingError> {
     let (file, found) = (|| name.to_path_buf(), file_bytes);
     match u128::from(file_bytes).cmp(&expected) {
@@ -121,8 +121,8 @@ pub(super) fn check_size(file_bytes: u64, expected: u128, name: &Path) -> Result
     }
 }
 
-/// Reads a file whose header agrees with its size; nothing beyond the header is read before `check` has agreed, which
-/// is given the header (or less, where the file is shorter) and the size of the file.
+/// Reads a file whose header matches its size. `check` gets the header, or less if the file is shorter, and the size of
+/// the file. Nothing after the header is read before `check` succeeds.
 pub(super) fn read_sized(
     path: &Path,
     check: impl FnOnce(&[u8], u64) -> Result<(), RecordingError>,
@@ -132,7 +132,7 @@ pub(super) fn read_sized(
     let mut bytes = Vec::with_capacity(HEADER_BYTES);
     (&mut file).take(HEADER_BYTES as u64).read_to_end(&mut bytes).map_err(failed)?;
     check(&bytes, size)?;
-    // One byte more than the size, so that a file that grew meanwhile is noticed when it is decoded.
+    // One byte more than the size, so that decoding notices if the file has grown in the meantime.
     file.take(size.saturating_sub(bytes.len() as u64) + 1).read_to_end(&mut bytes).map_err(failed)?;
     Ok(bytes)
 }
@@ -145,10 +145,10 @@ pub(super) fn read_recording<C: Coordinate>(path: &Path) -> Result<Vec<u8>, Reco
 /// The triangles and frames of a recording.
 type Decoded<C> = (Vec<[u32; 3]>, Vec<Vec<[C; 3]>>);
 
-/// Turns the bytes of a recording into triangles and frames.
+/// Decodes the bytes of a recording into triangles and frames.
 pub(super) fn decode<C: Coordinate>(bytes: &[u8], name: &Path) -> Result<Decoded<C>, RecordingError> {
     let header = Header::read::<C>(bytes, bytes.len() as u64, name)?;
-    // The size agrees with the counts, so the counts describe memory that is already here.
+    // The size matches the counts, so the counts describe memory that is already allocated.
     let vertices = header.vertices as usize;
     let faces = header.faces as usize;
     let (faces, positions) = bytes[HEADER_BYTES..].split_at(faces * FACE_BYTES);
@@ -176,7 +176,7 @@ pub(super) fn decode<C: Coordinate>(bytes: &[u8], name: &Path) -> Result<Decoded
     Ok((triangles, frames))
 }
 
-/// Turns triangles and frames into the bytes of a recording.
+/// Encodes triangles and frames as the bytes of a recording.
 pub(super) fn encode(triangles: &[[u32; 3]], frames: &[Vec<[f32; 3]>], name: &Path) -> Result<Vec<u8>, RecordingError> {
     let Some(first) = frames.first() else {
         return Err(RecordingError::NoFrames { file: name.to_path_buf() });

@@ -1,4 +1,4 @@
-//! Everything that can be wrong with a recording, each with the file and the place.
+//! All errors of recordings, each with the file and the place.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -7,20 +7,20 @@ use thiserror::Error;
 
 /// Why a recording could not be read or written.
 ///
-/// Frames, vertices, triangles and faces are counted from 0; a face is a polygon as the file lists it, before
-/// it is cut into triangles. Lines are counted from 1.
+/// Frames, vertices, triangles, and faces are counted from 0. A face is a polygon of the file before it is split into
+/// triangles. Lines are counted from 1.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum RecordingError {
     /// The list of files is empty.
     #[error("no file is given: name one .bin recording or the PLY or OBJ files of its frames")]
     NoFiles,
-    /// The file is missing or the system does not let it be read.
+    /// The file is missing, or the system does not allow it to be read.
     #[error("{}: cannot be read: {source}", file.display())]
     Read {
         /// The file in question.
         file: PathBuf,
-        /// What the system said.
+        /// The error from the system.
         source: io::Error,
     },
     /// The file cannot be created or written.
@@ -28,10 +28,10 @@ pub enum RecordingError {
     Write {
         /// The file in question.
         file: PathBuf,
-        /// What the system said.
+        /// The error from the system.
         source: io::Error,
     },
-    /// The path names a folder, a pipe or a device.
+    /// The path names a folder, a pipe, or a device.
     #[error("{}: is not a regular file", file.display())]
     NotAFile {
         /// The path in question.
@@ -43,7 +43,7 @@ pub enum RecordingError {
         /// The file in question.
         file: PathBuf,
     },
-    /// A `.bin` file does not begin with the magic of the recording asked for.
+    /// A `.bin` file does not begin with the expected magic.
     #[error(
         "{}: begins with {found:#010x} instead of {expected:#010x}, the magic of such a recording: it is of another kind \
          or damaged", file.display()
@@ -53,7 +53,7 @@ pub enum RecordingError {
         file: PathBuf,
         /// The first four bytes, little-endian.
         found: u32,
-        /// The magic of the format asked for.
+        /// The magic of the expected format.
         expected: u32,
     },
     /// A `.bin` file is shorter than its header says, or shorter than a header.
@@ -61,17 +61,17 @@ pub enum RecordingError {
     Truncated {
         /// The file in question.
         file: PathBuf,
-        /// Bytes that the header asks for; the length of a header where even that is missing.
+        /// Bytes that the header implies; the length of a header if even that is incomplete.
         expected: u128,
         /// Bytes in the file.
         found: u64,
     },
-    /// The file goes on after the last thing its header announces.
+    /// The file continues after the last element that its header announces.
     #[error("{}: has {found} bytes where its header accounts for {expected}", file.display())]
     TrailingBytes {
         /// The file in question.
         file: PathBuf,
-        /// Bytes that the header asks for.
+        /// Bytes that the header implies.
         expected: u128,
         /// Bytes in the file.
         found: u64,
@@ -85,12 +85,12 @@ pub enum RecordingError {
         file: PathBuf,
         /// Name of the element.
         element: String,
-        /// How many of it the header announces.
+        /// The number that the header announces.
         count: u64,
         /// Bytes after the header.
         bytes: u64,
     },
-    /// A PLY file stops in the middle of what its header announces.
+    /// A PLY file ends before everything that its header announces.
     #[error("{}: ends early: {detail}", file.display())]
     EndsEarly {
         /// The file in question.
@@ -105,7 +105,7 @@ pub enum RecordingError {
         file: PathBuf,
         /// `PLY` or `OBJ`.
         format: &'static str,
-        /// What is wrong, and in which line where that is known.
+        /// What is wrong, with the line if it is known.
         detail: String,
     },
     /// A PLY file lacks the element `vertex` or `face`.
@@ -113,17 +113,17 @@ pub enum RecordingError {
     MissingElement {
         /// The file in question.
         file: PathBuf,
-        /// The element that is needed.
+        /// The required element.
         element: &'static str,
     },
-    /// A PLY element lacks a property, or has it with a type that cannot serve.
+    /// A PLY element lacks a property, or has it with an unsuitable type.
     #[error("{}: the element `{element}` has no {property}", file.display())]
     MissingProperty {
         /// The file in question.
         file: PathBuf,
-        /// The element that is there.
+        /// The element.
         element: &'static str,
-        /// The property that is needed, with its type.
+        /// The required property, with its type.
         property: &'static str,
     },
     /// The recording has no frame.
@@ -149,23 +149,23 @@ pub enum RecordingError {
         file: PathBuf,
         /// The face in question.
         face: usize,
-        /// How many corners it has.
+        /// Number of its corners.
         corners: usize,
     },
-    /// A face names a vertex that does not exist.
+    /// A face has a vertex index that does not exist.
     #[error("{}: face {face} names vertex {index}, but there are {vertices} vertices", file.display())]
     IndexOutOfRange {
         /// The file in question.
         file: PathBuf,
         /// The face in question.
         face: usize,
-        /// The index as the file has it (OBJ counts from 1, and from the end if negative).
+        /// The index as in the file (OBJ counts from 1, and from the end if negative).
         index: i64,
-        /// How many vertices there are.
+        /// Number of vertices.
         vertices: usize,
     },
-    /// A coordinate is NaN, infinite, or too large for `f32`. (An ASCII PLY file has no way to write the first
-    /// two: there the words are [`RecordingError::Malformed`].)
+    /// A coordinate is NaN, infinite, or too large for `f32`. (An ASCII PLY file cannot represent the first two. There
+    /// the words are [`RecordingError::Malformed`].)
     #[error("{}: frame {frame} vertex {vertex} has a coordinate that is not finite", file.display())]
     NotFinite {
         /// The file in question.
@@ -175,8 +175,8 @@ pub enum RecordingError {
         /// The vertex in question.
         vertex: usize,
     },
-    /// A number in a file of queries has a value without meaning.
-    #[error("{}: byte {byte} begins a value of {found} where {expected} is meant", file.display())]
+    /// A number in a file of queries has an invalid value.
+    #[error("{}: the value at byte {byte} is {found}, but must be {expected}", file.display())]
     UnknownValue {
         /// The file in question.
         file: PathBuf,
@@ -184,7 +184,7 @@ pub enum RecordingError {
         byte: usize,
         /// The value.
         found: u32,
-        /// What it could have been.
+        /// The valid values.
         expected: &'static str,
     },
     /// A coordinate of a query is NaN or infinite.
@@ -207,14 +207,14 @@ pub enum RecordingError {
         file: PathBuf,
         /// The frame in question.
         frame: usize,
-        /// How many vertices it has.
+        /// Number of its vertices.
         found: usize,
-        /// How many vertices the first frame has.
+        /// Number of vertices of the first frame.
         expected: usize,
         /// The file of the first frame.
         first: PathBuf,
     },
-    /// A frame has other triangles than the first frame.
+    /// The triangles of a frame differ from those of the first frame.
     #[error(
         "{}: frame {frame} differs from the first frame ({}) from triangle {triangle} on",
         file.display(), first.display()
@@ -234,7 +234,7 @@ pub enum RecordingError {
     SeveralRecordings {
         /// The first of them.
         file: PathBuf,
-        /// How many are given.
+        /// Number of recordings given.
         count: usize,
     },
     /// A `.bin` recording is given together with PLY or OBJ files.
@@ -243,14 +243,14 @@ pub enum RecordingError {
         /// The first `.bin` recording.
         file: PathBuf,
     },
-    /// A recording to be written has more vertices, triangles or frames than the format can count.
+    /// A recording to be written has more vertices, triangles, or frames than the format can count.
     #[error("{}: {count} {what} do not fit a .bin recording, which counts up to 4294967295", file.display())]
     TooLarge {
         /// The file in question.
         file: PathBuf,
-        /// `vertices`, `triangles` or `frames`.
+        /// `vertices`, `triangles`, or `frames`.
         what: &'static str,
-        /// How many there are.
+        /// The number of them.
         count: usize,
     },
 }

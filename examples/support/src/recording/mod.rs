@@ -1,13 +1,12 @@
-//! Recorded meshes: one triangle list and a list of vertex positions per frame.
+//! Recorded meshes: one list of triangles, and a list of vertex positions per frame.
 //!
-//! A recording is either one `.bin` file or a list of PLY and OBJ files, one per frame of the same mesh. Every
-//! file is treated as untrusted: a header is compared with the size of its file before memory is reserved
-//! for it, and what is wrong comes back as a [`RecordingError`] that names the file and the place.
+//! A recording is either one `.bin` file or a list of PLY and OBJ files, one per frame of the same mesh. Every file is
+//! treated as untrusted: its header is compared with the size of the file before memory is reserved for it, and every
+//! error is returned as a [`RecordingError`] that names the file and the place.
 //!
-//! The `.bin` layout is little-endian: four `u32` (magic, vertices, faces, frames), three `u32` per face,
-//! then three coordinates per vertex for every frame. Coordinates are `f32` under [`MAGIC`] and `f64` under
-//! [`MAGIC_F64`]. Files of queries for continuous collision detection are read beside them, see [`CcdQueries`] and
-//! [`RecordedImpacts`].
+//! The `.bin` layout is little-endian: four `u32` (magic, vertices, faces, frames), three `u32` per face, then three
+//! coordinates per vertex for every frame. Coordinates are `f32` under [`MAGIC`] and `f64` under [`MAGIC_F64`]. This
+//! module also reads files of queries for continuous collision detection, see [`CcdQueries`] and [`RecordedImpacts`].
 
 mod binary;
 mod error;
@@ -32,13 +31,13 @@ pub const MAGIC: u32 = 0x4D53_4851;
 /// First four bytes of a `.f64.bin` recording with `f64` coordinates, read as a little-endian `u32`.
 pub const MAGIC_F64: u32 = 0x4D53_4844;
 
-/// The environment variable that names the folder of recordings, see [`recordings_folder`].
+/// The environment variable with the folder of recordings, see [`recordings_folder`].
 pub const FOLDER_VARIABLE: &str = "CIRCUMSPHERE_DATA";
 
 /// A mesh of constant topology with the vertex positions of one or more frames.
 ///
-/// What the readers of this module return has at least one frame and one triangle, equally many finite
-/// positions in every frame, and no index outside them. Triangles may still be degenerate.
+/// The readers of this module guarantee at least one frame and one triangle, the same number of finite positions in
+/// every frame, and no index out of range. Triangles may still be degenerate.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recording {
     /// Three vertex indices per triangle, in the order of the file.
@@ -47,7 +46,7 @@ pub struct Recording {
     pub frames: Vec<Vec<[f32; 3]>>,
 }
 
-/// A [`Recording`] that keeps the double precision of its source; the same guarantees hold.
+/// A [`Recording`] in the double precision of its source, with the same guarantees.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RecordingF64 {
     /// Three vertex indices per triangle, in the order of the file.
@@ -57,48 +56,48 @@ pub struct RecordingF64 {
 }
 
 impl Recording {
-    /// Reads the bytes of one `.bin` recording, for example an embedded one.
+    /// Reads one `.bin` recording from bytes, for example an embedded one.
     ///
     /// `name` stands for the file in error messages and need not exist.
     ///
     /// # Errors
     ///
-    /// Every way in which the bytes are not a recording, see [`RecordingError`].
+    /// If the bytes are not a valid recording, see [`RecordingError`].
     pub fn from_bytes(bytes: &[u8], name: &Path) -> Result<Self, RecordingError> {
         let (triangles, frames) = binary::decode::<f32>(bytes, name)?;
         Ok(Self { triangles, frames })
     }
 
-    /// The bytes of the `.bin` recording that [`Recording::from_bytes`] turns back into `self`.
+    /// Writes the `.bin` recording that [`Recording::from_bytes`] reads, as bytes.
     ///
     /// `name` stands for the file in error messages and need not exist.
     ///
     /// # Errors
     ///
-    /// The recording does not hold what its type promises (no frame, no triangle, frames of different
-    /// lengths, an index out of range, a coordinate that is not finite), or a count does not fit a `u32`.
+    /// If the recording violates the guarantees of its type (no frame, no triangle, frames of different lengths, an
+    /// index out of range, a coordinate that is not finite), or if a count does not fit into a `u32`.
     pub fn to_bytes(&self, name: &Path) -> Result<Vec<u8>, RecordingError> {
         binary::encode(&self.triangles, &self.frames, name)
     }
 
-    /// Reads one PLY file held in memory as a recording of one frame.
+    /// Reads one PLY file in memory as a recording of one frame.
     ///
     /// `name` stands for the file in error messages and need not exist.
     ///
     /// # Errors
     ///
-    /// Every way in which the bytes are not a PLY mesh, see [`RecordingError`].
+    /// If the bytes are not a valid PLY mesh, see [`RecordingError`].
     pub fn from_ply_bytes(bytes: &[u8], name: &Path) -> Result<Self, RecordingError> {
         Self::from_polygons(ply::decode(bytes, name, 0)?)
     }
 
-    /// Reads one OBJ file held in memory as a recording of one frame.
+    /// Reads one OBJ file in memory as a recording of one frame.
     ///
     /// `name` stands for the file in error messages and need not exist.
     ///
     /// # Errors
     ///
-    /// Every way in which the bytes are not an OBJ mesh, see [`RecordingError`].
+    /// If the bytes are not a valid OBJ mesh, see [`RecordingError`].
     pub fn from_obj_bytes(bytes: &[u8], name: &Path) -> Result<Self, RecordingError> {
         Self::from_polygons(obj::decode(bytes, name, 0)?)
     }
@@ -109,13 +108,13 @@ impl Recording {
 }
 
 impl RecordingF64 {
-    /// Reads the bytes of one `.f64.bin` recording.
+    /// Reads one `.f64.bin` recording from bytes.
     ///
     /// `name` stands for the file in error messages and need not exist.
     ///
     /// # Errors
     ///
-    /// Every way in which the bytes are not a recording, see [`RecordingError`].
+    /// If the bytes are not a valid recording, see [`RecordingError`].
     pub fn from_bytes(bytes: &[u8], name: &Path) -> Result<Self, RecordingError> {
         let (triangles, frames) = binary::decode::<f64>(bytes, name)?;
         Ok(Self { triangles, frames })
@@ -124,14 +123,14 @@ impl RecordingF64 {
 
 /// Reads one `.bin` recording, or PLY and OBJ files that are the frames of one mesh in the given order.
 ///
-/// The content tells the format (a first line `ply`, or the magic of a recording) and the extension decides
-/// where it does not; whatever is left is read as OBJ. Polygons become fans around their first corner.
-/// Vertices keep the order and the number of the file, also those that no face uses.
+/// The content determines the format: a first line `ply`, or the magic of a recording. If it does not, the extension
+/// decides, and everything else is read as OBJ. Polygons become triangle fans around their first corner. Vertices keep
+/// the order and the numbers of the file, including those that no face uses.
 ///
 /// # Errors
 ///
-/// No file at all, a file that cannot be read or is malformed, a `.bin` recording beside other files, and
-/// frames whose vertex count or triangles differ from those of the first, see [`RecordingError`].
+/// If there is no file, if a file cannot be read or is malformed, if a `.bin` recording is given with other files, or
+/// if the vertex count or the triangles of a frame differ from those of the first. See [`RecordingError`].
 pub fn read_recording(paths: &[PathBuf]) -> Result<Recording, RecordingError> {
     let formats = paths.iter().map(|path| sniff(path)).collect::<Result<Vec<_>, _>>()?;
     if let ([path], [Format::Binary]) = (paths, formats.as_slice()) {
@@ -174,25 +173,25 @@ pub fn read_recording(paths: &[PathBuf]) -> Result<Recording, RecordingError> {
 ///
 /// # Errors
 ///
-/// A file that cannot be read or is malformed, see [`RecordingError`].
+/// If the file cannot be read or is malformed, see [`RecordingError`].
 pub fn read_f64_recording(path: &Path) -> Result<RecordingF64, RecordingError> {
     RecordingF64::from_bytes(&binary::read_recording::<f64>(path)?, path)
 }
 
-/// Writes `recording` as one `.bin` file, replacing a file of that name.
+/// Writes `recording` as one `.bin` file. An existing file is replaced.
 ///
 /// # Errors
 ///
-/// What [`Recording::to_bytes`] refuses, before the file is touched, and a file that cannot be written.
+/// If [`Recording::to_bytes`] fails, in which case the file is not touched, or if the file cannot be written.
 pub fn write_recording(path: &Path, recording: &Recording) -> Result<(), RecordingError> {
     let bytes = recording.to_bytes(path)?;
     fs::write(path, bytes).map_err(|source| RecordingError::Write { file: path.to_path_buf(), source })
 }
 
-/// The folder of recordings that the environment names, for tests that can do without.
+/// The folder of recordings that the environment names, for tests that can run without it.
 ///
-/// Without the variable [`FOLDER_VARIABLE`] the answer is `None`, and a line on standard error says that the
-/// test is skipped, so that a run without recordings cannot be mistaken for one with them.
+/// If the variable [`FOLDER_VARIABLE`] is not set, this returns `None` and prints to standard error that recordings are
+/// skipped, so that a run without recordings cannot be mistaken for one with them.
 pub fn recordings_folder() -> Option<PathBuf> {
     let folder = std::env::var_os(FOLDER_VARIABLE).filter(|value| !value.is_empty());
     if folder.is_none() {
@@ -201,13 +200,13 @@ pub fn recordings_folder() -> Option<PathBuf> {
     folder.map(PathBuf::from)
 }
 
-/// One frame as PLY and OBJ give it, with its polygons already cut into triangles.
+/// One frame of a PLY or OBJ file, with its polygons split into triangles.
 struct PolygonMesh {
     positions: Vec<[f32; 3]>,
     triangles: Vec<[u32; 3]>,
 }
 
-/// Appends the fan of triangles around the first of `corners`, which are at least three.
+/// Appends the triangle fan around the first of `corners`, of which there are at least three.
 fn push_fan(corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     for edge in corners.windows(2).skip(1) {
         triangles.push([corners[0], edge[0], edge[1]]);
@@ -221,7 +220,7 @@ enum Format {
     Obj,
 }
 
-/// Tells the format of a file from its first four bytes, then from its extension.
+/// Detects the format of a file from its first four bytes, then from its extension.
 fn sniff(path: &Path) -> Result<Format, RecordingError> {
     let (file, _) = open(path)?;
     let mut start = Vec::with_capacity(4);
@@ -247,12 +246,12 @@ fn sniff(path: &Path) -> Result<Format, RecordingError> {
     })
 }
 
-/// Opens a regular, non-empty file; the second value is its size in bytes.
+/// Opens a regular, non-empty file. The second value is its size in bytes.
 ///
-/// Folders and devices are refused here because reading a device need not end.
+/// Folders and devices are refused, because reading a device may never end.
 fn open(path: &Path) -> Result<(File, u64), RecordingError> {
     let failed = |source: io::Error| RecordingError::read(path, source);
-    // Asked before opening: opening a named pipe would wait for a writer.
+    // Checked before opening, because opening a named pipe would wait for a writer.
     let metadata = fs::metadata(path).map_err(failed)?;
     if !metadata.is_file() {
         return Err(RecordingError::NotAFile { file: path.to_path_buf() });

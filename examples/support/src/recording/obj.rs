@@ -1,11 +1,11 @@
-//! OBJ files: the statements `v` and `f`, everything else is skipped.
+//! OBJ files. Only the statements `v` and `f` are read.
 //!
-//! This is a parser of our own because a recording needs what the OBJ crates do not give: the file's vertex
-//! list as it stands, faces in the order of the file, and the place of an error. `tobj` 4 numbers vertices by
-//! first use in every object, leaves out unused ones, and its errors have no place. `obj` 0.10 keeps the
-//! list but has had no release since 2020 and loses the faces before an `o` that follows an empty `g`.
-//! `obj-rs` 0.7 panics on free-form statements and rejects vertex colours and several group names.
-//! `wavefront_obj` 11 splits the list by object and resolves negative indices wrongly.
+//! This is a custom parser, because a recording needs features that the OBJ crates lack: the vertex list of the file as
+//! it is, faces in the order of the file, and the place of an error. `tobj` 4 numbers vertices by first use in every
+//! object, omits unused ones, and its errors have no place. `obj` 0.10 keeps the list, but has had no release since
+//! 2020, and loses the faces before an `o` that follows an empty `g`. `obj-rs` 0.7 panics on free-form statements, and
+//! rejects vertex colors and several group names. `wavefront_obj` 11 splits the list by object, and resolves negative
+//! indices incorrectly.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -15,15 +15,15 @@ use super::{PolygonMesh, RecordingError, check_positions, push_fan};
 /// Longest word that an error message quotes.
 const LONGEST_QUOTE: usize = 40;
 
-/// A corner whose vertex may still follow in the file, so it is checked at the end.
+/// A corner whose vertex may come later in the file, so it is checked at the end.
 struct Pending {
     index: i64,
     face: usize,
 }
 
-/// Reads one OBJ mesh; `frame` is only for messages.
+/// Reads one OBJ mesh. `frame` is only used in messages.
 ///
-/// Texture and normal indices, vertex weights and vertex colours are not looked at.
+/// Texture and normal indices, vertex weights, and vertex colors are ignored.
 pub(super) fn decode(bytes: &[u8], name: &Path, frame: usize) -> Result<PolygonMesh, RecordingError> {
     if bytes.is_empty() {
         return Err(RecordingError::Empty { file: name.to_path_buf() });
@@ -86,9 +86,9 @@ pub(super) fn decode(bytes: &[u8], name: &Path, frame: usize) -> Result<PolygonM
     Ok(PolygonMesh { positions, triangles })
 }
 
-/// The lines of the file with the number of the first, joined where a backslash ends them.
+/// The lines of the file with their line numbers. Lines that end with a backslash are joined with the next.
 ///
-/// Bytes rather than text: names and comments need not be UTF-8.
+/// They are bytes rather than text, because names and comments need not be UTF-8.
 fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, [u8]>)> {
     let mut lines = bytes.split(|&byte| byte == b'\n').zip(1..);
     std::iter::from_fn(move || {
@@ -96,7 +96,7 @@ fn logical_lines(bytes: &[u8]) -> impl Iterator<Item = (usize, Cow<'_, [u8]>)> {
         let mut text = Cow::Borrowed(line);
         while let Some(start) = text.trim_ascii_end().strip_suffix(b"\\") {
             let length = start.len();
-            // The buffer moves on from turn to turn: copying it would make many short lines quadratic.
+            // Reuse the buffer. Copying it each time would take quadratic time for many short lines.
             let mut joined = text.into_owned();
             joined.truncate(length);
             joined.push(b' ');
@@ -111,9 +111,10 @@ fn parse<T: std::str::FromStr>(word: &[u8]) -> Option<T> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
-/// Zero-based index of the vertex meant by `index`: from 1 on upwards, or from -1 back from the last vertex.
+/// Zero-based index of the vertex that `index` refers to: counted from 1 if positive, and from the last vertex back if
+/// negative.
 ///
-/// A vertex that is still to come is accepted.
+/// A vertex that comes later in the file is accepted.
 fn resolve(index: i64, vertices: usize) -> Option<u32> {
     let vertex = match index {
         0 => return None,

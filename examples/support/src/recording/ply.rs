@@ -1,8 +1,8 @@
 //! PLY files, ASCII and binary, through `ply-rs-bw`.
 //!
-//! The crate reads one element type after the other into types of our own, so that elements and properties a
-//! mesh has no use for cost no memory. It reserves no more than 65536 elements at once, but it would count to
-//! any number that a header claims: the counts are compared with the bytes of the file first.
+//! The crate reads one element type after the other into our own types, so that unused elements and properties take no
+//! memory. It reserves at most 65536 elements at once, but it would count up to any number that a header claims. So the
+//! counts are compared with the size of the file first.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -14,13 +14,14 @@ use ply_rs_bw::ply::{
 
 use super::{PolygonMesh, RecordingError, check_positions, push_fan};
 
-/// The two names in use for the list of a face's corners.
+/// The two common names of the corner list of a face.
 const CORNER_LISTS: [&str; 2] = ["vertex_indices", "vertex_index"];
 
-/// Longest part of a parser message that is passed on; it quotes lines of the file, which may be of any length.
+/// Longest part of a parser message that is passed on. Such messages quote lines of the file, which may have any
+/// length.
 const LONGEST_DETAIL: usize = 300;
 
-/// Reads one PLY mesh; `frame` is only for messages.
+/// Reads one PLY mesh. `frame` is only used in messages.
 pub(super) fn decode(bytes: &[u8], name: &Path, frame: usize) -> Result<PolygonMesh, RecordingError> {
     if bytes.is_empty() {
         return Err(RecordingError::Empty { file: name.to_path_buf() });
@@ -73,7 +74,7 @@ fn describe(error: &ParseError, name: &Path) -> RecordingError {
     }
 }
 
-/// Checks that vertices have coordinates and faces have corners, of types that can be read as such.
+/// Checks that vertices have coordinates and faces have corners, with readable types.
 fn check_properties(header: &Header, name: &Path) -> Result<(), RecordingError> {
     let element = |wanted: &'static str| {
         header
@@ -106,7 +107,7 @@ fn check_properties(header: &Header, name: &Path) -> Result<(), RecordingError> 
                 if is_integer(count) && is_integer(corner))
         })
         .count();
-    // With both names present it would be a guess which of them is meant.
+    // If both names are present, it is ambiguous which one to use.
     if corner_lists != 1 {
         return Err(missing("face", "single integer list `vertex_indices` or `vertex_index`"));
     }
@@ -117,19 +118,19 @@ fn is_integer(scalar: &ScalarType) -> bool {
     !matches!(scalar, ScalarType::Float | ScalarType::Double)
 }
 
-/// Checks that the elements the header announces can fit into the `bytes` after it.
+/// Checks that the announced elements can fit into the `bytes` after the header.
 fn check_counts(header: &Header, bytes: usize, name: &Path) -> Result<(), RecordingError> {
     let mut needed: u128 = 0;
     for element in header.elements.values() {
         let smallest: u64 = match header.encoding {
-            // A line of text has a digit and a separator per property; the last separator may be missing.
+            // A line of text has a digit and a separator per property. The last separator may be missing.
             Encoding::Ascii => (2 * element.properties.len() as u64).max(1),
             Encoding::BinaryBigEndian | Encoding::BinaryLittleEndian => {
                 let scalars = element.properties.values().map(|property| match &property.data_type {
                     PropertyType::Scalar(scalar) => scalar_bytes(scalar),
                     PropertyType::List(count, _) => scalar_bytes(count),
                 });
-                // An element without properties takes no bytes but would still be counted through.
+                // An element without properties takes no bytes, but would still be counted through.
                 scalars.sum::<u64>().max(1)
             }
         };
@@ -155,9 +156,9 @@ fn scalar_bytes(scalar: &ScalarType) -> u64 {
     }
 }
 
-/// Checks that nothing but white space in text, and nothing at all in binary, follows the last element.
+/// Checks that the last element is followed by nothing, or only by white space in text.
 ///
-/// A header with too small a count would otherwise pass unnoticed.
+/// Otherwise a header with too small a count would go unnoticed.
 fn check_rest(header: &Header, rest: &[u8], bytes: usize, name: &Path) -> Result<(), RecordingError> {
     let is_clean = match header.encoding {
         Encoding::Ascii => rest.trim_ascii().is_empty(),
@@ -199,7 +200,7 @@ fn triangulate(faces: &[Face], vertices: usize, name: &Path) -> Result<Vec<[u32;
     Ok(triangles)
 }
 
-/// What is kept of an element `vertex`.
+/// The part of an element `vertex` that is kept.
 struct Vertex {
     position: [f32; 3],
 }
@@ -224,7 +225,7 @@ impl PropertyAccess for Vertex {
     }
 }
 
-/// What is kept of an element `face`.
+/// The part of an element `face` that is kept.
 struct Face {
     corners: Vec<i64>,
 }
@@ -251,7 +252,7 @@ impl PropertyAccess for Face {
     }
 }
 
-/// Stands for an element that a mesh has no use for.
+/// An element that a mesh does not need.
 struct Ignored;
 
 impl PropertyAccess for Ignored {

@@ -1,8 +1,8 @@
-//! Recorded questions of continuous collision detection with known answers, little-endian.
+//! Recorded queries of continuous collision detection with known answers, little-endian.
 //!
-//! A `.ccdq.bin` file carries the positions of every query, a `.vf.gt.bin` or `.ee.gt.bin` file names vertices of a
-//! recording beside it. Both begin with four `u32` (magic, kind, count, 0); the records follow, then one byte per
-//! record that is 1 where the two features collide during the step.
+//! A `.ccdq.bin` file has the positions of every query. A `.vf.gt.bin` or `.ee.gt.bin` file has vertex indices into a
+//! separate recording. Both begin with four `u32` (magic, kind, count, 0). Then follow the records, and one byte per
+//! record that is 1 if the two features collide during the step.
 
 use std::path::Path;
 
@@ -22,36 +22,36 @@ const QUERY_BYTES: usize = 8 * 3 * size_of::<f64>();
 /// Bytes of the indices of one answer: four `u32`.
 const INDICES_BYTES: usize = 4 * size_of::<u32>();
 
-/// Which features a file of queries is about.
+/// The kind of features in a file of queries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum QueryKind {
-    /// A vertex and a face: the four points are the vertex, then the face's corners.
+    /// A vertex and a face. The four points are the vertex, then the corners of the face.
     VertexFace,
-    /// Two edges: the four points are the ends of the first edge, then those of the second.
+    /// Two edges. The four points are the ends of the first edge, then those of the second.
     EdgeEdge,
 }
 
-/// Two features that move in straight lines over one step, and whether they meet.
+/// Two features that move in straight lines over one step, and whether they collide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CcdQuery {
-    /// The four points when the step begins, in the order of [`QueryKind`].
+    /// The four points at the beginning of the step, in the order of [`QueryKind`].
     pub start: [[f64; 3]; 4],
-    /// The same points when it ends.
+    /// The four points at the end of the step.
     pub end: [[f64; 3]; 4],
-    /// The exact answer: whether the features have a point in common at some time of the step, its ends included.
+    /// The exact answer: whether the features have a point in common at some time of the step, including its ends.
     pub collides: bool,
 }
 
 /// A `.ccdq.bin` file. Its coordinates are finite.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CcdQueries {
-    /// Which features all of them are about.
+    /// The kind of features of all queries.
     pub kind: QueryKind,
-    /// The queries in the order of the file.
+    /// The queries, in the order of the file.
     pub queries: Vec<CcdQuery>,
 }
 
-/// Two features of a recording, and whether they meet between its frames 0 and 1.
+/// Two features of a recording, and whether they collide between its frames 0 and 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ImpactAnswer {
     /// Indices of the four points, in the order of [`QueryKind`].
@@ -60,25 +60,25 @@ pub struct ImpactAnswer {
     pub collides: bool,
 }
 
-/// A `.gt.bin` file: feature pairs that have to be found, not all that collide.
+/// A `.gt.bin` file: feature pairs that must be found. They are not all pairs that collide.
 ///
-/// The recording the indices refer to is another file, so they may be out of its range.
+/// The indices refer to a recording in another file, so they may be out of its range.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RecordedImpacts {
-    /// Which features all of them are about.
+    /// The kind of features of all answers.
     pub kind: QueryKind,
-    /// The answers in the order of the file.
+    /// The answers, in the order of the file.
     pub answers: Vec<ImpactAnswer>,
 }
 
 impl CcdQueries {
-    /// Reads the bytes of one `.ccdq.bin` file.
+    /// Reads one `.ccdq.bin` file from bytes.
     ///
     /// `name` stands for the file in error messages and need not exist.
     ///
     /// # Errors
     ///
-    /// Every way in which the bytes are not such a file, see [`RecordingError`].
+    /// If the bytes are not a valid file of that format, see [`RecordingError`].
     pub fn from_bytes(bytes: &[u8], name: &Path) -> Result<Self, RecordingError> {
         let header = Header::read::<QUERY_BYTES>(bytes, MAGIC_QUERIES, bytes.len() as u64, name)?;
         let (records, answers) = header.records::<QUERY_BYTES>(bytes);
@@ -103,13 +103,13 @@ impl CcdQueries {
 }
 
 impl RecordedImpacts {
-    /// Reads the bytes of one `.gt.bin` file.
+    /// Reads one `.gt.bin` file from bytes.
     ///
     /// `name` stands for the file in error messages and need not exist.
     ///
     /// # Errors
     ///
-    /// Every way in which the bytes are not such a file, see [`RecordingError`].
+    /// If the bytes are not a valid file of that format, see [`RecordingError`].
     pub fn from_bytes(bytes: &[u8], name: &Path) -> Result<Self, RecordingError> {
         let header = Header::read::<INDICES_BYTES>(bytes, MAGIC_TRUTH, bytes.len() as u64, name)?;
         let (records, answers) = header.records::<INDICES_BYTES>(bytes);
@@ -127,7 +127,7 @@ impl RecordedImpacts {
 ///
 /// # Errors
 ///
-/// A file that cannot be read or is malformed, see [`RecordingError`].
+/// If the file cannot be read or is malformed, see [`RecordingError`].
 pub fn read_ccd_queries(path: &Path) -> Result<CcdQueries, RecordingError> {
     let check = |start: &[u8], size| Header::read::<QUERY_BYTES>(start, MAGIC_QUERIES, size, path).map(drop);
     CcdQueries::from_bytes(&read_sized(path, check)?, path)
@@ -137,23 +137,23 @@ pub fn read_ccd_queries(path: &Path) -> Result<CcdQueries, RecordingError> {
 ///
 /// # Errors
 ///
-/// A file that cannot be read or is malformed, see [`RecordingError`].
+/// If the file cannot be read or is malformed, see [`RecordingError`].
 pub fn read_recorded_impacts(path: &Path) -> Result<RecordedImpacts, RecordingError> {
     let check = |start: &[u8], size| Header::read::<INDICES_BYTES>(start, MAGIC_TRUTH, size, path).map(drop);
     RecordedImpacts::from_bytes(&read_sized(path, check)?, path)
 }
 
-/// What the header of either kind of file says.
+/// The header of either kind of file.
 struct Header {
     kind: QueryKind,
     count: u32,
 }
 
 impl Header {
-    /// Reads the header at the start of `bytes`, which may hold no more than that.
+    /// Reads the header at the start of `bytes`, which may contain no more than the header.
     ///
-    /// `file_bytes` is the size of the whole file and has to be exactly what the count of records of `RECORD` bytes,
-    /// each with a byte for its answer, asks for.
+    /// `file_bytes` is the size of the whole file. It must be exactly the size of the header, plus `count` records of
+    /// `RECORD` bytes with one byte each for the answer.
     fn read<const RECORD: usize>(
         bytes: &[u8],
         magic: u32,
@@ -175,18 +175,18 @@ impl Header {
         Ok(Self { kind, count })
     }
 
-    /// The records, and the places of their answers, in the bytes of a whole file.
+    /// The records in the bytes of a whole file, and the places of their answers.
     fn records<'bytes, const RECORD: usize>(
         &self,
         bytes: &'bytes [u8],
     ) -> (&'bytes [[u8; RECORD]], std::ops::Range<usize>) {
-        // The size agrees with the count, so the count describes memory that is already here.
+        // The size matches the count, so the count describes memory that is already allocated.
         let end = HEADER_BYTES + self.count as usize * RECORD;
         (bytes[HEADER_BYTES..end].as_chunks::<RECORD>().0, end..bytes.len())
     }
 }
 
-/// The answer that stands at `place`.
+/// The answer at `place`.
 fn collides(bytes: &[u8], place: usize, name: &Path) -> Result<bool, RecordingError> {
     match bytes[place] {
         0 => Ok(false),

@@ -1,39 +1,41 @@
-//! A box edge that the `Circumsphere` method misses with its default settings: what one looks for in a debugger.
+//! A box edge that the `Circumsphere` method misses with its default settings, as an example for a debugger.
 //!
-//! No scene of the report: that one asks how much a method misses over many scenes, this one shows how it comes about.
+//! It is not a scene of the report. The report measures how much a method misses over many scenes, and this scene shows
+//! why.
 
 use super::{Mesh, MovingScene, index, moving::body, shapes::box_lattice};
 
-/// Length of the mattress's edges. Small against the beam: that is what the scene is about.
+/// Length of the mattress's edges. It must be small compared with the beam.
 const MATTRESS_EDGE: f64 = 0.1;
 const MATTRESS_COLUMNS: usize = 28;
 const MATTRESS_ROWS: usize = 8;
 
-/// The mattress is arched along the beam, so that the beam touches neither its border nor anything with its ends.
+/// Radius of the mattress's arch along the beam. Because of the arch, the beam touches neither the border of the
+/// mattress nor anything with its ends.
 const ARCH_RADIUS: f64 = 10.0;
 
-/// How far the crest of the mattress lies from the middle of the beam.
+/// Distance of the crest of the mattress from the middle of the beam.
 const CREST: f64 = 2.5;
 
 const BEAM_LENGTH: f64 = 8.0;
 const BEAM_WIDTH: f64 = 0.2;
 
-/// How far the beam's edge is above the crest at first, and how far below at last.
+/// Height of the beam's edge above the crest at the start, and depth below it at the end.
 const LOWERED: [f64; 2] = [0.08, 0.04];
 
-/// A beam of 8 by 0.2 by 0.2 with one of its long edges downward is lowered onto a mattress under one of its halves, and
-/// sinks 0.04 deep into it.
+/// A beam of 8 by 0.2 by 0.2, with one of its long edges downward, is lowered onto a mattress below one of its halves,
+/// and sinks 0.04 deep into it.
 ///
-/// The first body is the mattress, an open sheet of 448 triangles with edges of 0.1, the second the beam: a box of 12
-/// triangles, or with `beam_cells` above 1 one that is cut into as many parts along its length. Its edge lies parallel to
-/// x, the crest of the mattress parallel to z at y = 0.
+/// The first body is the mattress: an open sheet of 448 triangles with edges of 0.1. The second is the beam: a box of
+/// 12 triangles if `beam_cells` is 1, otherwise split into that many parts along its length. Its edge is parallel to x,
+/// and the crest of the mattress is parallel to z at y = 0.
 ///
 /// # Panics
 ///
-/// Panics if there are no ticks or no cells.
+/// If `ticks` or `beam_cells` is 0.
 #[must_use]
 pub fn beam_on_mattress(beam_cells: usize, ticks: usize) -> MovingScene {
-    assert!(ticks > 0, "a scene has a tick");
+    assert!(ticks > 0, "a scene needs at least 1 tick");
     let mattress = body(staggered_grid(MATTRESS_COLUMNS, MATTRESS_ROWS), ticks, false, false, |[column, _, row], _| {
         let (x, z) = (column * MATTRESS_EDGE, row * MATTRESS_EDGE);
         [x + CREST, -x * x / (2.0 * ARCH_RADIUS), z]
@@ -41,7 +43,7 @@ pub fn beam_on_mattress(beam_cells: usize, ticks: usize) -> MovingScene {
     let half_diagonal = BEAM_WIDTH / 2.0_f64.sqrt();
     let beam = body(box_lattice([beam_cells, 1, 1]), ticks, true, false, |[x, y, z], moment| {
         let height = LOWERED[0] - (LOWERED[0] + LOWERED[1]) * moment;
-        // Turned by 45 degrees around x; a little aside, so that its edge meets no vertex of the mattress.
+        // Rotated by 45 degrees about x, and slightly displaced, so that its edge hits no vertex of the mattress.
         let (up, aside) = (0.5 * (y + z), 0.5 * (z - y));
         [0.5 * BEAM_LENGTH * x, half_diagonal * (up + 1.0) + height, half_diagonal * aside + 0.013]
     });
@@ -53,7 +55,7 @@ pub fn beam_on_mattress(beam_cells: usize, ticks: usize) -> MovingScene {
     }
 }
 
-/// A flat sheet in the plane y = 0 around the origin, facing up, of triangles whose edges are all 1 long.
+/// A flat sheet in the plane y = 0 around the origin, facing up, with triangles whose edges all have length 1.
 fn staggered_grid(columns: usize, rows: usize) -> Mesh {
     let row_distance = 0.75_f64.sqrt();
     let mut mesh = Mesh::default();
@@ -69,7 +71,7 @@ fn staggered_grid(columns: usize, rows: usize) -> Mesh {
         for column in 0..columns {
             let corner = |right: usize, front: usize| index((row + front) * (columns + 1) + column + right);
             let quad = [corner(0, 0), corner(0, 1), corner(1, 1), corner(1, 0)];
-            // Along the shorter diagonal, which is as long as the sides.
+            // Split along the shorter diagonal, which is as long as the sides.
             let is_turned = row % 2 == 0;
             mesh.push_quad(if is_turned { [quad[1], quad[2], quad[3], quad[0]] } else { quad });
         }

@@ -1,6 +1,6 @@
-//! Closed bodies that scenes of soft and rigid bodies are made of. All lengths are metres.
+//! Closed bodies for scenes of soft and rigid bodies. All lengths are in meters.
 //!
-//! The organ is a radial graph over the sphere: each direction has one point, so that it cannot cross itself.
+//! The organ is a radial graph over the sphere: it has one point per direction, so it cannot cross itself.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -15,22 +15,22 @@ const NEEDLE_SEGMENTS: usize = 8;
 /// Bands of triangles along the shaft of a [`needle`].
 const NEEDLE_BANDS: usize = 5;
 
-/// The part of a [`needle`]'s length that its point takes.
+/// Share of a [`needle`]'s length that is its point.
 const NEEDLE_POINT: f64 = 0.2;
 
-/// Half the size of the [`organ`] along x, y and z before lobes are added, in metres.
+/// Half the size of the [`organ`] along x, y, and z without its lobes, in meters.
 const ORGAN_HALF_EXTENTS: Point = [0.095, 0.055, 0.07];
 
-/// A closed capsule around the y axis, its middle at the origin: all points at `radius` metres from the segment that
-/// reaches `half_length` metres up and down.
+/// A closed capsule around the y axis, centered at the origin: all points at `radius` meters from the segment that
+/// extends `half_length` meters up and down.
 ///
-/// The vertices lie on the capsule. Circles on the cylinder have `segments_around` vertices, those on the caps as many
-/// fewer as they are shorter, so that triangles are nearly equilateral if the circles lie as far apart as the vertices on
-/// them. The first vertex is the upper pole, the last one the lower.
+/// The vertices are on the capsule. Circles on the cylinder have `segments_around` vertices. Circles on the caps have
+/// fewer, in proportion to their length, so that triangles are nearly equilateral if the distance between circles
+/// matches that between their vertices. The first vertex is the upper pole, and the last one the lower.
 ///
 /// # Panics
 ///
-/// Panics if `segments_around` is below 3, one of the other two numbers 0, or one of the lengths not positive.
+/// If `segments_around` is below 3, another number is 0, or a length is not positive.
 pub fn capsule(
     radius: f32,
     half_length: f32,
@@ -38,11 +38,11 @@ pub fn capsule(
     segments_along_cylinder: usize,
     rings_per_cap: usize,
 ) -> Mesh {
-    assert!(segments_around >= 3, "a capsule needs 3 segments around");
-    assert!(segments_along_cylinder > 0 && rings_per_cap > 0, "a capsule needs a segment along and a ring on its cap");
-    assert!(radius > 0.0 && half_length > 0.0, "a capsule has a radius and a length");
+    assert!(segments_around >= 3, "a capsule needs at least 3 segments around");
+    assert!(segments_along_cylinder > 0 && rings_per_cap > 0, "a capsule needs 1 segment along and 1 ring per cap");
+    assert!(radius > 0.0 && half_length > 0.0, "the lengths of a capsule must be positive");
     let (radius, half_length) = (f64::from(radius), f64::from(half_length));
-    // From the pole to just before the equator, around the middle of a cap.
+    // From the pole to just before the equator, relative to the center of a cap.
     let cap: Vec<Circle> = (1..rings_per_cap)
         .map(|ring| {
             let angle = FRAC_PI_2 * ring as f64 / rings_per_cap as f64;
@@ -61,17 +61,17 @@ pub fn capsule(
     revolve(&circles)
 }
 
-/// A closed needle of 96 triangles along the y axis: its tip at the origin, its flat head
-/// `length` metres above.
+/// A closed needle of 96 triangles along the y axis, with its tip at the origin and its flat head `length` meters
+/// above.
 ///
-/// Its shaft has the `radius` in metres; the lowest fifth is the point, a cone. The triangles are as slender as the needle.
-/// The last vertex is the tip.
+/// Its shaft has the given `radius` in meters. The lowest fifth is the point, a cone. The triangles are as slender as
+/// the needle. The last vertex is the tip.
 ///
 /// # Panics
 ///
-/// Panics if one of the lengths is not positive.
+/// If a length is not positive.
 pub fn needle(length: f32, radius: f32) -> Mesh {
-    assert!(length > 0.0 && radius > 0.0, "a needle has a length and a radius");
+    assert!(length > 0.0 && radius > 0.0, "the lengths of a needle must be positive");
     let (length, radius) = (f64::from(length), f64::from(radius));
     let mut circles = vec![Circle::point(length)];
     circles.extend((0..=NEEDLE_BANDS).map(|band| {
@@ -84,8 +84,8 @@ pub fn needle(length: f32, radius: f32) -> Mesh {
 
 /// A closed, smooth body of about 0.2 m along x, with two lobes and a shallow cleft between them, like a liver.
 ///
-/// The origin lies inside it, its smooth back faces up along y. It is an [`icosphere`] of that `level` pushed outwards:
-/// 1,280 triangles at level 3, 5,120 at level 4. Every level samples the same surface.
+/// The origin is inside, and the smooth back faces up along y. It is an [`icosphere`] of that `level` with displaced
+/// vertices: 1,280 triangles at level 3, 5,120 at level 4. Every level samples the same surface.
 pub fn organ(level: u32) -> Mesh {
     let mut mesh = icosphere(level, 1.0);
     for position in &mut mesh.positions {
@@ -94,7 +94,7 @@ pub fn organ(level: u32) -> Mesh {
     mesh
 }
 
-/// The closed surface that a [`needle`] goes through: the [`organ`] in 1,280 triangles.
+/// The closed target that a [`needle`] is shot at: the [`organ`] with 1,280 triangles.
 pub fn closed_target() -> Mesh {
     organ(3)
 }
@@ -103,10 +103,10 @@ pub fn closed_target() -> Mesh {
 pub(super) fn organ_point(direction: Point) -> Point {
     let [x, y, z] = direction;
     let lobes = 0.10 * x + 0.06 * (x * x - z * z) + 0.20 * x * y * z;
-    // The lower side is hollow, where other organs would lie.
+    // The lower side is hollow, where other organs would be.
     let below = 0.5 * (1.0 - y);
     let hollow = 0.10 * below * below * below * below;
-    // The cleft runs over the front and the lower side only: the upper side stays smooth.
+    // The cleft runs over the front and the lower side only. The upper side stays smooth.
     let across = (x + 0.2) / 0.25;
     let side = 0.5 * (1.0 + 0.8 * z - 0.6 * y);
     let cleft = 0.26 * libm::exp(-across * across) * side * side * side;
@@ -114,9 +114,9 @@ pub(super) fn organ_point(direction: Point) -> Point {
     std::array::from_fn(|axis| radius * direction[axis] * ORGAN_HALF_EXTENTS[axis])
 }
 
-/// The unit vector that stands outward on the organ at [`organ_point`] of that direction, which is not ±z.
+/// The outward unit normal of the organ at [`organ_point`] of a direction, which must not be ±z.
 pub(super) fn organ_normal(direction: Point) -> Point {
-    // Differences over twice this arc are exact to 1e-10 of the surface's size, far below what f32 can store.
+    // Differences over twice this arc are accurate to 1e-10 of the surface's size, far below the precision of f32.
     const STEP: f64 = 1e-5;
     let first = unit(cross([0.0, 0.0, 1.0], direction));
     let second = cross(direction, first);
@@ -127,30 +127,30 @@ pub(super) fn organ_normal(direction: Point) -> Point {
     unit(cross(tangent(first), tangent(second)))
 }
 
-/// A closed ball around the origin with four lobes, between 3/4 and 5/4 of `radius` metres from it.
+/// A closed ball around the origin with four lobes, between 3/4 and 5/4 of `radius` meters from it.
 ///
-/// It is an [`icosphere`] of that `level` pushed outwards, so that it does not cross itself.
+/// It is an [`icosphere`] of that `level` with radially displaced vertices, so it does not cross itself.
 pub fn lobed_ball(level: u32, radius: f32) -> Mesh {
     let mut mesh = icosphere(level, 1.0);
     for position in &mut mesh.positions {
         let direction = unit(position.map(f64::from));
-        // The product of the coordinates is at most 1 / sqrt(27), on the diagonals of space.
+        // The product of the coordinates is at most 1 / sqrt(27), on the space diagonals.
         let lobes = 0.25 * 27.0_f64.sqrt() * direction[0] * direction[1] * direction[2];
         *position = direction.map(|coordinate| (coordinate * (1.0 + lobes) * f64::from(radius)) as f32);
     }
     mesh
 }
 
-/// A closed box around the origin with edges rounded by `rounding` metres, which reaches `half_extents` metres.
+/// A closed box around the origin that extends `half_extents` meters, with edges rounded by `rounding` meters.
 ///
-/// It has 12 n² triangles for n `subdivisions`. The faces between the rounded edges are flat; cells beyond them form the
-/// rounded edges.
+/// It has 12 n² triangles for n `subdivisions`. The faces between the rounded edges are flat. The cells beyond them
+/// form the rounded edges.
 ///
 /// # Panics
 ///
-/// Panics if there are no subdivisions, or the rounding is not below the smallest half extent.
+/// If `subdivisions` is 0, or `rounding` is not below the smallest half extent.
 pub fn rounded_cuboid(half_extents: [f32; 3], rounding: f32, subdivisions: usize) -> Mesh {
-    assert!(half_extents.iter().all(|&extent| rounding < extent), "the rounding is smaller than the box");
+    assert!(half_extents.iter().all(|&extent| rounding < extent), "the rounding must be smaller than the box");
     let rounding = f64::from(rounding);
     let mut mesh = box_lattice([subdivisions; 3]);
     for position in &mut mesh.positions {
@@ -158,7 +158,7 @@ pub fn rounded_cuboid(half_extents: [f32; 3], rounding: f32, subdivisions: usize
         let core: Point = half.map(|extent| extent - rounding);
         let flat: Point = std::array::from_fn(|axis| f64::from(position[axis]) * half[axis]);
         let inner: Point = std::array::from_fn(|axis| flat[axis].clamp(-core[axis], core[axis]));
-        // Every point of the box's surface lies outside the core, so there is a direction.
+        // Every point of the box's surface is outside the core, so the direction exists.
         let outward = unit(subtract(flat, inner));
         *position = std::array::from_fn(|axis| (inner[axis] + rounding * outward[axis]) as f32);
     }

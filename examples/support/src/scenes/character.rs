@@ -1,7 +1,7 @@
-//! A character of one skin over two bones, torso and leg, that walks on a circle; and a skirt to hang from its waist.
+//! A character with one skin over two bones, torso and leg, that walks in a circle, and a skirt to hang from its waist.
 //!
-//! The skin is one closed surface of revolution, bent by linear blend skinning. In the frame of the torso the waist is
-//! the origin, y points up and z forwards. Every position is a function of time alone.
+//! The skin is a closed surface of revolution, deformed by linear blend skinning. In the frame of the torso, the waist
+//! is the origin, y points up, and z forwards. Every position is a function of time alone.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::ops::Range;
@@ -10,44 +10,44 @@ use super::Mesh;
 use super::points::{Point, advance, between, cross, ease, rotate};
 use super::revolution::{Circle, revolve};
 
-/// The walking speeds that tests and examples play, in metres per second.
+/// The walking speeds that tests and examples play, in meters per second.
 pub const CHARACTER_SPEEDS: [f64; 4] = [0.0, 1.2, 5.0, 10.0];
 
-/// How long the character takes from standing to walking at full speed, in seconds.
+/// Duration of the transition from standing to full walking speed, in seconds.
 pub const CHARACTER_EASE: f64 = 1.0;
 
-/// The radius of the circle that it walks on, in metres.
+/// Radius of the circle that it walks on, in meters.
 pub const CHARACTER_CIRCLE: f64 = 6.0;
 
-/// The fastest that the tip of its leg swings against the torso, in metres per second.
+/// Top speed of the tip of its leg relative to the torso, in meters per second.
 pub const CHARACTER_TIP_SPEED: f64 = 10.0;
 
-/// How far the hem of [`character_skirt`] hangs below the waist, in metres.
+/// Length of [`character_skirt`] below the waist, in meters.
 pub const CHARACTER_SKIRT_LENGTH: f64 = 0.45;
 
-/// How far the skin and the skirt are apart at the waist, in metres.
+/// Gap between the skin and the skirt at the waist, in meters.
 pub const CHARACTER_WAIST_GAP: f64 = 0.015;
 
-/// The hip joint, around whose x axis the leg swings.
+/// The hip joint. The leg swings about its x axis.
 const HIP: Point = [0.0, -0.2, 0.0];
 
-/// From which height down the leg takes part in a vertex's motion, and from which it alone moves it.
+/// Height below which the leg begins to move a vertex, and height below which it alone moves it.
 const BEND: [f64; 2] = [-0.08, -0.32];
 
 /// The poles of the skin.
 const TOP: f64 = 0.5;
 const TIP: f64 = -0.95;
 
-/// Radii of the skin at the torso, the waist, the hips and the lower end of the leg.
+/// Radii of the skin at the torso, the waist, the hips, and the lower end of the leg.
 const TORSO_RADIUS: f64 = 0.15;
 const WAIST_RADIUS: f64 = 0.13;
 const HIP_RADIUS: f64 = 0.145;
 const LEG_RADIUS: f64 = 0.07;
 
-/// Half the width of the skirt at its hem.
+/// Radius of the skirt at its hem.
 const HEM_RADIUS: f64 = 0.3;
 
-/// How finely the skin of [`Character`] is cut.
+/// Resolution of the skin of [`Character`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CharacterFineness {
     /// 684 vertices.
@@ -56,24 +56,24 @@ pub enum CharacterFineness {
     Fine,
 }
 
-/// A character that walks at a speed. It stands until 0 s, straight, and has its full speed and stride after
+/// A character that walks at a speed. It stands straight until 0 s, and has its full speed and stride after
 /// [`CHARACTER_EASE`].
 #[derive(Clone, Debug)]
 pub struct Character {
     rest: Mesh,
-    /// The leg's share of each vertex; the torso has the rest.
+    /// Skinning weight of the leg for each vertex. The rest belongs to the torso.
     leg_shares: Vec<f64>,
     speed: f64,
 }
 
 impl Character {
-    /// A character that walks at so many metres per second, 0 to 10.
+    /// A character that walks at `speed` meters per second, from 0 to 10.
     ///
     /// # Panics
     ///
-    /// Panics if the speed is out of range.
+    /// If the speed is out of range.
     pub fn new(fineness: CharacterFineness, speed: f64) -> Self {
-        assert!((0.0..=10.0).contains(&speed), "a character walks at 0 to 10 m/s");
+        assert!((0.0..=10.0).contains(&speed), "the speed must be from 0 to 10 m/s");
         let (segments, bands) = match fineness {
             CharacterFineness::Coarse => (22, 26),
             CharacterFineness::Fine => (26, 33),
@@ -83,17 +83,17 @@ impl Character {
         Self { rest, leg_shares, speed }
     }
 
-    /// The skin of the standing character: its triangles, wound outward, are the same at every time.
+    /// The skin of the standing character. Its triangles, wound outward, are the same at all times.
     pub const fn rest(&self) -> &Mesh {
         &self.rest
     }
 
-    /// The speed that it reaches, in metres per second.
+    /// The full walking speed, in meters per second.
     pub const fn speed(&self) -> f64 {
         self.speed
     }
 
-    /// Where the vertices of the skin are in the world, `time` seconds after the start.
+    /// World positions of the vertices of the skin, `time` seconds after the start.
     pub fn positions(&self, time: f64) -> Vec<[f32; 3]> {
         let motion = Motion::at(self.speed, time);
         let place = |(position, &share): (&[f32; 3], &f64)| {
@@ -103,21 +103,22 @@ impl Character {
         self.rest.positions.iter().zip(&self.leg_shares).map(place).collect()
     }
 
-    /// Where points that are fixed to the torso are in the world, given where they are at the start: what the pinned
-    /// vertices of [`character_skirt`] follow, exactly as the skin of the waist does.
+    /// World positions of points that are fixed to the torso, given their positions at the start. The pinned vertices
+    /// of [`character_skirt`] follow them exactly as the skin of the waist does.
     pub fn follow_torso(&self, time: f64, points: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let motion = Motion::at(self.speed, time);
         let place = |point: &[f32; 3]| motion.to_world(point.map(f64::from)).map(|coordinate| coordinate as f32);
         points.iter().map(place).collect()
     }
 
-    /// Translation and rotation (a unit quaternion in the order x, y, z, w) of the torso's frame, whose origin is the waist.
+    /// Translation and rotation (a unit quaternion in the order x, y, z, w) of the torso's frame, whose origin is the
+    /// waist.
     pub fn torso_pose(&self, time: f64) -> ([f32; 3], [f32; 4]) {
         let motion = Motion::at(self.speed, time);
         (motion.place.map(|coordinate| coordinate as f32), motion.turn.map(|part| part as f32))
     }
 
-    /// Translation and rotation of the leg's frame, whose origin is the hip joint: the leg points along −y.
+    /// Translation and rotation of the leg's frame, whose origin is the hip joint. The leg points along −y.
     pub fn leg_pose(&self, time: f64) -> ([f32; 3], [f32; 4]) {
         let motion = Motion::at(self.speed, time);
         let rotation = product(motion.turn, around([1.0, 0.0, 0.0], motion.swing));
@@ -125,25 +126,26 @@ impl Character {
     }
 }
 
-/// The torso of a rigid character as a capsule: its lower and its upper center in the torso's frame, and its radius.
-/// It lies inside the skin of the standing character.
+/// The torso of a rigid character as a capsule: its lower and upper center in the torso's frame, and its radius. It is
+/// inside the skin of the standing character.
 pub const CHARACTER_TORSO: ([f32; 3], [f32; 3], f32) = ([0.0, -0.1, 0.0], [0.0, 0.36, 0.0], 0.125);
 
-/// The leg of a rigid character in the leg's frame, as the torso in [`CHARACTER_TORSO`].
+/// The leg of a rigid character in the leg's frame, in the form of [`CHARACTER_TORSO`].
 pub const CHARACTER_LEG: ([f32; 3], [f32; 3], f32) = ([0.0, -0.68, 0.0], [0.0, 0.0, 0.0], 0.065);
 
 /// A skirt around a standing [`Character`]: an open cone that hangs from the waist, facing away from the body.
 ///
-/// `rings` bands of triangles hang below each other, `segments` around. The ring of vertices with number k, from 0 at the
-/// waist to `rings` at the hem, is k · segments onwards. It keeps [`CHARACTER_WAIST_GAP`] from the skin of the waist and
-/// more from all below. Nothing is pinned yet: [`character_waist_vertices`] are to follow [`Character::follow_torso`].
+/// It has `rings` bands of triangles below each other, with `segments` segments around. The vertices of ring k, from 0
+/// at the waist to `rings` at the hem, start at index k · segments. The skirt keeps [`CHARACTER_WAIST_GAP`] from the
+/// skin at the waist, and more below it. No vertex is pinned yet: the caller pins [`character_waist_vertices`] and
+/// moves them with [`Character::follow_torso`].
 ///
 /// # Panics
 ///
-/// Panics if there is no ring or fewer than 3 segments.
+/// If there is no ring, or fewer than 3 segments.
 pub fn character_skirt(rings: usize, segments: usize) -> Mesh {
-    assert!(rings > 0 && segments >= 3, "a skirt needs a ring and 3 segments around");
-    // Its flat sides, not its vertices, keep the gap.
+    assert!(rings > 0 && segments >= 3, "a skirt needs at least 1 ring and 3 segments");
+    // The flat sides keep the gap, not only the vertices.
     let waist = (WAIST_RADIUS + CHARACTER_WAIST_GAP) / libm::cos(TAU / (2 * segments) as f64);
     let circles: Vec<Circle> = (0..=rings)
         .map(|ring| {
@@ -154,18 +156,18 @@ pub fn character_skirt(rings: usize, segments: usize) -> Mesh {
     revolve(&circles)
 }
 
-/// The vertices of a [`character_skirt`] with so many segments that are to be pinned to the waist.
+/// The vertices of a [`character_skirt`] with `segments` segments to pin to the waist.
 pub const fn character_waist_vertices(segments: usize) -> Range<usize> {
     0..segments
 }
 
-/// Where torso and leg are at a time.
+/// The state of torso and leg at a time.
 struct Motion {
-    /// Of the waist.
+    /// Position of the waist.
     place: Point,
-    /// Of the torso.
+    /// Rotation of the torso.
     turn: [f64; 4],
-    /// Angle of the leg, forwards.
+    /// Angle of the leg, positive forwards.
     swing: f64,
 }
 
@@ -181,13 +183,13 @@ impl Motion {
         let heading = angle + strength * (0.2 * libm::sin(phase) + 0.8 * idle * libm::sin(2.0 * time));
         let bob = 0.015 * strength * libm::sin(2.0 * phase);
         let circle = CHARACTER_CIRCLE;
-        // Forwards is z at the start, towards x on the circle.
+        // Forwards is z at the start, and turns towards x along the circle.
         let place = [circle * (1.0 - libm::cos(angle)), bob, circle * libm::sin(angle)];
         let turn = around([0.0, 1.0, 0.0], heading);
         Self { place, turn, swing: -strength * amplitude * libm::sin(phase) }
     }
 
-    /// A point of the standing leg, swung around the hip, in the torso's frame.
+    /// A point of the standing leg, rotated about the hip, in the torso's frame.
     fn swung(&self, point: Point) -> Point {
         advance(HIP, 1.0, rotate(around([1.0, 0.0, 0.0], self.swing), advance(point, -1.0, HIP)))
     }
@@ -197,14 +199,14 @@ impl Motion {
     }
 }
 
-/// How far the leg swings, in radians, and how often a second: the tip is the faster the faster the character walks.
+/// Amplitude of the leg's swing in radians, and its frequency in 1/s. The tip is faster at higher walking speeds.
 fn stride(speed: f64) -> (f64, f64) {
     let amplitude = 0.3 + 0.04 * speed;
     let tip_speed = (1.5 + 0.85 * speed).min(CHARACTER_TIP_SPEED);
     (amplitude, tip_speed / (TAU * amplitude * (HIP[1] - TIP)))
 }
 
-/// The integral of [`ease`] over the time since the start.
+/// The integral of [`ease`] since the start.
 fn eased_time(time: f64) -> f64 {
     let share = (time / CHARACTER_EASE).min(1.0);
     let cube = share * share * share;
@@ -212,12 +214,12 @@ fn eased_time(time: f64) -> f64 {
     CHARACTER_EASE * eased + (time - CHARACTER_EASE).max(0.0)
 }
 
-/// The leg's share of what is at a height of the standing character.
+/// Skinning weight of the leg at a height of the standing character.
 fn leg_share(height: f64) -> f64 {
     ease(-BEND[0], -BEND[1], -height)
 }
 
-/// The radius of the skin at a height, caps left aside.
+/// Radius of the skin at a height, without the caps.
 fn profile(height: f64) -> f64 {
     let step = |from: f64, to: f64| ease(-from, -to, -height);
     let waist = TORSO_RADIUS + (WAIST_RADIUS - TORSO_RADIUS) * step(0.25, 0.02);
@@ -226,7 +228,7 @@ fn profile(height: f64) -> f64 {
     waist + hips - leg
 }
 
-/// Rings of as many vertices as are cut from a tube, fewer on the caps, with a pole at either end.
+/// Rings with `segments` vertices, fewer on the caps, and a pole at either end.
 fn skin(segments: usize, bands: usize) -> Mesh {
     let cap_rings = segments / 5;
     let cap = |radius: f64, end: f64, sign: f64| -> Vec<Circle> {
@@ -254,13 +256,13 @@ fn skin(segments: usize, bands: usize) -> Mesh {
     revolve(&circles)
 }
 
-/// The rotation around a unit axis by an angle, counter-clockwise as seen against the axis.
+/// The rotation about a unit axis by an angle, counter-clockwise as seen against the axis.
 fn around(axis: Point, angle: f64) -> [f64; 4] {
     let sine = libm::sin(0.5 * angle);
     [axis[0] * sine, axis[1] * sine, axis[2] * sine, libm::cos(0.5 * angle)]
 }
 
-/// The rotation by `second`, then by `first`.
+/// The rotation by `second`, followed by `first`.
 fn product(first: [f64; 4], second: [f64; 4]) -> [f64; 4] {
     let [a, b] = [first, second].map(|[x, y, z, _]| [x, y, z]);
     let turned = advance(advance(cross(a, b), first[3], b), second[3], a);

@@ -1,11 +1,12 @@
-//! The embedded scene: a hanging cloth falls onto a ring that bends and swells, topples over a ball, and folds
-//! upon itself.
+//! The embedded scene: a hanging cloth falls onto a torus that bends and swells, topples over a ball, and folds onto
+//! itself.
 //!
-//! A position-based simulation with small steps (Macklin et al., "Small Steps in Physics Simulation", 2019),
-//! in `f64` and in one fixed order, made to be looked at and collided with rather than to be exact. Cloth, ball and
-//! ring are one mesh, the recorded one, whose parts keep a small thickness apart; the floor is a formula. A step moves
-//! no vertex of the cloth farther than half the way to what is nearest (Chen et al., "Offset Geometric Contact", 2025),
-//! and the ring by far less than the thickness, so nothing gets through anything though the thickness is small.
+//! A position-based simulation with small steps (Macklin et al., "Small Steps in Physics Simulation", 2019), in `f64`
+//! and in one fixed order. It is made to look plausible and to produce collisions rather than to be exact. Cloth, ball,
+//! and torus are one mesh, which is the recorded one, and its parts keep a small thickness apart. The floor is a
+//! formula. No step moves a vertex of the cloth farther than half of the distance to the nearest part (Chen et al.,
+//! "Offset Geometric Contact", 2025), and the torus moves by far less than the thickness. So nothing tunnels, although
+//! the thickness is small.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -21,27 +22,27 @@ pub const FRAMES_PER_SECOND: f32 = 60.0;
 
 /// Vertices along each side of the cloth.
 pub const CLOTH_SIDE_VERTICES: usize = 26;
-/// Distance of neighbouring cloth vertices at rest, in metres.
+/// Rest distance of adjacent cloth vertices, in meters.
 pub const CLOTH_EDGE: f32 = 0.08;
-/// Centre of the ball, in metres. The floor is at y = 0.
+/// Center of the ball, in meters. The floor is at y = 0.
 pub const BALL_CENTER: [f32; 3] = [-0.15, 0.6, -0.25];
-/// Radius of the ball, in metres.
+/// Radius of the ball, in meters.
 pub const BALL_RADIUS: f32 = 0.25;
 
 /// The bodies, in the order of their vertices and triangles.
 pub const CLOTH_FALL_BODIES: [&str; 3] = ["cloth", "ball", "ring"];
 
-/// The vertices that are the cloth, row by row.
+/// Vertices of the cloth, row by row.
 pub const CLOTH_VERTICES: Range<usize> = 0..CLOTH_COUNT;
-/// The vertices that are the ball; they rest.
+/// Vertices of the ball, which is static.
 pub const BALL_VERTICES: Range<usize> = CLOTH_VERTICES.end..CLOTH_VERTICES.end + 162;
-/// The vertices that are the ring.
+/// Vertices of the torus.
 pub const TORUS_VERTICES: Range<usize> = BALL_VERTICES.end..BALL_VERTICES.end + RING_SEGMENTS * TUBE_SEGMENTS;
-/// The triangles that are the cloth.
+/// Triangles of the cloth.
 pub const CLOTH_TRIANGLES: Range<usize> = 0..2 * CLOTH_CELLS * CLOTH_CELLS;
-/// The triangles that are the ball.
+/// Triangles of the ball.
 pub const BALL_TRIANGLES: Range<usize> = CLOTH_TRIANGLES.end..CLOTH_TRIANGLES.end + 320;
-/// The triangles that are the ring.
+/// Triangles of the torus.
 pub const TORUS_TRIANGLES: Range<usize> = BALL_TRIANGLES.end..BALL_TRIANGLES.end + 2 * RING_SEGMENTS * TUBE_SEGMENTS;
 
 const CLOTH_CELLS: usize = CLOTH_SIDE_VERTICES - 1;
@@ -56,44 +57,44 @@ const RING_MINOR: f64 = 0.1;
 const SUBSTEPS: usize = 12;
 const STEP: f64 = 1.0 / (FRAMES_PER_SECOND as f64 * SUBSTEPS as f64);
 const GRAVITY: f64 = 9.81;
-/// Share of the velocity lost per second to the air.
+/// Share of the velocity lost to air drag, per second.
 const DRAG: f64 = 2.0;
-/// Share of the error that a step removes where vertices two apart are too near: what resists bending.
+/// Bending resistance: share of the error that a step removes where vertices two apart are too close.
 const BENDING_STIFFNESS: f64 = 0.01;
-/// The same for the diagonals of a cell: cloth is sheared far more easily than it is stretched.
+/// The same for the diagonals of a cell, because cloth shears far more easily than it stretches.
 const SHEAR_STIFFNESS: f64 = 0.1;
-/// Distance kept between the cloth and itself, the ball and the ring: a little less than a tenth of the mean edge
-/// of the scene, so that what rests on something counts as touching there by default.
+/// Distance kept between the cloth and itself, the ball, and the torus. It is slightly less than a tenth of the mean
+/// edge of the scene, so that resting parts count as touching by default.
 const THICKNESS: f64 = 0.0075;
 /// Height of the cloth above the floor.
 const CLEARANCE: f64 = 0.02;
-/// How much of the sliding against the floor and the ring a step removes.
+/// Share of the sliding on the floor and the torus that a step removes.
 const FRICTION: f64 = 0.1;
 /// The same for the ball, which is smoother.
 const BALL_FRICTION: f64 = 0.02;
-/// How far beyond the thickness parts are listed as those that may touch. The list holds until a vertex has moved by
-/// a quarter of it: then what is not listed is still half of it beyond the thickness away.
+/// Distance beyond the thickness within which parts are listed as possible contacts. The list is valid until a vertex
+/// has moved by a quarter of it. Then parts that are not listed are still beyond the thickness by at least half of it.
 const REACH: f64 = 0.3 * CLOTH_EDGE as f64;
-/// Half the length of a diagonal of the cloth, with the stretch that the springs leave.
+/// Half the length of a diagonal of the cloth, including the residual stretch of the springs.
 const LONGEST_HALF_EDGE: f64 = 0.8 * CLOTH_EDGE as f64;
-/// Share of the distance to whatever is nearest that a vertex may move in a step. Two parts that close in on each
-/// other take twice as much, and something is left.
+/// Share of the distance to the nearest part that a vertex may move in a step. Two parts that approach each other use
+/// twice as much, and still leave a gap.
 const ROOM: f64 = 0.45;
-/// Fastest motion of a vertex, in metres per second: free corners whip about, which is no more worth looking at.
+/// Top speed of a vertex, in meters per second. It limits the whipping of free corners.
 const TOP_SPEED: f64 = 5.0;
 
 type Point = [f64; 3];
 
-/// The recording of the scene: cloth, ball (an icosphere of level 2) and ring (24 by 12) as one mesh in metres.
+/// The recording of the scene: cloth, ball (an icosphere of level 2), and torus (24 by 12) as one mesh, in meters.
 ///
-/// It has [`FRAMES`] frames, and the ranges beside it tell the parts. No two triangles of different parts, and none
-/// of the cloth without a common vertex, cross each other in any frame. Making it takes about three seconds with
-/// optimizations and half a minute without.
+/// It has [`FRAMES`] frames, and the range constants name its parts. In no frame do two triangles of different parts
+/// cross, or two triangles of the cloth without a common vertex. It takes about three seconds to compute with
+/// optimizations, and half a minute without.
 pub fn cloth_fall() -> Recording {
     cloth_fall_start(FRAMES)
 }
 
-/// The first `frames` frames of [`cloth_fall`], or as many more as wanted.
+/// The first `frames` frames of [`cloth_fall`], or more frames than it has.
 pub fn cloth_fall_start(frames: usize) -> Recording {
     let mut simulation = Simulation::new();
     let mut recording = Recording { triangles: simulation.triangles.clone(), frames: Vec::with_capacity(frames) };
@@ -111,8 +112,8 @@ fn time_of(frame: usize) -> f64 {
     frame as f64 / f64::from(FRAMES_PER_SECOND)
 }
 
-/// The vertices of the ring at one moment, in the order of those of [`torus`]: a circle that shrinks and bends like
-/// the rim of a saddle, with a tube that swells in waves.
+/// The vertices of the torus at one time, in the order of [`torus`]: a circle that shrinks and bends like the rim of a
+/// saddle, with a tube that swells in waves.
 fn ring_vertices(time: f64) -> impl Iterator<Item = Point> {
     let bend = 0.12 * libm::sin(TAU * 0.75 * time);
     let major = RING_MAJOR * (1.0 - 0.15 * (1.0 - libm::cos(TAU * 0.5 * time)));
@@ -131,46 +132,46 @@ fn ring_vertices(time: f64) -> impl Iterator<Item = Point> {
     })
 }
 
-/// Two vertices that want to be a certain distance apart.
+/// A distance constraint between two vertices.
 struct Spring {
     ends: [usize; 2],
     length: f64,
-    /// Share of the error that a step removes where the two are too far apart.
+    /// Share of the error that a step removes if the two are too far apart.
     stretched: f64,
-    /// The same where they are too near.
+    /// The same if they are too close.
     compressed: f64,
 }
 
-/// Two parts without common vertices, at least one of them of the cloth.
+/// Two parts without common vertices, of which at least one belongs to the cloth.
 enum Contact {
     VertexTriangle(usize, [usize; 3]),
     EdgeEdge([usize; 2], [usize; 2]),
 }
 
 struct Simulation {
-    /// The vertices of the cloth, the ball and the ring; only those of the cloth are free to move.
+    /// The vertices of cloth, ball, and torus. Only those of the cloth move freely.
     positions: Vec<Point>,
     triangles: Vec<[u32; 3]>,
     edges: Vec<[usize; 2]>,
     springs: Vec<Spring>,
-    /// What may touch until something has moved on.
+    /// Parts that may touch before the next search.
     contacts: Vec<Contact>,
-    /// The positions at the last search; none before the first.
+    /// The positions at the last search; empty before the first.
     searched: Vec<Point>,
     /// The positions of the cloth before the step, and its velocities.
     previous: Vec<Point>,
     velocities: Vec<Point>,
     /// For each vertex of the cloth, the smallest gap of its contacts before the step.
     room: Vec<f64>,
-    /// For each vertex of the cloth, the sum of the directions in which the ball and the ring pushed it, and how the
-    /// last of them rubs.
+    /// For each vertex of the cloth, the sum of the directions in which ball and torus pushed it, and the friction of
+    /// the last of them.
     pushes: Vec<(Point, f64)>,
 }
 
 impl Simulation {
     fn new() -> Self {
         let size = CLOTH_EDGE * CLOTH_CELLS as f32;
-        // The turns are off the axes a little, so that no symmetry keeps the cloth from falling to one side.
+        // The rotations are slightly off the axes, so that no symmetry keeps the cloth from falling to one side.
         let sheet = grid(CLOTH_CELLS, CLOTH_CELLS, size, size, Diagonals::Alternating)
             .rotate([0.0, 1.0, 0.0], 0.2)
             .rotate([1.0, 0.0, 0.1], 1.4)
@@ -197,13 +198,13 @@ impl Simulation {
         simulation
     }
 
-    /// Positions as the recording has them.
+    /// The positions in the precision of the recording.
     fn vertices(&self) -> Vec<[f32; 3]> {
         let single = |position: &Point| position.map(|value| value as f32);
         self.positions.iter().map(single).collect()
     }
 
-    /// Moves on by one frame from `time`, in seconds.
+    /// Advances by one frame from `time`, in seconds.
     fn advance(&mut self, time: f64) {
         for substep in 0..SUBSTEPS {
             self.move_ring(time + (substep + 1) as f64 * STEP);
@@ -223,7 +224,8 @@ impl Simulation {
         }
     }
 
-    /// Finds the vertices and triangles, and the edges, that may come within the thickness before the next search.
+    /// Finds pairs of a vertex and a triangle, and pairs of edges, that may come within the thickness before the next
+    /// search.
     fn search_contacts(&mut self) {
         let positions = &self.positions;
         let is_valid = !self.searched.is_empty()
@@ -255,7 +257,7 @@ impl Simulation {
             });
         }
 
-        // The edges of the cloth come first.
+        // Edges of the cloth come first.
         let cloth_edges = self.edges.partition_point(|edge| is_cloth(edge[0]));
         let middles: Vec<Point> = self.edges[..cloth_edges]
             .iter()
@@ -320,7 +322,7 @@ impl Simulation {
         }
     }
 
-    /// Moves what is too near apart to the thickness, and lets the cloth rub on what it was pushed by.
+    /// Pushes close parts apart to the thickness, and applies friction to the cloth.
     fn separate_contacts(&mut self) {
         self.pushes.fill(([0.0; 3], 0.0));
         for contact in &self.contacts {
@@ -402,9 +404,9 @@ impl Contact {
 /// The nearest points of two parts.
 struct Nearest {
     vertices: [usize; 4],
-    /// How much each vertex counts in `between`; those of the second part count negative.
+    /// Weight of each vertex in `between`, negative for the second part.
     weights: [f64; 4],
-    /// From the point of the second part to that of the first.
+    /// From the point on the second part to the point on the first.
     between: Point,
 }
 
@@ -418,23 +420,23 @@ fn is_cloth(vertex: usize) -> bool {
     CLOTH_VERTICES.contains(&vertex)
 }
 
-/// Takes back a part of the motion since `previous` that is across the `normal`.
+/// Undoes a share of the motion since `previous` that is perpendicular to the `normal`.
 fn rub(position: &mut Point, previous: Point, normal: Point, friction: f64) {
     let moved = subtract(*position, previous);
     let sliding = add_scaled(moved, normal, -dot(moved, normal));
     *position = add_scaled(*position, sliding, -friction);
 }
 
-/// Every edge of the triangles once, in a fixed order.
+/// All edges of the triangles without duplicates, in a fixed order.
 fn edges(triangles: &[[u32; 3]]) -> Vec<[usize; 2]> {
     let sides = triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
     let edges: BTreeSet<[usize; 2]> = sides.map(|[a, b]| [a.min(b) as usize, a.max(b) as usize]).collect();
     edges.into_iter().collect()
 }
 
-/// Springs from every vertex to its neighbours, across its cell, and to the vertices two away.
+/// Springs from every vertex to its neighbors, across its cell, and to the vertices two away.
 fn springs() -> Vec<Spring> {
-    // Columns and rows from one end to the other, and how much compression is resisted.
+    // Columns and rows from one end to the other, and the resistance to compression.
     let kinds: [(i32, i32, f64); 6] = [
         (2, 0, BENDING_STIFFNESS),
         (0, 2, BENDING_STIFFNESS),
@@ -464,9 +466,9 @@ fn springs() -> Vec<Spring> {
     springs
 }
 
-/// Points sorted by the cell of a hashed lattice that they lie in.
+/// Points sorted by their cell in a hashed lattice.
 struct CellHash {
-    /// Where the entries of each slot begin; one more than there are slots.
+    /// Start of the entries of each slot, with one extra element at the end.
     starts: Vec<usize>,
     entries: Vec<Entry>,
 }
@@ -499,7 +501,7 @@ impl CellHash {
         Self { starts, entries }
     }
 
-    /// Visits, once each, the points in the box around `corners` that is larger by `margin` on every side.
+    /// Visits, once each, the points in the bounding box of `corners` grown by `margin`.
     fn visit(&self, corners: &[Point], margin: f64, mut visit: impl FnMut(usize)) {
         let bound = |start: f64, pick: fn(f64, f64) -> f64, margin: f64| -> Point {
             std::array::from_fn(|axis| {
@@ -518,7 +520,7 @@ impl CellHash {
                     for entry in &self.entries[self.starts[slot]..self.starts[slot + 1]] {
                         let is_inside =
                             (0..3).all(|axis| low[axis] <= entry.point[axis] && entry.point[axis] <= high[axis]);
-                        // Another cell may share the slot; its points have their own turn.
+                        // Another cell may share the slot. Its points are visited with that cell.
                         if is_inside && entry.cell == cell {
                             visit(entry.index);
                         }
@@ -578,10 +580,10 @@ fn nearest_weights(point: Point, [a, b, c]: [Point; 3]) -> [f64; 3] {
     [over_bc / total, over_ac / total, over_ab / total]
 }
 
-/// How far along each of two segments, from 0 to 1, their nearest points lie.
+/// Parameters from 0 to 1 of the nearest points of two segments.
 ///
-/// The cases are those of Ericson, "Real-Time Collision Detection" (2005), section 5.1.9, without segments of no
-/// length, which the springs of the cloth do not let come about.
+/// The cases are those of Ericson, "Real-Time Collision Detection" (2005), section 5.1.9, without segments of zero
+/// length, which the springs of the cloth prevent.
 fn nearest_parts([a, b]: [Point; 2], [c, d]: [Point; 2]) -> (f64, f64) {
     let (first, second, between) = (subtract(b, a), subtract(d, c), subtract(a, c));
     let (first_squared, second_squared) = (dot(first, first), dot(second, second));
@@ -603,14 +605,14 @@ fn nearest_parts([a, b]: [Point; 2], [c, d]: [Point; 2]) -> (f64, f64) {
     }
 }
 
-/// Whether the boxes around two segments are less than `margin` apart along every axis.
+/// Whether the bounding boxes of two segments are less than `margin` apart along every axis.
 fn are_boxes_near([a, b]: [Point; 2], [c, d]: [Point; 2], margin: f64) -> bool {
     (0..3).all(|axis| {
         a[axis].max(b[axis]) + margin > c[axis].min(d[axis]) && c[axis].max(d[axis]) + margin > a[axis].min(b[axis])
     })
 }
 
-/// The sum of `points` times `weights`.
+/// The weighted sum of `points`.
 fn weighted<const N: usize>(points: &[Point; N], weights: &[f64; N]) -> Point {
     points.iter().zip(weights).fold([0.0; 3], |sum, (point, weight)| add_scaled(sum, *point, *weight))
 }

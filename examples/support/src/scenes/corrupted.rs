@@ -1,17 +1,17 @@
-//! Meshes as they should not be, for tests of what must hold all the same.
+//! Defective meshes, for tests of what must hold regardless.
 
 use super::{Diagonals, Mesh, grid, index};
 use crate::random::Random;
 
-/// Cells a side of [`ragged_slivers`], a power of two so that its coordinates are exact.
+/// Cells per side of [`ragged_slivers`], a power of two so that its coordinates are exact.
 const RAGGED_CELLS: usize = 16;
 
-/// Coordinates of [`ragged_slivers`] that are not drawn to a neighbour are multiples of this power of two,
-/// so that the middle of two vertices and the area of a triangle around it come out exact.
+/// Coordinates of [`ragged_slivers`] that are not moved to a neighbor are multiples of this power of two, so that the
+/// middle of two vertices and the area of a triangle around it are exact.
 const RAGGED_STEP: f32 = 1.0 / 1024.0;
 
-/// How near, relative to the distance, a vertex of [`ragged_slivers`] is drawn to its neighbour: nearer than
-/// the 1/1000 that makes an aspect ratio of 1000, with room for the longer sides of a drawn triangle.
+/// Distance to which a vertex of [`ragged_slivers`] is moved to its neighbor, relative to their distance. It is less
+/// than the 1/1000 of an aspect ratio of 1000, which leaves room for longer sides of the triangles.
 const SLIVER: f32 = 1e-4;
 
 /// `count` triangles without common vertices, at random in the cube from -1 to 1, each at most 0.7 long.
@@ -31,12 +31,12 @@ pub fn triangle_soup(count: usize, seed: u64) -> Mesh {
     mesh
 }
 
-/// A crumpled sheet of 16 by 16 cells, about 1 by 1 in the plane y = 0, with slivers and triangles of no area.
+/// A crumpled sheet of 16 by 16 cells, about 1 by 1 in the plane y = 0, with slivers and zero-area triangles.
 ///
-/// Of the 64 vertices in odd rows and columns, a third is drawn to a neighbour until their triangles have aspect
-/// ratios (longest edge over smallest height) above 1000, a third lies exactly on a neighbour, and a third
-/// exactly in the middle of an opposite edge. Triangles may therefore also be turned over. The `seed` decides
-/// which neighbour it is, and how the other inner vertices are displaced.
+/// Of the 64 vertices in odd rows and columns, a third are moved towards a neighbor until their triangles have aspect
+/// ratios (longest edge / smallest height) above 1000, a third lie exactly on a neighbor, and a third exactly in the
+/// middle of an opposite edge. So some triangles may be flipped. The `seed` determines which neighbor is used, and how
+/// the other inner vertices are displaced.
 pub fn ragged_slivers(seed: u64) -> Mesh {
     let mut random = Random::new(seed);
     let mut mesh = grid(RAGGED_CELLS, RAGGED_CELLS, 1.0, 1.0, Diagonals::Alternating);
@@ -47,7 +47,7 @@ pub fn ragged_slivers(seed: u64) -> Mesh {
             *coordinate += (random.below(25) as f32 - 12.0) * RAGGED_STEP;
         }
     }
-    // No two of these vertices are neighbours, so each finds its neighbours where they stay.
+    // No two of these vertices are neighbors, so the neighbors of each stay in place.
     for (row, column) in inner().filter(|(row, column)| row % 2 == 1 && column % 2 == 1) {
         let vertex = row * side + column;
         let across = if random.below(2) == 0 { vertex - 1 } else { vertex + 1 };
@@ -65,13 +65,13 @@ pub fn ragged_slivers(seed: u64) -> Mesh {
     mesh
 }
 
-/// Every triangle of `mesh` with three vertices of its own, at exactly the positions it had.
+/// Every triangle of `mesh` with its own three vertices, at exactly the same positions.
 ///
-/// Triangle `t` has the vertices 3t, 3t + 1 and 3t + 2.
+/// Triangle `t` has the vertices 3t, 3t + 1, and 3t + 2.
 ///
 /// # Panics
 ///
-/// Panics if a triangle names a vertex that `mesh` does not have.
+/// If a triangle has a vertex index that is out of range.
 pub fn duplicate_vertices(mesh: &Mesh) -> Mesh {
     let mut soup = Mesh::default();
     for corners in &mesh.triangles {

@@ -1,7 +1,7 @@
-//! A person of capsules who walks in place, and a skirt to wear.
+//! A person made of capsules that walks in place, and a skirt to wear.
 //!
-//! The origin is the middle between the hips of the standing figure, y points up and z forwards. A joint is where two
-//! capsules overlap, so limbs of one figure are not to be tested against each other.
+//! The origin is midway between the hips of the standing figure. y points up, z forwards. Capsules overlap at the
+//! joints, so the limbs of a figure must not be tested against each other.
 
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -10,7 +10,7 @@ use super::points::{Point, advance, between, ease, rotate, rotation_from_y, subt
 use super::revolution::{Circle, revolve};
 use super::{Mesh, capsule};
 
-/// The limbs of [`walking_figure`], in its order.
+/// The names of the limbs, in the order of [`walking_figure`].
 pub const FIGURE_LIMBS: [&str; 11] = [
     "pelvis",
     "trunk",
@@ -25,92 +25,94 @@ pub const FIGURE_LIMBS: [&str; 11] = [
     "right_forearm",
 ];
 
-/// How high the standing figure is from its soles to its crown, in metres.
+/// Height of the standing figure from its soles to its crown, in meters.
 pub const FIGURE_HEIGHT: f64 = 1.7;
 
-/// How long the figure takes from standing to walking, in seconds.
+/// Duration of the transition from standing to walking, in seconds.
 pub const FIGURE_EASE: f64 = 1.0;
 
-/// How long a step takes, in seconds; the motion repeats after two.
+/// Duration of a step, in seconds. The motion repeats after two steps.
 pub const FIGURE_STEP: f64 = 1.0;
 
-/// How high the waist of [`skirt`] lies above the origin, in metres.
+/// Height of the waist of [`skirt`] above the origin, in meters.
 pub const SKIRT_WAIST: f64 = 0.06;
 
-/// How high the hem of [`skirt`] lies: at the knees.
+/// Height of the hem of [`skirt`], at the knees, in meters.
 pub const SKIRT_HEM: f64 = -0.46;
 
-/// Half the width of the skirt along x and z at the waist and at the hem, in metres.
+/// Half the width of the skirt along x and z, at the waist and at the hem, in meters.
 const SKIRT_WAIST_REACH: [f64; 2] = [0.205, 0.165];
 const SKIRT_HEM_REACH: [f64; 2] = [0.29, 0.23];
 
-/// The hip joint of the left leg, from the middle of the pelvis; the right one mirrors it.
+/// Hip joint of the left leg relative to the center of the pelvis, in meters. The right one is its mirror image.
 const HIP: Point = [0.09, -0.04, 0.0];
 
-/// The shoulder joint of the left arm, from the middle of the pelvis.
+/// Shoulder joint of the left arm relative to the center of the pelvis, in meters.
 const SHOULDER: Point = [0.22, 0.5, 0.0];
 
-/// The lengths of the limbs between their joints.
+/// Lengths of the limbs between their joints, in meters.
 const THIGH: f64 = 0.42;
 const SHIN: f64 = 0.4;
 const UPPER_ARM: f64 = 0.27;
 const FOREARM: f64 = 0.24;
 
-/// How far the hips swing a thigh forwards and backwards, in radians.
+/// Amplitude of a thigh's swing, in radians.
 const THIGH_SWING: f64 = 0.42;
 
-/// How far a knee bends in the middle of its leg's way forwards, in radians.
+/// Bend of a knee in the middle of its leg's forward motion, in radians.
 const KNEE_BEND: f64 = 0.7;
 
-/// How far the shoulders swing an arm forwards and backwards, in radians.
+/// Amplitude of an arm's swing, in radians.
 const ARM_SWING: f64 = 0.3;
 
-/// How far the elbows are always bent, in radians: forearms stay above the skirt.
+/// Constant bend of the elbows, in radians. It keeps the forearms above the skirt.
 const ELBOW_BEND: f64 = 1.5;
 
-/// How far the pelvis sinks with every step, and how far it sways towards the standing leg, in metres.
+/// Vertical drop of the pelvis in every step, and its sway towards the standing leg, in meters.
 const BOB: f64 = 0.015;
 const SWAY: f64 = 0.01;
 
-/// The two ends of a limb's axis, their distance and its radius, in metres, with the vertices around it.
+/// A limb: the ends of its axis, their distance, its radius, and the number of vertices around it. Lengths are in
+/// meters.
 struct Limb {
     from: Point,
     to: Point,
-    // Stated rather than computed from the ends, so that the last bit is the same at every time.
+    // Given rather than computed from the ends, so that it is bitwise equal at all times.
     length: f64,
     radius: f64,
     segments: usize,
 }
 
-/// How far the pelvis is from where it stands at 0 s, in metres, at most 2 cm: what the waist of a [`skirt`] follows.
+/// Displacement of the pelvis from its place at 0 s, in meters, at most 2 cm. The waist of a [`skirt`] follows it.
 ///
-/// The pelvis does not turn.
+/// The pelvis does not rotate.
 pub fn pelvis_offset(time: f64) -> [f32; 3] {
     pelvis(time).map(|coordinate| coordinate as f32)
 }
 
-/// The figure `time` seconds after the start, as one closed capsule for each of [`FIGURE_LIMBS`], wound outward.
+/// The figure `time` seconds after the start: one closed capsule per name in [`FIGURE_LIMBS`], wound outward.
 ///
-/// It stands until 0 s, with bent elbows, then begins to walk in place: a step takes [`FIGURE_STEP`], and the strides have
-/// their full size after [`FIGURE_EASE`]. It is 1.7 m high, from −0.905 m to 0.795 m, with its left side towards +x. The
-/// triangles of a limb are the same at every time and its shape is rigid; the velocity is continuous. There are 3,152
+/// It stands with bent elbows until 0 s, then begins to walk in place. A step takes [`FIGURE_STEP`], and strides have
+/// their full size after [`FIGURE_EASE`]. The figure is 1.7 m high, from −0.905 m to 0.795 m, with its left side
+/// towards +x. Each limb is rigid and has the same triangles at all times. The velocity is continuous. There are 3,152
 /// triangles.
 pub fn walking_figure(time: f64) -> Vec<Mesh> {
     limbs(time).iter().map(mesh).collect()
 }
 
-/// A skirt at rest around [`walking_figure`] at 0 s: an open elliptic cone from the waist to the knees, facing away from
-/// the body.
+/// The rest shape of a skirt around [`walking_figure`] at 0 s: an open elliptic cone from the waist to the knees,
+/// facing away from the body.
 ///
-/// `rings` bands of triangles hang below each other, `segments` around: 2 · rings · segments triangles, 3,072 for 24 and
-/// 64. The ring of vertices with number k, from 0 at the waist to `rings` at the hem, is k · segments onwards. It keeps
-/// more than 2.5 cm from every limb at 0 s; walking knees push it forwards. Nothing is pinned yet: [`skirt_waist_vertices`] are to follow [`pelvis_offset`].
+/// It has `rings` bands of triangles below each other, with `segments` segments around: 2 · rings · segments triangles,
+/// which is 3,072 for 24 and 64. The vertices of ring k, from 0 at the waist to `rings` at the hem, start at index k ·
+/// segments. The skirt keeps more than 2.5 cm from every limb at 0 s. The knees push it forwards while walking. No
+/// vertex is pinned yet: the caller pins [`skirt_waist_vertices`] and moves them by [`pelvis_offset`].
 ///
 /// # Panics
 ///
-/// Panics if there is no ring or fewer than 3 segments.
+/// If there is no ring, or fewer than 3 segments.
 pub fn skirt(rings: usize, segments: usize) -> Mesh {
-    assert!(rings > 0 && segments >= 3, "a skirt needs a ring and 3 segments around");
+    assert!(rings > 0 && segments >= 3, "a skirt needs at least 1 ring and 3 segments");
     let circles: Vec<Circle> = (0..=rings)
         .map(|ring| {
             let share = ring as f64 / rings as f64;
@@ -128,17 +130,17 @@ pub fn skirt(rings: usize, segments: usize) -> Mesh {
     mesh
 }
 
-/// The vertices of a [`skirt`] with so many segments that are to be pinned to the waist.
+/// The vertices of a [`skirt`] with `segments` segments to pin to the waist.
 pub const fn skirt_waist_vertices(segments: usize) -> Range<usize> {
     0..segments
 }
 
-/// How far the motion has grown from standing to walking.
+/// Strength of the motion, from 0 (standing) to 1 (walking).
 fn strength(time: f64) -> f64 {
     ease(0.0, FIGURE_EASE, time)
 }
 
-/// The phase of a side's stride: `side` is 1 for the left and −1 for the right, which is half a stride behind.
+/// Phase of a side's stride. `side` is 1 for the left and −1 for the right side, which is half a stride behind.
 fn phase(time: f64, side: f64) -> f64 {
     PI * (time / FIGURE_STEP + 0.5 * (1.0 - side))
 }
@@ -146,7 +148,7 @@ fn phase(time: f64, side: f64) -> f64 {
 fn pelvis(time: f64) -> Point {
     let strength = strength(time);
     let phase = phase(time, 1.0);
-    // A leg stands while its thigh goes backwards; legs spread in front and behind reach less far down.
+    // A leg stands while its thigh moves backwards. Spread legs reach less far down.
     [-SWAY * strength * libm::cos(phase), -0.5 * BOB * strength * (1.0 - libm::cos(2.0 * phase)), 0.0]
 }
 
@@ -168,7 +170,7 @@ fn limbs(time: f64) -> Vec<Limb> {
     limbs
 }
 
-/// Hip, knee and ankle of a side.
+/// Hip, knee, and ankle of a side.
 fn leg(time: f64, side: f64, middle: Point) -> [Point; 3] {
     let strength = strength(time);
     let phase = phase(time, side);
@@ -180,7 +182,7 @@ fn leg(time: f64, side: f64, middle: Point) -> [Point; 3] {
     [hip, knee, advance(knee, SHIN, hanging(swing - bend))]
 }
 
-/// Shoulder, elbow and hand of a side; arms swing against the legs.
+/// Shoulder, elbow, and hand of a side. Arms swing opposite to the legs.
 fn arm(time: f64, side: f64, middle: Point) -> [Point; 3] {
     let swing = ARM_SWING * strength(time) * libm::sin(phase(time, -side));
     let shoulder = advance(middle, 1.0, [side * SHOULDER[0], SHOULDER[1], SHOULDER[2]]);
@@ -188,12 +190,12 @@ fn arm(time: f64, side: f64, middle: Point) -> [Point; 3] {
     [shoulder, elbow, advance(elbow, FOREARM, hanging(swing + ELBOW_BEND))]
 }
 
-/// The direction of what hangs down, lifted forwards by an angle in radians.
+/// The direction of a hanging limb, lifted forwards by an angle in radians.
 fn hanging(angle: f64) -> Point {
     [0.0, -libm::cos(angle), libm::sin(angle)]
 }
 
-/// The capsule of a limb where the limb is.
+/// The capsule of a limb, at the place of the limb.
 fn mesh(limb: &Limb) -> Mesh {
     let half_length = 0.5 * limb.length;
     let edge = TAU * limb.radius / limb.segments as f64;

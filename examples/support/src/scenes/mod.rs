@@ -1,7 +1,7 @@
-//! Procedural meshes: the same bits on every run and every machine, with no file needed.
+//! Procedural meshes, with the same bits on every run and every machine, and without files.
 //!
-//! Angles go through `libm` because the sine of the standard library differs between platforms, and a
-//! simulation of colliding cloth makes another recording of a difference in the last bit.
+//! Angles go through `libm`, because the sine of the standard library differs between platforms. In a simulation of
+//! colliding cloth, a difference in the last bit leads to a different recording.
 
 mod beam_on_mattress;
 mod bodies;
@@ -50,7 +50,8 @@ pub use pile::{PILE_BODIES, PILE_BODY_REACH, PILE_TRAY_SIZE, pile_body, pile_sta
 pub use shapes::{Diagonals, cuboid, cylinder_side, grid, icosphere, saddle, sheet_stack, torus, twisted_rod};
 pub use tray::{RIB_HEIGHT, RIB_TOP, RIB_WIDTH, TRAY_THICKNESS, ribbed_tray};
 
-/// A triangle mesh. Triangles run counter-clockwise as seen from outside, or from the side a shape names.
+/// A triangle mesh. Triangles are counter-clockwise as seen from outside, or from the side that the shape's
+/// documentation names.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Vertex positions.
@@ -60,16 +61,16 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// The mesh moved by `offset`.
+    /// Translates the mesh by `offset`.
     #[must_use]
     pub fn translate(self, offset: [f32; 3]) -> Self {
         self.map(|position| std::array::from_fn(|axis| position[axis] + offset[axis]))
     }
 
-    /// The mesh turned around the line through the origin along `axis` by `angle` radians, counter-clockwise
-    /// as seen against the axis.
+    /// Rotates the mesh about the line through the origin along `axis`, by `angle` radians, counter-clockwise as seen
+    /// against the axis.
     ///
-    /// `axis` has any length but zero.
+    /// `axis` may have any length except zero.
     #[must_use]
     pub fn rotate(self, axis: [f32; 3], angle: f32) -> Self {
         let length = axis.iter().map(|coordinate| coordinate * coordinate).sum::<f32>().sqrt();
@@ -85,7 +86,7 @@ impl Mesh {
         self.map(|position| rows.map(|row| row[0] * position[0] + row[1] * position[1] + row[2] * position[2]))
     }
 
-    /// The mesh scaled from the origin by a positive `factor`.
+    /// Scales the mesh about the origin by a positive `factor`.
     #[must_use]
     pub fn scale(self, factor: f32) -> Self {
         self.map(|position| position.map(|coordinate| coordinate * factor))
@@ -98,18 +99,18 @@ impl Mesh {
         self
     }
 
-    /// Appends the two triangles of the quadrilateral `a b c d`, cut from `a` to `c`.
+    /// Appends the two triangles of the quadrilateral `a b c d`, split from `a` to `c`.
     fn push_quad(&mut self, [a, b, c, d]: [u32; 4]) {
         self.triangles.push([a, b, c]);
         self.triangles.push([a, c, d]);
     }
 }
 
-/// One mesh made of all `meshes`, vertices and triangles in their order.
+/// Merges `meshes` into one, with their vertices and triangles in order.
 ///
 /// # Panics
 ///
-/// Panics if the vertices together are more than a `u32` can number.
+/// If the total number of vertices does not fit into a `u32`.
 pub fn merge(meshes: &[Mesh]) -> Mesh {
     let mut merged = Mesh::default();
     for mesh in meshes {
@@ -121,7 +122,7 @@ pub fn merge(meshes: &[Mesh]) -> Mesh {
     merged
 }
 
-/// A vertex number as the `u32` that triangles hold.
+/// A vertex index as the `u32` that triangles store.
 fn index(vertex: usize) -> u32 {
     u32::try_from(vertex).expect("a mesh has fewer than 2^32 vertices")
 }

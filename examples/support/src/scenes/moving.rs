@@ -1,8 +1,8 @@
-//! Scenes of several bodies that move and deform: what the report of speed against error plays.
+//! Scenes of several bodies that move and deform, for the report of the example `speed_vs_error`.
 //!
-//! Every position is a closed form of the vertex at rest and of the moment, in `f64`, so that any number of ticks of any
-//! fineness is the same motion. Lengths that decide about contact are given in mean edges, so that a scene touches
-//! alike whatever its fineness.
+//! Every position is a closed form of the rest position and the time, in `f64`, so that the motion is the same for any
+//! number of ticks and any resolution. Lengths that determine contact are in mean edges, so that a scene touches alike
+//! at every resolution.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -19,7 +19,7 @@ use crate::recording::{Recording, RecordingError};
 pub struct MovingBody {
     /// Its triangles.
     pub triangles: Vec<[u32; 3]>,
-    /// Its vertices, tick by tick.
+    /// Its vertices in each tick.
     pub ticks: Vec<Vec<[f32; 3]>>,
     /// Whether it is closed and wound outward, so that it has an inside.
     pub is_closed: bool,
@@ -32,22 +32,22 @@ pub struct MovingBody {
 pub struct MovingScene {
     /// Its name, in lower case with underscores.
     pub name: &'static str,
-    /// What happens, in a few words.
+    /// A short description.
     pub what: &'static str,
-    /// Whether its triangles change their shape.
+    /// Whether its triangles deform.
     pub deforms: bool,
-    /// The bodies, all with as many ticks.
+    /// The bodies, all with the same number of ticks.
     pub bodies: Vec<MovingBody>,
 }
 
-/// How finely scenes are meshed.
+/// Mesh resolution of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Fineness {
-    /// Hundreds of triangles a scene.
+    /// Hundreds of triangles.
     Coarse,
-    /// A few thousand.
+    /// A few thousand triangles.
     Middle,
-    /// Up to twenty thousand.
+    /// Up to twenty thousand triangles.
     Fine,
 }
 
@@ -63,7 +63,7 @@ impl Fineness {
 
 type Point = [f64; 3];
 
-/// The names of all scenes, in the order of [`moving_scene`]'s documentation.
+/// The names of all scenes that [`moving_scene`] accepts.
 pub const MOVING_SCENES: [&str; 8] = [
     "cloth_over_ball",
     "twisted_rod",
@@ -75,25 +75,25 @@ pub const MOVING_SCENES: [&str; 8] = [
     "ragged_slivers",
 ];
 
-/// The scene of that name in `ticks` ticks, or `None` where there is none.
+/// The scene with that name in `ticks` ticks, or `None` if there is none.
 ///
 /// `cloth_over_ball` is cut from `cloth_fall`, the bytes of the recording of [`super::cloth_fall`], whatever the
 /// fineness.
 ///
 /// # Errors
 ///
-/// `cloth_fall` is not that recording.
+/// If `cloth_fall` is not that recording.
 ///
 /// # Panics
 ///
-/// Panics if there are no ticks.
+/// If `ticks` is 0.
 pub fn moving_scene(
     name: &str,
     fineness: Fineness,
     ticks: usize,
     cloth_fall: &[u8],
 ) -> Result<Option<MovingScene>, RecordingError> {
-    assert!(ticks > 0, "a scene has a tick");
+    assert!(ticks > 0, "a scene needs at least 1 tick");
     Ok(Some(match name {
         "cloth_over_ball" => cloth_over_ball(&Recording::from_bytes(cloth_fall, Path::new("cloth_fall"))?, ticks),
         "twisted_rod" => twisted_rods(fineness, ticks),
@@ -107,24 +107,24 @@ pub fn moving_scene(
     }))
 }
 
-/// Two sheets of about `triangles` triangles together that undulate one above the other: the same picture everywhere,
-/// so that the share of triangles that touch does not depend on their number.
+/// Two sheets of about `triangles` triangles in total that undulate above each other. The scene looks the same
+/// everywhere, so the share of touching triangles does not depend on their number.
 ///
 /// # Panics
 ///
-/// Panics if there are no ticks.
+/// If `ticks` is 0.
 pub fn growing_sheets(triangles: usize, ticks: usize) -> MovingScene {
-    assert!(ticks > 0, "a scene has a tick");
+    assert!(ticks > 0, "a scene needs at least 1 tick");
     let cells = ((triangles as f64 / 4.0).sqrt().round() as usize).max(2);
     let sheet = grid(cells, cells, cells as f32, cells as f32, Diagonals::Alternating);
-    // One cell is one unit long. The wave is far longer than a cell and as high as two.
+    // A cell is one unit long. The wave is far longer than a cell and as high as two cells.
     let height =
         |x: f64, z: f64, moment: f64| 2.0 * libm::sin(TAU * (x / 31.0 + 0.1 * moment)) * libm::cos(TAU * z / 37.0);
     let gap = |x: f64, z: f64, moment: f64| {
         0.4 + 0.5 * libm::sin(TAU * (x / 13.0 - 0.2 * moment)) * libm::sin(TAU * z / 17.0)
     };
     let lower = body(sheet.clone(), ticks, false, false, |[x, _, z], moment| [x, height(x, z, moment), z]);
-    // Vertices of the upper one lie above the insides of the lower one's triangles.
+    // Vertices of the upper sheet are above the interiors of the lower sheet's triangles.
     let upper = body(sheet, ticks, false, false, |[x, _, z], moment| {
         let (x, z) = (x + 0.31, z + 0.17);
         [x, height(x, z, moment) + gap(x, z, moment), z]
@@ -137,7 +137,7 @@ pub fn growing_sheets(triangles: usize, ticks: usize) -> MovingScene {
     }
 }
 
-/// A body whose vertices follow a formula of their place at rest and the moment from 0 to 1.
+/// A body whose vertices are a function of their rest position and a moment from 0 to 1.
 pub(super) fn body(
     mesh: Mesh,
     ticks: usize,
@@ -153,7 +153,7 @@ pub(super) fn body(
     MovingBody { ticks: (0..ticks).map(at).collect(), triangles: mesh.triangles, is_closed, touches_itself }
 }
 
-/// The end of the embedded recording, every other frame, cut into its three bodies.
+/// The end of the embedded recording, every other frame, split into its three bodies.
 fn cloth_over_ball(recording: &Recording, ticks: usize) -> MovingScene {
     let last = recording.frames.len() - 1;
     let frame = |tick: usize| last.saturating_sub(2 * (ticks - 1 - tick));
@@ -178,7 +178,7 @@ fn cloth_over_ball(recording: &Recording, ticks: usize) -> MovingScene {
     }
 }
 
-/// Two square rods side by side, wrung around each other like the strands of a rope while the whole turns.
+/// Two square rods side by side, wrung around each other like the strands of a rope while the whole rotates.
 fn twisted_rods(fineness: Fineness, ticks: usize) -> MovingScene {
     let across = fineness.pick(3, 6, 10);
     let (length, side) = (4.0, 0.4);
@@ -187,7 +187,7 @@ fn twisted_rods(fineness: Fineness, ticks: usize) -> MovingScene {
     let strand = |end: f64| {
         let rest = twisted_rod(length as f32, side as f32, along, across, 0.0);
         body(rest, ticks, true, false, move |[x, y, z], moment| {
-            // The gap between the strands: here and there a little overlap, elsewhere up to most of a cell.
+            // The gap between the strands: slightly negative in some places, up to most of a cell in others.
             let gap = cell * (0.25 + 0.35 * libm::sin(3.0 * z + 2.0 * moment));
             let out = end * (x + 0.5 * (side + gap));
             let across = end * y;
@@ -210,10 +210,10 @@ fn soft_spheres(fineness: Fineness, ticks: usize) -> MovingScene {
     let ball = |end: f64| {
         body(icosphere(level, 1.0), ticks, true, false, move |[x, y, z], moment| {
             let squeeze = 1.0 - 0.3 * moment;
-            // Nearly the same volume: what is lost in length is won in width.
+            // Nearly constant volume: the loss in length is gained in width.
             let widen = 1.0 / squeeze.sqrt();
             let wobble = 1.0 + 0.06 * moment * libm::sin(4.0 * y + TAU * moment) * libm::cos(3.0 * z + end);
-            // Their boxes overlap from the start, so that every sphere is made in the first tick.
+            // The boxes overlap from the start, so that all spheres are made in the first tick.
             let distance = 0.99 - 0.39 * moment;
             [end * distance + squeeze * wobble * x, widen * wobble * y, widen * wobble * z + 0.05 * end]
         })
@@ -234,7 +234,7 @@ fn tilted_boxes(fineness: Fineness, ticks: usize) -> MovingScene {
     let plane = grid(plane_cells, plane_cells, 4.6, 4.6, Diagonals::Alternating);
     let plane = body(plane, ticks, false, false, |rest, _| rest);
     let quarter = (PI / 4.0) as f32;
-    // The space diagonal of a cube leans from a face's normal by the arc cosine of 1/√3.
+    // The space diagonal of a cube is at an angle of arccos(1/√3) from a face's normal.
     let corner = libm::acos(1.0 / 3.0_f64.sqrt()) as f32;
     let on_edge = cuboid([0.5; 3], cells).rotate([1.0, 0.0, 0.0], quarter);
     let on_corner = cuboid([0.5; 3], cells).rotate([0.0, 1.0, 0.0], quarter).rotate([0.0, 0.0, 1.0], corner);
@@ -253,7 +253,7 @@ fn tilted_boxes(fineness: Fineness, ticks: usize) -> MovingScene {
     }
 }
 
-/// Ten sheets above each other, each undulating a little otherwise than the next.
+/// Ten sheets above each other, each undulating slightly differently.
 fn ten_sheets(fineness: Fineness, ticks: usize) -> MovingScene {
     let cells = fineness.pick(8, 18, 30);
     let edge = 1.0 / cells as f64;
@@ -275,14 +275,14 @@ fn ten_sheets(fineness: Fineness, ticks: usize) -> MovingScene {
     }
 }
 
-/// A closed panel with ribs, thinner than its cells, that bends, and a bar laid across its ribs.
+/// A closed panel with ribs, thinner than its cells, that bends, and a bar that lies across its ribs.
 fn ribbed_panel(fineness: Fineness, ticks: usize) -> MovingScene {
     let cells = fineness.pick(16, 32, 56);
     let edge = 2.0 / cells as f64;
     // Two layers of one box lattice: the upper and the lower side, joined by the rim.
     let panel = cuboid([1.0, 1.0, 1.0], cells);
     let rib = |x: f64| {
-        // Trapezoids: four ribs of four cells' height.
+        // Trapezoids: four ribs with a height of three cells.
         let phase = (2.0 * (x + 1.0)) % 1.0;
         let ramp = |from: f64| ((phase - from) / 0.15).clamp(0.0, 1.0);
         3.0 * edge * (ramp(0.25) - ramp(0.6))
@@ -295,7 +295,7 @@ fn ribbed_panel(fineness: Fineness, ticks: usize) -> MovingScene {
     let bar_cells = [cells * 3 / 4, 3];
     let bar = twisted_rod(1.5, 3.0 * edge as f32, bar_cells[0], bar_cells[1], 0.0);
     let bar = body(bar, ticks, true, false, move |[x, y, z], moment| {
-        // Turned to lie along x, across the ribs.
+        // Rotated to lie along x, across the ribs.
         let (x, z) = (z, -x);
         let bend = 0.15 * moment * x * x;
         [x, y + 1.5 * edge + 3.0 * edge + edge * (0.22 - 0.37 * moment) + bend, z + 0.21 * edge]
@@ -308,12 +308,13 @@ fn ribbed_panel(fineness: Fineness, ticks: usize) -> MovingScene {
     }
 }
 
-/// A cube's surface without the inner cells of its four upright sides: each of them becomes one row of cells, so that
-/// the cube can be pressed into a plate.
+/// The surface of a cube without the inner rows of cells of its four upright sides. Each side becomes one row of cells,
+/// so that the cube can be flattened to a plate.
 fn flatten(cube: Mesh) -> Mesh {
     let on_rim = |position: &[f32; 3]| position[0].abs() == 1.0 || position[2].abs() == 1.0;
     let is_cap = |position: &[f32; 3]| position[1].abs() == 1.0;
-    // Vertices between the two caps go to the nearer cap and fall onto the rim's; their triangles vanish or span.
+    // Vertices between the two caps move to the nearer cap and coincide with the rim. Their triangles vanish or span
+    // the gap.
     let mut places = std::collections::BTreeMap::new();
     let mut flat = Mesh::default();
     let number: Vec<u32> = cube
@@ -339,14 +340,15 @@ fn flatten(cube: Mesh) -> Mesh {
     flat
 }
 
-/// Small balls roll over a ground whose triangles are a thousand times as long as theirs, and a block between the two.
+/// Small balls roll over ground whose triangles are a thousand times as long as theirs, and past a block of medium
+/// size.
 fn mixed_sizes(fineness: Fineness, ticks: usize) -> MovingScene {
     let level = fineness.pick(1, 2, 3);
     let mut bodies = vec![body(grid(3, 3, 300.0, 300.0, Diagonals::Alternating), ticks, false, false, |rest, _| rest)];
-    // Edges of a ball of radius 1 are about 1.1, halved at each level.
+    // Edges of a ball of radius 1 are about 1.1 long, and halve at each level.
     let edge = 0.1;
     let radius = edge * f64::from(1_u32 << level) / 1.1;
-    // Some are over the ground's inner edges and corners, which lie at multiples of 100 off ±50.
+    // Some places are above inner edges and corners of the ground, which are at ±50.
     let places = [[50.0, 50.0], [-50.0, 3.0], [10.0, -50.0], [20.0, 20.0], [-50.0, -50.0], [0.05, 0.02]];
     for (number, [x, z]) in places.into_iter().enumerate() {
         let number = number as f64;
@@ -364,7 +366,7 @@ fn mixed_sizes(fineness: Fineness, ticks: usize) -> MovingScene {
         }));
     }
     let block = cuboid([2.0, 0.5, 2.0], fineness.pick(2, 4, 6));
-    // The last ball rolls up to it and into it by a fifth of an edge.
+    // The last ball rolls up to the block and into it by a fifth of an edge.
     let face = 0.05 + 1.6 * radius - 0.2 * edge;
     bodies.push(body(block, ticks, true, false, move |[x, y, z], _| [x + 2.0 + face, y + 0.5 + 0.05 * edge, z]));
     MovingScene {
@@ -375,7 +377,7 @@ fn mixed_sizes(fineness: Fineness, ticks: usize) -> MovingScene {
     }
 }
 
-/// Crumpled sheets with slivers and triangles of no area slide over each other.
+/// Crumpled sheets with slivers and zero-area triangles slide over each other.
 fn sliver_sheets(fineness: Fineness, ticks: usize) -> MovingScene {
     let layer = |layer: u32| {
         let number = f64::from(layer);

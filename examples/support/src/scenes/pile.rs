@@ -1,45 +1,45 @@
-//! A pile of mixed soft bodies above a ribbed tray: which bodies they are, and where they start.
+//! A pile of mixed soft bodies above a ribbed tray: the bodies and their initial places.
 //!
-//! Shape, size and place of a body depend on its number alone, so that a smaller pile is the beginning of a larger one.
+//! Shape, size, and place of a body depend only on its index, so a smaller pile is a prefix of a larger one.
 
 use std::f32::consts::PI;
 
 use super::{Mesh, capsule, icosphere, lobed_ball, ribbed_tray, rounded_cuboid, torus};
 use crate::random::Random;
 
-/// How many bodies the pile is made for; [`pile_start`] stacks more of them as high as it takes.
+/// Number of bodies that the pile is designed for. [`pile_start`] stacks any number of them.
 pub const PILE_BODIES: usize = 100;
 
-/// No point of a [`pile_body`] is farther from its origin than this, in metres.
+/// Largest distance of a point of a [`pile_body`] from its origin, in meters.
 pub const PILE_BODY_REACH: f32 = LARGEST * 0.06;
 
-/// How far [`pile_tray`] reaches inside along x, y and z, in metres.
+/// Inner size of [`pile_tray`] along x, y, and z, in meters.
 pub const PILE_TRAY_SIZE: [f32; 3] = [0.72, 0.3, 0.72];
 
-/// Bodies in a row of a layer, along x and along z alike.
+/// Number of bodies in a row of a layer, along x and along z.
 const ROW: usize = 4;
 
-/// How far neighbours of a layer are apart before they are jittered, in metres.
+/// Distance of neighbors in a layer before jitter, in meters.
 const SPACING: f32 = 0.17;
 
-/// How far layers are apart before they are jittered, in metres.
+/// Distance of layers before jitter, in meters.
 const LAYER_SPACING: f32 = 0.165;
 
-/// How high the lowest layer starts above the floor of the tray, in metres.
+/// Height of the lowest layer above the floor of the tray, in meters.
 const LOWEST: f32 = 0.12;
 
-/// How far a body lies from its place in the grid at most along each axis, in metres: twice the reach and twice this are
-/// less than the distance of neighbours.
+/// Largest displacement of a body from its place in the grid along each axis, in meters. Twice the reach plus twice
+/// this is less than the distance of neighbors.
 const JITTER: f32 = 0.01;
 
-/// The smallest and the largest size of a body against its shape in [`soft_shapes`].
+/// Smallest and largest scale of a body relative to its shape in [`soft_shapes`].
 const SMALLEST: f32 = 0.85;
 const LARGEST: f32 = 1.15;
 
-/// The five shapes of the pile, closed, about 0.1 m long, of 184 to 320 triangles, their middles at the origin: a ball, a
-/// rounded box, a ring, a capsule and a ball with lobes.
+/// The five shapes of the pile: a ball, a rounded box, a torus, a capsule, and a lobed ball. They are closed, about 0.1
+/// m long, have 184 to 320 triangles, and are centered at the origin.
 ///
-/// None of their points is farther than 0.06 m from the origin.
+/// No point is farther than 0.06 m from the origin.
 pub fn soft_shapes() -> [Mesh; 5] {
     [
         icosphere(2, 0.05),
@@ -50,22 +50,22 @@ pub fn soft_shapes() -> [Mesh; 5] {
     ]
 }
 
-/// The body of that number around the origin: one of [`soft_shapes`], scaled by 0.85 to 1.15 and turned at random.
+/// The body with that index, at the origin: one of [`soft_shapes`], scaled by 0.85 to 1.15 and rotated at random.
 pub fn pile_body(index: usize) -> Mesh {
     let mut random = random(index, 0);
     let shapes = soft_shapes();
     let shape = random.below(shapes.len() as u64) as usize;
     let size = SMALLEST + (LARGEST - SMALLEST) * random.unit() as f32;
     let angle = PI * random.signed_unit();
-    // The half keeps the axis away from zero; that directions are not all as likely does not matter.
+    // The offset of 0.5 keeps the axis away from zero. It does not matter that directions are not uniform.
     let axis = [0.5 + random.unit() as f32, random.signed_unit(), random.signed_unit()];
     shapes[shape].clone().scale(size).rotate(axis, angle)
 }
 
-/// Where the origin of that [`pile_body`] starts, in metres, in the frame of [`pile_tray`].
+/// Initial place of the origin of the [`pile_body`] with that index, in meters, in the frame of [`pile_tray`].
 ///
-/// Sixteen bodies make a layer, jittered by 1 cm along each axis. All start between the walls or above them, the lowest
-/// layer 12 cm above the floor; the boxes around any two bodies are apart.
+/// A layer has sixteen bodies, jittered by 1 cm along each axis. All start between the walls or above them, the lowest
+/// layer 12 cm above the floor. The bounding boxes of any two bodies are apart.
 pub fn pile_start(index: usize) -> [f32; 3] {
     let mut random = random(index, 1);
     let middle = 0.5 * (ROW - 1) as f32;
@@ -77,13 +77,13 @@ pub fn pile_start(index: usize) -> [f32; 3] {
     grid.map(|coordinate| coordinate + JITTER * random.signed_unit())
 }
 
-/// The static tray under the pile: a [`ribbed_tray`] of [`PILE_TRAY_SIZE`] with four ribs.
+/// The static tray below the pile: a [`ribbed_tray`] of [`PILE_TRAY_SIZE`] with four ribs.
 pub fn pile_tray() -> Mesh {
     let [width, height, depth] = PILE_TRAY_SIZE;
     ribbed_tray(width, depth, height, 4)
 }
 
-/// The random numbers of a body for one purpose, independent of those of its neighbours.
+/// The random numbers of a body for one purpose, independent of those of other bodies.
 fn random(index: usize, purpose: u64) -> Random {
     Random::new(Random::new(2 * index as u64 + purpose).bits())
 }

@@ -1,4 +1,4 @@
-//! Arithmetic of points in `f64`, for scenes that are computed exactly and stored in `f32` at the end.
+//! Vector arithmetic in `f64`, for scenes that are computed in double precision and stored in `f32` at the end.
 //!
 //! Rotations are unit quaternions in the order x, y, z, w.
 
@@ -15,37 +15,37 @@ pub(super) fn subtract(a: Point, b: Point) -> Point {
     advance(a, -1.0, b)
 }
 
-/// The point `share` of the way from `a` to `b`.
+/// Interpolates from `a` to `b`.
 pub(super) fn between(a: Point, b: Point, share: f64) -> Point {
     advance(a, share, subtract(b, a))
 }
 
-/// The inner product.
+/// The dot product.
 pub(super) fn dot(a: Point, b: Point) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The outer product.
+/// The cross product.
 pub(super) fn cross(a: Point, b: Point) -> Point {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// The direction of a vector that is not zero.
+/// Normalizes a vector that is not zero.
 pub(super) fn unit(a: Point) -> Point {
     let length = dot(a, a).sqrt();
     a.map(|coordinate| coordinate / length)
 }
 
-/// The shortest rotation that turns the y axis into the unit vector `direction`, which is not −y.
+/// The shortest rotation from the y axis to the unit vector `direction`, which must not be −y.
 pub(super) fn rotation_from_y(direction: Point) -> [f64; 4] {
     let [x, y, z] = direction;
-    // The axis is y × direction; the half angle comes from the sum of both vectors.
+    // The axis is y × direction. The half angle comes from the sum of both vectors.
     let quaternion = [z, 0.0, -x, 1.0 + y];
     let length = quaternion.iter().map(|part| part * part).sum::<f64>().sqrt();
     quaternion.map(|part| part / length)
 }
 
-/// `point` turned by a unit quaternion.
+/// Rotates `point` by a unit quaternion.
 pub(super) fn rotate([x, y, z, w]: [f64; 4], point: Point) -> Point {
     let axis = [x, y, z];
     let twice = cross(axis, point).map(|coordinate| 2.0 * coordinate);

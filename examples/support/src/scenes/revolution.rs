@@ -1,20 +1,20 @@
-//! Surfaces of revolution out of circles with different numbers of vertices, so that triangles stay alike in size.
+//! Surfaces of revolution made of circles with different numbers of vertices, so that triangles are of similar size.
 //!
-//! Capsules, needles and skirts are such surfaces. Where two neighbouring circles differ in number, the band between them
-//! is filled by walking along both at once and always taking the step that leaves the shorter edge across.
+//! Capsules, needles, and skirts are such surfaces. Between two adjacent circles with different numbers of vertices,
+//! the band is filled by walking along both at once, always taking the step with the shorter edge across.
 
 use std::f64::consts::TAU;
 
 use super::{Mesh, index};
 
-/// A circle around the y axis, or a single point on it.
+/// A circle around the y axis, or a single point on the axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Circle {
-    /// Its height y, in metres.
+    /// Its height y, in meters.
     pub height: f64,
-    /// Its radius in metres.
+    /// Its radius, in meters.
     pub radius: f64,
-    /// Its number of vertices: at least 3, or 1 for a point, which then lies on the axis.
+    /// Its number of vertices: at least 3, or 1 for a point on the axis.
     pub segments: usize,
 }
 
@@ -25,10 +25,10 @@ impl Circle {
     }
 }
 
-/// The surface through `circles`, which run from the top down, facing away from the axis.
+/// The surface through `circles`, which run from top to bottom, facing away from the axis.
 ///
-/// Vertices follow circle by circle, in each from x towards z; every second circle is turned by half a step, which makes
-/// equilateral triangles possible. The surface is closed if the first and the last circle are points.
+/// Vertices are ordered by circle, and in each from x towards z. Every second circle is rotated by half a step, which
+/// allows equilateral triangles. The surface is closed if the first and the last circle are points.
 pub(super) fn revolve(circles: &[Circle]) -> Mesh {
     let mut mesh = Mesh::default();
     let mut first = Vec::new();
@@ -43,13 +43,13 @@ pub(super) fn revolve(circles: &[Circle]) -> Mesh {
     for upper in 0..circles.len().saturating_sub(1) {
         let lower = upper + 1;
         let segments = |circle: usize| circles[circle].segments;
-        // Going once around a point means not to leave it.
+        // A point takes no steps.
         let steps = |circle: usize| if segments(circle) == 1 { 0 } else { segments(circle) };
         let vertex = |circle: usize, step: usize| index(first[circle] + step % segments(circle));
         let (mut above, mut below) = (0, 0);
         while above < steps(upper) || below < steps(lower) {
             let corners = [vertex(lower, below), vertex(upper, above)];
-            // Angles in a measure that is whole on both circles.
+            // Angles in a unit that is an integer on both circles.
             let angle_above = |step: usize| half_steps(step, upper) * segments(lower);
             let angle_below = |step: usize| half_steps(step, lower) * segments(upper);
             let across_if_above = angle_above(above + 1).abs_diff(angle_below(below));
@@ -69,7 +69,7 @@ pub(super) fn revolve(circles: &[Circle]) -> Mesh {
     mesh
 }
 
-/// Where a vertex lies on the circle of that number, in halves of the circle's step.
+/// The angle of a vertex on a circle, in halves of the circle's step.
 const fn half_steps(vertex: usize, circle: usize) -> usize {
     2 * vertex + circle % 2
 }

@@ -1,29 +1,29 @@
-//! Shapes with a closed form, for tests that know the answer.
+//! Shapes with a closed form, for tests with known answers.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use super::{Mesh, index, merge};
 
-/// Which way the squares of a sheet are cut into triangles.
+/// How the squares of a sheet are split into triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Diagonals {
-    /// Every square the same way, which prefers one direction.
+    /// All squares in the same way, which makes the mesh anisotropic.
     Uniform,
-    /// Neighbouring squares opposite ways, like the squares of a chess board.
+    /// In a checkerboard pattern: adjacent squares are split in opposite ways.
     Alternating,
 }
 
-/// A flat sheet of `columns` by `rows` cells in the plane y = 0, its middle at the origin, facing up.
+/// A flat sheet of `columns` by `rows` cells in the plane y = 0, centered at the origin, facing up.
 ///
-/// It is `width` long in x and `depth` long in z. Vertex `row * (columns + 1) + column` lies at the column
-/// (along x) and row (along z) of its name, both from the negative side.
+/// It is `width` long in x and `depth` long in z. Vertex `row * (columns + 1) + column` is in column `column` along x
+/// and in row `row` along z, both counted from the negative side.
 ///
 /// # Panics
 ///
-/// Panics if there is no column or no row.
+/// If there is no column or no row.
 pub fn grid(columns: usize, rows: usize, width: f32, depth: f32, diagonals: Diagonals) -> Mesh {
-    assert!(columns > 0 && rows > 0, "a sheet needs a cell");
+    assert!(columns > 0 && rows > 0, "a sheet needs at least 1 cell");
     let mut mesh = Mesh::default();
     for row in 0..=rows {
         for column in 0..=columns {
@@ -43,7 +43,7 @@ pub fn grid(columns: usize, rows: usize, width: f32, depth: f32, diagonals: Diag
     mesh
 }
 
-/// A closed sphere around the origin: an icosahedron whose triangles are quartered `level` times.
+/// A closed sphere around the origin: an icosahedron whose triangles are split in four `level` times.
 ///
 /// It has 10 · 4^level + 2 vertices, all at `radius`, and 20 · 4^level triangles.
 pub fn icosphere(level: u32, radius: f32) -> Mesh {
@@ -54,7 +54,7 @@ pub fn icosphere(level: u32, radius: f32) -> Mesh {
         positions.push([0.0, one, long]);
         positions.push([long, 0.0, one]);
     }
-    // The twelve corners lie 2 apart along an edge, every other distance is larger.
+    // The twelve corners are 2 apart along an edge. All other distances are larger.
     let mut triangles = Vec::new();
     let squared =
         |a: usize, b: usize| -> f64 { (0..3).map(|axis| (positions[a][axis] - positions[b][axis]).powi(2)).sum() };
@@ -86,7 +86,8 @@ pub fn icosphere(level: u32, radius: f32) -> Mesh {
                 [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
             })
             .collect();
-        // Between two levels all corners have to be at one distance, or the middles lean to the farther end.
+        // Between levels, all corners must be at the same distance. Otherwise the middles would lean towards the
+        // farther end.
         for position in &mut positions {
             *position = at_distance(*position, 1.0);
         }
@@ -100,13 +101,13 @@ pub fn icosphere(level: u32, radius: f32) -> Mesh {
     }
 }
 
-/// A closed box around the origin that reaches `half_extents` along each axis, `subdivisions` cells a side.
+/// A closed box around the origin that extends `half_extents` along each axis, with `subdivisions` cells per side.
 ///
-/// It has 6 n² + 2 vertices and 12 n² triangles for n subdivisions; neighbouring sides share their vertices.
+/// It has 6 n² + 2 vertices and 12 n² triangles for n subdivisions. Adjacent faces share their vertices.
 ///
 /// # Panics
 ///
-/// Panics if there are no subdivisions.
+/// If `subdivisions` is 0.
 pub fn cuboid(half_extents: [f32; 3], subdivisions: usize) -> Mesh {
     let mut mesh = box_lattice([subdivisions; 3]);
     for position in &mut mesh.positions {
@@ -115,16 +116,16 @@ pub fn cuboid(half_extents: [f32; 3], subdivisions: usize) -> Mesh {
     mesh
 }
 
-/// A closed ring around the y axis, its tube of radius `minor` at the distance `major` from the axis.
+/// A closed torus around the y axis, with a tube of radius `minor` at the distance `major` from the axis.
 ///
-/// Vertex `ring * minor_segments + tube` lies at the angle 2π · ring / `major_segments` around y, from x
-/// towards z, and 2π · tube / `minor_segments` around the tube, from the outside upwards.
+/// Vertex `ring * minor_segments + tube` is at the angle 2π · ring / `major_segments` around y, from x towards z, and
+/// at 2π · tube / `minor_segments` around the tube, from the outside upwards.
 ///
 /// # Panics
 ///
-/// Panics if either number of segments is below 3.
+/// If either number of segments is below 3.
 pub fn torus(major: f32, minor: f32, major_segments: usize, minor_segments: usize) -> Mesh {
-    assert!(major_segments >= 3 && minor_segments >= 3, "a ring needs at least 3 segments");
+    assert!(major_segments >= 3 && minor_segments >= 3, "a torus needs at least 3 segments");
     let mut mesh = Mesh::default();
     for ring in 0..major_segments {
         let (sine, cosine) = sine_cosine(ring, major_segments);
@@ -150,16 +151,16 @@ pub fn torus(major: f32, minor: f32, major_segments: usize, minor_segments: usiz
     mesh
 }
 
-/// A tube without ends along the y axis, its middle at the origin, facing away from the axis.
+/// A tube without ends along the y axis, centered at the origin, facing away from the axis.
 ///
-/// Vertex `along * segments_around + around` lies at the height of `along` from the lower end, and at the
-/// angle 2π · around / `segments_around` from x towards z.
+/// Vertex `along * segments_around + around` is at the height of `along` from the lower end, and at the angle 2π ·
+/// around / `segments_around` from x towards z.
 ///
 /// # Panics
 ///
-/// Panics if `segments_around` is below 3 or `segments_along` is 0.
+/// If `segments_around` is below 3 or `segments_along` is 0.
 pub fn cylinder_side(radius: f32, length: f32, segments_around: usize, segments_along: usize) -> Mesh {
-    assert!(segments_around >= 3 && segments_along > 0, "a tube needs 3 segments around and 1 along");
+    assert!(segments_around >= 3 && segments_along > 0, "a tube needs at least 3 segments around and 1 along");
     let mut mesh = Mesh::default();
     for along in 0..=segments_along {
         let height = (along as f32 / segments_along as f32 - 0.5) * length;
@@ -183,35 +184,35 @@ pub fn cylinder_side(radius: f32, length: f32, segments_around: usize, segments_
     mesh
 }
 
-/// The graph z = ½ k (x² − y²) over the square that reaches `extent` along x and y, facing +z.
+/// The graph z = ½ k (x² − y²) over the square that extends `extent` along x and y, facing +z.
 ///
-/// `k` is the `curvature`, in 1 / length: at the origin the principal curvatures are k and −k. There are `n`
-/// cells a side; vertex `row * (n + 1) + column` lies at the column along x and the row along y.
+/// `k` is the `curvature`, in 1 / length: at the origin the principal curvatures are k and −k. There are `n` cells per
+/// side. Vertex `row * (n + 1) + column` is in column `column` along x and in row `row` along y.
 ///
 /// # Panics
 ///
-/// Panics if `n` is 0.
+/// If `n` is 0.
 pub fn saddle(n: usize, extent: f32, curvature: f32) -> Mesh {
     let mut mesh = grid(n, n, 2.0 * extent, 2.0 * extent, Diagonals::Alternating);
     for position in &mut mesh.positions {
         let [x, _, y] = *position;
         *position = [x, y, 0.5 * curvature * (x * x - y * y)];
     }
-    // Laying the sheet's z along y mirrors it.
+    // Mapping the sheet's z to y mirrors it.
     for corners in &mut mesh.triangles {
         corners.swap(1, 2);
     }
     mesh
 }
 
-/// A closed rod of square section along the z axis, its middle at the origin, twisted around that axis.
+/// A closed rod with a square section along the z axis, centered at the origin, twisted about that axis.
 ///
-/// The section is `side` wide with `cells_across` cells a side; `cells_along` cells run over the `length`.
-/// Seen from +z, the far end +z is turned counter-clockwise by `twist` radians against the end −z.
+/// The section is `side` wide, with `cells_across` cells per side. `cells_along` cells span the `length`. Seen from +z,
+/// the end at +z is rotated counter-clockwise by `twist` radians relative to the end at −z.
 ///
 /// # Panics
 ///
-/// Panics if either number of cells is 0.
+/// If either number of cells is 0.
 pub fn twisted_rod(length: f32, side: f32, cells_along: usize, cells_across: usize, twist: f32) -> Mesh {
     let mut mesh = box_lattice([cells_across, cells_across, cells_along]);
     for position in &mut mesh.positions {
@@ -226,11 +227,11 @@ pub fn twisted_rod(length: f32, side: f32, cells_along: usize, cells_across: usi
 
 /// `layers` flat sheets of 1 by 1 above each other, `gap` apart, the lowest in the plane y = 0.
 ///
-/// Each is a [`grid`] of `n` by `n` cells with alternating diagonals, so vertices lie straight above vertices.
+/// Each is a [`grid`] of `n` by `n` cells with alternating diagonals, so vertices are directly above vertices.
 ///
 /// # Panics
 ///
-/// Panics if `n` is 0.
+/// If `n` is 0.
 pub fn sheet_stack(layers: usize, gap: f32, n: usize) -> Mesh {
     let sheet = grid(n, n, 1.0, 1.0, Diagonals::Alternating);
     let sheets: Vec<Mesh> = (0..layers).map(|layer| sheet.clone().translate([0.0, layer as f32 * gap, 0.0])).collect();
@@ -239,7 +240,7 @@ pub fn sheet_stack(layers: usize, gap: f32, n: usize) -> Mesh {
 
 /// The surface of the cube [-1, 1]³ with the given number of cells along each axis.
 pub(super) fn box_lattice(cells: [usize; 3]) -> Mesh {
-    assert!(cells.iter().all(|&count| count > 0), "a box needs a cell");
+    assert!(cells.iter().all(|&count| count > 0), "a box needs at least 1 cell");
     let mut mesh = Mesh::default();
     let mut vertices = BTreeMap::new();
     for axis in 0..3 {
@@ -278,7 +279,7 @@ fn determinant([a, b, c]: [[f64; 3]; 3]) -> f64 {
     a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
 }
 
-/// The point in the direction of `position` at the given distance from the origin.
+/// The point in the direction of `position`, at a distance from the origin.
 fn at_distance(position: [f64; 3], distance: f64) -> [f64; 3] {
     let length = position.iter().map(|value| value * value).sum::<f64>().sqrt();
     position.map(|value| value * distance / length)

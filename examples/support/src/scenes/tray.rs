@@ -1,43 +1,44 @@
 //! A tray with ribs on its floor, as one closed solid: the static ground of a pile.
 //!
-//! It is cut out of uneven cells of a lattice: the faces between a filled and an empty cell are its surface, so that it is
-//! closed and meets itself nowhere.
+//! It is built from uneven cells of a lattice. Its surface consists of the faces between filled and empty cells, so it
+//! is closed and does not cross itself.
 
 use std::collections::BTreeMap;
 
 use super::{Mesh, index};
 use crate::random::Random;
 
-/// How thick the walls and the floor of a [`ribbed_tray`] are, in metres.
+/// Thickness of the walls and the floor of a [`ribbed_tray`], in meters.
 pub const TRAY_THICKNESS: f32 = 0.02;
 
-/// How high the ribs of a [`ribbed_tray`] are, in metres.
+/// Height of the ribs of a [`ribbed_tray`], in meters.
 pub const RIB_HEIGHT: f32 = 0.02;
 
-/// How wide the ribs of a [`ribbed_tray`] are at the floor, in metres.
+/// Width of the ribs of a [`ribbed_tray`] at the floor, in meters.
 pub const RIB_WIDTH: f32 = 0.03;
 
-/// How wide the ribs of a [`ribbed_tray`] are at their top, in metres.
+/// Width of the ribs of a [`ribbed_tray`] at the top, in meters.
 pub const RIB_TOP: f32 = 0.012;
 
-/// No side of a cell is longer, in metres: with the diagonal no edge is longer than 11.4 cm.
+/// Longest side of a cell, in meters. With the diagonal, no edge is longer than 11.4 cm.
 const LONGEST_SIDE: f64 = 0.08;
 
-/// How far a line of the lattice strays from even distances, as part of the distance.
+/// Largest displacement of a line of the lattice from even spacing, as a share of the spacing.
 const UNEVENNESS: f64 = 0.2;
 
-/// A tray, open towards +y, as a closed solid wound outward; the middle of its floor's upper side is the origin.
+/// A tray, open towards +y, as a closed solid wound outward. The origin is the center of the upper side of its floor.
 ///
-/// Inside it is `width` metres along x, `depth` along z and `height` along y. `ribs` ribs of the constants' size run from
-/// wall to wall along z, evenly spread over x. Triangles are uneven on purpose: narrow on ribs and rims, with edges of up
-/// to 11 cm elsewhere.
+/// Its inside is `width` meters wide along x, `depth` along z, and `height` along y. `ribs` ribs with the size of the
+/// constants run from wall to wall along z, evenly spaced over x. Triangles are deliberately uneven: narrow on ribs and
+/// rims, with edges of up to 11 cm elsewhere.
 ///
 /// # Panics
 ///
-/// Panics if the ribs do not fit beside each other with as much floor between them, or the walls are not twice as high.
+/// If there is not enough room for the ribs with as much floor between them, or if the walls are less than twice as
+/// high as the ribs.
 pub fn ribbed_tray(width: f32, depth: f32, height: f32, ribs: usize) -> Mesh {
-    assert!(width >= 2.0 * RIB_WIDTH * (ribs + 1) as f32, "the ribs need room beside each other");
-    assert!(height >= 2.0 * RIB_HEIGHT && depth > 0.0, "the tray is deeper than its ribs are high");
+    assert!(width >= 2.0 * RIB_WIDTH * (ribs + 1) as f32, "the ribs need more room");
+    assert!(height >= 2.0 * RIB_HEIGHT && depth > 0.0, "the tray must be at least twice as high as its ribs");
     let [width, depth, height] = [width, depth, height].map(f64::from);
     let [thickness, rib_height, rib_width, rib_top] = [TRAY_THICKNESS, RIB_HEIGHT, RIB_WIDTH, RIB_TOP].map(f64::from);
     let mut random = Random::new(0x7261_7920);
@@ -87,13 +88,14 @@ fn walled(floor: &[f64], thickness: f64) -> Vec<f64> {
     walled
 }
 
-/// The lines `kept`, and uneven ones between them where they are far apart; with where each of `kept` is among them.
+/// The lines `kept`, with uneven lines between them where they are far apart, and the index of each of `kept` in the
+/// result.
 fn lines(kept: &[f64], random: &mut Random) -> (Vec<f64>, Vec<usize>) {
     let mut lines = vec![kept[0]];
     let mut places = vec![0];
     for ends in kept.windows(2) {
         let length = ends[1] - ends[0];
-        // Two neighbouring lines stray apart by twice the unevenness.
+        // Two adjacent lines move apart by up to twice the unevenness.
         let parts = (length * (1.0 + 2.0 * UNEVENNESS) / LONGEST_SIDE).ceil().max(1.0) as usize;
         for part in 1..parts {
             let stray = UNEVENNESS * f64::from(random.signed_unit());
@@ -105,7 +107,8 @@ fn lines(kept: &[f64], random: &mut Random) -> (Vec<f64>, Vec<usize>) {
     (lines, places)
 }
 
-/// The surface of the filled cells of a lattice of `cells`, wound outward; `place` says where a corner of the lattice lies.
+/// The surface of the filled cells of a lattice with `cells` cells, wound outward. `place` returns the position of a
+/// lattice corner.
 fn boundary(cells: [usize; 3], is_filled: impl Fn([usize; 3]) -> bool, place: impl Fn([usize; 3]) -> [f32; 3]) -> Mesh {
     let mut mesh = Mesh::default();
     let mut vertices = BTreeMap::new();
@@ -133,7 +136,7 @@ fn boundary(cells: [usize; 3], is_filled: impl Fn([usize; 3]) -> bool, place: im
                 if !is_upper {
                     quad.reverse();
                 }
-                // Diagonals alternate like the squares of a chess board.
+                // Diagonals alternate in a checkerboard pattern.
                 if (cell[0] + cell[1] + cell[2]) % 2 == 1 {
                     quad.rotate_left(1);
                 }

@@ -1,8 +1,8 @@
-//! Spoiled files, for the tests of every reader.
+//! Corrupted files, for the tests of every reader.
 
 use proptest::prelude::*;
 
-/// Bytes of a valid file with a few of them changed, and sometimes cut off.
+/// The bytes of a valid file with a few changes, sometimes truncated.
 pub fn mutated(valid: Vec<u8>) -> impl Strategy<Value = Vec<u8>> {
     let length = valid.len();
     let changes = prop::collection::vec((0..length, any::<u8>()), 0..6);

@@ -11,10 +11,10 @@ use super::geometry::{
     winding,
 };
 
-/// Coordinates below 1 m are rounded by at most 6e-8 of them when they are stored.
+/// Coordinates below 1 m are rounded by at most 6e-8 of their value when they are stored.
 const ROUNDING: f64 = 1e-7;
 
-/// The ratio of a mesh's errors at two finenesses: it falls with the square of the edge.
+/// Asserts that the error of a mesh at two resolutions falls with the square of the edge length.
 fn assert_second_order(errors: [f64; 2], what: &str) {
     let ratio = errors[0] / errors[1];
     assert!((3.6..4.4).contains(&ratio), "{what}: errors {errors:?}, ratio {ratio}");
@@ -51,7 +51,8 @@ fn capsules_of_any_number_of_segments_are_closed() {
     }
 }
 
-/// Where circles of different numbers meet, an edge can become the diagonal of a square cell, √2 times its side.
+/// Between circles with different numbers of vertices, an edge can become the diagonal of a square cell, √2 times its
+/// side.
 #[test]
 fn capsule_has_nearly_uniform_edges() {
     for mesh in [capsule(0.03, 0.029, 12, 4, 3), capsule(0.01, 0.06, 24, 52, 6)] {
@@ -63,8 +64,8 @@ fn capsule_has_nearly_uniform_edges() {
     }
 }
 
-/// Bands between two regular octagons, turned by half a step against each other, are antiprisms: their middle section is
-/// a regular polygon of 16 sides, and Simpson's rule is exact.
+/// Bands between two regular octagons that are rotated by half a step relative to each other are antiprisms. Their
+/// middle section is a regular polygon of 16 sides, and Simpson's rule is exact.
 #[test]
 fn needle_has_the_volume_of_its_antiprisms_and_its_pyramid() {
     let (long, radius) = (0.2, 0.004);
@@ -75,21 +76,22 @@ fn needle_has_the_volume_of_its_antiprisms_and_its_pyramid() {
     let end = polygon(8.0, radius);
     let middle = polygon(16.0, radius * (PI / 16.0).cos());
     let exact = 0.8 * long * (2.0 * end + 4.0 * middle) / 6.0 + 0.2 * long * end / 3.0;
-    // Radii of 4 mm are rounded by 3e-8 of them, which counts twice.
+    // Radii of 4 mm are rounded by 3e-8 of their value, which counts twice.
     assert!((volume(&mesh) / exact - 1.0).abs() < 1e-6, "{} for {exact}", volume(&mesh));
     assert_eq!(mesh.positions[mesh.positions.len() - 1], [0.0; 3]);
     let [lowest, highest] = bounds(&mesh);
     assert!(lowest[1] == 0.0 && (highest[1] - long).abs() < ROUNDING);
 }
 
-/// Every triangle is seen from its front by the origin and all together once: rays from the origin meet one triangle each.
+/// Asserts that all triangles face away from the origin and wind around it once, so that a ray from the origin hits one
+/// triangle.
 fn assert_star_shaped(mesh: &Mesh, name: &str) {
     assert_closed(mesh, name);
-    assert!(corners(mesh).all(|[a, b, c]| dot(a, cross(b, c)) > 0.0), "{name} turns away from its middle");
-    assert!((winding(mesh, [0.0; 3]) - 1.0).abs() < 1e-9, "{name} goes around its middle more than once");
+    assert!(corners(mesh).all(|[a, b, c]| dot(a, cross(b, c)) > 0.0), "a triangle of {name} faces its center");
+    assert!((winding(mesh, [0.0; 3]) - 1.0).abs() < 1e-9, "{name} winds around its center more than once");
 }
 
-/// The largest angle between neighbouring triangles, and the largest where they meet in a hollow, in radians.
+/// The largest angle between adjacent triangles, and the largest where they are concave, in radians.
 fn sharpest(mesh: &Mesh) -> [f64; 2] {
     let all: Vec<_> = corners(mesh).collect();
     let normal = |triangle: usize| {
@@ -120,10 +122,10 @@ fn organ_is_one_smooth_body_that_does_not_cross_itself() {
     }
     let [lowest, highest] = bounds(&levels[2]);
     assert!((0.18..0.22).contains(&(highest[0] - lowest[0])), "{lowest:?} to {highest:?}");
-    // Where a surface is smooth, halved edges halve the angles between triangles, once they see its finest feature.
+    // On a smooth surface, halved edges halve the angles between triangles, once they resolve its finest feature.
     let angles = [1, 2, 3].map(|level| sharpest(&levels[level]));
     assert!(angles[1][0] < 0.75 * angles[0][0] && angles[2][0] < 0.6 * angles[1][0], "{angles:?}");
-    // The cleft: a ball or an ellipsoid has no hollow at all.
+    // The cleft: a ball or an ellipsoid has no concave edges.
     assert!(angles[1][1] > 0.05, "{angles:?}");
     let volumes = levels.each_ref().map(volume);
     assert_second_order([volumes[2] - volumes[1], volumes[3] - volumes[2]], "organ");

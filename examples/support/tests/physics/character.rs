@@ -1,4 +1,4 @@
-//! The character of one skin over two bones, and its skirt.
+//! The character with one skin over two bones, and its skirt.
 
 use circumsphere_support::scenes::{
     CHARACTER_CIRCLE, CHARACTER_EASE, CHARACTER_LEG, CHARACTER_SPEEDS, CHARACTER_TIP_SPEED, CHARACTER_TORSO,
@@ -23,7 +23,7 @@ fn unit_normals(mesh: &Mesh) -> Vec<Point> {
     corners(mesh).map(normal).map(|normal| normal.map(|coordinate| coordinate / length(normal))).collect()
 }
 
-/// How far a point is from a surface.
+/// Distance of a point from a surface.
 fn distance(mesh: &Mesh, point: Point) -> f64 {
     corners(mesh).map(|triangle| point_triangle(point, triangle)).fold(f64::INFINITY, f64::min)
 }
@@ -44,12 +44,12 @@ fn a_character_is_closed_faces_outward_and_never_folds() {
                 let mesh = at(&character, 0.087 * f64::from(step));
                 assert_closed(&mesh, "the character");
                 let share = volume(&mesh) / standing;
-                // Linear blending loses volume at the inner side of a bend; the whole stays.
+                // Linear blending loses volume at the inner side of a bend. The total volume is nearly constant.
                 assert!((0.9..1.05).contains(&share), "{speed} m/s, step {step}: {share}");
                 let normals = unit_normals(&mesh);
                 for [up, down] in edges(&mesh).values() {
                     let bend = dot(normals[up[0]], normals[down[0]]);
-                    assert!(bend > 0.0, "{speed} m/s, step {step}: two triangles fold up");
+                    assert!(bend > 0.0, "{speed} m/s, step {step}: two triangles fold over");
                 }
             }
         }
@@ -74,14 +74,14 @@ fn a_character_stands_at_first_and_moves_no_faster_than_it_is_said_to() {
                 now.iter().zip(last).map(|(&now, &last)| length(subtract(point(now), point(last))) / TICK).collect()
             };
             let waist_speed = ways(&now.1, &last.1)[0];
-            // The bob adds at most 0.015 · 2 π · 2 f, and a little while it grows.
+            // The bob adds at most 0.015 · 2 π · 2 f, plus a little while it grows.
             assert!(waist_speed < speed + 0.8, "the waist moves at {waist_speed} m/s instead of {speed}");
             let speeds = ways(&now.0, &last.0);
             farthest = speeds.iter().fold(farthest, |most, &speed| most.max(speed));
             fastest_tip = fastest_tip.max(speeds[tip]);
             last = now;
         }
-        // The tip is carried, too, and what turns on the circle is farther out than the waist.
+        // The tip also moves with the body, and is farther out on the circle than the waist.
         assert!(farthest < 1.1 * speed + CHARACTER_TIP_SPEED + 3.0, "{farthest} m/s at {speed}");
         assert!(
             fastest_tip > speed + 0.5 * CHARACTER_TIP_SPEED.min(1.5 + 0.85 * speed),
@@ -105,7 +105,7 @@ fn the_waist_of_a_skirt_keeps_its_gap_to_the_skin_at_all_times() {
                 assert!(clearance > CHARACTER_WAIST_GAP - ROUNDING, "{clearance} m at {position:?}");
                 assert!(winding(&rest, point(position)).abs() < 0.5);
             }
-            // Edges too: the skin keeps its distance from the skirt's faces.
+            // The other direction covers edges: vertices of the skin keep their distance from the faces of the skirt.
             for &position in &rest.positions {
                 let clearance = distance(&skirt, point(position));
                 assert!(clearance > CHARACTER_WAIST_GAP - ROUNDING, "{clearance} m at {position:?}");

@@ -14,7 +14,7 @@ fn limb<'a>(figure: &'a [Mesh], name: &str) -> &'a Mesh {
     &figure[FIGURE_LIMBS.iter().position(|&limb| limb == name).unwrap()]
 }
 
-/// The lower end of a limb's surface: the last vertex of a capsule.
+/// The lower end of a limb's surface, which is the last vertex of its capsule.
 fn lower_end(figure: &[Mesh], name: &str) -> Point {
     point(*limb(figure, name).positions.last().unwrap())
 }
@@ -47,7 +47,7 @@ fn limbs_are_closed_and_rigid_at_every_time() {
             assert_eq!(mesh.triangles, rest.triangles, "{name} at {time} s");
             for (now, then) in edge_lengths(mesh).into_iter().zip(edge_lengths(rest)) {
                 // Coordinates below 1 m are rounded by 6e-8 m.
-                assert!((now - then).abs() < 5e-7, "an edge of the {name} went from {then} to {now}");
+                assert!((now - then).abs() < 5e-7, "an edge of the {name} changed from {then} to {now}");
             }
         }
     }
@@ -66,7 +66,8 @@ fn limbs_hold_together_and_legs_do_not_cross() {
         for side in ["left", "right"] {
             let of = |name: &str| format!("{side}_{name}");
             for [upper, lower] in [["thigh", "shin"], ["upper_arm", "forearm"]] {
-                // The first vertex of a capsule is the pole above its upper joint, inside the limb that ends there.
+                // The first vertex of a capsule is the pole above its upper joint. It is inside the limb that ends at
+                // that joint.
                 let joint = point(at(&of(lower)).positions[0]);
                 let inside = winding(at(&of(upper)), joint);
                 assert!(inside > 0.5, "{side} {upper} and {lower} have come apart at {time} s");
@@ -76,7 +77,7 @@ fn limbs_hold_together_and_legs_do_not_cross() {
         }
         for left in ["left_thigh", "left_shin"] {
             for right in ["right_thigh", "right_shin"] {
-                assert!(nearest(at(left), at(right)) > 0.03, "{left} meets {right} at {time} s");
+                assert!(nearest(at(left), at(right)) > 0.03, "{left} collides with {right} at {time} s");
             }
         }
     }
@@ -96,7 +97,7 @@ fn figure_takes_a_step_a_second_and_both_sides_walk_alike() {
             assert!(length(subtract(mirrored, [-x, y, z])) < 1e-6, "{name} after a step");
         }
     }
-    // Ten seconds are ten steps: five by each foot, forwards past the other one.
+    // Ten seconds are ten steps: each foot passes the other one five times.
     let lead: Vec<f64> = (0..1000)
         .map(|tick| walking_figure(2.0 + 0.01 * f64::from(tick)))
         .map(|figure| lower_end(&figure, "left_shin")[2] - lower_end(&figure, "right_shin")[2])
@@ -117,7 +118,7 @@ fn knees_bend_backwards_only_and_the_pelvis_stays() {
                 let mesh = limb(&figure, &format!("{side}_{name}"));
                 subtract(point(mesh.positions[0]), point(*mesh.positions.last().unwrap()))
             };
-            // About x, a shin that turns backwards against its thigh turns from y towards z.
+            // A shin that bends backwards relative to its thigh rotates about x, from y towards z.
             let (thigh, shin) = (axis("thigh"), axis("shin"));
             let bend = cross(thigh, shin)[0].atan2(dot(thigh, shin));
             assert!((-1e-6..1.0).contains(&bend), "the {side} knee bends by {bend} at {time} s");
@@ -129,8 +130,8 @@ fn knees_bend_backwards_only_and_the_pelvis_stays() {
     }
 }
 
-/// A leg of 0.9 m that swings by 0.42 rad and bends by 0.7 rad once in two seconds moves at most (0.42 + 0.7) · π · 0.9 m/s
-/// and accelerates at most by π times that; the ease-in adds its own speed of 1.875 / s.
+/// A leg of 0.9 m that swings by 0.42 rad and bends by 0.7 rad once in two seconds moves at most at (0.42 + 0.7) · π ·
+/// 0.9 m/s, and accelerates at most at π times that. The ease-in adds its own rate of 1.875 / s.
 #[test]
 fn figure_moves_without_a_jump_of_place_or_speed() {
     const TICK: f64 = 1e-3;
@@ -178,7 +179,7 @@ fn skirt_is_one_cone_from_waist_to_knees() {
     }
 }
 
-/// Distances are sampled at vertices, middles of edges and centroids.
+/// Distances are sampled at vertices, at the middles of edges, and at centroids.
 #[test]
 fn skirt_starts_clear_of_the_figure() {
     let mesh = skirt(24, 64);
@@ -186,12 +187,12 @@ fn skirt_starts_clear_of_the_figure() {
     let mut samples: Vec<Point> = mesh.positions.iter().map(|&position| point(position)).collect();
     for [a, b, c] in corners(&mesh) {
         samples.push(std::array::from_fn(|axis| (a[axis] + b[axis] + c[axis]) / 3.0));
-        // Inner edges twice, which does no harm.
+        // Samples inner edges twice, which is harmless.
         samples.extend([[a, b], [b, c], [c, a]].map(|[a, b]| std::array::from_fn(|axis| 0.5 * (a[axis] + b[axis]))));
     }
     let longest = edge_lengths(&mesh).into_iter().fold(0.0, f64::max);
-    // The middles of edges quarter a triangle into ones of half the size; from their corners no point is farther than
-    // their circumradius, which for acute ones is at most 1/√3 of their longest edge.
+    // The middles of edges split a triangle into four of half the size. No point is farther from their corners than
+    // their circumradius, which for acute triangles is at most 1/√3 of the longest edge.
     let is_acute = |[a, b, c]: [Point; 3]| {
         [[a, b, c], [b, c, a], [c, a, b]].iter().all(|&[a, b, c]| dot(subtract(b, a), subtract(c, a)) > 0.0)
     };
@@ -204,12 +205,12 @@ fn skirt_starts_clear_of_the_figure() {
             .iter()
             .flat_map(|&sample| triangles.iter().map(move |&triangle| point_triangle(sample, triangle)))
             .fold(f64::INFINITY, f64::min);
-        assert!(nearest - unseen > 0.01, "the {name} is {nearest} from the skirt, {unseen} of it not seen");
+        assert!(nearest - unseen > 0.01, "the {name} is {nearest} from the skirt, within {unseen}");
         assert!(nearest > 0.025, "the {name} is {nearest} from the skirt");
     }
 }
 
-/// The rest shape is in the legs' way, or the scene would be one of a skirt that nothing touches.
+/// The rest shape is in the way of the legs. Otherwise nothing would touch the skirt in the scene.
 #[test]
 fn walking_legs_reach_through_the_skirt_at_rest() {
     let mesh = skirt(24, 64);

@@ -44,7 +44,7 @@ pub fn centroid(mesh: &Mesh) -> Point {
     sum.map(|coordinate| coordinate / mesh.positions.len() as f64)
 }
 
-/// The lowest and the highest corner of the box around the mesh.
+/// The lowest and the highest corner of the mesh's bounding box.
 pub fn bounds(mesh: &Mesh) -> [Point; 2] {
     let all = || mesh.positions.iter().map(|&position| point(position));
     [
@@ -53,7 +53,7 @@ pub fn bounds(mesh: &Mesh) -> [Point; 2] {
     ]
 }
 
-/// The triangles at each edge, by the two directions in which they run through it.
+/// The triangles at each edge, by the direction in which they use it.
 pub fn edges(mesh: &Mesh) -> BTreeMap<[u32; 2], [Vec<usize>; 2]> {
     let mut edges: BTreeMap<[u32; 2], [Vec<usize>; 2]> = BTreeMap::new();
     for (triangle, &[a, b, c]) in mesh.triangles.iter().enumerate() {
@@ -69,12 +69,12 @@ pub fn edge_lengths(mesh: &Mesh) -> Vec<f64> {
     edges(mesh).into_keys().map(|[a, b]| length(subtract(at(a), at(b)))).collect()
 }
 
-/// Every edge has one triangle in each direction, the triangles around every vertex are one fan, all have an area, and the
-/// whole is one body that encloses a positive volume.
+/// Asserts that every edge has one triangle in each direction, the triangles around every vertex form one fan, all
+/// triangles have an area, and the mesh is one body with positive volume.
 pub fn assert_closed(mesh: &Mesh, name: &str) {
     let edges = edges(mesh);
     assert!(edges.values().all(|[up, down]| up.len() == 1 && down.len() == 1), "{name} is not a closed manifold");
-    // One body without handles has Euler number 2, a ring 0: anything else is in several pieces or pinched.
+    // One body without handles has Euler number 2, and a torus has 0. Anything else has several pieces or is pinched.
     let euler = mesh.positions.len() as i64 - edges.len() as i64 + mesh.triangles.len() as i64;
     assert!(euler == 2 || euler == 0, "{name} has Euler number {euler}");
     for vertex in 0..mesh.positions.len() as u32 {
@@ -100,7 +100,7 @@ pub fn assert_closed(mesh: &Mesh, name: &str) {
     assert!(volume(mesh) > 0.0, "{name} is inside out");
 }
 
-/// How often the surface goes around a point: 1 inside a closed body, 0 outside.
+/// Winding number of the surface around a point: 1 inside a closed body, 0 outside.
 pub fn winding(mesh: &Mesh, at: Point) -> f64 {
     // Half the solid angle of a triangle, after van Oosterom and Strackee (1983).
     let half = corners(mesh).map(|corners| {
@@ -119,7 +119,8 @@ pub fn point_segment(at: Point, [a, b]: [Point; 2]) -> f64 {
     length(subtract(at, advance(a, share, edge)))
 }
 
-/// The distance of a point from a triangle: from its plane above the inside, else from its nearest side.
+/// The distance of a point from a triangle: from its plane if the point projects into it, otherwise from the nearest
+/// side.
 pub fn point_triangle(at: Point, [a, b, c]: [Point; 3]) -> f64 {
     let normal = cross(subtract(b, a), subtract(c, a));
     let is_above = [[a, b], [b, c], [c, a]].iter().all(|&[from, to]| {
@@ -132,7 +133,7 @@ pub fn point_triangle(at: Point, [a, b, c]: [Point; 3]) -> f64 {
     [[a, b], [b, c], [c, a]].map(|side| point_segment(at, side)).into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// The distance of two segments: between their insides where the common normal meets both, else at an end.
+/// The distance of two segments: between their interiors if the common normal intersects both, otherwise at an end.
 pub fn segment_segment(first: [Point; 2], second: [Point; 2]) -> f64 {
     let (u, v) = (subtract(first[1], first[0]), subtract(second[1], second[0]));
     let between = subtract(second[0], first[0]);

@@ -9,7 +9,7 @@ use super::geometry::{
     Point, advance, assert_closed, cross, length, point, point_segment, segment_mesh, subtract, winding,
 };
 
-/// A point of the instrument at rest where the pose puts it.
+/// Transforms a point of the instrument at rest by its pose.
 fn posed(time: f64, at: Point) -> Point {
     let (translation, rotation) = instrument_pose(time);
     let [x, y, z, w] = rotation.map(f64::from);
@@ -18,7 +18,7 @@ fn posed(time: f64, at: Point) -> Point {
     advance(advance(at, 2.0, turned), 1.0, point(translation))
 }
 
-/// The axis of the instrument: the lower end is the middle of its tip.
+/// The axis of the instrument. Its lower end is the center of the tip.
 fn axis(time: f64) -> [Point; 2] {
     let half = f64::from(INSTRUMENT_HALF_LENGTH);
     [posed(time, [0.0, -half, 0.0]), posed(time, [0.0, half, 0.0])]
@@ -35,14 +35,14 @@ fn instrument_is_the_capsule_of_its_constants() {
     }
 }
 
-/// The flat triangles of a 5 mm mesh lie up to 0.1 mm below the surface that the instrument follows.
+/// The flat triangles of a 5 mm mesh are up to 0.1 mm below the surface that the instrument follows.
 #[test]
 fn instrument_comes_down_presses_slides_and_lifts() {
     const SAGITTA: f64 = 2e-4;
     let organ = organ(4);
     let gap = |time: f64| {
         let axis = axis(time);
-        assert!(winding(&organ, axis[0]).abs() < 1e-6, "the middle of the tip is inside the organ at {time} s");
+        assert!(winding(&organ, axis[0]).abs() < 1e-6, "the center of the tip is inside the organ at {time} s");
         segment_mesh(axis, &organ) - f64::from(INSTRUMENT_RADIUS)
     };
     for time in [-1.0, 0.0, INSTRUMENT_END, INSTRUMENT_END + 1.0] {
@@ -73,11 +73,12 @@ fn instrument_slides_for_two_seconds_at_five_centimetres_a_second() {
     assert!(way[0] > 0.08 && way[2].abs() < 0.02, "{way:?}");
 }
 
-/// Coming down is a polynomial of degree 5: at most 1.875 times its mean speed and 5.78 times its mean acceleration.
+/// The downward motion is a polynomial of degree 5: at most 1.875 times its mean speed, and 5.78 times its mean
+/// acceleration.
 #[test]
 fn instrument_moves_without_a_jump_of_place_or_speed() {
     const TICK: f64 = 1e-3;
-    // Coordinates of up to 0.25 m are rounded by 1.5e-8 m, and the pose adds up a few of them.
+    // Coordinates of up to 0.25 m are rounded by 1.5e-8 m, and a pose adds up a few of them.
     const NOISE: f64 = 1e-7;
     let way = INSTRUMENT_CLEARANCE + INSTRUMENT_DEPTH;
     for end in 0..2 {

@@ -1,4 +1,4 @@
-//! The level's ground and what moves on it.
+//! The ground of the level and the objects that move on it.
 
 use circumsphere_support::scenes::{
     LEVEL_CELLS, LEVEL_HALF_WIDTH, level_ball, level_ferry, level_ground, level_height, level_heights, level_lift,
@@ -19,7 +19,7 @@ fn both_halves_of_the_ground_have_one_height_at_their_border() {
     }
     let reach = ground.positions.iter().map(|at| at[0].abs().max(at[2].abs())).fold(0.0, f32::max);
     assert!((reach - LEVEL_HALF_WIDTH).abs() < 1e-6);
-    // Facing up, and nowhere steeper than 0.15 · (1.7 + 1.3).
+    // The ground faces up, and is nowhere steeper than 0.15 · (1.7 + 1.3).
     for [a, b, c] in corners(&ground) {
         let normal = cross(subtract(b, a), subtract(c, a));
         assert!(normal[1] / length(normal) > 0.9);

@@ -1,4 +1,4 @@
-//! The bodies and motions of the physics scenes against closed forms and against brute force in `f64`.
+//! The bodies and motions of the physics scenes, compared with closed forms and with brute force in `f64`.
 
 mod bodies;
 mod character;
@@ -13,7 +13,7 @@ use circumsphere_support::scenes::{
     pile_tray, skirt, walking_figure,
 };
 
-/// Everything a scene can ask for, moments in descending order so that a hidden state would show.
+/// Everything that a scene can request, at times in descending order, so that hidden state would show.
 fn everything() -> (Vec<Mesh>, Vec<[f32; 7]>) {
     let mut meshes = vec![closed_target(), needle(0.2, 0.002), pile_tray(), instrument(), skirt(24, 64)];
     meshes.extend(cloth_layers(3, 8, 0.02, 0.01));
@@ -31,7 +31,7 @@ fn everything() -> (Vec<Mesh>, Vec<[f32; 7]>) {
     (meshes, places)
 }
 
-/// Meshes are compared as bits: two zeros of different sign would be two recordings.
+/// Meshes are compared bitwise: zeros of different sign would give different recordings.
 #[test]
 fn everything_is_the_same_bits_in_every_call_and_thread() {
     let bits = |(meshes, places): (Vec<Mesh>, Vec<[f32; 7]>)| {
@@ -43,7 +43,7 @@ fn everything_is_the_same_bits_in_every_call_and_thread() {
     let here = bits(everything());
     let threads: Vec<_> = (0..2).map(|_| std::thread::spawn(everything)).collect();
     for thread in threads {
-        assert!(bits(thread.join().unwrap()) == here, "a thread makes other bits");
+        assert!(bits(thread.join().unwrap()) == here, "a thread computes different bits");
     }
     let finite = here.0.iter().all(|&bits| f32::from_bits(bits).is_finite());
     assert!(finite && here.0.len() > 100_000);

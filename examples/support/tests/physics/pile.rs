@@ -9,7 +9,7 @@ use circumsphere_support::scenes::{
 
 use super::geometry::{assert_closed, bounds, edge_lengths, length, point, volume, winding};
 
-/// Bodies keep apart by at least this when they start, in metres.
+/// Smallest initial distance between bodies, in meters.
 const APART: f64 = 0.005;
 
 #[test]
@@ -32,7 +32,7 @@ fn pile_mixes_all_shapes_and_sizes() {
         assert!(reach <= f64::from(PILE_BODY_REACH) + 1e-7, "body {number} reaches {reach}");
         assert_eq!(*mesh, pile_body(number));
     }
-    // How much of the ball around it a body fills tells the shapes apart, whatever its size and turn.
+    // The filled share of a body's bounding ball identifies its shape, for any size and rotation.
     let filled = |mesh: &Mesh| {
         let reach = mesh.positions.iter().map(|&position| length(point(position))).fold(0.0, f64::max);
         volume(mesh) / reach.powi(3)
@@ -65,10 +65,10 @@ fn pile_starts_without_contact() {
     }
     let middle = pile_start(17);
     let jittered = (0..PILE_BODIES).filter(|&number| number % 16 == 1 && pile_start(number)[0] != middle[0]).count();
-    assert!(jittered >= 5, "layers lie straight above each other");
+    assert!(jittered >= 5, "layers are directly above each other");
 }
 
-/// A box with a cavity and bars whose section is a trapezoid: all faces are planes, so that the volume is exact up to the
+/// A box with a cavity, and bars with a trapezoidal section. All faces are planar, so the volume is exact up to the
 /// rounding of coordinates.
 #[test]
 fn tray_is_one_closed_solid_of_its_closed_form() {
@@ -89,7 +89,7 @@ fn tray_is_one_closed_solid_of_its_closed_form() {
         assert!((0.07..0.114).contains(&longest) && shortest > 0.002, "{shortest} to {longest}");
         assert!((500..3_000).contains(&mesh.triangles.len()), "{}", mesh.triangles.len());
 
-        // Filled and empty places, away from the lattice's lines.
+        // Filled and empty places, away from the lines of the lattice.
         let is_filled = |x: f64, y: f64, z: f64| winding(&mesh, [x, y, z]) > 0.5;
         let (x, z) = (0.5 * (width + thickness), 0.5 * (depth + thickness));
         for y in [-0.011, 0.023, height - 0.003] {
@@ -105,7 +105,7 @@ fn tray_is_one_closed_solid_of_its_closed_form() {
                 assert!(is_filled(floor_middle, -0.013, z) && !is_filled(floor_middle, 0.003, z));
                 if rib < ribs {
                     assert!(is_filled(rib_middle, rib_height - 0.001, z) && !is_filled(rib_middle, 0.021, z));
-                    // Just inside and outside the sloping flank, half way up.
+                    // Just inside and just outside the sloping flank, halfway up.
                     let flank = 0.25 * (rib_width + rib_top);
                     assert!(is_filled(rib_middle + flank - 0.001, 0.01, z));
                     assert!(!is_filled(rib_middle + flank + 0.001, 0.01, z));

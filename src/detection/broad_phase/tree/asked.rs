@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::{SurfaceTree, TreeQuery};
+use super::SurfaceTree;
 use crate::{
     detection::{
         DetectionMemory,
@@ -10,6 +10,7 @@ use crate::{
         kept_pairs::{KeptPairs, ListUse},
         parallel::Threads,
         sides::pair_settings,
+        state::SurfaceState,
     },
     kernel::{
         bvh::{leaf_triangles::Region, tree::BoxTree},
@@ -48,7 +49,7 @@ pub(super) fn mark_asked_surfaces(
     settings: &CircumsphereSettings,
     memory: &DetectionMemory,
     kept: &KeptPairs,
-    trees: &TreeQuery,
+    states: &[SurfaceState],
     surfaces: &mut Vec<AskedTriangles>,
 ) {
     surfaces.resize_with(active.surfaces.len(), AskedTriangles::default);
@@ -63,9 +64,7 @@ pub(super) fn mark_asked_surfaces(
             continue;
         }
         let of_pair = pair.asks_of_triangles(settings);
-        let tree = |place: usize| trees.get(active.surfaces[place].entity).ok().map(|(.., tree)| &tree.tree);
-        let (Some(first_tree), Some(second_tree)) = (tree(pair.first), tree(second)) else { continue };
-        let regions = pair.asked_regions([first_tree, second_tree]);
+        let regions = pair.asked_regions([pair.first, second].map(|place| states[place].tree()));
         for (place, region) in [pair.first, second].into_iter().zip(regions) {
             let Some(region) = region else { continue };
             let surface = &mut surfaces[place];
@@ -138,11 +137,11 @@ impl SurfaceTree {
     }
 
     /// Whether it is over as many triangles as a surface has, and they have followed it as far as a traversal asks about them.
-    /// `computed` is how many times the surface's boxes have been computed.
+    /// `version` is that of the surface's boxes.
     pub(in crate::detection) fn is_current(
         &self,
         topology: &SurfaceTopology,
-        computed: u64,
+        version: u64,
         asked: Asked,
         region: Option<Region>,
     ) -> bool {
@@ -152,15 +151,8 @@ impl SurfaceTree {
                 && region.is_none_or(|region| self.triangles.have_followed(&self.tree, region))
         };
         self.tree.len() == topology.triangles().len()
-            && self.followed == computed
+            && self.followed == version
             && has_names
             && (asked < Asked::Slabs || have_followed())
-    }
-}
-
-impl AskedTriangles {
-    /// All that a traversal may ask, everywhere.
-    pub(super) fn all() -> Self {
-        Self { asked: Asked::Slabs, regions: vec![Region::Everywhere] }
     }
 }

@@ -6,14 +6,16 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::{SurfaceTree, TreesToUpdate};
+use super::SurfaceTree;
 use crate::{
     detection::{
-        TriangleBounds,
+        SurfaceStates,
+        bounds::TriangleBounds,
         broad_phase::REBUILD_DECAY,
         parallel::{Threads, for_each_weighed},
+        state::SurfaceState,
     },
-    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions},
+    surface::{ActiveSurface, ActiveSurfaces},
 };
 
 /// A tree that has decayed is built anew in slices, a tick each. Where it is as bad as this before they have begun, all of it
@@ -36,9 +38,9 @@ impl SurfaceTree {
     pub(super) fn follow(&mut self, surface: &ActiveSurface, bounds: &TriangleBounds, threads: usize) -> Outcome {
         let mut outcome = Outcome::default();
         if self.is_of(surface) {
-            if self.followed != bounds.computed() {
+            if self.followed != bounds.version() {
                 // What was begun before the tree has rested is of boxes that are long gone.
-                if bounds.computed() != self.followed + 1 {
+                if bounds.version() != self.followed + 1 {
                     self.tree.break_off_rebuilding();
                 }
                 let boxes = bounds.triangles_on(&Threads(threads));
@@ -58,7 +60,7 @@ impl SurfaceTree {
             self.topology = Some(Arc::clone(&surface.topology));
             outcome.first_build = build.elapsed();
         }
-        self.followed = bounds.computed();
+        self.followed = bounds.version();
         outcome
     }
 }
@@ -70,40 +72,19 @@ pub(super) struct Outcome {
     pub(super) first_build: Duration,
 }
 
-/// The tree of an active surface, away from it while threads share them out.
-pub(super) struct TakenTree {
-    place: usize,
-    tree: SurfaceTree,
-    pub(super) outcome: Outcome,
-}
-
-/// Calls `update` with the place of every active surface, its tree, its positions and boxes, and how many threads may work on
-/// it. `taken` is empty, and then tells what became of each.
+/// Calls `update` with the place of every active surface, what is known of it, and how many threads may work on it.
 pub(super) fn update_each(
     active: &ActiveSurfaces,
-    taken: &mut Vec<TakenTree>,
-    surfaces: &mut TreesToUpdate,
+    states: &mut SurfaceStates,
     threads: usize,
-    update: impl Fn(usize, &mut SurfaceTree, (&SurfacePositions, &TriangleBounds), &ActiveSurface, usize) -> Outcome + Sync,
+    update: impl Fn(usize, &mut SurfaceState, &ActiveSurface, usize) + Sync,
 ) {
-    for (place, surface) in active.surfaces.iter().enumerate() {
-        let Ok((_, _, mut tree)) = surfaces.get_mut(surface.entity) else { continue };
-        taken.push(TakenTree { place, tree: std::mem::take(&mut *tree), outcome: Outcome::default() });
-    }
-    let others = surfaces.as_readonly();
+    let surfaces = &active.surfaces;
     for_each_weighed(
-        taken,
+        states.all_mut(),
         threads,
         TRIANGLES_OF_ONE,
-        |_, taken| active.surfaces[taken.place].topology.triangles().len(),
-        |_, TakenTree { place, tree, outcome }, threads| {
-            let surface = &active.surfaces[*place];
-            let Ok((positions, bounds, _)) = others.get(surface.entity) else { return };
-            *outcome = update(*place, tree, (positions, bounds), surface, threads);
-        },
+        |place, _| surfaces[place].topology.triangles().len(),
+        |place, state, threads| update(place, state, &surfaces[place], threads),
     );
-    for TakenTree { place, tree: updated, .. } in taken {
-        let Ok((_, _, mut tree)) = surfaces.get_mut(active.surfaces[*place].entity) else { continue };
-        *tree = std::mem::take(updated);
-    }
 }

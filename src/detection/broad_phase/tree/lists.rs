@@ -2,13 +2,14 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{MovedLeaves, Traversal, TreeQuery};
+use super::{MovedLeaves, Traversal};
 use crate::{
     detection::{
         CandidateTrianglePairs, DetectionMemory, SurfacePair,
         broad_phase::OtherSide,
         kept_pairs::{KeptList, KeptPairs, ListUse},
         parallel::{Buffers, append_parts},
+        state::SurfaceState,
     },
     kernel::bvh::near_pairs::{BoundedPairs, ListedTriangles},
     settings::CircumsphereSettings,
@@ -40,18 +41,13 @@ pub(super) fn make_list(
     settings: &CircumsphereSettings,
     pair: &SurfacePair,
     list: &mut KeptList,
-    surfaces: &TreeQuery,
+    states: &[SurfaceState],
     spare: &Buffers<BoundedPairs>,
     threads: usize,
 ) {
     let OtherSide::Surface(second) = pair.second else { return };
-    let [Ok((own, _, own_tree)), Ok((other, _, other_tree))] =
-        [pair.first, second].map(|place| surfaces.get(active.surfaces[place].entity))
-    else {
-        return;
-    };
     let (skin, mut moved) = (list.skin(), MovedLeaves::default());
-    let sides = [(own, own_tree), (other, other_tree)];
+    let sides = [&states[pair.first], &states[second]];
     let Some(mut traversal) = Traversal::new(active, pair, settings, sides, &mut moved) else { return };
     let Some(cull) = traversal.cull.as_mut() else { return };
     let range = cull.slabs;
@@ -85,15 +81,15 @@ pub(super) fn look_closer(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
     list: &mut KeptList,
-    surfaces: &TreeQuery,
+    states: &[SurfaceState],
     threads: usize,
 ) -> usize {
     let OtherSide::Surface(second) = pair.second else { return 0 };
     if list.list_use != ListUse::Followed {
         return 0;
     }
-    let sides = [pair.first, second].map(|place| &active.surfaces[place]);
-    let [Ok((first, ..)), Ok((second, ..))] = sides.map(|side| surfaces.get(side.entity)) else { return 0 };
-    let triangles = sides.map(|side| side.topology.triangles());
-    list.look_closer(&ListedTriangles { positions: [&first.0, &second.0], triangles }, threads)
+    let sides = [pair.first, second];
+    let triangles = sides.map(|place| active.surfaces[place].topology.triangles());
+    let positions = sides.map(|place| states[place].positions());
+    list.look_closer(&ListedTriangles { positions, triangles }, threads)
 }

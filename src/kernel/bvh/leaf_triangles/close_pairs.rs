@@ -1,6 +1,6 @@
-//! Pairs of any leaves, eight at a time, on their last steps to the candidates.
+//! The last test of pairs from any leaves, eight at a time, before they become candidates.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
@@ -10,19 +10,19 @@ use crate::kernel::simd::{
     lanes::first_lanes,
 };
 
-/// How many pairs wait before they are looked at.
+/// How many pairs are collected before they are tested.
 const ROOM: usize = 64;
 
-/// Groups of eight pairs.
+/// Which groups of eight pairs to take.
 #[derive(Clone, Copy)]
 pub(in crate::kernel) enum Groups {
-    /// Those of which none is missing.
+    /// The full groups.
     Complete,
-    /// The rest, too.
+    /// All groups, including one that is not full.
     All,
 }
 
-/// A number of each of some pairs, and room to write eight where only some are meant.
+/// One number per pair, with space to write eight where only some are kept.
 #[derive(Clone, Copy)]
 #[repr(align(32))]
 struct Numbers<T>([T; ROOM + LEAF_WIDTH]);
@@ -34,13 +34,13 @@ impl Numbers<f32> {
     }
 }
 
-/// Pairs of triangles of any leaves that neither a plane nor the line between their centroids keeps apart, on their way to the candidates. Eight are looked at together,
-/// whichever leaves they are of: of two leaves there are only few.
+/// Pairs of triangles that neither a normal nor the line between the centroids separates, on their way to the
+/// candidates. Eight are tested together, whatever leaves they come from: two leaves have only few such pairs.
 pub(in crate::kernel) struct ClosePairs {
     corners: [[[Numbers<f32>; 3]; 3]; 2],
-    /// Gaps wider than this prove that the triangles are apart.
+    /// Gaps wider than this prove that the triangles are separated.
     needed: Numbers<f32>,
-    /// What of it is for rounding, and lower bounds of the distances: only where bounds are wanted.
+    /// The part of `needed` that is for rounding, and lower bounds of the distances. Only used if bounds are requested.
     rounding: Numbers<f32>,
     bounds: Numbers<f32>,
     items: [Numbers<u32>; 2],
@@ -59,7 +59,7 @@ impl ClosePairs {
         }
     }
 
-    /// Adds some of eight pairs of lanes. Whether there is no room for more.
+    /// Adds the pairs of lanes whose bits are set in `meant`, out of eight. Returns whether the buffer is full.
     #[inline(always)]
     pub(in crate::kernel) fn push<S: Simd>(
         &mut self,
@@ -87,7 +87,7 @@ impl ClosePairs {
         self.count >= ROOM
     }
 
-    /// The same where lower bounds of the distances are wanted, of which `bounds` are known.
+    /// Like [`push`](Self::push) if lower bounds of the distances are requested. `bounds` are known already.
     #[inline(always)]
     pub(in crate::kernel) fn push_bounded<S: Simd>(
         &mut self,
@@ -108,7 +108,7 @@ impl ClosePairs {
         self.push(simd, separation, corners, items, meant)
     }
 
-    /// How many groups of eight there are.
+    /// The number of groups of eight.
     #[inline(always)]
     pub(in crate::kernel) fn count_of(&self, groups: Groups) -> usize {
         match groups {
@@ -117,7 +117,7 @@ impl ClosePairs {
         }
     }
 
-    /// The pairs of a group, and which of them no gap keeps apart on the way from one triangle to the other.
+    /// The pairs of a group, and which of them no gap separates along vectors from one triangle to the other.
     #[inline(always)]
     pub(in crate::kernel) fn group<S: Simd>(&self, simd: S, group: usize) -> ([u32x8<S>; 2], u32) {
         let (corners, zero) = (self.corners_of(simd, group), f32x8::splat(simd, 0.0));
@@ -131,7 +131,7 @@ impl ClosePairs {
         (self.items_of(simd, group), self.asked(group) & !apart.to_bitmask() as u32)
     }
 
-    /// The same with lower bounds of the distances, by the widest gap.
+    /// Like [`group`](Self::group), with lower bounds of the distances from the widest gap.
     #[inline(always)]
     pub(in crate::kernel) fn bounded_group<S: Simd>(&self, simd: S, group: usize) -> ([u32x8<S>; 2], f32x8<S>, u32) {
         let widest = Approach::new(&self.corners_of(simd, group)).widest_gap();
@@ -162,13 +162,13 @@ impl ClosePairs {
         [u32x8::from_slice(simd, &firsts.0[room.clone()]), u32x8::from_slice(simd, &seconds.0[room])]
     }
 
-    /// One bit for each pair that there is of a group.
+    /// One bit for each pair of a group.
     #[inline(always)]
     fn asked(&self, group: usize) -> u32 {
         first_lanes((self.count - group * LEAF_WIDTH).min(LEAF_WIDTH)) as u32
     }
 
-    /// Forgets the pairs of those groups.
+    /// Removes the pairs of these groups.
     #[inline(always)]
     pub(in crate::kernel) fn forget(&mut self, groups: Groups) {
         let first = self.count_of(groups) * LEAF_WIDTH;

@@ -1,13 +1,13 @@
-//! Numbers of eight lanes in another order.
+//! Permutes the numbers of eight lanes.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::{__m256, __m256i, _mm256_permutevar8x32_ps};
 
 use fearless_simd::{f32x8, prelude::*, u32x8};
 
-/// Eight lanes by their numbers, 0 to 7.
+/// The indices of eight lanes, 0 to 7.
 #[derive(Clone, Copy)]
 pub(super) struct LaneNumbers<S: Simd>(pub(super) u32x8<S>);
 
@@ -20,16 +20,16 @@ fearless_simd::kernel!(
 );
 
 impl<S: Simd> LaneNumbers<S> {
-    /// The numbers of those lanes.
+    /// The numbers of these lanes.
     #[inline(always)]
     pub(super) fn of(self, numbers: f32x8<S>) -> f32x8<S> {
         let Self(lanes) = self;
-        // One instruction. That for the bytes of a vector is one only on later processors, and four here.
+        // One instruction. Permuting the bytes of a vector is one instruction on later processors only, and four here.
         #[cfg(target_arch = "x86_64")]
         if let fearless_simd::Level::Avx2(avx2) = lanes.simd.level() {
             return permuted(avx2, numbers.into(), lanes.into()).simd_into(lanes.simd);
         }
-        // A lane's number is four bytes long.
+        // A lane is four bytes wide.
         numbers.swizzle_dyn((lanes * 0x0404_0404 + u32::from_ne_bytes([0, 1, 2, 3])).to_bytes())
     }
 }

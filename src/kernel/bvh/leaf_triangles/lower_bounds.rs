@@ -1,4 +1,4 @@
-//! Lower bounds of distances by the slabs of a traversal, for pairs that are remembered.
+//! Lower bounds of distances from the slabs of a traversal, for the list of near pairs.
 
 use fearless_simd::{f32x8, prelude::*};
 
@@ -9,8 +9,8 @@ use crate::kernel::simd::{
 };
 
 impl Separation<'_> {
-    /// Those of the `asked` of up to eight pairs of lanes that no slab keeps apart, and lower bounds of their distances by
-    /// the widest slab: 0 where none says anything.
+    /// Returns which of the `asked` pairs of lanes, at most eight, no slab separates, and lower bounds of their
+    /// distances from the widest slab. A bound is 0 if no slab gives one.
     #[inline(always)]
     pub(in crate::kernel) fn lower_bounds<S: Simd>(
         &self,

@@ -1,6 +1,7 @@
-//! Bounds of pairs that may have come within range since they were looked at, by where their triangles are now.
+//! Raises the bounds of pairs that may have come within range since they were last tested, from the current positions
+//! of their triangles.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -18,26 +19,26 @@ use crate::kernel::simd::{
     slab::ROUNDING,
 };
 
-/// Places of a list that are one task.
+/// List entries per task.
 const PART: usize = 1 << 14;
 
-/// How many places wait before they are looked at.
+/// How many entries are collected before they are tested.
 const ROOM: usize = 64;
 
-/// Where the triangles of a list's pairs are: those of the surface that is named first, and of the other one, which may be the
+/// The current triangles of a list's pairs: of the surface that is named first, and of the other one, which may be the
 /// same.
 #[derive(Clone, Copy, Debug)]
 pub struct ListedTriangles<'a> {
-    /// Of their vertices, in one frame.
+    /// The vertices of both surfaces, in one frame.
     pub positions: [&'a [Vec3]; 2],
     /// The vertices of each triangle.
     pub triangles: [&'a [[u32; 3]]; 2],
 }
 
 impl BoundedPairs {
-    /// Raises, where gaps between the triangles tell, the bounds that exceed the first of `limits`, but not the second, after
-    /// `motion`: those of pairs that were not within range when they were looked at last, but may be by now. A bound that is no
-    /// number stays. Returns how many were looked at.
+    /// Raises bounds that exceed the first of `limits` but not the second, after `motion`, where gaps between the
+    /// triangles allow it. These are the pairs that were not within range when they were last tested, but may be by
+    /// now. NaN bounds do not change. Returns the number of tested pairs.
     pub fn look_closer(
         &mut self,
         share: &impl Share,
@@ -57,7 +58,7 @@ impl BoundedPairs {
     }
 }
 
-/// Some consecutive pairs of a list.
+/// Consecutive pairs of a list.
 struct Part<'a> {
     names: [&'a [u32]; 2],
     bounds: &'a mut [f32],
@@ -89,7 +90,7 @@ impl Part<'_> {
         looked_at + count
     }
 
-    /// One bit for each of the eight pairs from a place on that is to be looked at.
+    /// One bit for each of the eight pairs from index `first` on that must be tested.
     #[inline(always)]
     fn asked<S: Simd>(&self, simd: S, first: usize, [passed, limit]: [f32; 2]) -> u64 {
         let (bounds, mut last) = (&self.bounds[first..], [f32::NAN; WIDTH]);
@@ -109,7 +110,7 @@ impl Part<'_> {
             (lower_bounds(&PairLanes::new(&a.0, &b.0)) + self.motion).store_slice(&mut found);
             for (&place, found) in places.iter().zip(found) {
                 let bound = &mut self.bounds[place as usize];
-                // What is no number tells nothing.
+                // NaN gives no bound.
                 *bound = if found > *bound { found } else { *bound };
             }
         }
@@ -127,14 +128,14 @@ impl Part<'_> {
     }
 }
 
-/// Of the distances of eight pairs; not above 0, or no number, where nothing tells.
+/// Lower bounds of the distances of eight pairs. Not above 0, or NaN, where nothing separates a pair.
 #[inline(always)]
 fn lower_bounds<S: Simd>(pairs: &PairLanes<S>) -> f32x8<S> {
     let PairLanes { a: [a, b, c], b: [d, e, f], extent } = *pairs;
     let corners = [[numbers(a), numbers(b), numbers(c)], [numbers(d), numbers(e), numbers(f)]];
     let by_first = gap_along(&corners, numbers((b - a).cross(c - a)));
     let by_second = gap_along(&corners, numbers((e - d).cross(f - d)));
-    // A normal may be so long that nothing comes of it. Some processors take the second of two numbers where either is none.
+    // A normal may be so long that its gap is NaN. If either operand is NaN, some processors return the second.
     let widest = by_first.max(by_second).max(Approach::new(&corners).widest_gap());
     bounds_by(widest, extent * ROUNDING)
 }
@@ -157,7 +158,7 @@ mod tests {
 
     #[test]
     fn bounds_do_not_depend_on_parts_and_threads_nor_on_what_is_beside() {
-        // Triangles along a screw, of which some are near one another.
+        // Triangles along a helix, some of which are near each other.
         let positions: Vec<Vec3> = (0..900)
             .map(|place| {
                 let (sine, cosine) = bevy_math::ops::sin_cos(place as f32 * 0.7);

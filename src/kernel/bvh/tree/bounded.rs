@@ -1,6 +1,6 @@
-//! Traversal for pairs that are remembered: those within a greater distance, each with a lower bound of its own.
+//! Traversal for the list of near pairs: pairs within a larger distance, each with a lower bound of its distance.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use std::ops::Range;
 
@@ -13,10 +13,10 @@ use crate::kernel::bvh::{
 };
 
 impl BoxTree {
-    /// Appends the pairs of items of which one is in `leaves` and the other there or after whose boxes are no farther apart
-    /// than `skin`, without those that `cull` drops, lower item first. Two boxes are grown by `range` or more
-    /// together: what is in them is farther apart by it. Slabs along any direction count, also where `cull` would have those of
-    /// planes only. Returns how many pairs there are without culling by slabs.
+    /// Appends the pairs with one item in `leaves` and the other in the same leaf or a later one whose boxes are no
+    /// farther apart than `skin`, lower item first, without the pairs that `cull` drops. Any two boxes are grown by
+    /// `range` or more together, so their contents are farther apart by that. Slabs along any direction count, even if
+    /// `cull` is limited to planes. Returns the number of pairs before slabs drop any.
     pub fn bounded_self_pairs_of(
         &self,
         leaves: Range<usize>,
@@ -28,7 +28,8 @@ impl BoxTree {
         dispatch!(Level::new(), simd => self.bounded_in_lanes::<true, _>(simd, leaves, self, [range, skin], cull, pairs))
     }
 
-    /// The same for the items in `leaves` of this tree and all of another one.
+    /// Like [`bounded_self_pairs_of`](Self::bounded_self_pairs_of), for the items in `leaves` of this tree and all
+    /// items of another one.
     pub fn bounded_pairs_of(
         &self,
         leaves: Range<usize>,
@@ -84,7 +85,7 @@ impl BoxTree {
                     let separation = if cull.has_slabs() { Some(cull.between([place, other_place])) } else { None };
                     for ((pairs_of_lanes, asked), gaps) in hits.groups().zip(all_gaps.chunks(LEAF_WIDTH)) {
                         let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
-                        // The boxes hold what they were grown by.
+                        // The boxes include their growth, so their contents are farther apart by that.
                         let gaps = f32x8::from_slice(simd, gaps);
                         let by_boxes = gaps.simd_gt(0.0).select(gaps + range, f32x8::splat(simd, 0.0));
                         let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
@@ -110,8 +111,8 @@ impl BoxTree {
 }
 
 impl Boxes {
-    /// How far apart each box and another one are along the axis along which they are farthest apart; negative where they
-    /// overlap, no number where there is no box.
+    /// The gap between each box and another one along the axis that separates them most. Negative if they overlap, NaN
+    /// if there is no box.
     #[inline(always)]
     fn gaps<S: Simd>(&self, simd: S, bounds: &Aabb) -> f32x8<S> {
         let [mut gaps, zero] = [f32x8::splat(simd, f32::NEG_INFINITY), f32x8::splat(simd, 0.0)];
@@ -120,13 +121,13 @@ impl Boxes {
             let (low, high) = (zero + bounds.min[axis], zero + bounds.max[axis]);
             gaps = gaps.max((min - high).max(low - max));
         }
-        // A maximum need not be what is no number.
+        // A maximum with NaN may be a number.
         let is_number = f32x8::from_slice(simd, &self.min[0]).simd_le(f32::MAX);
         is_number.select(gaps, f32x8::splat(simd, f32::NAN))
     }
 }
 
-/// Pairs on their way to the list, as in the traversal without bounds.
+/// A buffer of pairs on their way to the list, as in the traversal without bounds.
 struct Recent {
     firsts: [u32; Self::ROOM],
     seconds: [u32; Self::ROOM],
@@ -161,7 +162,7 @@ impl Recent {
         self.count += kept.count_ones() as usize;
     }
 
-    /// Takes those of complete groups that no gap keeps apart, or of all.
+    /// Takes the pairs that no gap separates, of complete groups or of all.
     #[inline(never)]
     fn take(&mut self, close: &mut ClosePairs, groups: Groups, pairs: &mut BoundedPairs) {
         dispatch!(Level::new(), simd => {

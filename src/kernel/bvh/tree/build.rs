@@ -1,8 +1,8 @@
-//! Building of trees, at once or in slices of a tick each.
+//! Builds trees, at once or in one slice per tick.
 //!
-//! Split: three times at the median along the longest side of the centroids' bounds, into full leaves. So the number of
-//! items alone says which nodes and leaves there are: building a tree anew is to put its items in another order. That may
-//! be done part by part while the tree, as it was, goes on being asked.
+//! Items are split three times per node, at the median along the longest side of the bounds of their centers, into full
+//! leaves. The number of items alone therefore determines the nodes and leaves, and a rebuild only reorders the items.
+//! It can run in slices while the old tree remains in use.
 
 use std::ops::Range;
 
@@ -11,8 +11,8 @@ use glam::Vec3;
 
 use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, Leaf, NO_ITEM, Node};
 
-/// Of some fourteen times that all items of a mesh of 100,000 are gone through to build its tree, those of one slice: of
-/// the time that such a mesh takes that hardly touches anything, it adds less than half.
+/// How many times one slice of a rebuild passes over all items. A whole build takes about fourteen passes for a mesh of
+/// 100,000. A slice adds less than half of the time that such a mesh takes when it touches hardly anything.
 const ROUNDS_OF_SLICE: usize = 2;
 
 /// Items on their way to their leaves.
@@ -20,7 +20,7 @@ const ROUNDS_OF_SLICE: usize = 2;
 pub(super) struct Arrangement {
     /// The center of each box, and its item.
     items: Vec<(Vec3, u32)>,
-    /// What is still to be split.
+    /// The ranges that are still to be split.
     pending: Vec<Range<usize>>,
 }
 
@@ -32,8 +32,8 @@ impl Arrangement {
         Self { items, pending }
     }
 
-    /// Splits until at least as many items have been gone through, each time anew, or nothing is left to split. Whether it
-    /// is not.
+    /// Splits until at least `items` items have been processed, repeated ones included, or nothing is left to split.
+    /// Returns whether nothing is left.
     fn advance(&mut self, items: usize) -> bool {
         let mut gone_through = 0;
         while gone_through < items {
@@ -49,13 +49,13 @@ impl Arrangement {
     }
 }
 
-/// How many items the first of both halves has: whole leaves, so that at most one leaf of the tree is not full. All of them
-/// where one leaf holds them.
+/// The number of items in the first of two halves. Whole leaves, so that at most one leaf of the tree is not full. All
+/// items if they fit into one leaf.
 fn first_half(count: usize) -> usize {
     if count <= LEAF_WIDTH { count } else { count.div_ceil(LEAF_WIDTH).div_ceil(2) * LEAF_WIDTH }
 }
 
-/// Brings the first items along the longest side to the front.
+/// Partitions items at `middle` along the longest side of their bounds.
 fn split(items: &mut [(Vec3, u32)], middle: usize) {
     let spread = Aabb::from_points(items.iter().map(|&(center, _)| center));
     let size = spread.max - spread.min;
@@ -66,7 +66,7 @@ fn split(items: &mut [(Vec3, u32)], middle: usize) {
 }
 
 impl BoxTree {
-    /// Builds a tree over `bounds`, item `i` having the box `bounds[i]`.
+    /// Builds a tree over `bounds`. Item `i` has the box `bounds[i]`.
     #[must_use]
     pub fn new(bounds: &[Aabb]) -> Self {
         let mut tree = Self::default();
@@ -74,7 +74,7 @@ impl BoxTree {
         tree
     }
 
-    /// Builds the tree anew over `bounds`.
+    /// Rebuilds the tree over `bounds`.
     pub fn rebuild(&mut self, bounds: &[Aabb]) {
         if self.item_count != bounds.len() || self.nodes.is_empty() {
             self.item_count = bounds.len();
@@ -93,7 +93,7 @@ impl BoxTree {
         self.refit(bounds);
     }
 
-    /// Begins to build the tree anew over the boxes as they are now.
+    /// Begins an incremental rebuild over the current boxes.
     ///
     /// # Panics
     /// If `bounds` has another length than the tree was built with.
@@ -102,19 +102,20 @@ impl BoxTree {
         self.rebuild = Some(Arrangement::new(bounds));
     }
 
-    /// Whether that is under way.
+    /// Whether an incremental rebuild is in progress.
     #[must_use]
     pub fn is_rebuilding(&self) -> bool {
         self.rebuild.is_some()
     }
 
-    /// Gives up what was begun, if anything was.
+    /// Cancels the incremental rebuild, if there is one.
     pub fn break_off_rebuilding(&mut self) {
         self.rebuild = None;
     }
 
-    /// Goes on with what was begun, by a slice that takes about as long as any other. Whether the tree is new by that:
-    /// then it has to be refitted before it is asked again. Until then it may be refitted and asked as before.
+    /// Continues the incremental rebuild by one slice. All slices take about the same time. Returns whether the rebuild
+    /// is complete: the tree must then be refitted before it is queried again. Until then it can be refitted and
+    /// queried as before.
     pub fn go_on_rebuilding(&mut self) -> bool {
         let slice = ROUNDS_OF_SLICE * self.item_count;
         let Some(mut arrangement) = self.rebuild.take_if(|arrangement| arrangement.advance(slice)) else {
@@ -133,7 +134,7 @@ impl BoxTree {
         self.arrangement += 1;
     }
 
-    /// Appends a node of as many items and everything below, all of it without items.
+    /// Appends a node for `count` items and everything below it, all without items.
     fn add_node(&mut self, count: usize) -> u32 {
         let place = self.nodes.len();
         self.nodes.push(Node {
@@ -171,8 +172,8 @@ impl BoxTree {
         place as u32
     }
 
-    /// Becomes a list of leaves over some items with their boxes, in their order: of a tree nothing but what
-    /// [`pairs_of`](Self::pairs_of) goes through leaf by leaf. Nothing is found in it.
+    /// Becomes a list of leaves over items with their boxes, in their order: only what [`pairs_of`](Self::pairs_of)
+    /// visits leaf by leaf. Queries find nothing in it.
     pub fn collect_leaves(&mut self, items: &[(u32, Aabb)]) {
         self.nodes.clear();
         self.leaves.clear();

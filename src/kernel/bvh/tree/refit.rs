@@ -1,9 +1,9 @@
-//! A tree follows its boxes: leaves first, then every node after its children.
+//! Refits a tree to its boxes: leaves first, then every node after its children.
 //!
-//! What is below each child of the root stands together, and is a task of its own. Those are the same for any number of
-//! threads, and so is every sum.
+//! Everything below a child of the root is contiguous, and is a task of its own. The tasks are the same for any number
+//! of threads, and so is every sum.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{Level, dispatch, f32x4, f32x8, prelude::*};
 use glam::Vec3;
@@ -15,14 +15,14 @@ use crate::kernel::simd::{
     share::{OneByOne, Share},
 };
 
-/// Fewer items than these are not worth a second thread.
+/// With fewer items than this a second thread does not pay off.
 const ITEMS_OF_ONE: usize = 8192;
 
-/// How many leaves ahead the boxes of items are asked for.
+/// How many leaves ahead to prefetch the boxes of items.
 const LEAVES_AHEAD: usize = 4;
 
 impl BoxTree {
-    /// Follows moved boxes without changing the tree's structure.
+    /// Refits the tree to changed boxes without changing its structure.
     ///
     /// # Panics
     /// If `bounds` has another length than the tree was built with.
@@ -30,7 +30,7 @@ impl BoxTree {
         self.refit_on(&OneByOne, bounds);
     }
 
-    /// The same in tasks that may be shared.
+    /// Like [`refit`](Self::refit), in tasks that `share` may distribute.
     ///
     /// # Panics
     /// If `bounds` has another length than the tree was built with.
@@ -54,17 +54,17 @@ impl BoxTree {
     }
 }
 
-/// What is below a child of the root.
+/// Everything below a child of the root.
 struct Subtree<'a> {
     nodes: &'a mut [Node],
     leaves: &'a mut [Leaf],
-    /// The places of the first node and the first leaf in the tree.
+    /// The indices of its first node and its first leaf in the tree.
     first: [usize; 2],
-    /// The sum over nodes and leaves is left here.
+    /// Receives the total area of its nodes and leaves.
     area: &'a mut f32,
 }
 
-/// The subtrees below the root, of which `nodes` are those after it.
+/// The subtrees below the root. `nodes` are the nodes after the root.
 fn subtrees<'a>(
     root: &Node,
     mut nodes: &'a mut [Node],
@@ -75,7 +75,7 @@ fn subtrees<'a>(
     let is_leaf = move |lane: usize| leaf_children & (1 << lane) != 0;
     let mut first = [1, 0];
     areas.iter_mut().take(child_count as usize).enumerate().map(move |(lane, area)| {
-        // Nodes come in the order of the children that they are below.
+        // Nodes are in the order of the children that they are below.
         let next = (lane + 1..child_count as usize).find(|&next| !is_leaf(next));
         let node_end =
             if is_leaf(lane) { first[0] } else { next.map_or(first[0] + nodes.len(), |next| children[next] as usize) };
@@ -101,7 +101,7 @@ impl Subtree<'_> {
             leaf.refit(simd, bounds);
             area += leaf.bounds.half_area();
         }
-        // Children stand after their parent, so backwards every child is ready before its parent asks.
+        // Children come after their parent, so in reverse order every child is ready before its parent needs it.
         for place in (0..self.nodes.len()).rev() {
             let (nodes, later) = self.nodes.split_at_mut(place + 1);
             let [first_node, first_leaf] = self.first;
@@ -112,11 +112,11 @@ impl Subtree<'_> {
     }
 }
 
-/// Stands where there is no box: overlaps nothing, and nothing is around it.
+/// Used where there is no box. Overlaps nothing, and does not enlarge the box around all.
 static NO_BOX: Aabb = Aabb { min: Vec3::NAN, max: Vec3::NAN };
 
 impl Node {
-    /// `nodes` and `leaves` hold its children; `first` are the places of the first ones in the tree.
+    /// `nodes` and `leaves` contain the children, and `first` holds the indices of their first elements in the tree.
     #[inline(always)]
     fn refit<S: Simd>(&mut self, simd: S, first: [usize; 2], nodes: &[Node], leaves: &[Leaf]) {
         let mut boxes = [&NO_BOX; LEAF_WIDTH];
@@ -139,7 +139,7 @@ impl Leaf {
         self.bounds = self.boxes.set_all(simd, boxes);
     }
 
-    /// Takes the boxes of its items from them.
+    /// Copies the boxes of the leaf's items.
     #[inline(always)]
     pub(super) fn set_boxes<S: Simd>(&mut self, simd: S, items: &[(u32, Aabb)]) {
         let mut boxes = [&NO_BOX; LEAF_WIDTH];
@@ -151,8 +151,8 @@ impl Leaf {
 }
 
 impl Boxes {
-    /// Takes eight boxes. Returns the box around them, but for those that are empty or not a number: such a box overlaps nothing,
-    /// and must not make a node that overlaps nothing.
+    /// Stores eight boxes. Returns the box around them, without those that are empty or NaN: such a box overlaps
+    /// nothing, and must not result in a node that overlaps nothing.
     #[inline(always)]
     fn set_all<S: Simd>(&mut self, simd: S, boxes: [&Aabb; LEAF_WIDTH]) -> Aabb {
         let (mut heads, mut tails) = ([f32x4::splat(simd, 0.0); LEAF_WIDTH], [f32x4::splat(simd, 0.0); LEAF_WIDTH]);

@@ -1,15 +1,15 @@
-//! Which leaves of a tree are near a box, and near each of many leaves.
+//! Finds the leaves of a tree that are near a box, or near each of many leaves.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f32x8, mask32x8, prelude::*, u32x8};
 
 use super::{Aabb, BoxTree, LEAF_WIDTH, LEAVES_TOGETHER, Leaf, Node, STACK, corners, overlapping};
 
-/// The leaves of a tree whose boxes overlap another box, some at a time. Leaves of one node come together, before the subtrees
-/// beside them: the order is that of the structure, the same in every traversal.
+/// Finds the leaves of a tree whose boxes overlap another box, some at a time. The leaves of a node come together,
+/// before the subtrees beside them. The order depends on the structure only, and is the same in every traversal.
 pub(super) struct LeafSearch {
-    /// Nodes that wait, and room to write eight children where only some are meant.
+    /// The stack of nodes, with space to write eight children where only some are kept.
     nodes: [u32; STACK + LEAF_WIDTH],
     node_count: usize,
     leaves: [u32; Self::ROOM + LEAF_WIDTH],
@@ -23,15 +23,16 @@ impl LeafSearch {
         Self { nodes: [0; STACK + LEAF_WIDTH], node_count: 0, leaves: [0; Self::ROOM + LEAF_WIDTH], leaf_count: 0 }
     }
 
-    /// Begins a search.
+    /// Starts a search.
     #[inline(always)]
     pub(super) fn begin(&mut self, tree: &BoxTree) {
         self.node_count = usize::from(!tree.nodes.is_empty());
         self.nodes[0] = 0;
     }
 
-    /// Takes a node from the stack and puts those of its children there that overlap `bounds`. Returns it, with the places of all
-    /// children, and which leaves among them are from `first` on and overlap `bounds`.
+    /// Pops a node from the stack, and pushes the child nodes that overlap `bounds` and have leaves from `first` on.
+    /// Returns the node, the indices of all its children, and a bit for each leaf among them that is at `first` or
+    /// later and overlaps `bounds`.
     #[inline(always)]
     fn visit<'a, S: Simd>(
         &mut self,
@@ -46,7 +47,8 @@ impl LeafSearch {
         let children = u32x8::from_slice(simd, &node.children);
         let is_later = children.simd_ge(first).to_bitmask() as u32;
         let has_later = u32x8::from_slice(simd, &node.ends).simd_gt(first).to_bitmask() as u32;
-        // Which of eight are meant is hard to foresee: so all are written, those first, and the next ones over the others.
+        // Which of eight children are kept is unpredictable, so all are written, the kept ones first, and the next ones
+        // overwrite the rest.
         let nodes = hits & !node.leaf_children & has_later;
         let room = &mut self.nodes[self.node_count..][..LEAF_WIDTH];
         children.compress(mask32x8::from_bitmask(simd, u64::from(nodes))).store_slice(room);
@@ -54,7 +56,7 @@ impl LeafSearch {
         (node, children, hits & node.leaf_children & is_later)
     }
 
-    /// Finds the next leaves from `first` on whose boxes overlap `bounds`. Whether there are any.
+    /// Finds the next leaves from `first` on whose boxes overlap `bounds`. Returns whether there are any.
     #[inline(always)]
     pub(super) fn go_on<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) -> bool {
         self.leaf_count = 0;
@@ -65,7 +67,7 @@ impl LeafSearch {
         self.leaf_count > 0
     }
 
-    /// Adds those of eight leaves that are meant.
+    /// Adds the leaves whose bits are set in `meant`, out of eight.
     #[inline(always)]
     fn add<S: Simd>(&mut self, simd: S, places: u32x8<S>, meant: u32) {
         let room = &mut self.leaves[self.leaf_count..][..LEAF_WIDTH];
@@ -79,18 +81,18 @@ impl LeafSearch {
     }
 }
 
-/// A search for what is near each of many leaves that stand one after the other. Some of them look around together: what is near
-/// each is among what is near them all, in the same order, unless that is more than there is room for.
+/// Finds the neighbors of many consecutive leaves. Groups of leaves share one search: the neighbors of each leaf are
+/// among those of its group, in the same order, unless the group has more neighbors than fit.
 pub(super) struct NeighborSearch {
     search: LeafSearch,
-    /// The leaves that are near them all, and their boxes.
+    /// The leaves that are near the group, and their boxes.
     places: [u32; Self::ROOM + LEAF_WIDTH],
     min: [[f32; Self::ROOM + LEAF_WIDTH]; 3],
     max: [[f32; Self::ROOM + LEAF_WIDTH]; 3],
     count: usize,
-    /// Whether those are all.
+    /// Whether these are all of them.
     is_complete: bool,
-    /// Where among them the search goes on.
+    /// Index among them at which the search continues.
     next: usize,
 }
 
@@ -109,8 +111,8 @@ impl NeighborSearch {
         }
     }
 
-    /// Begins a search for what is near the next one of some `leaves`, of which `passed` have been searched for. Their boxes are
-    /// grown by `skin`.
+    /// Starts a search for the neighbors of the next leaf, after `passed` of the `leaves` are done. Boxes are grown by
+    /// `skin`.
     #[inline(always)]
     pub(super) fn begin<S: Simd>(
         &mut self,
@@ -127,14 +129,14 @@ impl NeighborSearch {
             for leaf in group {
                 bounds = bounds.union(&leaf.bounds);
             }
-            // Not before: an empty box does not grow, and would leave no number.
+            // Grown only now: an empty box does not grow, and would become NaN.
             self.look_around(simd, tree, &bounds.grown(skin), first);
         }
         self.search.begin(tree);
         self.next = 0;
     }
 
-    /// Finds all leaves from `first` on whose boxes overlap `bounds`, if there is room for them.
+    /// Finds all leaves from `first` on whose boxes overlap `bounds`, if they fit.
     #[inline(always)]
     fn look_around<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) {
         self.search.begin(tree);
@@ -161,7 +163,7 @@ impl NeighborSearch {
         self.is_complete = true;
     }
 
-    /// Finds the next leaves from `first` on whose boxes overlap `bounds`. Whether there are any.
+    /// Finds the next leaves from `first` on whose boxes overlap `bounds`. Returns whether there are any.
     #[inline(always)]
     pub(super) fn go_on<S: Simd>(&mut self, simd: S, tree: &BoxTree, bounds: &Aabb, first: u32) -> bool {
         if !self.is_complete {

@@ -1,6 +1,6 @@
-//! The contacts of a batch, eight side by side.
+//! The contacts of a batch, eight at a time.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f64x8, mask64x8, prelude::*};
 
@@ -123,8 +123,8 @@ pub(super) fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, limits: &Limi
     let point_on_edge = absolute_start.scaled(one - along).plus(absolute_end.scaled(along));
     DoubleVectorLanes::select(swapped, point_on_edge, point_on_face).rounded().store(&mut results.point_b);
 
-    // The way from the centroid of the second triangle to that of the first. Of the edge's triangle the corners are added in
-    // their own order.
+    // The vector from the centroid of the second triangle to that of the first. The corners of the edge's triangle are
+    // added in their original order.
     let (second_edge, third_edge) =
         (mask64x8::from_bitmask(simd, batch.turned[0]), mask64x8::from_bitmask(simd, batch.turned[1]));
     let own = [
@@ -145,7 +145,7 @@ pub(super) fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, limits: &Limi
     DoubleVectorLanes::select(away, direction.negated(), direction).rounded().store(&mut results.normal);
 }
 
-/// The first of three where no mask says otherwise, the second or the third where that mask does.
+/// The second or the third value where its mask is set, otherwise the first.
 #[inline(always)]
 fn select_of_three<S: Simd>(
     second: mask64x8<S>,
@@ -156,13 +156,13 @@ fn select_of_three<S: Simd>(
     DoubleVectorLanes::select(third, values[2], value)
 }
 
-/// The first corners of the first triangles in the frame of the pair.
+/// The first corners of the first triangles, in the pair's frame.
 #[inline(always)]
 fn origins<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_>) -> DoubleVectorLanes<S> {
     placed(simd, &batch.origin, mask64x8::splat(simd, false), limits)
 }
 
-/// Points in the frame of the pair, some of the second surface, all others of the first.
+/// Points in the pair's frame. The mask selects those of the second surface.
 #[inline(always)]
 fn placed<S: Simd>(simd: S, points: &VectorRows, of_second: mask64x8<S>, limits: &Limits<'_>) -> DoubleVectorLanes<S> {
     let points = VectorLanes::load(simd, points).widened();
@@ -174,7 +174,7 @@ fn placed<S: Simd>(simd: S, points: &VectorRows, of_second: mask64x8<S>, limits:
 }
 
 impl Results {
-    /// Keeps the weights of the start and the end of an edge, or of the first two corners of a face.
+    /// Stores the weights of the start and the end of an edge, or of the first two corners of a face.
     #[inline(always)]
     fn set_weights<S: Simd>(&mut self, row: u8, start: f64x8<S>, end: f64x8<S>) {
         rounded(start).store_slice(&mut self.weights[row as usize]);
@@ -182,7 +182,7 @@ impl Results {
     }
 }
 
-/// Weights that are proportional to three values of the same sign, and the point they stand for.
+/// Normalizes three values of the same sign to weights, and returns these with the point that they stand for.
 #[inline(always)]
 fn normalized<S: Simd>(
     simd: S,

@@ -1,4 +1,4 @@
-//! What becomes of each of the features that a pair of triangles may report, in tables instead of decisions.
+//! Tables that say how to compute each feature pair, instead of branches.
 
 use crate::kernel::{
     exact::cases::FeatureSet,
@@ -20,36 +20,37 @@ impl Kind {
     pub(super) const COUNT: usize = 4;
 }
 
-/// How many points a kind needs at most.
+/// The largest number of points that a kind needs.
 pub(super) const POINTS: usize = 6;
 
 /// Rows of weights.
 pub(super) const ZERO: u8 = 0;
 pub(super) const ONE: u8 = 1;
-/// The start of the first edge; its end is next.
+/// The start of the first edge. Its end is in the next row.
 pub(super) const FIRST: u8 = 2;
-/// The start of the second edge, or the first corner of a face; the end or the second corner is next.
+/// The start of the second edge, or the first corner of a face. The end or the second corner is in the next row.
 pub(super) const SECOND: u8 = 4;
 
-/// All that is to be known of features within their triangles.
+/// How to compute the contact of one feature pair.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Plan {
     pub(super) features: FeaturePair,
-    /// Numbers of those, see [`Feature::of_part`].
+    /// Their local indices, see [`Feature::of_part`].
     pub(super) parts: [u8; 2],
     pub(super) kind: Kind,
-    /// Which triangle the feature is of that is named first.
+    /// Which triangle has the feature that is named first.
     pub(super) first_side: u8,
-    /// Which edge that is.
+    /// The index of that feature if it is an edge, otherwise 0.
     pub(super) turns: u8,
-    /// Triangles and corners of the points that are needed, and of any in place of others: those of the feature named first,
-    /// then those of the other, then what is left of the triangle of an edge that pierces a face.
+    /// Triangle and corner of each point that is needed; unused entries are arbitrary. First the points of the feature
+    /// named first, then those of the other feature, then the remaining corner of the triangle whose edge pierces a
+    /// face.
     pub(super) points: [[u8; 2]; POINTS],
-    /// Where the weights of the first two corners of either triangle are.
+    /// Rows with the weights of the first two corners of each triangle.
     pub(super) weights: [[u8; 2]; 2],
 }
 
-/// Those of the bits of a [`FeatureSet`]. The last ones have no meaning.
+/// The plans for the bits of a [`FeatureSet`]. The last ones have no meaning.
 pub(super) static PLANS: [Plan; 8 * WIDTH] = {
     let mut plans = [Plan::of(0); 8 * WIDTH];
     let mut case = 0;
@@ -77,7 +78,7 @@ impl Plan {
                 [[side, edge], [side, edge + 1], [1 - side, 0], [1 - side, 1], [1 - side, 2], [side, edge + 2]];
             Self::new(Kind::Piercing, side, [3 + edge, 6], points)
         } else {
-            // A vertex and an edge, or the vertex that this starts at.
+            // A vertex and an edge, or the vertex at which the edge starts.
             let place = case - FeatureSet::BOUNDARY;
             let (side, is_start) = (if place / 9 == 1 { 1 } else { 0 }, place >= 18);
             let (vertex, edge) = (place % 9 / 3, place % 3);
@@ -86,7 +87,7 @@ impl Plan {
         }
     }
 
-    /// Given the parts of the triangle that is named first and of the other; corners are counted round.
+    /// Takes the local index of the feature named first, and of the other one. Corners wrap around.
     const fn new(kind: Kind, first_side: usize, [first, second]: [usize; 2], around: [[usize; 2]; POINTS]) -> Self {
         let parts = if first_side == 0 { [first, second] } else { [second, first] };
         let features = FeaturePair { a: Feature::of_part(parts[0]), b: Feature::of_part(parts[1]) };
@@ -97,7 +98,7 @@ impl Plan {
             points[point] = [side as u8, (corner % 3) as u8];
             point += 1;
         }
-        // An edge that pierces a face is named first, whichever side it is of.
+        // An edge that pierces a face is named first, whichever side it belongs to.
         let edge_of_b = if matches!(features.a, Feature::Face) { FIRST } else { SECOND };
         Self {
             features,
@@ -111,8 +112,8 @@ impl Plan {
     }
 }
 
-/// Where the weights of the first two corners of a triangle are, of which a feature is in contact: its edges' are in `edge`
-/// and the next row.
+/// Rows with the weights of the first two corners of a triangle, given its feature in contact. The weights of an edge
+/// are in row `edge` and the next one.
 const fn weights(feature: Feature, edge: u8) -> [u8; 2] {
     match feature {
         Feature::Vertex(0) => [ONE, ZERO],

@@ -1,7 +1,7 @@
-//! Contacts of a triangle with the union of several shapes, each in its own pose.
+//! Contacts of a triangle with the union of several shapes, each with its own pose.
 //!
-//! Every part whose box is in reach is examined by itself. What leads from one part into another is left out, or replaced by the
-//! way out of the union, see `union`.
+//! Every part whose box is in reach is examined by itself. A contact that leads from one part into another is dropped,
+//! or replaced by the way out of the union, see `union`.
 
 use glam::{DQuat, DVec3, Vec3};
 
@@ -12,16 +12,19 @@ use crate::kernel::{
     mesh::{barycentric::point_at, bounds::Aabb, smooth_normal::NormalCone},
 };
 
-/// Parts no farther apart than this, relative to the size of the whole, have no gap between them: the rounding of f32 poses.
+/// Parts no farther apart than this, relative to the size of the whole, have no gap between them. Covers the rounding
+/// of f32 poses.
 const SEAM: f64 = 1.0e-5;
 
 /// How far along a normal another part is looked for, relative to the size of the whole.
 const PROBE: f64 = 1.0e-2;
 
-/// What is closer to there, by this share, reaches beyond: a part that leans by half a degree, and far more than rounding.
+/// A part that is closer to the probed point by this share extends beyond the contact. This is a tilt of half a degree,
+/// and far more than rounding.
 const PROBE_ROUNDING: f64 = 2.0e-5;
 
-/// Cosine between a contact's normal and its part's own there, below which the contact is not out of that part.
+/// Cosine between a contact's normal and the part's own normal there. Below it, the contact does not lead out of that
+/// part.
 const SAME_DIRECTION: f64 = 0.99;
 
 /// Several shapes as one.
@@ -65,7 +68,7 @@ impl Part {
         self.rotation * direction
     }
 
-    /// Distance of a point of the compound's frame, negative inside.
+    /// Signed distance of a point in the compound's frame, negative inside.
     pub(super) fn signed_distance(&self, point: DVec3) -> f64 {
         self.geometry.signed_distance(self.inward(point))
     }
@@ -99,7 +102,7 @@ impl Compound {
         &self.parts
     }
 
-    /// Parts that are closer to each other than this touch.
+    /// Parts closer to each other than this touch.
     pub(super) const fn seam(&self) -> f64 {
         self.seam
     }
@@ -121,7 +124,7 @@ impl Compound {
         let Some(part) = place.checked_sub(1).map(|place| &self.parts[place]) else { return NormalCone::anything() };
         let local = part.rotation.inverse() * outward;
         let cone = part.geometry.normal_cone(shape_feature - part.first_feature, local);
-        // A contact that was led out of the union may leave by another part than the one that it is named by.
+        // A contact that was redirected out of the union may leave by another part than the one that it is named after.
         if cone.nearest(local).dot(local) < SAME_DIRECTION {
             return NormalCone::anything();
         }
@@ -137,7 +140,7 @@ impl Compound {
     ) {
         let before = found.len();
         let reach = Aabb::from_points(rounded(triangle)).grown(range as f32);
-        // Which part each is of.
+        // The part that each proximity belongs to.
         let mut owners = Vec::new();
         for (number, part) in self.parts.iter().enumerate() {
             if !reach.overlaps(&part.bounds) {
@@ -159,7 +162,7 @@ impl Compound {
             let proximity = if !self.hides(owner, &proximity) {
                 Some(proximity)
             } else if proximity.distance <= 0.0 {
-                // Each part that the point is in leads to the same place.
+                // Each part that contains the point leads to the same place.
                 self.led_out(point, proximity).filter(|out| {
                     !found[before..kept].iter().any(|known| {
                         known.feature == out.feature && known.shape_point.distance(out.shape_point) <= self.seam
@@ -176,8 +179,8 @@ impl Compound {
         found.truncate(kept);
     }
 
-    /// Whether a contact of a part leads into another one, or points across a seam: from an edge or a corner that another part
-    /// continues, in a direction in which that part reaches farther.
+    /// Whether a contact of a part leads into another part, or points across a seam: from an edge or a corner that
+    /// another part continues, in a direction in which that part extends farther.
     fn hides(&self, owner: usize, proximity: &ShapeProximity) -> bool {
         let own = &self.parts[owner];
         let is_smooth = own.geometry.is_smooth_at(proximity.shape_feature - own.first_feature);
@@ -196,7 +199,7 @@ impl Compound {
         })
     }
 
-    /// How far out a part is looked for that reaches beyond a contact.
+    /// How far out a part that extends beyond a contact is looked for.
     fn probe(&self) -> f64 {
         PROBE / SEAM * self.seam
     }

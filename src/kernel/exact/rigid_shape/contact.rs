@@ -12,7 +12,8 @@ use crate::kernel::{
 };
 
 impl CompactContact {
-    /// A contact with a shape that is tested by formula. `scale` is the world length of a unit of the shape's frame.
+    /// Creates a contact with a shape that is tested by formula. `scale` is the world length of one unit of the shape's
+    /// frame.
     #[must_use]
     pub fn with_shape(
         topology: &SurfaceTopology,
@@ -23,8 +24,8 @@ impl CompactContact {
     ) -> Self {
         let features = FeaturePair {
             a: proximity.feature,
-            // The pair's kind tells a crossing apart: an edge of the triangle or of the shape pierces a face. An edge
-            // that is only close to the shape is close to an edge of it, as far as the kind goes.
+            // The kinds of both features mark a crossing: an edge of the triangle or of the shape pierces a face. An
+            // edge that is only close to the shape counts as close to an edge of it.
             b: match (proximity.crossing, proximity.feature) {
                 (true, Feature::Face) | (false, Feature::Edge(_)) => Feature::Edge(0),
                 _ => Feature::Face,

@@ -1,19 +1,19 @@
 //! Signed distance and support points of cylinders and cones, in closed form.
 //!
-//! Both are frustums about the y axis: a convex polygon in the half-plane of radius and height, turned about the axis. A
-//! border makes everything within its radius part of the solid, which takes it off every signed distance, inside as well
-//! as outside. `frustum_contacts` builds the contacts of a triangle on these.
+//! Both are frustums about the y axis: a convex polygon in the half-plane of radius and height, revolved about the
+//! axis. A border adds everything within its radius to the solid, which reduces every signed distance by it, inside and
+//! outside. `frustum_contacts` builds the contacts of a triangle on these.
 
 use glam::{DVec2, DVec3};
 
-/// Which part of a frustum a point is closest to.
+/// The part of a frustum that is closest to a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     Mantle,
     BottomCap,
     TopCap,
     BottomRim,
-    /// Of a cone its apex.
+    /// The apex of a cone.
     TopRim,
 }
 
@@ -23,7 +23,7 @@ impl Part {
         self as u32
     }
 
-    /// Whether a number is that of a part where the surface is smooth.
+    /// Whether the surface is smooth at the part with a number.
     pub(super) const fn is_number_smooth(number: u32) -> bool {
         number < Self::BottomRim.number()
     }
@@ -34,21 +34,21 @@ impl Part {
     }
 }
 
-/// A cylinder, or a cone with its apex up, about the y axis and the origin.
+/// A cylinder, or a cone with its apex up, about the y axis and centered at the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frustum {
     half_height: f64,
     bottom_radius: f64,
-    /// At most the radius of the bottom; 0 for a cone.
+    /// At most the radius of the bottom. 0 for a cone.
     top_radius: f64,
     border: f64,
-    /// Unit vectors of the mantle's profile, in radius and height: outward, and from the bottom rim to the top.
+    /// Unit vectors of the mantle's profile, by radius and height: outward, and from the bottom rim to the top.
     outward: DVec2,
     along: DVec2,
     slant: f64,
 }
 
-/// What is closest to a point.
+/// The place on the surface that is closest to a point.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Foot {
     /// Signed distance, negative inside.
@@ -66,7 +66,7 @@ pub(super) struct Support {
 }
 
 impl Frustum {
-    /// Sizes are finite and at least 0, and the top is no wider than the bottom.
+    /// Sizes must be finite and at least 0, and the top no wider than the bottom.
     pub(super) fn new(half_height: f64, bottom_radius: f64, top_radius: f64, border: f64) -> Self {
         let slope = DVec2::new(top_radius - bottom_radius, 2.0 * half_height);
         // A disc has the mantle of a cylinder without height.
@@ -96,12 +96,13 @@ impl Frustum {
         2.0 * (self.half_height.max(self.bottom_radius) + self.border)
     }
 
-    /// The largest coordinates; the smallest are their opposites.
+    /// The largest coordinates. The smallest are their negatives.
     pub(super) fn half_extents(&self) -> DVec3 {
         DVec3::new(self.bottom_radius, self.half_height, self.bottom_radius) + self.border
     }
 
-    /// Away from the axis at a point; towards x on the axis, where every direction is as good.
+    /// The unit vector away from the axis at a point, and the radius there. On the axis, where every direction is
+    /// equivalent, the x axis.
     fn radial(point: DVec3) -> (DVec3, f64) {
         let flat = DVec3::new(point.x, 0.0, point.z);
         let radius = flat.length();
@@ -112,8 +113,8 @@ impl Frustum {
         radial * profile.x + DVec3::Y * profile.y
     }
 
-    /// Where the surface is closest to a point. On the rim itself the normal is halfway between those of the two sides that
-    /// meet there, within half of that angle of either.
+    /// The place on the surface that is closest to a point. On the rim itself the normal is halfway between those of
+    /// the two sides that meet there, within half of that angle of either.
     pub(super) fn foot(&self, point: DVec3) -> Foot {
         let (radial, radius) = Self::radial(point);
         let beside = DVec2::new(radius - self.bottom_radius, point.y + self.half_height);
@@ -151,7 +152,7 @@ impl Frustum {
         foot(from_rim.length(), Self::lift(radial, normal), part)
     }
 
-    /// The farthest point in a direction of unit length: the middle of a cap where that is the whole cap.
+    /// The farthest point in a direction of unit length. If that is a whole cap, its center.
     pub(super) fn support(&self, direction: DVec3) -> Support {
         let (radial, across) = Self::radial(direction);
         let bottom = across * self.bottom_radius - direction.y * self.half_height;
@@ -165,14 +166,15 @@ impl Frustum {
         Support { point: radial * radius + DVec3::Y * height + direction * self.border, part }
     }
 
-    /// The planes through its caps, and along its mantle where that is nearest to a point: unit normals and heights along them.
+    /// The planes through the caps, and the plane of the mantle that is nearest to a point: unit normals, and heights
+    /// along them.
     pub(super) fn planes(&self, point: DVec3) -> [(DVec3, f64); 3] {
         let mantle = Self::lift(Self::radial(point).0, self.outward);
         [DVec3::Y, DVec3::NEG_Y, mantle].map(|normal| (normal, normal.dot(self.support(normal).point)))
     }
 
-    /// Points of both rims on which a face may rest: a stable four on each, and the two that are farthest towards `toward`.
-    /// Each with its part, and its place among those of the part, 0 for the farthest.
+    /// Points of both rims on which a face may rest: on each rim the one that is farthest toward `toward`, and four
+    /// fixed ones. Each comes with its part, and its index among the points of that part, 0 for the farthest.
     pub(super) fn rim_points(&self, toward: DVec3) -> impl Iterator<Item = (DVec3, Part, u32)> {
         let sides = [Self::radial(toward).0, DVec3::X, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Z];
         let rims = [

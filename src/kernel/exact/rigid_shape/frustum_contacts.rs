@@ -1,8 +1,9 @@
 //! Contacts of a triangle with a cylinder or a cone, rounded or not.
 //!
-//! The signed distance of a convex solid is convex. Along an edge its minimum is found by halving on the sign of its slope; over
-//! the inside of a face it is at the point of the solid that reaches farthest towards the face's plane. Where the solid is flat
-//! along an edge or a face, both ends of the flat stretch and several points of a rim are reported, so that things can rest.
+//! The signed distance of a convex solid is convex. Along an edge, its minimum is found by bisection on the sign of its
+//! slope. Over the inside of a face, it is at the point of the solid that extends farthest toward the face's plane.
+//! Where the solid is flat along an edge or a face, both ends of the flat stretch and several points of a rim are
+//! reported, so that bodies can rest on it.
 
 use glam::DVec3;
 
@@ -16,45 +17,46 @@ use crate::kernel::mesh::{
     smooth_normal::NormalCone,
 };
 
-/// Numbers of a part: the part itself, times the places on it that one edge or face may touch.
+/// A feature number is the number of a part, plus this times the index of a place on it that an edge or a face may
+/// touch.
 const PARTS: u32 = 8;
-/// No number of a part is as large.
+/// All feature numbers are below this.
 pub(super) const FRUSTUM_FEATURES: u32 = 64;
-/// The solid as a whole, which a face cuts through.
+/// The whole solid, for a face that cuts through it.
 const THROUGH: u32 = 5;
-/// The ends of a stretch along which an edge lies flat.
+/// Place indices of the ends of a stretch along which an edge lies flat.
 const FIRST_END: u32 = 1;
 const SECOND_END: u32 = 2;
-/// Rim points that are reported for a face beside its own, come after.
+/// Place indices of further rim points that are reported for a face come after this.
 const RIM_PLACES: u32 = 2;
 
-/// A position along an edge this close to an end is at the end.
+/// A position along an edge, 0 to 1, this close to an end is at the end.
 const AT_END: f64 = 1.0e-9;
-/// Halvings that take an interval of 1 to below what f64 resolves.
+/// Bisection steps that shrink an interval of length 1 below the resolution of f64.
 const HALVINGS: usize = 60;
-/// An edge lies flat where its slope stays within [`SUPPORT_SLACK`] for longer than this share of the solid's size: twice as
-/// long as on the mantle, which is round, it does so by itself.
+/// An edge lies flat if its slope stays within [`SUPPORT_SLACK`] for longer than this share of the solid's size. On the
+/// round mantle it does so by itself for half that length.
 const FLAT_STRETCH: f64 = 4.0 * SUPPORT_SLACK;
 /// A minimum this close to the end of a flat stretch, relative to its length, is that end.
 const SAME_PLACE: f64 = 0.05;
-/// A contact of an edge counts while the face beside it falls toward the solid by no more than this sine: otherwise the face
-/// touches farther in.
+/// A contact of an edge counts if the face beside it falls toward the solid by no more than this sine. Otherwise the
+/// face touches farther in.
 const FACING: f64 = 0.1;
-/// Where the normal of an edge inside the solid leans along the edge by more than this cosine, moving along it would not part
-/// them.
+/// If the normal at an edge inside the solid leans along the edge by more than this cosine, moving along it would not
+/// separate them.
 const LEANING: f64 = 0.3;
-/// The way out of a face counts up to this many times that of its edges and corners inside: where it lies flat on a part, they
-/// are the same but for rounding.
+/// The way out for a face counts up to this many times that for its edges and corners inside. If the face lies flat on
+/// a part, the two are equal except for rounding.
 const SHORTER_WAY: f64 = 1.01;
-/// Tells the two ends of an edge apart, in whichever order its triangle names them. Along no axis and no diagonal, where edges
-/// would change their mind with every rounding.
+/// Distinguishes the two ends of an edge, in whichever order its triangle names them. Not along an axis or a diagonal,
+/// where the result would change with every rounding.
 const OBLIQUE: DVec3 = DVec3::new(0.8137, 0.1291, 0.5667);
-/// Cosine and sine of a sixteenth of half a turn.
+/// Cosine and sine of π/16.
 const STEP: [f64; 2] = [0.980_785_280_403_230_4, 0.195_090_322_016_128_27];
 const STEPS: usize = 32;
 
 impl Frustum {
-    /// The mantle turns with its radius, a rim with the border's.
+    /// The mantle has the curvature of its radius, a rim that of the border.
     pub(super) fn normal_cone(&self, number: u32, outward: DVec3) -> NormalCone {
         let curvature = if number == Part::Mantle.number() {
             (self.bottom_radius() + self.border()).recip()
@@ -97,7 +99,7 @@ impl Frustum {
         let start = triangle[edge];
         let way = triangle[next] - start;
         let length = way.length();
-        // The distance changes by no more than what is gone.
+        // The distance changes by no more than the length traveled.
         if length == 0.0 || 0.5 * (feet[edge].distance + feet[next].distance - length) > range {
             return;
         }
@@ -142,7 +144,8 @@ impl Frustum {
         }
     }
 
-    /// `along`: the two sides of the place, as close as f64 tells them apart; named by its own part where none is given.
+    /// `along` contains the two sides of the place, as close to each other as f64 allows. Without `part`, the contact
+    /// is named after its own part.
     fn edge_contact(
         &self,
         triangle: &[DVec3; 3],
@@ -156,7 +159,7 @@ impl Frustum {
         let (start, way) = (triangle[edge], triangle[next] - triangle[edge]);
         let lean = |foot: &Foot| foot.normal.dot(way).abs();
         let sides = along.map(|along| (along, self.foot(start + way * along)));
-        // Inside, where two parts are equally close, the one beside the edge.
+        // Inside, where two parts are equally close, prefers the part beside the edge.
         let (along, foot) = if lean(&sides[0].1) < lean(&sides[1].1) { sides[0] } else { sides[1] };
         if foot.distance > range {
             return None;
@@ -178,8 +181,8 @@ impl Frustum {
         Some(contact(Feature::Edge(edge as u8), edge_weights(edge, along), start + way * along, &foot, number))
     }
 
-    /// The shortest move, square to an edge, that takes its whole line out of the solid, and the place on the edge that then
-    /// touches; `None` where that is beyond the ends.
+    /// The shortest translation perpendicular to an edge that moves its whole line out of the solid, and the place on
+    /// the edge that touches then. `None` if that is beyond the ends.
     fn way_out_of_edge(&self, start: DVec3, way: DVec3, part: Part) -> Option<(f64, Foot)> {
         let axis = way.try_normalize()?;
         let first = axis.any_orthonormal_vector();
@@ -192,7 +195,7 @@ impl Frustum {
             turn = [turn[0] * STEP[0] - turn[1] * STEP[1], turn[0] * STEP[1] + turn[1] * STEP[0]];
         }
         let best = (0..STEPS).min_by(|&one, &other| depth(directions[one]).total_cmp(&depth(directions[other])))?;
-        // How the depth grows as the direction turns: the place of the support, aside.
+        // The derivative of the depth as the direction turns: the sideways position of the support point.
         let aside = |direction: DVec3| {
             let to_support = self.support(direction).point - start;
             (to_support.dot(axis.cross(direction)), to_support)
@@ -204,7 +207,7 @@ impl Frustum {
         }
         let direction = (low + high).try_normalize()?;
         let ((before, to_low), (after, to_high)) = (aside(low), aside(high));
-        // Of a flat part either end may be the farthest: what lies between them over the edge is on it as well.
+        // Either end of a flat part may be the farthest. What lies between them over the edge is on the part as well.
         let share = if after > before { (-before / (after - before)).clamp(0.0, 1.0) } else { 0.0 };
         let to_support = to_low.lerp(to_high, share);
         let along = to_support.dot(way) / way.length_squared();
@@ -212,7 +215,7 @@ impl Frustum {
         is_within.then(|| (along, Foot { distance: -direction.dot(to_support), normal: direction, part }))
     }
 
-    /// `deepest`: how far the triangle's boundary reaches into the solid, at most 0.
+    /// `deepest` is how far the triangle's boundary extends into the solid, at most 0.
     fn examine_face(&self, triangle: &[DVec3; 3], deepest: f64, range: f64, found: &mut Vec<ShapeProximity>) {
         let edges = [0, 1, 2].map(|k| triangle[(k + 1) % 3] - triangle[k]);
         let Some(upward) = edges[0].cross(-edges[2]).try_normalize() else { return };
@@ -225,7 +228,7 @@ impl Frustum {
             if !areas.iter().all(|area| *area > 0.0) {
                 return None;
             }
-            // Of a sliver, areas tell little of where along it the point is: the longest edge does.
+            // For a sliver, areas say little about where along it the point is. The longest edge does.
             let (start, end, apex) = (longest, (longest + 1) % 3, (longest + 2) % 3);
             let share = areas[longest] / sum;
             let aside = (triangle[apex] - triangle[start]) * share;
@@ -240,14 +243,14 @@ impl Frustum {
             (direction, support, direction.dot(origin - support.point))
         });
         let [above, below] = &sides;
-        // The side on which less of the solid is past the plane.
+        // The side on which less of the solid is beyond the plane.
         let &(direction, support, gap) = if above.2 >= below.2 { above } else { below };
         if gap > range {
             return;
         }
         if gap < 0.0 {
             let inside = deepest < 0.0;
-            // The face as a whole has a longer way than what of it is inside.
+            // The way out for the whole face is longer than that for its edges and corners inside.
             if inside && gap < deepest * SHORTER_WAY {
                 return;
             }
@@ -299,8 +302,8 @@ impl Frustum {
         }
     }
 
-    /// A face that cuts through the solid with nothing of its boundary in it, and not beside where the solid ends: from the
-    /// middle of what is cut straight out, to the nearer side.
+    /// For a face that cuts through the solid with nothing of its boundary inside, and that does not cover the place
+    /// where the solid ends: straight out from the middle of the cut, to the nearer side.
     fn out_of_middle(&self, weights: [f64; 3], middle: DVec3, sides: &[(DVec3, Support, f64); 2]) -> ShapeProximity {
         let out = |&(direction, _, gap): &(DVec3, Support, f64)| {
             let farthest = -gap;
@@ -330,14 +333,14 @@ fn examine_vertex(triangle: &[DVec3; 3], vertex: usize, foot: &Foot, range: f64,
         let edge = triangle[to % 3] - position;
         foot.normal.dot(edge) >= -SUPPORT_SLACK * edge.length()
     };
-    // A corner of both is one of two points that are closest, or nothing touches there.
+    // A corner of the triangle and a rim are in contact only if these two points are the closest ones.
     if foot.distance <= 0.0 || foot.part.is_smooth() || rises(vertex + 1) && rises(vertex + 2) {
         found.push(contact(Feature::Vertex(vertex as u8), corner_weights(vertex), position, foot, foot.part.number()));
     }
 }
 
-/// Closes in on where `is_before` stops to hold between 0, where it does, and 1, where it does not: the last place before
-/// it, and the first past it.
+/// Bisects for the place where `is_before` stops holding, between 0, where it holds, and 1, where it does not. Returns
+/// the last place where it holds, and the first where it does not.
 fn halve(is_before: impl Fn(f64) -> bool) -> [f64; 2] {
     let (mut before, mut past) = (0.0, 1.0);
     for _ in 0..HALVINGS {

@@ -1,4 +1,4 @@
-//! Contacts of a triangle with a half-space: each vertex by its height. And a triangle that stands for its boundary.
+//! Contacts of a triangle with a half-space, by the height of each vertex, and a triangle that represents its boundary.
 
 use std::sync::{Arc, LazyLock};
 
@@ -7,7 +7,8 @@ use glam::{DVec3, Vec3};
 use super::ShapeProximity;
 use crate::kernel::mesh::{barycentric::corner_weights, feature::Feature, topology::SurfaceTopology};
 
-/// A triangle in the boundary of the half-space below `normal`, with a circle of some radius inside, whose center is under `point`.
+/// A triangle in the boundary of the half-space below `normal`. It contains a circle of the given radius, centered
+/// below `point`.
 pub(crate) fn boundary_triangle(normal: DVec3, point: DVec3, radius: f64) -> [DVec3; 3] {
     let center = point - normal * normal.dot(point);
     let (u, v) = normal.any_orthonormal_pair();

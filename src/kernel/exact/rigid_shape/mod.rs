@@ -1,9 +1,9 @@
 //! Exact proximity of a triangle and a rigid shape, both in the shape's own frame.
 //!
-//! A ball is a point with a radius and a capsule a segment with one, so both reduce to the exact pair test of a
-//! degenerate triangle. A cuboid or convex hull is its faces, with the depth of vertices inside it from the planes. A
-//! cylinder or cone is a convex solid whose distance has a closed form, a half-space one plane, a compound its parts. parry is
-//! asked nothing while the game runs: its shapes are read once.
+//! A ball is a point with a radius, and a capsule a segment with one, so both reduce to the exact pair test with a
+//! degenerate triangle. A cuboid or convex hull is tested by its faces, and the depth of vertices inside comes from the
+//! planes. A cylinder or cone is a convex solid whose distance has a closed form, a half-space is one plane, and a
+//! compound is its parts. parry is not called while the game runs: its shapes are read once.
 
 mod compound;
 mod contact;
@@ -24,15 +24,15 @@ pub use self::{compound::Compound, error::ShapeError, frustum::Frustum, polytope
 use super::triangle_pair::PairProximity;
 use crate::kernel::mesh::{bounds::Aabb, feature::Feature, smooth_normal::NormalCone};
 
-/// How far the shape may reach beyond the plane through a contact's point, square to its normal, relative to the shape's
-/// size. A contact beyond is not the way out but through the shape, on its far side. Far above what f32 corners tilt the
-/// narrow faces of a convex hull, far below what a far side errs by.
+/// How far the shape may extend beyond the plane through a contact point, perpendicular to its normal, relative to the
+/// shape's size. A contact beyond that does not lead out but through the shape, on its far side. Far above the tilt
+/// that f32 corners give the narrow faces of a convex hull, and far below the error of a far side.
 const SUPPORT_SLACK: f64 = 1.0e-3;
 
 /// A shape prepared for exact tests.
 #[derive(Clone)]
 pub enum ShapeGeometry {
-    /// All points within `radius` of the segment from `start` to `end`: a capsule, or a ball where both are the same.
+    /// All points within `radius` of the segment from `start` to `end`: a capsule, or a ball if both are equal.
     Rounded {
         /// One end of the segment.
         start: DVec3,
@@ -41,7 +41,7 @@ pub enum ShapeGeometry {
         /// Distance from the segment to the surface.
         radius: f64,
     },
-    /// All points on the other side of the plane through the origin.
+    /// All points behind the plane through the origin.
     HalfSpace {
         /// Unit normal, pointing out of the solid.
         normal: DVec3,
@@ -66,28 +66,28 @@ impl core::fmt::Debug for ShapeGeometry {
     }
 }
 
-/// A triangle's feature close to a shape, or inside it.
+/// A triangle's feature that is close to a shape, or inside it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapeProximity {
-    /// Which part of the triangle.
+    /// The feature of the triangle.
     pub feature: Feature,
-    /// Which part of the shape, by a number that is stable for the shape; 0 where it has only one part.
+    /// The feature of the shape, by a number that is stable for the shape. 0 if the shape has only one.
     pub shape_feature: u32,
-    /// Whether the triangle and the surface of the shape cross here, with no vertex inside to tell how deep.
+    /// Whether the triangle and the surface of the shape cross here, without a vertex inside that gives the depth.
     pub crossing: bool,
-    /// Weights of the triangle's corners; they sum to 1.
+    /// Weights of the triangle's corners. They sum to 1.
     pub barycentric: [f64; 3],
     /// The closest point of the shape's surface.
     pub shape_point: DVec3,
-    /// Unit vector out of the shape, also where nothing tells which: at exact touch that of the surface there, or of the
-    /// triangle; on an axis or in a center one that leads out.
+    /// Unit vector out of the shape. Always defined: at exact touch it is the normal of the surface there, or of the
+    /// triangle, and on an axis or in a center some direction that leads out.
     pub normal: DVec3,
     /// Distance from the shape's surface, negative inside.
     pub distance: f64,
 }
 
 impl ShapeGeometry {
-    /// The box around the shape, in its own frame; `None` for a half-space, which has none.
+    /// The box around the shape, in its own frame. `None` for a half-space, which has none.
     #[must_use]
     pub fn bounds(&self) -> Option<Aabb> {
         match self {
@@ -104,8 +104,8 @@ impl ShapeGeometry {
         }
     }
 
-    /// The directions in which a contact at `shape_feature` may point out of the shape, given the one that it does: of a
-    /// box, its faces' normals there.
+    /// The directions in which a contact at `shape_feature` may point out of the shape, given its actual direction. For
+    /// a box, the normals of its faces there.
     #[must_use]
     pub fn normal_cone(&self, shape_feature: u32, outward: DVec3) -> NormalCone {
         match self {
@@ -118,9 +118,9 @@ impl ShapeGeometry {
     }
 
     /// Appends the proximities of a triangle within `range` (0 or more) of the shape, or inside it, and returns the
-    /// least signed distance among them, infinite where there is none. `scratch` is overwritten.
+    /// smallest signed distance among them, or infinity if there is none. `scratch` is overwritten.
     ///
-    /// Corners so far away that f64 cannot tell where the triangle is give nothing.
+    /// Corners that are too far away for f64 give no proximities.
     pub fn examine(
         &self,
         triangle: &[DVec3; 3],
@@ -149,8 +149,8 @@ impl ShapeGeometry {
         found[before..].iter().map(|proximity| proximity.distance).fold(f64::INFINITY, f64::min)
     }
 
-    /// Distance of a point from the shape's surface, negative inside; of a compound, from the nearest part or the depth in the
-    /// deepest.
+    /// Signed distance of a point from the shape's surface, negative inside. For a compound, the distance from the
+    /// nearest part, or the depth in the deepest.
     #[must_use]
     pub fn signed_distance(&self, point: DVec3) -> f64 {
         match self {
@@ -162,7 +162,7 @@ impl ShapeGeometry {
         }
     }
 
-    /// Whether a feature is on a face or a round side, rather than an edge, a rim or a corner.
+    /// Whether a feature is a face or a round side, rather than an edge, a rim, or a corner.
     fn is_smooth_at(&self, shape_feature: u32) -> bool {
         match self {
             Self::Polytope(polytope) => polytope.is_face(shape_feature),
@@ -171,7 +171,7 @@ impl ShapeGeometry {
         }
     }
 
-    /// One more than the largest number of a feature.
+    /// One more than the largest feature number.
     fn feature_count(&self) -> usize {
         match self {
             Self::Rounded { .. } => rounded::FEATURES,
@@ -192,7 +192,7 @@ impl ShapeProximity {
     }
 }
 
-/// Corners in storage precision, for boxes.
+/// Corners in f32, for boxes.
 fn rounded(corners: &[DVec3; 3]) -> [Vec3; 3] {
     [corners[0].as_vec3(), corners[1].as_vec3(), corners[2].as_vec3()]
 }

@@ -1,7 +1,7 @@
 //! Contacts of a triangle with a cuboid or a convex hull, rounded or not.
 //!
-//! The pair test of two triangles finds what is close to each face; vertices inside are as deep as the nearest plane. A border
-//! is taken off every distance: inside a convex solid as well as outside, a rounded one is that much nearer.
+//! The pair test of two triangles finds what is close to each face. Vertices inside are as deep as the nearest plane. A
+//! border reduces every distance, inside a convex solid as well as outside.
 
 use glam::{DVec3, Vec3};
 
@@ -19,26 +19,26 @@ use crate::kernel::{
     },
 };
 
-/// Twice a face's area, relative to the square of the polyhedron's size, below which rounding of its f32 corners may turn it
-/// by more than [`SUPPORT_SLACK`]: a height of 1e-3 over the whole length, with some to spare.
+/// Limit for twice a face's area, relative to the square of the polyhedron's size. Below it, rounding of the f32
+/// corners may tilt the face by more than [`SUPPORT_SLACK`]: a height of 1e-3 over the whole length, with some reserve.
 const SLIVER: f64 = 1.0e-3;
 
-/// A convex polyhedron as a closed triangle mesh with the planes of its faces, and a border around it; or one of several
-/// triangles without an inside.
+/// A convex polyhedron as a closed triangle mesh with the planes of its faces, and a border around it, or a shape of
+/// several triangles without an inside.
 #[derive(Clone)]
 pub struct ConvexPolytope {
     corners: Vec<[DVec3; 3]>,
     bounds: Vec<Aabb>,
-    /// Unit normals; zero where a face has no plane to go by.
+    /// Unit normals. Zero if a face has no reliable plane.
     normals: Vec<DVec3>,
-    /// Unit vectors out of the polyhedron at each face, also of those without a plane.
+    /// Unit vectors out of the polyhedron at each face, including those without a plane.
     ways_out: Vec<DVec3>,
     topology: SurfaceTopology,
     center: DVec3,
     size: f64,
     /// All points within this distance belong to the shape.
     border: f64,
-    /// Whether it has a volume: a plate, a rod or a point has no inside.
+    /// Whether it has a volume. A plate, a rod, or a point has no inside.
     solid: bool,
 }
 
@@ -68,7 +68,8 @@ impl ConvexPolytope {
         Ok(polytope)
     }
 
-    /// The normal of a face; of one without a plane that of a neighbor, or else away from the center, or else upward.
+    /// The normal of a face. For a face without a plane, that of a neighbor, otherwise away from the center, otherwise
+    /// upward.
     fn way_out_of_face(&self, face: usize) -> DVec3 {
         let edges = self.topology.triangle_edges()[face];
         let around = edges.iter().flat_map(|edge| self.topology.triangles_of_edge(EdgeId(*edge)));
@@ -80,7 +81,7 @@ impl ConvexPolytope {
         with_plane.or_else(|| (middle - self.center).try_normalize()).unwrap_or(DVec3::Y)
     }
 
-    /// The box around it, its border included.
+    /// The box around it, including its border.
     pub(super) fn bounds(&self) -> Aabb {
         let core = self.bounds.iter().fold(Aabb::EMPTY, |whole, bounds| whole.union(bounds));
         if self.border > 0.0 { core.grown(self.border as f32) } else { core }
@@ -94,7 +95,7 @@ impl ConvexPolytope {
         self.border
     }
 
-    /// Faces, edges and vertices together.
+    /// The number of faces, edges, and vertices together.
     pub(super) fn feature_count(&self) -> usize {
         self.corners.len() + self.topology.edges().len() + self.topology.vertex_count()
     }
@@ -104,13 +105,14 @@ impl ConvexPolytope {
         &self.corners
     }
 
-    /// The planes of its faces, moved outward by the border: unit normals, and heights along them. None where it has no inside.
+    /// The planes of its faces, moved outward by the border: unit normals, and heights along them. None if it has no
+    /// inside.
     pub(super) fn planes(&self) -> impl Iterator<Item = (DVec3, f64)> {
         let faces = self.normals.iter().zip(&self.corners).filter(|(normal, _)| self.solid && **normal != DVec3::ZERO);
         faces.map(|(normal, corners)| (*normal, normal.dot(corners[0]) + self.border))
     }
 
-    /// Distance of a point from the surface, negative inside.
+    /// Signed distance of a point from the surface, negative inside.
     pub(super) fn signed_distance(&self, point: DVec3) -> f64 {
         let (_, depth) = self.deepest_plane(point);
         if depth <= 0.0 {
@@ -121,7 +123,7 @@ impl ConvexPolytope {
     }
 
     /// The face whose plane a point is farthest outside of, and that signed distance: negative inside the polyhedron,
-    /// infinite where it has no inside.
+    /// infinite if it has no inside.
     fn deepest_plane(&self, point: DVec3) -> (usize, f64) {
         if !self.solid {
             return (0, f64::INFINITY);
@@ -151,13 +153,14 @@ impl ConvexPolytope {
             for proximity in &mut found[before..] {
                 proximity.shape_point += proximity.normal * self.border;
                 proximity.distance -= self.border;
-                // How deep it is, the border tells.
+                // The border gives the depth.
                 proximity.crossing = false;
             }
         }
     }
 
-    /// Vertices inside the border that are not the closest of the triangle, over an edge or a corner, are as deep all the same.
+    /// Adds vertices inside the border, over an edge or a corner, that are not the closest of the triangle. They have a
+    /// depth too.
     fn add_vertices_in_border(&self, triangle: &[DVec3; 3], found: &mut Vec<ShapeProximity>, before: usize) {
         for (vertex, &position) in triangle.iter().enumerate() {
             let named = Feature::Vertex(vertex as u8);
@@ -185,7 +188,7 @@ impl ConvexPolytope {
         }
     }
 
-    /// Whether a number is that of a face.
+    /// Whether a feature number is that of a face.
     pub(super) fn is_face(&self, feature_number: u32) -> bool {
         (feature_number as usize) < self.corners.len()
     }
@@ -230,7 +233,7 @@ impl ConvexPolytope {
         }
     }
 
-    /// Whether the whole polyhedron lies behind the plane through `point` square to `normal`.
+    /// Whether the whole polyhedron is behind the plane through `point` that is perpendicular to `normal`.
     fn supports(&self, point: DVec3, normal: DVec3) -> bool {
         let slack = SUPPORT_SLACK * self.size;
         self.corners.iter().flatten().all(|corner| normal.dot(*corner - point) <= slack)
@@ -244,10 +247,10 @@ impl ConvexPolytope {
             FeaturePair { a: Feature::Edge(_), b: Feature::Face }
                 | FeaturePair { a: Feature::Face, b: Feature::Edge(_) }
         );
-        // A separation too short to have a direction is none.
+        // A separation that is too short to have a direction counts as none.
         let direction = if pierces || proximity.distance <= 0.0 { None } else { proximity.separation.try_normalize() };
         let (normal, distance) = if let Some(direction) = direction {
-            // The feature of a triangle may be near the surface of the polyhedron from within.
+            // The triangle's feature may be near the surface of the polyhedron from inside.
             if self.deepest_plane(point).1 < 0.0 {
                 (-direction, -proximity.distance)
             } else {
@@ -267,7 +270,8 @@ impl ConvexPolytope {
         }
     }
 
-    /// Where a crossing tells no direction: out of the face that is crossed, or of the triangle away from the center.
+    /// The normal where a crossing has no direction: out of the crossed face, or that of the triangle, away from the
+    /// center.
     fn way_out(&self, triangle: &[DVec3; 3], face: usize, features: FeaturePair) -> DVec3 {
         if features.a != Feature::Face {
             return self.ways_out[face];
@@ -315,7 +319,7 @@ impl ConvexPolytope {
     }
 }
 
-/// Unit normal of a face; zero where it has no area, or is a sliver so narrow that its plane cuts off other corners.
+/// Unit normal of a face. Zero if it has no area, or is a sliver so narrow that its plane cuts off other corners.
 fn plane_normal(corners: &[DVec3; 3], points: &[Vec3], size: f64, solid: bool) -> DVec3 {
     let normal = face_normal(corners);
     let twice_area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();

@@ -16,19 +16,19 @@ use super::{
     polytope::ConvexPolytope,
 };
 
-/// No size and no coordinate is larger: products of four of them, as parry forms in f32, would be near its end, and no game is
+/// The limit of sizes and coordinates. Products of larger ones, as parry forms in f32, would overflow, and no game is
 /// as large.
 const LARGEST: f32 = 1.0e15;
 
 impl ShapeGeometry {
-    /// Prepares a shape: a ball, capsule, cuboid, convex polyhedron, cylinder or cone, rounded or not, a triangle, a segment, a
-    /// half-space, or a compound of these except half-spaces.
+    /// Prepares a shape: a ball, capsule, cuboid, convex polyhedron, cylinder, or cone, rounded or not, a triangle, a
+    /// segment, a half-space, or a compound of these except half-spaces.
     ///
     /// # Errors
-    /// Where a size is not finite, negative or beyond 1e15, or the shape is of another kind.
+    /// If a size is not finite, negative, or beyond 1e15, or the kind of shape is not supported. See [`ShapeError`].
     pub fn new(shape: &SharedShape) -> Result<Self, ShapeError> {
-        // A shape of the user's own may panic, and parry may over points that no check foresees. Nothing of the shape is changed
-        // by looking at it, so it is as good afterwards as before.
+        // A custom shape may panic, and so may parry, on points that no check foresees. Reading a shape changes nothing
+        // in it, so it stays valid after a panic.
         catch_unwind(AssertUnwindSafe(|| prepare(shape))).unwrap_or(Err(ShapeError::Unsupported))
     }
 }
@@ -106,10 +106,10 @@ fn cuboid(half: Vec3, border: f32) -> Result<ShapeGeometry, ShapeError> {
 fn polyhedron(solid: &ConvexPolyhedron, border: f32) -> Result<ShapeGeometry, ShapeError> {
     points(solid.points())?;
     sizes([border; 3])?;
-    // Not the polyhedron's own triangles: parry joins facets that are nearly in one plane and may cut the polygon into
+    // Not the polyhedron's own triangles: parry joins facets that are nearly in one plane, and may cut the polygon into
     // triangles that face inward, for which every point inside is outside.
     let hull = || try_convex_hull(solid.points()).unwrap_or_else(|_| solid.to_trimesh());
-    // parry gives up on some points that are nearly in one plane by a panic.
+    // parry panics on some points that are nearly in one plane.
     let (points, triangles) = catch_unwind(AssertUnwindSafe(hull)).map_err(|_| ShapeError::NoFaces)?;
     polytope(&points, &triangles, border)
 }

@@ -8,7 +8,7 @@ use crate::kernel::{
     mesh::{barycentric::point_at, feature::Feature, side::face_normal},
 };
 
-/// Both ends and what is between.
+/// Both ends, and the segment between them.
 pub(super) const FEATURES: usize = 3;
 
 pub(super) fn examine(
@@ -22,8 +22,8 @@ pub(super) fn examine(
     examine_pair(triangle, &[start, end, end], range + radius, scratch);
     let before = found.len();
     for proximity in &scratch.proximities {
-        // The segment stands for a triangle whose third corner repeats the second, a ball for one of three equal
-        // corners: whatever is there twice has the same number and is taken once.
+        // The segment is a triangle whose third corner repeats the second, and a ball one with three equal corners.
+        // Repeated features have the same number, and are taken once.
         let shape_feature = match proximity.features.b {
             _ if start == end => 0,
             Feature::Vertex(corner) => u32::from(corner.min(1)),
@@ -34,7 +34,7 @@ pub(super) fn examine(
             continue;
         }
         let crossing = proximity.distance <= 0.0;
-        // A separation too short to have a direction is none.
+        // A separation that is too short to have a direction counts as none.
         let apart = if crossing { None } else { proximity.separation.try_normalize() };
         let normal = apart.unwrap_or_else(|| way_out(triangle, end - start));
         let axis_point = point_at(&[start, end, end], &proximity.barycentric_b);
@@ -54,7 +54,8 @@ pub(super) fn examine(
     }
 }
 
-/// Where a triangle cuts the axis: its normal; of one without area, square to the axis; of a ball, upward.
+/// The normal where a triangle cuts the axis: the triangle's normal; perpendicular to the axis if the triangle has no
+/// area; upward for a ball.
 fn way_out(triangle: &[DVec3; 3], axis: DVec3) -> DVec3 {
     let square = || axis.try_normalize().map(|axis| axis.any_orthonormal_vector());
     face_normal(triangle).try_normalize().or_else(square).unwrap_or(DVec3::Y)

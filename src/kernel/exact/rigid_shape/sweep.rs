@@ -1,29 +1,31 @@
-//! Shapes as triangle meshes with a radius, for continuous collision.
+//! Shapes as triangle meshes with a radius, for continuous collision detection.
 
 use glam::{DVec3, Vec3};
 
 use super::{ShapeGeometry, frustum::Frustum, polytope::ConvexPolytope};
 
-/// Sides of the mesh that stands for a cylinder or a cone: between its edges it is 7.5e-5 of the radius inside the surface.
+/// Sides of the mesh that approximates a cylinder or a cone. Between its edges the mesh is 7.5e-5 of the radius inside
+/// the surface.
 const SEGMENTS: u32 = 256;
-/// Cosine and sine of a whole turn divided by [`SEGMENTS`].
+/// Cosine and sine of a full turn divided by [`SEGMENTS`].
 const STEP: [f64; 2] = [0.999_698_818_696_204_2, 0.024_541_228_522_912_288];
 
 /// All points within a radius of some triangles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepPart {
-    /// In the frame of the shape.
+    /// Vertices, in the frame of the shape.
     pub points: Vec<Vec3>,
-    /// Numbers of points, counter-clockwise from outside where they enclose something. A segment is a triangle whose last two
-    /// corners are in one place, a ball's center one of three.
+    /// Vertex indices, counter-clockwise from outside if the triangles enclose something. A segment is a triangle whose
+    /// last two corners coincide, and the center of a ball one whose three corners coincide.
     pub triangles: Vec<[u32; 3]>,
-    /// 0 or more.
+    /// The radius, 0 or more.
     pub radius: f32,
 }
 
 impl ShapeGeometry {
-    /// The shape as meshes with a radius: one for each part of a compound, none for a half-space. Cylinders and cones have 256
-    /// sides, whose edges are on the surface, and whose middles are at most 7.5e-5 of the radius inside; all others are as they are.
+    /// The shape as meshes with a radius: one for each part of a compound, none for a half-space. Cylinders and cones
+    /// have 256 sides. Their edges are on the surface, and their middles at most 7.5e-5 of the radius inside. All other
+    /// shapes are exact.
     #[must_use]
     pub fn sweep_parts(&self) -> Vec<SweepPart> {
         match self {
@@ -61,7 +63,7 @@ fn of_polytope(polytope: &ConvexPolytope) -> SweepPart {
     SweepPart { points, triangles: topology.triangles().to_vec(), radius: polytope.border() as f32 }
 }
 
-/// Centers of both caps, then the rims; the top rim of a cone is its apex alone.
+/// The centers of both caps, then the rims. The top of a cone is its apex alone.
 fn of_frustum(frustum: &Frustum) -> SweepPart {
     const BOTTOM: u32 = 0;
     const TOP: u32 = 1;

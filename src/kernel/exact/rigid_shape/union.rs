@@ -1,9 +1,9 @@
 //! The shortest way out of a union of convex parts, for a point inside.
 //!
-//! To be outside a convex part is to be beyond one of its planes. So the nearest point outside all is, for some choice of one
-//! plane of each part that is in the way, the projection onto what lies beyond all chosen planes. The choices are searched depth
-//! first, and those that are already farther than the best are cut off. Of curved parts the planes that are nearest to the
-//! point at hand stand for all, which may lead a little farther than needed, never to a point inside.
+//! Outside a convex part means beyond one of its planes. The nearest point outside all parts is therefore, for some
+//! choice of one plane for each part in the way, the projection onto what is beyond all chosen planes. The choices are
+//! searched depth first, and cut off once they are farther than the best. For curved parts, the planes nearest to the
+//! current point represent all. This may lead a little farther than needed, never to a point inside.
 
 use glam::DVec3;
 
@@ -13,16 +13,16 @@ use super::{
     rounded,
 };
 
-/// More planes than this at once determine no point of space.
+/// More planes than this at once do not determine a point.
 const MOST_PLANES: usize = 3;
 
-/// Halvings of a length of the whole compound, to what f64 resolves.
+/// Bisection steps from the size of the whole compound down to the resolution of f64.
 const HALVINGS: usize = 60;
 
-/// Share of a seam by which a place on a surface may seem to be inside.
+/// Share of a seam by which a point on a surface may seem to be inside because of rounding.
 const LEFT_ROUNDING: f64 = 1.0e-3;
 
-/// A plane to be beyond: its unit normal, and the height along it.
+/// A plane to get beyond: its unit normal, and its height along the normal.
 #[derive(Clone, Copy)]
 struct Plane {
     normal: DVec3,
@@ -36,21 +36,21 @@ struct Search<'a> {
 }
 
 impl Compound {
-    /// A contact that led from one part into another, led out of the union instead: to the nearest point outside. `None` where
-    /// `point`, its place on the triangle, is outside already.
+    /// Redirects a contact that leads from one part into another, so that it leads out of the union, to the nearest
+    /// point outside. `None` if `point`, its place on the triangle, is outside already.
     pub(super) fn led_out(&self, point: DVec3, proximity: ShapeProximity) -> Option<ShapeProximity> {
         let mut search = Search { compound: self, from: point, best: None };
         search.descend(&mut Vec::with_capacity(MOST_PLANES), point, proximity.normal);
         let place = search.best.map_or_else(|| self.straight_out(point, proximity.normal), |(_, place)| place);
         let way = place - point;
-        // On the surface itself, the direction that the part gave leads into another one.
+        // A point without a way is on the surface itself, where the direction of the part leads into another part.
         let normal = way.try_normalize()?;
         Some(ShapeProximity { shape_point: place, normal, distance: -way.length(), crossing: false, ..proximity })
     }
 }
 
 impl Compound {
-    /// Where the shortest of a few straight ways leaves the union: of places that too many parts share for a search.
+    /// Where the shortest of a few straight ways leaves the union, for places that too many parts share for a search.
     fn straight_out(&self, point: DVec3, outward: DVec3) -> DVec3 {
         let axes = [DVec3::X, DVec3::Y, DVec3::Z];
         let directions = axes.into_iter().chain(axes.map(|axis| -axis)).chain([outward]);
@@ -58,10 +58,10 @@ impl Compound {
         let across = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length() + self.seam();
         let leaves_after = |direction: DVec3| {
             let mut gone = 0.0;
-            // Each part is left once: a straight way never enters a convex part again.
+            // Each part is left once: a straight line never enters a convex part again.
             for _ in 0..self.parts().len() {
                 let (here, past) = (point + direction * gone, point + direction * (gone + self.seam()));
-                // Of what was left just now, the place is outside but for rounding.
+                // Because of rounding, the point may be slightly inside the part that was left last.
                 let rounding = LEFT_ROUNDING * self.seam();
                 let leads_into =
                     |part: &&Part| part.signed_distance(past) < 0.0 || part.signed_distance(here) < -rounding;
@@ -84,7 +84,7 @@ impl Compound {
 }
 
 impl Search<'_> {
-    /// `place`: the nearest point beyond the chosen planes; `outward`: the direction of the last.
+    /// `place` is the nearest point beyond the chosen planes, and `outward` the direction in which to probe from there.
     fn descend(&mut self, chosen: &mut Vec<Plane>, place: DVec3, outward: DVec3) {
         let distance = place.distance(self.from);
         if self.best.is_some_and(|(best, _)| distance >= best) {
@@ -102,7 +102,8 @@ impl Search<'_> {
         for plane in planes(part, past) {
             chosen.push(plane);
             if let Some(next) = beyond(self.from, chosen) {
-                // Away from every plane that it is on: the way there may lead down onto one, where two parts meet.
+                // Away from every plane that the point is on: the way there may lead down onto a plane where two parts
+                // meet.
                 let slack = self.compound.seam();
                 let touched = chosen.iter().filter(|plane| plane.normal.dot(next) <= plane.height + slack);
                 let outward = touched.map(|plane| plane.normal).sum::<DVec3>().try_normalize();
@@ -121,12 +122,12 @@ fn planes(part: &Part, point: DVec3) -> Vec<Plane> {
             let foot = rounded::foot(local, [*start, *end]);
             let square = || (*end - *start).try_normalize().map_or(DVec3::Y, |axis| axis.any_orthonormal_vector());
             let normal = (local - foot).try_normalize().unwrap_or_else(square);
-            // Around a segment any direction square to it leads out as well.
+            // Around a segment, any direction perpendicular to it leads out too.
             vec![(normal, normal.dot(foot) + radius)]
         }
         ShapeGeometry::Polytope(polytope) => polytope.planes().collect(),
         ShapeGeometry::Convex(frustum) => frustum.planes(local).to_vec(),
-        // Parts of a compound are neither.
+        // Compounds do not contain these.
         ShapeGeometry::HalfSpace { .. } | ShapeGeometry::Compound(_) => Vec::new(),
     };
     let moved = |(normal, height): (DVec3, f64)| {
@@ -136,8 +137,8 @@ fn planes(part: &Part, point: DVec3) -> Vec<Plane> {
     own.into_iter().map(moved).collect()
 }
 
-/// The nearest point to `from` that is on or beyond all planes (three at most): the nearest of the projections on each subset of
-/// them that is beyond the others; `None` where there is no such point.
+/// The nearest point to `from` that is on or beyond all planes (three at most): the nearest of the projections onto
+/// each subset of them that is beyond the others. `None` if there is no such point.
 fn beyond(from: DVec3, planes: &[Plane]) -> Option<DVec3> {
     let slack = 1.0e-9 * planes.iter().map(|plane| plane.height.abs()).fold(from.abs().max_element(), f64::max);
     let is_beyond = |point: &DVec3| planes.iter().all(|plane| plane.normal.dot(*point) >= plane.height - slack);
@@ -151,7 +152,7 @@ fn beyond(from: DVec3, planes: &[Plane]) -> Option<DVec3> {
         .min_by(|one, other| one.distance_squared(from).total_cmp(&other.distance_squared(from)))
 }
 
-/// The nearest point on all planes: `None` where they do not meet in one place.
+/// The nearest point on all planes. `None` if their normals are linearly dependent.
 fn projection(from: DVec3, planes: &[Plane]) -> Option<DVec3> {
     let lift = |plane: &Plane| plane.height - plane.normal.dot(from);
     let determinant_is_clear = |determinant: f64| determinant.abs() > 1.0e-9;

@@ -1,6 +1,6 @@
 //! The features of eight pairs of triangles, case by case.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f64x8, mask64x8, prelude::*, u64x8};
 
@@ -10,7 +10,7 @@ use crate::kernel::{
     simd::lanes::DoubleVectorLanes,
 };
 
-/// The least squared distance and whose it is.
+/// The smallest squared distance, and its case.
 struct Nearest<S: Simd> {
     distance_squared: f64x8<S>,
     case: u64x8<S>,
@@ -30,10 +30,10 @@ impl<S: Simd> Nearest<S> {
     }
 }
 
-/// The cases found, one bit each, the least squared distance, and whose it is.
+/// The cases found, one bit each, the smallest squared distance, and its case.
 pub(super) struct Found<S: Simd> {
     pub(super) cases: u64x8<S>,
-    /// The least squared distance of a vertex from an edge.
+    /// The smallest squared distance of a vertex from an edge.
     pub(super) boundary: f64x8<S>,
     pub(super) nearest: f64x8<S>,
     pub(super) closest: u64x8<S>,
@@ -57,8 +57,8 @@ const EDGES: [[u64; 3]; 3] = [
     [bit(Cases::edges(2, 0)), bit(Cases::edges(2, 1)), bit(Cases::edges(2, 2))],
 ];
 
-/// Everything but edges through faces, up to a squared distance, which is finite. All that a corner or an edge of the first
-/// triangle has to do with one of the second is done in one go: the way between the two is read once.
+/// All cases except edges through faces, up to a squared distance, which is finite. Everything between a corner or edge
+/// of the first triangle and one of the second is done at once, so that the vector between them is read once.
 #[inline(always)]
 pub(super) fn features<S: Simd>(simd: S, rows: &mut Rows, limit: f64x8<S>) -> Found<S> {
     let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
@@ -120,14 +120,15 @@ pub(super) fn features<S: Simd>(simd: S, rows: &mut Rows, limit: f64x8<S>) -> Fo
         faces.add(distance_squared, case);
         rows.heights[1][j].store(height);
     }
-    // Of those equally close the boundaries come first, and edges after vertices over faces.
+    // Of equally close cases, boundaries come first, then vertices over faces, then edges.
     faces.add(edges.distance_squared, edges.case);
     let nearest = faces.distance_squared.min(boundary);
     let closest = faces.distance_squared.simd_lt(boundary).select(faces.case, u64x8::splat(simd, 0));
     Found { cases, boundary, nearest, closest }
 }
 
-/// Where along an edge a point is closest, 0 to 1, and the squared distance, given the way between the edge's start and it.
+/// Where along an edge a point is closest, 0 to 1, and the squared distance, given the vector between the edge's start
+/// and the point.
 #[inline(always)]
 fn on_edge<S: Simd>(
     simd: S,
@@ -141,13 +142,13 @@ fn on_edge<S: Simd>(
     (along, between.dot(between))
 }
 
-/// Of a face without an area no area is positive, and the distance is no number, or infinite.
+/// For a face without area, no area is positive, and the distance is NaN or infinite.
 #[inline(always)]
 fn over_face<S: Simd>(least_area: f64x8<S>, height: f64x8<S>, inverse: f64x8<S>, nowhere: f64x8<S>) -> f64x8<S> {
     least_area.simd_gt(0.0).select(height * height * inverse, nowhere)
 }
 
-/// The volumes between an edge of either triangle and the other's edges, the least of them and the largest.
+/// The smallest and the largest volume between an edge of one triangle and the other's edges.
 #[inline(always)]
 fn volumes<S: Simd>(simd: S, rows: &Rows, side: usize, edge: usize) -> (f64x8<S>, f64x8<S>) {
     let volumes = &rows.volumes;
@@ -167,8 +168,8 @@ fn ends<S: Simd>(simd: S, rows: &Rows, side: usize, edge: usize) -> (f64x8<S>, f
     (heights[edge].load(simd), heights[(edge + 1) % 3].load(simd))
 }
 
-/// The edges whose ends may lie on different sides of the other face's plane, and which that face's edges may all pass on the
-/// same side.
+/// The edges whose ends may be on different sides of the other face's plane, and which that face's edges may all pass
+/// on the same side.
 #[inline(always)]
 pub(super) fn may_pierce<S: Simd>(simd: S, rows: &Rows, rounding: f64x8<S>) -> u64x8<S> {
     let mut cases = u64x8::splat(simd, 0);
@@ -186,7 +187,7 @@ pub(super) fn may_pierce<S: Simd>(simd: S, rows: &Rows, rounding: f64x8<S>) -> u
     cases
 }
 
-/// The edges about which neither is in doubt.
+/// The edges that certainly pierce a face: neither condition of [`may_pierce`] is in doubt.
 #[inline(always)]
 pub(super) fn certainly_pierce<S: Simd>(simd: S, rows: &Rows, rounding: f64x8<S>, firm: f64x8<S>) -> u64x8<S> {
     let mut cases = u64x8::splat(simd, 0);

@@ -1,6 +1,6 @@
-//! The corners of eight triangles, from their rows to the lanes.
+//! Transposes the corners of eight triangles from their rows into lanes.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f32x8, f64x8, prelude::*};
 
@@ -10,7 +10,7 @@ use crate::kernel::{
     simd::lanes::{DoubleVectorLanes, WIDTH, columns_from, widened},
 };
 
-/// The corners of eight triangles, one number to the lanes, moved as [`Pose::transform_point`] does it.
+/// The corners of eight triangles, transformed like [`Pose::transform_point`].
 #[inline(always)]
 pub(super) fn corners_in_lanes<S: Simd>(
     simd: S,
@@ -27,7 +27,7 @@ pub(super) fn corners_in_lanes<S: Simd>(
     [corners[0].moved(simd, pose), corners[1].moved(simd, pose), corners[2].moved(simd, pose)]
 }
 
-/// The nine numbers of eight triangles.
+/// The nine coordinates of eight triangles.
 #[inline(always)]
 fn numbers_in_lanes<S: Simd>(simd: S, rows: &[&CornerRow; WIDTH]) -> [f64x8<S>; 9] {
     let mut all: [&[f32]; WIDTH] = [&[]; WIDTH];

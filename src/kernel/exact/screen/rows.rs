@@ -1,9 +1,9 @@
-//! Eight pairs of triangles in memory, for a screen that goes through their corners and edges one by one.
+//! Eight pairs of triangles in memory, for a screen that loops over their corners and edges.
 //!
-//! A pair has more numbers than there are registers: kept in memory they are read where they are needed, and a loop over
+//! A pair has more numbers than there are registers. In memory they are read where they are needed, and a loop over
 //! corners and edges stays short.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f64x8, prelude::*, u64x8};
 
@@ -12,7 +12,7 @@ use crate::kernel::{
     simd::lanes::{DoubleVectorLanes, DoubleVectorRows, WIDTH},
 };
 
-/// A number of each of eight pairs.
+/// One number per pair.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 pub(super) struct Numbers([f64; WIDTH]);
@@ -29,28 +29,29 @@ impl Numbers {
     }
 }
 
-/// Eight pairs of triangles. What there is of either is of the first triangle first.
+/// Eight pairs of triangles. The first index is the triangle, where a number belongs to one.
 ///
-/// All ways are those from a corner of the first triangle to one of the second, and the second's edges are taken backwards:
-/// seen from the other end a way and an edge both change their sign, so that every product is the one that `triangle_pair`
-/// computes, or its exact negative where that makes no difference.
+/// All vectors lead from a corner of the first triangle to a corner of the second, and the edges of the second are
+/// reversed. Seen from the other end, a vector and an edge both change their sign, so every product is the one that
+/// `triangle_pair` computes, or its exact negative where that makes no difference.
 pub(super) struct Rows {
     /// From each corner of the first triangle to each of the second.
     pub(super) ways: [[DoubleVectorRows; 3]; 3],
     pub(super) edges: [[DoubleVectorRows; 3]; 2],
     pub(super) lengths_squared: [[Numbers; 3]; 2],
-    /// Of those, or 0.
+    /// Inverse squared lengths, or 0.
     pub(super) inverses: [[Numbers; 3]; 2],
     pub(super) normals: [DoubleVectorRows; 2],
-    /// In the plane, at right angles to each edge, away from it to the inside.
+    /// In the plane, perpendicular to each edge, toward the inside.
     pub(super) inward: [[DoubleVectorRows; 3]; 2],
     /// The squared distance of every vertex from every edge, in the order of `BoundaryCases`.
     pub(super) boundaries: [Numbers; 18],
-    /// Where along the edge it is closest.
+    /// Where along the edge the vertex is closest.
     pub(super) alongs: [Numbers; 18],
-    /// Six times the volume between two edges, but for the sign, which is right for all or wrong for all.
+    /// Six times the volume between two edges. The sign is correct for all, or wrong for all.
     pub(super) volumes: [[Numbers; 3]; 3],
-    /// How high each vertex is over the other's face, in lengths of its normal: all of them from above or all from below.
+    /// Height of each vertex over the other's face, multiplied by the length of the normal: all of them from above, or
+    /// all from below.
     pub(super) heights: [[Numbers; 3]; 2],
 }
 
@@ -71,7 +72,8 @@ impl Rows {
         }
     };
 
-    /// Takes the second and third corner of one triangle, whose first one is the origin, and the corners of the other.
+    /// Takes the second and third corner of one triangle, whose first corner is the origin, and the corners of the
+    /// other.
     #[inline(always)]
     pub(super) fn set<S: Simd>(
         &mut self,
@@ -102,7 +104,7 @@ impl Rows {
         }
     }
 
-    /// The vertices and edges that are no farther apart than that, one bit each.
+    /// The vertices and edges whose squared distance is at most `most`, one bit each.
     #[inline(always)]
     pub(super) fn boundaries_within<S: Simd>(&self, simd: S, most: f64x8<S>) -> u64x8<S> {
         let mut within = u64x8::splat(simd, 0);
@@ -112,7 +114,7 @@ impl Rows {
         within
     }
 
-    /// Those of which the vertex is closest to the start of the edge, and those to its end.
+    /// Where the vertex is closest to the start of the edge, and where it is closest to its end.
     #[inline(always)]
     pub(super) fn at_ends<S: Simd>(&self, simd: S) -> [u64x8<S>; 2] {
         let (mut at_start, mut at_end) = (u64x8::splat(simd, 0), u64x8::splat(simd, 0));

@@ -1,6 +1,6 @@
-//! Up to eight candidate pairs that were screened side by side: what of them needs no look at a pair alone.
+//! Up to eight candidate pairs that were screened together: everything that needs no test of a single pair.
 
-#![expect(clippy::inline_always, reason = "parts of one loop, which are to be compiled as one")]
+#![expect(clippy::inline_always, reason = "parts of one loop that must be compiled as one")]
 
 use std::hint::select_unpredictable;
 
@@ -24,19 +24,19 @@ use crate::kernel::{
 
 /// What a block of pairs reports.
 pub(super) struct BlockReports<'a> {
-    /// Of the pairs that are near.
+    /// The reports of the pairs that are near.
     pub(super) reports: Reports<'a>,
-    /// What else of each pair is reported if it is there, and what of that other pairs may report, too.
+    /// The cases that each pair reports if they are there, and those of them that other pairs may report too.
     chosen: [[u64; WIDTH]; 2],
-    /// Pairs to be examined alone: those of which there is no telling whether they cross, and where points coincide a surface
-    /// with an inside has a way out of its own.
+    /// Pairs to examine by themselves: those that may or may not cross, and those that cross where a surface has an
+    /// inside, which then has its own way out.
     pub(super) examined: u32,
-    /// Pairs of which boundaries meet without any distance, and thereby without a direction.
+    /// Pairs whose boundaries meet at distance 0, and thus without a direction.
     pub(super) meeting: u32,
 }
 
 impl BlockReports<'_> {
-    /// What a pair reports if it is there.
+    /// The features that a pair reports if they are there.
     pub(super) fn of(&self, place: usize) -> Reported {
         let [cases, shared] = [self.chosen[0][place], self.chosen[1][place]].map(Cases::from_bits);
         Reported { cases, shared }
@@ -48,7 +48,7 @@ pub(super) struct Block<'a> {
     pub(super) sides: [&'a SurfaceSide<'a>; 2],
     pub(super) settings: &'a PairSettings,
     pub(super) pairs: &'a [[u32; 2]],
-    /// The rows of either triangle; of fewer pairs than eight the last one fills up.
+    /// The rows of both triangles. The last pair fills unused lanes.
     pub(super) rows: [[&'a CornerRow; WIDTH]; 2],
     pub(super) screen: &'a PairScreen,
     pub(super) screened: Screened,
@@ -61,7 +61,7 @@ impl<'a> Block<'a> {
         RowPair { sides: self.sides, triangles: self.pairs[place], rows }
     }
 
-    /// Pairs that share a vertex, of a surface with itself: neighbors, which are no pairs.
+    /// Pairs of a self-collision that share a vertex: neighbors, which are not tested.
     #[inline(always)]
     pub(super) fn neighbors(&self) -> u32 {
         if !self.settings.same_surface {
@@ -72,8 +72,7 @@ impl<'a> Block<'a> {
         neighbors.fold(0, |bits, place| bits | 1 << place)
     }
 
-    /// What pairs of which it is `asked` report, the `near` ones without a look at them alone, of which some are to be looked
-    /// at alone nevertheless.
+    /// What the `asked` pairs report. The `near` ones need no test of a single pair, with a few exceptions.
     #[inline(always)]
     pub(super) fn reports<S: Simd>(&self, simd: S, asked: u32, near: u32, choice: &impl Choice) -> BlockReports<'a> {
         let none = u64x8::splat(simd, 0);
@@ -103,7 +102,7 @@ impl<'a> Block<'a> {
         let [counting, shared] = [u64x8::from_slice(simd, &chosen[0]), u64x8::from_slice(simd, &chosen[1])];
         let distances = f64x8::from_slice(simd, self.screen.distances());
         let is_reported = distances.simd_le(self.settings.reported_distance);
-        // Of those on boundaries some are farther than the nearest, by as much as makes no difference.
+        // Boundary features may be farther than the nearest one, by a share of `TIE`.
         let certain = (distances * (1.0 + TIE)).simd_le(self.settings.reported_distance);
         let on_boundary = is(near & self.screened.on_boundary) & is_reported;
         let boundary = (on_boundary & is(!meets)).select(u64x8::from_slice(simd, &boundary), none);
@@ -130,7 +129,7 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Adds pairs that are near by their distances.
+    /// Adds the near pairs, with the distances of the screen.
     #[inline(always)]
     pub(super) fn add_pairs(&self, near: u32, found: &mut FoundPairs) {
         let touching = near & self.screened.touching;
@@ -140,7 +139,7 @@ impl<'a> Block<'a> {
         let room = &mut found.touching[before..];
         let mut count = 0;
         for (place, &[triangle_a, triangle_b]) in self.pairs.iter().enumerate() {
-            // Those that do not touch are written over.
+            // Pairs that do not touch get overwritten.
             room[count] = TouchingPair { triangle_a, triangle_b, distance: distances[place % WIDTH] };
             count += (touching >> place & 1) as usize;
         }
@@ -153,13 +152,13 @@ impl<'a> Block<'a> {
         found.nearest = least(found.nearest, least(least(first, second), least(third, fourth)));
     }
 
-    /// Adds one pair that is near by its distance.
+    /// Adds one near pair, with the distance of the screen.
     #[inline(always)]
     pub(super) fn add_pair(&self, place: usize, found: &mut FoundPairs) {
         add_pair(self.pairs[place], self.screen.distances()[place], self.settings, found);
     }
 
-    /// Adds what is on the boundaries of both triangles of a pair without any distance, each for itself.
+    /// Adds contacts for the boundary features of a pair at distance 0, one by one.
     pub(super) fn add_boundaries(
         &self,
         place: usize,
@@ -179,8 +178,8 @@ impl<'a> Block<'a> {
         }
     }
 
-    /// Tests a pair by itself and adds what it amounts to. Returns a lower bound of its distance where it is not within range
-    /// after all, and such are wanted.
+    /// Tests a pair by itself and adds the result. Returns a lower bound of its distance if it is not within range
+    /// after all and bounds are requested.
     pub(super) fn add_examined(
         &self,
         place: usize,
@@ -203,7 +202,7 @@ impl<'a> Block<'a> {
     }
 }
 
-/// The less of two numbers.
+/// The smaller of two numbers.
 #[inline(always)]
 fn least(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }

@@ -1,4 +1,4 @@
-//! The contact between two features of a pair that is looked at alone.
+//! The contact between two features of a pair that is examined by itself.
 
 use glam::DVec3;
 
@@ -26,8 +26,8 @@ pub(super) fn numbers(
     ]
 }
 
-/// A contact between features of these `numbers`.
-#[expect(clippy::too_many_arguments, reason = "a pair, what is known of it, and what of it meets")]
+/// A contact between features with these `numbers`.
+#[expect(clippy::too_many_arguments, reason = "a pair, what is known about it, and its features in contact")]
 pub(super) fn contact(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -59,16 +59,16 @@ pub(super) fn contact(
     )
 }
 
-/// Unit vector along a separation; `None` where there is none.
+/// Unit vector along a separation, or `None` if it has no direction.
 fn direction_of(separation: DVec3) -> Option<DVec3> {
-    // 2^512: squares of what is shorter than its inverse have lost precision to the end of f64, or all of it.
+    // 2^512. Squares of lengths below its inverse have lost precision at the lower end of f64, or all of it.
     const LARGE: f64 = f64::from_bits((1023 + 512) << 52);
     let separation = if separation.length_squared() * LARGE < 1.0 { separation * LARGE } else { separation };
     separation.try_normalize()
 }
 
-/// A direction where the points coincide: the normal of the face that is met or pierced, else that of two edges. Out
-/// of a one-sided surface; of a two-sided one towards the side where more of the first side lies.
+/// A direction for points that coincide: the normal of the face that is met or pierced, otherwise that of two edges. It
+/// points out of a one-sided surface, and for a two-sided one toward the side where more of the first side lies.
 fn way_out(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,

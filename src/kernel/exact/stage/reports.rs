@@ -1,6 +1,6 @@
-//! Which features of a pair of triangles the pair reports, so that mostly each is reported once.
+//! Which features a pair of triangles reports, so that most features are reported once.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{mask64x8, prelude::*, u64x8};
 
@@ -17,16 +17,16 @@ use crate::kernel::{
     simd::lanes::WIDTH,
 };
 
-/// Which features of a pair it reports.
+/// The features that a pair reports.
 #[derive(Clone, Copy)]
 pub(super) struct Reported {
     pub(super) cases: Cases,
-    /// Those of them that other pairs may report, too, and maybe others.
+    /// Those of them that other pairs may report too, and possibly others.
     pub(super) shared: Cases,
 }
 
 impl Reported {
-    /// Adds a case if it is reported, and whether it is shared.
+    /// Adds a case if it is reported. `is_shared` is `None` if it is not.
     fn add(&mut self, case: Cases, is_shared: Option<bool>) {
         if let Some(is_shared) = is_shared {
             self.cases = self.cases.or(case);
@@ -34,14 +34,14 @@ impl Reported {
         }
     }
 
-    /// Whether other pairs may report these features, too.
+    /// Whether other pairs may report these features too.
     pub(super) fn is_shared(self, features: FeaturePair) -> bool {
         let case = Cases::of(features);
         case.without_boundary().are_none() || self.shared.contain(case)
     }
 }
 
-/// Which features of eight pairs they report.
+/// The features that eight pairs report.
 #[derive(Clone, Copy)]
 pub(super) struct ReportedLanes<S: Simd> {
     pub(super) cases: CaseLanes<S>,
@@ -50,7 +50,7 @@ pub(super) struct ReportedLanes<S: Simd> {
     pub(super) others: mask64x8<S>,
 }
 
-/// Those of the cases of eight pairs that they report, see [`reports`], as far as they are first at them.
+/// The cases that eight pairs report because their triangles are the first around both features, see [`reports`].
 #[inline(always)]
 pub(super) fn reported_as_first<S: Simd>(
     simd: S,
@@ -74,7 +74,7 @@ pub(super) fn reported_as_first<S: Simd>(
     ReportedLanes { cases: first, shared: CaseLanes(shared), others }
 }
 
-/// Adds those of other cases of a pair that it reports although there are triangles before its own around their features.
+/// Adds the other cases that a pair reports although its triangles are not the first around their features.
 #[inline(never)]
 pub(super) fn add_others(pair: &RowPair<'_>, same_surface: bool, cases: Cases, reported: &mut Reported) {
     let [a, b] = pair.sides;
@@ -94,9 +94,9 @@ pub(super) fn add_others(pair: &RowPair<'_>, same_surface: bool, cases: Cases, r
     }
 }
 
-/// Whether this pair of triangles reports a feature pair, and if so whether others may, too. The pair of the first triangles
-/// around both features does alone, unless those are neighbors, which are no pair: then every pair does that has both features,
-/// and only the first of them stays later, as of pairs that are closest on a boundary.
+/// Whether this pair of triangles reports a feature pair, and if so, whether others may too. Only the pair of the first
+/// triangles around both features reports it, unless these are neighbors, which are not a pair. Then every pair with
+/// both features reports it, and only the first contact is kept later, as for boundary features.
 pub(super) fn reports(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -140,8 +140,8 @@ pub(in crate::kernel) fn triangles_around<'a>(
     }
 }
 
-/// Whether `candidate` still has the feature of `triangle` at the same place: vertices that were welded because they
-/// coincided once may have moved apart since.
+/// Whether `candidate` still has the feature of `triangle` at the same place. Vertices that were welded at equal
+/// positions may have moved apart since.
 fn shares_feature(side: &SurfaceSide<'_>, triangle: u32, feature: Feature, candidate: u32) -> bool {
     if candidate == triangle || !side.topology.is_welded() {
         return true;

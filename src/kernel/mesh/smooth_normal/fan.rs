@@ -1,14 +1,14 @@
-//! The triangles around a vertex in their order, and the smooth normal that they give it.
+//! The triangles around a vertex in cyclic order, and the smooth normal that they define.
 
 use glam::DVec3;
 
 use super::{CreaseAngle, FLAT, SurfacePlace};
 use crate::kernel::mesh::ids::{EdgeId, VertexId};
 
-/// What is on the other side of a triangle's edge.
+/// What is across an edge of a triangle.
 pub(super) enum Across {
     Nothing,
-    /// One triangle, whose own number of the edge is `edge`.
+    /// One triangle, in which the edge has the local index `edge`.
     Triangle {
         triangle: u32,
         edge: usize,
@@ -34,7 +34,7 @@ impl SurfacePlace<'_> {
         else {
             return Across::Nothing;
         };
-        // Vertices that were welded because they coincided once may have come apart since.
+        // Vertices that were welded at equal positions may have moved apart since.
         let (own, theirs) = (self.corners(triangle), self.corners(other));
         let (start, end) = (own[edge], own[(edge + 1) % 3]);
         let (other_start, other_end) = (theirs[other_edge], theirs[(other_edge + 1) % 3]);
@@ -45,7 +45,8 @@ impl SurfacePlace<'_> {
         }
     }
 
-    /// Unit vector in the plane of a triangle, away from it at one of its edges; zero where it has no area.
+    /// The unit vector in a triangle's plane that points away from it, perpendicular to one of its edges. Zero if it
+    /// has no area.
     pub(super) fn beyond(&self, triangle: u32, edge: usize) -> DVec3 {
         let corners = self.corners(triangle);
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
@@ -55,33 +56,35 @@ impl SurfacePlace<'_> {
 
 pub(super) struct FanFace {
     triangle: u32,
-    /// Unit normal on the side to which the first triangle's points.
+    /// Unit normal on the side to which the first triangle's normal points.
     pub(super) normal: DVec3,
     /// Its weight at the fan's vertex.
     weight: f64,
     circumradius: f64,
 }
 
-/// The triangles around a vertex in their order, as far as they are joined by edges of two triangles.
+/// The triangles around a vertex in cyclic order, joined by edges with two triangles.
 pub(super) struct Fan {
-    /// Those that have an area.
+    /// The triangles that have an area.
     pub(super) faces: Vec<FanFace>,
-    /// How smooth the step from each face to the next is, from the last to the first in a closed fan.
+    /// How smooth the step from each face to the next is. In a closed fan, the last entry is the step from the last
+    /// face to the first.
     links: Vec<f64>,
     closed: bool,
-    /// Away from the surface at both ends of an open fan; `None` where the end is an edge of more than two triangles.
+    /// Directions away from the surface at both ends of an open fan. `None` if the end is an edge with more than two
+    /// triangles.
     pub(super) ends: [Option<DVec3>; 2],
 }
 
-/// Where a walk around a vertex is.
+/// The current position of a walk around a vertex.
 #[derive(Clone, Copy)]
 struct Step {
     triangle: u32,
-    /// The vertex, as a corner of the triangle.
+    /// The corner of the triangle at the vertex.
     corner: usize,
-    /// The edge to leave by.
+    /// The edge to cross next.
     edge: usize,
-    /// Whether the triangle is wound like the first.
+    /// Whether the triangle has the same winding as the first one.
     alike: bool,
 }
 
@@ -91,7 +94,7 @@ impl Fan {
         let vertex = place.topology.welded_triangles()[own as usize][corner];
         let start = |edge: usize| Step { triangle: own, corner, edge, alike: true };
         let mut fan = Self { faces: Vec::with_capacity(8), links: Vec::new(), closed: false, ends: [None; 2] };
-        // Backward first, so that the faces stand in their order around the vertex.
+        // Backward first, so that the faces are in cyclic order.
         let end = walk(place, vertex, start(corner), |step| fan.push(place, step));
         fan.faces.reverse();
         fan.push(place, start(corner));
@@ -116,7 +119,7 @@ impl Fan {
         let cross = u.cross(v);
         let doubled_area = cross.length();
         let Some(normal) = cross.try_normalize() else { return };
-        // The sine of the angle over the lengths of its legs.
+        // The sine of the angle over the lengths of its two sides.
         let weight = doubled_area / (u.length_squared() * v.length_squared());
         let circumradius = u.length() * v.length() * (u - v).length() / (2.0 * doubled_area);
         if weight.is_finite() && circumradius.is_finite() && circumradius > 0.0 {
@@ -137,8 +140,8 @@ impl Fan {
         self.faces.iter().position(|face| face.triangle == triangle)
     }
 
-    /// The smooth normal of one of the faces at the vertex, and the curvature there. Faces across a crease have no part
-    /// in it.
+    /// The smooth normal of one of the faces at the vertex, and the curvature there. Faces across a crease do not
+    /// contribute.
     pub(super) fn corner_normal(&self, own: usize) -> Option<(DVec3, f64)> {
         if self.is_smooth() {
             return self.mean_normal(|_| 1.0);
@@ -160,11 +163,12 @@ impl Fan {
         self.mean_normal(|face| shares[face])
     }
 
-    /// The normal of the faces together, each by its share, and how far they bend away from it.
+    /// The mean of the normals, each multiplied by its share, and how far the faces bend away from it.
     fn mean_normal(&self, share: impl Fn(usize) -> f64) -> Option<(DVec3, f64)> {
         let faces = || self.faces.iter().enumerate().map(|(place, face)| (face, share(place)));
         let normal = faces().map(|(face, share)| face.normal * (face.weight * share)).sum::<DVec3>().try_normalize()?;
-        // Of faces on a sphere: the angle from the vertex to where the face touches the parallel plane, over that way.
+        // On a sphere: the angle between the normals of vertex and face, over the distance from the vertex to the
+        // circumcenter.
         let curvature = faces()
             .map(|(face, share)| share * (face.normal.distance(normal) - FLAT).max(0.0) / face.circumradius)
             .fold(0.0, f64::max);
@@ -174,11 +178,11 @@ impl Fan {
 
 /// How a walk around a vertex ends.
 enum End {
-    /// Where it began.
+    /// At its start.
     Closed,
     /// At a border, with the direction away from the surface.
     Border(DVec3),
-    /// At an edge of more than two triangles.
+    /// At an edge with more than two triangles.
     Several,
 }
 
@@ -191,11 +195,11 @@ impl End {
     }
 }
 
-/// Visits the triangles around a welded vertex after `start`, in the order in which they are met.
+/// Visits the triangles around a welded vertex after `start`, in walking order.
 fn walk(place: &SurfacePlace<'_>, vertex: u32, start: Step, mut visit: impl FnMut(Step)) -> End {
     let topology = place.topology;
     let mut at = start;
-    // Triangles that name a vertex twice may lead in a circle that does not come back.
+    // Triangles that name a vertex twice may form a cycle that does not lead back to the start.
     for _ in 0..=topology.triangles_of_vertex(VertexId(vertex)).len() {
         let (triangle, edge) = match place.across(at.triangle, at.edge) {
             Across::Triangle { triangle, edge } => (triangle, edge),

@@ -1,10 +1,10 @@
-//! Angles and their tangents, eight at a time: in double precision, rounded once.
+//! Angles and their tangents, eight at a time, computed in f64 and rounded once.
 //!
-//! Nothing but additions, multiplications and divisions, so that the results are the same on every platform. The
-//! coefficients interpolate the functions at Chebyshev nodes over the stated ranges (40 digits); the relative errors beside
-//! them are far below f32's half unit in the last place, 6e-8.
+//! Uses only additions, multiplications, and divisions, so that the results are the same on every platform. The
+//! coefficients interpolate the functions at Chebyshev nodes over the stated ranges (40 digits). The stated relative
+//! errors are far below half a unit in the last place of f32, 6e-8.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use core::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -12,7 +12,7 @@ use fearless_simd::{f32x8, f64x8, prelude::*};
 
 use super::{rounded, widened};
 
-/// tan(π/8), above which the difference of an angle from π/4 is the smaller one.
+/// tan(π/8). Above it, an angle is closer to π/4 than to 0.
 const TAN_EIGHTH: f64 = 0.414_213_562_373_095_03;
 
 /// atan(√z)/√z for z up to tan²(π/8), to 8e-13.
@@ -55,7 +55,7 @@ fn polynomial<S: Simd, const COUNT: usize>(coefficients: &[f64; COUNT], z: f64x8
     sum
 }
 
-/// The angle from the first axis of the plane to the direction (`x`, `y`), from −π to π; 0 where both are 0.
+/// The angle from the x axis to the direction (`x`, `y`), from −π to π; 0 if both are 0.
 #[inline(always)]
 pub(in crate::kernel) fn arc_tangent<S: Simd>(y: f32x8<S>, x: f32x8<S>) -> f32x8<S> {
     let (y, x) = (widened(y), widened(x));
@@ -63,7 +63,7 @@ pub(in crate::kernel) fn arc_tangent<S: Simd>(y: f32x8<S>, x: f32x8<S>) -> f32x8
     let (height, width) = (y.abs(), x.abs());
     let (low, high) = (height.min(width), height.max(width));
     let beyond = low.simd_gt(high * TAN_EIGHTH);
-    // The direction (0, 0) has no angle, and gets 0.
+    // The direction (0, 0) has no angle. It gets 0.
     let divisor = beyond.select(low + high, high).max(f64::MIN_POSITIVE);
     let ratio = beyond.select(low - high, low) / divisor;
     let start = beyond.select(f64x8::splat(y.simd, FRAC_PI_4), zero);
@@ -89,7 +89,7 @@ pub(in crate::kernel) fn sine_cosine<S: Simd>(angle: f32x8<S>) -> (f32x8<S>, f32
     let [none, one, two] = [0.0, FRAC_PI_2, PI].map(|angle_of| f64x8::splat(angle.simd, angle_of));
     let from = half_circle.select(two, quarter.select(one, none));
     let (sine, cosine) = small_sine_cosine(angle - from);
-    // A quarter on, a sine is a cosine and a cosine a negative sine; half a circle on, both change sign.
+    // A quarter turn maps a sine to a cosine, and a cosine to a negative sine. A half turn flips both signs.
     let turned_sine = quarter.select(cosine, sine);
     let turned_cosine = quarter.select(-sine, cosine);
     (rounded(half_circle.select(-sine, turned_sine)), rounded(half_circle.select(-cosine, turned_cosine)))
@@ -112,7 +112,7 @@ mod tests {
     use super::*;
     use crate::kernel::simd::lanes::WIDTH;
 
-    /// Half a unit in the last place of f32, and what double precision adds to it.
+    /// Half a unit in the last place of f32, plus the error of f64.
     const ROUNDED: f64 = 0.500_000_1;
 
     fn units(found: f32, expected: f64) -> f64 {
@@ -148,7 +148,7 @@ mod tests {
             }
         }
         println!("worst error in units of the last place: {worst:?}");
-        // f64's own sine of a rounded π is exact to 1e-16, of which a result near 0 has few units.
+        // The f64 sine of a rounded π is accurate to 1e-16, which counts in units of an f32 result near 0.
         assert!(worst.iter().all(|&units| units <= ROUNDED + 1.0e-3), "{worst:?}");
         assert!(worst.iter().all(|&units| units > 0.4), "nothing was rounded: {worst:?}");
     }

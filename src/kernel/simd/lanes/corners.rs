@@ -1,20 +1,20 @@
-//! Eight pairs of triangles side by side in double precision, not rounded even where a pose has moved them.
+//! Eight pairs of triangles in f64, unrounded even after a pose has transformed them.
 //!
-//! What the contacts of spheres are measured on: how far apart two triangles are at least, and the weights of their
-//! corners at a point. The same arithmetic in the same order as one pair at a time in `exact`.
+//! Sphere contacts are measured on these: a lower bound of the distance of two triangles, and the weights of their
+//! corners at a point. The operations have the same order as those for one pair at a time.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f32x8, f64x8, prelude::*};
 use glam::DVec3;
 
 use super::{DoubleVectorLanes, VectorLanes, rounded};
 
-/// The inverse of a length is finite where the length is more than 2^-1024, a quarter of the least normal number.
+/// The inverse of a length is finite if the length is greater than 2^-1024, a quarter of the smallest normal number.
 const LEAST_LENGTH: f64 = 0.25 * f64::MIN_POSITIVE;
 
 impl<S: Simd> DoubleVectorLanes<S> {
-    /// Of unit length, or `otherwise` where that cannot be told.
+    /// Normalizes, or returns `otherwise` where the length is not reliable.
     #[inline(always)]
     pub(in crate::kernel) fn normalized_or(self, otherwise: DVec3) -> Self {
         let simd = self.x.simd;
@@ -42,7 +42,7 @@ impl<S: Simd> CornerLanes<S> {
         (b - a).cross(c - a)
     }
 
-    /// The first two of the weights that `exact::barycentric_of` gives.
+    /// The first two weights of `barycentric::barycentric_of`.
     #[inline(always)]
     pub(in crate::kernel) fn barycentrics(&self, point: VectorLanes<S>) -> [f32x8<S>; 2] {
         let (point, normal) = (point.widened(), self.normal());
@@ -79,7 +79,7 @@ pub(in crate::kernel) struct TrianglePairLanes<S: Simd> {
 }
 
 impl<S: Simd> TrianglePairLanes<S> {
-    /// How far apart the axis-aligned boxes of two triangles are along the axis that parts them most; 0 where they
+    /// The gap between the axis-aligned boxes of two triangles along the axis that separates them most, or 0 if they
     /// overlap.
     #[inline(always)]
     pub(in crate::kernel) fn box_gap(&self) -> f64x8<S> {
@@ -88,7 +88,7 @@ impl<S: Simd> TrianglePairLanes<S> {
         apart.x.max(apart.y).max(apart.z).max(0.0)
     }
 
-    /// How far apart two triangles are along one of some unit directions, whichever parts them most; 0 where none does.
+    /// The gap between two triangles along the unit direction that separates them most, or 0 if none separates them.
     #[inline(always)]
     pub(in crate::kernel) fn gap_along<const COUNT: usize>(&self, directions: [VectorLanes<S>; COUNT]) -> f64x8<S> {
         let (a, b) = (&self.a.corners, &self.b.corners);

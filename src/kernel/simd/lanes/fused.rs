@@ -1,11 +1,11 @@
-//! Vectors of eight lanes as three numbers each, with products that are fused with sums where the processor can: for bounds,
-//! which hold however they are rounded, and not for numbers that are to be the same everywhere.
+//! Vectors of eight lanes as three numbers each, with fused multiply-add where the processor has it. Only for bounds,
+//! which hold however they are rounded, not for numbers that must be the same everywhere.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f32x8, prelude::*};
 
-/// One vector a lane.
+/// One vector per lane.
 pub(in crate::kernel) type Vectors<S> = [f32x8<S>; 3];
 
 #[inline(always)]

@@ -1,9 +1,9 @@
-//! Vectors of eight triangles or pairs side by side.
+//! Vectors of eight triangles or pairs, one per lane.
 //!
-//! What the sphere stages compute with, over the lanes of `fearless_simd`: a kernel is dispatched as a whole to the widest
-//! instructions that the machine has, and everything below it is inlined into it.
+//! Built on the lanes of `fearless_simd`. A kernel is dispatched as a whole to the widest instruction set of the
+//! machine, and everything below it is inlined into it.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 mod angles;
 mod corners;
@@ -26,13 +26,13 @@ pub(in crate::kernel) use self::{
 };
 use crate::kernel::pose::Pose;
 
-/// How many triangles or pairs are worked on at a time.
+/// How many triangles or pairs are processed at a time.
 pub(in crate::kernel) const WIDTH: usize = 8;
 
-/// The types of one precision.
+/// Declares the types of one precision.
 macro_rules! vectors {
     ($Lanes:ident, $Rows:ident, $numbers:ident, $mask:ident, $number:ty, $Vector:ident, $align:literal) => {
-        /// One vector of each of eight pairs.
+        /// One vector per lane.
         #[derive(Clone, Copy)]
         pub(in crate::kernel) struct $Lanes<S: Simd> {
             pub(in crate::kernel) x: $numbers<S>,
@@ -40,7 +40,7 @@ macro_rules! vectors {
             pub(in crate::kernel) z: $numbers<S>,
         }
 
-        /// The same in memory, where single lanes are read and written.
+        /// The same vectors in memory, where single lanes are read and written.
         #[derive(Clone, Copy, Debug)]
         #[repr(align($align))]
         pub(in crate::kernel) struct $Rows([[$number; WIDTH]; 3]);
@@ -90,7 +90,7 @@ macro_rules! vectors {
                 Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
             }
 
-            /// Unlike a difference from zero it turns the sign of zeros too.
+            /// Unlike a subtraction from zero, this also flips the sign of zeros.
             #[inline(always)]
             pub(in crate::kernel) fn negated(self) -> Self {
                 Self { x: -self.x, y: -self.y, z: -self.z }
@@ -146,7 +146,7 @@ vectors!(VectorLanes, VectorRows, f32x8, mask32x8, f32, Vec3, 32);
 vectors!(DoubleVectorLanes, DoubleVectorRows, f64x8, mask64x8, f64, DVec3, 64);
 
 impl<S: Simd> VectorLanes<S> {
-    /// One vector after the other: without a way through memory, where they would be written in parts and read as a whole.
+    /// Loads one vector per lane in registers only. In memory they would be written in parts and read back as a whole.
     #[inline(always)]
     pub(in crate::kernel) fn of(simd: S, vectors: [Vec3; WIDTH]) -> Self {
         let mut rows = [f32x4::splat(simd, 0.0); WIDTH];
@@ -164,7 +164,7 @@ impl<S: Simd> VectorLanes<S> {
         rows
     }
 
-    /// The first eight of some vectors, or fewer.
+    /// Loads the first eight vectors. If there are fewer, the other lanes are zero.
     #[inline(always)]
     pub(in crate::kernel) fn of_arrays(simd: S, vectors: &[[f32; 3]]) -> Self {
         let mut block = [Vec3::ZERO; WIDTH];
@@ -180,7 +180,7 @@ impl<S: Simd> VectorLanes<S> {
         Self::of(simd, block)
     }
 
-    /// Writes the first ones into memory, eight at most.
+    /// Writes the first lanes to memory, at most eight.
     #[inline(always)]
     pub(in crate::kernel) fn write<T: From<[f32; 3]>>(self, vectors: &mut [T]) {
         let rows = rows([self.x, self.y, self.z, self.z]);
@@ -200,7 +200,7 @@ impl<S: Simd> VectorLanes<S> {
         Self { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
     }
 
-    /// Points moved as [`Pose::transform_point`] does it, rounded once.
+    /// Transforms points like [`Pose::transform_point`], rounded once.
     #[inline(always)]
     pub(in crate::kernel) fn moved(self, simd: S, pose: Option<&Pose>) -> Self {
         self.widened().moved(simd, pose).rounded()
@@ -221,7 +221,7 @@ impl VectorRows {
 }
 
 impl<S: Simd> DoubleVectorLanes<S> {
-    /// Points moved as [`Pose::transform_point`] does it.
+    /// Transforms points like [`Pose::transform_point`].
     #[inline(always)]
     pub(in crate::kernel) fn moved(self, simd: S, pose: Option<&Pose>) -> Self {
         let Some(pose) = pose else { return self };
@@ -229,14 +229,14 @@ impl<S: Simd> DoubleVectorLanes<S> {
         self.turned(simd, &affine.matrix3).plus(Self::splat(simd, affine.translation))
     }
 
-    /// Directions turned as [`Pose::transform_direction`] does it.
+    /// Transforms directions like [`Pose::transform_direction`].
     #[inline(always)]
     pub(in crate::kernel) fn moved_direction(self, simd: S, pose: &Pose) -> Self {
         let (turned, scale) = (self.turned(simd, &pose.to_affine().matrix3), pose.scale());
         Self { x: turned.x / scale, y: turned.y / scale, z: turned.z / scale }
     }
 
-    /// Multiplied by a matrix as `glam` does it.
+    /// Multiplies by a matrix, in the operation order of `glam`.
     #[inline(always)]
     pub(in crate::kernel) fn turned(self, simd: S, matrix: &DMat3) -> Self {
         let [x, y, z] = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
@@ -250,21 +250,21 @@ impl<S: Simd> DoubleVectorLanes<S> {
     }
 }
 
-/// The same numbers in double precision.
+/// Converts to f64.
 #[inline(always)]
 pub(in crate::kernel) fn widened<S: Simd>(numbers: f32x8<S>) -> f64x8<S> {
     let (low, high) = numbers.widen();
     low.combine(high)
 }
 
-/// The nearest numbers in single precision.
+/// Rounds to the nearest f32.
 #[inline(always)]
 pub(in crate::kernel) fn rounded<S: Simd>(numbers: f64x8<S>) -> f32x8<S> {
     let (low, high) = numbers.split();
     low.narrow(high)
 }
 
-/// The numbers of eight lanes in memory.
+/// Stores the numbers of eight lanes.
 #[inline(always)]
 pub(in crate::kernel) fn stored<S: Simd>(numbers: f32x8<S>) -> [f32; WIDTH] {
     let mut row = [0.0; WIDTH];
@@ -272,7 +272,7 @@ pub(in crate::kernel) fn stored<S: Simd>(numbers: f32x8<S>) -> [f32; WIDTH] {
     row
 }
 
-/// The first eight of some numbers; where there are fewer, 0 in the other lanes.
+/// Loads the first eight numbers. If there are fewer, the other lanes are 0.
 #[inline(always)]
 pub(in crate::kernel) fn load_first<S: Simd>(simd: S, numbers: &[f32]) -> f32x8<S> {
     if let Some(numbers) = numbers.first_chunk::<WIDTH>() {
@@ -283,7 +283,7 @@ pub(in crate::kernel) fn load_first<S: Simd>(simd: S, numbers: &[f32]) -> f32x8<
     f32x8::from_slice(simd, &row)
 }
 
-/// Writes the numbers of the first lanes into memory, at most of eight.
+/// Writes the numbers of the first lanes to memory, at most eight.
 #[inline(always)]
 pub(in crate::kernel) fn store_first<S: Simd>(numbers: f32x8<S>, row: &mut [f32]) {
     if let Some(row) = row.first_chunk_mut::<WIDTH>() {
@@ -293,13 +293,13 @@ pub(in crate::kernel) fn store_first<S: Simd>(numbers: f32x8<S>, row: &mut [f32]
     }
 }
 
-/// One bit for each of some lanes, at least one of them.
+/// One bit for each of the first `count` lanes, at least one.
 #[inline(always)]
 pub(in crate::kernel) fn first_lanes(count: usize) -> u64 {
     u64::MAX >> (u64::BITS as usize - count)
 }
 
-/// The lanes whose bits are set, ascending.
+/// Iterates over the lanes whose bits are set, ascending.
 pub(in crate::kernel) struct SetLanes(pub(in crate::kernel) u32);
 
 impl Iterator for SetLanes {
@@ -313,13 +313,13 @@ impl Iterator for SetLanes {
     }
 }
 
-/// The three numbers of a vector, and nothing beside.
+/// The three coordinates of a vector, followed by 0.
 #[inline(always)]
 fn row<S: Simd>(simd: S, Vec3 { x, y, z }: Vec3) -> f32x4<S> {
     f32x4::load_array(simd, [x, y, z, 0.0])
 }
 
-/// Calls a function with every instruction set that the machine has, and with the least that the build is for.
+/// Calls a test with every instruction set of the machine, and with the baseline of the build.
 #[cfg(test)]
 macro_rules! by_all_instructions {
     ($test:ident) => {

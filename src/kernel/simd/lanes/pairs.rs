@@ -1,19 +1,19 @@
-//! Eight pairs of triangles side by side.
+//! Eight pairs of triangles.
 
 use fearless_simd::{f32x8, prelude::*};
 
 use super::VectorLanes;
 
-/// Of pairs of a larger extent nothing is known. Up to here a projection on any direction whose square is finite, below
-/// 1.9e19 long, is finite too; beyond, infinities of both signs would add up to what is no number and proves nothing.
+/// Nothing is known about pairs with a larger extent. Up to here, the projection on any direction with a finite square,
+/// shorter than 1.9e19, is finite too. Beyond, infinities of opposite signs would add up to NaN, which proves nothing.
 pub(in crate::kernel) const LARGEST_EXTENT: f32 = 1.0e18;
 
-/// Eight pairs of triangles, relative to the first triangle's first corner.
+/// Eight pairs of triangles, relative to the first corner of the first triangle.
 pub(in crate::kernel) struct PairLanes<S: Simd> {
     pub(in crate::kernel) a: [VectorLanes<S>; 3],
     pub(in crate::kernel) b: [VectorLanes<S>; 3],
-    /// Sum of the largest coordinates' magnitudes, which no projection on a unit vector exceeds;
-    /// infinite where f32 cannot tell.
+    /// Sum of the largest coordinate magnitudes, which no projection on a unit vector exceeds. Infinite above
+    /// [`LARGEST_EXTENT`].
     pub(in crate::kernel) extent: f32x8<S>,
 }
 

@@ -1,9 +1,9 @@
-//! Numbers that stand side by side in memory, row by row, to the lanes and back.
+//! Transposes rows in memory into lanes, and back.
 //!
-//! In squares of four by four, one in either half of a vector, and from half to half no more than once: that takes three times
-//! as long on some processors, and on others waits for the only unit that does it.
+//! Works in 4×4 blocks, one in each half of a vector, and crosses the halves at most once: crossing takes three times
+//! as long on some processors, and waits for the only unit that can do it on others.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::{__m256, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps};
@@ -12,13 +12,13 @@ use fearless_simd::{f32x4, f32x8, prelude::*};
 
 use super::WIDTH;
 
-/// Eight rows of four numbers, number by number.
+/// Transposes eight rows of four numbers.
 #[inline(always)]
 pub(in crate::kernel) fn columns<S: Simd>([a, b, c, d, e, f, g, h]: [f32x4<S>; WIDTH]) -> [f32x8<S>; 4] {
     halves_transposed([a.combine(e), b.combine(f), c.combine(g), d.combine(h)])
 }
 
-/// Eight rows again.
+/// Transposes back into eight rows.
 #[inline(always)]
 pub(in crate::kernel) fn rows<S: Simd>(columns: [f32x8<S>; 4]) -> [f32x4<S>; WIDTH] {
     let [a, b, c, d] = halves_transposed(columns);
@@ -26,7 +26,7 @@ pub(in crate::kernel) fn rows<S: Simd>(columns: [f32x8<S>; 4]) -> [f32x4<S>; WID
     [a, b, c, d, e, f, g, h]
 }
 
-/// Four numbers of each of eight rows in memory, from `FIRST` on, number by number.
+/// Transposes four numbers of each of eight rows in memory, starting with `FIRST`.
 #[inline(always)]
 pub(in crate::kernel) fn columns_from<const FIRST: usize, S: Simd>(simd: S, rows: [&[f32]; WIDTH]) -> [f32x8<S>; 4] {
     let mut part = [f32x4::splat(simd, 0.0); WIDTH];
@@ -36,7 +36,7 @@ pub(in crate::kernel) fn columns_from<const FIRST: usize, S: Simd>(simd: S, rows
     columns(part)
 }
 
-/// Eight rows of eight numbers, number by number.
+/// Transposes eight rows of eight numbers.
 #[inline(always)]
 pub(in crate::kernel) fn transposed<S: Simd>([a, b, c, d, e, f, g, h]: [f32x8<S>; WIDTH]) -> [f32x8<S>; WIDTH] {
     let [a, b, c, d] = halves_transposed([a, b, c, d]);
@@ -55,10 +55,10 @@ pub(in crate::kernel) fn transposed<S: Simd>([a, b, c, d, e, f, g, h]: [f32x8<S>
     ]
 }
 
-/// The square of the lower halves of four vectors, and that of the upper ones, each read number by number.
+/// Transposes the block in the lower halves of four vectors, and the block in the upper halves.
 #[inline(always)]
 fn halves_transposed<S: Simd>([a, b, c, d]: [f32x8<S>; 4]) -> [f32x8<S>; 4] {
-    // Eight instructions. Each half by itself takes eight, and both have to be taken apart and joined again.
+    // Eight instructions. One half by itself takes eight too, and both would have to be split and joined again.
     #[cfg(target_arch = "x86_64")]
     if let Some(avx2) = a.simd.level().as_avx2() {
         let simd = a.simd;
@@ -100,7 +100,7 @@ mod tests {
     use super::*;
     use crate::kernel::simd::lanes::by_all_instructions;
 
-    /// Every number once, and such as would not be the same after any arithmetic.
+    /// Different numbers, including some that no arithmetic would preserve: NaN, negative zero, and a subnormal number.
     fn number(row: usize, column: usize) -> f32 {
         match (row, column) {
             (2, 3) => f32::NAN,

@@ -1,29 +1,29 @@
-//! Eight triangles of one surface side by side: their edges, and the frame of the longest one.
+//! Eight triangles of one surface: their edges, and the frame of the longest one.
 //!
-//! What curvature and spheres are made from. The same arithmetic in the same order as one triangle at a time in
-//! `circumsphere`, so that both agree to the last bit. Triangles without area, and lengths whose squares leave the range that
-//! single precision is good for, are pointed out and left to that.
+//! Curvatures and spheres are computed from these. The operations have the same order as those for one triangle at a
+//! time in `circumsphere`, so both agree to the last bit. Triangles without area, and lengths whose squares leave the
+//! reliable range of f32, are flagged and left to that code.
 
-#![expect(clippy::inline_always, reason = "what is not inlined is not compiled for the chosen instruction set")]
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
 use fearless_simd::{f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
 use super::{VectorLanes, WIDTH};
 
-/// A triangle whose normal is shorter than this, relative to the square of its longest edge, has no area.
+/// A triangle has no area if its normal is shorter than this, relative to the square of its longest edge.
 pub(in crate::kernel) const ZERO_AREA: f32 = 1.0e-6;
 
-/// Radii are lengthened by this factor, so that rounding never leaves a vertex outside its ball.
+/// Radii are multiplied by this factor, so that rounding never leaves a vertex outside its ball.
 pub(in crate::kernel) const RADIUS_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// Squares below this have lost precision to the end of f32, 2^23 times its least normal number.
+/// Squares below this have lost precision at the lower end of f32: 2^23 times its smallest normal number.
 pub(in crate::kernel) const LEAST_EXACT_SQUARE: f32 = f32::MIN_POSITIVE / f32::EPSILON;
 
-/// The inverse of a length is finite where the length is more than 2^-128, a quarter of the least normal number.
+/// The inverse of a length is finite if the length is greater than 2^-128, a quarter of the smallest normal number.
 const LEAST_LENGTH: f32 = 0.25 * f32::MIN_POSITIVE;
 
-/// Where squares are exact enough to have their roots taken.
+/// Where squares are exact enough to take their roots.
 #[inline(always)]
 fn is_exact<S: Simd>(squared: f32x8<S>) -> mask32x8<S> {
     squared.simd_ge(LEAST_EXACT_SQUARE) & squared.is_finite()
@@ -34,7 +34,7 @@ fn is_exact<S: Simd>(squared: f32x8<S>) -> mask32x8<S> {
 pub(in crate::kernel) struct TriangleLanes<S: Simd>(pub(in crate::kernel) [VectorLanes<S>; 3]);
 
 impl<S: Simd> TriangleLanes<S> {
-    /// The first eight of `triangles`; where there are fewer, the other lanes are of no account.
+    /// Gathers the first eight of `triangles`. If there are fewer, the other lanes have no meaning.
     #[inline(always)]
     pub(in crate::kernel) fn gather(simd: S, positions: &[Vec3], triangles: &[[u32; 3]]) -> Self {
         if let Some(triangles) = triangles.first_chunk() {
@@ -62,7 +62,7 @@ impl<S: Simd> TriangleLanes<S> {
         Self([self.0[0] - origin, self.0[1] - origin, self.0[2] - origin])
     }
 
-    /// Edge `k` joins the corners `k` and `k + 1`.
+    /// Edge `k` joins corners `k` and `k + 1`.
     #[inline(always)]
     pub(in crate::kernel) fn edge(&self, k: usize) -> VectorLanes<S> {
         self.0[(k + 1) % 3] - self.0[k]
@@ -76,7 +76,7 @@ impl<S: Simd> TriangleLanes<S> {
         ([a.sqrt(), b.sqrt(), c.sqrt()], is_exact(a) & is_exact(b) & is_exact(c))
     }
 
-    /// Distance of the farthest corner from a point, and where it is exact.
+    /// Distance from a point to the farthest corner, and where it is exact.
     #[inline(always)]
     pub(in crate::kernel) fn farthest_corner(&self, center: VectorLanes<S>) -> (f32x8<S>, mask32x8<S>) {
         let [a, b, c] = [self.0[0] - center, self.0[1] - center, self.0[2] - center];
@@ -92,7 +92,7 @@ impl<S: Simd> TriangleLanes<S> {
     }
 }
 
-/// One edge of each of eight triangles: which of the two masks holds, else the first.
+/// One edge of each of eight triangles: the second or third where its mask is set, otherwise the first.
 #[derive(Clone, Copy)]
 pub(in crate::kernel) struct EdgeChoice<S: Simd> {
     second: mask32x8<S>,
@@ -100,7 +100,7 @@ pub(in crate::kernel) struct EdgeChoice<S: Simd> {
 }
 
 impl<S: Simd> EdgeChoice<S> {
-    /// The longest edges; of edges of the same length the first.
+    /// The longest edges. The first of equally long ones.
     #[inline(always)]
     pub(in crate::kernel) fn longest(lengths: &[f32x8<S>; 3]) -> Self {
         let second = lengths[1].simd_gt(lengths[0]);
@@ -108,19 +108,19 @@ impl<S: Simd> EdgeChoice<S> {
         Self { second: second & !third, third }
     }
 
-    /// The edges that [`bits`](Self::bits) tell.
+    /// Restores the choice that [`bits`](Self::bits) returned.
     #[inline(always)]
     pub(in crate::kernel) fn from_bits(simd: S, [second, third]: [u8; 2]) -> Self {
         Self { second: mask32x8::from_bitmask(simd, second.into()), third: mask32x8::from_bitmask(simd, third.into()) }
     }
 
-    /// One bit for each triangle whose edge is the second, and one where it is the third.
+    /// One bit for each triangle whose edge is the second, and one for each whose edge is the third.
     #[inline(always)]
     pub(in crate::kernel) fn bits(self) -> [u8; 2] {
         [self.second.to_bitmask() as u8, self.third.to_bitmask() as u8]
     }
 
-    /// This one where `mask` holds, else `other`.
+    /// This choice where `mask` is set, otherwise `other`.
     #[inline(always)]
     pub(in crate::kernel) fn where_else(self, mask: mask32x8<S>, other: Self) -> Self {
         Self {
@@ -152,7 +152,8 @@ pub(in crate::kernel) struct FrameLanes<S: Simd> {
 }
 
 impl<S: Simd> FrameLanes<S> {
-    /// Relative to `origin`, given the [lengths of the edges](TriangleLanes::edge_lengths), which are exact.
+    /// Computes the frames relative to `origin`, given the [lengths of the edges](TriangleLanes::edge_lengths), which
+    /// are exact.
     #[inline(always)]
     pub(in crate::kernel) fn new(
         triangles: &TriangleLanes<S>,
@@ -191,7 +192,7 @@ impl<S: Simd> FrameLanes<S> {
 }
 
 impl<S: Simd> VectorLanes<S> {
-    /// Of unit length, or zero where that cannot be told; and where it can.
+    /// Normalizes, and returns where the length is reliable. Elsewhere the vector is zero.
     #[inline(always)]
     pub(in crate::kernel) fn normalized(self) -> (Self, mask32x8<S>) {
         let simd = self.x.simd;

@@ -1,20 +1,21 @@
-//! Which balls are in contact, as far as single precision tells.
+//! Decides in f32 which balls are in contact, where f32 is sufficient.
 //!
-//! Nearly all pairs are closer than the distances that matter, or farther apart, by more than rounding amounts to: those are told in
-//! half the instructions. Where one of eight is not, all of them are measured in double precision.
+//! Nearly all pairs are closer than the distances that matter, or farther apart, by more than the rounding error. Those
+//! take half the instructions. If one of eight pairs is in doubt, all of them are measured in f64.
 
 use fearless_simd::{f32x8, prelude::*};
 
 use crate::kernel::{pair::PairSettings, simd::lanes::VectorLanes, spheres::rows::RowLanes};
 
-/// What rounding may amount to, relative to all lengths that a distance comes of: of the way between the centers, its square, the
-/// root, the radii and their differences each half a unit in the last place, 6e-8, and some to spare.
+/// The rounding error, relative to all lengths that a distance is computed from. The vector between the centers, its
+/// square, the root, the radii, and their differences each round by half a unit in the last place, 6e-8. The rest is
+/// reserve.
 const ROUNDING: f32 = 8.0 * 0.5 * f32::EPSILON;
 
 /// Squares of smaller lengths lose precision.
 const LEAST_LENGTH: f32 = 1.0e-18;
 
-/// A limit in the unit of the frame of a pair, rounded down and up.
+/// A limit in the unit of the pair's frame, rounded down and up.
 #[derive(Clone, Copy)]
 struct Limit {
     below: f32,
@@ -35,7 +36,7 @@ pub(super) struct Limits {
     contact: Limit,
     reported: Limit,
     scale: f32,
-    /// How far rounding may have put corners from where they are, in the frame of the pair: of two sides.
+    /// How far rounding may have displaced the corners of both sides together, in the pair's frame.
     rounding: f32,
 }
 
@@ -51,17 +52,17 @@ impl Limits {
     }
 }
 
-/// What is known of eight pairs.
+/// What is known about eight pairs.
 pub(super) struct Estimate<S: Simd> {
     pub(super) touching: u32,
     pub(super) reported: u32,
-    /// How far apart the balls are, in world units.
+    /// The gaps between the balls, in world units.
     pub(super) gaps: f32x8<S>,
-    /// Whether balls and boxes of a pair overlap: then its distance is 0.
+    /// Whether the balls and the boxes of any pair overlap, which makes its distance 0.
     pub(super) meets: bool,
 }
 
-/// An axis-aligned box of each of eight triangles.
+/// The axis-aligned boxes of eight triangles.
 struct BoxLanes<S: Simd> {
     low: VectorLanes<S>,
     high: VectorLanes<S>,
@@ -75,7 +76,7 @@ impl<S: Simd> BoxLanes<S> {
         Self { low, high }
     }
 
-    /// How far apart the boxes are along the axis that parts them most; less than 0 where they overlap.
+    /// The gap between the boxes along the axis that separates them most. Negative if they overlap.
     #[inline(always)]
     fn gap(&self, other: &Self) -> f32x8<S> {
         let (up, down) = (self.low - other.high, other.low - self.high);
@@ -83,7 +84,7 @@ impl<S: Simd> BoxLanes<S> {
     }
 }
 
-/// What single precision tells of the pairs whose bits are set in `within`; `None` where there is a doubt about one of them.
+/// The f32 results for the pairs whose bits are set in `within`. `None` if one of them is in doubt.
 #[inline(always)]
 pub(super) fn estimate<S: Simd>(rows: &[RowLanes<S>; 2], within: u32, limits: &Limits) -> Option<Estimate<S>> {
     let [a, b] = rows;

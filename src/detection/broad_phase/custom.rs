@@ -1,0 +1,147 @@
+//! How an algorithm of your own finds candidates: boxes in, pairs of boxes that overlap out.
+
+use std::time::Instant;
+
+use bevy_ecs::{prelude::*, system::SystemParam};
+
+use super::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair, reaches_half_space, shape_bounds};
+use crate::{
+    detection::{DetectionMemory, SurfaceStates, state::SurfaceState},
+    diagnostics::DetectionDiagnostics,
+    kernel::{
+        exact::rigid_shape::ShapeGeometry,
+        mesh::{bounds::Aabb, ids::TriangleId},
+    },
+    settings::CircumsphereSettings,
+    surface::ActiveSurfaces,
+};
+
+/// The boxes of a surface's triangles in the frame of a pair.
+#[derive(Clone, Copy, Debug)]
+pub struct BoxSide<'a> {
+    /// The surface.
+    pub entity: Entity,
+    /// Grows by 1 whenever the boxes change; unique among all surfaces. `None` where the boxes were moved into the frame of another
+    /// surface, for this pair alone.
+    pub version: Option<u64>,
+    /// One box a triangle.
+    pub boxes: &'a [Aabb],
+}
+
+/// What an algorithm is to find the overlapping boxes of.
+#[derive(Clone, Copy, Debug)]
+pub enum SurfaceBoxes<'a> {
+    /// All pairs of boxes of one surface, the lower one first.
+    Own(BoxSide<'a>),
+    /// All pairs of a box of the first surface and one of the second.
+    Between([BoxSide<'a>; 2]),
+}
+
+/// Writes the candidates that a broad phase of your own finds.
+///
+/// ```
+/// # use bevy_app::prelude::*;
+/// # use bevy_circumsphere::{
+/// #     detection::broad_phase::{BroadPhaseSystems, CandidateWriter, SurfaceBoxes, TreeBroadPhasePlugin}, prelude::*,
+/// #     schedule::SurfaceDetection,
+/// # };
+/// # use bevy_ecs::prelude::*;
+/// fn find_by_hand(mut candidates: CandidateWriter) {
+///     candidates.write(|surfaces, pairs| {
+///         let [first, second] = match surfaces {
+///             SurfaceBoxes::Own(side) => [side, side],
+///             SurfaceBoxes::Between(sides) => sides,
+///         };
+///         let is_own = matches!(surfaces, SurfaceBoxes::Own(_));
+///         for (a, own) in (0..).zip(first.boxes) {
+///             for (b, other) in (0..).zip(second.boxes) {
+///                 if own.overlaps(other) && (!is_own || a < b) {
+///                     pairs.push([a, b]);
+///                 }
+///             }
+///         }
+///     });
+/// }
+///
+/// let mut app = App::new();
+/// app.add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>());
+/// app.add_systems(SurfaceDetection, find_by_hand.in_set(BroadPhaseSystems::PairTriangles));
+/// ```
+#[derive(SystemParam)]
+pub struct CandidateWriter<'w, 's> {
+    active: Res<'w, ActiveSurfaces>,
+    settings: Res<'w, CircumsphereSettings>,
+    candidates: ResMut<'w, CandidateTrianglePairs>,
+    memory: Res<'w, DetectionMemory>,
+    states: Res<'w, SurfaceStates>,
+    diagnostics: ResMut<'w, DetectionDiagnostics>,
+    moved: Local<'s, (Vec<(u32, Aabb)>, Vec<Aabb>)>,
+}
+
+impl CandidateWriter<'_, '_> {
+    /// Calls `find` for every pair of surfaces that something about has changed: it appends every pair of boxes that overlap, each
+    /// once, by their places. Triangles that share a vertex are dropped afterwards. Unchanged pairs keep their candidates.
+    pub fn write(&mut self, mut find: impl FnMut(SurfaceBoxes<'_>, &mut Vec<[u32; 2]>)) {
+        let start = Instant::now();
+        let Self { active, settings, candidates, memory, states, diagnostics, moved } = self;
+        let (active, margin) = (&**active, settings.margin());
+        for (place, pair) in candidates.pairs.iter_mut().enumerate() {
+            if memory.keeps(place) {
+                continue;
+            }
+            let side = |place: usize| side_of(active, states.all(), place);
+            let first = side(pair.first);
+            match pair.second {
+                _ if pair.is_self() => {
+                    find(SurfaceBoxes::Own(first), &mut pair.triangles);
+                    let topology = &active.surfaces[pair.first].topology;
+                    pair.triangles.retain(|&[a, b]| !topology.share_vertex(TriangleId(a), TriangleId(b)));
+                }
+                OtherSide::Surface(second) => {
+                    let mut sides = [first, side(second)];
+                    let (boxes, bounds) = &mut **moved;
+                    if let Some(surface) = pair.moved_surface(active) {
+                        let (number, place) = match pair.frame {
+                            Frame::First => (1, second),
+                            Frame::Second => (0, pair.first),
+                        };
+                        boxes.clear();
+                        pair.mover(surface, states.all()[place].positions(), margin).move_all(boxes);
+                        bounds.clear();
+                        bounds.extend(boxes.iter().map(|(_, bounds)| *bounds));
+                        sides[number] = BoxSide { version: None, boxes: bounds, ..sides[number] };
+                    }
+                    find(SurfaceBoxes::Between(sides), &mut pair.triangles);
+                }
+                OtherSide::Shape(shape) => pair_with_shape(active, pair, shape, margin, first.boxes),
+            }
+        }
+        let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
+        diagnostics.finish("broad phase", start, count, count);
+    }
+}
+
+fn side_of<'a>(active: &ActiveSurfaces, states: &'a [SurfaceState], place: usize) -> BoxSide<'a> {
+    let state = &states[place];
+    BoxSide { entity: active.surfaces[place].entity, version: Some(state.version()), boxes: state.triangle_boxes() }
+}
+
+/// Appends the triangles of a surface whose boxes reach a shape.
+pub(super) fn pair_with_shape(
+    active: &ActiveSurfaces,
+    pair: &mut SurfacePair,
+    shape: usize,
+    margin: f32,
+    boxes: &[Aabb],
+) {
+    let shape = &active.shapes[shape];
+    let reach = shape_bounds(pair, shape, &active.surfaces[pair.first], margin);
+    let mut triangles = std::mem::take(&mut pair.triangles);
+    let reached = (0u32..).zip(boxes).filter(|(_, bounds)| match (&reach, &*shape.geometry) {
+        (Some(reach), _) => reach.overlaps(bounds),
+        (None, ShapeGeometry::HalfSpace { normal }) => reaches_half_space(pair, *normal, bounds),
+        (None, _) => true,
+    });
+    triangles.extend(reached.map(|(triangle, _)| [triangle, 0]));
+    pair.triangles = triangles;
+}

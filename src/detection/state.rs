@@ -1,0 +1,103 @@
+//! What the stages know of each surface in this detection, in the order of [`ActiveSurfaces`](crate::ActiveSurfaces).
+//!
+//! The bounds stage takes positions once, checked; later stages index this list and query no positions. Everything here carries
+//! the version of the positions it was computed from.
+
+use bevy_ecs::{entity::EntityHashMap, prelude::*};
+use glam::Vec3;
+
+use super::{bounds::TriangleBounds, broad_phase::SurfaceTree, corner_rows::SurfaceRows};
+use crate::{
+    kernel::{bvh::tree::BoxTree, capacity, mesh::bounds::Aabb},
+    surface::ActiveSurface,
+};
+
+/// What the stages know of one surface.
+#[derive(Default)]
+pub struct SurfaceState {
+    pub(super) bounds: TriangleBounds,
+    pub(super) tree: SurfaceTree,
+    pub(super) rows: SurfaceRows,
+    /// Whether positions, triangles or growth have changed in this detection.
+    pub(super) has_moved: bool,
+}
+
+impl SurfaceState {
+    /// The positions that were tested, in the surface's own frame.
+    #[must_use]
+    pub fn positions(&self) -> &[Vec3] {
+        self.bounds.positions()
+    }
+
+    /// One box a triangle in the surface's own frame, grown by its thickness and half the margin. Computed when something first asks
+    /// for them.
+    #[must_use]
+    pub fn triangle_boxes(&self) -> &[Aabb] {
+        self.bounds.triangles()
+    }
+
+    /// Grows by 1 whenever positions, triangles or growth change; unique among all surfaces.
+    #[must_use]
+    pub fn version(&self) -> u64 {
+        self.bounds.version()
+    }
+
+    /// The tree over the triangle boxes. Built in the surface's first detection; refitted in every detection whose broad phase
+    /// searches it: see [`is_tree_current`](Self::is_tree_current).
+    #[must_use]
+    pub fn tree(&self) -> &BoxTree {
+        self.tree.tree()
+    }
+
+    /// Whether the tree is over the boxes as they are now.
+    #[must_use]
+    pub fn is_tree_current(&self) -> bool {
+        self.tree.has_followed(&self.bounds)
+    }
+}
+
+/// What the stages know of each surface. Written by the stages alone.
+#[derive(Resource, Default)]
+pub struct SurfaceStates {
+    /// The active surfaces of the last detection, in their order.
+    entities: Vec<Entity>,
+    states: Vec<SurfaceState>,
+    /// Those of surfaces that did not take part in it.
+    inactive: EntityHashMap<SurfaceState>,
+}
+
+impl SurfaceStates {
+    /// What is known of a surface, from the last detection that it took part in.
+    #[must_use]
+    pub fn get(&self, entity: Entity) -> Option<&SurfaceState> {
+        let place = self.entities.iter().position(|other| *other == entity);
+        place.map_or_else(|| self.inactive.get(&entity), |place| self.states.get(place))
+    }
+
+    /// Brings the states into the order of the active surfaces. States of surfaces that no longer exist are dropped.
+    pub(super) fn align(&mut self, surfaces: &[ActiveSurface], exists: impl Fn(Entity) -> bool) {
+        let Self { entities, states, inactive } = self;
+        let are_aligned = entities.iter().copied().eq(surfaces.iter().map(|surface| surface.entity));
+        if !are_aligned {
+            inactive.extend(entities.drain(..).zip(states.drain(..)));
+            entities.extend(surfaces.iter().map(|surface| surface.entity));
+            states.extend(entities.iter().map(|entity| inactive.remove(entity).unwrap_or_default()));
+            capacity::trim(entities, surfaces.len());
+            capacity::trim(states, surfaces.len());
+        }
+        let count = inactive.len();
+        inactive.retain(|entity, _| exists(*entity));
+        if inactive.len() < count {
+            let left = inactive.len();
+            inactive.shrink_to(2 * left);
+        }
+    }
+
+    pub(super) fn all(&self) -> &[SurfaceState] {
+        &self.states
+    }
+
+    pub(super) fn all_mut(&mut self) -> &mut [SurfaceState] {
+        &mut self.states
+    }
+}

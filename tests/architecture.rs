@@ -1,0 +1,200 @@
+//! The rooms of `src/` in their order: what imports what, how long a file may be, and where Bevy may be known.
+
+use std::{collections::BTreeSet, fs, path::Path};
+
+/// The rooms, each of which may import from itself and from those before it. `kernel` is one room to those after it.
+const ROOMS: [&str; 10] = [
+    "kernel",
+    "settings",
+    "schedule",
+    "diagnostics",
+    "surface",
+    "detection",
+    "contacts",
+    "response",
+    "debug",
+    "plugins",
+];
+
+/// The rooms of the kernel, in the same way.
+const KERNEL_ROOMS: [&str; 11] =
+    ["capacity", "pose", "simd", "mesh", "contact", "pair", "bvh", "exact", "spheres", "ccd", "pair_fate"];
+
+/// Lines of a file.
+const MOST_LINES: usize = 500;
+
+/// A file of `src/`, and the paths it imports, from the root of the crate.
+struct Module {
+    /// Its file, from `src/`.
+    file: String,
+    /// Its own path.
+    path: Vec<String>,
+    lines: usize,
+    imports: BTreeSet<Vec<String>>,
+    /// Other crates that it names.
+    crates: BTreeSet<String>,
+}
+
+/// The leaves of a `use` tree, each as its path: `a::{b, c::d}` is `a::b` and `a::c::d`.
+fn leaves(tree: &str, before: &[String], found: &mut Vec<Vec<String>>) {
+    let mut depth = 0;
+    let parts = tree.split(|character| {
+        match character {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            _ => {}
+        }
+        character == ',' && depth == 0
+    });
+    for part in parts.map(str::trim).filter(|part| !part.is_empty()) {
+        let (path, group) = part.split_once('{').map_or((part, None), |(path, group)| (path, Some(group)));
+        let path = path.split(" as ").next().unwrap_or_default();
+        let segments = path.split("::").map(str::trim).filter(|segment| !segment.is_empty()).map(str::to_owned);
+        let path: Vec<String> = before.iter().cloned().chain(segments).collect();
+        match group {
+            Some(group) => leaves(group.trim_end().trim_end_matches('}'), &path, found),
+            None => found.push(path),
+        }
+    }
+}
+
+/// Reads what a file imports. `path` is its own.
+fn parse(file: &str, path: &[String], source: &str) -> Module {
+    let code: Vec<&str> = source.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
+    let code = code.join("\n");
+    let mut module = Module {
+        file: file.to_owned(),
+        path: path.to_vec(),
+        lines: source.lines().count(),
+        imports: BTreeSet::new(),
+        crates: BTreeSet::new(),
+    };
+    let statements = code.split(';').filter_map(|statement| {
+        let start = statement.rfind("use ").filter(|&start| {
+            let before = statement[..start].trim_end();
+            before.is_empty() || before.ends_with(['}', '{', ']', ')']) || before.ends_with("pub")
+        })?;
+        Some(statement[start + "use ".len()..].to_owned())
+    });
+    let mut found = Vec::new();
+    statements.for_each(|statement| leaves(&statement, &[], &mut found));
+    // Paths in the code itself.
+    for (start, _) in code.match_indices("crate::") {
+        let is_path = |character: char| character.is_alphanumeric() || character == '_' || character == ':';
+        let text: String = code[start..].chars().take_while(|&character| is_path(character)).collect();
+        leaves(&text, &[], &mut found);
+    }
+    for leaf in found {
+        let ups = leaf.iter().take_while(|segment| *segment == "super").count();
+        match leaf[0].as_str() {
+            "crate" => _ = module.imports.insert(leaf[1..].to_vec()),
+            // Within a module of tests it is one level less: that is still the same room, or the one around it.
+            "super" if ups <= path.len() => {
+                let around = path[..path.len() - ups].iter().chain(&leaf[ups..]).cloned().collect();
+                module.imports.insert(around);
+            }
+            "self" | "super" => {}
+            name => _ = module.crates.insert(name.to_owned()),
+        }
+    }
+    module
+}
+
+fn modules(folder: &Path, path: &[String], found: &mut Vec<Module>) {
+    for entry in fs::read_dir(folder).expect("the folder can be listed").map(|entry| entry.expect("and read").path()) {
+        let name = entry.file_stem().expect("files have names").to_string_lossy().into_owned();
+        let own: Vec<String> = path.iter().cloned().chain([name.clone()]).collect();
+        if entry.is_dir() {
+            modules(&entry, &own, found);
+        } else if entry.extension().is_some_and(|extension| extension == "rs") {
+            let own = if name == "mod" || name == "lib" { path } else { &own };
+            let source = fs::read_to_string(&entry).expect("sources are text");
+            found.push(parse(&entry.display().to_string(), own, &source));
+        }
+    }
+}
+
+fn source_modules() -> Vec<Module> {
+    let mut found = Vec::new();
+    modules(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"), &[], &mut found);
+    found
+}
+
+/// What breaks the rules, one line each.
+fn faults(modules: &[Module]) -> Vec<String> {
+    let place = |rooms: &[&str], name: &str| rooms.iter().position(|room| *room == name);
+    let mut faults = Vec::new();
+    for Module { file, path, lines, imports, crates } in modules {
+        if *lines > MOST_LINES {
+            faults.push(format!("{file} has {lines} lines, more than {MOST_LINES}"));
+        }
+        let Some(room) = path.first() else { continue };
+        let Some(own) = place(&ROOMS, room) else {
+            faults.push(format!("{file}: {room} is no room"));
+            continue;
+        };
+        for import in imports {
+            let Some(other) = import.first().and_then(|name| place(&ROOMS, name)) else { continue };
+            if other > own {
+                faults.push(format!("{file} imports {} from a room above", import.join("::")));
+            }
+        }
+        if room != "kernel" {
+            continue;
+        }
+        for name in
+            crates.iter().filter(|name| name.starts_with("bevy_") && *name != "bevy_math" && *name != "bevy_platform")
+        {
+            faults.push(format!("{file} imports {name} into the kernel"));
+        }
+        let Some(room) = path.get(1) else { continue };
+        let Some(own) = place(&KERNEL_ROOMS, room) else {
+            faults.push(format!("{file}: {room} is no room of the kernel"));
+            continue;
+        };
+        for import in imports.iter().filter(|import| import.first().is_some_and(|name| name == "kernel")) {
+            let Some(other) = import.get(1).and_then(|name| place(&KERNEL_ROOMS, name)) else { continue };
+            if other > own {
+                faults.push(format!("{file} imports {} from a room above", import.join("::")));
+            }
+        }
+    }
+    faults
+}
+
+#[test]
+fn rooms_import_only_from_rooms_below() {
+    let modules = source_modules();
+    assert!(modules.len() > 100, "the sources are read");
+    let faults = faults(&modules);
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn what_breaks_the_rules_is_found() {
+    let module = |path: &str, source: &str| {
+        let path: Vec<String> = path.split("::").map(str::to_owned).collect();
+        parse(&path.join("/"), &path, source)
+    };
+    let found = |path: &str, source: &str| faults(&[module(path, source)]);
+    let long = "// A line.\n".repeat(MOST_LINES + 1);
+    for (path, source) in [
+        ("kernel::mesh::topology", "use crate::kernel::{pose::Pose, exact::stage::examine_pairs};\n"),
+        ("kernel::mesh::topology", "use super::super::spheres::cone;\n"),
+        ("kernel::mesh::topology", "fn first() { crate::kernel::bvh::tree::build(); }\n"),
+        ("kernel::pose", "use bevy_ecs::prelude::*;\n"),
+        ("kernel::misc", "\n"),
+        ("surface::components", "pub(crate) use crate::detection::Bounds;\n"),
+        ("cellar::door", "\n"),
+        ("contacts::store", &long),
+    ] {
+        assert_eq!(found(path, source).len(), 1, "{path}: {source}");
+    }
+    let right =
+        "use super::ids::VertexId;\nuse crate::kernel::{pose::Pose, simd::lanes::WIDTH};\n// use crate::detection;\n";
+    assert_eq!(found("kernel::mesh::topology", right), Vec::<String>::new());
+    assert_eq!(
+        found("detection::bounds", "use crate::{kernel::mesh::bounds, surface::Active};\n"),
+        Vec::<String>::new()
+    );
+}
