@@ -44,6 +44,6 @@ echo "$triangles triangles"
 echo "kernel, stage by stage:"
 inclusive --once "$triangles" | print_counts kernel::
 echo "whole cold tick of the plugin:"
-for method in BoundingSphere Circumsphere Closest Refined Polygon; do
+for method in BoundingSphere Circumsphere Closest Exact Polygon; do
     inclusive --tick "$method" "$triangles" | print_counts cold_tick "$method"
 done

@@ -1,7 +1,7 @@
 //! Shows a box edge that `Circumsphere` misses, tick by tick, with the step at which each missed pair was dropped.
 //!
 //! `cargo run --release --example missed_edge -- [options]`; `--help` lists the options. A beam is lowered edge first
-//! onto a mattress. `Refined` finds the true touching pairs, the chosen method finds some of them, and [`PairFates`]
+//! onto a mattress. `Exact` finds the true touching pairs, the chosen method finds some of them, and [`PairFates`]
 //! says what happened to the others.
 
 #[expect(dead_code, reason = "this example uses the pairs of a detection, not its times")]
@@ -43,12 +43,12 @@ const BAD_INPUT: u8 = 2;
 #[derive(Parser, Debug)]
 #[command(name = "missed_edge", allow_negative_numbers = true)]
 struct Options {
-    /// Method to compare with Refined
+    /// Method to compare with Exact
     #[arg(long, value_enum, default_value_t = Method::Circumsphere)]
     method: Method,
     /// Height of a flat triangle's sphere center below its plane, in radii of the triangle
-    #[arg(long, default_value_t = CircumsphereSettings::default().phi)]
-    phi: f32,
+    #[arg(long, default_value_t = CircumsphereSettings::default().sphere_offset)]
+    sphere_offset: f32,
     /// Drop pairs of caps if a plane separates their triangles
     #[arg(long, value_name = "BOOL", default_value_t = CircumsphereSettings::default().plane_cull, action = ArgAction::Set)]
     plane_cull: bool,
@@ -160,7 +160,7 @@ struct Comparison {
 fn compare(options: &Options) -> Result<Comparison, MissedEdgeError> {
     let scene = beam_on_mattress(usize::from(options.beam_cells), usize::from(options.ticks));
     let settings = CircumsphereSettings {
-        phi: options.phi,
+        sphere_offset: options.sphere_offset,
         plane_cull: options.plane_cull,
         widen_cones: options.widen_cones,
         threads: 1,
@@ -168,7 +168,7 @@ fn compare(options: &Options) -> Result<Comparison, MissedEdgeError> {
     };
     let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;
     let mut asked = Stage::new(&scene, options.method.into(), settings, recorder.unwrap_or_default())?;
-    let mut refined = Stage::new(&scene, ContactMethod::Refined, settings, Recorder::default())?;
+    let mut refined = Stage::new(&scene, ContactMethod::Exact, settings, Recorder::default())?;
     let height = |body: usize, tick: usize| scene.bodies[body].ticks[tick].iter().map(|position| position[1]);
     let play = |tick: usize| {
         let (found, touching) = (asked.play(&scene, tick), refined.play(&scene, tick));
@@ -187,7 +187,7 @@ fn compare(options: &Options) -> Result<Comparison, MissedEdgeError> {
 impl Display for Comparison {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         let method = self.method;
-        writeln!(formatter, "A beam is lowered edge first onto a mattress: {method:?} against Refined.\n")?;
+        writeln!(formatter, "A beam is lowered edge first onto a mattress: {method:?} against Exact.\n")?;
         writeln!(formatter, "tick     sunk  touching  found  missed  false  missed ones dropped by")?;
         // Ticks are counted from 1, as in a recording.
         for (number, tick) in (1..).zip(&self.ticks) {

@@ -1,4 +1,4 @@
-//! What each stage cost and kept in the last tick.
+//! What each stage of the last tick cost, and what was reused. Every stage adds its entry when it ends.
 
 use std::time::{Duration, Instant};
 
@@ -11,56 +11,57 @@ pub struct StageDiagnostics {
     pub name: &'static str,
     /// How long it took.
     pub duration: Duration,
-    /// Pairs it was given; of the broad phase: pairs of triangles whose boxes overlap, in a self-collision those that share a
-    /// vertex left out, and where a list of an earlier tick is followed those on it.
+    /// The number of pairs that went in. For the broad phase: pairs of triangles whose boxes overlap, without neighbors
+    /// in a self-collision. If it follows a list of an earlier tick: the pairs on that list.
     pub pairs_in: usize,
-    /// Pairs it passed on; of the broad phase: candidates; of the swept stage: impacts; of the last stage: contacts.
+    /// The number of pairs that came out. For the broad phase: candidate pairs. For the swept stage: impacts. For the
+    /// last stage: contacts.
     pub pairs_out: usize,
 }
 
-/// What the last tick did, stage by stage in the order they ran. A stage that no surface needed is not listed.
+/// The last tick, stage by stage in the order they ran. A stage that no surface needed is not listed.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct DetectionDiagnostics {
     /// The stages.
     pub stages: Vec<StageDiagnostics>,
-    /// Surfaces whose triangles are where they were in the last detection, in their own frame: their boxes and trees, if
-    /// they have any, were kept.
+    /// Surfaces whose triangles have not moved in their own frame since the last detection. Their boxes and trees, if
+    /// any, were kept.
     pub surfaces_unmoved: usize,
-    /// Pairs of surfaces that are as they were in the last detection: what was found of them was kept, and the stages
-    /// count none of it.
+    /// Pairs of surfaces that have not changed since the last detection. Their results were reused, and the stages do
+    /// not count them.
     pub pairs_kept: usize,
     /// Pairs of surfaces that have moved so little that their candidates came from a list of an earlier tick.
     pub lists_followed: usize,
-    /// Pairs of surfaces that such a list was made for in this tick.
+    /// Pairs of surfaces for which such a list was made in this tick.
     pub lists_made: usize,
-    /// Pairs of triangles on the lists of earlier ticks that were passed over: what is remembered of their distances, less
-    /// what the surfaces have moved since, still exceeds the range, or else a slab keeps them farther apart.
+    /// Pairs of triangles on the lists of earlier ticks that were skipped. Their remembered distance, less the motion
+    /// of the surfaces since, still exceeds the range, or else a slab still separates them by more than the range.
     pub pairs_passed_over: usize,
-    /// Triangles whose sphere was made anew.
+    /// Triangles whose recipe was made anew.
     pub recipes_refreshed: usize,
-    /// Pairs that reached the exact test: candidates of the methods that are exact.
+    /// Pairs that reached the exact test: candidate pairs of the exact methods.
     pub pairs_examined: usize,
-    /// First builds of a surface's tree, which its later ticks do without.
+    /// Time of the first builds of surface trees. Later ticks do not need it.
     pub first_tree_builds: Duration,
-    /// Trees built anew because the mesh had outgrown them.
+    /// Trees that were rebuilt because they had decayed.
     pub trees_rebuilt: usize,
-    /// Trees over what triangles sweep that were built in this tick, for the first time or anew: of surfaces that a fast
-    /// one comes near, or that are fast. Not among the first builds and rebuilds above.
+    /// Trees over swept triangles that were built or rebuilt in this tick. Fast surfaces, and surfaces that a fast one
+    /// comes near, have such trees. Not counted in `first_tree_builds` and `trees_rebuilt`.
     pub swept_trees_built: usize,
-    /// Such trees that have followed their boxes. Those of surfaces at rest are kept as they are.
+    /// Trees over swept triangles that were refitted. Those of surfaces at rest are kept as they are.
     pub swept_trees_refitted: usize,
     tick_start: Option<Instant>,
     total: Duration,
 }
 
 impl DetectionDiagnostics {
-    /// From the first stage's start to the last one's end, first builds of trees left out.
+    /// Time from the start of the first stage to the end of the last one, without first builds of trees.
     #[must_use]
     pub fn total(&self) -> Duration {
         self.total
     }
 
-    /// Begins a tick, unless it has begun in `Prepare`: detection may be run by hand.
+    /// Begins a tick, unless `Prepare` has begun it. Detection may be run by hand, without `Prepare`.
     pub(crate) fn begin_detection(&mut self) {
         if self.stages.iter().any(|stage| stage.name == Self::FIRST_DETECTION_STAGE) {
             self.begin_tick();

@@ -23,7 +23,7 @@ pub use settings::{CircumsphereSettings, SphereContactDetail};
 pub mod prelude {
     pub use crate::{
         contacts::{
-            Contact, Impact, SmoothNormals, StencilEntry, SurfaceContactEnded, SurfaceContactStarted, SurfaceContacts,
+            Contact, Impact, SmoothNormals, StencilEntry, SurfaceContactEnd, SurfaceContactStart, SurfaceContacts,
             SurfaceImpacts,
         },
         kernel::{

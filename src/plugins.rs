@@ -1,4 +1,4 @@
-//! The plugin group.
+//! The plugin group that a game adds.
 
 use bevy_app::{PluginGroup, PluginGroupBuilder, prelude::*};
 use bevy_ecs::schedule::{InternedScheduleLabel, ScheduleLabel};
@@ -6,17 +6,17 @@ use bevy_ecs::schedule::{InternedScheduleLabel, ScheduleLabel};
 use crate::{
     contacts::{ContactEventsPlugin, ContactsPlugin},
     detection::{
-        BoundsPlugin, BroadPhasePlugin, ConePlugin, CurvaturePlugin, OverlapPlugin, RefinePlugin, RefitPlugin,
+        BoundsPlugin, BroadPhasePlugin, ConePlugin, CurvaturePlugin, ExactPlugin, OverlapPlugin, RefitPlugin,
         SweptPlugin, TreeBroadPhasePlugin,
     },
     schedule::DeformableSchedulePlugin,
     surface::SurfacePlugin,
 };
 
-/// Everything that detection needs. Adds no clock, task pool or transform plugin: the app brings those it uses.
+/// All plugins that detection needs. Adds no clock, task pool, or transform plugin: the app brings those that it uses.
 ///
-/// Runs in [`FixedPostUpdate`] by default, for positions that a fixed-step simulation writes. Characters that are
-/// animated in `PostUpdate` want `new(PostUpdate)`, headless tests `new(Update)`.
+/// Runs in [`FixedPostUpdate`] by default, for positions that a fixed-step simulation writes. Use `new(PostUpdate)` for
+/// characters that are animated in `PostUpdate`, and `new(Update)` for headless tests.
 pub struct DeformableCollisionPlugins {
     schedule: InternedScheduleLabel,
 }
@@ -47,7 +47,7 @@ impl PluginGroup for DeformableCollisionPlugins {
             .add(RefitPlugin)
             .add(OverlapPlugin)
             .add(ConePlugin)
-            .add(RefinePlugin)
+            .add(ExactPlugin)
             .add(SweptPlugin)
             .add(ContactsPlugin)
             .add(ContactEventsPlugin::new(self.schedule))

@@ -1,4 +1,5 @@
-//! When things run: one schedule of the game's choice hosts the sets, and a schedule of our own holds the stages.
+//! Sets and schedules. A schedule of the game's choice hosts [`DeformableSystems`]. The detection stages run in a
+//! schedule of their own, [`SurfaceDetection`].
 
 use bevy_app::prelude::*;
 use bevy_ecs::{
@@ -6,61 +7,62 @@ use bevy_ecs::{
     schedule::{InternedScheduleLabel, LogLevel, ScheduleBuildSettings, ScheduleLabel, SingleThreadedExecutor},
 };
 
-/// What happens to deformable surfaces in one tick, in this order, in the schedule that was given to
+/// The sets of one tick, in this order. They run in the schedule that was passed to
 /// [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins).
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum DeformableSystems {
-    /// Positions, poses and settings are validated and gathered. Write [`SurfacePositions`](crate::SurfacePositions)
-    /// before this.
+    /// Validates and gathers positions, poses, and settings. Write [`SurfacePositions`](crate::SurfacePositions) before
+    /// this.
     Prepare,
-    /// For systems that guess where positions will be, before contacts are looked for.
+    /// For systems that predict positions before contacts are detected.
     Predict,
     /// Runs the schedule [`SurfaceDetection`]. Read contacts after this.
     Detect,
-    /// For systems that answer contacts.
+    /// For systems that respond to contacts.
     Respond,
-    /// For systems that write the answer to positions.
+    /// For systems that write the response to positions.
     Writeback,
-    /// Messages are written and observers run.
+    /// Writes messages and runs observers.
     Events,
     /// For systems that record the tick.
     Log,
 }
 
-/// The schedule of the detection stages. It runs in [`DeformableSystems::Detect`], and can be run by hand.
+/// The schedule of the detection stages. Runs in [`DeformableSystems::Detect`], and can be run by hand.
 #[derive(ScheduleLabel, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct SurfaceDetection;
 
-/// The stages of [`SurfaceDetection`], in this order. Each reads what earlier ones wrote and writes its own.
+/// The stages of [`SurfaceDetection`], in this order. Each reads what earlier ones wrote, and writes its own results.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SurfaceDetectionSystems {
-    /// Boxes of surfaces, and of the triangles of those that something was near last time; others' follow when asked for.
+    /// Computes the boxes of surfaces, and of their triangles if those were needed last time. Others are computed on
+    /// demand.
     Bounds,
-    /// Pairs of surfaces, then pairs of triangles whose boxes overlap and that no slab parts.
+    /// Finds pairs of surfaces, then pairs of triangles whose boxes overlap and that no slab separates.
     BroadPhase,
-    /// Curvature and dihedral angles of triangles.
+    /// Computes curvature and dihedral angles of triangles.
     Curvature,
-    /// Spheres and cones of triangles.
+    /// Refits spheres and cones of triangles.
     Refit,
-    /// Pairs whose spheres overlap.
+    /// Finds pairs whose spheres overlap.
     Overlap,
-    /// Pairs that pass the cone test.
+    /// Finds pairs that pass the cone test.
     Cone,
-    /// Pairs tested exactly.
-    Refine,
-    /// First impacts of fast surfaces, of those with [`SweptCollision`](crate::SweptCollision). It finds pairs of its own
-    /// by what surfaces sweep, and leaves those of the other stages as they are.
+    /// Tests pairs exactly.
+    Exact,
+    /// Finds the first impacts of fast surfaces with [`SweptCollision`](crate::SweptCollision). Finds its own pairs
+    /// from what surfaces sweep, and does not change those of the other stages.
     Swept,
-    /// Contacts kept on their sides, gathered and stored.
+    /// Keeps contacts on their sides, gathers them, and stores them.
     Contacts,
 }
 
-/// The schedule that hosts [`DeformableSystems`], for plugins that add to it.
+/// The schedule that hosts [`DeformableSystems`], for plugins that add systems to it.
 #[derive(Resource, Clone, Copy)]
-#[cfg_attr(not(feature = "rerun"), expect(dead_code, reason = "only plugins outside of the group have to ask"))]
+#[cfg_attr(not(feature = "rerun"), expect(dead_code, reason = "only plugins outside the group need it"))]
 pub(crate) struct HostSchedule(pub(crate) InternedScheduleLabel);
 
-/// Sets up the schedule and the sets; every other plugin of the group builds on it.
+/// Sets up the schedule and the sets. Every other plugin of the group depends on it.
 pub struct DeformableSchedulePlugin {
     schedule: InternedScheduleLabel,
 }
@@ -91,7 +93,7 @@ impl Plugin for DeformableSchedulePlugin {
         );
         app.edit_schedule(SurfaceDetection, |schedule| {
             schedule
-                // The stages depend on one another, and spread their own work over the task pool.
+                // The stages depend on one another. Each distributes its own work over the task pool.
                 .set_executor(SingleThreadedExecutor::new())
                 .set_build_settings(ScheduleBuildSettings {
                     ambiguity_detection: LogLevel::Error,
@@ -105,7 +107,7 @@ impl Plugin for DeformableSchedulePlugin {
                         SurfaceDetectionSystems::Refit,
                         SurfaceDetectionSystems::Overlap,
                         SurfaceDetectionSystems::Cone,
-                        SurfaceDetectionSystems::Refine,
+                        SurfaceDetectionSystems::Exact,
                         SurfaceDetectionSystems::Swept,
                         SurfaceDetectionSystems::Contacts,
                     )

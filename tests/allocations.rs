@@ -29,7 +29,7 @@ const STEADY: usize = 6;
 
 /// Stages that still allocate: here to be seen, and to be struck off. Each has to, by one method at least, or it does not
 /// belong here.
-const STILL_ALLOCATE: [&str; 1] = ["refine"];
+const STILL_ALLOCATE: [&str; 1] = ["exact"];
 
 /// How often memory was asked for before the first stage and after each, of one tick after the other.
 #[derive(Resource, Default)]
@@ -57,8 +57,8 @@ fn add_counters(app: &mut App) {
             count("curvature").after(Stage::Curvature).before(Stage::Refit),
             count("refit").after(Stage::Refit).before(Stage::Overlap),
             count("overlap").after(Stage::Overlap).before(Stage::Cone),
-            count("cone").after(Stage::Cone).before(Stage::Refine),
-            count("refine").after(Stage::Refine).before(Stage::Contacts),
+            count("cone").after(Stage::Cone).before(Stage::Exact),
+            count("exact").after(Stage::Exact).before(Stage::Contacts),
             count("contacts").after(Stage::Contacts),
         ),
     );

@@ -100,7 +100,7 @@ fn everyone_counts_what_the_reference_counts() {
     let [fewest, most] = [1.0 - BOX_BAND, 1.0 + OWN_BOX_BAND].map(|factor| apart(factor * distance));
     let cold = |method: &str| format!("ours, {method}");
     let apart_counts = counts(rows, "apart");
-    for method in ["BoundingSphere", "Circumsphere", "Closest", "Refined", "Polygon"] {
+    for method in ["BoundingSphere", "Circumsphere", "Closest", "Exact", "Polygon"] {
         let count = apart_counts[&(cold(method).as_str(), "cold tick")];
         assert!((fewest..=most).contains(&count), "{method}: {count}, not {fewest}..={most}\n{table}");
     }
@@ -110,7 +110,7 @@ fn everyone_counts_what_the_reference_counts() {
     let surely = touching.iter().filter(|pair| pair.distance <= distance * (1.0 - BAND)).count() as u64;
     assert!(surely > 500, "the sheet hardly touches itself: {surely}");
     let touching_counts = counts(rows, "touching");
-    for method in ["Closest", "Refined", "Polygon"] {
+    for method in ["Closest", "Exact", "Polygon"] {
         let count = touching_counts[&(cold(method).as_str(), "cold tick")];
         assert!((surely..=touching.len() as u64).contains(&count), "{method}: {count}, not about {surely}\n{table}");
     }
@@ -121,7 +121,7 @@ fn everyone_counts_what_the_reference_counts() {
     assert!((parry / surely as f64 - 1.0).abs() < 0.05, "parry: {parry}, the reference: {surely}\n{table}");
 
     // A tick that moved by little finds what a cold one finds there, and so does one that did not move.
-    for method in ["BoundingSphere", "Circumsphere", "Closest", "Refined"] {
+    for method in ["BoundingSphere", "Circumsphere", "Closest", "Exact"] {
         let method = cold(method);
         let there = touching_counts[&(method.as_str(), "cold tick, where the motion ends")];
         for what in ["tick, moved by 0.09 contact distances", "tick, unchanged"] {

@@ -145,7 +145,7 @@ fn measure(count: usize, ticks: usize, motion: Motion, method: ContactMethod) {
 fn a_heap_that_trembles_takes_no_more_memory_with_time() {
     let (count, ticks) = (setting("HEAP_CUBES", 125), setting("HEAP_TICKS", 200));
     let mut faults = Vec::new();
-    for method in [ContactMethod::Refined, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
+    for method in [ContactMethod::Exact, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
         for motion in [Motion::Vertices, Motion::Poses] {
             faults.extend(std::panic::catch_unwind(|| measure(count, ticks, motion, method)).err());
         }

@@ -175,14 +175,14 @@ fn the_line_to_the_center_of_a_long_triangle_leaves_the_cones_of_short_ones() {
 #[test]
 fn exact_methods_a_shorter_beam_and_flat_spheres_find_the_edge_and_narrow_cones_do_not() {
     for (arguments, shares, is_exact) in [
-        (&["--method", "refined"][..], 1.0..=1.0, true),
+        (&["--method", "exact"][..], 1.0..=1.0, true),
         (&["--method", "closest"], 1.0..=1.0, true),
         (&["--method", "polygon"], 1.0..=1.0, true),
         (&["--method", "bounding-sphere"], 1.0..=1.0, false),
-        (&["--phi", "0.25"], 1.0..=1.0, false),
+        (&["--sphere-offset", "0.25"], 1.0..=1.0, false),
         (&["--beam-cells", "16"], 1.0..=1.0, false),
         (&["--beam-cells", "4"], 0.3..=0.6, false),
-        (&["--widen-cones", "false", "--plane-cull", "false", "--phi", "1"], 0.0..=0.0, true),
+        (&["--widen-cones", "false", "--plane-cull", "false", "--sphere-offset", "1"], 0.0..=0.0, true),
     ] {
         let rows = play(arguments);
         let total = |count: fn(&Row) -> usize| rows.iter().map(count).sum::<usize>();
@@ -201,7 +201,7 @@ fn what_makes_no_sense_is_refused() {
         &["--beam-cells", "0"],
         &["--ticks", "0"],
         &["--widen-cones", "perhaps"],
-        &["--phi"],
+        &["--sphere-offset"],
     ] {
         let output = program(arguments);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -104,7 +104,7 @@ fn wide(frame: &[[f32; 3]]) -> Vec<DVec3> {
 #[test]
 fn the_embedded_scene_runs_without_arguments_and_touches() {
     let table = succeed(&[]);
-    for part in ["the embedded scene", "broad phase", "refine", "total", "contacts:"] {
+    for part in ["the embedded scene", "broad phase", "exact", "total", "contacts:"] {
         assert!(table.contains(part), "{part} is missing:\n{table}");
     }
     let folder = Folder::new();
@@ -267,7 +267,7 @@ fn contacts_lie_on_their_pairs_and_join_the_points_they_state() {
 fn json_holds_what_was_asked_and_measured() {
     let folder = Folder::new();
     let (input, json) = (folder.recording(), folder.path("report.json"));
-    for method in ["bounding-sphere", "circumsphere", "refined", "polygon"] {
+    for method in ["bounding-sphere", "circumsphere", "exact", "polygon"] {
         let arguments =
             [&input, "--json", &json, "--method", method, "--frames", "1..3", "--repeat", "3", "--threads", "2"];
         succeed(&arguments);
@@ -307,7 +307,7 @@ fn json_holds_what_was_asked_and_measured() {
 fn contacts_are_the_same_for_any_number_of_threads() {
     let folder = Folder::new();
     let input = folder.recording();
-    for method in ["circumsphere", "refined"] {
+    for method in ["circumsphere", "exact"] {
         let outputs: Vec<Vec<u8>> = ["1", "2", "5"]
             .iter()
             .map(|threads| {
@@ -393,7 +393,7 @@ fn bad_options_are_refused() {
     refuse(&[&input, "--contact-distance", "1", "--contact-distance-edges", "1"], &["--contact-distance"]);
     refuse(&[&input, "--threads", "0"], &["--threads"]);
     refuse(&[&input, "--repeat", "0"], &["--repeat"]);
-    refuse(&[&input, "--method", "guess"], &["guess", "refined"]);
+    refuse(&[&input, "--method", "guess"], &["guess", "exact"]);
     refuse(&[&input, "--curvature-threshold", "0"], &["--curvature-threshold"]);
     refuse(&[&input, "--pairs", &folder.path("no/such/folder/pairs.csv")], &["pairs.csv"]);
 }

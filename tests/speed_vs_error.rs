@@ -167,7 +167,7 @@ fn a_report_is_whole_right_for_exact_methods_and_the_same_twice() {
         let matched = number("true_pairs") - missed;
         let (found, band) = (number("found_pairs"), number("band_pairs"));
         assert!(matched + made_up <= found && found <= matched + made_up + band, "{what:?}: counts do not add up");
-        if ["Closest", "Refined", "Polygon"].contains(&measures.text(row, "method")) {
+        if ["Closest", "Exact", "Polygon"].contains(&measures.text(row, "method")) {
             assert_eq!([missed, made_up], [0.0, 0.0], "{what:?}");
             assert!(number("separation_error_max") <= 1.0e-5, "{what:?}");
             assert!(number("true_pairs") >= 20.0, "{what:?} has hardly anything to find");
@@ -236,7 +236,7 @@ fn a_folder_of_recordings_is_measured_as_it_lies_there() {
     succeed(&["--smoke", &input.display().to_string(), "--out", &out.display().to_string()]);
     let measures = Csv::read(&out.join("measures.csv"));
     let mut of_scene = std::collections::BTreeMap::new();
-    for row in measures.rows.iter().filter(|row| measures.text(row, "configuration") == "Refined") {
+    for row in measures.rows.iter().filter(|row| measures.text(row, "configuration") == "Exact") {
         let number = |column: &str| measures.number(row, column);
         assert_eq!([number("missed_pairs"), number("false_pairs")], [0.0, 0.0]);
         of_scene.insert(measures.text(row, "scene"), [number("ticks"), number("true_pairs")]);
@@ -271,7 +271,7 @@ fn bad_input_is_refused_with_its_name_and_the_problem() {
     refuse(&["--distances", "0.1,0", "--out", &out], &["--distances", "0"]);
     refuse(&["--distances", "nan", "--out", &out], &["--distances"]);
     refuse(&["--frames", "0", "--out", &out], &["--frames"]);
-    refuse(&["--phi", "1"], &["--phi"]);
+    refuse(&["--sphere-offset", "1"], &["--sphere-offset"]);
     assert!(!Path::new(&out).exists(), "what is refused writes nothing");
 }
 

@@ -2,7 +2,7 @@
 //! bit by bit, those of a world that has just been made with the same state.
 //!
 //! Only what is remembered on purpose is left out: the side of a sheet on which something was. There distances and normals
-//! are compared up to their sign. Spheres are made anew whenever their surface moves (`delta` 0): else how old they are counts.
+//! are compared up to their sign. Spheres are made anew whenever their surface moves (`refit_threshold` 0): else how old they are counts.
 //!
 //! `WARM_CHANGES=100000` makes as many changes, `WARM_SEED=7` others.
 
@@ -299,7 +299,7 @@ impl Dice {
             parent: if self.chance(3) { Some(self.below(PARENTS)) } else { None },
             thickness: self.thickness(),
             layers: SurfaceLayers::default(),
-            method: if self.chance(2) { ContactMethod::Refined } else { self.pick(&ContactMethod::ALL) },
+            method: if self.chance(2) { ContactMethod::Exact } else { self.pick(&ContactMethod::ALL) },
             sidedness: Sidedness::Auto,
             frame: SurfaceFrame::Local,
             order: None,
@@ -311,7 +311,7 @@ impl Dice {
 
     fn state(&mut self, tools: &Tools) -> State {
         let things = (0..SURFACES + SHAPES).map(|number| self.thing(number, tools)).collect();
-        let settings = CircumsphereSettings { delta: 0.0, threads: 1, ..CircumsphereSettings::default() };
+        let settings = CircumsphereSettings { refit_threshold: 0.0, threads: 1, ..CircumsphereSettings::default() };
         State { things, parents: vec![Transform::IDENTITY; PARENTS], settings, next: SURFACES + SHAPES }
     }
 }
@@ -499,7 +499,7 @@ fn change_settings(state: &mut State, living: &mut Living, dice: &mut Dice) -> S
     let settings = &mut state.settings;
     match dice.below(8) {
         0 => settings.margin = dice.pick(&[0.0, 0.02, 0.1]),
-        1 => settings.phi = dice.pick(&[0.0, 0.5, 1.0]),
+        1 => settings.sphere_offset = dice.pick(&[0.0, 0.5, 1.0]),
         2 => settings.curvature_threshold = dice.pick(&[0.5, 2.0]),
         3 => settings.plane_cull = !settings.plane_cull,
         4 => settings.widen_cones = !settings.widen_cones,

@@ -8,7 +8,7 @@ use bevy_circumsphere::kernel::{
         leaf_triangles::{LeafTriangles, PairCull},
         tree::BoxTree,
     },
-    exact::stage::{refine_closest, refine_pairs},
+    exact::stage::{closest_pairs, exact_pairs},
     mesh::{
         bounds::{Aabb, triangle_bounds},
         topology::SurfaceTopology,
@@ -29,7 +29,7 @@ use glam::Vec3;
 const DISTANCE_EDGES: f64 = 0.1;
 
 /// The defaults of the plugin.
-const RECIPE: RecipeSettings = RecipeSettings { phi: 0.5, curvature_threshold: 2.0, delta: 0.7 };
+const RECIPE: RecipeSettings = RecipeSettings { sphere_offset: 0.5, curvature_threshold: 2.0, refit_threshold: 0.7 };
 
 /// A mesh and the settings of its test.
 pub struct Sheet {
@@ -95,7 +95,7 @@ pub const STAGES: [(&str, Stage); 15] = [
     ("leaf_triangles", leaf_triangles),
     ("self_pairs", self_pairs),
     ("self_pairs_past_slabs", self_pairs_past_slabs),
-    ("refined", refined),
+    ("exact", refined),
     ("closest", closest),
     ("curvature", curvature),
     ("refit_spheres", refit_spheres),
@@ -146,18 +146,18 @@ pub fn self_pairs_past_slabs(sheet: &Sheet, stages: &mut Stages) {
     stages.tree.self_pairs_of(0..stages.tree.leaf_count(), Some(&cull), &mut stages.past_slabs);
 }
 
-/// `Refined`, on the pairs that slabs have left.
+/// `Exact`, on the pairs that slabs have left.
 #[inline(never)]
 pub fn refined(sheet: &Sheet, stages: &mut Stages) {
     stages.found.clear();
-    refine_pairs(&sheet.side(), &sheet.side(), &stages.past_slabs, &sheet.settings, &mut stages.found);
+    exact_pairs(&sheet.side(), &sheet.side(), &stages.past_slabs, &sheet.settings, &mut stages.found);
 }
 
 /// `Closest`, on the pairs that slabs have left.
 #[inline(never)]
 pub fn closest(sheet: &Sheet, stages: &mut Stages) {
     stages.found.clear();
-    refine_closest(&sheet.side(), &sheet.side(), &stages.past_slabs, &sheet.settings, &mut stages.found);
+    closest_pairs(&sheet.side(), &sheet.side(), &stages.past_slabs, &sheet.settings, &mut stages.found);
 }
 
 #[inline(never)]

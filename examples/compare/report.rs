@@ -223,34 +223,34 @@ impl Report {
         let reference = (self.reference.as_str(), TRAVERSAL, 1);
         let cold = (refined, COLD, 1);
         let mut bars = vec![
-            ("Refined, cold / reference", cold, reference, Limit::AtMost(2.0), "≤ 2.0, wanted 1.5"),
+            ("Exact, cold / reference", cold, reference, Limit::AtMost(2.0), "≤ 2.0, wanted 1.5"),
             ("Circumsphere, cold / reference", (caps, COLD, 1), reference, Limit::AtMost(1.3), "≤ 1.3"),
             ("BoundingSphere, cold / reference", (balls, COLD, 1), reference, Limit::AtMost(0.9), "≤ 0.9"),
-            ("Polygon, cold / Refined, cold", (polygon, COLD, 1), cold, Limit::AtLeast(8.0), "≥ 8"),
+            ("Polygon, cold / Exact, cold", (polygon, COLD, 1), cold, Limit::AtLeast(8.0), "≥ 8"),
             (
-                "rapier's narrow phase / Refined, cold",
+                "rapier's narrow phase / Exact, cold",
                 (RAPIER_NARROW_PHASE.0, RAPIER_NARROW_PHASE.1, 1),
                 cold,
                 Limit::AtLeast(6.0),
                 "≥ 6, goal 10",
             ),
             (
-                "parry rebuilt + distances / Refined, cold",
+                "parry rebuilt + distances / Exact, cold",
                 ("parry", REBUILT, 1),
                 cold,
                 Limit::AtLeast(6.0),
                 "≥ 6, goal 10",
             ),
             (
-                "Embree's collide / Refined, cold",
+                "Embree's collide / Exact, cold",
                 (EMBREE_COLLIDE.0, EMBREE_COLLIDE.1, 1),
                 cold,
                 Limit::AtLeast(1.0),
                 "> 1",
             ),
-            ("Refined, moved / cold", (refined, MOVED, 1), (refined, COLD_MOVED, 1), Limit::AtMost(0.35), "≤ 0.35"),
+            ("Exact, moved / cold", (refined, MOVED, 1), (refined, COLD_MOVED, 1), Limit::AtMost(0.35), "≤ 0.35"),
             (
-                "Refined, unchanged / cold",
+                "Exact, unchanged / cold",
                 (refined, UNCHANGED, 1),
                 (refined, COLD_MOVED, 1),
                 Limit::AtMost(0.01),
@@ -259,7 +259,7 @@ impl Report {
         ];
         if most_threads > 1 {
             let pooled = (refined, COLD, most_threads);
-            bars.push(("Refined, cold, one thread / several", cold, pooled, Limit::AtLeast(1.7), "≥ 1.7 on two"));
+            bars.push(("Exact, cold, one thread / several", cold, pooled, Limit::AtLeast(1.7), "≥ 1.7 on two"));
         }
         bars.into_iter()
             .map(|(what, over, under, limit, text)| {

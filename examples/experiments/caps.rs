@@ -132,7 +132,7 @@ fn scenes(extent: Extent) -> Result<Vec<Judged>, RecordingError> {
             let mut judged = Judged { scene, thickness, is_on_edge, touching: Vec::new() };
             let settings = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };
             judged.touching =
-                play(&judged, ContactMethod::Refined, settings).into_iter().map(|(touching, _)| touching).collect();
+                play(&judged, ContactMethod::Exact, settings).into_iter().map(|(touching, _)| touching).collect();
             judged
         })
         .collect())

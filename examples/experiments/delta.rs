@@ -95,8 +95,10 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<DeltaRow> {
 
 fn run(scene: &str, delta: f32, repetition: u64, ticks: usize) -> Run {
     let settings = Variation::default().detection;
-    let variation =
-        Variation { detection: CircumsphereSettings { delta, ..settings }, ..variation(ContactMethod::Circumsphere) };
+    let variation = Variation {
+        detection: CircumsphereSettings { refit_threshold: delta, ..settings },
+        ..variation(ContactMethod::Circumsphere)
+    };
     let mut player = Player::new(scene, &variation, repetition);
     let mut run = Run::default();
     player.play(ticks, |player| {
@@ -132,7 +134,11 @@ fn surface_error(player: &Player, body: usize) -> Option<[f64; 2]> {
         return None;
     }
     let settings = world.resource::<CircumsphereSettings>();
-    let always = RecipeSettings { phi: settings.phi, curvature_threshold: settings.curvature_threshold, delta: 0.0 };
+    let always = RecipeSettings {
+        sphere_offset: settings.sphere_offset,
+        curvature_threshold: settings.curvature_threshold,
+        refit_threshold: 0.0,
+    };
     let (mut fresh, mut cones) = (OffsetSpheres::default(), SafetyCones::default());
     fresh.refit(positions, triangles, &curvature.curvatures, &curvature.dihedrals, always, &mut cones);
     let top = |spheres: &OffsetSpheres, axes: &[Vec3], triangle: usize| {

@@ -16,7 +16,7 @@ use super::{
 
 /// The methods to compare.
 pub const METHODS: [ContactMethod; 4] =
-    [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Refined, ContactMethod::Polygon];
+    [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Exact, ContactMethod::Polygon];
 
 const ITERATIONS: [u32; 6] = [1, 2, 4, 8, 16, 32];
 

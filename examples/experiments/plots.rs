@@ -198,7 +198,7 @@ pub fn sizes(rows: &[SizesRow]) -> Sheet {
     ];
     let (mut series, mut names) = (Vec::new(), Vec::new());
     for (name, share) in shares {
-        for method in [ContactMethod::Refined, ContactMethod::Circumsphere] {
+        for method in [ContactMethod::Exact, ContactMethod::Circumsphere] {
             let own = rows.iter().filter(|row| row.method == method);
             let points = own.map(|row| (row.deforming_vertices as f64, share(row) * FRAME_MS));
             series.push((points.collect(), series.len()));

@@ -110,7 +110,7 @@ fn head(options: &Options, study: &Study) -> String {
          *Trembling* is the mean second difference of the positions of all free vertices in the ticks in which a scene has \
          settled, in mean edges a tick: what of their motion is not steady. *Churn* is the share of contacts that come or go in a \
          tick. A run *flew apart* if a vertex became faster than 30 m/s, where nothing should exceed 5; it ends there, and no \
-         figure but its times is taken from it. `Refined` and `Polygon` find the same: where a line is missing, it lies under the other.\n",
+         figure but its times is taken from it. `Exact` and `Polygon` find the same: where a line is missing, it lies under the other.\n",
         figure(study.seconds),
         machine.processor,
         machine.processors,

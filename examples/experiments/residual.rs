@@ -33,7 +33,7 @@ impl Residual {
         for entity in stage.surfaces() {
             let surface = stage.surface(entity).clone();
             let positions = SurfacePositions(stage.positions(entity).to_vec());
-            let copied = app.world_mut().spawn((surface, positions, ContactMethod::Refined)).id();
+            let copied = app.world_mut().spawn((surface, positions, ContactMethod::Exact)).id();
             let mut copied = app.world_mut().entity_mut(copied);
             copied.insert(played.get::<SurfaceThickness>(entity).copied().unwrap_or_default());
             copied.insert(played.get::<SurfaceLayers>(entity).copied().unwrap_or_default());

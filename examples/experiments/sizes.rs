@@ -142,9 +142,9 @@ fn play(method: ContactMethod, ground: &Mesh, cloths: &[Mesh], fall: usize, meas
 fn measure_size(multiple: f64, fall: usize, measured: usize) -> Vec<SizesRow> {
     let (ground, cloths) = meshes(multiple);
     let own = play(ContactMethod::Circumsphere, &ground, &cloths, fall, measured);
-    let exact = (multiple <= MOST_RESPONSES).then(|| play(ContactMethod::Refined, &ground, &cloths, fall, measured));
+    let exact = (multiple <= MOST_RESPONSES).then(|| play(ContactMethod::Exact, &ground, &cloths, fall, measured));
     // Each method replays the motion that its own contacts led to.
-    [(ContactMethod::Circumsphere, Some(own)), (ContactMethod::Refined, exact)]
+    [(ContactMethod::Circumsphere, Some(own)), (ContactMethod::Exact, exact)]
         .into_iter()
         .filter_map(|(method, played)| {
             let played = played?;
@@ -222,7 +222,7 @@ pub fn finding(rows: &[SizesRow]) -> Finding {
     );
     let alone = |row: &SizesRow| row.frame_share_detection_alone;
     let with = |row: &SizesRow| row.frame_share_with_response;
-    let [own, exact] = [ContactMethod::Circumsphere, ContactMethod::Refined]
+    let [own, exact] = [ContactMethod::Circumsphere, ContactMethod::Exact]
         .map(|method| Some((told(rows, method, alone)?, told(rows, method, with)?)));
     let (Some((own, own_whole)), Some((exact, exact_whole))) = (own, exact) else {
         return Finding { claim, found: "that size was not measured".to_owned(), outcome: Outcome::Undecided };

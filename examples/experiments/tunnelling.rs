@@ -197,5 +197,5 @@ pub fn tables(rows: &[TunnellingRow]) -> String {
 /// The variation for shots, with other caps.
 pub fn with_caps(phi: f32, curvature_threshold: f32) -> Variation {
     let base = variation(ContactMethod::Circumsphere);
-    Variation { detection: CircumsphereSettings { phi, curvature_threshold, ..base.detection }, ..base }
+    Variation { detection: CircumsphereSettings { sphere_offset: phi, curvature_threshold, ..base.detection }, ..base }
 }

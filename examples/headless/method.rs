@@ -10,7 +10,7 @@ pub enum Method {
     BoundingSphere,
     Circumsphere,
     Closest,
-    Refined,
+    Exact,
     Polygon,
 }
 
@@ -20,7 +20,7 @@ impl From<Method> for ContactMethod {
             Method::BoundingSphere => Self::BoundingSphere,
             Method::Circumsphere => Self::Circumsphere,
             Method::Closest => Self::Closest,
-            Method::Refined => Self::Refined,
+            Method::Exact => Self::Exact,
             Method::Polygon => Self::Polygon,
         }
     }

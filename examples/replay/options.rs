@@ -22,7 +22,7 @@ pub struct Options {
     /// The frames of one mesh in order (PLY or OBJ), or one .bin recording; without files: an embedded scene
     pub files: Vec<PathBuf>,
     /// Contact method
-    #[arg(long, value_enum, default_value_t = Method::Refined)]
+    #[arg(long, value_enum, default_value_t = Method::Exact)]
     pub method: Method,
     /// Broad phase that finds candidate pairs of triangles
     #[arg(long, value_enum, default_value_t = BroadPhase::Tree)]
@@ -37,11 +37,11 @@ pub struct Options {
     #[arg(long, value_name = "X")]
     pub contact_distance_edges: Option<f64>,
     /// Height of a flat triangle's sphere center below its plane, in radii of the triangle
-    #[arg(long, default_value_t = CircumsphereSettings::default().phi)]
-    pub phi: f32,
+    #[arg(long, default_value_t = CircumsphereSettings::default().sphere_offset)]
+    pub sphere_offset: f32,
     /// Shape change beyond which a triangle's sphere is made anew
-    #[arg(long, default_value_t = CircumsphereSettings::default().delta)]
-    pub delta: f32,
+    #[arg(long, default_value_t = CircumsphereSettings::default().refit_threshold)]
+    pub refit_threshold: f32,
     /// Curvature times radius at which a sphere is no longer offset
     #[arg(long, default_value_t = CircumsphereSettings::default().curvature_threshold)]
     pub curvature_threshold: f32,
@@ -129,8 +129,8 @@ pub struct Settings {
     pub surfaces: Surfaces,
     pub contact_distance: f64,
     pub mean_edge: f64,
-    pub phi: f32,
-    pub delta: f32,
+    pub sphere_offset: f32,
+    pub refit_threshold: f32,
     pub curvature_threshold: f32,
     pub plane_cull: bool,
     pub widen_cones: bool,
@@ -157,8 +157,8 @@ impl Options {
         let at_least_0 = [
             ("--contact-distance", self.contact_distance.unwrap_or(0.0)),
             ("--contact-distance-edges", edges),
-            ("--phi", f64::from(self.phi)),
-            ("--delta", f64::from(self.delta)),
+            ("--sphere-offset", f64::from(self.sphere_offset)),
+            ("--refit-threshold", f64::from(self.refit_threshold)),
         ];
         for (option, value) in at_least_0 {
             if !(value >= 0.0 && value <= f64::from(f32::MAX)) {
@@ -185,8 +185,8 @@ impl Options {
             surfaces: self.surfaces,
             contact_distance,
             mean_edge,
-            phi: self.phi,
-            delta: self.delta,
+            sphere_offset: self.sphere_offset,
+            refit_threshold: self.refit_threshold,
             curvature_threshold: self.curvature_threshold,
             plane_cull: self.plane_cull,
             widen_cones: self.widen_cones,

@@ -172,8 +172,8 @@ impl<'a> Stage<'a> {
             }
         };
         let circumsphere_settings = CircumsphereSettings {
-            phi: settings.phi,
-            delta: settings.delta,
+            sphere_offset: settings.sphere_offset,
+            refit_threshold: settings.refit_threshold,
             curvature_threshold: settings.curvature_threshold,
             plane_cull: settings.plane_cull,
             widen_cones: settings.widen_cones,

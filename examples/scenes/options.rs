@@ -12,7 +12,7 @@ pub struct SceneOptions {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub ticks: Option<u32>,
     /// Contact method
-    #[arg(long, value_enum, default_value_t = Method::Refined)]
+    #[arg(long, value_enum, default_value_t = Method::Exact)]
     pub method: Method,
     /// Threads that may work on one tick; 1 uses no task pool
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..))]

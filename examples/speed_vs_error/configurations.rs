@@ -21,7 +21,7 @@ const ESTIMATORS: [CurvatureEstimator; 2] = [CurvatureEstimator::SignedEdge, Cur
 
 /// Settings of `Circumsphere` outside the grid: a name, and the change to the defaults.
 const FURTHER_SETTINGS: [(&str, fn(&mut CircumsphereSettings)); 1] = [("as in the source paper", |settings| {
-    settings.phi = 1.0;
+    settings.sphere_offset = 1.0;
     settings.plane_cull = false;
     settings.widen_cones = false;
     settings.estimator = CurvatureEstimator::DualAngleDeficit;
@@ -74,7 +74,7 @@ fn differences(settings: &CircumsphereSettings) -> String {
             let _ = write!(words, "{} {what}", if words.is_empty() { ":" } else { "," });
         }
     };
-    say(settings.phi != default.phi, format!("phi {}", settings.phi));
+    say(settings.sphere_offset != default.sphere_offset, format!("phi {}", settings.sphere_offset));
     say(settings.plane_cull != default.plane_cull, (if settings.plane_cull { "cull" } else { "no cull" }).to_owned());
     say(settings.widen_cones != default.widen_cones, "narrow cones".to_owned());
     say(settings.estimator != default.estimator, estimator_name(settings.estimator).to_owned());
@@ -82,7 +82,7 @@ fn differences(settings: &CircumsphereSettings) -> String {
         settings.curvature_threshold != default.curvature_threshold,
         format!("threshold {}", settings.curvature_threshold),
     );
-    say(settings.delta != default.delta, format!("delta {}", settings.delta));
+    say(settings.refit_threshold != default.refit_threshold, format!("delta {}", settings.refit_threshold));
     words
 }
 
@@ -110,14 +110,17 @@ pub fn configurations(distances: &[f64], extent: Extent) -> Vec<Configuration> {
         if extent == Extent::Full || distance == center {
             for &phi in phis {
                 for plane_cull in [true, false] {
-                    let settings = CircumsphereSettings { phi, plane_cull, ..default };
+                    let settings = CircumsphereSettings { sphere_offset: phi, plane_cull, ..default };
                     all.push(Configuration::circumsphere(settings, distance));
                 }
             }
         }
     }
     for &phi in phis {
-        all.push(Configuration::circumsphere(CircumsphereSettings { phi, widen_cones: false, ..default }, center));
+        all.push(Configuration::circumsphere(
+            CircumsphereSettings { sphere_offset: phi, widen_cones: false, ..default },
+            center,
+        ));
     }
     for estimator in ESTIMATORS {
         for &curvature_threshold in thresholds {
@@ -126,7 +129,7 @@ pub fn configurations(distances: &[f64], extent: Extent) -> Vec<Configuration> {
         }
     }
     for &delta in deltas {
-        all.push(Configuration::circumsphere(CircumsphereSettings { delta, ..default }, center));
+        all.push(Configuration::circumsphere(CircumsphereSettings { refit_threshold: delta, ..default }, center));
     }
     for (name, change) in FURTHER_SETTINGS {
         let mut configuration = Configuration::new(ContactMethod::Circumsphere, center);

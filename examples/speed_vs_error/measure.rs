@@ -36,12 +36,12 @@ pub struct MeasureRow {
     pub scene: String,
     pub configuration: String,
     pub method: String,
-    pub phi: Option<f32>,
+    pub sphere_offset: Option<f32>,
     pub plane_cull: Option<bool>,
     pub widen_cones: Option<bool>,
     pub estimator: Option<&'static str>,
     pub curvature_threshold: Option<f32>,
-    pub delta: Option<f32>,
+    pub refit_threshold: Option<f32>,
     pub contact_distance_edges: f64,
     pub ticks: usize,
     pub ticks_measured: usize,
@@ -167,12 +167,12 @@ pub fn measure(scene: &Scene, truth: &[TrueTick], configuration: &Configuration)
         ..MeasureRow::default()
     };
     if method == ContactMethod::Circumsphere {
-        row.phi = Some(settings.phi);
+        row.sphere_offset = Some(settings.sphere_offset);
         row.plane_cull = Some(settings.plane_cull);
         row.widen_cones = Some(settings.widen_cones);
         row.estimator = Some(estimator_name(settings.estimator));
         row.curvature_threshold = Some(settings.curvature_threshold);
-        row.delta = Some(settings.delta);
+        row.refit_threshold = Some(settings.refit_threshold);
     }
     errors.write(&mut row);
     steadiness.write(&mut row);

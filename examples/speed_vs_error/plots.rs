@@ -59,7 +59,7 @@ const GROUPS: [(&str, &str, MarkerShape, f64); 7] = [
     ("Circumsphere with plane cull", BLUE, MarkerShape::Circle, 4.5),
     ("Circumsphere, defaults", VERMILION, MarkerShape::Star, 8.0),
     ("Closest", PURPLE, MarkerShape::Diamond, 7.0),
-    ("Refined (default method)", GREEN, MarkerShape::Diamond, 7.0),
+    ("Exact (default method)", GREEN, MarkerShape::Diamond, 7.0),
     ("Polygon", BLACK, MarkerShape::Cross, 6.0),
 ];
 
@@ -70,7 +70,7 @@ fn group(configuration: &super::configurations::Configuration) -> usize {
         ContactMethod::Circumsphere if configuration.settings.plane_cull => 2,
         ContactMethod::Circumsphere => 1,
         ContactMethod::Closest => 4,
-        ContactMethod::Refined => 5,
+        ContactMethod::Exact => 5,
         ContactMethod::Polygon => 6,
     }
 }
@@ -149,7 +149,7 @@ fn speed_vs_error(study: &Study) -> Sheet {
                 .filter(|all| all.configuration.distance_edges == distance)
                 .filter_map(|all| Some((group(&all.configuration), all.row.time_ratio?, of_all(all)?)))
                 .collect();
-            speed_error_panel(&points, "", "time (Refined = 1)", label)
+            speed_error_panel(&points, "", "time (Exact = 1)", label)
         })
         .collect();
     Sheet {
@@ -224,12 +224,12 @@ fn error_vs_phi(study: &Study) -> Option<Sheet> {
                         && configuration.settings.plane_cull == plane_cull
                         && configuration.settings.widen_cones == widen_cones
                         && configuration.is_default_but(|settings, default| {
-                            settings.phi = default.phi;
+                            settings.sphere_offset = default.sphere_offset;
                             settings.plane_cull = default.plane_cull;
                             settings.widen_cones = default.widen_cones;
                         })
                 })
-                .map(|all| (f64::from(all.configuration.settings.phi), all))
+                .map(|all| (f64::from(all.configuration.settings.sphere_offset), all))
                 .collect();
             points.sort_by(|a, b| a.0.total_cmp(&b.0));
             let (what, dash) = match (plane_cull, widen_cones) {
@@ -288,7 +288,7 @@ fn error_vs_delta(study: &Study) -> Option<Sheet> {
     let points = |scene: &str, value: fn(&Measured) -> Option<f64>| {
         let mut points: Vec<(f64, f64)> = study
             .delta_series(scene)
-            .filter_map(|one| Some((f64::from(one.configuration.settings.delta), value(one)?)))
+            .filter_map(|one| Some((f64::from(one.configuration.settings.refit_threshold), value(one)?)))
             .collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points
@@ -351,7 +351,7 @@ const STAGE_GROUPS: [(&str, &[&str], &str); 8] = [
     ("spheres", &["refit", "refit balls"], ORANGE),
     ("overlap", &["overlap"], BLUE),
     ("cone", &["cone"], PURPLE),
-    ("refine", &["refine"], GREEN),
+    ("exact", &["exact"], GREEN),
     ("contacts", &["contacts"], VERMILION),
 ];
 

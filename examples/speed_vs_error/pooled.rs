@@ -25,7 +25,7 @@ pub struct PooledRow {
     pub worst_pair_miss_rate: Option<f64>,
     pub contact_churn: Option<f64>,
     pub recipes_refreshed_share: Option<f64>,
-    /// Geometric mean over scenes of the time relative to `Refined` at the same contact distance.
+    /// Geometric mean over scenes of the time relative to `Exact` at the same contact distance.
     pub time_ratio: Option<f64>,
 }
 
@@ -45,13 +45,13 @@ pub fn pooled(measured: &[Measured]) -> Vec<Pooled> {
     configurations.into_iter().map(|configuration| pool(configuration, measured)).collect()
 }
 
-/// Time of `Refined` in a scene.
+/// Time of `Exact` in a scene.
 fn refined_time(measured: &[Measured], scene: &str, distance_edges: f64) -> Option<f64> {
     measured
         .iter()
         .find(|one| {
             one.row.scene == scene
-                && one.row.configuration == "Refined"
+                && one.row.configuration == "Exact"
                 && one.row.contact_distance_edges == distance_edges
         })
         .map(|one| one.row.time_ms)

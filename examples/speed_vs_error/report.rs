@@ -85,7 +85,9 @@ impl Study {
         self.measured.iter().filter(move |one| {
             one.row.scene == scene
                 && one.configuration.distance_edges == self.center_distance()
-                && one.configuration.is_default_but(|settings, default| settings.delta = default.delta)
+                && one
+                    .configuration
+                    .is_default_but(|settings, default| settings.refit_threshold = default.refit_threshold)
         })
     }
 
@@ -314,9 +316,9 @@ impl Text<'_> {
                 "- `{method:?}` {}, misses {} of the pairs ({} in its worst scene) and {} of the touching bodies; {} of \
                  what it reports is false.",
                 match row.time_ratio {
-                    _ if method == ContactMethod::Refined => "gives the unit of time".to_owned(),
-                    Some(ratio) => format!("takes {ratio:.2} times as long as `Refined`"),
-                    None => "has not been timed beside `Refined`".to_owned(),
+                    _ if method == ContactMethod::Exact => "gives the unit of time".to_owned(),
+                    Some(ratio) => format!("takes {ratio:.2} times as long as `Exact`"),
+                    None => "has not been timed beside `Exact`".to_owned(),
                 },
                 percent(row.pair_miss_rate),
                 percent(row.worst_pair_miss_rate),
@@ -342,7 +344,7 @@ impl Text<'_> {
                     format!("`{}` ({time:.2}, {})", all.row.configuration, percent(Some(error)))
                 })
                 .collect();
-            writeln!(out, "- The Pareto front of time and {what} (time of `Refined` = 1): {}.", front.join(", "))?;
+            writeln!(out, "- The Pareto front of time and {what} (time of `Exact` = 1): {}.", front.join(", "))?;
         }
         writeln!(out)
     }
@@ -358,7 +360,7 @@ impl Text<'_> {
             "triangles missed",
             "triangles false",
             "objects missed",
-            "time (Refined = 1)",
+            "time (Exact = 1)",
         ]);
         for method in ContactMethod::ALL {
             for distance in self.study.distances() {
@@ -447,7 +449,7 @@ impl Text<'_> {
         let worst = exact().filter_map(|row| row.separation_error_max).fold(0.0, f64::max);
         writeln!(
             out,
-            "`Closest`, `Refined` and `Polygon` over all scenes and distances: {} true pairs, {} missed, {} false, largest \
+            "`Closest`, `Exact` and `Polygon` over all scenes and distances: {} true pairs, {} missed, {} false, largest \
              separation error {}.\n",
             exact().map(|row| row.true_pairs).sum::<usize>(),
             exact().map(|row| row.missed_pairs).sum::<usize>(),
@@ -476,7 +478,7 @@ impl Text<'_> {
         let Some(best) = among.iter().min_by(|a, b| error(a).total_cmp(&error(b))) else { return Ok(()) };
         let say = |all: &Pooled| {
             format!(
-                "{} (1 − F1 {}, missed {}, false {}, {} times as long as `Refined`)",
+                "{} (1 − F1 {}, missed {}, false {}, {} times as long as `Exact`)",
                 name(&all.configuration),
                 percent(all.row.pair_error),
                 percent(all.row.pair_miss_rate),
@@ -499,17 +501,21 @@ impl Text<'_> {
         writeln!(out, "## φ and the plane cull\n")?;
         self.plot(out, "error_vs_phi")?;
         let among = study.pooled_but(|settings, default| {
-            settings.phi = default.phi;
+            settings.sphere_offset = default.sphere_offset;
             settings.plane_cull = default.plane_cull;
         });
         Self::best(out, among, |configuration| {
             let settings = &configuration.settings;
-            format!("φ = {} {} the plane cull", settings.phi, if settings.plane_cull { "with" } else { "without" })
+            format!(
+                "φ = {} {} the plane cull",
+                settings.sphere_offset,
+                if settings.plane_cull { "with" } else { "without" }
+            )
         })?;
         let with = |plane_cull: bool| {
             let rows: Vec<&PooledRow> = study
                 .pooled_but(|settings, default| {
-                    settings.phi = default.phi;
+                    settings.sphere_offset = default.sphere_offset;
                     settings.plane_cull = default.plane_cull;
                 })
                 .filter(|all| all.configuration.settings.plane_cull == plane_cull)
@@ -521,7 +527,7 @@ impl Text<'_> {
         let (on, off) = (with(true), with(false));
         writeln!(
             out,
-            "Mean over φ at {} edges: with the plane cull {} missed and {} false, {} times as long as `Refined`; without \
+            "Mean over φ at {} edges: with the plane cull {} missed and {} false, {} times as long as `Exact`; without \
              it {} missed and {} false, {} times as long.\n",
             study.center_distance(),
             percent(on.0),
@@ -550,8 +556,8 @@ impl Text<'_> {
         let study = self.study;
         writeln!(out, "## δ: how stale a sphere may be\n")?;
         self.plot(out, "error_vs_delta")?;
-        let among = study.pooled_but(|settings, default| settings.delta = default.delta);
-        Self::best(out, among, |configuration| format!("δ = {}", configuration.settings.delta))?;
+        let among = study.pooled_but(|settings, default| settings.refit_threshold = default.refit_threshold);
+        Self::best(out, among, |configuration| format!("δ = {}", configuration.settings.refit_threshold))?;
         let mut table = Table::new(&[
             "scene",
             "δ",
@@ -565,11 +571,13 @@ impl Text<'_> {
         ]);
         for scene in study.scenes.iter().filter(|scene| scene.deforms) {
             let mut series: Vec<&Measured> = study.delta_series(&scene.name).collect();
-            series.sort_by(|a, b| a.configuration.settings.delta.total_cmp(&b.configuration.settings.delta));
+            series.sort_by(|a, b| {
+                a.configuration.settings.refit_threshold.total_cmp(&b.configuration.settings.refit_threshold)
+            });
             for one in series {
                 table.row([
                     scene.name.clone(),
-                    one.configuration.settings.delta.to_string(),
+                    one.configuration.settings.refit_threshold.to_string(),
                     percent(one.row.pair_miss_rate),
                     percent(one.row.pair_false_rate),
                     fixed(one.row.recipes_refreshed_per_tick, 1),
@@ -611,7 +619,7 @@ impl Text<'_> {
             "triangles missed",
             "triangles false",
             "objects missed",
-            "time (Refined = 1)",
+            "time (Exact = 1)",
         ]);
         for row in rows {
             table.row([
@@ -649,10 +657,10 @@ impl Text<'_> {
                 .join(", ")
         )?;
         let times: Vec<String> = ContactMethod::ALL.iter().map(|method| format!("`{method:?}` (ms)")).collect();
-        let columns = ["triangles", "candidates per triangle", "touching pairs per triangle (`Refined`)"];
+        let columns = ["triangles", "candidates per triangle", "touching pairs per triangle (`Exact`)"];
         let mut table = Table::new(&columns.into_iter().chain(times.iter().map(String::as_str)).collect::<Vec<_>>());
         for rows in study.scaling.chunks(ContactMethod::ALL.len()) {
-            let refined = rows.iter().find(|row| row.method == "Refined").unwrap_or(&rows[0]);
+            let refined = rows.iter().find(|row| row.method == "Exact").unwrap_or(&rows[0]);
             let per_triangle = |count: usize| format!("{:.3}", count as f64 / refined.triangles as f64);
             let cells = [
                 refined.triangles.to_string(),
@@ -716,7 +724,7 @@ impl Text<'_> {
             out,
             "## From tick to tick\n\n\
              Churn is 1 − |contacts of both ticks| / |contacts of either|, jump the angle by which a contact that lasts \
-             turns its normal, those that cross apart. Bodies move, so part of either is real: `Refined`'s pairs are \
+             turns its normal, those that cross apart. Bodies move, so part of either is real: `Exact`'s pairs are \
              the true ones.\n"
         )?;
         let mut table = Table::new(&[

@@ -338,8 +338,11 @@ impl PeerNormals {
         curvatures.measure(&topology, &positions, CurvatureEstimator::SignedEdge);
         let mut spheres = OffsetSpheres::default();
         let defaults = CircumsphereSettings::default();
-        let settings =
-            RecipeSettings { phi: defaults.phi, curvature_threshold: defaults.curvature_threshold, delta: 0.0 };
+        let settings = RecipeSettings {
+            sphere_offset: defaults.sphere_offset,
+            curvature_threshold: defaults.curvature_threshold,
+            refit_threshold: 0.0,
+        };
         let mut cones = SafetyCones::default();
         spheres.refit(&positions, &mesh.triangles, &curvatures.curvatures, &curvatures.dihedrals, settings, &mut cones);
         let mut by_vertex = vec![DVec3::ZERO; positions.len()];

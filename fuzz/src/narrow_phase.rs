@@ -11,7 +11,7 @@ use bevy_circumsphere::kernel::{
     contact::CompactContact,
     exact::{
         penetration::{Finding, Settling},
-        stage::{refine_closest, refine_pairs},
+        stage::{closest_pairs, exact_pairs},
         unique::UniqueFeatures,
     },
     mesh::{bounds::triangle_bounds, ids::TriangleId},
@@ -49,9 +49,9 @@ pub fn narrow_phase(bytes: &[u8]) {
         same_surface,
     };
     let candidates = candidates(&surface_a, surface_b, same_surface);
-    let found = detect(refine_pairs, [&a, &b], &candidates, &settings);
-    let screened = detect(refine_pairs, [&a, &b], &candidates, &PairSettings { cull: true, ..settings });
-    let closest = detect(refine_closest, [&a, &b], &candidates, &settings);
+    let found = detect(exact_pairs, [&a, &b], &candidates, &settings);
+    let screened = detect(exact_pairs, [&a, &b], &candidates, &PairSettings { cull: true, ..settings });
+    let closest = detect(closest_pairs, [&a, &b], &candidates, &settings);
     if !(surface_a.is_finite() && surface_b.is_finite() && contact_distance.is_finite()) {
         return;
     }

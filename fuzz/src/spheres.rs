@@ -27,9 +27,9 @@ pub fn spheres(bytes: &[u8]) {
     let flag = |bit: u8| flags & (1 << bit) != 0;
     let estimator = if flag(0) { CurvatureEstimator::DualAngleDeficit } else { CurvatureEstimator::SignedEdge };
     let recipe = RecipeSettings {
-        phi: positive(&mut input, flag(1)).min(LARGEST_PHI),
+        sphere_offset: positive(&mut input, flag(1)).min(LARGEST_PHI),
         curvature_threshold: positive(&mut input, flag(2)).max(f32::MIN_POSITIVE),
-        delta: positive(&mut input, flag(3)),
+        refit_threshold: positive(&mut input, flag(3)),
     };
     let written = input.coordinates();
     let mut surface = FuzzedSurface::new(&mut input, written);

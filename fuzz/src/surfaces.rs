@@ -126,9 +126,9 @@ fn settings(input: &mut Input<'_>, any: bool) -> CircumsphereSettings {
     let flags = input.byte();
     CircumsphereSettings {
         margin: input.float(),
-        phi: input.float(),
+        sphere_offset: input.float(),
         curvature_threshold: input.float(),
-        delta: input.float(),
+        refit_threshold: input.float(),
         plane_cull: flags & 1 != 0,
         estimator: if flags & 2 != 0 { CurvatureEstimator::DualAngleDeficit } else { CurvatureEstimator::SignedEdge },
         ..Default::default()
@@ -136,7 +136,7 @@ fn settings(input: &mut Input<'_>, any: bool) -> CircumsphereSettings {
 }
 
 fn method(input: &mut Input<'_>) -> ContactMethod {
-    [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Refined, ContactMethod::Polygon]
+    [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Exact, ContactMethod::Polygon]
         [input.below(4)]
 }
 
@@ -157,7 +157,7 @@ fn spawn_clean_bodies(app: &mut App) -> [Entity; 2] {
         let corners = [Vec3::new(0.0, height, 0.0), Vec3::new(1.0, height, 0.0), Vec3::new(0.0, height, 1.0)];
         let surface = DeformableSurface::from_mesh(&corners, &[[0, 1, 2]]).expect("a triangle is a mesh");
         let layers = SurfaceLayers { memberships: CLEAN, filters: CLEAN };
-        app.world_mut().spawn((surface, layers, SurfaceThickness::World(0.05), ContactMethod::Refined)).id()
+        app.world_mut().spawn((surface, layers, SurfaceThickness::World(0.05), ContactMethod::Exact)).id()
     })
 }
 

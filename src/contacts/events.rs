@@ -1,4 +1,5 @@
-//! Announces when two surfaces come into contact and when they part.
+//! Announces when two sides come into contact and when they separate. Compares the [`ContactStore`] with the last tick,
+//! in [`DeformableSystems::Events`].
 
 use std::collections::{HashMap, HashSet};
 
@@ -17,23 +18,23 @@ use crate::{
     surface::{PendingQuarantines, SurfaceQuarantined},
 };
 
-/// Two surfaces, or a surface and a shape, came into contact in this tick. Sent for those of which one at least has
+/// Two surfaces, or a surface and a shape, came into contact in this tick. Sent if at least one of them has
 /// [`ContactEventsEnabled`](crate::ContactEventsEnabled).
 ///
-/// As a message it comes once a pair; as an entity event to each of the two that asked, as its `entity`. In a
-/// self-collision both are the same.
+/// The message is sent once per pair. The entity event is sent to each of the two that has events enabled, as its
+/// `entity`. In a self-collision, both sides are the same entity.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SurfaceContactStarted {
+pub struct SurfaceContactStart {
     /// One side.
     pub entity: Entity,
     /// The other side.
     pub other: Entity,
 }
 
-/// Two surfaces, or a surface and a shape, are no longer in contact, because they parted or because one of them is no
-/// longer there. Sent like [`SurfaceContactStarted`]; entities that are gone get no event.
+/// Two surfaces, or a surface and a shape, are no longer in contact, because they separated or because one of them no
+/// longer takes part. Sent like [`SurfaceContactStart`]. Entities that no longer exist get no event.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SurfaceContactEnded {
+pub struct SurfaceContactEnd {
     /// One side.
     pub entity: Entity,
     /// The other side.
@@ -46,7 +47,7 @@ pub struct ContactEventsPlugin {
 }
 
 impl ContactEventsPlugin {
-    /// Sends in `schedule`.
+    /// Sends them in `schedule`.
     #[must_use]
     pub fn new(schedule: impl ScheduleLabel) -> Self {
         Self { schedule: schedule.intern() }
@@ -55,8 +56,8 @@ impl ContactEventsPlugin {
 
 impl Plugin for ContactEventsPlugin {
     fn build(&self, app: &mut App) {
-        app.add_message::<SurfaceContactStarted>()
-            .add_message::<SurfaceContactEnded>()
+        app.add_message::<SurfaceContactStart>()
+            .add_message::<SurfaceContactEnd>()
             .add_message::<SurfaceQuarantined>()
             .init_resource::<TouchingSides>()
             .add_systems(
@@ -78,17 +79,17 @@ fn send_quarantines(
     }
 }
 
-/// Which sides are in contact, and what has changed about that in this tick, whoever asked to be told.
+/// The sides that are in contact, and what changed in this tick, whether or not events are enabled.
 #[derive(Resource, Default)]
 pub(crate) struct TouchingSides {
     touching: Vec<Touching>,
-    /// Those that came into contact in this tick, in the order of the store.
+    /// Pairs that came into contact in this tick, in the order of the store.
     pub(crate) started: Vec<Touching>,
-    /// Those that are no longer in contact, in the same order.
+    /// Pairs that are no longer in contact, in the same order.
     pub(crate) ended: Vec<Touching>,
 }
 
-/// Two sides that are in contact, and which of them asked to be told.
+/// Two sides that are in contact, and which of them have events enabled.
 #[derive(Clone, Copy)]
 pub(crate) struct Touching {
     pub(crate) sides: [Entity; 2],
@@ -101,7 +102,7 @@ impl Touching {
         Self { sides: sides_of(stored), events: stored.events, order: stored.order }
     }
 
-    /// Calls `announce` with each side that asked and is still there, and the other one.
+    /// Calls `announce` with each side that has events enabled and still exists, and with the other side.
     fn for_each_listener(&self, entities: &Entities, mut announce: impl FnMut(Entity, Entity)) {
         let [a, b] = self.sides;
         if self.events[0] && entities.contains_spawned(a) {
@@ -117,7 +118,7 @@ fn sides_of(pair: &StoredPair) -> [Entity; 2] {
     [pair.a.entity(), pair.b.entity()]
 }
 
-/// Names two sides whichever comes first.
+/// A name for two sides that does not depend on their order.
 fn name(mut sides: [Entity; 2]) -> [Entity; 2] {
     sides.sort_unstable();
     sides
@@ -155,21 +156,21 @@ fn send_contacts(
     sides: Res<TouchingSides>,
     entities: &Entities,
     mut commands: Commands,
-    mut started: MessageWriter<SurfaceContactStarted>,
-    mut ended: MessageWriter<SurfaceContactEnded>,
+    mut started: MessageWriter<SurfaceContactStart>,
+    mut ended: MessageWriter<SurfaceContactEnd>,
 ) {
     for pair in &sides.ended {
         let [entity, other] = pair.sides;
         if pair.events.contains(&true) {
-            ended.write(SurfaceContactEnded { entity, other });
+            ended.write(SurfaceContactEnd { entity, other });
         }
-        pair.for_each_listener(entities, |entity, other| commands.trigger(SurfaceContactEnded { entity, other }));
+        pair.for_each_listener(entities, |entity, other| commands.trigger(SurfaceContactEnd { entity, other }));
     }
     for pair in &sides.started {
         let [entity, other] = pair.sides;
         if pair.events.contains(&true) {
-            started.write(SurfaceContactStarted { entity, other });
+            started.write(SurfaceContactStart { entity, other });
         }
-        pair.for_each_listener(entities, |entity, other| commands.trigger(SurfaceContactStarted { entity, other }));
+        pair.for_each_listener(entities, |entity, other| commands.trigger(SurfaceContactStart { entity, other }));
     }
 }

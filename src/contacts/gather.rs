@@ -1,4 +1,4 @@
-//! Last stage: what the stages found becomes the store of this tick, in the same lists.
+//! The last stage of detection: gathers what the stages found into the [`ContactStore`]. The store shares their lists.
 
 use std::{collections::HashMap, sync::Arc, time::Instant};
 
@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, PairContacts, RefinedTrianglePairs,
+        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, ExactTrianglePairs, PairContacts,
         SphereContacts, SurfacePair, Threads,
         broad_phase::{Frame, OtherSide},
         is_one_sided,
@@ -33,14 +33,14 @@ impl Plugin for ContactsPlugin {
     }
 }
 
-/// Where the pairs of the last detection are in the store that they were written to.
+/// The indices of pairs in the store of their detection.
 #[derive(Default)]
 struct KeptPairs {
-    /// For each of [`CandidateTrianglePairs`] its place in the store, where it is stored.
+    /// For each of [`CandidateTrianglePairs`], its index in the store, if it is stored.
     places: Vec<Option<u32>>,
-    /// The same of the detection before, while this one is gathered.
+    /// The same for the last detection, while this one is gathered.
     last_places: Vec<Option<u32>>,
-    /// The places in that store by sides.
+    /// The indices in the store of the last detection, by sides.
     by_sides: HashMap<(ContactSide, ContactSide), usize>,
 }
 
@@ -49,7 +49,7 @@ fn gather_contacts(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
     settings: Res<CircumsphereSettings>,
-    mut refined: ResMut<RefinedTrianglePairs>,
+    mut found: ResMut<ExactTrianglePairs>,
     mut spheres: ResMut<SphereContacts>,
     mut store: ResMut<ContactStore>,
     mut previous: Local<ContactStore>,
@@ -83,7 +83,7 @@ fn gather_contacts(
             continue;
         }
         let is_exact = pair.method.is_exact();
-        let found = if is_exact { &mut refined.pairs[place] } else { &mut spheres.pairs[place] };
+        let found = if is_exact { &mut found.pairs[place] } else { &mut spheres.pairs[place] };
         if found.contacts.is_empty() && found.nearest > f64::from(pair.range) {
             stored_places.push(None);
             continue;
@@ -101,7 +101,7 @@ fn gather_contacts(
         }
         store.pairs.push(stored_pair(&active, pair, found));
     }
-    // Who found those finds their memory again.
+    // The lists must not stay shared, so that the stages can reuse their memory.
     previous.pairs.clear();
     let count = store.pairs.len();
     capacity::trim(&mut previous.pairs, count);
@@ -118,8 +118,8 @@ fn gather_contacts(
     diagnostics.finish("contacts", start, candidates.pairs.len(), store.contact_count());
 }
 
-/// What the last tick knew of two sides, and whether their order has changed since; `None` where it found them by spheres, whose
-/// contacts have no sides.
+/// The stored pair of two sides in the last tick, and whether their order has changed since. `None` if there is none,
+/// or if it was found by spheres: those contacts have no sides.
 fn last_of<'a>(
     previous: &'a ContactStore,
     by_sides: &HashMap<(ContactSide, ContactSide), usize>,
@@ -130,8 +130,8 @@ fn last_of<'a>(
     Some((&previous.pairs[place], is_reversed)).filter(|(pair, _)| pair.spheres.is_none())
 }
 
-/// A normal of a pair of the last tick, whose sides come in the other order now, in the frame that the pair has now: that of the
-/// same surface, or of the other one where none has more triangles.
+/// Transforms a normal of a pair of the last tick, whose sides come in the other order now, into the pair's current
+/// frame. That is the frame of the same surface, or of the other one if both have the same number of triangles.
 fn turned(normal: Vec3, before: &StoredPair, frame: Frame) -> Vec3 {
     let own = match frame {
         Frame::First => &before.poses[1],
@@ -148,7 +148,7 @@ fn sides_of(active: &ActiveSurfaces, pair: &SurfacePair) -> (ContactSide, Contac
     (active.surfaces[pair.first].side(), second)
 }
 
-/// A pair as the store keeps it, with the lists of what was found.
+/// A pair as it is stored. Shares the lists of what was found.
 fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts) -> StoredPair {
     let first = &active.surfaces[pair.first];
     let has_inside = |surface: &ActiveSurface| is_one_sided(surface, pair);
@@ -197,7 +197,7 @@ fn index_entities(store: &mut ContactStore) {
     store.by_entity.sort_unstable();
 }
 
-/// Whether the sides of a pair are known only from the ticks before.
+/// Whether the sides of a pair are known only from earlier ticks.
 fn keeps_sides(active: &ActiveSurfaces, pair: &SurfacePair) -> bool {
     let OtherSide::Surface(second) = pair.second else { return false };
     let (first, second) = (&active.surfaces[pair.first], &active.surfaces[second]);

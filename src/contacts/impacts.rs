@@ -1,7 +1,7 @@
-//! Impacts of fast motion: what the swept stage found in the last detection, and how systems read it.
+//! The system parameter that reads the impacts of fast motion, which the swept stage found in the last detection.
 //!
-//! An impact says when two moving triangles first meet; a contact says how two stand to each other now. Neither implies the
-//! other.
+//! An impact is when two moving triangles first meet. A contact is how two triangles are placed now. Neither implies
+//! the other.
 
 use std::fmt::{self, Debug, Formatter};
 
@@ -22,7 +22,7 @@ use crate::{
     },
 };
 
-/// Reads the impacts of the last detection. Does not borrow positions, so a solver can write them meanwhile.
+/// Reads the impacts of the last detection. Does not borrow positions, so a solver can write them at the same time.
 ///
 /// ```
 /// # use bevy_circumsphere::prelude::*;
@@ -39,26 +39,26 @@ pub struct SurfaceImpacts<'w> {
 }
 
 impl SurfaceImpacts<'_> {
-    /// Every impact once, in the order of [`SweptImpacts`].
+    /// All impacts, each once, in the order of [`SweptImpacts`].
     pub fn iter(&self) -> impl Iterator<Item = Impact<'_>> {
         self.found.pairs.iter().flat_map(|pair| pair.read(false))
     }
 
-    /// The impacts of one surface, itself as the first side of each. An impact of two surfaces is among those of both;
-    /// [`iter`](Self::iter) has it once.
-    pub fn of(&self, entity: Entity) -> impl Iterator<Item = Impact<'_>> {
+    /// The impacts of one surface, with `entity` as the first side of each. An impact of two surfaces belongs to both
+    /// of them. [`iter`](Self::iter) returns it once.
+    pub fn impacts_with(&self, entity: Entity) -> impl Iterator<Item = Impact<'_>> {
         let pairs = self.found.pairs.iter().filter(move |pair| pair.a == entity || pair.b == entity);
         pairs.flat_map(move |pair| pair.read(pair.a != entity))
     }
 
-    /// The impacts between two surfaces, `a` as the first side of each. Twice the same entity: those of a surface with
-    /// itself.
+    /// The impacts between two surfaces, with `a` as the first side of each. Pass the same entity twice for the impacts
+    /// of a surface with itself.
     pub fn between(&self, a: Entity, b: Entity) -> impl Iterator<Item = Impact<'_>> {
         self.pairs_between(a, b).flat_map(move |pair| pair.read(pair.a != a))
     }
 
-    /// The earliest impact between two surfaces, `a` as its first side. Of several at the same time the one whose
-    /// triangles come first.
+    /// The earliest impact between two surfaces, with `a` as its first side. If several are at the same time, the one
+    /// whose triangles come first.
     #[must_use]
     pub fn first(&self, a: Entity, b: Entity) -> Option<Impact<'_>> {
         self.pairs_between(a, b).find_map(|pair| pair.read(pair.a != a).nth(pair.earliest))
@@ -75,7 +75,7 @@ impl SweptPair {
     }
 }
 
-/// An impact, read from one of its sides.
+/// An impact, seen from one of its sides.
 #[derive(Clone, Copy)]
 pub struct Impact<'a> {
     pair: &'a SweptPair,
@@ -83,7 +83,7 @@ pub struct Impact<'a> {
     swapped: bool,
 }
 
-/// Without the surfaces, which it only refers to.
+/// Omits the surfaces, which the impact only refers to.
 impl Debug for Impact<'_> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         let mut impact = formatter.debug_struct("Impact");
@@ -94,7 +94,7 @@ impl Debug for Impact<'_> {
 }
 
 impl Impact<'_> {
-    /// Picks by side: what stands first in the record, or second.
+    /// Puts two values of the record, of its first and second side, into the order in which the impact is seen.
     fn pick<T>(&self, first: T, second: T) -> (T, T) {
         if self.swapped { (second, first) } else { (first, second) }
     }
@@ -111,54 +111,54 @@ impl Impact<'_> {
         self.pick(self.pair.a, self.pair.b).1
     }
 
-    /// When the triangles meet: 0 where the motion begins, 1 where it ends. Never later than the true time.
+    /// When the triangles meet: 0 at the start of the motion, 1 at its end. Never later than the true time.
     #[must_use]
     pub fn time(&self) -> f64 {
         self.record.time
     }
 
-    /// Whether the triangles reach each other on their way, or touch or cross to begin with.
+    /// Whether the triangles reach each other during the motion, or touch or cross at its start, or the search was
+    /// stopped.
     #[must_use]
     pub fn cause(&self) -> ImpactCause {
         self.record.cause
     }
 
-    /// What kinds of features meet.
+    /// The kinds of features that meet.
     #[must_use]
     pub fn kind(&self) -> FeatureKind {
         self.record.features.kind()
     }
 
-    /// The features of the first and the second side, as places within their triangles.
+    /// The features of the first and second side, by their indices within the triangles.
     #[must_use]
     pub fn features(&self) -> (Feature, Feature) {
         self.pick(self.record.features.a, self.record.features.b)
     }
 
-    /// Triangles of the first and the second side, as the game numbered them; `None` for a rigid shape that is not made of
-    /// triangles.
+    /// The triangles of the first and second side, in the game's numbering. `None` for a rigid shape that is tested by
+    /// formula.
     #[must_use]
     pub fn triangles(&self) -> (Option<TriangleId>, Option<TriangleId>) {
         let of_b = self.pair.topology_b.as_ref().map(|_| self.record.triangle_b);
         self.pick(Some(self.record.triangle_a), of_b)
     }
 
-    /// Weights of the corners of the first and the second triangle where they meet; of a rigid shape that is not made of
-    /// triangles without meaning. Each sums to 1.
+    /// The weights of the corners of the first and second triangle where they meet. Each triple sums to 1. Meaningless
+    /// for a rigid shape that is tested by formula.
     #[must_use]
     pub fn barycentrics(&self) -> ([f32; 3], [f32; 3]) {
         self.pick(self.record.barycentric_a, self.record.barycentric_b)
     }
 
-    /// World unit normal from the second side to the first, when they meet. Zero where they cross, or touch, to begin
-    /// with.
+    /// World unit normal from the second side to the first, when they meet. Zero if they touch or cross at the start.
     #[must_use]
     pub fn normal(&self) -> Vec3 {
         if self.swapped { -self.record.normal } else { self.record.normal }
     }
 
-    /// The vertices that meet, with their signed shares: at most three a side, none of a solid that is tested by formula.
-    /// A rigid shape made of triangles has entries, although nothing may move its vertices.
+    /// The vertices that meet, with signed weights: at most three per side, none of a rigid shape that is tested by
+    /// formula. A rigid shape made of triangles has entries, although its vertices must not be moved.
     #[must_use]
     pub fn stencil(&self) -> ArrayVec<StencilEntry, 6> {
         let normal = self.normal();

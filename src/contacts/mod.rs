@@ -1,4 +1,7 @@
-//! Contacts: gathered from the stages, stored, read and announced; and impacts of fast motion, stored and read.
+//! Contacts and impacts: how they are stored, read, and announced.
+//!
+//! The last stage of detection gathers contacts into the [`ContactStore`]. Systems read them through
+//! [`SurfaceContacts`], and impacts through [`SurfaceImpacts`]. Messages and events are sent at the end of the tick.
 
 mod events;
 mod gather;
@@ -7,7 +10,7 @@ mod reading;
 mod sides;
 mod store;
 
-pub use events::{ContactEventsPlugin, SurfaceContactEnded, SurfaceContactStarted};
+pub use events::{ContactEventsPlugin, SurfaceContactEnd, SurfaceContactStart};
 #[cfg(feature = "rerun")]
 pub(crate) use events::{Touching, TouchingSides};
 pub use gather::ContactsPlugin;

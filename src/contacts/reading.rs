@@ -1,4 +1,6 @@
-//! How systems read contacts.
+//! The system parameters that read contacts from the [`ContactStore`].
+//!
+//! Points, normals, and stencils are computed when they are read, in world units.
 
 use std::fmt::{self, Debug, Formatter};
 
@@ -21,44 +23,52 @@ use crate::{
     surface::{ContactSide, SurfacePositions},
 };
 
-/// The square of a unit vector's length is rounded by less than this: records are in f32. A scale that differs between the axes,
-/// by as little as a pose takes for none, changes it by more.
+/// Upper bound of the rounding error of a unit vector's squared length, since records are in f32. A scale that is
+/// uniform only within the tolerance of a pose changes it by more.
 const UNIT_ROUNDING: f64 = 1.0e-6;
 
-/// Reads the contacts of the last detection. Does not borrow positions, so a solver can write them meanwhile.
+/// Reads the contacts of the last detection. Does not borrow positions, so a solver can write them at the same time.
 #[derive(SystemParam)]
 pub struct SurfaceContacts<'w> {
     store: Res<'w, ContactStore>,
 }
 
 impl SurfaceContacts<'_> {
-    /// How many times contacts have been detected.
+    /// The number of detections so far.
     #[must_use]
     pub fn tick(&self) -> u64 {
         self.store.tick
     }
 
-    /// Every contact once, in the order of the [`ContactStore`].
+    /// All contacts, each once, in the order of the [`ContactStore`].
     pub fn iter(&self) -> impl Iterator<Item = Contact<'_>> {
         self.store.pairs.iter().flat_map(|pair| Self::contacts(pair, false))
     }
 
-    /// Every pair of sides that is in contact or near it, in the order of the [`ContactStore`], and its contacts.
+    /// All pairs of sides that are in contact or close to it, with their contacts, in the order of the
+    /// [`ContactStore`].
     #[cfg(feature = "rerun")]
     pub(crate) fn by_pair(&self) -> impl Iterator<Item = (&StoredPair, impl Iterator<Item = Contact<'_>>)> {
         self.store.pairs.iter().map(|pair| (pair, Self::contacts(pair, false)))
     }
 
-    /// The contacts of one surface or shape, itself as the first side of each. A contact between two surfaces is among
-    /// those of both; [`iter`](Self::iter) has it once.
-    pub fn of(&self, entity: Entity) -> impl Iterator<Item = Contact<'_>> {
+    /// The contacts of one surface or shape, with `entity` as the first side of each. A contact between two surfaces
+    /// belongs to both of them. [`iter`](Self::iter) returns it once.
+    pub fn contacts_with(&self, entity: Entity) -> impl Iterator<Item = Contact<'_>> {
         self.store.pairs_of(entity).flat_map(move |pair| Self::contacts(pair, pair.a.entity() != entity))
     }
 
-    /// The contacts between two surfaces or a surface and a shape, `a` as the first side of each. Twice the same entity:
-    /// those of a surface with itself.
+    /// The contacts between two surfaces, or between a surface and a shape, with `a` as the first side of each. Pass
+    /// the same entity twice for the contacts of a surface with itself.
     pub fn between(&self, a: Entity, b: Entity) -> impl Iterator<Item = Contact<'_>> {
         self.store.pairs_between(a, b).flat_map(move |pair| Self::contacts(pair, pair.a.entity() != a))
+    }
+
+    /// Whether two surfaces, or a surface and a shape, touch: some of their triangles are within the contact distance.
+    /// Pass the same entity twice for a surface with itself.
+    #[must_use]
+    pub fn is_touching(&self, a: Entity, b: Entity) -> bool {
+        self.store.pairs_between(a, b).any(|pair| pair.touching_count() > 0)
     }
 
     fn contacts(pair: &StoredPair, swapped: bool) -> impl Iterator<Item = Contact<'_>> {
@@ -66,12 +76,13 @@ impl SurfaceContacts<'_> {
     }
 }
 
-/// Gives contacts smooth normals: those of the curved surfaces that meshes stand for, without the bumps that inner edges
-/// give. Nothing is computed but what is asked for, and nothing is stored.
+/// Computes smooth contact normals: the normals of the curved surfaces that meshes stand for, without the bumps of
+/// inner edges. Computes only what is requested, and stores nothing.
 ///
-/// A body that slides over a mesh meets its inner edges and vertices too, and the exact [normals](Contact::normal) there
-/// lean against it. The smooth normal turns steadily from face to face, is exactly the plane's on flat ground, and leaves
-/// creases as they are: see [`CircumsphereSettings::crease_angle`]. The separation stays that of the exact normal.
+/// A body that slides over a mesh also meets its inner edges and vertices, where the exact [normals](Contact::normal)
+/// tilt against the motion. The smooth normal changes continuously from face to face, is exactly the plane's normal on
+/// flat ground, and preserves creases: see [`CircumsphereSettings::crease_angle`]. The separation remains that of the
+/// exact normal.
 ///
 /// ```
 /// # use bevy_circumsphere::prelude::*;
@@ -91,7 +102,7 @@ pub struct SmoothNormals<'w, 's> {
 }
 
 impl SmoothNormals<'_, '_> {
-    /// The world unit normal from the second side of a contact to the first, see [`Contact::smooth_normal`].
+    /// World unit normal from the second side of a contact to the first. See [`Contact::smooth_normal`].
     #[must_use]
     pub fn of(&self, contact: &Contact<'_>) -> Vec3 {
         let positions = |entity| self.surfaces.get(entity).ok().map(|positions| positions.0.as_slice());
@@ -99,8 +110,8 @@ impl SmoothNormals<'_, '_> {
     }
 }
 
-/// The weights of all three corners from the first two. A corner that is no part of the feature has none, not even
-/// what rounding leaves of 1.
+/// The weights of all three corners, from the first two. A corner outside the feature gets exactly 0, without the
+/// rounding error of the sum.
 fn complete(feature: Feature, [first, second]: [f32; 2]) -> [f32; 3] {
     match feature {
         Feature::Edge(0) => [first, 1.0 - first, 0.0],
@@ -108,22 +119,23 @@ fn complete(feature: Feature, [first, second]: [f32; 2]) -> [f32; 3] {
     }
 }
 
-/// One vertex that a contact acts on.
+/// A vertex that a contact acts on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StencilEntry {
-    /// The surface it belongs to; in an [impact](crate::Impact::stencil) it may be a rigid shape made of triangles.
+    /// The surface that the vertex belongs to. In an [impact](crate::Impact::stencil) it may be a rigid shape made of
+    /// triangles.
     pub entity: Entity,
-    /// Which of its vertices, as the game numbered them.
+    /// The vertex, in the game's numbering.
     pub vertex: VertexId,
-    /// Its share of the contact point: positive on the first side, negative on the second. A side's weights sum to
-    /// plus or minus 1; vertices with no share are left out.
+    /// Its weight in the contact point, positive on the first side and negative on the second. The weights of a side
+    /// sum to 1 or -1. Vertices without weight are left out.
     pub weight: f32,
-    /// World normal from the second side to the first, so that `weight * normal` is how the separation grows when
-    /// this vertex moves.
+    /// World normal from the second side to the first. `weight * normal` is the gradient of the separation with respect
+    /// to this vertex.
     pub normal: Vec3,
 }
 
-/// The entries of one side: the corners of its triangle that have a share.
+/// The entries of one side: the corners of its triangle that have weight.
 pub(super) fn stencil_side(
     entity: Entity,
     corners: [u32; 3],
@@ -134,7 +146,7 @@ pub(super) fn stencil_side(
     shares.map(move |(vertex, weight)| StencilEntry { entity, vertex: VertexId(vertex), weight: sign * weight, normal })
 }
 
-/// A contact, read from one of its sides, in world units.
+/// A contact, seen from one of its sides, in world units.
 #[derive(Clone, Copy)]
 pub struct Contact<'a> {
     pair: &'a StoredPair,
@@ -142,7 +154,7 @@ pub struct Contact<'a> {
     swapped: bool,
 }
 
-/// Without the surfaces, which it only refers to.
+/// Omits the surfaces, which the contact only refers to.
 impl Debug for Contact<'_> {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
         let mut contact = formatter.debug_struct("Contact");
@@ -153,7 +165,7 @@ impl Debug for Contact<'_> {
 }
 
 impl Contact<'_> {
-    /// Picks by side: what stands first in the record, or second.
+    /// Puts two values of the record, of its first and second side, into the order in which the contact is seen.
     fn pick<T>(&self, first: T, second: T) -> (T, T) {
         if self.swapped { (second, first) } else { (first, second) }
     }
@@ -170,64 +182,64 @@ impl Contact<'_> {
         self.pick(self.pair.a, self.pair.b).1
     }
 
-    /// Names the contact within its pair of surfaces, the same in every tick.
+    /// Identifies the contact within its pair of surfaces. The same in every tick.
     #[must_use]
     pub fn key(&self) -> ContactKey {
         self.record.key
     }
 
-    /// What kinds of features meet.
+    /// The kinds of features that meet.
     #[must_use]
     pub fn kind(&self) -> FeatureKind {
         self.record.features.kind()
     }
 
-    /// Whether the two sides cross here, an edge piercing a face: the distance is 0, and how deep is not known.
+    /// Whether the two sides cross here: an edge pierces a face. The distance is then 0, and the depth is unknown.
     #[must_use]
     pub fn is_crossing(&self) -> bool {
         self.kind() == FeatureKind::EdgeFace
     }
 
-    /// How far the two sides are from touching: the distance less the contact distance, in world units. Negative
-    /// where they touch, positive only within the margin.
+    /// The distance less the contact distance, in world units. Negative if the sides touch, positive only within the
+    /// margin.
     #[must_use]
     pub fn separation(&self) -> f32 {
         self.record.distance - self.pair.contact_distance
     }
 
-    /// Signed distance between the two contact points in world units, negative where the sides have passed each other.
+    /// Signed distance of the two contact points in world units. Negative if the sides have passed each other.
     #[must_use]
     pub fn distance(&self) -> f32 {
         self.record.distance
     }
 
-    /// The distance at which the two touch, in world units: the sum of both thicknesses, where a shape has none.
+    /// The distance within which the two sides touch, in world units: the sum of both thicknesses. A shape has none.
     #[must_use]
     pub fn contact_distance(&self) -> f32 {
         self.pair.contact_distance
     }
 
-    /// World unit normal from the second side to the first: moving the first side along it parts the two.
+    /// World unit normal from the second side to the first. Moving the first side along it separates the two.
     #[must_use]
     pub fn normal(&self) -> Vec3 {
         let normal = self.world_normal().as_vec3();
         if self.swapped { -normal } else { normal }
     }
 
-    /// The same in the order of the record, in f64.
+    /// The normal in the order of the record, in f64.
     fn world_normal(&self) -> DVec3 {
         let normal = self.pair.frame_pose.transform_direction(self.record.normal.as_dvec3());
         let is_unit = (normal.length_squared() - 1.0).abs() <= UNIT_ROUNDING;
         if is_unit { normal } else { normal.normalize_or(normal) }
     }
 
-    /// World unit normal from the second side to the first, of the curved surfaces that the two meshes stand for. What
-    /// [`SmoothNormals`] gives, for systems that have the surfaces' positions already: `positions` finds those of a
-    /// surface, in its own frame. An edge bent by `crease` or more stays sharp.
+    /// World unit normal from the second side to the first, of the curved surfaces that the two meshes stand for.
+    /// [`SmoothNormals`] returns the same. This function is for systems that already access positions: `positions`
+    /// returns those of a surface, in its own frame. An edge bent by `crease` or more stays sharp.
     ///
-    /// The exact [normal](Self::normal) where there is no telling: where an edge of the contact has more than two
-    /// triangles, a triangle no area, a surface no positions any more, and where the smooth normals of the two sides do
-    /// not fit together. Never more than a right angle from the exact one.
+    /// Returns the exact [normal](Self::normal) if the smooth one is undefined: an edge of the contact has more than
+    /// two triangles, a triangle has no area, a surface has no positions anymore, or the smooth normals of the two
+    /// sides do not match. Never more than a right angle from the exact normal.
     #[must_use]
     pub fn smooth_normal<'p>(&self, positions: impl Fn(Entity) -> Option<&'p [Vec3]>, crease: CreaseAngle) -> Vec3 {
         let (pair, record) = (self.pair, self.record);
@@ -252,7 +264,7 @@ impl Contact<'_> {
         let [cone_a, cone_b] = sides.map(|side| side.map_or_else(NormalCone::anything, |(cone, _)| cone));
         let cone_b = match &pair.shape {
             Some(shape) => {
-                // A direction that the surface's facets rule out would only bring the bump back.
+                // A direction outside the cone of the surface's facets would only reintroduce the bump.
                 let outward = -cone_a.nearest_unsmoothed(-exact);
                 let outward = pair.poses[1].inverse().transform_direction(outward).normalize_or_zero();
                 shape.normal_cone(record.triangle_b, outward).moved(&pair.poses[1])
@@ -264,7 +276,7 @@ impl Contact<'_> {
         if self.swapped { -smooth } else { smooth }
     }
 
-    /// The contact points on the first and the second side, in the world.
+    /// The contact points on the first and second side, in the world.
     #[must_use]
     pub fn points(&self) -> (Vec3, Vec3) {
         let pose = &self.pair.frame_pose;
@@ -274,29 +286,29 @@ impl Contact<'_> {
         self.pick(world(point_b + along), world(point_b))
     }
 
-    /// Triangles of the first and the second side, as the game numbered them; `None` for a rigid shape that is not made of
-    /// triangles.
+    /// The triangles of the first and second side, in the game's numbering. `None` for a rigid shape that is tested by
+    /// formula.
     #[must_use]
     pub fn triangles(&self) -> (Option<TriangleId>, Option<TriangleId>) {
         let of_b = self.pair.topology_b.as_ref().map(|_| TriangleId(self.record.triangle_b));
         self.pick(Some(TriangleId(self.record.triangle_a)), of_b)
     }
 
-    /// The features of the first and the second side, as places within their triangles.
+    /// The features of the first and second side, by their indices within the triangles.
     #[must_use]
     pub fn features(&self) -> (Feature, Feature) {
         self.pick(self.record.features.a, self.record.features.b)
     }
 
-    /// Weights of the corners of the first and the second triangle at the contact points; of a rigid shape that is not made
-    /// of triangles without meaning. Each sums to 1.
+    /// The weights of the corners of the first and second triangle at the contact points. Each triple sums to 1.
+    /// Meaningless for a rigid shape that is tested by formula.
     #[must_use]
     pub fn barycentrics(&self) -> ([f32; 3], [f32; 3]) {
         let record = self.record;
         self.pick(complete(record.features.a, record.barycentric_a), complete(record.features.b, record.barycentric_b))
     }
 
-    /// The vertices of a side's feature: one, two or three; none for a rigid shape that is not made of triangles.
+    /// The vertices of each side's feature: one, two, or three. None for a rigid shape that is tested by formula.
     #[must_use]
     pub fn feature_vertices(&self) -> (ArrayVec<VertexId, 3>, ArrayVec<VertexId, 3>) {
         let corners = |topology: &SurfaceTopology, triangle: u32, feature: Feature| {
@@ -317,16 +329,16 @@ impl Contact<'_> {
         self.pick(of_a, of_b)
     }
 
-    /// The numbers of both features, see [`feature_number`](crate::kernel::contact::feature_number); of a solid
-    /// that is tested by formula that of its part.
+    /// The numbers of both features, see [`feature_number`](crate::kernel::contact::feature_number). For a rigid shape
+    /// that is tested by formula, the number of its feature.
     #[must_use]
     pub fn feature_numbers(&self) -> (u32, u32) {
         let [of_a, of_b] = self.record.feature_numbers();
         self.pick(of_a, of_b)
     }
 
-    /// The vertices that the contact acts on, with their signed shares: at most three a side, none of a rigid shape
-    /// of any kind.
+    /// The vertices that the contact acts on, with signed weights: at most three per side, none of a rigid shape of any
+    /// kind.
     #[must_use]
     pub fn stencil(&self) -> ArrayVec<StencilEntry, 6> {
         let normal = self.normal();

@@ -1,8 +1,8 @@
-//! Keeps two-sided contacts on the sides they were on in the last tick.
+//! Keeps two-sided contacts on the sides that they were on in the last tick.
 //!
-//! Where a contact's normal has turned round since then, its features have passed through each other: the normal stays, and the
-//! distance is negative. Contacts come in the same order in every tick, so each is found beside the last one; those that other
-//! triangles may have reported are looked up by their keys.
+//! If the normal of a contact has reversed since then, its features have passed through each other. The old normal is
+//! kept, and the distance becomes negative. Contacts come in the same order in every tick, so each is found next to its
+//! predecessor. Contacts that other triangles may have reported are looked up by key.
 
 use std::mem;
 
@@ -17,22 +17,22 @@ use crate::kernel::{
 #[cfg(test)]
 mod tests;
 
-/// Contacts of one part, and a few more: a pair of triangles is never cut.
+/// Contacts per part. A part may have a few more, because a pair of triangles is never split.
 const PART: usize = 8192;
 
-/// Fewer contacts than these are not worth another thread.
+/// Contacts per thread. With fewer, another thread does not pay off.
 const CONTACTS_OF_ONE: usize = 32_768;
 
 /// The contacts of the last tick.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Before<'a> {
     pub(super) contacts: &'a [CompactContact],
-    /// Those that are shared and have sides.
+    /// The shared ones that have sides.
     pub(super) shared: &'a [SharedContact],
 }
 
-/// The contacts of a tick in which the sides came in the other order, as if they had come in this one: what the
-/// [`SurfaceOrder`](crate::SurfaceOrder) of a surface has changed.
+/// The contacts of a tick in which the two sides came in the other order, converted to the current order. The order
+/// changes with the [`SurfaceOrder`](crate::SurfaceOrder) of a surface.
 #[derive(Default)]
 pub(super) struct Reversed {
     contacts: Vec<CompactContact>,
@@ -40,7 +40,7 @@ pub(super) struct Reversed {
 }
 
 impl Reversed {
-    /// Those that have sides, where `turn` brings normals into the frame of this tick.
+    /// Converts the contacts that have sides. `turn` transforms normals into the frame of this tick.
     pub(super) fn of(&mut self, before: Before<'_>, turn: impl Fn(Vec3) -> Vec3) -> Before<'_> {
         self.contacts.clear();
         let with_sides = before.contacts.iter().filter(|contact| contact.key.has_sides());
@@ -49,7 +49,7 @@ impl Reversed {
             triangle_a: contact.triangle_b,
             triangle_b: contact.triangle_a,
             features: contact.features.swapped(),
-            // The way to the first side is the way from it now.
+            // Points to the first side, which was the second one.
             normal: -turn(contact.normal),
             ..contact
         }));
@@ -61,7 +61,7 @@ impl Reversed {
     }
 }
 
-/// Turns contacts round. Keeps its memory.
+/// Restores the sides of contacts. Keeps its memory.
 #[derive(Default)]
 pub(super) struct Sides {
     parts: Vec<Vec<SharedContact>>,
@@ -69,7 +69,7 @@ pub(super) struct Sides {
 }
 
 impl Sides {
-    /// Turns those contacts round whose normals have turned round since the last tick.
+    /// Flips contacts whose normals have reversed since the last tick.
     pub(super) fn keep(&mut self, contacts: &mut [CompactContact], before: Before<'_>, share: &impl Share) {
         if before.contacts.is_empty() {
             return;
@@ -84,7 +84,7 @@ impl Sides {
         self.keep_shared_sides(contacts, before);
     }
 
-    /// Turns round what other triangles have reported in the last tick.
+    /// Flips contacts that other triangles reported in the last tick.
     fn keep_shared_sides(&mut self, contacts: &mut [CompactContact], before: Before<'_>) {
         self.unmatched.clear();
         self.unmatched.extend(self.parts.iter().flatten().map(|shared| (shared.key, shared.place)));
@@ -92,7 +92,7 @@ impl Sides {
             return;
         }
         for last in before.shared {
-            // Whoever writes to the store may have put another one in that place.
+            // An index counts only if the contact there has the right key.
             let contact = before.contacts.get(last.place as usize).filter(|contact| contact.key == last.key);
             if let (Some(&place), Some(contact)) = (self.unmatched.get(&last.key), contact) {
                 keep_side(&mut contacts[place as usize], contact);
@@ -101,7 +101,7 @@ impl Sides {
     }
 }
 
-/// Consecutive parts that together are all contacts, each with the place of its first one.
+/// Splits all contacts into consecutive parts, each with the index of its first contact.
 fn parts_of(contacts: &mut [CompactContact]) -> impl Iterator<Item = (usize, &mut [CompactContact])> + Send {
     let (mut start, mut rest) = (0, contacts);
     std::iter::from_fn(move || {
@@ -116,7 +116,8 @@ fn parts_of(contacts: &mut [CompactContact]) -> impl Iterator<Item = (usize, &mu
     })
 }
 
-/// Turns round what the same triangles have reported in the last tick, and lists those shared contacts that they have not.
+/// Flips contacts that the same triangles reported in the last tick. Lists the shared contacts that these triangles did
+/// not report.
 fn keep_own_sides(
     contacts: &mut [CompactContact],
     first: usize,
@@ -143,7 +144,7 @@ fn keep_own_sides(
     }
 }
 
-/// Turns a contact round where its normal has turned round since the last one of the same features.
+/// Flips a contact if its normal has reversed since the last contact of the same features.
 fn keep_side(contact: &mut CompactContact, last: &CompactContact) {
     if from_first_feature(contact).dot(from_first_feature(last)) < 0.0 {
         contact.normal = -contact.normal;
@@ -151,7 +152,7 @@ fn keep_side(contact: &mut CompactContact, last: &CompactContact) {
     }
 }
 
-/// The normal of a contact, of which in a self-collision either of the two features may have come first.
+/// The normal in the order of the key. In a self-collision, either of the two features may come first in the contact.
 fn from_first_feature(contact: &CompactContact) -> Vec3 {
     if contact.swapped { -contact.normal } else { contact.normal }
 }

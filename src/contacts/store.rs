@@ -1,4 +1,4 @@
-//! Where the contacts of the last tick lie, in an order that depends on nothing but the scene.
+//! The store of the last detection's contacts, in an order that depends on nothing but the scene.
 
 use std::sync::Arc;
 
@@ -17,63 +17,64 @@ use crate::{
     surface::{ContactSide, SideOrder},
 };
 
-/// A surface and what it is in contact with, or near to.
+/// A surface and something that it is in contact with, or close to.
 #[derive(Clone, Debug)]
 pub struct StoredPair {
-    /// The first side, always a deformable surface.
+    /// The first side. Always a deformable surface.
     pub a: ContactSide,
-    /// The second side: the same as the first in a self-collision.
+    /// The second side. In a self-collision, the same as the first.
     pub b: ContactSide,
-    /// Triangles of the two touch within this distance, in world units.
+    /// Triangles of the two sides touch within this distance, in world units.
     pub contact_distance: f32,
-    /// Distance of the nearest triangles in world units, at least 0; infinite where none was near.
+    /// Distance of the nearest triangles in world units, at least 0. Infinite if none is within range.
     pub nearest: f64,
-    /// Its contacts, by their triangles, and those of the same two triangles by
-    /// [key](crate::kernel::contact::ContactKey). Of features that several pairs of triangles have, the contact is that of the
-    /// first.
+    /// The contacts, sorted by their triangles, then by [key](crate::kernel::contact::ContactKey). If several pairs of
+    /// triangles have the same features, this is the contact of the first pair.
     pub contacts: SharedList<CompactContact>,
-    /// Its touching triangles, in their order.
+    /// The touching pairs of triangles, sorted.
     pub touching: SharedList<TouchingPair>,
-    /// What a sphere method has found.
+    /// The results of a sphere method.
     pub(super) spheres: Option<FoundBySpheres>,
-    /// Which of its contacts are [shared](CompactContact::is_shared) and have sides: in another tick other triangles may report
-    /// them.
+    /// The contacts that are [shared](CompactContact::is_shared) and have sides. Other triangles may report them in
+    /// another tick.
     pub(super) shared: SharedList<SharedContact>,
-    /// World pose of the frame that its contacts are in.
+    /// World pose of the frame of the contacts.
     pub frame_pose: Pose,
     pub(crate) topology_a: Arc<SurfaceTopology>,
     pub(crate) topology_b: Option<Arc<SurfaceTopology>>,
-    /// The second side, where it is a rigid shape that is tested by formula.
+    /// The second side, if it is a rigid shape that is tested by formula.
     pub(crate) shape: Option<Arc<ShapeGeometry>>,
-    /// Where both sides stand in the world.
+    /// The poses of both sides in the world.
     pub(crate) poses: [Pose; 2],
-    /// Whether the surfaces have an inside, as far as this pair goes.
+    /// Whether the sides have an inside in this pair.
     pub(crate) one_sided: [bool; 2],
     pub(crate) events: [bool; 2],
-    /// Sorts pairs as the store does: those with a solid that is tested by formula last, then by the order of both sides.
+    /// The sort key of pairs in the store: those with a shape that is tested by formula come last, then the order of
+    /// both sides decides.
     pub(crate) order: PairOrder,
 }
 
 impl StoredPair {
-    /// The contacts that a sphere method has found: which triangles, and how far apart but for rounding in single precision. In the
-    /// order of the candidates, the same for any number of threads. None where the method is exact.
+    /// The contacts that a sphere method found: which triangles, and their distance except for f32 rounding. In the
+    /// order of the candidates, the same for any number of threads. Empty if the method is exact.
     pub fn sphere_contacts(&self) -> impl Iterator<Item = SphereContact> {
         self.spheres.iter().flat_map(FoundBySpheres::contacts)
     }
 
-    /// How many contacts there are, whether or not they are [written](crate::settings::SphereContactDetail).
+    /// The number of contacts, whether or not they are [written](crate::settings::SphereContactDetail).
     #[must_use]
     pub fn contact_count(&self) -> usize {
         self.spheres.as_ref().map_or(self.contacts.len(), |found| found.reported)
     }
 
-    /// How many pairs of triangles touch, whether or not they are [written](crate::settings::SphereContactDetail).
+    /// The number of touching pairs of triangles, whether or not they are
+    /// [written](crate::settings::SphereContactDetail).
     #[must_use]
     pub fn touching_count(&self) -> usize {
         self.spheres.as_ref().map_or(self.touching.len(), |found| found.touching)
     }
 
-    /// What the next tick is told of it.
+    /// What the next tick needs to keep contacts on their sides.
     pub(super) fn before(&self) -> Before<'_> {
         Before { contacts: &self.contacts, shared: &self.shared }
     }
@@ -81,29 +82,31 @@ impl StoredPair {
 
 pub(crate) type PairOrder = (bool, SideOrder, SideOrder);
 
-/// The contacts of the last detection: pairs of surfaces by [order](crate::SurfaceOrder), rigid shapes made of triangles among them,
-/// then surfaces with solids that are tested by formula. The lists of a pair are those of the stage that found them, not copies.
+/// The contacts of the last detection. Pairs of surfaces come first, sorted by [order](crate::SurfaceOrder), including
+/// those with rigid shapes made of triangles. Pairs with shapes that are tested by formula follow. Each pair shares the
+/// lists of the stage that found them.
 ///
-/// Every touching pair of triangles has its closest features among the contacts, with one exception: where one-sided
-/// surfaces have penetrated each other, contacts that do not lead out of the solid are left out.
+/// With the exact methods, the closest features of every touching pair of triangles are among the contacts, with one
+/// exception: if one-sided surfaces have penetrated each other, contacts that do not lead out of the solid are left
+/// out.
 ///
 /// Most systems read it through [`SurfaceContacts`](super::SurfaceContacts).
 #[derive(Resource, Debug, Default)]
 pub struct ContactStore {
     pub(super) tick: u64,
     pub(crate) pairs: Vec<StoredPair>,
-    /// For each entity the places of its pairs, sorted by entity.
+    /// For each entity, the indices of its pairs. Sorted by entity.
     pub(crate) by_entity: Vec<(Entity, u32)>,
 }
 
 impl ContactStore {
-    /// How many times contacts have been detected.
+    /// The number of detections so far.
     #[must_use]
     pub fn tick(&self) -> u64 {
         self.tick
     }
 
-    /// Pairs that are in contact or near it.
+    /// Pairs that are in contact or close to it.
     #[must_use]
     pub fn pairs(&self) -> &[StoredPair] {
         &self.pairs
@@ -114,18 +117,18 @@ impl ContactStore {
         self.pairs.iter().flat_map(|pair| pair.contacts.iter())
     }
 
-    /// How many those are.
+    /// The number of contacts of all pairs.
     #[must_use]
     pub fn contact_count(&self) -> usize {
         self.pairs.iter().map(StoredPair::contact_count).sum()
     }
 
-    /// The touching triangles of all pairs.
+    /// The touching pairs of triangles of all pairs.
     pub fn touching(&self) -> impl Iterator<Item = &TouchingPair> {
         self.pairs.iter().flat_map(|pair| pair.touching.iter())
     }
 
-    /// How many those are.
+    /// The number of touching pairs of triangles.
     #[must_use]
     pub fn touching_count(&self) -> usize {
         self.pairs.iter().map(StoredPair::touching_count).sum()
@@ -139,7 +142,7 @@ impl ContactStore {
             .map(|&(_, place)| &self.pairs[place as usize])
     }
 
-    /// The pairs of two sides, whichever comes first: one at most.
+    /// The pair of two sides, in either order. At most one.
     pub(crate) fn pairs_between(&self, a: Entity, b: Entity) -> impl Iterator<Item = &StoredPair> {
         self.pairs_of(a).filter(move |pair| {
             let sides = [pair.a.entity(), pair.b.entity()];

@@ -39,7 +39,7 @@ pub(super) fn fill_rows<'a>(
 ) {
     counts.clear();
     counts.resize(active.surfaces.len(), 0);
-    for pair in pairs.filter(|pair| matches!(pair.method, ContactMethod::Closest | ContactMethod::Refined)) {
+    for pair in pairs.filter(|pair| matches!(pair.method, ContactMethod::Closest | ContactMethod::Exact)) {
         if let OtherSide::Surface(second) = pair.second {
             counts[pair.first] += pair.triangles.len();
             counts[second] += pair.triangles.len();

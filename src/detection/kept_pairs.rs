@@ -295,7 +295,7 @@ fn update(list: &mut KeptList, active: &ActiveSurfaces, pair: &SurfacePair, stat
 fn sides_in_one_frame(active: &ActiveSurfaces, pair: &SurfacePair) -> Option<[Entity; 2]> {
     let OtherSide::Surface(second) = pair.second else { return None };
     let sides = [&active.surfaces[pair.first], &active.surfaces[second]];
-    let is_exact = matches!(pair.method, ContactMethod::Refined | ContactMethod::Closest);
+    let is_exact = matches!(pair.method, ContactMethod::Exact | ContactMethod::Closest);
     let is_settled = !pair.is_self() && sides.iter().any(|side| side.one_sided);
     (is_exact && !pair.is_moved() && !is_settled).then(|| sides.map(|side| side.entity))
 }

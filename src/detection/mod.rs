@@ -1,6 +1,6 @@
 //! The stages between positions and contacts: one small plugin each, a thin adapter over the kernel.
 //!
-//! bounds → broad phase → curvature → refit → overlap → cone → refine → swept. Each stage reads what earlier ones wrote and
+//! bounds → broad phase → curvature → refit → overlap → cone → exact → swept. Each stage reads what earlier ones wrote and
 //! writes its own components or resource, aligned with the pairs of surfaces that the broad phase found.
 
 mod bounds;
@@ -8,13 +8,13 @@ pub mod broad_phase;
 mod cone;
 mod corner_rows;
 mod curvature;
+mod exact;
 mod kept_pairs;
 mod memory;
 mod overlap;
 mod pair_contacts;
 mod pair_fates;
 mod parallel;
-mod refine;
 mod refit;
 mod settle;
 mod sides;
@@ -32,13 +32,13 @@ pub use bounds::BoundsPlugin;
 pub(crate) use bounds::moved_box;
 pub use cone::{ConePlugin, MeetingCaps};
 pub use curvature::CurvaturePlugin;
+pub use exact::{ExactPlugin, ExactTrianglePairs};
 pub use kept_pairs::KeptPairs;
 pub(crate) use memory::DetectionMemory;
 pub use overlap::{OverlapPlugin, OverlappingTrianglePairs, SphereContacts};
 pub use pair_contacts::{PairContacts, SharedList};
 pub use pair_fates::PairFates;
 pub(crate) use parallel::Threads;
-pub use refine::{RefinePlugin, RefinedTrianglePairs};
 pub use refit::RefitPlugin;
 pub(crate) use sides::is_one_sided;
 pub(crate) use sphere_lists::FoundBySpheres;

@@ -17,7 +17,7 @@ use super::{
 use crate::{
     kernel::{
         bvh::leaf_triangles::Region,
-        exact::stage::{refine_closest, refine_pairs},
+        exact::stage::{closest_pairs, exact_pairs},
         mesh::ids::TriangleId,
         pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, shape_fates},
     },
@@ -192,10 +192,10 @@ impl PairFates<'_, '_> {
                         map(&|chunk, fates| cap_fates(a, b, chunk, &settings, fates))
                     })
                 }
-                ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => {
+                ContactMethod::Closest | ContactMethod::Exact | ContactMethod::Polygon => {
                     let states = [pair.first, second].map(|place| &self.states.all()[place]);
                     let [a, b] = surface_sides(&self.active, pair, states)?;
-                    let examine = if pair.method == ContactMethod::Closest { refine_closest } else { refine_pairs };
+                    let examine = if pair.method == ContactMethod::Closest { closest_pairs } else { exact_pairs };
                     Some(map(&|chunk, fates| exact_fates(&a, &b, chunk, &settings, examine, fates)))
                 }
             },
@@ -213,7 +213,7 @@ impl PairFates<'_, '_> {
             let has_spheres = match pair.method {
                 ContactMethod::BoundingSphere => balls.len() == count,
                 ContactMethod::Circumsphere => [spheres.centers.len(), cones.axes.len()] == [count; 2],
-                ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => true,
+                ContactMethod::Closest | ContactMethod::Exact | ContactMethod::Polygon => true,
             };
             has_spheres && triangles.iter().all(|triangles| (triangles[side] as usize) < count)
         };

@@ -82,7 +82,7 @@ fn refit_spheres(
     let made_with = (settings.recipe(), settings.estimator);
     // A new delta is for the next refresh to heed; anything else makes other spheres of the same shape.
     let changed = last.is_some_and(|(recipe, estimator)| {
-        (RecipeSettings { delta: recipe.delta, ..made_with.0 }, made_with.1) != (recipe, estimator)
+        (RecipeSettings { refit_threshold: recipe.refit_threshold, ..made_with.0 }, made_with.1) != (recipe, estimator)
     });
     *last = Some(made_with);
     for ((surface, state), used) in active.surfaces.iter().zip(states.all()).zip(used.iter().copied()) {

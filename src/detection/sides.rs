@@ -37,7 +37,7 @@ pub(crate) fn pair_settings(pair: &SurfacePair, settings: &CircumsphereSettings)
         cull: match pair.method {
             ContactMethod::Polygon => false,
             ContactMethod::Circumsphere => settings.plane_cull,
-            ContactMethod::BoundingSphere | ContactMethod::Closest | ContactMethod::Refined => true,
+            ContactMethod::BoundingSphere | ContactMethod::Closest | ContactMethod::Exact => true,
         },
         same_surface: pair.is_self(),
     }

@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use super::{
-    exact::{rigid_shape::ShapeGeometry, stage::refine_shape},
+    exact::{rigid_shape::ShapeGeometry, stage::shape_pairs},
     mesh::topology::SurfaceTopology,
     pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
     pose::Pose,
@@ -27,14 +27,14 @@ pub enum PairFate {
     /// The triangles share a vertex, in a self-collision. The broad phases of this crate leave such pairs out already.
     Neighbors,
     /// The remembered distance of the triangles, less the motion of their surfaces since, exceeds the range, or else a
-    /// slab still separates them by more than the range. The pair was skipped. `Refined` and `Closest`, if the surfaces
+    /// slab still separates them by more than the range. The pair was skipped. `Exact` and `Closest`, if the surfaces
     /// have [moved a little](field@crate::CircumsphereSettings::memory). Nothing is known about the other pairs of such
     /// surfaces whose boxes may overlap.
     Remembered,
-    /// A slab separates the triangles by more than the range: along the normal of one of them or, with `Refined` and
+    /// A slab separates the triangles by more than the range: along the normal of one of them or, with `Exact` and
     /// `Closest`, along one of several directions from one to the other, starting with the line between their
     /// centroids. The broad phase by trees drops such pairs before they become candidates. After a broad phase that
-    /// does not, `Circumsphere` drops those that the normals separate, whereas `Refined` and `Closest` measure them
+    /// does not, `Circumsphere` drops those that the normals separate, whereas `Exact` and `Closest` measure them
     /// ([`Distance`](Self::Distance)). `Circumsphere` only with
     /// [`plane_cull`](crate::CircumsphereSettings::plane_cull). Not `BoundingSphere` and `Polygon`.
     Planes,
@@ -163,7 +163,7 @@ pub fn cap_fates(
 }
 
 /// Appends the fate of each candidate with an exact method, `examine`:
-/// [`refine_pairs`](super::exact::stage::refine_pairs) or [`refine_closest`](super::exact::stage::refine_closest). The
+/// [`exact_pairs`](super::exact::stage::exact_pairs) or [`closest_pairs`](super::exact::stage::closest_pairs). The
 /// broad phase has dropped the pairs that slabs separate.
 pub fn exact_fates(
     a: &SurfaceSide<'_>,
@@ -180,7 +180,7 @@ pub fn exact_fates(
     fates.passed(PairFate::Distance, touching(&found));
 }
 
-/// Appends the fate of each candidate triangle near a rigid shape. For the arguments see [`refine_shape`].
+/// Appends the fate of each candidate triangle near a rigid shape. For the arguments see [`shape_pairs`].
 pub fn shape_fates(
     topology: &SurfaceTopology,
     positions: &[Vec3],
@@ -192,6 +192,6 @@ pub fn shape_fates(
 ) {
     let mut fates = Fates::append(candidates, fates);
     let mut found = FoundPairs::default();
-    refine_shape(topology, positions, pose, shape, candidates, settings, &mut found);
+    shape_pairs(topology, positions, pose, shape, candidates, settings, &mut found);
     fates.passed(PairFate::Distance, touching(&found));
 }

@@ -1,4 +1,6 @@
-//! The picture of one tick: every usable surface and shape, in a fixed order.
+//! The snapshot of one tick: all usable surfaces and shapes, in a fixed order.
+//!
+//! `Prepare` fills it, the bounds stage adds boxes, and the other stages read it.
 
 use std::sync::Arc;
 
@@ -17,12 +19,12 @@ use crate::kernel::{
 pub enum ContactSide {
     /// A deformable surface.
     Surface(Entity),
-    /// A [rigid shape](super::RigidShape), whether a solid or made of triangles.
+    /// A [rigid shape](super::RigidShape), either a solid or made of triangles.
     Shape(Entity),
 }
 
 impl ContactSide {
-    /// The entity, whatever it is.
+    /// The entity of the surface or shape.
     #[must_use]
     pub const fn entity(self) -> Entity {
         match self {
@@ -39,81 +41,85 @@ pub struct ActiveSurface {
     pub entity: Entity,
     /// Its triangles.
     pub topology: Arc<SurfaceTopology>,
-    /// Where it stands in the world.
+    /// Its pose in the world.
     pub pose: Pose,
-    /// Half its contact distance in world units.
+    /// Half the distance at which two such surfaces touch, in world units.
     pub thickness: f32,
     /// How it is tested.
     pub method: ContactMethod,
-    /// Whom it meets.
+    /// Which surfaces and shapes it meets.
     pub layers: SurfaceLayers,
-    /// Whether it meets itself.
+    /// Whether it is tested against itself.
     pub self_collision: bool,
     /// Whether it has an inside.
     pub one_sided: bool,
-    /// Whether it is a [`RigidShape`](super::RigidShape) made of triangles: it meets no other of these.
+    /// Whether it is a [`RigidShape`](super::RigidShape) made of triangles. These do not meet each other.
     pub rigid: bool,
-    /// Whether it asked for messages and events.
+    /// Whether it has contact messages and events enabled.
     pub events: bool,
-    /// Whether nothing remembered of it holds: new, re-made, teleported, or back from a pause.
+    /// Whether results of earlier ticks are invalid: the surface is new, has a new mesh or frame, was teleported, or
+    /// took no part in the last tick.
     pub fresh: bool,
-    /// Its box in world units, grown by thickness and half the margin. Written by the bounds stage.
+    /// Its box in the world, in world units, grown by thickness and half the margin. Written by the bounds stage.
     pub world_bounds: Aabb,
     pub(crate) order: SideOrder,
 }
 
-/// Triangles inside a shape, and how far it reaches beyond them: of a ball its center, of a capsule its axis.
+/// Triangles inside a solid, and how far the solid extends beyond them. For a ball, its center. For a capsule, its
+/// axis.
 #[derive(Debug)]
 pub(crate) struct ShapePart {
     pub(crate) topology: Arc<SurfaceTopology>,
     pub(crate) positions: Vec<Vec3>,
-    /// In the shape's own unit.
+    /// How far the solid extends beyond the triangles, in the shape's own unit.
     pub(crate) radius: f64,
 }
 
 impl ActiveSurface {
-    /// Whether two surfaces are to be tested against each other.
+    /// Whether two surfaces are tested against each other.
     pub(crate) fn meets(&self, other: &Self) -> bool {
         !(self.rigid && other.rigid) && self.layers.interacts_with(other.layers)
     }
 
-    /// The side of a contact that it is.
+    /// The surface as a side of a contact.
     pub(crate) fn side(&self) -> ContactSide {
         if self.rigid { ContactSide::Shape(self.entity) } else { ContactSide::Surface(self.entity) }
     }
 }
 
-/// A rigid shape tested by formula that takes part in this tick.
+/// A rigid shape that is tested by formula and takes part in this tick.
 #[derive(Clone)]
 pub struct ActiveShape {
     /// Its entity.
     pub entity: Entity,
     /// The shape, in its own frame.
     pub geometry: Arc<ShapeGeometry>,
-    /// Triangles that stand for it where motions are swept; none of a half-space.
+    /// Triangles that stand for it in sweeps. Empty for a half-space.
     pub(crate) parts: Arc<[ShapePart]>,
-    /// Where it stands in the world.
+    /// Its pose in the world.
     pub pose: Pose,
-    /// Where a solver takes it in this tick: that way is swept, instead of the one since the last detection.
+    /// The pose to which a solver moves it in this tick. If present, this motion is swept instead of the one since the
+    /// last detection.
     pub(crate) target: Option<Pose>,
-    /// Whom it meets.
+    /// Which surfaces it meets.
     pub layers: SurfaceLayers,
-    /// Whether nothing remembered of it holds: new, replaced, teleported, or back from a pause.
+    /// Whether results of earlier ticks are invalid: the shape is new, was replaced or teleported, or took no part in
+    /// the last tick.
     pub fresh: bool,
-    /// Whether it asked for messages and events.
+    /// Whether it has contact messages and events enabled.
     pub events: bool,
     pub(crate) order: SideOrder,
 }
 
-/// Rigid shapes come last; then the game's wish decides, then registration, then (of what was spawned before the plugin) the
-/// entity.
+/// Sorts sides: rigid shapes last, then by `SurfaceOrder`, then by registration, then by entity. The entity only
+/// matters for what was spawned before the plugin was added, because that has no registration.
 pub(crate) type SideOrder = (bool, u32, u64, u32);
 
-/// Everything that takes part in this tick, ordered by [`SurfaceOrder`](super::SurfaceOrder), then by registration; rigid shapes
-/// come after surfaces.
+/// Everything that takes part in this tick, sorted by [`SurfaceOrder`](super::SurfaceOrder), then by registration.
+/// Rigid shapes come after surfaces.
 #[derive(Resource, Default)]
 pub struct ActiveSurfaces {
-    /// The surfaces; those of rigid shapes last.
+    /// The surfaces. Rigid shapes made of triangles come last.
     pub surfaces: Vec<ActiveSurface>,
     /// The rigid shapes that are tested by formula.
     pub shapes: Vec<ActiveShape>,

@@ -1,4 +1,6 @@
-//! The components a game spawns. [`DeformableSurface`] brings all the others with their defaults.
+//! The components that a game spawns. [`DeformableSurface`] adds the ones that it requires, with their defaults.
+//!
+//! `Prepare` reads and validates them once a tick.
 
 use std::sync::Arc;
 
@@ -16,9 +18,9 @@ use crate::kernel::{
     pose::Pose,
 };
 
-/// A triangle mesh that may deform, and takes part in contacts.
+/// A triangle mesh that may deform and takes part in contacts.
 ///
-/// Make one with [`from_mesh`](Self::from_mesh). Replace it to give the entity another mesh.
+/// Create one with [`from_mesh`](Self::from_mesh). Replace the component to give the entity another mesh.
 #[derive(Component, Clone, Debug)]
 #[component(immutable)]
 #[require(
@@ -44,9 +46,11 @@ pub struct DeformableSurface {
 }
 
 impl DeformableSurface {
-    /// Makes a surface from vertex positions and triangles (vertex numbers, counter-clockwise seen from outside).
-    /// Spawn the returned pair as a bundle. Vertices with exactly equal positions count as connected; those that differ by
-    /// rounding can be [welded](SurfaceBuilder::weld_within).
+    /// Creates a surface from vertex positions and triangles. Triangles are vertex numbers, counter-clockwise as seen
+    /// from outside. Spawn the returned pair as a bundle.
+    ///
+    /// Vertices at exactly equal positions count as connected. Vertices that differ by rounding can be
+    /// [welded](SurfaceBuilder::weld_within).
     ///
     /// ```
     /// # use bevy_circumsphere::prelude::*;
@@ -59,13 +63,13 @@ impl DeformableSurface {
     /// ```
     ///
     /// # Errors
-    /// No triangle, a vertex number out of range, a position that is not finite, too many elements: see
-    /// [`TopologyError`].
+    /// If there is no triangle, a vertex number is out of range, a position is not finite, or there are too many
+    /// elements. See [`TopologyError`].
     pub fn from_mesh(positions: &[Vec3], triangles: &[[u32; 3]]) -> Result<(Self, SurfacePositions), TopologyError> {
         Self::builder(positions, triangles).build()
     }
 
-    /// The same with more to say about how the surface is made.
+    /// Like [`from_mesh`](Self::from_mesh), with options.
     ///
     /// ```
     /// # use bevy_circumsphere::prelude::*;
@@ -82,8 +86,8 @@ impl DeformableSurface {
         SurfaceBuilder { positions, triangles, weld_distance: 0.0 }
     }
 
-    /// Another surface with the same triangles: the adjacency is shared, not copied. Give it its own
-    /// [`SurfacePositions`], or it waits until it has some.
+    /// Another surface with the same topology, which is shared, not copied. Give it its own [`SurfacePositions`]. It
+    /// waits until it has some.
     #[must_use]
     pub fn instance(&self) -> Self {
         self.clone()
@@ -95,14 +99,14 @@ impl DeformableSurface {
         &self.topology
     }
 
-    /// Mean length of the unique edges in the mesh that the surface was made from, in the unit of the positions.
+    /// Mean length of the unique edges of the mesh that the surface was made from, in the unit of the positions.
     #[must_use]
     pub fn mean_edge(&self) -> f32 {
         self.mean_edge
     }
 }
 
-/// Makes a [`DeformableSurface`], see [`DeformableSurface::builder`].
+/// Builds a [`DeformableSurface`]. See [`DeformableSurface::builder`].
 #[derive(Clone, Copy, Debug)]
 pub struct SurfaceBuilder<'a> {
     positions: &'a [Vec3],
@@ -111,26 +115,28 @@ pub struct SurfaceBuilder<'a> {
 }
 
 impl SurfaceBuilder<'_> {
-    /// Takes vertices for connected whose positions are no farther apart than `distance`, in the unit of the positions: finite,
-    /// 0 or more. Default 0, where only exactly equal positions count. Vertices in a chain of such steps are all connected.
+    /// Connects vertices whose positions are no farther apart than `distance`, in the unit of the positions. Finite, 0
+    /// or more. Default: 0, which connects only exactly equal positions. Vertices in a chain of such steps are all
+    /// connected.
     ///
-    /// For meshes whose seams differ by rounding, as exporters leave them: then a closed mesh is open, and has neither an inside
-    /// nor a volume. 1e-5 of the size of the mesh closes such seams. The distance has to stay below the shortest edge:
-    /// triangles with a shorter edge collapse.
+    /// Use it for meshes whose seams differ by rounding, as exporters leave them. Without welding, such a mesh is open,
+    /// and has neither an inside nor a volume. 1e-5 of the size of the mesh closes the seams. The distance must be
+    /// smaller than the shortest edge: triangles with a shorter edge collapse.
     ///
-    /// Positions are not changed. While connected vertices are apart, each triangle reports contacts of its own corner. An
-    /// [`XpbdBody`](crate::response::XpbdBody) moves them as one: its first tick sets them to the position of the first of
-    /// them, and so closes the seam, by no more than the distance (or a chain of them).
+    /// Positions do not change. While connected vertices are apart, each triangle reports contacts of its own corner.
+    /// An [`XpbdBody`](crate::response::XpbdBody) moves them as one. Its first tick moves all of them to the position
+    /// of the first one, which closes the seam. No vertex moves by more than the distance, or by more than a chain of
+    /// such steps.
     #[must_use]
     pub const fn weld_within(mut self, distance: f32) -> Self {
         self.weld_distance = distance;
         self
     }
 
-    /// Makes the surface. Spawn the returned pair as a bundle.
+    /// Builds the surface. Spawn the returned pair as a bundle.
     ///
     /// # Errors
-    /// A distance to weld within that is negative or not finite, and those of [`DeformableSurface::from_mesh`].
+    /// If the weld distance is negative or not finite, and in the cases of [`DeformableSurface::from_mesh`].
     pub fn build(self) -> Result<(DeformableSurface, SurfacePositions), TopologyError> {
         let Self { positions, triangles, weld_distance } = self;
         let topology = Arc::new(SurfaceTopology::welded_within(positions, triangles, weld_distance)?);
@@ -139,59 +145,63 @@ impl SurfaceBuilder<'_> {
     }
 }
 
-/// The current vertex positions of a surface, in the order of the mesh it was made from: what the game writes every
-/// tick. Empty: the surface waits. A [rigid shape](super::RigidShape) made of triangles has its vertices in one, to be read
-/// only. Where Bevy has seen nobody write to them since the last tick, what was made of them is kept:
-/// of what is written past change detection nobody can say which stages notice it.
+/// The current vertex positions of a surface, in the order of the mesh that it was made from. The game writes them
+/// every tick. While they are empty, the surface waits. A [rigid shape](super::RigidShape) made of triangles has its
+/// vertices here, read-only.
+///
+/// What was computed from them is reused until Bevy's change detection reports a write. Do not bypass change detection:
+/// it is unspecified which stages notice such a write.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 pub struct SurfacePositions(pub Vec<Vec3>);
 
-/// Half the distance at which two surfaces touch: a pair touches within the sum of both thicknesses. A rigid shape has
-/// none: a surface touches it within its own.
+/// Half the distance at which two equal surfaces touch. Two surfaces touch within the sum of their thicknesses. A rigid
+/// shape has no thickness: a surface touches it within its own.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub enum SurfaceThickness {
-    /// World units, 0 or more.
+    /// In world units, 0 or more.
     World(f32),
-    /// Times the mean edge length of the mesh that the surface was made from (and its pose's scale), 0 or more.
+    /// In mean edge lengths of the mesh that the surface was made from, times the scale of its pose. 0 or more.
     MeanEdges(f32),
 }
 
 impl Default for SurfaceThickness {
-    /// A twentieth of the mean edge: thin enough that the triangles of a well-shaped mesh at rest do not touch each
+    /// A twentieth of the mean edge. This is so thin that the triangles of a well-shaped mesh at rest do not touch each
     /// other.
     fn default() -> Self {
         Self::MeanEdges(0.05)
     }
 }
 
-/// Tests a surface against itself too, whatever its layers. Triangles that share a vertex, or vertices at exactly equal
-/// positions of the first mesh, are neighbors and not tested against each other.
+/// Tests a surface against itself too, whatever its layers. Neighbors are not tested against each other. These are
+/// triangles that share a vertex, or that have [welded](SurfaceBuilder::weld_within) vertices in common.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SelfCollision;
 
-/// Has the surface's motion since the last tick swept against every surface that it meets by its layers, and with
-/// [`SelfCollision`] against itself: what passes through another surface between two ticks is found, with the time at
-/// which it first meets it. Read by [`SurfaceImpacts`](crate::SurfaceImpacts). For bullets, thin sheets, whatever may move
-/// farther than its contact distance in a tick; contacts are the same with or without it.
+/// Sweeps the surface's motion since the last tick against every surface that it meets by its layers, and with
+/// [`SelfCollision`] against itself. This finds what passes through another surface between two ticks, and the time at
+/// which they first meet. Read the results with [`SurfaceImpacts`](crate::SurfaceImpacts). Use it for bullets, thin
+/// sheets, and anything else that may move farther than its contact distance in a tick. Contacts are the same with or
+/// without it.
 ///
-/// - Vertices move in straight lines in the world between where they were in the last detection and where they are. With a
-///   [`SweptTarget`] they do so between where they are and that.
-/// - A surface without this component stands where it is now, even if it has moved since the last tick, but for a way to its
-///   [`SweptTarget`]. Give it to both of two that move. [Rigid shapes](super::RigidShape) of all kinds are met on their way from
-///   their pose of the last detection to this one whether they have it or not; a shape that has it meets surfaces without it, too.
-/// - Only what is fast is tested: pairs of triangles of which at least one has a vertex that moves farther than half
-///   of its surface's thickness, less what the larger of both surfaces moves by as a whole. What passes through each
-///   other more slowly is in contact before and after, within half of the contact distance. A surface of which nothing is fast costs a look at its vertices.
-/// - An impact is when two triangles are at distance 0, thickness left aside. A time is never later than the true one,
-///   and earlier by no more than the way that f64 rounds, some 1e-13 of the size of the surfaces. What touches or crosses before it
-///   moves is an impact at time 0.
-/// - In its first tick, after a jump ([`Teleported`]) and after a pause a surface has no motion but that to a target.
-/// - Solids are as they are, but for cylinders and cones, which have 256 flat sides in theirs. What is inside of one to begin with
-///   meets it on its way out.
+/// - Vertices move in straight lines in the world, from where they were in the last detection to where they are now.
+///   With a [`SweptTarget`], they move from where they are now to the target.
+/// - A surface without this component stands still where it is now, even if it has moved since the last tick, unless it
+///   has a [`SweptTarget`]. If two surfaces move, give it to both. [Rigid shapes](super::RigidShape) of all kinds are
+///   swept from their pose in the last detection to the current one, with or without it. A shape with this component
+///   also meets surfaces without it.
+/// - Only fast pairs of triangles are tested: at least one of the two has a vertex that moves farther than half the
+///   thickness of its surface, relative to the common motion of the larger surface. Triangles that pass through each
+///   other more slowly are in contact before and after, within half the contact distance. A surface without fast
+///   triangles only costs a pass over its vertices.
+/// - An impact is when two triangles are at distance 0. Thickness does not count. The time is never later than the true
+///   one. It is earlier by at most the rounding error of f64, a motion of about 1e-13 of the size of the surfaces. What
+///   touches or crosses at the start is an impact at time 0.
+/// - In its first tick, after a jump ([`Teleported`]), and after a pause, a surface has no motion except to a target.
+/// - Solids have their exact shape, except for cylinders and cones, which become inscribed ones with 256 flat sides.
+///   What starts inside a solid meets it on its way out.
 ///
-/// This is about detection, which finds impacts and prevents none. With
-/// [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) the component also keeps an
-/// [`XpbdBody`](crate::response::XpbdBody) from passing through things: [what is
+/// Detection only finds impacts. It prevents none. With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin),
+/// the component also keeps an [`XpbdBody`](crate::response::XpbdBody) from passing through things: see [what is
 /// guaranteed](crate::response#what-is-guaranteed).
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[require(PreviousPositions, SweptTarget)]
@@ -204,16 +214,16 @@ impl SweptCollision {
     }
 }
 
-/// Where a surface with [`SweptCollision`] was in the last detection: where its motion begins in the next one.
+/// Where a surface with [`SweptCollision`] was in the last detection. Its next motion starts there.
 #[derive(Component, Clone, Debug, Default)]
 pub struct PreviousPositions {
     /// Its positions, in its own frame.
     pub positions: Vec<Vec3>,
-    /// Where it stood in the world.
+    /// Its pose in the world.
     pub pose: Pose,
-    /// The version of the positions: with the same version they are the same bit by bit.
+    /// The version of the positions. Equal versions mean equal positions, bit by bit.
     pub(crate) version: u64,
-    /// The detection that this is of.
+    /// The number of that detection.
     pub(crate) detection: u64,
 }
 
@@ -227,57 +237,59 @@ impl PreviousPositions {
     }
 }
 
-/// Where a solver expects the vertices of a surface at the end of this tick, in the surface's own
-/// frame and the order of [`SurfacePositions`]: the way from the current positions to these is swept instead of that since
+/// Where a solver expects the vertices of a surface at the end of this tick, in the surface's own frame and in the
+/// order of [`SurfacePositions`]. The motion from the current positions to these is swept, instead of the motion since
 /// the last tick. Write it in [`DeformableSystems::Predict`](crate::DeformableSystems::Predict).
 ///
-/// Every surface has one, and every rigid shape made of triangles. Default empty: no target. A surface without [`SweptCollision`] that
-/// has a target is on its way, too, for those that it meets.
+/// Every surface has one, and so has every rigid shape made of triangles. Default: empty, which means no target. A
+/// surface with a target is swept even without [`SweptCollision`], as long as anything has that component.
 ///
-/// Ignored where it is empty, has another length than the positions, or a coordinate is not finite. It stays until it is
-/// written again: empty it after a jump.
-/// [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) writes it itself for every body, and for what the game moves near
-/// one.
+/// The target is ignored if it is empty, has another length than the positions, or has a coordinate that is not finite.
+/// It stays until it is written again, so empty it after a jump.
+/// [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) writes it for every body, and for what the game moves
+/// near one.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 pub struct SweptTarget(pub Vec<Vec3>);
 
-/// How a pair of triangles is tested. Of two different methods the more exact one, the later here, decides. Against a
-/// [`RigidShape`](super::RigidShape) the test is exact, whatever the method.
+/// How a pair of triangles is tested. If two surfaces have different methods, the more exact one decides, which is the
+/// later one here. Against a [`RigidShape`](super::RigidShape) the test is always exact.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum ContactMethod {
-    /// Touching is when the enclosing balls come within the contact distance. Coarse.
+    /// Triangles touch if their enclosing balls come within the contact distance. Coarse.
     BoundingSphere,
-    /// Touching is when the offset spheres do so, neither the triangles' planes nor those across the line between the
-    /// centers separate the triangles, and that line lies in both safety cones. Fast and smooth, and misses some contacts.
+    /// Triangles touch if their offset spheres come within the contact distance, the line between the sphere centers
+    /// lies in both safety cones, and no slab along that line or along a normal separates them. Fast and smooth, but
+    /// misses some contacts.
     Circumsphere,
-    /// Touching is when the triangles cross or come within the contact distance. Misses none. Of a pair that does not
-    /// cross only the closest features make a contact, where `Refined` has all within the contact distance.
+    /// Triangles touch if they cross or come within the contact distance. Misses none. A pair that does not cross makes
+    /// contacts of its closest features only, where `Exact` has all features within the contact distance.
     Closest,
-    /// Touching is when the triangles cross or come within the contact distance. Misses none.
+    /// Triangles touch if they cross or come within the contact distance. Misses none.
     #[default]
-    Refined,
-    /// The same result as `Refined`, with every candidate tested exactly, alone and whole: the baseline to compare with.
+    Exact,
+    /// The same result as `Exact`, but every candidate is tested exactly and by itself, without shortcuts. The
+    /// baseline for comparisons.
     Polygon,
 }
 
 impl ContactMethod {
-    /// Every method, the coarsest first.
-    pub const ALL: [Self; 5] = [Self::BoundingSphere, Self::Circumsphere, Self::Closest, Self::Refined, Self::Polygon];
+    /// All methods, coarsest first.
+    pub const ALL: [Self; 5] = [Self::BoundingSphere, Self::Circumsphere, Self::Closest, Self::Exact, Self::Polygon];
 
-    /// Whether it finds the pairs that touch and no others.
+    /// Whether it reports exactly the pairs that touch.
     #[must_use]
     pub fn is_exact(self) -> bool {
         self >= Self::Closest
     }
 }
 
-/// Which groups a surface or shape belongs to, and which it meets. Two meet where each belongs to a group that the
-/// other meets.
+/// Which groups a surface or shape belongs to, and which groups it meets. Two of them meet if each belongs to a group
+/// that the other one meets.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SurfaceLayers {
-    /// One bit a group that it belongs to. Default: the first.
+    /// One bit per group that it belongs to. Default: the first group.
     pub memberships: u32,
-    /// One bit a group that it meets. Default: all.
+    /// One bit per group that it meets. Default: all groups.
     pub filters: u32,
 }
 
@@ -288,27 +300,27 @@ impl Default for SurfaceLayers {
 }
 
 impl SurfaceLayers {
-    /// Whether two meet.
+    /// Whether the two meet.
     #[must_use]
     pub const fn interacts_with(self, other: Self) -> bool {
         self.memberships & other.filters != 0 && other.memberships & self.filters != 0
     }
 }
 
-/// Whether a surface, or a [`RigidShape`](super::RigidShape) made of triangles, has an inside. Solids have one in any case. It
-/// decides about the sign of distances and the direction of normals, never about
-/// what touches.
+/// Whether a surface, or a [`RigidShape`](super::RigidShape) made of triangles, has an inside. Solids always have one.
+/// This determines the sign of distances and the direction of normals, never what touches.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Sidedness {
-    /// One-sided where the mesh is closed and consistently wound, two-sided otherwise.
+    /// One-sided if the mesh is closed and consistently wound, two-sided otherwise.
     #[default]
     Auto,
-    /// Its normals point out of the solid; what is behind it has penetrated. Contacts of the surface with itself are
-    /// two-sided all the same: behind a face may be just the other side of a thin wall.
+    /// Has an inside. Normals point out of the solid, and what is behind the surface has penetrated. Contacts of the
+    /// surface with itself are still two-sided, because behind a face may be the other side of a thin wall.
     OneSided,
-    /// A sheet. What was on one side of it in the last tick and is on the other now has penetrated, for as long as the
-    /// same two features stay in contact, even if the [`SurfaceOrder`] changes. Remembered between sheets, rigid ones included, and
-    /// within one surface; against a one-sided surface, that one's inside decides.
+    /// A sheet. What was on one side of it in the last tick and is on the other side now has penetrated, for as long as
+    /// the same two features stay in contact, even if the [`SurfaceOrder`] changes. Sides are remembered between
+    /// sheets, including rigid ones, and within one surface. Against a one-sided surface, the inside of that surface
+    /// decides.
     TwoSided,
 }
 
@@ -326,38 +338,38 @@ impl Sidedness {
 /// What the positions are relative to.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SurfaceFrame {
-    /// The entity's transform and those of its parents: rotation, translation, uniform scale, mirroring.
+    /// The entity. Its transform and those of its parents apply: rotation, translation, uniform scale, mirroring.
     #[default]
     Local,
-    /// The world, whatever the transform says: skinned meshes.
+    /// The world. Transforms do not apply. For skinned meshes.
     World,
 }
 
-/// Takes a surface or shape out of detection for as long as it is there.
+/// Excludes a surface or shape from detection while present.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceDisabled;
 
-/// Insert it when positions or pose of a surface or shape jump: nothing remembered from earlier ticks is used for the next one.
-/// Removed by the next tick.
+/// Insert it when the positions or the pose of a surface or shape jump. The next tick uses no results of earlier ticks
+/// for it, and removes the component.
 ///
-/// With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin): a body goes along with its transform, free vertices too,
-/// instead of keeping its place in the world. Anything else jumps to where the game has written it, instead of sweeping all that
-/// is between.
+/// With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin), a body follows its transform, including free
+/// vertices, instead of keeping its place in the world. Anything else jumps to where the game has put it, without
+/// sweeping the way.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Teleported;
 
-/// Asks for messages and entity events about the contacts of a surface or shape, for as long as it is there: inserted
-/// during a contact, it brings the end of that contact but not its start.
+/// Enables messages and entity events about the contacts of a surface or shape, while present. If inserted during a
+/// contact, it reports the end of that contact but not its start.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ContactEventsEnabled;
 
-/// A place in the order of contacts that does not depend on spawn order, lower first; for worlds that must agree
-/// between machines. Without it, or where it is equal, the order of registration decides. Of a surface and a rigid
-/// shape, the shape is always the second side.
+/// The order of contacts, independent of the spawn order, lower first. For worlds that must agree between machines.
+/// Default: 0. If equal, the order of registration decides. In a pair of a surface and a rigid shape, the shape is
+/// always the second side.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct SurfaceOrder(pub u32);
 
-/// What became of a surface or shape in the last tick.
+/// The state of a surface or shape in the last tick.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 pub enum SurfaceStatus {
     /// It has no positions yet, or no tick has run yet.
@@ -367,16 +379,17 @@ pub enum SurfaceStatus {
     Active,
     /// It is [disabled](SurfaceDisabled).
     Disabled,
-    /// It cannot be used; it is taken back as soon as it can.
+    /// It cannot be used. It becomes active again as soon as it can.
     Quarantined(QuarantineReason),
 }
 
-/// The number under which an entity was first registered as a surface or shape.
+/// The number under which an entity was first registered as a surface or shape. 0 if it was spawned before the plugin
+/// was added.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[component(on_add = Self::on_add)]
 pub(crate) struct Registration(pub(crate) u64);
 
-/// The next registration number.
+/// The registration number that was assigned last.
 #[derive(Resource, Default)]
 pub(crate) struct NextRegistration(u64);
 
@@ -391,15 +404,16 @@ impl Registration {
     }
 }
 
-/// What the last check of a surface's positions found: the one place where NaN and infinity are noticed.
+/// The result of the last check of a surface's positions. No other code looks for NaN and infinity in them.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub(crate) struct CheckedPositions {
-    /// The change tick of the positions, where all were finite, and what no coordinate is larger than.
+    /// If all positions were finite: their change tick, and an upper bound of the magnitude of all coordinates.
     passed: Option<(Tick, f32)>,
 }
 
 impl CheckedPositions {
-    /// Checks positions that have been written to since the last check. Returns a bound on the magnitude of the coordinates.
+    /// Checks positions that have changed since they last passed. Returns an upper bound of the magnitude of all
+    /// coordinates.
     pub(crate) fn check(&mut self, positions: &Ref<SurfacePositions>) -> Result<f32, QuarantineReason> {
         let changed = positions.last_changed();
         if let Some((seen, at_most)) = self.passed
@@ -419,7 +433,7 @@ impl CheckedPositions {
     }
 }
 
-/// 2^60: in a usual pose, smaller coordinates are far from the end of f32.
+/// 2^60. In an ordinary pose, smaller coordinates are far from the limits of f32.
 const LARGE: f32 = f32::from_bits((127 + 60) << 23);
 
 /// The first position that is not finite.
@@ -427,17 +441,17 @@ pub(crate) fn first_non_finite(positions: &[Vec3]) -> Option<VertexId> {
     first_beyond(positions, f32::INFINITY)
 }
 
-/// The first position with a coordinate of [`LARGE`] or more, or that is not finite.
+/// The first position that has a coordinate of magnitude [`LARGE`] or more, or is not finite.
 fn first_large(positions: &[Vec3]) -> Option<VertexId> {
     first_beyond(positions, LARGE)
 }
 
-/// The first position with a coordinate of a power of two or more, or that is no number.
+/// The first position with a coordinate that is NaN or has at least the magnitude `power`, a power of two.
 fn first_beyond(positions: &[Vec3], power: f32) -> Option<VertexId> {
-    /// Numbers, enough for the loop over a block to be worth more than the question after it.
+    /// Numbers per block, so many that the loop over a block outweighs the check after it.
     const BLOCK: usize = 192;
     const EXPONENT: u32 = 0x7f80_0000;
-    // Infinity and what is no number have the largest exponent.
+    // Infinity and NaN have the largest exponent.
     let is_special = |bits: u32| bits & EXPONENT >= power.to_bits();
     let numbers: &[u32] = cast_slice(positions);
     let has_special = |block: &[u32]| block.iter().fold(false, |found, &bits| found | is_special(bits));

@@ -1,7 +1,7 @@
-//! What a game spawns, and how it becomes one consistent picture of the tick.
+//! The components that a game spawns, and the snapshot of the tick that is made of them.
 //!
-//! Components are read and validated once a tick in `Prepare`; the stages work from that picture. A surface that
-//! cannot be used is set aside with a reason while the others go on.
+//! `Prepare` reads and validates components once a tick. The stages work on the snapshot. A surface that cannot be used
+//! is quarantined with a reason, and the others go on.
 
 mod active;
 mod components;

@@ -1,4 +1,5 @@
-//! First stage of a tick: reads what the game wrote, sets aside what cannot be used, and gathers the rest.
+//! `Prepare`, the first step of a tick: reads what the game wrote, quarantines what cannot be used, and gathers the
+//! rest into [`ActiveSurfaces`].
 
 use std::{sync::Arc, time::Instant};
 
@@ -31,18 +32,18 @@ use crate::{
     schedule::DeformableSystems,
 };
 
-/// Why a surface or shape was set aside.
+/// Why a surface or shape was quarantined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum QuarantineReason {
     /// A coordinate is NaN or infinite.
     #[error("the position of vertex {} is not finite", .0.0)]
     NonFinitePosition(VertexId),
-    /// The number of positions is not that of the mesh.
+    /// The number of positions differs from the number of vertices of the mesh.
     #[error("there are {found} positions, but the mesh has {expected} vertices")]
     PositionCount {
-        /// How many the mesh has.
+        /// The number of vertices of the mesh.
         expected: usize,
-        /// How many there are.
+        /// The number of positions.
         found: usize,
     },
     /// The thickness is negative or not finite.
@@ -51,13 +52,14 @@ pub enum QuarantineReason {
     /// The transform cannot be used.
     #[error(transparent)]
     Pose(#[from] PoseError),
-    /// A parent of the entity has no transform, or there is none at all.
+    /// The entity or one of its parents has no transform.
     #[error("the transform or that of a parent is missing")]
     MissingTransform,
-    /// A surface or shape reaches farther in the world than f32 has numbers for its contacts.
+    /// The surface or shape extends farther in the world than contacts in f32 can represent.
     #[error("it reaches beyond 8e37 world units: move it closer to the origin, or give it a smaller scale or size")]
     OutOfRange,
-    /// The transform and those of the parents scale by so little that what is near, seen from there, is beyond f32.
+    /// The transforms of the entity and its parents scale by so little that nearby points, seen from its frame, exceed
+    /// f32.
     #[error(
         "the transform and those of its parents scale by less than 1e-30: use a larger scale and smaller positions"
     )]
@@ -67,20 +69,21 @@ pub enum QuarantineReason {
     Shape(#[from] ShapeError),
 }
 
-/// A surface or shape cannot be used and was set aside. Sent once; it is taken back without a message as soon as its
-/// [`SurfaceStatus`] can be active again.
+/// A surface or shape cannot be used and was quarantined. Sent once. When it can be used again, its [`SurfaceStatus`]
+/// becomes active without a message.
 #[derive(Message, EntityEvent, Clone, Debug, PartialEq)]
 pub struct SurfaceQuarantined {
-    /// Which.
+    /// The surface or shape.
     pub entity: Entity,
-    /// Why.
+    /// The reason.
     pub reason: QuarantineReason,
 }
 
-/// Less than a quarter of the largest f32: of coordinates in the world up to this, differences and their lengths are finite.
+/// Less than a quarter of the largest f32. Differences of world coordinates up to this, and the lengths of those, are
+/// finite.
 const LARGEST: f64 = 8.0e37;
 
-/// In a frame of this scale, whatever is within 1e7 world units of it is within [`LARGEST`].
+/// In a frame of this scale, everything within 1e7 world units is within [`LARGEST`].
 const LEAST_SCALE: f64 = 1.0e-30;
 
 /// Gathers surfaces and shapes into [`ActiveSurfaces`].
@@ -89,7 +92,7 @@ pub struct SurfacePlugin {
 }
 
 impl SurfacePlugin {
-    /// Gathers in `schedule`.
+    /// Gathers them in `schedule`.
     #[must_use]
     pub fn new(schedule: impl ScheduleLabel) -> Self {
         Self { schedule: schedule.intern() }
@@ -106,7 +109,7 @@ impl Plugin for SurfacePlugin {
     }
 }
 
-/// Quarantines of this tick, sent in `Events`.
+/// The quarantines of this tick. Sent in `Events`.
 #[derive(Resource, Default)]
 pub(crate) struct PendingQuarantines(pub(crate) Vec<SurfaceQuarantined>);
 
@@ -135,7 +138,7 @@ fn order(rigid: bool, order: Option<&SurfaceOrder>, registration: Registration, 
     (rigid, order.map_or(0, |order| order.0), registration.0, entity.index_u32())
 }
 
-/// Transforms and whose children their entities are.
+/// The transforms of entities and their parents.
 #[derive(SystemParam)]
 struct Transforms<'w, 's> {
     own: Query<'w, 's, &'static Transform>,
@@ -143,8 +146,9 @@ struct Transforms<'w, 's> {
 }
 
 impl Transforms<'_, '_> {
-    /// Computed here rather than read: in a fixed schedule the propagated transform is that of the last frame. And in
-    /// f64: the children of a parent far from the origin stand to each other as they do near it.
+    /// Computes the pose from transforms. In a fixed schedule, the propagated transform is that of the last frame. Uses
+    /// f64, so that the children of a parent far from the origin are placed relative to each other as precisely as near
+    /// it.
     fn global_pose(&self, entity: Entity) -> Result<Pose, QuarantineReason> {
         let affine = |entity: Entity| {
             let transform = self.own.get(entity).map_err(|_| QuarantineReason::MissingTransform)?;
@@ -163,7 +167,7 @@ impl Transforms<'_, '_> {
     }
 }
 
-/// Sets the status, and asks for a message where a quarantine is new. Another reason for the same quarantine is none.
+/// Sets the status, and queues a message if a quarantine is new. Another reason for the same quarantine is not new.
 fn update_status(
     entity: Entity,
     status: &mut Mut<SurfaceStatus>,
@@ -173,7 +177,7 @@ fn update_status(
     let was_quarantined = matches!(**status, SurfaceStatus::Quarantined(_));
     status.set_if_neq(next);
     if !was_quarantined && let SurfaceStatus::Quarantined(reason) = &**status {
-        log::warn!("surface {entity} is set aside: {reason}");
+        log::warn!("surface {entity} is quarantined: {reason}");
         quarantines.0.push(SurfaceQuarantined { entity, reason: reason.clone() });
     }
 }
@@ -250,9 +254,10 @@ fn validate(item: &mut SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Resu
     Ok((pose, thickness))
 }
 
-/// Whether all of a surface is in range in the world, given what none of its coordinates is larger than.
+/// Checks whether the whole surface is in range in the world. `at_most` is an upper bound of the magnitude of its
+/// coordinates.
 fn check_reach(positions: &[Vec3], at_most: f32, pose: &Pose) -> Result<(), QuarantineReason> {
-    // Of most that is enough to know.
+    // Sufficient for most surfaces.
     if is_in_range(at_most, pose) {
         return Ok(());
     }
@@ -264,9 +269,9 @@ fn largest_coordinate(bounds: &Aabb) -> f32 {
     bounds.min.abs().max(bounds.max.abs()).max_element()
 }
 
-/// Whether what has no larger coordinate than this in its own frame is in range in the world.
+/// Whether points with coordinates of at most this magnitude in their own frame are in range in the world.
 fn is_in_range(largest: f32, pose: &Pose) -> bool {
-    // As far as the corner of a cube.
+    // The distance to the corner of a cube.
     let reach = 3.0_f64.sqrt() * f64::from(largest) * pose.scale();
     reach + pose.to_affine().translation.abs().max_element() <= LARGEST
 }
@@ -326,7 +331,7 @@ fn add_shape(
     let order = order(true, item.order, *item.registration, item.entity);
     let (entity, layers, events) = (item.entity, *item.layers, item.events);
     if let Some(Solid { geometry, parts }) = solid {
-        // A half-space reaches everywhere, from wherever its plane is.
+        // A half-space is unbounded, so only its pose has to be in range.
         if !is_in_range(geometry.bounds().map_or(0.0, |bounds| largest_coordinate(&bounds)), &pose) {
             return Err(QuarantineReason::OutOfRange);
         }
@@ -345,7 +350,7 @@ fn add_shape(
         topology: Arc::clone(topology),
         pose,
         thickness: 0.0,
-        method: ContactMethod::Refined,
+        method: ContactMethod::Exact,
         layers,
         self_collision: false,
         one_sided: item.sidedness.copied().unwrap_or_default().has_inside(topology),

@@ -1,7 +1,7 @@
-//! Rigid shapes as the other side of a contact.
+//! Rigid shapes as sides of contacts.
 //!
-//! A shape is prepared once, when it is inserted: convex solids for tests by formula, shapes made of triangles as surfaces
-//! that nothing deforms. These go the way of every other surface through the stages.
+//! A shape is prepared once, when it is inserted. Solids are prepared for tests by formula. Shapes made of triangles
+//! become surfaces that do not deform, and pass through the stages like all others.
 
 use std::{
     panic::{AssertUnwindSafe, catch_unwind},
@@ -25,26 +25,27 @@ use crate::kernel::{
     mesh::topology::SurfaceTopology,
 };
 
-/// A rigid shape that surfaces touch, placed by the entity's transform (rotation, translation, uniform scale).
+/// A rigid shape that surfaces touch. The entity's transform places it (rotation, translation, uniform scale).
 ///
-/// - Ball, capsule, cuboid, cylinder, cone, convex polyhedron and their rounded forms, rounded triangle, half-space, and
-///   compounds of these are solids, tested by exact formulas in f64: a vertex inside has a negative distance, however deep. Parts
-///   of a compound may also be triangles and segments, but no half-spaces.
-/// - Triangle mesh, height field, voxels, polyline, triangle and segment are surfaces that nothing deforms, tested feature by
-///   feature like any other surface. A closed mesh has an inside, any other is a sheet, and contacts remember on which side
-///   something was; [`Sidedness`](crate::Sidedness) says otherwise.
+/// - Ball, capsule, cuboid, cylinder, cone, convex polyhedron, their rounded forms, rounded triangle, half-space, and
+///   compounds of these are solids. They are tested by exact formulas in f64. A vertex inside has a negative distance,
+///   however deep it is. Parts of a compound may also be triangles and segments, but not half-spaces.
+/// - Triangle mesh, height field, voxels, polyline, triangle, and segment are surfaces that do not deform. They are
+///   tested feature by feature, like any other surface. A closed mesh has an inside. Any other is a sheet, and contacts
+///   remember on which side something was. Use [`Sidedness`](crate::Sidedness) to override this.
 ///
-/// The entity of a shape made of triangles has its vertices as [`SurfacePositions`], which are to be read only: replace the shape
-/// to change them. Contacts name its triangles and vertices as the shape numbers them, those of a height field and of voxels as
-/// parry's `to_trimesh` does; each segment of a polyline is a triangle of which two corners are one.
+/// The entity of a shape made of triangles has its vertices as [`SurfacePositions`]. They are read-only: replace the
+/// shape to change them. Contacts use the triangle and vertex numbers of the shape. For a height field and for voxels,
+/// these are the numbers of parry's `to_trimesh`. Each segment of a polyline is a triangle with two equal corners.
 ///
-/// A shape is prepared when it is inserted; no tick asks parry anything. What cannot be tested is set aside with the reason:
-/// [`SurfaceQuarantined`](crate::SurfaceQuarantined). Shapes have no thickness, and never touch each other: that is a rigid-body
-/// engine's work.
+/// A shape is prepared when it is inserted, and no tick calls parry. A shape that cannot be tested is quarantined with
+/// a reason: see [`SurfaceQuarantined`](crate::SurfaceQuarantined). Shapes have no thickness and never touch each
+/// other. For that, use a rigid-body engine.
 ///
-/// With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) bodies with [`SweptCollision`](crate::SweptCollision) do not
-/// pass through shapes of any kind, at rest or moved by the game: [what is guaranteed](crate::response#what-is-guaranteed). Of
-/// detection alone, [`SurfaceImpacts`](crate::SurfaceImpacts) has impacts of such surfaces with shapes of any kind.
+/// With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin), bodies with
+/// [`SweptCollision`](crate::SweptCollision) do not pass through shapes of any kind, whether these are at rest or moved
+/// by the game: see [what is guaranteed](crate::response#what-is-guaranteed). Detection alone reports impacts of such
+/// surfaces with shapes of any kind in [`SurfaceImpacts`](crate::SurfaceImpacts).
 ///
 /// ```
 /// # use bevy_circumsphere::prelude::*;
@@ -57,7 +58,7 @@ use crate::kernel::{
 pub struct RigidShape(pub SharedShape);
 
 impl RigidShape {
-    /// In a hook, so that a shape that is replaced is prepared anew whether or not any query sees its entity.
+    /// A hook prepares a replaced shape even if no query matches its entity.
     fn on_insert(mut world: DeferredWorld, context: HookContext) {
         let Some(Self(shape)) = world.get::<Self>(context.entity).cloned() else { return };
         world.commands().entity(context.entity).queue_silenced(move |mut entity: EntityWorldMut| {
@@ -82,7 +83,8 @@ impl RigidShape {
     }
 }
 
-/// What a shape is tested by where that is a formula, or why it cannot be tested. Without a geometry it is a [`RigidMesh`].
+/// A prepared shape: a solid if it is tested by formula, `None` if it is a [`RigidMesh`], or the reason why it cannot
+/// be tested.
 #[derive(Component, Clone)]
 pub(crate) struct PreparedShape(pub(crate) Result<Option<Solid>, ShapeError>);
 
@@ -90,7 +92,7 @@ pub(crate) struct PreparedShape(pub(crate) Result<Option<Solid>, ShapeError>);
 #[derive(Clone)]
 pub(crate) struct Solid {
     pub(crate) geometry: Arc<ShapeGeometry>,
-    /// What stands for it where motions are swept.
+    /// The triangles that stand for it in sweeps.
     pub(crate) parts: Arc<[ShapePart]>,
 }
 
@@ -136,7 +138,7 @@ struct Prepared {
 }
 
 fn prepare(shape: &SharedShape) -> Prepared {
-    // parry asserts what it takes for granted of sizes and counts, and some of it only where a mesh is made.
+    // parry asserts its assumptions about sizes and counts, some of them only when it creates a mesh.
     let made = catch_unwind(AssertUnwindSafe(|| match triangles_of(shape) {
         Some(triangles) => triangles.mesh().map(Some),
         None => Ok(None),
@@ -152,7 +154,7 @@ fn prepare(shape: &SharedShape) -> Prepared {
     }
 }
 
-/// A shape as triangles.
+/// The mesh of a shape.
 struct ShapeTriangles {
     positions: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
@@ -169,7 +171,7 @@ impl ShapeTriangles {
     }
 }
 
-/// The triangles of a shape that is made of some; a segment is a triangle of which two corners are one.
+/// The mesh of a shape that is made of triangles. A segment is a triangle with two equal corners.
 fn triangles_of(shape: &SharedShape) -> Option<ShapeTriangles> {
     let bare = |positions, triangles| Some(ShapeTriangles { positions, triangles });
     match shape.as_typed_shape() {

@@ -1,6 +1,7 @@
-//! Per-triangle sphere data: components that the sphere stages write, for everybody to read.
+//! Sphere data per triangle, in read-only components that the sphere stages write.
 //!
-//! Each is empty until a pair of its surface is tested by spheres, and again once the surface's own method is more exact.
+//! Each is empty until a pair of its surface is tested by spheres. It is emptied when the surface's own method becomes
+//! more exact.
 
 use std::ops::Deref;
 
@@ -12,16 +13,16 @@ use crate::kernel::spheres::{
     curvature::Curvatures,
 };
 
-/// What sphere data was computed from. Data with the same source need not be computed again.
+/// What sphere data was computed from. Data from the same source is up to date.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct SphereSource {
     /// The version of the surface's positions.
     pub(crate) version: u64,
-    /// Which settings it was computed with, counted by the sphere stages.
+    /// The version of the settings.
     pub(crate) settings: u64,
 }
 
-/// Declares a component that hands out its data read-only.
+/// Declares a component with read-only data.
 macro_rules! sphere_data {
     ($(#[$docs:meta])* $name:ident($data:ty)) => {
         $(#[$docs])*
@@ -42,22 +43,25 @@ macro_rules! sphere_data {
 }
 
 sphere_data! {
-    /// Curvature and dihedral angles of a surface's triangles, from the last tick in which the `Circumsphere` method tested a pair
-    /// of it.
+    /// The curvature and dihedral angles of a surface's triangles, from the last tick in which the `Circumsphere`
+    /// method tested a pair of the surface.
     TriangleCurvature(Curvatures)
 }
 
 sphere_data! {
-    /// The smallest ball around each triangle, from the last tick in which the `BoundingSphere` method tested a pair of the surface.
+    /// The enclosing ball of each triangle, from the last tick in which the `BoundingSphere` method tested a pair of
+    /// the surface.
     EnclosingBalls(Vec<Ball>)
 }
 
 sphere_data! {
-    /// The offset sphere of each triangle, from the last tick in which the `Circumsphere` method tested a pair of the surface.
+    /// The offset sphere of each triangle, from the last tick in which the `Circumsphere` method tested a pair of the
+    /// surface.
     Circumspheres(OffsetSpheres)
 }
 
 sphere_data! {
-    /// The safety cone of each triangle, from the last tick in which the `Circumsphere` method tested a pair of the surface.
+    /// The safety cone of each triangle, from the last tick in which the `Circumsphere` method tested a pair of the
+    /// surface.
     TriangleCones(SafetyCones)
 }

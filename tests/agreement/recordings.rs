@@ -39,7 +39,7 @@ fn exact_methods_find_the_pairs_of_the_reference_on_recordings() {
         for edges in [0.02, 0.1, 0.5] {
             let distance = edges * mean_edge;
             let mut refined =
-                Detector::new(&rest, &recording.triangles, ContactMethod::Refined, BroadPhase::Tree, distance);
+                Detector::new(&rest, &recording.triangles, ContactMethod::Exact, BroadPhase::Tree, distance);
             let mut polygon =
                 Detector::new(&rest, &recording.triangles, ContactMethod::Polygon, BroadPhase::Tree, distance);
             let mut closest =
@@ -51,7 +51,7 @@ fn exact_methods_find_the_pairs_of_the_reference_on_recordings() {
                 let (found, _) = refined.detect(&positions);
                 // No separation may be worse than a share of the contact distance itself, which is the stricter bound.
                 compared += assert_agrees(&what, &found, &truth, distance, 0.0).matched;
-                assert_eq!(found, polygon.detect(&positions).0, "{what}: Refined and Polygon differ");
+                assert_eq!(found, polygon.detect(&positions).0, "{what}: Exact and Polygon differ");
                 let (found, _) = closest.detect(&positions);
                 compared += assert_agrees(&what, &found, &truth, distance, 0.0).matched;
                 hidden_crossings += crossings_without_near_features(&positions, &recording.triangles, &truth, distance);
@@ -101,7 +101,7 @@ fn the_crumpled_cloth_runs_through_every_method_on_both_frames() {
                 ContactMethod::BoundingSphere => assert_eq!(missed, 0, "{what}: enclosing balls miss nothing"),
                 // The cone rejects by design: 0.001 of the pairs of the first frame; without widened cones 0.13.
                 ContactMethod::Circumsphere => assert!(missed < sure_count / 100, "{what}: {missed} missed"),
-                ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => {
+                ContactMethod::Closest | ContactMethod::Exact | ContactMethod::Polygon => {
                     assert_agrees(&what, &found, truth, distance, 0.0);
                 }
             }

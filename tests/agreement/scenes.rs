@@ -95,7 +95,7 @@ fn exact_methods_find_the_pairs_of_the_reference_on_generated_scenes() {
             crossings += truth.iter().filter(|pair| pair.distance == 0.0).count();
             apart += truth.iter().filter(|pair| pair.distance > 0.0).count();
             let mut sets: Vec<Vec<TouchingPair>> = Vec::new();
-            for method in [ContactMethod::Refined, ContactMethod::Polygon] {
+            for method in [ContactMethod::Exact, ContactMethod::Polygon] {
                 for broad_phase in [BroadPhase::Tree, BroadPhase::BruteForce, BroadPhase::Parry] {
                     let what = format!("{} at {edges} edges, {method:?}, {broad_phase:?}", scene.name);
                     let mut detector = Detector::new(&scene.positions, &scene.triangles, method, broad_phase, distance);
@@ -125,7 +125,7 @@ fn exact_methods_find_the_pairs_of_the_reference_on_generated_scenes() {
 #[test]
 fn every_touching_pair_has_its_closest_contact_and_every_contact_a_touching_pair() {
     let (mut contacts_seen, mut pairs_seen) = (0, 0);
-    let methods = [ContactMethod::Closest, ContactMethod::Refined];
+    let methods = [ContactMethod::Closest, ContactMethod::Exact];
     for (scene, method) in scenes().iter().flat_map(|scene| methods.map(|method| (scene, method))) {
         let distance = 0.1 * mean_edge(scene);
         let mut detector = Detector::new(&scene.positions, &scene.triangles, method, BroadPhase::Tree, distance);
@@ -198,8 +198,7 @@ fn around(scene: &Scene, triangle: u32) -> Vec<u32> {
 fn every_vertex_of_aligned_sheets_has_its_contact() {
     let sheet = grid(4, 4, 1.0, 1.0, Diagonals::Uniform);
     let scene = scene("aligned sheets", &merge(&[sheet.clone(), sheet.translate([0.0, 0.01, 0.0])]));
-    let mut detector =
-        Detector::new(&scene.positions, &scene.triangles, ContactMethod::Refined, BroadPhase::Tree, 0.02);
+    let mut detector = Detector::new(&scene.positions, &scene.triangles, ContactMethod::Exact, BroadPhase::Tree, 0.02);
     let (_, contacts) = detector.detect(&scene.positions);
     let vertices: HashSet<[u32; 2]> = contacts
         .iter()

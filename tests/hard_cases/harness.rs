@@ -456,8 +456,8 @@ pub struct EventCounts {
 
 fn count_events(
     mut counts: ResMut<EventCounts>,
-    mut started: MessageReader<SurfaceContactStarted>,
-    mut ended: MessageReader<SurfaceContactEnded>,
+    mut started: MessageReader<SurfaceContactStart>,
+    mut ended: MessageReader<SurfaceContactEnd>,
 ) {
     counts.started += started.read().count();
     counts.ended += ended.read().count();
@@ -758,7 +758,7 @@ impl Tally {
             assert!(error <= SEPARATION_TOLERANCE, "{what}: a separation is wrong by {error:e} of its size");
             match method {
                 ContactMethod::Closest => self.closest += verdict,
-                ContactMethod::Refined => self.refined += verdict,
+                ContactMethod::Exact => self.refined += verdict,
                 _ => self.polygon += verdict,
             }
         } else {

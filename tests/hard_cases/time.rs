@@ -103,7 +103,7 @@ fn resting_for_ten_thousand_ticks_neither_drifts_nor_ends() {
 
 #[test]
 fn a_margin_keeps_resting_contacts_from_the_threshold() {
-    let Rest { events, contact_churn, .. } = rest(ContactMethod::Refined, BroadPhase::Tree, 0.01);
+    let Rest { events, contact_churn, .. } = rest(ContactMethod::Exact, BroadPhase::Tree, 0.01);
     assert_eq!(events, EventCounts { started: 1, ended: 0 });
     assert!(contact_churn <= RESTING_CHURN_WITH_MARGIN, "churn {contact_churn}");
 }
@@ -165,9 +165,9 @@ fn stale_spheres_contain_their_triangles_after_a_sudden_twist() {
         Body::new(&rod(0.0), 0.02).meeting_itself(),
         Body::new(&icosphere(2, 0.3), 0.02).at(at(0.47, 0.0, 0.1)),
     ]);
-    assert!((case.settings.delta - 0.7).abs() < 1.0e-6);
+    assert!((case.settings.refit_threshold - 0.7).abs() < 1.0e-6);
     let mut fresh_case = case.clone();
-    fresh_case.settings.delta = 0.0;
+    fresh_case.settings.refit_threshold = 0.0;
     let (mut tally, mut fresh) = (Tally::default(), Tally::default());
     let mut stale = 0;
     for twist in [0.5, 2.0, 6.0, 15.0] {
@@ -234,7 +234,8 @@ fn leaning(angle: f32) -> [Body; 2] {
 fn noise_at_the_boundary_of_a_cone_makes_circumsphere_flicker_and_no_other_method() {
     let far = at(3.0, 0.0, 0.0);
     // The test of the source paper. Widened cones hold every direction from which the rim of a lone triangle is met.
-    let settings = CircumsphereSettings { phi: 1.0, widen_cones: false, plane_cull: false, ..Default::default() };
+    let settings =
+        CircumsphereSettings { sphere_offset: 1.0, widen_cones: false, plane_cull: false, ..Default::default() };
     let touches = |angle: f32| {
         let case = Case::new(leaning(angle)).with_settings(settings).with_neighbors_at(far);
         Run::new(&case, ContactMethod::Circumsphere, BroadPhase::Tree).tick().touching() > 0

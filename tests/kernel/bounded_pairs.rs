@@ -7,7 +7,7 @@ use bevy_circumsphere::kernel::{
         leaf_triangles::PairCull,
         near_pairs::{BoundedPairs, ListedTriangles},
     },
-    exact::stage::{refine_closest, refine_pairs},
+    exact::stage::{closest_pairs, exact_pairs},
     mesh::{ids::TriangleId, motion::Motion},
     pair::{FoundPairs, PairSettings, SurfaceSide},
     simd::share::OneByOne,
@@ -128,7 +128,7 @@ fn lower_bounds_of_the_exact_test_are_the_distances_within_the_range_and_beyond(
             cull: true,
             same_surface: true,
         };
-        for test in [refine_pairs, refine_closest] {
+        for test in [exact_pairs, closest_pairs] {
             let [mut found, mut without] =
                 [true, false].map(|wants_lower_bounds| FoundPairs { wants_lower_bounds, ..FoundPairs::default() });
             test(&side(&surface), &side(&surface), &all, &settings, &mut found);

@@ -62,7 +62,7 @@ impl Body {
         measured.measure(&topology, &positions, CurvatureEstimator::SignedEdge);
         let count = mesh.triangles.len();
         let dihedrals = if crease_clamp { measured.dihedrals } else { vec![[0.0; 3]; count] };
-        let settings = RecipeSettings { phi, curvature_threshold: 1.0, delta: 0.5 };
+        let settings = RecipeSettings { sphere_offset: phi, curvature_threshold: 1.0, refit_threshold: 0.5 };
         let (mut spheres, mut cones) = (OffsetSpheres::default(), SafetyCones::default());
         spheres.refit(&positions, &mesh.triangles, &vec![0.0; count], &dihedrals, settings, &mut cones);
         Self { topology, positions, spheres, cones }
@@ -121,7 +121,7 @@ fn found_over_plane(turns: &[DQuat], subdivisions: usize, phi: f32, random: &mut
 }
 
 /// What the clamp promises and what it does not: it closes the gap between the *directions* of neighboring cones, but
-/// neighboring lines start from different centers. With spheres not deeper than the triangles' radii (`phi` up to 1)
+/// neighboring lines start from different centers. With spheres not deeper than the triangles' radii (`sphere_offset` up to 1)
 /// nothing is missed; with narrow cones (5) few are, where without it most would be.
 fn assert_found_thanks_to_the_clamp(name: &str, turns: &[DQuat], random: &mut Random) {
     for subdivisions in [1, 4] {

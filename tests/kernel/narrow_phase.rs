@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use bevy_circumsphere::kernel::{
-    exact::stage::{refine_closest, refine_pairs},
+    exact::stage::{closest_pairs, exact_pairs},
     mesh::topology::SurfaceTopology,
     pair::{FoundPairs, PairSettings, SurfaceSide},
 };
@@ -167,7 +167,7 @@ impl Batch {
     }
 }
 
-/// [`refine_pairs`] or [`refine_closest`].
+/// [`exact_pairs`] or [`closest_pairs`].
 type Test = fn(&SurfaceSide<'_>, &SurfaceSide<'_>, &[[u32; 2]], &PairSettings, &mut FoundPairs);
 
 /// By pair: the distance of those that touch, and of the nearest contact.
@@ -196,12 +196,12 @@ impl Tally {
     /// Compares a batch with its truth, and says what is wrong.
     fn judge(&mut self, batch: &Batch, topology: &SurfaceTopology, fail: &mut dyn FnMut(&str, u32)) {
         let contact_distance = batch.contact_distance;
-        let found = batch.tested(topology, refine_pairs, true);
-        if found.touching != batch.tested(topology, refine_pairs, false).touching {
+        let found = batch.tested(topology, exact_pairs, true);
+        if found.touching != batch.tested(topology, exact_pairs, false).touching {
             self.screened_differently += 1;
             fail("the screen changes what touches", 0);
         }
-        let closest = batch.tested(topology, refine_closest, true);
+        let closest = batch.tested(topology, closest_pairs, true);
         if closest.touching != found.touching {
             self.closest_differently += 1;
             fail("the closest features alone change what touches", 0);

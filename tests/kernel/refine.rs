@@ -7,7 +7,7 @@ use bevy_circumsphere::kernel::{
     exact::{
         PairProximity, examine_pair,
         penetration::{Finding, Settling},
-        stage::{refine_closest, refine_pairs},
+        stage::{closest_pairs, exact_pairs},
         unique::UniqueFeatures,
     },
     mesh::{
@@ -30,7 +30,7 @@ use crate::{
 
 const REACH: f64 = 0.08;
 
-/// [`refine_pairs`] or [`refine_closest`].
+/// [`exact_pairs`] or [`closest_pairs`].
 type Test = fn(&SurfaceSide<'_>, &SurfaceSide<'_>, &[[u32; 2]], &PairSettings, &mut FoundPairs);
 
 fn settings(same_surface: bool, cull: bool) -> PairSettings {
@@ -110,7 +110,7 @@ fn distances_are_negative_exactly_for_vertices_inside_the_other_sphere() {
             .map(|(mesh, points)| SurfaceTopology::new(points, &mesh.triangles).expect("valid"));
         let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
         let mut found = FoundPairs::default();
-        refine_pairs(
+        exact_pairs(
             &side(&topologies[0], &points_a, true),
             &side(&topologies[1], &points_b, true),
             &candidates,
@@ -236,8 +236,8 @@ fn screening_changes_nothing_and_neither_does_a_cut_through_the_candidates() {
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
     let (mut screened, mut every) = (FoundPairs::default(), FoundPairs::default());
     let (side_a, side_b) = (side(&a, &points_a, true), side(&b, &points_b, true));
-    refine_pairs(&side_a, &side_b, &candidates, &settings(false, true), &mut screened);
-    refine_pairs(&side_a, &side_b, &candidates, &settings(false, false), &mut every);
+    exact_pairs(&side_a, &side_b, &candidates, &settings(false, true), &mut screened);
+    exact_pairs(&side_a, &side_b, &candidates, &settings(false, false), &mut every);
     assert_eq!(screened.touching, every.touching);
     let settled = |found: &FoundPairs| {
         assert!(found.contacts.is_sorted_by_key(CompactContact::triangles));
@@ -251,8 +251,8 @@ fn screening_changes_nothing_and_neither_does_a_cut_through_the_candidates() {
     // In parts, appended, it is the same.
     let (first, second) = candidates.split_at(candidates.len() / 3);
     let (mut head, mut tail) = (FoundPairs::default(), FoundPairs::default());
-    refine_pairs(&side_a, &side_b, first, &settings(false, true), &mut head);
-    refine_pairs(&side_a, &side_b, second, &settings(false, true), &mut tail);
+    exact_pairs(&side_a, &side_b, first, &settings(false, true), &mut head);
+    exact_pairs(&side_a, &side_b, second, &settings(false, true), &mut tail);
     head.append(&mut tail);
     assert_eq!(settled(&head), settled(&screened));
     assert_eq!(head.touching, screened.touching);
@@ -270,7 +270,7 @@ fn what_was_reported_lately_need_not_be_told_again() {
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
     // Of closest features those inside of faces and edges are told by every pair.
-    for (test, times) in [(refine_pairs as Test, 4), (refine_closest as Test, 1)] {
+    for (test, times) in [(exact_pairs as Test, 4), (closest_pairs as Test, 1)] {
         let find = |candidates: &[[u32; 2]]| {
             let mut found = FoundPairs::default();
             test(
@@ -306,19 +306,13 @@ fn lengths_are_world_lengths_whatever_the_scale_of_the_frame() {
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
     let mut unit = FoundPairs::default();
-    refine_pairs(
-        &side(&a, &points_a, true),
-        &side(&b, &points_b, true),
-        &candidates,
-        &settings(false, true),
-        &mut unit,
-    );
+    exact_pairs(&side(&a, &points_a, true), &side(&b, &points_b, true), &candidates, &settings(false, true), &mut unit);
     // A frame four times as fine: every length in it is four times as long, a power of two rounds nothing.
     let fine = |points: &[Vec3]| points.iter().map(|point| *point * 4.0).collect::<Vec<_>>();
     let (fine_a, fine_b) = (fine(&points_a), fine(&points_b));
     let mut scaled = FoundPairs::default();
     let settings = PairSettings { scale: 0.25, ..settings(false, true) };
-    refine_pairs(&side(&a, &fine_a, true), &side(&b, &fine_b, true), &candidates, &settings, &mut scaled);
+    exact_pairs(&side(&a, &fine_a, true), &side(&b, &fine_b, true), &candidates, &settings, &mut scaled);
     assert_eq!(scaled.touching, unit.touching);
     assert_eq!(scaled.contacts.len(), unit.contacts.len());
     for (scaled, unit) in scaled.contacts.iter().zip(&unit.contacts) {
@@ -335,7 +329,7 @@ fn a_mirrored_side_keeps_its_inside() {
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
     let mut plain = FoundPairs::default();
-    refine_pairs(
+    exact_pairs(
         &side(&a, &points_a, true),
         &side(&b, &points_b, true),
         &candidates,
@@ -347,7 +341,7 @@ fn a_mirrored_side_keeps_its_inside() {
     let inverted = SurfaceTopology::new(&points_b, &inverted).expect("valid");
     let mirrored = SurfaceSide { mirrored: true, ..side(&inverted, &points_b, true) };
     let mut turned = FoundPairs::default();
-    refine_pairs(&side(&a, &points_a, true), &mirrored, &candidates, &settings(false, true), &mut turned);
+    exact_pairs(&side(&a, &points_a, true), &mirrored, &candidates, &settings(false, true), &mut turned);
     let (plain, turned) = (by_key(&plain.contacts, false), by_key(&turned.contacts, false));
     assert_eq!(plain.len(), turned.len());
     let mut inside = 0;
@@ -367,7 +361,7 @@ fn of_two_sheets_no_distance_is_negative() {
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
     let mut found = FoundPairs::default();
-    refine_pairs(
+    exact_pairs(
         &side(&a, &points_a, false),
         &side(&b, &points_b, false),
         &candidates,
@@ -420,7 +414,7 @@ fn self_contacts(points: &[Vec3], triangles: &[[u32; 3]]) -> FoundPairs {
     let topology = SurfaceTopology::new(points, triangles).expect("valid");
     let own = side(&topology, points, false);
     let mut found = FoundPairs::default();
-    refine_pairs(&own, &own, &all_within(triangles.len()), &settings(true, true), &mut found);
+    exact_pairs(&own, &own, &all_within(triangles.len()), &settings(true, true), &mut found);
     found
 }
 
@@ -555,9 +549,9 @@ fn the_closest_features_of_a_moved_surface_are_told_as_often_as_those_of_one_in_
     let moved = SurfaceSide { moved: Some(MovedSide::new(&other_points, &pose, &moved_points)), ..in_place };
     let examined = [in_place, moved].map(|other_side| {
         let mut found = FoundPairs::default();
-        refine_closest(&own_side, &other_side, &candidates, &settings, &mut found);
+        closest_pairs(&own_side, &other_side, &candidates, &settings, &mut found);
         let mut every = FoundPairs::default();
-        refine_pairs(&own_side, &other_side, &candidates, &settings, &mut every);
+        exact_pairs(&own_side, &other_side, &candidates, &settings, &mut every);
         // The same pairs, at distances that agree as well as single precision tells the features.
         let pairs = |found: &FoundPairs| -> Vec<[u32; 2]> {
             found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
@@ -584,7 +578,7 @@ fn every_touching_pair_has_its_closest_features_among_those_of_the_closest_alone
     let b = SurfaceTopology::new(&floor, &[[0, 1, 2]]).expect("valid");
     let mut found = FoundPairs::default();
     let sides = [side(&a, &own, false), side(&b, &floor, false)];
-    refine_closest(&sides[0], &sides[1], &all_between(2, 1), &settings(false, true), &mut found);
+    closest_pairs(&sides[0], &sides[1], &all_between(2, 1), &settings(false, true), &mut found);
     assert_eq!(found.touching.len(), 2, "{found:?}");
     for touching in &found.touching {
         let corner = if touching.triangle_a == 0 { lowest } else { vertex };
@@ -618,7 +612,7 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
                 PairSettings { contact_distance: range, reported_distance: range, range, ..settings(false, true) };
             let pairs = all_between(mesh.triangles.len(), mesh.triangles.len());
             let mut found = FoundPairs::default();
-            refine_pairs(&surface, &surface, &pairs, &settings, &mut found);
+            exact_pairs(&surface, &surface, &pairs, &settings, &mut found);
             let mut proximity = PairProximity::default();
             let expected = pairs.iter().filter_map(|&[a, b]| {
                 let [a, b] = [a, b].map(|triangle| exact(corners(&positions, mesh.triangles[triangle as usize])));
@@ -635,7 +629,7 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
                     alone.map(|corners| SurfaceTopology::new(&corners, &[[0, 1, 2]]).expect("it is valid"));
                 let [a, b] = [0, 1].map(|number: usize| side(&topologies[number], &alone[number], false));
                 let mut found = FoundPairs::default();
-                refine_pairs(&a, &b, &[[0, 0]], &settings, &mut found);
+                exact_pairs(&a, &b, &[[0, 0]], &settings, &mut found);
                 examine_pair(&exact(alone[0]), &exact(alone[1]), range, &mut proximity);
                 let near = proximity.proximities.iter().filter(|_| proximity.distance <= range);
                 let near: Vec<_> = near.filter(|near| near.distance <= range).collect();
@@ -667,7 +661,7 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
 /// surfaces of one triangle each, of which nobody else can report it.
 #[test]
 fn pairs_touch_within_exactly_their_own_distance() {
-    let ways: [(Test, bool); 3] = [(refine_pairs, false), (refine_pairs, true), (refine_closest, true)];
+    let ways: [(Test, bool); 3] = [(exact_pairs, false), (exact_pairs, true), (closest_pairs, true)];
     let mut squares_disagree = 0;
     for (seed, grid) in [(1, 0.0), (2, 0.125), (3, 0.25), (4, 0.5)] {
         let mesh = on_grid(triangle_soup(120, seed), grid);
@@ -752,7 +746,7 @@ fn book(pages: u8, random: &mut Random) -> Mesh {
     mesh
 }
 
-/// `Refined` looks only at those features of which tables of the topology say that this pair reports them, after eight pairs
+/// `Exact` looks only at those features of which tables of the topology say that this pair reports them, after eight pairs
 /// were screened side by side; `Polygon` examines each pair alone, and asks of each feature all triangles around it.
 #[test]
 fn refined_and_polygon_find_the_same_bit_by_bit_on_meshes_of_every_kind() {
@@ -795,8 +789,8 @@ fn refined_and_polygon_find_the_same_bit_by_bit_on_meshes_of_every_kind() {
                     PairSettings { contact_distance: reach, range: 1.5 * reach, ..settings(same_surface, cull) };
                 let distances = PairSettings { reported_distance: 1.2 * reach, ..distances };
                 let mut found = [FoundPairs::default(), FoundPairs::default()];
-                refine_pairs(&a, &b.side(one_sided), &candidates, &distances, &mut found[0]);
-                refine_closest(&a, &b.side(one_sided), &candidates, &distances, &mut found[1]);
+                exact_pairs(&a, &b.side(one_sided), &candidates, &distances, &mut found[0]);
+                closest_pairs(&a, &b.side(one_sided), &candidates, &distances, &mut found[1]);
                 found
             };
             let ([mut refined, closest], [mut polygon, _]) = (find(true), find(false));

@@ -49,7 +49,7 @@ impl Body {
         let mut measured = Curvatures::default();
         measured.measure(&topology, &positions, CurvatureEstimator::SignedEdge);
         let (mut spheres, mut cones) = (OffsetSpheres::default(), SafetyCones::default());
-        let recipe = RecipeSettings { phi: 0.5, curvature_threshold: 2.0, delta: 0.7 };
+        let recipe = RecipeSettings { sphere_offset: 0.5, curvature_threshold: 2.0, refit_threshold: 0.7 };
         spheres.refit(&positions, triangles, &measured.curvatures, &measured.dihedrals, recipe, &mut cones);
         cones.widen(&measured.spreads);
         let mut balls = Vec::new();

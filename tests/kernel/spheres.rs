@@ -86,7 +86,7 @@ struct Fresh {
 
 fn fresh_spheres(triangles: &[[Vec3; 3]], phi: f32) -> Vec<Fresh> {
     let (positions, list) = independent(triangles);
-    let settings = RecipeSettings { phi, curvature_threshold: 1.0, delta: 0.5 };
+    let settings = RecipeSettings { sphere_offset: phi, curvature_threshold: 1.0, refit_threshold: 0.5 };
     let spheres = Spheres::new(&positions, &list, settings);
     assert!(spheres.curvatures.curvatures.iter().all(|&curvature| curvature == 0.0), "the triangles have no neighbors");
     triangles
@@ -167,7 +167,11 @@ fn on_flat_ground_the_cone_is_as_wide_as_phi_says() {
     let triangles: Vec<_> = (0..300).map(|_| random_triangle(&mut random, Shape::Any, 1.0, DVec3::ZERO)).collect();
     let (positions, list) = independent(&triangles);
     for phi in [0.0f32, 0.5, 1.0, 2.0, 5.0] {
-        let spheres = Spheres::new(&positions, &list, RecipeSettings { phi, curvature_threshold: 1.0, delta: 0.5 });
+        let spheres = Spheres::new(
+            &positions,
+            &list,
+            RecipeSettings { sphere_offset: phi, curvature_threshold: 1.0, refit_threshold: 0.5 },
+        );
         let expected = f64::from(phi) / (1.0 + f64::from(phi).powi(2)).sqrt();
         for (triangle, &cosine) in spheres.cones.cosines.iter().enumerate() {
             // Radius and height each err by the roundings of an in-plane distance.
@@ -207,7 +211,7 @@ fn every_ball_contains_its_triangle_however_stale_its_recipe() {
     let mut largest = 0f64;
     for phi in [0.0f32, 1.0, 5.0] {
         let mut random = Random::new(4);
-        let settings = RecipeSettings { phi, curvature_threshold: 1.0, delta: f32::INFINITY };
+        let settings = RecipeSettings { sphere_offset: phi, curvature_threshold: 1.0, refit_threshold: f32::INFINITY };
         let start: Vec<_> = assorted(&mut random, &[Shape::Any, Shape::Needle, Shape::Obtuse, Shape::Cap], TRIANGLES);
         let (positions, list) = independent(&start);
         let mut spheres = Spheres::new(&positions, &list, settings);
@@ -369,7 +373,7 @@ fn the_in_plane_center_is_continuous_across_the_right_angle_and_the_clamp() {
 #[test]
 fn a_triangle_without_area_has_the_ball_of_a_segment_or_a_point() {
     let mut random = Random::new(7);
-    let settings = RecipeSettings { phi: 1.0, curvature_threshold: 1.0, delta: 0.5 };
+    let settings = RecipeSettings { sphere_offset: 1.0, curvature_threshold: 1.0, refit_threshold: 0.5 };
     for _ in 0..2_000 {
         // Whole steps: collinear in stored precision too.
         let (start, step) = (random.grid_point(8).as_vec3(), random.grid_point(8).as_vec3());
@@ -408,7 +412,11 @@ fn a_triangle_that_loses_its_area_keeps_its_last_normal() {
     let flat = [Vec3::ZERO, Vec3::X, Vec3::Z];
     let (positions, list) = independent(&[flat]);
     for delta in [0.0, 0.5, f32::MAX] {
-        let mut spheres = Spheres::new(&positions, &list, RecipeSettings { phi: 1.0, curvature_threshold: 1.0, delta });
+        let mut spheres = Spheres::new(
+            &positions,
+            &list,
+            RecipeSettings { sphere_offset: 1.0, curvature_threshold: 1.0, refit_threshold: delta },
+        );
         let normal = spheres.cones.axes[0];
         assert_eq!(normal, -Vec3::Y);
         spheres.update(&[Vec3::ZERO, Vec3::X, Vec3::X * 0.25]);
@@ -438,8 +446,11 @@ fn no_length_gives_what_is_not_a_number() {
             let corners = shape.map(|corner| (corner * scale).as_vec3());
             let truth = exact(corners);
             let (positions, list) = independent(&[corners]);
-            let spheres =
-                Spheres::new(&positions, &list, RecipeSettings { phi: 1.0, curvature_threshold: 1.0, delta: 0.5 });
+            let spheres = Spheres::new(
+                &positions,
+                &list,
+                RecipeSettings { sphere_offset: 1.0, curvature_threshold: 1.0, refit_threshold: 0.5 },
+            );
             let offset = Ball { center: spheres.offset.centers[0], radius: spheres.offset.radii[0] };
             for ball in [in_plane_center(corners), enclosing_ball(corners), offset] {
                 assert!(ball.center.is_finite() && ball.radius.is_finite(), "2^{exponent} {corners:?} {ball:?}");
@@ -472,7 +483,7 @@ fn a_cone_holds_its_own_axis_however_far_from_the_origin() {
     let corners = [(1.835_516_3, 6_817.493), (1.835_188_9, 6_817.493), (1.834_938_5, 6_817.492_7)];
     let positions = corners.map(|(x, z)| Vec3::new(x, -13_371.445, z));
     for phi in [1.0, 1.0e3, 1.0e6] {
-        let settings = RecipeSettings { phi, curvature_threshold: 1.0, delta: 0.5 };
+        let settings = RecipeSettings { sphere_offset: phi, curvature_threshold: 1.0, refit_threshold: 0.5 };
         let spheres = Spheres::new(&positions, &[[0, 1, 2]], settings);
         let cosine = spheres.cones.cosines[0];
         assert!(cosine > 0.0 && cosine <= 1.0, "{cosine} at {phi}");
@@ -483,7 +494,7 @@ fn a_cone_holds_its_own_axis_however_far_from_the_origin() {
 /// once leave the range of f32 before the coordinates do.
 #[test]
 fn spheres_at_the_end_of_f32_are_numbers() {
-    let settings = RecipeSettings { phi: 1.0e6, curvature_threshold: 0.1, delta: f32::MAX };
+    let settings = RecipeSettings { sphere_offset: 1.0e6, curvature_threshold: 0.1, refit_threshold: f32::MAX };
     let [apex, low, high] = [Vec3::new(1.0e-7, 1.0e-7, 0.0), Vec3::Z * -1.916_326_7e38, Vec3::Z * 1.486_496_9e38];
     let huge = [Vec3::Z * 6.805_535e32, Vec3::new(3.898_142e30, 6.461_619e27, 0.0), Vec3::Z * 1.611_793e25];
     let wide = [Vec3::Z * -1.741_652_1e38, Vec3::new(-2.658_455_5e36, 2.69e-43, 0.0), Vec3::ZERO];

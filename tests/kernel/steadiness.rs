@@ -10,7 +10,7 @@ use crate::{
 };
 
 fn settings(delta: f32) -> RecipeSettings {
-    RecipeSettings { phi: 1.0, curvature_threshold: 1.0, delta }
+    RecipeSettings { sphere_offset: 1.0, curvature_threshold: 1.0, refit_threshold: delta }
 }
 
 #[test]

@@ -74,9 +74,9 @@ fn sphere_settings_take_effect_on_a_mesh_at_rest() {
         spheres.heights.iter().copied().fold(0.0, f32::max)
     };
     let before = highest(&app);
-    app.world_mut().resource_mut::<CircumsphereSettings>().phi = 3.0;
+    app.world_mut().resource_mut::<CircumsphereSettings>().sphere_offset = 3.0;
     app.update();
     // Flat triangles in the middle of a side have the full height of phi radii.
-    let expected = 3.0 / CircumsphereSettings::default().phi;
+    let expected = 3.0 / CircumsphereSettings::default().sphere_offset;
     assert!((highest(&app) / before - expected).abs() < 1.0e-4, "{before} became {}", highest(&app));
 }

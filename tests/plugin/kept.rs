@@ -127,8 +127,8 @@ impl Twin {
                 let mut settings = app.world_mut().resource_mut::<CircumsphereSettings>();
                 match random.below(3) {
                     0 => settings.margin = [0.0, 0.03][random.below(2) as usize],
-                    1 => settings.phi = [0.5, 0.3][random.below(2) as usize],
-                    _ => settings.delta = [0.7, 0.0][random.below(2) as usize],
+                    1 => settings.sphere_offset = [0.5, 0.3][random.below(2) as usize],
+                    _ => settings.refit_threshold = [0.7, 0.0][random.below(2) as usize],
                 }
             }
             14 => {
@@ -159,8 +159,8 @@ impl Twin {
 
     /// What was announced in this tick.
     fn announced(&self) -> String {
-        let started = self.app.world().resource::<Messages<SurfaceContactStarted>>();
-        let ended = self.app.world().resource::<Messages<SurfaceContactEnded>>();
+        let started = self.app.world().resource::<Messages<SurfaceContactStart>>();
+        let ended = self.app.world().resource::<Messages<SurfaceContactEnd>>();
         let started: Vec<_> = started.iter_current_update_messages().collect();
         let ended: Vec<_> = ended.iter_current_update_messages().collect();
         format!("{started:?} {ended:?}")
@@ -241,7 +241,7 @@ fn recordings_that_pause_find_what_they_find_without_memory() {
     let mut kept = 0;
     for name in ["armadillo_rollers_326", "two_cubes_close_to_intersecting", "mat100x100", "fandisk"] {
         let recording = read_recording(&[folder.join(format!("{name}.bin"))]).expect("it is a recording");
-        for method in [ContactMethod::Refined, ContactMethod::Closest, ContactMethod::Circumsphere] {
+        for method in [ContactMethod::Exact, ContactMethod::Closest, ContactMethod::Circumsphere] {
             let mut worlds = [true, false].map(|memory| {
                 let mut app = app();
                 app.insert_resource(CircumsphereSettings { memory, threads: 1, ..Default::default() });

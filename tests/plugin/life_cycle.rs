@@ -403,11 +403,11 @@ fn change_methods(scene: &mut Scene) {
         }
     }
     // Of two the more exact one decides.
-    insert(&mut scene.app, scene.sheet, ContactMethod::Refined);
+    insert(&mut scene.app, scene.sheet, ContactMethod::Exact);
     scene.frame();
     scene.expect_silence();
     scene.expect_touch(0.03);
-    insert(&mut scene.app, scene.ball, ContactMethod::Refined);
+    insert(&mut scene.app, scene.ball, ContactMethod::Exact);
     scene.frame();
     scene.expect_touch(0.03);
 }
@@ -604,7 +604,7 @@ fn an_observer_that_despawns_the_other_side_stops_nothing() {
     let mut app = app();
     keep_journal(&mut app, Update);
     let (sheet, balls) = row_of_balls(&mut app);
-    app.add_observer(|on: On<SurfaceContactStarted>, mut commands: Commands, journal: Res<Journal>| {
+    app.add_observer(|on: On<SurfaceContactStart>, mut commands: Commands, journal: Res<Journal>| {
         let _ = journal;
         commands.entity(on.entity).try_despawn();
     });

@@ -2,6 +2,7 @@
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::prelude::*;
+use bevy_ecs::{prelude::*, system::RunSystemOnce};
 use circumsphere_support::scenes::{icosphere, sheet_stack};
 use glam::{Quat, Vec3};
 
@@ -43,8 +44,18 @@ fn beyond_the_contact_distance_only_a_margin_sees_and_separations_are_positive()
             assert_consistent(app.world(), contact, 4.0);
         }
         assert_eq!(store(&app).touching_count(), 0);
+        assert!(!is_touching(&mut app, sheet, ball));
         assert_eq!(messages(&mut app), []);
     }
+    insert(&mut app, ball, at(0.1, 0.5 + 0.09, 0.2));
+    app.update();
+    assert!(is_touching(&mut app, sheet, ball) && is_touching(&mut app, ball, sheet));
+    assert!(!is_touching(&mut app, ball, ball));
+}
+
+fn is_touching(app: &mut App, a: Entity, b: Entity) -> bool {
+    let read = move |contacts: SurfaceContacts| contacts.is_touching(a, b);
+    app.world_mut().run_system_once(read).expect("contacts can be read")
 }
 
 #[test]

@@ -159,7 +159,7 @@ fn a_surface_at_rest_keeps_its_spheres_while_others_move() {
         tick(&mut app, [NOTHING, NOTHING], "the body moves as a whole");
         insert(&mut app, ground, Teleported);
         tick(&mut app, [all, NOTHING], "nothing that is known of the ground holds");
-        app.world_mut().resource_mut::<CircumsphereSettings>().phi = 0.4;
+        app.world_mut().resource_mut::<CircumsphereSettings>().sphere_offset = 0.4;
         tick(&mut app, [all, all], "settings change");
         app.world_mut().resource_mut::<CircumsphereSettings>().memory = false;
         tick(&mut app, [all, all], "nothing may be kept");

@@ -84,7 +84,7 @@ fn exact_methods_give_the_same_contacts() {
         app.update();
         fingerprint(&app)
     };
-    assert_eq!(contacts(ContactMethod::Refined), contacts(ContactMethod::Polygon));
+    assert_eq!(contacts(ContactMethod::Exact), contacts(ContactMethod::Polygon));
 }
 
 #[test]

@@ -88,7 +88,7 @@ fn steps(pair: &SurfacePair, plane_cull: bool) -> &'static [PairFate] {
         ContactMethod::BoundingSphere => &[Spheres, Distance, Touching],
         ContactMethod::Circumsphere if plane_cull => &[Planes, Spheres, CenterLine, Cone, Distance, Touching],
         ContactMethod::Circumsphere => &[Spheres, Cone, Distance, Touching],
-        ContactMethod::Closest | ContactMethod::Refined => &[Planes, Distance, Touching],
+        ContactMethod::Closest | ContactMethod::Exact => &[Planes, Distance, Touching],
         ContactMethod::Polygon => &[Distance, Touching],
     }
 }
@@ -194,7 +194,7 @@ fn judge(app: &mut App, tally: &mut Tally) -> Named {
                 assert_eq!(from_step(fates, PairFate::Cone), *overlapping[place], "{what:?}");
                 assert_eq!(from_step(fates, PairFate::Distance), *meeting[place], "{what:?}");
             }
-            ContactMethod::Closest | ContactMethod::Refined | ContactMethod::Polygon => {
+            ContactMethod::Closest | ContactMethod::Exact | ContactMethod::Polygon => {
                 examined += from_step(fates, PairFate::Distance).len();
             }
         }
@@ -253,7 +253,13 @@ fn fates_are_what_every_stage_passed_on_and_the_truth_is_nearer_only_past_a_cone
     for plane_cull in [true, false] {
         for widen_cones in [true, false] {
             let margin = if widen_cones { 0.0 } else { 0.04 };
-            settings.push(CircumsphereSettings { plane_cull, widen_cones, margin, phi: 1.0, ..Default::default() });
+            settings.push(CircumsphereSettings {
+                plane_cull,
+                widen_cones,
+                margin,
+                sphere_offset: 1.0,
+                ..Default::default()
+            });
         }
     }
     for settings in settings {

@@ -167,7 +167,7 @@ fn a_surface_that_cannot_be_used_is_set_aside_and_taken_back_without_touching_ot
     let without = fingerprint(&alone);
     assert_eq!(without.len(), 1);
 
-    for method in [ContactMethod::Refined, ContactMethod::Circumsphere] {
+    for method in [ContactMethod::Exact, ContactMethod::Circumsphere] {
         for fault in surface_faults() {
             let mut app = app();
             keep_journal(&mut app, Update);
@@ -386,7 +386,7 @@ fn finite_numbers_however_large_harm_no_one_else() {
     alone.update();
     let without = fingerprint(&alone);
     for (scale, translation) in [(f32::MAX, 0.0), (1.0e30, 1.0e30), (1.0e-38, 1.0e20), (1.0, f32::MAX)] {
-        for method in [ContactMethod::Refined, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
+        for method in [ContactMethod::Exact, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
             let mut app = app();
             let victim = spawn(
                 &mut app,
@@ -417,7 +417,12 @@ fn settings_out_of_range_are_replaced() {
     alone.update();
     let without = fingerprint(&alone);
     for margin in [f32::NAN, -1.0, f32::NEG_INFINITY, f32::INFINITY] {
-        alone.insert_resource(CircumsphereSettings { margin, phi: f32::NAN, delta: -1.0, ..Default::default() });
+        alone.insert_resource(CircumsphereSettings {
+            margin,
+            sphere_offset: f32::NAN,
+            refit_threshold: -1.0,
+            ..Default::default()
+        });
         alone.update();
         assert_eq!(fingerprint(&alone), without, "margin {margin}");
     }

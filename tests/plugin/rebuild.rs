@@ -30,8 +30,8 @@ impl Stirred {
         app.insert_resource(CircumsphereSettings { threads: 1, ..Default::default() });
         let mesh = grid(cells, cells, 4.0, 4.0, Diagonals::Alternating);
         let thick = SurfaceThickness::World(0.002);
-        let sheet = spawn(&mut app, &mesh, (thick, ContactMethod::Refined));
-        let ball = spawn(&mut app, &ball(), (thick, ContactMethod::Refined));
+        let sheet = spawn(&mut app, &mesh, (thick, ContactMethod::Exact));
+        let ball = spawn(&mut app, &ball(), (thick, ContactMethod::Exact));
         Self { app, sheet, ball, rest: points(&mesh) }
     }
 

@@ -251,7 +251,7 @@ fn wide_sheet() -> Mesh {
 
 #[test]
 fn whatever_is_reached_of_a_surface_is_where_it_is_now() {
-    for method in [ContactMethod::Refined, ContactMethod::Circumsphere] {
+    for method in [ContactMethod::Exact, ContactMethod::Circumsphere] {
         let mut worlds = [app(), brute_force_app()].map(|mut app| {
             let bodies = [("sheet", wide_sheet()), ("near", ball()), ("turned", ball())].map(|(name, mesh)| {
                 app.world_mut().spawn((crate::world::Called(name), surface(&mesh), THIN, method)).id()

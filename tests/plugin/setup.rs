@@ -80,7 +80,7 @@ fn plugins_added_after_the_surfaces_see_them() {
     let mut reference = app();
     sheet_and_ball(&mut reference);
     reference.update();
-    for method in [ContactMethod::Refined, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
+    for method in [ContactMethod::Exact, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
         let mut late = App::new();
         let bodies = sheet_and_ball(&mut late);
         for body in bodies {
@@ -93,7 +93,7 @@ fn plugins_added_after_the_surfaces_see_them() {
         late.update();
         assert_eq!(status(&late, bodies[0]), SurfaceStatus::Active);
         assert_eq!(messages(&mut late), [Started(bodies[0], bodies[1]), Started(bodies[0], latest)], "{method:?}");
-        if method == ContactMethod::Refined {
+        if method == ContactMethod::Exact {
             assert_touches(&mut late, bodies);
             assert_eq!(fingerprint(&late)[0], fingerprint(&reference)[0]);
         }
@@ -189,7 +189,7 @@ fn detection_by_hand_survives_what_has_changed_since_it_was_prepared() {
         ("more positions", |app, ball| write_positions(app, ball, &[Vec3::ZERO; 1000])),
         ("NaN", |app, ball| write_positions(app, ball, &[Vec3::NAN; 162])),
     ];
-    for method in [ContactMethod::Refined, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
+    for method in [ContactMethod::Exact, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
         for (name, change) in changes {
             let mut app = app();
             let bodies = sheet_and_ball(&mut app);

@@ -173,7 +173,7 @@ impl Twin {
                 insert(app, entity, SurfaceThickness::World(thickness));
             }
             28 => insert(app, entity, ContactMethod::ALL[random.below(5) as usize]),
-            29 | 30 => insert(app, entity, [ContactMethod::Refined, ContactMethod::Closest][random.below(2) as usize]),
+            29 | 30 => insert(app, entity, [ContactMethod::Exact, ContactMethod::Closest][random.below(2) as usize]),
             31 => {
                 app.world_mut().despawn(entity);
                 let body = Body::new(name, &place, random);
@@ -381,7 +381,7 @@ fn recordings_that_move_slowly_find_what_they_find_without_memory() {
         let rest: Vec<Vec3> = recording.frames[0].iter().copied().map(Vec3::from).collect();
         let topology = SurfaceTopology::new(&rest, &recording.triangles).expect("it is a mesh");
         let distance = 0.1 * topology.mean_edge_length(&rest) as f32;
-        for method in [ContactMethod::Refined, ContactMethod::Closest] {
+        for method in [ContactMethod::Exact, ContactMethod::Closest] {
             let mut worlds = [true, false].map(|memory| {
                 let mut app = app();
                 app.insert_resource(CircumsphereSettings { memory, threads: 1, ..Default::default() });

@@ -161,7 +161,7 @@ fn exact_pairs_hold_nothing_of_spheres() {
     let held = |run: &Run| format!("{:?}", run.app.world().resource::<SphereContacts>()).contains("FoundBySpheres");
     assert!(held(&run));
     for &surface in &run.surfaces {
-        insert(&mut run.app, surface, ContactMethod::Refined);
+        insert(&mut run.app, surface, ContactMethod::Exact);
     }
     run.tick(0);
     assert!(!held(&run));

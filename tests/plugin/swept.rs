@@ -172,7 +172,7 @@ fn an_impact_is_where_both_surfaces_are_at_its_time() {
     fall.move_to(at(-0.3, -1.9, 0.4).with_rotation(turned.inverse()).with_scale(Vec3::splat(1.5)));
     let after = [fall.ball, fall.sheet].map(|entity| world_points(&fall.app, entity));
     let ball = fall.ball;
-    let impacts: Vec<Seen> = read(&mut fall.app, move |impacts| impacts.of(ball).map(Seen::from).collect());
+    let impacts: Vec<Seen> = read(&mut fall.app, move |impacts| impacts.impacts_with(ball).map(Seen::from).collect());
     assert!(impacts.len() > 100, "{}", impacts.len());
     for seen in &impacts {
         assert_eq!([seen.a, seen.b], [fall.ball, fall.sheet]);
@@ -206,7 +206,7 @@ fn impacts_read_the_other_way_round_from_their_other_side() {
     fall.move_to(at(0.1, -1.0, 0.2));
     let (sheet, ball) = (fall.sheet, fall.ball);
     let of = |app: &mut App, entity: Entity| -> Vec<Seen> {
-        read(app, move |impacts| impacts.of(entity).map(Seen::from).collect())
+        read(app, move |impacts| impacts.impacts_with(entity).map(Seen::from).collect())
     };
     let (whole, by_ball, by_sheet) = (all(&mut fall.app), of(&mut fall.app, ball), of(&mut fall.app, sheet));
     assert!(whole.len() > 10 && whole == by_sheet && by_ball.len() == whole.len());

@@ -61,7 +61,7 @@ fn bits(app: &App) -> Bits {
 fn contacts_are_the_same_to_the_last_bit_for_any_number_of_threads() {
     let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(POOL_THREADS).build());
     assert!(pool.thread_num() > 1, "the pool of this process has one thread: nothing to compare");
-    for method in [ContactMethod::Refined, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
+    for method in [ContactMethod::Exact, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
         let found = |threads: usize| {
             let mut app = scene(method, threads);
             app.update();
@@ -99,7 +99,7 @@ fn heap(method: ContactMethod, threads: usize) -> App {
 fn contacts_of_many_bodies_are_the_same_to_the_last_bit_for_any_number_of_threads() {
     let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(POOL_THREADS).build());
     assert!(pool.thread_num() > 1, "the pool of this process has one thread: nothing to compare");
-    for method in [ContactMethod::Refined, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
+    for method in [ContactMethod::Exact, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
         let found = |threads: usize| {
             let mut app = heap(method, threads);
             app.update();

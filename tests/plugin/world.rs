@@ -55,7 +55,7 @@ pub fn ball() -> Mesh {
 /// Where a ball stands over the inside of one of the sheet's triangles.
 pub const OVER_A_FACE: Vec3 = Vec3::new(0.1, 0.0, 0.2);
 
-pub const EXACT_METHODS: [ContactMethod; 3] = [ContactMethod::Closest, ContactMethod::Refined, ContactMethod::Polygon];
+pub const EXACT_METHODS: [ContactMethod; 3] = [ContactMethod::Closest, ContactMethod::Exact, ContactMethod::Polygon];
 
 /// The thickness of most bodies of these tests: two of them touch within 0.1.
 pub const THIN: SurfaceThickness = SurfaceThickness::World(0.05);
@@ -173,7 +173,7 @@ pub fn all(app: &mut App) -> Vec<Seen> {
 }
 
 pub fn of(app: &mut App, entity: Entity) -> Vec<Seen> {
-    read(app, move |contacts| contacts.of(entity).map(Seen::from).collect())
+    read(app, move |contacts| contacts.contacts_with(entity).map(Seen::from).collect())
 }
 
 pub fn between(app: &mut App, a: Entity, b: Entity) -> Vec<Seen> {
@@ -315,11 +315,11 @@ pub enum Announcement {
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Journal(pub Vec<(u64, By, Announcement)>);
 
-fn observe_started(on: On<SurfaceContactStarted>, contacts: SurfaceContacts, mut journal: ResMut<Journal>) {
+fn observe_started(on: On<SurfaceContactStart>, contacts: SurfaceContacts, mut journal: ResMut<Journal>) {
     journal.0.push((contacts.tick(), By::Observer, Announcement::Started(on.entity, on.other)));
 }
 
-fn observe_ended(on: On<SurfaceContactEnded>, contacts: SurfaceContacts, mut journal: ResMut<Journal>) {
+fn observe_ended(on: On<SurfaceContactEnd>, contacts: SurfaceContacts, mut journal: ResMut<Journal>) {
     journal.0.push((contacts.tick(), By::Observer, Announcement::Ended(on.entity, on.other)));
 }
 
@@ -330,8 +330,8 @@ fn observe_quarantined(on: On<SurfaceQuarantined>, contacts: SurfaceContacts, mu
 fn read_messages(
     contacts: SurfaceContacts,
     mut journal: ResMut<Journal>,
-    mut ended: MessageReader<SurfaceContactEnded>,
-    mut started: MessageReader<SurfaceContactStarted>,
+    mut ended: MessageReader<SurfaceContactEnd>,
+    mut started: MessageReader<SurfaceContactStart>,
     mut quarantined: MessageReader<SurfaceQuarantined>,
 ) {
     let tick = contacts.tick();
@@ -355,10 +355,10 @@ pub fn keep_journal(app: &mut App, schedule: impl ScheduleLabel) {
 pub fn observe(app: &mut App, entity: Entity) {
     app.world_mut()
         .entity_mut(entity)
-        .observe(|on: On<SurfaceContactStarted>, contacts: SurfaceContacts, mut journal: ResMut<Journal>| {
+        .observe(|on: On<SurfaceContactStart>, contacts: SurfaceContacts, mut journal: ResMut<Journal>| {
             journal.0.push((contacts.tick(), By::OwnObserver, Announcement::Started(on.entity, on.other)));
         })
-        .observe(|on: On<SurfaceContactEnded>, contacts: SurfaceContacts, mut journal: ResMut<Journal>| {
+        .observe(|on: On<SurfaceContactEnd>, contacts: SurfaceContacts, mut journal: ResMut<Journal>| {
             journal.0.push((contacts.tick(), By::OwnObserver, Announcement::Ended(on.entity, on.other)));
         });
 }

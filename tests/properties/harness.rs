@@ -90,7 +90,7 @@ pub enum BroadPhase {
     BruteForce,
 }
 
-pub const EXACT_METHODS: [ContactMethod; 3] = [ContactMethod::Closest, ContactMethod::Refined, ContactMethod::Polygon];
+pub const EXACT_METHODS: [ContactMethod; 3] = [ContactMethod::Closest, ContactMethod::Exact, ContactMethod::Polygon];
 
 /// How a world detects.
 #[derive(Clone, Copy, Debug)]
@@ -101,7 +101,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    pub const REFINED: Self = Self { method: ContactMethod::Refined, broad_phase: BroadPhase::Tree, threads: 1 };
+    pub const REFINED: Self = Self { method: ContactMethod::Exact, broad_phase: BroadPhase::Tree, threads: 1 };
 
     /// The exact methods over both broad phases.
     pub fn exact() -> impl Iterator<Item = Self> {

@@ -209,7 +209,7 @@ fn scaling_by_a_power_of_two_scales_every_number_exactly() {
         let scaled = case.rest.clone().map(|mesh| mesh.scale(factor));
         let shortest = shortest_edge(&case.rest).min(shortest_edge(&scaled));
         for setup in Setup::methods() {
-            if setup.method < ContactMethod::Refined && shortest < SHORTEST_EXACT {
+            if setup.method < ContactMethod::Exact && shortest < SHORTEST_EXACT {
                 continue;
             }
             let plain = detect(&case.bodies(), case.distance, setup);

@@ -22,9 +22,9 @@ fn recipe() -> impl Strategy<Value = RecipeSettings> {
     let curvature_threshold = prop_oneof![0.1f32..5.0, Just(f32::MIN_POSITIVE), Just(f32::MAX)];
     let delta = prop_oneof![Just(0.0f32), 0.1f32..2.0, Just(f32::MAX)];
     (phi, curvature_threshold, delta).prop_map(|(phi, curvature_threshold, delta)| RecipeSettings {
-        phi,
+        sphere_offset: phi,
         curvature_threshold,
-        delta,
+        refit_threshold: delta,
     })
 }
 

@@ -171,7 +171,7 @@ fn what_no_longer_fits_as_a_whole_is_not_shown_as_it_was() {
     let mut recorded = Recorded::new(RerunSettings { bytes_per_tick: 1 << 20, ..nothing() });
     recorded.settings().meshes = LevelOfDetail::All;
     recorded.settings().shapes = true;
-    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     let shown =
         |recorded: &Recorded| [recorded.viewer.below(&["meshes"]).len(), recorded.viewer.below(&["shapes"]).len()];
     recorded.tick();

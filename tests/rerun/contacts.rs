@@ -148,7 +148,7 @@ fn contacts_are_those_of_the_store_for_every_method() {
 #[test]
 fn the_deepest_contacts_carry_their_separation_as_a_label() {
     let mut recorded = Recorded::new(everything());
-    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     for tick in 0..3 {
         scene.advance(&mut recorded.app, tick);
         recorded.tick();

@@ -30,7 +30,7 @@ fn parts<'a>(recording: &'a Recording, kind: &str) -> BTreeMap<String, &'a Row> 
 #[test]
 fn the_layout_is_activated_once_and_comes_before_anything_is_shown() {
     let mut recorded = Recorded::new(everything());
-    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     let mut activations = 0;
     for tick in 0..4 {
         scene.advance(&mut recorded.app, tick);

@@ -45,7 +45,7 @@ fn assert_shown_is(recorded: &Recorded, name: &str, entity: Entity) {
 #[test]
 fn a_mesh_is_its_surface_in_every_tick_and_only_what_changed_is_recorded() {
     let mut recorded = Recorded::new(everything());
-    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     let mut last: Vec<(Vec<Vec3>, DAffine3)> = Vec::new();
     let (mut moved, mut at_rest, mut posed) = (0, 0, 0);
     for tick in 0..12 {
@@ -82,7 +82,7 @@ fn a_mesh_is_its_surface_in_every_tick_and_only_what_changed_is_recorded() {
 #[test]
 fn vertices_have_the_color_of_what_their_triangles_do() {
     let mut recorded = Recorded::new(everything());
-    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     let mut seen = [0; 3];
     for tick in 0..4 {
         scene.advance(&mut recorded.app, tick);
@@ -121,7 +121,7 @@ fn vertices_have_the_color_of_what_their_triangles_do() {
 #[test]
 fn near_contacts_only_their_triangles_are_shown_at_all_vertices() {
     let mut recorded = Recorded::new(near());
-    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     // Two vertices at the place of one are one vertex, as far as neighbors go.
     let seamed = duplicate_vertices(&icosphere(2, 0.3));
     assert!(seamed.positions.len() > icosphere(2, 0.3).positions.len());
@@ -350,7 +350,7 @@ fn a_new_surface_takes_the_place_of_a_despawned_one_of_its_name() {
 #[test]
 fn shapes_are_outlined_where_they_are_and_leave_with_their_entity() {
     let mut recorded = Recorded::new(everything());
-    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     let turned =
         Transform::from_xyz(0.3, 0.2, 0.1).with_rotation(Quat::from_rotation_x(0.4)).with_scale(Vec3::splat(0.5));
     let shape = SharedShape::cuboid(0.2, 0.3, 0.4);
@@ -390,7 +390,7 @@ fn shapes_are_outlined_where_they_are_and_leave_with_their_entity() {
 #[test]
 fn meshes_follow_their_level_of_detail_while_the_app_runs() {
     let mut recorded = Recorded::new(everything());
-    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     let count = |mesh: &Mesh| mesh.triangles.len();
     let mut found = Vec::new();
     let levels = [
@@ -431,7 +431,7 @@ fn meshes_follow_their_level_of_detail_while_the_app_runs() {
 #[test]
 fn without_meshes_nothing_of_them_is_recorded() {
     let mut recorded = Recorded::new(nothing());
-    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     for tick in 0..3 {
         scene.advance(&mut recorded.app, tick);
         let layers: Vec<String> = recorded.tick().layers().into_iter().map(str::to_owned).collect();

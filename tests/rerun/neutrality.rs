@@ -21,8 +21,8 @@ struct Journal(Vec<String>);
 fn read(
     names: Query<&Name>,
     mut journal: ResMut<Journal>,
-    mut started: MessageReader<SurfaceContactStarted>,
-    mut ended: MessageReader<SurfaceContactEnded>,
+    mut started: MessageReader<SurfaceContactStart>,
+    mut ended: MessageReader<SurfaceContactEnd>,
     mut quarantined: MessageReader<SurfaceQuarantined>,
 ) {
     let name = |entity| names.get(entity).map_or("gone", Name::as_str).to_owned();
@@ -33,7 +33,7 @@ fn read(
     journal.0.append(&mut lines);
 }
 
-fn observe(on: On<SurfaceContactStarted>, names: Query<&Name>, mut journal: ResMut<Journal>) {
+fn observe(on: On<SurfaceContactStart>, names: Query<&Name>, mut journal: ResMut<Journal>) {
     let name = |entity| names.get(entity).map_or("gone", Name::as_str).to_owned();
     journal.0.push(format!("observed {} {}", name(on.entity), name(on.other)));
 }

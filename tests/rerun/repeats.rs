@@ -26,7 +26,7 @@ fn record(settings: RerunSettings, method: ContactMethod) -> Vec<Row> {
 #[test]
 fn two_recordings_of_the_same_ticks_have_the_same_rows() {
     for settings in [everything(), near(), RerunSettings { bytes_per_tick: 40_000, ..everything() }] {
-        for method in [ContactMethod::Circumsphere, ContactMethod::Refined] {
+        for method in [ContactMethod::Circumsphere, ContactMethod::Exact] {
             let settings = RerunSettings { times: false, ..settings.clone() };
             let (one, other) = (record(settings.clone(), method), record(settings, method));
             assert!(one.len() > 90, "{} rows", one.len());
@@ -40,7 +40,7 @@ fn two_recordings_of_the_same_ticks_have_the_same_rows() {
 
 #[test]
 fn wall_clock_times_are_what_makes_recordings_differ() {
-    let (one, other) = (record(everything(), ContactMethod::Refined), record(everything(), ContactMethod::Refined));
+    let (one, other) = (record(everything(), ContactMethod::Exact), record(everything(), ContactMethod::Exact));
     let differing: Vec<&Row> = one.iter().zip(&other).filter(|(one, other)| one != other).map(|(one, _)| one).collect();
     assert!(!differing.is_empty());
     assert!(differing.iter().all(|row| row.path.starts_with(&path(&["series", "milliseconds"]))));
@@ -48,7 +48,7 @@ fn wall_clock_times_are_what_makes_recordings_differ() {
 
 #[test]
 fn without_times_there_are_no_milliseconds() {
-    let rows = record(RerunSettings { times: false, ..everything() }, ContactMethod::Refined);
+    let rows = record(RerunSettings { times: false, ..everything() }, ContactMethod::Exact);
     assert!(rows.iter().filter(|row| row.path.starts_with(&path(&["series"]))).count() > 60);
     assert!(!rows.iter().any(|row| row.path.starts_with(&path(&["series", "milliseconds"]))));
 }

@@ -142,7 +142,7 @@ fn a_game_without_events_is_recorded_without_what_started_and_ended() {
     let mut app = App::new();
     app.add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<ContactEventsPlugin>());
     app.add_plugins(DeformableRerunPlugin::to_stream(stream));
-    Scene::spawn(&mut app, ContactMethod::Refined);
+    Scene::spawn(&mut app, ContactMethod::Exact);
     app.update();
     app.update();
     let recording = Recording::of(storage.take());

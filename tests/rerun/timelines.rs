@@ -46,7 +46,7 @@ fn rows_stand_at_the_tick_of_the_store_and_the_time_of_the_clock() {
         app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_micros(12_345)));
         app.add_systems(Update, read_clock.in_set(DeformableSystems::Log));
     });
-    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     for tick in 0..4 {
         scene.advance(&mut recorded.app, tick);
         recorded.app.update();
@@ -79,7 +79,7 @@ fn every_fixed_tick_of_an_update_has_a_time_of_its_own() {
 #[test]
 fn without_a_clock_there_is_only_the_tick() {
     let mut recorded = Recorded::new(everything());
-    Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+    Scene::spawn(&mut recorded.app, ContactMethod::Exact);
     recorded.tick();
     recorded.tick();
     assert!(recorded.last.rows.len() > 20);

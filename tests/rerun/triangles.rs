@@ -195,7 +195,7 @@ fn cones_stand_on_their_sphere_and_open_as_wide_as_the_stage_says() {
 fn curvature_and_recipe_ages_are_those_of_the_stages() {
     for (level, settings) in [(LevelOfDetail::All, everything()), (LevelOfDetail::NearContacts, near())] {
         let mut recorded = Recorded::new(settings);
-        recorded.app.insert_resource(CircumsphereSettings { delta: 0.004, ..Default::default() });
+        recorded.app.insert_resource(CircumsphereSettings { refit_threshold: 0.004, ..Default::default() });
         let scene = Scene::spawn(&mut recorded.app, ContactMethod::Circumsphere);
         let (mut values, mut ages_seen) = (BTreeSet::new(), BTreeMap::new());
         for tick in 0..6 {
@@ -244,7 +244,7 @@ fn curvature_and_recipe_ages_are_those_of_the_stages() {
 
 #[test]
 fn what_a_method_does_not_compute_is_not_recorded() {
-    for method in [ContactMethod::Closest, ContactMethod::Refined, ContactMethod::Polygon] {
+    for method in [ContactMethod::Closest, ContactMethod::Exact, ContactMethod::Polygon] {
         let mut recorded = Recorded::new(everything());
         let scene = Scene::spawn(&mut recorded.app, ContactMethod::Circumsphere);
         recorded.tick();
@@ -285,7 +285,7 @@ fn holds(outer: &Box3, inner: &Box3) -> bool {
 fn boxes_of_a_tree_lie_in_those_of_the_level_above_and_the_root_holds_just_all_triangles() {
     for tree_levels in [0, 1, 2, u32::MAX] {
         let mut recorded = Recorded::new(RerunSettings { tree_levels, ..nothing() });
-        let scene = Scene::spawn(&mut recorded.app, ContactMethod::Refined);
+        let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
         let mut deepest = 0;
         for tick in 0..3 {
             scene.advance(&mut recorded.app, tick);

@@ -10,7 +10,7 @@ use std::fmt::{self, Display, Formatter};
 
 use bevy_circumsphere::{
     detection::{
-        CandidateTrianglePairs, KeptPairs, MeetingCaps, OverlappingTrianglePairs, RefinedTrianglePairs, SphereContacts,
+        CandidateTrianglePairs, ExactTrianglePairs, KeptPairs, MeetingCaps, OverlappingTrianglePairs, SphereContacts,
         SurfaceStates,
     },
     kernel::mesh::topology::SurfaceTopology,
@@ -82,7 +82,7 @@ const ELSEWHERE: &str = "elsewhere (scratch)";
 
 /// Owners of pairs that were found, as opposed to candidates.
 const RESULTS: [&str; 6] =
-    ["OverlappingTrianglePairs", "MeetingCaps", "RefinedTrianglePairs", "SphereContacts", "ContactStore", ELSEWHERE];
+    ["OverlappingTrianglePairs", "MeetingCaps", "ExactTrianglePairs", "SphereContacts", "ContactStore", ELSEWHERE];
 
 /// Removes a component of the sheet, or a resource.
 type Take = fn(&mut World, Entity);
@@ -135,7 +135,7 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
         (LISTS, take_resource::<KeptPairs>),
         ("OverlappingTrianglePairs", take_resource::<OverlappingTrianglePairs>),
         ("MeetingCaps", take_resource::<MeetingCaps>),
-        ("RefinedTrianglePairs", take_resource::<RefinedTrianglePairs>),
+        ("ExactTrianglePairs", take_resource::<ExactTrianglePairs>),
         ("SphereContacts", take_resource::<SphereContacts>),
         ("ContactStore", take_resource::<bevy_circumsphere::ContactStore>),
     ];

@@ -1,4 +1,4 @@
-//! What stays of contacts, and on which side, against lists that are looked through whole.
+//! Compares the contacts that remain, and their sides, with searches through whole lists.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +12,7 @@ use crate::kernel::{
     simd::share::{OnTwoThreads, OneByOne},
 };
 
-/// Kinds of feature pairs, with what keys name them by.
+/// Kinds of feature pairs, and their numbers in keys.
 const KINDS: [(FeaturePair, u64); 3] = [
     (FeaturePair { a: Feature::Vertex(0), b: Feature::Face }, 2),
     (FeaturePair { a: Feature::Edge(0), b: Feature::Edge(1) }, 4),
@@ -43,12 +43,12 @@ fn contact(
     }
 }
 
-/// Contacts of some pairs of triangles in their order, those of a pair in none. Every shared key is of one kind, and every
-/// other key of one pair.
+/// Contacts of some pairs of triangles. Pairs are in order, but the contacts of a pair are not. Every shared key is of
+/// one kind, and every other key belongs to one pair.
 fn contacts(random: &mut Random, pair_count: u64, shared_keys: u64) -> Vec<CompactContact> {
     let mut found: Vec<CompactContact> = Vec::new();
     for first in 0..pair_count {
-        // Some pairs come in this tick and some in another.
+        // Pairs come and go from tick to tick.
         if random.below(5) == 0 {
             continue;
         }
@@ -65,7 +65,7 @@ fn contacts(random: &mut Random, pair_count: u64, shared_keys: u64) -> Vec<Compa
     found
 }
 
-/// What stays of contacts, those of the last tick being `before`.
+/// The contacts that must remain. `before` are those of the last tick.
 fn expected(found: &[CompactContact], before: &[CompactContact]) -> Vec<CompactContact> {
     let mut known = BTreeSet::new();
     let mut kept: Vec<CompactContact> = found.iter().copied().filter(|contact| known.insert(contact.key)).collect();
@@ -85,7 +85,7 @@ fn expected(found: &[CompactContact], before: &[CompactContact]) -> Vec<CompactC
     kept
 }
 
-/// What stays of contacts, which are found in parts, and what the next tick is told.
+/// The contacts that remain if they are found in parts, and the shared ones for the next tick.
 fn kept(
     found: &[CompactContact],
     parts: usize,
@@ -101,7 +101,7 @@ fn kept(
         }
         let (now, later) = rest.split_at(count.min(rest.len()));
         rest = later;
-        // In place, or appended from a list of its own.
+        // In place, or appended from a separate list.
         if part % 2 == 0 {
             let (first, first_shared) = (kept.contacts.len(), kept.shared.len());
             kept.contacts.extend_from_slice(now);

@@ -80,7 +80,7 @@ pub(super) fn curve(name: &str) -> Option<Color> {
         "overlap" => Some(YELLOW),
         "cone" => Some(GREEN),
         "swept" => grey(185),
-        "refine" | "normal jump in turns" | "penetration found" => Some(ORANGE),
+        "exact" | "normal jump in turns" | "penetration found" => Some(ORANGE),
         "contacts" | "largest motion" | "penetration left" => Some(VERMILION),
         "recording" | "examined" | "largest jitter" => Some(WHITE),
         _ => None,

@@ -372,7 +372,7 @@ fn shape_pair(
     SurfacePair {
         first,
         second: OtherSide::Shape(place),
-        method: ContactMethod::Refined,
+        method: ContactMethod::Exact,
         contact_distance: surface.thickness,
         reported_distance: surface.thickness + margin,
         range: range(surface.thickness, margin),

@@ -40,7 +40,7 @@ mod contacts;
 pub(in crate::kernel) mod reports;
 
 /// Tests candidate pairs of two surfaces exactly, and appends the results.
-pub fn refine_pairs(
+pub fn exact_pairs(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
@@ -54,11 +54,11 @@ pub fn refine_pairs(
     }
 }
 
-/// Like [`refine_pairs`], with the same touching pairs, but a pair that does not cross makes a contact of its closest
+/// Like [`exact_pairs`], with the same touching pairs, but a pair that does not cross makes a contact of its closest
 /// features only, of one of them if several are equally close. Each pair reports its own closest features, whatever
 /// other pairs contain them, because for those they need not be the closest. Boundary features may be left to a pair
 /// that has just reported the same ones. If a side has an inside, this only applies outside of it.
-pub fn refine_closest(
+pub fn closest_pairs(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
@@ -332,7 +332,7 @@ fn add_pair([triangle_a, triangle_b]: [u32; 2], distance: f64, settings: &PairSe
 
 /// Tests candidate triangles of a surface exactly against a rigid shape, and appends the results. `pose` transforms the
 /// surface to the shape's frame, which is the pair's frame.
-pub fn refine_shape(
+pub fn shape_pairs(
     topology: &SurfaceTopology,
     positions: &[Vec3],
     pose: &Pose,

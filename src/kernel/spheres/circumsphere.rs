@@ -217,12 +217,12 @@ pub fn curvature_factor(curvature: f32, radius: f32, threshold: f32) -> f32 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RecipeSettings {
     /// Height of a flat triangle's sphere center below its plane, in radii of the triangle. 0 or more.
-    pub phi: f32,
+    pub sphere_offset: f32,
     /// Curvature times radius at which the height reaches 0. Greater than 0.
     pub curvature_threshold: f32,
     /// Change of shape beyond which a recipe is refreshed: relative change of an edge length, or change of a dihedral
     /// angle in radians. 0 always refreshes.
-    pub delta: f32,
+    pub refit_threshold: f32,
 }
 
 /// The spheres and cones of eight triangles.
@@ -283,7 +283,7 @@ impl OffsetSpheres {
     }
 
     /// Refits the spheres to the current `positions`. Refreshes the recipes of triangles whose shape has changed by
-    /// more than `settings.delta` since their last refresh, then writes every triangle's sphere and cone. `curvatures`
+    /// more than `settings.refit_threshold` since their last refresh, then writes every triangle's sphere and cone. `curvatures`
     /// and `dihedrals` have one entry per triangle (see [`curvature`](super::curvature)). Returns the number of
     /// refreshed recipes.
     ///
@@ -361,8 +361,9 @@ impl SpherePart<'_> {
         let (curvature, dihedrals) = (shapes.curvatures[triangle], shapes.dihedrals[triangle]);
         let (block, lane) = (&mut self.recipes[triangle / WIDTH], triangle % WIDTH);
         let mut recipe = block.get(lane);
-        let stale =
-            fresh || settings.delta <= 0.0 || recipe.shape_change(edge_lengths(corners), dihedrals) > settings.delta;
+        let stale = fresh
+            || settings.refit_threshold <= 0.0
+            || recipe.shape_change(edge_lengths(corners), dihedrals) > settings.refit_threshold;
         if stale {
             recipe = Recipe::new(corners, local, curvature, dihedrals, settings, self.refits);
             block.set(lane, &recipe);
@@ -422,7 +423,7 @@ fn refit_spheres<S: Simd>(
     all_fresh: bool,
     settings: RecipeSettings,
 ) -> usize {
-    let always = all_fresh || settings.delta <= 0.0;
+    let always = all_fresh || settings.refit_threshold <= 0.0;
     let mut refreshed = 0;
     for (block, triangles) in shapes.triangles.chunks(WIDTH).enumerate() {
         let range = block * WIDTH..block * WIDTH + triangles.len();
@@ -431,8 +432,11 @@ fn refit_spheres<S: Simd>(
         let (curvatures, dihedrals) = (&shapes.curvatures[range.clone()], &shapes.dihedrals[range.clone()]);
         let shape = ShapeLanes::gather(simd, corners, lengths, curvatures, dihedrals);
         let mut recipes = RecipeLanes::load(simd, &spheres.recipes[block]);
-        let stale =
-            if always { mask32x8::splat(simd, true) } else { recipes.shape_change(&shape).simd_gt(settings.delta) };
+        let stale = if always {
+            mask32x8::splat(simd, true)
+        } else {
+            recipes.shape_change(&shape).simd_gt(settings.refit_threshold)
+        };
         let placed = if stale.any_true() {
             let made = recipes.refresh(stale, &shape, &settings);
             exact &= made.exact | !stale;

@@ -48,7 +48,7 @@ impl Recipe {
         let center = frame.point_across(inward);
         let radius = farthest_corner(local, center);
         let factor = curvature_factor(curvature, radius, settings.curvature_threshold);
-        let mut height = (settings.phi * radius * factor).min(f32::MAX);
+        let mut height = (settings.sphere_offset * radius * factor).min(f32::MAX);
         for k in 0..3 {
             if dihedrals[k] > 0.0 {
                 let edge = corners[(k + 1) % 3] - corners[k];
@@ -202,7 +202,7 @@ impl<S: Simd> RecipeLanes<S> {
         let (center, radius) = (*center, *radius);
         let bent = shape.curvatures.abs() * radius / settings.curvature_threshold;
         let factor = curvature_factors(bent.max(0.0).min(1.0));
-        let mut height = (radius * settings.phi * factor).min(f32::MAX);
+        let mut height = (radius * settings.sphere_offset * factor).min(f32::MAX);
         for k in 0..3 {
             let along = shape.corners.edge(k).over(shape.lengths[k]);
             let clearance = frame.normal.dot(along.cross(center - shape.local.0[k])).max(0.0);

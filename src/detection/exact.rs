@@ -1,0 +1,198 @@
+//! Stage 7: the exact test of candidates, for the methods that miss nothing and for rigid shapes.
+
+use std::time::Instant;
+
+use bevy_app::prelude::*;
+use bevy_ecs::prelude::*;
+
+use super::{
+    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
+    corner_rows::fill_rows,
+    kept_pairs::{KeptPairs, ListUse},
+    memory::DetectionMemory,
+    pair_contacts::PairContacts,
+    parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
+    settle::SettleBuffers,
+    sides::{pair_settings, surface_sides},
+    state::{SurfaceState, SurfaceStates},
+};
+use crate::{
+    diagnostics::DetectionDiagnostics,
+    kernel::{
+        capacity,
+        exact::{
+            pair_order::PairSorter,
+            stage::{closest_pairs, exact_pairs, shape_pairs},
+            unique::UniqueFeatures,
+        },
+        pair::{FoundPairs, can_penetrate},
+    },
+    schedule::{SurfaceDetection, SurfaceDetectionSystems},
+    settings::CircumsphereSettings,
+    surface::{ActiveSurfaces, ContactMethod},
+};
+
+/// What the exact test found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a pair is
+/// tested by spheres. The last stage keeps two-sided contacts on the sides they were on, here too.
+#[derive(Resource, Debug, Default)]
+pub struct ExactTrianglePairs {
+    pub(crate) pairs: Vec<PairContacts>,
+}
+
+impl ExactTrianglePairs {
+    /// Touching pairs and contacts.
+    #[must_use]
+    pub fn pairs(&self) -> &[PairContacts] {
+        &self.pairs
+    }
+}
+
+/// Tests candidates exactly.
+pub struct ExactPlugin;
+
+impl Plugin for ExactPlugin {
+    fn build(&self, app: &mut App) {
+        app.init_resource::<ExactTrianglePairs>().init_resource::<DetectionMemory>().init_resource::<KeptPairs>();
+        app.add_systems(SurfaceDetection, test_exactly.in_set(SurfaceDetectionSystems::Exact));
+    }
+}
+
+#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
+fn test_exactly(
+    active: Res<ActiveSurfaces>,
+    candidates: Res<CandidateTrianglePairs>,
+    settings: Res<CircumsphereSettings>,
+    mut results: ResMut<ExactTrianglePairs>,
+    spare: Local<Buffers<FoundPairs>>,
+    buffers: Local<Buffers<ExactBuffers>>,
+    mut memory: ResMut<DetectionMemory>,
+    mut kept: ResMut<KeptPairs>,
+    mut diagnostics: ResMut<DetectionDiagnostics>,
+    mut row_counts: Local<Vec<usize>>,
+    mut states: ResMut<SurfaceStates>,
+) {
+    let start = Instant::now();
+    memory.carry(&mut results.pairs);
+    results.pairs.resize_with(candidates.pairs.len(), PairContacts::default);
+    fill_rows(&active, memory.changed(&candidates.pairs), settings.threads, &mut row_counts, states.all_mut());
+    let states = states.all();
+    for_each_weighed(
+        &mut results.pairs,
+        settings.threads,
+        CHUNK,
+        |place, _| if memory.keeps(place) { 0 } else { candidates.pairs[place].triangles.len() },
+        |place, found_of_pair, threads| {
+            if memory.keeps(place) {
+                return;
+            }
+            let pair = &candidates.pairs[place];
+            let mut found = found_of_pair.begin();
+            found.wants_lower_bounds = kept.list_use(place) != ListUse::None;
+            if pair.method.is_exact() && !pair.triangles.is_empty() {
+                buffers.with(|buffers| {
+                    test_pair(&active, pair, &settings, states, threads, &mut found, &spare, buffers);
+                });
+            }
+            found_of_pair.finish(found);
+        },
+    );
+    capacity::trim(&mut results.pairs, candidates.pairs.len());
+    if !candidates.pairs.iter().any(|pair| pair.method.is_exact()) {
+        spare.clear();
+        buffers.clear();
+    }
+    for (place, results) in results.pairs.iter().enumerate().filter(|&(place, _)| !memory.keeps(place)) {
+        kept.learn(place, results.lower_bounds());
+    }
+    let tested = memory.changed(&candidates.pairs).filter(|pair| pair.method.is_exact());
+    let pairs_in: usize = tested.map(|pair| pair.triangles.len()).sum();
+    let pairs_out = memory.changed(&results.pairs).map(|results| results.touching.len()).sum();
+    let examined = memory.changed(&results.pairs).map(|results| results.examined).sum();
+    diagnostics.pairs_examined = examined;
+    if pairs_in > 0 {
+        diagnostics.finish("exact", start, pairs_in, pairs_out);
+    }
+}
+
+/// What the stage keeps for its memory.
+#[derive(Default)]
+struct ExactBuffers {
+    sorter: PairSorter,
+    settling: SettleBuffers,
+    unique: UniqueFeatures,
+}
+
+#[expect(clippy::too_many_arguments, reason = "what a stage reads, and where it writes")]
+fn test_pair(
+    active: &ActiveSurfaces,
+    pair: &SurfacePair,
+    settings: &CircumsphereSettings,
+    states: &[SurfaceState],
+    threads: usize,
+    found: &mut FoundPairs,
+    spare: &Buffers<FoundPairs>,
+    ExactBuffers { sorter, settling, unique }: &mut ExactBuffers,
+) {
+    let pair_settings = pair_settings(pair, settings);
+    let first = &active.surfaces[pair.first];
+    let own = &states[pair.first];
+    // What is found is stored in the order of the triangles: to bring pairs into it costs least before anything is found.
+    let triangles = sorter.unique(&pair.triangles, pair_settings.same_surface, &Threads(threads));
+    // Those are in the order of the candidates, as a list that is taught by them is.
+    found.wants_lower_bounds &= std::ptr::eq(triangles, &raw const *pair.triangles);
+    unique.clear();
+    match pair.second {
+        OtherSide::Surface(second) => {
+            let other = &states[second];
+            let Some([mut a, mut b]) = surface_sides(active, pair, [own, other]) else { return };
+            (a.rows, b.rows) = (own.rows.current(&own.bounds), other.rows.current(&other.bounds));
+            let test = if pair.method == ContactMethod::Closest { closest_pairs } else { exact_pairs };
+            let work = |chunk: &[[u32; 2]], found: &mut _| test(&a, &b, chunk, &pair_settings, found);
+            if can_penetrate([&a, &b], &pair_settings) {
+                // Settling drops contacts of one pair of triangles and keeps those of others between the same features.
+                collect(triangles, threads, spare, None, found, work);
+                settling.settle([&a, &b], triangles, &pair_settings, threads, found);
+                unique.drop_repeats(found, 0);
+            } else {
+                collect(triangles, threads, spare, Some(unique), found, work);
+            }
+        }
+        OtherSide::Shape(place) => {
+            let (shape, pose) = (&active.shapes[place].geometry, &pair.relative_pose);
+            collect(triangles, threads, spare, Some(unique), found, |chunk, found| {
+                shape_pairs(&first.topology, own.positions(), pose, shape, chunk, &pair_settings, found);
+            });
+        }
+    }
+}
+
+/// Appends what `work` finds in chunks of pairs; where features are to be `unique`, without repeats, which are dropped
+/// while they are in the cache.
+fn collect(
+    pairs: &[[u32; 2]],
+    threads: usize,
+    spare: &Buffers<FoundPairs>,
+    mut unique: Option<&mut UniqueFeatures>,
+    found: &mut FoundPairs,
+    work: impl Fn(&[[u32; 2]], &mut FoundPairs) + Sync,
+) {
+    if Threads(threads).are_one(pairs.len().div_ceil(CHUNK)) {
+        for chunk in pairs.chunks(CHUNK) {
+            let first_shared = found.shared.len();
+            work(chunk, found);
+            if let Some(unique) = &mut unique {
+                unique.drop_repeats(found, first_shared);
+            }
+        }
+        return;
+    }
+    let wants_lower_bounds = found.wants_lower_bounds;
+    let work = |chunk: &[[u32; 2]], found: &mut FoundPairs| {
+        found.wants_lower_bounds = wants_lower_bounds;
+        work(chunk, found);
+    };
+    append_chunks(pairs, threads, spare, found, work, |found, later| match &mut unique {
+        Some(unique) => unique.append(found, later),
+        None => found.append(later),
+    });
+}
