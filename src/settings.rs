@@ -35,9 +35,9 @@ pub struct CircumsphereSettings {
     /// units, 0 or more. Default: 0. A solver that takes several steps per detection sets it to how far things move in
     /// between.
     pub margin: f32,
-    /// Height of a flat triangle's sphere center below its plane, in radii of the triangle: the source paper's φ. 0 to 1e6. Default: 0.5,
-    /// where the cap bulges by 0.62 radii. This has the least error over generated scenes and recordings together. Only
-    /// for the `Circumsphere` method.
+    /// Height of a flat triangle's sphere center below its plane, in radii of the triangle: the source paper's φ. 0 to
+    /// 1e6. Default: 0.5, where the cap bulges by 0.62 radii. This has the least error over generated scenes and
+    /// recordings together. Only for the `Circumsphere` method.
     pub sphere_offset: f32,
     /// Curvature times radius at which a sphere is no longer offset. More than 0, useful from 0.5 to 2. Default: 2.
     /// Only for the `Circumsphere` method.
@@ -49,9 +49,10 @@ pub struct CircumsphereSettings {
     /// Whether to widen safety cones by the angle to the neighboring triangles, so that there are no gaps between
     /// cones. Default: true. The source paper does not widen them. Only for the `Circumsphere` method.
     pub widen_cones: bool,
-    /// Change of shape beyond which a triangle's sphere is computed anew, the source paper's δ: the relative change of an edge length, or the
-    /// change of a dihedral angle in radians. 0 or more. 0 computes all spheres anew in every tick in which the surface
-    /// moves. Default: 0.7, which the source paper chose for stability. Only for the `Circumsphere` method.
+    /// Change of shape beyond which a triangle's sphere is computed anew, the source paper's δ: the relative change of
+    /// an edge length, or the change of a dihedral angle in radians. 0 or more. 0 computes all spheres anew in every
+    /// tick in which the surface moves. Default: 0.7, which the source paper chose for stability. Only for the
+    /// `Circumsphere` method.
     pub refit_threshold: f32,
     /// How curvature is estimated. Default: signed edge curvature, which is reliable on stretched meshes. Only for the
     /// `Circumsphere` method.

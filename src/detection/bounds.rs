@@ -1,4 +1,5 @@
-//! Stage 1: boxes of whole surfaces in the world; those of their triangles follow where something is near.
+//! Stage 1: takes a snapshot of positions, and computes the boxes of surfaces in the world. Boxes of triangles follow
+//! on demand, where something is near.
 
 use std::{
     mem,
@@ -36,58 +37,60 @@ use crate::{
     surface::{ActiveSurfaces, CheckedPositions, SurfacePositions},
 };
 
-/// Lengths that are rounded to f32 on the way to a box are lengthened by this factor.
+/// Lengths that are rounded to f32 on the way to a box are enlarged by this factor.
 const GROWTH_SLACK: f32 = 1.0 + 4.0 * f32::EPSILON;
 
-/// A surface's positions as they were checked, and the boxes of its triangles in its own frame, grown by its thickness and half the
-/// margin. They change only where positions, triangles or growth are no longer, bit by bit, those of the last detection.
+/// A snapshot of a surface's checked positions, and the boxes of its triangles in its own frame, grown by its thickness
+/// and half the margin. Changes only if positions, triangles, or growth differ, bit by bit, from those of the last
+/// detection.
 #[derive(Debug, Default)]
 pub struct TriangleBounds {
-    /// One box a triangle, once somebody has asked for them.
+    /// One box per triangle, computed on first request.
     triangles: OnceLock<Vec<Aabb>>,
-    /// Memory for those.
+    /// Memory for the boxes.
     spare: Mutex<Vec<Aabb>>,
-    /// Whether somebody has asked.
+    /// Whether they have been requested.
     are_asked_for: AtomicBool,
     /// The box of the whole surface.
     whole: Aabb,
-    /// The same in the world, where the surface was last.
+    /// The box of the whole surface in the world, for the last pose.
     in_world: Option<(Pose, Aabb)>,
-    /// Grows by 1 whenever positions, triangles or growth change, and begins [far from those](first_version) of other surfaces:
-    /// results computed from a version are current while the version stays.
+    /// Increases by 1 whenever positions, triangles, or growth change, and starts [far from those](first_version) of
+    /// other surfaces. Results computed from a version are valid while it stays the same.
     version: u64,
-    /// From the positions of the count before to those of the last one.
+    /// The motion from the positions of the previous version to those of this one.
     motion: Motion,
     positions: Vec<Vec3>,
-    /// The change tick of the surface's positions when they were these.
+    /// The change tick of the surface's positions when they were read.
     seen: Option<Tick>,
     topology: Option<Arc<SurfaceTopology>>,
-    /// Whether all vertices are corners, so that the box of those is that of the triangles.
+    /// Whether every vertex is a corner, so that the box of the vertices is that of the triangles.
     names_every_vertex: bool,
     growth: f32,
 }
 
-/// Where the versions of a surface begin: so far from those of all others that they never get there.
+/// The first version of a surface, so far from those of all others that they never reach it.
 fn first_version() -> u64 {
     static SURFACES: AtomicU64 = AtomicU64::new(0);
     1 + (SURFACES.fetch_add(1, Ordering::Relaxed) << u32::BITS)
 }
 
 impl TriangleBounds {
-    /// One box a triangle. Where nothing is near a surface nobody asks for them, and they are not computed: unless they were
-    /// asked for before the surface changed, they are when they are first asked for, once for all who ask.
+    /// One box per triangle. If nothing is near a surface, nothing requests them, and they are not computed. If they
+    /// were requested before the surface changed, they are computed at once, otherwise on the first request.
     #[must_use]
     pub fn triangles(&self) -> &[Aabb] {
         self.triangles_on(&OneByOne)
     }
 
-    /// The same, computed in tasks that may be shared.
+    /// Like [`triangles`](Self::triangles), computed in tasks that `share` may distribute.
     pub(super) fn triangles_on(&self, share: &impl Share) -> &[Aabb] {
         self.are_asked_for.store(true, Ordering::Relaxed);
         if let Some(triangles) = self.triangles.get() {
             return triangles;
         }
-        // Nobody is kept waiting meanwhile: whoever shares our tasks might ask for the same.
+        // Not inside `get_or_init`, which would block other callers: a task that we wait for might request the same
+        // boxes.
         let mut triangles = mem::take(&mut *self.spare.lock().unwrap_or_else(PoisonError::into_inner));
         if let Some(topology) = &self.topology {
             triangle_bounds_on(share, &self.positions, topology.triangles(), self.growth, &mut triangles);
@@ -100,12 +103,12 @@ impl TriangleBounds {
         &self.positions
     }
 
-    /// How many triangles there are.
+    /// The number of triangles.
     pub(super) fn triangle_count(&self) -> usize {
         self.topology.as_ref().map_or(0, |topology| topology.triangles().len())
     }
 
-    /// Grows by 1 whenever positions, triangles or growth change; unique among all surfaces.
+    /// Increases by 1 whenever positions, triangles, or growth change. Unique among all surfaces.
     pub(super) fn version(&self) -> u64 {
         self.version
     }
@@ -115,7 +118,7 @@ impl TriangleBounds {
         &self.whole
     }
 
-    /// How the surface has moved in its own frame since an earlier version.
+    /// The motion of the surface in its own frame since an earlier version.
     pub(super) fn motion_since(&self, version: u64) -> Motion {
         match self.version.checked_sub(version) {
             Some(0) => Motion::REST,
@@ -124,7 +127,7 @@ impl TriangleBounds {
         }
     }
 
-    /// Takes the surface as it is now, with positions that are finite. Whether anything about it has changed.
+    /// Takes a snapshot of the surface, whose positions are finite. Returns whether anything has changed.
     fn update(
         &mut self,
         positions: &Ref<SurfacePositions>,
@@ -154,7 +157,8 @@ impl TriangleBounds {
         if self.names_every_vertex && !are_expected {
             self.whole = point_bounds(positions, growth);
         } else {
-            // Of many surfaces that share their vertices each has its own few. Else its triangles have been asked for.
+            // The triangle boxes are expected to be needed. Or the surface uses only some of many vertices that it
+            // shares with others.
             self.whole = triangle_bounds_on(&Threads(threads), positions, topology.triangles(), growth, spare);
             self.triangles = OnceLock::from(mem::take(spare));
         }
@@ -165,15 +169,15 @@ impl TriangleBounds {
         true
     }
 
-    /// The box of the whole surface in the world, after [`update`](Self::update): around the turned box, and where there are few
-    /// vertices no farther than those reach.
+    /// Updates the box of the whole surface in the world, after [`update`](Self::update). This is the box of the
+    /// transformed box, and for few vertices at most the box of the transformed vertices.
     fn update_in_world(&mut self, pose: &Pose) {
         if self.in_world.is_some_and(|(other, _)| other == *pose) {
             return;
         }
         let mut bounds = moved_box(&self.whole, pose);
         if *pose != Pose::IDENTITY && self.positions.len() <= MOST_TURNED_VERTICES {
-            // A pose that is not quite a similarity stretches more along one axis than along another.
+            // A pose that is not exactly a similarity stretches one axis more than another.
             let scale = pose.scale() * (1.0 + SIMILARITY_TOLERANCE);
             let growth = (f64::from(self.growth) * scale) as f32 * GROWTH_SLACK;
             let vertices = bounds_of_moved(pose, &self.positions).grown(growth);
@@ -183,15 +187,16 @@ impl TriangleBounds {
     }
 }
 
-/// Surfaces of up to so many vertices get boxes in the world that are as small as they can be: those of a ball that is turned are
-/// up to five times as large else, and meet that many more. To turn all vertices takes a tenth of what boxes of the triangles
-/// take; of a surface with more of them it would be missed where the surface moves as a whole, and its triangles' boxes stay.
+/// Up to this many vertices, the box of a surface in the world is as small as possible. The box around a rotated box is
+/// up to five times as large for a ball, and meets that many more surfaces. Transforming all vertices takes a tenth of
+/// the time of computing triangle boxes. On a larger surface this would be noticeable whenever it moves as a whole,
+/// when its triangle boxes do not change.
 const MOST_TURNED_VERTICES: usize = 16_384;
 
-/// Triangles of a surface that are worth more than one thread, by half.
+/// Half the number of triangles from which a surface is worth several threads.
 const TRIANGLES_OF_ONE: usize = 65_536;
 
-/// Whether two lists of positions are the same bit by bit, down to the sign of a zero: contacts have it too.
+/// Whether two lists of positions are equal bit by bit, including the sign of zero, because contacts preserve it.
 fn has_bits_of(positions: &[Vec3], others: &[Vec3]) -> bool {
     cast_slice::<Vec3, u8>(positions) == cast_slice::<Vec3, u8>(others)
 }
@@ -206,18 +211,18 @@ impl Plugin for BoundsPlugin {
     }
 }
 
-/// How far the boxes of a surface reach beyond it in world units: two boxes overlap wherever the surfaces are within
-/// the distance at which their pair matters.
+/// How far the boxes of a surface extend beyond it, in world units. The boxes of two surfaces overlap wherever the
+/// surfaces are within the range of their pair.
 pub(super) fn world_growth(thickness: f32, margin: f32) -> f32 {
     (thickness * (1.0 + EVENT_HYSTERESIS) + 0.5 * margin) * GROWTH_SLACK
 }
 
-/// The same in a frame whose unit is `scale` world units.
+/// Like [`world_growth`], in a frame whose unit is `scale` world units.
 pub(super) fn frame_growth(thickness: f32, margin: f32, scale: f64) -> f32 {
     (f64::from(world_growth(thickness, margin)) / scale) as f32 * GROWTH_SLACK
 }
 
-/// The box of a moved box.
+/// The box of a transformed box.
 pub(crate) fn moved_box(bounds: &Aabb, pose: &Pose) -> Aabb {
     if *pose == Pose::IDENTITY {
         return *bounds;
@@ -238,8 +243,8 @@ fn compute_bounds(
 ) {
     diagnostics.begin_detection();
     let start = Instant::now();
-    // A prediction may have written positions since `Prepare`, or despawned a surface. One that cannot be used sits this detection
-    // out, and the next `Prepare` names the reason if there still is one.
+    // A system in `Predict` may have written positions or despawned a surface since `Prepare`. A surface that cannot be
+    // used is skipped in this detection. The next `Prepare` reports the reason, if there still is one.
     active.surfaces.retain(|surface| {
         surfaces.get_mut(surface.entity).is_ok_and(|(positions, mut checked)| {
             positions.0.len() == surface.topology.vertex_count() && checked.check(&positions).is_ok()

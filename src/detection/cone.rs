@@ -1,4 +1,4 @@
-//! Stage 6: overlapping spheres whose line between the centers lies in both safety cones, and their contacts.
+//! Stage 6: finds the overlapping spheres whose line between the centers lies in both safety cones, and their contacts.
 
 use std::time::Instant;
 
@@ -30,8 +30,8 @@ use crate::{
     surface::{ActiveSurfaces, ContactMethod},
 };
 
-/// The pairs whose caps meet, one list for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a pair is
-/// not tested by cones.
+/// The pairs whose caps meet, one list for each pair of surfaces in [`CandidateTrianglePairs`]. Empty if a pair is not
+/// tested by cones.
 #[derive(Resource, Debug, Default)]
 pub struct MeetingCaps {
     pub(crate) pairs: Vec<SharedList<[u32; 2]>>,
@@ -58,7 +58,7 @@ impl Plugin for ConePlugin {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "the last of the sphere stages writes pairs and contacts")]
+#[expect(clippy::too_many_arguments, reason = "the last sphere stage writes pairs and contacts")]
 fn test_cones(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
@@ -78,7 +78,7 @@ fn test_cones(
     let kept_before = memory.kept_count();
     memory.carry(&mut meeting.pairs);
     if memory.kept_count() < kept_before {
-        // Nobody has made rows for those that the stage before has kept: there may be older ones, of other surfaces.
+        // The previous stage kept these pairs and made no rows for them. Existing rows may belong to other surfaces.
         rows.clear();
     }
     let count = candidates.pairs.len();

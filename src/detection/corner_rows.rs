@@ -1,4 +1,4 @@
-//! Before the exact test: the rows of those surfaces whose triangles are in many of its pairs.
+//! Makes rows before the exact test, for surfaces whose triangles are in many of its pairs.
 
 use super::{
     bounds::TriangleBounds,
@@ -11,25 +11,25 @@ use crate::{
     surface::{ActiveSurfaces, ContactMethod},
 };
 
-/// Rows that one thread writes at a time.
+/// Rows per task.
 const CHUNK: usize = 4096;
 
-/// The rows of a surface's triangles, as old as the tick in which they were needed last.
+/// The rows of a surface's triangles, from the last tick in which they were needed.
 #[derive(Debug, Default)]
 pub(super) struct SurfaceRows {
     rows: CornerRows,
-    /// The version of the positions that the rows are of.
+    /// The version of the positions that the rows were made from.
     followed: u64,
 }
 
 impl SurfaceRows {
-    /// The rows, where they are those of the positions that the boxes are of.
+    /// The rows, if they were made from the same positions as the boxes.
     pub(super) fn current(&self, bounds: &TriangleBounds) -> Option<&CornerRows> {
         (self.followed == bounds.version()).then_some(&self.rows)
     }
 }
 
-/// Makes the rows of the surfaces that are in more of `pairs` than they have triangles.
+/// Makes the rows of surfaces that are in at least as many of `pairs` as they have triangles.
 pub(super) fn fill_rows<'a>(
     active: &ActiveSurfaces,
     pairs: impl Iterator<Item = &'a SurfacePair>,

@@ -1,4 +1,4 @@
-//! Stage 3: curvature and dihedral angles of the surfaces whose spheres are offset.
+//! Stage 3: computes curvature and dihedral angles of the surfaces that are tested by offset spheres.
 
 use std::time::Instant;
 
@@ -28,7 +28,8 @@ impl Plugin for CurvaturePlugin {
     }
 }
 
-/// What a surface's sphere data is computed from in this detection, and whether data from the same source may be reused.
+/// What a surface's sphere data is computed from in this detection, and whether data from the same source may be
+/// reused.
 pub(super) fn source(
     surface: &ActiveSurface,
     state: &SurfaceState,
@@ -65,7 +66,7 @@ fn measure_curvature(
             curvature.data.measure_on(&share, &surface.topology, state.positions(), settings.estimator);
             curvature.source = source;
         } else if surface.method > ContactMethod::Circumsphere && !curvature.curvatures.is_empty() {
-            // The method was changed: what no pair asks for takes no memory.
+            // The method has changed. Data that no pair needs takes no memory.
             *curvature = TriangleCurvature::default();
         }
     }

@@ -1,4 +1,4 @@
-//! Stage 7: the exact test of candidates, for the methods that miss nothing and for rigid shapes.
+//! Stage 7: tests candidates exactly, for the exact methods and for rigid shapes.
 
 use std::time::Instant;
 
@@ -32,8 +32,8 @@ use crate::{
     surface::{ActiveSurfaces, ContactMethod},
 };
 
-/// What the exact test found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a pair is
-/// tested by spheres. The last stage keeps two-sided contacts on the sides they were on, here too.
+/// The results of the exact test, one entry for each pair of surfaces in [`CandidateTrianglePairs`]. Empty if a pair is
+/// tested by spheres. The last stage keeps two-sided contacts on their sides, in these lists.
 #[derive(Resource, Debug, Default)]
 pub struct ExactTrianglePairs {
     pub(crate) pairs: Vec<PairContacts>,
@@ -57,7 +57,7 @@ impl Plugin for ExactPlugin {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
+#[expect(clippy::too_many_arguments, reason = "a stage reads the results of earlier stages and ticks")]
 fn test_exactly(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
@@ -114,7 +114,7 @@ fn test_exactly(
     }
 }
 
-/// What the stage keeps for its memory.
+/// Memory of the stage.
 #[derive(Default)]
 struct ExactBuffers {
     sorter: PairSorter,
@@ -122,7 +122,7 @@ struct ExactBuffers {
     unique: UniqueFeatures,
 }
 
-#[expect(clippy::too_many_arguments, reason = "what a stage reads, and where it writes")]
+#[expect(clippy::too_many_arguments, reason = "what a stage reads and where it writes")]
 fn test_pair(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
@@ -136,9 +136,9 @@ fn test_pair(
     let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
     let own = &states[pair.first];
-    // What is found is stored in the order of the triangles: to bring pairs into it costs least before anything is found.
+    // Results are stored in the order of their triangles. Sorting the pairs takes less time than sorting the results.
     let triangles = sorter.unique(&pair.triangles, pair_settings.same_surface, &Threads(threads));
-    // Those are in the order of the candidates, as a list that is taught by them is.
+    // A list of near pairs expects lower bounds in the order of the candidates.
     found.wants_lower_bounds &= std::ptr::eq(triangles, &raw const *pair.triangles);
     unique.clear();
     match pair.second {
@@ -149,7 +149,8 @@ fn test_pair(
             let test = if pair.method == ContactMethod::Closest { closest_pairs } else { exact_pairs };
             let work = |chunk: &[[u32; 2]], found: &mut _| test(&a, &b, chunk, &pair_settings, found);
             if can_penetrate([&a, &b], &pair_settings) {
-                // Settling drops contacts of one pair of triangles and keeps those of others between the same features.
+                // Settling may drop the contact of one pair of triangles and keep that of another with the same
+                // features, so repeats are dropped afterwards.
                 collect(triangles, threads, spare, None, found, work);
                 settling.settle([&a, &b], triangles, &pair_settings, threads, found);
                 unique.drop_repeats(found, 0);
@@ -166,8 +167,7 @@ fn test_pair(
     }
 }
 
-/// Appends what `work` finds in chunks of pairs; where features are to be `unique`, without repeats, which are dropped
-/// while they are in the cache.
+/// Appends what `work` finds in chunks of pairs. With `unique`, drops repeats while they are in the CPU cache.
 fn collect(
     pairs: &[[u32; 2]],
     threads: usize,

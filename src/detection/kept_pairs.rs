@@ -1,12 +1,13 @@
-//! Candidate lists that outlive the tick they were found in, for meshes that move a little.
+//! Lists of near pairs: candidates that are kept from tick to tick while meshes move a little.
 //!
-//! A list holds the pairs of triangles that are within the range and a *skin* of it, see
-//! [`bounded_pairs`](crate::kernel::bvh::near_pairs). As long as the surfaces have moved by less than the skin, no other pair
-//! can have come within range: neither boxes nor trees are asked. Where the motion has used up what a pair's bound had beyond
-//! the range, the broad phase looks for a gap between its triangles, and where that is wide enough the pair goes on with a
-//! new bound. How thick the skin is follows from how fast the surfaces move; where they are too fast for a list to pay, there
-//! is none. Only for exact methods, whose results do not depend on which other pairs were looked at, and only where both
-//! surfaces are in one frame. Filled by the broad phase by trees, taught by the exact test.
+//! A list holds the pairs of triangles within the range plus a *skin*, see
+//! [`bounded_pairs`](crate::kernel::bvh::near_pairs). Until the surfaces have moved by the skin, no other pair can come
+//! within range, so neither boxes nor trees are needed. When the motion has used up a pair's bound, the broad phase
+//! looks for a gap between its triangles. If the gap is wide enough, the pair gets a new bound. The thickness of the
+//! skin follows from the speed of the surfaces. If they are too fast for a list to pay off, there is none.
+//!
+//! Only for exact methods, whose results do not depend on which other pairs were examined, and only for surfaces in one
+//! frame. The tree broad phase fills the lists, and the exact test improves their bounds.
 
 use std::collections::HashMap;
 
@@ -28,91 +29,92 @@ use crate::{
     surface::{ActiveSurfaces, ContactMethod},
 };
 
-/// Lists are made where a tick moves the surfaces by no more than this share of the range: of faster ones so many pairs
-/// have to be tested after a tick that too little is saved.
+/// Lists are made if the surfaces move by at most this share of the range per tick. With faster ones, so many pairs
+/// must be tested after a tick that little is saved.
 const SLOW: f64 = 0.4;
 
-/// How many ticks of the same speed a list is to serve.
+/// The number of ticks that a list should last at constant speed.
 const LIFE: f64 = 16.0;
 
-/// No skin is thicker than this share of the range: lists grow with it, and so does the time to make them.
+/// Largest thickness of the skin, as a share of the range. Lists grow with it, and so does the time to make them.
 const THICKEST: f64 = 1.0;
 
-/// Bounds and their sums with a motion, which is less than the range, are f32: they are off by some units in the last place
-/// of twice the range, 1.2e-7 each.
+/// Bounds, and their sums with a motion (which is less than the range), are f32. Each is off by some units in the last
+/// place of twice the range, 1.2e-7 each.
 const ROUNDING: f64 = 1.0e-5;
 
-/// The exact test takes what is this close, relative to the extent of both surfaces, for touching or crossing: 1e-13 of
-/// what is apart by rounding, 1e-10 where an edge may pierce a face.
+/// Upper bound, relative to the extent of both surfaces, of the distance that the exact test still takes for touching
+/// or crossing: 1e-13 due to rounding, 1e-10 where an edge may pierce a face.
 const ROUND_OFF: f64 = 1.0e-9;
 
-/// What a followed list saves and costs, in nanoseconds on one thread of one machine: it decides about time, never about
-/// results. Saved are a pair of overlapping boxes and a triangle of a tree that is refitted; a pair on the list costs, one of
-/// which the bound no longer tells, and one that is tested beyond those that would be anyway.
+/// What a followed list saves and costs, in nanoseconds on one thread of one machine. Affects time, never results.
+/// Saved: pairs of overlapping boxes, and triangles of trees that would be refitted. Costs: pairs on the list, pairs
+/// whose bound is inconclusive, and pairs that are tested in addition to those that would be tested anyway.
 const BOX_PAIR: usize = 10;
 const TREE_TRIANGLE: usize = 25;
 const LISTED_PAIR: usize = 1;
 const GLANCED_PAIR: usize = 25;
 const EXAMINED_PAIR: usize = 100;
 
-/// After lists that served no tick, as many slow ticks as this power of two have to pass before the next one.
+/// After n lists in a row that were not worth it, 2^n slow ticks must pass before the next one. This is the largest n.
 const MOST_PATIENCE: u32 = 6;
 
-/// What a pair of surfaces does in this detection.
+/// How a pair of surfaces uses its list in this detection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum ListUse {
-    /// It is found without a list, or nothing about it has changed.
+    /// Not at all: candidates are found without a list, or the pair has not changed.
     #[default]
     None,
-    /// Its list is made.
+    /// The list is made.
     Made,
-    /// It goes by its list.
+    /// The candidates are taken from the list.
     Followed,
 }
 
-/// What is kept of a pair of surfaces. Lengths are in the unit of the pair's frame.
+/// The list of a pair of surfaces, and its history. Lengths are in the unit of the pair's frame.
 #[derive(Debug, Default)]
 pub(super) struct KeptList {
     surfaces: Option<[Entity; 2]>,
-    /// The versions of both when their motion was last looked at.
+    /// The versions of both surfaces when their motion was last read.
     versions: [u64; 2],
     range: f64,
     pub(super) list_use: ListUse,
     /// Whether there is a list.
     is_made: bool,
-    /// Whether the candidates are what the list left of itself.
+    /// Whether the candidates were taken from the list.
     is_followed: bool,
     skin: f32,
     /// How far the surfaces have moved since the list was made.
     motion: f64,
     /// Pairs with bounds up to this may be within the range.
     pub(super) limit: f32,
-    /// The same in the last detection that the list was asked in.
+    /// The limit in the last detection that used the list.
     last_limit: f32,
-    /// How many pairs of boxes were looked at when the list was made.
+    /// The number of overlapping pairs of boxes when the list was made.
     pub(super) looked_at: usize,
-    /// How many of its pairs were tested then.
+    /// The number of its pairs that were tested then.
     examined_at_first: usize,
-    /// Whether the list cost more than it saved when it was followed last.
+    /// Whether the list cost more than it saved when it was last used.
     is_too_long: bool,
-    /// How many ticks the list has served.
+    /// The number of ticks in which the list was followed.
     served: u32,
-    /// How many lists were not worth it, one after the other.
+    /// The number of lists in a row that were not worth it.
     wasted: u32,
-    /// How many slow ticks there have been, one after the other.
+    /// The number of slow ticks in a row.
     slow_ticks: u32,
     pub(super) pairs: BoundedPairs,
-    /// The candidates of this detection, on their way to the pair.
+    /// The candidates of this detection, before the pair takes them.
     pub(super) near: Vec<[u32; 2]>,
-    /// Their places on the list.
+    /// Their indices in the list.
     near_places: Vec<u32>,
 }
 
-/// The candidate lists of surfaces that move a little, see [`memory`](field@CircumsphereSettings::memory): of every pair of
-/// triangles on them its numbers and a bound of its distance, 12 bytes, and of each that is tested its place, 4 bytes.
+/// The lists of near pairs of all pairs of surfaces, see [`memory`](field@CircumsphereSettings::memory). A list takes
+/// 12 bytes per pair of triangles for its numbers and a bound of its distance, and 4 bytes for the index of each pair
+/// that is tested.
 #[derive(Resource, Debug, Default)]
 pub struct KeptPairs {
-    /// One for each of [`CandidateTrianglePairs`]; empty where there is none.
+    /// One for each of [`CandidateTrianglePairs`]. Empty if the pair has no list.
     pub(super) lists: Vec<KeptList>,
     last: Vec<KeptList>,
     places: HashMap<[Entity; 2], usize>,
@@ -135,7 +137,8 @@ impl KeptList {
         capacity::clear(&mut self.near_places);
     }
 
-    /// Decides what to do in this detection, after `motion` since the last one; `slack` is what distances may be off by.
+    /// Decides how to use the list in this detection. `motion` is the motion since the last detection, and `slack`
+    /// bounds the error of distances.
     fn decide(&mut self, range: f64, motion: f64, slack: f64) {
         let is_slow = motion <= SLOW * range;
         let moved = self.motion + motion;
@@ -159,13 +162,14 @@ impl KeptList {
         self.limit = (self.motion + range + slack) as f32;
     }
 
-    /// Looks at the triangles of pairs of which the bound no longer tells. Returns of how many.
+    /// Looks for gaps between the triangles of pairs whose bound is inconclusive. Returns the number of those pairs.
     pub(super) fn look_closer(&mut self, triangles: &ListedTriangles<'_>, threads: usize) -> usize {
         self.pairs.look_closer(&Threads(threads), triangles, [self.last_limit, self.limit], self.motion as f32)
     }
 
-    /// Finds the candidates on a list that is followed or new, and out whether it is worth it; `triangles` are those of both
-    /// surfaces, and `glanced_at` are pairs that had to be [looked at](Self::look_closer).
+    /// Finds the candidates in a list that is made or followed, and whether the list is worth it. `triangles` is the
+    /// number of triangles of both surfaces. `glanced_at` is the number of pairs that
+    /// [`look_closer`](Self::look_closer) returned.
     pub(super) fn find_near(&mut self, triangles: usize, glanced_at: usize) {
         self.last_limit = self.limit;
         capacity::clear(&mut self.near);
@@ -180,7 +184,7 @@ impl KeptList {
         self.is_too_long = spent > saved;
     }
 
-    /// Takes the lower bounds that were found of the candidates' distances.
+    /// Stores lower bounds of the candidates' distances.
     fn learn(&mut self, found: &[f32]) {
         if self.list_use != ListUse::None {
             self.pairs.learn(&self.near_places, self.motion as f32, found);
@@ -189,31 +193,30 @@ impl KeptList {
 }
 
 impl KeptPairs {
-    /// How many pairs of triangles are listed.
+    /// The number of pairs of triangles in all lists.
     #[must_use]
     pub fn listed(&self) -> usize {
         self.lists.iter().map(|list| list.pairs.len()).sum()
     }
 
-    /// What a pair of surfaces does with its list in this detection.
+    /// How a pair of surfaces uses its list in this detection.
     pub(super) fn list_use(&self, place: usize) -> ListUse {
         self.lists.get(place).map_or(ListUse::None, |list| list.list_use)
     }
 
-    /// The pairs on the list of a pair of surfaces, where its candidates are what the list left of itself.
+    /// All pairs on the list of a pair of surfaces, if its candidates were taken from the list.
     pub(super) fn followed(&self, place: usize) -> Option<impl Iterator<Item = [u32; 2]> + '_> {
         self.lists.get(place).filter(|list| list.is_followed).map(|list| list.pairs.pairs())
     }
 
-    /// Teaches the list of a pair the lower bounds that were found of its candidates' distances.
+    /// Stores lower bounds of the distances of a pair's candidates in its list.
     pub(super) fn learn(&mut self, place: usize, found: &[f32]) {
         if let Some(list) = self.lists.get_mut(place) {
             list.learn(found);
         }
     }
 
-    /// How many pairs of surfaces go by their lists, how many pairs of triangles those pass over, and how many lists are
-    /// made.
+    /// Counts the lists that are followed or made, and the pairs of triangles that followed lists skip.
     pub(super) fn count(&self, diagnostics: &mut DetectionDiagnostics) {
         let used = |list_use: ListUse| self.lists.iter().filter(move |list| list.list_use == list_use);
         diagnostics.lists_followed = used(ListUse::Followed).count();
@@ -221,14 +224,14 @@ impl KeptPairs {
         diagnostics.pairs_passed_over = used(ListUse::Followed).map(|list| list.pairs.len() - list.near.len()).sum();
     }
 
-    /// Gives the pairs their candidates.
+    /// Moves the candidates into the pairs.
     pub(super) fn hand_over(&mut self, pairs: &mut [SurfacePair]) {
         for (list, pair) in self.lists.iter_mut().zip(pairs).filter(|(list, _)| list.list_use != ListUse::None) {
             std::mem::swap(&mut list.near, &mut pair.triangles);
         }
     }
 
-    /// Begins a detection: finds the lists of its pairs, and decides what becomes of them.
+    /// Begins a detection: finds the lists of its pairs, and decides how to use them.
     pub(super) fn begin(
         &mut self,
         active: &ActiveSurfaces,
@@ -262,14 +265,14 @@ impl KeptPairs {
         capacity::trim(last, count);
         capacity::trim(lists, count);
         if places.len() > count {
-            // Those of the last tick.
+            // Entries of the last tick.
             places.clear();
             places.shrink_to(count);
         }
     }
 }
 
-/// Notes how the surfaces of a pair have moved, and decides what to do.
+/// Adds the motion of a pair's surfaces, and decides how to use the list.
 fn update(list: &mut KeptList, active: &ActiveSurfaces, pair: &SurfacePair, states: &[SurfaceState]) {
     let OtherSide::Surface(other) = pair.second else { return };
     let [first, second] = [pair.first, other].map(|place| &states[place].bounds);
@@ -281,7 +284,7 @@ fn update(list: &mut KeptList, active: &ActiveSurfaces, pair: &SurfacePair, stat
     let extent = f64::from((whole.max - whole.min).element_sum());
     let slack = ROUNDING * range + ROUND_OFF * extent;
     let is_fresh = active.surfaces[pair.first].fresh || active.surfaces[other].fresh;
-    // No list tells apart what is no normal number.
+    // Bounds need a range that is a normal f32.
     if is_fresh || !motion.is_finite() || !(range as f32).is_normal() || !extent.is_finite() {
         list.give_up();
         list.slow_ticks = 0;
@@ -290,8 +293,8 @@ fn update(list: &mut KeptList, active: &ActiveSurfaces, pair: &SurfacePair, stat
     list.decide(range, motion, slack);
 }
 
-/// The surfaces of a pair that may have a list: one whose results do not depend on which pairs are looked at beyond those
-/// within range. Where penetrations are settled they do.
+/// The surfaces of a pair that may have a list. Its results must not depend on which pairs beyond the range are
+/// examined, but they do where penetrations are settled.
 fn sides_in_one_frame(active: &ActiveSurfaces, pair: &SurfacePair) -> Option<[Entity; 2]> {
     let OtherSide::Surface(second) = pair.second else { return None };
     let sides = [&active.surfaces[pair.first], &active.surfaces[second]];

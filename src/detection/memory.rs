@@ -1,8 +1,8 @@
-//! What an unchanged pair of surfaces keeps from the last detection: its candidates, what the stages made of them, and
-//! its contacts.
+//! What a pair of surfaces that has not changed keeps from the last detection: its candidates, the results of the
+//! stages, and its contacts.
 //!
-//! A pair is kept where both sides are, bit by bit, what they were. Nothing but the stages can write what they hand on, so
-//! versions of positions decide alone.
+//! A pair is kept if both sides are the same, bit by bit. Only the stages can write their results, so comparing
+//! versions and components is sufficient.
 
 use std::sync::Arc;
 
@@ -18,31 +18,33 @@ use crate::{
     surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
 };
 
-/// What is known of the last detection, and which pairs of this one are kept from it.
+/// The sides of the last detection, and which pairs of this one are kept from it.
 #[derive(Resource, Default)]
 pub(crate) struct DetectionMemory {
-    /// The surfaces of the last detection that began, and the version of each.
+    /// The surfaces of the last detection that began, each with its version.
     surfaces: Vec<(ActiveSurface, u64)>,
     shapes: Vec<ActiveShape>,
     settings: Option<CircumsphereSettings>,
-    /// For each surface and each shape of this detection its place in the last one, where nothing about it has changed.
+    /// For each surface and each shape of this detection, its index in the last one, if nothing about it has changed.
     unchanged: [Vec<Option<u32>>; 2],
-    /// The same wherever it was there, whatever has changed about it.
+    /// For each surface and each shape of this detection, its index in the last one, whether or not it has changed.
     former: [Vec<Option<u32>>; 2],
-    /// For each pair of this detection its place in the last one, where it is kept.
+    /// For each pair of this detection, its index in the last one, if it is kept.
     origins: Vec<Option<u32>>,
-    /// The same of each pair that was there, kept or not: its lists are in that place, and serve it again.
+    /// For each pair of this detection, its index in the last one, kept or not. Its lists are at that index, and are
+    /// used again.
     former_places: Vec<Option<u32>>,
-    /// How many pairs the last detection had.
+    /// The number of pairs of the last detection.
     last_count: usize,
-    /// Whether every pair is kept, each at its place.
+    /// Whether every pair is kept at the same index.
     all_kept: bool,
-    /// Counts changes of the settings.
+    /// Increases when the settings change.
     settings_version: u64,
 }
 
 impl DetectionMemory {
-    /// Begins a detection: finds out which surfaces and shapes have not changed since the last one, and remembers them all.
+    /// Begins a detection: determines which surfaces and shapes have not changed since the last one, and remembers all
+    /// of them.
     pub(super) fn begin(&mut self, active: &ActiveSurfaces, settings: &CircumsphereSettings, states: &[SurfaceState]) {
         let are_settings_same = self.settings.replace(*settings) == Some(*settings);
         self.settings_version += u64::from(!are_settings_same);
@@ -88,8 +90,7 @@ impl DetectionMemory {
         self.former_places.clear();
     }
 
-    /// What a surface, and a shape or surface, of this detection were in the last one, where nothing about them has
-    /// changed.
+    /// The indices that two sides had in the last detection, if nothing about them has changed.
     pub(super) fn last_sides(&self, first: usize, second: OtherSide) -> Option<(usize, OtherSide)> {
         let [surfaces, shapes] = &self.unchanged;
         let last_second = match second {
@@ -99,7 +100,7 @@ impl DetectionMemory {
         Some((surfaces[first]? as usize, last_second))
     }
 
-    /// The same wherever both were there, whatever has changed about them.
+    /// The indices that two sides had in the last detection, whether or not they have changed.
     pub(super) fn former_sides(&self, first: usize, second: OtherSide) -> Option<(usize, OtherSide)> {
         let [surfaces, shapes] = &self.former;
         let former_second = match second {
@@ -109,19 +110,19 @@ impl DetectionMemory {
         Some((surfaces[first]? as usize, former_second))
     }
 
-    /// Adds a pair that has changed, given its place in the last detection, or that is new.
+    /// Adds a pair that has changed, with its index in the last detection, or a new one.
     pub(super) fn add_pair(&mut self, former: Option<u32>) {
         self.origins.push(None);
         self.former_places.push(former);
     }
 
-    /// Adds a pair that is kept from its place in the last detection.
+    /// Adds a pair that is kept from its index in the last detection.
     pub(super) fn keep_pair(&mut self, origin: u32) {
         self.origins.push(Some(origin));
         self.former_places.push(Some(origin));
     }
 
-    /// All pairs have been added.
+    /// Ends the list of pairs.
     pub(super) fn end_pairs(&mut self) {
         let at_its_place = |(place, origin): (u32, &Option<u32>)| *origin == Some(place);
         self.all_kept = self.origins.len() == self.last_count && (0..).zip(&self.origins).all(at_its_place);
@@ -132,27 +133,27 @@ impl DetectionMemory {
         }
     }
 
-    /// Whether a pair of this detection is what it was in the last one.
+    /// Whether a pair of this detection is kept from the last one.
     pub(crate) fn keeps(&self, place: usize) -> bool {
         self.origin(place).is_some()
     }
 
-    /// A kept pair's place in the last detection.
+    /// The index of a kept pair in the last detection.
     pub(crate) fn origin(&self, place: usize) -> Option<usize> {
         self.origins.get(place).copied().flatten().map(|origin| origin as usize)
     }
 
-    /// Whether every pair is kept, and none has gone or moved to another place.
+    /// Whether every pair is kept, and none has disappeared or changed its index.
     pub(crate) fn keeps_all(&self) -> bool {
         self.all_kept
     }
 
-    /// Those of a list with an item for each pair whose pairs are not kept.
+    /// The items of pairs that are not kept. `items` has one for each pair.
     pub(super) fn changed<'a, T>(&'a self, items: &'a [T]) -> impl Iterator<Item = &'a T> {
         items.iter().enumerate().filter(|&(place, _)| !self.keeps(place)).map(|(_, item)| item)
     }
 
-    /// Which settings these are, for what is computed with them.
+    /// The version of the settings.
     pub(super) fn settings_version(&self) -> u64 {
         self.settings_version
     }
@@ -161,23 +162,23 @@ impl DetectionMemory {
         self.origins.iter().flatten().count()
     }
 
-    /// Nothing is kept in this detection from here on.
+    /// Keeps nothing from here on in this detection.
     pub(super) fn forget(&mut self) {
         self.origins.fill(None);
         self.all_kept = false;
     }
 
-    /// Brings the lists of pairs from their places in the last detection to those in this one. Those of pairs that are not kept
-    /// are to be written anew: a pair keeps its lists for their memory, and what pairs had that have gone is given back.
+    /// Moves the lists of pairs from their indices in the last detection to those in this one. Pairs that are not kept
+    /// must write their lists anew, and only use their memory. Lists of pairs that no longer exist are freed.
     pub(super) fn carry<T: Default>(&mut self, lists: &mut Vec<T>) {
-        // A stage that was added since the last detection has no lists yet.
+        // The stage was added after the last detection and has no lists yet.
         if self.origins.iter().flatten().any(|&origin| origin as usize >= lists.len()) {
             self.forget();
         }
         let count = lists.len() as u32;
         let stays = (0..).zip(&self.former_places).all(|(place, &former)| former == Some(place) || place >= count);
         if stays {
-            // Whoever has gone has gone from the end.
+            // Only lists at the end are no longer needed.
             lists.truncate(self.former_places.len());
             capacity::trim(lists, self.former_places.len());
             return;
@@ -199,7 +200,8 @@ impl DetectionMemory {
     }
 }
 
-/// Whether all that decides about a surface's contacts, but for its positions, is the same, and all that is stored of it.
+/// Whether everything that determines a surface's contacts, except its positions, is the same, and everything that is
+/// stored with them.
 fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
     surface.entity == last.entity
         && Arc::ptr_eq(&surface.topology, &last.topology)
@@ -211,7 +213,7 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
         && surface.rigid == last.rigid
 }
 
-/// The same of a shape.
+/// Like [`is_same_surface`], for a shape.
 fn is_same_shape(shape: &ActiveShape, last: &ActiveShape) -> bool {
     shape.entity == last.entity
         && Arc::ptr_eq(&shape.geometry, &last.geometry)

@@ -1,7 +1,8 @@
-//! The stages between positions and contacts: one small plugin each, a thin adapter over the kernel.
+//! The stages between positions and contacts. Each is a small plugin, a thin adapter of the kernel.
 //!
-//! bounds → broad phase → curvature → refit → overlap → cone → exact → swept. Each stage reads what earlier ones wrote and
-//! writes its own components or resource, aligned with the pairs of surfaces that the broad phase found.
+//! bounds → broad phase → curvature → refit → overlap → cone → exact → swept. Each stage reads what earlier ones wrote,
+//! and writes its own component or resource. Results are lists with one entry for each pair of surfaces that the broad
+//! phase found.
 
 mod bounds;
 pub mod broad_phase;

@@ -1,4 +1,4 @@
-//! Stage 5: candidates whose spheres overlap, and the contacts of enclosing balls.
+//! Stage 5: finds the candidates whose spheres overlap, and the contacts of enclosing balls.
 
 use std::time::Instant;
 
@@ -29,8 +29,8 @@ use crate::{
     surface::{ActiveSurfaces, ContactMethod},
 };
 
-/// The candidates that come within range as spheres, one list for each pair of surfaces in
-/// [`CandidateTrianglePairs`]; empty where a pair's method does not use spheres.
+/// The candidates whose spheres are within range, one list for each pair of surfaces in [`CandidateTrianglePairs`].
+/// Empty if a pair's method does not use spheres.
 #[derive(Resource, Debug, Default)]
 pub struct OverlappingTrianglePairs {
     pub(crate) pairs: Vec<SharedList<[u32; 2]>>,
@@ -44,7 +44,7 @@ impl OverlappingTrianglePairs {
     }
 }
 
-/// What the sphere methods found, one entry for each pair of surfaces in [`CandidateTrianglePairs`]; empty where a
+/// The results of the sphere methods, one entry for each pair of surfaces in [`CandidateTrianglePairs`]. Empty if a
 /// pair's method does not use spheres.
 #[derive(Resource, Debug, Default)]
 pub struct SphereContacts {
@@ -52,8 +52,8 @@ pub struct SphereContacts {
 }
 
 impl SphereContacts {
-    /// Touching pairs and contacts; where a surface meets itself, contacts are sorted by the lower triangle, whichever stands
-    /// first. Where nobody has read those of the last few ticks, mostly they are not written before somebody reads them.
+    /// Touching pairs and contacts. In a self-collision, contacts are sorted by the lower triangle, whichever comes
+    /// first. Both lists are empty with [`SphereContactDetail::Distances`].
     #[must_use]
     pub fn pairs(&self) -> &[PairContacts] {
         &self.pairs
@@ -73,7 +73,7 @@ impl Plugin for OverlapPlugin {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "the first of the sphere stages prepares for the others")]
+#[expect(clippy::too_many_arguments, reason = "the first sphere stage prepares rows for the others")]
 fn test_overlap(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
@@ -125,7 +125,7 @@ fn test_overlap(
                 return;
             }
             let pair_settings = pair_settings(pair, &settings);
-            // The broad phase has left out neighbors.
+            // The broad phase has dropped neighbors.
             let test_settings = PairSettings { same_surface: false, ..pair_settings };
             if pair.method == ContactMethod::Circumsphere {
                 let mut kept = room;
@@ -172,7 +172,7 @@ struct BallTests<'a> {
     a: &'a BallSide<'a>,
     b: &'a BallSide<'a>,
     settings: &'a PairSettings,
-    /// Those for pairs without neighbors.
+    /// The settings for pairs without neighbors.
     test_settings: &'a PairSettings,
 }
 

@@ -1,4 +1,4 @@
-//! What a stage has found of a pair of surfaces, in lists that the store shares without a copy.
+//! The results of a stage for a pair of surfaces, in lists that the contact store shares without a copy.
 
 use std::{mem, ops::Deref, sync::Arc};
 
@@ -28,13 +28,13 @@ impl<T> Deref for SharedList<T> {
 }
 
 impl<T> SharedList<T> {
-    /// How many items the list has room for.
+    /// The capacity of the list.
     #[must_use]
     pub fn capacity(&self) -> usize {
         self.0.as_ref().map_or(0, |list| list.capacity())
     }
 
-    /// The list, where it is not shared.
+    /// The list, if it is not shared.
     fn own(&mut self) -> Option<&mut Vec<T>> {
         self.0.as_mut().and_then(Arc::get_mut)
     }
@@ -42,26 +42,27 @@ impl<T> SharedList<T> {
     /// Takes the memory of the list, trimmed to what it held, unless it is shared. Leaves an empty list.
     pub(super) fn take(&mut self) -> Vec<T> {
         let mut list = self.own().map(mem::take).unwrap_or_default();
-        // An empty one has been emptied before: how much it held then is not known any more.
+        // An empty list was cleared earlier, so how much it held is unknown.
         if !list.is_empty() {
             capacity::clear(&mut list);
         }
         list
     }
 
-    /// Takes the memory of one of two lists, the first if it is not shared. It becomes the first.
+    /// Takes the memory of one of two lists: of `self` if it is not shared, otherwise of `other`, which is swapped with
+    /// it.
     pub(super) fn take_memory(&mut self, other: &mut Self) -> Vec<T> {
         let is_other_better = self.0.is_some() || other.own().is_some();
         if self.own().is_none() && is_other_better {
             mem::swap(self, other);
         } else if let Some(other) = other.own() {
-            // The last one is not shared: the other one is not needed.
+            // `self` is not shared, so `other` is not needed.
             capacity::clear(other);
         }
         self.take()
     }
 
-    /// Puts a list in the place of this one.
+    /// Replaces the list.
     pub(super) fn put(&mut self, list: Vec<T>) {
         match self.own() {
             Some(place) => *place = list,
@@ -71,30 +72,30 @@ impl<T> SharedList<T> {
 }
 
 impl<T: Clone> SharedList<T> {
-    /// The items, to be changed: copied first where they are shared.
+    /// The items for writing. Copies them first if they are shared.
     pub(crate) fn make_mut(&mut self) -> &mut [T] {
         self.0.as_mut().map_or(&mut [], |list| Arc::make_mut(list).as_mut_slice())
     }
 }
 
-/// What a stage has found of a pair of surfaces.
+/// The results of a stage for a pair of surfaces.
 #[derive(Clone, Debug)]
 pub struct PairContacts {
-    /// Pairs of triangles that touch, each once, in their order.
+    /// Touching pairs of triangles, each once, sorted.
     pub touching: SharedList<TouchingPair>,
-    /// Contacts, each pair of features once, in the order of their triangles, those of the same two triangles by key.
+    /// Contacts, one per pair of features, sorted by their triangles, then by key.
     pub contacts: SharedList<CompactContact>,
-    /// Distance of the nearest pair in world units, at least 0; infinite where none is within range.
+    /// Distance of the nearest pair in world units, at least 0. Infinite if none is within range.
     pub nearest: f64,
-    /// How many pairs reached the exact test.
+    /// The number of pairs that reached the exact test.
     pub examined: usize,
-    /// What a sphere method has found.
+    /// The results of a sphere method.
     pub(crate) spheres: Option<FoundBySpheres>,
-    /// Those of the contacts that other pairs of triangles may report in another tick, and that have sides.
+    /// The contacts that have sides and that other pairs of triangles may report in another tick.
     pub(crate) shared: SharedList<SharedContact>,
-    /// What [`FoundPairs`] has besides.
+    /// The lower bounds of [`FoundPairs`].
     lower_bounds: Vec<f32>,
-    /// The lists of the tick before the last one: their memory serves this one.
+    /// The lists of the tick before the last one. Their memory is used for this one if the last ones are shared.
     spare: (SharedList<TouchingPair>, SharedList<CompactContact>, SharedList<SharedContact>),
     spare_spheres: Option<FoundBySpheres>,
     order: Order,
@@ -118,7 +119,7 @@ impl Default for PairContacts {
 }
 
 impl PairContacts {
-    /// Empties it, and gives lists that what is found can be written to before it is [finished](Self::finish).
+    /// Clears the results. Returns lists for new ones, which are stored by [`finish`](Self::finish).
     pub(super) fn begin(&mut self) -> FoundPairs {
         let (touching, contacts, shared) = &mut self.spare;
         let mut found = FoundPairs {
@@ -133,18 +134,18 @@ impl PairContacts {
         found
     }
 
-    /// Empties it.
+    /// Clears the results.
     pub(super) fn clear(&mut self) {
         let nothing = self.begin();
         self.finish(nothing);
     }
 
-    /// Drops everything that spheres have found: the pair is not tested by them any more.
+    /// Frees everything that a sphere method found. The pair is no longer tested by spheres.
     pub(super) fn forget_spheres(&mut self) {
         (self.spheres, self.spare_spheres, self.order) = (None, None, Order::default());
     }
 
-    /// Finds what is in contact by spheres. Returns the pairs that passed.
+    /// Finds contacts by spheres. Returns the pairs that passed.
     pub(super) fn find_spheres(
         &mut self,
         pairs: &[[u32; 2]],
@@ -170,7 +171,7 @@ impl PairContacts {
         passed
     }
 
-    /// Writes what was found.
+    /// Stores the results.
     pub(super) fn finish(&mut self, found: FoundPairs) {
         self.touching.put(found.touching);
         self.contacts.put(found.contacts);
@@ -180,7 +181,7 @@ impl PairContacts {
         self.lower_bounds = found.lower_bounds;
     }
 
-    /// Lower bounds of the distances of the candidates, where they were wanted.
+    /// Lower bounds of the candidates' distances, if they were requested.
     pub(super) fn lower_bounds(&self) -> &[f32] {
         &self.lower_bounds
     }

@@ -1,7 +1,7 @@
 //! Why two triangles do not touch: the step at which each pair of the last detection was dropped.
 //!
-//! For debug layers, tests and the curious, after detection. The stages record nothing: their kernel functions run once
-//! more for the pairs that are asked for, and the traversal that dropped pairs by slabs runs with them and without.
+//! For debug layers, tests, and curious users, after detection. The stages record nothing. Their kernel functions run
+//! once more for the requested pairs, and the traversal runs with and without slabs to find what slabs dropped.
 
 use std::collections::HashSet;
 
@@ -25,12 +25,12 @@ use crate::{
     surface::{ActiveSurfaces, ContactMethod},
 };
 
-/// Tells at which step each pair of triangles whose boxes overlap was dropped.
+/// Finds the step at which each pair of triangles with overlapping boxes was dropped.
 ///
-/// It goes by what is there when it is asked: call it after [`DeformableSystems::Detect`](crate::DeformableSystems::Detect)
-/// and before positions or settings are written again, as they may be from
-/// [`DeformableSystems::Respond`](crate::DeformableSystems::Respond) on. Then [`PairFate::Touching`] are exactly the touching
-/// pairs of the [`ContactStore`](crate::ContactStore).
+/// The answer is computed from the current state. Call it after
+/// [`DeformableSystems::Detect`](crate::DeformableSystems::Detect) and before positions or settings are written again,
+/// which may happen from [`DeformableSystems::Respond`](crate::DeformableSystems::Respond) on. Then the
+/// [`PairFate::Touching`] pairs are exactly the touching pairs of the [`ContactStore`](crate::ContactStore).
 ///
 /// ```
 /// # use bevy_app::prelude::*;
@@ -63,10 +63,13 @@ pub struct PairFates<'w, 's> {
 }
 
 impl PairFates<'_, '_> {
-    /// The fates of [`CandidateTrianglePairs::pairs`]`[place]`, in place of what `fates` held: of its `triangles` one each,
-    /// in their order, then [`PairFate::Planes`] of those that the broad phase dropped by slabs although their boxes
-    /// overlap, or where it went by a list of an earlier tick, [`PairFate::Remembered`] of those that it passed over. Empty where there is no such place or a surface is gone. Takes about
-    /// as long as the pair's own stages took.
+    /// Replaces `fates` by those of [`CandidateTrianglePairs::pairs`]`[place]`. First comes one for each of its
+    /// `triangles`, in their order. Then come the pairs that the broad phase dropped although their boxes overlap:
+    /// [`PairFate::Planes`] for those dropped by slabs or, if it followed a list of an earlier tick,
+    /// [`PairFate::Remembered`] for those that the list skipped.
+    ///
+    /// Empty if the index is out of range or a surface no longer exists. Takes about as long as the stages of the pair
+    /// took.
     pub fn of(&self, place: usize, fates: &mut Vec<([u32; 2], PairFate)>) {
         fates.clear();
         let Some(pair) = self.candidates.pairs.get(place) else { return };
@@ -76,9 +79,9 @@ impl PairFates<'_, '_> {
         fates.extend(self.dropped_by_slabs(place, pair).into_iter().map(|triangles| (triangles, PairFate::Planes)));
     }
 
-    /// The fate of two triangles, each with its entity, whichever comes first; of a solid that is tested by formula
-    /// the triangle is `TriangleId(0)`. `None` where the broad phase has not paired them (their boxes are apart, their layers do not meet, a
-    /// surface is not asked to meet itself, …), and where [`of`](Self::of) is empty.
+    /// The fate of two triangles, each with its entity, in either order. For a solid that is tested by formula, the
+    /// triangle is `TriangleId(0)`. `None` if the broad phase has not paired them (their boxes do not overlap, their
+    /// layers do not meet, the surface has no self-collision, …), and where [`of`](Self::of) is empty.
     #[must_use]
     pub fn between(&self, a: (Entity, TriangleId), b: (Entity, TriangleId)) -> Option<PairFate> {
         self.candidates.pairs.iter().enumerate().find_map(|(place, pair)| {
@@ -102,7 +105,7 @@ impl PairFates<'_, '_> {
         })
     }
 
-    /// The pairs of triangles that were passed over by what is remembered of them, or by a slab.
+    /// The pairs of triangles that a list of an earlier tick skipped, because of their remembered distance or a slab.
     pub(crate) fn remembered(&self, place: usize, pair: &SurfacePair) -> Vec<[u32; 2]> {
         let Some(listed) = self.kept.followed(place).filter(|_| self.is_as_detected(pair, &[])) else {
             return Vec::new();
@@ -111,7 +114,7 @@ impl PairFates<'_, '_> {
         listed.filter(|triangles| !candidates.contains(triangles)).collect()
     }
 
-    /// The pairs of triangles that the broad phase dropped by slabs. Those are none where it was not the tree's.
+    /// The pairs of triangles that the broad phase dropped by slabs. Empty if another broad phase than the tree's ran.
     pub(crate) fn dropped_by_slabs(&self, place: usize, pair: &SurfacePair) -> Vec<[u32; 2]> {
         if self.kept.followed(place).is_some() {
             return Vec::new();
@@ -119,14 +122,14 @@ impl PairFates<'_, '_> {
         let threads = self.settings.threads;
         let mut dropped =
             self.traverse(pair, |traversal| traversal.pairs_dropped_by_slabs(threads)).unwrap_or_default();
-        // A system that runs after the broad phase may have put one back.
+        // A system after the broad phase may have added some of these again.
         let candidates: HashSet<[u32; 2]> = pair.triangles.iter().copied().collect();
         dropped.retain(|triangles| !candidates.contains(triangles));
         dropped
     }
 
-    /// What `ask` hears from the trees that the broad phase traversed for a pair; `None` where it did not, or they are no
-    /// longer what was detected.
+    /// Calls `ask` with the traversal of the trees that the broad phase used for a pair. `None` if it did not use them,
+    /// or if they no longer are what was detected.
     fn traverse<T>(&self, pair: &SurfacePair, ask: impl FnOnce(Traversal<'_>) -> T) -> Option<T> {
         let OtherSide::Surface(second) = pair.second else { return None };
         if !self.is_as_detected(pair, &[]) {
@@ -147,7 +150,7 @@ impl PairFates<'_, '_> {
         Some(ask(Traversal::new(&self.active, pair, &self.settings, sides, &mut leaves)?))
     }
 
-    /// Whether two triangles of a surface are different ones that share a vertex.
+    /// Whether two triangles of a surface are different and share a vertex.
     fn are_neighbors(&self, place: usize, a: TriangleId, b: TriangleId) -> bool {
         let topology = &self.active.surfaces[place].topology;
         let count = topology.triangles().len();
@@ -162,7 +165,7 @@ impl PairFates<'_, '_> {
         Some([self.active.surfaces.get(pair.first)?.entity, second])
     }
 
-    /// The fates of some of a pair's candidates; `None` where the pair is no longer what was detected.
+    /// The fates of some of a pair's candidates. `None` if the pair is no longer what was detected.
     pub(crate) fn of_triangles(&self, pair: &SurfacePair, triangles: &[[u32; 2]]) -> Option<Vec<PairFate>> {
         let settings = pair_settings(pair, &self.settings);
         let map = |work: &(dyn Fn(&[[u32; 2]], &mut Vec<PairFate>) + Sync)| {
@@ -202,7 +205,7 @@ impl PairFates<'_, '_> {
         }
     }
 
-    /// Whether everything that the triangles point at is still there.
+    /// Whether everything that the triangles refer to still exists.
     fn is_as_detected(&self, pair: &SurfacePair, triangles: &[[u32; 2]]) -> bool {
         let side = |place: usize, side: usize| {
             let (Some(surface), Some(_)) = (self.active.surfaces.get(place), self.states.all().get(place)) else {

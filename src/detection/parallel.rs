@@ -1,4 +1,4 @@
-//! Spreads a list of pairs over Bevy's compute task pool, with results in the order of the list.
+//! Distributes lists over Bevy's compute task pool. Results are in the order of the list, for any number of threads.
 
 use std::{
     ops::Range,
@@ -14,10 +14,10 @@ use crate::kernel::{
     bvh::near_pairs::BoundedPairs, pair::FoundPairs, simd::share::Share, spheres::contacts::FoundSpheres,
 };
 
-/// Pairs handed out at a time: enough work to outweigh the handing out, few enough to balance.
+/// Pairs per task: enough work to outweigh the overhead, and few enough to balance the load.
 pub(super) const CHUNK: usize = 4096;
 
-/// How many threads may work, the calling one included: `wanted`, or where that is 0 all that the pool has.
+/// The number of threads that may work, including the calling one: `wanted`, or all that the pool has if that is 0.
 fn available_threads(wanted: usize) -> usize {
     match (wanted, ComputeTaskPool::try_get()) {
         (1, _) | (_, None) => 1,
@@ -26,17 +26,17 @@ fn available_threads(wanted: usize) -> usize {
     }
 }
 
-/// The threads that kernel functions may share their tasks among: as many as wanted, or with 0 all that the pool has.
+/// The threads among which kernel functions may distribute their tasks. 0 means all threads of the pool.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Threads(pub(crate) usize);
 
 impl Threads {
-    /// How many there are at most, the calling one included.
+    /// The largest number of threads, including the calling one.
     pub(super) fn most(self) -> usize {
         available_threads(self.0)
     }
 
-    /// Whether only one of them has something to do where there are so many tasks.
+    /// Whether this many tasks occupy only one thread.
     pub(super) fn are_one(self, tasks: usize) -> bool {
         self.most().min(tasks) <= 1
     }
@@ -48,9 +48,9 @@ impl Share for Threads {
     }
 }
 
-/// What a stage finds, part by part.
+/// The results of a stage, part by part.
 pub(super) trait Results: Default + Send + 'static {
-    /// Empties it and keeps its memory.
+    /// Clears the results and keeps their memory.
     fn clear(&mut self);
 }
 
@@ -79,9 +79,9 @@ impl<T: Send + 'static> Results for (Vec<T>, FoundSpheres) {
     }
 }
 
-/// Calls `work` on consecutive parts of `0..count`, `chunk` long, each with results to append to, and joins them in order.
-/// One thread, or a single part, never touches the pool and allocates nothing; else the results of the parts are `spare` ones,
-/// which are joined as soon as their turn comes: what has just been written is still in the cache.
+/// Calls `work` on consecutive parts of `0..count`, each `chunk` long, with results to append to, and joins them in
+/// order. With one thread or one part, does not use the pool and allocates nothing. Otherwise each part writes to a
+/// `spare` buffer, which is joined as soon as its turn comes, while it is still in the CPU cache.
 pub(super) fn append_parts<T: Results>(
     count: usize,
     chunk: usize,
@@ -123,7 +123,8 @@ pub(super) fn append_parts<T: Results>(
             found.clear();
             work(range(part), &mut found);
             waiting.lock().unwrap_or_else(PoisonError::into_inner).push((part, found));
-            // Nobody waits for a thread that is joining: what it does not see comes with a later part, or at the end.
+            // No thread waits for the one that is joining. What that one misses is joined after a later part, or at the
+            // end.
             if let Ok(mut join_waiting) = join_waiting.try_lock() {
                 join_waiting();
             }
@@ -137,7 +138,7 @@ pub(super) fn append_parts<T: Results>(
     join_waiting.into_inner().unwrap_or_else(PoisonError::into_inner)();
 }
 
-/// The same for consecutive chunks of `pairs`.
+/// Like [`append_parts`], for consecutive chunks of `pairs`.
 pub(super) fn append_chunks<T: Results>(
     pairs: &[[u32; 2]],
     threads: usize,
@@ -149,7 +150,7 @@ pub(super) fn append_chunks<T: Results>(
     append_parts(pairs.len(), CHUNK, threads, spare, results, |range, found| work(&pairs[range], found), join);
 }
 
-/// The same for lists. Returns the sum of what `work` returns.
+/// Like [`append_parts`], for lists. Returns the sum of the return values of `work`.
 pub(super) fn append_ranges<T: Send + 'static>(
     count: usize,
     chunk: usize,
@@ -166,8 +167,8 @@ pub(super) fn append_ranges<T: Send + 'static>(
     sum.into_inner()
 }
 
-/// Calls `work` on consecutive chunks of `items`, each with the place of its first one and with the results of the same
-/// places to write. The chunks are the same for any number of threads.
+/// Calls `work` on consecutive chunks of `items`, each with the index of its first item and with the results of the
+/// same items to write. The chunks are the same for any number of threads.
 pub(super) fn fill_chunks<T: Sync, R: Send>(
     items: &[T],
     results: &mut [R],
@@ -180,8 +181,8 @@ pub(super) fn fill_chunks<T: Sync, R: Send>(
     hand_out(chunks, count, threads, |(number, (items, results))| work(number * chunk, items, results));
 }
 
-/// Gives each of some tasks, about `count`, to whichever thread is free. One thread, or one task, never touches the pool
-/// and allocates nothing.
+/// Passes each of about `count` tasks to a free thread. With one thread or one task, does not use the pool and
+/// allocates nothing.
 fn hand_out<P: Send>(tasks: impl Iterator<Item = P> + Send, count: usize, threads: usize, work: impl Fn(P) + Sync) {
     let threads = available_threads(threads).min(count);
     if threads <= 1 {
@@ -204,9 +205,9 @@ fn hand_out<P: Send>(tasks: impl Iterator<Item = P> + Send, count: usize, thread
     });
 }
 
-/// Calls `work` with every item and how many threads it may use for it, `threads` or one. Items that weigh less
-/// than two chunks are shared out among the threads, each as a whole; the others come after them one by one. What is to be
-/// done with an item does not depend on that. Where there is little to share out, the pool is not touched.
+/// Calls `work` with every item and the number of threads that it may use: `threads`, or one. Items that weigh less
+/// than two chunks are distributed among the threads as a whole. The others follow one by one, each on all threads.
+/// Results must not depend on that. Does not use the pool if there is little to distribute.
 pub(super) fn for_each_weighed<T: Send>(
     items: &mut [T],
     threads: usize,
@@ -237,7 +238,7 @@ impl<T> Default for Buffers<T> {
 }
 
 impl<T: Default> Buffers<T> {
-    /// Calls `work` with a buffer that nobody else uses meanwhile.
+    /// Calls `work` with a buffer that no other thread uses at the same time.
     pub(super) fn with<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
         let mut buffer = self.take();
         let result = work(&mut buffer);
@@ -245,7 +246,7 @@ impl<T: Default> Buffers<T> {
         result
     }
 
-    /// Gives back the memory of all buffers: there is nothing to do.
+    /// Frees all buffers, when there is nothing to do.
     pub(super) fn clear(&self) {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Vec::new();
     }

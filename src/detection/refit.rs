@@ -1,4 +1,4 @@
-//! Stage 4: spheres and cones follow the triangles.
+//! Stage 4: refits spheres and cones to the triangles.
 
 use std::time::Instant;
 
@@ -20,7 +20,7 @@ use crate::{
     surface::{ActiveSurfaces, Circumspheres, ContactMethod, EnclosingBalls, TriangleCones, TriangleCurvature},
 };
 
-/// Refits balls, spheres and cones.
+/// Refits balls, spheres, and cones.
 pub struct RefitPlugin;
 
 impl Plugin for RefitPlugin {
@@ -64,7 +64,7 @@ fn refit_balls(
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "what spheres are made from, and what is remembered of them")]
+#[expect(clippy::too_many_arguments, reason = "a stage reads the results of earlier stages and ticks")]
 fn refit_spheres(
     active: Res<ActiveSurfaces>,
     candidates: Res<CandidateTrianglePairs>,
@@ -80,7 +80,8 @@ fn refit_spheres(
     let start = Instant::now();
     let mut any_made = false;
     let made_with = (settings.recipe(), settings.estimator);
-    // A new delta is for the next refresh to heed; anything else makes other spheres of the same shape.
+    // A new `refit_threshold` applies from the next refit on. Any other change requires other spheres for the same
+    // shapes.
     let changed = last.is_some_and(|(recipe, estimator)| {
         (RecipeSettings { refit_threshold: recipe.refit_threshold, ..made_with.0 }, made_with.1) != (recipe, estimator)
     });
@@ -88,7 +89,7 @@ fn refit_spheres(
     for ((surface, state), used) in active.surfaces.iter().zip(states.all()).zip(used.iter().copied()) {
         let Ok((curvature, mut spheres, mut cones)) = surfaces.get_mut(surface.entity) else { continue };
         if surface.method > ContactMethod::Circumsphere {
-            // The method was changed: what no pair asks for takes no memory.
+            // The method has changed. Data that no pair needs takes no memory.
             if !spheres.radii.is_empty() {
                 *spheres = Circumspheres::default();
                 *cones = TriangleCones::default();
@@ -99,7 +100,7 @@ fn refit_spheres(
         if used {
             let (source, is_reusable) = source(surface, state, &memory, &settings);
             if is_reusable && spheres.source == source && cones.source == source {
-                // Nothing about them but their age changes.
+                // Only the age of the recipes changes.
                 spheres.bypass_change_detection().data.rest();
                 continue;
             }

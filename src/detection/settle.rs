@@ -1,4 +1,4 @@
-//! Last step of the exact test of a pair: its penetrations are settled, on as many threads as there are.
+//! The last step of the exact test of a pair: settles its penetrations, on several threads.
 
 use super::parallel::fill_chunks;
 use crate::kernel::{
@@ -6,10 +6,10 @@ use crate::kernel::{
     pair::{FoundPairs, PairSettings, SurfaceSide},
 };
 
-/// Contacts handed out at a time: each takes as long as several pairs of triangles.
+/// Contacts per task. Each takes as long as several pairs of triangles.
 const CHUNK: usize = 256;
 
-/// What settling keeps for its memory.
+/// Memory of the step.
 #[derive(Default)]
 pub(super) struct SettleBuffers {
     settling: Settling,

@@ -1,4 +1,5 @@
-//! Fetches what the kernel needs to know of a pair of surfaces.
+//! Collects what the kernel needs about a pair of surfaces: both sides, settings, and rows. Used by all stages after
+//! the broad phase.
 
 use bevy_ecs::prelude::*;
 use glam::Vec3;
@@ -43,7 +44,7 @@ pub(crate) fn pair_settings(pair: &SurfacePair, settings: &CircumsphereSettings)
     }
 }
 
-/// Both surfaces of a pair in its frame; `None` where the second side is a shape.
+/// Both surfaces of a pair in its frame. `None` if the second side is a shape.
 pub(crate) fn surface_sides<'a>(
     active: &'a ActiveSurfaces,
     pair: &'a SurfacePair,
@@ -70,46 +71,49 @@ pub(crate) fn surface_sides<'a>(
     Some([side(pair.first, first_positions, positions_a, pose_a), side(second, second_positions, positions_b, pose_b)])
 }
 
-/// Whether a surface has an inside, as far as a pair goes: behind its own face may be just the other side of a thin wall.
+/// Whether a surface has an inside in a pair. Not in a self-collision, where behind a face may be the other side of a
+/// thin wall.
 pub(crate) fn is_one_sided(surface: &ActiveSurface, pair: &SurfacePair) -> bool {
     surface.one_sided && !pair.is_self()
 }
 
-/// The pose of a side that has to be moved at all.
+/// The pose of a side that has to be transformed.
 fn moving(pose: &Pose) -> Option<&Pose> {
     (*pose != Pose::IDENTITY).then_some(pose)
 }
 
-/// By balls, the rows of all triangles are made where at least one of so many is in a pair. Nearly all pairs by balls are in
-/// contact, and with rows those contacts need not be written before somebody reads them: where every second triangle is in a pair,
-/// overlap takes half of the time so, with one in four as much as without.
+/// With `BoundingSphere`, the rows of all triangles are made if there is at least one pair per this many triangles.
+/// Nearly all pairs of balls are in contact. With one pair per two triangles, rows halve the time of the overlap stage.
+/// With one per four, it takes as long as without.
 const TRIANGLES_OF_BALL_PAIR: usize = 3;
 
-/// The same by caps, of whose pairs fewer are in contact: with rows the cone stage takes half of the time where every second
-/// triangle is in a pair and most pairs meet, and overlap takes twice as long without much to gain where hardly any does.
+/// Like [`TRIANGLES_OF_BALL_PAIR`], with `Circumsphere`, where fewer pairs are in contact. With one pair per two
+/// triangles, rows halve the time of the cone stage if most pairs meet. If hardly any pair meets, overlap takes twice
+/// as long for little gain.
 const TRIANGLES_OF_CAP_PAIR: usize = 2;
 
-/// The same where they are made once, because the surface rests: fewer, and they take more memory than they save time.
+/// Like [`TRIANGLES_OF_BALL_PAIR`], for rows that are made only once, because the surface does not change. With fewer
+/// pairs, they take more memory than they save time.
 const TRIANGLES_OF_RESTING_PAIR: usize = 64;
 
-/// The rows of the active surfaces whose triangles are in many candidate pairs, or whose spheres stay what they are, for each
-/// method; others have none.
+/// For each method, the rows of active surfaces whose triangles are in many candidate pairs, or whose spheres do not
+/// change. Other surfaces have none.
 #[derive(Resource, Debug, Default)]
 pub(crate) struct SphereRows {
     caps: Vec<MadeRows<CapRows>>,
     balls: Vec<MadeRows<BallRows>>,
-    /// In how many pairs the triangles of each surface are, by balls and by caps.
+    /// For each surface, the number of pairs that its triangles are in, by balls and by caps.
     counts: Vec<[usize; 2]>,
 }
 
-/// Rows, and what they were made from; none where it was not worth it.
+/// Rows, and what they were made from. None if they were not worth it.
 #[derive(Debug, Default)]
 struct MadeRows<R> {
     rows: R,
     source: Option<RowSource>,
 }
 
-/// The surface whose rows they are, the version of its positions, and what its spheres were computed from.
+/// The surface that rows belong to, the version of its positions, and what its spheres were computed from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct RowSource {
     surface: Entity,
@@ -122,7 +126,7 @@ impl<R> MadeRows<R> {
         self.source.is_some().then_some(&self.rows)
     }
 
-    /// Makes the rows of `source` where it `is_worth_it`, unless it has them already.
+    /// Makes the rows of `source` if that `is_worth_it`, unless they exist already.
     fn update(&mut self, source: RowSource, is_worth_it: bool, make: impl FnOnce(&mut R)) {
         if self.source == Some(source) {
             return;
@@ -135,7 +139,7 @@ impl<R> MadeRows<R> {
 }
 
 impl SphereRows {
-    /// Makes the rows of this tick, for some pairs.
+    /// Makes the rows of this tick for some pairs.
     pub(super) fn update<'a>(
         &mut self,
         active: &ActiveSurfaces,

@@ -1,5 +1,5 @@
-//! Contacts by spheres: which pairs of triangles are in contact and how far apart they are, and where points are wanted, the
-//! contacts themselves.
+//! Contacts by spheres, for the overlap and cone stages: which pairs of triangles are in contact and how far apart they
+//! are and, if points are requested, the contacts themselves.
 
 use super::{
     pair_contacts::SharedList,
@@ -11,39 +11,39 @@ use crate::kernel::{
     spheres::contacts::{FoundSpheres, SphereContact},
 };
 
-/// Pairs that passed the test of a stage, and what was found of those.
+/// Pairs that passed the test of a stage, and what was found about them.
 pub(super) type PassedAndFound = (Vec<[u32; 2]>, FoundSpheres);
 
-/// What a sphere stage tests, and how it writes the contacts of what passes.
+/// The test of a sphere stage, and how it writes the contacts of pairs that pass.
 pub(super) trait SphereTests: Sync {
-    /// Appends the pairs that pass, and how far apart they are.
+    /// Appends the pairs that pass, and their distances.
     fn find(&self, pairs: &[[u32; 2]], found: &mut PassedAndFound);
 
     /// Appends the contacts of pairs that passed.
     fn write(&self, pairs: &[[u32; 2]], found: &mut FoundPairs);
 }
 
-/// Appends what was found in a later part.
+/// Appends the results of a later part.
 fn join((passed, found): &mut PassedAndFound, (later, later_found): &mut PassedAndFound) {
     passed.append(later);
     found.append(later_found);
 }
 
-/// What a sphere method has found of a pair of surfaces.
+/// The results of a sphere method for a pair of surfaces.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FoundBySpheres {
     /// Pairs that passed, in the order of the candidates.
     pub(super) pairs: SharedList<[u32; 2]>,
-    /// How far apart those are; infinite where that is too far to be reported.
+    /// Their distances. Infinite if a pair is too far apart to be reported.
     distances: SharedList<f32>,
-    /// How many are reported.
+    /// The number of reported pairs.
     pub(crate) reported: usize,
-    /// How many touch.
+    /// The number of touching pairs.
     pub(crate) touching: usize,
 }
 
 impl FoundBySpheres {
-    /// Takes the memory of these lists, or of `other` ones where these are shared.
+    /// Takes the memory of these lists, or of the `other` ones if these are shared.
     pub(super) fn reuse(&mut self, other: &mut Self) -> PassedAndFound {
         let pairs = self.pairs.take_memory(&mut other.pairs);
         let distances = self.distances.take_memory(&mut other.distances);
@@ -63,14 +63,14 @@ impl FoundBySpheres {
     }
 }
 
-/// What a stage that finds contacts by spheres keeps for its memory.
+/// Memory of a stage that finds contacts by spheres.
 #[derive(Default)]
 pub(super) struct SphereBuffers {
     found: Buffers<PassedAndFound>,
     written: Buffers<FoundPairs>,
 }
 
-/// Brings contacts into the order that they are written in. Kept by pair of surfaces: its buffers follow the pair's size.
+/// Sorts contacts before they are written. Each pair of surfaces has its own, so the buffers fit the size of the pair.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Order {
     sorter: PairSorter,
@@ -78,13 +78,13 @@ pub(super) struct Order {
 }
 
 impl SphereBuffers {
-    /// Gives back all memory: no pair is tested by spheres.
+    /// Frees all memory, when no pair is tested by spheres.
     pub(super) fn clear(&self) {
         self.found.clear();
         self.written.clear();
     }
 
-    /// Finds which of some pairs pass, in lists that are given for their memory.
+    /// Finds which pairs pass. Reuses the memory of `found`.
     pub(super) fn find(
         &self,
         mut found: PassedAndFound,
@@ -96,7 +96,7 @@ impl SphereBuffers {
         found
     }
 
-    /// Appends the contacts of what was found, in the order of their triangles.
+    /// Appends the contacts of what was found, sorted by their triangles.
     pub(super) fn write(
         &self,
         (passed, found): &PassedAndFound,

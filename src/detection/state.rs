@@ -1,7 +1,8 @@
-//! What the stages know of each surface in this detection, in the order of [`ActiveSurfaces`](crate::ActiveSurfaces).
+//! What the stages know about each surface in this detection, in the order of
+//! [`ActiveSurfaces`](crate::ActiveSurfaces).
 //!
-//! The bounds stage takes positions once, checked; later stages index this list and query no positions. Everything here carries
-//! the version of the positions it was computed from.
+//! The bounds stage copies checked positions once. Later stages index this list and query no positions. Everything here
+//! carries the version of the positions that it was computed from.
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use glam::Vec3;
@@ -12,13 +13,13 @@ use crate::{
     surface::ActiveSurface,
 };
 
-/// What the stages know of one surface.
+/// What the stages know about one surface.
 #[derive(Default)]
 pub struct SurfaceState {
     pub(super) bounds: TriangleBounds,
     pub(super) tree: SurfaceTree,
     pub(super) rows: SurfaceRows,
-    /// Whether positions, triangles or growth have changed in this detection.
+    /// Whether positions, triangles, or growth have changed in this detection.
     pub(super) has_moved: bool,
 }
 
@@ -29,52 +30,52 @@ impl SurfaceState {
         self.bounds.positions()
     }
 
-    /// One box a triangle in the surface's own frame, grown by its thickness and half the margin. Computed when something first asks
-    /// for them.
+    /// One box per triangle in the surface's own frame, grown by its thickness and half the margin. Computed on first
+    /// request.
     #[must_use]
     pub fn triangle_boxes(&self) -> &[Aabb] {
         self.bounds.triangles()
     }
 
-    /// Grows by 1 whenever positions, triangles or growth change; unique among all surfaces.
+    /// Increases by 1 whenever positions, triangles, or growth change. Unique among all surfaces.
     #[must_use]
     pub fn version(&self) -> u64 {
         self.bounds.version()
     }
 
-    /// The tree over the triangle boxes. Built in the surface's first detection; refitted in every detection whose broad phase
-    /// searches it: see [`is_tree_current`](Self::is_tree_current).
+    /// The tree over the triangle boxes. Built in the surface's first detection, and refitted in every detection whose
+    /// broad phase searches it: see [`is_tree_current`](Self::is_tree_current).
     #[must_use]
     pub fn tree(&self) -> &BoxTree {
         self.tree.tree()
     }
 
-    /// Whether the tree is over the boxes as they are now.
+    /// Whether the tree matches the current boxes.
     #[must_use]
     pub fn is_tree_current(&self) -> bool {
         self.tree.has_followed(&self.bounds)
     }
 }
 
-/// What the stages know of each surface. Written by the stages alone.
+/// What the stages know about each surface. Only the stages write it.
 #[derive(Resource, Default)]
 pub struct SurfaceStates {
     /// The active surfaces of the last detection, in their order.
     entities: Vec<Entity>,
     states: Vec<SurfaceState>,
-    /// Those of surfaces that did not take part in it.
+    /// The states of surfaces that took no part in it.
     inactive: EntityHashMap<SurfaceState>,
 }
 
 impl SurfaceStates {
-    /// What is known of a surface, from the last detection that it took part in.
+    /// What is known about a surface, from the last detection in which it took part.
     #[must_use]
     pub fn get(&self, entity: Entity) -> Option<&SurfaceState> {
         let place = self.entities.iter().position(|other| *other == entity);
         place.map_or_else(|| self.inactive.get(&entity), |place| self.states.get(place))
     }
 
-    /// Brings the states into the order of the active surfaces. States of surfaces that no longer exist are dropped.
+    /// Sorts the states like the active surfaces. Drops the states of surfaces that no longer exist.
     pub(super) fn align(&mut self, surfaces: &[ActiveSurface], exists: impl Fn(Entity) -> bool) {
         let Self { entities, states, inactive } = self;
         let are_aligned = entities.iter().copied().eq(surfaces.iter().map(|surface| surface.entity));

@@ -35,7 +35,7 @@ impl ContactSide {
 
 /// A surface that takes part in this tick.
 #[derive(Clone, Debug)]
-#[expect(clippy::struct_excessive_bools, reason = "each is a component of its own, read once")]
+#[expect(clippy::struct_excessive_bools, reason = "each mirrors a component of its own")]
 pub struct ActiveSurface {
     /// Its entity.
     pub entity: Entity,

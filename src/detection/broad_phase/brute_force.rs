@@ -1,4 +1,4 @@
-//! Pairs of triangles by comparing every box with every other: the measure of every other broad phase, and the
+//! Finds pairs of triangles by comparing every box with every other. The reference for all other broad phases, and the
 //! fastest one for a handful of triangles.
 
 use bevy_app::prelude::*;
@@ -10,7 +10,8 @@ use crate::{
     schedule::SurfaceDetection,
 };
 
-/// Finds pairs by comparing all boxes. Disable [`TreeBroadPhasePlugin`](super::TreeBroadPhasePlugin) and add this:
+/// Finds pairs by comparing all boxes. To use it, disable [`TreeBroadPhasePlugin`](super::TreeBroadPhasePlugin) and add
+/// this plugin:
 ///
 /// ```
 /// # use bevy_app::prelude::*;

@@ -1,4 +1,4 @@
-//! How an algorithm of your own finds candidates: boxes in, pairs of boxes that overlap out.
+//! The interface for a broad phase of your own: boxes come in, pairs of overlapping boxes go out.
 
 use std::time::Instant;
 
@@ -21,19 +21,19 @@ use crate::{
 pub struct BoxSide<'a> {
     /// The surface.
     pub entity: Entity,
-    /// Grows by 1 whenever the boxes change; unique among all surfaces. `None` where the boxes were moved into the frame of another
-    /// surface, for this pair alone.
+    /// Increases by 1 whenever the boxes change. Unique among all surfaces. `None` if the boxes were transformed into
+    /// the frame of another surface, for this pair only.
     pub version: Option<u64>,
-    /// One box a triangle.
+    /// One box per triangle.
     pub boxes: &'a [Aabb],
 }
 
-/// What an algorithm is to find the overlapping boxes of.
+/// The boxes whose overlapping pairs an algorithm has to find.
 #[derive(Clone, Copy, Debug)]
 pub enum SurfaceBoxes<'a> {
-    /// All pairs of boxes of one surface, the lower one first.
+    /// All pairs of boxes of one surface, the lower index first.
     Own(BoxSide<'a>),
-    /// All pairs of a box of the first surface and one of the second.
+    /// All pairs of a box of the first surface and a box of the second.
     Between([BoxSide<'a>; 2]),
 }
 
@@ -79,8 +79,9 @@ pub struct CandidateWriter<'w, 's> {
 }
 
 impl CandidateWriter<'_, '_> {
-    /// Calls `find` for every pair of surfaces that something about has changed: it appends every pair of boxes that overlap, each
-    /// once, by their places. Triangles that share a vertex are dropped afterwards. Unchanged pairs keep their candidates.
+    /// Calls `find` for every pair of surfaces that has changed. `find` appends every pair of boxes that overlap, each
+    /// once, by their indices. Neighbors are dropped afterwards. Unchanged pairs keep their candidates, and pairs with
+    /// shapes are handled here.
     pub fn write(&mut self, mut find: impl FnMut(SurfaceBoxes<'_>, &mut Vec<[u32; 2]>)) {
         let start = Instant::now();
         let Self { active, settings, candidates, memory, states, diagnostics, moved } = self;

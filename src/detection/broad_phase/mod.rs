@@ -1,8 +1,8 @@
-//! Stage 2: which surfaces and shapes are near each other, and which of their triangles may be.
+//! Stage 2: finds which surfaces and shapes are near each other, and which of their triangles may be.
 //!
-//! This plugin pairs surfaces. One algorithm plugin beside it pairs their triangles; every algorithm leads to the same contacts. To
-//! use your own, disable [`TreeBroadPhasePlugin`] and add a system in [`BroadPhaseSystems::PairTriangles`] that calls
-//! [`CandidateWriter::write`].
+//! [`BroadPhasePlugin`] pairs surfaces. One algorithm plugin beside it pairs their triangles. Every algorithm results
+//! in the same contacts. To use your own, disable [`TreeBroadPhasePlugin`] and add a system in
+//! [`BroadPhaseSystems::PairTriangles`] that calls [`CandidateWriter::write`].
 
 mod brute_force;
 mod custom;
@@ -34,29 +34,29 @@ pub(super) use tree::SurfaceTree;
 pub use tree::TreeBroadPhasePlugin;
 pub(super) use tree::{MovedLeaves, Traversal, asked::Asked};
 
-/// A tree is built anew once its boxes have grown by this factor relative to the whole: a refitted tree answers
-/// correctly however old it is, only ever more slowly.
+/// A tree is rebuilt when its boxes have grown by this factor relative to the whole. A refitted tree gives correct
+/// results at any age, but becomes slower.
 const REBUILD_DECAY: f32 = 1.5;
 
 /// The two steps of the broad phase, in this order.
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum BroadPhaseSystems {
-    /// Surfaces and shapes whose boxes overlap are paired.
+    /// Pairs surfaces and shapes whose boxes overlap.
     PairSurfaces,
-    /// Triangles whose boxes overlap, and that no slab parts, are paired.
+    /// Pairs triangles whose boxes overlap and that no slab separates.
     PairTriangles,
 }
 
-/// The other side of a pair, by its place in [`ActiveSurfaces`].
+/// The second side of a pair, by its index in [`ActiveSurfaces`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OtherSide {
-    /// A surface; the same one in a self-collision.
+    /// A surface. In a self-collision, the same one.
     Surface(usize),
     /// A rigid shape.
     Shape(usize),
 }
 
-/// Which surface gives the frame of a pair.
+/// Which side's frame a pair is tested in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Frame {
     /// The first surface.
@@ -65,12 +65,12 @@ pub enum Frame {
     Second,
 }
 
-/// A surface and what it may touch, and their triangles that may be within range.
+/// A surface and something that it may touch, with the triangles that may be within range.
 #[derive(Clone, Debug)]
 pub struct SurfacePair {
-    /// The first side's place in [`ActiveSurfaces::surfaces`].
+    /// The index of the first side in [`ActiveSurfaces::surfaces`].
     pub first: usize,
-    /// The second side; of two surfaces the later one.
+    /// The second side. Of two surfaces, the later one.
     pub second: OtherSide,
     /// How the pair is tested.
     pub method: ContactMethod,
@@ -78,25 +78,25 @@ pub struct SurfacePair {
     pub contact_distance: f32,
     /// Contacts are reported up to this distance, in world units.
     pub reported_distance: f32,
-    /// The farthest distance at which a pair of triangles matters, in world units.
+    /// The largest distance at which a pair of triangles matters, in world units.
     pub range: f32,
     /// Whose own frame the pair is tested in: that of the shape, or of the surface with more triangles.
     pub frame: Frame,
     /// World pose of that frame.
     pub frame_pose: Pose,
-    /// From the other side's own frame to that frame.
+    /// Transforms the other side's own frame to that frame.
     pub relative_pose: Pose,
-    /// Triangles of the other surface that may be near, with their boxes in that frame, where the algorithm lists them.
+    /// Triangles of the other surface that may be near, with their boxes in that frame, if the algorithm lists them.
     pub moved_triangles: Vec<(u32, Aabb)>,
-    /// Vertices of the other surface in that frame, NaN where none of their triangles may be near. Empty where none is, or where its
-    /// own positions are in that frame.
+    /// Vertices of the other surface in that frame. NaN if none of their triangles was transformed. Empty if none was,
+    /// or if the positions are in that frame already.
     pub moved_positions: Vec<Vec3>,
-    /// How far rounding may have put one of those from where it is, in the unit of the frame.
+    /// Upper bound of the rounding error of those, in the unit of the frame.
     pub moved_rounding: f32,
-    /// The candidates, pairs of triangles whose boxes overlap: of the first and the second surface, in a self-collision
-    /// the lower one first and those that share a vertex left out; with a shape the second is 0. Those that a slab keeps
-    /// farther apart than the range may be left out where the method culls; the tree leaves them out, see
-    /// [`PairFate::Planes`](crate::kernel::pair_fate::PairFate::Planes), and so may be others that are known to be farther
+    /// The candidate pairs: triangles of the first and second surface whose boxes overlap. In a self-collision, the
+    /// lower triangle comes first, and neighbors are left out. With a shape, the second number is 0. If the method
+    /// culls, pairs that a slab separates by more than the range may be missing (the tree leaves them out, see
+    /// [`PairFate::Planes`](crate::kernel::pair_fate::PairFate::Planes)), and so may pairs that are known to be farther
     /// apart, see [`PairFate::Remembered`](crate::kernel::pair_fate::PairFate::Remembered).
     pub triangles: Vec<[u32; 2]>,
 }
@@ -108,7 +108,7 @@ impl SurfacePair {
         self.second == OtherSide::Surface(self.first)
     }
 
-    /// The vertices of the first and second surface in the frame of the pair, given their own.
+    /// The vertices of the first and second surface in the pair's frame, given those in their own frames.
     pub(crate) fn positions<'a>(&'a self, first: &'a [Vec3], second: &'a [Vec3]) -> [&'a [Vec3]; 2] {
         match self.frame {
             _ if self.moved_positions.is_empty() => [first, second],
@@ -117,7 +117,7 @@ impl SurfacePair {
         }
     }
 
-    /// The poses of the first and second surface in the frame of the pair.
+    /// The poses of the first and second surface in the pair's frame.
     pub(crate) fn poses(&self) -> [&Pose; 2] {
         match self.frame {
             Frame::First => [&Pose::IDENTITY, &self.relative_pose],
@@ -126,7 +126,7 @@ impl SurfacePair {
     }
 }
 
-/// What the broad phase found: pairs of surfaces by their order, then surfaces with shapes.
+/// The results of the broad phase: pairs of surfaces in their order, then surfaces with shapes.
 #[derive(Resource, Debug, Default)]
 pub struct CandidateTrianglePairs {
     pub(crate) pairs: Vec<SurfacePair>,
@@ -139,14 +139,14 @@ impl CandidateTrianglePairs {
         &self.pairs
     }
 
-    /// How many pairs of triangles there are.
+    /// The number of candidate pairs of triangles.
     #[must_use]
     pub fn triangle_pair_count(&self) -> usize {
         self.pairs.iter().map(|pair| pair.triangles.len()).sum()
     }
 }
 
-/// Writes for each active surface whether it is part of one of some pairs that are tested by `method`.
+/// Writes for each active surface whether it is part of a pair that is tested by `method`.
 pub(crate) fn surfaces_with_method<'a>(
     active: &ActiveSurfaces,
     pairs: impl Iterator<Item = &'a SurfacePair>,
@@ -163,7 +163,7 @@ pub(crate) fn surfaces_with_method<'a>(
     }
 }
 
-/// Pairs surfaces and shapes; needs one algorithm plugin beside it.
+/// Pairs surfaces and shapes. Needs one algorithm plugin beside it.
 pub struct BroadPhasePlugin;
 
 impl Plugin for BroadPhasePlugin {
@@ -179,21 +179,21 @@ impl Plugin for BroadPhasePlugin {
     }
 }
 
-/// What pairing surfaces keeps from tick to tick.
+/// State and buffers that are kept from tick to tick.
 #[derive(Default)]
 struct PairingBuffers {
     bounds: Vec<Aabb>,
     tree: BoxTree,
     places: Vec<[u32; 2]>,
     with_shapes: Vec<[usize; 2]>,
-    /// The pairs of the last tick, until they are kept or their lists used again.
+    /// The pairs of the last tick, until they are kept or their lists are reused.
     last: Vec<Option<SurfacePair>>,
-    /// What those pair, ascending.
+    /// The names of those pairs, ascending.
     last_names: Vec<(bool, usize, usize)>,
 }
 
 impl PairingBuffers {
-    /// Makes a tree over the surfaces, or lets that of the last tick follow them.
+    /// Refits the tree over the surfaces, or rebuilds it.
     fn update_tree(&mut self, surfaces: &[ActiveSurface]) {
         self.bounds.clear();
         self.bounds.extend(surfaces.iter().map(|surface| surface.world_bounds));
@@ -206,14 +206,14 @@ impl PairingBuffers {
         }
     }
 
-    /// The pair of two sides as it was in the last detection, and its place there, if nothing about them has changed.
+    /// The pair of two sides from the last detection, and its index there, if nothing about them has changed.
     fn keep(&mut self, memory: &DetectionMemory, first: usize, second: OtherSide) -> Option<(SurfacePair, u32)> {
         let (last_first, last_second) = memory.last_sides(first, second)?;
         let place = self.last_names.binary_search(&name(last_first, last_second)).ok()?;
         Some((SurfacePair { first, second, ..self.last[place].take()? }, place as u32))
     }
 
-    /// The lists that two sides had in the last detection, emptied, and the place of their pair there.
+    /// The lists that two sides had in the last detection, cleared, and the index of their pair there.
     fn reuse(&mut self, memory: &DetectionMemory, first: usize, second: OtherSide) -> (PairLists, Option<u32>) {
         let former = memory.former_sides(first, second).and_then(|(first, second)| {
             let place = self.last_names.binary_search(&name(first, second)).ok()?;
@@ -276,7 +276,7 @@ fn pair_surfaces(
             !surface.rigid && surface.layers.interacts_with(shape.layers)
         };
         match shape.geometry.bounds() {
-            // The surfaces' boxes hold one half of the margin; a shape has no box of its own to hold the other.
+            // The boxes of the surfaces include half the margin. A shape has no box that includes the other half.
             Some(bounds) => {
                 let reach = moved_box(&bounds, &shape.pose).grown(0.5 * settings.margin());
                 buffers.tree.query(&reach, |surface| {
@@ -303,7 +303,7 @@ fn pair_surfaces(
     memory.end_pairs();
     let count = candidates.pairs.len();
     capacity::trim(&mut candidates.pairs, count);
-    // What pairs had that have gone is given back.
+    // Frees the lists of pairs that no longer exist.
     buffers.last.clear();
     capacity::trim(&mut buffers.last, count);
     capacity::trim(&mut buffers.last_names, count);
@@ -314,7 +314,7 @@ fn pair_surfaces(
     diagnostics.finish("pair surfaces", start, surfaces.len() + active.shapes.len(), count);
 }
 
-/// Sorts pairs as the broad phase does: by their surfaces, those with shapes last.
+/// The sort key of pairs: by their surfaces, with shapes last.
 fn name(first: usize, second: OtherSide) -> (bool, usize, usize) {
     match second {
         OtherSide::Surface(second) => (false, first, second),
@@ -322,7 +322,7 @@ fn name(first: usize, second: OtherSide) -> (bool, usize, usize) {
     }
 }
 
-/// Pairs of triangles, moved triangles and moved positions.
+/// Pairs of triangles, transformed triangles, and transformed positions.
 type PairLists = (Vec<[u32; 2]>, Vec<(u32, Aabb)>, Vec<Vec3>);
 
 fn range(contact_distance: f32, margin: f32) -> f32 {
@@ -338,7 +338,7 @@ fn surface_pair(
 ) -> SurfacePair {
     let (a, b) = (&surfaces[first], &surfaces[second]);
     let contact_distance = a.thickness + b.thickness;
-    // The smaller surface is moved: a body of a few triangles over a landscape costs what the body costs.
+    // The smaller surface is transformed, so a body of a few triangles over a landscape costs what the body costs.
     let (frame, frame_pose, relative_pose) = if b.topology.triangles().len() > a.topology.triangles().len() {
         (Frame::Second, b.pose, a.pose.relative_to(&b.pose))
     } else {
@@ -386,7 +386,7 @@ fn shape_pair(
     }
 }
 
-/// The box of a shape in a surface's own frame, grown by what the surface's boxes lack; `None` for a half-space.
+/// The box of a shape in a surface's own frame, grown by what the surface's boxes lack. `None` for a half-space.
 pub(super) fn shape_bounds(
     pair: &SurfacePair,
     shape: &ActiveShape,
@@ -394,7 +394,8 @@ pub(super) fn shape_bounds(
     margin: f32,
 ) -> Option<Aabb> {
     let bounds = moved_box(&shape.geometry.bounds()?, &pair.relative_pose.inverse());
-    // The triangles' boxes hold the surface's own share; a shape has no thickness to hold the other half of the margin.
+    // The boxes of the triangles include the thickness and half the margin. A shape has no thickness, and no box that
+    // includes the other half.
     let missing = (pair.range - world_growth(surface.thickness, margin)).max(0.0);
     Some(bounds.grown((f64::from(missing) / surface.pose.scale()) as f32))
 }

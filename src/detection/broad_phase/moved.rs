@@ -1,8 +1,8 @@
-//! Brings those triangles of a surface into the frame of a pair that may be near the other surface.
+//! Transforms those triangles of a surface into the frame of a pair that may be near the other surface.
 //!
-//! Where two surfaces have poses of their own, the boxes of one of them are needed in the other's frame. Only what can reach
-//! the other's box is moved: two bodies that touch at a corner cost what the corner costs, and a body in many pairs is not
-//! moved as a whole for each.
+//! If two surfaces have different poses, the boxes of one are needed in the frame of the other. Only what can reach the
+//! other's box is transformed. Two bodies that touch at a corner only pay for the corner, and a body in many pairs is
+//! not transformed as a whole for each of them.
 
 use glam::Vec3;
 
@@ -17,9 +17,9 @@ use crate::{
     surface::{ActiveSurface, ActiveSurfaces},
 };
 
-/// Moves triangles of a pair's other surface into the frame of the pair.
+/// Transforms triangles of a pair's other surface into the pair's frame.
 ///
-/// Every triangle that is paired has to be moved first.
+/// Every triangle that is paired must be transformed first.
 pub(super) struct TriangleMover<'a> {
     topology: &'a SurfaceTopology,
     mesh: MovingMesh<'a>,
@@ -28,13 +28,13 @@ pub(super) struct TriangleMover<'a> {
 }
 
 impl SurfacePair {
-    /// Whether one of two surfaces has to be moved into the frame of the pair.
+    /// Whether one of two surfaces must be transformed into the pair's frame.
     #[must_use]
     pub fn is_moved(&self) -> bool {
         matches!(self.second, OtherSide::Surface(_)) && self.relative_pose != Pose::IDENTITY
     }
 
-    /// The surface that has to be moved, if [any](Self::is_moved) has.
+    /// The surface that must be transformed, if [one](Self::is_moved) must.
     pub fn moved_surface<'a>(&self, active: &'a ActiveSurfaces) -> Option<&'a ActiveSurface> {
         let OtherSide::Surface(second) = self.second else { return None };
         self.is_moved().then(|| match self.frame {
@@ -43,8 +43,8 @@ impl SurfacePair {
         })
     }
 
-    /// Begins to move the triangles of `surface`, which is [`moved_surface`](Self::moved_surface), from its own `positions`;
-    /// `margin` is that of the settings.
+    /// Begins to transform the triangles of `surface`, which is [`moved_surface`](Self::moved_surface), from its own
+    /// `positions`. `margin` is that of the settings.
     pub(super) fn mover<'a>(
         &'a mut self,
         surface: &'a ActiveSurface,
@@ -68,10 +68,11 @@ impl SurfacePair {
 }
 
 impl TriangleMover<'_> {
-    /// Appends some triangles, each with its box in the frame of the pair, grown by the surface's thickness and half the margin.
+    /// Appends some triangles, each with its box in the pair's frame, grown by the surface's thickness and half the
+    /// margin.
     ///
     /// # Panics
-    /// If there is no such triangle.
+    /// If a triangle does not exist.
     pub(super) fn move_triangles(&mut self, triangles: &[u32], bounds: &mut Vec<(u32, Aabb)>) {
         let Self { topology, mesh, moved, rounding } = self;
         if moved.is_empty() {
@@ -87,20 +88,20 @@ impl TriangleMover<'_> {
                 }
             }
         }
-        // Half a unit in the last place of the largest coordinate, along each of three axes.
+        // Bounds half a unit in the last place of the largest coordinate, along each of three axes.
         let largest = mesh.move_triangles(triangles, moved, bounds);
         **rounding = rounding.max(f32::EPSILON * largest);
     }
 
-    /// The same of all triangles.
+    /// Transforms all triangles.
     pub(super) fn move_all(&mut self, bounds: &mut Vec<(u32, Aabb)>) {
         let all: Vec<u32> = (0..self.mesh.triangles.len() as u32).collect();
         self.move_triangles(&all, bounds);
     }
 }
 
-/// Moves all vertices that are welded to one of them: whether those that were together still are is asked in the frame of the pair,
-/// too. Returns the largest coordinate of any of them, by its magnitude.
+/// Transforms all vertices that are welded to `vertex`, because contacts also check in the pair's frame whether they
+/// are still together. Returns the largest magnitude of their coordinates.
 fn move_welded(topology: &SurfaceTopology, mesh: &MovingMesh<'_>, vertex: u32, moved: &mut [Vec3]) -> f32 {
     let welded = topology.weld()[vertex as usize];
     let mut largest = 0.0;
@@ -116,7 +117,7 @@ fn move_welded(topology: &SurfaceTopology, mesh: &MovingMesh<'_>, vertex: u32, m
             }
         }
     }
-    // Of which no triangle may be left but collapsed ones.
+    // Its only triangles may be collapsed ones.
     move_vertex(welded);
     largest
 }

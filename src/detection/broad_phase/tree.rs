@@ -1,5 +1,5 @@
-//! Pairs of triangles by a bounding volume tree per surface, refitted wherever a pair asks it, and by the lists of pairs that
-//! need not ask.
+//! Pairs triangles by a bounding volume tree per surface, which is refitted if a pair searches it, and by lists of near
+//! pairs, which need no search.
 
 use std::{
     ops::Range,
@@ -50,36 +50,36 @@ pub(super) mod asked;
 mod follow;
 mod lists;
 
-/// Leaves whose pairs one thread looks for at a time, at least and at most. Neighbors have the same leaves near them, and what
-/// one thread reads of those the next has to fetch again: on two threads 256 take 0.93 of the time of 64.
+/// Leaves whose pairs one thread finds at a time: at least and at most. Adjacent leaves have the same leaves near them.
+/// What one thread has loaded of those, the next must load again: on two threads, 256 take 0.93 of the time of 64.
 const LEAST_AT_ONCE: usize = 64;
 const MOST_AT_ONCE: usize = 256;
 
-/// How many times each thread gets some where there are not many.
+/// Tasks per thread if there are few leaves.
 const PARTS_OF_A_THREAD: usize = 4;
 
-/// Leaves of a pair that are worth more than one thread, by half.
+/// Half the number of leaves from which a pair is worth several threads.
 const LEAVES_OF_ONE: usize = 256;
 
-/// How many leaves of work it is to find out what of one surface reaches another.
+/// The cost of finding what of one surface reaches another, in leaves.
 const LEAVES_LOOKED_AT: usize = 16;
 
-/// Pairs on a list that are looked through in the time of the pairs of a leaf.
+/// Entries of a list that are scanned in the time that the pairs of a leaf take.
 const PAIRS_OF_A_LEAF: usize = 2000;
 
-/// The tree over a surface's triangles, and the mesh it was built for.
+/// The tree over a surface's triangles, and the mesh that it was built for.
 #[derive(Default)]
 pub(in crate::detection) struct SurfaceTree {
     tree: BoxTree,
     triangles: LeafTriangles,
-    /// The version of the boxes that the triangles that somebody asks about followed last.
+    /// The version of the boxes that the triangles in the leaves were last updated to.
     triangles_followed: u64,
-    /// The tree's arrangement when their vertices were named last.
+    /// The tree's arrangement when the vertices of those triangles were last stored.
     vertices_named: u64,
     topology: Option<Arc<SurfaceTopology>>,
-    /// The version of the boxes that the tree followed last.
+    /// The version of the boxes that the tree was last refitted to.
     followed: u64,
-    /// What became of it in this detection.
+    /// What was done to it in this detection.
     outcome: Outcome,
 }
 
@@ -89,7 +89,7 @@ impl SurfaceTree {
         &self.tree
     }
 
-    /// Whether the tree is that of the surface's boxes as they are now.
+    /// Whether the tree matches the surface's current boxes.
     pub(in crate::detection) fn has_followed(&self, bounds: &TriangleBounds) -> bool {
         self.followed == bounds.version() && self.tree.len() == bounds.triangle_count()
     }
@@ -107,7 +107,7 @@ impl Plugin for TreeBroadPhasePlugin {
     }
 }
 
-#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
+#[expect(clippy::too_many_arguments, reason = "a stage reads the results of earlier stages and ticks")]
 fn update_trees(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
@@ -127,7 +127,7 @@ fn update_trees(
         &mut states,
         settings.threads,
         |place, SurfaceState { tree, bounds, .. }, surface, threads| {
-            // A tree is built when its surface comes, not when something first comes near it.
+            // A tree is built when its surface appears, not when something first comes near it.
             let rests = idle[place] && tree.is_of(surface);
             tree.outcome = if rests { Outcome::default() } else { tree.follow(surface, bounds, threads) };
         },
@@ -137,7 +137,7 @@ fn update_trees(
         diagnostics.trees_rebuilt += usize::from(is_rebuilt);
         first_builds += first_build;
     }
-    // Several threads build several trees at the same time.
+    // Several threads may build several trees at the same time.
     diagnostics.first_tree_builds += first_builds.min(start.elapsed());
     for_each_weighed(
         &mut candidates.pairs,
@@ -166,7 +166,7 @@ fn update_trees(
     diagnostics.finish("tree update", start, 0, 0);
 }
 
-/// Brings over what of a pair's moved surface reaches the other one's box.
+/// Transforms the triangles of a pair's moved surface that reach the box of the other one.
 fn move_triangles(
     active: &ActiveSurfaces,
     settings: &CircumsphereSettings,
@@ -207,7 +207,7 @@ pub(in crate::detection) struct MovedLeaves {
     triangles: LeafTriangles,
 }
 
-#[expect(clippy::too_many_arguments, reason = "a stage reads what was found before it, and what is remembered")]
+#[expect(clippy::too_many_arguments, reason = "a stage reads the results of earlier stages and ticks")]
 fn pair_triangles(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
@@ -285,21 +285,21 @@ fn pair_triangles(
     diagnostics.finish("broad phase", start, overlapping.into_inner(), count);
 }
 
-/// Two trees in one frame, which of them is gone through leaf by leaf while the other one is asked what is near, and what is
-/// dropped on the way.
+/// Two trees in one frame. One is visited leaf by leaf, and the other one is searched for what is near. Also defines
+/// which pairs are dropped.
 pub(in crate::detection) struct Traversal<'a> {
     leaves: &'a BoxTree,
     tree: &'a BoxTree,
     is_self: bool,
-    /// Whether the leaves are those of the second surface.
+    /// Whether the leaves belong to the second surface.
     is_reversed: bool,
-    /// `None` where nothing is dropped.
+    /// `None` if nothing is dropped.
     cull: Option<PairCull<'a>>,
 }
 
 impl<'a> Traversal<'a> {
-    /// Given what is known of both surfaces, and room for the triangles of one that is moved. `None` where none of
-    /// them has been, or the second side is a shape.
+    /// `moved` is memory for the triangles of a moved surface. `None` if the moved surface has no triangles near the
+    /// other one.
     pub(in crate::detection) fn new(
         active: &ActiveSurfaces,
         pair: &SurfacePair,
@@ -327,20 +327,20 @@ impl<'a> Traversal<'a> {
             triangles: [triangles, tree_triangles],
             neighbors: is_self,
             slabs,
-            // The spheres' method counts by planes, and must count the same whoever finds its pairs.
+            // `Circumsphere` tests planes itself, and must drop the same pairs whatever finds its candidates.
             planes_only: !pair.method.is_exact(),
         });
         Some(Self { leaves, tree, is_self, is_reversed: side == 1, cull })
     }
 
-    /// How many of its leaves one thread looks for pairs of at a time, whole groups of those that look around together.
+    /// The number of leaves that one thread handles at a time, a multiple of the number that search together.
     fn leaves_at_once(&self, threads: usize) -> usize {
         let even = self.leaves.leaf_count() / (PARTS_OF_A_THREAD * Threads(threads).most());
         even.clamp(LEAST_AT_ONCE, MOST_AT_ONCE) / LEAVES_TOGETHER * LEAVES_TOGETHER
     }
 
-    /// Appends the pairs of triangles whose boxes overlap and that are not dropped, with the second surface's first where
-    /// the traversal is reversed. Returns how many there are without dropping any by slabs.
+    /// Appends the pairs of triangles whose boxes overlap and that are not dropped. If the traversal is reversed, the
+    /// triangle of the second surface comes first. Returns the number of pairs before slabs drop any.
     fn append(&self, leaves: Range<usize>, cull: Option<&PairCull<'_>>, pairs: &mut Vec<[u32; 2]>) -> usize {
         if self.is_self {
             self.tree.self_pairs_of(leaves, cull, pairs)
@@ -349,8 +349,8 @@ impl<'a> Traversal<'a> {
         }
     }
 
-    /// Appends the pairs within a skin besides, with bounds. Only where there is a cull. Returns how many pairs there are
-    /// without dropping any by slabs.
+    /// Appends these pairs and those within a skin, with bounds. Does nothing if the traversal drops nothing. Returns
+    /// the number of pairs before slabs drop any.
     fn append_bounded(&self, leaves: Range<usize>, range: f32, skin: f32, pairs: &mut BoundedPairs) -> usize {
         match &self.cull {
             Some(cull) if self.is_self => self.tree.bounded_self_pairs_of(leaves, range, skin, cull, pairs),
@@ -390,14 +390,14 @@ impl<'a> Traversal<'a> {
         dropped
     }
 
-    /// Whether two triangles are such a pair, in a self-collision with the lower one first.
+    /// Whether two triangles are such a pair. In a self-collision, the lower one comes first.
     pub(in crate::detection) fn is_dropped_by_slabs(&self, mut triangles: [u32; 2]) -> bool {
         if self.is_reversed {
             triangles.reverse();
         }
         let mut dropped = Vec::new();
         for leaf in 0..self.leaves.leaf_count() {
-            // In a self-collision a pair is found from the earlier one of its leaves.
+            // In a self-collision, a pair is found from the earlier one of its leaves.
             let items = self.leaves.leaf_items(leaf);
             if items.contains(&triangles[0]) || self.is_self && items.contains(&triangles[1]) {
                 self.append_dropped_by_slabs(leaf..leaf + 1, &mut dropped);
@@ -407,9 +407,9 @@ impl<'a> Traversal<'a> {
     }
 }
 
-/// Pairs the triangles of two surfaces, or of one with itself. Returns how many boxes overlap; `None` where a surface is
-/// gone or nothing is near.
-#[expect(clippy::too_many_arguments, reason = "what a stage reads, and where it writes")]
+/// Pairs the triangles of two surfaces, or of one with itself. Returns how many pairs of boxes overlap, or `None` if
+/// nothing is near.
+#[expect(clippy::too_many_arguments, reason = "what a stage reads and where it writes")]
 fn pair_surface(
     active: &ActiveSurfaces,
     settings: &CircumsphereSettings,
@@ -446,14 +446,14 @@ fn pair_shape(
     if let Some(reach) = shape_bounds(pair, shape, first, settings.margin()) {
         tree.tree.query(&reach, |triangle| pair.triangles.push([triangle, 0]));
     } else {
-        // A shape without a box, a half-space, has nothing to ask the tree with.
+        // A half-space has no box to search the tree with.
         pair_with_shape(active, pair, place, settings.margin(), bounds.triangles());
     }
     pair.triangles.len()
 }
 
-/// The distance beyond which slabs that part two triangles decide, where a pair's method goes by that; in the unit of
-/// the pair's frame.
+/// The distance beyond which slabs drop a pair of triangles, in the unit of the pair's frame. `None` if the pair's
+/// method does not use slabs.
 fn slab_range(
     active: &ActiveSurfaces,
     pair: &SurfacePair,

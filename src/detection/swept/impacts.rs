@@ -1,4 +1,4 @@
-//! What the swept stage found in the last detection.
+//! The results of the swept stage. `contacts` reads them.
 
 use std::sync::Arc;
 
@@ -13,40 +13,39 @@ use crate::kernel::{
 /// The first impact of two triangles of a pair of surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SweptImpact {
-    /// 0 where the motion begins, 1 where it ends. Never later than the true time.
+    /// 0 at the start of the motion, 1 at its end. Never later than the true time.
     pub time: f64,
-    /// Why the search for the time ended there: see [`ImpactCause`].
+    /// Why the search for the time ended: see [`ImpactCause`].
     pub cause: ImpactCause,
-    /// A triangle of the first surface; of one surface with itself the lower one.
+    /// Triangle of the first surface. In a self-collision, the lower one.
     pub triangle_a: TriangleId,
-    /// A triangle of the second surface; of a shape tested by formula one of those that stand for it.
+    /// Triangle of the second surface. For a shape that is tested by formula, one of those that stand for it.
     pub triangle_b: TriangleId,
-    /// Which part of a compound; 0 of anything else.
+    /// The part of a compound. Otherwise 0.
     pub part_b: u32,
-    /// What of the triangles meets: a vertex and a face or two edges; an edge and a face where they cross to begin with.
+    /// The features that meet: a vertex and a face, or two edges. An edge and a face if they cross at the start.
     pub features: FeaturePair,
-    /// Weights of the first triangle's corners at that time; they sum to 1.
+    /// Weights of the first triangle's corners at that time. They sum to 1.
     pub barycentric_a: [f32; 3],
-    /// Weights of the second triangle's corners at that time; they sum to 1.
+    /// Weights of the second triangle's corners at that time. They sum to 1.
     pub barycentric_b: [f32; 3],
-    /// World unit vector from the second surface to the first, at that time. Zero where they cross, or touch, to begin
-    /// with.
+    /// World unit vector from the second surface to the first at that time. Zero if they touch or cross at the start.
     pub normal: Vec3,
 }
 
-/// Two surfaces that meet on their way, or one that meets itself.
+/// Two surfaces that meet during their motion, or one that meets itself.
 #[derive(Clone, Debug)]
 pub struct SweptPair {
     /// The first surface by its [order](crate::SurfaceOrder). Rigid shapes come last.
     pub a: Entity,
-    /// The second one: the same in a self-collision.
+    /// The second surface. In a self-collision, the same.
     pub b: Entity,
-    /// The first impact of each two triangles, by the part, the first triangle, then the second.
+    /// The first impact of each pair of triangles, sorted by part, first triangle, and second triangle.
     pub impacts: Vec<SweptImpact>,
-    /// The place of the earliest impact; of several at the same time the first in the list.
+    /// The index of the earliest impact. If several are at the same time, the first in the list.
     pub(crate) earliest: usize,
     pub(crate) topology_a: Arc<SurfaceTopology>,
-    /// None of a shape tested by formula.
+    /// `None` for a shape that is tested by formula.
     pub(crate) topology_b: Option<Arc<SurfaceTopology>>,
 }
 
@@ -71,12 +70,12 @@ impl SweptPair {
     }
 }
 
-/// The impacts of the last detection, of what has [`SweptCollision`](crate::SweptCollision) with other surfaces and rigid shapes.
-/// Pairs that do not meet are left out.
+/// The impacts of the last detection, between whatever has [`SweptCollision`](crate::SweptCollision) and other surfaces
+/// and rigid shapes. Pairs that do not meet are left out.
 ///
 /// Most systems read it through [`SurfaceImpacts`](crate::SurfaceImpacts).
 #[derive(Resource, Clone, Debug, Default)]
 pub struct SweptImpacts {
-    /// The pairs, in the order of both sides.
+    /// The pairs, sorted by the order of both sides.
     pub pairs: Vec<SweptPair>,
 }

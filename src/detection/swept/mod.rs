@@ -1,8 +1,9 @@
-//! Stage 8: when surfaces that move fast first meet on their way.
+//! Stage 8: finds when fast surfaces first meet during their motion.
 //!
-//! For what has [`SweptCollision`] alone, and all that it meets; beside the contacts of the tick, which it neither reads nor
-//! changes. Pairs are looked for by what whole surfaces sweep, then swept triangle by triangle in a frame that flies along with
-//! the larger surface; that one's tree is kept from tick to tick where it rests. Solids are swept as triangles with a radius.
+//! Only for what has [`SweptCollision`] and what it meets. It neither reads nor changes the contacts of the tick. Pairs
+//! are found by the boxes that whole surfaces sweep. Their triangles are then swept in a frame that moves along with
+//! the larger surface, whose tree is kept from tick to tick while it is at rest. Solids are swept as triangles with a
+//! radius.
 
 mod impacts;
 mod mover;
@@ -39,8 +40,8 @@ use crate::{
     },
 };
 
-/// A triangle is fast where a vertex moves farther than this share of its surface's thickness. What passes through each
-/// other without being fast comes no farther apart, before and after, than the same share of the contact distance.
+/// A triangle is fast if a vertex moves farther than this share of its surface's thickness. Slower triangles that pass
+/// through each other are within the same share of the contact distance before and after.
 const FAST: f64 = 0.5;
 
 /// Sweeps fast surfaces.
@@ -68,16 +69,16 @@ struct MainSide {
     frame: Frame,
     bounds: Aabb,
     rounding: f64,
-    /// The version of the surface's positions, where it was at rest: with the same version nothing of this changes.
+    /// The version of the surface's positions, if it was at rest. While it stays the same, nothing here changes.
     at_rest: Option<u64>,
-    /// The detection in which it was last looked at.
+    /// The detection in which it was last updated.
     detection: u64,
-    /// The last detection that its surface took part in.
+    /// The last detection in which its surface took part.
     last_active: u64,
 }
 
 impl MainSide {
-    /// Brings it up to date, once a detection.
+    /// Updates it, once per detection.
     fn follow(&mut self, mover: &Mover<'_>, detection: u64) {
         if std::mem::replace(&mut self.detection, detection) == detection {
             return;
@@ -85,7 +86,7 @@ impl MainSide {
         let Mover { path, version, fresh, .. } = mover;
         let at_rest = path.is_still().then_some(*version);
         if at_rest.is_some() && at_rest == self.at_rest && !fresh {
-            // A rest tells nothing about where in the world.
+            // A surface at rest in this tick may have another pose than in the last one.
             self.frame.pose = path.end_pose;
             return;
         }
@@ -98,15 +99,15 @@ impl MainSide {
     }
 }
 
-/// What the stage keeps for its memory.
+/// State and buffers that are kept from tick to tick.
 #[derive(Default)]
 struct SweptBuffers {
     detection: u64,
-    /// By entity, and part of a shape.
+    /// By entity, and by part of a shape.
     main_sides: HashMap<(Entity, Option<u32>), MainSide>,
-    /// Where rigid shapes were in the last detection, and which that was.
+    /// The pose of each rigid shape in the last detection, and the number of that detection.
     shapes: EntityHashMap<(Pose, u64)>,
-    /// The smaller side of a pair, in the frame of the other.
+    /// The smaller side of a pair, in the frame of the other one.
     moved: SweptPositions,
     world: Vec<Aabb>,
     tree: BoxTree,
@@ -115,11 +116,11 @@ struct SweptBuffers {
     impacts: Vec<PairImpact>,
     spare_impacts: Buffers<Vec<PairImpact>>,
     candidates: Buffers<Vec<[u32; 2]>>,
-    /// Lists of pairs of earlier ticks.
+    /// Impact lists of earlier ticks, for reuse.
     spare: Vec<Vec<SweptImpact>>,
 }
 
-/// What sweeping has cost.
+/// The cost of sweeping.
 #[derive(Default)]
 struct Cost {
     pairs: usize,
@@ -204,21 +205,22 @@ fn find_impacts(
     }
 }
 
-/// The triangle that stands for a half-space under all that may meet it.
+/// The triangle that stands for a half-space. It covers everything that may meet the half-space.
 fn plane(shape: &ActiveShape, poses: &[Pose; 2], whole: &Aabb) -> Option<Plane> {
     let ShapeGeometry::HalfSpace { normal } = &*shape.geometry else { return None };
     Plane::under(whole, *normal, poses)
 }
 
 impl SweptBuffers {
-    /// Where a rigid shape was in the last detection.
+    /// The pose of a rigid shape in the last detection.
     fn last_pose(&self, shape: Entity, now: &Pose, fresh: bool) -> Pose {
         let last = self.shapes.get(&shape).filter(|(_, seen)| !fresh && seen + 1 == self.detection);
         last.map_or(*now, |(pose, _)| *pose)
     }
 
-    /// The way of a surface in this tick, and whether it asks to be swept. What does not, or has no past, stands where it is;
-    /// rigid shapes have one always.
+    /// The motion of a surface in this tick, and whether the surface is swept against everything that it meets. Without
+    /// `SweptCollision`, or without known last positions, a surface stands still unless it has a target. Rigid shapes
+    /// always move from their last pose.
     fn path_of<'a>(
         &self,
         surface: &ActiveSurface,
@@ -246,7 +248,7 @@ impl SweptBuffers {
         }
     }
 
-    /// Finds the pairs whose ways come near each other, one of them at least moving: each once, sorted.
+    /// Finds the pairs of movers whose motions come near each other and of which at least one moves. Each once, sorted.
     fn pair_movers(&mut self, movers: &[Mover<'_>]) {
         self.pairs.clear();
         if !movers.iter().any(Mover::moves) {
@@ -262,7 +264,7 @@ impl SweptBuffers {
         self.pairs.sort_unstable();
     }
 
-    /// Sweeps two movers, or one against itself, and appends what they meet by.
+    /// Sweeps two movers, or one against itself, and appends their impacts.
     fn sweep_pair(
         &mut self,
         movers: &[Mover<'_>],

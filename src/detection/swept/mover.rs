@@ -15,29 +15,29 @@ use crate::{
     surface::{ActiveShape, ActiveSurface, SurfaceLayers},
 };
 
-/// A mesh on its way, or at rest.
-#[expect(clippy::struct_excessive_bools, reason = "each is asked alone")]
+/// A mesh in motion, or at rest.
+#[expect(clippy::struct_excessive_bools, reason = "each is read by itself")]
 pub(super) struct Mover<'a> {
     pub entity: Entity,
-    /// Which part of a shape tested by formula.
+    /// The part of a shape that is tested by formula.
     pub part: Option<u32>,
     pub topology: &'a Arc<SurfaceTopology>,
     pub path: Path<'a>,
-    /// A world box around its way and all that is within its radius.
+    /// A world box around its motion and everything within its radius.
     pub world: Aabb,
-    /// Half its contact distance in world units.
+    /// Half the distance at which two such surfaces touch, in world units.
     pub thickness: f64,
     /// How far it is solid beyond its triangles, in world units.
     pub radius: f64,
     pub layers: SurfaceLayers,
     pub self_collision: bool,
-    /// Whether it is a rigid shape: these do not meet each other.
+    /// Whether it is a rigid shape. These do not meet each other.
     pub rigid: bool,
-    /// Whether nothing remembered of it holds.
+    /// Whether results of earlier ticks are invalid for it.
     pub fresh: bool,
-    /// How many times its boxes have been version: as often, and the positions are the same.
+    /// The version of its positions. Equal versions mean equal positions. 0 for a shape that is tested by formula.
     pub version: u64,
-    /// Whether it is to be swept against all that it meets.
+    /// Whether it is swept against everything that it meets.
     pub asks: bool,
 }
 
@@ -61,7 +61,7 @@ impl<'a> Mover<'a> {
         }
     }
 
-    /// The parts of a shape that has gone from one pose to another; `plane` stands for a half-space.
+    /// The parts of a shape that moves from one pose to another. `plane` stands for a half-space.
     pub fn of_shape(
         shape: &'a ActiveShape,
         [start_pose, end_pose]: [Pose; 2],
@@ -96,7 +96,7 @@ impl<'a> Mover<'a> {
         !self.path.is_still()
     }
 
-    /// Whether two are to be swept against each other.
+    /// Whether two movers are swept against each other.
     pub fn meets(&self, other: &Self) -> bool {
         !(self.rigid && other.rigid)
             && (self.moves() || other.moves())
@@ -108,12 +108,13 @@ impl<'a> Mover<'a> {
 /// A triangle in the boundary of a half-space, in its own frame.
 pub(super) struct Plane {
     corners: [Vec3; 3],
-    /// How far rounding has brought a corner off the boundary.
+    /// The largest distance of a corner from the boundary, due to rounding.
     deviation: f64,
 }
 
 impl Plane {
-    /// A triangle that is under, or over, a box in the world while the half-space moves.
+    /// A triangle in the boundary that covers a world box, seen along the normal, while the half-space moves. `None` if
+    /// that is out of range.
     pub fn under(bounds: &Aabb, normal: DVec3, poses: &[Pose; 2]) -> Option<Self> {
         let middle = (bounds.min.as_dvec3() + bounds.max.as_dvec3()) * 0.5;
         let own = poses.each_ref().map(|pose| pose.inverse().transform_point(middle));

@@ -1,8 +1,8 @@
-//! Where the vertices of a surface begin and end a step, in the frame that a pair is swept in.
+//! Where the vertices of a surface start and end a step, in the frame in which a pair is swept.
 //!
-//! Vertices move in straight lines in the world, between where they stand at both ends. That frame is a surface's own at
-//! the end of the step, moved along with what its vertices have in common: so it turns none of those lines, bodies that
-//! fly together are slow in it, and far from the origin it costs no precision.
+//! Vertices move in straight lines in the world. The frame is the main surface's own frame at the end of the step, and
+//! moves along with the common motion of its vertices. So straight lines stay straight, bodies that fly together are
+//! slow in it, and precision does not suffer far from the origin.
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
@@ -12,12 +12,12 @@ use crate::kernel::{
     pose::Pose,
 };
 
-/// Bound of what rounding moves a coordinate by on its way into the frame, relative to the largest length on that way. In
-/// halves of ε: an inverse rotation is off by 10 in each entry, its product with another one by 13√3, a point turned by that
-/// by 26 · 3, what it is shifted by, turned by the inverse, by 13 · 3, and sums by 3: together by 120.
+/// Upper bound of the rounding error of a coordinate that is transformed into the frame, relative to the largest length
+/// involved. In halves of ε: an entry of an inverse rotation is off by 10, its product with another rotation by 13√3, a
+/// point rotated by that by 26 · 3, its translation, rotated by the inverse, by 13 · 3, and sums by 3. Together 120.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// Where a surface begins and ends a step: positions in its own frame, and where that stands in the world.
+/// Where a surface starts and ends a step: positions in its own frame, and the world pose of that frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path<'a> {
     pub start: &'a [Vec3],
@@ -27,7 +27,7 @@ pub(super) struct Path<'a> {
 }
 
 impl<'a> Path<'a> {
-    /// That of a surface at rest.
+    /// The path of a surface at rest.
     pub fn still(positions: &'a [Vec3], pose: Pose) -> Self {
         Self { start: positions, start_pose: pose, end: positions, end_pose: pose }
     }
@@ -36,13 +36,13 @@ impl<'a> Path<'a> {
         std::ptr::eq(self.start, self.end) && self.start_pose.has_bits_of(&self.end_pose)
     }
 
-    /// A world box around it.
+    /// A world box around the path.
     pub fn world_bounds(&self) -> Aabb {
         let world = Pose::IDENTITY;
         self.bounds_in(&Frame { pose: world, drift: DVec3::ZERO }).0
     }
 
-    /// A box around it in a frame, and how far rounding may move a vertex on its way there.
+    /// A box around the path in a frame, and how far rounding may displace a vertex on its way there.
     pub fn bounds_in(&self, frame: &Frame) -> (Aabb, f64) {
         let [start, end] = frame.ends(self);
         let box_of = |positions: &[Vec3], affine: &DAffine3, shift: DVec3| {
@@ -63,7 +63,7 @@ impl<'a> Path<'a> {
     }
 }
 
-/// A frame that moves: where it stands at the end of a step, and its own motion in the step, seen from itself.
+/// A moving frame: its pose at the end of a step, and its own motion during the step, in its own coordinates.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Frame {
     pub pose: Pose,
@@ -71,14 +71,15 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// From the own frame of a surface to this one, at the start of a step, without the drift, and at its end.
+    /// Transforms from the own frame of a surface to this one: at the start of a step, without the drift, and at its
+    /// end.
     fn ends(&self, path: &Path<'_>) -> [DAffine3; 2] {
         [&path.start_pose, &path.end_pose].map(|pose| relative(pose, &self.pose))
     }
 }
 
-/// A pose as seen from another one. Translations are subtracted before they are turned: those of neighbors far from the
-/// origin have most of their digits in common.
+/// A pose as seen from another one. Translations are subtracted before they are rotated, because those of neighbors far
+/// from the origin have most of their digits in common.
 fn relative(pose: &Pose, frame: &Pose) -> DAffine3 {
     let (pose, frame) = (pose.to_affine(), frame.to_affine());
     let is_frame = frame.matrix3 == DMat3::IDENTITY;
@@ -90,18 +91,18 @@ fn relative(pose: &Pose, frame: &Pose) -> DAffine3 {
 /// The vertices of a surface at both ends of a step, in the frame of a pair, and the boxes of its triangles.
 #[derive(Debug, Default)]
 pub(super) struct SweptPositions {
-    /// Empty where the surface is at rest.
+    /// Empty if the surface is at rest.
     start: Vec<DVec3>,
     end: Vec<DVec3>,
     pub tree: SweepTree,
-    /// Whether the tree knows of these positions.
+    /// Whether the tree has been updated to these positions.
     boxed: bool,
-    /// The farthest that a vertex moves.
+    /// The farthest motion of a vertex.
     farthest: f64,
 }
 
 impl SweptPositions {
-    /// Brings the vertices of a path into a frame.
+    /// Transforms the vertices of a path into a frame.
     pub fn fill(&mut self, path: &Path<'_>, frame: &Frame) {
         let [start, end] = frame.ends(path);
         let bring = |positions: &[Vec3], affine: &DAffine3, moved: &mut Vec<DVec3>| {
@@ -121,12 +122,12 @@ impl SweptPositions {
         self.take_away(frame.drift);
     }
 
-    /// The motion that the vertices have in common.
+    /// The common motion of the vertices.
     pub fn drift(&self) -> DVec3 {
         if self.start.is_empty() { DVec3::ZERO } else { drift(&self.start, &self.end) }
     }
 
-    /// Takes a motion out of that of the vertices.
+    /// Subtracts a motion from that of the vertices.
     pub fn take_away(&mut self, drift: DVec3) {
         if drift != DVec3::ZERO {
             self.start.iter_mut().for_each(|start| *start += drift);
@@ -145,7 +146,7 @@ impl SweptPositions {
         SweptMesh { topology, start, end: &self.end, reach }
     }
 
-    /// Brings the boxes up to date, unless they are.
+    /// Updates the boxes, if necessary.
     pub fn update_boxes(&mut self, topology: &SurfaceTopology, reach: f64) {
         if !std::mem::replace(&mut self.boxed, true) {
             let mut tree = std::mem::take(&mut self.tree);

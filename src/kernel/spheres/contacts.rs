@@ -2,7 +2,7 @@
 //!
 //! Reads pairs of triangles and the rows of both sides, eight pairs at a time. The spheres alone determine a contact of
 //! spheres, so a tick only [finds](FoundSpheres) which pairs are in contact and how far apart they are, in any order.
-//! Points and normals are [written](FoundPairs) from the same pairs, in the order of the contacts, when they are read.
+//! Points and normals are [written](FoundPairs) from the same pairs, in the order of the contacts, where they are wanted.
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 

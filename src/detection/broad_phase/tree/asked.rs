@@ -1,4 +1,4 @@
-//! What traversals ask of the triangles in the leaves of trees: only that is brought up to date.
+//! What traversals need of the triangles in the leaves of trees. Only that is brought up to date.
 
 use glam::Vec3;
 
@@ -21,28 +21,28 @@ use crate::{
     surface::{ActiveSurface, ActiveSurfaces, ContactMethod},
 };
 
-/// What a traversal asks of the triangles of a surface where they are.
+/// What a traversal needs of a surface's triangles in the tree's own leaves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::detection) enum Asked {
-    /// Nothing but their boxes.
+    /// Only their boxes.
     #[default]
     Boxes,
-    /// Which share a vertex.
+    /// Which of them are neighbors.
     Neighbors,
-    /// How far apart slabs keep them.
+    /// By how much slabs separate them.
     Slabs,
 }
 
-/// What traversals ask of the triangles of a surface where they are, and where.
+/// What traversals need of a surface's triangles in the tree's own leaves, and where.
 #[derive(Default)]
 pub(super) struct AskedTriangles {
     asked: Asked,
-    /// Where they ask about slabs.
+    /// Where they need slabs.
     regions: Vec<Region>,
 }
 
-/// Marks for each active surface what traversals ask about its triangles where they are: of one that is moved they ask about
-/// those that were brought over. What is not traversed asks for nothing.
+/// Marks for each active surface what traversals need of the triangles in its leaves. For a moved surface they need the
+/// transformed triangles instead. Pairs that are not traversed need nothing.
 pub(super) fn mark_asked_surfaces(
     active: &ActiveSurfaces,
     candidates: &CandidateTrianglePairs,
@@ -70,7 +70,7 @@ pub(super) fn mark_asked_surfaces(
             let surface = &mut surfaces[place];
             surface.asked = surface.asked.max(of_pair);
             if of_pair == Asked::Slabs {
-                // A list is of what is near beyond the boxes.
+                // A list also contains pairs whose boxes do not overlap.
                 let is_listed = list_use == ListUse::Made;
                 surface.regions.push(if is_listed { Region::Everywhere } else { region });
             }
@@ -79,7 +79,7 @@ pub(super) fn mark_asked_surfaces(
 }
 
 impl SurfacePair {
-    /// What a traversal asks about the triangles of both sides.
+    /// What a traversal needs of the triangles of both sides.
     pub(in crate::detection) fn asks_of_triangles(&self, settings: &CircumsphereSettings) -> Asked {
         if self.has_slabs(settings) {
             Asked::Slabs
@@ -90,8 +90,8 @@ impl SurfacePair {
         }
     }
 
-    /// Where a traversal asks about the triangles of either side where they are, given both trees: in the leaves that overlap
-    /// any of the other's. `None` of a side that is moved, or that nothing reaches.
+    /// Where a traversal needs the triangles of each side in the tree's own leaves, given both trees: in the leaves
+    /// that overlap something of the other side. `None` for a side that is moved or that nothing reaches.
     pub(in crate::detection) fn asked_regions(&self, trees: [&BoxTree; 2]) -> [Option<Region>; 2] {
         if self.is_self() {
             return [Some(Region::Everywhere); 2];
@@ -108,14 +108,14 @@ impl SurfacePair {
         }
     }
 
-    /// Whether the method goes by what slabs say.
+    /// Whether the method uses slabs.
     pub(super) fn has_slabs(&self, settings: &CircumsphereSettings) -> bool {
         self.method != ContactMethod::BoundingSphere && pair_settings(self, settings).cull
     }
 }
 
 impl SurfaceTree {
-    /// Brings up to date what traversals ask of the triangles where they are.
+    /// Updates what traversals need of the triangles in the leaves.
     pub(super) fn follow_triangles(
         &mut self,
         &AskedTriangles { asked, ref regions }: &AskedTriangles,
@@ -136,7 +136,7 @@ impl SurfaceTree {
         }
     }
 
-    /// Whether it is over as many triangles as a surface has, and they have followed it as far as a traversal asks about them.
+    /// Whether the tree is over as many triangles as the surface has, and up to date as far as a traversal needs.
     /// `version` is that of the surface's boxes.
     pub(in crate::detection) fn is_current(
         &self,

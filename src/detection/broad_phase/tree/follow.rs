@@ -1,5 +1,5 @@
-//! Trees follow the boxes of their surfaces: those of one large surface in tasks, those of many small ones side by side. A
-//! tree that its mesh has outgrown is built anew.
+//! Refits trees to the boxes of their surfaces: one large surface in tasks, many small ones in parallel. Rebuilds a
+//! tree that has decayed.
 
 use std::{
     sync::Arc,
@@ -18,28 +18,28 @@ use crate::{
     surface::{ActiveSurface, ActiveSurfaces},
 };
 
-/// A tree that has decayed is built anew in slices, a tick each. Where it is as bad as this before they have begun, all of it
-/// has changed at once: then it is built at once, since to ask it until the last slice would take longer.
+/// A decayed tree is rebuilt in slices, one per tick. If it has decayed this far before the slices begin, everything
+/// has changed at once. It is then rebuilt immediately, because searching it until the last slice would take longer.
 const REBUILD_AT_ONCE_DECAY: f32 = 4.0;
 
-/// The same where they have begun.
+/// The same limit once the slices have begun.
 const BREAK_OFF_DECAY: f32 = 16.0;
 
-/// Triangles of a surface that are worth more than one thread, by half.
+/// Half the number of triangles from which a surface is worth several threads.
 const TRIANGLES_OF_ONE: usize = 8192;
 
 impl SurfaceTree {
-    /// Whether it has been built for the mesh that a surface has.
+    /// Whether it was built for the surface's current mesh.
     pub(super) fn is_of(&self, surface: &ActiveSurface) -> bool {
         self.topology.as_ref().is_some_and(|topology| Arc::ptr_eq(topology, &surface.topology))
     }
 
-    /// Follows the boxes of its surface.
+    /// Refits or rebuilds the tree to the boxes of its surface.
     pub(super) fn follow(&mut self, surface: &ActiveSurface, bounds: &TriangleBounds, threads: usize) -> Outcome {
         let mut outcome = Outcome::default();
         if self.is_of(surface) {
             if self.followed != bounds.version() {
-                // What was begun before the tree has rested is of boxes that are long gone.
+                // The tree has been idle, so a rebuild in progress is based on outdated boxes.
                 if bounds.version() != self.followed + 1 {
                     self.tree.break_off_rebuilding();
                 }
@@ -65,14 +65,14 @@ impl SurfaceTree {
     }
 }
 
-/// What became of a surface's tree.
+/// What was done to a surface's tree.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Outcome {
     pub(super) is_rebuilt: bool,
     pub(super) first_build: Duration,
 }
 
-/// Calls `update` with the place of every active surface, what is known of it, and how many threads may work on it.
+/// Calls `update` with every active surface: its index, its state, the surface, and the number of threads for it.
 pub(super) fn update_each(
     active: &ActiveSurfaces,
     states: &mut SurfaceStates,

@@ -1,4 +1,5 @@
-//! Lists that outlive a tick, as far as trees go: they make them, and rest where every pair goes by one, or there is none.
+//! Lists of near pairs, as far as trees are concerned. Traversals make the lists. A tree is idle if all its pairs
+//! follow a list or are kept.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -16,7 +17,7 @@ use crate::{
     surface::ActiveSurfaces,
 };
 
-/// Marks for each active surface whether nobody asks its tree: every pair of it is kept or goes by its list, if there is any.
+/// Marks for each active surface whether its tree is idle: all its pairs, if any, are kept or follow a list.
 pub(super) fn mark_idle_trees(
     active: &ActiveSurfaces,
     candidates: &CandidateTrianglePairs,
@@ -75,8 +76,8 @@ pub(super) fn make_list(
     list.pairs.sort(count(pair.first).max(count(second)));
 }
 
-/// Looks at the triangles of pairs on a list that is followed, of which the bound no longer tells; where one is made, the
-/// traversal has done so. Returns of how many.
+/// Looks for gaps between the triangles of pairs on a followed list whose bound is inconclusive. Returns the number of
+/// those pairs. In a new list, the traversal has done so.
 pub(super) fn look_closer(
     active: &ActiveSurfaces,
     pair: &SurfacePair,
