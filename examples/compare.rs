@@ -46,7 +46,7 @@ use input::Input;
 use machine::Machine;
 use measure::Contestant;
 use options::Options;
-use ours::{Ours, Reader};
+use ours::{Ours, WithPoints};
 use peak_alloc::PeakAlloc;
 use report::Report;
 use scale::{Scale, Sweep};
@@ -218,7 +218,7 @@ fn measure(input: &Input, options: &Options) -> Report {
         for &threads in &threads {
             contestants.push(Box::new(Ours::new(input, method, threads)) as Box<dyn Contestant>);
             if !method.is_exact() {
-                contestants.push(Box::new(Reader(Ours::new(input, method, threads))));
+                contestants.push(Box::new(WithPoints(Ours::with_points(input, method, threads))));
             }
         }
     }

@@ -21,13 +21,8 @@ pub const MOVED: &str = "tick, moved by 0.09 contact distances";
 pub const FOLLOWED: &str = "of those, by a list of an earlier tick";
 pub const RENEWED: &str = "of those, that make a list";
 pub const UNCHANGED: &str = "tick, unchanged";
-/// First reading of sphere contacts, which are written at that time; and a tick including its reading, if every tick is
-/// read.
-pub const READ: &str = "its contacts, when nobody has read any before";
-pub const READ_EACH: &str = "cold tick and its contacts, read every tick";
-/// Number of ticks without a reader after which contacts are left to the first reader, and the memory for written
-/// contacts has been freed.
-const UNREAD: usize = 10;
+/// A cold tick of a sphere method that writes contacts with points and normals; its other rows write distances alone.
+pub const WITH_POINTS: &str = "cold tick, with points and normals";
 
 /// One method on one number of threads.
 pub struct Ours {
@@ -43,20 +38,31 @@ pub fn method_name(method: ContactMethod) -> String {
 
 impl Ours {
     pub fn new(input: &Input, method: ContactMethod, threads: usize) -> Self {
-        Self::recorded(input, method, threads, Recorder::default())
+        Self::recorded(input, method, threads, SphereContactDetail::Distances, Recorder::default())
     }
 
     /// Plays the frames once for the recorder, without measuring.
     pub fn record(input: &Input, method: ContactMethod, recorder: Recorder) {
-        let mut ours = Self::recorded(input, method, 1, recorder);
+        let mut ours = Self::recorded(input, method, 1, SphereContactDetail::Points, recorder);
         for tick in &input.ticks {
             move_surface(&mut ours.app, ours.surface, tick.now.clone());
             detect(&mut ours.app);
         }
     }
 
-    fn recorded(input: &Input, method: ContactMethod, threads: usize, recorder: Recorder) -> Self {
-        let settings = CircumsphereSettings { threads, ..CircumsphereSettings::default() };
+    /// Writes contacts with points and normals by every method.
+    pub fn with_points(input: &Input, method: ContactMethod, threads: usize) -> Self {
+        Self::recorded(input, method, threads, SphereContactDetail::Points, Recorder::default())
+    }
+
+    fn recorded(
+        input: &Input,
+        method: ContactMethod,
+        threads: usize,
+        sphere_contacts: SphereContactDetail,
+        recorder: Recorder,
+    ) -> Self {
+        let settings = CircumsphereSettings { threads, sphere_contacts, ..CircumsphereSettings::default() };
         let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, recorder);
         let positions = &input.ticks[0].now;
         let (surface, positions) =
@@ -84,11 +90,6 @@ impl Ours {
             touching: Some(store.touching_count() as u64),
             contacts: Some(store.contact_count() as u64),
         }
-    }
-
-    /// Visits all contacts of the last tick.
-    fn read(&self) -> f64 {
-        self.app.world().resource::<ContactStore>().contacts().map(|contact| f64::from(contact.distance)).sum()
     }
 
     /// Moves the mesh as a teleport, so that nothing remembered is used.
@@ -158,33 +159,19 @@ impl Contestant for Ours {
     }
 }
 
-/// A sphere method in an app whose contacts are read. It is a separate app, because reading changes which lists are in
-/// memory.
-pub struct Reader(pub Ours);
+/// A sphere method in an app that writes contacts with points and normals.
+pub struct WithPoints(pub Ours);
 
-impl Contestant for Reader {
+impl Contestant for WithPoints {
     fn name(&self) -> String {
-        format!("{}, read", self.0.name())
+        format!("{}, with points", self.0.name())
     }
 
-    /// Reads a tick after several unread ticks, and then a tick right after another read one.
     fn run(&mut self, _: usize, tick: &Tick, log: &mut Log) -> Result<(), String> {
         let Self(ours) = self;
-        for _ in 0..UNREAD {
-            ours.jump_and_update(&tick.before);
-        }
-        ours.jump_and_update(&tick.now);
-        let (reading, _) = timed(|| ours.read());
-        ours.log(READ, reading, log);
-
         ours.jump_and_update(&tick.before);
-        ours.read();
         ours.jump(&tick.now);
-        let (both, _) = timed(|| {
-            ours.app.update();
-            ours.read()
-        });
-        ours.log(READ_EACH, both, log);
+        ours.measure(WITH_POINTS, log, false);
         Ok(())
     }
 }
