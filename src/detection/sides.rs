@@ -1,7 +1,7 @@
 //! Collects what the kernel needs about a pair of surfaces: both sides, settings, and rows. Used by all stages after
 //! the broad phase.
 
-use bevy_ecs::prelude::*;
+use bevy_ecs::{change_detection::Tick, prelude::*};
 use glam::Vec3;
 
 use super::{
@@ -19,9 +19,7 @@ use crate::{
         },
     },
     settings::CircumsphereSettings,
-    surface::{
-        ActiveSurface, ActiveSurfaces, Circumspheres, ContactMethod, EnclosingBalls, SphereSource, TriangleCones,
-    },
+    surface::{ActiveSurface, ActiveSurfaces, Circumspheres, ContactMethod, EnclosingBalls, TriangleCones},
 };
 
 /// The spheres of every surface.
@@ -113,12 +111,13 @@ struct MadeRows<R> {
     source: Option<RowSource>,
 }
 
-/// The surface that rows belong to, the version of its positions, and what its spheres were computed from.
+/// The surface that rows belong to, the version of its positions, and when its spheres changed last. The source of the
+/// spheres does not suffice: after a teleport, new spheres have the source of the old ones.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct RowSource {
     surface: Entity,
     version: u64,
-    spheres: Option<SphereSource>,
+    changed: [Tick; 2],
 }
 
 impl<R> MadeRows<R> {
@@ -160,18 +159,19 @@ impl SphereRows {
             let (topology, positions) = (&*active.topology, state.positions());
             let surface =
                 SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None };
-            let source = |spheres| RowSource { surface: active.entity, version: state.version(), spheres };
+            let source = |changed| RowSource { surface: active.entity, version: state.version(), changed };
             let is_worth_it = |pairs: usize, of_pair: usize, rests: bool| {
                 let of_pair = if rests { TRIANGLES_OF_RESTING_PAIR } else { of_pair };
                 pairs > 0 && of_pair * pairs >= topology.triangles().len()
             };
             let rests = !spheres.is_changed() && !cones.is_changed();
-            cap_rows.update(source(spheres.source), is_worth_it(by_caps, TRIANGLES_OF_CAP_PAIR, rests), |rows| {
+            let cap_source = source([spheres.last_changed(), cones.last_changed()]);
+            cap_rows.update(cap_source, is_worth_it(by_caps, TRIANGLES_OF_CAP_PAIR, rests), |rows| {
                 let side = CapSide { surface, spheres: &spheres, cones: &cones, pose: None, rows: None };
                 side.rows(share, rows);
             });
             ball_rows.update(
-                source(balls.source),
+                source([balls.last_changed(); 2]),
                 is_worth_it(by_balls, TRIANGLES_OF_BALL_PAIR, !balls.is_changed()),
                 |rows| {
                     BallSide { surface, balls: &balls, pose: None, rows: None }.rows(share, rows);
