@@ -96,6 +96,7 @@ fn refit_spheres(
             }
         } else if (surface.fresh || changed) && !spheres.radii.is_empty() {
             spheres.data.forget();
+            spheres.source = None;
         }
         if used {
             let (source, is_reusable) = source(surface, state, &memory, &settings);

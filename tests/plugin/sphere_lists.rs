@@ -151,7 +151,8 @@ fn pairs_are_found_among_fewer_surfaces() {
     assert!(lists(store(&app).pairs()) == expected);
 }
 
-/// Spheres that are made anew where their surface stands, as after a teleport, make other contacts. Those of a new world.
+/// Spheres that are made anew where their surface stands, as after a teleport, make other contacts: those of a new world. Even
+/// if nothing is near in that tick.
 #[test]
 fn spheres_that_are_made_anew_in_place_are_those_that_pairs_are_tested_with() {
     let parts = (ContactMethod::Circumsphere, SurfaceThickness::World(0.2));
@@ -159,25 +160,32 @@ fn spheres_that_are_made_anew_in_place_are_those_that_pairs_are_tested_with() {
     // Less than what makes a sphere anew.
     let drawn_out =
         |mesh: &Mesh| points(mesh).iter().map(|&point| point * Vec3::new(1.4, 0.8, 1.0)).collect::<Vec<_>>();
-    let mut app = app();
-    let surfaces = balls.each_ref().map(|ball| spawn(&mut app, ball, parts));
-    app.update();
-    for (&surface, ball) in surfaces.iter().zip(&balls) {
-        write_positions(&mut app, surface, &drawn_out(ball));
-    }
-    app.update();
-    let stale = lists(store(&app).pairs());
-    surfaces.iter().for_each(|&surface| insert(&mut app, surface, Teleported));
-    app.update();
-    let mut new = crate::world::app();
+    let mut new = app();
     for ball in &balls {
         let surface = spawn(&mut new, ball, parts);
         write_positions(&mut new, surface, &drawn_out(ball));
     }
     new.update();
     let expected = lists(store(&new).pairs());
-    assert!(expected != stale && expected[0].0.len() > 100);
-    assert!(lists(store(&app).pairs()) == expected);
+    for is_apart in [false, true] {
+        let mut app = app();
+        let surfaces = balls.each_ref().map(|ball| spawn(&mut app, ball, parts));
+        app.update();
+        for (&surface, ball) in surfaces.iter().zip(&balls) {
+            write_positions(&mut app, surface, &drawn_out(ball));
+        }
+        app.update();
+        assert!(expected != lists(store(&app).pairs()) && expected[0].0.len() > 100);
+        surfaces.iter().for_each(|&surface| insert(&mut app, surface, Teleported));
+        if is_apart {
+            insert(&mut app, surfaces[1], Transform::from_xyz(90.0, 0.0, 0.0));
+            app.update();
+            assert!(store(&app).pairs().is_empty());
+            insert(&mut app, surfaces[1], Transform::IDENTITY);
+        }
+        app.update();
+        assert!(lists(store(&app).pairs()) == expected, "apart: {is_apart}");
+    }
 }
 
 /// What spheres have found, and the memory for it, goes with the method.
