@@ -8,8 +8,8 @@
 //! *Cold* is a tick in which the mesh has new positions and [`Teleported`](bevy_circumsphere::Teleported) forbids the
 //! use of anything remembered. The tick before had another shape: the previous frame, or the next one for the first
 //! frame. A mesh that never moves had every vertex a contact distance away. Trees are kept and refitted, as those of
-//! the other libraries are. *Moved* is the mean of the twelve ticks that follow, in each of which every vertex moves by
-//! 0.09 contact distances in its own direction. Ticks that use a list from an earlier tick and ticks that make one are
+//! the other libraries are. *Moved* is the mean of the twelve ticks that follow. Every vertex moves by 0.09 contact
+//! distances per tick, in its own direction. Ticks that use a list from an earlier tick and ticks that make one are
 //! also given separately. *Unchanged* is the tick after those, in which nothing is written. Our methods are timed from
 //! outside: the whole update of the app, including the storage of contacts.
 //!

@@ -4,8 +4,8 @@ use bevy_circumsphere::kernel::mesh::{topology::SurfaceTopology, validation::Top
 use circumsphere_support::{random::Random, recording::Recording};
 use glam::Vec3;
 
-/// Number of ticks after the cold one, in each of which every vertex moves by [`DRIFT`]. Enough for remembered data to
-/// be renewed twice.
+/// Number of ticks after the cold one. Every vertex moves by [`DRIFT`] per tick. Enough to make the list of near pairs
+/// anew twice.
 const DRIFT_TICKS: usize = 12;
 
 /// Displacement of a vertex per drift tick, in contact distances: less than a tenth.

@@ -144,7 +144,7 @@ impl Contestant for Ours {
             let (_, sum, count) = &mut ticks[usize::from(!is_followed)];
             (*sum, *count) = (*sum + duration, *count + 1);
         }
-        // The mean over all of them, because renewing what is remembered is part of the price.
+        // The mean over all of them: updating the lists of near pairs is part of the price.
         let [(_, followed, followed_count), (_, renewed, renewed_count)] = ticks;
         let (who, mean) = (method_name(self.method), (followed + renewed) / (followed_count + renewed_count));
         self.log(MOVED, mean, log);

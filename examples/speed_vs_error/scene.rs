@@ -120,7 +120,7 @@ impl Scene {
         self.bodies.iter().map(|body| body.triangles.len()).sum()
     }
 
-    /// The median of the bodies' mean edges, in multiples of which contact distances are given. So neither a single
+    /// The median of the bodies' mean edges: contact distances are multiples of it. A median, so that neither a single
     /// coarse ground nor a single fine object determines it.
     pub fn mean_edge(&self) -> f64 {
         let mut edges: Vec<f64> = self.bodies.iter().map(|body| body.mean_edge).collect();

@@ -35,9 +35,9 @@ pub(super) fn source(
     state: &SurfaceState,
     memory: &DetectionMemory,
     settings: &CircumsphereSettings,
-) -> (Option<SphereSource>, bool) {
+) -> (SphereSource, bool) {
     let source = SphereSource { version: state.version(), settings: memory.settings_version() };
-    (Some(source), settings.memory && !surface.fresh)
+    (source, settings.memory && !surface.fresh)
 }
 
 #[expect(clippy::too_many_arguments, reason = "a stage reads what earlier stages wrote")]
@@ -58,13 +58,13 @@ fn measure_curvature(
         let Ok(mut curvature) = surfaces.get_mut(surface.entity) else { continue };
         if used {
             let (source, is_reusable) = source(surface, state, &memory, &settings);
-            if is_reusable && curvature.source == source {
+            if is_reusable && curvature.source == Some(source) {
                 continue;
             }
             any_made = true;
             let share = Threads(settings.threads);
             curvature.data.measure_on(&share, &surface.topology, state.positions(), settings.estimator);
-            curvature.source = source;
+            curvature.source = Some(source);
         } else if surface.method > ContactMethod::Circumsphere && !curvature.curvatures.is_empty() {
             // The method has changed. Data that no pair needs takes no memory.
             *curvature = TriangleCurvature::default();

@@ -163,7 +163,7 @@ impl DetectionMemory {
     }
 
     /// Keeps nothing from here on in this detection.
-    pub(super) fn forget(&mut self) {
+    fn forget(&mut self) {
         self.origins.fill(None);
         self.all_kept = false;
     }

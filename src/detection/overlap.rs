@@ -125,10 +125,9 @@ fn test_overlap(
                 return;
             }
             let pair_settings = pair_settings(pair, &settings);
-            // The broad phase has dropped neighbors.
-            let test_settings = PairSettings { same_surface: false, ..pair_settings };
             if pair.method == ContactMethod::Circumsphere {
                 let mut kept = room;
+                let test_settings = without_neighbor_test(&pair_settings);
                 with_caps(&active, states.all(), &surfaces, pair, &rows, |a, b| {
                     let test = |chunk: &[[u32; 2]], kept: &mut _| overlapping_caps(a, b, chunk, &test_settings, kept);
                     append_chunks(&pair.triangles, threads, &spare, &mut kept, test, Vec::append);
@@ -137,7 +136,7 @@ fn test_overlap(
                 return;
             }
             with_balls(&active, states.all(), &surfaces, pair, &rows, |a, b| {
-                let tests = BallTests { a, b, settings: &pair_settings, test_settings: &test_settings };
+                let tests = BallTests { a, b, settings: &pair_settings };
                 *overlapping = contacts.find_spheres(
                     &pair.triangles,
                     &pair_settings,
@@ -167,18 +166,22 @@ fn test_overlap(
     }
 }
 
+/// The settings of a pair whose neighbors the broad phase has dropped.
+fn without_neighbor_test(settings: &PairSettings) -> PairSettings {
+    PairSettings { same_surface: false, ..*settings }
+}
+
 /// Tests the enclosing balls of a pair of surfaces.
 struct BallTests<'a> {
     a: &'a BallSide<'a>,
     b: &'a BallSide<'a>,
     settings: &'a PairSettings,
-    /// The settings for pairs without neighbors.
-    test_settings: &'a PairSettings,
 }
 
 impl SphereTests for BallTests<'_> {
     fn find(&self, pairs: &[[u32; 2]], (passed, found): &mut PassedAndFound) {
-        overlapping_ball_contacts(self.a, self.b, pairs, self.test_settings, passed, found);
+        let settings = without_neighbor_test(self.settings);
+        overlapping_ball_contacts(self.a, self.b, pairs, &settings, passed, found);
     }
 
     fn write(&self, pairs: &[[u32; 2]], found: &mut FoundPairs) {

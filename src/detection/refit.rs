@@ -48,13 +48,13 @@ fn refit_balls(
         let Ok(mut balls) = surfaces.get_mut(surface.entity) else { continue };
         if used {
             let (source, is_reusable) = source(surface, state, &memory, &settings);
-            if is_reusable && balls.source == source {
+            if is_reusable && balls.source == Some(source) {
                 continue;
             }
             any_made = true;
             let share = Threads(settings.threads);
             enclosing_balls_on(&share, state.positions(), surface.topology.triangles(), &mut balls.data);
-            balls.source = source;
+            balls.source = Some(source);
         } else if surface.method > ContactMethod::BoundingSphere && balls.capacity() > 0 {
             *balls = EnclosingBalls::default();
         }
@@ -100,7 +100,7 @@ fn refit_spheres(
         }
         if used {
             let (source, is_reusable) = source(surface, state, &memory, &settings);
-            if is_reusable && spheres.source == source && cones.source == source {
+            if is_reusable && spheres.source == Some(source) && cones.source == Some(source) {
                 // Only the age of the recipes changes.
                 spheres.bypass_change_detection().data.rest();
                 continue;
@@ -119,7 +119,7 @@ fn refit_spheres(
             if settings.widen_cones {
                 cones.data.widen_on(&share, &curvature.spreads);
             }
-            (spheres.source, cones.source) = (source, source);
+            (spheres.source, cones.source) = (Some(source), Some(source));
         }
     }
     if any_made {

@@ -58,8 +58,7 @@ impl FoundBySpheres {
 
     /// The pairs that are in contact, in the order of the candidates.
     pub(crate) fn contacts(&self) -> impl Iterator<Item = SphereContact> {
-        let contacts = self.pairs.iter().zip(&*self.distances).filter(|(_, distance)| **distance < f32::INFINITY);
-        contacts.map(|(&[triangle_a, triangle_b], &distance)| SphereContact { triangle_a, triangle_b, distance })
+        SphereContact::listed(&self.pairs, &self.distances)
     }
 }
 

@@ -176,7 +176,9 @@ fn spheres_that_are_made_anew_in_place_are_those_that_pairs_are_tested_with() {
         }
         app.update();
         assert!(expected != lists(store(&app).pairs()) && expected[0].0.len() > 100);
-        surfaces.iter().for_each(|&surface| insert(&mut app, surface, Teleported));
+        for surface in surfaces {
+            insert(&mut app, surface, Teleported);
+        }
         if is_apart {
             insert(&mut app, surfaces[1], Transform::from_xyz(90.0, 0.0, 0.0));
             app.update();

@@ -75,6 +75,14 @@ pub struct SphereContact {
     pub distance: f32,
 }
 
+impl SphereContact {
+    /// The contacts of `pairs` with their `distances`, without those that are infinite.
+    pub(crate) fn listed(pairs: &[[u32; 2]], distances: &[f32]) -> impl Iterator<Item = Self> {
+        let contacts = pairs.iter().zip(distances).filter(|(_, distance)| **distance < f32::INFINITY);
+        contacts.map(|(&[triangle_a, triangle_b], &distance)| Self { triangle_a, triangle_b, distance })
+    }
+}
+
 /// Which pairs of a list are in contact, and how far apart they are.
 #[derive(Clone, Debug)]
 pub struct FoundSpheres {
@@ -111,8 +119,7 @@ impl FoundSpheres {
 
     /// The contacts of `pairs`, which must be the list that this was found for.
     pub fn contacts(&self, pairs: &[[u32; 2]]) -> impl Iterator<Item = SphereContact> {
-        let contacts = pairs.iter().zip(&self.distances).filter(|(_, distance)| **distance < f32::INFINITY);
-        contacts.map(|(&[triangle_a, triangle_b], &distance)| SphereContact { triangle_a, triangle_b, distance })
+        SphereContact::listed(pairs, &self.distances)
     }
 
     /// Adds the results of eight pairs, without those that are not `listed`.
