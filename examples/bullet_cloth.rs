@@ -2,17 +2,10 @@
 //!
 //! `cargo run --release --example bullet_cloth -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock")]
-mod headless;
-#[path = "headless/method.rs"]
-mod method;
-#[expect(dead_code, reason = "each program plays one scene")]
-mod scenes;
-
 use std::process::ExitCode;
 
+use circumsphere_examples::scenes::{Shot, bullet_cloth::Target, options::SceneOptions, program::run};
 use clap::Parser;
-use scenes::{Shot, bullet_cloth::Target, options::SceneOptions, program::run};
 
 /// Shoot an object at a target that should stop it.
 #[derive(Parser, Debug)]

@@ -2,17 +2,10 @@
 //!
 //! `cargo run --release --example layers -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock")]
-mod headless;
-#[path = "headless/method.rs"]
-mod method;
-#[expect(dead_code, reason = "each program plays one scene")]
-mod scenes;
-
 use std::process::ExitCode;
 
+use circumsphere_examples::scenes::{Shot, options::SceneOptions, program::run};
 use clap::Parser;
-use scenes::{Shot, options::SceneOptions, program::run};
 
 /// Drop ten sheets of cloth onto each other.
 #[derive(Parser, Debug)]

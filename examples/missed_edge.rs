@@ -4,11 +4,6 @@
 //! onto a mattress. `Exact` finds the true touching pairs, the chosen method finds some of them, and [`PairFates`]
 //! says what happened to the others.
 
-#[expect(dead_code, reason = "this example uses the pairs of a detection, not its times")]
-mod headless;
-#[path = "headless/method.rs"]
-mod method;
-
 use std::{
     collections::{BTreeMap, BTreeSet},
     fmt::{self, Display, Formatter},
@@ -24,14 +19,15 @@ use bevy_circumsphere::{
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
+use circumsphere_examples::headless::{
+    detect, headless_app,
+    method::Method,
+    move_surface,
+    recording::{Recorder, RecordingError, RecordingOptions},
+};
 use circumsphere_support::scenes::{MovingScene, beam_on_mattress};
 use clap::{ArgAction, Parser};
 use glam::Vec3;
-use headless::{
-    detect, headless_app, move_surface,
-    recording::{Recorder, RecordingError, RecordingOptions},
-};
-use method::Method;
 
 /// Half the contact distance, which is a tenth of the mattress's edges.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.01);

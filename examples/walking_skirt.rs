@@ -2,17 +2,10 @@
 //!
 //! `cargo run --release --example walking_skirt -- [options]`; `--help` lists the options.
 
-#[expect(dead_code, reason = "scenes advance the clock")]
-mod headless;
-#[path = "headless/method.rs"]
-mod method;
-#[expect(dead_code, reason = "each program plays one scene")]
-mod scenes;
-
 use std::process::ExitCode;
 
+use circumsphere_examples::scenes::{Variation, options::SceneOptions, program::run_varied};
 use clap::Parser;
-use scenes::{Variation, options::SceneOptions, program::run_varied};
 
 /// Let a character walk across the world in a skirt.
 #[derive(Parser, Debug)]

@@ -4,9 +4,6 @@
 //! tick of the whole plugin. `benches/instructions.sh` uses these to count instructions, because times on a shared
 //! machine are noisy.
 
-#[expect(dead_code, reason = "this bench does not record")]
-#[path = "../../examples/headless/mod.rs"]
-mod headless;
 mod kernel;
 mod response;
 
@@ -14,14 +11,12 @@ use std::{process::ExitCode, sync::LazyLock};
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{CircumsphereSettings, prelude::*};
+use circumsphere_examples::headless::{detect, headless_app, move_surface, recording::Recorder};
 use circumsphere_support::scenes::crumpled_sheet;
 use divan::Bencher;
 use glam::Vec3;
 
-use self::{
-    headless::{detect, headless_app, move_surface, recording::Recorder},
-    kernel::{STAGES, Sheet, Stages},
-};
+use self::kernel::{STAGES, Sheet, Stages};
 
 /// Triangles of the sheet: too many for the processor's private caches, and few enough for a run in seconds.
 const TRIANGLES: usize = 90_000;

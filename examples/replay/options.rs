@@ -3,14 +3,13 @@
 use std::{ops::Range, path::PathBuf};
 
 use bevy_circumsphere::{CircumsphereSettings, kernel::spheres::curvature::CurvatureEstimator};
+use circumsphere_examples::headless::{
+    frames::{FrameRange, NoSuchFrames},
+    method::Method,
+    recording::RecordingOptions,
+};
 use clap::{ArgAction, Parser, ValueEnum};
 use serde::Serialize;
-
-use super::{
-    frames::{FrameRange, NoSuchFrames},
-    headless::recording::RecordingOptions,
-    method::Method,
-};
 
 /// Default contact distance, in mean edges.
 const DEFAULT_DISTANCE_EDGES: f64 = 0.1;

@@ -13,13 +13,13 @@ use bevy_circumsphere::{
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::SystemState};
+use circumsphere_examples::headless::{Detection, detect, headless_app, move_surface, recording::Recorder};
 use circumsphere_support::recording::Recording;
 use circumsphere_truth::ParryBroadPhasePlugin;
 use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use super::{
-    headless::{Detection, detect, headless_app, move_surface, recording::Recorder},
     options::{BroadPhase, Options, Settings, Surfaces},
     output::OutputError,
 };

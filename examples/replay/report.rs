@@ -5,11 +5,11 @@ use std::{
     time::Duration,
 };
 
+use circumsphere_examples::headless::Detection;
 use circumsphere_support::recording::Recording;
 use serde::Serialize;
 
 use super::{
-    headless::Detection,
     options::Settings,
     player::{Played, PlayedFrame},
 };

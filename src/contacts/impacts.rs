@@ -151,7 +151,7 @@ impl Impact<'_> {
         self.pick(self.record.barycentric_a, self.record.barycentric_b)
     }
 
-    /// World unit normal from the second side to the first, when they meet. Zero if they touch or cross at the start.
+    /// World unit normal from the first side to the second, when they meet. Zero if they touch or cross at the start.
     #[must_use]
     pub fn normal(&self) -> Vec3 {
         if self.swapped { -self.record.normal } else { self.record.normal }
@@ -167,7 +167,7 @@ impl Impact<'_> {
             |entity: Entity, topology: &SurfaceTopology, triangle: TriangleId, weights: [f32; 3], sign: f32| {
                 stencil.extend(stencil_side(entity, topology.triangles()[triangle.index()], weights, (sign, normal)));
             };
-        let (sign_a, sign_b) = self.pick(1.0, -1.0);
+        let (sign_a, sign_b) = self.pick(-1.0, 1.0);
         let SweptPair { topology_a, topology_b, .. } = self.pair;
         side(self.pair.a, topology_a, self.record.triangle_a, self.record.barycentric_a, sign_a);
         if let Some(topology_b) = topology_b {

@@ -89,7 +89,7 @@ impl SurfaceContacts<'_> {
 /// fn push_out(contacts: SurfaceContacts, smooth_normals: SmoothNormals) {
 ///     for contact in contacts.iter() {
 ///         let push = smooth_normals.of(&contact) * -contact.separation();
-///         // ...move the first side by it
+///         // ...move the second side by it
 ///         # let _ = push;
 ///     }
 /// }
@@ -102,7 +102,7 @@ pub struct SmoothNormals<'w, 's> {
 }
 
 impl SmoothNormals<'_, '_> {
-    /// World unit normal from the second side of a contact to the first. See [`Contact::smooth_normal`].
+    /// World unit normal from the first side of a contact to the second. See [`Contact::smooth_normal`].
     #[must_use]
     pub fn of(&self, contact: &Contact<'_>) -> Vec3 {
         let positions = |entity| self.surfaces.get(entity).ok().map(|positions| positions.0.as_slice());
@@ -127,10 +127,10 @@ pub struct StencilEntry {
     pub entity: Entity,
     /// The vertex, in the game's numbering.
     pub vertex: VertexId,
-    /// Its weight in the contact point, positive on the first side and negative on the second. The weights of a side
-    /// sum to 1 or -1. Vertices without weight are left out.
+    /// Its weight in the contact point, negative on the first side and positive on the second. The weights of a side
+    /// sum to -1 or 1. Vertices without weight are left out.
     pub weight: f32,
-    /// World normal from the second side to the first. `weight * normal` is the gradient of the separation with respect
+    /// World normal from the first side to the second. `weight * normal` is the gradient of the separation with respect
     /// to this vertex.
     pub normal: Vec3,
 }
@@ -219,7 +219,7 @@ impl Contact<'_> {
         self.pair.contact_distance
     }
 
-    /// World unit normal from the second side to the first. Moving the first side along it separates the two.
+    /// World unit normal from the first side to the second. Moving the second side along it separates the two.
     #[must_use]
     pub fn normal(&self) -> Vec3 {
         let normal = self.world_normal().as_vec3();
@@ -233,7 +233,7 @@ impl Contact<'_> {
         if is_unit { normal } else { normal.normalize_or(normal) }
     }
 
-    /// World unit normal from the second side to the first, of the curved surfaces that the two meshes stand for.
+    /// World unit normal from the first side to the second, of the curved surfaces that the two meshes stand for.
     /// [`SmoothNormals`] returns the same. This function is for systems that already access positions: `positions`
     /// returns those of a surface, in its own frame. An edge bent by `crease` or more stays sharp.
     ///
@@ -258,14 +258,14 @@ impl Contact<'_> {
         };
         let sides = [cone(0, &pair.topology_a), pair.topology_b.as_ref().and_then(|topology| cone(1, topology))];
         let apart = match &sides {
-            [Some((_, point_a)), Some((_, point_b))] => *point_a - *point_b,
+            [Some((_, point_a)), Some((_, point_b))] => *point_b - *point_a,
             _ => exact * f64::from(record.distance),
         };
         let [cone_a, cone_b] = sides.map(|side| side.map_or_else(NormalCone::anything, |(cone, _)| cone));
         let cone_b = match &pair.shape {
             Some(shape) => {
                 // A direction outside the cone of the surface's facets would only reintroduce the bump.
-                let outward = -cone_a.nearest_unsmoothed(-exact);
+                let outward = -cone_a.nearest_unsmoothed(exact);
                 let outward = pair.poses[1].inverse().transform_direction(outward).normalize_or_zero();
                 shape.normal_cone(record.triangle_b, outward).moved(&pair.poses[1])
             }
@@ -283,7 +283,7 @@ impl Contact<'_> {
         let along = self.record.normal.as_dvec3() * (f64::from(self.record.distance) / pose.scale());
         let point_b = self.record.point_b.as_dvec3();
         let world = |point| pose.transform_point(point).as_vec3();
-        self.pick(world(point_b + along), world(point_b))
+        self.pick(world(point_b - along), world(point_b))
     }
 
     /// The triangles of the first and second side, in the game's numbering. `None` for a rigid shape that is tested by
@@ -346,7 +346,7 @@ impl Contact<'_> {
         let mut side = |entity: Entity, topology: &SurfaceTopology, triangle: u32, weights: [f32; 3], sign: f32| {
             stencil.extend(stencil_side(entity, topology.triangles()[triangle as usize], weights, (sign, normal)));
         };
-        let (sign_a, sign_b) = self.pick(1.0, -1.0);
+        let (sign_a, sign_b) = self.pick(-1.0, 1.0);
         let record = self.record;
         let weights = complete(record.features.a, record.barycentric_a);
         side(self.pair.a.entity(), &self.pair.topology_a, record.triangle_a, weights, sign_a);

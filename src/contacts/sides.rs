@@ -49,7 +49,7 @@ impl Reversed {
             triangle_a: contact.triangle_b,
             triangle_b: contact.triangle_a,
             features: contact.features.swapped(),
-            // Points to the first side, which was the second one.
+            // Points to the second side, which was the first one.
             normal: -turn(contact.normal),
             ..contact
         }));

@@ -116,8 +116,8 @@ pub struct CompactContact {
     pub barycentric_b: [f32; 2],
     /// The contact point on the second side, in the pair's frame.
     pub point_b: Vec3,
-    /// Unit vector from the second side to the first, in the pair's frame. Moving the first side along it separates the
-    /// two.
+    /// Unit vector from the first side to the second, in the pair's frame. Moving the second side along it separates
+    /// the two.
     pub normal: Vec3,
     /// Signed distance of the two contact points in world units. Negative if the sides have passed each other.
     pub distance: f32,

@@ -324,7 +324,8 @@ impl Gatherer {
         friction: [f64; 2],
     ) -> Option<ContactConstraint> {
         let distance = f64::from(pair.contact_distance);
-        let normal = pair.frame_pose.transform_direction(record.normal.as_dvec3()).normalize_or_zero();
+        // The first side is pushed against the normal.
+        let normal = -pair.frame_pose.transform_direction(record.normal.as_dvec3()).normalize_or_zero();
         if normal == DVec3::ZERO {
             return None;
         }

@@ -156,7 +156,7 @@ fn every_touching_pair_has_its_closest_contact_and_every_contact_a_touching_pair
             assert!((gap - stored).abs() <= tolerance, "{name}: {contact:?} joins points {gap} apart");
             assert!((contact.normal.length() - 1.0).abs() < 1.0e-5, "{name}: {contact:?}");
             if contact.features.kind() != FeatureKind::EdgeFace && stored > 100.0 * tolerance {
-                let direction = (point_a - point_b).normalize();
+                let direction = (point_b - point_a).normalize();
                 assert!(direction.dot(contact.normal.as_dvec3()) > 0.999, "{name}: {contact:?} against {direction}");
             }
             // A feature belongs to every triangle around it, so any of those pairs may have been its reporter.

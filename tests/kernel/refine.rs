@@ -130,9 +130,9 @@ fn distances_are_negative_exactly_for_vertices_inside_the_other_sphere() {
             assert!((contact.normal.length() - 1.0).abs() <= 1.0e-6);
             assert!((point_a.distance(point_b) - f64::from(contact.distance.abs())).abs() <= tolerance, "{contact:?}");
             let normal = contact.normal.as_dvec3();
-            assert!((point_a - point_b).distance(normal * f64::from(contact.distance)) <= tolerance, "{contact:?}");
+            assert!((point_b - point_a).distance(normal * f64::from(contact.distance)) <= tolerance, "{contact:?}");
             if contact.features.kind() == FeatureKind::VertexFace {
-                assert!(normal.x < 0.0, "whatever the sign, along the normal the first sphere leaves: {contact:?}");
+                assert!(normal.x > 0.0, "whatever the sign, against the normal the first sphere leaves: {contact:?}");
             }
             if is_on_a_boundary(contact) {
                 // Near the curve where the spheres cross one point may be inside and the other outside: no sign is

@@ -147,7 +147,7 @@ fn a_plane_has_its_own_normal_whatever_the_direction_it_is_met_from() {
             let cone = surface.cone(triangle, feature, weights, CREASE);
             let expected = up * height.signum();
             assert!(cone.nearest(direction).distance(expected) <= tolerance, "{feature:?} {cone:?}");
-            let smooth = smooth_normal(direction, direction * 0.1, &NormalCone::anything(), &cone);
+            let smooth = smooth_normal(direction, direction * 0.1, &cone, &NormalCone::anything());
             assert!(smooth.distance(expected) <= tolerance, "{feature:?} {smooth} {expected}");
             oblique += usize::from(height.abs() < 0.8);
         }
@@ -368,7 +368,7 @@ fn spheres_part_along_the_line_through_their_centers() {
             let distance = random.range(-0.1, 0.1);
             let centers = cones[1].1 - cones[0].1 + exact * distance;
             let expected = centers.normalize();
-            let found = smooth_normal(exact, exact * distance, &cones[0].0, &cones[1].0);
+            let found = smooth_normal(exact, exact * distance, &cones[1].0, &cones[0].0);
             worst = worst.max(found.distance(expected));
             worst_facet = worst_facet.max(facets[1].distance(expected));
         }
@@ -382,17 +382,17 @@ fn spheres_part_along_the_line_through_their_centers() {
 fn the_flatter_side_decides() {
     let tilted = DVec3::new(0.1, 1.0, 0.0).normalize();
     let (flat, ball) = (NormalCone::single(DVec3::Y, 0.0), NormalCone::single(-tilted, 2.0));
-    assert_eq!(smooth_normal(DVec3::Y, DVec3::ZERO, &ball, &flat), DVec3::Y);
-    assert_eq!(smooth_normal(-DVec3::Y, DVec3::ZERO, &flat, &ball), -DVec3::Y);
+    assert_eq!(smooth_normal(DVec3::Y, DVec3::ZERO, &flat, &ball), DVec3::Y);
+    assert_eq!(smooth_normal(-DVec3::Y, DVec3::ZERO, &ball, &flat), -DVec3::Y);
     // Of two alike, the middle; of a corner and a ball, the ball.
     let other = NormalCone::single(DVec3::Y, 2.0);
     let middle = (DVec3::Y + tilted).normalize();
-    assert!(smooth_normal(DVec3::Y, DVec3::ZERO, &ball, &other).distance(middle) <= EXACT);
+    assert!(smooth_normal(DVec3::Y, DVec3::ZERO, &other, &ball).distance(middle) <= EXACT);
     let corner = NormalCone::between([DVec3::X, DVec3::Y, DVec3::Z]);
-    assert!(smooth_normal(DVec3::Y, DVec3::ZERO, &ball, &corner).distance(tilted) <= EXACT);
+    assert!(smooth_normal(DVec3::Y, DVec3::ZERO, &corner, &ball).distance(tilted) <= EXACT);
     // What points to the other side is not believed.
     let opposite = NormalCone::single(DVec3::Y, 0.0);
-    assert_eq!(smooth_normal(DVec3::Y, DVec3::ZERO, &opposite, &NormalCone::anything()), DVec3::Y);
+    assert_eq!(smooth_normal(DVec3::Y, DVec3::ZERO, &NormalCone::anything(), &opposite), DVec3::Y);
 }
 
 #[test]
@@ -476,7 +476,7 @@ fn a_pose_moves_a_cone_with_its_surface() {
             // Twice as large, half as curved: against a ball of radius 1 it is in the middle.
             let other = DVec3::new(-expected.y, expected.x, 0.3 * expected.z).normalize();
             let tilted = (expected * 20.0 + other).normalize();
-            let found = smooth_normal(expected, DVec3::ZERO, &NormalCone::single(-tilted, 1.0), &cone);
+            let found = smooth_normal(expected, DVec3::ZERO, &cone, &NormalCone::single(-tilted, 1.0));
             let middle = (expected + tilted).normalize();
             // Curvature from facets, as above.
             assert!(found.distance(middle) <= 0.1 * tilted.distance(expected), "{found} {middle}");
@@ -532,11 +532,11 @@ fn nothing_about_a_mesh_makes_a_normal_that_is_none() {
                 let (feature, weights) = random_feature(&mut random);
                 let other = surface.cone(random.below(triangles.len()) as u32, feature, weights, CREASE);
                 for found in
-                    [smooth_normal(exact, apart, &one, &other), one.nearest(exact), one.nearest_unsmoothed(exact)]
+                    [smooth_normal(exact, apart, &other, &one), one.nearest(exact), one.nearest_unsmoothed(exact)]
                 {
                     assert!((found.length() - 1.0).abs() <= 1.0e-9, "{found} {one:?}");
                 }
-                let found = smooth_normal(exact, apart, &one, &other);
+                let found = smooth_normal(exact, apart, &other, &one);
                 assert!(found.dot(exact) > 0.0);
                 smoothed += usize::from(found != exact);
             }

@@ -219,7 +219,7 @@ fn caps_eight_at_a_time_meet_where_one_pair_at_a_time_does() {
                 let spheres = between - f64::from(cap_a.radius) - f64::from(cap_b.radius);
                 let distance = planes.into_iter().fold(spheres, f64::max).max(box_gap(&corners[0], &corners[1]));
                 let points = [contact.point_a, contact.point_b];
-                Some(Expected { points, normal: -contact.direction, gap: f64::from(contact.gap), distance })
+                Some(Expected { points, normal: contact.direction, gap: f64::from(contact.gap), distance })
             });
             counts = [counts[0] + found_counts[0], counts[1] + found_counts[1]];
 
@@ -255,7 +255,7 @@ fn balls_eight_at_a_time_touch_where_one_pair_at_a_time_does() {
             let gap = between.length() - f64::from(own.radius) - f64::from(other_ball.radius);
             let distance = gap.max(box_gap(&one.corners(pair[0]), &other.corners(pair[1])));
             let points = [own.center - normal * own.radius, other_ball.center + normal * other_ball.radius];
-            Some(Expected { points, normal, gap, distance })
+            Some(Expected { points, normal: -normal, gap, distance })
         });
         counts = [counts[0] + found_counts[0], counts[1] + found_counts[1]];
 

@@ -182,7 +182,7 @@ impl Scene {
         assert_eq!((nearest.a, nearest.b), (ContactSide::Surface(self.sheet), ContactSide::Surface(self.ball)));
         assert_near(nearest.distance, distance, rounding(SIZE), nearest);
         assert_near(nearest.separation, distance - contact_distance, rounding(SIZE), nearest);
-        assert_near_vector(nearest.normal, -self.up(), 1.0e-5, "directions have about 7 digits");
+        assert_near_vector(nearest.normal, self.up(), 1.0e-5, "directions have about 7 digits");
         for contact in &contacts {
             assert_consistent(self.app.world(), contact, SIZE);
         }

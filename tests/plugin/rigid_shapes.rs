@@ -82,7 +82,7 @@ fn the_separation_of_a_shape_over_a_sheet_is_its_height() {
             let nearest = deepest(&contacts);
             assert_near(nearest.distance, gap, tolerance(), what);
             assert_near(nearest.separation, gap - 0.05, tolerance(), what);
-            assert_near_vector(nearest.normal, Vec3::NEG_Y, tolerance(), what);
+            assert_near_vector(nearest.normal, Vec3::Y, tolerance(), what);
             assert_near(nearest.points.0.y, 0.0, tolerance(), what);
             assert_near(nearest.points.1.y, gap, tolerance(), what);
             assert_eq!((nearest.a, nearest.b), (ContactSide::Surface(sheet), ContactSide::Shape(shape)));
@@ -109,7 +109,7 @@ fn a_sheet_through_a_ball_is_as_deep_as_the_ball_reaches_past_it() {
         let contacts = between(&mut app, sheet, ball);
         let nearest = deepest(&contacts);
         assert_near(nearest.distance, height.abs() - 0.4, rounding(1.0), height);
-        assert_near_vector(nearest.normal, Vec3::Y * -height.signum(), rounding(1.0), height);
+        assert_near_vector(nearest.normal, Vec3::Y * height.signum(), rounding(1.0), height);
         assert_all_consistent(app.world(), &contacts, 4.0);
     }
     // Through the very center no side is nearer: as deep as the radius, and a direction all the same.
@@ -130,7 +130,7 @@ fn a_vertex_inside_a_shape_is_as_deep_as_the_nearest_way_out() {
     let contacts = between(&mut app, sheet, cuboid);
     let nearest = deepest(&contacts);
     assert_near(nearest.distance, -0.05, rounding(1.0), nearest);
-    assert_near_vector(nearest.normal, Vec3::NEG_Y, rounding(1.0), nearest);
+    assert_near_vector(nearest.normal, Vec3::Y, rounding(1.0), nearest);
     assert_near_vector(nearest.points.0, Vec3::ZERO, rounding(1.0), nearest);
     assert_near_vector(nearest.points.1, Vec3::NEG_Y * 0.05, rounding(1.0), nearest);
     assert_all_consistent(app.world(), &contacts, 4.0);
@@ -211,7 +211,7 @@ fn a_ball_that_falls_on_a_floor_touches_it_with_its_lowest_vertices() {
             assert_eq!(contact.stencil.len(), 1, "{contact:?}");
             let vertex = contact.stencil[0].vertex.index();
             assert_near(contact.distance, heights[vertex], rounding(1.5), contact);
-            assert_near_vector(contact.normal, Vec3::Y, rounding(1.0), contact);
+            assert_near_vector(contact.normal, Vec3::NEG_Y, rounding(1.0), contact);
             assert_near(contact.points.1.y, -1.0, rounding(1.5), contact);
             assert_consistent(app.world(), contact, 2.0);
         }
@@ -278,7 +278,7 @@ fn shapes_of_every_other_kind_are_as_far_as_their_lowest_point() {
             assert_eq!(contacts.is_empty(), gap > 0.1, "{name}");
             if gap < 0.1 {
                 assert_near(deepest(&contacts).distance, gap, tolerance(), (name, gap));
-                assert_near_vector(deepest(&contacts).normal, Vec3::NEG_Y, tolerance(), (name, gap));
+                assert_near_vector(deepest(&contacts).normal, Vec3::Y, tolerance(), (name, gap));
                 assert_all_consistent(app.world(), &contacts, 4.0);
             }
         }

@@ -40,10 +40,10 @@ fn a_vertex_in_a_solid_is_pushed_out_of_the_nearest_face() {
         let nearest = deepest(&contacts);
         assert_near(nearest.distance, -0.04, rounding(2.0), (outward, nearest));
         assert_near(nearest.separation, -0.14, rounding(2.0), outward);
-        assert_near_vector(nearest.normal, outward, rounding(2.0), outward);
+        assert_near_vector(nearest.normal, -outward, rounding(2.0), outward);
         assert_all_consistent(app.world(), &contacts, 2.0);
         // Pushed along the normal by its depth, it only just touches.
-        insert(&mut app, dart, Transform::from_translation(place + nearest.normal * 0.04).with_rotation(rotation));
+        insert(&mut app, dart, Transform::from_translation(place - nearest.normal * 0.04).with_rotation(rotation));
         app.update();
         assert_near(deepest(&between(&mut app, dart, solid)).distance, 0.0, rounding(2.0), outward);
     }
@@ -71,7 +71,7 @@ fn nothing_outside_a_solid_has_a_negative_distance() {
                         for contact in &contacts {
                             assert!(contact.distance >= gap - rounding(4.0), "{what:?}: {contact:?}");
                             // What is over the sheet is parted by moving the sheet down, or sideways past its border.
-                            assert!(contact.normal.y < 1.0e-3, "{what:?}: {contact:?}");
+                            assert!(contact.normal.y > -1.0e-3, "{what:?}: {contact:?}");
                         }
                         // The largest one's lowest corners are beside the sheet.
                         if place == [0.1, 0.2] && half_extents[0] < 2.0 {
@@ -95,7 +95,7 @@ fn two_solids_part_along_the_normal_from_one_to_the_other() {
         let contacts = between(&mut app, small, large);
         let nearest = deepest(&contacts);
         assert_near(nearest.distance, gap, rounding(2.0), (gap, nearest));
-        assert_near_vector(nearest.normal, Vec3::Y, 1.0e-4, gap);
+        assert_near_vector(nearest.normal, Vec3::NEG_Y, 1.0e-4, gap);
     }
 }
 
@@ -117,7 +117,7 @@ fn edges_of_solids_that_have_passed_each_other_are_as_deep_as_they_overlap() {
             let nearest = deepest(&contacts);
             assert_near(nearest.distance, gap, rounding(2.0), (gap, nearest));
             assert_eq!(nearest.kind, FeatureKind::EdgeEdge);
-            assert_near_vector(nearest.normal, Vec3::Y, 1.0e-4, gap);
+            assert_near_vector(nearest.normal, Vec3::NEG_Y, 1.0e-4, gap);
             assert_all_consistent(app.world(), &contacts, 2.0);
         }
     }
@@ -149,7 +149,7 @@ fn assert_side(app: &mut App, sheet: Entity, passer: Entity, distance: f32, norm
     let lowest = contacts.iter().min_by(|a, b| a.points.0.y.total_cmp(&b.points.0.y)).expect("there is a contact");
     assert_near(lowest.distance, distance, rounding(1.0), what);
     for contact in contacts {
-        assert_near_vector(contact.normal, normal, rounding(1.0), what);
+        assert_near_vector(contact.normal, -normal, rounding(1.0), what);
         assert_consistent(app.world(), contact, 4.0);
     }
 }
@@ -200,7 +200,7 @@ fn the_side_is_remembered_in_the_frame_of_the_bodies() {
     let contacts = between(&mut app, passer, sheet);
     let passed = vertex_face(&contacts)[0];
     assert_near(passed.distance, -0.03, rounding(1.0), passed);
-    assert_near_vector(passed.normal, Vec3::NEG_Y, rounding(1.0), passed);
+    assert_near_vector(passed.normal, Vec3::Y, rounding(1.0), passed);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use crate::world::{
     THIN, all, app, assert_near_vector, at, ball, insert, place, rounding, sheet, spawn, surface, write_positions,
 };
 
-/// Of a contact between two: exact and smooth normal, and the distance.
+/// Of a contact between two: exact and smooth normal, both from the second to the first, and the distance.
 type Normals = Vec<(Vec3, Vec3, f32)>;
 
 fn normals(app: &mut App, a: Entity, b: Entity) -> Normals {
@@ -21,7 +21,7 @@ fn normals(app: &mut App, a: Entity, b: Entity) -> Normals {
 
 fn read(app: &mut App, a: Entity, b: Entity) -> Normals {
     let system = move |contacts: SurfaceContacts, smooth: SmoothNormals| -> Normals {
-        contacts.between(a, b).map(|contact| (contact.normal(), smooth.of(&contact), contact.distance())).collect()
+        contacts.between(a, b).map(|contact| (-contact.normal(), -smooth.of(&contact), contact.distance())).collect()
     };
     app.world_mut().run_system_once(system).expect("contacts can be read")
 }

@@ -158,7 +158,7 @@ fn a_small_body_never_passes_a_sheet_unseen_however_fast_it_is() {
                     seen.time
                 );
                 assert_eq!((seen.cause, seen.kind), (ImpactCause::Reached, FeatureKind::VertexFace), "{what:?}");
-                assert_near_vector(seen.normal, Vec3::Y, 1.0e-6, what);
+                assert_near_vector(seen.normal, Vec3::NEG_Y, 1.0e-6, what);
             }
         }
     }
@@ -177,7 +177,7 @@ fn an_impact_is_where_both_surfaces_are_at_its_time() {
     for seen in &impacts {
         assert_eq!([seen.a, seen.b], [fall.ball, fall.sheet]);
         let point = |side: usize| -> DVec3 {
-            let (entity, sign) = [(fall.ball, 1.0), (fall.sheet, -1.0)][side];
+            let (entity, sign) = [(fall.ball, -1.0), (fall.sheet, 1.0)][side];
             let entries = seen.stencil.iter().filter(|entry| entry.entity == entity);
             entries
                 .map(|entry| {
@@ -280,7 +280,7 @@ fn two_fast_bodies_meet_between_their_ways() {
     // 4 between their poles, 15 of relative motion, along a common motion aside.
     let seen = first(&mut app, upper, lower).expect("they meet");
     assert_time(seen.time, 4.0 / 15.0, "poles");
-    assert_near_vector(seen.normal, Vec3::Y, 1.0e-6, "up");
+    assert_near_vector(seen.normal, Vec3::NEG_Y, 1.0e-6, "up");
     // Of which only one is swept, the other stands where it is: the ways do not cross.
     insert(&mut app, upper, at(0.0, 4.0, 0.0));
     insert(&mut app, lower, at(0.0, -1.0, 0.0));
@@ -303,7 +303,7 @@ fn a_large_surface_that_falls_on_a_small_one_meets_it_too() {
     let top = world_points(&app, ball).iter().map(|point| point.y).fold(f64::MIN, f64::max);
     let seen = first(&mut app, sheet, ball).expect("it passes");
     assert_time(seen.time, (3.0 - top) / 4.0, "down on the pole");
-    assert_near_vector(seen.normal, Vec3::Y, 1.0e-6, "the sheet is above");
+    assert_near_vector(seen.normal, Vec3::NEG_Y, 1.0e-6, "the sheet is above");
 }
 
 #[test]

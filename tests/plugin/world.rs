@@ -216,13 +216,13 @@ pub fn assert_consistent(world: &World, contact: &Seen, size: f32) {
     let tolerance = 4.0 * rounding(size);
     assert_near(contact.normal.length(), 1.0, 4.0 * f32::EPSILON, contact);
     assert_near(contact.separation, contact.distance - contact.contact_distance, rounding(size), contact);
-    let along = (contact.points.0 - contact.points.1).dot(contact.normal);
+    let along = (contact.points.1 - contact.points.0).dot(contact.normal);
     assert_near(along, contact.distance, tolerance, contact);
     assert_near((contact.points.0 - contact.points.1).length(), contact.distance.abs(), tolerance, contact);
 
     let sides = [
-        (contact.a, contact.points.0, contact.triangles.0, contact.barycentrics.0, &contact.feature_vertices.0, 1.0),
-        (contact.b, contact.points.1, contact.triangles.1, contact.barycentrics.1, &contact.feature_vertices.1, -1.0),
+        (contact.a, contact.points.0, contact.triangles.0, contact.barycentrics.0, &contact.feature_vertices.0, -1.0),
+        (contact.b, contact.points.1, contact.triangles.1, contact.barycentrics.1, &contact.feature_vertices.1, 1.0),
     ];
     for (side, point, triangle, weights, vertices, sign) in sides {
         let ContactSide::Surface(entity) = side else {

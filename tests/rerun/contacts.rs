@@ -62,8 +62,8 @@ fn compare(recorded: &mut Recorded, scene: &Scene, tally: &mut Tally) {
         let name = scene.pair_name(a, b);
         let points =
             recorded.viewer.of(&["contacts", "points", &name]).unwrap_or_else(|| panic!("{name} is not shown"));
-        let second = bits(contacts.iter().map(|contact| contact.points[1].to_array()));
-        assert_eq!(bits(points.vectors::<3>("Points3D:positions")), second, "{name}");
+        let first = bits(contacts.iter().map(|contact| contact.points[0].to_array()));
+        assert_eq!(bits(points.vectors::<3>("Points3D:positions")), first, "{name}");
         assert_numbers(points, contacts);
         for (contact, color) in contacts.iter().zip(points.wholes("Points3D:colors")) {
             let class = match contact {
@@ -74,7 +74,7 @@ fn compare(recorded: &mut Recorded, scene: &Scene, tally: &mut Tally) {
             colors.entry(class).or_default().insert(color);
         }
         let normals = recorded.viewer.of(&["contacts", "normals", &name]).expect("it is shown");
-        assert_eq!(bits(normals.vectors::<3>("Arrows3D:origins")), second);
+        assert_eq!(bits(normals.vectors::<3>("Arrows3D:origins")), first);
         let finer = [a, b]
             .into_iter()
             .filter_map(|side| Some((side, world.get::<Made>(side)?)))

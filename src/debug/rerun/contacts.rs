@@ -126,8 +126,8 @@ fn draw_contacts(writer: &mut TickWriter, share: &mut Share, name: &str, contact
         return;
     }
     let of = |kind: &str| path([Layer::Contacts.name(), kind, name]);
-    // Draw the point on the second side. The first side is at the other end of the normal.
-    let points: Vec<[f32; 3]> = kept.iter().map(|drawn| drawn.contact.points().1.to_array()).collect();
+    // Draw the point on the first side. The second side is at the other end of the normal.
+    let points: Vec<[f32; 3]> = kept.iter().map(|drawn| drawn.contact.points().0.to_array()).collect();
     let point_colors = kept.iter().map(|drawn| color(&drawn.contact));
     let marks = Points3D::new(points.iter().copied()).with_colors(point_colors).with_radii([POINT]);
     writer.passing_row(of("points"), &[&marks, &numbers(&kept)]);

@@ -29,7 +29,7 @@ pub struct SweptImpact {
     pub barycentric_a: [f32; 3],
     /// Weights of the second triangle's corners at that time. They sum to 1.
     pub barycentric_b: [f32; 3],
-    /// World unit vector from the second surface to the first at that time. Zero if they touch or cross at the start.
+    /// World unit vector from the first surface to the second at that time. Zero if they touch or cross at the start.
     pub normal: Vec3,
 }
 

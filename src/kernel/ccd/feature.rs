@@ -21,7 +21,7 @@ pub struct FeatureImpact {
     pub cause: ImpactCause,
     /// Weights of the four points at that time. For each of the two features they sum to 1.
     pub weights: [f64; 4],
-    /// Unit vector from the second feature to the first, perpendicular to a plane that separates them until that time.
+    /// Unit vector from the first feature to the second, perpendicular to a plane that separates them until that time.
     /// Zero if they touch at the start of the step.
     pub normal: DVec3,
     /// Steps that the search took.
@@ -74,7 +74,7 @@ pub(super) fn vertex_face_impact_within(
     for (corner, weight) in order.into_iter().zip([1.0 - second - third, second, third]) {
         weights[corner] = weight;
     }
-    Some(FeatureImpact { time, cause, weights, normal, steps })
+    Some(FeatureImpact { time, cause, weights, normal: -normal, steps })
 }
 
 /// [`edge_edge_impact`] in a part of the step. The features must be clear before it.
@@ -106,7 +106,7 @@ pub(super) fn edge_edge_impact_within(
         weights[ends[0]] = 1.0 - along;
         weights[ends[1]] = along;
     }
-    Some(FeatureImpact { time, cause, weights, normal: if is_swapped { -normal } else { normal }, steps })
+    Some(FeatureImpact { time, cause, weights, normal: if is_swapped { normal } else { -normal }, steps })
 }
 
 /// Whether one moving point comes after another, in an order that depends only on their coordinates. The result is then

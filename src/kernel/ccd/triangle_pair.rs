@@ -84,7 +84,7 @@ pub struct TriangleImpact {
     pub barycentric_a: [f64; 3],
     /// Weights of the second triangle's corners at that time. They sum to 1.
     pub barycentric_b: [f64; 3],
-    /// Unit vector from the second triangle to the first, as in [`FeatureImpact::normal`]. Zero if they cross.
+    /// Unit vector from the first triangle to the second, as in [`FeatureImpact::normal`]. Zero if they cross.
     pub normal: DVec3,
 }
 

@@ -296,7 +296,7 @@ impl Results {
         batch.clear();
     }
 
-    /// Stores separations and distances, and which of them have a reliable direction. Returns the directions.
+    /// Stores separations and distances, and which of them have a reliable direction. Returns the normals.
     #[inline(always)]
     fn set_distance<S: Simd>(
         &mut self,
@@ -314,6 +314,6 @@ impl Results {
         self.reported = (reliable & scaled.simd_le(limits.reported)).to_bitmask();
         rounded(scaled).store_slice(&mut self.distance);
         separation.store(&mut self.separation);
-        separation.scaled(f64x8::splat(simd, 1.0) / squared.sqrt())
+        separation.scaled(f64x8::splat(simd, -1.0) / squared.sqrt())
     }
 }

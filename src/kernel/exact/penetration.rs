@@ -140,8 +140,8 @@ impl Settling {
         if matches!(other_feature, Feature::Vertex(_)) {
             return Finding::Inside(depth);
         }
-        // The contact's normal points out of the second side and into the first.
-        let outward = [-contact.normal.as_dvec3(), contact.normal.as_dvec3()];
+        // The contact's normal points out of the first side and into the second.
+        let outward = [contact.normal.as_dvec3(), -contact.normal.as_dvec3()];
         let is_way_out =
             (0..2).all(|k| !sides[k].0.one_sided || leads_out(sides[k].0, sides[k].1, sides[k].2, outward[k]));
         Finding::Inside(if is_way_out { f64::INFINITY } else { f64::NEG_INFINITY })

@@ -233,17 +233,17 @@ impl NormalCone {
     }
 }
 
-/// The unit normal from the second side to the first that suits the cones of both sides best, given the exact normal
-/// and the vector from the place on the second side to the place on the first. The exact normal if nothing else suits.
+/// The unit normal from the first side to the second that suits the cones of both sides best, given the exact normal
+/// and the vector from the place on the first side to the place on the second. The exact normal if nothing else suits.
 ///
 /// Two spheres separate along the line between their centers. With outward normals n and radii R at any two of their
-/// places, that is the direction `R_b n_b − R_a n_a` plus the vector from one place to the other. So the flatter side
+/// places, that is the direction `R_a n_a − R_b n_b` plus the vector from one place to the other. So the flatter side
 /// has more weight, and a contact of places beside the closest ones has the same normal as theirs.
 #[must_use]
 pub fn smooth_normal(exact: DVec3, apart: DVec3, a: &NormalCone, b: &NormalCone) -> DVec3 {
-    let (side_a, side_b) = (a.side(-exact), b.side(exact));
-    let in_a = |normal: DVec3| -nearest_in_hull(&a.faces, &a.border, side_a, -normal);
-    let in_b = |normal: DVec3| nearest_in_hull(&b.faces, &b.border, side_b, normal);
+    let (side_a, side_b) = (a.side(exact), b.side(-exact));
+    let in_a = |normal: DVec3| nearest_in_hull(&a.faces, &a.border, side_a, normal);
+    let in_b = |normal: DVec3| -nearest_in_hull(&b.faces, &b.border, side_b, -normal);
     // First into one cone, then into the other: at a crease a side leaves the choice to the other one.
     let (by_a, by_b) = (in_a(in_b(exact)), in_b(in_a(exact)));
     let share = share_of_first(a.curvature, b.curvature);

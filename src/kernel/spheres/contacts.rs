@@ -35,7 +35,7 @@ pub struct FaceContacts<S: Simd> {
     triangles: TrianglePairLanes<S>,
     /// Contact points on the first and the second side.
     points: [VectorLanes<S>; 2],
-    /// From the second side to the first.
+    /// From the first side to the second.
     normal: VectorLanes<S>,
     /// From one point to the other, along the normal.
     gap: f64x8<S>,
@@ -278,11 +278,11 @@ fn ball_contacts_in_lanes<S: Simd>(simd: S, rows: &[RowLanes<S>; 2]) -> FaceCont
     };
     let [own, other] = [rows[0].center(), rows[1].center()];
     let [own_radius, other_radius] = [rows[0].radius(), rows[1].radius()];
-    let between = own.widened() - other.widened();
-    let normal = between.normalized_or(DVec3::Y).rounded();
+    let between = other.widened() - own.widened();
+    let normal = between.normalized_or(DVec3::NEG_Y).rounded();
     let gap = between.dot(between).sqrt() - widened(own_radius) - widened(other_radius);
     FaceContacts {
-        points: [own - normal.scaled(own_radius), other.plus(normal.scaled(other_radius))],
+        points: [own.plus(normal.scaled(own_radius)), other - normal.scaled(other_radius)],
         normal,
         gap,
         // Candidates extend to the margin. Without it, only those whose boxes overlap would be here.
@@ -361,7 +361,7 @@ fn cap_contacts_in_lanes<S: Simd>(
     FaceContacts {
         triangles,
         points: [contact.point_a, contact.point_b],
-        normal: contact.direction.negated(),
+        normal: contact.direction,
         gap: widened(contact.gap),
         distance,
         meet,

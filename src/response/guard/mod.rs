@@ -165,7 +165,7 @@ impl Guard {
                 ],
                 features: impact.features,
                 barycentrics: [impact.barycentric_a, impact.barycentric_b],
-                normal: impact.normal,
+                normal: -impact.normal,
             }
         });
         meetings.collect()

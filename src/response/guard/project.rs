@@ -71,7 +71,7 @@ impl Planes {
         duration: f64,
     ) {
         let impact = &found.impact;
-        let normal = impact.normal;
+        let normal = -impact.normal;
         let mut entries: ArrayVec<(u32, f64), 6> = ArrayVec::new();
         let (mut ahead, mut moved, mut fastest) = (DVec3::ZERO, DVec3::ZERO, 0.0_f64);
         let sides = [(found.triangle_a, impact.barycentric_a, 1.0), (found.triangle_b, impact.barycentric_b, -1.0)];

@@ -52,7 +52,7 @@ fn a_point_falling_on_a_triangle_arrives_when_height_and_speed_say() {
         if time < 1.0 - EARLINESS {
             let impact = assert_time("falling point", &motion, separation, time);
             assert_eq!(impact.cause, ImpactCause::Reached);
-            assert!(impact.normal.dot(DVec3::Z * side) > 1.0 - 1.0e-9, "{impact:?}");
+            assert!(impact.normal.dot(DVec3::NEG_Z * side) > 1.0 - 1.0e-9, "{impact:?}");
             let contact = (1..4).map(|k| motion.start[k] * impact.weights[k]).sum::<DVec3>();
             assert!(contact.distance(below) < 1.0e-6, "{contact} instead of {below}");
         } else if time > 1.0 + EARLINESS {
@@ -80,7 +80,7 @@ fn edges_that_are_lowered_onto_each_other_meet_when_height_and_speed_say() {
         let time = (height - separation) / way;
         if time < 1.0 - EARLINESS {
             let impact = assert_time("lowered edge", &motion, separation, time);
-            assert!(impact.normal.dot(-(turn * DVec3::Z)) > 1.0 - 1.0e-9, "{impact:?}");
+            assert!(impact.normal.dot(turn * DVec3::Z) > 1.0 - 1.0e-9, "{impact:?}");
         } else if time > 1.0 + EARLINESS {
             assert_eq!(motion.impact(separation), None, "{motion:?}");
         }
@@ -457,7 +457,7 @@ fn features_that_begin_within_the_separation_are_said_to() {
     {
         let impact = motion(from, to).impact(separation).expect("they are within");
         assert_eq!((impact.time, impact.cause), (0.0, ImpactCause::Within), "{from} {to} {separation}");
-        let expected = if from > 0.0 { DVec3::Z } else { impact.normal };
+        let expected = if from > 0.0 { DVec3::NEG_Z } else { impact.normal };
         assert_eq!(impact.normal, expected);
     }
     // Just outside, and away.
@@ -563,7 +563,7 @@ fn normals_and_weights_describe_the_features_at_the_time_of_impact() {
         assert!((impact.normal.length() - 1.0).abs() < 1.0e-12, "{family}: {impact:?}");
         for k in 0..first {
             for l in first..4 {
-                let height = impact.normal.dot(points[k] - points[l]);
+                let height = impact.normal.dot(points[l] - points[k]);
                 assert!(height > separation - REACHED * size, "{family}: {height} {separation} {impact:?} {motion:?}");
             }
         }

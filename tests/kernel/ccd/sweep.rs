@@ -501,7 +501,7 @@ fn a_flat_sheet_meets_another_at_the_time_of_the_closed_form() {
             let time = found.impact.time;
             // 1e-12 is the kernel's resolution of 1.4e-14 times a size of 1 over the shortest way.
             assert!(time <= height / way && time > height / way - 1.0e-11, "{thicknesses}: {time}");
-            assert!(found.impact.normal.distance(DVec3::Z) < 1.0e-9, "{:?}", found.impact);
+            assert!(found.impact.normal.distance(DVec3::NEG_Z) < 1.0e-9, "{:?}", found.impact);
             let point = |corners: [DVec3; 3], weights: [f64; 3]| -> DVec3 {
                 corners.iter().zip(weights).map(|(corner, weight)| *corner * weight).sum()
             };

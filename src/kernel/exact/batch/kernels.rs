@@ -36,8 +36,8 @@ pub(super) fn vertices_on_edges<S: Simd>(simd: S, batch: &Batch, limits: &Limits
     DoubleVectorLanes::select(swapped, absolute[0], point).rounded().store(&mut results.point_b);
     let separation = vertex - start.scaled(weights[0]).plus(end.scaled(weights[1]));
     let separation = DoubleVectorLanes::select(swapped, separation.negated(), separation);
-    let direction = results.set_distance(simd, separation, distance, batch, limits);
-    direction.rounded().store(&mut results.normal);
+    let normal = results.set_distance(simd, separation, distance, batch, limits);
+    normal.rounded().store(&mut results.normal);
 }
 
 #[inline(always)]
@@ -66,8 +66,8 @@ pub(super) fn vertices_over_faces<S: Simd>(simd: S, batch: &Batch, limits: &Limi
     DoubleVectorLanes::select(swapped, absolute, point).rounded().store(&mut results.point_b);
     let separation = normal.scaled(height * inverse);
     let separation = DoubleVectorLanes::select(swapped, separation.negated(), separation);
-    let direction = results.set_distance(simd, separation, distance_squared.sqrt(), batch, limits);
-    direction.rounded().store(&mut results.normal);
+    let normal = results.set_distance(simd, separation, distance_squared.sqrt(), batch, limits);
+    normal.rounded().store(&mut results.normal);
 }
 
 #[inline(always)]
@@ -92,8 +92,8 @@ pub(super) fn pairs_of_edges<S: Simd>(simd: S, batch: &Batch, limits: &Limits<'_
     results.set_weights(SECOND, from_b, along_b);
     absolute_start.scaled(from_b).plus(absolute_end.scaled(along_b)).rounded().store(&mut results.point_b);
     let separation = normal.scaled(-height * inverse);
-    let direction = results.set_distance(simd, separation, distance_squared.sqrt(), batch, limits);
-    direction.rounded().store(&mut results.normal);
+    let normal = results.set_distance(simd, separation, distance_squared.sqrt(), batch, limits);
+    normal.rounded().store(&mut results.normal);
 }
 
 #[inline(always)]
@@ -137,12 +137,12 @@ pub(super) fn edges_through_faces<S: Simd>(simd: S, batch: &Batch, limits: &Limi
     let between = DoubleVectorLanes::select(swapped, other, own) - DoubleVectorLanes::select(swapped, own, other);
     let across = DoubleVectorLanes { x: between.x / three, y: between.y / three, z: between.z / three };
 
-    // The normal of the face, on the side where more of the first triangle lies.
+    // The normal of the face, away from the side where more of the first triangle lies.
     let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let normal = normal.scaled(one / normal.dot(normal).sqrt());
     let away = normal.dot(across).simd_lt(zero);
-    let direction = results.set_distance(simd, normal, zero, batch, limits);
-    DoubleVectorLanes::select(away, direction.negated(), direction).rounded().store(&mut results.normal);
+    let opposite = results.set_distance(simd, normal, zero, batch, limits);
+    DoubleVectorLanes::select(away, opposite.negated(), opposite).rounded().store(&mut results.normal);
 }
 
 /// The second or the third value where its mask is set, otherwise the first.

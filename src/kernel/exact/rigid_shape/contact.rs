@@ -42,7 +42,7 @@ impl CompactContact {
             barycentric_a: [proximity.barycentric[0] as f32, proximity.barycentric[1] as f32],
             barycentric_b: [0.0; 2],
             point_b: proximity.shape_point.as_vec3(),
-            normal: proximity.normal.as_vec3(),
+            normal: -proximity.normal.as_vec3(),
             distance: (proximity.distance * scale) as f32,
         }
     }

@@ -38,7 +38,9 @@ pub(super) fn contact(
     corners: &[[DVec3; 3]; 2],
     proximity: &Proximity,
 ) -> CompactContact {
-    let mut normal = direction_of(proximity.separation).unwrap_or_else(|| way_out(a, b, triangles, corners, proximity));
+    let from_b_to_a =
+        direction_of(proximity.separation).unwrap_or_else(|| way_out(a, b, triangles, corners, proximity));
+    let mut normal = -from_b_to_a;
     let mut distance = proximity.distance * settings.scale;
     if !settings.same_surface && is_inside([a, b], triangles, proximity.features, proximity.separation) {
         normal = -normal;
@@ -68,7 +70,8 @@ fn direction_of(separation: DVec3) -> Option<DVec3> {
 }
 
 /// A direction for points that coincide: the normal of the face that is met or pierced, otherwise that of two edges. It
-/// points out of a one-sided surface, and for a two-sided one toward the side where more of the first side lies.
+/// points from the second side to the first: out of a one-sided surface, and for a two-sided one toward the side where
+/// more of the first side lies.
 fn way_out(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,

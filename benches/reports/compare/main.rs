@@ -1,0 +1,215 @@
+//! Compares times and memory with other libraries on the same input: one table, measured in one run.
+//!
+//! `cargo run --release --example compare -- [FILES…] [options]`; `--help` lists the options. Without files it uses a
+//! crumpled sheet and the embedded scene. Every contestant gets the same mesh, contact distance, and boxes, and each is
+//! measured once per round, in turn. Medians are given relative to parry's traversal of its tree in the same run, with
+//! the faster of its two build strategies.
+//!
+//! *Cold* is a tick in which the mesh has new positions and [`Teleported`](bevy_circumsphere::Teleported) forbids the
+//! use of anything remembered. The tick before had another shape: the previous frame, or the next one for the first
+//! frame. A mesh that never moves had every vertex a contact distance away. Trees are kept and refitted, as those of
+//! the other libraries are. *Moved* is the mean of the twelve ticks that follow. Every vertex moves by 0.09 contact
+//! distances per tick, in its own direction. Ticks that use a list from an earlier tick and ticks that make one are
+//! also given separately. *Unchanged* is the tick after those, in which nothing is written. Our methods are timed from
+//! outside: the whole update of the app, including the storage of contacts.
+//!
+//! The table also says what each contestant found, because the results differ. `box pairs` are pairs of overlapping
+//! boxes, including neighbors. They must agree for all contestants. Contestants that disagree are named below the
+//! table, as are exact methods of ours that disagree. Ours never stores neighbors, and its boxes are larger by a
+//! thousandth of the contact distance. So `apart`, the box pairs that are not neighbors, differs by that. `tested` are
+//! pairs that reach an exact test in f64, because no slab separates them. `BoundingSphere` and `Circumsphere` define
+//! touching differently. parry computes distances in f32 with absolute tolerances, so its `touching` is close to ours
+//! but not exact. rapier has other contacts: see `benches/peers/src/rapier.rs`.
+//!
+//! Peers that would make the crate heavier are separate programs, see [`peers`]. They are only compiled or downloaded
+//! for a comparison with them. obvhs and rapier3d are a package with its own lock file (about two minutes to build).
+//! Embree is a C file that links the system's library. The crate's own tests and builds do not depend on them.
+
+use std::{
+    fs,
+    io::{self, Write},
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
+
+use bevy_circumsphere::{ContactMethod, kernel::mesh::validation::TopologyError};
+use circumsphere_examples::headless::{
+    self,
+    embedded::{EMBEDDED_NAME, embedded_scene},
+    frames::NoSuchFrames,
+};
+use circumsphere_reports::BAD_INPUT;
+use circumsphere_reports::machine::{self, Machine};
+use circumsphere_support::{
+    recording::{Recording, RecordingError, read_recording},
+    scenes::crumpled_sheet,
+};
+use clap::Parser;
+use headline::Headline;
+use indicatif::{ProgressBar, ProgressStyle};
+use input::Input;
+use measure::Contestant;
+use options::Options;
+use ours::{Ours, WithPoints};
+use peak_alloc::PeakAlloc;
+use report::Report;
+use scale::{Scale, Sweep};
+use serde::Serialize;
+
+mod headline;
+mod input;
+mod measure;
+mod options;
+mod ours;
+mod parry;
+mod peers;
+mod report;
+mod scale;
+
+/// Tracks heap usage, for the memory of surfaces and pairs.
+#[global_allocator]
+static HEAP: PeakAlloc = PeakAlloc;
+
+/// A frame of the embedded scene in which the cloth is folded.
+const EMBEDDED_FRAME: usize = 100;
+
+/// Phase shift of the waves of the crumpled sheet between its two frames, in radians.
+const SHEET_PHASE: f64 = 0.05;
+
+#[derive(Debug, thiserror::Error)]
+enum CompareError {
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+    #[error("{name}: {source}")]
+    Mesh { name: String, source: TopologyError },
+    #[error(transparent)]
+    Frames(#[from] NoSuchFrames),
+    #[error(transparent)]
+    Rerun(#[from] headless::recording::RecordingError),
+    #[error("{}: {source}", .path.display())]
+    Write { path: PathBuf, source: io::Error },
+}
+
+/// Contents of the `--json` file.
+#[derive(Serialize)]
+struct Comparison {
+    machine: Machine,
+    inputs: Vec<Report>,
+    headline: Option<Headline>,
+    scale: Option<Scale>,
+}
+
+fn main() -> ExitCode {
+    match compare(&Options::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(BAD_INPUT)
+        }
+    }
+}
+
+/// Recordings with their names and the first frame to measure by default.
+fn recordings(options: &Options) -> Result<Vec<(String, Recording, usize)>, CompareError> {
+    if options.files.is_empty() {
+        let states = [0.0, SHEET_PHASE].map(|phase| crumpled_sheet(options.sheet as usize, phase));
+        let triangles = states[0].triangles.clone();
+        let sheet = Recording { triangles, frames: states.into_iter().map(|state| state.positions).collect() };
+        let scene = (EMBEDDED_NAME.to_owned(), embedded_scene()?, EMBEDDED_FRAME);
+        return Ok(vec![("a crumpled sheet".to_owned(), sheet, 0), scene]);
+    }
+    let is_recording = |file: &Path| file.extension().is_some_and(|extension| extension == "bin");
+    let name = |file: &Path| file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
+    if options.files.iter().all(|file| is_recording(file)) {
+        let read = |file: &PathBuf| Ok((name(file), read_recording(std::slice::from_ref(file))?, 0));
+        return options.files.iter().map(read).collect();
+    }
+    Ok(vec![(name(&options.files[0]), read_recording(&options.files)?, 0)])
+}
+
+fn compare(options: &Options) -> Result<(), CompareError> {
+    let load = machine::load();
+    let mut inputs = Vec::new();
+    for (name, recording, first) in recordings(options)? {
+        let frames = match options.frames {
+            Some(frames) => frames.of(recording.frames.len())?,
+            None => first..first + 1,
+        };
+        let input = Input::new(name.clone(), &recording, frames, options.contact_distance_edges)
+            .map_err(|source| CompareError::Mesh { name, source })?;
+        if let Some(folder) = &options.recording.rerun {
+            record(&input, options, folder)?;
+        }
+        let report = measure(&input, options);
+        // The reader of the table may have closed the pipe.
+        let _ = write!(io::stdout(), "{report}");
+        inputs.push(report);
+    }
+    let headline = (!options.no_headline).then(Headline::measure);
+    if let Some(headline) = &headline {
+        let _ = write!(io::stdout(), "{headline}");
+    }
+    let sweep = if options.scale { Sweep::Long } else { Sweep::Short };
+    let scale = (!options.no_scale).then(|| {
+        let progress = spinner();
+        let scale = Scale::measure(sweep, |message| report_progress(&progress, message));
+        progress.finish_and_clear();
+        scale
+    });
+    if let Some(scale) = &scale {
+        let _ = write!(io::stdout(), "{scale}");
+    }
+    let machine = Machine::new([load, machine::load()]);
+    let _ = write!(io::stdout(), "\n{machine}");
+    if let Some(path) = &options.json {
+        let text = serde_json::to_string_pretty(&Comparison { machine, inputs, headline, scale })
+            .expect("numbers and names are JSON");
+        fs::write(path, text).map_err(|source| CompareError::Write { path: path.clone(), source })?;
+    }
+    Ok(())
+}
+
+/// Records what is measured, with one file per method.
+fn record(input: &Input, options: &Options, folder: &Path) -> Result<(), CompareError> {
+    fs::create_dir_all(folder).map_err(|source| CompareError::Write { path: folder.to_owned(), source })?;
+    for method in ContactMethod::ALL {
+        let path = folder.join(format!("{}_{method:?}.rrd", input.name.replace(' ', "_")));
+        Ours::record(input, method, options.recording.recorder(&path)?);
+    }
+    Ok(())
+}
+
+fn spinner() -> ProgressBar {
+    ProgressBar::new_spinner()
+        .with_style(ProgressStyle::with_template("{elapsed} {msg}").expect("the template is well formed"))
+}
+
+fn report_progress(progress: &ProgressBar, message: &str) {
+    progress.set_message(message.to_owned());
+    progress.tick();
+}
+
+fn measure(input: &Input, options: &Options) -> Report {
+    let progress = spinner();
+    let mut threads = vec![1, usize::from(options.threads)];
+    threads.dedup();
+    report_progress(&progress, "building");
+    let mut contestants = parry::contestants(input);
+    for method in ContactMethod::ALL {
+        for &threads in &threads {
+            contestants.push(Box::new(Ours::new(input, method, threads)) as Box<dyn Contestant>);
+            if !method.is_exact() {
+                contestants.push(Box::new(WithPoints(Ours::with_points(input, method, threads))));
+            }
+        }
+    }
+    report_progress(&progress, "building and starting peers");
+    let (peers, mut faults) = peers::contestants(if options.no_peers { &[] } else { &options.peers }, input, &threads);
+    contestants.extend(peers);
+    let (log, failed) = measure::play(input, contestants, options.repeat, |message| {
+        report_progress(&progress, message);
+    });
+    progress.finish_and_clear();
+    faults.extend(failed);
+    Report::new(input, &log, faults)
+}

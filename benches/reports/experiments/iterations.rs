@@ -1,0 +1,212 @@
+//! Contact methods at few and many solver iterations: time of a tick, steadiness of the scenes, and residual
+//! penetration by the exact method.
+
+use bevy_circumsphere::{prelude::*, response::XpbdSettings};
+use circumsphere_examples::scenes::{self, Variation};
+use circumsphere_reports::{
+    finding::{Finding, Outcome, figure, geometric_mean, optional, percent, table},
+    statistics::median,
+};
+use indicatif::ProgressBar;
+use serde::Serialize;
+
+use super::{
+    options::Extent,
+    player::{KINDS, Player, Steadiness, variation},
+    residual::Residual,
+};
+
+/// The methods to compare.
+pub const METHODS: [ContactMethod; 4] =
+    [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Exact, ContactMethod::Polygon];
+
+const ITERATIONS: [u32; 6] = [1, 2, 4, 8, 16, 32];
+
+/// The number of substeps of a game that relies on iterations. The default number would make iterations superfluous.
+pub const SUBSTEPS: u32 = 2;
+
+/// Upper limit of few iterations.
+const FEW: u32 = 4;
+
+const LEAST_TREMBLING: f64 = 1.0e-8;
+
+/// Results of a method in a scene: medians of its repetitions.
+#[derive(Clone, Debug, Serialize)]
+pub struct IterationsRow {
+    pub kind: &'static str,
+    pub scene: &'static str,
+    #[serde(serialize_with = "super::report::name_of_method")]
+    pub method: ContactMethod,
+    pub substeps: u32,
+    pub iterations: u32,
+    pub repetitions: usize,
+    /// Repetitions that flew apart. Except for times, the other fields describe the remaining ones.
+    pub broken: usize,
+    /// Median time of a tick, in milliseconds.
+    pub time_detection_ms: f64,
+    pub time_response_ms: f64,
+    pub trembling: Option<f64>,
+    pub jitter: Option<f64>,
+    pub churn: Option<f64>,
+    /// Mean and largest overlap of contacts at the end, in contact distances.
+    pub residual_mean: Option<f64>,
+    pub residual_deepest: Option<f64>,
+    /// Edges that pierce a face at the end.
+    pub residual_crossings: Option<f64>,
+    /// Vertices inside another body at the end.
+    pub residual_inside: Option<f64>,
+}
+
+struct Run {
+    detection: f64,
+    response: f64,
+    quiet: Option<(Steadiness, Residual)>,
+}
+
+/// Plays every scene with every method and every number of iterations, one repetition after the other.
+pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<IterationsRow> {
+    let iterations = extent.pick(&ITERATIONS[1..3], &ITERATIONS[..]);
+    let (repetitions, ticks) = extent.pick((1, 20), (2, 360));
+    let settings: Vec<_> = KINDS
+        .into_iter()
+        .flat_map(|kind| {
+            METHODS.into_iter().flat_map(move |method| iterations.iter().map(move |&one| (kind, method, one)))
+        })
+        .collect();
+    progress.set_length((settings.len() * repetitions) as u64);
+    let mut runs: Vec<Vec<Run>> = settings.iter().map(|_| Vec::new()).collect();
+    for repetition in 0..repetitions {
+        for (&((_, scene), method, iterations), runs) in settings.iter().zip(&mut runs) {
+            runs.push(run(scene, method, iterations, repetition as u64, ticks));
+            progress.inc(1);
+        }
+    }
+    settings
+        .into_iter()
+        .zip(&runs)
+        .map(|((kind, method, iterations), runs)| row(kind, method, iterations, runs))
+        .collect()
+}
+
+fn run(scene: &str, method: ContactMethod, iterations: u32, repetition: u64, ticks: usize) -> Run {
+    let response = XpbdSettings { substeps: SUBSTEPS, iterations, ..XpbdSettings::default() };
+    let mut player = Player::new(scene, &Variation { response, ..variation(method) }, repetition);
+    // Stop at the end of the settled ticks. After them, the instrument lifts and nothing is in contact.
+    let settled = player.scene.settled.end as usize;
+    player.play(ticks.min(settled), |_| ());
+    let milliseconds = |time: fn(&scenes::measure::Tick) -> std::time::Duration| {
+        median(player.ticks.iter().map(|tick| 1.0e3 * time(tick).as_secs_f64()).collect()).unwrap_or_default()
+    };
+    let quiet = player.steadiness().map(|steadiness| (steadiness, Residual::of(&player.scene.stage)));
+    Run { detection: milliseconds(|tick| tick.detection), response: milliseconds(|tick| tick.response), quiet }
+}
+
+fn row(
+    (kind, scene): (&'static str, &'static str),
+    method: ContactMethod,
+    iterations: u32,
+    runs: &[Run],
+) -> IterationsRow {
+    let time = |value: fn(&Run) -> f64| median(runs.iter().map(value).collect()).unwrap_or_default();
+    let of_quiet = |value: fn(&Steadiness, &Residual) -> f64| {
+        let quiet = runs.iter().filter_map(|run| run.quiet.as_ref());
+        median(quiet.map(|(steadiness, residual)| value(steadiness, residual)).collect())
+    };
+    IterationsRow {
+        kind,
+        scene,
+        method,
+        substeps: SUBSTEPS,
+        iterations,
+        repetitions: runs.len(),
+        broken: runs.iter().filter(|run| run.quiet.is_none()).count(),
+        time_detection_ms: time(|run| run.detection),
+        time_response_ms: time(|run| run.response),
+        trembling: of_quiet(|steadiness, _| steadiness.trembling),
+        jitter: of_quiet(|steadiness, _| steadiness.jitter),
+        churn: of_quiet(|steadiness, _| steadiness.churn),
+        residual_mean: of_quiet(|_, residual| residual.depth),
+        residual_deepest: of_quiet(|_, residual| residual.deepest),
+        residual_crossings: of_quiet(|_, residual| residual.crossings as f64),
+        residual_inside: of_quiet(|_, residual| residual.inside as f64),
+    }
+}
+
+/// Compares the trembling of circumspheres with that of polygons at few iterations, and how often each flew apart.
+pub fn finding(rows: &[IterationsRow]) -> Finding {
+    let few = |method: ContactMethod| rows.iter().filter(move |row| row.method == method && row.iterations <= FEW);
+    let (mut ratios, mut steadier, mut settings) = (Vec::new(), 0, 0);
+    for (own, other) in few(ContactMethod::Circumsphere).zip(few(ContactMethod::Polygon)) {
+        settings += 1;
+        match (own.trembling, other.trembling) {
+            (Some(own), Some(other)) => {
+                let ratio = own.max(LEAST_TREMBLING) / other.max(LEAST_TREMBLING);
+                steadier += usize::from(ratio < 1.0);
+                ratios.push(ratio);
+            }
+            (Some(_), None) => steadier += 1,
+            (None, _) => (),
+        }
+    }
+    let broken = |method| few(method).map(|row| row.broken).sum::<usize>();
+    let runs = few(ContactMethod::Polygon).map(|row| row.repetitions).sum::<usize>();
+    let mean = geometric_mean(ratios.iter().copied(), f64::MIN_POSITIVE);
+    let outcome = match mean {
+        _ if settings == 0 => Outcome::Undecided,
+        Some(mean) if mean < 1.0 && 2 * steadier > settings => Outcome::Holds,
+        None if 2 * steadier > settings => Outcome::Holds,
+        Some(mean) if mean < 1.0 || 2 * steadier > settings => Outcome::HoldsInPart,
+        _ => Outcome::Fails,
+    };
+    let compared = mean.map_or_else(
+        || "of no setting did both stay whole".to_owned(),
+        |mean| {
+            format!(
+                "its trembling is {} times that of polygons in the geometric mean where both stay whole",
+                figure(mean)
+            )
+        },
+    );
+    Finding {
+        claim: "the circumsphere method is steadier than polygons at few iterations".to_owned(),
+        found: format!(
+            "at up to {FEW} iterations it is steadier in {steadier} of {settings} settings, {compared}, and {} of {runs} runs \
+             flew apart by it, {} by polygons",
+            broken(ContactMethod::Circumsphere),
+            broken(ContactMethod::Polygon)
+        ),
+        outcome,
+    }
+}
+
+/// One table per measure and scene: a row for each number of iterations, and a column for each method.
+pub fn tables(rows: &[IterationsRow]) -> String {
+    let measures: [(&str, fn(&IterationsRow) -> String); 5] = [
+        ("detection + response (ms)", |row| {
+            format!("{} + {}", figure(row.time_detection_ms), figure(row.time_response_ms))
+        }),
+        ("trembling (edges a tick)", |row| optional(row.trembling)),
+        ("contact churn", |row| row.churn.map_or_else(|| "–".to_owned(), percent)),
+        ("penetration left (contact distances): mean, most", |row| {
+            format!("{}, {}", optional(row.residual_mean), optional(row.residual_deepest))
+        }),
+        ("flew apart", |row| format!("{} of {}", row.broken, row.repetitions)),
+    ];
+    let mut header = vec!["scene".to_owned(), "measure".to_owned(), "iterations".to_owned()];
+    header.extend(METHODS.map(|method| format!("{method:?}")));
+    let mut lines = Vec::new();
+    for (_, scene) in KINDS {
+        for (name, measure) in &measures {
+            let own = |method: ContactMethod| rows.iter().filter(move |row| row.scene == scene && row.method == method);
+            for first in own(METHODS[0]) {
+                let cell = |method| {
+                    own(method).find(|row| row.iterations == first.iterations).map_or_else(String::new, measure)
+                };
+                let mut line = vec![scene.to_owned(), (*name).to_owned(), first.iterations.to_string()];
+                line.extend(METHODS.map(cell));
+                lines.push(line);
+            }
+        }
+    }
+    table(&header, lines)
+}

@@ -1,0 +1,25 @@
+//! What the reports share: the machine they ran on, statistics, tables, figures, and findings.
+
+#![expect(missing_docs, clippy::missing_errors_doc, reason = "not published")]
+
+use std::path::PathBuf;
+
+pub mod drawing;
+pub mod finding;
+pub mod machine;
+pub mod statistics;
+pub mod tables;
+
+/// Exit status for any bad input, by the shell's convention for wrong usage.
+pub const BAD_INPUT: u8 = 2;
+
+/// A file of a report that cannot be written.
+#[derive(Debug, thiserror::Error)]
+pub enum OutputError {
+    #[error("cannot write {}: {source}", .path.display())]
+    File { path: PathBuf, source: std::io::Error },
+    #[error("cannot write {}: {source}", .path.display())]
+    Csv { path: PathBuf, source: csv::Error },
+    #[error("cannot draw {}: {reason}", .path.display())]
+    Figure { path: PathBuf, reason: String },
+}
