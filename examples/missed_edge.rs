@@ -15,7 +15,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
     detection::PairFates,
-    kernel::{mesh::validation::TopologyError, pair_fate::PairFate},
+    geometry::{PairFate, TopologyError},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};

@@ -1,16 +1,37 @@
 #![doc = include_str!("../README.md")]
 
-pub mod contacts;
+mod contacts;
 #[cfg(feature = "rerun")]
 pub mod debug;
 pub mod detection;
 mod diagnostics;
+/// What surfaces, shapes, and contacts are described in.
+pub mod geometry {
+    pub use crate::kernel::{
+        ccd::ImpactCause,
+        contact::{CompactContact, ContactKey, TouchingPair, feature_number},
+        exact::rigid_shape::{ShapeError, ShapeGeometry},
+        mesh::{
+            bounds::Aabb,
+            feature::{Feature, FeatureKind, FeaturePair},
+            ids::{EdgeId, TriangleId, VertexId},
+            smooth_normal::CreaseAngle,
+            topology::SurfaceTopology,
+            validation::TopologyError,
+        },
+        pair_fate::PairFate,
+        pose::{Pose, PoseError},
+        spheres::{contacts::SphereContact, curvature::CurvatureEstimator},
+    };
+}
+/// Pure geometry, for this crate and its own tests, benches, and reports. It may change in any version.
+#[doc(hidden)]
 pub mod kernel;
 mod plugins;
 pub mod response;
-pub mod schedule;
-pub mod settings;
-pub mod surface;
+mod schedule;
+mod settings;
+mod surface;
 
 pub use contacts::*;
 pub use surface::*;
@@ -26,15 +47,7 @@ pub mod prelude {
             Contact, Impact, SmoothNormals, StencilEntry, SurfaceContactEnd, SurfaceContactStart, SurfaceContacts,
             SurfaceImpacts,
         },
-        kernel::{
-            ccd::ImpactCause,
-            contact::ContactKey,
-            mesh::{
-                feature::{Feature, FeatureKind},
-                ids::{TriangleId, VertexId},
-                validation::TopologyError,
-            },
-        },
+        geometry::{ContactKey, Feature, FeatureKind, ImpactCause, TopologyError, TriangleId, VertexId},
         plugins::DeformableCollisionPlugins,
         schedule::DeformableSystems,
         settings::{CircumsphereSettings, SphereContactDetail},

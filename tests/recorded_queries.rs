@@ -8,10 +8,12 @@ use std::{
     time::Instant,
 };
 
-use bevy_circumsphere::kernel::{
-    bvh::tree::BoxTree,
-    ccd::{FeatureImpact, ImpactCause, MovingSide, PairImpact, edge_edge_impact, first_impacts, vertex_face_impact},
-    mesh::{bounds::Aabb, ids::TriangleId, topology::SurfaceTopology},
+use bevy_circumsphere::{
+    geometry::{Aabb, ImpactCause, SurfaceTopology, TriangleId},
+    kernel::{
+        bvh::tree::BoxTree,
+        ccd::{FeatureImpact, MovingSide, PairImpact, edge_edge_impact, first_impacts, vertex_face_impact},
+    },
 };
 use circumsphere_support::recording::{
     QueryKind, RecordedImpacts, read_ccd_queries, read_f64_recording, read_recorded_impacts, read_recording,

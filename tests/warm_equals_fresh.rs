@@ -11,7 +11,7 @@ use std::{collections::VecDeque, env, fmt::Debug};
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore, StoredPair,
-    kernel::{contact::CompactContact, spheres::curvature::CurvatureEstimator},
+    geometry::{CompactContact, CurvatureEstimator},
     prelude::*,
 };
 use bevy_ecs::{entity_disabling::Disabled, prelude::*};

@@ -33,7 +33,7 @@ enum ReplayError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     #[error("{name}: {source}")]
-    Mesh { name: String, source: bevy_circumsphere::kernel::mesh::validation::TopologyError },
+    Mesh { name: String, source: bevy_circumsphere::geometry::TopologyError },
     #[error(transparent)]
     Options(#[from] OptionsError),
     #[error(transparent)]

@@ -2,7 +2,7 @@
 
 use std::{ops::Range, path::PathBuf};
 
-use bevy_circumsphere::{CircumsphereSettings, kernel::spheres::curvature::CurvatureEstimator};
+use bevy_circumsphere::{CircumsphereSettings, geometry::CurvatureEstimator};
 use circumsphere_examples::headless::{
     frames::{FrameRange, NoSuchFrames},
     method::Method,

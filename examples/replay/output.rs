@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use bevy_circumsphere::{Contact, kernel::mesh::ids::VertexId};
+use bevy_circumsphere::{Contact, geometry::VertexId};
 use bevy_ecs::entity::Entity;
 use csv::Writer;
 use glam::Vec3;

@@ -9,7 +9,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
     detection::{BroadPhasePlugin, BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
-    kernel::mesh::{topology::SurfaceTopology, validation::TopologyError},
+    geometry::{SurfaceTopology, TopologyError},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::SystemState};

@@ -6,10 +6,7 @@ use std::{
 };
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{
-    prelude::*,
-    surface::{Circumspheres, TriangleCones},
-};
+use bevy_circumsphere::{Circumspheres, TriangleCones, prelude::*};
 use circumsphere_support::{
     programs::example_program,
     scenes::{MovingScene, beam_on_mattress},

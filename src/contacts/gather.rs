@@ -12,10 +12,8 @@ use super::{
 };
 use crate::{
     detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, ExactTrianglePairs, PairContacts,
-        SphereContacts, SurfacePair, Threads,
-        broad_phase::{Frame, OtherSide},
-        is_one_sided,
+        CandidateTrianglePairs, DetectionDiagnostics, DetectionMemory, ExactTrianglePairs, Frame, OtherSide,
+        PairContacts, SphereContacts, SurfacePair, Threads, is_one_sided,
     },
     kernel::capacity,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},

@@ -251,6 +251,12 @@ fn compute_bounds(
         })
     });
     states.align(&active.surfaces, |entity| surfaces.contains(entity));
+    for surface in &mut active.surfaces {
+        surface.margin = settings.margin().max(surface.solver_margin);
+    }
+    for shape in &mut active.shapes {
+        shape.margin = settings.margin().max(shape.solver_margin);
+    }
     let all_positions = surfaces.as_readonly();
     let ActiveSurfaces { surfaces, .. } = &mut *active;
     for_each_weighed(
@@ -261,7 +267,7 @@ fn compute_bounds(
         |place, state, threads| {
             let surface = &surfaces[place];
             let Ok((positions, _)) = all_positions.get(surface.entity) else { return };
-            let growth = frame_growth(surface.thickness, settings.margin(), surface.pose.scale());
+            let growth = frame_growth(surface.thickness, surface.margin, surface.pose.scale());
             state.has_moved = state.bounds.update(&positions, &surface.topology, growth, threads);
             state.bounds.update_in_world(&surface.pose);
         },

@@ -207,6 +207,7 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
         && Arc::ptr_eq(&surface.topology, &last.topology)
         && surface.pose.has_bits_of(&last.pose)
         && surface.thickness.to_bits() == last.thickness.to_bits()
+        && surface.margin.to_bits() == last.margin.to_bits()
         && surface.method == last.method
         && surface.one_sided == last.one_sided
         && surface.events == last.events
@@ -218,5 +219,6 @@ fn is_same_shape(shape: &ActiveShape, last: &ActiveShape) -> bool {
     shape.entity == last.entity
         && Arc::ptr_eq(&shape.geometry, &last.geometry)
         && shape.pose.has_bits_of(&last.pose)
+        && shape.margin.to_bits() == last.margin.to_bits()
         && shape.events == last.events
 }

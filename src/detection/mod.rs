@@ -5,7 +5,7 @@
 //! phase found.
 
 mod bounds;
-pub mod broad_phase;
+mod broad_phase;
 mod cone;
 mod corner_rows;
 mod curvature;
@@ -24,7 +24,8 @@ mod state;
 mod swept;
 
 pub use broad_phase::{
-    BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, SurfacePair, TreeBroadPhasePlugin,
+    BoxSide, BroadPhasePlugin, BroadPhaseSystems, BruteForceBroadPhasePlugin, CandidateTrianglePairs, CandidateWriter,
+    Frame, OtherSide, SurfaceBoxes, SurfacePair, TreeBroadPhasePlugin,
 };
 pub use swept::{SweptImpact, SweptImpacts, SweptPair, SweptPlugin};
 

@@ -151,8 +151,8 @@ pub use settings::XpbdSettings;
 /// [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins) in the same schedule, and a `Time` resource that
 /// says how long a tick is.
 ///
-/// While the game leaves [`CircumsphereSettings::margin`](field@crate::CircumsphereSettings::margin) at 0, the plugin
-/// adapts the margin to the motion of the bodies in a tick.
+/// Contacts of bodies are reported before they touch, within a margin that follows the motion of each body, or within
+/// [`CircumsphereSettings::margin`](field@crate::CircumsphereSettings::margin) if that is wider.
 pub struct XpbdResponsePlugin {
     schedule: InternedScheduleLabel,
 }
@@ -181,7 +181,7 @@ impl Plugin for XpbdResponsePlugin {
         app.add_systems(
             self.schedule,
             (
-                (motion::begin, respond::choose_margin, respond::aim).chain().in_set(DeformableSystems::Predict),
+                (motion::begin, respond::choose_margins, respond::aim).chain().in_set(DeformableSystems::Predict),
                 motion::rewind.in_set(DeformableSystems::Detect).before(run_detection),
                 motion::restore.in_set(DeformableSystems::Detect).after(run_detection),
                 respond::respond_in_parts.in_set(DeformableSystems::Respond),

@@ -1,8 +1,11 @@
-//! The systems of the response: choose a margin for detection, solve the tick, and write the result back.
+//! The systems of the response: choose margins for detection, solve the tick, and write the result back.
 
-use std::time::{Duration, Instant};
+use std::{
+    mem,
+    time::{Duration, Instant},
+};
 
-use bevy_ecs::prelude::*;
+use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_time::Time;
 use glam::{DVec3, Vec3};
 
@@ -22,7 +25,6 @@ use crate::{
         pose::Pose,
     },
     schedule::run_detection,
-    settings::CircumsphereSettings,
     surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptCollision, SweptTarget},
 };
 
@@ -77,10 +79,8 @@ pub(super) struct Response {
     guard: Guard,
     /// The bodies of this tick, in the order of the solver.
     moved: Vec<Entity>,
-    /// The margin chosen last. If the setting differs from it, the game has set it.
-    margin: Option<f32>,
-    /// Number of consecutive ticks in which the margin was wider than needed.
-    too_wide: u32,
+    /// The margin of each body.
+    margins: EntityHashMap<BodyMargin>,
     /// The smallest margin of this tick, in world units.
     slack: f32,
     refused: Vec<Entity>,
@@ -96,12 +96,11 @@ pub(super) struct Response {
 /// Number of ticks without a squeezed body after which the warning may repeat.
 const CALM_TICKS: u32 = 60;
 
-/// Smallest and largest margin, in mean edges of the finest body.
+/// Smallest and largest margin of a body, in mean edges of the finest body: wider ones cost more than they save.
 const LEAST_MARGIN: f32 = 0.125;
 const MOST_MARGIN: f32 = 0.5;
 
-/// Number of ticks for which the margin may stay wider than needed. A change of the margin discards the lists of near
-/// pairs.
+/// Number of ticks for which a margin may stay wider than needed.
 const WIDE_TICKS: u32 = 8;
 
 /// Smallest number of substeps of a part. With fewer, vertices lag behind the kinematic object that pushes them.
@@ -111,50 +110,68 @@ const LEAST_SUBSTEPS: u32 = 4;
 const MOST_SOLUTIONS: usize = 4;
 const MOST_SOLUTIONS_OF_PART: usize = 3;
 
-/// Widens the margin to the expected motion of bodies in this tick, in powers of two, so that anything that may touch
-/// during the tick is detected at its beginning. A margin set by the game is kept.
-pub(super) fn choose_margin(
+/// Gives each body a margin for its expected motion in this tick, so that anything that may touch during the tick is
+/// detected at its beginning. Whatever is no body gets the widest of these.
+pub(super) fn choose_margins(
     time: Option<Res<Time>>,
     settings: Res<XpbdSettings>,
-    active: Res<ActiveSurfaces>,
+    mut active: ResMut<ActiveSurfaces>,
     motions: Res<Motions>,
     bodies: Query<(&DeformableSurface, &XpbdBody)>,
-    mut detection: ResMut<CircumsphereSettings>,
     mut response: ResMut<Response>,
 ) {
     let Some(time) = time else { return };
-    let (mut finest, mut squared_speeds, mut vertices) = (f32::INFINITY, 0.0, 0usize);
-    for surface in &active.surfaces {
-        if let Ok((mesh, body)) = bodies.get(surface.entity) {
-            finest = finest.min(mesh.mean_edge() * surface.pose.scale() as f32);
-            squared_speeds += body.velocities.iter().map(|velocity| velocity.length_squared()).sum::<f32>();
-            vertices += body.velocities.len();
-        }
-    }
-    if !finest.is_finite() || finest <= 0.0 {
-        return;
-    }
-    response.slack = LEAST_MARGIN * finest;
-    if detection.margin != 0.0 && response.margin != Some(detection.margin) {
-        return;
-    }
-    let speed = (squared_speeds / vertices.max(1) as f32).sqrt();
+    let Response { margins, slack, .. } = &mut *response;
     let duration = time.delta_secs() / motions.parts() as f32;
-    // Both sides of a contact may move at that speed. Gravity only brings a body closer to something that does not fall
-    // with it.
-    let way = (2.0 * speed + settings.in_range().gravity.length() * duration) * duration + motions.longest() as f32;
-    let mut margin = LEAST_MARGIN * finest;
-    while margin < way.min(MOST_MARGIN * finest) {
-        margin *= 2.0;
+    let fall = settings.in_range().gravity.length() * duration;
+    let edge = |mesh: &DeformableSurface, surface: &ActiveSurface| mesh.mean_edge() * surface.pose.scale() as f32;
+    let edges = active.surfaces.iter().filter_map(|surface| Some(edge(bodies.get(surface.entity).ok()?.0, surface)));
+    let finest = edges.fold(f32::INFINITY, f32::min);
+    if !(finest.is_finite() && finest > 0.0) {
+        return;
     }
-    let last = response.margin.unwrap_or(margin);
-    response.too_wide = if margin < last { response.too_wide + 1 } else { 0 };
-    if (1..=WIDE_TICKS).contains(&response.too_wide) {
-        margin = last;
+    *slack = LEAST_MARGIN * finest;
+    let mut widest = 0.0_f32;
+    for surface in &mut active.surfaces {
+        let Ok((_, body)) = bodies.get(surface.entity) else { continue };
+        let squared_speeds: f32 = body.velocities.iter().map(|velocity| velocity.length_squared()).sum();
+        let speed = (squared_speeds / body.velocities.len().max(1) as f32).sqrt();
+        // What it meets may move as fast. Gravity only brings a body closer to something that does not fall with it.
+        let way = (2.0 * speed + fall) * duration + motions.longest() as f32;
+        surface.solver_margin = margins.entry(surface.entity).or_default().choose(way, finest);
+        widest = widest.max(surface.solver_margin);
     }
-    response.margin = Some(margin);
-    if detection.margin != margin {
-        detection.margin = margin;
+    margins.retain(|_, margin| mem::take(&mut margin.is_used));
+    let others = active.surfaces.iter_mut().filter(|surface| !margins.contains_key(&surface.entity));
+    others.for_each(|surface| surface.solver_margin = widest);
+    active.shapes.iter_mut().for_each(|shape| shape.solver_margin = widest);
+}
+
+/// The margin of a body, in steps of powers of two.
+#[derive(Default)]
+struct BodyMargin {
+    /// In world units. 0 before the first tick.
+    width: f32,
+    /// Number of consecutive ticks in which it was wider than needed.
+    too_wide: u32,
+    /// Whether the body takes part in this tick.
+    is_used: bool,
+}
+
+impl BodyMargin {
+    /// The margin of a tick in which the body moves by about `way`. It stays too wide for a while: a change discards
+    /// the lists of near pairs.
+    fn choose(&mut self, way: f32, finest: f32) -> f32 {
+        let mut width = LEAST_MARGIN * finest;
+        while width < way.min(MOST_MARGIN * finest) {
+            width *= 2.0;
+        }
+        self.too_wide = if width < self.width { self.too_wide + 1 } else { 0 };
+        if !(1..=WIDE_TICKS).contains(&self.too_wide) {
+            self.width = width;
+        }
+        self.is_used = true;
+        self.width
     }
 }
 

@@ -60,6 +60,12 @@ pub struct ActiveSurface {
     /// Whether results of earlier ticks are invalid: the surface is new, has a new mesh or frame, was teleported, or
     /// took no part in the last tick.
     pub fresh: bool,
+    /// The margin that a solver needs, in world units.
+    pub(crate) solver_margin: f32,
+    /// Contacts with another side are reported up to the mean of both margins beyond the contact distance, in world
+    /// units: the [margin](field@crate::CircumsphereSettings::margin) of the settings, or more if a solver needs it.
+    /// Written by the bounds stage.
+    pub margin: f32,
     /// Its box in the world, in world units, grown by thickness and half the margin. Written by the bounds stage.
     pub world_bounds: Aabb,
     pub(crate) order: SideOrder,
@@ -101,6 +107,10 @@ pub struct ActiveShape {
     /// The pose to which a solver moves it in this tick. If present, this motion is swept instead of the one since the
     /// last detection.
     pub(crate) target: Option<Pose>,
+    /// The margin that a solver needs, in world units.
+    pub(crate) solver_margin: f32,
+    /// As for a [surface](ActiveSurface::margin).
+    pub margin: f32,
     /// Which surfaces it meets.
     pub layers: SurfaceLayers,
     /// Whether results of earlier ticks are invalid: the shape is new, was replaced or teleported, or took no part in

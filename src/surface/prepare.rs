@@ -220,6 +220,8 @@ fn gather_surfaces(
                         rigid: false,
                         events: item.events,
                         fresh: item.teleported || item.surface.is_changed() || item.frame.is_changed() || !was_active,
+                        solver_margin: 0.0,
+                        margin: 0.0,
                         world_bounds: Aabb::EMPTY,
                         order: order(false, item.order, *item.registration, item.entity),
                     });
@@ -335,7 +337,19 @@ fn add_shape(
         if !is_in_range(geometry.bounds().map_or(0.0, |bounds| largest_coordinate(&bounds)), &pose) {
             return Err(QuarantineReason::OutOfRange);
         }
-        active.shapes.push(ActiveShape { entity, geometry, parts, pose, target: None, layers, fresh, events, order });
+        active.shapes.push(ActiveShape {
+            entity,
+            geometry,
+            parts,
+            pose,
+            target: None,
+            solver_margin: 0.0,
+            margin: 0.0,
+            layers,
+            fresh,
+            events,
+            order,
+        });
         return Ok(());
     }
     let Some((RigidMesh { topology }, positions, checked)) = &mut item.mesh else { return Ok(()) };
@@ -357,6 +371,8 @@ fn add_shape(
         rigid: true,
         events,
         fresh,
+        solver_margin: 0.0,
+        margin: 0.0,
         world_bounds: Aabb::EMPTY,
         order,
     });

@@ -4,7 +4,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore,
     detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
-    kernel::contact::{CompactContact, TouchingPair},
+    geometry::{CompactContact, TouchingPair},
     prelude::*,
 };
 use bevy_ecs::prelude::*;

@@ -3,10 +3,7 @@
 use std::collections::{HashMap, HashSet};
 
 use bevy_circumsphere::{
-    kernel::{
-        contact::TouchingPair,
-        mesh::feature::{Feature, FeatureKind},
-    },
+    geometry::{Feature, FeatureKind, TouchingPair},
     prelude::*,
 };
 use circumsphere_support::scenes::{

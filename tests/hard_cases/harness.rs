@@ -11,7 +11,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore, StoredPair,
     detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
-    kernel::contact::{CompactContact, TouchingPair},
+    geometry::{CompactContact, TouchingPair},
     prelude::*,
 };
 use bevy_ecs::{

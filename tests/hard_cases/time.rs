@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use bevy_circumsphere::{detection::DetectionDiagnostics, prelude::*, surface::Circumspheres};
+use bevy_circumsphere::{Circumspheres, detection::DetectionDiagnostics, prelude::*};
 use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere, twisted_rod};
 use glam::Vec3;
 

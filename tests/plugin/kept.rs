@@ -5,7 +5,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, StoredPair,
     detection::{CandidateTrianglePairs, DetectionDiagnostics},
-    kernel::contact::CompactContact,
+    geometry::CompactContact,
     prelude::*,
 };
 use bevy_ecs::prelude::*;

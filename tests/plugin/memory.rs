@@ -2,9 +2,7 @@
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
-    CircumsphereSettings,
-    prelude::*,
-    surface::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
+    CircumsphereSettings, Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature, prelude::*,
 };
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use circumsphere_support::scenes::cuboid;

@@ -4,14 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
-    ActiveSurfaces, ContactStore,
+    ActiveSurfaces, Circumspheres, ContactStore, EnclosingBalls, TriangleCones,
     detection::{
         CandidateTrianglePairs, DetectionDiagnostics, MeetingCaps, OverlappingTrianglePairs, PairFates, SurfacePair,
         broad_phase::OtherSide,
     },
-    kernel::pair_fate::PairFate,
+    geometry::PairFate,
     prelude::*,
-    surface::{Circumspheres, EnclosingBalls, TriangleCones},
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
 use bevy_transform::components::Transform;

@@ -2,7 +2,7 @@
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
-    kernel::{exact::rigid_shape::ShapeError, pose::PoseError},
+    geometry::{PoseError, ShapeError},
     prelude::*,
 };
 use bevy_ecs::prelude::*;

@@ -109,7 +109,7 @@ fn the_side_of_a_floor_is_remembered_while_a_body_trembles_across_it() {
                 app.update();
                 let contacts = between(&mut app, dart, shape);
                 let lowest = contacts.iter().find(|contact| {
-                    contact.kind == bevy_circumsphere::kernel::mesh::feature::FeatureKind::VertexFace
+                    contact.kind == bevy_circumsphere::geometry::FeatureKind::VertexFace
                         && contact.feature_vertices.0.len() == 1
                 });
                 let lowest = lowest.unwrap_or_else(|| panic!("{cells} {from} {tick}: {contacts:?}"));

@@ -1,7 +1,7 @@
 //! Which side is outside: of solids from their mesh, of sheets from the ticks before.
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{detection::DetectionDiagnostics, kernel::mesh::feature::FeatureKind, prelude::*};
+use bevy_circumsphere::{detection::DetectionDiagnostics, geometry::FeatureKind, prelude::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Mesh, cuboid, icosphere};

@@ -7,7 +7,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ActiveSurfaces, CircumsphereSettings,
     detection::{CandidateTrianglePairs, DetectionDiagnostics, PairFates, broad_phase::OtherSide},
-    kernel::{mesh::topology::SurfaceTopology, pair_fate::PairFate},
+    geometry::{PairFate, SurfaceTopology},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};

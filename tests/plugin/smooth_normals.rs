@@ -1,7 +1,7 @@
 //! Smooth normals of contacts: of whatever touches, wherever it stands, and only where there is something to smooth.
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{kernel::mesh::smooth_normal::CreaseAngle, prelude::*};
+use bevy_circumsphere::{geometry::CreaseAngle, prelude::*};
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Mesh, cuboid, icosphere};

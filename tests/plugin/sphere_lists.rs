@@ -4,10 +4,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, SphereContactDetail, StoredPair,
     detection::SphereContacts,
-    kernel::{
-        contact::{CompactContact, TouchingPair},
-        spheres::contacts::SphereContact,
-    },
+    geometry::{CompactContact, SphereContact, TouchingPair},
     prelude::*,
 };
 use bevy_ecs::prelude::*;

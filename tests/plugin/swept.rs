@@ -4,7 +4,7 @@
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     detection::{DetectionDiagnostics, StageDiagnostics, SweptImpacts},
-    kernel::mesh::feature::{Feature, FeatureKind},
+    geometry::{Feature, FeatureKind},
     prelude::*,
     surface::PreviousPositions,
 };

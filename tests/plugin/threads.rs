@@ -1,7 +1,7 @@
 //! The number of threads changes nothing but the time.
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{detection::CandidateTrianglePairs, kernel::mesh::feature::FeaturePair, prelude::*};
+use bevy_circumsphere::{detection::CandidateTrianglePairs, geometry::FeaturePair, prelude::*};
 use bevy_tasks::{ComputeTaskPool, TaskPoolBuilder};
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, grid, icosphere, torus};

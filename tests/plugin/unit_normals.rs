@@ -1,7 +1,7 @@
 //! Exact touching: where the points of a contact coincide, its normal is a unit vector all the same.
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{kernel::mesh::feature::FeatureKind, prelude::*};
+use bevy_circumsphere::{geometry::FeatureKind, prelude::*};
 use bevy_transform::components::Transform;
 use circumsphere_support::random::Random;
 use glam::{Quat, Vec3};

@@ -5,7 +5,7 @@ use std::fmt::Debug;
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore, StencilEntry,
-    kernel::{contact::ContactKey, mesh::feature::FeatureKind},
+    geometry::{ContactKey, FeatureKind},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, schedule::ScheduleLabel, system::RunSystemOnce};

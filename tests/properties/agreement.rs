@@ -5,7 +5,7 @@ use crate::harness::{
     BAND, Body, BroadPhase, Count, Found, Judge, Setup, SmallWorld, assert_numbers, between, for_all, mean_edge,
     points, truth_between, truth_within, wide,
 };
-use bevy_circumsphere::{detection::CandidateTrianglePairs, kernel::contact::TouchingPair, prelude::*};
+use bevy_circumsphere::{detection::CandidateTrianglePairs, geometry::TouchingPair, prelude::*};
 use circumsphere_support::{
     scenes::{Mesh, triangle_soup},
     strategies::{Motion, motion, placement, two_meshes},

@@ -1,13 +1,13 @@
 //! Curvature, spheres and cones of any mesh at any size: numbers always, balls that contain their triangles however stale.
 
-use bevy_circumsphere::kernel::{
-    mesh::topology::SurfaceTopology,
-    spheres::{
+use bevy_circumsphere::{
+    geometry::{CurvatureEstimator, SurfaceTopology},
+    kernel::spheres::{
         circumsphere::{
             Ball, OffsetSpheres, RecipeSettings, circumcenter, curvature_factor, enclosing_balls, in_plane_center,
         },
         cone::{Cap, SafetyCones, cap_contact},
-        curvature::{CurvatureEstimator, Curvatures},
+        curvature::Curvatures,
     },
 };
 use circumsphere_support::strategies::{mesh, motion, placement};

@@ -4,11 +4,8 @@ use std::collections::BTreeSet;
 
 use bevy_circumsphere::{
     DeformableSurface,
-    kernel::mesh::{
-        ids::{EdgeId, TriangleId, VertexId},
-        topology::SurfaceTopology,
-        validation::TopologyError,
-    },
+    geometry::{SurfaceTopology, TopologyError, TriangleId, VertexId},
+    kernel::mesh::ids::EdgeId,
 };
 use circumsphere_support::strategies::{MOST_TRIANGLES, mesh};
 use glam::Vec3;

@@ -1,9 +1,7 @@
 //! A world that has run for long finds what a new one finds: trees that were refitted and have decayed, buffers that are
 //! used again, spheres that were refreshed lazily.
 
-use bevy_circumsphere::{
-    detection::DetectionDiagnostics, kernel::contact::CompactContact, prelude::*, surface::Circumspheres,
-};
+use bevy_circumsphere::{Circumspheres, detection::DetectionDiagnostics, geometry::CompactContact, prelude::*};
 use circumsphere_support::strategies::{motion, placement, two_meshes};
 use proptest::prelude::*;
 

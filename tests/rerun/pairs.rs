@@ -6,7 +6,7 @@ use bevy_circumsphere::{
     ActiveSurfaces,
     debug::LevelOfDetail,
     detection::{CandidateTrianglePairs, PairFates, broad_phase::OtherSide},
-    kernel::pair_fate::PairFate,
+    geometry::PairFate,
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};

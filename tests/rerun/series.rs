@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{
-    debug::RerunSettings, detection::DetectionDiagnostics, kernel::contact::ContactKey, prelude::*,
-};
+use bevy_circumsphere::{debug::RerunSettings, detection::DetectionDiagnostics, geometry::ContactKey, prelude::*};
 use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use glam::Vec3;

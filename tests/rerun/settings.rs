@@ -4,9 +4,9 @@ use std::collections::BTreeSet;
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
+    SurfaceDetectionSystems,
     debug::{LevelOfDetail, RerunSettings},
     prelude::*,
-    schedule::SurfaceDetectionSystems,
 };
 use bevy_ecs::prelude::*;
 use glam::Vec3;

@@ -3,11 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use bevy_circumsphere::{
-    ActiveSurfaces,
+    ActiveSurfaces, Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature,
     debug::{LevelOfDetail, RerunSettings},
     detection::{CandidateTrianglePairs, DetectionDiagnostics, SurfaceStates, broad_phase::OtherSide},
     prelude::*,
-    surface::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
 };
 use bevy_ecs::prelude::*;
 use glam::{Quat, Vec3};
@@ -321,7 +320,7 @@ fn boxes_of_a_tree_lie_in_those_of_the_level_above_and_the_root_holds_just_all_t
                 }
                 if tree_levels == u32::MAX {
                     let all: Vec<&Box3> = levels.iter().flatten().collect();
-                    let is_held = |bounds: &bevy_circumsphere::kernel::mesh::bounds::Aabb| {
+                    let is_held = |bounds: &bevy_circumsphere::geometry::Aabb| {
                         all.iter().filter(|outer| holds(outer, &(bounds.min, bounds.max))).count() >= levels.len() / 2
                     };
                     assert!(triangles.iter().all(is_held));

@@ -6,7 +6,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ContactStore,
     debug::{DeformableRerunPlugin, LevelOfDetail, RerunSettings},
-    kernel::contact::ContactKey,
+    geometry::ContactKey,
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};

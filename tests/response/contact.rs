@@ -1,6 +1,7 @@
 //! Contacts and friction against closed forms.
 
-use bevy_circumsphere::{prelude::*, response::*};
+use bevy_circumsphere::{ContactStore, prelude::*, response::*};
+use bevy_ecs::prelude::*;
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere};
 use glam::{Quat, Vec3};
@@ -120,4 +121,36 @@ fn every_method_carries_a_sheet() {
         let middle = scene.positions(body)[6 * 13 + 6];
         assert!(middle.is_finite() && middle.y > 0.19, "{method:?}: {middle}");
     }
+}
+
+/// Bodies look as far ahead as they move, each for itself, and the game's setting stays what the game has written.
+#[test]
+fn margins_follow_the_motion_of_each_body_and_leave_the_setting_alone() {
+    let edge = 0.1;
+    let near = |margin: f32| {
+        let mut scene = Scene::new();
+        scene.app.world_mut().resource_mut::<CircumsphereSettings>().margin = margin;
+        let floor = scene.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y))).id();
+        let sheet =
+            |x: f32| grid(4, 4, 4.0 * edge, 4.0 * edge, Diagonals::Alternating).translate([x, 0.005 + 0.4 * edge, 0.0]);
+        let [slow, fast] =
+            [0.0, 2.0].map(|x| scene.add(&sheet(x), XpbdMaterial::CLOTH, SurfaceThickness::World(0.005)));
+        scene.body_mut(fast).velocities.fill(Vec3::NEG_Y * 2.0);
+        scene.tick(TICK);
+        assert_eq!(scene.app.world().resource::<CircumsphereSettings>().margin, margin);
+        let count = |body: Entity| {
+            let pairs = scene.app.world().resource::<ContactStore>().pairs().iter();
+            let pairs = pairs.filter(|pair| [pair.a.entity(), pair.b.entity()] == [body, floor]);
+            let separations =
+                pairs.flat_map(|pair| pair.contacts.iter().map(|contact| contact.distance - pair.contact_distance));
+            separations.inspect(|separation| assert!(*separation > 0.0, "{separation}")).count()
+        };
+        [count(slow), count(fast)]
+    };
+    // The mean edge of the grid, with diagonals, is 1.14 of its sides. What follows from it: the fast one looks ahead by half
+    // of that, and the slow one and the floor by five sixteenths on the average.
+    let [slow, fast] = near(0.0);
+    assert!(slow == 0 && fast == 25, "{slow} {fast}");
+    // The setting is a lower bound.
+    assert_eq!(near(2.0 * edge), [25, 25]);
 }

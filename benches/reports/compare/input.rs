@@ -1,6 +1,6 @@
 //! The common input of all contestants: one mesh, with positions for each tick.
 
-use bevy_circumsphere::kernel::mesh::{topology::SurfaceTopology, validation::TopologyError};
+use bevy_circumsphere::geometry::{SurfaceTopology, TopologyError};
 use circumsphere_support::{random::Random, recording::Recording};
 use glam::Vec3;
 

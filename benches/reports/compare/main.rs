@@ -32,7 +32,7 @@ use std::{
     process::ExitCode,
 };
 
-use bevy_circumsphere::{ContactMethod, kernel::mesh::validation::TopologyError};
+use bevy_circumsphere::{ContactMethod, geometry::TopologyError};
 use circumsphere_examples::headless::{
     self,
     embedded::{EMBEDDED_NAME, embedded_scene},

@@ -2,14 +2,13 @@
 //! the caps make, and steadiness of the scenes.
 
 use bevy_circumsphere::{
-    CircumsphereSettings,
+    CircumsphereSettings, Circumspheres, TriangleCones, TriangleCurvature,
     detection::DetectionDiagnostics,
     kernel::spheres::{
         circumsphere::{OffsetSpheres, RecipeSettings},
         cone::SafetyCones,
     },
     prelude::*,
-    surface::{Circumspheres, TriangleCones, TriangleCurvature},
 };
 use circumsphere_examples::scenes::Variation;
 use circumsphere_reports::{

@@ -5,7 +5,7 @@
 
 use std::fmt::Write;
 
-use bevy_circumsphere::{CircumsphereSettings, ContactMethod, kernel::spheres::curvature::CurvatureEstimator};
+use bevy_circumsphere::{CircumsphereSettings, ContactMethod, geometry::CurvatureEstimator};
 
 use super::options::Extent;
 

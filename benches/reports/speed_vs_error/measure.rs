@@ -5,10 +5,7 @@ use std::{collections::HashMap, time::Duration};
 use bevy_circumsphere::{
     ContactMethod,
     detection::StageDiagnostics,
-    kernel::{
-        contact::{CompactContact, feature_number},
-        mesh::feature::{Feature, FeatureKind},
-    },
+    geometry::{CompactContact, Feature, FeatureKind, feature_number},
 };
 use circumsphere_reports::statistics::{Spread, mean, median};
 use glam::DVec3;

@@ -11,10 +11,7 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore,
     detection::{CandidateTrianglePairs, MeetingCaps, OverlappingTrianglePairs, StageDiagnostics},
-    kernel::{
-        contact::{CompactContact, TouchingPair},
-        mesh::topology::SurfaceTopology,
-    },
+    geometry::{CompactContact, SurfaceTopology, TouchingPair},
     prelude::*,
 };
 use bevy_ecs::prelude::*;

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use bevy_circumsphere::kernel::mesh::{topology::SurfaceTopology, validation::TopologyError};
+use bevy_circumsphere::geometry::{SurfaceTopology, TopologyError};
 use circumsphere_support::{
     recording::{Recording, RecordingError, read_recording},
     scenes::{MovingScene, moving_scene},

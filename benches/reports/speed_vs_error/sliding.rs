@@ -7,13 +7,11 @@
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
-    kernel::{
-        mesh::topology::SurfaceTopology,
-        spheres::{
-            circumsphere::{OffsetSpheres, RecipeSettings},
-            cone::SafetyCones,
-            curvature::{CurvatureEstimator, Curvatures},
-        },
+    geometry::{CurvatureEstimator, SurfaceTopology},
+    kernel::spheres::{
+        circumsphere::{OffsetSpheres, RecipeSettings},
+        cone::SafetyCones,
+        curvature::Curvatures,
     },
     prelude::*,
 };

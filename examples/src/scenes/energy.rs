@@ -1,7 +1,8 @@
 //! The energy of a scene's bodies.
 
 use bevy_circumsphere::{
-    kernel::mesh::{ids::EdgeId, topology::SurfaceTopology},
+    geometry::EdgeId,
+    geometry::SurfaceTopology,
     response::{XpbdBody, XpbdMaterial, XpbdSettings},
 };
 use glam::{DVec3, Vec3};

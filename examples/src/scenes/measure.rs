@@ -7,9 +7,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use bevy_circumsphere::{
-    detection::DetectionDiagnostics, kernel::contact::ContactKey, prelude::*, response::XpbdDiagnostics,
-};
+use bevy_circumsphere::{detection::DetectionDiagnostics, geometry::ContactKey, prelude::*, response::XpbdDiagnostics};
 use bevy_ecs::prelude::*;
 use glam::Vec3;
 

@@ -12,7 +12,6 @@ use crate::{
         exact::rigid_shape::ShapeGeometry,
         mesh::{bounds::Aabb, ids::TriangleId},
     },
-    settings::CircumsphereSettings,
     surface::ActiveSurfaces,
 };
 
@@ -70,7 +69,6 @@ pub enum SurfaceBoxes<'a> {
 #[derive(SystemParam)]
 pub struct CandidateWriter<'w, 's> {
     active: Res<'w, ActiveSurfaces>,
-    settings: Res<'w, CircumsphereSettings>,
     candidates: ResMut<'w, CandidateTrianglePairs>,
     memory: Res<'w, DetectionMemory>,
     states: Res<'w, SurfaceStates>,
@@ -84,8 +82,8 @@ impl CandidateWriter<'_, '_> {
     /// shapes are handled here.
     pub fn write(&mut self, mut find: impl FnMut(SurfaceBoxes<'_>, &mut Vec<[u32; 2]>)) {
         let start = Instant::now();
-        let Self { active, settings, candidates, memory, states, diagnostics, moved } = self;
-        let (active, margin) = (&**active, settings.margin());
+        let Self { active, candidates, memory, states, diagnostics, moved } = self;
+        let active = &**active;
         for (place, pair) in candidates.pairs.iter_mut().enumerate() {
             if memory.keeps(place) {
                 continue;
@@ -107,14 +105,14 @@ impl CandidateWriter<'_, '_> {
                             Frame::Second => (0, pair.first),
                         };
                         boxes.clear();
-                        pair.mover(surface, states.all()[place].positions(), margin).move_all(boxes);
+                        pair.mover(surface, states.all()[place].positions()).move_all(boxes);
                         bounds.clear();
                         bounds.extend(boxes.iter().map(|(_, bounds)| *bounds));
                         sides[number] = BoxSide { version: None, boxes: bounds, ..sides[number] };
                     }
                     find(SurfaceBoxes::Between(sides), &mut pair.triangles);
                 }
-                OtherSide::Shape(shape) => pair_with_shape(active, pair, shape, margin, first.boxes),
+                OtherSide::Shape(shape) => pair_with_shape(active, pair, shape, first.boxes),
             }
         }
         let count = memory.changed(&candidates.pairs).map(|pair| pair.triangles.len()).sum();
@@ -128,15 +126,9 @@ fn side_of<'a>(active: &ActiveSurfaces, states: &'a [SurfaceState], place: usize
 }
 
 /// Appends the triangles of a surface whose boxes reach a shape.
-pub(super) fn pair_with_shape(
-    active: &ActiveSurfaces,
-    pair: &mut SurfacePair,
-    shape: usize,
-    margin: f32,
-    boxes: &[Aabb],
-) {
+pub(super) fn pair_with_shape(active: &ActiveSurfaces, pair: &mut SurfacePair, shape: usize, boxes: &[Aabb]) {
     let shape = &active.shapes[shape];
-    let reach = shape_bounds(pair, shape, &active.surfaces[pair.first], margin);
+    let reach = shape_bounds(pair, shape, &active.surfaces[pair.first]);
     let mut triangles = std::mem::take(&mut pair.triangles);
     let reached = (0u32..).zip(boxes).filter(|(_, bounds)| match (&reach, &*shape.geometry) {
         (Some(reach), _) => reach.overlaps(bounds),

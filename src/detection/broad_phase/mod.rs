@@ -266,7 +266,7 @@ fn pair_surfaces(
         }
         let (lists, former) = buffers.reuse(&memory, first, OtherSide::Surface(second));
         memory.add_pair(former);
-        candidates.pairs.push(surface_pair(surfaces, first, second, settings.margin(), lists));
+        candidates.pairs.push(surface_pair(surfaces, first, second, lists));
     }
     let mut with_shapes = std::mem::take(&mut buffers.with_shapes);
     with_shapes.clear();
@@ -278,7 +278,7 @@ fn pair_surfaces(
         match shape.geometry.bounds() {
             // The boxes of the surfaces include half the margin. A shape has no box that includes the other half.
             Some(bounds) => {
-                let reach = moved_box(&bounds, &shape.pose).grown(0.5 * settings.margin());
+                let reach = moved_box(&bounds, &shape.pose).grown(0.5 * shape.margin);
                 buffers.tree.query(&reach, |surface| {
                     with_shapes.extend(meet(surface).then_some([surface as usize, place]));
                 });
@@ -297,7 +297,7 @@ fn pair_surfaces(
         }
         let (lists, former) = buffers.reuse(&memory, first, OtherSide::Shape(place));
         memory.add_pair(former);
-        let pair = shape_pair(&surfaces[first], first, &active.shapes[place], place, settings.margin(), lists);
+        let pair = shape_pair(&surfaces[first], first, &active.shapes[place], place, lists);
         candidates.pairs.push(pair);
     }
     memory.end_pairs();
@@ -325,6 +325,11 @@ fn name(first: usize, second: OtherSide) -> (bool, usize, usize) {
 /// Pairs of triangles, transformed triangles, and transformed positions.
 type PairLists = (Vec<[u32; 2]>, Vec<(u32, Aabb)>, Vec<Vec3>);
 
+/// The margin of a pair. Halves are added, because the boxes of both sides are grown by them.
+fn mean_margin(a: f32, b: f32) -> f32 {
+    0.5 * a + 0.5 * b
+}
+
 fn range(contact_distance: f32, margin: f32) -> f32 {
     (contact_distance * (1.0 + EVENT_HYSTERESIS)).max(contact_distance + margin)
 }
@@ -333,11 +338,11 @@ fn surface_pair(
     surfaces: &[ActiveSurface],
     first: usize,
     second: usize,
-    margin: f32,
     (triangles, moved_triangles, moved_positions): PairLists,
 ) -> SurfacePair {
     let (a, b) = (&surfaces[first], &surfaces[second]);
     let contact_distance = a.thickness + b.thickness;
+    let margin = mean_margin(a.margin, b.margin);
     // The smaller surface is transformed, so a body of a few triangles over a landscape costs what the body costs.
     let (frame, frame_pose, relative_pose) = if b.topology.triangles().len() > a.topology.triangles().len() {
         (Frame::Second, b.pose, a.pose.relative_to(&b.pose))
@@ -366,9 +371,9 @@ fn shape_pair(
     first: usize,
     shape: &ActiveShape,
     place: usize,
-    margin: f32,
     (triangles, moved_triangles, moved_positions): PairLists,
 ) -> SurfacePair {
+    let margin = mean_margin(surface.margin, shape.margin);
     SurfacePair {
         first,
         second: OtherSide::Shape(place),
@@ -387,16 +392,11 @@ fn shape_pair(
 }
 
 /// The box of a shape in a surface's own frame, grown by what the surface's boxes lack. `None` for a half-space.
-pub(super) fn shape_bounds(
-    pair: &SurfacePair,
-    shape: &ActiveShape,
-    surface: &ActiveSurface,
-    margin: f32,
-) -> Option<Aabb> {
+pub(super) fn shape_bounds(pair: &SurfacePair, shape: &ActiveShape, surface: &ActiveSurface) -> Option<Aabb> {
     let bounds = moved_box(&shape.geometry.bounds()?, &pair.relative_pose.inverse());
-    // The boxes of the triangles include the thickness and half the margin. A shape has no thickness, and no box that
-    // includes the other half.
-    let missing = (pair.range - world_growth(surface.thickness, margin)).max(0.0);
+    // The boxes of the triangles include the thickness and half the surface's margin. A shape has no thickness, and no
+    // box that includes half of its own margin.
+    let missing = (pair.range - world_growth(surface.thickness, surface.margin)).max(0.0);
     Some(bounds.grown((f64::from(missing) / surface.pose.scale()) as f32))
 }
 

@@ -44,13 +44,8 @@ impl SurfacePair {
     }
 
     /// Begins to transform the triangles of `surface`, which is [`moved_surface`](Self::moved_surface), from its own
-    /// `positions`. `margin` is that of the settings.
-    pub(super) fn mover<'a>(
-        &'a mut self,
-        surface: &'a ActiveSurface,
-        positions: &'a [Vec3],
-        margin: f32,
-    ) -> TriangleMover<'a> {
+    /// `positions`.
+    pub(super) fn mover<'a>(&'a mut self, surface: &'a ActiveSurface, positions: &'a [Vec3]) -> TriangleMover<'a> {
         self.moved_positions.clear();
         self.moved_rounding = 0.0;
         TriangleMover {
@@ -59,7 +54,7 @@ impl SurfacePair {
                 pose: &self.relative_pose,
                 positions,
                 triangles: surface.topology.triangles(),
-                growth: frame_growth(surface.thickness, margin, self.frame_pose.scale()),
+                growth: frame_growth(surface.thickness, surface.margin, self.frame_pose.scale()),
             },
             moved: &mut self.moved_positions,
             rounding: &mut self.moved_rounding,

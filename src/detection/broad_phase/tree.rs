@@ -146,7 +146,7 @@ fn update_trees(
         |place, pair| usize::from(pair.is_moved() && !memory.keeps(place)) * LEAVES_LOOKED_AT,
         |place, pair, _| {
             if !memory.keeps(place) {
-                move_triangles(&active, &settings, pair, states.all());
+                move_triangles(&active, pair, states.all());
             }
         },
     );
@@ -167,12 +167,7 @@ fn update_trees(
 }
 
 /// Transforms the triangles of a pair's moved surface that reach the box of the other one.
-fn move_triangles(
-    active: &ActiveSurfaces,
-    settings: &CircumsphereSettings,
-    pair: &mut SurfacePair,
-    states: &[SurfaceState],
-) {
+fn move_triangles(active: &ActiveSurfaces, pair: &mut SurfacePair, states: &[SurfaceState]) {
     let OtherSide::Surface(second) = pair.second else { return };
     let sides = match pair.frame {
         Frame::First => [second, pair.first],
@@ -186,7 +181,7 @@ fn move_triangles(
     let target = other.tree.tree.bounds();
     let reach = Reach::new(&pair.relative_pose, &target);
     let mut reaching = std::mem::take(&mut pair.moved_triangles);
-    let mut mover = pair.mover(surface, bounds.positions(), settings.margin());
+    let mut mover = pair.mover(surface, bounds.positions());
     tree.tree.visit_reaching(&reach, |items| {
         let before = reaching.len();
         mover.move_triangles(items, &mut reaching);
@@ -269,7 +264,7 @@ fn pair_triangles(
                 OtherSide::Surface(second) => buffers.with(|moved| {
                     pair_surface(&active, &settings, pair, second, states, moved, &spare, threads).unwrap_or_default()
                 }),
-                OtherSide::Shape(place) => pair_shape(&active, &settings, pair, place, states),
+                OtherSide::Shape(place) => pair_shape(&active, pair, place, states),
             };
             overlapping.fetch_add(found, Ordering::Relaxed);
         },
@@ -434,20 +429,14 @@ fn pair_surface(
 }
 
 /// Pairs the triangles of a surface with a shape. Returns how many boxes overlap.
-fn pair_shape(
-    active: &ActiveSurfaces,
-    settings: &CircumsphereSettings,
-    pair: &mut SurfacePair,
-    place: usize,
-    states: &[SurfaceState],
-) -> usize {
+fn pair_shape(active: &ActiveSurfaces, pair: &mut SurfacePair, place: usize, states: &[SurfaceState]) -> usize {
     let (first, shape) = (&active.surfaces[pair.first], &active.shapes[place]);
     let SurfaceState { tree, bounds, .. } = &states[pair.first];
-    if let Some(reach) = shape_bounds(pair, shape, first, settings.margin()) {
+    if let Some(reach) = shape_bounds(pair, shape, first) {
         tree.tree.query(&reach, |triangle| pair.triangles.push([triangle, 0]));
     } else {
         // A half-space has no box to search the tree with.
-        pair_with_shape(active, pair, place, settings.margin(), bounds.triangles());
+        pair_with_shape(active, pair, place, bounds.triangles());
     }
     pair.triangles.len()
 }

@@ -31,7 +31,7 @@ use crate::kernel::{
 mod estimate;
 
 /// Eight contacts of two whole triangles by their spheres, in the pair's frame.
-pub struct FaceContacts<S: Simd> {
+pub(in crate::kernel) struct FaceContacts<S: Simd> {
     triangles: TrianglePairLanes<S>,
     /// Contact points on the first and the second side.
     points: [VectorLanes<S>; 2],
@@ -54,7 +54,7 @@ struct Distances<S: Simd> {
 }
 
 /// Consumes contacts.
-pub trait ContactSink {
+pub(in crate::kernel) trait ContactSink {
     /// Reserves capacity for the contacts of at most `count` pairs.
     fn reserve(&mut self, count: usize);
 
@@ -310,6 +310,7 @@ pub fn cap_contacts(
 }
 
 /// Appends the pairs that pass the cone test to `meeting`, and their contacts to `found`.
+#[expect(private_bounds, reason = "only lists of this crate take contacts eight at a time")]
 pub fn meeting_caps(
     a: &CapSide<'_>,
     b: &CapSide<'_>,

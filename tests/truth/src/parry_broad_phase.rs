@@ -4,8 +4,8 @@ use std::collections::HashMap;
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
-    detection::broad_phase::{BoxSide, BroadPhaseSystems, CandidateWriter, SurfaceBoxes},
-    schedule::SurfaceDetection,
+    SurfaceDetection,
+    detection::{BoxSide, BroadPhaseSystems, CandidateWriter, SurfaceBoxes},
 };
 use bevy_ecs::prelude::*;
 use parry3d::{

@@ -9,13 +9,13 @@
 use std::fmt::{self, Display, Formatter};
 
 use bevy_circumsphere::{
+    Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature,
     detection::{
         CandidateTrianglePairs, ExactTrianglePairs, KeptPairs, MeetingCaps, OverlappingTrianglePairs, SphereContacts,
         SurfaceStates,
     },
-    kernel::mesh::topology::SurfaceTopology,
+    geometry::SurfaceTopology,
     prelude::*,
-    surface::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
 };
 use bevy_ecs::prelude::*;
 use serde::Serialize;
