@@ -8,7 +8,7 @@ use std::{alloc::System, collections::BTreeMap};
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     CircumsphereSettings, ContactStore, SurfaceDetection, SurfaceDetectionSystems,
-    detection::{CandidateTrianglePairs, broad_phase::BroadPhaseSystems},
+    detection::{BroadPhaseSystems, CandidateTrianglePairs},
     prelude::*,
 };
 use bevy_ecs::prelude::*;

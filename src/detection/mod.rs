@@ -32,6 +32,8 @@ pub use swept::{SweptImpact, SweptImpacts, SweptPair, SweptPlugin};
 pub use crate::diagnostics::{DetectionDiagnostics, StageDiagnostics};
 pub use bounds::BoundsPlugin;
 pub(crate) use bounds::moved_box;
+#[cfg(feature = "rerun")]
+pub(crate) use broad_phase::surfaces_with_method;
 pub use cone::{ConePlugin, MeetingCaps};
 pub use curvature::CurvaturePlugin;
 pub use exact::{ExactPlugin, ExactTrianglePairs};

@@ -1,7 +1,7 @@
 //! What a contact says of its features where that is easily wrong.
 
 use bevy_app::prelude::*;
-use bevy_circumsphere::{ContactStore, prelude::*, surface::Circumspheres};
+use bevy_circumsphere::{Circumspheres, ContactStore, prelude::*};
 use bevy_ecs::prelude::*;
 use circumsphere_support::scenes::cuboid;
 use glam::Vec3;

@@ -5,9 +5,7 @@ use std::collections::BTreeSet;
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ActiveSurfaces,
-    detection::{
-        BruteForceBroadPhasePlugin, CandidateTrianglePairs, PairFates, TreeBroadPhasePlugin, broad_phase::OtherSide,
-    },
+    detection::{BruteForceBroadPhasePlugin, CandidateTrianglePairs, OtherSide, PairFates, TreeBroadPhasePlugin},
     prelude::*,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};

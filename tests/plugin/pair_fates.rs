@@ -6,8 +6,8 @@ use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ActiveSurfaces, Circumspheres, ContactStore, EnclosingBalls, TriangleCones,
     detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, MeetingCaps, OverlappingTrianglePairs, PairFates, SurfacePair,
-        broad_phase::OtherSide,
+        CandidateTrianglePairs, DetectionDiagnostics, MeetingCaps, OtherSide, OverlappingTrianglePairs, PairFates,
+        SurfacePair,
     },
     geometry::PairFate,
     prelude::*,

@@ -2,14 +2,13 @@
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
-    CircumsphereSettings,
+    ActiveSurfaces, CircumsphereSettings,
     detection::{
         BroadPhasePlugin, BruteForceBroadPhasePlugin, CandidateTrianglePairs, DetectionDiagnostics, SurfaceState,
         SurfaceStates, TreeBroadPhasePlugin,
     },
     kernel::mesh::bounds::triangle_bounds,
     prelude::*,
-    surface::ActiveSurfaces,
 };
 use bevy_ecs::prelude::*;
 use bevy_math::ops::sin;

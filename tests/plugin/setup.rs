@@ -4,8 +4,7 @@ use std::sync::{Mutex, Once};
 
 use bevy_app::{TaskPoolOptions, TaskPoolPlugin, prelude::*};
 use bevy_circumsphere::{
-    SurfaceDetection,
-    contacts::ContactEventsPlugin,
+    ContactEventsPlugin, SurfaceDetection,
     detection::{BruteForceBroadPhasePlugin, TreeBroadPhasePlugin},
     prelude::*,
     response::{XpbdBody, XpbdMaterial},

@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
     ActiveSurfaces, CircumsphereSettings,
-    detection::{CandidateTrianglePairs, DetectionDiagnostics, PairFates, broad_phase::OtherSide},
+    detection::{CandidateTrianglePairs, DetectionDiagnostics, OtherSide, PairFates},
     geometry::{PairFate, SurfaceTopology},
     prelude::*,
 };

@@ -3,10 +3,10 @@
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
+    PreviousPositions,
     detection::{DetectionDiagnostics, StageDiagnostics, SweptImpacts},
     geometry::{Feature, FeatureKind},
     prelude::*,
-    surface::PreviousPositions,
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
 use bevy_transform::components::Transform;

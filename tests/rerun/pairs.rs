@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use bevy_circumsphere::{
     ActiveSurfaces,
     debug::LevelOfDetail,
-    detection::{CandidateTrianglePairs, PairFates, broad_phase::OtherSide},
+    detection::{CandidateTrianglePairs, OtherSide, PairFates},
     geometry::PairFate,
     prelude::*,
 };

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use bevy_circumsphere::{
     ActiveSurfaces, Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature,
     debug::{LevelOfDetail, RerunSettings},
-    detection::{CandidateTrianglePairs, DetectionDiagnostics, SurfaceStates, broad_phase::OtherSide},
+    detection::{CandidateTrianglePairs, DetectionDiagnostics, OtherSide, SurfaceStates},
     prelude::*,
 };
 use bevy_ecs::prelude::*;

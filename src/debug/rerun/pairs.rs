@@ -11,7 +11,7 @@ use super::{
     values,
 };
 use crate::{
-    detection::{SurfacePair, broad_phase::OtherSide},
+    detection::{OtherSide, SurfacePair},
     kernel::pair_fate::PairFate,
     surface::ActiveSurface,
 };

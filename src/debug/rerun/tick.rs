@@ -13,8 +13,8 @@ use super::settings::LevelOfDetail;
 use crate::{
     contacts::{Contact, ContactStore, StoredPair, SurfaceContacts},
     detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, PairFates, SurfacePair, SurfaceStates,
-        broad_phase::{OtherSide, surfaces_with_method},
+        CandidateTrianglePairs, DetectionDiagnostics, OtherSide, PairFates, SurfacePair, SurfaceStates,
+        surfaces_with_method,
     },
     kernel::{
         mesh::{bounds::Aabb, ids::VertexId},
