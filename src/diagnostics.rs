@@ -3,9 +3,12 @@
 use std::time::{Duration, Instant};
 
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 
 /// One stage of the last tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Clone, Debug, PartialEq))]
 pub struct StageDiagnostics {
     /// The stage's name.
     pub name: &'static str,
@@ -21,6 +24,7 @@ pub struct StageDiagnostics {
 
 /// The last tick, stage by stage in the order they ran. A stage that no surface needed is not listed.
 #[derive(Resource, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Resource, Clone, Debug, Default))]
 pub struct DetectionDiagnostics {
     /// The stages.
     pub stages: Vec<StageDiagnostics>,

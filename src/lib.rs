@@ -28,6 +28,8 @@ pub mod geometry {
 #[doc(hidden)]
 pub mod kernel;
 mod plugins;
+#[cfg(feature = "reflect")]
+mod reflect;
 pub mod response;
 mod schedule;
 mod settings;
@@ -37,6 +39,8 @@ pub use contacts::*;
 pub use surface::*;
 
 pub use plugins::DeformableCollisionPlugins;
+#[cfg(feature = "reflect")]
+pub use reflect::ReflectPlugin;
 pub use schedule::{DeformableSystems, SurfaceDetection, SurfaceDetectionSystems};
 pub use settings::{CircumsphereSettings, SphereContactDetail};
 

@@ -37,7 +37,7 @@ impl Default for DeformableCollisionPlugins {
 
 impl PluginGroup for DeformableCollisionPlugins {
     fn build(self) -> PluginGroupBuilder {
-        PluginGroupBuilder::start::<Self>()
+        let plugins = PluginGroupBuilder::start::<Self>()
             .add(DeformableSchedulePlugin::new(self.schedule))
             .add(SurfacePlugin::new(self.schedule))
             .add(BoundsPlugin)
@@ -50,6 +50,9 @@ impl PluginGroup for DeformableCollisionPlugins {
             .add(ExactPlugin)
             .add(SweptPlugin)
             .add(ContactsPlugin)
-            .add(ContactEventsPlugin::new(self.schedule))
+            .add(ContactEventsPlugin::new(self.schedule));
+        #[cfg(feature = "reflect")]
+        let plugins = plugins.add(crate::reflect::ReflectPlugin);
+        plugins
     }
 }

@@ -3,6 +3,8 @@
 //! The stages read [`CircumsphereSettings`]. Values out of range are clamped here.
 
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 
 use crate::kernel::{
     mesh::smooth_normal::CreaseAngle,
@@ -15,6 +17,7 @@ pub(crate) const EVENT_HYSTERESIS: f32 = 1.0e-3;
 
 /// What the sphere methods report about contacts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Clone, Debug, Default, PartialEq))]
 pub enum SphereContactDetail {
     /// Only which triangles are in contact and how far apart they are, in
     /// [`StoredPair::sphere_contacts`](crate::StoredPair::sphere_contacts). The lists of contacts and touching pairs
@@ -30,6 +33,7 @@ pub enum SphereContactDetail {
 /// Changes take effect in the next tick. Values out of range are clamped. NaN becomes the default, and a margin that is
 /// not finite becomes 0.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Resource, Clone, Debug, Default, PartialEq))]
 pub struct CircumsphereSettings {
     /// How much farther than the contact distance contacts are still reported, with positive separation. In world
     /// units, 0 or more. Default: 0. A solver that takes several steps per detection sets it to how far things move in
@@ -125,3 +129,8 @@ impl CircumsphereSettings {
         }
     }
 }
+
+#[cfg(feature = "reflect")]
+bevy_reflect::impl_reflect_opaque!(
+    (in bevy_circumsphere::geometry) CurvatureEstimator(Clone, Debug, Default, PartialEq)
+);

@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, fs, path::Path};
 
 /// The rooms, each of which may import from itself and from those before it. `kernel` is one room to those after it.
-const ROOMS: [&str; 10] = [
+const ROOMS: [&str; 11] = [
     "kernel",
     "settings",
     "schedule",
@@ -13,6 +13,7 @@ const ROOMS: [&str; 10] = [
     "contacts",
     "response",
     "debug",
+    "reflect",
     "plugins",
 ];
 

@@ -9,6 +9,8 @@ use bevy_ecs::{
     prelude::*,
     schedule::{InternedScheduleLabel, ScheduleLabel},
 };
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 
 use super::store::{ContactStore, PairOrder, StoredPair};
 use crate::{
@@ -24,6 +26,7 @@ use crate::{
 /// The message is sent once per pair. The entity event is sent to each of the two that has events enabled, as its
 /// `entity`. In a self-collision, both sides are the same entity.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Message, Event, Clone, Debug, PartialEq))]
 pub struct SurfaceContactStart {
     /// One side.
     pub entity: Entity,
@@ -34,6 +37,7 @@ pub struct SurfaceContactStart {
 /// Two surfaces, or a surface and a shape, are no longer in contact, because they separated or because one of them no
 /// longer takes part. Sent like [`SurfaceContactStart`]. Entities that no longer exist get no event.
 #[derive(Message, EntityEvent, Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Message, Event, Clone, Debug, PartialEq))]
 pub struct SurfaceContactEnd {
     /// One side.
     pub entity: Entity,

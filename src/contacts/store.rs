@@ -3,6 +3,8 @@
 use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 
 use super::sides::Before;
 use crate::{
@@ -91,7 +93,8 @@ pub(crate) type PairOrder = (bool, SideOrder, SideOrder);
 /// out.
 ///
 /// Most systems read it through [`SurfaceContacts`](super::SurfaceContacts).
-#[derive(Resource, Debug, Default)]
+#[derive(Resource, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Resource, Clone, Debug, Default))]
 pub struct ContactStore {
     pub(super) tick: u64,
     pub(crate) pairs: Vec<StoredPair>,

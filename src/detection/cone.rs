@@ -4,6 +4,8 @@ use std::time::Instant;
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 
 use super::{
     broad_phase::CandidateTrianglePairs,
@@ -32,7 +34,8 @@ use crate::{
 
 /// The pairs whose caps meet, one list for each pair of surfaces in [`CandidateTrianglePairs`]. Empty if a pair is not
 /// tested by cones.
-#[derive(Resource, Debug, Default)]
+#[derive(Resource, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Resource, Clone, Debug, Default))]
 pub struct MeetingCaps {
     pub(crate) pairs: Vec<SharedList<[u32; 2]>>,
 }

@@ -4,6 +4,8 @@ use std::time::Instant;
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 
 use super::{
     broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
@@ -34,7 +36,8 @@ use crate::{
 
 /// The results of the exact test, one entry for each pair of surfaces in [`CandidateTrianglePairs`]. Empty if a pair is
 /// tested by spheres. The last stage keeps two-sided contacts on their sides, in these lists.
-#[derive(Resource, Debug, Default)]
+#[derive(Resource, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Resource, Clone, Debug, Default))]
 pub struct ExactTrianglePairs {
     pub(crate) pairs: Vec<PairContacts>,
 }

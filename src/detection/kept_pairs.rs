@@ -112,6 +112,7 @@ pub(super) struct KeptList {
 /// The lists of near pairs of all pairs of surfaces, see [`memory`](field@CircumsphereSettings::memory). A list takes
 /// 12 bytes per pair of triangles for its numbers and a bound of its distance, and 4 bytes for the index of each pair
 /// that is tested.
+#[doc(hidden)]
 #[derive(Resource, Debug, Default)]
 pub struct KeptPairs {
     /// One for each of [`CandidateTrianglePairs`]. Empty if the pair has no list.

@@ -4,6 +4,8 @@ use std::time::Instant;
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 
 use super::{
     broad_phase::{CandidateTrianglePairs, SurfacePair},
@@ -31,7 +33,8 @@ use crate::{
 
 /// The candidates whose spheres are within range, one list for each pair of surfaces in [`CandidateTrianglePairs`].
 /// Empty if a pair's method does not use spheres.
-#[derive(Resource, Debug, Default)]
+#[derive(Resource, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Resource, Clone, Debug, Default))]
 pub struct OverlappingTrianglePairs {
     pub(crate) pairs: Vec<SharedList<[u32; 2]>>,
 }
@@ -46,7 +49,8 @@ impl OverlappingTrianglePairs {
 
 /// The results of the sphere methods, one entry for each pair of surfaces in [`CandidateTrianglePairs`]. Empty if a
 /// pair's method does not use spheres.
-#[derive(Resource, Debug, Default)]
+#[derive(Resource, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Resource, Clone, Debug, Default))]
 pub struct SphereContacts {
     pub(crate) pairs: Vec<PairContacts>,
 }

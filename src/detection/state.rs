@@ -14,6 +14,7 @@ use crate::{
 };
 
 /// What the stages know about one surface.
+#[doc(hidden)]
 #[derive(Default)]
 pub struct SurfaceState {
     pub(super) bounds: TriangleBounds,
@@ -58,6 +59,7 @@ impl SurfaceState {
 }
 
 /// What the stages know about each surface. Only the stages write it.
+#[doc(hidden)]
 #[derive(Resource, Default)]
 pub struct SurfaceStates {
     /// The active surfaces of the last detection, in their order.

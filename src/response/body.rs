@@ -6,6 +6,8 @@ use std::sync::{
 };
 
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 use glam::{DVec3, Vec3};
 
 use super::constraints::{Hinge, Spring, enclosed_volume};
@@ -23,6 +25,7 @@ use crate::{
 /// The material of a body. A compliance is one over a stiffness: 0 is as stiff as the solver can make it, infinite is
 /// no resistance.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Clone, Debug, PartialEq))]
 pub struct XpbdMaterial {
     /// Mass per area of the surface, in kilograms per square meter; more than 0. Default 0.2, a light cloth.
     pub area_density: f32,
@@ -82,6 +85,7 @@ static HAS_WARNED_OF_OPEN_VOLUME: AtomicBool = AtomicBool::new(false);
 
 /// Why a surface cannot be a body.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Clone, Debug, PartialEq))]
 pub enum XpbdBodyError {
     /// The body was made for other triangles, or for vertices that coincided differently, than its surface has now.
     /// Make it again.
@@ -125,6 +129,7 @@ pub enum XpbdBodyError {
 /// Friction of a surface or rigid shape. Two sides in contact use the geometric mean of their coefficients, so a
 /// frictionless side slides on everything.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct SurfaceFriction {
     /// Static coefficient: a resting contact holds while the tangential force is at most this share of the normal
     /// force. 0 or more. Default 0.5.
@@ -216,6 +221,7 @@ fn hinge(topology: &SurfaceTopology, edge: u32, first: u32, second: u32, points:
 /// ```
 #[derive(Component, Clone, Debug)]
 #[require(SweptTarget)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Component, Clone, Debug))]
 pub struct XpbdBody {
     /// The velocity of every vertex, in world units per second.
     pub velocities: Vec<Vec3>,

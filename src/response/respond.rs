@@ -6,6 +6,8 @@ use std::{
 };
 
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 use bevy_time::Time;
 use glam::{DVec3, Vec3};
 
@@ -31,6 +33,7 @@ use crate::{
 /// What the response did in the last tick. If the tick was split, fields that say so describe its last part only, and
 /// the others are sums over all parts.
 #[derive(Resource, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Resource, Clone, Debug, Default))]
 pub struct XpbdDiagnostics {
     /// Number of parts that the tick was split into, each with its own detection, from 1 to 8. More than 1 if a
     /// kinematic surface or shape near a body moves farther than the body's mean edge, relative to the body.

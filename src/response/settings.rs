@@ -1,6 +1,8 @@
 //! Settings of the response, with their defaults and reasons.
 
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 use glam::Vec3;
 
 /// How bodies move and how contacts are resolved. The defaults suit cloth and soft bodies of everyday size, in meters,
@@ -9,6 +11,7 @@ use glam::Vec3;
 /// Changes take effect in the next tick. A value out of range is replaced by the nearest one in range, and NaN by the
 /// default.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Resource, Clone, Debug, Default, PartialEq))]
 pub struct XpbdSettings {
     /// Acceleration of all vertices that have mass, in world units per second squared. Default 9.81 downwards along y.
     pub gravity: Vec3,

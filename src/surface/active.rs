@@ -5,6 +5,8 @@
 use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 use glam::Vec3;
 
 use super::components::{ContactMethod, SurfaceLayers};
@@ -94,7 +96,7 @@ impl ActiveSurface {
 }
 
 /// A rigid shape that is tested by formula and takes part in this tick.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct ActiveShape {
     /// Its entity.
     pub entity: Entity,
@@ -127,7 +129,8 @@ pub(crate) type SideOrder = (bool, u32, u64, u32);
 
 /// Everything that takes part in this tick, sorted by [`SurfaceOrder`](super::SurfaceOrder), then by registration.
 /// Rigid shapes come after surfaces.
-#[derive(Resource, Default)]
+#[derive(Resource, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Resource, Clone, Debug, Default))]
 pub struct ActiveSurfaces {
     /// The surfaces. Rigid shapes made of triangles come last.
     pub surfaces: Vec<ActiveSurface>,

@@ -5,6 +5,8 @@
 use std::sync::Arc;
 
 use bevy_ecs::{change_detection::Tick, lifecycle::HookContext, prelude::*, world::DeferredWorld};
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 use bevy_transform::components::Transform;
 use bytemuck::cast_slice;
 use glam::Vec3;
@@ -40,6 +42,7 @@ use crate::kernel::{
     Circumspheres,
     TriangleCones
 )]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Component, Clone, Debug))]
 pub struct DeformableSurface {
     topology: Arc<SurfaceTopology>,
     mean_edge: f32,
@@ -152,11 +155,13 @@ impl SurfaceBuilder<'_> {
 /// What was computed from them is reused until Bevy's change detection reports a write. Do not bypass change detection:
 /// it is unspecified which stages notice such a write.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct SurfacePositions(pub Vec<Vec3>);
 
 /// Half the distance at which two equal surfaces touch. Two surfaces touch within the sum of their thicknesses. A rigid
 /// shape has no thickness: a surface touches it within its own.
 #[derive(Component, Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub enum SurfaceThickness {
     /// In world units, 0 or more.
     World(f32),
@@ -175,6 +180,7 @@ impl Default for SurfaceThickness {
 /// Tests a surface against itself too, whatever its layers. Neighbors are not tested against each other. These are
 /// triangles that share a vertex, or that have [welded](SurfaceBuilder::weld_within) vertices in common.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct SelfCollision;
 
 /// Sweeps the surface's motion since the last tick against every surface that it meets by its layers, and with
@@ -206,6 +212,7 @@ pub struct SelfCollision;
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[require(PreviousPositions, SweptTarget)]
 #[component(on_remove = Self::on_remove)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct SweptCollision;
 
 impl SweptCollision {
@@ -216,6 +223,7 @@ impl SweptCollision {
 
 /// Where a surface with [`SweptCollision`] was in the last detection. Its next motion starts there.
 #[derive(Component, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Component, Clone, Debug, Default))]
 pub struct PreviousPositions {
     /// Its positions, in its own frame.
     pub positions: Vec<Vec3>,
@@ -249,11 +257,13 @@ impl PreviousPositions {
 /// [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin) writes it for every body, and for what the game moves
 /// near one.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct SweptTarget(pub Vec<Vec3>);
 
 /// How a pair of triangles is tested. If two surfaces have different methods, the more exact one decides, which is the
 /// later one here. Against a [`RigidShape`](super::RigidShape) the test is always exact.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub enum ContactMethod {
     /// Triangles touch if their enclosing balls come within the contact distance. Coarse.
     BoundingSphere,
@@ -286,6 +296,7 @@ impl ContactMethod {
 /// Which groups a surface or shape belongs to, and which groups it meets. Two of them meet if each belongs to a group
 /// that the other one meets.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct SurfaceLayers {
     /// One bit per group that it belongs to. Default: the first group.
     pub memberships: u32,
@@ -310,6 +321,7 @@ impl SurfaceLayers {
 /// Whether a surface, or a [`RigidShape`](super::RigidShape) made of triangles, has an inside. Solids always have one.
 /// This determines the sign of distances and the direction of normals, never what touches.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub enum Sidedness {
     /// One-sided if the mesh is closed and consistently wound, two-sided otherwise.
     #[default]
@@ -337,6 +349,7 @@ impl Sidedness {
 
 /// What the positions are relative to.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub enum SurfaceFrame {
     /// The entity. Its transform and those of its parents apply: rotation, translation, uniform scale, mirroring.
     #[default]
@@ -347,6 +360,7 @@ pub enum SurfaceFrame {
 
 /// Excludes a surface or shape from detection while present.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct SurfaceDisabled;
 
 /// Insert it when the positions or the pose of a surface or shape jump. The next tick uses no results of earlier ticks
@@ -356,21 +370,25 @@ pub struct SurfaceDisabled;
 /// vertices, instead of keeping its place in the world. Anything else jumps to where the game has put it, without
 /// sweeping the way.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct Teleported;
 
 /// Enables messages and entity events about the contacts of a surface or shape, while present. If inserted during a
 /// contact, it reports the end of that contact but not its start.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct ContactEventsEnabled;
 
 /// The order of contacts, independent of the spawn order, lower first. For worlds that must agree between machines.
 /// Default: 0. If equal, the order of registration decides. In a pair of a surface and a rigid shape, the shape is
 /// always the second side.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct SurfaceOrder(pub u32);
 
 /// The state of a surface or shape in the last tick.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub enum SurfaceStatus {
     /// It has no positions yet, or no tick has run yet.
     #[default]

@@ -10,6 +10,8 @@ use bevy_ecs::{
     schedule::{InternedScheduleLabel, ScheduleLabel},
     system::SystemParam,
 };
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 use bevy_transform::components::Transform;
 use glam::{DAffine3, Vec3};
 
@@ -34,6 +36,7 @@ use crate::{
 
 /// Why a surface or shape was quarantined.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Clone, Debug, PartialEq))]
 pub enum QuarantineReason {
     /// A coordinate is NaN or infinite.
     #[error("the position of vertex {} is not finite", .0.0)]
@@ -72,6 +75,7 @@ pub enum QuarantineReason {
 /// A surface or shape cannot be used and was quarantined. Sent once. When it can be used again, its [`SurfaceStatus`]
 /// becomes active without a message.
 #[derive(Message, EntityEvent, Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Message, Event, Clone, Debug, PartialEq))]
 pub struct SurfaceQuarantined {
     /// The surface or shape.
     pub entity: Entity,

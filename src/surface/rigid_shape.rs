@@ -4,11 +4,14 @@
 //! become surfaces that do not deform, and pass through the stages like all others.
 
 use std::{
+    fmt,
     panic::{AssertUnwindSafe, catch_unwind},
     sync::Arc,
 };
 
 use bevy_ecs::{lifecycle::HookContext, prelude::*, world::DeferredWorld};
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 use bevy_transform::components::Transform;
 use glam::Vec3;
 use parry3d::shape::{SharedShape, TypedShape};
@@ -55,7 +58,15 @@ use crate::kernel::{
 #[derive(Component, Clone)]
 #[component(immutable, on_insert = Self::on_insert, on_discard = Self::on_discard)]
 #[require(SurfaceLayers, SurfaceStatus, Registration, Transform)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Component, Clone))]
 pub struct RigidShape(pub SharedShape);
+
+/// Names the kind of shape.
+impl fmt::Debug for RigidShape {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_tuple("RigidShape").field(&self.0.shape_type()).finish()
+    }
+}
 
 impl RigidShape {
     /// A hook prepares a replaced shape even if no query matches its entity.

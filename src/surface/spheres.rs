@@ -6,6 +6,8 @@
 use std::ops::Deref;
 
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 
 use crate::kernel::spheres::{
     circumsphere::{Ball, OffsetSpheres},
@@ -27,6 +29,7 @@ macro_rules! sphere_data {
     ($(#[$docs:meta])* $name:ident($data:ty)) => {
         $(#[$docs])*
         #[derive(Component, Clone, Debug, Default)]
+        #[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Component, Clone, Debug, Default))]
         pub struct $name {
             pub(crate) data: $data,
             pub(crate) source: Option<SphereSource>,

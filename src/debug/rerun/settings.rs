@@ -1,9 +1,12 @@
 //! What is recorded of a tick, and how much of it.
 
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 
 /// How much of a layer is recorded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Clone, Debug, PartialEq))]
 pub enum LevelOfDetail {
     /// Nothing.
     Off,
@@ -22,6 +25,7 @@ pub enum LevelOfDetail {
 /// offset spheres, and cones exist for pairs tested by `Circumsphere`.
 #[derive(Resource, Clone, Debug, PartialEq, Eq)]
 #[expect(clippy::struct_excessive_bools, reason = "each flag switches its own layer")]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Resource, Clone, Debug, Default, PartialEq))]
 pub struct RerunSettings {
     /// Layers are recorded every this many ticks; 0 counts as 1. Default 1. The text log has every tick.
     pub every: u32,

@@ -41,8 +41,8 @@ pub enum SurfaceBoxes<'a> {
 /// ```
 /// # use bevy_app::prelude::*;
 /// # use bevy_circumsphere::{
-/// #     detection::broad_phase::{BroadPhaseSystems, CandidateWriter, SurfaceBoxes, TreeBroadPhasePlugin}, prelude::*,
-/// #     schedule::SurfaceDetection,
+/// #     SurfaceDetection, detection::{BroadPhaseSystems, CandidateWriter, SurfaceBoxes, TreeBroadPhasePlugin},
+/// #     prelude::*,
 /// # };
 /// # use bevy_ecs::prelude::*;
 /// fn find_by_hand(mut candidates: CandidateWriter) {

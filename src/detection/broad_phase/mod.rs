@@ -13,6 +13,8 @@ use std::time::Instant;
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 use glam::Vec3;
 
 use super::{
@@ -127,7 +129,8 @@ impl SurfacePair {
 }
 
 /// The results of the broad phase: pairs of surfaces in their order, then surfaces with shapes.
-#[derive(Resource, Debug, Default)]
+#[derive(Resource, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Resource, Clone, Debug, Default))]
 pub struct CandidateTrianglePairs {
     pub(crate) pairs: Vec<SurfacePair>,
 }

@@ -3,6 +3,8 @@
 use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
+#[cfg(feature = "reflect")]
+use bevy_reflect::prelude::*;
 use glam::Vec3;
 
 use crate::kernel::{
@@ -75,6 +77,7 @@ impl SweptPair {
 ///
 /// Most systems read it through [`SurfaceImpacts`](crate::SurfaceImpacts).
 #[derive(Resource, Clone, Debug, Default)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Resource, Clone, Debug, Default))]
 pub struct SweptImpacts {
     /// The pairs, sorted by the order of both sides.
     pub pairs: Vec<SweptPair>,

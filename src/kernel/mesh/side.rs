@@ -95,7 +95,6 @@ pub fn rise(
 
 /// The outward direction at a feature of `triangle`, of any length. Zero if nothing around the feature has an area.
 #[must_use]
-#[expect(clippy::missing_panics_doc, reason = "the triangles around a vertex contain it")]
 pub fn outward_direction(topology: &SurfaceTopology, positions: &[Vec3], triangle: usize, feature: Feature) -> DVec3 {
     match feature {
         Feature::Face => face_normal(&corners(topology, positions, triangle)),

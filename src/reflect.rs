@@ -1,0 +1,49 @@
+//! Registers the types of all components, resources, messages, and settings, for inspectors and scene files.
+
+use bevy_app::prelude::*;
+
+use crate::{
+    contacts::{ContactStore, SurfaceContactEnd, SurfaceContactStart},
+    detection::{
+        CandidateTrianglePairs, DetectionDiagnostics, ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs,
+        SphereContacts, SweptImpacts,
+    },
+    response::{SurfaceFriction, XpbdBody, XpbdDiagnostics, XpbdSettings},
+    settings::CircumsphereSettings,
+    surface::{
+        ActiveSurfaces, Circumspheres, ContactEventsEnabled, ContactMethod, DeformableSurface, EnclosingBalls,
+        PreviousPositions, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers,
+        SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceStatus, SurfaceThickness, SweptCollision,
+        SweptTarget, Teleported, TriangleCones, TriangleCurvature,
+    },
+};
+
+/// Registers the types. Part of [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins) if the feature
+/// `reflect` is on. Types whose parts depend on each other are opaque: they can be cloned and inserted, but their fields
+/// cannot be edited.
+pub struct ReflectPlugin;
+
+/// Calls `register_type` for each type.
+macro_rules! register {
+    ($app:ident: $($name:ty),* $(,)?) => {
+        $($app.register_type::<$name>();)*
+    };
+}
+
+impl Plugin for ReflectPlugin {
+    fn build(&self, app: &mut App) {
+        register!(app:
+            // Written by the game.
+            CircumsphereSettings, ContactEventsEnabled, ContactMethod, DeformableSurface, RigidShape, SelfCollision,
+            Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder, SurfacePositions,
+            SurfaceThickness, SweptCollision, SweptTarget, Teleported, XpbdBody, XpbdSettings,
+            // Written by the plugins.
+            ActiveSurfaces, CandidateTrianglePairs, Circumspheres, ContactStore, DetectionDiagnostics, EnclosingBalls,
+            ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs, PreviousPositions, SphereContacts,
+            SurfaceContactEnd, SurfaceContactStart, SurfaceQuarantined, SurfaceStatus, SweptImpacts, TriangleCones,
+            TriangleCurvature, XpbdDiagnostics,
+        );
+        #[cfg(feature = "rerun")]
+        register!(app: crate::debug::RerunSettings);
+    }
+}
