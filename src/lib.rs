@@ -10,13 +10,13 @@ pub mod geometry {
     pub use crate::kernel::{
         ccd::ImpactCause,
         contact::{CompactContact, ContactKey, TouchingPair, feature_number},
-        exact::rigid_shape::{ShapeError, ShapeGeometry},
+        exact::rigid_shape::ShapeError,
         mesh::{
             bounds::Aabb,
             feature::{Feature, FeatureKind, FeaturePair},
             ids::{EdgeId, TriangleId, VertexId},
             smooth_normal::CreaseAngle,
-            topology::SurfaceTopology,
+            topology::{SurfaceTopology, TopologyReport},
             validation::TopologyError,
         },
         pair_fate::PairFate,

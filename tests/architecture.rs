@@ -1,6 +1,13 @@
-//! The rooms of `src/` in their order: what imports what, how long a file may be, and where Bevy may be known.
+//! The rooms of `src/` in their order: what imports what, circles of files, how long a file may be, and where Bevy may
+//! be known.
 
-use std::{collections::BTreeSet, fs, path::Path};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs,
+    path::Path,
+};
+
+use petgraph::{algo::tarjan_scc, graphmap::DiGraphMap};
 
 /// The rooms, each of which may import from itself and from those before it. `kernel` is one room to those after it.
 const ROOMS: [&str; 11] = [
@@ -32,6 +39,8 @@ struct Module {
     path: Vec<String>,
     lines: usize,
     imports: BTreeSet<Vec<String>>,
+    /// What it exports again: names, and the paths that they stand for.
+    exports: BTreeMap<String, Vec<String>>,
     /// Other crates that it names.
     crates: BTreeSet<String>,
 }
@@ -59,6 +68,16 @@ fn leaves(tree: &str, before: &[String], found: &mut Vec<Vec<String>>) {
     }
 }
 
+/// A path as it is written in a module, from the root of the crate.
+fn absolute(module: &[String], path: &[String]) -> Vec<String> {
+    let ups = path.iter().take_while(|segment| *segment == "super").count().min(module.len());
+    match path[0].as_str() {
+        "crate" => path[1..].to_vec(),
+        "self" => module.iter().chain(&path[1..]).cloned().collect(),
+        _ => module[..module.len() - ups].iter().chain(&path[ups..]).cloned().collect(),
+    }
+}
+
 /// Reads what a file imports. `path` is its own.
 fn parse(file: &str, path: &[String], source: &str) -> Module {
     let code: Vec<&str> = source.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
@@ -68,6 +87,7 @@ fn parse(file: &str, path: &[String], source: &str) -> Module {
         path: path.to_vec(),
         lines: source.lines().count(),
         imports: BTreeSet::new(),
+        exports: BTreeMap::new(),
         crates: BTreeSet::new(),
     };
     let statements = code.split(';').filter_map(|statement| {
@@ -75,10 +95,20 @@ fn parse(file: &str, path: &[String], source: &str) -> Module {
             let before = statement[..start].trim_end();
             before.is_empty() || before.ends_with(['}', '{', ']', ')']) || before.ends_with("pub")
         })?;
-        Some(statement[start + "use ".len()..].to_owned())
+        let line = statement[..start].rsplit('\n').next().unwrap_or_default();
+        Some((line.trim_start().starts_with("pub"), statement[start + "use ".len()..].to_owned()))
     });
     let mut found = Vec::new();
-    statements.for_each(|statement| leaves(&statement, &[], &mut found));
+    for (is_public, statement) in statements {
+        let before = found.len();
+        leaves(&statement, &[], &mut found);
+        if is_public {
+            for leaf in &found[before..] {
+                let name = leaf.last().cloned().unwrap_or_default();
+                module.exports.insert(name, absolute(path, leaf));
+            }
+        }
+    }
     // Paths in the code itself.
     for (start, _) in code.match_indices("crate::") {
         let is_path = |character: char| character.is_alphanumeric() || character == '_' || character == ':';
@@ -94,7 +124,8 @@ fn parse(file: &str, path: &[String], source: &str) -> Module {
                 let around = path[..path.len() - ups].iter().chain(&leaf[ups..]).cloned().collect();
                 module.imports.insert(around);
             }
-            "self" | "super" => {}
+            "self" => _ = module.imports.insert(absolute(path, &leaf)),
+            "super" => {}
             name => _ = module.crates.insert(name.to_owned()),
         }
     }
@@ -121,11 +152,46 @@ fn source_modules() -> Vec<Module> {
     found
 }
 
+/// The file that defines what a path stands for, if it is one of the modules: exported names count where they are
+/// defined.
+fn file_of(modules: &BTreeMap<&[String], &Module>, path: &[String]) -> Option<usize> {
+    let mut path = path.to_vec();
+    // As many exports as a name may pass through.
+    for _ in 0..8 {
+        let length = (1..=path.len()).rev().find(|&length| modules.contains_key(&path[..length]))?;
+        let (own, rest) = path.split_at(length);
+        match rest.first().and_then(|name| modules[own].exports.get(name)) {
+            Some(target) => path = target.iter().chain(&rest[1..]).cloned().collect(),
+            None => return modules.keys().position(|other| *other == own),
+        }
+    }
+    None
+}
+
+/// Files that import each other in a circle, and how many may do so.
+const MOST_IN_A_CIRCLE: usize = 3;
+
+/// The circles of more files than that, one line each.
+fn circles(modules: &[Module]) -> Vec<String> {
+    let by_path: BTreeMap<&[String], &Module> = modules.iter().map(|module| (&*module.path, module)).collect();
+    let mut graph = DiGraphMap::<usize, ()>::new();
+    for (own, module) in by_path.values().enumerate() {
+        for other in module.imports.iter().filter(|path| !module.exports.values().any(|export| export == *path)) {
+            if let Some(other) = file_of(&by_path, other).filter(|&other| other != own) {
+                graph.add_edge(own, other, ());
+            }
+        }
+    }
+    let files: Vec<&str> = by_path.values().map(|module| &*module.file).collect();
+    let circles = tarjan_scc(&graph).into_iter().filter(|files| files.len() > MOST_IN_A_CIRCLE);
+    circles.map(|circle| circle.into_iter().map(|file| files[file]).collect::<Vec<_>>().join(" ")).collect()
+}
+
 /// What breaks the rules, one line each.
 fn faults(modules: &[Module]) -> Vec<String> {
     let place = |rooms: &[&str], name: &str| rooms.iter().position(|room| *room == name);
     let mut faults = Vec::new();
-    for Module { file, path, lines, imports, crates } in modules {
+    for Module { file, path, lines, imports, crates, .. } in modules {
         if *lines > MOST_LINES {
             faults.push(format!("{file} has {lines} lines, more than {MOST_LINES}"));
         }
@@ -169,6 +235,33 @@ fn rooms_import_only_from_rooms_below() {
     assert!(modules.len() > 100, "the sources are read");
     let faults = faults(&modules);
     assert!(faults.is_empty(), "{}", faults.join("\n"));
+}
+
+#[test]
+fn no_more_than_three_files_import_each_other_in_a_circle() {
+    let circles = circles(&source_modules());
+    assert!(circles.is_empty(), "{}", circles.join("\n"));
+}
+
+#[test]
+fn a_circle_of_four_files_is_found_and_one_of_three_is_allowed() {
+    let module = |path: &str, source: &str| {
+        let path: Vec<String> = path.split("::").map(str::to_owned).collect();
+        parse(&path.join("/"), &path, source)
+    };
+    let ring = |last: &str| {
+        [
+            module("surface", "mod one;\nmod two;\nmod three;\nmod four;\npub use self::two::Two;\n"),
+            module("surface::one", "use crate::surface::Two;\n"),
+            module("surface::two", "use super::three::Three;\n"),
+            module("surface::three", "use super::{four::Four, one::One};\n"),
+            module("surface::four", last),
+        ]
+    };
+    assert_eq!(circles(&ring("use glam::Vec3;\n")), Vec::<String>::new());
+    let found = circles(&ring("use super::one::One;\n"));
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert_eq!(found[0].split(' ').count(), 4, "{found:?}");
 }
 
 #[test]

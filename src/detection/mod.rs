@@ -6,44 +6,41 @@
 
 mod bounds;
 mod broad_phase;
-mod cone;
-mod corner_rows;
-mod curvature;
 mod exact;
-mod kept_pairs;
-mod memory;
-mod overlap;
 mod pair_contacts;
 mod pair_fates;
+mod pairs;
 mod parallel;
-mod refit;
-mod settle;
+mod reuse;
 mod sides;
-mod sphere_lists;
+mod spheres;
 mod state;
 mod swept;
 
+pub use bounds::BoundsPlugin;
 pub use broad_phase::{
-    BoxSide, BroadPhasePlugin, BroadPhaseSystems, BruteForceBroadPhasePlugin, CandidateTrianglePairs, CandidateWriter,
-    Frame, OtherSide, SurfaceBoxes, SurfacePair, TreeBroadPhasePlugin,
+    BoxSide, BroadPhasePlugin, BroadPhaseSystems, BruteForceBroadPhasePlugin, CandidateWriter, SurfaceBoxes,
+    TreeBroadPhasePlugin,
 };
+pub use exact::{ExactPlugin, ExactTrianglePairs};
+pub use pair_contacts::{PairContacts, SharedList};
+pub use pair_fates::PairFates;
+pub(crate) use pairs::moved_box;
+#[cfg(feature = "rerun")]
+pub(crate) use pairs::surfaces_with_method;
+pub use pairs::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair};
+pub(crate) use parallel::Threads;
+pub(crate) use reuse::DetectionMemory;
+pub use reuse::near_lists::KeptPairs;
+pub(crate) use sides::is_one_sided;
+pub(crate) use spheres::lists::FoundBySpheres;
+pub use spheres::{
+    cone::{ConePlugin, MeetingCaps},
+    curvature::CurvaturePlugin,
+    overlap::{OverlapPlugin, OverlappingTrianglePairs, SphereContacts},
+    refit::RefitPlugin,
+};
+pub use state::{SurfaceState, SurfaceStates};
 pub use swept::{SweptImpact, SweptImpacts, SweptPair, SweptPlugin};
 
 pub use crate::diagnostics::{DetectionDiagnostics, StageDiagnostics};
-pub use bounds::BoundsPlugin;
-pub(crate) use bounds::moved_box;
-#[cfg(feature = "rerun")]
-pub(crate) use broad_phase::surfaces_with_method;
-pub use cone::{ConePlugin, MeetingCaps};
-pub use curvature::CurvaturePlugin;
-pub use exact::{ExactPlugin, ExactTrianglePairs};
-pub use kept_pairs::KeptPairs;
-pub(crate) use memory::DetectionMemory;
-pub use overlap::{OverlapPlugin, OverlappingTrianglePairs, SphereContacts};
-pub use pair_contacts::{PairContacts, SharedList};
-pub use pair_fates::PairFates;
-pub(crate) use parallel::Threads;
-pub use refit::RefitPlugin;
-pub(crate) use sides::is_one_sided;
-pub(crate) use sphere_lists::FoundBySpheres;
-pub use state::{SurfaceState, SurfaceStates};

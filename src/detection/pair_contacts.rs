@@ -2,11 +2,13 @@
 
 use std::{mem, ops::Deref, sync::Arc};
 
-use super::sphere_lists::{FoundBySpheres, Order, SphereBuffers, SphereTests};
-use crate::kernel::{
-    capacity,
-    contact::{CompactContact, SharedContact, TouchingPair},
-    pair::{FoundPairs, PairSettings},
+use crate::{
+    detection::spheres::lists::{FoundBySpheres, Order, SphereBuffers, SphereTests},
+    kernel::{
+        capacity,
+        contact::{CompactContact, SharedContact, TouchingPair},
+        pair::{FoundPairs, PairSettings},
+    },
 };
 
 /// A copy-on-write list: cloning it shares the items.

@@ -7,14 +7,15 @@ use std::collections::HashSet;
 
 use bevy_ecs::{prelude::*, system::SystemParam};
 
-use super::{
-    broad_phase::{Asked, CandidateTrianglePairs, MovedLeaves, OtherSide, SurfacePair, Traversal},
-    kept_pairs::KeptPairs,
-    parallel::{Buffers, append_chunks},
-    sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps},
-    state::SurfaceStates,
-};
 use crate::{
+    detection::{
+        broad_phase::{Asked, MovedLeaves, Traversal},
+        pairs::{CandidateTrianglePairs, OtherSide, SurfacePair},
+        parallel::{Buffers, append_chunks},
+        reuse::near_lists::KeptPairs,
+        sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps},
+        state::SurfaceStates,
+    },
     kernel::{
         bvh::leaf_triangles::Region,
         exact::stage::{closest_pairs, exact_pairs},

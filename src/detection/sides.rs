@@ -4,11 +4,11 @@
 use bevy_ecs::{change_detection::Tick, prelude::*};
 use glam::Vec3;
 
-use super::{
-    broad_phase::{OtherSide, SurfacePair},
-    state::SurfaceState,
-};
 use crate::{
+    detection::{
+        pairs::{OtherSide, SurfacePair},
+        state::SurfaceState,
+    },
     kernel::{
         pair::{MovedSide, PairSettings, SurfaceSide},
         pose::Pose,

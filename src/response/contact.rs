@@ -226,7 +226,7 @@ impl ActingContact {
     }
 
     /// Applies friction: holds the sides along the surface, within the friction limits.
-    pub fn rub(&mut self, particles: &mut Particles) {
+    pub fn apply_friction(&mut self, particles: &mut Particles) {
         if !self.presses() && self.sliding == DVec3::ZERO || self.friction[0] <= 0.0 {
             return;
         }
@@ -242,7 +242,7 @@ impl ActingContact {
     }
 
     /// Removes the separating velocity that a push has added: contacts do not bounce.
-    pub fn settle_velocity(&self, particles: &mut Particles) {
+    pub fn remove_bounce(&self, particles: &mut Particles) {
         if !self.presses() {
             return;
         }

@@ -15,8 +15,8 @@ use glam::{DVec3, Vec3};
 use super::{
     body::XpbdBody,
     contact::{ContactConstraint, Features},
-    guard::{MeetingCorners, MeetingTriangles},
     inside::Insides,
+    meeting::{MeetingCorners, MeetingTriangles},
     particles::Particles,
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
     scene::Scene,

@@ -123,6 +123,7 @@ mod features;
 mod gather;
 mod guard;
 mod inside;
+mod meeting;
 mod motion;
 mod particles;
 mod record;

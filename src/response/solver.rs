@@ -167,14 +167,14 @@ impl Solver {
                 there_and_back(acting.len(), |place| acting[place].1.separate(particles));
                 // Friction runs after all normal multipliers are final, because they are its limits. If a contact
                 // stopped pressing after its friction was solved, it would release what it holds.
-                there_and_back(acting.len(), |place| acting[place].1.rub(particles));
+                there_and_back(acting.len(), |place| acting[place].1.apply_friction(particles));
                 solved.contact_solves += acting.len();
             }
             self.particles.update_velocities(step);
             self.bodies.iter().for_each(|body| body.damp(&mut self.particles, step));
             for (place, contact) in &self.acting {
                 self.contacts[*place as usize].end_step(contact, &self.particles);
-                contact.settle_velocity(&mut self.particles);
+                contact.remove_bounce(&mut self.particles);
             }
         }
         solved.pressing = self.acting.iter().filter(|(_, contact)| contact.presses()).count();

@@ -101,7 +101,7 @@ pub struct ActiveShape {
     /// Its entity.
     pub entity: Entity,
     /// The shape, in its own frame.
-    pub geometry: Arc<ShapeGeometry>,
+    pub(crate) geometry: Arc<ShapeGeometry>,
     /// Triangles that stand for it in sweeps. Empty for a half-space.
     pub(crate) parts: Arc<[ShapePart]>,
     /// Its pose in the world.

@@ -12,7 +12,7 @@ use bytemuck::cast_slice;
 use glam::Vec3;
 
 use super::{
-    prepare::QuarantineReason,
+    quarantine::QuarantineReason,
     spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature},
 };
 use crate::kernel::{

@@ -6,6 +6,7 @@
 mod active;
 mod components;
 mod prepare;
+mod quarantine;
 mod rigid_shape;
 mod spheres;
 
@@ -18,7 +19,8 @@ pub use components::{
     SurfaceThickness, SweptCollision, SweptTarget, Teleported,
 };
 pub(crate) use prepare::PendingQuarantines;
-pub use prepare::{QuarantineReason, SurfacePlugin, SurfaceQuarantined};
+pub use prepare::SurfacePlugin;
+pub use quarantine::{QuarantineReason, SurfaceQuarantined};
 pub use rigid_shape::RigidShape;
 pub(crate) use spheres::SphereSource;
 pub use spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature};

@@ -4,9 +4,12 @@ use std::time::Instant;
 
 use bevy_ecs::{prelude::*, system::SystemParam};
 
-use super::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair, reaches_half_space, shape_bounds};
 use crate::{
-    detection::{DetectionMemory, SurfaceStates, state::SurfaceState},
+    detection::{
+        pairs::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair, reaches_half_space, shape_bounds},
+        reuse::DetectionMemory,
+        state::{SurfaceState, SurfaceStates},
+    },
     diagnostics::DetectionDiagnostics,
     kernel::{
         exact::rigid_shape::ShapeGeometry,

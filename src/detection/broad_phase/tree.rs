@@ -3,10 +3,7 @@
 
 use std::{
     ops::Range,
-    sync::{
-        Arc,
-        atomic::{AtomicUsize, Ordering},
-    },
+    sync::atomic::{AtomicUsize, Ordering},
     time::{Duration, Instant},
 };
 
@@ -15,20 +12,20 @@ use bevy_ecs::prelude::*;
 
 use self::{
     asked::{AskedTriangles, mark_asked_surfaces},
-    follow::{Outcome, update_each},
+    follow::update_each,
     lists::{look_closer, make_list, mark_idle_trees},
-};
-use super::{
-    BroadPhaseSystems, CandidateTrianglePairs, Frame, OtherSide, SurfacePair, custom::pair_with_shape, shape_bounds,
 };
 use crate::{
     detection::{
-        DetectionMemory, SurfaceStates,
-        bounds::TriangleBounds,
-        kept_pairs::{KeptPairs, ListUse},
+        broad_phase::{BroadPhaseSystems, custom::pair_with_shape},
+        pairs::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair, shape_bounds},
         parallel::{Buffers, Threads, append_ranges, for_each_weighed},
+        reuse::{
+            DetectionMemory,
+            near_lists::{KeptPairs, ListUse},
+        },
         sides::{pair_settings, surface_sides},
-        state::SurfaceState,
+        state::{SurfaceState, SurfaceStates, tree::Outcome},
     },
     diagnostics::DetectionDiagnostics,
     kernel::{
@@ -39,7 +36,6 @@ use crate::{
             tree::{BoxTree, LEAF_WIDTH, LEAVES_TOGETHER},
         },
         capacity,
-        mesh::topology::SurfaceTopology,
     },
     schedule::SurfaceDetection,
     settings::CircumsphereSettings,
@@ -66,34 +62,6 @@ const LEAVES_LOOKED_AT: usize = 16;
 
 /// Entries of a list that are scanned in the time that the pairs of a leaf take.
 const PAIRS_OF_A_LEAF: usize = 2000;
-
-/// The tree over a surface's triangles, and the mesh that it was built for.
-#[derive(Default)]
-pub(in crate::detection) struct SurfaceTree {
-    tree: BoxTree,
-    triangles: LeafTriangles,
-    /// The version of the boxes that the triangles in the leaves were last updated to.
-    triangles_followed: u64,
-    /// The tree's arrangement when the vertices of those triangles were last stored.
-    vertices_named: u64,
-    topology: Option<Arc<SurfaceTopology>>,
-    /// The version of the boxes that the tree was last refitted to.
-    followed: u64,
-    /// What was done to it in this detection.
-    outcome: Outcome,
-}
-
-impl SurfaceTree {
-    /// The tree over the surface's boxes, in the surface's own frame.
-    pub(in crate::detection) fn tree(&self) -> &BoxTree {
-        &self.tree
-    }
-
-    /// Whether the tree matches the surface's current boxes.
-    pub(in crate::detection) fn has_followed(&self, bounds: &TriangleBounds) -> bool {
-        self.followed == bounds.version() && self.tree.len() == bounds.triangle_count()
-    }
-}
 
 /// Finds pairs by trees. The default.
 pub struct TreeBroadPhasePlugin;

@@ -10,6 +10,7 @@ pub mod penetration;
 pub mod rigid_shape;
 mod screen;
 pub mod stage;
+mod tolerances;
 pub mod triangle_pair;
 pub mod unique;
 

@@ -16,7 +16,7 @@ use self::{
 };
 use super::{
     cases::{BoundaryCases, Cases},
-    triangle_pair::{ROUND_OFF, SQUARE_SLACK, TIE},
+    tolerances::{ROUND_OFF, SQUARE_SLACK, TIE},
 };
 use crate::kernel::{
     mesh::corner_rows::CornerRow,

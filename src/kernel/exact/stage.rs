@@ -22,7 +22,7 @@ use super::{
     CaseLanes, Cases, FeatureBatches, LeftOver, PairProximity, PairScreen, Proximity, ScreenLimits, examine_pair,
     rigid_shape::{ShapeGeometry, ShapeProximity},
     rounded_down,
-    triangle_pair::TIE,
+    tolerances::TIE,
 };
 use crate::kernel::{
     contact::{CompactContact, TouchingPair},

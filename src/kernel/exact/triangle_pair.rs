@@ -8,7 +8,11 @@
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
-use super::{cases::Cases, screen::ScreenedPair};
+use super::{
+    cases::Cases,
+    screen::ScreenedPair,
+    tolerances::{AT_END, PARALLEL_SINE, ROUND_OFF, SQUARE_SLACK, TIE},
+};
 use crate::kernel::mesh::{
     barycentric::{corner_weights, edge_weights, normalized, point_at},
     feature::{Feature, FeaturePair},
@@ -18,29 +22,10 @@ use crate::kernel::mesh::{
 /// one triangle and edge of the other, 18.
 pub const MAX_PROXIMITIES: usize = 39;
 
-/// Boundary pairs are equally close if their squared distances differ by no more than this share: twice what the
-/// rounding of f32 positions leaves of two edges that are meant to be parallel.
-pub(in crate::kernel) const TIE: f64 = 2.0e-6;
-
-/// A position along an edge, 0 to 1, this close to an end is at the end.
-pub(super) const AT_END: f64 = 1.0e-9;
-
-/// Two edges are parallel if the sine of their angle is smaller. Their closest points are then at an end of one of
-/// them. In f64, products of differences of f32 numbers resolve sines far below this.
-pub(super) const PARALLEL_SINE: f64 = 1.0e-12;
-
 /// The largest distance between the points at which a piercing edge and the pierced face meet, relative to the pair's
 /// edges. An edge that lies in the plane of the face except for rounding pierces it nowhere in particular. The vertices
 /// and edges around there are then as close as the rounding.
 const PIERCING_TOLERANCE: f64 = 1.0e-10;
-
-/// Triangles this close, relative to their extent, touch within the precision of f64. For triangles that share a point
-/// exactly, coplanar ones above all, products round to 1e-14 of the extent.
-pub(super) const ROUND_OFF: f64 = 1.0e-13;
-
-/// The square of a range is enlarged by this share, ten times the rounding of squares, roots, and scales. Examined
-/// features need not be within the range, but none is missed whose rounded distance is.
-pub(super) const SQUARE_SLACK: f64 = 1.0e-14;
 
 /// A pair of features that are close to each other, or that cross.
 #[derive(Clone, Copy, Debug, PartialEq)]

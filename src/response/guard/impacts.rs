@@ -1,6 +1,6 @@
 //! Which impacts the guard has to do something about.
 
-use super::ROUNDING;
+use super::mesh::ROUNDING;
 use crate::kernel::{
     ccd::{CommonVertices, ImpactCause, PairImpact, SweptMesh, triangle_pair_impact},
     exact::triangle_pair::{PairProximity, examine_pair},

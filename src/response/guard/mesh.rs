@@ -5,20 +5,24 @@ use std::sync::Arc;
 use bevy_ecs::{change_detection::Tick, prelude::*};
 use glam::{DMat3, DVec3, Vec3};
 
-use super::ROUNDING;
 use crate::{
     kernel::{
         ccd::{SweepTree, SweptMesh},
         exact::rigid_shape::{ShapeGeometry, boundary_triangle},
-        mesh::{
-            feature::{Feature, FeaturePair},
-            topology::SurfaceTopology,
-        },
+        mesh::{feature::Feature, topology::SurfaceTopology},
         pose::Pose,
     },
-    response::{gather::Gatherer, particles::Particles, scene::Scene},
+    response::{
+        gather::Gatherer,
+        meeting::{MeetingCorners, MeetingSide},
+        particles::Particles,
+        scene::Scene,
+    },
     surface::SurfaceLayers,
 };
+
+/// Relative bound on the rounding of positions to f32 between ticks.
+pub(super) const ROUNDING: f64 = 1.0e-6;
 
 /// Separation to keep, as a share of the contact distance. If features begin closer, half of their distance is kept
 /// instead.
@@ -189,34 +193,6 @@ impl Mesh {
         };
         MeetingSide { entity: self.name.entity, thickness: self.thickness, corners }
     }
-}
-
-/// One side of a predicted impact.
-#[derive(Clone, Copy)]
-pub(in crate::response) struct MeetingSide {
-    pub(in crate::response) entity: Entity,
-    /// How far the surface or shape extends beyond the triangle.
-    pub(in crate::response) thickness: f64,
-    pub(in crate::response) corners: MeetingCorners,
-}
-
-/// The corners of a triangle in a predicted impact.
-#[derive(Clone, Copy)]
-pub(in crate::response) enum MeetingCorners {
-    /// Particles of a body.
-    Body([u32; 3]),
-    /// Points that move from `starts` to `ends`, whatever pushes them. For a surface, `vertices` holds their vertex
-    /// numbers and the surface's number of vertices.
-    Driven { starts: [DVec3; 3], ends: [DVec3; 3], vertices: Option<([u32; 3], usize)> },
-}
-
-/// Two triangles that would collide along their trajectories.
-pub(in crate::response) struct MeetingTriangles {
-    pub(in crate::response) sides: [MeetingSide; 2],
-    pub(in crate::response) features: FeaturePair,
-    pub(in crate::response) barycentrics: [[f64; 3]; 2],
-    /// From the second triangle to the first, in world space.
-    pub(in crate::response) normal: DVec3,
 }
 
 /// Two meshes that may collide along their trajectories.

@@ -19,14 +19,13 @@ use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashMap;
 use glam::DVec3;
 
-pub(super) use self::mesh::{MeetingCorners, MeetingTriangles};
 use self::{
     impacts::{deeper, is_met},
     mesh::{Kept, Mesh, MeshName, MeshPair, SURFACE, plane_under},
     project::Planes,
-    ways::{Carry, Ways, hold, turn_between, way_of},
+    ways::{Carry, MOST_ROUNDS, Ways, hold, turn_between, way_of},
 };
-use super::{gather::Gatherer, particles::Particles, scene::Scene};
+use super::{gather::Gatherer, meeting::MeetingTriangles, particles::Particles, scene::Scene};
 use crate::{
     kernel::{
         bvh::tree::BoxTree,
@@ -40,13 +39,9 @@ use crate::{
     surface::ActiveShape,
 };
 
-/// Relative bound on the rounding of positions to f32 between ticks.
-const ROUNDING: f64 = 1.0e-6;
-
 /// Rounds that project the ends of trajectories, then rounds that stop or carry along colliding vertices, then rounds
 /// that do so with whole bodies. Impacts that persist are between objects that nothing stops.
 const PROJECTIONS: usize = 12;
-const MOST_ROUNDS: usize = 8;
 const LAST_ROUNDS: usize = 12;
 
 /// Terminates a list of particles.

@@ -2,14 +2,14 @@
 
 use glam::{DMat3, DVec3};
 
-use super::{
-    MOST_ROUNDS,
-    mesh::{Mesh, Obstacle},
-};
+use super::mesh::{Mesh, Obstacle};
 use crate::{
     kernel::{ccd::PairImpact, pose::Pose},
     response::particles::Particles,
 };
+
+/// Rounds after which a zone between kinematic objects is no longer carried along.
+pub(super) const MOST_ROUNDS: usize = 8;
 
 /// The rigid motion by which a kinematic object carries along what it hits: a rotation about a point, and the motion of
 /// that point.

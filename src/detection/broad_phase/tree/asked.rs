@@ -2,15 +2,16 @@
 
 use glam::Vec3;
 
-use super::SurfaceTree;
 use crate::{
     detection::{
-        DetectionMemory,
-        broad_phase::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair},
-        kept_pairs::{KeptPairs, ListUse},
+        pairs::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair},
         parallel::Threads,
+        reuse::{
+            DetectionMemory,
+            near_lists::{KeptPairs, ListUse},
+        },
         sides::pair_settings,
-        state::SurfaceState,
+        state::{SurfaceState, tree::SurfaceTree},
     },
     kernel::{
         bvh::{leaf_triangles::Region, tree::BoxTree},

@@ -1,19 +1,17 @@
 //! Refits trees to the boxes of their surfaces: one large surface in tasks, many small ones in parallel. Rebuilds a
 //! tree that has decayed.
 
-use std::{
-    sync::Arc,
-    time::{Duration, Instant},
-};
+use std::{sync::Arc, time::Instant};
 
-use super::SurfaceTree;
 use crate::{
     detection::{
-        SurfaceStates,
-        bounds::TriangleBounds,
         broad_phase::REBUILD_DECAY,
         parallel::{Threads, for_each_weighed},
-        state::SurfaceState,
+        state::{
+            SurfaceState, SurfaceStates,
+            bounds::TriangleBounds,
+            tree::{Outcome, SurfaceTree},
+        },
     },
     surface::{ActiveSurface, ActiveSurfaces},
 };
@@ -63,13 +61,6 @@ impl SurfaceTree {
         self.followed = bounds.version();
         outcome
     }
-}
-
-/// What was done to a surface's tree.
-#[derive(Clone, Copy, Default)]
-pub(super) struct Outcome {
-    pub(super) is_rebuilt: bool,
-    pub(super) first_build: Duration,
 }
 
 /// Calls `update` with every active surface: its index, its state, the surface, and the number of threads for it.

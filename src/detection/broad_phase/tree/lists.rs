@@ -3,13 +3,15 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{MovedLeaves, Traversal};
 use crate::{
     detection::{
-        CandidateTrianglePairs, DetectionMemory, SurfacePair,
-        broad_phase::OtherSide,
-        kept_pairs::{KeptList, KeptPairs, ListUse},
+        broad_phase::tree::{MovedLeaves, Traversal},
+        pairs::{CandidateTrianglePairs, OtherSide, SurfacePair},
         parallel::{Buffers, append_parts},
+        reuse::{
+            DetectionMemory,
+            near_lists::{KeptList, KeptPairs, ListUse},
+        },
         state::SurfaceState,
     },
     kernel::bvh::near_pairs::{BoundedPairs, ListedTriangles},

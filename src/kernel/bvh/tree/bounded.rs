@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 
-use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, LaneHits, SetLanes, search::NeighborSearch};
+use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, SetLanes, pairs::LaneHits, search::NeighborSearch};
 use crate::kernel::bvh::{
     leaf_triangles::{ClosePairs, Groups, LanePairs, PairCull},
     near_pairs::BoundedPairs,

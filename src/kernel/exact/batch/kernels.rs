@@ -6,7 +6,7 @@ use fearless_simd::{f64x8, mask64x8, prelude::*};
 
 use super::{Batch, FIRST, Limits, Results, SECOND};
 use crate::kernel::{
-    exact::triangle_pair::AT_END,
+    exact::tolerances::AT_END,
     simd::lanes::{DoubleVectorLanes, VectorLanes, VectorRows, rounded},
 };
 

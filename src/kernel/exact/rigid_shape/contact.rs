@@ -14,6 +14,7 @@ use crate::kernel::{
 impl CompactContact {
     /// Creates a contact with a shape that is tested by formula. `scale` is the world length of one unit of the shape's
     /// frame.
+    #[doc(hidden)]
     #[must_use]
     pub fn with_shape(
         topology: &SurfaceTopology,

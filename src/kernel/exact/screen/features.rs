@@ -6,7 +6,7 @@ use fearless_simd::{f64x8, mask64x8, prelude::*, u64x8};
 
 use super::rows::Rows;
 use crate::kernel::{
-    exact::{cases::Cases, triangle_pair::PARALLEL_SINE},
+    exact::{cases::Cases, tolerances::PARALLEL_SINE},
     simd::lanes::DoubleVectorLanes,
 };
 

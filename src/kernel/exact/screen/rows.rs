@@ -8,7 +8,7 @@
 use fearless_simd::{f64x8, prelude::*, u64x8};
 
 use crate::kernel::{
-    exact::triangle_pair::AT_END,
+    exact::tolerances::AT_END,
     simd::lanes::{DoubleVectorLanes, DoubleVectorRows, WIDTH},
 };
 

@@ -15,7 +15,7 @@ use crate::kernel::{
     contact::{CompactContact, TouchingPair},
     exact::{
         CaseLanes, Cases, FeatureSet, PairProximity, PairScreen, Proximity, Reports, Screened, examine_boundaries,
-        examine_screened, triangle_pair::TIE,
+        examine_screened, tolerances::TIE,
     },
     mesh::{corner_rows::CornerRow, feature::FeaturePair},
     pair::{FoundPairs, PairSettings, RowPair, SurfaceSide},

@@ -5,11 +5,11 @@ use std::time::Instant;
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
-use super::{
-    broad_phase::CandidateTrianglePairs, curvature::source, memory::DetectionMemory, parallel::Threads,
-    state::SurfaceStates,
-};
 use crate::{
+    detection::{
+        pairs::CandidateTrianglePairs, parallel::Threads, reuse::DetectionMemory, spheres::curvature::source,
+        state::SurfaceStates,
+    },
     diagnostics::DetectionDiagnostics,
     kernel::spheres::{
         circumsphere::{RecipeSettings, enclosing_balls_on},

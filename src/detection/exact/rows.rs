@@ -1,12 +1,11 @@
 //! Makes rows before the exact test, for surfaces whose triangles are in many of its pairs.
 
-use super::{
-    bounds::TriangleBounds,
-    broad_phase::{OtherSide, SurfacePair},
-    parallel::fill_chunks,
-    state::SurfaceState,
-};
 use crate::{
+    detection::{
+        pairs::{OtherSide, SurfacePair},
+        parallel::fill_chunks,
+        state::{SurfaceState, rows::SurfaceRows},
+    },
     kernel::mesh::corner_rows::CornerRows,
     surface::{ActiveSurfaces, ContactMethod},
 };
@@ -14,23 +13,8 @@ use crate::{
 /// Rows per task.
 const CHUNK: usize = 4096;
 
-/// The rows of a surface's triangles, from the last tick in which they were needed.
-#[derive(Debug, Default)]
-pub(super) struct SurfaceRows {
-    rows: CornerRows,
-    /// The version of the positions that the rows were made from.
-    followed: u64,
-}
-
-impl SurfaceRows {
-    /// The rows, if they were made from the same positions as the boxes.
-    pub(super) fn current(&self, bounds: &TriangleBounds) -> Option<&CornerRows> {
-        (self.followed == bounds.version()).then_some(&self.rows)
-    }
-}
-
 /// Makes the rows of surfaces that are in at least as many of `pairs` as they have triangles.
-pub(super) fn fill_rows<'a>(
+pub(in crate::detection) fn fill_rows<'a>(
     active: &ActiveSurfaces,
     pairs: impl Iterator<Item = &'a SurfacePair>,
     threads: usize,

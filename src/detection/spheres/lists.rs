@@ -1,21 +1,23 @@
 //! Contacts by spheres, for the overlap and cone stages: which pairs of triangles are in contact and how far apart they
 //! are and, if points are requested, the contacts themselves.
 
-use super::{
-    pair_contacts::SharedList,
-    parallel::{Buffers, Threads, append_chunks},
-};
-use crate::kernel::{
-    exact::pair_order::PairSorter,
-    pair::{FoundPairs, PairSettings},
-    spheres::contacts::{FoundSpheres, SphereContact},
+use crate::{
+    detection::{
+        pair_contacts::SharedList,
+        parallel::{Buffers, Threads, append_chunks},
+    },
+    kernel::{
+        exact::pair_order::PairSorter,
+        pair::{FoundPairs, PairSettings},
+        spheres::contacts::{FoundSpheres, SphereContact},
+    },
 };
 
 /// Pairs that passed the test of a stage, and what was found about them.
-pub(super) type PassedAndFound = (Vec<[u32; 2]>, FoundSpheres);
+pub(in crate::detection) type PassedAndFound = (Vec<[u32; 2]>, FoundSpheres);
 
 /// The test of a sphere stage, and how it writes the contacts of pairs that pass.
-pub(super) trait SphereTests: Sync {
+pub(in crate::detection) trait SphereTests: Sync {
     /// Appends the pairs that pass, and their distances.
     fn find(&self, pairs: &[[u32; 2]], found: &mut PassedAndFound);
 
@@ -33,7 +35,7 @@ fn join((passed, found): &mut PassedAndFound, (later, later_found): &mut PassedA
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FoundBySpheres {
     /// Pairs that passed, in the order of the candidates.
-    pub(super) pairs: SharedList<[u32; 2]>,
+    pub(in crate::detection) pairs: SharedList<[u32; 2]>,
     /// Their distances. Infinite if a pair is too far apart to be reported.
     distances: SharedList<f32>,
     /// The number of reported pairs.
@@ -44,13 +46,16 @@ pub(crate) struct FoundBySpheres {
 
 impl FoundBySpheres {
     /// Takes the memory of these lists, or of the `other` ones if these are shared.
-    pub(super) fn reuse(&mut self, other: &mut Self) -> PassedAndFound {
+    pub(in crate::detection) fn reuse(&mut self, other: &mut Self) -> PassedAndFound {
         let pairs = self.pairs.take_memory(&mut other.pairs);
         let distances = self.distances.take_memory(&mut other.distances);
         (pairs, FoundSpheres { distances, ..FoundSpheres::default() })
     }
 
-    pub(super) fn put(&mut self, (pairs, FoundSpheres { distances, reported, touching, .. }): PassedAndFound) {
+    pub(in crate::detection) fn put(
+        &mut self,
+        (pairs, FoundSpheres { distances, reported, touching, .. }): PassedAndFound,
+    ) {
         self.pairs.put(pairs);
         self.distances.put(distances);
         (self.reported, self.touching) = (reported, touching);
@@ -64,27 +69,27 @@ impl FoundBySpheres {
 
 /// Memory of a stage that finds contacts by spheres.
 #[derive(Default)]
-pub(super) struct SphereBuffers {
+pub(in crate::detection) struct SphereBuffers {
     found: Buffers<PassedAndFound>,
     written: Buffers<FoundPairs>,
 }
 
 /// Sorts contacts before they are written. Each pair of surfaces has its own, so the buffers fit the size of the pair.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Order {
+pub(in crate::detection) struct Order {
     sorter: PairSorter,
     pairs: Vec<[u32; 2]>,
 }
 
 impl SphereBuffers {
     /// Frees all memory, when no pair is tested by spheres.
-    pub(super) fn clear(&self) {
+    pub(in crate::detection) fn clear(&self) {
         self.found.clear();
         self.written.clear();
     }
 
     /// Finds which pairs pass. Reuses the memory of `found`.
-    pub(super) fn find(
+    pub(in crate::detection) fn find(
         &self,
         mut found: PassedAndFound,
         pairs: &[[u32; 2]],
@@ -96,7 +101,7 @@ impl SphereBuffers {
     }
 
     /// Appends the contacts of what was found, sorted by their triangles.
-    pub(super) fn write(
+    pub(in crate::detection) fn write(
         &self,
         (passed, found): &PassedAndFound,
         settings: &PairSettings,

@@ -5,13 +5,13 @@ use std::time::Instant;
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
-use super::{
-    broad_phase::CandidateTrianglePairs,
-    memory::DetectionMemory,
-    parallel::Threads,
-    state::{SurfaceState, SurfaceStates},
-};
 use crate::{
+    detection::{
+        pairs::CandidateTrianglePairs,
+        parallel::Threads,
+        reuse::DetectionMemory,
+        state::{SurfaceState, SurfaceStates},
+    },
     diagnostics::DetectionDiagnostics,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -30,7 +30,7 @@ impl Plugin for CurvaturePlugin {
 
 /// What a surface's sphere data is computed from in this detection, and whether data from the same source may be
 /// reused.
-pub(super) fn source(
+pub(in crate::detection) fn source(
     surface: &ActiveSurface,
     state: &SurfaceState,
     memory: &DetectionMemory,

@@ -1,9 +1,11 @@
 //! The last step of the exact test of a pair: settles its penetrations, on several threads.
 
-use super::parallel::fill_chunks;
-use crate::kernel::{
-    exact::penetration::{Finding, Settling},
-    pair::{FoundPairs, PairSettings, SurfaceSide},
+use crate::{
+    detection::parallel::fill_chunks,
+    kernel::{
+        exact::penetration::{Finding, Settling},
+        pair::{FoundPairs, PairSettings, SurfaceSide},
+    },
 };
 
 /// Contacts per task. Each takes as long as several pairs of triangles.
@@ -11,14 +13,14 @@ const CHUNK: usize = 256;
 
 /// Memory of the step.
 #[derive(Default)]
-pub(super) struct SettleBuffers {
+pub(in crate::detection) struct SettleBuffers {
     settling: Settling,
     findings: Vec<Finding>,
 }
 
 impl SettleBuffers {
     /// Settles the penetrations among the contacts of a pair of surfaces.
-    pub(super) fn settle(
+    pub(in crate::detection) fn settle(
         &mut self,
         [a, b]: [&SurfaceSide<'_>; 2],
         candidates: &[[u32; 2]],

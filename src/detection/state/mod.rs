@@ -7,11 +7,15 @@
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use glam::Vec3;
 
-use super::{bounds::TriangleBounds, broad_phase::SurfaceTree, corner_rows::SurfaceRows};
+use self::{bounds::TriangleBounds, rows::SurfaceRows, tree::SurfaceTree};
 use crate::{
     kernel::{bvh::tree::BoxTree, capacity, mesh::bounds::Aabb},
     surface::ActiveSurface,
 };
+
+pub(super) mod bounds;
+pub(super) mod rows;
+pub(super) mod tree;
 
 /// What the stages know about one surface.
 #[doc(hidden)]

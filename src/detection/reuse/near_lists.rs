@@ -13,13 +13,13 @@ use std::collections::HashMap;
 
 use bevy_ecs::prelude::*;
 
-use super::{
-    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
-    memory::DetectionMemory,
-    parallel::Threads,
-    state::SurfaceState,
-};
 use crate::{
+    detection::{
+        pairs::{CandidateTrianglePairs, OtherSide, SurfacePair},
+        parallel::Threads,
+        reuse::DetectionMemory,
+        state::SurfaceState,
+    },
     diagnostics::DetectionDiagnostics,
     kernel::{
         bvh::near_pairs::{BoundedPairs, ListedTriangles},
@@ -61,7 +61,7 @@ const MOST_PATIENCE: u32 = 6;
 
 /// How a pair of surfaces uses its list in this detection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum ListUse {
+pub(in crate::detection) enum ListUse {
     /// Not at all: candidates are found without a list, or the pair has not changed.
     #[default]
     None,
@@ -73,12 +73,12 @@ pub(super) enum ListUse {
 
 /// The list of a pair of surfaces, and its history. Lengths are in the unit of the pair's frame.
 #[derive(Debug, Default)]
-pub(super) struct KeptList {
+pub(in crate::detection) struct KeptList {
     surfaces: Option<[Entity; 2]>,
     /// The versions of both surfaces when their motion was last read.
     versions: [u64; 2],
     range: f64,
-    pub(super) list_use: ListUse,
+    pub(in crate::detection) list_use: ListUse,
     /// Whether there is a list.
     is_made: bool,
     /// Whether the candidates were taken from the list.
@@ -87,11 +87,11 @@ pub(super) struct KeptList {
     /// How far the surfaces have moved since the list was made.
     motion: f64,
     /// Pairs with bounds up to this may be within the range.
-    pub(super) limit: f32,
+    pub(in crate::detection) limit: f32,
     /// The limit in the last detection that used the list.
     last_limit: f32,
     /// The number of overlapping pairs of boxes when the list was made.
-    pub(super) looked_at: usize,
+    pub(in crate::detection) looked_at: usize,
     /// The number of its pairs that were tested then.
     examined_at_first: usize,
     /// Whether the list cost more than it saved when it was last used.
@@ -102,9 +102,9 @@ pub(super) struct KeptList {
     wasted: u32,
     /// The number of slow ticks in a row.
     slow_ticks: u32,
-    pub(super) pairs: BoundedPairs,
+    pub(in crate::detection) pairs: BoundedPairs,
     /// The candidates of this detection, before the pair takes them.
-    pub(super) near: Vec<[u32; 2]>,
+    pub(in crate::detection) near: Vec<[u32; 2]>,
     /// Their indices in the list.
     near_places: Vec<u32>,
 }
@@ -116,14 +116,14 @@ pub(super) struct KeptList {
 #[derive(Resource, Debug, Default)]
 pub struct KeptPairs {
     /// One for each of [`CandidateTrianglePairs`]. Empty if the pair has no list.
-    pub(super) lists: Vec<KeptList>,
+    pub(in crate::detection) lists: Vec<KeptList>,
     last: Vec<KeptList>,
     places: HashMap<[Entity; 2], usize>,
 }
 
 impl KeptList {
     /// The thickness of the skin that the list is made with.
-    pub(super) fn skin(&self) -> f32 {
+    pub(in crate::detection) fn skin(&self) -> f32 {
         self.skin
     }
 
@@ -164,14 +164,14 @@ impl KeptList {
     }
 
     /// Looks for gaps between the triangles of pairs whose bound is inconclusive. Returns the number of those pairs.
-    pub(super) fn look_closer(&mut self, triangles: &ListedTriangles<'_>, threads: usize) -> usize {
+    pub(in crate::detection) fn look_closer(&mut self, triangles: &ListedTriangles<'_>, threads: usize) -> usize {
         self.pairs.look_closer(&Threads(threads), triangles, [self.last_limit, self.limit], self.motion as f32)
     }
 
     /// Finds the candidates in a list that is made or followed, and whether the list is worth it. `triangles` is the
     /// number of triangles of both surfaces. `glanced_at` is the number of pairs that
     /// [`look_closer`](Self::look_closer) returned.
-    pub(super) fn find_near(&mut self, triangles: usize, glanced_at: usize) {
+    pub(in crate::detection) fn find_near(&mut self, triangles: usize, glanced_at: usize) {
         self.last_limit = self.limit;
         capacity::clear(&mut self.near);
         capacity::clear(&mut self.near_places);
@@ -201,24 +201,24 @@ impl KeptPairs {
     }
 
     /// How a pair of surfaces uses its list in this detection.
-    pub(super) fn list_use(&self, place: usize) -> ListUse {
+    pub(in crate::detection) fn list_use(&self, place: usize) -> ListUse {
         self.lists.get(place).map_or(ListUse::None, |list| list.list_use)
     }
 
     /// All pairs on the list of a pair of surfaces, if its candidates were taken from the list.
-    pub(super) fn followed(&self, place: usize) -> Option<impl Iterator<Item = [u32; 2]> + '_> {
+    pub(in crate::detection) fn followed(&self, place: usize) -> Option<impl Iterator<Item = [u32; 2]> + '_> {
         self.lists.get(place).filter(|list| list.is_followed).map(|list| list.pairs.pairs())
     }
 
     /// Stores lower bounds of the distances of a pair's candidates in its list.
-    pub(super) fn learn(&mut self, place: usize, found: &[f32]) {
+    pub(in crate::detection) fn learn(&mut self, place: usize, found: &[f32]) {
         if let Some(list) = self.lists.get_mut(place) {
             list.learn(found);
         }
     }
 
     /// Counts the lists that are followed or made, and the pairs of triangles that followed lists skip.
-    pub(super) fn count(&self, diagnostics: &mut DetectionDiagnostics) {
+    pub(in crate::detection) fn count(&self, diagnostics: &mut DetectionDiagnostics) {
         let used = |list_use: ListUse| self.lists.iter().filter(move |list| list.list_use == list_use);
         diagnostics.lists_followed = used(ListUse::Followed).count();
         diagnostics.lists_made = used(ListUse::Made).count();
@@ -226,14 +226,14 @@ impl KeptPairs {
     }
 
     /// Moves the candidates into the pairs.
-    pub(super) fn hand_over(&mut self, pairs: &mut [SurfacePair]) {
+    pub(in crate::detection) fn hand_over(&mut self, pairs: &mut [SurfacePair]) {
         for (list, pair) in self.lists.iter_mut().zip(pairs).filter(|(list, _)| list.list_use != ListUse::None) {
             std::mem::swap(&mut list.near, &mut pair.triangles);
         }
     }
 
     /// Begins a detection: finds the lists of its pairs, and decides how to use them.
-    pub(super) fn begin(
+    pub(in crate::detection) fn begin(
         &mut self,
         active: &ActiveSurfaces,
         candidates: &CandidateTrianglePairs,

@@ -7,18 +7,19 @@ use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 
-use super::{
-    broad_phase::{CandidateTrianglePairs, OtherSide, SurfacePair},
-    corner_rows::fill_rows,
-    kept_pairs::{KeptPairs, ListUse},
-    memory::DetectionMemory,
-    pair_contacts::PairContacts,
-    parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
-    settle::SettleBuffers,
-    sides::{pair_settings, surface_sides},
-    state::{SurfaceState, SurfaceStates},
-};
+use self::{penetration::SettleBuffers, rows::fill_rows};
 use crate::{
+    detection::{
+        pair_contacts::PairContacts,
+        pairs::{CandidateTrianglePairs, OtherSide, SurfacePair},
+        parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
+        reuse::{
+            DetectionMemory,
+            near_lists::{KeptPairs, ListUse},
+        },
+        sides::{pair_settings, surface_sides},
+        state::{SurfaceState, SurfaceStates},
+    },
     diagnostics::DetectionDiagnostics,
     kernel::{
         capacity,
@@ -33,6 +34,9 @@ use crate::{
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
 };
+
+mod penetration;
+mod rows;
 
 /// The results of the exact test, one entry for each pair of surfaces in [`CandidateTrianglePairs`]. Empty if a pair is
 /// tested by spheres. The last stage keeps two-sided contacts on their sides, in these lists.

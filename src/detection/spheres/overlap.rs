@@ -7,16 +7,16 @@ use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 
-use super::{
-    broad_phase::{CandidateTrianglePairs, SurfacePair},
-    memory::DetectionMemory,
-    pair_contacts::{PairContacts, SharedList},
-    parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
-    sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
-    sphere_lists::{PassedAndFound, SphereBuffers, SphereTests},
-    state::SurfaceStates,
-};
 use crate::{
+    detection::{
+        pair_contacts::{PairContacts, SharedList},
+        pairs::{CandidateTrianglePairs, SurfacePair},
+        parallel::{Buffers, CHUNK, Threads, append_chunks, for_each_weighed},
+        reuse::DetectionMemory,
+        sides::{SphereQuery, SphereRows, pair_settings, with_balls, with_caps},
+        spheres::lists::{PassedAndFound, SphereBuffers, SphereTests},
+        state::SurfaceStates,
+    },
     diagnostics::DetectionDiagnostics,
     kernel::{
         capacity,

@@ -7,17 +7,19 @@ use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 
-use super::{
-    broad_phase::CandidateTrianglePairs,
-    memory::DetectionMemory,
-    overlap::{OverlappingTrianglePairs, SphereContacts},
-    pair_contacts::{PairContacts, SharedList},
-    parallel::{CHUNK, for_each_weighed},
-    sides::{SphereQuery, SphereRows, pair_settings, with_caps},
-    sphere_lists::{PassedAndFound, SphereBuffers, SphereTests},
-    state::SurfaceStates,
-};
 use crate::{
+    detection::{
+        pair_contacts::{PairContacts, SharedList},
+        pairs::CandidateTrianglePairs,
+        parallel::{CHUNK, for_each_weighed},
+        reuse::DetectionMemory,
+        sides::{SphereQuery, SphereRows, pair_settings, with_caps},
+        spheres::{
+            lists::{PassedAndFound, SphereBuffers, SphereTests},
+            overlap::{OverlappingTrianglePairs, SphereContacts},
+        },
+        state::SurfaceStates,
+    },
     diagnostics::DetectionDiagnostics,
     kernel::{
         capacity,

@@ -6,9 +6,8 @@
 
 use glam::Vec3;
 
-use super::{Frame, OtherSide, SurfacePair};
 use crate::{
-    detection::bounds::frame_growth,
+    detection::pairs::{Frame, OtherSide, SurfacePair, frame_growth},
     kernel::{
         bvh::moved_triangles::MovingMesh,
         mesh::{bounds::Aabb, ids::VertexId, topology::SurfaceTopology},
@@ -20,7 +19,7 @@ use crate::{
 /// Transforms triangles of a pair's other surface into the pair's frame.
 ///
 /// Every triangle that is paired must be transformed first.
-pub(super) struct TriangleMover<'a> {
+pub(in crate::detection) struct TriangleMover<'a> {
     topology: &'a SurfaceTopology,
     mesh: MovingMesh<'a>,
     moved: &'a mut Vec<Vec3>,
@@ -45,7 +44,11 @@ impl SurfacePair {
 
     /// Begins to transform the triangles of `surface`, which is [`moved_surface`](Self::moved_surface), from its own
     /// `positions`.
-    pub(super) fn mover<'a>(&'a mut self, surface: &'a ActiveSurface, positions: &'a [Vec3]) -> TriangleMover<'a> {
+    pub(in crate::detection) fn mover<'a>(
+        &'a mut self,
+        surface: &'a ActiveSurface,
+        positions: &'a [Vec3],
+    ) -> TriangleMover<'a> {
         self.moved_positions.clear();
         self.moved_rounding = 0.0;
         TriangleMover {
@@ -68,7 +71,7 @@ impl TriangleMover<'_> {
     ///
     /// # Panics
     /// If a triangle does not exist.
-    pub(super) fn move_triangles(&mut self, triangles: &[u32], bounds: &mut Vec<(u32, Aabb)>) {
+    pub(in crate::detection) fn move_triangles(&mut self, triangles: &[u32], bounds: &mut Vec<(u32, Aabb)>) {
         let Self { topology, mesh, moved, rounding } = self;
         if moved.is_empty() {
             moved.resize(mesh.positions.len(), Vec3::NAN);
@@ -89,7 +92,7 @@ impl TriangleMover<'_> {
     }
 
     /// Transforms all triangles.
-    pub(super) fn move_all(&mut self, bounds: &mut Vec<(u32, Aabb)>) {
+    pub(in crate::detection) fn move_all(&mut self, bounds: &mut Vec<(u32, Aabb)>) {
         let all: Vec<u32> = (0..self.mesh.triangles.len() as u32).collect();
         self.move_triangles(&all, bounds);
     }

@@ -8,15 +8,17 @@ use std::sync::Arc;
 
 use bevy_ecs::prelude::*;
 
-use super::{
-    broad_phase::{CandidateTrianglePairs, OtherSide, surfaces_with_method},
-    state::SurfaceState,
-};
 use crate::{
+    detection::{
+        pairs::{CandidateTrianglePairs, OtherSide, surfaces_with_method},
+        state::SurfaceState,
+    },
     kernel::capacity,
     settings::CircumsphereSettings,
     surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
 };
+
+pub(super) mod near_lists;
 
 /// The sides of the last detection, and which pairs of this one are kept from it.
 #[derive(Resource, Default)]

@@ -1,0 +1,189 @@
+//! A snapshot of a surface's positions, with the boxes of its triangles.
+
+use std::{
+    mem,
+    sync::{
+        Arc, Mutex, OnceLock, PoisonError,
+        atomic::{AtomicBool, Ordering},
+    },
+};
+
+use bevy_ecs::{change_detection::Tick, prelude::*};
+use bevy_platform::sync::atomic::AtomicU64;
+use bytemuck::cast_slice;
+use glam::Vec3;
+
+use crate::{
+    detection::{
+        pairs::{GROWTH_SLACK, moved_box},
+        parallel::Threads,
+    },
+    kernel::{
+        mesh::{
+            bounds::{Aabb, bounds_of_moved, point_bounds, triangle_bounds_on},
+            motion::Motion,
+            topology::SurfaceTopology,
+        },
+        pose::{Pose, SIMILARITY_TOLERANCE},
+        simd::share::{OneByOne, Share},
+    },
+    surface::SurfacePositions,
+};
+
+/// A snapshot of a surface's checked positions, and the boxes of its triangles in its own frame, grown by its thickness
+/// and half the margin. Changes only if positions, triangles, or growth differ, bit by bit, from those of the last
+/// detection.
+#[derive(Debug, Default)]
+pub struct TriangleBounds {
+    /// One box per triangle, computed on first request.
+    triangles: OnceLock<Vec<Aabb>>,
+    /// Memory for the boxes.
+    spare: Mutex<Vec<Aabb>>,
+    /// Whether they have been requested.
+    are_asked_for: AtomicBool,
+    /// The box of the whole surface.
+    whole: Aabb,
+    /// The box of the whole surface in the world, for the last pose.
+    pub(in crate::detection) in_world: Option<(Pose, Aabb)>,
+    /// Increases by 1 whenever positions, triangles, or growth change, and starts [far from those](first_version) of
+    /// other surfaces. Results computed from a version are valid while it stays the same.
+    version: u64,
+    /// The motion from the positions of the previous version to those of this one.
+    motion: Motion,
+    positions: Vec<Vec3>,
+    /// The change tick of the surface's positions when they were read.
+    seen: Option<Tick>,
+    topology: Option<Arc<SurfaceTopology>>,
+    /// Whether every vertex is a corner, so that the box of the vertices is that of the triangles.
+    names_every_vertex: bool,
+    growth: f32,
+}
+
+/// The first version of a surface, so far from those of all others that they never reach it.
+fn first_version() -> u64 {
+    static SURFACES: AtomicU64 = AtomicU64::new(0);
+    1 + (SURFACES.fetch_add(1, Ordering::Relaxed) << u32::BITS)
+}
+
+impl TriangleBounds {
+    /// One box per triangle. If nothing is near a surface, nothing requests them, and they are not computed. If they
+    /// were requested before the surface changed, they are computed at once, otherwise on the first request.
+    #[must_use]
+    pub fn triangles(&self) -> &[Aabb] {
+        self.triangles_on(&OneByOne)
+    }
+
+    /// Like [`triangles`](Self::triangles), computed in tasks that `share` may distribute.
+    pub(in crate::detection) fn triangles_on(&self, share: &impl Share) -> &[Aabb] {
+        self.are_asked_for.store(true, Ordering::Relaxed);
+        if let Some(triangles) = self.triangles.get() {
+            return triangles;
+        }
+        // Not inside `get_or_init`, which would block other callers: a task that we wait for might request the same
+        // boxes.
+        let mut triangles = mem::take(&mut *self.spare.lock().unwrap_or_else(PoisonError::into_inner));
+        if let Some(topology) = &self.topology {
+            triangle_bounds_on(share, &self.positions, topology.triangles(), self.growth, &mut triangles);
+        }
+        self.triangles.get_or_init(|| triangles)
+    }
+
+    /// The positions in the surface's own frame.
+    pub(in crate::detection) fn positions(&self) -> &[Vec3] {
+        &self.positions
+    }
+
+    /// The number of triangles.
+    pub(in crate::detection) fn triangle_count(&self) -> usize {
+        self.topology.as_ref().map_or(0, |topology| topology.triangles().len())
+    }
+
+    /// Increases by 1 whenever positions, triangles, or growth change. Unique among all surfaces.
+    pub(in crate::detection) fn version(&self) -> u64 {
+        self.version
+    }
+
+    /// The box of the whole surface.
+    pub(in crate::detection) fn whole(&self) -> &Aabb {
+        &self.whole
+    }
+
+    /// The motion of the surface in its own frame since an earlier version.
+    pub(in crate::detection) fn motion_since(&self, version: u64) -> Motion {
+        match self.version.checked_sub(version) {
+            Some(0) => Motion::REST,
+            Some(1) => self.motion,
+            _ => Motion::UNKNOWN,
+        }
+    }
+
+    /// Takes a snapshot of the surface, whose positions are finite. Returns whether anything has changed.
+    pub(in crate::detection) fn update(
+        &mut self,
+        positions: &Ref<SurfacePositions>,
+        topology: &Arc<SurfaceTopology>,
+        growth: f32,
+        threads: usize,
+    ) -> bool {
+        let changed = positions.last_changed();
+        let positions = &*positions.0;
+        let same_mesh = self.topology.as_ref().is_some_and(|other| Arc::ptr_eq(other, topology));
+        let same_positions = self.seen == Some(changed) || has_bits_of(&self.positions, positions);
+        self.seen = Some(changed);
+        if same_mesh && self.growth == growth && same_positions {
+            return false;
+        }
+        self.motion = if same_mesh { Motion::between(&self.positions, positions) } else { Motion::UNKNOWN };
+        let spare = self.spare.get_mut().unwrap_or_else(PoisonError::into_inner);
+        if let Some(triangles) = self.triangles.take() {
+            *spare = triangles;
+        }
+        self.version = if self.topology.is_none() { first_version() } else { self.version + 1 };
+        if !same_mesh {
+            self.names_every_vertex = topology.names_every_vertex();
+            self.topology = Some(Arc::clone(topology));
+        }
+        let are_expected = mem::take(self.are_asked_for.get_mut());
+        if self.names_every_vertex && !are_expected {
+            self.whole = point_bounds(positions, growth);
+        } else {
+            // The triangle boxes are expected to be needed. Or the surface uses only some of many vertices that it
+            // shares with others.
+            self.whole = triangle_bounds_on(&Threads(threads), positions, topology.triangles(), growth, spare);
+            self.triangles = OnceLock::from(mem::take(spare));
+        }
+        self.in_world = None;
+        self.positions.clear();
+        self.positions.extend_from_slice(positions);
+        self.growth = growth;
+        true
+    }
+
+    /// Updates the box of the whole surface in the world, after [`update`](Self::update). This is the box of the
+    /// transformed box, and for few vertices at most the box of the transformed vertices.
+    pub(in crate::detection) fn update_in_world(&mut self, pose: &Pose) {
+        if self.in_world.is_some_and(|(other, _)| other == *pose) {
+            return;
+        }
+        let mut bounds = moved_box(&self.whole, pose);
+        if *pose != Pose::IDENTITY && self.positions.len() <= MOST_TURNED_VERTICES {
+            // A pose that is not exactly a similarity stretches one axis more than another.
+            let scale = pose.scale() * (1.0 + SIMILARITY_TOLERANCE);
+            let growth = (f64::from(self.growth) * scale) as f32 * GROWTH_SLACK;
+            let vertices = bounds_of_moved(pose, &self.positions).grown(growth);
+            bounds = Aabb { min: bounds.min.max(vertices.min), max: bounds.max.min(vertices.max) };
+        }
+        self.in_world = Some((*pose, bounds));
+    }
+}
+
+/// Up to this many vertices, the box of a surface in the world is as small as possible. The box around a rotated box is
+/// up to five times as large for a ball, and meets that many more surfaces. Transforming all vertices takes a tenth of
+/// the time of computing triangle boxes. On a larger surface this would be noticeable whenever it moves as a whole,
+/// when its triangle boxes do not change.
+const MOST_TURNED_VERTICES: usize = 16_384;
+
+/// Whether two lists of positions are equal bit by bit, including the sign of zero, because contacts preserve it.
+fn has_bits_of(positions: &[Vec3], others: &[Vec3]) -> bool {
+    cast_slice::<Vec3, u8>(positions) == cast_slice::<Vec3, u8>(others)
+}
