@@ -1,7 +1,5 @@
 //! What all stages over triangle pairs share: the two sides in one frame, the distances that matter, and the results.
 
-use std::borrow::Cow;
-
 use glam::{DVec3, Vec3};
 
 use super::{
@@ -9,7 +7,6 @@ use super::{
     mesh::{
         corner_rows::{CornerRow, CornerRows},
         feature::{Feature, FeaturePair},
-        ids::TriangleId,
         side::{outward_direction, rise},
         topology::SurfaceTopology,
     },
@@ -137,13 +134,6 @@ impl RowPair<'_> {
     #[inline]
     pub(in crate::kernel) fn corners(&self, side: usize) -> [DVec3; 3] {
         [self.corner(side, 0), self.corner(side, 1), self.corner(side, 2)]
-    }
-
-    /// Whether the triangles are neighbors. Both sides must be the same surface.
-    #[inline]
-    pub(in crate::kernel) fn are_neighbors(&self) -> bool {
-        let [a, b] = self.triangles.map(TriangleId);
-        self.sides[0].topology.share_vertex(a, b)
     }
 
     /// The [number](feature_number) of a feature. The feature is given by its local index, see [`Feature::of_part`].
@@ -324,19 +314,4 @@ impl FoundPairs {
 #[inline]
 fn is_later_of_pair(one: &CompactContact, other: &CompactContact) -> bool {
     (one.key > other.key) & (one.triangles() == other.triangles())
-}
-
-/// The candidates without those that share a vertex, which are neighbors in a self-collision. Returns the list itself
-/// if there are none, as after a broad phase that leaves them out.
-pub(in crate::kernel) fn without_neighbors<'a>(
-    surface: &SurfaceSide<'_>,
-    candidates: &'a [[u32; 2]],
-    settings: &PairSettings,
-) -> Cow<'a, [[u32; 2]]> {
-    let neighbors = |pair: &[u32; 2]| surface.topology.share_vertex(TriangleId(pair[0]), TriangleId(pair[1]));
-    if settings.same_surface && candidates.iter().any(neighbors) {
-        Cow::Owned(candidates.iter().copied().filter(|pair| !neighbors(pair)).collect())
-    } else {
-        Cow::Borrowed(candidates)
-    }
 }

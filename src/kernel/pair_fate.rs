@@ -4,12 +4,14 @@
 //! agrees with the tick and costs nothing unless it is requested. Used by `detection::PairFates`, which adds the pairs
 //! that slabs dropped before they became candidates.
 
+use std::borrow::Cow;
+
 use glam::Vec3;
 
 use super::{
     exact::{rigid_shape::ShapeGeometry, stage::shape_pairs},
-    mesh::topology::SurfaceTopology,
-    pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
+    mesh::{ids::TriangleId, topology::SurfaceTopology},
+    pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
     spheres::{
         contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
@@ -116,6 +118,21 @@ fn touching(found: &FoundPairs) -> impl Iterator<Item = [u32; 2]> {
     found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b])
 }
 
+/// The candidates without those that share a vertex, which are neighbors in a self-collision. The
+/// broad phase leaves them out; debugging asks about them too.
+fn without_neighbors<'a>(
+    surface: &SurfaceSide<'_>,
+    candidates: &'a [[u32; 2]],
+    settings: &PairSettings,
+) -> Cow<'a, [[u32; 2]]> {
+    let neighbors = |pair: &[u32; 2]| surface.topology.share_vertex(TriangleId(pair[0]), TriangleId(pair[1]));
+    if settings.same_surface && candidates.iter().any(neighbors) {
+        Cow::Owned(candidates.iter().copied().filter(|pair| !neighbors(pair)).collect())
+    } else {
+        Cow::Borrowed(candidates)
+    }
+}
+
 /// Appends the fate of each candidate with the method `BoundingSphere`.
 pub fn ball_fates(
     a: &BallSide<'_>,
@@ -126,8 +143,9 @@ pub fn ball_fates(
 ) {
     let mut fates = Fates::append(candidates, fates);
     let (mut overlapping, mut found) = (Vec::new(), FoundPairs::default());
-    fates.passed(PairFate::Neighbors, without_neighbors(&a.surface, candidates, settings).iter().copied());
-    overlapping_ball_contacts(a, b, candidates, settings, &mut overlapping, &mut FoundSpheres::default());
+    let candidates = without_neighbors(&a.surface, candidates, settings);
+    fates.passed(PairFate::Neighbors, candidates.iter().copied());
+    overlapping_ball_contacts(a, b, &candidates, settings, &mut overlapping, &mut FoundSpheres::default());
     fates.passed(PairFate::Spheres, overlapping.iter().copied());
     ball_contacts(a, b, &overlapping, settings, &mut found);
     fates.passed(PairFate::Distance, touching(&found));
@@ -175,8 +193,9 @@ pub fn exact_fates(
 ) {
     let mut fates = Fates::append(candidates, fates);
     let mut found = FoundPairs::default();
-    fates.passed(PairFate::Neighbors, without_neighbors(a, candidates, settings).iter().copied());
-    examine(a, b, candidates, settings, &mut found);
+    let candidates = without_neighbors(a, candidates, settings);
+    fates.passed(PairFate::Neighbors, candidates.iter().copied());
+    examine(a, b, &candidates, settings, &mut found);
     fates.passed(PairFate::Distance, touching(&found));
 }
 

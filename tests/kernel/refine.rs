@@ -12,6 +12,7 @@ use bevy_circumsphere::kernel::{
     },
     mesh::{
         feature::{Feature, FeatureKind, FeaturePair},
+        ids::TriangleId,
         topology::SurfaceTopology,
     },
     pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
@@ -414,7 +415,10 @@ fn self_contacts(points: &[Vec3], triangles: &[[u32; 3]]) -> FoundPairs {
     let topology = SurfaceTopology::new(points, triangles).expect("valid");
     let own = side(&topology, points, false);
     let mut found = FoundPairs::default();
-    exact_pairs(&own, &own, &all_within(triangles.len()), &settings(true, true), &mut found);
+    let mut candidates = all_within(triangles.len());
+    // As the broad phase leaves them out.
+    candidates.retain(|&[a, b]| !topology.share_vertex(TriangleId(a), TriangleId(b)));
+    exact_pairs(&own, &own, &candidates, &settings(true, true), &mut found);
     found
 }
 

@@ -93,8 +93,6 @@ pub(in crate::kernel) struct Screened {
     pub(in crate::kernel) possible: u32,
     /// Of these, the pairs that may or may not cross.
     pub(in crate::kernel) doubtful: u32,
-    /// Pairs with a vertex of one triangle exactly on the boundary of the other.
-    pub(in crate::kernel) meeting: u32,
     /// Pairs without doubt that are within the range.
     pub(in crate::kernel) near: u32,
     /// Pairs without doubt that are within the contact distance.
@@ -156,7 +154,6 @@ impl PairScreen {
         Screened {
             possible: screened.possible & asked,
             doubtful: screened.doubtful & asked,
-            meeting: screened.meeting & asked,
             near: screened.near & asked,
             touching: screened.touching & asked,
             ..screened
@@ -266,7 +263,6 @@ impl PairScreen {
         Screened {
             possible: (!found.cases.simd_eq(0)).to_bitmask() as u32,
             doubtful: doubtful.to_bitmask() as u32,
-            meeting: boundary.simd_eq(zero).to_bitmask() as u32,
             near: (is_certain & !apart.simd_gt(limits.range)).to_bitmask() as u32,
             touching: (is_certain & apart.simd_le(limits.contact_distance)).to_bitmask() as u32,
             with_cases: (!(found.cases & !u64::from(Cases::BOUNDARY.0)).simd_eq(0)).to_bitmask() as u32,

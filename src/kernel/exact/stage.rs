@@ -27,7 +27,7 @@ use super::{
 use crate::kernel::{
     contact::{CompactContact, TouchingPair},
     mesh::{corner_rows::CornerRow, feature::FeaturePair, topology::SurfaceTopology},
-    pair::{FoundPairs, PairSettings, SurfaceSide, without_neighbors},
+    pair::{FoundPairs, PairSettings, SurfaceSide},
     pose::Pose,
     simd::{
         lanes::SetLanes,
@@ -39,7 +39,8 @@ mod block;
 mod contacts;
 pub(in crate::kernel) mod reports;
 
-/// Tests candidate pairs of two surfaces exactly, and appends the results.
+/// Tests candidate pairs of two surfaces exactly, and appends the results. Neighbors, which share a vertex in a
+/// self-collision, must not be among the candidates: the broad phase leaves them out.
 pub fn exact_pairs(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -50,7 +51,7 @@ pub fn exact_pairs(
     if settings.cull {
         examine_pairs(a, b, candidates, settings, found, &EachOnce);
     } else {
-        examine_pairs_alone(a, b, &without_neighbors(a, candidates, settings), settings, found);
+        examine_pairs_alone(a, b, candidates, settings, found);
     }
 }
 
@@ -166,9 +167,7 @@ fn examine_blocks<S: Simd>(
         let rows = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
         let screened = screen.screen([&rows[0], &rows[1]], poses, pairs.len(), &limits);
         let block = Block { sides: [a, b], settings, pairs, rows, screen: &screen, screened };
-        let neighbors = block.neighbors();
-        found.examined -= neighbors.count_ones() as usize;
-        let [near, doubtful] = [screened.near & !neighbors, screened.doubtful & !neighbors];
+        let [near, doubtful] = [screened.near, screened.doubtful];
         let mut of_block = block.reports(simd, near | doubtful, near, choice);
         let mut stops = of_block.examined | of_block.meeting;
         let is_plain = stops == 0;

@@ -208,8 +208,7 @@ impl ContactSink for FoundPairs {
     }
 }
 
-/// Appends the candidates whose enclosing balls come within range to `overlapping`, and their distances to `found`. In
-/// a self-collision, pairs that share a vertex are left out.
+/// Appends the candidates whose enclosing balls come within range to `overlapping`, and their distances to `found`.
 pub fn overlapping_ball_contacts(
     a: &BallSide<'_>,
     b: &BallSide<'_>,
@@ -225,7 +224,7 @@ pub fn overlapping_ball_contacts(
         for (block, pairs) in candidates.chunks(WIDTH).enumerate() {
             ask_ahead(a, b, candidates, block);
             let rows = [a.gather::<0, _>(simd, pairs), b.gather::<1, _>(simd, pairs)];
-            let within = balls_within(a, &rows, pairs, settings);
+            let within = balls_within(&rows, pairs, settings);
             ListedPairs::new(simd, pairs).append(simd, within, overlapping);
             let known = estimate(&rows, within as u32, &limits);
             let is_settled = match &known {

@@ -15,7 +15,6 @@ use super::{
     rows::{BallRows, CapRows, RowLanes, TriangleRow, own_corners},
 };
 use crate::kernel::{
-    mesh::ids::TriangleId,
     pair::{PairSettings, SurfaceSide},
     pose::Pose,
     simd::{
@@ -185,40 +184,20 @@ fn reach_each_other<S: Simd>([a, b]: [VectorLanes<S>; 2], [radius_a, radius_b]: 
     between.dot(between).simd_le(sum * sum).to_bitmask()
 }
 
-/// One bit for each of eight pairs whose enclosing balls come within range. In a self-collision, neighbors are left
-/// out.
+/// One bit for each of eight pairs whose enclosing balls come within range.
 #[inline(always)]
 pub(in crate::kernel) fn balls_within<S: Simd>(
-    side: &BallSide<'_>,
     rows: &[RowLanes<S>; 2],
     pairs: &[[u32; 2]],
     settings: &PairSettings,
 ) -> u64 {
     let [a, b] = rows;
     let reach = (settings.range / settings.scale) as f32;
-    let within = reach_each_other([a.center(), b.center()], [a.radius(), b.radius()], reach) & first_lanes(pairs.len());
-    without_meeting(within, settings, &side.surface, [&a.corners(), &b.corners()], pairs)
-}
-
-/// Removes neighbors from the bits of eight pairs, if both sides are the same surface.
-#[inline(always)]
-fn without_meeting<S: Simd>(
-    within: u64,
-    settings: &PairSettings,
-    surface: &SurfaceSide<'_>,
-    [corners_a, corners_b]: [&[VectorLanes<S>; 3]; 2],
-    pairs: &[[u32; 2]],
-) -> u64 {
-    if !settings.same_surface {
-        return within;
-    }
-    let near = if surface.topology.is_welded() { within } else { within & meeting(corners_a, corners_b) };
-    if near == 0 { within } else { within & !neighbors(surface, pairs) }
+    reach_each_other([a.center(), b.center()], [a.radius(), b.radius()], reach) & first_lanes(pairs.len())
 }
 
 /// Appends the candidates whose offset spheres come within range and, if `settings.cull` is set, that neither normals
-/// nor the line between the sphere centers separate by more. In a self-collision, pairs that share a vertex are left
-/// out.
+/// nor the line between the sphere centers separate by more.
 pub fn overlapping_caps(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
@@ -264,7 +243,7 @@ pub(in crate::kernel) fn facing_caps<S: Simd>(
     ]
 }
 
-/// Appends the pairs that no test separates. In a self-collision, pairs that share a vertex are left out.
+/// Appends the pairs that no test separates.
 pub(in crate::kernel) fn caps_passing(
     a: &CapSide<'_>,
     b: &CapSide<'_>,
@@ -305,35 +284,8 @@ fn overlap_in_lanes<S: Simd>(
             apart |= corners.excess_along(cap_a.center - cap_b.center, rounded_reach).simd_gt(0.0);
         }
         let within = !apart.to_bitmask() & first_lanes(pairs.len());
-        let within = without_meeting(within, settings, &a.surface, [&corners_a, &corners_b], pairs);
         ListedPairs::new(simd, pairs).append(simd, within, kept);
     }
-}
-
-/// One bit for each pair in which a corner of each triangle has the same x coordinate. If no vertices are welded, these
-/// include all pairs that share a vertex, except those with NaN corners.
-#[inline(always)]
-fn meeting<S: Simd>(a: &[VectorLanes<S>; 3], b: &[VectorLanes<S>; 3]) -> u64 {
-    let [own, other] = [a, b].map(|corners| [corners[0].x.to_bits(), corners[1].x.to_bits(), corners[2].x.to_bits()]);
-    // Equal numbers have an XOR of 0, so one comparison covers all nine.
-    let mut least = own[0] ^ other[0];
-    for own in own {
-        for other in other {
-            least = least.min(own ^ other);
-        }
-    }
-    least.simd_eq(0).to_bitmask()
-}
-
-/// One bit for each pair of triangles that share a vertex.
-#[inline(always)]
-fn neighbors(surface: &SurfaceSide<'_>, pairs: &[[u32; 2]]) -> u64 {
-    let mut bits = 0;
-    for (lane, &[triangle_a, triangle_b]) in pairs.iter().enumerate().take(WIDTH) {
-        let share_vertex = surface.topology.share_vertex(TriangleId(triangle_a), TriangleId(triangle_b));
-        bits |= u64::from(share_vertex) << lane;
-    }
-    bits
 }
 
 /// The triangles of up to eight pairs.

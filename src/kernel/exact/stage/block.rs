@@ -61,17 +61,6 @@ impl<'a> Block<'a> {
         RowPair { sides: self.sides, triangles: self.pairs[place], rows }
     }
 
-    /// Pairs of a self-collision that share a vertex: neighbors, which are not tested.
-    #[inline(always)]
-    pub(super) fn neighbors(&self) -> u32 {
-        if !self.settings.same_surface {
-            return 0;
-        }
-        let meeting = if self.sides[0].topology.is_welded() { u32::MAX } else { self.screened.meeting };
-        let neighbors = SetLanes(self.screened.possible & meeting).filter(|&place| self.pair(place).are_neighbors());
-        neighbors.fold(0, |bits, place| bits | 1 << place)
-    }
-
     /// What the `asked` pairs report. The `near` ones need no test of a single pair, with a few exceptions.
     #[inline(always)]
     pub(super) fn reports<S: Simd>(&self, simd: S, asked: u32, near: u32, choice: &impl Choice) -> BlockReports<'a> {
