@@ -1,3 +1,4 @@
+#![doc = include_str!("doc_links.md")]
 #![doc = include_str!("../README.md")]
 
 mod contacts;
@@ -5,6 +6,34 @@ mod contacts;
 pub mod debug;
 pub mod detection;
 mod diagnostics;
+/// The pages of `docs/`. They contain no code, and are compiled into the documentation only.
+#[cfg(any(doc, doctest))]
+pub mod docs {
+    #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/guide.md")]
+    pub mod guide {}
+    #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/methods.md")]
+    pub mod methods {}
+    #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/performance.md")]
+    pub mod performance {}
+    #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/replay.md")]
+    pub mod replay {}
+    #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/experiments.md")]
+    pub mod experiments {}
+    #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/rerun.md")]
+    pub mod rerun {}
+    #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/architecture.md")]
+    pub mod architecture {}
+    #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/glossary.md")]
+    pub mod glossary {}
+}
 /// What surfaces, shapes, and contacts are described in.
 pub mod geometry {
     pub use crate::kernel::{

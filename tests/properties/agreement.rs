@@ -5,11 +5,9 @@ use crate::harness::{
     BAND, Body, BroadPhase, Count, Found, Judge, Setup, SmallWorld, assert_numbers, between, for_all, mean_edge,
     points, truth_between, truth_within, wide,
 };
+use crate::strategies::{Motion, motion, placement, two_meshes};
 use bevy_circumsphere::{detection::CandidateTrianglePairs, geometry::TouchingPair, prelude::*};
-use circumsphere_support::{
-    scenes::{Mesh, triangle_soup},
-    strategies::{Motion, motion, placement, two_meshes},
-};
+use circumsphere_support::scenes::{Mesh, triangle_soup};
 use circumsphere_truth::ReferencePair;
 use proptest::prelude::*;
 use std::collections::HashSet;

@@ -1,15 +1,13 @@
 //! What must not matter does not: numbering, order, a common motion, the unit of length.
 
+use crate::strategies::{Turn, offset, turn};
 use crate::{
     agreement::{Case, case},
     harness::{BAND, Body, Count, Found, ROUNDING, Setup, SmallWorld, between, for_all, points},
 };
 use bevy_circumsphere::prelude::*;
 use bevy_transform::components::Transform;
-use circumsphere_support::{
-    scenes::Mesh,
-    strategies::{Turn, offset, turn},
-};
+use circumsphere_support::scenes::Mesh;
 use circumsphere_truth::triangle_distance;
 use glam::{DVec3, Quat, Vec3};
 use proptest::prelude::*;

@@ -1,8 +1,8 @@
 //! Surfaces in poses of their own, up to a million sizes away from the origin: the pairs of the reference, which composes
 //! the poses in f64.
 
+use crate::strategies::{Turn, far_offset, offset, turn, two_meshes};
 use bevy_transform::components::Transform;
-use circumsphere_support::strategies::{Turn, far_offset, offset, turn, two_meshes};
 use glam::{DAffine3, DVec3, Vec3};
 use proptest::prelude::*;
 

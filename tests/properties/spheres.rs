@@ -1,5 +1,6 @@
 //! Curvature, spheres and cones of any mesh at any size: numbers always, balls that contain their triangles however stale.
 
+use crate::strategies::{mesh, motion, placement};
 use bevy_circumsphere::{
     geometry::{CurvatureEstimator, SurfaceTopology},
     kernel::spheres::{
@@ -10,7 +11,6 @@ use bevy_circumsphere::{
         curvature::Curvatures,
     },
 };
-use circumsphere_support::strategies::{mesh, motion, placement};
 use glam::Vec3;
 use proptest::prelude::*;
 

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeSet;
 
+use crate::strategies::{MOST_TRIANGLES, mesh};
 use bevy_circumsphere::{
     DeformableSurface,
     geometry::{SurfaceTopology, TopologyError, TriangleId, VertexId},
     kernel::mesh::ids::EdgeId,
 };
-use circumsphere_support::strategies::{MOST_TRIANGLES, mesh};
 use glam::Vec3;
 use proptest::prelude::*;
 

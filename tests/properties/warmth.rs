@@ -1,8 +1,8 @@
 //! A world that has run for long finds what a new one finds: trees that were refitted and have decayed, buffers that are
 //! used again, spheres that were refreshed lazily.
 
+use crate::strategies::{motion, placement, two_meshes};
 use bevy_circumsphere::{Circumspheres, detection::DetectionDiagnostics, geometry::CompactContact, prelude::*};
-use circumsphere_support::strategies::{motion, placement, two_meshes};
 use proptest::prelude::*;
 
 use crate::{

@@ -12,5 +12,3 @@ pub mod programs;
 pub mod random;
 pub mod recording;
 pub mod scenes;
-#[cfg(feature = "strategies")]
-pub mod strategies;

@@ -6,10 +6,12 @@
 
 use proptest::{prelude::*, sample::Index};
 
-use crate::random::Random;
-use crate::scenes::{
-    Diagonals, Mesh, cuboid, cylinder_side, duplicate_vertices, grid, icosphere, merge, saddle, torus, triangle_soup,
-    twisted_rod,
+use circumsphere_support::{
+    random::Random,
+    scenes::{
+        Diagonals, Mesh, cuboid, cylinder_side, duplicate_vertices, grid, icosphere, merge, saddle, torus,
+        triangle_soup, twisted_rod,
+    },
 };
 
 /// Largest number of triangles of a mesh.
@@ -288,9 +290,6 @@ pub fn placement() -> BoxedStrategy<Placement> {
 }
 
 impl Placement {
-    /// Unit size at the origin.
-    pub const PLAIN: Self = Self { scale: 1.0, offset: [0.0; 3] };
-
     /// Applies the placement to a mesh. Far from the origin, f32 leaves little of its shape: it becomes a different,
     /// degenerate mesh.
     #[must_use]
