@@ -1,4 +1,4 @@
-//! Values that no game has: no panic, and contacts that are finite, or a body that is set aside with a reason.
+//! Values that no game uses: nothing panics, and contacts are finite or the body is quarantined with a reason.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -15,7 +15,7 @@ use crate::{
     world::{THIN, all, app, at, insert, points, spawn, status, surface, write_positions},
 };
 
-/// Small meshes: where a scale is next to nothing, all triangles meet.
+/// Small meshes, because at a tiny scale all triangles touch.
 fn sheet() -> Mesh {
     grid(3, 3, 4.0, 4.0, Diagonals::Uniform)
 }
@@ -38,7 +38,7 @@ fn extreme_poses() -> Vec<Transform> {
     poses
 }
 
-/// What is wrong with a tick: nothing, or what to say of it.
+/// Runs a tick. Returns the number of contacts, or a description of the failure.
 fn tick(app: &mut App, bodies: &[Entity]) -> Result<usize, String> {
     catch_unwind(AssertUnwindSafe(|| app.update())).map_err(|_| "a panic".to_owned())?;
     for &body in bodies {
@@ -63,11 +63,11 @@ fn tick(app: &mut App, bodies: &[Entity]) -> Result<usize, String> {
     Ok(contacts.len())
 }
 
-/// Panics with all that was wrong.
+/// Panics with a list of everything that was wrong.
 #[track_caller]
 fn assert_none(wrong: &[String]) {
     let first = &wrong[..wrong.len().min(12)];
-    assert!(wrong.is_empty(), "{} are wrong: {first:#.600?}", wrong.len());
+    assert!(wrong.is_empty(), "{} failures: {first:#.600?}", wrong.len());
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn shapes_at_extreme_poses_are_tested_or_set_aside() {
     for (name, shape) in shapes(1.0) {
         for pose in extreme_poses() {
             let mut app = app();
-            // One in the world, and one that is as large and in the same place as the shape.
+            // `near` stands in the world. `beside` has the pose of the shape.
             let near = spawn(&mut app, &ball(), (THIN, SweptCollision, at(0.1, 0.2, 0.3)));
             let beside = spawn(&mut app, &sheet(), (SurfaceThickness::default(), pose));
             let shape = app.world_mut().spawn((RigidShape(shape.clone()), pose)).id();
@@ -130,7 +130,7 @@ fn a_vertex_far_away_does_no_harm() {
 fn shapes_of_extreme_sizes_are_tested_or_set_aside() {
     let (mut wrong, mut seen, mut refused, mut built) = (Vec::new(), 0, 0, 0);
     for size in [1.0e-45, 1.0e-38, 1.0e-30, 1.0e-20, 1.0e10, 1.0e15, 1.0e20, 1.0e30, 1.0e38] {
-        // parry itself panics where it cannot build some of them.
+        // parry itself panics if it cannot build a shape.
         let Ok(shapes) = catch_unwind(|| shapes(size)) else { continue };
         for (name, shape) in shapes {
             built += 1;
@@ -238,7 +238,7 @@ fn what_is_out_of_range_is_set_aside_with_a_reason_and_comes_back() {
                 insert(&mut app, body, pose);
                 for _ in 0..2 {
                     app.update();
-                    // Of a half-space no scale makes anything.
+                    // A half-space is the same at any scale.
                     let expected = if is_endless && pose == huge {
                         SurfaceStatus::Active
                     } else {
@@ -250,7 +250,7 @@ fn what_is_out_of_range_is_set_aside_with_a_reason_and_comes_back() {
             }
         }
     }
-    // A vertex, too, in the tick in which it is written and in those after it.
+    // The same holds for a vertex, in the tick in which it is written and in later ones.
     let mut app = app();
     let body = spawn(&mut app, &sheet(), THIN);
     for far in [1.0e37, 1.0e38, 1.0e20, f32::MAX, 0.0] {

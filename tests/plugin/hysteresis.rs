@@ -1,4 +1,4 @@
-//! A pair at rest on the threshold of contact.
+//! A pair held on the threshold of contact.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::prelude::*;
@@ -10,7 +10,7 @@ use crate::world::{
     sheet, spawn, write_positions,
 };
 
-/// Heights around the contact distance of 0.1, a few units in the last place up and down.
+/// Heights around the contact distance of 0.1, a few units in the last place above and below.
 fn trembling(tick: u32) -> f32 {
     let steps = [0i32, 3, -2, 4, -4, 1, 2, -1][tick as usize % 8];
     f32::from_bits(0.1_f32.to_bits().wrapping_add_signed(steps))
@@ -41,8 +41,8 @@ fn held_on_the_threshold(method: ContactMethod, margin: f32, with_shape: bool) {
     }
     assert!(heard.is_empty() || heard == started, "{method:?}: {heard:?}");
     let touched = !heard.is_empty();
-    assert!(touched, "{method:?}: at {:e} it has touched at least once", trembling(4));
-    // It does part, and meet again, where it really does.
+    assert!(touched, "{method:?}: never touched, not even at {:e}", trembling(4));
+    // Contacts still end, and start again, when the surfaces really part and meet.
     assert_eq!(lower(&mut app, 1.2 * threshold), [Ended(floor, other)], "{method:?}");
     assert_eq!(lower(&mut app, 0.05 * threshold), started, "{method:?}");
 }
@@ -57,7 +57,7 @@ fn a_pair_held_on_the_threshold_starts_once_and_does_not_end() {
     }
 }
 
-/// Moves a ball up and down around the height at which a coarse method begins to see it.
+/// Moves a ball up and down around the height at which a coarse method starts to report contacts.
 fn coarse_method_on_its_threshold(method: ContactMethod) {
     let mut app = app();
     keep_journal(&mut app, Update);

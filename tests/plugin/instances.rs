@@ -21,11 +21,11 @@ fn instances_share_the_adjacency_and_touch_on_their_own() {
     let instances: Vec<Entity> =
         (0..5).map(|_| app.world_mut().spawn((prototype.instance(), positions.clone(), THIN)).id()).collect();
     for &instance in &instances {
-        let own = app.world().get::<DeformableSurface>(instance).expect("it is a surface");
+        let own = app.world().get::<DeformableSurface>(instance).expect("the entity is a surface");
         assert!(Arc::ptr_eq(own.topology(), prototype.topology()));
         assert_eq!(own.mean_edge(), prototype.mean_edge());
     }
-    // Its own height, and its own shape: one has shrunk to a tenth.
+    // Each instance has its own height and shape. One shrinks to a tenth.
     for (number, &instance) in instances.iter().enumerate() {
         place(&mut app, instance, Vec3::new(-1.6 + 0.8 * number as f32, 3.0, 0.2));
     }
@@ -43,7 +43,7 @@ fn instances_share_the_adjacency_and_touch_on_their_own() {
     }
     assert_eq!(store(&app).pairs().len(), 2);
 
-    // An instance touches another one.
+    // One instance touches another.
     place(&mut app, instances[0], Vec3::new(0.0, 5.0, 0.0));
     place(&mut app, instances[2], Vec3::new(0.0, 5.63, 0.0));
     app.update();
@@ -68,8 +68,8 @@ fn an_instance_outlives_the_one_it_was_made_from() {
     let mut app = app();
     let sheet = spawn(&mut app, &sheet(), THIN);
     let first = spawn(&mut app, &ball(), THIN);
-    let copy = app.world().get::<DeformableSurface>(first).expect("it is a surface").instance();
-    let positions = app.world().get::<SurfacePositions>(first).expect("it is a surface").clone();
+    let copy = app.world().get::<DeformableSurface>(first).expect("the entity is a surface").instance();
+    let positions = app.world().get::<SurfacePositions>(first).expect("the entity is a surface").clone();
     app.update();
     app.world_mut().despawn(first);
     let second = app.world_mut().spawn((copy, positions, THIN)).id();

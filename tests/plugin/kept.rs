@@ -1,5 +1,5 @@
-//! What is kept of unchanged pairs of surfaces is, to the last bit, what is found without: over long runs of all that can
-//! happen to a world, and on recordings.
+//! Results kept for unchanged pairs of surfaces are bit-identical to results computed anew. Checked over long runs with
+//! every kind of change to a world, and on recordings.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -19,7 +19,7 @@ use glam::Vec3;
 
 use crate::world::{Called, THIN, app, at, fingerprint, insert, points, store, surface, write_positions};
 
-/// The surfaces of a run: two sheets that pass through each other, a cloth folded onto itself, and two closed balls.
+/// The surfaces of a run: two sheets that cross, a cloth folded onto itself, and two closed balls.
 const SURFACES: [&str; 5] = ["low sheet", "high sheet", "cloth", "ball", "small ball"];
 
 fn mesh(name: &str) -> Mesh {
@@ -40,12 +40,12 @@ fn mesh(name: &str) -> Mesh {
     }
 }
 
-/// A world that can be changed like another one.
+/// A world that can be changed in the same way as another one.
 struct Twin {
     app: App,
     surfaces: Vec<Entity>,
     shapes: [Entity; 2],
-    /// A surface that has a NaN in this tick.
+    /// The surface that has a NaN in this tick.
     spoiled: Option<usize>,
 }
 
@@ -73,7 +73,7 @@ impl Twin {
         Self { app, surfaces: surfaces.to_vec(), shapes: [floor, stone], spoiled: None }
     }
 
-    /// One thing that happens to a world, the same for the same random numbers.
+    /// Makes one change to the world. Equal random numbers make equal changes.
     fn happen(&mut self, random: &mut Random) {
         let place = random.below(SURFACES.len() as u64) as usize;
         let entity = self.surfaces[place];
@@ -157,7 +157,7 @@ impl Twin {
         }
     }
 
-    /// What was announced in this tick.
+    /// The messages of this tick.
     fn announced(&self) -> String {
         let started = self.app.world().resource::<Messages<SurfaceContactStart>>();
         let ended = self.app.world().resource::<Messages<SurfaceContactEnd>>();
@@ -171,25 +171,25 @@ impl Twin {
     }
 }
 
-/// What a run amounted to.
+/// Counts of what happened in a run.
 #[derive(Debug, Default)]
 struct Tally {
     kept: usize,
     /// Ticks in which there were pairs and all of them were kept.
     rests: usize,
-    /// Ticks in which some pairs were kept and others not.
+    /// Ticks in which some pairs were kept and others were not.
     halves: usize,
     touching: usize,
     /// Contacts of two sheets that have passed each other, in ticks in which both were kept.
     passed: usize,
 }
 
-/// Lets the same happen to a world that remembers and one that does not, and compares them in every tick.
+/// Makes the same changes to a world with memory and to one without, and compares them in every tick.
 fn run(seed: u64, ticks: usize) -> Tally {
     let (mut warm, mut cold) = (Twin::new(true), Twin::new(false));
     let mut script = Random::new(seed);
     let mut tally = Tally::default();
-    // Clones of stored pairs keep what was in them, though the stages write the lists again in later ticks.
+    // Clones of stored pairs keep their contents, although the stages overwrite the lists in later ticks.
     let mut held: Option<(Vec<StoredPair>, Vec<CompactContact>)> = None;
     for tick in 0..ticks {
         if script.below(2) == 0 {
@@ -240,13 +240,13 @@ fn recordings_that_pause_find_what_they_find_without_memory() {
     let Some(folder) = recordings_folder() else { return };
     let mut kept = 0;
     for name in ["armadillo_rollers_326", "two_cubes_close_to_intersecting", "mat100x100", "fandisk"] {
-        let recording = read_recording(&[folder.join(format!("{name}.bin"))]).expect("it is a recording");
+        let recording = read_recording(&[folder.join(format!("{name}.bin"))]).expect("the file is a recording");
         for method in [ContactMethod::Exact, ContactMethod::Closest, ContactMethod::Circumsphere] {
             let mut worlds = [true, false].map(|memory| {
                 let mut app = app();
                 app.insert_resource(CircumsphereSettings { memory, threads: 1, ..Default::default() });
                 let rest: Vec<Vec3> = recording.frames[0].iter().copied().map(Vec3::from).collect();
-                let body = DeformableSurface::from_mesh(&rest, &recording.triangles).expect("it is a mesh");
+                let body = DeformableSurface::from_mesh(&rest, &recording.triangles).expect("the mesh is valid");
                 let parts = (Called("mesh"), body, SelfCollision, Sidedness::TwoSided, method);
                 let entity = app.world_mut().spawn(parts).id();
                 (app, entity)
@@ -263,5 +263,5 @@ fn recordings_that_pause_find_what_they_find_without_memory() {
             }
         }
     }
-    assert!(kept >= 4 * 3 * 2, "{kept} pairs were kept");
+    assert!(kept >= 4 * 3 * 2, "only {kept} pairs were kept");
 }

@@ -1,4 +1,4 @@
-//! One long life of a sheet and a ball, and shorter ones for what it leaves out.
+//! One full life cycle of a sheet and a ball, and shorter ones for the remaining cases.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::prelude::*;
@@ -24,13 +24,13 @@ enum Clock {
 enum Family {
     /// Sheet and ball stand in the world.
     Alone,
-    /// Both are children of one carrier, which moves and turns in every frame.
+    /// Both are children of one carrier, which moves and rotates in every frame.
     Carried,
-    /// The ball is moved by the parent of its parent.
+    /// The ball is moved by its grandparent.
     Grandchild,
 }
 
-/// How far bodies come from the origin.
+/// The largest distance of a body from the origin.
 const SIZE: f32 = 24.0;
 
 struct Scene {
@@ -83,7 +83,7 @@ impl Scene {
         scene
     }
 
-    /// Makes an entity the ball of the scene.
+    /// Turns an entity into the ball of the scene.
     fn dress(&mut self, entity: Entity) {
         self.ball = entity;
         insert(&mut self.app, entity, (surface(&ball()), THIN, ContactEventsEnabled));
@@ -91,7 +91,7 @@ impl Scene {
         self.ball_at(2.0);
     }
 
-    /// Puts the ball's center `height` over the sheet.
+    /// Puts the ball's center `height` above the sheet.
     fn ball_at(&mut self, height: f32) {
         let place_of_ball = OVER_A_FACE + Vec3::Y * height;
         match self.family {
@@ -102,25 +102,25 @@ impl Scene {
 
     fn up(&self) -> Vec3 {
         match self.family {
-            Family::Carried => self.app.world().get::<Transform>(self.carrier).expect("it is there").rotation * Vec3::Y,
+            Family::Carried => self.app.world().get::<Transform>(self.carrier).expect("it exists").rotation * Vec3::Y,
             Family::Alone | Family::Grandchild => Vec3::Y,
         }
     }
 
-    /// One frame, in which what happens is announced in its first tick.
+    /// Runs one frame. Its changes are announced in its first tick.
     fn frame(&mut self) {
         self.frames += 1;
         if self.family == Family::Carried {
             let turns = self.frames as f32;
             let rotation = Quat::from_rotation_z(0.3 * turns) * Quat::from_rotation_x(0.17 * turns);
-            let mut carrier = self.app.world_mut().get_mut::<Transform>(self.carrier).expect("it is there");
+            let mut carrier = self.app.world_mut().get_mut::<Transform>(self.carrier).expect("the entity exists");
             *carrier = Transform::from_xyz(0.3 * turns, -0.1 * turns, 0.2 * turns).with_rotation(rotation);
         }
         let before = store(&self.app).tick();
         if let Clock::Fixed(ticks) = self.clock
             && self.frames.is_multiple_of(2)
         {
-            // A frame without a tick sees nothing of what has changed.
+            // In a frame without a tick, changes have no effect.
             let contacts = all(&mut self.app);
             set_ticks(&mut self.app, 0);
             self.app.update();
@@ -167,7 +167,7 @@ impl Scene {
         self.expect_announced(&[Ended(sheet, ball)], &[Ended(sheet, ball), Ended(ball, sheet)]);
     }
 
-    /// The ball is `distance` over the sheet, and touches it.
+    /// Expects the ball to touch the sheet at a distance of `distance`.
     #[track_caller]
     fn expect_touch(&mut self, distance: f32) {
         self.expect_contact(distance, 0.1);
@@ -208,7 +208,7 @@ impl Scene {
 fn live(clock: Clock, family: Family, propagation: bool) {
     let mut scene = Scene::new(clock, family, propagation);
 
-    // Far apart, in contact, resting, apart, in contact.
+    // Far apart, in contact, at rest, apart, in contact.
     scene.frame();
     scene.expect_silence();
     scene.expect_nothing();
@@ -229,7 +229,7 @@ fn live(clock: Clock, family: Family, propagation: bool) {
     scene.frame();
     scene.expect_started();
 
-    // Disabled and back.
+    // Disabled and enabled again.
     insert(&mut scene.app, scene.ball, SurfaceDisabled);
     scene.frame();
     scene.expect_ended();
@@ -241,7 +241,7 @@ fn live(clock: Clock, family: Family, propagation: bool) {
     scene.expect_touch(0.03);
     assert_eq!(status(&scene.app, scene.ball), SurfaceStatus::Active);
 
-    // No surface any more, and one again; then another mesh, and the first one again.
+    // Remove the surface and insert it again. Then insert another mesh, and the first one again.
     scene.app.world_mut().entity_mut(scene.ball).remove::<DeformableSurface>();
     scene.frame();
     scene.expect_ended();
@@ -257,14 +257,14 @@ fn live(clock: Clock, family: Family, propagation: bool) {
         scene.expect_touch(0.03);
     }
 
-    // Removed and put back between two detections: nothing has ended.
+    // Removed and inserted again between two detections: no contact has ended.
     scene.app.world_mut().entity_mut(scene.ball).remove::<DeformableSurface>();
     insert(&mut scene.app, scene.ball, surface(&ball()));
     scene.frame();
     scene.expect_silence();
     scene.expect_touch(0.03);
 
-    // Away and back at once.
+    // Teleported away, and teleported back.
     scene.ball_at(3.0);
     insert(&mut scene.app, scene.ball, Teleported);
     scene.frame();
@@ -280,7 +280,7 @@ fn live(clock: Clock, family: Family, propagation: bool) {
     change_components(&mut scene);
     change_methods(&mut scene);
 
-    // The mesh deforms: the sheet as a whole comes down, then up again.
+    // The mesh deforms: the whole sheet moves down, then up again.
     let lowered: Vec<Vec3> = points(&sheet()).iter().map(|point| *point - Vec3::Y).collect();
     write_positions(&mut scene.app, scene.sheet, &lowered);
     scene.frame();
@@ -296,7 +296,7 @@ fn live(clock: Clock, family: Family, propagation: bool) {
     scene.expect_silence();
     scene.expect_touch(0.03);
 
-    // Despawned: only who is still there hears of it.
+    // After a despawn, only the remaining side receives events.
     let (sheet, old) = (scene.sheet, scene.ball);
     scene.app.world_mut().despawn(old);
     scene.frame();
@@ -320,7 +320,7 @@ fn live(clock: Clock, family: Family, propagation: bool) {
     scene.frame();
     scene.expect_started();
     scene.expect_touch(0.03);
-    // The whole family goes.
+    // Despawn the sheet.
     scene.app.world_mut().despawn(sheet);
     scene.frame();
     scene.expect_announced(&[Ended(sheet, new)], &[Ended(new, sheet)]);
@@ -336,7 +336,7 @@ fn change_components(scene: &mut Scene) {
     scene.expect_ended();
     scene.expect_nothing();
 
-    // A margin reports it from afar, and announces nothing.
+    // A margin reports the contact from a distance, and sends no event.
     scene.app.world_mut().resource_mut::<CircumsphereSettings>().margin = 0.04;
     scene.frame();
     scene.expect_silence();
@@ -354,19 +354,20 @@ fn change_components(scene: &mut Scene) {
     scene.expect_started();
     scene.expect_touch(0.03);
 
-    // Layers, of either side and written in place.
+    // Layers of either side, changed in place.
     for entity in [scene.sheet, scene.ball] {
-        scene.app.world_mut().get_mut::<SurfaceLayers>(entity).expect("it is a surface").filters = 0b10;
+        scene.app.world_mut().get_mut::<SurfaceLayers>(entity).expect("the entity is a surface").filters = 0b10;
         scene.frame();
         scene.expect_ended();
         scene.expect_nothing();
-        scene.app.world_mut().get_mut::<SurfaceLayers>(entity).expect("it is a surface").filters = 0b11;
+        scene.app.world_mut().get_mut::<SurfaceLayers>(entity).expect("the entity is a surface").filters = 0b11;
         scene.frame();
         scene.expect_started();
         scene.expect_touch(0.03);
     }
 
-    // A ball that the sheet has just passed is inside out of it as a solid, and above it as a sheet.
+    // The ball's lowest vertex is just below the sheet. As a solid, the ball is pushed out. As a sheet without history,
+    // it counts as above.
     scene.ball_at(0.48);
     scene.frame();
     scene.expect_silence();
@@ -402,7 +403,7 @@ fn change_methods(scene: &mut Scene) {
             _ => assert!(store(&scene.app).touching_count() > 0, "{method:?}"),
         }
     }
-    // Of two the more exact one decides.
+    // The more exact of two methods applies.
     insert(&mut scene.app, scene.sheet, ContactMethod::Exact);
     scene.frame();
     scene.expect_silence();
@@ -464,7 +465,7 @@ fn self_contacts_come_and_go_with_the_component_and_the_positions() {
     app.update();
     let contacts = between(&mut app, layers, layers);
     assert!(!contacts.is_empty());
-    // Every triangle of the lower layer lies straight under one of the upper.
+    // Every triangle of the lower layer lies directly below one of the upper layer.
     let touching: Vec<[u32; 2]> = store(&app).touching().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
     assert!((0..32).all(|triangle| touching.contains(&[triangle, triangle + 32])), "{touching:?}");
     for contact in &contacts {
@@ -537,7 +538,7 @@ fn only_who_asked_hears_of_a_contact() {
     }
 }
 
-/// A sheet and balls in a row over it that ask for events, the first ball the last in order.
+/// A sheet and, above it, a row of balls that request events. The first ball is the last in order.
 fn row_of_balls(app: &mut App) -> (Entity, [Entity; 4]) {
     let sheet = spawn(app, &sheet(), (THIN, SurfaceOrder(0)));
     let mut x = -1.4;
@@ -549,7 +550,7 @@ fn row_of_balls(app: &mut App) -> (Entity, [Entity; 4]) {
 }
 
 fn drop_ball(app: &mut App, ball: Entity, height: f32) {
-    app.world_mut().get_mut::<Transform>(ball).expect("it has a transform").translation.y = height;
+    app.world_mut().get_mut::<Transform>(ball).expect("the entity has a transform").translation.y = height;
 }
 
 #[test]
@@ -568,7 +569,7 @@ fn messages_of_a_tick_come_in_the_order_of_the_surfaces() {
     app.update();
     assert_eq!(messages(&mut app), [a, b, c, d].map(|ball| Ended(sheet, ball)));
 
-    // Contacts that began one after the other end in the order of the surfaces too.
+    // Contacts that started one after another also end in the order of the surfaces.
     for ball in [d, c, b, a] {
         drop_ball(&mut app, ball, 0.28);
         app.update();
@@ -638,7 +639,7 @@ fn a_response_in_the_same_tick_reads_the_contacts_of_that_tick() {
     }
     let read = &app.world().resource::<Read>().0;
     assert_eq!(read.iter().map(|(tick, _)| *tick).collect::<Vec<_>>(), [1, 2, 3]);
-    assert_near(read[0].1.expect("it touches"), 0.03, rounding(1.0), read);
+    assert_near(read[0].1.expect("the bodies touch"), 0.03, rounding(1.0), read);
     assert_eq!(read[1].1, None);
-    assert_near(read[2].1.expect("it touches"), 0.06, rounding(1.0), read);
+    assert_near(read[2].1.expect("the bodies touch"), 0.06, rounding(1.0), read);
 }

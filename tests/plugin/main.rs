@@ -1,4 +1,4 @@
-//! The plugin in headless worlds: what a game spawns, changes and despawns, and what it reads and hears of it.
+//! The plugin in headless worlds: spawning, changing, and despawning, and the contacts and events that result.
 
 mod extremes;
 mod features;

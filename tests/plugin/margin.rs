@@ -1,4 +1,4 @@
-//! A margin reports what is near without touching.
+//! A margin reports contacts that are near without touching.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::prelude::*;
@@ -22,7 +22,7 @@ fn beyond_the_contact_distance_only_a_margin_sees_and_separations_are_positive()
     keep_journal(&mut app, Update);
     let sheet = spawn(&mut app, &sheet(), (THIN, ContactEventsEnabled));
     let ball = spawn(&mut app, &ball(), THIN);
-    // Gaps over the contact distance of 0.1, and the margins that reach them.
+    // Gaps larger than the contact distance of 0.1, and margins that do or do not reach them.
     for (gap, margin, seen) in [
         (0.15, 0.0, false),
         (0.15, 0.049, false),
@@ -109,14 +109,14 @@ fn a_margin_reaches_shapes_of_every_kind() {
             set_margin(&mut app, 0.2);
             spawn(&mut app, &sheet(), THIN);
             let shape = app.world_mut().spawn(RigidShape(shape.clone())).id();
-            // The surface alone has a thickness: contacts up to 0.05 + 0.2.
+            // Only the surface has a thickness, so contacts reach up to 0.05 + 0.2.
             for (gap, seen) in [(0.24, true), (0.26, false), (0.06, true), (0.04, true)] {
                 insert(&mut app, shape, at(0.1, reach * scale + gap, 0.2).with_scale(Vec3::splat(scale)));
                 app.update();
                 let contacts = all(&mut app);
                 assert_eq!(!contacts.is_empty(), seen, "{gap} at scale {scale}");
                 if seen {
-                    // parry's own queries are in f32 with absolute tolerances.
+                    // parry's own queries use f32 with absolute tolerances.
                     assert_near(deepest(&contacts).separation, gap - 0.05, 1.0e-4, (gap, scale));
                 }
             }

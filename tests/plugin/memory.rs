@@ -1,4 +1,4 @@
-//! What no method asks for takes no memory.
+//! Data that no method needs takes no memory.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use crate::world::{EXACT_METHODS, THIN, app, at, ball, insert, points, sheet, spawn, store, surface, write_positions};
 
-/// Room for how many triangles each of the per-triangle components holds: curvature, balls, spheres, cones.
+/// The capacity, in triangles, of each per-triangle component: curvature, balls, spheres, cones.
 fn held(app: &App, entity: Entity) -> [usize; 4] {
     let entity = app.world().entity(entity);
     let curvature =
@@ -108,7 +108,7 @@ fn unchanged_exact_surfaces_do_not_count_as_changed_spheres() {
     assert_eq!(app.world().resource::<Changes>().0, 0);
 }
 
-/// Of each surface whether its curvature, its balls, its spheres and its cones have been written to since the last tick.
+/// For each surface, whether its curvature, balls, spheres, and cones have changed since the last tick.
 #[derive(Resource, Default)]
 struct Written(EntityHashMap<[bool; 4]>);
 
@@ -144,7 +144,7 @@ fn a_surface_at_rest_keeps_its_spheres_while_others_move() {
             let written = &app.world().resource::<Written>().0;
             assert_eq!([written[&ground], written[&body]], expected, "{method:?}: {what}");
         };
-        // Whatever is new has been written to.
+        // New components count as changed.
         app.update();
         app.update();
         let round = points(&ball());
@@ -154,13 +154,13 @@ fn a_surface_at_rest_keeps_its_spheres_while_others_move() {
             tick(&mut app, [NOTHING, all], "the body bends");
         }
         insert(&mut app, body, at(0.1, 0.52, 0.2));
-        tick(&mut app, [NOTHING, NOTHING], "the body moves as a whole");
+        tick(&mut app, [NOTHING, NOTHING], "the body moves without deforming");
         insert(&mut app, ground, Teleported);
-        tick(&mut app, [all, NOTHING], "nothing that is known of the ground holds");
+        tick(&mut app, [all, NOTHING], "the ground is teleported");
         app.world_mut().resource_mut::<CircumsphereSettings>().sphere_offset = 0.4;
         tick(&mut app, [all, all], "settings change");
         app.world_mut().resource_mut::<CircumsphereSettings>().memory = false;
-        tick(&mut app, [all, all], "nothing may be kept");
-        tick(&mut app, [all, all], "nothing may be kept, in the next tick either");
+        tick(&mut app, [all, all], "memory is off");
+        tick(&mut app, [all, all], "memory is off, in the next tick too");
     }
 }

@@ -25,7 +25,7 @@ pub fn app_with_brute_force() -> App {
     app
 }
 
-/// Two spheres that cross, one of them turned.
+/// Two spheres that cross, one of them rotated.
 fn crossing_spheres(app: &mut App, methods: [ContactMethod; 2]) -> [Entity; 2] {
     let turned = at(0.7, 0.3, 0.1).with_rotation(Quat::from_rotation_x(0.4));
     [
@@ -51,11 +51,11 @@ fn exact_methods_agree_and_coarse_ones_enclose_them() {
     assert!(refined.len() > 100, "{} pairs touch", refined.len());
     assert_eq!(refined, polygon);
     assert_eq!(refined, closest);
-    // A triangle lies in its ball, so triangles that touch have balls that do.
+    // A triangle lies in its enclosing ball, so touching triangles have touching balls.
     assert!(refined.is_subset(&balls), "{} are missing", refined.difference(&balls).count());
     assert!(balls.len() > refined.len());
-    // Where bodies are deep in each other, their caps look the same way and no longer meet: the exact methods find
-    // what the cone test misses.
+    // Where bodies overlap deeply, their caps face the same way and no longer meet. The exact methods find the pairs
+    // that the cone test misses.
     assert!(caps.len() < refined.len());
 }
 
@@ -101,7 +101,7 @@ fn no_method_gives_anything_that_is_not_a_number() {
             let mut app = app();
             app.insert_resource(CircumsphereSettings { margin, ..Default::default() });
             crossing_spheres(&mut app, [method; 2]);
-            // Twice the same place: concentric balls have no direction.
+            // Two bodies at the same place: concentric balls have no direction.
             spawn(&mut app, &icosphere(2, 1.0), (THIN, method, Called("twin")));
             // Triangles without area.
             let mut needle = cuboid([0.5, 0.5, 0.5], 1);
@@ -134,7 +134,7 @@ fn no_method_gives_anything_that_is_not_a_number() {
     }
 }
 
-/// A surface against itself, surfaces under relative poses with either as the frame, and every kind of shape.
+/// A surface against itself, surfaces with relative poses and either as the frame, and every kind of shape.
 pub fn mixed_scene(app: &mut App, method: ContactMethod) {
     let tilted = Quat::from_rotation_x(0.6) * Quat::from_rotation_z(0.3);
     let two = merge(&[icosphere(1, 0.5), icosphere(1, 0.5).translate([0.4, 0.2, 0.1])]);
@@ -162,13 +162,13 @@ pub fn mixed_scene(app: &mut App, method: ContactMethod) {
 
 type Candidates = BTreeSet<(String, String, [u32; 2])>;
 
-/// The candidates, and what slabs dropped before it became one.
+/// The candidate pairs, and the pairs that slabs dropped before they became candidates.
 fn candidates(app: &mut App) -> [Candidates; 2] {
     let read = |fates: PairFates,
                 candidates: Res<CandidateTrianglePairs>,
                 active: Res<ActiveSurfaces>,
                 names: Query<&Called>| {
-        let name = |entity: Entity| names.get(entity).expect("it is named").0.to_owned();
+        let name = |entity: Entity| names.get(entity).expect("the entity has a name").0.to_owned();
         let (mut sets, mut count) = ([Candidates::new(), Candidates::new()], 0);
         for (place, pair) in candidates.pairs().iter().enumerate() {
             let first = name(active.surfaces[pair.first].entity);
@@ -183,7 +183,7 @@ fn candidates(app: &mut App) -> [Candidates; 2] {
                 sets[usize::from(number >= pair.triangles.len())].insert((first.clone(), second.clone(), triangles));
             }
         }
-        assert_eq!(sets[0].len() + sets[1].len(), count, "a pair is there twice");
+        assert_eq!(sets[0].len() + sets[1].len(), count, "a pair is listed twice");
         sets
     };
     app.world_mut().run_system_once(read).expect("candidates can be read")
@@ -197,13 +197,13 @@ fn the_tree_finds_the_candidates_of_brute_force_but_for_those_that_slabs_drop() 
         for margin in [0.0, 0.2] {
             let [mut tree, mut brute_force] = [app(), app_with_brute_force()];
             for app in [&mut tree, &mut brute_force] {
-                // What is remembered of pairs is not what the tree finds.
+                // Without memory, so that all candidates come from the tree.
                 app.insert_resource(CircumsphereSettings { margin, memory: false, ..Default::default() });
                 mixed_scene(app, method);
             }
             for tick in 0..3 {
                 for app in [&mut tree, &mut brute_force] {
-                    // Everything moves and deforms, so that trees are refitted and rebuilt.
+                    // Everything moves and deforms, so trees are refitted and rebuilt.
                     let mut moved = app.world_mut().query::<(&mut SurfacePositions, &mut Transform)>();
                     for (mut positions, mut transform) in moved.iter_mut(app.world_mut()) {
                         transform.rotation *= Quat::from_rotation_y(0.3);
@@ -215,14 +215,14 @@ fn the_tree_finds_the_candidates_of_brute_force_but_for_those_that_slabs_drop() 
                 }
                 let ([found, dropped], [all, nothing]) = (candidates(&mut tree), candidates(&mut brute_force));
                 let what = format!("{method:?}, margin {margin}, tick {tick}");
-                assert!(found.union(&dropped).eq(&all), "{what}: not the pairs of brute force");
+                assert!(found.union(&dropped).eq(&all), "{what}: the pairs differ from brute force");
                 assert!(found.is_disjoint(&dropped) && nothing.is_empty(), "{what}");
-                assert!(culls || dropped.is_empty(), "{what}: slabs drop pairs of a method that does not go by them");
+                assert!(culls || dropped.is_empty(), "{what}: slabs drop pairs of a method that does not use them");
                 dropped_by_slabs += dropped.len();
                 for second in ["spheres", "ring", "ball", "cuboid", "capsule", "hull", "half-space", "cylinder"] {
                     assert!(found.iter().any(|(_, other, _)| other == second), "nothing near the {second}");
                 }
-                assert!(fingerprint(&tree) == fingerprint(&brute_force), "{what}: other contacts");
+                assert!(fingerprint(&tree) == fingerprint(&brute_force), "{what}: the contacts differ");
             }
         }
         println!("{method:?}: slabs drop {dropped_by_slabs}");

@@ -1,4 +1,4 @@
-//! The order of contacts comes from the scene, never from how entities lie in memory.
+//! The order of contacts comes from the scene, never from the memory layout of entities.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::prelude::*;
@@ -22,7 +22,7 @@ enum Body {
     Shape(SharedShape),
 }
 
-/// Twelve bodies that cross and touch each other: sheet, meshes and shapes.
+/// Twelve bodies that cross and touch each other: a sheet, meshes, and shapes.
 fn bodies() -> Vec<(&'static str, Body, Transform)> {
     let turned = |x: f32, y: f32, z: f32, angle: f32| at(x, y, z).with_rotation(Quat::from_rotation_x(angle));
     let surface = Body::Surface;
@@ -42,7 +42,7 @@ fn bodies() -> Vec<(&'static str, Body, Transform)> {
     ]
 }
 
-/// A sequence of pseudo-random orders: linear congruence by Knuth, top bits.
+/// A pseudo-random permutation: Knuth's linear congruential generator, top bits.
 fn shuffled(count: usize, seed: u64) -> Vec<usize> {
     let mut state = seed.wrapping_mul(2_862_933_555_777_941_757).wrapping_add(3_037_000_493);
     let mut order: Vec<usize> = (0..count).collect();
@@ -54,13 +54,13 @@ fn shuffled(count: usize, seed: u64) -> Vec<usize> {
 }
 
 struct Arrangement {
-    /// In which order the bodies are spawned.
+    /// The order in which the bodies are spawned.
     spawn_order: Vec<usize>,
-    /// Which extra components they carry, by seed; none for 0.
+    /// The seed of the extra components that bodies carry. With 0 there are none.
     markers: u64,
-    /// Whether each is given its place in the order.
+    /// Whether each body is given its place in the order.
     ordered: bool,
-    /// Whether other entities come and go between them, so that ids are recycled.
+    /// Whether other entities are spawned and despawned in between, so that ids are recycled.
     churn: bool,
 }
 
@@ -100,7 +100,7 @@ fn world(arrangement: &Arrangement, method: ContactMethod) -> App {
     app
 }
 
-/// What is found in a first tick, and in a second one after some bodies have moved.
+/// The contacts of a first tick, and of a second one after some bodies have moved.
 fn found(mut app: App) -> Vec<(&'static str, &'static str, Vec<String>)> {
     app.update();
     let mut found = fingerprint(&app);
@@ -138,7 +138,7 @@ fn without_an_order_archetypes_alone_do_not_change_a_bit() {
             Arrangement { spawn_order: spawn_order.clone(), markers: seed, ordered: false, churn: seed % 2 == 0 };
         assert!(found(world(&arrangement, ContactMethod::Exact)) == expected, "seed {seed} gives another result");
     }
-    // The comparison would notice another order: spawned otherwise, the pairs come otherwise.
+    // The comparison would detect another order: a different spawn order gives a different order of pairs.
     let other = Arrangement { spawn_order: shuffled(12, 7), markers: 0, ordered: false, churn: false };
     assert!(found(world(&other, ContactMethod::Exact)) != expected);
 }

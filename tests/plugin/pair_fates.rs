@@ -1,4 +1,4 @@
-//! Why two triangles do not touch: the step that dropped a pair is the one at which the stages dropped it.
+//! Why two triangles do not touch: the reported fate is the step at which the stages dropped the pair.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,28 +23,28 @@ use crate::{
     world::{Called, THIN, app, at, insert, place, sheet, spawn, world_matrix},
 };
 
-/// How far, relative to the contact distance, rounding may decide either way: distances of stored f32 positions under
-/// f32 poses of unit size, as the exact methods are held to.
+/// The band, relative to the contact distance, in which rounding may decide either way. Distances come from f32
+/// positions and f32 poses of unit size. Tests of the exact methods use the same band.
 const BAND: f64 = 1.0e-4;
 
-/// Fates of every pair of bodies by their names and the names of the two triangles.
+/// The fates of every pair of bodies, by the names of the bodies and the numbers of the two triangles.
 type Named = BTreeMap<(&'static str, &'static str, [u32; 2]), PairFate>;
 
-/// What a detection's fates were found to be.
+/// Counts of the fates of a detection.
 #[derive(Default)]
 struct Tally {
-    /// How many pairs had each fate, by method.
+    /// The number of pairs with each fate, by method.
     counts: BTreeMap<(ContactMethod, PairFate), usize>,
-    /// Pairs that touch in truth, by the fate that they had instead.
+    /// Pairs that touch according to the reference, by the fate that they had instead.
     missed: BTreeMap<(ContactMethod, PairFate), usize>,
-    /// The longest list of candidates.
+    /// The length of the longest list of candidates.
     longest: usize,
 }
 
-/// The fates of a pair of bodies' triangles.
+/// The fates of the triangle pairs of two bodies.
 type Fates = Vec<([u32; 2], PairFate)>;
 
-/// Of every pair of bodies the fates of its triangles.
+/// The fates of the triangles of every pair of bodies.
 fn all_fates(app: &mut App) -> Vec<Fates> {
     let read = |fates: PairFates, candidates: Res<CandidateTrianglePairs>| -> Vec<Fates> {
         let of = |place: usize| {
@@ -57,7 +57,7 @@ fn all_fates(app: &mut App) -> Vec<Fates> {
     app.world_mut().run_system_once(read).expect("fates can be read")
 }
 
-/// The pairs that were dropped at `step` at the earliest.
+/// The pairs that were not dropped before `step`.
 fn from_step(fates: &[([u32; 2], PairFate)], step: PairFate) -> Vec<[u32; 2]> {
     fates.iter().filter(|&&(_, fate)| fate >= step).map(|&(triangles, _)| triangles).collect()
 }
@@ -73,13 +73,13 @@ fn entities(active: &ActiveSurfaces, pair: &SurfacePair) -> [Entity; 2] {
 /// The corners of every triangle of a surface in the world, in f64.
 fn world_corners(world: &World, entity: Entity) -> Vec<[DVec3; 3]> {
     let matrix = world_matrix(world, entity);
-    let positions = &world.get::<SurfacePositions>(entity).expect("it is a surface").0;
-    let triangles = world.get::<DeformableSurface>(entity).expect("it is a surface").topology().triangles();
+    let positions = &world.get::<SurfacePositions>(entity).expect("the entity is a surface").0;
+    let triangles = world.get::<DeformableSurface>(entity).expect("the entity is a surface").topology().triangles();
     let corner = |vertex: u32| matrix.transform_point3(positions[vertex as usize].as_dvec3());
     triangles.iter().map(|triangle| triangle.map(corner)).collect()
 }
 
-/// The steps that a pair can be dropped at.
+/// The steps at which a pair can be dropped.
 fn steps(pair: &SurfacePair, plane_cull: bool) -> &'static [PairFate] {
     use PairFate::{CenterLine, Cone, Distance, Planes, Spheres, Touching};
     match pair.method {
@@ -92,7 +92,7 @@ fn steps(pair: &SurfacePair, plane_cull: bool) -> &'static [PairFate] {
     }
 }
 
-/// How far apart two triangles are along a direction; negative where they overlap, and where there is no direction.
+/// The gap of two triangles along a direction. It is negative if they overlap or there is no direction.
 fn gap_along(direction: DVec3, a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
     let direction = direction.normalize_or_zero();
     let [a, b] = [a, b].map(|corners| corners.map(|corner| direction.dot(corner - a[0])));
@@ -106,17 +106,17 @@ fn gap_along_normals(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
     gap_along(normal(a), a, b).max(gap_along(normal(b), a, b))
 }
 
-/// The spheres in the world that a triangle is tested by, with their radius: of `Circumsphere` the one on either side,
-/// of which a sheet shows the one that faces the other triangle.
+/// The world centers of the spheres that test a triangle, and their radius. `Circumsphere` has one on either side. Of
+/// these, a sheet uses the one that faces the other triangle.
 fn spheres(world: &World, entity: Entity, method: ContactMethod, triangle: u32) -> ([DVec3; 2], f64) {
     let (matrix, triangle) = (world_matrix(world, entity), triangle as usize);
     let entity = world.entity(entity);
     let (centers, radius) = if method == ContactMethod::BoundingSphere {
-        let ball = entity.get::<EnclosingBalls>().expect("it is a surface")[triangle];
+        let ball = entity.get::<EnclosingBalls>().expect("the entity is a surface")[triangle];
         ([ball.center; 2], ball.radius)
     } else {
-        let spheres = &entity.get::<Circumspheres>().expect("it is a surface");
-        let axis = entity.get::<TriangleCones>().expect("it is a surface").axes[triangle];
+        let spheres = &entity.get::<Circumspheres>().expect("the entity is a surface");
+        let axis = entity.get::<TriangleCones>().expect("the entity is a surface").axes[triangle];
         let (center, height) = (spheres.centers[triangle], spheres.heights[triangle]);
         ([center, center + 2.0 * height * axis], spheres.radii[triangle])
     };
@@ -124,7 +124,7 @@ fn spheres(world: &World, entity: Entity, method: ContactMethod, triangle: u32) 
     (centers.map(|center| matrix.transform_point3(center.as_dvec3())), f64::from(radius) * scale)
 }
 
-/// Whether the step that dropped a pair of surfaces' triangles has its reason for it in f64, and the planes had none before.
+/// Asserts in f64 that the step that dropped a pair of triangles had a reason, and that the planes had none before it.
 #[track_caller]
 fn assert_reason(
     world: &World,
@@ -134,18 +134,18 @@ fn assert_reason(
     fate: PairFate,
 ) {
     let range = f64::from(pair.range);
-    // What rounding to f32 leaves open, and what the culls leave to it.
+    // Rounding to f32, and the slack that the culls leave for it.
     let slack = BAND * range + 1.0e-5 * corners[0][0].distance(corners[1][0]).max(1.0);
     let [a, b] = corners;
     let planes = gap_along_normals(a, b);
     let what = (pair.method, ends, fate);
     match fate {
         PairFate::Planes => {
-            // Where any direction counts, the widest gap is the distance.
+            // An exact method may use any direction, and the widest gap is the distance.
             let slabs = if pair.method.is_exact() { triangle_distance(a, b) } else { planes };
             assert!(slabs > range - slack, "{what:?}: the slabs leave {slabs}");
         }
-        // A step after the planes; without them their gap says nothing.
+        // This step follows the planes. Without them, their gap means nothing.
         PairFate::CenterLine => assert!(planes < range + slack, "{what:?}: the planes leave {planes}"),
         _ => {}
     }
@@ -163,7 +163,7 @@ fn assert_reason(
     assert!(has_reason, "{what:?}");
 }
 
-/// Holds the fates of the last detection against what every stage wrote and against the distances in f64.
+/// Compares the fates of the last detection with the output of every stage and with the distances in f64.
 fn judge(app: &mut App, tally: &mut Tally) -> Named {
     let found = all_fates(app);
     let world = app.world();
@@ -172,7 +172,7 @@ fn judge(app: &mut App, tally: &mut Tally) -> Named {
     let overlapping = &world.resource::<OverlappingTrianglePairs>().pairs();
     let meeting = &world.resource::<MeetingCaps>().pairs();
     let plane_cull = world.resource::<CircumsphereSettings>().plane_cull;
-    let name = |entity: Entity| world.get::<Called>(entity).expect("it is named").0;
+    let name = |entity: Entity| world.get::<Called>(entity).expect("the entity has a name").0;
     let (mut named, mut examined) = (Named::new(), 0);
     for (place, (pair, fates)) in candidates.iter().zip(&found).enumerate() {
         let [first, second] = entities(active, pair);
@@ -203,10 +203,10 @@ fn judge(app: &mut App, tally: &mut Tally) -> Named {
         };
         let contact_distance = f64::from(pair.contact_distance);
         for &([a, b], fate) in fates {
-            assert!(steps(pair, plane_cull).contains(&fate), "{what:?}: {fate:?} is none of its steps");
+            assert!(steps(pair, plane_cull).contains(&fate), "{what:?}: {fate:?} is not one of its steps");
             *tally.counts.entry((pair.method, fate)).or_default() += 1;
             let again = named.insert((what.0, what.1, [a, b]), fate);
-            assert_eq!(again, None, "{what:?}: {a} and {b} are told twice");
+            assert_eq!(again, None, "{what:?}: {a} and {b} have two fates");
             let Some([corners_a, corners_b]) = &corners else { continue };
             let corners = [&corners_a[a as usize], &corners_b[b as usize]];
             assert_reason(world, pair, [(first, a), (second, b)], corners, fate);
@@ -223,7 +223,7 @@ fn judge(app: &mut App, tally: &mut Tally) -> Named {
     named
 }
 
-/// Everything of [`mixed_scene`], and two sheets that cross it and each other, one of them wavy.
+/// Everything in [`mixed_scene`], and two sheets that cross it and each other. One of them is wavy.
 fn scene(app: &mut App, method: ContactMethod) {
     mixed_scene(app, method);
     let mut wavy = grid(12, 12, 1.8, 1.8, Diagonals::Alternating);
@@ -276,10 +276,11 @@ fn fates_are_what_every_stage_passed_on_and_the_truth_is_nearer_only_past_a_cone
                     .collect::<Vec<_>>()
             });
             let [by_tree, by_brute_force] = &found;
-            assert!(by_tree.iter().all(|fates| fates.len() > 10_000), "{method:?}: hardly any candidate");
-            // Of the same pairs both tell the same, but for what only the tree drops before it is measured.
+            assert!(by_tree.iter().all(|fates| fates.len() > 10_000), "{method:?}: too few candidates");
+            // Both give the same fates to the same pairs, except for pairs that only the tree drops before they are
+            // measured.
             for (by_tree, by_brute_force) in by_tree.iter().zip(by_brute_force) {
-                assert!(by_tree.keys().eq(by_brute_force.keys()), "{method:?}, {settings:?}: not the same pairs");
+                assert!(by_tree.keys().eq(by_brute_force.keys()), "{method:?}, {settings:?}: the pairs differ");
                 for (pair, (by_tree, by_brute_force)) in
                     by_tree.iter().zip(by_brute_force.values()).map(|((pair, fate), other)| (pair, (*fate, *other)))
                 {
@@ -296,14 +297,14 @@ fn fates_are_what_every_stage_passed_on_and_the_truth_is_nearer_only_past_a_cone
     }
     println!("{:#?}\nmissed: {:#?}, parted early: {parted_early}", tally.counts, tally.missed);
     assert!(parted_early > 1000);
-    // Nothing is vacuous: every step of every method has dropped pairs, except those between neighbors, which are tested
-    // below, and those that are remembered, of which there are none where everything turns: see `slow`.
+    // No check is vacuous: every step of every method has dropped pairs. Exceptions are neighbors, which are tested
+    // below, and remembered pairs, which do not occur while everything rotates (see `slow`).
     let is_elsewhere = |fate: &PairFate| matches!(fate, PairFate::Neighbors | PairFate::Remembered);
     for fate in PairFate::ALL.into_iter().filter(|fate| !is_elsewhere(fate)) {
         let count: usize = tally.counts.iter().filter(|((_, other), _)| *other == fate).map(|(_, count)| count).sum();
         assert!(count > 100, "{}: {count}", fate.name());
     }
-    // Every step but the cone proves what it drops apart; the cone does not, and what it misses is seen here.
+    // Every step except the cone proves that the pairs it drops are apart. The pairs that the cone misses show up here.
     let steps_that_miss: Vec<_> = tally.missed.keys().copied().collect();
     assert_eq!(steps_that_miss, [(ContactMethod::Circumsphere, PairFate::Cone)]);
     assert!(tally.missed[&steps_that_miss[0]] > 100, "{:?}", tally.missed);
@@ -372,7 +373,7 @@ fn two_triangles_tell_why_they_do_not_touch() {
     }
     assert!(seen.len() >= 3 && seen.contains(&PairFate::Touching), "{seen:?}");
     assert!(expected.len() > 20 && expected.len() < 1000, "{}", expected.len());
-    // Not paired at all: no such triangle, no such body, out of reach.
+    // Not paired at all: no such triangle, no such body, or out of reach.
     assert_eq!(between(&mut app, (ball, count), (other, 0)), None);
     assert_eq!(between(&mut app, (ball, 0), (Entity::PLACEHOLDER, 0)), None);
     place(&mut app, ball, Vec3::new(0.0, 9.0, 0.0));
@@ -396,12 +397,12 @@ fn fates_are_those_of_the_last_detection_and_what_has_gone_has_none() {
         });
         let detected = all_fates(&mut gone.0);
         let nothing = vec![Vec::new()];
-        shrunken.0.world_mut().get_mut::<SurfacePositions>(shrunken.2).expect("it is a surface").0.pop();
+        shrunken.0.world_mut().get_mut::<SurfacePositions>(shrunken.2).expect("the entity is a surface").0.pop();
         assert_eq!(all_fates(&mut shrunken.0), detected, "{method:?}");
         gone.0.world_mut().despawn(gone.1);
         assert_eq!(all_fates(&mut gone.0), nothing, "{method:?}");
         assert_eq!(between(&mut gone.0, (gone.1, 0), (gone.2, 0)), None, "{method:?}");
-        // Another mesh in its place, which the next detection has not seen.
+        // A new mesh that the next detection has not seen yet.
         let smaller = crate::world::surface(&icosphere(0, 0.5));
         insert(&mut unplugged.0, unplugged.2, smaller);
         assert_eq!(all_fates(&mut unplugged.0), detected, "{method:?}");

@@ -1,4 +1,4 @@
-//! Where bodies stand in the world changes nothing about how they touch.
+//! Where bodies stand in the world does not change how they touch.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{detection::CandidateTrianglePairs, prelude::*};
@@ -18,13 +18,13 @@ fn thickness(scale: f32) -> SurfaceThickness {
     SurfaceThickness::World(0.05 * scale)
 }
 
-/// Positions are rounded once in the frame of the pair: 4 units in the last place of its largest coordinate, half the
-/// width of the sheet and the height of the ball.
+/// Positions are rounded once in the frame of the pair: 4 units in the last place of its largest coordinate, which is
+/// half the width of the sheet and the height of the ball.
 fn band() -> f32 {
     rounding(4.0)
 }
 
-/// Compares contacts with those of the same bodies elsewhere, `scale` times as large and turned by `turn`.
+/// Compares contacts with those of the same bodies elsewhere, `scale` times as large and rotated by `turn`.
 #[track_caller]
 fn assert_same(here: &[Seen], elsewhere: &[Seen], scale: f32, turn: impl Fn(Vec3) -> Vec3, what: &str) {
     let keys = |contacts: &[Seen]| contacts.iter().map(|contact| (contact.key, contact.triangles)).collect::<Vec<_>>();
@@ -33,14 +33,14 @@ fn assert_same(here: &[Seen], elsewhere: &[Seen], scale: f32, turn: impl Fn(Vec3
     for (one, other) in here.iter().zip(elsewhere) {
         assert_near(other.distance / scale, one.distance, band(), (what, one));
         assert_near(other.separation / scale, one.separation, band(), (what, one));
-        // A direction over a distance d is as good as the points that give it.
+        // A direction between points at a distance d is as accurate as the points, relative to d.
         let tolerance = 1.0e-5 + 2.0 * band() / one.distance.abs().max(1.0e-3);
         assert_near_vector(other.normal, turn(one.normal), tolerance, (what, one));
         for (weights, others) in
             [(one.barycentrics.0, other.barycentrics.0), (one.barycentrics.1, other.barycentrics.1)]
         {
             let (weights, others) = (Vec3::from(weights), Vec3::from(others));
-            // Edges that are nearly parallel have closest points that slide along them.
+            // The closest points of nearly parallel edges slide along the edges.
             assert_near_vector(others, weights, 1.0e-3, (what, one));
         }
     }
@@ -77,12 +77,12 @@ impl Pair {
     }
 }
 
-/// Off the axes and turned, so that no two features are equally near.
+/// Off the axes and rotated, so that no two features are equally near.
 fn ball_place() -> Transform {
     at(0.11, 0.53, 0.23).with_rotation(Quat::from_rotation_z(0.02) * Quat::from_rotation_y(0.3))
 }
 
-/// A coarse ball is moved into the frame of the sheet, a fine one the other way round.
+/// A coarse ball is moved into the frame of the sheet. With a fine ball, the sheet is moved.
 fn balls() -> [Mesh; 2] {
     [icosphere(1, 0.5), icosphere(3, 0.5)]
 }
@@ -160,7 +160,7 @@ fn a_thickness_in_edges_grows_with_the_scale_and_one_in_the_world_does_not() {
         assert_near(store(&pair.app).pairs()[0].contact_distance, 0.25, rounding(1.0), scale);
         insert(&mut pair.app, pair.ball, SurfaceThickness::MeanEdges(1.0));
         pair.app.update();
-        // Edges of a fine ball of radius 0.5, from 0.137 to 0.163.
+        // The edges of a fine ball of radius 0.5 are 0.137 to 0.163 long.
         let edge = store(&pair.app).pairs()[0].contact_distance / scale;
         assert!((0.137..0.164).contains(&edge), "{edge}");
     }
@@ -173,7 +173,7 @@ fn mirrored_solids_keep_their_inside() {
     for mesh in balls() {
         for mirror in mirrors {
             for (mirror_ball, mirror_sheet) in both {
-                // Over the sheet, and with the lowest vertex just under it.
+                // Above the sheet, and with the lowest vertex just below it.
                 for distance in [0.03, -0.02] {
                     let mut pair = Pair::new(&mesh);
                     let mut ball = at(0.11, 0.5 + distance, 0.23);
@@ -208,7 +208,7 @@ fn positions_in_the_world_do_not_follow_the_transform() {
     let parent = pair.app.world_mut().spawn(at(7.0, 8.0, 9.0).with_scale(Vec3::new(1.0, 2.0, 3.0))).id();
     insert(&mut pair.app, pair.ball, (at(1.0, 2.0, 3.0).with_scale(Vec3::splat(5.0)), ChildOf(parent)));
     assert_eq!(pair.contacts(), here);
-    // The sheet moves against it.
+    // The sheet moves away from the ball.
     insert(&mut pair.app, pair.sheet, at(0.0, -0.04, 0.0));
     assert_near(deepest(&pair.contacts()).distance, 0.07, band(), "sheet moved");
     insert(&mut pair.app, pair.ball, SurfaceFrame::Local);
@@ -239,8 +239,8 @@ fn a_turned_pair_touches_as_an_upright_one() {
     }
 }
 
-/// Two balls that overlap by a tenth of their size: a plane that cuts a cap of that height off a ball of radius 1 meets the
-/// sphere within 25 degrees, and a box around the other ball reaches no farther.
+/// The two balls overlap by a tenth of their size. A plane that cuts a cap of this height off a ball of radius 1 meets
+/// the sphere within 25 degrees, and the box of the other ball reaches no farther.
 #[test]
 fn only_what_reaches_the_other_surface_is_moved() {
     let mut app = app();

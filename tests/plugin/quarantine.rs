@@ -1,4 +1,4 @@
-//! Bad input at run time: the one body is set aside with a reason, and the others go on as if it were not there.
+//! Bad input at run time: the affected body is quarantined with a reason, and the others behave as if it were absent.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -21,13 +21,13 @@ use crate::world::{
     of, points, sheet, spawn, status, store, surface, write_positions,
 };
 
-/// A sheet and a ball in contact, and what is told apart from a world without the victim.
+/// A sheet and a ball in contact. Their contacts are compared with those of a world without the victim.
 fn healthy(app: &mut App) {
     spawn(app, &sheet(), (THIN, Called("sheet"), ContactEventsEnabled));
     spawn(app, &ball(), (THIN, Called("ball"), at(0.1, 0.53, 0.2), ContactEventsEnabled));
 }
 
-/// Where the victim touches the sheet, away from the ball and near it.
+/// A place where the victim touches the sheet, away from the ball but near it.
 fn victims_place() -> Transform {
     at(-0.9, 0.53, 0.2)
 }
@@ -39,11 +39,11 @@ struct Fault {
 }
 
 fn with_positions(app: &mut App, entity: Entity, change: impl Fn(&mut Vec<Vec3>)) {
-    change(&mut app.world_mut().get_mut::<SurfacePositions>(entity).expect("it is a surface").0);
+    change(&mut app.world_mut().get_mut::<SurfacePositions>(entity).expect("the entity is a surface").0);
 }
 
 fn with_transform(app: &mut App, entity: Entity, change: impl Fn(&mut Transform)) {
-    change(&mut app.world_mut().get_mut::<Transform>(entity).expect("it has a transform"));
+    change(&mut app.world_mut().get_mut::<Transform>(entity).expect("the entity has a transform"));
 }
 
 fn surface_faults() -> Vec<Fault> {
@@ -186,7 +186,7 @@ fn a_surface_that_cannot_be_used_is_set_aside_and_taken_back_without_touching_ot
                 };
                 assert!((fault.reason)(&reason), "{}: {reason:?}", fault.name);
                 assert!(!reason.to_string().is_empty());
-                // The message comes in the tick of the fault, once, and as one event.
+                // It is announced once, in the tick of the fault, as a message and as an entity event.
                 let heard: Vec<By> = announced(&mut app)
                     .into_iter()
                     .filter(|(.., announcement)| {
@@ -196,14 +196,14 @@ fn a_surface_that_cannot_be_used_is_set_aside_and_taken_back_without_touching_ot
                     .collect();
                 let expected: &[By] = if tick == 0 { &[By::Observer, By::Message] } else { &[] };
                 assert_eq!(heard, expected, "{} in tick {tick}", fault.name);
-                assert_eq!(fingerprint(&app), without, "{}: others are affected", fault.name);
+                assert_eq!(fingerprint(&app), without, "{}: other bodies are affected", fault.name);
                 assert_eq!(of(&mut app, victim), [], "{}", fault.name);
             }
 
             repair(&mut app, victim);
             app.update();
             assert_eq!(status(&app, victim), SurfaceStatus::Active, "{}", fault.name);
-            assert_eq!(fingerprint(&app), whole, "{}: not as before", fault.name);
+            assert_eq!(fingerprint(&app), whole, "{}: the contacts differ after the repair", fault.name);
 
             // A second fault is announced again.
             (fault.inflict)(&mut app, victim);
@@ -225,7 +225,7 @@ fn a_fault_that_moves_on_within_the_surface_is_the_same_quarantine() {
         write_positions(&mut app, victim, &positions);
         app.update();
         let reason = QuarantineReason::NonFinitePosition(VertexId(vertex as u32));
-        assert_eq!(status(&app, victim), SurfaceStatus::Quarantined(reason), "the status is always the last reason");
+        assert_eq!(status(&app, victim), SurfaceStatus::Quarantined(reason), "the status gives the latest reason");
     }
     assert_eq!(messages(&mut app), [Quarantined(victim, QuarantineReason::NonFinitePosition(VertexId(3)))]);
 }
@@ -312,7 +312,7 @@ fn a_shape_that_cannot_be_used_is_set_aside_and_taken_back() {
         assert_eq!(status(&app, victim), SurfaceStatus::Active, "{name}");
         assert!(!of(&mut app, victim).is_empty(), "{name}: the ball pierces the sheet");
 
-        // The pose of a shape is held to the same rules.
+        // The pose of a shape follows the same rules.
         with_transform(&mut app, victim, |transform| transform.scale.x = 2.0);
         app.update();
         let uneven = QuarantineReason::Pose(PoseError::NonUniformScale);
@@ -337,14 +337,14 @@ fn a_shape_without_size_is_a_point_and_has_no_inside() {
         let contacts = between(&mut app, sheet, point);
         assert!(!contacts.is_empty(), "{name}: 0.02 is within the thickness of 0.05");
         for contact in &contacts {
-            // A pair of features is never nearer than the two bodies.
+            // A feature pair is never closer than the two bodies.
             assert!(contact.distance.is_finite() && contact.distance >= 0.019_999, "{name}: {contact:?}");
             assert!(contact.normal.is_finite() && contact.points.1.is_finite(), "{name}: {contact:?}");
         }
     }
 }
 
-/// Positions that are wrong only after `Prepare` has looked at them.
+/// Positions that become invalid only after `Prepare` has checked them.
 fn corrupt_late(change: fn(&mut Vec<Vec3>)) -> impl Fn(Query<(&Called, &mut SurfacePositions)>) + Send + Sync {
     move |mut surfaces| {
         for (called, mut positions) in &mut surfaces {
@@ -450,7 +450,7 @@ fn a_quarantine_in_a_fixed_schedule_is_announced_once_whatever_the_ticks_a_frame
     );
 }
 
-/// A ball that parry does not know as one, nor as anything else.
+/// A ball that parry does not recognize as a ball, nor as any other shape.
 #[derive(Clone)]
 struct Unknown(Ball);
 

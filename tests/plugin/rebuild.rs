@@ -1,4 +1,4 @@
-//! Trees that a mesh has outgrown: built anew in slices, which changes neither contacts nor the rhythm of ticks.
+//! A tree that no longer fits its mesh is rebuilt in slices. This changes neither contacts nor the regularity of ticks.
 
 use std::time::Duration;
 
@@ -16,7 +16,8 @@ use crate::world::{app, ball, points, spawn, store, write_positions};
 
 const TICKS: usize = 60;
 
-/// A disc of a sheet that is stirred, so that boxes of what once lay together grow long, and a ball in it.
+/// A sheet with a stirred disc, and a ball in it. Stirring separates triangles that were neighbors, so their common
+/// boxes grow long.
 struct Stirred {
     app: App,
     sheet: Entity,
@@ -37,9 +38,9 @@ impl Stirred {
 
     fn stir(&mut self, tick: usize) {
         let Self { app, sheet, rest, .. } = self;
-        let mut positions = app.world_mut().get_mut::<SurfacePositions>(*sheet).expect("it is a surface");
+        let mut positions = app.world_mut().get_mut::<SurfacePositions>(*sheet).expect("the entity is a surface");
         for (position, rest) in positions.0.iter_mut().zip(rest) {
-            // The inside turns, the outside stays, and what is between them is drawn out.
+            // The inside turns, the outside stays, and the part in between is stretched.
             let turned = (1.0 - rest.length() / 2.0).max(0.0) * 0.6 * tick as f32;
             *position = glam::DQuat::from_rotation_y(f64::from(turned)).as_quat() * *rest;
         }
@@ -51,7 +52,7 @@ impl Stirred {
     }
 
     fn state(&self) -> &SurfaceState {
-        self.app.world().resource::<SurfaceStates>().get(self.sheet).expect("it is a surface")
+        self.app.world().resource::<SurfaceStates>().get(self.sheet).expect("the entity is a surface")
     }
 
     fn has_followed(&self) -> bool {
@@ -70,7 +71,7 @@ impl Stirred {
 fn no_tick_of_a_decaying_tree_takes_ten_times_the_median() {
     let mut least = vec![Duration::MAX; TICKS];
     let mut rebuilt = 0;
-    // The same ticks several times, of each the least: what else runs on the machine takes longer now and then.
+    // Run the same ticks several times and keep the minimum of each, because other processes slow down some of them.
     for _ in 0..3 {
         let mut scene = Stirred::new(150);
         scene.tick(0);
@@ -86,7 +87,7 @@ fn no_tick_of_a_decaying_tree_takes_ten_times_the_median() {
     let (median, worst) = (sorted[TICKS / 2], sorted[TICKS - 1]);
     println!("{rebuilt} rebuilds, median {median:?}, worst {worst:?}");
     assert!(rebuilt >= 2, "{rebuilt} rebuilds");
-    assert!(worst < 10 * median, "{worst:?} against {median:?}");
+    assert!(worst < 10 * median, "{worst:?} for a median of {median:?}");
 }
 
 #[test]
@@ -106,21 +107,21 @@ fn contacts_are_those_of_new_trees_while_old_ones_are_built_anew() {
     assert!(rebuilt >= 2 && contacts > 1_000, "{rebuilt} rebuilds, {contacts} contacts");
 }
 
-/// The sum over all boxes of a tree.
+/// The sum of the half areas of all boxes of a tree.
 fn area(tree: &BoxTree) -> f32 {
     let mut area = 0.0;
     tree.for_each_node(|_, bounds| area += bounds.half_area());
     area
 }
 
-/// What was begun to be built anew before the tree rested is of a mesh that is long gone.
+/// A rebuild that began before the tree rested is for a mesh that has long since changed.
 #[test]
 fn a_tree_that_has_rested_while_its_surface_was_alone_is_soon_as_good_as_a_new_one() {
     let mut scene = Stirred::new(40);
     assert!(scene.app.world().resource::<SurfaceStates>().get(scene.sheet).is_none());
     scene.put_ball(90.0);
     scene.tick(0);
-    assert!(scene.has_followed(), "a tree is built when its surface comes");
+    assert!(scene.has_followed(), "a tree is built for a new surface");
     scene.tick(1);
     assert!(!scene.has_followed());
     scene.put_ball(0.0);
@@ -133,7 +134,7 @@ fn a_tree_that_has_rested_while_its_surface_was_alone_is_soon_as_good_as_a_new_o
     scene.put_ball(90.0);
     for alone in 0..50 {
         assert_eq!(scene.tick(tick + alone).1, 0);
-        assert!(!scene.has_followed() || alone == 0, "nobody asks the tree");
+        assert!(!scene.has_followed() || alone == 0, "the tree is not needed");
         assert_eq!(area(scene.state().tree()), area_before);
     }
     scene.put_ball(0.0);
@@ -146,6 +147,6 @@ fn a_tree_that_has_rested_while_its_surface_was_alone_is_soon_as_good_as_a_new_o
         assert!(store(&scene.app).contacts().eq(store(&fresh.app).contacts()), "{near}");
         let [area, new] = [&scene, &fresh].map(|scene| area(scene.state().tree()));
         println!("{near}: {:.3} of a new tree", area / new);
-        assert!(near < 10 || area < 1.3 * new, "{area} against {new} of a new tree");
+        assert!(near < 10 || area < 1.3 * new, "the area is {area}, that of a new tree {new}");
     }
 }

@@ -1,4 +1,4 @@
-//! What does not move keeps its boxes and its tree, and what is found is what a new world finds.
+//! Surfaces that do not move keep their boxes and trees, and contacts are the same as in a new world.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -21,7 +21,7 @@ use glam::{Quat, Vec3};
 
 use crate::world::{THIN, app, at, ball, fingerprint, insert, points, sheet, store, surface, write_positions};
 
-/// What a world consists of, apart from what it remembers.
+/// The contents of a world, without what it remembers.
 #[derive(Clone)]
 struct Scene {
     meshes: [Mesh; 2],
@@ -52,7 +52,7 @@ impl Scene {
         })
     }
 
-    /// Writes everything, whether it has changed or not.
+    /// Writes all components, whether they have changed or not.
     fn write(&self, app: &mut App, bodies: [Entity; 2]) {
         let transforms = [Transform::IDENTITY, self.ball_at];
         for body in 0..2 {
@@ -70,7 +70,7 @@ fn brute_force_app() -> App {
     app
 }
 
-/// A change of the scene, and how many surfaces stay where they are in it.
+/// A change of the scene, and how many surfaces keep their boxes in it.
 type Step = (&'static str, fn(&mut Scene), usize);
 
 const STEPS: [Step; 9] = [
@@ -93,7 +93,7 @@ fn boxes_are_kept_just_where_nothing_has_changed_and_contacts_are_those_of_a_new
         let bodies = scene.spawn(&mut warm);
         scene.write(&mut warm, bodies);
         warm.update();
-        assert_eq!(warm.world().resource::<DetectionDiagnostics>().surfaces_unmoved, 0, "all is new");
+        assert_eq!(warm.world().resource::<DetectionDiagnostics>().surfaces_unmoved, 0, "everything is new");
         let mut touching = 0;
         for (what, change, unmoved) in STEPS {
             change(&mut scene);
@@ -121,20 +121,20 @@ fn another_mesh_of_the_same_positions_gets_boxes_of_its_own_triangles() {
     let fewer = Mesh { triangles: mesh.triangles[..20].to_vec(), ..mesh.clone() };
     insert(&mut app, entity, surface(&fewer).0);
     app.update();
-    let bounds = app.world().resource::<SurfaceStates>().get(entity).expect("it is a surface");
+    let bounds = app.world().resource::<SurfaceStates>().get(entity).expect("the entity is a surface");
     assert_eq!(bounds.triangle_boxes().len(), 20);
     assert_eq!(app.world().resource::<DetectionDiagnostics>().surfaces_unmoved, 0);
     assert_boxes(bounds, &points(&fewer), &fewer.triangles);
 }
 
-/// Boxes are grown by a thickness of 0.05, and by no less.
+/// Asserts that boxes are grown by a thickness of 0.05, and by no less.
 fn assert_boxes(bounds: &SurfaceState, positions: &[Vec3], triangles: &[[u32; 3]]) {
     let mut expected = Vec::new();
     triangle_bounds(positions, triangles, 0.05, &mut expected);
     assert_eq!(bounds.triangle_boxes().len(), expected.len());
     for (found, least) in bounds.triangle_boxes().iter().zip(&expected) {
         assert!(found.min.cmple(least.min).all() && found.max.cmpge(least.max).all());
-        // Events part a thousandth farther out; 4 units in the last place of 1.
+        // Contacts end a thousandth farther out. Rounding adds 4 units in the last place of 1.
         let slack = Vec3::splat(0.05e-3 + 4.0 * f32::EPSILON);
         assert!((least.min - found.min).cmple(slack).all() && (found.max - least.max).cmple(slack).all());
     }
@@ -149,14 +149,14 @@ fn boxes_of_what_is_near_nothing_are_those_of_the_last_detection_whenever_they_a
         let positions: Vec<Vec3> = points(&mesh).iter().map(|&point| point * (1.0 + 0.1 * tick as f32)).collect();
         insert(&mut app, entity, SurfacePositions(positions.clone()));
         app.update();
-        let bounds = app.world().resource::<SurfaceStates>().get(entity).expect("it is a surface");
-        // Nobody asks in the second tick; what is written after a detection is not in its boxes.
+        let bounds = app.world().resource::<SurfaceStates>().get(entity).expect("the entity is a surface");
+        // In the second tick the boxes are not read. Positions written after a detection are not in its boxes.
         if tick != 1 {
             assert_boxes(bounds, &positions, &mesh.triangles);
         }
     }
     insert(&mut app, entity, SurfacePositions(vec![Vec3::ZERO; mesh.positions.len()]));
-    let bounds = app.world().resource::<SurfaceStates>().get(entity).expect("it is a surface");
+    let bounds = app.world().resource::<SurfaceStates>().get(entity).expect("the entity is a surface");
     let last: Vec<Vec3> = points(&mesh).iter().map(|&point| point * (1.0 + 0.1 * 3.0)).collect();
     assert_boxes(bounds, &last, &mesh.triangles);
 }
@@ -201,13 +201,14 @@ fn positions_are_read_again_where_somebody_has_written_to_them_and_only_there() 
         point.y += 0.01;
     }
 
-    // Past change detection. What stages make of that is not promised: here the pair is kept, as if nothing had been written.
-    let mut positions = app.world_mut().get_mut::<SurfacePositions>(body).expect("it is a surface");
+    // Write without change detection. The stages promise nothing in this case: here the pair is kept, as if nothing had
+    // been written.
+    let mut positions = app.world_mut().get_mut::<SurfacePositions>(body).expect("the entity is a surface");
     positions.bypass_change_detection().0.clone_from(&lifted);
     app.update();
     assert_eq!(fingerprint(&app), before);
 
-    app.world_mut().get_mut::<SurfacePositions>(body).expect("it is a surface").set_changed();
+    app.world_mut().get_mut::<SurfacePositions>(body).expect("the entity is a surface").set_changed();
     app.update();
     let lifted_too = {
         let mut fresh = crate::world::app();
@@ -221,8 +222,8 @@ fn positions_are_read_again_where_somebody_has_written_to_them_and_only_there() 
     assert_eq!(fingerprint(&app), lifted_too);
 }
 
-/// A sheet that bends now and then, and balls that jump about over it: one in its frame, whose vertices jump, and one with a
-/// transform of its own.
+/// Bends the sheet now and then, and makes two balls jump above it. The vertices of one ball jump in the sheet's frame,
+/// and the other ball has its own transform.
 fn jump_about(app: &mut App, [sheet, near, turned]: [Entity; 3], random: &mut Random) {
     let mut number = |most: f32| most * random.signed_unit();
     if number(1.0) > 0.0 {

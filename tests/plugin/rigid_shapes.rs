@@ -14,7 +14,7 @@ use crate::world::{
     at, ball, between, deepest, insert, keep_journal, messages, observe, of, rounding, sheet, spawn, status,
 };
 
-/// A shape whose lowest point is `reach` below its center, and lies over the inside of one of the sheet's faces.
+/// A shape whose lowest point is `reach` below its center and above the inside of one of the sheet's faces.
 struct Case {
     name: &'static str,
     shape: SharedShape,
@@ -26,7 +26,7 @@ struct Case {
 fn cases() -> Vec<Case> {
     let quarter = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
     let root = 3.0_f32.sqrt();
-    // From the diagonal of a cube to straight down: a cube that stands on its corner.
+    // Rotates the diagonal of a cube straight down, so that the cube stands on its corner.
     let on_corner = Quat::from_rotation_arc(Vec3::ONE.normalize(), Vec3::NEG_Y);
     let octahedron = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z].map(|corner| corner * 0.4);
     let hull = || SharedShape::convex_hull(&octahedron).expect("an octahedron is convex");
@@ -112,7 +112,7 @@ fn a_sheet_through_a_ball_is_as_deep_as_the_ball_reaches_past_it() {
         assert_near_vector(nearest.normal, Vec3::Y * height.signum(), rounding(1.0), height);
         assert_all_consistent(app.world(), &contacts, 4.0);
     }
-    // Through the very center no side is nearer: as deep as the radius, and a direction all the same.
+    // Through the exact center, no side is nearer. The depth is the radius, and there is still a direction.
     insert(&mut app, ball, at(0.1, 0.0, 0.2));
     app.update();
     let contacts = between(&mut app, sheet, ball);
@@ -126,7 +126,7 @@ fn a_vertex_inside_a_shape_is_as_deep_as_the_nearest_way_out() {
     let sheet = spawn(&mut app, &sheet(), THIN);
     let cuboid = app.world_mut().spawn((RigidShape(SharedShape::cuboid(0.2, 0.3, 0.2)), at(0.05, 0.25, 0.0))).id();
     app.update();
-    // The vertex at the origin is inside: 0.05 over the bottom, and farther from every side. No other is.
+    // Only the vertex at the origin is inside. It is 0.05 above the bottom and farther from every side.
     let contacts = between(&mut app, sheet, cuboid);
     let nearest = deepest(&contacts);
     assert_near(nearest.distance, -0.05, rounding(1.0), nearest);
@@ -157,7 +157,7 @@ fn shapes_announce_their_contacts_and_never_touch_each_other() {
     app.world_mut().entity_mut(twin).remove::<RigidShape>();
     app.update();
     assert_eq!(messages(&mut app), [Ended(sheet, twin)]);
-    // Another shape on the same entity, in contact too.
+    // Another shape on the same entity, which also touches.
     insert(&mut app, shape, RigidShape(SharedShape::cuboid(0.4, 0.4, 0.4)));
     app.update();
     assert_eq!(messages(&mut app), []);
@@ -200,7 +200,7 @@ fn a_ball_that_falls_on_a_floor_touches_it_with_its_lowest_vertices() {
         let height = 0.2 - 0.02 * step as f32;
         insert(&mut app, ball, at(0.3, height, -0.2));
         app.update();
-        // Against a plane the truth is each vertex's height.
+        // Against a plane, the true distance is the height of each vertex.
         let heights: Vec<f32> = mesh.positions.iter().map(|position| position[1] + height + 1.0).collect();
         let contacts = between(&mut app, ball, floor);
         let touching: Vec<usize> = (0..heights.len()).filter(|&vertex| heights[vertex] <= 0.05).collect();
@@ -225,7 +225,7 @@ fn a_ball_that_falls_on_a_floor_touches_it_with_its_lowest_vertices() {
 
 #[test]
 fn a_large_face_touches_a_small_shape_over_its_middle() {
-    // No vertex, no edge is near: the contact is the inside of one face.
+    // No vertex and no edge is near: the contact is with the inside of one face.
     let mut app = app();
     let face = spawn(&mut app, &grid(1, 1, 100.0, 100.0, Diagonals::Uniform), THIN);
     for (shape, reach) in [
@@ -237,7 +237,7 @@ fn a_large_face_touches_a_small_shape_over_its_middle() {
         app.update();
         let contacts = between(&mut app, face, shape);
         assert_near(deepest(&contacts).distance, 0.02, rounding(50.0), "over");
-        // Crossed by the face: the shape's edges pierce it, or its center is nearer than its radius.
+        // The face crosses the shape: the shape's edges pierce it, or the shape's center is nearer than its radius.
         insert(&mut app, shape, at(20.0, 0.05, 7.0));
         app.update();
         let contacts: Vec<Seen> = between(&mut app, face, shape);
@@ -257,7 +257,7 @@ fn shapes_of_every_other_kind_are_as_far_as_their_lowest_point() {
     let flat = Array2::new(3, 3, vec![0.0; 9]);
     let rounded_hull = SharedShape::round_convex_hull(&corners, 0.05).expect("an octahedron is convex");
     for (name, shape, reach) in [
-        ("mesh", SharedShape::trimesh(vec![a, b, c], vec![[0, 1, 2]]).expect("a triangle is a mesh"), 0.0),
+        ("mesh", SharedShape::trimesh(vec![a, b, c], vec![[0, 1, 2]]).expect("one triangle is a valid mesh"), 0.0),
         ("height field", SharedShape::heightfield(flat, Vec3::new(0.5, 1.0, 0.5)), 0.0),
         ("voxels", SharedShape::voxels(Vec3::splat(0.2), &[IVec3::ZERO, IVec3::X, IVec3::Y]), 0.0),
         ("polyline", SharedShape::polyline(vec![a, b, c], None), 0.0),

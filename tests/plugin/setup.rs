@@ -1,4 +1,4 @@
-//! Apps put together in unusual ways.
+//! Apps that are put together in unusual ways.
 
 use std::sync::{Mutex, Once};
 
@@ -238,7 +238,7 @@ fn warnings_about(word: &str) -> usize {
 
 #[test]
 fn a_fixed_schedule_without_a_clock_warns_and_does_not_panic() {
-    // Of all fixed schedules, the one that no other test of this process uses.
+    // No other test in this process uses this fixed schedule.
     let before = warnings_about("FixedFirst");
     let mut app = app_in(FixedFirst);
     let bodies = sheet_and_ball(&mut app);
@@ -249,11 +249,11 @@ fn a_fixed_schedule_without_a_clock_warns_and_does_not_panic() {
     assert_eq!(store(&app).tick(), 0);
     assert_eq!(all(&mut app), []);
     assert_eq!(warnings_about("FixedFirst"), before + 1);
-    // The schedule itself is sound: run by hand, it detects.
+    // The schedule itself works: run by hand, it detects contacts.
     app.world_mut().run_schedule(FixedFirst);
     assert_touches(&mut app, bodies);
 
-    // With a clock there is nothing to warn of, whichever plugin came first.
+    // With a clock there is nothing to warn about, whichever plugin came first.
     let before = warnings_about("FixedLast");
     let mut app = app_in(FixedLast);
     app.add_plugins(TimePlugin);
@@ -287,7 +287,7 @@ fn the_group_can_be_put_together_otherwise() {
     silent.update();
     assert_eq!(fingerprint(&silent), fingerprint(&reference));
 
-    // Settings of the app's own stand, whichever comes first.
+    // The app's own settings are kept, whichever comes first.
     let mut own = App::new();
     own.insert_resource(CircumsphereSettings { margin: 0.5, ..Default::default() });
     own.add_plugins(DeformableCollisionPlugins::new(Update));
@@ -301,12 +301,12 @@ fn the_group_can_be_put_together_otherwise() {
 fn a_volume_to_keep_on_an_open_mesh_is_warned_of_once() {
     let before = warnings_about("volume_compliance");
     let (closed, positions) = surface(&ball());
-    XpbdBody::new(&closed, &positions, XpbdMaterial::SOFT).expect("it is a body");
+    XpbdBody::new(&closed, &positions, XpbdMaterial::SOFT).expect("the body is valid");
     let (open, positions) = surface(&sheet());
-    XpbdBody::new(&open, &positions, XpbdMaterial::CLOTH).expect("it is a body");
-    assert_eq!(warnings_about("volume_compliance"), before, "nothing is wrong");
+    XpbdBody::new(&open, &positions, XpbdMaterial::CLOTH).expect("the body is valid");
+    assert_eq!(warnings_about("volume_compliance"), before, "there is nothing to warn about");
     for _ in 0..3 {
-        XpbdBody::new(&open, &positions, XpbdMaterial::SOFT).expect("it is a body");
+        XpbdBody::new(&open, &positions, XpbdMaterial::SOFT).expect("the body is valid");
     }
     assert_eq!(warnings_about("volume_compliance"), before + 1);
     assert_eq!(warnings_about("weld_within"), 1);

@@ -1,4 +1,4 @@
-//! A rigid shape that is replaced, hidden, removed and put back: what counts is what it is now.
+//! A rigid shape that is replaced, hidden, removed, and inserted again: only its current state counts.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::prelude::*;
@@ -11,7 +11,7 @@ use crate::world::{
     THIN, app, assert_near, at, ball, between, deepest, insert, keep_journal, messages, rounding, sheet, spawn, status,
 };
 
-/// A shape whose lowest point is so far below its center.
+/// A shape whose lowest point is `reach` below its center.
 fn of_reach(kind: &str, reach: f32) -> RigidShape {
     RigidShape(match kind {
         "mesh" => trimesh(&cuboid([reach; 3], 2)),
@@ -24,7 +24,7 @@ fn of_reach(kind: &str, reach: f32) -> RigidShape {
 
 const KINDS: [&str; 4] = ["mesh", "other mesh", "ball", "cuboid"];
 
-/// A sheet, and a shape over the inside of one of its faces.
+/// A sheet, and a shape above the inside of one of its faces.
 fn scene(kind: &str) -> (App, Entity, Entity) {
     let mut app = app();
     let sheet = spawn(&mut app, &sheet(), THIN);
@@ -42,7 +42,7 @@ fn assert_reach(app: &mut App, sheet: Entity, shape: Entity, reach: f32, what: i
     assert_near(deepest(&contacts).distance, 0.42 - reach, rounding(1.0), what);
 }
 
-/// Hides an entity from queries, or shows it again.
+/// Hides an entity from queries.
 fn hide(app: &mut App, entity: Entity) {
     insert(app, entity, Disabled);
 }
@@ -73,7 +73,7 @@ fn a_shape_replaced_while_its_entity_is_disabled_is_the_new_one_when_it_is_back(
                     app.update();
                     assert_reach(&mut app, sheet, shape, 0.41, what);
                 }
-                // And back to the first kind, hidden again.
+                // Back to the first kind, while hidden again.
                 hide(&mut app, shape);
                 app.update();
                 insert(&mut app, shape, of_reach(first, 0.39));
@@ -81,7 +81,7 @@ fn a_shape_replaced_while_its_entity_is_disabled_is_the_new_one_when_it_is_back(
                 show(&mut app, shape);
                 app.update();
                 assert_reach(&mut app, sheet, shape, 0.39, what);
-                // Back and forth unseen.
+                // Replaced and restored while hidden.
                 hide(&mut app, shape);
                 app.update();
                 insert(&mut app, shape, of_reach(second, 0.37));
@@ -117,7 +117,7 @@ fn another_shape_may_appear_in_the_tick_in_which_the_first_one_is_hidden() {
             app.update();
             assert_reach(&mut app, sheet, shape, 0.41, what);
             assert_reach(&mut app, sheet, other, 0.38, what);
-            // Gone while it was hidden: nothing of it stays.
+            // Removed while hidden: nothing of it remains.
             hide(&mut app, other);
             app.world_mut().entity_mut(other).remove::<RigidShape>();
             app.update();
@@ -187,7 +187,7 @@ fn the_side_on_which_something_was_is_forgotten_while_a_mesh_is_hidden() {
         show(&mut app, floor);
         app.update();
         let contacts = between(&mut app, body, floor);
-        let lowest = contacts.iter().min_by(|a, b| a.points.0.y.total_cmp(&b.points.0.y)).expect("it touches");
+        let lowest = contacts.iter().min_by(|a, b| a.points.0.y.total_cmp(&b.points.0.y)).expect("the bodies touch");
         assert!((lowest.distance > 0.0) == hidden, "{hidden} {lowest:?}");
     }
 }
@@ -195,7 +195,7 @@ fn the_side_on_which_something_was_is_forgotten_while_a_mesh_is_hidden() {
 #[test]
 fn a_shape_on_a_surface_is_ignored() {
     for kind in KINDS {
-        // Before the surface, with it, and after it.
+        // The shape is added before the surface, with it, or after it.
         for order in 0..3 {
             let mut app = app();
             let sheet = spawn(&mut app, &sheet(), THIN);
@@ -219,13 +219,13 @@ fn a_shape_on_a_surface_is_ignored() {
                 app.update();
                 let contacts = between(&mut app, body, sheet);
                 assert!(!contacts.is_empty(), "{kind} {order}");
-                // The ball's lowest vertex, not the shape 0.02 below it.
+                // The distance is that of the ball's lowest vertex, not of the shape 0.02 below it.
                 assert_near(deepest(&contacts).distance, 0.03, rounding(1.0), (kind, order));
                 for contact in &contacts {
                     assert_eq!((contact.a, contact.b), (ContactSide::Surface(body), ContactSide::Surface(sheet)));
                 }
             }
-            // Without the surface the shape counts.
+            // Without the surface, the shape counts.
             app.world_mut().entity_mut(body).remove::<DeformableSurface>();
             insert(&mut app, body, of_reach(kind, 0.51));
             app.update();

@@ -1,4 +1,5 @@
-//! Rigid shapes made of triangles are surfaces that nothing deforms: the same contacts, from the side of a shape.
+//! A rigid shape made of triangles gives the same contacts as a surface that does not deform, reported as those of a
+//! shape.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{StoredPair, detection::DetectionDiagnostics, prelude::*};
@@ -18,7 +19,7 @@ use crate::{
     },
 };
 
-/// An uneven floor of two triangles for each of `cells` by `cells`.
+/// An uneven floor of `cells` by `cells` cells with two triangles each.
 fn floor(cells: usize) -> Mesh {
     let mut mesh = grid(cells, cells, 4.0, 4.0, Diagonals::Alternating);
     let mut random = Random::new(7);
@@ -27,7 +28,7 @@ fn floor(cells: usize) -> Mesh {
     mesh
 }
 
-/// Everything of a pair but the kind of its sides, to the last bit.
+/// All values of a pair except the kind of its sides, for a bitwise comparison.
 fn told(pair: &StoredPair) -> Vec<String> {
     let contacts = pair.contacts.iter().map(|contact| format!("{contact:?}"));
     let touching = pair.touching.iter().map(|touching| format!("{touching:?}"));
@@ -98,7 +99,7 @@ fn the_side_of_a_floor_is_remembered_while_a_body_trembles_across_it() {
             let mut random = Random::new(3);
             // A dart whose lowest vertex is at its origin.
             let dart = [Vec3::ZERO, Vec3::new(0.3, 1.0, 0.0), Vec3::new(-0.3, 1.0, 0.2)].map(|corner| corner * from);
-            let dart = DeformableSurface::from_mesh(&dart, &[[0, 1, 2]]).expect("a triangle");
+            let dart = DeformableSurface::from_mesh(&dart, &[[0, 1, 2]]).expect("one triangle is a valid mesh");
             let shape = app.world_mut().spawn(RigidShape(trimesh(&mesh))).id();
             let dart = app.world_mut().spawn((dart, THIN)).id();
             let mut passed = 0;
@@ -145,7 +146,7 @@ fn rigid_shapes_never_make_a_pair() {
             assert_eq!(app.world().resource::<DetectionDiagnostics>().pairs_kept, 0);
             insert(&mut app, first, at(0.0, 0.01, 0.0));
         }
-        // A surface meets each of them.
+        // A surface touches each of them.
         let ball = spawn(&mut app, &ball(), THIN);
         app.update();
         for shape in [first, second, floor] {
@@ -205,12 +206,12 @@ fn meshes_and_solids_are_disabled_and_announced_alike() {
         insert(&mut app, shape, place);
         app.world_mut().entity_mut(shape).remove::<ContactEventsEnabled>();
         app.update();
-        assert_eq!(messages(&mut app), [], "{name}: nobody asked");
+        assert_eq!(messages(&mut app), [], "{name}: no events were requested");
         assert!(!of(&mut app, shape).is_empty(), "{name}");
         insert(&mut app, shape, ContactEventsEnabled);
         app.world_mut().despawn(shape);
         app.update();
-        assert_eq!(messages(&mut app), [], "{name}: gone before any tick has seen the wish");
+        assert_eq!(messages(&mut app), [], "{name}: despawned before a tick has seen the request");
     }
 }
 
@@ -229,7 +230,7 @@ fn pairs_with_meshes_and_solids_come_in_the_order_of_the_game() {
         insert(&mut app, shapes[2], SurfaceOrder(1));
         app.update();
         assert_eq!(order(&app), [shapes[2], shapes[1], shapes[0]], "{name}");
-        // Whatever its order, a surface comes first.
+        // A surface comes first, whatever its order.
         insert(&mut app, sheet, SurfaceOrder(100));
         app.update();
         assert_eq!(order(&app), [shapes[2], shapes[1], shapes[0]], "{name}");
@@ -242,7 +243,7 @@ fn a_teleported_mesh_forgets_the_side() {
     for teleported in [true, false] {
         let mut app = app();
         let dart = [Vec3::ZERO, Vec3::new(0.3, 1.0, 0.0), Vec3::new(-0.3, 1.0, 0.2)];
-        let dart = DeformableSurface::from_mesh(&dart, &[[0, 1, 2]]).expect("a triangle");
+        let dart = DeformableSurface::from_mesh(&dart, &[[0, 1, 2]]).expect("one triangle is a valid mesh");
         let dart = app.world_mut().spawn((dart, THIN, at(0.1, 0.03, 0.2))).id();
         let floor = app.world_mut().spawn(RigidShape(trimesh(&sheet()))).id();
         app.update();
@@ -277,7 +278,7 @@ fn contacts_read_from_the_side_of_a_shape_are_mirrored() {
                 assert!(matches!(one.a, ContactSide::Surface(entity) if entity == sheet || entity == ball));
                 assert_eq!(one.b, ContactSide::Shape(shape), "{name}");
                 assert_swapped(one, other);
-                // Nobody moves the vertices of a shape by its contacts.
+                // Contacts do not move the vertices of a shape.
                 for entry in one.stencil.iter().chain(&other.stencil) {
                     assert_ne!(entry.entity, shape, "{name} {one:?}");
                 }

@@ -1,4 +1,4 @@
-//! Which side is outside: of solids from their mesh, of sheets from the ticks before.
+//! Which side is outside. For solids it follows from their mesh, for sheets from the previous ticks.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{detection::DetectionDiagnostics, geometry::FeatureKind, prelude::*};
@@ -12,7 +12,7 @@ use crate::world::{
     deepest, insert, points, rounding, sheet, spawn, surface, write_positions,
 };
 
-/// A triangle that points down: its lowest vertex is the origin, the others are 1 above it.
+/// A triangle that points down. Its lowest vertex is the origin, and the others are 1 above it.
 fn dart() -> Mesh {
     Mesh { positions: vec![[0.0, 0.0, 0.0], [0.3, 1.0, 0.0], [-0.3, 1.0, 0.2]], triangles: vec![[0, 1, 2]] }
 }
@@ -32,7 +32,7 @@ fn a_vertex_in_a_solid_is_pushed_out_of_the_nearest_face() {
         (Vec3::X, Vec3::new(0.96, 0.1, 0.3)),
         (Vec3::NEG_Z, Vec3::new(0.2, 0.1, -0.96)),
     ] {
-        // The dart comes from outside, its lowest vertex first.
+        // The dart comes from outside, with its lowest vertex first.
         let rotation = Quat::from_rotation_arc(Vec3::Y, outward);
         insert(&mut app, dart, Transform::from_translation(place).with_rotation(rotation));
         app.update();
@@ -42,7 +42,7 @@ fn a_vertex_in_a_solid_is_pushed_out_of_the_nearest_face() {
         assert_near(nearest.separation, -0.14, rounding(2.0), outward);
         assert_near_vector(nearest.normal, -outward, rounding(2.0), outward);
         assert_all_consistent(app.world(), &contacts, 2.0);
-        // Pushed along the normal by its depth, it only just touches.
+        // Pushed out along the normal by its depth, it only just touches.
         insert(&mut app, dart, Transform::from_translation(place - nearest.normal * 0.04).with_rotation(rotation));
         app.update();
         assert_near(deepest(&between(&mut app, dart, solid)).distance, 0.0, rounding(2.0), outward);
@@ -51,8 +51,8 @@ fn a_vertex_in_a_solid_is_pushed_out_of_the_nearest_face() {
 
 #[test]
 fn nothing_outside_a_solid_has_a_negative_distance() {
-    // Solids thinner and thicker than the contact distance, of several triangles a side, over, beside and at the
-    // corners of a sheet: the true distance is the height of the lowest point.
+    // Solids that are thinner and thicker than the contact distance, with several triangles per side, above, beside,
+    // and at the corners of a sheet. The true distance is the height of the lowest point.
     for half_extents in [[0.5, 0.5, 0.5], [0.5, 0.02, 0.5], [0.02, 0.5, 0.3], [0.03, 0.03, 0.03], [2.5, 0.01, 2.5]] {
         for subdivisions in [1, 3] {
             for rotation in [Quat::IDENTITY, Quat::from_rotation_y(0.4), Quat::from_rotation_z(0.5)] {
@@ -70,10 +70,10 @@ fn nothing_outside_a_solid_has_a_negative_distance() {
                         let what = (half_extents, subdivisions, rotation, place, gap);
                         for contact in &contacts {
                             assert!(contact.distance >= gap - rounding(4.0), "{what:?}: {contact:?}");
-                            // What is over the sheet is parted by moving the sheet down, or sideways past its border.
+                            // A solid above the sheet separates when the sheet moves down, or sideways past its border.
                             assert!(contact.normal.y > -1.0e-3, "{what:?}: {contact:?}");
                         }
-                        // The largest one's lowest corners are beside the sheet.
+                        // The lowest corners of the largest solid are beside the sheet.
                         if place == [0.1, 0.2] && half_extents[0] < 2.0 {
                             assert_near(deepest(&contacts).distance, gap, rounding(4.0), what);
                         }
@@ -123,7 +123,7 @@ fn edges_of_solids_that_have_passed_each_other_are_as_deep_as_they_overlap() {
     }
 }
 
-/// A body that may pass a sheet, its lowest vertex at the origin of its frame.
+/// A body that may pass a sheet. Its lowest vertex is at the origin of its frame.
 fn passers() -> [(&'static str, Mesh, Sidedness); 2] {
     [
         ("dart", dart(), Sidedness::Auto),
@@ -234,7 +234,8 @@ fn whatever_breaks_with_the_past_forgets_the_side() {
     for (name, break_with_the_past) in breaks {
         let mut app = app();
         let (sheet, passer) = passing(&mut app, &dart(), Sidedness::Auto, false);
-        // A dart that reaches through the sheet is no break: only its lowest vertex is near, from below.
+        // A dart that reaches through the sheet does not break with the past: only its lowest vertex is near, from
+        // below.
         app.update();
         insert(&mut app, passer, at(0.1, -0.03, 0.2));
         app.update();
@@ -242,7 +243,7 @@ fn whatever_breaks_with_the_past_forgets_the_side() {
         break_with_the_past(&mut app, sheet, passer);
         app.update();
         assert_side(&mut app, sheet, passer, 0.03, Vec3::NEG_Y, name);
-        // From here on, this is the side it is on.
+        // From now on, this is the side that it is on.
         insert(&mut app, passer, at(0.1, 0.02, 0.2));
         app.update();
         assert_side(&mut app, sheet, passer, -0.02, Vec3::NEG_Y, name);
@@ -271,7 +272,7 @@ fn a_solid_has_no_memory() {
         app.update();
         assert_near(deepest(&between(&mut app, passer, sheet)).distance, height, rounding(1.0), height);
     }
-    // Sides can be asked for of an open mesh as well: what is under a floor has passed it.
+    // An open mesh can also be one-sided: a vertex below a one-sided floor has passed it.
     insert(&mut app, sheet, Sidedness::OneSided);
     insert(&mut app, passer, surface(&dart()));
     for height in [-0.02, 0.03, -0.03] {
@@ -286,7 +287,7 @@ fn a_change_of_order_does_not_forget_the_side() {
     let tile =
         Mesh { positions: vec![[-3.0, 0.0, -3.0], [0.0, 0.0, 5.0], [5.0, 0.0, -3.0]], triangles: vec![[0, 1, 2]] };
     for (name, mesh, sidedness) in passers() {
-        // Of two surfaces with as many triangles the first one gives the frame.
+        // Of two surfaces with the same number of triangles, the first one gives the frame.
         for floor in [sheet(), tile.clone()] {
             for turn in [0.0, 2.0] {
                 let mut app = app();
@@ -328,5 +329,5 @@ fn a_change_of_order_does_not_forget_the_side_of_what_moves_a_little() {
         assert_side(&mut app, cloth, passer, height, Vec3::Y, "small steps");
         followed += app.world().resource::<DetectionDiagnostics>().lists_followed;
     }
-    assert!(followed > 5, "the pair does not go by its list");
+    assert!(followed > 5, "the pair does not use its list");
 }

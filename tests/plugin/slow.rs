@@ -1,5 +1,6 @@
-//! What lists of candidates remember of meshes that move a little is, to the last bit, what is found without: in motion of
-//! any kind and speed, while everything else changes too, at any scale and place, on one and on several threads.
+//! Lists of near pairs for meshes that move a little give results that are bit-identical to those without lists: in
+//! motion of any kind and speed, while everything else changes too, at any scale and place, on one and on several
+//! threads.
 
 use std::collections::HashSet;
 
@@ -25,7 +26,7 @@ use crate::world::{Called, app, fingerprint, insert, store, write_positions};
 
 const SURFACES: [&str; 4] = ["cloth", "low sheet", "high sheet", "ball"];
 
-/// Half the contact distance of most pairs, where the cloth's edges are some 2.7 long.
+/// Half the contact distance of most pairs. The cloth's edges are about 2.7 long.
 const THICKNESS: f32 = 0.15;
 
 fn mesh(name: &str) -> Mesh {
@@ -37,25 +38,25 @@ fn mesh(name: &str) -> Mesh {
     }
 }
 
-/// How a surface moves, every tick; lengths in contact distances.
+/// How a surface moves in every tick. Lengths are in contact distances.
 #[derive(Clone, Copy, Debug)]
 enum Going {
     Nowhere,
-    /// Everything alike.
+    /// All vertices move alike.
     Straight(Vec3),
-    /// Every vertex in a direction of its own.
+    /// Every vertex moves in its own direction.
     Apart(f32),
-    /// Every vertex anywhere, anew.
+    /// Every vertex jumps in a new random direction.
     Trembling(f32),
-    /// Larger and smaller by turns.
+    /// Grows and shrinks by turns.
     Breathing(f32),
-    /// Ever faster.
+    /// Moves faster and faster.
     Falling(f32),
 }
 
 impl Going {
     fn any(random: &mut Random) -> Self {
-        // From a thousandth of the contact distance a tick to twice of it.
+        // From a thousandth of the contact distance per tick to twice the contact distance.
         let speed = powf(10.0, 1.65 * random.signed_unit() - 1.35);
         let direction = Vec3::new(random.signed_unit(), random.signed_unit(), random.signed_unit());
         match random.below(8) {
@@ -69,7 +70,7 @@ impl Going {
     }
 }
 
-/// A surface where it is now.
+/// The current state of a surface.
 #[derive(Clone)]
 struct Body {
     positions: Vec<Vec3>,
@@ -105,7 +106,7 @@ impl Body {
     }
 }
 
-/// How large the world is, and how far from the origin.
+/// The scale of the world, and its offset from the origin.
 #[derive(Clone, Copy)]
 struct Place {
     scale: f32,
@@ -120,20 +121,20 @@ impl Place {
     }
 
     fn surface(&self, name: &str, positions: &[Vec3]) -> impl Bundle + use<> {
-        let body = DeformableSurface::from_mesh(positions, &mesh(name).triangles).expect("it is a mesh");
-        let name = SURFACES.into_iter().find(|other| *other == name).expect("it is one of them");
+        let body = DeformableSurface::from_mesh(positions, &mesh(name).triangles).expect("the mesh is valid");
+        let name = SURFACES.into_iter().find(|other| *other == name).expect("the name is one of them");
         let thickness = SurfaceThickness::World(THICKNESS * self.scale);
         (Called(name), body, thickness, Transform::IDENTITY, Sidedness::TwoSided)
     }
 }
 
-/// A world that can be changed like another one.
+/// A world that can be changed in the same way as another one.
 struct Twin {
     app: App,
     place: Place,
     surfaces: Vec<Entity>,
     bodies: Vec<Body>,
-    /// What a surface has instead of its positions in this tick.
+    /// The surface that has invalid positions in this tick.
     spoiled: Option<usize>,
 }
 
@@ -154,7 +155,7 @@ impl Twin {
         Self { app, place, surfaces, bodies, spoiled: None }
     }
 
-    /// One thing that happens to a world, the same for the same random numbers.
+    /// Makes one change to the world. Equal random numbers make equal changes.
     fn happen(&mut self, random: &mut Random) {
         let number = random.below(SURFACES.len() as u64) as usize;
         let (entity, name) = (self.surfaces[number], SURFACES[number]);
@@ -162,7 +163,7 @@ impl Twin {
         match random.below(40) {
             0..=19 => self.bodies[number].going = Going::any(random),
             20..=23 => {
-                // Everything goes the same way.
+                // All surfaces move in the same way.
                 let going = Going::any(random);
                 self.bodies.iter_mut().for_each(|body| body.going = going);
             }
@@ -190,16 +191,16 @@ impl Twin {
                 };
             }
             34 => {
-                // In a frame of its own, and back.
+                // Switches to a frame of its own, or back.
                 let lifted = Transform::from_translation(0.1 * place.scale * Vec3::new(0.3, 1.0, 0.2));
-                let mut transform = app.world_mut().get_mut::<Transform>(entity).expect("it has one");
+                let mut transform = app.world_mut().get_mut::<Transform>(entity).expect("the entity has a transform");
                 *transform = if *transform == lifted { Transform::IDENTITY } else { lifted };
             }
             35 => {
-                // All in another frame.
+                // Moves all surfaces to another frame.
                 let turned = Transform::from_rotation(glam::Quat::from_rotation_z(random.signed_unit()));
                 for &entity in &self.surfaces {
-                    *app.world_mut().get_mut::<Transform>(entity).expect("it has one") = turned;
+                    *app.world_mut().get_mut::<Transform>(entity).expect("the entity has a transform") = turned;
                 }
             }
             36 => {
@@ -233,17 +234,17 @@ impl Twin {
     }
 }
 
-/// What a run amounted to.
+/// Counts of what happened in a run.
 #[derive(Debug, Default)]
 struct Tally {
-    /// Pairs of surfaces that went by a list, tick by tick.
+    /// Pairs of surfaces that used a list, summed over the ticks.
     followed: usize,
     passed_over: usize,
     examined: [usize; 2],
     touching: usize,
 }
 
-/// Lets the same happen to a world that remembers and one that does not, and compares them in every tick.
+/// Makes the same changes to a world with memory and to one without, and compares them in every tick.
 fn run(seed: u64, ticks: usize, threads: usize, place: Place) -> Tally {
     let mut twins =
         [true, false].map(|memory| Twin::new(CircumsphereSettings { memory, threads, ..Default::default() }, place));
@@ -312,7 +313,7 @@ fn no_lists_are_made_of_a_fast_mesh_and_hardly_any_of_one_that_is_fast_every_oth
             twin.tick(&mut random);
             lists += twin.diagnostics().lists_made;
         }
-        // One for each pair of surfaces, and no second one where that was of no use.
+        // One list for each pair of surfaces, and no second one if the first was of no use.
         assert!(lists <= most && (slow_ticks == 0 || lists > 0), "{lists}");
     }
 }
@@ -338,7 +339,7 @@ fn fates_of_pairs_that_are_passed_over_are_told_and_true() {
         let (active, pairs) = (world.resource::<ActiveSurfaces>(), &world.resource::<CandidateTrianglePairs>().pairs());
         let corners = |surface: usize, triangle: u32| {
             let surface = &active.surfaces[surface];
-            let positions = &world.get::<SurfacePositions>(surface.entity).expect("it is a surface").0;
+            let positions = &world.get::<SurfacePositions>(surface.entity).expect("the entity is a surface").0;
             surface.topology.triangles()[triangle as usize].map(|vertex| positions[vertex as usize].as_dvec3())
         };
         let (mut of_lists, mut one) = (0, None);
@@ -359,7 +360,7 @@ fn fates_of_pairs_that_are_passed_over_are_told_and_true() {
             let mut told: Vec<[u32; 2]> = fates.iter().map(|(triangles, _)| *triangles).collect();
             told.sort_unstable();
             told.dedup();
-            assert_eq!(told.len(), fates.len(), "a pair is told twice");
+            assert_eq!(told.len(), fates.len(), "a pair is listed twice");
         }
         assert_eq!(of_lists, twin.diagnostics().pairs_passed_over);
         remembered += of_lists;
@@ -377,15 +378,15 @@ fn recordings_that_move_slowly_find_what_they_find_without_memory() {
     let Some(folder) = recordings_folder() else { return };
     let (mut followed, mut touching, mut begun) = (0, 0, 0);
     for name in ["gear_chain", "truck_lowq", "soup", "plate_holes", "teapot", "thick_cloth"] {
-        let recording = read_recording(&[folder.join(format!("{name}.bin"))]).expect("it is a recording");
+        let recording = read_recording(&[folder.join(format!("{name}.bin"))]).expect("the file is a recording");
         let rest: Vec<Vec3> = recording.frames[0].iter().copied().map(Vec3::from).collect();
-        let topology = SurfaceTopology::new(&rest, &recording.triangles).expect("it is a mesh");
+        let topology = SurfaceTopology::new(&rest, &recording.triangles).expect("the mesh is valid");
         let distance = 0.1 * topology.mean_edge_length(&rest) as f32;
         for method in [ContactMethod::Exact, ContactMethod::Closest] {
             let mut worlds = [true, false].map(|memory| {
                 let mut app = app();
                 app.insert_resource(CircumsphereSettings { memory, threads: 1, ..Default::default() });
-                let body = DeformableSurface::from_mesh(&rest, &recording.triangles).expect("it is a mesh");
+                let body = DeformableSurface::from_mesh(&rest, &recording.triangles).expect("the mesh is valid");
                 let thickness = SurfaceThickness::World(0.5 * distance);
                 let parts = (Called("mesh"), body, SelfCollision, Sidedness::TwoSided, method, thickness);
                 let entity = app.world_mut().spawn(parts).id();

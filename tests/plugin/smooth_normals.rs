@@ -1,4 +1,4 @@
-//! Smooth normals of contacts: of whatever touches, wherever it stands, and only where there is something to smooth.
+//! Smooth normals of contacts: for bodies of every kind, at any pose, and only where there is something to smooth.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{geometry::CreaseAngle, prelude::*};
@@ -11,7 +11,7 @@ use crate::world::{
     THIN, all, app, assert_near_vector, at, ball, insert, place, rounding, sheet, spawn, surface, write_positions,
 };
 
-/// Of a contact between two: exact and smooth normal, both from the second to the first, and the distance.
+/// The contacts of two bodies: exact and smooth normal, both from the second to the first, and the distance.
 type Normals = Vec<(Vec3, Vec3, f32)>;
 
 fn normals(app: &mut App, a: Entity, b: Entity) -> Normals {
@@ -26,7 +26,7 @@ fn read(app: &mut App, a: Entity, b: Entity) -> Normals {
     app.world_mut().run_system_once(system).expect("contacts can be read")
 }
 
-/// The largest distance of exact and of smooth normals from a true one.
+/// The largest error of exact and of smooth normals, as their distance from the true normal.
 fn errors(normals: &Normals, truth: Vec3) -> (f32, f32) {
     let worst = |of: fn(&(Vec3, Vec3, f32)) -> Vec3| {
         normals.iter().map(|normals| of(normals).distance(truth)).fold(0.0, f32::max)
@@ -34,7 +34,7 @@ fn errors(normals: &Normals, truth: Vec3) -> (f32, f32) {
     (worst(|normals| normals.0), worst(|normals| normals.1))
 }
 
-/// What may stand on the sheet, its lowest point at the origin, and what that is.
+/// Bodies that can be placed on the sheet, with their names.
 fn bodies(app: &mut App) -> Vec<(&'static str, Entity)> {
     let mut bodies = vec![
         ("ball", app.world_mut().spawn((RigidShape(SharedShape::ball(0.5)), Transform::default())).id()),
@@ -85,10 +85,10 @@ fn balls_of_triangles_part_along_the_line_between_their_centers() {
         let mut seen = 0;
         for turn in 0..24 {
             let line = Quat::from_rotation_y(0.26 * turn as f32) * Quat::from_rotation_z(0.37 * turn as f32) * Vec3::X;
-            // Of two one-sided bodies the closest features tell how far they have passed each other.
+            // For two one-sided bodies, the closest features tell how far they have passed each other.
             place(&mut app, small, line * [1.41, 1.39, 1.36][turn % 3]);
             let mut found = normals(&mut app, small, large);
-            // Where the two have passed each other some exact normals lead back in, and are left as they are.
+            // If the two have passed each other, some exact normals lead back in. These are left as they are.
             found.retain(|(exact, smooth, _)| {
                 let leads_out = exact.dot(line) > 0.1;
                 assert!(leads_out || exact.dot(*smooth) > 0.0, "{method:?} {turn}: {exact} {smooth}");
@@ -98,11 +98,12 @@ fn balls_of_triangles_part_along_the_line_between_their_centers() {
                 continue;
             }
             let (exact, smooth) = errors(&found, line);
-            // Radii of curvature are taken from facets, which lie off the sphere by a tenth of the angle between them, 0.3.
+            // Radii of curvature are estimated from facets. They deviate from the sphere by a tenth of the angle
+            // between facets, 0.3.
             assert!(smooth <= 0.03, "{method:?} {turn}: {smooth}, exact {exact}");
             seen += usize::from(exact > 0.1);
         }
-        assert!(seen > 8, "{method:?}: exact normals err in only {seen} of 24 places");
+        assert!(seen > 8, "{method:?}: exact normals are wrong in only {seen} of 24 places");
     }
 }
 
@@ -112,7 +113,7 @@ fn what_slides_over_a_ball_of_triangles_feels_no_edges() {
     let ground = spawn(&mut app, &icosphere(3, 3.0), SurfaceThickness::World(0.05));
     let ball = app.world_mut().spawn((RigidShape(SharedShape::ball(0.5)), Transform::default())).id();
     let mesh = spawn(&mut app, &icosphere(2, 0.5), SurfaceThickness::World(0.0));
-    // A line that leans against the mesh, so that it crosses edges at all angles.
+    // A path that is tilted against the mesh, so that it crosses edges at all angles.
     let axis = Quat::from_rotation_x(0.4) * Quat::from_rotation_z(0.3);
     let turn = 0.002;
     let mut largest = [[0.0_f32; 2]; 2];
@@ -124,7 +125,7 @@ fn what_slides_over_a_ball_of_triangles_feels_no_edges() {
             app.world_mut().entity_mut(body).remove::<SurfaceDisabled>();
             place(&mut app, body, line * 3.515);
             let found = normals(&mut app, body, ground);
-            let deepest = found.iter().min_by(|one, other| one.2.total_cmp(&other.2)).expect("it touches");
+            let deepest = found.iter().min_by(|one, other| one.2.total_cmp(&other.2)).expect("the bodies touch");
             let deepest = [deepest.0, deepest.1];
             if let Some(last) = last[side] {
                 for kind in 0..2 {
@@ -135,8 +136,8 @@ fn what_slides_over_a_ball_of_triangles_feels_no_edges() {
         }
     }
     for [exact, smooth] in largest {
-        // The line turns by this in a tick; radii from facets are off by the square of half a triangle's angle, 0.006, of
-        // the 0.1 by which facets turn.
+        // The line turns by `turn` per tick. Facets turn by 0.1. Radii from facets are off by 0.006 of that, the square
+        // of half a triangle's angle.
         assert!(smooth <= turn + 6.0e-4, "{smooth}");
         assert!(exact > 5.0 * turn, "exact normals jump: {exact}");
     }
@@ -167,7 +168,7 @@ fn a_plane_body_on_a_ball_of_triangles_has_the_planes_normal() {
 
 #[test]
 fn a_box_keeps_its_edges() {
-    // On an edge and on a corner over a sheet, and a ball beside an edge: the normals are those of the exact contact.
+    // A ball at an edge, a corner, and a face of a box: the smooth normals are those of the exact contact.
     let mut app = app();
     let block = spawn(&mut app, &cuboid([0.5, 0.5, 0.5], 3), THIN);
     let ball = app.world_mut().spawn((RigidShape(SharedShape::ball(0.3)), Transform::default())).id();
@@ -177,7 +178,7 @@ fn a_box_keeps_its_edges() {
         let outward = direction.normalize();
         place(&mut app, ball, nearest + outward * 0.32);
         let found = normals(&mut app, ball, block);
-        let deepest = found.iter().min_by(|one, other| one.2.total_cmp(&other.2)).expect("it touches");
+        let deepest = found.iter().min_by(|one, other| one.2.total_cmp(&other.2)).expect("the bodies touch");
         assert_near_vector(deepest.0, outward, 1.0e-5, direction);
         assert_near_vector(deepest.1, outward, 1.0e-5, direction);
     }
@@ -197,8 +198,8 @@ fn a_vertex_in_a_solid_leaves_it_along_the_smooth_normal() {
         let found = normals(&mut app, dart, solid);
         let deepest = found.iter().filter(|normals| normals.2 < 0.0).min_by(|one, other| one.2.total_cmp(&other.2));
         let Some((exact, smooth, _)) = deepest else { continue };
-        // Radial at the foot of the perpendicular on the facet, which lies off the radius by the depth times the error
-        // of the facet.
+        // The smooth normal is radial at the foot of the perpendicular on the facet. This point is off the radius by
+        // the depth times the error of the facet.
         assert_near_vector(*smooth, outward, 0.05 * exact.distance(outward).max(1.0e-3) * 1.5, turn);
         seen += usize::from(exact.distance(outward) > 0.02);
     }
@@ -231,7 +232,7 @@ fn smooth_normals_follow_poses_and_sides() {
             let there = under(parent, scale);
             assert_eq!(here.len(), there.len());
             for (one, other) in here.iter().zip(&there) {
-                // Positions are rounded once more in the frame of the pair, which moves places of contact.
+                // Positions are rounded once more in the frame of the pair, which moves the contact points.
                 assert_near_vector(other.1, rotation * (one.1 * mirror), 1.0e-4, (mirror, scale));
             }
         }
@@ -245,7 +246,7 @@ fn a_surface_may_be_gone_or_written_before_its_normals_are_read() {
     let small = spawn(&mut app, &icosphere(2, 0.4), (THIN, at(1.4, 0.05, 0.1)));
     let before = normals(&mut app, small, large);
     assert!(before.iter().any(|(exact, smooth, _)| exact.distance(*smooth) > 0.01));
-    // Turned about its center, the ball is as round as before.
+    // Rotated about its center, the ball is as round as before.
     let turned: Vec<Vec3> =
         crate::world::points(&icosphere(2, 1.0)).iter().map(|point| Vec3::new(point.z, point.x, point.y)).collect();
     write_positions(&mut app, large, &turned);
@@ -255,12 +256,12 @@ fn a_surface_may_be_gone_or_written_before_its_normals_are_read() {
     write_positions(&mut app, large, &[Vec3::NAN; 162]);
     write_positions(&mut app, small, &[]);
     for (exact, smooth, _) in read(&mut app, small, large) {
-        assert_near_vector(smooth, exact, rounding(1.0), "nothing is known");
+        assert_near_vector(smooth, exact, rounding(1.0), "the positions are unknown");
     }
     app.world_mut().despawn(large);
     app.world_mut().despawn(small);
     for (exact, smooth, _) in read(&mut app, small, large) {
-        assert_near_vector(smooth, exact, rounding(1.0), "nothing is left");
+        assert_near_vector(smooth, exact, rounding(1.0), "the surface is gone");
     }
 }
 
@@ -275,10 +276,11 @@ fn the_crease_angle_is_a_setting() {
     app.world_mut().resource_mut::<CircumsphereSettings>().crease_angle = 0.0;
     let sharp = normals(&mut app, ball, solid);
     assert!(round < 0.03 && errors(&sharp, line).1 > 3.0 * round, "{round} {sharp:?}");
-    // The closest point of a convex body lies where its exact normal is right: nothing to bring into range.
-    let deepest = sharp.iter().min_by(|one, other| one.2.total_cmp(&other.2)).expect("it touches");
+    // The exact normal is right at the closest point of a convex body, so no smooth normal has to be brought into
+    // range.
+    let deepest = sharp.iter().min_by(|one, other| one.2.total_cmp(&other.2)).expect("the bodies touch");
     assert_near_vector(deepest.1, deepest.0, 1.0e-5, "all edges are creases");
-    // The method takes it as an argument, and positions from wherever they are.
+    // The method takes the crease angle as an argument, and positions from any source.
     let positions = surface(&icosphere(1, 1.0)).1.0;
     let system = move |contacts: SurfaceContacts, smooth: SmoothNormals| {
         for contact in contacts.iter() {

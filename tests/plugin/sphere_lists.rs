@@ -1,4 +1,4 @@
-//! Contacts by spheres: distances alone, or points and normals too. Both tell of the same pairs.
+//! Contacts of spheres, with distances alone or with points and normals too. Both report the same pairs.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -16,9 +16,9 @@ use crate::world::{app, insert, points, spawn, store, write_positions};
 
 const TICKS: usize = 5;
 
-/// A sheet that meets itself, and a ball between two smaller ones, which are in each other where they [stand](standing): near one
-/// another nearly all of their triangles are in many pairs. The smaller of two is brought into the frame of the larger one: once
-/// it is the first, and once the second.
+/// A sheet that touches itself, and a ball between two smaller ones. Where they [stand](standing), the balls overlap,
+/// and nearly all of their triangles are in many pairs. The smaller of two is moved into the frame of the larger one:
+/// it is once the first and once the second surface.
 fn meshes(tick: usize) -> [Mesh; 4] {
     let shift = 0.01 * tick as f32;
     [
@@ -29,7 +29,7 @@ fn meshes(tick: usize) -> [Mesh; 4] {
     ]
 }
 
-/// Turned, larger than they are, and one of them mirrored.
+/// Rotated, enlarged, and one of them mirrored.
 fn standing() -> [Transform; 4] {
     let turned = |x: f32, scale: f32| {
         Transform::from_xyz(x, 0.0, 0.1).with_rotation(Quat::from_rotation_y(x)).with_scale(Vec3::splat(scale))
@@ -70,7 +70,7 @@ fn lists(pairs: &[StoredPair]) -> Lists {
     pairs.iter().map(|pair| (pair.contacts.to_vec(), pair.touching.to_vec())).collect()
 }
 
-/// What is in contact, in the order in which it was found.
+/// The contacts in the order in which they were found.
 fn as_found(pairs: &[StoredPair]) -> Vec<Vec<SphereContact>> {
     pairs.iter().map(|pair| pair.sphere_contacts().collect()).collect()
 }
@@ -88,16 +88,16 @@ fn distances_alone_are_those_of_the_contacts_with_points() {
         for tick in 0..TICKS {
             let (distances, of_two_threads) = (bare.tick(tick), shared.tick(tick));
             let (points, points_of_two_threads) = (whole.tick(tick), of_two.tick(tick));
-            assert!(as_found(&distances) == as_found(&of_two_threads), "{method:?}: threads change the order");
+            assert!(as_found(&distances) == as_found(&of_two_threads), "{method:?}: the order depends on the threads");
             assert!(as_found(&distances) == as_found(&points), "{method:?}");
-            assert!(lists(&points) == lists(&points_of_two_threads), "{method:?}: threads change the contacts");
+            assert!(lists(&points) == lists(&points_of_two_threads), "{method:?}: the contacts depend on the threads");
             assert_eq!(points.len(), 4, "the sheet, and three balls");
             for (bare, pair) in distances.iter().zip(&points) {
                 assert!(bare.contacts.is_empty() && bare.touching.is_empty(), "{method:?}");
                 assert_eq!([bare.contact_count(), bare.touching_count()], [pair.contacts.len(), pair.touching.len()]);
                 assert_eq!(bare.nearest, pair.nearest);
                 let mut found: Vec<_> = bare.sphere_contacts().collect();
-                // A surface with itself has its contacts by the lower triangle.
+                // The contacts of a surface with itself are sorted by the lower triangle.
                 found.sort_by_key(|contact| {
                     let [a, b] = [contact.triangle_a, contact.triangle_b];
                     if pair.a == pair.b { (a.min(b), a.max(b)) } else { (a, b) }
@@ -129,7 +129,8 @@ fn a_clone_of_a_stored_pair_keeps_the_lists_of_its_tick() {
     }
 }
 
-/// Rows are of places of surfaces: a pair must not be tested with those of another surface that stood in its place.
+/// Rows belong to places in the list of surfaces. A pair must not be tested with the rows of another surface that had
+/// its place before.
 #[test]
 fn pairs_are_found_among_fewer_surfaces() {
     let mut app = app();
@@ -148,13 +149,13 @@ fn pairs_are_found_among_fewer_surfaces() {
     assert!(lists(store(&app).pairs()) == expected);
 }
 
-/// Spheres that are made anew where their surface stands, as after a teleport, make other contacts: those of a new world. Even
-/// if nothing is near in that tick.
+/// Spheres that are made anew in place, as after a teleport, give the contacts of a new world, even if nothing is near
+/// in that tick.
 #[test]
 fn spheres_that_are_made_anew_in_place_are_those_that_pairs_are_tested_with() {
     let parts = (ContactMethod::Circumsphere, SurfaceThickness::World(0.2));
     let balls = [[0.0; 3], [0.3, 0.01, 0.1]].map(|place| icosphere(3, 0.5).translate(place));
-    // Less than what makes a sphere anew.
+    // A smaller change of shape than the one that makes a sphere anew.
     let drawn_out =
         |mesh: &Mesh| points(mesh).iter().map(|&point| point * Vec3::new(1.4, 0.8, 1.0)).collect::<Vec<_>>();
     let mut new = app();
@@ -187,7 +188,7 @@ fn spheres_that_are_made_anew_in_place_are_those_that_pairs_are_tested_with() {
     }
 }
 
-/// What spheres have found, and the memory for it, goes with the method.
+/// When the method changes, the contacts found by spheres are dropped, and so is their memory.
 #[test]
 fn exact_pairs_hold_nothing_of_spheres() {
     let mut run = Run::new(ContactMethod::BoundingSphere, 1, SphereContactDetail::Points);

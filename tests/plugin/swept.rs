@@ -1,5 +1,5 @@
-//! What passes through another surface between two ticks: closed forms, the certified times of the reference, and what is
-//! not looked at.
+//! Surfaces that pass through each other between two ticks: closed forms, the certified times of the reference, and
+//! cases that are not swept.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -22,14 +22,14 @@ use crate::world::{
     write_positions,
 };
 
-/// What [`THIN`] surfaces have.
+/// The thickness of [`THIN`] surfaces.
 const THICKNESS: f32 = 0.05;
 
-/// Relative positions are exact or rounded to f64; the kernel's resolution is 1.4e-14 of a size of a few units, over ways
-/// of a twentieth at least.
+/// How much too early an impact may be reported. Relative positions are exact or rounded to f64. The kernel resolves
+/// 1.4e-14 of a size of a few units, and paths are at least a twentieth long.
 const EARLY: f64 = 1.0e-10;
 
-/// An impact as its reader gives it.
+/// The values of an impact, as a reader sees them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seen {
     a: Entity,
@@ -77,7 +77,7 @@ fn diagnostics(app: &App) -> &DetectionDiagnostics {
     app.world().resource::<DetectionDiagnostics>()
 }
 
-/// The stage's line, if it has one.
+/// The diagnostics of the stage, if it ran.
 fn stage(app: &App) -> Option<StageDiagnostics> {
     diagnostics(app).stages.iter().find(|stage| stage.name == "swept").copied()
 }
@@ -87,24 +87,25 @@ fn assert_time(found: f64, expected: f64, what: impl std::fmt::Debug) {
     assert!(found <= expected && found > expected - EARLY, "{what:?}: {found} is not just before {expected}");
 }
 
-/// The vertices of a surface in the world, as they are.
+/// The current vertices of a surface in the world.
 fn world_points(app: &App, entity: Entity) -> Vec<DVec3> {
-    let transform = app.world().get::<Transform>(entity).expect("it has a place");
-    // A turn in single precision is one only to seven digits, and is made one.
+    let transform = app.world().get::<Transform>(entity).expect("the entity has a transform");
+    // An f32 rotation is normalized to only seven digits, so normalize it again in f64.
     let turn = transform.rotation.as_dquat().normalize();
-    let positions = app.world().get::<SurfacePositions>(entity).expect("it is a surface");
+    let positions = app.world().get::<SurfacePositions>(entity).expect("the entity is a surface");
     let to_world =
         |position: &Vec3| turn * (position.as_dvec3() * transform.scale.as_dvec3()) + transform.translation.as_dvec3();
     positions.0.iter().map(to_world).collect()
 }
 
-/// When the first vertex comes down to a height: the closed form for what meets a plane by no edge before.
+/// The time at which the first vertex comes down to a height. This is the closed form for a body that meets a plane
+/// with a vertex first, and not with an edge.
 fn first_down_to(start: &[DVec3], end: &[DVec3], height: f64) -> f64 {
     let times = start.iter().zip(end).filter(|(start, end)| start.y > height && end.y <= height);
     times.map(|(start, end)| (start.y - height) / (start.y - end.y)).fold(f64::INFINITY, f64::min)
 }
 
-/// A sheet and a ball over it that is to be swept, after the tick in which they were new.
+/// A sheet and a swept ball above it, after the tick in which both were new.
 struct Fall {
     app: App,
     sheet: Entity,
@@ -121,7 +122,7 @@ impl Fall {
         Self { app, sheet, ball }
     }
 
-    /// Moves the ball to another place, and says when it meets the sheet's plane on its way.
+    /// Moves the ball to another place, and returns when it meets the sheet's plane on its way.
     fn move_to(&mut self, end: Transform) -> f64 {
         let before = world_points(&self.app, self.ball);
         insert(&mut self.app, self.ball, end);
@@ -142,7 +143,7 @@ fn small_ball() -> Mesh {
 fn a_small_body_never_passes_a_sheet_unseen_however_fast_it_is() {
     for thicknesses in [1.0, 10.0, 100.0, 1000.0, 100_000.0] {
         for share in [0.01, 0.4, 0.99] {
-            // Straight down and slanting, into the inside of triangles.
+            // Straight down and slanted, into the inside of triangles.
             for aside in [Vec3::ZERO, Vec3::new(0.3, 0.0, -0.2)] {
                 let way = thicknesses * THICKNESS;
                 let start = Vec3::new(0.1, 0.05 + share * way, 0.2);
@@ -150,7 +151,7 @@ fn a_small_body_never_passes_a_sheet_unseen_however_fast_it_is() {
                 let end = start + aside * (1.0 - share) - Vec3::Y * way;
                 let expected = fall.move_to(Transform::from_translation(end));
                 let what = (thicknesses, share, aside);
-                let seen = fall.first().unwrap_or_else(|| panic!("{what:?}: it went through unseen"));
+                let seen = fall.first().unwrap_or_else(|| panic!("{what:?}: it went through undetected"));
                 assert!(seen.time <= expected, "{what:?}: {} is later than {expected}", seen.time);
                 assert!(
                     seen.time > expected - 1.0e-6 * expected.min(1.0 / f64::from(thicknesses)),
@@ -189,7 +190,7 @@ fn an_impact_is_where_both_surfaces_are_at_its_time() {
         // Weights are rounded to f32.
         assert!(point(0).distance(point(1)) < 1.0e-6, "{seen:?}: {} {}", point(0), point(1));
         assert!((seen.normal.length() - 1.0).abs() < 1.0e-6, "{seen:?}");
-        // Where a face of the ball is met by a vertex of the sheet its path need not be across that face.
+        // A vertex of the sheet that meets a face of the ball need not move across that face.
         let corners = |weights: [f32; 3]| weights.iter().filter(|&&weight| weight != 0.0).count();
         let (of_ball, of_sheet) = seen.barycentrics;
         assert_eq!(corners(of_ball) + corners(of_sheet), seen.stencil.len());
@@ -197,7 +198,7 @@ fn an_impact_is_where_both_surfaces_are_at_its_time() {
     let whole = all(&mut fall.app);
     assert!(whole.len() == impacts.len() && whole.is_sorted_by_key(|seen| (seen.triangles.0, seen.triangles.1)));
     let earliest = impacts.iter().map(|seen| seen.time).fold(1.0, f64::min);
-    assert_eq!(fall.first().expect("it is among them").time, earliest);
+    assert_eq!(fall.first().expect("the first impact is among them").time, earliest);
 }
 
 #[test]
@@ -229,17 +230,17 @@ fn impacts_read_the_other_way_round_from_their_other_side() {
 
 #[test]
 fn a_body_that_turns_meets_by_the_straight_ways_of_its_vertices() {
-    // A bar over the sheet that is turned about its own end by up to more than half a turn.
+    // A bar above the sheet that is rotated about its own end, by up to half a turn.
     let bar = cuboid([0.8, 0.05, 0.05], 1).translate([0.8, 0.0, 0.0]);
     let start = at(-0.7, 0.4, 0.1).with_rotation(Quat::from_rotation_y(0.1));
     for (angle, passes) in [(-0.7_f32, true), (-1.5, true), (-2.5, true), (-3.1, false)] {
         let mut fall = Fall::new(&bar, start);
         let expected = fall.move_to(start.with_rotation(Quat::from_rotation_z(angle) * Quat::from_rotation_x(0.05)));
-        // On the arc of half a turn it would pass the sheet, on straight ways it does not.
+        // On the arc of half a turn it would pass the sheet. On straight paths it does not.
         assert_eq!(expected <= 1.0, passes, "{angle}: {expected}");
         match fall.first() {
             Some(seen) => assert_time(seen.time, expected, angle),
-            None => assert!(!passes, "{angle}: it passes the sheet at {expected}"),
+            None => assert!(!passes, "{angle}: the impact at {expected} is missing"),
         }
     }
 }
@@ -250,7 +251,7 @@ fn far_from_the_origin_times_are_as_precise() {
         for turn in [Quat::IDENTITY, Quat::from_rotation_y(0.8)] {
             let mut fall = Fall::new(&small_ball(), at(0.125, 0.5, 0.25));
             let here = fall.move_to(at(0.25, -2.25, 0.125));
-            let near = fall.first().expect("it passes").time;
+            let near = fall.first().expect("there is an impact").time;
             assert_time(near, here, "near");
 
             let mut app = app();
@@ -261,8 +262,8 @@ fn far_from_the_origin_times_are_as_precise() {
             app.update();
             place(&mut app, ball, far + Vec3::new(0.25, -2.25, 0.125));
             app.update();
-            let there = first(&mut app, ball, sheet).expect("it passes there too").time;
-            // 64 ε of 4, the size of the bodies and their way, over that way: none of the digits that 10^6 takes is lost.
+            let there = first(&mut app, ball, sheet).expect("there is an impact there too").time;
+            // 64 ε times 4, the size of the bodies and their path, over that path. No digits are lost at 10^6.
             assert!(there <= here && there > here - 1.0e-12, "{far} {turn}: {there}, {here}");
         }
     }
@@ -277,11 +278,11 @@ fn two_fast_bodies_meet_between_their_ways() {
     place(&mut app, upper, Vec3::new(3.0, -6.0, 0.0));
     place(&mut app, lower, Vec3::new(3.0, 4.0, 0.0));
     app.update();
-    // 4 between their poles, 15 of relative motion, along a common motion aside.
-    let seen = first(&mut app, upper, lower).expect("they meet");
+    // The poles are 4 apart. The relative motion is 15, and both also move sideways together.
+    let seen = first(&mut app, upper, lower).expect("the bodies meet");
     assert_time(seen.time, 4.0 / 15.0, "poles");
     assert_near_vector(seen.normal, Vec3::NEG_Y, 1.0e-6, "up");
-    // Of which only one is swept, the other stands where it is: the ways do not cross.
+    // If only one of them is swept, the other counts as standing where it is now, and the paths do not cross.
     insert(&mut app, upper, at(0.0, 4.0, 0.0));
     insert(&mut app, lower, at(0.0, -1.0, 0.0));
     app.world_mut().entity_mut(lower).remove::<SweptCollision>();
@@ -301,7 +302,7 @@ fn a_large_surface_that_falls_on_a_small_one_meets_it_too() {
     place(&mut app, sheet, Vec3::new(0.0, -1.0, 0.0));
     app.update();
     let top = world_points(&app, ball).iter().map(|point| point.y).fold(f64::MIN, f64::max);
-    let seen = first(&mut app, sheet, ball).expect("it passes");
+    let seen = first(&mut app, sheet, ball).expect("there is an impact");
     assert_time(seen.time, (3.0 - top) / 4.0, "down on the pole");
     assert_near_vector(seen.normal, Vec3::NEG_Y, 1.0e-6, "the sheet is above");
 }
@@ -332,7 +333,7 @@ fn nothing_is_found_of_surfaces_that_do_not_ask() {
 fn slow_surfaces_cost_no_tree_and_resting_ones_keep_theirs() {
     let mut fall = Fall::new(&small_ball(), at(0.1, 0.2, 0.2));
     for step in 0..4_u8 {
-        // Nearly half of a thickness a tick, onto the sheet.
+        // Nearly half a thickness per tick, onto the sheet.
         fall.move_to(at(0.1, 0.2 - 0.024 * f32::from(step), 0.2));
         assert_eq!((stage(&fall.app), diagnostics(&fall.app).swept_trees_built), (None, 0), "{step}");
     }
@@ -340,13 +341,13 @@ fn slow_surfaces_cost_no_tree_and_resting_ones_keep_theirs() {
     let mut built = Vec::new();
     for step in 0..4_u8 {
         fall.move_to(at(0.1, if step % 2 == 0 { -1.0 } else { 1.0 }, 0.2));
-        let line = stage(&fall.app).expect("it is fast");
+        let line = stage(&fall.app).expect("the ball is swept");
         assert_eq!(line.pairs_out, all(&mut fall.app).len());
         assert!(line.pairs_out > 10 && line.pairs_in >= line.pairs_out, "{line:?}");
         built.push(counts(&fall.app));
     }
     assert_eq!(built, [(1, 0), (0, 0), (0, 0), (0, 0)]);
-    // The sheet moves somewhere else as a whole: the same boxes in its own frame.
+    // The sheet moves as a whole, so the boxes in its own frame stay the same.
     place(&mut fall.app, fall.sheet, Vec3::new(0.5, 0.0, 0.0));
     fall.move_to(at(0.1, -1.0, 0.2));
     assert_eq!(counts(&fall.app), (0, 0));
@@ -355,7 +356,7 @@ fn slow_surfaces_cost_no_tree_and_resting_ones_keep_theirs() {
     fall.move_to(at(0.1, 1.0, 0.2));
     assert_eq!(counts(&fall.app), (0, 1));
     assert!(all(&mut fall.app).len() > 10);
-    // Far aside nothing is looked at, however fast.
+    // Far away from the sheet nothing is tested, however fast.
     fall.move_to(at(90.0, 1.0, 0.2));
     fall.move_to(at(90.0, -1.0, 0.2));
     assert_eq!(stage(&fall.app), None);
@@ -374,7 +375,7 @@ fn what_flies_together_is_not_fast() {
         app.update();
         assert_eq!((all(&mut app).len(), stage(&app)), (0, None), "{step}");
     }
-    // As fast, and besides the ball comes through.
+    // As fast as before, but the ball also passes through the sheet.
     let flown = Vec3::new(200.0, -120.0, 80.0);
     place(&mut app, sheet, flown);
     let before = world_points(&app, ball);
@@ -385,7 +386,7 @@ fn what_flies_together_is_not_fast() {
         points.iter().map(|point| *point - DVec3::Y * height).collect()
     };
     let expected = first_down_to(&relative(before, -90.0), &relative(after, -120.0), 0.0);
-    assert_time(first(&mut app, ball, sheet).expect("it passes").time, expected, "relative motion");
+    assert_time(first(&mut app, ball, sheet).expect("there is an impact").time, expected, "relative motion");
 }
 
 #[test]
@@ -395,14 +396,14 @@ fn a_jump_is_no_way() {
     fall.move_to(at(0.1, -1.0, 0.2));
     assert_eq!(all(&mut fall.app), []);
     fall.move_to(at(0.1, 1.0, 0.2));
-    assert!(fall.first().is_some(), "from where it jumped to");
-    // A pause, and one in which it stays where it was.
+    assert!(fall.first().is_some(), "swept from where it jumped to");
+    // Disabled for a tick, then back on the other side.
     insert(&mut fall.app, fall.ball, SurfaceDisabled);
     fall.app.update();
     fall.app.world_mut().entity_mut(fall.ball).remove::<SurfaceDisabled>();
     fall.move_to(at(0.1, -1.0, 0.2));
     assert_eq!(all(&mut fall.app), []);
-    // What asks anew has no past.
+    // A surface that requests sweeping again has no past.
     fall.app.world_mut().entity_mut(fall.ball).remove::<SweptCollision>();
     assert!(!fall.app.world().entity(fall.ball).contains::<PreviousPositions>());
     fall.move_to(at(0.1, 1.0, 0.2));
@@ -411,7 +412,7 @@ fn a_jump_is_no_way() {
     assert_eq!(all(&mut fall.app), []);
     fall.move_to(at(0.1, 1.0, 0.2));
     assert!(fall.first().is_some());
-    // Set aside for its positions, then back on the other side.
+    // Quarantined for its positions, then back on the other side.
     let healthy = points(&small_ball());
     let mut spoiled = healthy.clone();
     spoiled[3].x = f32::NAN;
@@ -421,7 +422,7 @@ fn a_jump_is_no_way() {
     write_positions(&mut fall.app, fall.ball, &healthy);
     fall.move_to(at(0.1, -1.0, 0.2));
     assert_eq!(all(&mut fall.app), []);
-    // And with nothing more than other triangles.
+    // The same holds if only the mesh is replaced.
     let (other, positions) = surface(&icosphere(2, 0.05));
     insert(&mut fall.app, fall.ball, (other, positions));
     fall.move_to(at(0.1, 1.0, 0.2));
@@ -469,14 +470,14 @@ fn a_target_is_swept_to_instead() {
     insert(&mut fall.app, fall.ball, SweptTarget(below.clone()));
     for _ in 0..2 {
         fall.app.update();
-        assert_time(fall.first().expect("it is expected below").time, expected, "target");
+        assert_time(fall.first().expect("the target is below the sheet").time, expected, "target");
     }
-    // It passed the sheet since the last tick, but what counts is where it will be: on the same side.
+    // The ball has passed the sheet since the last tick, but only its target counts, and that is on the same side.
     let here = points(&small_ball());
     insert(&mut fall.app, fall.ball, SweptTarget(here.clone()));
     fall.move_to(at(0.1, -1.0, 0.2));
     assert_eq!(all(&mut fall.app), []);
-    // Without one that can be used, the way since the last tick counts again.
+    // Without a usable target, the motion since the last tick counts again.
     let mut spoiled = here.clone();
     spoiled[0].z = f32::INFINITY;
     for (place, unusable) in [Vec::new(), here[1..].to_vec(), spoiled].into_iter().enumerate() {
@@ -484,16 +485,16 @@ fn a_target_is_swept_to_instead() {
         fall.move_to(at(0.1, if place % 2 == 0 { 1.0 } else { -1.0 }, 0.2));
         assert!(fall.first().is_some(), "{place}");
     }
-    // Not after a jump, unless a solver tells where it goes from there.
+    // Not after a jump, unless a solver gives a target for the motion from there.
     insert(&mut fall.app, fall.ball, (SweptTarget::default(), Teleported));
     fall.move_to(at(0.1, -1.0, 0.2));
     assert_eq!(all(&mut fall.app), []);
     fall.move_to(at(0.1, 1.0, 0.2));
     insert(&mut fall.app, fall.ball, (SweptTarget(below), Teleported));
     fall.app.update();
-    let time = fall.first().expect("it is expected below").time;
+    let time = fall.first().expect("the target is below the sheet").time;
     assert!(time > 0.0 && time < 1.0, "{time}");
-    // Nor for a surface that does not ask.
+    // Nor for a surface that does not request sweeping.
     fall.app.world_mut().entity_mut(fall.ball).remove::<SweptCollision>();
     fall.app.update();
     fall.app.update();
@@ -557,7 +558,7 @@ fn contacts_are_the_same_with_and_without() {
     assert_eq!(run(true), without);
 }
 
-/// A swarm of balls that fly through two large sheets and each other.
+/// A swarm of balls that fly through two large sheets and through each other.
 #[cfg(feature = "parallel")]
 fn swarm(threads: usize) -> SweptImpacts {
     let mut app = app();
@@ -583,13 +584,13 @@ fn impacts_are_the_same_to_the_last_bit_for_any_number_of_threads() {
     use bevy_tasks::{ComputeTaskPool, TaskPoolBuilder};
 
     let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(crate::world::POOL_THREADS).build());
-    assert!(pool.thread_num() > 1, "the pool of this process has one thread: nothing to compare");
+    assert!(pool.thread_num() > 1, "the task pool has one thread, so there is nothing to compare");
     // `Debug` writes the shortest number that reads back as the same float.
     let print = |found: &SweptImpacts| -> Vec<String> {
         found.pairs.iter().map(|pair| format!("{} {} {:?}", pair.a, pair.b, pair.impacts)).collect()
     };
     let alone = swarm(1);
-    // 320 triangles are 40 leaves, in parts of 4.
+    // 320 triangles make 40 leaves, which are shared out in groups of 4.
     assert!(alone.pairs.len() >= 12 && alone.pairs.iter().any(|pair| pair.impacts.len() > 1000));
     for threads in [2, 3, 0] {
         assert_eq!(print(&swarm(threads)), print(&alone), "{threads} threads");
@@ -605,8 +606,8 @@ fn a_recording_meets_itself_when_the_reference_says_so() {
         |number: usize| -> Vec<Vec3> { recording.frames[number].iter().copied().map(Vec3::from_array).collect() };
     let [before, after] = [frame(0), frame(1)];
     let mut app = app();
-    let (surface, positions) = DeformableSurface::from_mesh(&before, &recording.triangles).expect("it is a mesh");
-    // Without thickness everything that moves is fast.
+    let (surface, positions) = DeformableSurface::from_mesh(&before, &recording.triangles).expect("the mesh is valid");
+    // Without thickness, everything that moves is fast.
     let bundle = (surface, positions, SurfaceThickness::World(0.0), SweptCollision, SelfCollision);
     let entity = app.world_mut().spawn(bundle).id();
     app.update();
@@ -636,5 +637,5 @@ fn a_recording_meets_itself_when_the_reference_says_so() {
     let are_strangers = |seen: &&Seen| matches!(seen.triangles, (Some(a), Some(b)) if !shares(a, b));
     let strangers = found.iter().filter(are_strangers).count();
     assert!(certain > 10, "{certain}");
-    assert_eq!(strangers, possible, "the reference certifies all others to stay apart");
+    assert_eq!(strangers, possible, "the reference certifies that all other pairs stay apart");
 }

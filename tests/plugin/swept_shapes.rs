@@ -1,4 +1,5 @@
-//! What passes through a rigid shape between two ticks, or a shape through it: closed forms, for shapes of every kind.
+//! A surface that passes through a rigid shape between two ticks, or a shape that passes through a surface: closed
+//! forms for shapes of every kind.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{detection::SweptImpacts, prelude::*};
@@ -12,10 +13,10 @@ use crate::{
     world::{THIN, app, assert_near_vector, at, insert, sheet, spawn},
 };
 
-/// Rotations and radii are rounded to f32, over ways of some units.
+/// Rotations and radii are rounded to f32, and paths are a few units long.
 const EARLY: f64 = 1.0e-6;
 
-/// Shapes about the origin with how high they reach.
+/// Shapes around the origin, and how high they reach.
 fn shapes() -> Vec<(&'static str, SharedShape, f64)> {
     let two = [(-0.4, 0.2), (0.4, 0.1)]
         .map(|(x, half)| (Pose::from_translation(Vec3::X * x), SharedShape::cuboid(0.1, half, 0.1)));
@@ -33,7 +34,7 @@ fn shapes() -> Vec<(&'static str, SharedShape, f64)> {
         ("half-space", SharedShape::halfspace(Vec3::Y), 0.0),
         (
             "triangle mesh",
-            SharedShape::trimesh(corners.to_vec(), vec![[0, 1, 2], [0, 3, 1]]).expect("it is a mesh"),
+            SharedShape::trimesh(corners.to_vec(), vec![[0, 1, 2], [0, 3, 1]]).expect("the mesh is valid"),
             0.35,
         ),
         ("triangle", SharedShape::triangle(corners[0], corners[1], corners[2]), 0.35),
@@ -45,7 +46,7 @@ fn is_made_of_triangles(name: &str) -> bool {
     ["triangle mesh", "triangle", "polyline"].contains(&name)
 }
 
-/// A sheet that is to be swept, and a shape, after the tick in which they were new.
+/// A swept sheet and a shape, after the tick in which both were new.
 fn scene(shape: &SharedShape, sheet_at: Transform, shape_at: Transform) -> (App, Entity, Entity) {
     let mut app = app();
     let sheet = spawn(&mut app, &sheet(), (THIN, sheet_at, SweptCollision));
@@ -62,7 +63,7 @@ fn a_sheet_that_falls_onto_a_shape_meets_it_at_its_top() {
         insert(&mut app, sheet, at(0.0, -2.0, 0.0));
         app.update();
         let expected = (1.0 - top) / 3.0;
-        let seen = first(&mut app, sheet, shape).unwrap_or_else(|| panic!("{name}: it fell through unseen"));
+        let seen = first(&mut app, sheet, shape).unwrap_or_else(|| panic!("{name}: it fell through undetected"));
         assert!((seen.time - expected).abs() < EARLY, "{name}: {} instead of {expected}", seen.time);
         assert_near_vector(seen.normal, Vec3::NEG_Y, 1.0e-5, name);
         assert_eq!((seen.cause, seen.b), (ImpactCause::Reached, shape), "{name}");
@@ -72,7 +73,7 @@ fn a_sheet_that_falls_onto_a_shape_meets_it_at_its_top() {
         let share: f32 = seen.stencil.iter().filter(|entry| entry.entity == sheet).map(|entry| entry.weight).sum();
         assert!((share + 1.0).abs() < 1.0e-6, "{name}: {share}");
         // Read from the shape's side.
-        let other = first(&mut app, shape, sheet).expect("it is there from both sides");
+        let other = first(&mut app, shape, sheet).expect("the impact can be read from both sides");
         assert_eq!((other.normal, other.triangles.0), (-seen.normal, seen.triangles.1), "{name}");
     }
 }
@@ -86,7 +87,7 @@ fn a_shape_that_the_game_moves_meets_a_resting_sheet_on_its_way() {
         insert(&mut app, shape, place(3.0));
         app.update();
         let expected = (1.0 - top) / 4.0;
-        let seen = first(&mut app, sheet, shape).unwrap_or_else(|| panic!("{name}: it went through unseen"));
+        let seen = first(&mut app, sheet, shape).unwrap_or_else(|| panic!("{name}: it went through undetected"));
         assert!((seen.time - expected).abs() < EARLY, "{name}: {} instead of {expected}", seen.time);
         assert_near_vector(seen.normal, Vec3::NEG_Y, 1.0e-5, name);
         app.update();
@@ -138,7 +139,7 @@ fn a_jump_a_new_shape_and_a_pause_are_no_way_of_a_shape() {
         assert!(moved(&mut app, -2.0), "{name}");
         insert(&mut app, entity, Teleported);
         assert!(!moved(&mut app, 2.0), "{name}: a jump");
-        assert!(moved(&mut app, -2.0), "{name}: from where it jumped to");
+        assert!(moved(&mut app, -2.0), "{name}: swept from where it jumped to");
         insert(&mut app, entity, SurfaceDisabled);
         app.update();
         app.world_mut().entity_mut(entity).remove::<SurfaceDisabled>();
@@ -161,7 +162,7 @@ fn all_parts_of_a_compound_are_one_pair() {
     assert_eq!(pairs.len(), 1);
     let numbers: Vec<u32> = pairs[0].impacts.iter().map(|impact| impact.part_b).collect();
     assert!(numbers.is_sorted() && [0, 1, 2].iter().all(|part| numbers.contains(part)), "{numbers:?}");
-    let seen = first(&mut app, sheet, shape).expect("they meet");
+    let seen = first(&mut app, sheet, shape).expect("the bodies meet");
     assert!((seen.time - (1.0 - 0.29) / 2.0).abs() < EARLY, "the largest ball first: {}", seen.time);
 }
 
@@ -176,9 +177,9 @@ fn a_tilted_half_space_far_from_the_origin_is_met_in_time() {
     );
     insert(&mut app, sheet, Transform::from_translation(offset - Vec3::Y * 5.0));
     app.update();
-    // The sheet's lowest corner as seen along the normal.
+    // The lowest corner of the sheet along the normal.
     let reach = f64::from(2.0 * (normal.x.abs() + normal.z.abs()));
     let expected = (5.0 - reach / f64::from(normal.y)) / 10.0;
-    let seen = first(&mut app, sheet, shape).expect("they meet");
+    let seen = first(&mut app, sheet, shape).expect("the bodies meet");
     assert!(seen.time < expected + EARLY && seen.time > expected - 1.0e-5, "{} instead of {expected}", seen.time);
 }

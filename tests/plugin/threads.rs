@@ -1,4 +1,4 @@
-//! The number of threads changes nothing but the time.
+//! The number of threads changes only the run time.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{detection::CandidateTrianglePairs, geometry::FeaturePair, prelude::*};
@@ -9,7 +9,7 @@ use glam::{Quat, Vec3};
 
 use crate::world::{Called, POOL_THREADS, app, spawn, store};
 
-/// Two fine sheets that cross, a crumpled one on itself, and a large ball.
+/// Two fine sheets that cross, one of them crumpled onto itself, and a large ball.
 fn scene(method: ContactMethod, threads: usize) -> App {
     let mut app = app();
     app.insert_resource(CircumsphereSettings { threads, ..Default::default() });
@@ -18,7 +18,7 @@ fn scene(method: ContactMethod, threads: usize) -> App {
     spawn(&mut app, &fine, (thick, method, Called("sheet")));
     let tilted = Transform::from_xyz(0.01, 0.0, 0.013).with_rotation(Quat::from_rotation_x(0.002));
     let crumpled = spawn(&mut app, &fine, (thick, method, SelfCollision, Called("crumpled"), tilted));
-    for position in &mut app.world_mut().get_mut::<SurfacePositions>(crumpled).expect("it is a surface").0 {
+    for position in &mut app.world_mut().get_mut::<SurfacePositions>(crumpled).expect("the entity is a surface").0 {
         position.x = (position.x * 7.0).fract() * 0.2 + position.x * 0.5;
     }
     let ball = Transform::from_xyz(0.1, 0.45, 0.2);
@@ -27,7 +27,7 @@ fn scene(method: ContactMethod, threads: usize) -> App {
     app
 }
 
-/// Everything that is stored, floats by their bits.
+/// Everything that is stored, with floats as bits.
 #[derive(PartialEq)]
 struct Bits {
     pairs: Vec<(&'static str, &'static str, u64, usize, usize)>,
@@ -37,7 +37,7 @@ struct Bits {
 
 fn bits(app: &App) -> Bits {
     let store = store(app);
-    let name = |side: ContactSide| app.world().get::<Called>(side.entity()).expect("it is named").0;
+    let name = |side: ContactSide| app.world().get::<Called>(side.entity()).expect("the entity has a name").0;
     let pairs = store
         .pairs()
         .iter()
@@ -60,7 +60,7 @@ fn bits(app: &App) -> Bits {
 #[test]
 fn contacts_are_the_same_to_the_last_bit_for_any_number_of_threads() {
     let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(POOL_THREADS).build());
-    assert!(pool.thread_num() > 1, "the pool of this process has one thread: nothing to compare");
+    assert!(pool.thread_num() > 1, "the task pool has one thread, so there is nothing to compare");
     for method in [ContactMethod::Exact, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
         let found = |threads: usize| {
             let mut app = scene(method, threads);
@@ -76,12 +76,12 @@ fn contacts_are_the_same_to_the_last_bit_for_any_number_of_threads() {
         let alone = found(1);
         assert!(alone.pairs.len() >= 4 && alone.contacts.len() > 1000, "{method:?}: {} contacts", alone.contacts.len());
         for threads in [0, 2, 3, 100] {
-            assert!(found(threads) == alone, "{method:?}: {threads} threads give another result");
+            assert!(found(threads) == alone, "{method:?}: {threads} threads give a different result");
         }
     }
 }
 
-/// A heap of rings, each in a few others: many pairs of surfaces, none of which is work for more than one thread.
+/// A heap of rings, each inside a few others: many pairs of surfaces, none large enough for more than one thread.
 fn heap(method: ContactMethod, threads: usize) -> App {
     let mut app = app();
     app.insert_resource(CircumsphereSettings { threads, ..Default::default() });
@@ -98,7 +98,7 @@ fn heap(method: ContactMethod, threads: usize) -> App {
 #[test]
 fn contacts_of_many_bodies_are_the_same_to_the_last_bit_for_any_number_of_threads() {
     let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(POOL_THREADS).build());
-    assert!(pool.thread_num() > 1, "the pool of this process has one thread: nothing to compare");
+    assert!(pool.thread_num() > 1, "the task pool has one thread, so there is nothing to compare");
     for method in [ContactMethod::Exact, ContactMethod::Circumsphere, ContactMethod::BoundingSphere] {
         let found = |threads: usize| {
             let mut app = heap(method, threads);
@@ -108,7 +108,7 @@ fn contacts_of_many_bodies_are_the_same_to_the_last_bit_for_any_number_of_thread
             assert!(first == bits(&app), "{method:?}: nothing has moved, yet the second tick differs");
             let pairs = &app.world().resource::<CandidateTrianglePairs>().pairs();
             let most = pairs.iter().map(|pair| pair.triangles.len()).max();
-            assert!(most < Some(4096), "{most:?} candidates are cut into parts");
+            assert!(most < Some(4096), "{most:?} candidates are shared out");
             let all: usize = pairs.iter().map(|pair| pair.triangles.len()).sum();
             assert!(all > 4 * 4096, "{all} candidates are too few to be shared out");
             first
@@ -116,7 +116,7 @@ fn contacts_of_many_bodies_are_the_same_to_the_last_bit_for_any_number_of_thread
         let alone = found(1);
         assert!(alone.pairs.len() > 60 && alone.contacts.len() > 1000, "{method:?}: {} contacts", alone.contacts.len());
         for threads in [0, 2, 3, 100] {
-            assert!(found(threads) == alone, "{method:?}: {threads} threads give another result");
+            assert!(found(threads) == alone, "{method:?}: {threads} threads give a different result");
         }
     }
 }

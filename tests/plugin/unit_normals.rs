@@ -1,4 +1,4 @@
-//! Exact touching: where the points of a contact coincide, its normal is a unit vector all the same.
+//! Exact touching: where the points of a contact coincide, its normal is still a unit vector.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{geometry::FeatureKind, prelude::*};
@@ -11,10 +11,10 @@ use crate::{
     world::{EXACT_METHODS, Seen, all, app},
 };
 
-/// What f32 leaves of a unit vector that is turned by a pose, and far more.
+/// Far more than the rounding error of a unit vector that a pose has rotated in f32.
 const UNIT: f32 = 1.0e-5;
 
-/// Coordinates that lie on shapes, and in them, exactly.
+/// Coordinates that lie exactly on shapes and inside them.
 const PLACES: [f32; 7] = [0.0, 0.25, -0.25, 0.5, -0.5, 1.0, -1.0];
 
 fn below(random: &mut Random, count: usize) -> usize {
@@ -25,7 +25,7 @@ fn place(random: &mut Random) -> Vec3 {
     Vec3::from_array([0, 1, 2].map(|_| PLACES[below(random, PLACES.len())]))
 }
 
-/// A triangle with an area or without one.
+/// A triangle with or without area.
 fn triangle(random: &mut Random) -> [Vec3; 3] {
     let [a, b, c] = [place(random), place(random), place(random)];
     match below(random, 6) {
@@ -36,15 +36,14 @@ fn triangle(random: &mut Random) -> [Vec3; 3] {
     }
 }
 
-/// A place of any kind in the world. What stands at the same one touches exactly: the pose of one relative to the other is the
-/// identity.
+/// A pose of any kind. Bodies with the same pose touch exactly, because their relative pose is the identity.
 fn pose(random: &mut Random) -> Transform {
     let mut number = |from: f64, to: f64| (from + (to - from) * random.unit()) as f32;
     let axis = Vec3::new(number(-1.0, 1.0), number(-1.0, 1.0), number(-1.0, 1.0)).normalize_or(Vec3::X);
     let turned = Transform::from_rotation(Quat::from_axis_angle(axis, number(0.0, 6.0)))
         .with_translation(Vec3::new(number(-9.0, 9.0), number(-9.0, 9.0), number(-9.0, 9.0)))
         .with_scale(Vec3::splat(number(0.1, 4.0)));
-    // Mirrored, nearly uniform, or neither.
+    // Mirrored, with a nearly uniform scale, or neither.
     match below(random, 4) {
         0 => turned.with_scale(turned.scale * Vec3::new(-1.0, 1.0, 1.0)),
         1 => turned.with_scale(turned.scale * Vec3::new(1.0, 1.000_8, 0.999_9)),
@@ -62,7 +61,7 @@ fn any<T: Clone>(random: &mut Random, of: &[T]) -> T {
     of[below(random, of.len())].clone()
 }
 
-/// How many contacts there were, and how many at distance 0.
+/// The number of contacts, and the number at distance 0.
 #[derive(Debug, Default)]
 struct Tally {
     seen: usize,
@@ -105,7 +104,7 @@ fn normals_of_what_touches_a_rigid_shape_exactly_are_unit_vectors() {
             app.world_mut().despawn(body);
         }
         println!("{name}: {tally:?}");
-        // Of round shapes few places are numbers of f32.
+        // Few points of round shapes are exact in f32.
         assert!(tally.exact > 50, "{name}: {tally:?}");
     }
 }
@@ -133,7 +132,7 @@ const TOUCHES: [Touch; 8] = [
     Touch::Degenerate,
 ];
 
-/// Two triangles whose corners are whole numbers of quarters, so that their common points are exact.
+/// Two triangles whose corners have whole coordinates, so that their common points are exact.
 fn touching(random: &mut Random, touch: Touch) -> [[Vec3; 3]; 2] {
     let point = |random: &mut Random| Vec3::from_array([0, 1, 2].map(|_| below(random, 17) as f32 - 8.0));
     let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|_| point(random));
@@ -155,7 +154,7 @@ fn touching(random: &mut Random, touch: Touch) -> [[Vec3; 3]; 2] {
     }
 }
 
-/// Where a direction follows from the features, it is that one.
+/// Asserts that the normal has the direction that the features determine, if they do.
 fn assert_square(contact: &Seen, triangles: &[[Vec3; 3]; 2], told: &dyn std::fmt::Debug) {
     let [first, second] = [&contact.feature_vertices.0, &contact.feature_vertices.1];
     let corner = |side: usize, vertex: VertexId| triangles[side][vertex.index()];

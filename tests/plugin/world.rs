@@ -1,4 +1,4 @@
-//! Headless worlds for the tests of this folder: apps, bodies, what was seen of contacts and of events.
+//! Headless worlds for the tests of this folder: apps, bodies, and records of contacts and events.
 
 use std::fmt::Debug;
 
@@ -14,11 +14,11 @@ use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, Mesh, grid, icosphere};
 use glam::{DMat4, DVec3, Vec3};
 
-/// A name that survives spawn order, so that two worlds can be compared.
+/// A name that does not depend on spawn order, so that two worlds can be compared.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Called(pub &'static str);
 
-/// Rounding of a handful of f32 operations on lengths up to `size`: 4 units in the last place.
+/// The rounding error of a handful of f32 operations on lengths up to `size`: 4 units in the last place.
 pub fn rounding(size: f32) -> f32 {
     4.0 * f32::EPSILON * size
 }
@@ -41,30 +41,31 @@ pub fn surface(mesh: &Mesh) -> (DeformableSurface, SurfacePositions) {
     DeformableSurface::from_mesh(&points(mesh), &mesh.triangles).expect("the mesh is valid")
 }
 
-/// A sheet of 4 by 4 in the plane y = 0 with edges of 0.5, facing up. It does not curve: a vertex at the height h
-/// over it is h away from it.
+/// A sheet of 4 by 4 in the plane y = 0 with edges of 0.5, facing up. It is flat: the distance of a vertex at height h
+/// is h.
 pub fn sheet() -> Mesh {
     grid(8, 8, 4.0, 4.0, Diagonals::Uniform)
 }
 
-/// A closed ball of radius 0.5 with a vertex at its very bottom and top: its center h above a sheet, it is h − 0.5 away.
+/// A closed ball of radius 0.5 with a vertex at its very bottom and top. If its center is h above a sheet, its distance
+/// is h − 0.5.
 pub fn ball() -> Mesh {
     icosphere(2, 0.5)
 }
 
-/// Where a ball stands over the inside of one of the sheet's triangles.
+/// A place above the inside of one of the sheet's triangles.
 pub const OVER_A_FACE: Vec3 = Vec3::new(0.1, 0.0, 0.2);
 
 pub const EXACT_METHODS: [ContactMethod; 3] = [ContactMethod::Closest, ContactMethod::Exact, ContactMethod::Polygon];
 
-/// The thickness of most bodies of these tests: two of them touch within 0.1.
+/// The thickness of most bodies in these tests. Two of them touch within 0.1.
 pub const THIN: SurfaceThickness = SurfaceThickness::World(0.05);
 
 pub fn at(x: f32, y: f32, z: f32) -> Transform {
     Transform::from_xyz(x, y, z)
 }
 
-/// How many threads the task pool has wherever a test of this process sets it up: the first one does it for all.
+/// The number of threads of the task pool. The first test of this process that needs the pool creates it for all.
 pub const POOL_THREADS: usize = 4;
 
 /// An app that detects in `schedule` and has neither clock nor transform propagation.
@@ -78,12 +79,12 @@ pub fn app() -> App {
     app_in(Update)
 }
 
-/// An app that detects in `FixedPostUpdate`, `ticks` times an update, from the second update on.
+/// An app that detects in `FixedPostUpdate`, `ticks` times per update, from the second update on.
 pub fn fixed_app(ticks: u32) -> App {
     fixed_app_with(ticks, |_| {})
 }
 
-/// The same with whatever else is added before the app is finished.
+/// Like [`fixed_app`], with a function that adds more before the app is finished.
 pub fn fixed_app_with(ticks: u32, add: impl FnOnce(&mut App)) -> App {
     let mut app = App::new();
     app.add_plugins((TimePlugin, DeformableCollisionPlugins::default()));
@@ -108,22 +109,22 @@ pub fn insert(app: &mut App, entity: Entity, extra: impl Bundle) {
 }
 
 pub fn place(app: &mut App, entity: Entity, translation: Vec3) {
-    app.world_mut().get_mut::<Transform>(entity).expect("it has a transform").translation = translation;
+    app.world_mut().get_mut::<Transform>(entity).expect("the entity has a transform").translation = translation;
 }
 
 pub fn write_positions(app: &mut App, entity: Entity, positions: &[Vec3]) {
-    app.world_mut().get_mut::<SurfacePositions>(entity).expect("it is a surface").0 = positions.to_vec();
+    app.world_mut().get_mut::<SurfacePositions>(entity).expect("the entity is a surface").0 = positions.to_vec();
 }
 
 pub fn status(app: &App, entity: Entity) -> SurfaceStatus {
-    app.world().get::<SurfaceStatus>(entity).expect("it is a surface or shape").clone()
+    app.world().get::<SurfaceStatus>(entity).expect("the entity is a surface or a shape").clone()
 }
 
 pub fn store(app: &App) -> &ContactStore {
     app.world().resource::<ContactStore>()
 }
 
-/// A contact as its reader gives it.
+/// The values of a contact, as a reader sees them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seen {
     pub a: ContactSide,
@@ -180,13 +181,13 @@ pub fn between(app: &mut App, a: Entity, b: Entity) -> Vec<Seen> {
     read(app, move |contacts| contacts.between(a, b).map(Seen::from).collect())
 }
 
-/// The contact of least distance.
+/// The contact with the smallest distance.
 #[track_caller]
 pub fn deepest(contacts: &[Seen]) -> &Seen {
     contacts.iter().min_by(|a, b| a.distance.total_cmp(&b.distance)).expect("there is a contact")
 }
 
-/// From an entity's frame to the world, composed in f64 from its transform and those of its parents.
+/// The transform from an entity's frame to the world, composed in f64 from its own transform and those of its parents.
 pub fn world_matrix(world: &World, entity: Entity) -> DMat4 {
     let own = world.get::<Transform>(entity).map_or(DMat4::IDENTITY, |transform| {
         DMat4::from_scale_rotation_translation(
@@ -199,7 +200,7 @@ pub fn world_matrix(world: &World, entity: Entity) -> DMat4 {
 }
 
 fn world_vertex(world: &World, entity: Entity, vertex: VertexId) -> DVec3 {
-    let position = world.get::<SurfacePositions>(entity).expect("it is a surface").0[vertex.index()];
+    let position = world.get::<SurfacePositions>(entity).expect("the entity is a surface").0[vertex.index()];
     let matrix = match world.get::<SurfaceFrame>(entity) {
         Some(SurfaceFrame::World) => DMat4::IDENTITY,
         _ => world_matrix(world, entity),
@@ -207,12 +208,12 @@ fn world_vertex(world: &World, entity: Entity, vertex: VertexId) -> DVec3 {
     matrix.transform_point3(position.as_dvec3())
 }
 
-/// Checks everything about an exact contact that follows from its own parts and the vertices in the world.
-/// `size` bounds the coordinates of the bodies in the world.
+/// Checks everything about an exact contact that follows from its own values and its vertices in the world. `size`
+/// bounds the coordinates of the bodies in the world.
 #[track_caller]
 pub fn assert_consistent(world: &World, contact: &Seen, size: f32) {
-    // Positions are rounded to f32 in the frame of the pair, weights to storage precision, points on being read: each
-    // a few units in the last place of a coordinate.
+    // Positions are rounded to f32 in the frame of the pair, weights to storage precision, and points when they are
+    // read. Each is off by a few units in the last place of a coordinate.
     let tolerance = 4.0 * rounding(size);
     assert_near(contact.normal.length(), 1.0, 4.0 * f32::EPSILON, contact);
     assert_near(contact.separation, contact.distance - contact.contact_distance, rounding(size), contact);
@@ -227,26 +228,26 @@ pub fn assert_consistent(world: &World, contact: &Seen, size: f32) {
     for (side, point, triangle, weights, vertices, sign) in sides {
         let ContactSide::Surface(entity) = side else {
             let of_shape = |entry: &StencilEntry| entry.entity == side.entity();
-            assert!(!contact.stencil.iter().any(of_shape), "nothing moves a shape: {contact:?}");
+            assert!(!contact.stencil.iter().any(of_shape), "a shape is not in a stencil: {contact:?}");
             continue;
         };
         let triangle = triangle.expect("a surface has triangles");
         assert_near(weights.iter().sum(), 1.0, 4.0 * f32::EPSILON, contact);
         assert!(weights.iter().all(|weight| (-1.0e-6..=1.000_001).contains(weight)), "{contact:?}");
-        let corners = world.get::<DeformableSurface>(entity).expect("it is a surface").topology().triangles()
+        let corners = world.get::<DeformableSurface>(entity).expect("the entity is a surface").topology().triangles()
             [triangle.index()]
         .map(|vertex| world_vertex(world, entity, VertexId(vertex)));
         let by_weights: DVec3 = corners.iter().zip(weights).map(|(corner, weight)| *corner * f64::from(weight)).sum();
         assert_near_vector(by_weights.as_vec3(), point, tolerance, contact);
 
-        // In a self-collision both sides are the same entity: they are told apart by sign.
+        // In a self-collision both sides are the same entity. The sign of the weight tells them apart.
         let entries: Vec<&StencilEntry> = contact
             .stencil
             .iter()
             .filter(|entry| entry.entity == entity && (contact.a != contact.b || entry.weight * sign > 0.0))
             .collect();
         assert!((1..=3).contains(&entries.len()), "{contact:?}");
-        assert!(entries.iter().all(|entry| vertices.contains(&entry.vertex)), "no part of the feature: {contact:?}");
+        assert!(entries.iter().all(|entry| vertices.contains(&entry.vertex)), "not part of the feature: {contact:?}");
         assert!(entries.iter().all(|entry| entry.normal == contact.normal), "{contact:?}");
         assert_near(entries.iter().map(|entry| entry.weight).sum(), sign, 4.0 * f32::EPSILON, contact);
         let by_stencil: DVec3 =
@@ -262,7 +263,7 @@ pub fn assert_all_consistent(world: &World, contacts: &[Seen], size: f32) {
     }
 }
 
-/// Checks that a contact reads the other way round from its other side.
+/// Checks that a contact is the same, with sides swapped, when read from its other side.
 #[track_caller]
 pub fn assert_swapped(one: &Seen, other: &Seen) {
     assert_eq!((one.a, one.b, one.key, one.kind), (other.b, other.a, other.key, other.kind));
@@ -277,10 +278,10 @@ pub fn assert_swapped(one: &Seen, other: &Seen) {
     assert_eq!(one.stencil, other.stencil.iter().map(negated).collect::<Vec<_>>());
 }
 
-/// Pairs by name, their contacts and touching triangles, every float to the last bit: `Debug` writes the shortest
+/// Pairs by name, with their contacts and touching triangles, for a bitwise comparison: `Debug` writes the shortest
 /// number that reads back as the same float.
 pub fn fingerprint(app: &App) -> Vec<(&'static str, &'static str, Vec<String>)> {
-    let name = |side: ContactSide| app.world().get::<Called>(side.entity()).expect("it is named").0;
+    let name = |side: ContactSide| app.world().get::<Called>(side.entity()).expect("the entity has a name").0;
     let store = store(app);
     store
         .pairs()
@@ -294,13 +295,13 @@ pub fn fingerprint(app: &App) -> Vec<(&'static str, &'static str, Vec<String>)> 
         .collect()
 }
 
-/// How an announcement came.
+/// How an announcement was received.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum By {
     Message,
-    /// An observer of the whole world.
+    /// By an observer of the whole world.
     Observer,
-    /// An observer of this entity.
+    /// By an observer of this entity.
     OwnObserver,
 }
 
@@ -311,7 +312,7 @@ pub enum Announcement {
     Quarantined(Entity, QuarantineReason),
 }
 
-/// Everything that was announced, with the tick of its detection, in order.
+/// All announcements in order, with the tick of their detection.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct Journal(pub Vec<(u64, By, Announcement)>);
 
@@ -351,7 +352,7 @@ pub fn keep_journal(app: &mut App, schedule: impl ScheduleLabel) {
         .add_systems(schedule, read_messages.in_set(DeformableSystems::Log));
 }
 
-/// Also writes what observers of this one entity hear.
+/// Also records what observers of this entity receive.
 pub fn observe(app: &mut App, entity: Entity) {
     app.world_mut()
         .entity_mut(entity)
@@ -363,12 +364,12 @@ pub fn observe(app: &mut App, entity: Entity) {
         });
 }
 
-/// What was announced since the last call.
+/// The announcements since the last call.
 pub fn announced(app: &mut App) -> Vec<(u64, By, Announcement)> {
     std::mem::take(&mut app.world_mut().resource_mut::<Journal>().0)
 }
 
-/// The messages since the last call, without what observers heard.
+/// The messages since the last call, without what observers received.
 pub fn messages(app: &mut App) -> Vec<Announcement> {
     announced(app).into_iter().filter(|(_, by, _)| *by == By::Message).map(|(.., announcement)| announcement).collect()
 }

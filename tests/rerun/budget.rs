@@ -1,7 +1,7 @@
-//! A tick takes no more bytes than it may, and what no longer fits is thinned evenly.
+//! A tick stays within its byte budget, and layers that do not fit are thinned evenly.
 //!
-//! Measured are the bytes that a file would hold, uncompressed, with each row in a chunk of its own: ticks that are far
-//! apart in time are written like that, faster ones share what chunks have beside their numbers.
+//! The sizes are those of an uncompressed file with each row in a chunk of its own. Ticks that are far apart in time
+//! are written like that. Faster ones share the overhead of chunks.
 
 use std::collections::BTreeMap;
 
@@ -21,27 +21,27 @@ use crate::{
     world::{Made, Recorded, Scene, everything, nothing},
 };
 
-/// What rows of a kind took.
+/// The size of the rows of one kind.
 #[derive(Clone, Copy, Debug, Default)]
 struct Taken {
     rows: usize,
-    /// As they are encoded.
+    /// Bytes as encoded.
     bytes: usize,
-    /// The numbers alone.
+    /// Bytes of the numbers alone.
     numbers: usize,
-    /// Of one row the most beside its numbers.
+    /// The largest number of bytes that one row takes in addition to its numbers.
     most_beside: usize,
 }
 
-/// The bytes of a tick's rows, by the first part of the path; `cleared` for what is removed, `timeless` for what is
-/// recorded once, `answer` for the curves that follow when the tick has been answered.
+/// The bytes of a tick's rows, by the first part of their path. `cleared` is for removed entities, `timeless` for rows
+/// that are recorded once, and `answer` for the curves that follow after the response.
 fn taken(recording: &Recording) -> BTreeMap<String, Taken> {
     let mut encoder =
         Encoder::new_eager(rerun::build_info().version, EncodingOptions::PROTOBUF_UNCOMPRESSED, Vec::new())
             .expect("memory can be written to");
     let mut taken: BTreeMap<String, Taken> = BTreeMap::new();
     for message in recording.messages.iter().filter(|message| message.store_id().is_recording()) {
-        let bytes = encoder.append(message).expect("it can be encoded") as usize;
+        let bytes = encoder.append(message).expect("the message can be encoded") as usize;
         if !matches!(message, LogMsg::ArrowMsg(..)) {
             continue;
         }
@@ -66,7 +66,7 @@ fn taken(recording: &Recording) -> BTreeMap<String, Taken> {
     taken
 }
 
-/// What is recorded whatever the budget, and the rest.
+/// The bytes that are recorded whatever the budget, and all others.
 fn split(taken: &BTreeMap<String, Taken>) -> (usize, usize) {
     let is_always = |kind: &str| ["timeless", "cleared", "series", "answer", "log"].contains(&kind);
     let sum = |always: bool| {
@@ -75,7 +75,7 @@ fn split(taken: &BTreeMap<String, Taken>) -> (usize, usize) {
     (sum(true), sum(false))
 }
 
-/// What every tick of the scene takes, with a clock and names as they are used.
+/// Every tick of the scene and what it takes, with a clock and with names as games use them.
 fn ticks(settings: &RerunSettings, count: u32) -> Vec<(Recording, BTreeMap<String, Taken>)> {
     let mut recorded = Recorded::with(settings.clone(), DeformableCollisionPlugins::new(Update), |app| {
         app.add_plugins(TimePlugin);
@@ -90,7 +90,8 @@ fn ticks(settings: &RerunSettings, count: u32) -> Vec<(Recording, BTreeMap<Strin
     (0..count).map(tick).collect()
 }
 
-/// How many instances there are in each layer; of meshes and shapes, which are recorded whole or not at all, how many.
+/// The number of instances in each layer. Meshes and shapes are recorded whole or not at all, so they count as one
+/// each.
 fn instances(recording: &Recording) -> BTreeMap<String, usize> {
     let mut instances = BTreeMap::new();
     for row in recording.below(&[]).into_iter().filter(|row| !row.times.is_empty()) {
@@ -115,7 +116,7 @@ fn no_tick_takes_more_than_it_may_and_what_is_left_out_is_told() {
     let settings = RerunSettings { times: false, ..everything() };
     let whole = ticks(&settings, 3);
     let least_needed = whole.iter().map(|(_, taken)| split(taken).1).min().expect("there are ticks");
-    assert!(least_needed > 500_000, "{least_needed} bytes: too few for the budgets to matter");
+    assert!(least_needed > 500_000, "{least_needed} bytes are too few for the budgets to matter");
     for budget in BUDGETS {
         let mut warned: Vec<String> = Vec::new();
         for ((recording, taken), (whole, _)) in
@@ -124,9 +125,9 @@ fn no_tick_takes_more_than_it_may_and_what_is_left_out_is_told() {
             let (_, layers) = split(taken);
             let with_curves = layers + taken["series"].bytes;
             let may = budget.max(taken["series"].bytes);
-            assert!(with_curves <= may, "{with_curves} bytes where there may be {may}: {taken:#?}");
+            assert!(with_curves <= may, "{with_curves} bytes instead of at most {may}: {taken:#?}");
             if budget >= 120 << 10 {
-                assert!(with_curves > budget / 2, "{with_curves} bytes of {budget}: there is room for more");
+                assert!(with_curves > budget / 2, "only {with_curves} of {budget} bytes are used");
             }
             for row in recording.of_entity(&["log", "warnings"]) {
                 for line in row.components.texts("TextLog:text")[0].lines() {
@@ -137,7 +138,7 @@ fn no_tick_takes_more_than_it_may_and_what_is_left_out_is_told() {
             for (layer, &expected) in &expected {
                 let found = found.get(layer).copied().unwrap_or(0);
                 let is_warned = warned.iter().any(|line| line.contains(&layer.replace('_', " ")));
-                // A mesh that was left out before may be made up for in a tick in which there is room.
+                // A mesh that was left out before may be recorded later, in a tick with room for it.
                 assert!(found <= expected || layer == "meshes" || layer == "shapes", "{layer}: {found} of {expected}");
                 assert!(
                     found >= expected || is_warned,
@@ -178,10 +179,10 @@ fn what_no_longer_fits_as_a_whole_is_not_shown_as_it_was() {
     assert_eq!(shown(&recorded), [3, 2]);
     recorded.settings().bytes_per_tick = 100;
     recorded.tick();
-    assert_eq!(shown(&recorded), [3, 2], "nothing has changed, so that there is nothing to record");
+    assert_eq!(shown(&recorded), [3, 2], "nothing has changed, so there is nothing to record");
     scene.advance(&mut recorded.app, 0);
     recorded.tick();
-    // All but the floor have changed.
+    // Everything except the floor has changed.
     assert_eq!(shown(&recorded), [0, 1]);
     recorded.tick();
     assert!(recorded.last.clears().is_empty());
@@ -203,7 +204,7 @@ fn what_is_thinned_is_spread_evenly_over_a_layer() {
         for (name, entity) in scene.surfaces() {
             let shown = recorded.viewer.of(&["curvature", name]);
             let triangles = shown.map(|shown| shown.wholes("triangle")).unwrap_or_default();
-            let count = recorded.app.world().get::<Made>(entity).expect("it was made").0.triangles.len();
+            let count = recorded.app.world().get::<Made>(entity).expect("the entity has its mesh").0.triangles.len();
             kept.extend(triangles.iter().map(|&triangle| before + triangle as usize));
             counts.push((triangles.len(), count));
             before += count;
@@ -215,22 +216,22 @@ fn what_is_thinned_is_spread_evenly_over_a_layer() {
         }
         let share = kept.len() as f64 / all as f64;
         for (kept, count) in counts {
-            assert!((kept as f64 - share * count as f64).abs() <= 1.0, "{kept} of {count} where the share is {share}");
+            assert!((kept as f64 - share * count as f64).abs() <= 1.0, "{kept} of {count}, but the share is {share}");
         }
         let widest = all.div_ceil(kept.len());
-        // As if the layer were a ring: what is left out at both ends counts together.
+        // The layer counts as a ring: the gaps at both ends count together.
         let around = kept[0] + all - kept[kept.len() - 1];
         let gaps: Vec<usize> = kept.windows(2).map(|pair| pair[1] - pair[0]).chain([around]).collect();
         assert!(gaps.iter().all(|gap| (1..=widest).contains(gap)), "{budget}: {gaps:?}");
         assert_eq!(kept.len() == all, budget == 100_000, "{} of {all} with {budget}", kept.len());
         thinned += usize::from(kept.len() < all);
     }
-    assert!(thinned >= 5, "{thinned} budgets thin");
+    assert!(thinned >= 5, "only {thinned} budgets thin the layer");
 }
 
 #[test]
 fn curves_log_and_removal_take_what_the_documentation_says() {
-    // Curves of eight surfaces that jitter, each alone in its chunk.
+    // Curves of eight surfaces that jitter, each in a chunk of its own.
     let mut most = 0;
     for (_, taken) in &ticks(&RerunSettings { bytes_per_tick: 0, ..everything() }, 6)[1..] {
         let (always, layers) = split(taken);
@@ -238,7 +239,7 @@ fn curves_log_and_removal_take_what_the_documentation_says() {
         most = most.max(always);
     }
     assert!((20_000..100_000).contains(&most), "{most} bytes are always recorded");
-    // Ticks that follow one another within the batcher's fifth of a second share their chunks.
+    // Ticks within the batcher's fifth of a second share their chunks.
     let mut recorded = Recorded::new(RerunSettings { bytes_per_tick: 0, ..everything() });
     let scene = Scene::spawn(&mut recorded.app, ContactMethod::Circumsphere);
     for tick in 0..60 {

@@ -1,4 +1,4 @@
-//! Contacts in the recording are those of the store, number by number, and of the tick that they are shown at.
+//! Contacts in the recording match those of the store, value by value, in the tick at which they are shown.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -40,7 +40,7 @@ fn assert_numbers(components: &Components, contacts: &[&Seen]) {
     }
 }
 
-/// What was compared.
+/// Counts of what was compared.
 #[derive(Debug, Default)]
 struct Tally {
     contacts: usize,
@@ -51,7 +51,7 @@ struct Tally {
     near: usize,
 }
 
-/// Compares all that is shown of contacts with those of the tick.
+/// Compares everything that is shown of contacts with the contacts of the tick.
 fn compare(recorded: &mut Recorded, scene: &Scene, tally: &mut Tally) {
     let contacts = contacts(&mut recorded.app);
     let by_pair = by_pair(&contacts);
@@ -73,7 +73,7 @@ fn compare(recorded: &mut Recorded, scene: &Scene, tally: &mut Tally) {
             };
             colors.entry(class).or_default().insert(color);
         }
-        let normals = recorded.viewer.of(&["contacts", "normals", &name]).expect("it is shown");
+        let normals = recorded.viewer.of(&["contacts", "normals", &name]).expect("the viewer shows it");
         assert_eq!(bits(normals.vectors::<3>("Arrows3D:origins")), first);
         let finer = [a, b]
             .into_iter()
@@ -84,7 +84,7 @@ fn compare(recorded: &mut Recorded, scene: &Scene, tally: &mut Tally) {
         assert_eq!(arrows.len(), contacts.len());
         for (arrow, contact) in arrows.into_iter().zip(contacts) {
             let expected = contact.normal.as_dvec3() * 0.5 * finer;
-            // The mean edge is rounded to f32, and so are the pose's scale and each product.
+            // The mean edge, the scale of the pose, and each product are rounded to f32.
             assert!(
                 Vec3::from_array(arrow).as_dvec3().distance(expected) < 1.0e-6 * finer,
                 "{arrow:?} is not {expected}"
@@ -121,7 +121,7 @@ fn compare(recorded: &mut Recorded, scene: &Scene, tally: &mut Tally) {
     }
     let found: BTreeSet<Path> = recorded.viewer.below(&["contacts"]).into_keys().collect();
     assert_eq!(found, expected_paths);
-    // A color for each class, and no class shares one with another.
+    // Each class has one color, and no two classes share a color.
     assert!(colors.values().all(|colors| colors.len() == 1), "{colors:x?}");
     assert_eq!(colors.values().flatten().collect::<BTreeSet<_>>().len(), colors.len(), "{colors:x?}");
 }
@@ -152,19 +152,19 @@ fn the_deepest_contacts_carry_their_separation_as_a_label() {
     for tick in 0..3 {
         scene.advance(&mut recorded.app, tick);
         recorded.tick();
-        // The deepest of each pair: all contacts of one pair may lie in one place.
+        // The deepest contact of each pair, because all contacts of one pair may lie at the same place.
         let seen = contacts(&mut recorded.app);
         let deepest =
             |of_pair: &Vec<&Seen>| of_pair.iter().map(|contact| contact.separation).fold(f32::INFINITY, f32::min);
         let mut separations: Vec<f32> = by_pair(&seen).values().map(deepest).collect();
         separations.sort_by(f32::total_cmp);
-        let depths = recorded.viewer.of(&["contacts", "depths"]).expect("they are shown");
+        let depths = recorded.viewer.of(&["contacts", "depths"]).expect("the viewer shows them");
         let labelled = depths.floats("separation");
         assert!(labelled.len() >= 3 && separations.len() > 3);
         assert_eq!(labelled, separations[..labelled.len()]);
         for (label, separation) in depths.texts("Points3D:labels").iter().zip(labelled) {
             let label: f32 = label.parse().expect("the label begins with a number");
-            // Three digits are written.
+            // Labels have three digits.
             assert!((label - separation).abs() <= 0.005 * separation.abs(), "{label} is not {separation}");
         }
         assert_eq!(depths.vectors::<3>("Points3D:positions").len(), depths.texts("Points3D:labels").len());
@@ -196,20 +196,20 @@ fn nothing_of_an_earlier_tick_is_left_in_a_tick_without_contacts() {
     assert_eq!(shown(&recorded), [0; 5]);
     assert!(recorded.last.clears().len() >= 6);
     recorded.tick();
-    assert!(recorded.last.clears().is_empty(), "there is nothing left to clear");
+    assert!(recorded.last.clears().is_empty(), "nothing is left to clear");
 
     place(&mut recorded.app, ball, |transform| transform.translation.y = 0.2);
     recorded.tick();
     assert!(shown(&recorded)[0] >= 3);
-    let points = recorded.viewer.of(&["contacts", "points", "sheet with ball"]).expect("they touch again");
-    assert!(points.has("Points3D:colors") && points.has("Points3D:radii"), "what was cleared is logged again");
+    let points = recorded.viewer.of(&["contacts", "points", "sheet with ball"]).expect("the surfaces touch again");
+    assert!(points.has("Points3D:colors") && points.has("Points3D:radii"), "cleared components are logged again");
 }
 
 #[test]
 fn pairs_whose_names_read_alike_are_not_mixed_up() {
     let mut recorded = Recorded::new(everything());
     let app = &mut recorded.app;
-    // "a with b" with "c", and "a" with "b with c"; "d with itself", and "d" with "itself".
+    // Ambiguous names: "a with b" with "c", and "a" with "b with c"; "d with itself", and "d" with "itself".
     let sets = [("a with b", "c"), ("a", "b with c"), ("d", "itself")];
     let mut pairs = Vec::new();
     for (place, (first, second)) in sets.into_iter().enumerate() {
@@ -238,7 +238,7 @@ fn pairs_whose_names_read_alike_are_not_mixed_up() {
     assert_eq!(shown, contacts.len());
 }
 
-/// Of many pairs each row is one of all, and each instance says which pair it is of.
+/// If there are many pairs, each row covers all of them, and each instance names its pair.
 #[test]
 fn of_many_pairs_of_surfaces_there_is_one_entity_that_names_them() {
     let mut recorded = Recorded::new(everything());
@@ -252,12 +252,12 @@ fn of_many_pairs_of_surfaces_there_is_one_entity_that_names_them() {
     let seen = contacts(&mut recorded.app);
     let by_pair = by_pair(&seen);
     assert!(by_pair.len() >= 55, "{} pairs", by_pair.len());
-    let points = recorded.viewer.of(&["contacts", "points", "all pairs"]).expect("they are shown");
+    let points = recorded.viewer.of(&["contacts", "points", "all pairs"]).expect("the viewer shows them");
     let mut shown: Vec<(String, u32)> =
         points.texts("pair").into_iter().zip(points.floats("separation").iter().map(|value| value.to_bits())).collect();
     let world = recorded.app.world();
     let named = |contact: &Seen| {
-        let [a, b] = contact.sides.map(|side| world.get::<Name>(side).expect("it is named"));
+        let [a, b] = contact.sides.map(|side| world.get::<Name>(side).expect("the entity has a name"));
         (format!("{a} with {b}"), contact.separation.to_bits())
     };
     let mut expected: Vec<(String, u32)> = seen.iter().map(named).collect();
@@ -265,7 +265,7 @@ fn of_many_pairs_of_surfaces_there_is_one_entity_that_names_them() {
     expected.sort_unstable();
     assert_eq!(shown, expected);
     assert_eq!(recorded.viewer.below(&["contacts", "points"]).len(), 1);
-    let touching = recorded.viewer.of(&["pairs", "touching", "all pairs"]).expect("they are shown");
+    let touching = recorded.viewer.of(&["pairs", "touching", "all pairs"]).expect("the viewer shows them");
     assert_eq!(touching.texts("pair").len(), touching.wholes("triangle_a").len());
     assert!(touching.texts("pair").len() >= 55);
 }

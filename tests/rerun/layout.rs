@@ -1,4 +1,4 @@
-//! The layout that travels with a recording: scene, log and curves, with the layers hidden that would hide the rest.
+//! The layout that travels with a recording: scene, log, and curves. Layers that would cover the rest are hidden.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -21,7 +21,7 @@ fn recorded_layout() -> Recording {
     std::mem::take(&mut recorded.last)
 }
 
-/// Rows of a kind of part, by the part's identifier.
+/// The rows of one kind of part, by the part's identifier.
 fn parts<'a>(recording: &'a Recording, kind: &str) -> BTreeMap<String, &'a Row> {
     let own = recording.layout.iter().filter(|row| row.path.len() == 2 && row.path[0] == kind);
     own.map(|row| (row.path[1].clone(), row)).collect()
@@ -35,7 +35,7 @@ fn the_layout_is_activated_once_and_comes_before_anything_is_shown() {
     for tick in 0..4 {
         scene.advance(&mut recorded.app, tick);
         recorded.tick();
-        assert_eq!(recorded.last.layout.is_empty(), tick > 0, "once, in the first tick");
+        assert_eq!(recorded.last.layout.is_empty(), tick > 0, "the layout is sent once, in the first tick");
         let stores: BTreeSet<String> = recorded
             .last
             .messages
@@ -53,7 +53,7 @@ fn the_layout_is_activated_once_and_comes_before_anything_is_shown() {
         }
         let applications: BTreeSet<String> =
             recorded.last.messages.iter().map(|message| message.store_id().application_id().to_string()).collect();
-        assert!(applications.len() <= 1, "a layout is of the recording's application: {applications:?}");
+        assert!(applications.len() <= 1, "the layout belongs to the recording's application: {applications:?}");
     }
     assert_eq!(activations, 1);
 }
@@ -71,7 +71,7 @@ fn there_is_a_scene_a_log_and_curves_and_every_part_stands_in_the_layout() {
     assert_eq!((classes["3D"], classes["TextLog"]), (1, 1));
     assert!(classes["TimeSeries"] >= 3, "{classes:?}");
 
-    // From the root down each view is reached once.
+    // Each view is reached once from the root.
     let containers = parts(&recording, "container");
     let children: Vec<String> =
         containers.values().flat_map(|row| row.components.texts("ContainerBlueprint:contents")).collect();
@@ -79,12 +79,12 @@ fn there_is_a_scene_a_log_and_curves_and_every_part_stands_in_the_layout() {
     let unescaped: BTreeSet<String> = reached.iter().map(|part| part.replace('\\', "")).collect();
     assert_eq!(children.len(), unescaped.len());
     let root: Vec<&String> = containers.keys().filter(|identifier| !unescaped.contains(*identifier)).collect();
-    assert_eq!(root.len(), 1, "one container is in no other");
+    assert_eq!(root.len(), 1, "exactly one container is the root");
     assert!(views.keys().all(|identifier| unescaped.contains(identifier)));
     let viewport = recording.layout.iter().find(|row| row.path == ["viewport"]).expect("there is a viewport");
     assert!(viewport.components.has("ViewportBlueprint:root_container"));
 
-    // What a view asks for is there.
+    // Everything that a view refers to is recorded.
     let origins: Vec<String> =
         views.values().map(|row| row.components.texts("ViewBlueprint:space_origin")[0].clone()).collect();
     for origin in origins.iter().filter(|origin| *origin != "/" && *origin != "/log") {
@@ -99,9 +99,9 @@ fn layers_that_hide_the_rest_are_hidden_and_the_others_are_not() {
     let mut hidden = BTreeSet::new();
     for row in &recording.layout {
         if let Some(visible) = row.components.0.get("EntityBehavior:visible") {
-            let visible = visible.as_any().downcast_ref::<BooleanArray>().expect("it is a flag");
+            let visible = visible.as_any().downcast_ref::<BooleanArray>().expect("the value is a boolean");
             assert_eq!((visible.len(), visible.value(0)), (1, false));
-            let overrides = row.path.iter().position(|part| part == "overrides").expect("it is an override");
+            let overrides = row.path.iter().position(|part| part == "overrides").expect("the row is an override");
             assert_eq!(row.path.last().map(String::as_str), Some("visualizers"));
             hidden.insert(row.path[overrides + 1].clone());
         }
@@ -129,7 +129,7 @@ fn the_eye_looks_at_the_surfaces_though_they_come_late() {
         let target = eyes[0].components.vectors::<3>("EyeControls3D:look_target")[0];
         let position = eyes[0].components.vectors::<3>("EyeControls3D:position")[0];
         let (target, position) = (glam::Vec3::from_array(target), glam::Vec3::from_array(position));
-        // The box of the sheet is grown by its thickness alike on all sides; f32 at 300.
+        // The box of the sheet is grown by its thickness, equally on all sides. The tolerance is that of f32 at 300.
         assert!(target.distance(glam::Vec3::new(300.0, 20.0, -7.0)) < 1.0e-3, "{target}");
         let distance = target.distance(position);
         assert!((1.0..10.0).contains(&distance), "the sheet is 2.8 across, seen from {distance}");

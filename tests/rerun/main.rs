@@ -1,5 +1,4 @@
-//! What the Rerun debug layer records, read back from the chunks and compared number by number with the world that it
-//! was recorded from.
+//! What the Rerun debug layer records, read back from the chunks and compared value by value with the recorded world.
 //!
 //! `cargo test --features rerun --test rerun`
 

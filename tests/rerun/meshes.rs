@@ -1,4 +1,4 @@
-//! Surfaces in the recording are those of the world, bit by bit, for as long as they are there.
+//! Surfaces in the recording are bit-identical to those of the world, for as long as they exist.
 
 use bevy_circumsphere::{debug::LevelOfDetail, prelude::*};
 use bevy_ecs::prelude::*;
@@ -19,7 +19,7 @@ fn shown(viewer: &Viewer) -> Vec<String> {
     viewer.below(&["meshes"]).into_keys().map(|rest| rest.join("|")).collect()
 }
 
-/// Matrix and translation of a row, as an affine transform would be stored.
+/// Matrix and translation of a row, as an affine transform is stored.
 fn logged_transform(components: &Components) -> ([f32; 9], [f32; 3]) {
     (components.vectors("Transform3D:mat3x3")[0], components.vectors("Transform3D:translation")[0])
 }
@@ -28,12 +28,12 @@ fn rounded(affine: DAffine3) -> ([f32; 9], [f32; 3]) {
     (affine.matrix3.to_cols_array().map(|number| number as f32), affine.translation.as_vec3().to_array())
 }
 
-/// Whether the mesh that is shown is that of the world, whenever its parts were recorded.
+/// Asserts that the mesh that is shown is that of the world, whenever its parts were recorded.
 #[track_caller]
 fn assert_shown_is(recorded: &Recorded, name: &str, entity: Entity) {
     let world = recorded.app.world();
     let components = recorded.viewer.of(&["meshes", name]).unwrap_or_else(|| panic!("{name:?} is not shown"));
-    let mesh = &world.get::<Made>(entity).expect("it was made").0;
+    let mesh = &world.get::<Made>(entity).expect("the entity has its mesh").0;
     assert_eq!(components.triples("Mesh3D:triangle_indices"), mesh.triangles, "{name}");
     let expected = bits(positions(world, entity).iter().map(Vec3::to_array));
     assert_eq!(bits(components.vectors::<3>("Mesh3D:vertex_positions")), expected, "{name}");
@@ -90,7 +90,7 @@ fn vertices_have_the_color_of_what_their_triangles_do() {
         let mut colors_of_class: [Vec<u32>; 3] = Default::default();
         for (name, entity) in scene.surfaces() {
             let (touching, passed) = touching(&mut recorded.app, entity);
-            let mesh = recorded.app.world().get::<Made>(entity).expect("it was made").0.clone();
+            let mesh = recorded.app.world().get::<Made>(entity).expect("the entity has its mesh").0.clone();
             let mut classes = vec![0; mesh.positions.len()];
             for (set, class) in [(&touching, 1), (&passed, 2)] {
                 for &triangle in set {
@@ -106,7 +106,7 @@ fn vertices_have_the_color_of_what_their_triangles_do() {
                 if class == 0 { of_rest.push(color) } else { colors_of_class[class].push(color) }
             }
             of_rest.dedup();
-            assert!(of_rest.len() <= 1, "{name}: what touches nothing has the colors {of_rest:x?}");
+            assert!(of_rest.len() <= 1, "{name}: vertices that touch nothing have the colors {of_rest:x?}");
             colors_of_class[0].extend(of_rest);
         }
         let [rest, mut touching, mut passed] = colors_of_class;
@@ -122,7 +122,7 @@ fn vertices_have_the_color_of_what_their_triangles_do() {
 fn near_contacts_only_their_triangles_are_shown_at_all_vertices() {
     let mut recorded = Recorded::new(near());
     let scene = Scene::spawn(&mut recorded.app, ContactMethod::Exact);
-    // Two vertices at the place of one are one vertex, as far as neighbors go.
+    // Two vertices at one position count as one vertex when neighbors are found.
     let seamed = duplicate_vertices(&icosphere(2, 0.3));
     assert!(seamed.positions.len() > icosphere(2, 0.3).positions.len());
     let seamed = spawn(&mut recorded.app, "seamed", &seamed, (THIN, Transform::from_xyz(-0.6, 0.2, 0.4)));
@@ -132,8 +132,8 @@ fn near_contacts_only_their_triangles_are_shown_at_all_vertices() {
         recorded.tick();
         for (name, entity) in scene.surfaces().into_iter().chain([("seamed", seamed)]) {
             let near = near_contacts(&mut recorded.app, entity);
-            let mesh = recorded.app.world().get::<Made>(entity).expect("it was made").0.clone();
-            let components = recorded.viewer.of(&["meshes", name]).expect("it is shown");
+            let mesh = recorded.app.world().get::<Made>(entity).expect("the entity has its mesh").0.clone();
+            let components = recorded.viewer.of(&["meshes", name]).expect("the viewer shows it");
             let expected: Vec<[u32; 3]> = near.iter().map(|&triangle| mesh.triangles[triangle as usize]).collect();
             assert_eq!(components.triples("Mesh3D:triangle_indices"), expected, "{name} at {tick}");
             let expected = bits(positions(recorded.app.world(), entity).iter().map(Vec3::to_array));
@@ -148,7 +148,7 @@ fn near_contacts_only_their_triangles_are_shown_at_all_vertices() {
 
 #[test]
 fn a_mesh_of_which_nothing_is_near_a_contact_is_not_shown_at_all() {
-    // The viewer refuses a mesh without triangles, and says so.
+    // The viewer rejects a mesh without triangles and reports it.
     let mut recorded = Recorded::new(near());
     let app = &mut recorded.app;
     spawn(app, "below", &sheet(3), THIN);
@@ -162,7 +162,7 @@ fn a_mesh_of_which_nothing_is_near_a_contact_is_not_shown_at_all() {
     place(&mut recorded.app, above, |transform| transform.translation.y = 0.03);
     recorded.tick();
     assert_eq!(shown(&recorded.viewer), ["above", "below"]);
-    let mesh = recorded.viewer.of(&["meshes", "below"]).expect("it is shown");
+    let mesh = recorded.viewer.of(&["meshes", "below"]).expect("the viewer shows it");
     assert!(!mesh.triples("Mesh3D:triangle_indices").is_empty() && mesh.has("Mesh3D:vertex_positions"));
 }
 
@@ -180,14 +180,14 @@ fn poses_come_from_the_entity_and_all_its_parents() {
     let in_world = spawn(app, "in world", &sheet(2), (own, SurfaceFrame::World));
     recorded.tick();
     assert_shown_is(&recorded, "child", child);
-    let components = recorded.viewer.of(&["meshes", "in world"]).expect("it is shown");
+    let components = recorded.viewer.of(&["meshes", "in world"]).expect("the viewer shows it");
     assert_eq!(logged_transform(components), rounded(DAffine3::IDENTITY));
     assert!(recorded.app.world().get::<SurfaceFrame>(in_world).is_some());
 
     place(&mut recorded.app, top, |transform| transform.translation.x += 1.0);
     recorded.tick();
     assert_shown_is(&recorded, "child", child);
-    assert!(recorded.last.row(&["meshes", "in world"]).is_none(), "nothing of it has changed");
+    assert!(recorded.last.row(&["meshes", "in world"]).is_none(), "it has not changed");
     let row = recorded.last.row(&["meshes", "child"]).expect("its parent has moved");
     assert!(!row.components.has("Mesh3D:vertex_positions"));
 }
@@ -203,7 +203,7 @@ fn another_mesh_for_the_same_surface_brings_its_triangles() {
     recorded.tick();
     assert_shown_is(&recorded, "changing", entity);
 
-    // As many vertices in the same places, and other triangles.
+    // The same number of vertices at the same positions, but different triangles.
     let mut turned = icosphere(1, 1.0);
     turned.triangles.reverse();
     let (surface, own) = DeformableSurface::from_mesh(&points(&turned), &turned.triangles).expect("the mesh is valid");
@@ -232,7 +232,7 @@ fn every_name_is_a_path_of_its_own_whatever_it_is_made_of() {
         .collect();
     let empty = spawn(app, "", &mesh, apart(20));
     let unnamed = spawn_unnamed(app, &mesh, apart(21));
-    // Could be read as names of pairs: they are numbered.
+    // These could be read as names of pairs, so they are numbered.
     let of_two = ["a with b", "itself"].map(|name| (name, spawn(app, name, &mesh, apart(30 + name.len()))));
     recorded.tick();
     for (name, entity) in &named {
@@ -252,7 +252,7 @@ fn no_two_surfaces_have_the_same_path() {
     let app = &mut recorded.app;
     let mesh = sheet(1);
     let apart = |place: usize| Transform::from_xyz(0.0, place as f32, 0.0);
-    // Names that the entities which come after would get to tell them apart.
+    // Names that later entities would get to tell them apart.
     let next = app.world_mut().spawn_empty().id();
     app.world_mut().despawn(next);
     let mut made = Vec::new();
@@ -266,7 +266,7 @@ fn no_two_surfaces_have_the_same_path() {
     for (place, entity) in unnamed.iter().enumerate() {
         made.push(spawn(app, &format!("surface {entity}"), &mesh, (apart(60 + place), SurfaceOrder(0))));
     }
-    // The order of registration is turned round: those with the long names come first.
+    // The order of registration is reversed, so entities with long names come first.
     for (place, &entity) in made.iter().rev().enumerate() {
         app.world_mut().entity_mut(entity).insert(SurfaceOrder(place as u32));
     }
@@ -296,8 +296,8 @@ fn what_is_gone_is_no_longer_shown_and_comes_back_whole() {
     let world = recorded.app.world_mut();
     world.despawn(gone[0]);
     world.entity_mut(gone[1]).insert(SurfaceDisabled);
-    world.get_mut::<SurfacePositions>(gone[2]).expect("it is a surface").0.clear();
-    world.get_mut::<SurfacePositions>(gone[3]).expect("it is a surface").0[3].y = f32::NAN;
+    world.get_mut::<SurfacePositions>(gone[2]).expect("the entity is a surface").0.clear();
+    world.get_mut::<SurfacePositions>(gone[3]).expect("the entity is a surface").0[3].y = f32::NAN;
     world.entity_mut(gone[4]).remove::<DeformableSurface>();
     recorded.tick();
     assert_eq!(shown(&recorded.viewer), ["stays"]);
@@ -309,8 +309,8 @@ fn what_is_gone_is_no_longer_shown_and_comes_back_whole() {
 
     let world = recorded.app.world_mut();
     world.entity_mut(gone[1]).remove::<SurfaceDisabled>();
-    world.get_mut::<SurfacePositions>(gone[2]).expect("it is a surface").0 = points(&mesh);
-    world.get_mut::<SurfacePositions>(gone[3]).expect("it is a surface").0 = points(&mesh);
+    world.get_mut::<SurfacePositions>(gone[2]).expect("the entity is a surface").0 = points(&mesh);
+    world.get_mut::<SurfacePositions>(gone[3]).expect("the entity is a surface").0 = points(&mesh);
     let (surface, _) = DeformableSurface::from_mesh(&points(&mesh), &mesh.triangles).expect("the mesh is valid");
     world.entity_mut(gone[4]).insert(surface);
     recorded.tick();
@@ -334,11 +334,11 @@ fn a_new_surface_takes_the_place_of_a_despawned_one_of_its_name() {
     recorded.tick();
     let meshes = recorded.viewer.below(&["meshes"]);
     assert_eq!(meshes.len(), 1, "{:?}", meshes.keys());
-    let name = meshes.keys().next().expect("there is one")[0].clone();
+    let name = meshes.keys().next().expect("there is one mesh")[0].clone();
     assert!(name.starts_with("sleeve"), "{name}");
     assert_shown_is(&recorded, &name, higher);
 
-    // Once a name is free, who comes next has it as it is.
+    // Once a name is free, the next surface gets it unchanged.
     recorded.app.world_mut().despawn(higher);
     recorded.tick();
     let next = spawn(&mut recorded.app, "sleeve", &mesh, Transform::from_xyz(0.0, 4.0, 0.0));
@@ -356,7 +356,7 @@ fn shapes_are_outlined_where_they_are_and_leave_with_their_entity() {
     let shape = SharedShape::cuboid(0.2, 0.3, 0.4);
     let cuboid = recorded.app.world_mut().spawn((RigidShape(shape), Name::new("box"), turned)).id();
     recorded.tick();
-    let components = recorded.viewer.of(&["shapes", "box"]).expect("it is shown");
+    let components = recorded.viewer.of(&["shapes", "box"]).expect("the viewer shows it");
     let corners: Vec<[f32; 3]> = components.strips().into_iter().flatten().collect();
     assert_eq!(components.strips().len(), 12, "a box has twelve edges");
     for corner in &corners {
@@ -367,18 +367,18 @@ fn shapes_are_outlined_where_they_are_and_leave_with_their_entity() {
 
     place(&mut recorded.app, cuboid, |transform| transform.translation.x = 9.0);
     recorded.tick();
-    let row = recorded.last.row(&["shapes", "box"]).expect("it has moved");
+    let row = recorded.last.row(&["shapes", "box"]).expect("the box has moved");
     assert!(!row.components.has("LineStrips3D:strips"), "its outline is known already");
-    let components = recorded.viewer.of(&["shapes", "box"]).expect("it is shown");
+    let components = recorded.viewer.of(&["shapes", "box"]).expect("the viewer shows it");
     assert_eq!(logged_transform(components), rounded(world_affine(recorded.app.world(), cuboid)));
-    assert!(recorded.last.row(&["shapes", "floor"]).is_none(), "nothing of it has changed");
+    assert!(recorded.last.row(&["shapes", "floor"]).is_none(), "it has not changed");
 
     recorded.app.world_mut().entity_mut(cuboid).insert(RigidShape(SharedShape::ball(0.7)));
     recorded.tick();
-    let strips = recorded.viewer.of(&["shapes", "box"]).expect("it is shown").strips();
+    let strips = recorded.viewer.of(&["shapes", "box"]).expect("the viewer shows it").strips();
     assert!(strips.len() > 12);
     for point in strips.into_iter().flatten() {
-        // Sine and cosine of f32, a few units in the last place of a radius.
+        // Sine and cosine in f32: a few units in the last place of a radius.
         assert!((Vec3::from_array(point).length() - 0.7).abs() < 1.0e-6, "{point:?}");
     }
     recorded.app.world_mut().despawn(cuboid);
@@ -410,7 +410,7 @@ fn meshes_follow_their_level_of_detail_while_the_app_runs() {
         for (name, entity) in scene.surfaces() {
             let shown =
                 recorded.viewer.of(&["meshes", name]).map(|shown| shown.triples("Mesh3D:triangle_indices").len());
-            let all = count(&recorded.app.world().get::<Made>(entity).expect("it was made").0);
+            let all = count(&recorded.app.world().get::<Made>(entity).expect("the entity has its mesh").0);
             let expected = match level {
                 LevelOfDetail::Off => None,
                 LevelOfDetail::NearContacts => Some(near_contacts(&mut recorded.app, entity).len()),
@@ -439,7 +439,7 @@ fn without_meshes_nothing_of_them_is_recorded() {
     }
 }
 
-/// A scene of any size shows the ground on which it stands, and not only where the ground's origin is.
+/// A scene of any size shows the ground on which it stands, and not only the area around the ground's origin.
 #[test]
 fn a_half_space_is_a_grid_as_large_as_the_scene_and_under_it() {
     for size in [0.01, 1.0, 1000.0] {
@@ -450,12 +450,12 @@ fn a_half_space_is_a_grid_as_large_as_the_scene_and_under_it() {
         let scaled = Transform::from_xyz(3.0 * size, 0.0, 0.0).with_scale(Vec3::splat(2.0));
         recorded.app.world_mut().spawn((floor, Name::new("floor"), scaled));
         recorded.tick();
-        let strips = recorded.viewer.of(&["shapes", "floor"]).expect("it is shown").strips();
+        let strips = recorded.viewer.of(&["shapes", "floor"]).expect("the viewer shows it").strips();
         let points: Vec<Vec3> =
             strips.iter().flatten().map(|&point| scaled.transform_point(Vec3::from_array(point))).collect();
         let box_of = |pick: fn(Vec3, Vec3) -> Vec3| points.iter().copied().reduce(pick).expect("there are lines");
         let (low, high) = (box_of(Vec3::min), box_of(Vec3::max));
-        // Points in single precision, at seventy times the size of the scene.
+        // Points are in single precision, at seventy times the size of the scene.
         let rounding = 70.0 * size * 1.0e-6;
         assert!(low.y.abs().max(high.y.abs()) <= rounding, "{low} {high}");
         let center = (low + high) * 0.5;

@@ -1,4 +1,4 @@
-//! Contacts, events and what is remembered from tick to tick are the same to the last bit, whatever is recorded.
+//! Contacts, events, and remembered state are bit-identical, whatever is recorded.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -14,7 +14,7 @@ use crate::world::{Scene, everything, near, place, stream};
 
 const TICKS: u32 = 9;
 
-/// Messages and entity events in the order in which they came.
+/// Messages and entity events, in the order in which they arrived.
 #[derive(Resource, Default)]
 struct Journal(Vec<String>);
 
@@ -38,7 +38,7 @@ fn observe(on: On<SurfaceContactStart>, names: Query<&Name>, mut journal: ResMut
     journal.0.push(format!("observed {} {}", name(on.entity), name(on.other)));
 }
 
-/// The store by names, every float to the last bit: `Debug` writes the shortest number that reads back as the same.
+/// The store by names, for a bitwise comparison: `Debug` writes the shortest number that reads back as the same float.
 fn fingerprint(app: &App, scene: &Scene) -> Vec<String> {
     let store = app.world().resource::<ContactStore>();
     let mut lines = vec![format!("tick {}", store.tick())];
@@ -51,7 +51,7 @@ fn fingerprint(app: &App, scene: &Scene) -> Vec<String> {
     lines
 }
 
-/// Who looks.
+/// How a run is recorded.
 #[derive(Clone, Debug)]
 enum Recording {
     Absent,
@@ -94,9 +94,9 @@ fn run(method: ContactMethod, threads: usize, recording: &Recording) -> Outcome 
         // Down through the flat sheet and the floor, so that sides are remembered.
         place(&mut app, scene.crumpled, |transform| transform.translation.y -= 0.04);
         if tick == 5 {
-            app.world_mut().get_mut::<SurfacePositions>(scene.ball).expect("it is a surface").0[0].x = f32::NAN;
+            app.world_mut().get_mut::<SurfacePositions>(scene.ball).expect("the entity is a surface").0[0].x = f32::NAN;
         } else if tick == 8 {
-            app.world_mut().get_mut::<SurfacePositions>(scene.ball).expect("it is a surface").0[0].x = 0.0;
+            app.world_mut().get_mut::<SurfacePositions>(scene.ball).expect("the entity is a surface").0[0].x = 0.0;
         }
         app.update();
         penetrating +=
@@ -111,12 +111,12 @@ fn run(method: ContactMethod, threads: usize, recording: &Recording) -> Outcome 
 #[test]
 fn contacts_and_events_are_the_same_whoever_records_them() {
     let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(4).build());
-    assert!(pool.thread_num() > 1, "the pool of this process has one thread: nothing to compare");
+    assert!(pool.thread_num() > 1, "the task pool has one thread, so there is nothing to compare");
     for method in ContactMethod::ALL {
         let alone = run(method, 1, &Recording::Absent);
         let lines: usize = alone.ticks.iter().map(Vec::len).sum();
         assert!(lines > 1000, "{method:?}: {lines} lines");
-        assert!(alone.penetrating > 30, "{method:?}: {} have passed each other", alone.penetrating);
+        assert!(alone.penetrating > 30, "{method:?}: only {} contacts have passed each other", alone.penetrating);
         assert!(alone.journal.len() >= 6, "{method:?}: {:?}", alone.journal);
         let of = [
             Recording::NoSink,
@@ -125,7 +125,7 @@ fn contacts_and_events_are_the_same_whoever_records_them() {
             Recording::Of(RerunSettings { every: 3, bytes_per_tick: 30_000, ..near() }),
         ];
         for (place, recording) in of.iter().enumerate() {
-            // Each combination of a method with one thread and with several, and with each recording.
+            // Each method runs with one thread, with several, and with each recording.
             let threads = place % 2;
             let found = run(method, threads, recording);
             for (tick, (expected, found)) in alone.ticks.iter().zip(&found.ticks).enumerate() {

@@ -17,7 +17,7 @@ use crate::world::{Recorded, Scene, everything, near_contacts, nothing, world_co
 /// Pairs of triangles by the path of their entity below `pairs`.
 type Fates = BTreeMap<Vec<String>, Vec<[u32; 2]>>;
 
-/// All pairs that have a fate: their two sides, whether the second is a shape, their triangles and fates.
+/// All pairs that have a fate: both sides, whether the second is a shape, and the triangles with their fates.
 type Told = Vec<([Entity; 2], bool, Vec<([u32; 2], PairFate)>)>;
 
 fn told(recorded: &mut Recorded) -> Told {
@@ -38,7 +38,7 @@ fn told(recorded: &mut Recorded) -> Told {
     recorded.app.world_mut().run_system_once(read).expect("fates can be read")
 }
 
-/// What is shown, sorted; every line is compared with the triangles that it is drawn for.
+/// The pairs that are shown, sorted. Every line is compared with the triangles that it is drawn for.
 fn shown(recorded: &Recorded, scene: &Scene) -> Fates {
     let world = recorded.app.world();
     let entity = |name: &str| {
@@ -64,7 +64,7 @@ fn shown(recorded: &Recorded, scene: &Scene) -> Fates {
             };
             assert_eq!(line.len(), expected.len());
             for (found, expected) in line.into_iter().zip(expected) {
-                // Rounded once to f32, coordinates within 2.
+                // Rounded once to f32, with coordinates within 2.
                 let apart = glam::Vec3::from_array(found).as_dvec3().distance(expected);
                 assert!(apart < 4.0 * f64::from(f32::EPSILON), "{found:?} is not {expected}");
             }

@@ -1,6 +1,6 @@
 //! Reads recorded chunks back: rows as they were logged, and what a viewer shows of them.
 //!
-//! Decoding is that of the Rerun crates; nothing here knows how the debug layer writes.
+//! The Rerun crates decode the chunks. Nothing here knows how the debug layer writes.
 
 use std::collections::BTreeMap;
 
@@ -12,28 +12,28 @@ use rerun::{
     log::{Chunk, LogMsg, RowId},
 };
 
-/// An entity's path, its parts unescaped.
+/// The path of an entity, with its parts unescaped.
 pub type Path = Vec<String>;
 
 pub fn path(parts: &[&str]) -> Path {
     parts.iter().map(|&part| part.to_owned()).collect()
 }
 
-/// Components of one row by their identifier, each the list of its instances.
+/// The components of one row by their identifier. Each is the list of its instances.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Components(pub BTreeMap<String, ArrayRef>);
 
-/// What was logged of one entity at once.
+/// The components that were logged together for one entity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     pub path: Path,
-    /// Empty: for all times.
+    /// Empty if the row applies to all times.
     pub times: BTreeMap<String, i64>,
     pub components: Components,
     pub id: RowId,
 }
 
-/// The rows of a recording in the order in which they were logged, apart from those of its layout.
+/// The rows of a recording in the order in which they were logged. The rows of its layout are kept apart.
 #[derive(Debug, Default)]
 pub struct Recording {
     pub rows: Vec<Row>,
@@ -41,7 +41,7 @@ pub struct Recording {
     pub messages: Vec<LogMsg>,
 }
 
-/// What a viewer shows: of each component the newest row, unless it was cleared since.
+/// What a viewer shows: the newest row of each component, unless it was cleared since.
 #[derive(Clone, Debug, Default)]
 pub struct Viewer(pub BTreeMap<Path, Components>);
 
@@ -65,7 +65,7 @@ impl Recording {
         let mut recording = Self::default();
         for message in &messages {
             if let LogMsg::ArrowMsg(store, message) = message {
-                let chunk = Chunk::from_arrow_msg(message).expect("it is a chunk");
+                let chunk = Chunk::from_arrow_msg(message).expect("the message is a chunk");
                 chunk.sanity_check().expect("the chunk is sane");
                 let of_kind = if store.is_blueprint() { &mut recording.layout } else { &mut recording.rows };
                 of_kind.extend(
@@ -78,7 +78,7 @@ impl Recording {
         recording
     }
 
-    /// The rows at and below a path, what clears them left out.
+    /// The rows at and below a path, without those that clear it.
     pub fn below(&self, parts: &[&str]) -> Vec<&Row> {
         let path = path(parts);
         self.rows.iter().filter(|row| row.path.starts_with(&path) && !row.is_clear()).collect()
@@ -90,11 +90,11 @@ impl Recording {
         self.rows.iter().filter(|row| row.path == path && !row.is_clear()).collect()
     }
 
-    /// The one row of an entity, if there is any.
+    /// The only row of an entity, if there is one.
     #[track_caller]
     pub fn row(&self, parts: &[&str]) -> Option<&Row> {
         let rows = self.of_entity(parts);
-        assert!(rows.len() <= 1, "{parts:?} has {} rows where it may have one", rows.len());
+        assert!(rows.len() <= 1, "{parts:?} has {} rows instead of at most one", rows.len());
         rows.first().copied()
     }
 
@@ -102,7 +102,7 @@ impl Recording {
         self.rows.iter().filter(|row| row.is_clear()).collect()
     }
 
-    /// The first parts of the paths that there are rows for.
+    /// The first parts of all paths with rows.
     pub fn layers(&self) -> Vec<&str> {
         let mut layers: Vec<&str> = self
             .rows
@@ -128,11 +128,11 @@ impl Row {
 }
 
 impl Viewer {
-    /// Takes up the next rows, in the order in which they were logged.
+    /// Adds the next rows, in the order in which they were logged.
     pub fn show(&mut self, recording: &Recording) {
         for row in &recording.rows {
             if let Some(recursive) = row.components.0.get("Clear:is_recursive") {
-                let recursive = recursive.as_any().downcast_ref::<BooleanArray>().expect("it is a flag").value(0);
+                let recursive = recursive.as_any().downcast_ref::<BooleanArray>().expect("it is a boolean").value(0);
                 self.0.retain(|path, _| !(path == &row.path || recursive && path.starts_with(&row.path)));
             } else if !row.times.is_empty() {
                 let shown = self.0.entry(row.path.clone()).or_default();
@@ -145,7 +145,7 @@ impl Viewer {
         self.0.get(&path(parts))
     }
 
-    /// What is shown below a path, by the rest of the paths.
+    /// The components shown below a path, by the rest of their paths.
     pub fn below(&self, parts: &[&str]) -> BTreeMap<Path, &Components> {
         let path = path(parts);
         let below = self.0.iter().filter(|(other, _)| other.starts_with(&path));
@@ -155,10 +155,10 @@ impl Viewer {
 
 fn cast<T: Array + Clone + 'static>(array: &ArrayRef) -> T {
     let found = array.data_type();
-    array.as_any().downcast_ref::<T>().unwrap_or_else(|| panic!("it is of another type: {found}")).clone()
+    array.as_any().downcast_ref::<T>().unwrap_or_else(|| panic!("the array has another type: {found}")).clone()
 }
 
-/// The values of a list of lists of a fixed length, without the lists.
+/// The flattened values of a list of lists of fixed length.
 fn flat(array: &ArrayRef) -> ArrayRef {
     match array.as_any().downcast_ref::<FixedSizeListArray>() {
         Some(list) => list.values().clone(),
@@ -177,13 +177,13 @@ impl Components {
         self.0.get(name).unwrap_or_else(|| panic!("there is no {name} among {names:?}"))
     }
 
-    /// What the numbers themselves take.
+    /// The number of bytes of the numbers themselves.
     pub fn bytes(&self) -> usize {
-        let of = |array: &ArrayRef| array.to_data().get_slice_memory_size().expect("its size is known");
+        let of = |array: &ArrayRef| array.to_data().get_slice_memory_size().expect("the size is known");
         self.0.values().map(of).sum()
     }
 
-    /// How many instances the component has that has most.
+    /// The largest number of instances of a component.
     pub fn longest(&self) -> usize {
         self.0.values().map(Array::len).max().unwrap_or(0)
     }
@@ -196,7 +196,7 @@ impl Components {
     #[track_caller]
     pub fn vectors<const N: usize>(&self, name: &str) -> Vec<[f32; N]> {
         let floats = self.floats(name);
-        floats.chunks_exact(N).map(|chunk| chunk.try_into().expect("it is as long")).collect()
+        floats.chunks_exact(N).map(|chunk| chunk.try_into().expect("the chunk has the right length")).collect()
     }
 
     #[track_caller]
@@ -204,7 +204,7 @@ impl Components {
         cast::<UInt32Array>(&flat(self.get(name))).values().to_vec()
     }
 
-    /// Whole numbers, some of which may be missing.
+    /// Whole numbers. Some may be missing.
     #[track_caller]
     pub fn optional_wholes(&self, name: &str) -> Vec<Option<u32>> {
         cast::<UInt32Array>(self.get(name)).iter().collect()
@@ -212,7 +212,7 @@ impl Components {
 
     #[track_caller]
     pub fn triples(&self, name: &str) -> Vec<[u32; 3]> {
-        self.wholes(name).chunks_exact(3).map(|chunk| chunk.try_into().expect("it is as long")).collect()
+        self.wholes(name).chunks_exact(3).map(|chunk| chunk.try_into().expect("it has length 3")).collect()
     }
 
     #[track_caller]
@@ -224,7 +224,7 @@ impl Components {
 
     #[track_caller]
     pub fn texts(&self, name: &str) -> Vec<String> {
-        cast::<StringArray>(self.get(name)).iter().map(|text| text.expect("there is a text").to_owned()).collect()
+        cast::<StringArray>(self.get(name)).iter().map(|text| text.expect("the text is not null").to_owned()).collect()
     }
 
     #[track_caller]
@@ -232,13 +232,13 @@ impl Components {
         let strips = cast::<ListArray>(self.get("LineStrips3D:strips"));
         let strip = |place: usize| {
             let floats = cast::<Float32Array>(&flat(&strips.value(place)));
-            floats.values().chunks_exact(3).map(|chunk| chunk.try_into().expect("it is as long")).collect()
+            floats.values().chunks_exact(3).map(|chunk| chunk.try_into().expect("it has length 3")).collect()
         };
         (0..strips.len()).map(strip).collect()
     }
 }
 
-/// Bits of vectors, which tell 0 from −0.
+/// The bits of vectors, which distinguish 0 from −0.
 pub fn bits<const N: usize>(vectors: impl IntoIterator<Item = [f32; N]>) -> Vec<[u32; N]> {
     vectors.into_iter().map(|vector| vector.map(f32::to_bits)).collect()
 }

@@ -1,4 +1,4 @@
-//! Two recordings of the same ticks are the same, and looking changes nothing of what is looked at.
+//! Two recordings of the same ticks are equal, and recording does not change the results.
 
 use bevy_circumsphere::{debug::RerunSettings, prelude::*};
 
@@ -7,7 +7,7 @@ use crate::{
     world::{Recorded, Scene, everything, near},
 };
 
-/// Rows without their identifiers, which hold the wall clock's time.
+/// Rows without their identifiers, which contain the wall-clock time.
 fn rows(recording: &Recording) -> Vec<Row> {
     let id = rerun::log::RowId::ZERO;
     recording.rows.iter().map(|row| Row { id, ..row.clone() }).collect()

@@ -1,4 +1,4 @@
-//! Curves in the recording are what the diagnostics say, and what follows from contacts and positions of the ticks.
+//! Curves in the recording match the diagnostics, and the contacts and positions of the ticks.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ fn only_series() -> RerunSettings {
     RerunSettings { series: true, ..nothing() }
 }
 
-/// The values of a tick's curves below `series`, by plot and name.
+/// The values of a tick's curves in one plot below `series`, by name.
 fn curves(recording: &Recording, plot: &str) -> BTreeMap<String, f64> {
     let rows = recording.below(&["series", plot]).into_iter().filter(|row| !row.times.is_empty());
     rows.map(|row| (row.path[2..].join("|"), row.components.scalar())).collect()
@@ -50,7 +50,7 @@ fn times_and_counts_are_those_of_the_diagnostics() {
             let ran = |name: &String| diagnostics.stages.iter().any(|stage| stage.name == name);
             let others = milliseconds.iter().filter(|(name, _)| !ran(name) && *name != "recording");
             assert!(others.clone().all(|(_, &time)| time == 0.0), "{:?}", others.collect::<Vec<_>>());
-            assert_eq!(milliseconds["recording"] > 0.0, tick > 0, "what recording the tick before took");
+            assert_eq!(milliseconds["recording"] > 0.0, tick > 0, "the time that recording the previous tick took");
             let found = curves(&recorded.last, "counts");
             assert_eq!(found["examined"], diagnostics.pairs_examined as f64);
             assert_eq!(found["recipes refreshed"], diagnostics.recipes_refreshed as f64);
@@ -87,7 +87,7 @@ fn a_stage_that_did_not_run_falls_to_zero() {
     assert_eq!(curves(&recorded.last, "milliseconds")["refit"], 0.0);
 }
 
-/// Names a contact of a tick and says where it points.
+/// The normal of each contact of a tick.
 type Normals = BTreeMap<([Entity; 2], ContactKey), Vec3>;
 
 #[test]
@@ -118,7 +118,7 @@ fn churn_and_normal_jump_are_those_between_two_ticks() {
             let jump = jump.fold(0.0, f64::max);
             let steadiness = curves(&recorded.last, "steadiness");
             assert_close(steadiness["contact churn"], churn, 1.0e-12, "churn");
-            // The arc cosine of f32 unit vectors: half of their digits where they agree.
+            // The arc cosine of f32 unit vectors keeps half of their digits where they agree.
             assert_close(steadiness["normal jump in turns"], jump, 1.0e-4, "normal jump");
             churned += usize::from(churn > 0.0 && churn < 1.0);
             turned += usize::from(jump > 1.0e-3);
@@ -133,7 +133,7 @@ fn jitter_of_an_oscillation_is_four_times_its_amplitude() {
     const AMPLITUDE: f32 = 1.0 / 256.0;
     let mut recorded = Recorded::new(only_series());
     let app = &mut recorded.app;
-    // Edges along x and z of 0.25, diagonals √2 as long.
+    // Edges along x and z are 0.25 long, and diagonals √2 times as long.
     spawn(app, "resting", &sheet(8), THIN);
     let shaken =
         spawn(app, "shaken", &sheet(8), (THIN, Transform::from_xyz(0.0, 0.03, 0.0).with_scale(Vec3::splat(2.0))));
@@ -148,16 +148,17 @@ fn jitter_of_an_oscillation_is_four_times_its_amplitude() {
         recorded.tick();
         let steadiness = curves(&recorded.last, "steadiness");
         let (resting, shaken) = (steadiness.get("jitter of resting"), steadiness.get("jitter of shaken"));
-        // From one side to the other, in twice the thickness; both are rounded to f32.
+        // The motion from one side to the other, in units of twice the thickness. Both are rounded to f32.
         let way = if tick == 0 { 0.0 } else { 2.0 * 2.0 * f64::from(AMPLITUDE) / (2.0 * f64::from(THICKNESS)) };
         assert_close(curves(&recorded.last, "motion")["largest motion"], way, 1.0e-6 * way, "motion");
         if tick < 2 {
-            assert_eq!((resting, shaken), (None, None), "two ticks tell nothing");
+            assert_eq!((resting, shaken), (None, None), "two ticks are not enough");
         } else {
             assert_eq!(resting, Some(&0.0));
-            // Twice as large as in the surface's own frame; positions are exact in f32, the mean edge is rounded to it.
+            // The motion is twice as large as in the surface's own frame. Positions are exact in f32, and the mean edge
+            // is rounded to f32.
             let expected = 4.0 * 2.0 * f64::from(AMPLITUDE) / mean_edge;
-            assert_close(*shaken.expect("it touches"), expected, 1.0e-6 * expected, "jitter");
+            assert_close(*shaken.expect("the bodies touch"), expected, 1.0e-6 * expected, "jitter");
             assert_close(steadiness["largest jitter"], expected, 1.0e-6 * expected, "largest jitter");
             compared += 1;
         }
@@ -206,25 +207,25 @@ fn curves_know_nothing_of_the_time_before_they_were_switched_on_again() {
         recorded.tick();
         let steadiness = curves(&recorded.last, "steadiness");
         assert_eq!(steadiness["largest jitter"], 0.0, "{tick} ticks later");
-        // Like in the very first tick, all contacts are new.
+        // As in the very first tick, all contacts are new.
         assert_eq!(steadiness["contact churn"], if tick == 0 { 1.0 } else { 0.0 }, "{tick} ticks later");
         assert_eq!(steadiness["normal jump in turns"], 0.0, "{tick} ticks later");
     }
 }
 
-/// How far a response pushes out.
+/// The surface that a response pushes, and how far.
 #[derive(Resource)]
 struct Push(Entity, Vec3);
 
 fn push(push: Res<Push>, mut positions: Query<&mut SurfacePositions>) {
-    for position in &mut positions.get_mut(push.0).expect("it is a surface").0 {
+    for position in &mut positions.get_mut(push.0).expect("the entity is a surface").0 {
         *position += push.1;
     }
 }
 
 #[test]
 fn overlap_left_is_what_a_response_has_not_pushed_out() {
-    // A sheet over a floor, deeper in it at one side; lengths are in the sheet's frame, which is half as large.
+    // A sheet over a floor, deeper in it at one side. Lengths are in the sheet's frame, which is half as large.
     for (pushed, with_pose) in [(0.0, false), (0.01, false), (0.05, false), (-0.02, false), (0.04, true)] {
         let mut recorded = Recorded::with(only_series(), DeformableCollisionPlugins::new(Update), |app| {
             app.add_systems(Update, push.in_set(DeformableSystems::Respond));
@@ -238,7 +239,7 @@ fn overlap_left_is_what_a_response_has_not_pushed_out() {
         app.insert_resource(Push(upper, Vec3::new(0.0, pushed / scale, 0.0)));
         recorded.tick();
         let depths = curves(&recorded.last, "depths");
-        // The deepest vertex is at −0.015 of 0.03 above the floor.
+        // The deepest vertex is at −0.015, and the contact distance is 0.03.
         let (distance, tolerance) = (-0.015, 8.0 * f64::from(f32::EPSILON));
         let pushed = f64::from(pushed);
         assert_close(depths["penetration found"], -distance, tolerance, "penetration found");
@@ -250,12 +251,13 @@ fn overlap_left_is_what_a_response_has_not_pushed_out() {
 
 #[test]
 fn both_sides_of_a_contact_and_every_vertex_by_its_share_count_for_what_is_left() {
-    // Two sheets, the upper one with its vertices over the inside of the lower one's triangles; each gives way by half.
+    // Two sheets. The vertices of the upper one lie above the inside of the lower one's triangles. Both move, and
+    // together they remove half of the overlap.
     #[derive(Resource)]
     struct Both([(Entity, Vec3); 2]);
     fn part(both: Res<Both>, mut positions: Query<&mut SurfacePositions>) {
         for (entity, push) in both.0 {
-            for position in &mut positions.get_mut(entity).expect("it is a surface").0 {
+            for position in &mut positions.get_mut(entity).expect("the entity is a surface").0 {
                 *position += push;
             }
         }
@@ -270,7 +272,7 @@ fn both_sides_of_a_contact_and_every_vertex_by_its_share_count_for_what_is_left(
     recorded.tick();
     assert!(contacts(&mut recorded.app).len() > 8);
     let depths = curves(&recorded.last, "depths");
-    // Contacts at a slant are farther apart, and open by less: none of them is the deepest.
+    // Slanted contacts are farther apart and open by less, so none of them is the deepest.
     let tolerance = 16.0 * f64::from(f32::EPSILON);
     assert_close(depths["overlap found"], 0.02, tolerance, "overlap found");
     assert_close(depths["overlap left"], 0.01, tolerance, "overlap left");
@@ -293,8 +295,8 @@ fn curves_of_surfaces_that_are_gone_end() {
         rows.push(curves(&recorded.last, "steadiness").len());
         recorded.app.world_mut().despawn(passing);
     }
-    assert!(jitters >= 20, "{jitters} of their values");
-    assert!(rows.iter().all(|&count| count == rows[0]), "more curves in every tick: {rows:?}");
+    assert!(jitters >= 20, "only {jitters} jitter values");
+    assert!(rows.iter().all(|&count| count == rows[0]), "the number of curves grows: {rows:?}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Settings do what they say, also when they change while the app runs.
+//! Settings have their documented effect, also when they change while the app runs.
 
 use std::collections::BTreeSet;
 
@@ -36,7 +36,7 @@ fn layers_are_recorded_every_so_many_ticks_and_then_as_they_are() {
             let timed = recorded.last.rows.iter().filter(|row| !row.times.is_empty());
             assert!(timed.clone().count() > 40 && timed.clone().all(|row| row.tick() == i64::from(tick)));
             for (name, entity) in scene.surfaces() {
-                let shown = recorded.viewer.of(&["meshes", name]).expect("it is shown");
+                let shown = recorded.viewer.of(&["meshes", name]).expect("the viewer shows it");
                 let expected = bits(positions(recorded.app.world(), entity).iter().map(Vec3::to_array));
                 assert_eq!(bits(shown.vectors::<3>("Mesh3D:vertex_positions")), expected);
             }
@@ -59,14 +59,14 @@ fn what_leaves_between_recorded_ticks_is_gone_in_the_next_one() {
     assert!(shows(&recorded) > 5);
     recorded.app.world_mut().despawn(scene.ball);
     recorded.tick();
-    assert!(recorded.last.clears().is_empty(), "this tick is none of those that are recorded");
+    assert!(recorded.last.clears().is_empty(), "this tick is not recorded");
     recorded.tick();
     let left: Vec<_> =
         recorded.viewer.0.keys().filter(|path| path[0] != "series" && path.join(" ").contains("ball")).collect();
     assert!(left.is_empty(), "{left:?}");
 }
 
-/// A layer, and how it is switched off.
+/// A layer, and how to switch it off.
 type Switch = (&'static str, fn(&mut RerunSettings));
 
 const SWITCHES: [Switch; 11] = [
@@ -153,7 +153,7 @@ fn the_default_is_what_its_documentation_says() {
     assert_eq!([pairs, spheres, cones, curvature], [LevelOfDetail::NearContacts; 4]);
 }
 
-/// What a game does to a surface within a tick, at one of its moments.
+/// A change that a game makes to a surface at some moment within a tick.
 #[derive(Resource, Clone, Copy)]
 struct Mischief(fn(&mut World));
 
@@ -166,7 +166,7 @@ fn do_mischief(world: &mut World) {
 /// The ball, which rests on a shape.
 fn ball_of(world: &mut World) -> Entity {
     let mut names = world.query::<(Entity, &Name)>();
-    names.iter(world).find(|(_, name)| name.as_str() == "ball").expect("it is there").0
+    names.iter(world).find(|(_, name)| name.as_str() == "ball").expect("the entity exists").0
 }
 
 #[test]
@@ -178,11 +178,11 @@ fn surfaces_that_change_within_a_tick_are_recorded_without_a_panic_or_a_wrong_ro
         },
         |world| {
             let ball = ball_of(world);
-            world.get_mut::<SurfacePositions>(ball).expect("it is a surface").0.truncate(7);
+            world.get_mut::<SurfacePositions>(ball).expect("the entity is a surface").0.truncate(7);
         },
         |world| {
             let ball = ball_of(world);
-            world.get_mut::<SurfacePositions>(ball).expect("it is a surface").0.extend([Vec3::NAN; 9]);
+            world.get_mut::<SurfacePositions>(ball).expect("the entity is a surface").0.extend([Vec3::NAN; 9]);
         },
         |world| {
             let ball = ball_of(world);
@@ -190,7 +190,7 @@ fn surfaces_that_change_within_a_tick_are_recorded_without_a_panic_or_a_wrong_ro
         },
         |world| {
             let ball = ball_of(world);
-            world.get_mut::<SurfacePositions>(ball).expect("it is a surface").0.fill(Vec3::NAN);
+            world.get_mut::<SurfacePositions>(ball).expect("the entity is a surface").0.fill(Vec3::NAN);
         },
     ];
     for (number, deed) in DEEDS.into_iter().enumerate() {
@@ -199,7 +199,7 @@ fn surfaces_that_change_within_a_tick_are_recorded_without_a_panic_or_a_wrong_ro
                 match moment {
                     0 => app.add_systems(Update, do_mischief.in_set(DeformableSystems::Predict)),
                     1 => app.add_systems(Update, do_mischief.in_set(DeformableSystems::Respond)),
-                    // Detection has run, and nothing of it has been recorded yet.
+                    // After detection, before anything of it is recorded.
                     _ => app.add_systems(
                         bevy_circumsphere::SurfaceDetection,
                         do_mischief.after(SurfaceDetectionSystems::Contacts),
@@ -213,7 +213,7 @@ fn surfaces_that_change_within_a_tick_are_recorded_without_a_panic_or_a_wrong_ro
             let of_ball = |recorded: &Recorded| {
                 recorded.last.rows.iter().filter(|row| row.path.join(" ").contains("ball")).count()
             };
-            assert!(of_ball(&recorded) > 8, "it takes part");
+            assert!(of_ball(&recorded) > 8, "the ball takes part");
             recorded.tick();
             assert!(recorded.viewer.of(&["contacts", "points", "ball with rest"]).is_some());
             scene.advance(&mut recorded.app, 1);

@@ -1,4 +1,4 @@
-//! Where recordings go, what is said where they cannot, and that nothing is done where they go nowhere.
+//! Where recordings go, which errors are reported, and that nothing runs without a sink.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -26,7 +26,7 @@ fn app(plugin: DeformableRerunPlugin) -> (App, Scene) {
     (app, scene)
 }
 
-/// What a panic says.
+/// The message of a panic.
 fn said(panicking: impl FnOnce()) -> Option<String> {
     let payload = catch_unwind(AssertUnwindSafe(panicking)).err()?;
     let text = payload.downcast_ref::<String>().cloned();
@@ -35,7 +35,7 @@ fn said(panicking: impl FnOnce()) -> Option<String> {
 
 #[test]
 fn without_a_sink_no_system_runs() {
-    // A system that runs without its settings panics: it has not run where nothing panics.
+    // A system that runs without its settings panics. If nothing panics, no system has run.
     let update_without_settings = |plugin: DeformableRerunPlugin| {
         let (mut app, _) = app(plugin);
         app.world_mut().remove_resource::<RerunSettings>();
@@ -54,7 +54,7 @@ fn before_the_group_the_plugin_says_what_to_do() {
     let said = said(|| {
         App::new().add_plugins(DeformableRerunPlugin::default());
     });
-    let said = said.expect("there is nothing to record");
+    let said = said.expect("the plugin panics without the group");
     assert!(said.contains("DeformableRerunPlugin") && said.contains("DeformableCollisionPlugins"), "{said}");
 }
 
@@ -66,7 +66,7 @@ fn a_file_that_cannot_be_written_and_an_address_that_is_none_are_named() {
     assert!(matches!(&error, RerunError::File { path: found, .. } if *found == path));
     assert!(error.to_string().contains(&path.display().to_string()), "{error}");
     for address in ["", "nonsense", "http://", "ftp://127.0.0.1:9876/proxy", "rerun+http://127.0.0.1:port/proxy"] {
-        let Err(error) = DeformableRerunPlugin::to_viewer(address) else { panic!("{address:?} is no address") };
+        let Err(error) = DeformableRerunPlugin::to_viewer(address) else { panic!("{address:?} is not an address") };
         assert!(matches!(&error, RerunError::Viewer { address: found, .. } if found == address), "{error}");
         assert!(error.to_string().contains(address));
     }
@@ -74,7 +74,7 @@ fn a_file_that_cannot_be_written_and_an_address_that_is_none_are_named() {
 
 #[test]
 fn a_viewer_that_is_not_there_is_an_error_at_once_and_not_a_game_that_stalls() {
-    // A port that was free a moment ago, and in which nobody listens.
+    // A port that was free a moment ago and on which nobody listens.
     let free = std::net::TcpListener::bind("127.0.0.1:0").and_then(|listener| listener.local_addr());
     let address = format!("rerun+http://{}/proxy", free.expect("there is a free port"));
     let Err(error) = DeformableRerunPlugin::to_viewer(&address) else { panic!("nobody listens at {address}") };
@@ -103,9 +103,9 @@ fn a_file_is_whole_when_the_app_has_been_dropped() {
             app.update();
         }
     };
-    run(DeformableRerunPlugin::to_file(&path).expect("it can be written"));
-    let file = BufReader::new(File::open(&path).expect("it has been written"));
-    let mut decoder = Decoder::<LogMsg>::decode_eager(file).expect("it begins like a recording");
+    run(DeformableRerunPlugin::to_file(&path).expect("the file can be written"));
+    let file = BufReader::new(File::open(&path).expect("the file has been written"));
+    let mut decoder = Decoder::<LogMsg>::decode_eager(file).expect("the file starts like a recording");
     let messages: Vec<LogMsg> =
         decoder.by_ref().map(|message| message.expect("every message can be decoded")).collect();
     let footers = decoder.rrd_manifests().expect("the footer can be decoded");
@@ -172,12 +172,12 @@ fn detection_by_hand_empty_worlds_and_a_hundred_surfaces_are_recorded() {
     recorded.tick();
     assert_eq!(recorded.viewer.below(&["meshes"]).len(), 100);
     let shown_pairs = |recorded: &Recorded| {
-        let points = recorded.viewer.of(&["contacts", "points", "all pairs"]).expect("they touch");
+        let points = recorded.viewer.of(&["contacts", "points", "all pairs"]).expect("the surfaces touch");
         points.texts("pair").into_iter().collect::<BTreeSet<_>>().len()
     };
     assert_eq!(shown_pairs(&recorded), 99);
 
-    // By hand once more before the next tick, which then is the sixth.
+    // Detect once more by hand before the next tick, which then is the sixth.
     recorded.app.world_mut().run_schedule(SurfaceDetection);
     assert!(recorded.take().rows.is_empty(), "only the schedule's own detection is recorded");
     place(&mut recorded.app, surfaces[0], |transform| transform.translation.y = -3.0);

@@ -1,4 +1,4 @@
-//! What has happened is told in the log in the tick in which it happened, all of it.
+//! The log reports every event in the tick in which it happened.
 
 use bevy_circumsphere::{debug::RerunSettings, prelude::*};
 use bevy_ecs::prelude::*;
@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use crate::world::{Recorded, THIN, everything, nothing, place, sheet, spawn, spawn_shape};
 
-/// The lines of a kind of message in the last tick, and how grave they are.
+/// The lines of one kind of message in the last tick, and their level.
 fn lines(recorded: &Recorded, kind: &str) -> (Vec<String>, Option<String>) {
     let Some(row) = recorded.last.row(&["log", kind]) else { return Default::default() };
     assert_eq!(row.tick(), recorded.number());
@@ -32,7 +32,7 @@ fn contacts_start_and_end_in_the_log_though_nobody_asked_and_in_ticks_that_are_n
         for tick in 0..9 {
             match tick {
                 3 => place(&mut recorded.app, movers[0], |transform| transform.translation.y = 4.0),
-                // Two at once, above one another.
+                // Two at once, one above the other.
                 4 => {
                     place(&mut recorded.app, movers[1], |transform| transform.translation.x = -0.5);
                     place(&mut recorded.app, movers[2], |transform| *transform = Transform::from_xyz(0.5, -0.03, 0.0));
@@ -79,7 +79,7 @@ fn all_quarantines_of_a_tick_are_told_by_name_with_their_reason() {
         recorded.tick();
         assert!(lines(&recorded, "quarantines").0.is_empty());
         let world = recorded.app.world_mut();
-        world.get_mut::<SurfacePositions>(first).expect("it is a surface").0[2].x = f32::INFINITY;
+        world.get_mut::<SurfacePositions>(first).expect("the entity is a surface").0[2].x = f32::INFINITY;
         world.entity_mut(second).insert(SurfaceThickness::World(-1.0));
         recorded.tick();
         let (told, level) = lines(&recorded, "quarantines");
@@ -89,7 +89,7 @@ fn all_quarantines_of_a_tick_are_told_by_name_with_their_reason() {
         assert!(told.iter().any(|told| told.contains("sleeve") && told.contains("vertex 2")), "{told:?}");
         assert!(told.iter().any(|told| told.contains("collar") && told.contains("-1")), "{told:?}");
         recorded.tick();
-        assert!(lines(&recorded, "quarantines").0.is_empty(), "told once");
+        assert!(lines(&recorded, "quarantines").0.is_empty(), "reported once");
     }
 }
 
@@ -103,11 +103,11 @@ fn what_was_never_active_is_named_in_its_quarantine_too() {
     let unnamed = crate::world::spawn_unnamed(app, &sheet(1), (THIN, sheared));
     recorded.tick();
     let (told, _) = lines(&recorded, "quarantines");
-    // The reason stands in a line of its own.
+    // The reason is on a line of its own.
     assert_eq!(told.len(), 6, "{told:?}");
     for name in ["hem".to_owned(), "post".to_owned(), format!("surface {unnamed}")] {
         let place = told.iter().position(|line| *line == format!("{name} is set aside:"));
-        assert!(told[place.expect("it is named") + 1].starts_with("the transform"), "{told:?}");
+        assert!(told[place.expect("the entity has a name") + 1].starts_with("the transform"), "{told:?}");
     }
 }
 
@@ -127,7 +127,7 @@ fn a_surface_that_is_thinned_away_is_a_warning_once() {
     assert!(told[told.len() - 1].contains("bytes_per_tick"), "{told:?}");
     for _ in 0..3 {
         recorded.tick();
-        assert_eq!(lines(&recorded, "warnings").0, Vec::<String>::new(), "told once");
+        assert_eq!(lines(&recorded, "warnings").0, Vec::<String>::new(), "reported once");
     }
     recorded.settings().bytes_per_tick = 1 << 30;
     recorded.tick();
@@ -136,5 +136,5 @@ fn a_surface_that_is_thinned_away_is_a_warning_once() {
     recorded.settings().bytes_per_tick = 10;
     recorded.tick();
     let (told, _) = lines(&recorded, "warnings");
-    assert!(told.len() >= 6, "it begins anew: {told:?}");
+    assert!(told.len() >= 6, "warnings start again: {told:?}");
 }

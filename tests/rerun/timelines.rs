@@ -1,4 +1,4 @@
-//! Rows stand at the store's tick and the clock's time, and at no other; a stream that was handed in keeps its own.
+//! Rows have the store's tick and the clock's time, and no other times. A stream that the game passes in keeps its own.
 
 use std::{collections::BTreeSet, time::Duration};
 
@@ -13,7 +13,7 @@ use crate::{
     world::{Recorded, Scene, everything, stream},
 };
 
-/// The clock of each tick's schedule.
+/// The clock's time in the schedule of each tick.
 #[derive(Resource, Default)]
 struct Clock(Vec<(u64, Duration)>);
 
@@ -21,11 +21,11 @@ fn read_clock(time: Res<Time>, store: Res<ContactStore>, mut clock: ResMut<Clock
     clock.0.push((store.tick(), time.elapsed()));
 }
 
-/// Compares the times of all rows with the clock. Gives how many there were.
+/// Compares the times of all rows with the clock, and returns the number of rows.
 fn compare(recording: &Recording, clock: &[(u64, Duration)]) -> usize {
     let expected: BTreeSet<(i64, i64)> = clock
         .iter()
-        .map(|(tick, time)| (tick.cast_signed(), i64::try_from(time.as_nanos()).expect("it is short")))
+        .map(|(tick, time)| (tick.cast_signed(), i64::try_from(time.as_nanos()).expect("the time fits in an i64")))
         .collect();
     let mut found = BTreeSet::new();
     let mut count = 0;
@@ -72,7 +72,7 @@ fn every_fixed_tick_of_an_update_has_a_time_of_its_own() {
     let clock = &recorded.app.world().resource::<Clock>().0;
     assert!(clock.len() >= 9, "{} ticks", clock.len());
     let steps: BTreeSet<Duration> = clock.windows(2).map(|pair| pair[1].1.abs_diff(pair[0].1)).collect();
-    assert_eq!(steps.len(), 1, "ticks are a time step apart");
+    assert_eq!(steps.len(), 1, "ticks are one time step apart");
     assert!(compare(&recorded.last, clock) > 200);
 }
 
@@ -98,10 +98,10 @@ fn a_stream_that_was_handed_in_keeps_its_clock_and_what_its_owner_logs() {
     own.set_time_sequence("frame", 77);
     own.set_time_sequence("tick", 1000);
     for frame in 0..3 {
-        own.log("mine", &Scalars::single(f64::from(frame))).expect("it can be logged");
+        own.log("mine", &Scalars::single(f64::from(frame))).expect("the value can be logged");
         app.update();
     }
-    own.log("mine", &Scalars::single(3.0)).expect("it can be logged");
+    own.log("mine", &Scalars::single(3.0)).expect("the value can be logged");
     let recording = Recording::of(storage.take());
     let mine = recording.below(&["mine"]);
     assert_eq!(mine.iter().map(|row| row.components.scalar()).collect::<Vec<_>>(), [0.0, 1.0, 2.0, 3.0]);

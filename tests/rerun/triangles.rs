@@ -1,4 +1,4 @@
-//! Spheres, cones, curvature, recipe ages and boxes in the recording are those that the stages keep.
+//! Spheres, cones, curvature, recipe ages, and boxes in the recording match those that the stages keep.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,7 +18,7 @@ use crate::{
     },
 };
 
-/// The surfaces of a pair that is tested by `method`.
+/// The surfaces of all pairs that are tested by `method`.
 fn used_by(recorded: &Recorded, method: ContactMethod) -> BTreeSet<Entity> {
     let active = recorded.app.world().resource::<ActiveSurfaces>();
     let pairs = recorded.app.world().resource::<CandidateTrianglePairs>().pairs().iter();
@@ -34,11 +34,11 @@ fn used_by(recorded: &Recorded, method: ContactMethod) -> BTreeSet<Entity> {
 
 fn is_one_sided(recorded: &Recorded, entity: Entity) -> bool {
     let active = recorded.app.world().resource::<ActiveSurfaces>();
-    active.surfaces.iter().find(|surface| surface.entity == entity).expect("it is active").one_sided
+    active.surfaces.iter().find(|surface| surface.entity == entity).expect("the surface is active").one_sided
 }
 
 fn wanted(recorded: &mut Recorded, level: LevelOfDetail, entity: Entity) -> Vec<u32> {
-    let count = recorded.app.world().get::<Made>(entity).expect("it was made").0.triangles.len() as u32;
+    let count = recorded.app.world().get::<Made>(entity).expect("the entity has its mesh").0.triangles.len() as u32;
     match level {
         LevelOfDetail::Off => Vec::new(),
         LevelOfDetail::NearContacts => near_contacts(&mut recorded.app, entity).into_iter().collect(),
@@ -53,7 +53,7 @@ fn assert_posed(recorded: &Recorded, entity: Entity, components: &Components) {
     assert_eq!(components.vectors::<3>("Transform3D:translation"), [affine.translation.as_vec3().to_array()]);
 }
 
-/// A sphere, or the top of a cone: whose, center, axis, radius, and the cosine of the cone's half angle.
+/// A sphere or the top of a cone: its triangle, center, axis, radius, and the cosine of the cone's half angle.
 #[derive(Clone, Copy, Debug)]
 struct Cap {
     triangle: u32,
@@ -63,12 +63,12 @@ struct Cap {
     cosine: f32,
 }
 
-/// Both caps of a sheet's triangles, one of a solid's.
+/// Both caps of each triangle of a sheet, or the one cap of a solid's.
 fn caps(recorded: &Recorded, entity: Entity, triangles: &[u32]) -> Vec<Cap> {
     let one_sided = is_one_sided(recorded, entity);
     let entity = recorded.app.world().entity(entity);
-    let spheres = entity.get::<Circumspheres>().expect("it is a surface");
-    let cones = entity.get::<TriangleCones>().expect("it is a surface");
+    let spheres = entity.get::<Circumspheres>().expect("the entity is a surface");
+    let cones = entity.get::<TriangleCones>().expect("the entity is a surface");
     let mut caps = Vec::new();
     for &triangle in triangles {
         let place = triangle as usize;
@@ -118,7 +118,7 @@ fn spheres_and_balls_are_those_of_the_stages() {
                     for ((_, center, radius), (found, half_size)) in
                         expected.iter().zip(centers.into_iter().zip(half_sizes))
                     {
-                        // The mirrored center is rounded twice, coordinates within 2.
+                        // The mirrored center is rounded twice, with coordinates within 2.
                         assert!(
                             center.distance(Vec3::from_array(found)) < 8.0 * f32::EPSILON,
                             "{found:?} is not {center}"
@@ -139,7 +139,7 @@ fn spheres_and_balls_are_those_of_the_stages() {
 fn cones_stand_on_their_sphere_and_open_as_wide_as_the_stage_says() {
     for (level, settings) in [(LevelOfDetail::All, everything()), (LevelOfDetail::NearContacts, near())] {
         let mut recorded = Recorded::new(settings);
-        // The paper's cones are narrow, ours widened: some of these open beyond a right angle.
+        // The paper's cones are narrow, and ours are widened. Some of these open beyond a right angle.
         let scene = Scene::spawn(&mut recorded.app, ContactMethod::Circumsphere);
         let (mut count, mut wide, mut everywhere) = (0, 0, 0);
         for tick in 0..4 {
@@ -159,7 +159,7 @@ fn cones_stand_on_their_sphere_and_open_as_wide_as_the_stage_says() {
                 let scales = shown.vectors::<3>("InstancePoses3D:scales");
                 let angles = shown.floats("half_angle_degrees");
                 assert_eq!([translations.len(), quaternions.len(), scales.len(), angles.len()], [expected.len(); 4]);
-                // The mesh that is posed opens along z from the origin to a circle of radius 1 at z = 1.
+                // Before it is posed, the mesh opens along z from the origin to a circle of radius 1 at z = 1.
                 for corner in shown.vectors::<3>("Mesh3D:vertex_positions") {
                     let [x, y, z] = corner.map(f64::from);
                     assert!(corner == [0.0; 3] || z == 1.0 && (x.hypot(y) - 1.0).abs() < 1.0e-6, "{corner:?}");
@@ -167,7 +167,7 @@ fn cones_stand_on_their_sphere_and_open_as_wide_as_the_stage_says() {
                 for (place, cap) in expected.iter().enumerate() {
                     let top = Vec3::from_array(translations[place]);
                     assert!(top.distance(cap.center) < 8.0 * f32::EPSILON, "{top} is not {}", cap.center);
-                    // Unit quaternions of f32: a few units in the last place.
+                    // Unit quaternions in f32: a few units in the last place.
                     let axis = Quat::from_array(quaternions[place]) * Vec3::Z;
                     assert!(axis.distance(cap.axis) < 2.0e-6, "{axis} is not {}", cap.axis);
                     let [x, y, z] = scales[place].map(f64::from);
@@ -175,7 +175,7 @@ fn cones_stand_on_their_sphere_and_open_as_wide_as_the_stage_says() {
                     // The rim lies on the sphere.
                     assert!((x.hypot(z) - f64::from(cap.radius)).abs() < 1.0e-6 * f64::from(cap.radius));
                     let half_angle = f64::from(cap.cosine).acos();
-                    // The root of 1 − c² loses half the digits where c is near 1.
+                    // The root of 1 − c² loses half of the digits where c is near 1.
                     assert!((x.atan2(z) - half_angle).abs() < 4.0e-4, "{} is not {half_angle}", x.atan2(z));
                     assert!((f64::from(angles[place]).to_radians() - half_angle).abs() < 4.0e-4);
                     wide += usize::from(z < 0.0);
@@ -204,10 +204,10 @@ fn curvature_and_recipe_ages_are_those_of_the_stages() {
             for (name, entity) in scene.surfaces() {
                 let triangles = wanted(&mut recorded, level, entity);
                 let world = recorded.app.world();
-                let curvatures = &world.get::<TriangleCurvature>(entity).expect("it is a surface").curvatures;
+                let curvatures = &world.get::<TriangleCurvature>(entity).expect("the entity is a surface").curvatures;
                 let ages: Vec<u32> =
-                    world.get::<Circumspheres>(entity).expect("it is a surface").recipe_ages().collect();
-                let mesh = &world.get::<Made>(entity).expect("it was made").0;
+                    world.get::<Circumspheres>(entity).expect("the entity is a surface").recipe_ages().collect();
+                let mesh = &world.get::<Made>(entity).expect("the entity has its mesh").0;
                 let positions = positions(world, entity);
                 let corners = bits(triangles.iter().flat_map(|&triangle| {
                     mesh.triangles[triangle as usize].map(|vertex| positions[vertex as usize].to_array())
@@ -218,15 +218,15 @@ fn curvature_and_recipe_ages_are_those_of_the_stages() {
                     assert_eq!(shown.wholes("triangle"), triangles, "{name}");
                     assert_eq!(bits(shown.vectors::<3>("Mesh3D:vertex_positions")), corners);
                     assert_eq!(shown.wholes("Mesh3D:vertex_colors").len(), corners.len());
-                    assert!(!shown.has("Mesh3D:triangle_indices"), "three vertices a triangle need none");
+                    assert!(!shown.has("Mesh3D:triangle_indices"), "separate vertices per triangle need no indices");
                 }
-                let shown = recorded.viewer.of(&["curvature", name]).expect("it is shown");
+                let shown = recorded.viewer.of(&["curvature", name]).expect("the viewer shows it");
                 let expected: Vec<u32> =
                     triangles.iter().map(|&triangle| curvatures[triangle as usize].to_bits()).collect();
                 let found: Vec<u32> = shown.floats("curvature").into_iter().map(f32::to_bits).collect();
                 assert_eq!(found, expected, "{name}");
                 values.extend(found);
-                let shown = recorded.viewer.of(&["recipe_age", name]).expect("it is shown");
+                let shown = recorded.viewer.of(&["recipe_age", name]).expect("the viewer shows it");
                 let expected: Vec<u32> = triangles.iter().map(|&triangle| ages[triangle as usize]).collect();
                 assert_eq!(shown.wholes("recipe_age"), expected, "{name}");
                 for age in expected {
@@ -256,7 +256,7 @@ fn what_a_method_does_not_compute_is_not_recorded() {
             assert!(recorded.viewer.below(&[layer]).is_empty(), "{method:?} has {layer}");
         }
     }
-    // Far from everything else no stage has computed anything in this tick.
+    // Far from everything else, no stage has computed anything in this tick.
     let mut recorded = Recorded::new(everything());
     spawn(&mut recorded.app, "alone", &sheet(2), (THIN, ContactMethod::Circumsphere));
     let layers: Vec<String> = recorded.tick().layers().into_iter().map(str::to_owned).collect();
@@ -274,7 +274,7 @@ fn boxes(components: &Components) -> Vec<Box3> {
     pairs.map(|(center, half)| (center - half, center + half)).collect()
 }
 
-/// Whether one box holds another, up to the rounding of center and half size, coordinates within 2.
+/// Whether one box contains another, up to the rounding of center and half size, with coordinates within 2.
 fn holds(outer: &Box3, inner: &Box3) -> bool {
     let slack = Vec3::splat(8.0 * f32::EPSILON);
     inner.0.cmpge(outer.0 - slack).all() && inner.1.cmple(outer.1 + slack).all()
@@ -308,7 +308,7 @@ fn boxes_of_a_tree_lie_in_those_of_the_level_above_and_the_root_holds_just_all_t
                     .world()
                     .resource::<SurfaceStates>()
                     .get(entity)
-                    .expect("it is a surface")
+                    .expect("the entity is a surface")
                     .triangle_boxes();
                 let least = triangles.iter().fold(Vec3::INFINITY, |least, bounds| least.min(bounds.min));
                 let most = triangles.iter().fold(Vec3::NEG_INFINITY, |most, bounds| most.max(bounds.max));

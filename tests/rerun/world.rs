@@ -20,11 +20,11 @@ use crate::recording::{Recording, Viewer};
 pub const THICKNESS: f32 = 0.02;
 pub const THIN: SurfaceThickness = SurfaceThickness::World(THICKNESS);
 
-/// The mesh that a surface was made from: which of its vertices were at the same place then.
+/// The mesh that a surface was made from. It tells which vertices were at the same position then.
 #[derive(Component, Clone)]
 pub struct Made(pub Mesh);
 
-/// A stream to memory that cuts no chunk by clock or size.
+/// A stream to memory that never splits chunks by time or size.
 pub fn stream() -> (RecordingStream, MemorySinkStorage) {
     RecordingStreamBuilder::new("rerun_test")
         .recording_id("recording")
@@ -34,7 +34,7 @@ pub fn stream() -> (RecordingStream, MemorySinkStorage) {
         .expect("memory can be written to")
 }
 
-/// Everything that is not a wall-clock time, without a limit.
+/// Everything except wall-clock times, without a limit.
 pub fn everything() -> RerunSettings {
     RerunSettings { bytes_per_tick: usize::MAX >> 8, ..RerunSettings::everything() }
 }
@@ -66,7 +66,7 @@ pub fn nothing() -> RerunSettings {
     }
 }
 
-/// An app and what it has recorded.
+/// An app and its recording.
 pub struct Recorded {
     pub app: App,
     pub storage: MemorySinkStorage,
@@ -90,7 +90,7 @@ impl Recorded {
         Self { app, storage, viewer: Viewer::default(), last: Recording::default() }
     }
 
-    /// Runs an update and takes up what it recorded.
+    /// Runs an update and takes in what it recorded.
     pub fn tick(&mut self) -> &Recording {
         self.app.update();
         self.take()
@@ -106,9 +106,9 @@ impl Recorded {
         self.app.world_mut().resource_mut()
     }
 
-    /// The tick of the store, as rows have it.
+    /// The tick of the store, in the type that rows use.
     pub fn number(&self) -> i64 {
-        i64::try_from(self.app.world().resource::<ContactStore>().tick()).expect("there are few")
+        i64::try_from(self.app.world().resource::<ContactStore>().tick()).expect("the tick fits in an i64")
     }
 }
 
@@ -136,23 +136,23 @@ pub fn sheet(cells: usize) -> Mesh {
 }
 
 pub fn positions(world: &World, entity: Entity) -> &[Vec3] {
-    &world.get::<SurfacePositions>(entity).expect("it is a surface").0
+    &world.get::<SurfacePositions>(entity).expect("the entity is a surface").0
 }
 
 pub fn move_positions(app: &mut App, entity: Entity, change: impl Fn(Vec3) -> Vec3) {
-    let mut positions = app.world_mut().get_mut::<SurfacePositions>(entity).expect("it is a surface");
+    let mut positions = app.world_mut().get_mut::<SurfacePositions>(entity).expect("the entity is a surface");
     for position in &mut positions.0 {
         *position = change(*position);
     }
 }
 
 pub fn place(app: &mut App, entity: Entity, change: impl FnOnce(&mut Transform)) {
-    change(&mut app.world_mut().get_mut::<Transform>(entity).expect("it has a transform"));
+    change(&mut app.world_mut().get_mut::<Transform>(entity).expect("the entity has a transform"));
 }
 
-/// From an entity's frame to the world, composed in f64.
+/// The transform from an entity's frame to the world, composed in f64.
 pub fn world_affine(world: &World, entity: Entity) -> DAffine3 {
-    let transform = world.get::<Transform>(entity).expect("it has a transform");
+    let transform = world.get::<Transform>(entity).expect("the entity has a transform");
     let own = DAffine3::from_scale_rotation_translation(
         transform.scale.as_dvec3(),
         transform.rotation.as_dquat().normalize(),
@@ -164,12 +164,12 @@ pub fn world_affine(world: &World, entity: Entity) -> DAffine3 {
 pub fn world_corners(world: &World, entity: Entity, triangle: u32) -> [DVec3; 3] {
     let affine = world_affine(world, entity);
     let positions = positions(world, entity);
-    world.get::<Made>(entity).expect("it was made").0.triangles[triangle as usize]
+    world.get::<Made>(entity).expect("the entity has its mesh").0.triangles[triangle as usize]
         .map(|vertex| affine.transform_point3(positions[vertex as usize].as_dvec3()))
 }
 
-/// A crumpled sheet that meets itself, a ball in it, a floor below it and a rod across it: every kind of pair, with
-/// names, moved, turned, mirrored and scaled.
+/// A crumpled sheet that touches itself, a ball in it, a floor below it, and a rod across it. This gives every kind of
+/// pair, with names, translation, rotation, mirroring, and scale.
 pub struct Scene {
     pub crumpled: Entity,
     pub ball: Entity,
@@ -187,7 +187,7 @@ pub fn crumpled() -> Mesh {
     mesh
 }
 
-/// A sheet with a corner turned up, as high as the crumpled one reaches down, and beside it.
+/// A sheet beside the crumpled one. One corner is turned up as high as the crumpled one reaches down.
 fn turned_up() -> Mesh {
     let mut mesh = sheet(8);
     for position in &mut mesh.positions {
@@ -211,7 +211,7 @@ impl Scene {
         }
     }
 
-    /// Deforms and moves everything that deforms and moves, a little.
+    /// Deforms and moves everything that can, a little.
     pub fn advance(&self, app: &mut App, tick: u32) {
         let swing = 0.01 * ((tick % 5) as f32 - 2.0);
         move_positions(app, self.crumpled, |position| {
@@ -230,7 +230,7 @@ impl Scene {
 
     pub fn name(&self, entity: Entity) -> &'static str {
         let shapes = [("floor", self.floor), ("rod", self.rod)];
-        self.surfaces().into_iter().chain(shapes).find(|&(_, other)| other == entity).expect("it is of the scene").0
+        self.surfaces().into_iter().chain(shapes).find(|&(_, other)| other == entity).expect("it is in the scene").0
     }
 
     pub fn pair_name(&self, a: Entity, b: Entity) -> String {
@@ -238,7 +238,7 @@ impl Scene {
     }
 }
 
-/// A contact as its reader gives it.
+/// The values of a contact, as a reader sees them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Seen {
     pub sides: [Entity; 2],
@@ -283,7 +283,7 @@ pub fn by_pair(contacts: &[Seen]) -> BTreeMap<[Entity; 2], Vec<&Seen>> {
     by_pair
 }
 
-/// The triangles of a surface that touch, or have passed, something; and those of them that have passed it.
+/// The triangles of a surface that touch or have passed something, and those among them that have passed it.
 pub fn touching(app: &mut App, entity: Entity) -> (BTreeSet<u32>, BTreeSet<u32>) {
     let (mut touching, mut passed) = (BTreeSet::new(), BTreeSet::new());
     for contact in contacts(app).iter().filter(|contact| contact.has_passed()) {
@@ -307,11 +307,11 @@ pub fn touching(app: &mut App, entity: Entity) -> (BTreeSet<u32>, BTreeSet<u32>)
     (touching, passed)
 }
 
-/// The triangles of a surface that touch something, and those that share a vertex with one: a vertex is where it was
-/// when the surface was made.
+/// The triangles of a surface that touch something, and those that share a vertex with one of them. Vertices are
+/// compared by their positions when the surface was made.
 pub fn near_contacts(app: &mut App, entity: Entity) -> BTreeSet<u32> {
     let (touching, _) = touching(app, entity);
-    let mesh = &app.world().get::<Made>(entity).expect("it was made").0;
+    let mesh = &app.world().get::<Made>(entity).expect("the entity has its mesh").0;
     let corners = |triangle: u32| {
         mesh.triangles[triangle as usize].map(|vertex| mesh.positions[vertex as usize].map(f32::to_bits))
     };

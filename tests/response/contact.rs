@@ -8,7 +8,8 @@ use glam::{Quat, Vec3};
 
 use crate::harness::{Scene, TICK, mean};
 
-/// A flat sheet that slides down a slope of a quarter of a turn less 63.4 degrees: `tan = 1/2`. How far it goes in a second.
+/// Slides a flat sheet down a slope of a quarter turn less 63.4 degrees, `tan = 1/2`. Returns the distance after a
+/// second.
 fn slide(friction: f32, obstacle_is_shape: bool) -> f64 {
     let mut scene = Scene::new();
     let friction = SurfaceFriction { static_coefficient: friction, dynamic_coefficient: friction };
@@ -38,7 +39,7 @@ fn a_sheet_slides_as_the_dynamic_friction_says_and_rests_where_the_static_one_ho
         for friction in [0.0, 0.2, 0.4] {
             let slid = slide(friction as f32, is_shape);
             let expected = 0.5 * 9.81 * (sine - friction * cosine);
-            // A step more or less in 600, and the way from facet to facet.
+            // One step of 600 more or less, and the motion from facet to facet.
             assert!((slid - expected).abs() < 0.02 * 0.5 * 9.81 * sine, "{is_shape} {friction}: {slid} {expected}");
         }
         let held = slide(0.6, is_shape);
@@ -84,11 +85,11 @@ fn two_bodies_that_meet_keep_their_momentum_and_stick_together() {
         met += usize::from(scene.diagnostics().pressing > 0);
     }
     assert!(met > 0);
-    // Both balls are equal, so that equal means of velocities are equal momenta, up to how masses differ from vertex to
-    // vertex: that of the vertex means is some percent of what was exchanged.
+    // Both balls are equal, so equal mean velocities mean equal momenta, except that masses differ from vertex to
+    // vertex. For the mean over vertices, this makes a few percent of the exchanged momentum.
     assert!(momentum(&scene).length() < 0.02, "{}", momentum(&scene));
     let gap = mean(scene.positions(right)).x - mean(scene.positions(left)).x;
-    assert!(gap > 0.15, "they have not passed through each other: {gap}");
+    assert!(gap > 0.15, "they have passed through each other: {gap}");
 }
 
 #[test]
@@ -100,7 +101,7 @@ fn a_driven_surface_pushes_a_cloth_along() {
     let sheet = grid(10, 10, 0.4, 0.4, Diagonals::Alternating).translate([0.0, 0.05, 0.0]);
     let body = scene.add(&sheet, XpbdMaterial::CLOTH, SurfaceThickness::World(0.005));
     for tick in 0..60 {
-        // 0.3 m in a second: half the contact distance a tick.
+        // 0.3 m per second is half the contact distance per tick.
         let height = 0.3 * (tick + 1) as f32 / 60.0;
         scene.app.world_mut().get_mut::<Transform>(plate).unwrap().translation.y = height;
         scene.tick(TICK);
@@ -123,7 +124,7 @@ fn every_method_carries_a_sheet() {
     }
 }
 
-/// Bodies look as far ahead as they move, each for itself, and the game's setting stays what the game has written.
+/// Each body looks ahead as far as it moves itself, and the game's setting keeps its value.
 #[test]
 fn margins_follow_the_motion_of_each_body_and_leave_the_setting_alone() {
     let edge = 0.1;
@@ -147,8 +148,8 @@ fn margins_follow_the_motion_of_each_body_and_leave_the_setting_alone() {
         };
         [count(slow), count(fast)]
     };
-    // The mean edge of the grid, with diagonals, is 1.14 of its sides. What follows from it: the fast one looks ahead by half
-    // of that, and the slow one and the floor by five sixteenths on the average.
+    // The mean edge of the grid, including diagonals, is 1.14 times its sides. The fast body looks ahead by half of
+    // that. The slow one and the floor look ahead by five sixteenths on average.
     let [slow, fast] = near(0.0);
     assert!(slow == 0 && fast == 25, "{slow} {fast}");
     // The setting is a lower bound.

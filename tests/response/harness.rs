@@ -9,10 +9,10 @@ use bevy_time::Time;
 use circumsphere_support::{random::Random, scenes::Mesh};
 use glam::Vec3;
 
-/// A tick of a sixtieth of a second, in seconds.
+/// The length of a tick in seconds: a sixtieth of a second.
 pub const TICK: f64 = 1.0 / 60.0;
 
-/// How many whole ticks there are in some seconds, at so many a second.
+/// The number of whole ticks in `seconds` at `rate` ticks per second.
 pub fn ticks_in(seconds: f64, rate: f64) -> usize {
     (Duration::from_secs_f64(seconds).as_nanos() / Duration::from_secs_f64(1.0 / rate).as_nanos()) as usize
 }
@@ -74,7 +74,7 @@ impl Scene {
         self.app.world().get::<XpbdBody>(entity).unwrap()
     }
 
-    /// The greatest speed of a vertex, in meters per second; not a number if one is not.
+    /// The highest speed of a vertex in meters per second. It is NaN if the speed of any vertex is NaN.
     pub fn fastest(&self, entity: Entity) -> f32 {
         let speeds = self.body(entity).velocities.iter().map(|velocity| velocity.length());
         speeds.fold(0.0, |fastest, speed| if speed > fastest || speed.is_nan() { speed } else { fastest })
@@ -94,7 +94,7 @@ pub fn surface_of(mesh: &Mesh) -> (DeformableSurface, SurfacePositions) {
     DeformableSurface::from_mesh(&positions, &mesh.triangles).unwrap()
 }
 
-/// The mesh, every triangle with vertices of its own that are off their places by up to `by`.
+/// The mesh with separate vertices for every triangle, each displaced by up to `by`.
 pub fn apart(mesh: &Mesh, by: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut random = Random::new(5);
     let mut corner = |vertex: u32| {
@@ -105,10 +105,9 @@ pub fn apart(mesh: &Mesh, by: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (corners, (0..mesh.triangles.len() as u32).map(|triangle| [0, 1, 2].map(|k| 3 * triangle + k)).collect())
 }
 
-/// A material without any loss, to compare with closed forms.
+/// A material without losses, for comparison with closed forms.
 pub const LOSSLESS: XpbdMaterial = XpbdMaterial { drag: 0.0, damping: 0.0, ..XpbdMaterial::CLOTH };
 
-/// The mean of some vectors.
 pub fn mean(values: &[Vec3]) -> glam::DVec3 {
     values.iter().map(|value| value.as_dvec3()).sum::<glam::DVec3>() / values.len() as f64
 }

@@ -1,7 +1,7 @@
-//! What games are made of holds: floors of every kind of shape, and what is driven.
+//! Typical objects of games hold cloth: floors of every kind of shape, and driven bodies.
 //!
-//! Cloth is dropped on floors at several rates and in several resolutions, with default settings and thickness. The
-//! finest cloths take minutes on a slow machine: `cargo test --test response -- holds --ignored` runs them.
+//! Cloth falls on floors at several tick rates and resolutions, with default settings and thickness. The finest cloths
+//! take minutes on a slow machine: `cargo test --test response -- holds --ignored` runs them.
 
 use bevy_circumsphere::{SurfaceDetection, prelude::*, response::*};
 use bevy_ecs::prelude::*;
@@ -15,16 +15,16 @@ use crate::{
     truth::{crosses_on_its_way, doubles, point_triangle},
 };
 
-/// Ticks a second.
+/// Ticks per second.
 pub const RATES: [f64; 3] = [30.0, 60.0, 120.0];
 
-/// How far below a floor nothing may be: less than cloth is thick that one can see, in meters.
+/// The lowest height allowed below a floor, in meters: less than the visible thickness of cloth.
 const LOWEST: f32 = -0.005;
 
-/// From how high cloth is dropped, in meters, and how long it is watched, in seconds: 1.5 m take 0.7 s.
+/// How high cloth falls, in meters, and how long it is watched, in seconds. A fall of 1.5 m takes 0.7 s.
 const DROPS: [(f32, f64); 2] = [(0.05, 2.0), (1.5, 2.5)];
 
-/// Half the width of floors, in meters: cloth of 1 m stays above them.
+/// Half the width of floors, in meters. Cloth of 1 m stays above them.
 const HALF: f32 = 1.5;
 
 /// A floor whose upper side is at y = 0.
@@ -52,7 +52,7 @@ fn trimesh(mesh: &Mesh) -> SharedShape {
     SharedShape::trimesh(vectors(mesh), mesh.triangles.clone()).expect("the mesh has triangles")
 }
 
-/// Floors are turned against the cloth's mesh by nothing, so that edges lie above edges: the hardest case.
+/// Floors are not rotated relative to the cloth's mesh, so edges lie above edges. This is the hardest case.
 fn ground(cells: usize) -> Mesh {
     grid(cells, cells, 2.0 * HALF, 2.0 * HALF, Diagonals::Alternating)
 }
@@ -97,7 +97,7 @@ impl Floor {
     }
 }
 
-/// Drops cloth at every rate and from every height, and panics with what was seen where one does not hold.
+/// Drops cloth at every rate and from every height, and panics with all failures if one drop does not hold.
 fn holds(floor: Floor, cells: usize) {
     let mut failures = Vec::new();
     for rate in RATES {
@@ -125,7 +125,7 @@ fn holds(floor: Floor, cells: usize) {
                 let after = tick as f64 / rate;
                 failures.push(format!("{rate} Hz from {drop} m: down to {lowest:.4} m, first after {after:.3} s"));
             } else if highest > 0.5 {
-                failures.push(format!("{rate} Hz from {drop} m: it has not come down but is at {highest} m"));
+                failures.push(format!("{rate} Hz from {drop} m: it has not come down and is at {highest} m"));
             }
         }
     }
@@ -171,11 +171,12 @@ floors! {
     static_surface: Surface,
 }
 
-/// What a triangle of the flag may be inside the ball by, in meters: a twenty-fifth of the least contact distance. What is pressed
-/// on keeps its distance but for rounding, tick after tick, while the ball flies on for 18 m and the flag after it.
+/// How deep a triangle of the flag may be inside the ball, in meters: a twenty-fifth of the smallest contact distance.
+/// Pressed contacts keep their distance except for rounding, tick after tick, while the ball flies on for 18 m and
+/// takes the flag along.
 const ROUNDING: f64 = 1e-4;
 
-/// Where the ball stops: it has pushed the flag so far out of its plane, in meters.
+/// Whether the ball stops, and how far it has then pushed the flag out of its plane, in meters.
 #[derive(Clone, Copy, Debug)]
 enum Flight {
     StopsAt(f32),
@@ -188,7 +189,7 @@ enum Pinned {
     UpperEdge,
 }
 
-/// Where the vertices of the only surface were at every detection of a tick.
+/// The positions of the only surface at every detection of a tick.
 #[derive(Resource, Default)]
 struct PartStarts(Vec<Vec<DVec3>>);
 
@@ -196,7 +197,7 @@ fn note_part_start(surface: Single<&SurfacePositions>, mut starts: ResMut<PartSt
     starts.0.push(doubles(&surface.0));
 }
 
-/// Drives a ball at 30 m/s into a flag, and tells what was wrong.
+/// Drives a ball at 30 m/s into a flag. Returns what went wrong.
 fn ball_against_flag(rate: f64, cells: usize, pinned: Pinned, flight: Flight, aim: Vec3) -> Result<(), String> {
     const RADIUS: f32 = 0.15;
     const SPEED: f64 = 30.0;
@@ -215,11 +216,11 @@ fn ball_against_flag(rate: f64, cells: usize, pinned: Pinned, flight: Flight, ai
     let shape = RigidShape(SharedShape::ball(RADIUS));
     let ball = scene.app.world_mut().spawn((shape, Transform::from_translation(start))).id();
     let triangles = scene.app.world().get::<DeformableSurface>(flag).unwrap().topology().triangles().to_vec();
-    // Where the flag is when each part of a tick begins.
+    // Records where the flag is at the start of each part of a tick.
     scene.app.init_resource::<PartStarts>().add_systems(SurfaceDetection, note_part_start);
     let mut last = start.as_dvec3();
     for tick in 0..ticks_in(0.6, rate) {
-        // A tick stands first: there is a pose of the tick before.
+        // The ball stands still in the first tick, so that it has a pose from the tick before.
         let way = (tick as f64 / rate * SPEED) as f32;
         let way = if let Flight::StopsAt(depth) = flight { way.min(1.03 + depth) } else { way };
         let center = start + Vec3::Z * way;
@@ -284,7 +285,7 @@ fn a_fast_ball_that_goes_on_takes_the_flag_along_or_to_the_side() {
     flags(Flight::GoesOn);
 }
 
-/// A platform rises through where cloth lies, faster than cloth falls.
+/// A platform rises through the place where cloth lies, faster than cloth falls.
 #[test]
 fn a_platform_that_rises_and_sinks_carries_its_cloth() {
     let mut failures = Vec::new();
@@ -325,7 +326,7 @@ fn a_platform_that_rises_and_sinks_carries_its_cloth() {
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
-/// The pose of a shape is that of its entity in the world, parents included.
+/// The pose of a shape is that of its entity in the world, including parents.
 #[test]
 fn a_floor_that_is_a_child_holds_as_well() {
     let mut failures = Vec::new();

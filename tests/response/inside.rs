@@ -1,4 +1,4 @@
-//! What begins inside a solid is led out within a second, and does not fly apart.
+//! Bodies that start inside a solid are led out within a second and do not fly apart.
 
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::prelude::*;
@@ -14,7 +14,7 @@ use crate::{
     truth::{Closed, doubles},
 };
 
-/// How the solid is given to the engine.
+/// How the solid is represented.
 #[derive(Clone, Copy, Debug)]
 enum As {
     Shape,
@@ -125,9 +125,9 @@ fn a_soft_ball_that_begins_in_another_comes_out() {
     assert_eq!(other.iter().filter(|&&position| closed.contains(position)).count(), 0);
 }
 
-/// Solids about a place with a body inside.
+/// Solids around a place, with a body inside.
 struct Start {
-    /// Centers and half sizes of boxes; the ground is below 0.
+    /// Centers and half sizes of boxes. The ground is below y = 0.
     boxes: Vec<[Vec3; 2]>,
     mesh: Mesh,
     material: XpbdMaterial,
@@ -144,7 +144,7 @@ fn start(kind: usize, random: &mut Random) -> Start {
             let at = center + 0.6 * half * vector();
             (vec![[center, half]], icosphere(2, 0.08), XpbdMaterial::SOFT, at.max(Vec3::new(-1.0, 0.2, -1.0)))
         }
-        // Two that overlap.
+        // Two boxes that overlap.
         1 => {
             let second = Vec3::new(0.15, 0.2, 0.1 * vector().x);
             let boxes = vec![[Vec3::new(-0.1, 0.2, 0.0), Vec3::splat(0.2)], [second, Vec3::splat(0.2)]];
@@ -218,7 +218,7 @@ fn a_ball_that_appears_in_a_cloth_on_a_block_lifts_it() {
             let is_inside = |position: &&Vec3| position.distance(center) < radius - 1e-3;
             scene.positions(body).iter().filter(is_inside).count()
         };
-        assert!(inside(&scene) > 2, "{round}: the test would show nothing");
+        assert!(inside(&scene) > 2, "{round}: hardly any vertex is inside at the start");
         (0..ticks_in(1.0, rate)).for_each(|_| scene.tick(1.0 / rate));
         assert_eq!(inside(&scene), 0, "{round} {kind:?} {rate} Hz");
         let lowest = scene.positions(body).iter().filter(|position| position.x.abs().max(position.z.abs()) < 0.45);

@@ -1,5 +1,4 @@
-//! The response in headless worlds: motion against closed forms, contacts and friction, fast bodies, and what must not
-//! blow up.
+//! The response in headless worlds: motion against closed forms, contacts and friction, fast bodies, and stability.
 
 mod contact;
 mod harness;

@@ -1,4 +1,4 @@
-//! Bodies that meet nothing, against closed forms.
+//! Bodies without contacts, against closed forms.
 
 use bevy_circumsphere::{prelude::*, response::*};
 use circumsphere_support::scenes::{Diagonals, grid, icosphere};
@@ -11,10 +11,10 @@ fn what_falls_falls_as_steps_of_its_size_do() {
     let mut scene = Scene::new();
     let body = scene.add(&icosphere(2, 0.1), LOSSLESS, ());
     scene.run(30);
-    // Velocities first, then positions: after n steps of length h, g h² n (n + 1) / 2.
+    // Velocities are updated first, then positions. After n steps of length h, the fall is g h² n (n + 1) / 2.
     let (step, steps) = (TICK / 10.0, 300.0);
     let fallen = 9.81 * step * step * steps * (steps + 1.0) / 2.0;
-    // Positions are stored in single precision once a tick.
+    // Positions are stored in single precision once per tick.
     assert!((mean(scene.positions(body)).y + fallen).abs() < 30.0 * 1e-6, "{fallen}");
     assert!((f64::from(scene.body(body).velocities[0].y) + 9.81 * 0.5).abs() < 1e-4);
 }
@@ -26,7 +26,7 @@ fn drag_takes_its_share_of_the_velocity() {
     let material = XpbdMaterial { drag: 1.5, ..LOSSLESS };
     let body = scene.add_changed(&icosphere(1, 0.1), material, |body| body.moving(Vec3::X), ());
     scene.run(60);
-    // A share of drag · h is lost in each of 600 steps.
+    // Each of 600 steps loses a share of drag · h.
     let kept = (1.0_f64 - 1.5 / 600.0).powi(600);
     assert!((f64::from(scene.body(body).velocities[3].x) - kept).abs() < 1e-4);
 }
@@ -50,15 +50,15 @@ fn nothing_inside_a_body_changes_its_momentum() {
     };
     let (before, energy) = (momentum(&scene), scene.body(body).kinetic_energy());
     scene.run(60);
-    // Velocities are rounded to single precision once a tick: 60 · 6e-8.
+    // Velocities are rounded to single precision once per tick: 60 · 6e-8.
     assert!((momentum(&scene) - before).length() < 1e-5 * before.length());
     let after = scene.body(body).kinetic_energy();
-    assert!(after < 0.7 * energy, "what is inner motion dies: {energy} {after}");
+    assert!(after < 0.7 * energy, "inner motion is not damped: {energy} {after}");
 }
 
 #[test]
 fn a_pinned_cloth_hangs_by_its_weight_over_its_stiffness() {
-    // One column of cells, held by its upper row: every row pulls with the weight of all below it.
+    // One column of cells, pinned at its upper row. Every row carries the weight of everything below it.
     let mut scene = Scene::new();
     scene.settings().iterations = 20;
     let mesh = grid(1, 10, 0.1, 1.0, Diagonals::Uniform).rotate([1.0, 0.0, 0.0], std::f32::consts::FRAC_PI_2);
@@ -75,9 +75,9 @@ fn a_pinned_cloth_hangs_by_its_weight_over_its_stiffness() {
     let before = lowest(&scene);
     scene.run(600);
     let sag = f64::from(before - lowest(&scene));
-    // A row of cells weighs 0.2 · 0.1 · 0.1 kg. Two columns share the pull of what hangs below the middle of a row, if not
-    // quite equally, as one has more triangles around its vertices; the diagonals carry a part of it. So the sag of the
-    // columns alone is about an upper bound, and half of it a lower one.
+    // A row of cells weighs 0.2 · 0.1 · 0.1 kg. Two columns share the weight below the middle of a row, but not quite
+    // equally, because one has more triangles around its vertices. The diagonals carry a part of it. So the sag of the
+    // columns alone is roughly an upper bound, and half of it a lower bound.
     let weight = 0.2 * 0.1 * 0.1 * 9.81;
     let alone: f64 = (1..=10).map(|row| 2e-3 * weight * (f64::from(row) - 0.5) / 2.0).sum();
     assert!(sag < 1.05 * alone && sag > 0.5 * alone, "{sag} of {alone}");
@@ -99,7 +99,7 @@ fn a_pinned_vertex_goes_where_the_game_writes_it() {
     }
     assert!((scene.positions(body)[0].x - (mesh.positions[0][0] + 0.6)).abs() < 1e-5);
     let speed = scene.body(body).velocities.iter().map(|velocity| f64::from(velocity.x)).sum::<f64>() / 25.0;
-    assert!((speed - 0.6).abs() < 0.3, "what hangs there comes along: {speed}");
+    assert!((speed - 0.6).abs() < 0.3, "the cloth does not follow its pinned vertex: {speed}");
 }
 
 #[test]
@@ -120,5 +120,5 @@ fn a_soft_ball_keeps_its_volume_where_a_shell_does_not() {
         volume(scene.positions(body)) / before
     });
     assert!((volumes[0] - 1.0).abs() < 0.02, "{volumes:?}");
-    assert!(volumes[1] < 0.9, "the comparison would show nothing: {volumes:?}");
+    assert!(volumes[1] < 0.9, "the shell keeps too much of its volume: {volumes:?}");
 }

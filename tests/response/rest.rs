@@ -1,4 +1,4 @@
-//! What nothing drives comes to rest, and gains no energy on its way.
+//! Bodies that nothing drives come to rest and gain no energy on the way.
 
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_ecs::entity::Entity;
@@ -7,8 +7,7 @@ use glam::Vec3;
 
 use crate::harness::{LOSSLESS, Scene};
 
-/// How far the vertices of a cloth go in a tick, their mean in edges, after it has fallen over a ball and some
-/// seconds have passed.
+/// How far the vertices of a cloth move per tick on average, in edges, some seconds after it has fallen over a ball.
 fn trembling(static_coefficient: f32, dynamic_coefficient: f32) -> f64 {
     const TICKS: usize = 60;
     let mut scene = Scene::new();
@@ -26,7 +25,7 @@ fn trembling(static_coefficient: f32, dynamic_coefficient: f32) -> f64 {
         way += before.iter().zip(scene.positions(body)).map(|(a, b)| f64::from(a.distance(*b))).sum::<f64>();
     }
     let touching = scene.diagnostics().pressing;
-    assert!(touching > 20, "{touching} contacts carry the cloth");
+    assert!(touching > 20, "only {touching} contacts carry the cloth");
     way / (TICKS * scene.positions(body).len()) as f64 / (1.0 / 12.0)
 }
 
@@ -34,13 +33,13 @@ fn trembling(static_coefficient: f32, dynamic_coefficient: f32) -> f64 {
 fn a_cloth_on_a_ball_comes_to_rest_whatever_the_friction() {
     for (holding, sliding) in [(0.5, 0.4), (0.5, 0.5), (0.8, 0.2), (5.0, 5.0)] {
         let trembling = trembling(holding, sliding);
-        // Positions of half a meter are rounded by 3e-8 meters, 4e-7 edges; with passes in one direction, or with friction that
-        // jumps, it was 2e-5 to 7e-4.
+        // Positions of half a meter are rounded by 3e-8 m, or 4e-7 edges. Solver passes in one direction, or friction
+        // that jumps, give 2e-5 to 7e-4.
         assert!(trembling < 1.0e-5, "friction {holding} and {sliding}: {trembling:e} edges a tick");
     }
 }
 
-/// Kinetic and potential, of all that is not pinned.
+/// The kinetic and potential energy of all vertices that are not pinned.
 fn energy(scene: &Scene, entity: Entity) -> f64 {
     let body = scene.body(entity);
     let moved = scene.positions(entity).iter().zip(&body.inverse_masses).filter(|&(_, &inverse)| inverse > 0.0);
@@ -63,8 +62,8 @@ fn a_swinging_cloth_that_nothing_damps_gains_no_energy() {
         most = most.max(energy(&scene, body));
     }
     let fastest = scene.fastest(body);
-    assert!(fastest > 0.5, "it hangs still at {fastest} meters a second");
-    assert!(most < 1.0e-3, "{most} J of what was at rest at a height of 0");
+    assert!(fastest > 0.5, "the cloth hardly moves: {fastest} m/s");
+    assert!(most < 1.0e-3, "{most} J, starting at rest at height 0");
 }
 
 #[test]

@@ -1,7 +1,7 @@
-//! Random shots: bullets, balls and sheets at rigid shapes of every kind and at surfaces that stand, in random poses, with
-//! random spins, at up to a thousand thicknesses a tick. None of them passes, and nothing of them is inside.
+//! Random shots: bullets, balls, and sheets against rigid shapes of every kind and static surfaces, in random poses,
+//! with random spins, at up to a thousand thicknesses per tick. No shot passes its target, and none ends up inside.
 //!
-//! `CIRCUMSPHERE_SHOTS` sets how many (300 otherwise), `CIRCUMSPHERE_SHOT` plays one of them alone.
+//! `CIRCUMSPHERE_SHOTS` sets the number of shots (300 by default). `CIRCUMSPHERE_SHOT` plays a single one.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -24,16 +24,16 @@ const SHOTS_VARIABLE: &str = "CIRCUMSPHERE_SHOTS";
 const SHOT_VARIABLE: &str = "CIRCUMSPHERE_SHOT";
 const SHOTS: u64 = 300;
 
-/// Half the contact distance of what is shot and of surfaces, in meters.
+/// Half the contact distance of shots and surfaces, in meters.
 const THICKNESS: f32 = 0.002;
 
-/// Ticks after which a shot is over: it meets its target in the second or third.
+/// The number of ticks of a shot. It meets its target in the second or third.
 const TICKS: usize = 8;
 
-/// What is behind its target for so many ticks in a row has passed it.
+/// A shot that is behind its target for this many ticks in a row has passed it.
 const TICKS_BEHIND: usize = 3;
 
-/// Inside is what is deeper than rounding of coordinates of some meters, and of a pose.
+/// A point counts as inside if it is deeper than the rounding of coordinates of some meters and of a pose.
 const ROUNDING: f64 = 1e-5;
 
 /// Half the width of targets that are sheets, in meters.
@@ -59,7 +59,7 @@ const TARGETS: [&str; 16] = [
     "open surface",
 ];
 
-/// What a target is in truth, in its own frame.
+/// The reference geometry of a target, in its own frame.
 enum Truth {
     Solids(Vec<(DVec3, Solid)>),
     Mesh { positions: Vec<DVec3>, triangles: Vec<[u32; 3]>, closed: Option<Closed> },
@@ -83,7 +83,7 @@ impl Truth {
         }
     }
 
-    /// Whether a straight way goes through it.
+    /// Whether a straight path goes through the target.
     fn is_between(&self, from: DVec3, to: DVec3) -> bool {
         match self {
             Self::Solids(_) => {
@@ -106,7 +106,7 @@ enum Body {
     Surface(Mesh),
 }
 
-/// A target by its name; sheets and half-spaces face along y.
+/// A target by its name. Sheets and half-spaces face along y.
 fn target(name: &str) -> (Body, Truth) {
     let half = DVec3::new(0.3, 0.2, 0.25);
     let sheet = || grid(7, 7, 2.0 * SHEET, 2.0 * SHEET, Diagonals::Alternating);
@@ -120,7 +120,7 @@ fn target(name: &str) -> (Body, Truth) {
             SharedShape::cuboid(SHEET, 0.005, SHEET),
             Solid::Cuboid(DVec3::new(SHEET.into(), 0.005, SHEET.into())),
         ),
-        // Its core, grown by the rounding in one direction at a time, is inside.
+        // The core, grown by the rounding in one direction at a time, is inside.
         "rounded cuboid" => {
             let grown = |axis: DVec3| (DVec3::ZERO, Solid::Cuboid(half + axis * 0.05));
             let truth = Truth::Solids(DVec3::AXES.map(grown).to_vec());
@@ -155,7 +155,7 @@ fn target(name: &str) -> (Body, Truth) {
         }
         "closed surface" => (Body::Surface(block()), Truth::mesh(&block(), true)),
         "open surface" => (Body::Surface(sheet()), Truth::mesh(&sheet(), false)),
-        _ => unreachable!("{name} is no target"),
+        _ => unreachable!("{name} is not a target"),
     }
 }
 
@@ -180,7 +180,7 @@ struct Wrong {
     not_finite: usize,
 }
 
-/// Plays a shot and tells what it was and what went wrong.
+/// Plays a shot. Returns its description and what went wrong.
 fn shoot(number: u64) -> (String, Wrong) {
     let mut random = Random::new(0x5407_0000 + number);
     let name = TARGETS[(number % TARGETS.len() as u64) as usize];
@@ -189,7 +189,8 @@ fn shoot(number: u64) -> (String, Wrong) {
     let way = speed * THICKNESS;
     let mut scene = Scene::new();
     scene.settings().gravity = Vec3::ZERO;
-    // In the frame of the target, sheets are shot from above or below, solids from everywhere, at what is not near a rim.
+    // In the frame of the target, sheets are shot from above or below, and solids from everywhere. No shot aims near a
+    // rim.
     let is_flat =
         ["thin cuboid", "half-space", "open trimesh", "heightfield", "triangle", "open surface"].contains(&name);
     let from_above_only = name == "half-space";
@@ -214,7 +215,7 @@ fn shoot(number: u64) -> (String, Wrong) {
         _ => (grid(5, 5, 0.16, 0.16, Diagonals::Alternating), XpbdMaterial::CLOTH, "sheet"),
     };
     let reach = mesh.positions.iter().map(|&position| Vec3::from(position).length()).fold(0.0, f32::max);
-    // Outside of all targets when it starts, and some way off: flat ones end at their plane.
+    // The start is outside of all targets and some way off. Flat targets end at their plane.
     let size = if is_flat { (reach + 0.02) / from.y.abs() } else { 0.65 + reach };
     let start = aim + from * (size + (0.3 + random.unit() as f32) * way);
     let turn = rotation(&mut random);
@@ -236,7 +237,7 @@ fn shoot(number: u64) -> (String, Wrong) {
         *velocity_of = own + (place.turn.as_quat() * spin).cross(position - center);
     }
     let pose = |tick: usize| {
-        // What is driven stops when it is past where the shot has been.
+        // A driven target stops when it is past where the shot has been.
         let moved = if is_driven { velocity * (TICK as f32 * tick.min(4) as f32) } else { Vec3::ZERO };
         Transform::from_translation(place.offset.as_vec3() - moved).with_rotation(place.turn.as_quat())
     };
@@ -262,7 +263,7 @@ fn shoot(number: u64) -> (String, Wrong) {
         let start = start.as_dvec3();
         let mean = own.iter().sum::<DVec3>() / own.len() as f64;
         let is_behind = if kind == "sheet" {
-            // Its corners may go around: more than half of it may not.
+            // Its corners may go around the target, but not more than half of it.
             2 * own.iter().filter(|&&position| truth.is_between(start, position)).count() > own.len()
         } else {
             truth.is_between(start, mean)
@@ -308,7 +309,7 @@ fn no_shot_passes() {
     assert!(lines.is_empty(), "{}", lines.join("\n"));
 }
 
-/// The judge is not blind: without a target's layers, everything that hits goes through.
+/// The reference detects a passing shot: without a target's layers, everything that hits goes through.
 #[test]
 fn shots_that_nothing_stops_are_seen_to_pass() {
     for name in TARGETS {

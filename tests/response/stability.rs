@@ -1,4 +1,4 @@
-//! What must not blow up, whatever a game does.
+//! The response must not blow up, whatever a game does.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{prelude::*, response::*};
@@ -28,15 +28,15 @@ fn bodies_of_any_shape_fly_on_without_shaking() {
             let material = XpbdMaterial { drag: 0.0, ..material };
             let body = scene.add_changed(&mesh, material, |body| body.moving(Vec3::X), ());
             scene.run(60);
-            // Rounding to single precision is a micrometer a tick at this distance, a thousandth of this bound.
+            // At this distance, rounding to single precision is a micrometer per tick, a thousandth of this bound.
             let speed = scene.fastest(body);
             assert!((speed - 1.0).abs() < 0.1, "{name} {material:?}: {speed}");
         }
     }
 }
 
-/// Runs a cloth that is held at two corners and hangs onto a ball, whatever `change` does to it in the tenth tick, and
-/// checks that everything stays where it can be.
+/// Runs a cloth that is pinned at two corners and hangs onto a ball, applies `change` in tick 10, and checks that
+/// everything stays within reach.
 fn survives(change: impl Fn(&mut Scene, bevy_ecs::entity::Entity) -> f64, prepare: impl Fn(XpbdBody) -> XpbdBody) {
     let mut scene = Scene::new();
     scene.add_obstacle(&icosphere(3, 0.2).translate([0.0, -0.25, 0.0]), ());
@@ -47,7 +47,7 @@ fn survives(change: impl Fn(&mut Scene, bevy_ecs::entity::Entity) -> f64, prepar
         let seconds = if tick == 10 { change(&mut scene, body) } else { TICK };
         scene.tick(seconds);
         for position in scene.positions(body) {
-            // The diagonal of the cloth is 0.71 m long, and nothing is farther from a pin than that and some stretch.
+            // The diagonal of the cloth is 0.71 m long. No vertex is farther from a pin than that and some stretch.
             assert!(position.is_finite() && position.length() < 1.5, "tick {tick}: {position}");
         }
     }
@@ -94,13 +94,13 @@ fn a_vertex_without_mass_is_refused_and_its_body_stands_until_it_has_one() {
     let body = scene.add(&sheet, XpbdMaterial::CLOTH, ());
     let other = scene.add(&sheet.translate([1.0, 0.0, 0.0]), XpbdMaterial::CLOTH, ());
     let sound = scene.body(body).inverse_masses[4];
-    // One over no mass at all.
+    // Infinity is one over a mass of 0.
     for wrong in [f32::INFINITY, f32::NAN, -1.0] {
         scene.body_mut(body).inverse_masses[4] = wrong;
         let (before, others) = (scene.positions(body).to_vec(), scene.positions(other)[0].y);
         scene.run(3);
         assert_eq!(scene.positions(body), before);
-        assert!(scene.positions(other)[0].y < others, "the others go on");
+        assert!(scene.positions(other)[0].y < others, "the other body does not fall");
         let refused = &scene.diagnostics().refused;
         assert!(matches!(refused[..], [(entity, XpbdBodyError::InverseMass(VertexId(4), _))] if entity == body));
     }
@@ -121,7 +121,7 @@ fn a_body_stands_while_its_surface_has_another_mesh_of_as_many_vertices() {
     assert_eq!(scene.positions(body), before);
     let refused = &scene.diagnostics().refused;
     assert!(matches!(refused[..], [(entity, XpbdBodyError::Mesh)] if entity == body), "{refused:?}");
-    // The same mesh once more is as good as the one it was made for.
+    // Another copy of the same mesh is accepted.
     scene.app.world_mut().entity_mut(body).insert(surface_of(&own));
     scene.run(3);
     assert!(scene.diagnostics().refused.is_empty() && scene.positions(body)[0].y < before[0].y);
@@ -132,7 +132,7 @@ fn a_body_stands_while_somebody_has_written_too_few_or_too_many_positions() {
     for count in [0, 3, 40] {
         let mut scene = Scene::new();
         let body = scene.add(&grid(2, 2, 0.2, 0.2, Diagonals::Uniform), XpbdMaterial::CLOTH, ());
-        // After the detection has taken the surface as it was.
+        // After detection has read the surface.
         let resize = move |mut surfaces: Query<&mut SurfacePositions>| {
             for mut positions in &mut surfaces {
                 positions.0.resize(count, Vec3::ZERO);
@@ -150,7 +150,7 @@ fn a_body_stands_while_somebody_has_written_too_few_or_too_many_positions() {
 #[test]
 fn a_vertex_of_triangles_without_area_has_a_mass() {
     let mut mesh = grid(2, 2, 0.2, 0.2, Diagonals::Uniform);
-    // A spike without an area, and a vertex that no triangle has.
+    // A spike without area, and a vertex without triangles.
     let spike = mesh.positions.len() as u32;
     mesh.positions.push(mesh.positions[4]);
     mesh.positions.push([0.5, 0.5, 0.5]);
@@ -168,7 +168,7 @@ fn a_body_that_would_leave_the_range_of_numbers_stands_and_says_so() {
     for gravity in [3.0e38, 1.0e25, f32::MAX] {
         let mut scene = Scene::new();
         let body = scene.add(&grid(2, 2, 0.2, 0.2, Diagonals::Uniform), XpbdMaterial::CLOTH, SelfCollision);
-        // A corner that is held has nothing to do with it.
+        // A pinned vertex makes no difference.
         let held = scene.add_changed(
             &icosphere(1, 0.1).translate([3.0, 0.0, 0.0]),
             XpbdMaterial::SOFT,
@@ -218,14 +218,14 @@ fn a_body_whose_seams_differ_by_rounding_keeps_its_volume_once_it_is_welded() {
     scene.app.world_mut().spawn(RigidShape(SharedShape::halfspace(Vec3::Y)));
     let before = volume(&corners);
     scene.run(1);
-    // The first tick closes the seams, by no more than they were open.
+    // The first tick closes the seams, and moves vertices by no more than the seams were open.
     for (vertex, &weld) in surface.topology().weld().iter().enumerate() {
         assert_eq!(scene.positions(body)[vertex], scene.positions(body)[weld as usize]);
     }
     assert!(scene.positions(body).iter().zip(&corners).all(|(now, then)| (*now - *then).length() < 0.01));
     scene.run(120);
     let after = volume(scene.positions(body));
-    // Ten substeps leave a share of a percent of the volume's error.
+    // Ten substeps leave a fraction of a percent of the volume's error.
     assert!((after / before - 1.0).abs() < 0.02, "{before} has become {after}");
     assert!(scene.diagnostics().refused.is_empty());
 }

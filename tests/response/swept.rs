@@ -1,4 +1,4 @@
-//! Bodies with continuous detection: nothing goes through anything, at any speed.
+//! Bodies with swept collision: nothing goes through anything, at any speed.
 
 use bevy_circumsphere::{prelude::*, response::*};
 use bevy_transform::components::Transform;
@@ -13,8 +13,8 @@ use crate::harness::Scene;
 /// Half the contact distance, in meters.
 const THICKNESS: f32 = 0.002;
 
-/// Shoots a ball at a sheet that is held along its border, and tells whether it is behind in the end. Each of them is swept
-/// or not.
+/// Shoots a ball at a sheet that is pinned along its border. Returns whether the ball is behind the sheet in the end.
+/// Each of them may be swept.
 fn goes_through(thicknesses_a_tick: f32, [sheet_is_swept, ball_is_swept]: [bool; 2], random: &mut Random) -> bool {
     let mut scene = Scene::new();
     scene.settings().gravity = Vec3::ZERO;
@@ -42,7 +42,8 @@ fn goes_through(thicknesses_a_tick: f32, [sheet_is_swept, ball_is_swept]: [bool;
         || scene.positions(body).iter().all(|position| position.y < 0.0) && !scene_holds(&scene, body)
 }
 
-/// Whether a body below the sheet's plane lies in the pocket that it has pushed into the sheet: the sheet is there, too.
+/// Whether a body below the sheet's plane lies in a pocket that it has pushed into the sheet, so that the sheet is
+/// there too.
 fn scene_holds(scene: &Scene, body: bevy_ecs::entity::Entity) -> bool {
     let lowest = scene.positions(body).iter().map(|position| position.y).fold(f32::MAX, f32::min);
     scene.app.world().iter_entities().filter(|entity| entity.id() != body).any(|entity| {
@@ -59,11 +60,11 @@ fn a_ball_never_goes_through_a_sheet() {
     for speed in [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0] {
         for _ in 0..3 {
             assert!(!goes_through(speed, [false, true], &mut random), "{speed}");
-            assert!(!goes_through(speed, [true, false], &mut random), "{speed}, and the sheet that rests is guarded");
+            assert!(!goes_through(speed, [true, false], &mut random), "{speed}, only the resting sheet is swept");
             without += usize::from(goes_through(speed, [false, false], &mut random));
         }
     }
-    assert!(without > 3, "without it, some go through: {without}");
+    assert!(without > 3, "without sweeping, only {without} go through");
 }
 
 #[test]
@@ -78,7 +79,7 @@ fn what_the_game_moves_while_the_clock_stands_passes_through_nothing() {
         let at = |z: f32| Transform::from_xyz(0.0, 0.0, z);
         let ball = scene.app.world_mut().spawn((RigidShape(SharedShape::ball(RADIUS)), at(-0.3))).id();
         scene.tick(1.0 / 60.0);
-        // A pause in which somebody moves the ball to the flag's other side.
+        // During a pause, the game moves the ball to the flag's other side.
         scene.app.world_mut().entity_mut(ball).insert(at(0.3));
         if jumps {
             scene.app.world_mut().entity_mut(ball).insert(Teleported);

@@ -1,4 +1,4 @@
-//! What is inside what, and what has gone through what, in f64 and by nothing of the library.
+//! What is inside a solid, and what has gone through a triangle, computed in f64 and independently of the library.
 
 use std::f64::consts::TAU;
 
@@ -19,7 +19,7 @@ impl Closed {
         Self { positions, triangles, low, high }
     }
 
-    /// Whether the mesh winds around a point, whichever way it is wound.
+    /// Whether the mesh winds around a point, in either orientation.
     pub fn contains(&self, point: DVec3) -> bool {
         if point.cmplt(self.low).any() || point.cmpgt(self.high).any() {
             return false;
@@ -37,7 +37,7 @@ fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
     2.0 * volume.atan2(rest)
 }
 
-/// Where something rigid is.
+/// The pose of something rigid.
 #[derive(Clone, Copy, Debug)]
 pub struct Place {
     pub turn: DQuat,
@@ -58,16 +58,16 @@ pub enum Solid {
     Cuboid(DVec3),
     /// Along y: half the length of the axis, and the radius.
     Capsule(f64, f64),
-    /// The same, without the caps.
+    /// Like a capsule, without the caps.
     Cylinder(f64, f64),
-    /// The same, pointed at the upper end.
+    /// Like a cylinder, pointed at the upper end.
     Cone(f64, f64),
     /// Below the plane y = 0.
     HalfSpace,
 }
 
 impl Solid {
-    /// How deep a point is inside, in its own frame; negative outside. A lower bound there.
+    /// The depth of a point inside, in the solid's own frame. Outside it is negative and a lower bound.
     pub fn depth(self, point: DVec3) -> f64 {
         let around = point.x.hypot(point.z);
         match self {
@@ -99,16 +99,16 @@ pub fn point_triangle(point: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     to_segment(a, b).min(to_segment(b, c)).min(to_segment(c, a))
 }
 
-/// Whether a point crosses a triangle while all four go straight from where they were to where they are: a root of the
-/// volume that they span, at which the point is within the triangle.
+/// Whether a point crosses a triangle while all four points move along straight lines. It does at a root of the volume
+/// that they span, if the point is within the triangle at that time.
 pub fn crosses_on_its_way(point: [DVec3; 2], corners: [[DVec3; 2]; 3]) -> bool {
-    // A cubic has at most three roots; two within one of these steps are a grazing that this test may miss.
+    // A cubic has at most three roots. Two roots within one step are a grazing contact that this test may miss.
     const STEPS: u32 = 64;
     let at = |time: f64| -> [DVec3; 3] {
         let point = point[0].lerp(point[1], time);
         corners.map(|[from, to]| from.lerp(to, time) - point)
     };
-    // In the frame of the point: far away all the time?
+    // Skip triangles that are far from the point all the time, in the frame of the point.
     let ends = [at(0.0), at(1.0)];
     let all = || ends.iter().flatten().copied();
     let (low, high) = (all().fold(DVec3::INFINITY, DVec3::min), all().fold(DVec3::NEG_INFINITY, DVec3::max));
@@ -138,7 +138,7 @@ pub fn crosses_on_its_way(point: [DVec3; 2], corners: [[DVec3; 2]; 3]) -> bool {
     })
 }
 
-/// Vertices as doubles.
+/// Converts vertices to f64.
 pub fn doubles(positions: &[Vec3]) -> Vec<DVec3> {
     positions.iter().map(|position| position.as_dvec3()).collect()
 }
@@ -151,7 +151,7 @@ fn depths_are_those_of_the_solids() {
     assert_eq!(Solid::Cuboid(half).depth(at(0.5, 1.9, 0.0)), 2.0 - 1.9);
     assert_eq!(Solid::Capsule(1.0, 0.5).depth(at(0.0, 1.25, 0.0)), 0.25);
     assert_eq!(Solid::Cylinder(1.0, 0.5).depth(at(0.25, 0.0, 0.0)), 0.25);
-    // Half way up the cone is half as wide; its side falls by 1 in 2.
+    // Halfway up, the cone is half as wide. Its side falls by 1 in 2.
     let depth = Solid::Cone(1.0, 1.0).depth(DVec3::ZERO);
     assert!((depth - 1.0 / 5.0_f64.sqrt()).abs() < 1e-12, "{depth}");
     assert!(Solid::Cone(1.0, 1.0).depth(at(0.6, 0.0, 0.0)) < 0.0);
@@ -166,7 +166,7 @@ fn what_goes_through_a_triangle_is_seen_and_what_passes_beside_it_is_not() {
     assert!(!crosses_on_its_way([inside, inside - 0.9 * DVec3::Y], still));
     let beside = DVec3::new(0.6, 1.0, 0.6);
     assert!(!crosses_on_its_way([beside, beside - 2.0 * DVec3::Y], still));
-    // Both go the same way: nothing passes.
+    // Both move the same way, so nothing passes.
     let moved = still.map(|[from, to]| [from, to - 3.0 * DVec3::Y]);
     assert!(!crosses_on_its_way([inside, inside - 3.0 * DVec3::Y], moved));
     assert!(crosses_on_its_way([inside, inside], still.map(|[from, to]| [from, to + 3.0 * DVec3::Y])));

@@ -1,7 +1,8 @@
-//! Random worlds of soft bodies and cloths that tumble between moving rigid shapes: platforms, pistons and rotors.
+//! Random worlds of soft bodies and cloths that tumble between moving rigid shapes: platforms, pistons, and rotors.
 //!
-//! `CIRCUMSPHERE_WORLDS` sets how many (10 otherwise), `CIRCUMSPHERE_WORLD` plays one of them alone. A body between two
-//! shapes of which one moves may find no way out: such worlds are counted apart, and have to stay finite.
+//! `CIRCUMSPHERE_WORLDS` sets the number of worlds (10 by default). `CIRCUMSPHERE_WORLD` plays a single one. A body
+//! between two shapes may find no way out if one of them moves. Such worlds are counted separately and must stay
+//! finite.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -29,22 +30,22 @@ const TICKS: usize = 300;
 /// Half the contact distance, in meters.
 const THICKNESS: f32 = 0.003;
 
-/// Rounding of coordinates of a few meters, and of a pose.
+/// The rounding of coordinates of a few meters, and of a pose.
 const ROUNDING: f64 = 5e-6;
 
 /// Half the width of the room, and its height, in meters.
 const ROOM: f32 = 0.8;
 
-/// How something moves.
+/// How a shape moves.
 #[derive(Clone, Copy, Debug)]
 enum Motion {
     Still,
-    /// To and fro by `reach`, once in so many seconds.
+    /// To and fro by `reach`, with a period of `seconds`.
     Slides {
         reach: Vec3,
         seconds: f32,
     },
-    /// Around an axis, radians a second.
+    /// Around an axis, in radians per second.
     Turns {
         axis: Vec3,
         speed: f32,
@@ -71,7 +72,7 @@ impl Mover {
         }
     }
 
-    /// In f64, as the transform says.
+    /// The pose in f64, as the transform has it.
     fn placed(&self, tick: usize) -> Place {
         let (offset, turn) = self.pose(tick);
         Place { turn: turn.as_dquat().normalize(), offset: offset.as_dvec3() }
@@ -81,7 +82,7 @@ impl Mover {
         self.solid.depth(self.placed(tick).to_own(point))
     }
 
-    /// In which direction it pushes a triangle that is within `distance` of it.
+    /// The direction in which the shape pushes a triangle that is within `distance` of it.
     fn push(&self, tick: usize, corners: [DVec3; 3], distance: f64) -> Option<DVec3> {
         let placed = self.placed(tick);
         let pose = parry3d_f64::math::Pose::from_parts(placed.offset, placed.turn);
@@ -93,12 +94,12 @@ impl Mover {
             _ => unreachable!("movers are boxes and a floor"),
         };
         let at = parry3d_f64::math::Pose::IDENTITY;
-        let contact = parry3d_f64::query::contact(&pose, shape, &at, &triangle, distance).expect("parry knows both")?;
+        let contact = parry3d_f64::query::contact(&pose, shape, &at, &triangle, distance).expect("parry tests both")?;
         Some(contact.normal1)
     }
 }
 
-/// A box as one of the shapes that games have for it.
+/// A box, as one of the shapes that games use for it.
 fn box_shape(half: Vec3, random: &mut Random) -> SharedShape {
     match random.below(4) {
         0 => {
@@ -124,20 +125,20 @@ fn add_box(scene: &mut Scene, half: Vec3, place: Vec3, motion: Motion, random: &
     add_mover(scene, box_shape(half, random), Solid::Cuboid(half.as_dvec3()), place, motion)
 }
 
-/// What came of a world.
+/// The outcome of a world.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Fate {
-    /// The most vertices inside a closed solid at a tick, and the first tick.
+    /// The largest number of vertices inside a closed solid in a tick, and the first tick with one.
     inside: usize,
     first: Option<usize>,
     not_finite: usize,
     /// The first tick in which something was between two shapes that close in.
     squeezed: Option<usize>,
-    /// Vertices that have left the room, which is closed but for its top.
+    /// Vertices that have left the room, which is open only at its top.
     escaped: usize,
 }
 
-/// Whether two shapes of which one moves push in opposite directions.
+/// Whether two shapes, at least one of them moving, push in opposite directions.
 fn are_opposed(movers: &[Mover], touched: &[(usize, DVec3)]) -> bool {
     let moves = |number: usize| !matches!(movers[number].motion, Motion::Still);
     touched.iter().enumerate().any(|(index, &(first, push))| {
@@ -147,19 +148,19 @@ fn are_opposed(movers: &[Mover], touched: &[(usize, DVec3)]) -> bool {
     })
 }
 
-/// The shapes that are near a triangle, and in which direction each pushes it.
+/// The shapes that are near a triangle, and the direction in which each pushes it.
 fn touched_by(movers: &[Mover], tick: usize, corners: [DVec3; 3]) -> Vec<(usize, DVec3)> {
     let push =
         |(number, mover): (usize, &Mover)| Some((number, mover.push(tick, corners, 4.0 * f64::from(THICKNESS))?));
     movers.iter().enumerate().filter_map(push).collect()
 }
 
-/// A world with what moves in it, and its bodies.
+/// A world, its moving shapes, and its bodies.
 fn build(number: u64) -> (Scene, Vec<Mover>, Vec<Entity>) {
     let mut random = Random::new(0x7004_b000 + number);
     let mut scene = Scene::new();
     let mut movers = Vec::new();
-    // A floor, and four walls of 20 cm.
+    // A floor, and four walls 20 cm thick.
     movers.push(add_mover(&mut scene, SharedShape::halfspace(Vec3::Y), Solid::HalfSpace, Vec3::ZERO, Motion::Still));
     for (axis, half) in [(Vec3::X, Vec3::new(0.1, 1.5, 1.0)), (Vec3::Z, Vec3::new(1.0, 1.5, 0.1))] {
         for side in [1.0, -1.0] {
@@ -237,8 +238,8 @@ fn play(number: u64) -> Fate {
                 let beside = position.x.abs().max(position.z.abs()) > f64::from(ROOM) + 0.2;
                 fate.escaped += usize::from(tick + 1 == TICKS && (beside && position.y < 2.9 || position.y < -0.01));
             }
-            // A cloth is squeezed where one of its triangles is between two shapes; a soft body, which keeps its volume, where
-            // any two of its triangles are.
+            // A cloth is squeezed if one of its triangles is between two shapes. A soft body keeps its volume, so it is
+            // squeezed if any two of its triangles are.
             let touched: Vec<Vec<(usize, DVec3)>> = topology
                 .triangles()
                 .iter()
@@ -282,8 +283,8 @@ fn nothing_gets_into_or_through_what_moves() {
             lines.push(format!("world {number} panicked"));
             continue;
         };
-        // What was wrong before the squeeze has nothing to do with it. It begins within a tick, and is seen when that has ended:
-        // with the body inside of the one, it may touch the other in the next tick alone.
+        // Failures before the squeeze have nothing to do with it. A squeeze begins within a tick and is seen only at
+        // its end: if the body is inside one shape, it may touch the other one only in the next tick.
         let is_squeezed = fate.squeezed.is_some_and(|tick| fate.first.is_none_or(|first| tick <= first + 1));
         squeezed += usize::from(is_squeezed);
         let is_wrong = fate.inside > 0 || fate.escaped > 0;

@@ -1,4 +1,4 @@
-//! A character that walks, turns and swings its leg in a skirt: nothing of the skirt is inside the body at any tick.
+//! A character in a skirt walks, turns, and swings its leg. No part of the skirt is inside the body in any tick.
 
 use std::time::{Duration, Instant};
 
@@ -20,23 +20,23 @@ use crate::{
 /// Long enough to walk at full speed for two seconds.
 const SECONDS: f64 = 3.0;
 
-/// Generous, since machines are noisy and this is no release build: the ticks that this is about took seconds.
+/// The bound is generous, since machines are noisy and this is no release build. Faulty ticks took seconds.
 const SLOWEST: Duration = Duration::from_millis(500);
 
-/// Slow machines are slow in every tick.
+/// A slow machine is slow in every tick.
 const MOST_RATIO: f64 = 4.0;
 
-/// Rounding of coordinates below 16 m, and of a pose.
+/// The rounding of coordinates below 16 m, and of a pose.
 const ROUNDING: f64 = 4e-6;
 
-/// What a walk came to.
+/// The outcome of a walk.
 #[derive(Default)]
 struct Walk {
-    /// The most vertices inside the body at a tick, and the first tick with one.
+    /// The largest number of vertices inside the body in a tick, and the first tick with one.
     most_inside: usize,
     first_inside: Option<usize>,
     not_finite: usize,
-    /// How far pins were from where they were put, at most.
+    /// The largest distance of a pin from where it was put.
     pins_off: f64,
     times: Vec<Duration>,
 }
@@ -51,12 +51,12 @@ impl Walk {
         }
     }
 
-    /// Whether there is nothing more to learn: it has failed, and ticks get slower and slower.
+    /// Whether the run can stop: it has failed, and ticks get slower and slower.
     fn is_lost(&self) -> bool {
         self.most_inside > 100 || self.times[1..].iter().any(|&time| time > 4 * SLOWEST)
     }
 
-    /// The slowest tick beside the first, and the median.
+    /// The slowest tick except the first, and the median.
     fn slowest_and_median(&self) -> [Duration; 2] {
         let mut times = self.times[1..].to_vec();
         times.sort_unstable();
@@ -67,8 +67,8 @@ impl Walk {
         let [slowest, median] = self.slowest_and_median();
         let ratio = slowest.as_secs_f64() / median.as_secs_f64();
         let line = format!(
-            "{name}: at most {} inside (first in tick {:?}), {} not finite, pins off by {:.1e} m, slowest tick {slowest:.1?}, \
-             {ratio:.1} times the median {median:.1?}",
+            "{name}: at most {} inside (first in tick {:?}), {} not finite, pins off by {:.1e} m, \
+             slowest tick {slowest:.1?}, {ratio:.1} times the median {median:.1?}",
             self.most_inside, self.first_inside, self.not_finite, self.pins_off
         );
         println!("{line}");
@@ -82,10 +82,10 @@ impl Walk {
     }
 }
 
-/// How many rings the skirt has, and how many segments around.
+/// The number of rings of the skirt, and of segments around it.
 const SKIRT: (usize, usize) = (14, 36);
 
-/// Adds the skirt, and gives where its pins are at the start.
+/// Adds the skirt, and returns the positions of its pins at the start.
 fn add_skirt(scene: &mut Scene) -> (Entity, Vec<[f32; 3]>) {
     let (rings, segments) = SKIRT;
     let skirt = character_skirt(rings, segments);
@@ -96,7 +96,7 @@ fn add_skirt(scene: &mut Scene) -> (Entity, Vec<[f32; 3]>) {
     (skirt, waist)
 }
 
-/// Moves the pins as the skin of the waist moves, and checks where they are after the tick.
+/// Moves the pins with the skin of the waist, and checks where they are after the tick.
 fn tick(scene: &mut Scene, skirt: Entity, pins: &[[f32; 3]], rate: f64, walk: &mut Walk) {
     let mut positions = scene.app.world_mut().get_mut::<SurfacePositions>(skirt).unwrap();
     for (vertex, &pin) in pins.iter().enumerate() {
@@ -133,7 +133,7 @@ fn walk_skinned(fineness: CharacterFineness, speed: f64, rate: f64, is_swept: bo
     walk
 }
 
-/// Torso and leg are capsules, each an entity that the game moves by its transform.
+/// Torso and leg are capsules. Each is an entity that the game moves by its transform.
 fn walk_rigid(speed: f64, rate: f64) -> Walk {
     let character = Character::new(CharacterFineness::Coarse, speed);
     let mut scene = Scene::new();
