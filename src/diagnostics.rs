@@ -35,7 +35,7 @@ pub struct DetectionDiagnostics {
     /// not count them.
     pub pairs_kept: usize,
     /// Pairs of surfaces that have moved so little that their candidates came from a list of an earlier tick.
-    pub lists_followed: usize,
+    pub lists_reused: usize,
     /// Pairs of surfaces for which such a list was made in this tick.
     pub lists_made: usize,
     /// Pairs of triangles on the lists of earlier ticks that were skipped. Their remembered distance, less the motion

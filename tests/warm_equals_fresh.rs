@@ -603,7 +603,7 @@ fn after_any_change_contacts_are_those_of_a_new_world() {
             new.app.update();
             let diagnostics = living.app.world().resource::<bevy_circumsphere::detection::DetectionDiagnostics>();
             kept += diagnostics.pairs_kept;
-            followed += diagnostics.lists_followed;
+            followed += diagnostics.lists_reused;
             match compare(&living, &new, &state, &tools) {
                 Ok(count) => contacts += count,
                 Err(what) => {

@@ -10,7 +10,7 @@ use bevy_circumsphere::kernel::{
     },
     contact::CompactContact,
     exact::{
-        penetration::{Finding, Settling},
+        penetration::{Finding, PenetrationTest},
         stage::{closest_pairs, exact_pairs},
         unique::UniqueFeatures,
     },
@@ -123,11 +123,11 @@ fn detect(
     refine(a, b, candidates, settings, &mut found);
     // As the stage does.
     if can_penetrate([a, b], settings) {
-        let mut settling = Settling::default();
+        let mut settling = PenetrationTest::default();
         settling.prepare(a, b, candidates, settings, &found.contacts);
         let mut findings = vec![Finding::Alone; settling.questions().len()];
         settling.look(a, b, &found.contacts, settling.questions(), &mut findings);
-        settling.carry_out(&findings, settings, &mut found.contacts);
+        settling.apply(&findings, settings, &mut found.contacts);
         // How often a shared one was found depends on the screen.
         let mut known = HashSet::new();
         found.contacts.retain(|contact| !contact.is_shared || known.insert(contact.key));

@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use crate::kernel::{
     contact::{CompactContact, ContactKey, SharedContact},
-    simd::share::Share,
+    simd::parallel::Parallel,
 };
 
 #[cfg(test)]
@@ -70,7 +70,7 @@ pub(super) struct Sides {
 
 impl Sides {
     /// Flips contacts whose normals have reversed since the last tick.
-    pub(super) fn keep(&mut self, contacts: &mut [CompactContact], before: Before<'_>, share: &impl Share) {
+    pub(super) fn keep(&mut self, contacts: &mut [CompactContact], before: Before<'_>, parallel: &impl Parallel) {
         if before.contacts.is_empty() {
             return;
         }
@@ -78,7 +78,7 @@ impl Sides {
         self.parts.resize_with(self.parts.len().max(contacts.len().div_ceil(PART)), Vec::new);
         let count = contacts.len() / CONTACTS_OF_ONE;
         let tasks = parts_of(contacts).zip(&mut self.parts);
-        share.hand_out(tasks, count, |((first, contacts), unmatched)| {
+        parallel.run_tasks(tasks, count, |((first, contacts), unmatched)| {
             keep_own_sides(contacts, first, before.contacts, unmatched);
         });
         self.keep_shared_sides(contacts, before);

@@ -9,7 +9,7 @@ use bevy_ecs::{prelude::*, system::SystemParam};
 
 use crate::{
     detection::{
-        broad_phase::{Asked, MovedLeaves, Traversal},
+        broad_phase::{MovedLeaves, Needed, Traversal},
         pairs::{CandidateTrianglePairs, OtherSide, SurfacePair},
         parallel::{Buffers, append_chunks},
         reuse::near_lists::KeptPairs,
@@ -66,7 +66,7 @@ pub struct PairFates<'w, 's> {
 impl PairFates<'_, '_> {
     /// Replaces `fates` by those of [`CandidateTrianglePairs::pairs`]`[place]`. First comes one for each of its
     /// `triangles`, in their order. Then come the pairs that the broad phase dropped although their boxes overlap:
-    /// [`PairFate::Planes`] for those dropped by slabs or, if it followed a list of an earlier tick,
+    /// [`PairFate::Planes`] for those dropped by slabs or, if it reused a list of an earlier tick,
     /// [`PairFate::Remembered`] for those that the list skipped.
     ///
     /// Empty if the index is out of range or a surface no longer exists. Takes about as long as the stages of the pair
@@ -94,7 +94,7 @@ impl PairFates<'_, '_> {
                         Some(PairFate::Neighbors)
                     } else if pair.triangles.contains(&triangles) {
                         self.of_triangles(pair, &[triangles])?.first().copied()
-                    } else if let Some(mut listed) = self.kept.followed(place) {
+                    } else if let Some(mut listed) = self.kept.reused(place) {
                         let is_whole = self.is_as_detected(pair, &[triangles]);
                         (is_whole && listed.any(|other| other == triangles)).then_some(PairFate::Remembered)
                     } else {
@@ -108,7 +108,7 @@ impl PairFates<'_, '_> {
 
     /// The pairs of triangles that a list of an earlier tick skipped, because of their remembered distance or a slab.
     pub(crate) fn remembered(&self, place: usize, pair: &SurfacePair) -> Vec<[u32; 2]> {
-        let Some(listed) = self.kept.followed(place).filter(|_| self.is_as_detected(pair, &[])) else {
+        let Some(listed) = self.kept.reused(place).filter(|_| self.is_as_detected(pair, &[])) else {
             return Vec::new();
         };
         let candidates: HashSet<[u32; 2]> = pair.triangles.iter().copied().collect();
@@ -117,7 +117,7 @@ impl PairFates<'_, '_> {
 
     /// The pairs of triangles that the broad phase dropped by slabs. Empty if another broad phase than the tree's ran.
     pub(crate) fn dropped_by_slabs(&self, place: usize, pair: &SurfacePair) -> Vec<[u32; 2]> {
-        if self.kept.followed(place).is_some() {
+        if self.kept.reused(place).is_some() {
             return Vec::new();
         }
         let threads = self.settings.threads;
@@ -138,13 +138,13 @@ impl PairFates<'_, '_> {
         }
         let moved = pair.moved_surface(&self.active).map(|surface| surface.entity);
         let states = self.states.all();
-        let [first_region, second_region] = pair.asked_regions([pair.first, second].map(|place| states[place].tree()));
+        let [first_region, second_region] = pair.needed_regions([pair.first, second].map(|place| states[place].tree()));
         let side = |place: usize, region: Option<Region>| {
             let surface = &self.active.surfaces[place];
             let state = &states[place];
-            let asked =
-                if moved == Some(surface.entity) { Asked::Boxes } else { pair.asks_of_triangles(&self.settings) };
-            state.tree.is_current(&surface.topology, state.version(), asked, region).then_some(state)
+            let needed =
+                if moved == Some(surface.entity) { Needed::Boxes } else { pair.needs_of_triangles(&self.settings) };
+            state.tree.is_current(&surface.topology, state.version(), needed, region).then_some(state)
         };
         let sides = [side(pair.first, first_region)?, side(second, second_region)?];
         let mut leaves = MovedLeaves::default();

@@ -11,7 +11,7 @@ use std::{
 use bevy_tasks::ComputeTaskPool;
 
 use crate::kernel::{
-    bvh::near_pairs::BoundedPairs, pair::FoundPairs, simd::share::Share, spheres::contacts::FoundSpheres,
+    bvh::near_pairs::BoundedPairs, pair::FoundPairs, simd::parallel::Parallel, spheres::contacts::FoundSpheres,
 };
 
 /// Pairs per task: enough work to outweigh the overhead, and few enough to balance the load.
@@ -42,9 +42,9 @@ impl Threads {
     }
 }
 
-impl Share for Threads {
-    fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync) {
-        hand_out(tasks, count, self.0, work);
+impl Parallel for Threads {
+    fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync) {
+        run_tasks(tasks, count, self.0, work);
     }
 }
 
@@ -178,12 +178,12 @@ pub(super) fn fill_chunks<T: Sync, R: Send>(
 ) {
     let chunks = items.chunks(chunk).zip(results.chunks_mut(chunk)).enumerate();
     let count = items.len().div_ceil(chunk);
-    hand_out(chunks, count, threads, |(number, (items, results))| work(number * chunk, items, results));
+    run_tasks(chunks, count, threads, |(number, (items, results))| work(number * chunk, items, results));
 }
 
 /// Passes each of about `count` tasks to a free thread. With one thread or one task, does not use the pool and
 /// allocates nothing.
-fn hand_out<P: Send>(tasks: impl Iterator<Item = P> + Send, count: usize, threads: usize, work: impl Fn(P) + Sync) {
+fn run_tasks<P: Send>(tasks: impl Iterator<Item = P> + Send, count: usize, threads: usize, work: impl Fn(P) + Sync) {
     let threads = available_threads(threads).min(count);
     if threads <= 1 {
         for task in tasks {
@@ -222,7 +222,7 @@ pub(super) fn for_each_weighed<T: Send>(
     let weights = items.iter().enumerate().map(|(place, item)| (is_light(place, item), weight(place, item)));
     let to_share: usize = weights.filter(|(is_light, _)| *is_light).map(|(_, weight)| weight).sum();
     let light = items.iter_mut().enumerate().filter(|(place, item)| is_light(*place, item));
-    hand_out(light, to_share / chunk, threads, |(place, item)| work(place, item, 1));
+    run_tasks(light, to_share / chunk, threads, |(place, item)| work(place, item, 1));
     for (place, item) in items.iter_mut().enumerate().filter(|(place, item)| !is_light(*place, item)) {
         work(place, item, threads);
     }

@@ -12,7 +12,7 @@ use crate::{
     kernel::{
         pair::{MovedSide, PairSettings, SurfaceSide},
         pose::Pose,
-        simd::share::Share,
+        simd::parallel::Parallel,
         spheres::{
             pairs::{BallSide, CapSide},
             rows::{BallRows, CapRows},
@@ -145,7 +145,7 @@ impl SphereRows {
         states: &[SurfaceState],
         surfaces: &SphereQuery,
         pairs: impl Iterator<Item = &'a SurfacePair>,
-        share: &impl Share,
+        parallel: &impl Parallel,
     ) {
         let Self { caps, balls, counts } = self;
         count_pairs(active.surfaces.len(), pairs, counts);
@@ -168,13 +168,13 @@ impl SphereRows {
             let cap_source = source([spheres.last_changed(), cones.last_changed()]);
             cap_rows.update(cap_source, is_worth_it(by_caps, TRIANGLES_OF_CAP_PAIR, rests), |rows| {
                 let side = CapSide { surface, spheres: &spheres, cones: &cones, pose: None, rows: None };
-                side.rows(share, rows);
+                side.rows(parallel, rows);
             });
             ball_rows.update(
                 source([balls.last_changed(); 2]),
                 is_worth_it(by_balls, TRIANGLES_OF_BALL_PAIR, !balls.is_changed()),
                 |rows| {
-                    BallSide { surface, balls: &balls, pose: None, rows: None }.rows(share, rows);
+                    BallSide { surface, balls: &balls, pose: None, rows: None }.rows(parallel, rows);
                 },
             );
         }

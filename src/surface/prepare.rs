@@ -10,8 +10,6 @@ use bevy_ecs::{
     schedule::{InternedScheduleLabel, ScheduleLabel},
     system::SystemParam,
 };
-#[cfg(feature = "reflect")]
-use bevy_reflect::prelude::*;
 use bevy_transform::components::Transform;
 use glam::{DAffine3, Vec3};
 

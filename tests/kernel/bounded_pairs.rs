@@ -10,7 +10,7 @@ use bevy_circumsphere::kernel::{
     exact::stage::{closest_pairs, exact_pairs},
     mesh::{ids::TriangleId, motion::Motion},
     pair::{FoundPairs, PairSettings, SurfaceSide},
-    simd::share::OneByOne,
+    simd::parallel::Sequential,
 };
 use circumsphere_support::{
     random::Random,
@@ -164,10 +164,10 @@ fn a_closer_look_raises_bounds_of_pairs_that_are_apart_and_none_above_the_distan
             let count = surface.topology.triangles().len() as u32;
             let distance = |[a, b]: [u32; 2]| triangle_distance(&surface.corners(a), &surface.corners(b));
             // All those within twice the range, and some of the others.
-            let is_asked =
+            let is_requested =
                 |pair: &[u32; 2]| (pair[0] + pair[1]).is_multiple_of(16) || distance(*pair) <= 2.0 * f64::from(range);
             let all: Vec<[u32; 2]> = (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b])).collect();
-            let all: Vec<[u32; 2]> = all.into_iter().filter(is_asked).collect();
+            let all: Vec<[u32; 2]> = all.into_iter().filter(is_requested).collect();
             let [firsts, seconds] = [0, 1].map(|side: usize| all.iter().map(|pair| pair[side]).collect::<Vec<u32>>());
             // Some are asked about, others are below, above, or no number.
             let (motion, passed, limit) = (0.25 * range, 0.75 * range, 1.25 * range);
@@ -178,7 +178,7 @@ fn a_closer_look_raises_bounds_of_pairs_that_are_apart_and_none_above_the_distan
             pairs.extend_from_slices(&firsts, &seconds, &before);
             let triangles =
                 ListedTriangles { positions: [&surface.positions; 2], triangles: [surface.topology.triangles(); 2] };
-            let looked_at = pairs.look_closer(&OneByOne, &triangles, [passed, limit], motion);
+            let looked_at = pairs.look_closer(&Sequential, &triangles, [passed, limit], motion);
             assert_eq!(looked_at, before.iter().filter(|bound| is_between(**bound)).count(), "{name} {size}");
             let near_at = |limit: f32| near(&pairs, limit).into_iter().collect::<BTreeSet<[u32; 2]>>();
             let now = near_at(limit);

@@ -88,7 +88,7 @@ fn pair_of(random: &mut Random, kind: usize, unit: f64, contact_distance: f64) -
     }
 }
 
-struct Asked {
+struct Needed {
     a: Triangle,
     b: Triangle,
     truth: ClosestFeatures,
@@ -102,7 +102,7 @@ struct Batch {
     scale: f64,
     /// In world units.
     contact_distance: f64,
-    pairs: Vec<Asked>,
+    pairs: Vec<Needed>,
     positions: [Vec<Vec3>; 2],
 }
 
@@ -116,10 +116,10 @@ impl Batch {
         };
         let scale = [1.0, 1.0, 0.37, 3.0][random.below(4)];
         let mut distance = unit * random.power_of_ten(-4.0, 0.3);
-        let pairs: Vec<Asked> = (0..BATCH)
+        let pairs: Vec<Needed> = (0..BATCH)
             .map(|_| {
                 let (a, b) = pair_of(random, kind, unit, distance);
-                Asked { a, b, truth: closest_features(&a, &b) }
+                Needed { a, b, truth: closest_features(&a, &b) }
             })
             .collect();
         match random.below(8) {
@@ -134,7 +134,7 @@ impl Batch {
             }
             _ => {}
         }
-        let positions = |of: fn(&Asked) -> &Triangle| -> Vec<Vec3> {
+        let positions = |of: fn(&Needed) -> &Triangle| -> Vec<Vec3> {
             pairs.iter().flat_map(|pair| of(pair).map(DVec3::as_vec3)).collect()
         };
         let positions = [positions(|pair| &pair.a), positions(|pair| &pair.b)];
@@ -206,7 +206,7 @@ impl Tally {
             self.closest_differently += 1;
             fail("the closest features alone change what touches", 0);
         }
-        for (pair, Asked { a, b, truth }) in (0u32..).zip(&batch.pairs) {
+        for (pair, Needed { a, b, truth }) in (0u32..).zip(&batch.pairs) {
             let distance = truth.distance * batch.scale;
             let crossing = truth.kind == ClosestKind::Crossing;
             let is_found = found.touching.contains_key(&pair);
@@ -309,7 +309,7 @@ fn no_random_pair_is_missed_or_false_and_separations_are_true() {
         let tally = &mut tallies[usize::from(batch.contact_distance == 0.0)][batch.kind];
         tally.judge(&batch, &topology, &mut |what, pair| {
             if failures.len() < 10 {
-                let Asked { a, b, truth } = &batch.pairs[pair as usize];
+                let Needed { a, b, truth } = &batch.pairs[pair as usize];
                 failures.push(format!(
                     "{what}: {}, batch {number} pair {pair}, contact distance {:e}, scale {}: {truth:?}\n  {a:?}\n  {b:?}",
                     kind_name(batch.kind),

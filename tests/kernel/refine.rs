@@ -6,7 +6,7 @@ use bevy_circumsphere::kernel::{
     contact::{CompactContact, ContactKey},
     exact::{
         PairProximity, examine_pair,
-        penetration::{Finding, Settling},
+        penetration::{Finding, PenetrationTest},
         stage::{closest_pairs, exact_pairs},
         unique::UniqueFeatures,
     },
@@ -218,11 +218,11 @@ fn settled(
     found: &FoundPairs,
 ) -> Vec<CompactContact> {
     let mut contacts = found.contacts.clone();
-    let mut settling = Settling::default();
+    let mut settling = PenetrationTest::default();
     settling.prepare(a, b, candidates, settings, &contacts);
     let mut findings = vec![Finding::Alone; settling.questions().len()];
     settling.look(a, b, &contacts, settling.questions(), &mut findings);
-    settling.carry_out(&findings, settings, &mut contacts);
+    settling.apply(&findings, settings, &mut contacts);
     contacts.sort_by_key(|contact| (contact.triangles(), contact.key));
     let mut known = HashSet::new();
     contacts.retain(|contact| !contact.is_shared || known.insert(contact.key));

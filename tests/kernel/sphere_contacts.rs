@@ -4,7 +4,7 @@ use bevy_circumsphere::kernel::{
     mesh::{barycentric::barycentric_of, ids::TriangleId, topology::SurfaceTopology},
     pair::{FoundPairs, MovedSide, PairSettings, SurfaceSide},
     pose::Pose,
-    simd::share::OneByOne,
+    simd::parallel::Sequential,
     spheres::{
         circumsphere::{Ball, OffsetSpheres, RecipeSettings, enclosing_balls},
         cone::{Cap, SafetyCones, cap_contact},
@@ -225,8 +225,8 @@ fn caps_eight_at_a_time_meet_where_one_pair_at_a_time_does() {
 
             // Rows are another way to the same numbers.
             let (mut rows_a, mut rows_b) = (CapRows::default(), CapRows::default());
-            a.rows(&OneByOne, &mut rows_a);
-            b.rows(&OneByOne, &mut rows_b);
+            a.rows(&Sequential, &mut rows_a);
+            b.rows(&Sequential, &mut rows_b);
             let (mut meeting_by_rows, mut found_by_rows) = (Vec::new(), FoundPairs::default());
             let (a, b) = (CapSide { rows: Some(&rows_a), ..a }, CapSide { rows: Some(&rows_b), ..b });
             meeting_caps(&a, &b, &pairs, &SETTINGS, &mut meeting_by_rows, &mut found_by_rows);
@@ -260,8 +260,8 @@ fn balls_eight_at_a_time_touch_where_one_pair_at_a_time_does() {
         counts = [counts[0] + found_counts[0], counts[1] + found_counts[1]];
 
         let (mut rows_a, mut rows_b) = (BallRows::default(), BallRows::default());
-        a.rows(&OneByOne, &mut rows_a);
-        b.rows(&OneByOne, &mut rows_b);
+        a.rows(&Sequential, &mut rows_a);
+        b.rows(&Sequential, &mut rows_b);
         let mut by_rows = FoundPairs::default();
         let (a, b) = (BallSide { rows: Some(&rows_a), ..a }, BallSide { rows: Some(&rows_b), ..b });
         ball_contacts(&a, &b, &pairs, &SETTINGS, &mut by_rows);
@@ -338,7 +338,7 @@ fn a_moved_side_gives_the_contacts_of_the_mesh_that_stands_there() {
 
     let (a, b) = (sheet.ball_side(), moved.ball_side());
     let mut rows = BallRows::default();
-    b.rows(&OneByOne, &mut rows);
+    b.rows(&Sequential, &mut rows);
     let [found, by_rows, expected] = [b, BallSide { rows: Some(&rows), ..b }, standing.ball_side()].map(|b| {
         let mut found = FoundPairs::default();
         ball_contacts(&a, &b, &pairs, &SETTINGS, &mut found);
@@ -349,7 +349,7 @@ fn a_moved_side_gives_the_contacts_of_the_mesh_that_stands_there() {
 
     let (a, b) = (sheet.cap_side(true), moved.cap_side());
     let mut rows = CapRows::default();
-    b.rows(&OneByOne, &mut rows);
+    b.rows(&Sequential, &mut rows);
     let [found, by_rows, expected] = [b, CapSide { rows: Some(&rows), ..b }, standing.cap_side(true)].map(|b| {
         let (mut meeting, mut found) = (Vec::new(), FoundPairs::default());
         meeting_caps(&a, &b, &pairs, &SETTINGS, &mut meeting, &mut found);
@@ -411,8 +411,8 @@ fn balls_are_found_where_they_are_written_even_at_the_limit() {
         pairs.retain(|[first, second]| !same_surface || first < second);
         let (a, b) = (one.ball_side(), other.ball_side());
         let (mut rows_a, mut rows_b) = (BallRows::default(), BallRows::default());
-        a.rows(&OneByOne, &mut rows_a);
-        b.rows(&OneByOne, &mut rows_b);
+        a.rows(&Sequential, &mut rows_a);
+        b.rows(&Sequential, &mut rows_b);
         let (by_rows_a, by_rows_b) = (BallSide { rows: Some(&rows_a), ..a }, BallSide { rows: Some(&rows_b), ..b });
         let ball_gap = |[triangle_a, triangle_b]: [u32; 2]| {
             let (own, other_ball) = (a.ball(triangle_a), b.ball(triangle_b));

@@ -55,7 +55,7 @@ impl Stirred {
         self.app.world().resource::<SurfaceStates>().get(self.sheet).expect("the entity is a surface")
     }
 
-    fn has_followed(&self) -> bool {
+    fn matches_boxes(&self) -> bool {
         self.state().is_tree_current()
     }
 
@@ -121,27 +121,27 @@ fn a_tree_that_has_rested_while_its_surface_was_alone_is_soon_as_good_as_a_new_o
     assert!(scene.app.world().resource::<SurfaceStates>().get(scene.sheet).is_none());
     scene.put_ball(90.0);
     scene.tick(0);
-    assert!(scene.has_followed(), "a tree is built for a new surface");
+    assert!(scene.matches_boxes(), "a tree is built for a new surface");
     scene.tick(1);
-    assert!(!scene.has_followed());
+    assert!(!scene.matches_boxes());
     scene.put_ball(0.0);
     let mut tick = 1;
     while scene.state().tree().decay() <= 1.5 {
         tick += 1;
-        assert!(tick < TICKS && scene.tick(tick).1 == 0 && scene.has_followed());
+        assert!(tick < TICKS && scene.tick(tick).1 == 0 && scene.matches_boxes());
     }
     let area_before = area(scene.state().tree());
     scene.put_ball(90.0);
     for alone in 0..50 {
         assert_eq!(scene.tick(tick + alone).1, 0);
-        assert!(!scene.has_followed() || alone == 0, "the tree is not needed");
+        assert!(!scene.matches_boxes() || alone == 0, "the tree is not needed");
         assert_eq!(area(scene.state().tree()), area_before);
     }
     scene.put_ball(0.0);
     for near in 0..15 {
         let stirred = tick + 6 + near % 2;
         scene.tick(stirred);
-        assert!(scene.has_followed());
+        assert!(scene.matches_boxes());
         let mut fresh = Stirred::new(40);
         fresh.tick(stirred);
         assert!(store(&scene.app).contacts().eq(store(&fresh.app).contacts()), "{near}");

@@ -327,7 +327,7 @@ fn a_change_of_order_does_not_forget_the_side_of_what_moves_a_little() {
         }
         app.update();
         assert_side(&mut app, cloth, passer, height, Vec3::Y, "small steps");
-        followed += app.world().resource::<DetectionDiagnostics>().lists_followed;
+        followed += app.world().resource::<DetectionDiagnostics>().lists_reused;
     }
     assert!(followed > 5, "the pair does not use its list");
 }

@@ -261,9 +261,9 @@ fn run(seed: u64, ticks: usize, threads: usize, place: Place) -> Tally {
             script = random;
         }
         let [warm, cold] = &twins;
-        assert_eq!(cold.diagnostics().lists_followed, 0);
+        assert_eq!(cold.diagnostics().lists_reused, 0);
         assert_eq!(fingerprint(&warm.app), fingerprint(&cold.app), "tick {tick}");
-        tally.followed += warm.diagnostics().lists_followed;
+        tally.followed += warm.diagnostics().lists_reused;
         tally.passed_over += warm.diagnostics().pairs_passed_over;
         tally.touching += store(&warm.app).touching_count();
         for (count, twin) in tally.examined.iter_mut().zip(&twins) {
@@ -408,7 +408,7 @@ fn recordings_that_move_slowly_find_what_they_find_without_memory() {
                 touching += store(warm).touching_count();
                 let pairs = store(warm).touching().map(|pair| [pair.triangle_a, pair.triangle_b]);
                 let pairs: HashSet<[u32; 2]> = pairs.collect();
-                if warm.world().resource::<DetectionDiagnostics>().lists_followed > 0 {
+                if warm.world().resource::<DetectionDiagnostics>().lists_reused > 0 {
                     followed += 1;
                     begun += pairs.difference(&before).count();
                 }

@@ -140,7 +140,7 @@ impl Contestant for Ours {
         for positions in &tick.drift {
             move_surface(&mut self.app, self.surface, positions.clone());
             let (duration, ()) = timed(|| self.app.update());
-            let is_followed = self.app.world().resource::<DetectionDiagnostics>().lists_followed > 0;
+            let is_followed = self.app.world().resource::<DetectionDiagnostics>().lists_reused > 0;
             let (_, sum, count) = &mut ticks[usize::from(!is_followed)];
             (*sum, *count) = (*sum + duration, *count + 1);
         }

@@ -9,7 +9,7 @@ use crate::kernel::{
     exact::unique::UniqueFeatures,
     mesh::feature::{Feature, FeaturePair},
     pair::FoundPairs,
-    simd::share::{OnTwoThreads, OneByOne},
+    simd::parallel::{OnTwoThreads, Sequential},
 };
 
 /// Kinds of feature pairs, and their numbers in keys.
@@ -90,7 +90,7 @@ fn kept(
     found: &[CompactContact],
     parts: usize,
     before: Before<'_>,
-    share: &impl Share,
+    parallel: &impl Parallel,
 ) -> (Vec<CompactContact>, Vec<SharedContact>) {
     let (mut unique, mut kept) = (UniqueFeatures::default(), FoundPairs::default());
     let mut rest = found;
@@ -113,7 +113,7 @@ fn kept(
             unique.append(&mut kept, &mut later);
         }
     }
-    Sides::default().keep(&mut kept.contacts, before, share);
+    Sides::default().keep(&mut kept.contacts, before, parallel);
     (kept.contacts, kept.shared)
 }
 
@@ -127,7 +127,7 @@ fn every_pair_of_features_stays_once_on_its_side() {
             let found = contacts(&mut random, pair_count, shared_keys);
             let expected = expected(&found, &before);
             let last = Before { contacts: &before, shared: &shared };
-            let (stored, now_shared) = kept(&found, 1, last, &OneByOne);
+            let (stored, now_shared) = kept(&found, 1, last, &Sequential);
             assert!(stored == expected, "{pair_count} pairs");
             for parts in [2, 7] {
                 let in_parts = kept(&found, parts, last, &OnTwoThreads);

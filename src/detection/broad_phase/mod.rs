@@ -12,8 +12,6 @@ use std::time::Instant;
 
 use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
-#[cfg(feature = "reflect")]
-use bevy_reflect::prelude::*;
 
 use crate::{
     detection::{
@@ -31,7 +29,7 @@ use crate::{
 pub use brute_force::BruteForceBroadPhasePlugin;
 pub use custom::{BoxSide, CandidateWriter, SurfaceBoxes};
 pub use tree::TreeBroadPhasePlugin;
-pub(super) use tree::{MovedLeaves, Traversal, asked::Asked};
+pub(super) use tree::{MovedLeaves, Traversal, needed::Needed};
 
 /// A tree is rebuilt when its boxes have grown by this factor relative to the whole. A refitted tree gives correct
 /// results at any age, but becomes slower.

@@ -11,9 +11,9 @@ use bevy_app::prelude::*;
 use bevy_ecs::prelude::*;
 
 use self::{
-    asked::{AskedTriangles, mark_asked_surfaces},
-    follow::update_each,
     lists::{look_closer, make_list, mark_idle_trees},
+    needed::{NeededTriangles, mark_needed_triangles},
+    update::update_each,
 };
 use crate::{
     detection::{
@@ -42,9 +42,9 @@ use crate::{
     surface::ActiveSurfaces,
 };
 
-pub(super) mod asked;
-mod follow;
 mod lists;
+pub(super) mod needed;
+mod update;
 
 /// Leaves whose pairs one thread finds at a time: at least and at most. Adjacent leaves have the same leaves near them.
 /// What one thread has loaded of those, the next must load again: on two threads, 256 take 0.93 of the time of 64.
@@ -84,7 +84,7 @@ fn update_trees(
     mut kept: ResMut<KeptPairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut idle: Local<Vec<bool>>,
-    mut asked: Local<Vec<AskedTriangles>>,
+    mut needed: Local<Vec<NeededTriangles>>,
     mut states: ResMut<SurfaceStates>,
 ) {
     let start = Instant::now();
@@ -97,7 +97,7 @@ fn update_trees(
         |place, SurfaceState { tree, bounds, .. }, surface, threads| {
             // A tree is built when its surface appears, not when something first comes near it.
             let rests = idle[place] && tree.is_of(surface);
-            tree.outcome = if rests { Outcome::default() } else { tree.follow(surface, bounds, threads) };
+            tree.outcome = if rests { Outcome::default() } else { tree.update(surface, bounds, threads) };
         },
     );
     let mut first_builds = Duration::ZERO;
@@ -118,18 +118,18 @@ fn update_trees(
             }
         },
     );
-    mark_asked_surfaces(&active, &candidates, &settings, &memory, &kept, states.all(), &mut asked);
+    mark_needed_triangles(&active, &candidates, &settings, &memory, &kept, states.all(), &mut needed);
     update_each(
         &active,
         &mut states,
         settings.threads,
         |place, SurfaceState { tree, bounds, .. }, surface, threads| {
             if !idle[place] {
-                tree.follow_triangles(&asked[place], surface, bounds.positions(), threads);
+                tree.update_triangles(&needed[place], surface, bounds.positions(), threads);
             }
         },
     );
-    capacity::trim(&mut asked, active.surfaces.len());
+    capacity::trim(&mut needed, active.surfaces.len());
     let start = start + diagnostics.first_tree_builds;
     diagnostics.finish("tree update", start, 0, 0);
 }
@@ -202,7 +202,7 @@ fn pair_triangles(
         |place, list| match list.list_use {
             ListUse::None => 0,
             ListUse::Made => weight(&candidates.pairs[place]),
-            ListUse::Followed => list.pairs.len() / PAIRS_OF_A_LEAF,
+            ListUse::Reused => list.pairs.len() / PAIRS_OF_A_LEAF,
         },
         |place, list, threads| {
             if list.list_use == ListUse::Made {

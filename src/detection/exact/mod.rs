@@ -7,7 +7,7 @@ use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 
-use self::{penetration::SettleBuffers, rows::fill_rows};
+use self::{penetration::PenetrationBuffers, rows::fill_rows};
 use crate::{
     detection::{
         pair_contacts::PairContacts,
@@ -125,7 +125,7 @@ fn test_exactly(
 #[derive(Default)]
 struct ExactBuffers {
     sorter: PairSorter,
-    settling: SettleBuffers,
+    penetrations: PenetrationBuffers,
     unique: UniqueFeatures,
 }
 
@@ -138,7 +138,7 @@ fn test_pair(
     threads: usize,
     found: &mut FoundPairs,
     spare: &Buffers<FoundPairs>,
-    ExactBuffers { sorter, settling, unique }: &mut ExactBuffers,
+    ExactBuffers { sorter, penetrations, unique }: &mut ExactBuffers,
 ) {
     let pair_settings = pair_settings(pair, settings);
     let first = &active.surfaces[pair.first];
@@ -156,10 +156,10 @@ fn test_pair(
             let test = if pair.method == ContactMethod::Closest { closest_pairs } else { exact_pairs };
             let work = |chunk: &[[u32; 2]], found: &mut _| test(&a, &b, chunk, &pair_settings, found);
             if can_penetrate([&a, &b], &pair_settings) {
-                // Settling may drop the contact of one pair of triangles and keep that of another with the same
+                // This may drop the contact of one pair of triangles and keep that of another with the same
                 // features, so repeats are dropped afterwards.
                 collect(triangles, threads, spare, None, found, work);
-                settling.settle([&a, &b], triangles, &pair_settings, threads, found);
+                penetrations.resolve([&a, &b], triangles, &pair_settings, threads, found);
                 unique.drop_repeats(found, 0);
             } else {
                 collect(triangles, threads, spare, Some(unique), found, work);

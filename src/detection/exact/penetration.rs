@@ -1,9 +1,9 @@
-//! The last step of the exact test of a pair: settles its penetrations, on several threads.
+//! The last step of the exact test of a pair: resolves its penetrations, on several threads.
 
 use crate::{
     detection::parallel::fill_chunks,
     kernel::{
-        exact::penetration::{Finding, Settling},
+        exact::penetration::{Finding, PenetrationTest},
         pair::{FoundPairs, PairSettings, SurfaceSide},
     },
 };
@@ -13,14 +13,14 @@ const CHUNK: usize = 256;
 
 /// Memory of the step.
 #[derive(Default)]
-pub(in crate::detection) struct SettleBuffers {
-    settling: Settling,
+pub(in crate::detection) struct PenetrationBuffers {
+    test: PenetrationTest,
     findings: Vec<Finding>,
 }
 
-impl SettleBuffers {
-    /// Settles the penetrations among the contacts of a pair of surfaces.
-    pub(in crate::detection) fn settle(
+impl PenetrationBuffers {
+    /// Resolves the penetrations among the contacts of a pair of surfaces.
+    pub(in crate::detection) fn resolve(
         &mut self,
         [a, b]: [&SurfaceSide<'_>; 2],
         candidates: &[[u32; 2]],
@@ -28,16 +28,16 @@ impl SettleBuffers {
         threads: usize,
         found: &mut FoundPairs,
     ) {
-        let Self { settling, findings } = self;
+        let Self { test, findings } = self;
         let contacts = &mut found.contacts;
-        settling.prepare(a, b, candidates, settings, contacts);
+        test.prepare(a, b, candidates, settings, contacts);
         findings.clear();
-        findings.resize(settling.questions().len(), Finding::default());
-        fill_chunks(settling.questions(), findings, CHUNK, threads, |_, questions, findings| {
-            settling.look(a, b, contacts, questions, findings);
+        findings.resize(test.questions().len(), Finding::default());
+        fill_chunks(test.questions(), findings, CHUNK, threads, |_, questions, findings| {
+            test.look(a, b, contacts, questions, findings);
         });
         let count = contacts.len();
-        settling.carry_out(findings, settings, contacts);
+        test.apply(findings, settings, contacts);
         if contacts.len() < count {
             found.shared.clear();
             found.finish_contacts(0);

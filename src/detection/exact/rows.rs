@@ -35,8 +35,8 @@ pub(in crate::detection) fn fill_rows<'a>(
         if count < triangles.len() || rows.current(bounds).is_some() {
             continue;
         }
-        let SurfaceRows { rows, followed } = rows;
-        *followed = bounds.version();
+        let SurfaceRows { rows, version } = rows;
+        *version = bounds.version();
         fill_chunks(triangles, rows.resize(triangles.len()), CHUNK, threads, |first, _, rows| {
             CornerRows::fill(rows, first as u32, &surface.topology, bounds.positions());
         });

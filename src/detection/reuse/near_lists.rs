@@ -47,7 +47,7 @@ const ROUNDING: f64 = 1.0e-5;
 /// or crossing: 1e-13 due to rounding, 1e-10 where an edge may pierce a face.
 const ROUND_OFF: f64 = 1.0e-9;
 
-/// What a followed list saves and costs, in nanoseconds on one thread of one machine. Affects time, never results.
+/// What a reused list saves and costs, in nanoseconds on one thread of one machine. Affects time, never results.
 /// Saved: pairs of overlapping boxes, and triangles of trees that would be refitted. Costs: pairs on the list, pairs
 /// whose bound is inconclusive, and pairs that are tested in addition to those that would be tested anyway.
 const BOX_PAIR: usize = 10;
@@ -68,7 +68,7 @@ pub(in crate::detection) enum ListUse {
     /// The list is made.
     Made,
     /// The candidates are taken from the list.
-    Followed,
+    Reused,
 }
 
 /// The list of a pair of surfaces, and its history. Lengths are in the unit of the pair's frame.
@@ -96,7 +96,7 @@ pub(in crate::detection) struct KeptList {
     examined_at_first: usize,
     /// Whether the list cost more than it saved when it was last used.
     is_too_long: bool,
-    /// The number of ticks in which the list was followed.
+    /// The number of ticks in which the list was reused.
     served: u32,
     /// The number of lists in a row that were not worth it.
     wasted: u32,
@@ -147,7 +147,7 @@ impl KeptList {
         self.list_use = if is_valid && !self.is_too_long {
             self.motion = moved;
             self.served += 1;
-            ListUse::Followed
+            ListUse::Reused
         } else {
             self.give_up();
             self.slow_ticks = if is_slow { self.slow_ticks.saturating_add(1) } else { 0 };
@@ -159,7 +159,7 @@ impl KeptList {
                 ListUse::None
             }
         };
-        self.is_followed = self.list_use == ListUse::Followed;
+        self.is_followed = self.list_use == ListUse::Reused;
         self.limit = (self.motion + range + slack) as f32;
     }
 
@@ -168,7 +168,7 @@ impl KeptList {
         self.pairs.look_closer(&Threads(threads), triangles, [self.last_limit, self.limit], self.motion as f32)
     }
 
-    /// Finds the candidates in a list that is made or followed, and whether the list is worth it. `triangles` is the
+    /// Finds the candidates in a list that is made or reused, and whether the list is worth it. `triangles` is the
     /// number of triangles of both surfaces. `glanced_at` is the number of pairs that
     /// [`look_closer`](Self::look_closer) returned.
     pub(in crate::detection) fn find_near(&mut self, triangles: usize, glanced_at: usize) {
@@ -206,7 +206,7 @@ impl KeptPairs {
     }
 
     /// All pairs on the list of a pair of surfaces, if its candidates were taken from the list.
-    pub(in crate::detection) fn followed(&self, place: usize) -> Option<impl Iterator<Item = [u32; 2]> + '_> {
+    pub(in crate::detection) fn reused(&self, place: usize) -> Option<impl Iterator<Item = [u32; 2]> + '_> {
         self.lists.get(place).filter(|list| list.is_followed).map(|list| list.pairs.pairs())
     }
 
@@ -217,12 +217,12 @@ impl KeptPairs {
         }
     }
 
-    /// Counts the lists that are followed or made, and the pairs of triangles that followed lists skip.
+    /// Counts the lists that are reused or made, and the pairs of triangles that reused lists skip.
     pub(in crate::detection) fn count(&self, diagnostics: &mut DetectionDiagnostics) {
         let used = |list_use: ListUse| self.lists.iter().filter(move |list| list.list_use == list_use);
-        diagnostics.lists_followed = used(ListUse::Followed).count();
+        diagnostics.lists_reused = used(ListUse::Reused).count();
         diagnostics.lists_made = used(ListUse::Made).count();
-        diagnostics.pairs_passed_over = used(ListUse::Followed).map(|list| list.pairs.len() - list.near.len()).sum();
+        diagnostics.pairs_passed_over = used(ListUse::Reused).map(|list| list.pairs.len() - list.near.len()).sum();
     }
 
     /// Moves the candidates into the pairs.
@@ -295,11 +295,11 @@ fn update(list: &mut KeptList, active: &ActiveSurfaces, pair: &SurfacePair, stat
 }
 
 /// The surfaces of a pair that may have a list. Its results must not depend on which pairs beyond the range are
-/// examined, but they do where penetrations are settled.
+/// examined, but they do where penetrations are resolved.
 fn sides_in_one_frame(active: &ActiveSurfaces, pair: &SurfacePair) -> Option<[Entity; 2]> {
     let OtherSide::Surface(second) = pair.second else { return None };
     let sides = [&active.surfaces[pair.first], &active.surfaces[second]];
     let is_exact = matches!(pair.method, ContactMethod::Exact | ContactMethod::Closest);
-    let is_settled = !pair.is_self() && sides.iter().any(|side| side.one_sided);
-    (is_exact && !pair.is_moved() && !is_settled).then(|| sides.map(|side| side.entity))
+    let resolves_penetrations = !pair.is_self() && sides.iter().any(|side| side.one_sided);
+    (is_exact && !pair.is_moved() && !resolves_penetrations).then(|| sides.map(|side| side.entity))
 }

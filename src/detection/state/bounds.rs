@@ -25,7 +25,7 @@ use crate::{
             topology::SurfaceTopology,
         },
         pose::{Pose, SIMILARITY_TOLERANCE},
-        simd::share::{OneByOne, Share},
+        simd::parallel::{Parallel, Sequential},
     },
     surface::SurfacePositions,
 };
@@ -40,7 +40,7 @@ pub struct TriangleBounds {
     /// Memory for the boxes.
     spare: Mutex<Vec<Aabb>>,
     /// Whether they have been requested.
-    are_asked_for: AtomicBool,
+    are_requested: AtomicBool,
     /// The box of the whole surface.
     whole: Aabb,
     /// The box of the whole surface in the world, for the last pose.
@@ -70,12 +70,12 @@ impl TriangleBounds {
     /// were requested before the surface changed, they are computed at once, otherwise on the first request.
     #[must_use]
     pub fn triangles(&self) -> &[Aabb] {
-        self.triangles_on(&OneByOne)
+        self.triangles_on(&Sequential)
     }
 
-    /// Like [`triangles`](Self::triangles), computed in tasks that `share` may distribute.
-    pub(in crate::detection) fn triangles_on(&self, share: &impl Share) -> &[Aabb] {
-        self.are_asked_for.store(true, Ordering::Relaxed);
+    /// Like [`triangles`](Self::triangles), computed in tasks that `parallel` may distribute.
+    pub(in crate::detection) fn triangles_on(&self, parallel: &impl Parallel) -> &[Aabb] {
+        self.are_requested.store(true, Ordering::Relaxed);
         if let Some(triangles) = self.triangles.get() {
             return triangles;
         }
@@ -83,7 +83,7 @@ impl TriangleBounds {
         // boxes.
         let mut triangles = mem::take(&mut *self.spare.lock().unwrap_or_else(PoisonError::into_inner));
         if let Some(topology) = &self.topology {
-            triangle_bounds_on(share, &self.positions, topology.triangles(), self.growth, &mut triangles);
+            triangle_bounds_on(parallel, &self.positions, topology.triangles(), self.growth, &mut triangles);
         }
         self.triangles.get_or_init(|| triangles)
     }
@@ -143,7 +143,7 @@ impl TriangleBounds {
             self.names_every_vertex = topology.names_every_vertex();
             self.topology = Some(Arc::clone(topology));
         }
-        let are_expected = mem::take(self.are_asked_for.get_mut());
+        let are_expected = mem::take(self.are_requested.get_mut());
         if self.names_every_vertex && !are_expected {
             self.whole = point_bounds(positions, growth);
         } else {

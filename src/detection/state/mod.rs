@@ -58,7 +58,7 @@ impl SurfaceState {
     /// Whether the tree matches the current boxes.
     #[must_use]
     pub fn is_tree_current(&self) -> bool {
-        self.tree.has_followed(&self.bounds)
+        self.tree.matches_boxes(&self.bounds)
     }
 }
 

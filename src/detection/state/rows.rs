@@ -8,12 +8,12 @@ use crate::kernel::mesh::corner_rows::CornerRows;
 pub(in crate::detection) struct SurfaceRows {
     pub(in crate::detection) rows: CornerRows,
     /// The version of the positions that the rows were made from.
-    pub(in crate::detection) followed: u64,
+    pub(in crate::detection) version: u64,
 }
 
 impl SurfaceRows {
     /// The rows, if they were made from the same positions as the boxes.
     pub(in crate::detection) fn current(&self, bounds: &TriangleBounds) -> Option<&CornerRows> {
-        (self.followed == bounds.version()).then_some(&self.rows)
+        (self.version == bounds.version()).then_some(&self.rows)
     }
 }

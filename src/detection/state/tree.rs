@@ -16,12 +16,12 @@ pub(in crate::detection) struct SurfaceTree {
     pub(in crate::detection) tree: BoxTree,
     pub(in crate::detection) triangles: LeafTriangles,
     /// The version of the boxes that the triangles in the leaves were last updated to.
-    pub(in crate::detection) triangles_followed: u64,
+    pub(in crate::detection) triangles_version: u64,
     /// The tree's arrangement when the vertices of those triangles were last stored.
-    pub(in crate::detection) vertices_named: u64,
+    pub(in crate::detection) named_arrangement: u64,
     pub(in crate::detection) topology: Option<Arc<SurfaceTopology>>,
     /// The version of the boxes that the tree was last refitted to.
-    pub(in crate::detection) followed: u64,
+    pub(in crate::detection) version: u64,
     /// What was done to it in this detection.
     pub(in crate::detection) outcome: Outcome,
 }
@@ -33,8 +33,8 @@ impl SurfaceTree {
     }
 
     /// Whether the tree matches the surface's current boxes.
-    pub(in crate::detection) fn has_followed(&self, bounds: &TriangleBounds) -> bool {
-        self.followed == bounds.version() && self.tree.len() == bounds.triangle_count()
+    pub(in crate::detection) fn matches_boxes(&self, bounds: &TriangleBounds) -> bool {
+        self.version == bounds.version() && self.tree.len() == bounds.triangle_count()
     }
 }
 

@@ -28,8 +28,8 @@ use crate::kernel::{
             LARGEST_EXTENT,
             fused::{dot, minus, plus, project},
         },
+        parallel::{Parallel, Sequential},
         prefetch::prefetch_whole,
-        share::{OneByOne, Share},
         slab::{LEAST_SQUARED, RANGE_SLACK, ROUNDING},
     },
 };
@@ -101,8 +101,8 @@ pub(crate) enum Region {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LeafState {
     Old,
-    Asked,
-    Followed,
+    Needed,
+    Current,
 }
 
 /// The triangles of a [`BoxTree`]'s leaves.
@@ -118,14 +118,20 @@ pub struct LeafTriangles {
 impl LeafTriangles {
     /// Updates the triangles to the leaves of `tree`, which is over the triangles of `topology` at `positions`.
     pub fn update(&mut self, tree: &BoxTree, topology: &SurfaceTopology, positions: &[Vec3]) {
-        self.update_on(&OneByOne, tree, topology, positions);
+        self.update_on(&Sequential, tree, topology, positions);
     }
 
-    /// Like [`update`](Self::update), in tasks that `share` may distribute.
-    pub fn update_on(&mut self, share: &impl Share, tree: &BoxTree, topology: &SurfaceTopology, positions: &[Vec3]) {
+    /// Like [`update`](Self::update), in tasks that `parallel` may distribute.
+    pub fn update_on(
+        &mut self,
+        parallel: &impl Parallel,
+        tree: &BoxTree,
+        topology: &SurfaceTopology,
+        positions: &[Vec3],
+    ) {
         self.name_vertices(tree, topology);
-        self.begin_following(tree);
-        self.follow_on(share, tree, &[Region::Everywhere], topology, positions);
+        self.begin_update(tree);
+        self.update_within(parallel, tree, &[Region::Everywhere], topology, positions);
     }
 
     /// Stores the vertices of the triangles in `tree`'s leaves, which is all that is needed without slabs. They stay
@@ -144,28 +150,28 @@ impl LeafTriangles {
     }
 
     /// Marks all triangles as out of date, after those in the leaves of `tree` have moved.
-    pub(crate) fn begin_following(&mut self, tree: &BoxTree) {
+    pub(crate) fn begin_update(&mut self, tree: &BoxTree) {
         self.blocks.resize(tree.leaf_count(), Block::EMPTY);
         self.states.clear();
         self.states.resize(tree.leaf_count(), LeafState::Old);
     }
 
-    /// Updates the triangles in the leaves of `tree` that are needed and out of date, in tasks that `share` may
+    /// Updates the triangles in the leaves of `tree` that are needed and out of date, in tasks that `parallel` may
     /// distribute. The vertices of all leaves must have been [stored](Self::name_vertices).
-    pub(crate) fn follow_on(
+    pub(crate) fn update_within(
         &mut self,
-        share: &impl Share,
+        parallel: &impl Parallel,
         tree: &BoxTree,
         regions: &[Region],
         topology: &SurfaceTopology,
         positions: &[Vec3],
     ) {
         let Self { blocks, states, found, .. } = self;
-        let mut asked_count = 0_usize;
+        let mut requested_count = 0_usize;
         let mut ask = |state: &mut LeafState| {
             if *state == LeafState::Old {
-                *state = LeafState::Asked;
-                asked_count += 1;
+                *state = LeafState::Needed;
+                requested_count += 1;
             }
         };
         for region in regions {
@@ -180,24 +186,24 @@ impl LeafTriangles {
                 }
             }
         }
-        if asked_count == 0 {
+        if requested_count == 0 {
             return;
         }
         let tasks = blocks.chunks_mut(BLOCKS_AT_ONCE).zip(states.chunks_mut(BLOCKS_AT_ONCE)).enumerate();
-        share.hand_out(tasks, asked_count.div_ceil(BLOCKS_AT_ONCE), |(task, (blocks, states))| {
+        parallel.run_tasks(tasks, requested_count.div_ceil(BLOCKS_AT_ONCE), |(task, (blocks, states))| {
             dispatch!(Level::new(), simd => {
                 for first in (0..blocks.len()).step_by(GATHERED_AHEAD) {
                     let end = (first + GATHERED_AHEAD).min(blocks.len());
                     for place in first..end {
-                        if states[place] == LeafState::Asked {
+                        if states[place] == LeafState::Needed {
                             prefetch_whole(blocks, place + BLOCKS_AHEAD);
                             blocks[place].gather(tree, task * BLOCKS_AT_ONCE + place, topology, positions);
                         }
                     }
                     for place in first..end {
-                        if states[place] == LeafState::Asked {
+                        if states[place] == LeafState::Needed {
                             blocks[place].measure_planes(simd);
-                            states[place] = LeafState::Followed;
+                            states[place] = LeafState::Current;
                         }
                     }
                 }
@@ -206,14 +212,14 @@ impl LeafTriangles {
     }
 
     /// Whether all needed triangles in the leaves of `tree` are up to date.
-    pub(crate) fn have_followed(&self, tree: &BoxTree, region: Region) -> bool {
-        let has_followed = |state: &LeafState| *state == LeafState::Followed;
+    pub(crate) fn are_current(&self, tree: &BoxTree, region: Region) -> bool {
+        let matches_boxes = |state: &LeafState| *state == LeafState::Current;
         match region {
-            Region::Everywhere => self.states.iter().all(has_followed),
+            Region::Everywhere => self.states.iter().all(matches_boxes),
             Region::Within(bounds) => {
                 let mut leaves = Vec::new();
                 tree.leaves_within(&bounds, &mut leaves);
-                leaves.iter().all(|&leaf| self.states.get(leaf as usize).is_some_and(has_followed))
+                leaves.iter().all(|&leaf| self.states.get(leaf as usize).is_some_and(matches_boxes))
             }
         }
     }
@@ -313,7 +319,7 @@ impl<'a> PairCull<'a> {
     #[inline(always)]
     pub(in crate::kernel) fn between(&self, leaves: [usize; 2]) -> Separation<'a> {
         debug_assert!(
-            (0..2).all(|side| self.triangles[side].states[leaves[side]] == LeafState::Followed),
+            (0..2).all(|side| self.triangles[side].states[leaves[side]] == LeafState::Current),
             "a leaf has triangles where they are no longer"
         );
         let (own, other) = (&self.triangles[0].blocks[leaves[0]], &self.triangles[1].blocks[leaves[1]]);

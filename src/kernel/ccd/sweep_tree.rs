@@ -100,12 +100,12 @@ impl SweepTree {
         self.fast_count = self.fast.iter().filter(|&&is_fast| is_fast).count();
     }
 
-    /// A fast triangle stays fast only if `is_asked` is true for it. Pairs of the others must already be known.
-    pub fn keep_fast(&mut self, is_asked: impl Fn(usize) -> bool) {
+    /// A fast triangle stays fast only if `is_requested` is true for it. Pairs of the others must already be known.
+    pub fn keep_fast(&mut self, is_requested: impl Fn(usize) -> bool) {
         self.fast_bounds = Aabb::EMPTY;
         self.fast_count = 0;
         for (triangle, fast) in self.fast.iter_mut().enumerate() {
-            *fast &= is_asked(triangle);
+            *fast &= is_requested(triangle);
             if *fast {
                 self.fast_count += 1;
                 self.fast_bounds = self.fast_bounds.union(&self.boxes[triangle]);

@@ -175,18 +175,18 @@ impl<'a> FeatureBatches<'a> {
         }
     }
 
-    /// Appends contacts for everything that the `asked` pairs report, pair by pair, and computes each batch that
+    /// Appends contacts for everything that the `requested` pairs report, pair by pair, and computes each batch that
     /// becomes full.
     #[inline(always)]
     pub(in crate::kernel) fn add(
         &mut self,
         pairs: &[[u32; 2]],
         reports: &mut Reports<'_>,
-        asked: u32,
+        requested: u32,
         contacts: &mut Vec<CompactContact>,
     ) {
         let Sides { both: sides, same_surface, solid } = self.sides;
-        let mut left = reports.with_any & asked;
+        let mut left = reports.with_any & requested;
         // One loop over all features of all pairs: how many a pair has is unpredictable.
         while left != 0 {
             let lane = left.trailing_zeros() as usize % WIDTH;
@@ -261,8 +261,8 @@ impl Results {
         recent: &mut RecentFeatures,
         left: &mut LeftOver,
     ) {
-        let asked = first_lanes(batch.count);
-        let [reported, doubtful] = [self.reported & asked, !self.reliable & asked];
+        let requested = first_lanes(batch.count);
+        let [reported, doubtful] = [self.reported & requested, !self.reliable & requested];
         for (lane, task) in batch.tasks.iter().enumerate() {
             if reported >> lane & 1 != 0 {
                 let contact = &mut contacts[task.place as usize];
@@ -283,11 +283,11 @@ impl Results {
                 }
             }
         }
-        if reported != asked {
+        if reported != requested {
             for (lane, task) in batch.tasks.iter().enumerate() {
                 if doubtful >> lane & 1 != 0 {
                     left.doubtful.push(task.place);
-                } else if (asked & !reported) >> lane & 1 != 0 {
+                } else if (requested & !reported) >> lane & 1 != 0 {
                     contacts[task.place as usize].drop_name();
                     left.has_gaps = true;
                 }

@@ -10,7 +10,7 @@
 
 use fearless_simd::{Level, dispatch, prelude::*};
 
-use crate::kernel::simd::{lanes::WIDTH, share::Share};
+use crate::kernel::simd::{lanes::WIDTH, parallel::Parallel};
 
 /// Pairs that one task measures or distributes.
 const CHUNK: usize = 8192;
@@ -236,21 +236,26 @@ pub struct PairSorter {
 impl PairSorter {
     /// Sorts `pairs` by the [keys](crate::kernel::contact::ContactKey) of their contacts: by the first triangle, then
     /// by the second. In a self-collision (`same_surface`), by the lower one, then by the higher.
-    pub fn sort(&mut self, pairs: &mut Vec<[u32; 2]>, same_surface: bool, share: &impl Share) {
-        if self.sort_from(pairs, same_surface, share) {
+    pub fn sort(&mut self, pairs: &mut Vec<[u32; 2]>, same_surface: bool, parallel: &impl Parallel) {
+        if self.sort_from(pairs, same_surface, parallel) {
             std::mem::swap(pairs, &mut self.sorted);
         }
     }
 
     /// The sorted pairs in a separate list, each pair once, and in a self-collision with the lower triangle first.
     /// Returns `pairs` itself if it is in order.
-    pub fn unique<'a>(&'a mut self, pairs: &'a [[u32; 2]], same_surface: bool, share: &impl Share) -> &'a [[u32; 2]] {
+    pub fn unique<'a>(
+        &'a mut self,
+        pairs: &'a [[u32; 2]],
+        same_surface: bool,
+        parallel: &impl Parallel,
+    ) -> &'a [[u32; 2]] {
         let is_turned = |&[first, second]: &[u32; 2]| same_surface & (second < first);
         let are_in_order = |one: &[u32; 2], other: &[u32; 2]| (one < other) & !is_turned(one);
         if pairs.is_sorted_by(are_in_order) && !pairs.last().is_some_and(is_turned) {
             return pairs;
         }
-        if !self.sort_from(pairs, same_surface, share) {
+        if !self.sort_from(pairs, same_surface, parallel) {
             self.sorted.clear();
             self.sorted.extend_from_slice(pairs);
         }
@@ -263,12 +268,12 @@ impl PairSorter {
     }
 
     /// Writes the pairs in order. Returns whether sorting was necessary.
-    fn sort_from(&mut self, pairs: &[[u32; 2]], same_surface: bool, share: &impl Share) -> bool {
+    fn sort_from(&mut self, pairs: &[[u32; 2]], same_surface: bool, parallel: &impl Parallel) -> bool {
         let is_sorted = pairs.is_sorted();
         if is_sorted && !same_surface {
             return false;
         }
-        let extent = self.measure(pairs, share);
+        let extent = self.measure(pairs, parallel);
         if same_surface && extent.crosses {
             self.sorted.clear();
             self.sorted.extend_from_slice(pairs);
@@ -288,13 +293,13 @@ impl PairSorter {
         let packing = Packing::of(&extent, pairs.len());
         if packing.is_small() {
             let mask = (1 << packing.open_bits) - 1;
-            deal(&packing, pairs, small, ends, starts, share, |_, number| (number & mask) as u32);
-            sort_buckets(&packing, small, ends, starts, sorted, share, |bucket, lists, sorted, counts| {
+            deal(&packing, pairs, small, ends, starts, parallel, |_, number| (number & mask) as u32);
+            sort_buckets(&packing, small, ends, starts, sorted, parallel, |bucket, lists, sorted, counts| {
                 packing.sort_small(bucket, lists, sorted, counts);
             });
         } else {
-            deal(&packing, pairs, large, ends, starts, share, |pair, _| pair);
-            sort_buckets(&packing, large, ends, starts, sorted, share, |_, lists, sorted, _| {
+            deal(&packing, pairs, large, ends, starts, parallel, |pair, _| pair);
+            sort_buckets(&packing, large, ends, starts, sorted, parallel, |_, lists, sorted, _| {
                 collect(lists, sorted);
                 sorted.sort_unstable();
             });
@@ -302,10 +307,10 @@ impl PairSorter {
         true
     }
 
-    fn measure(&mut self, pairs: &[[u32; 2]], share: &impl Share) -> Extent {
+    fn measure(&mut self, pairs: &[[u32; 2]], parallel: &impl Parallel) -> Extent {
         self.extents.resize(pairs.len().div_ceil(CHUNK), Extent::EMPTY);
         let chunks = pairs.chunks(CHUNK).zip(&mut self.extents);
-        share.hand_out(chunks, pairs.len() / PAIRS_OF_ONE, |(pairs, extent)| *extent = Extent::of(pairs));
+        parallel.run_tasks(chunks, pairs.len() / PAIRS_OF_ONE, |(pairs, extent)| *extent = Extent::of(pairs));
         self.extents.iter().fold(Extent::EMPTY, |all, extent| all.union(extent))
     }
 }
@@ -317,13 +322,13 @@ fn deal<T: Copy + Default + Send>(
     dealt: &mut Vec<T>,
     ends: &mut Vec<u32>,
     starts: &mut Vec<usize>,
-    share: &impl Share,
+    parallel: &impl Parallel,
     rest: impl Fn([u32; 2], u64) -> T + Sync,
 ) {
     dealt.resize(pairs.len(), T::default());
     ends.resize(pairs.len().div_ceil(CHUNK) * packing.bucket_count, 0);
     let chunks = pairs.chunks(CHUNK).zip(dealt.chunks_mut(CHUNK)).zip(ends.chunks_mut(packing.bucket_count));
-    share.hand_out(chunks, pairs.len() / PAIRS_OF_ONE, |((pairs, dealt), ends)| {
+    parallel.run_tasks(chunks, pairs.len() / PAIRS_OF_ONE, |((pairs, dealt), ends)| {
         packing.deal(pairs, dealt, ends, &rest);
     });
     starts.clear();
@@ -343,7 +348,7 @@ fn sort_buckets<T: Sync>(
     ends: &[u32],
     starts: &[usize],
     mut sorted: &mut [[u32; 2]],
-    share: &impl Share,
+    parallel: &impl Parallel,
     sort: impl Fn(usize, BucketLists<'_, T>, &mut [[u32; 2]], &mut Counts) + Sync,
 ) {
     let most_threads = dealt.len() / PAIRS_OF_ONE;
@@ -353,7 +358,7 @@ fn sort_buckets<T: Sync>(
         sorted = later;
         (first..last, own)
     });
-    share.hand_out(tasks, most_threads, |(buckets, mut sorted)| {
+    parallel.run_tasks(tasks, most_threads, |(buckets, mut sorted)| {
         #[expect(clippy::large_stack_arrays, reason = "32 KiB, which fits on every thread's stack")]
         let mut counts = [0; 1 << MOST_DIGIT];
         for bucket in buckets {
@@ -384,7 +389,7 @@ impl<'a, T> Iterator for BucketLists<'a, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::simd::share::{OnTwoThreads, OneByOne};
+    use crate::kernel::simd::parallel::{OnTwoThreads, Sequential};
 
     /// Pseudo-random numbers below `end`.
     fn numbers(count: usize, end: u32) -> impl Iterator<Item = u32> {
@@ -401,7 +406,7 @@ mod tests {
     fn assert_sorts(sorter: &mut PairSorter, pairs: &[[u32; 2]], same_surface: bool, expected: &[[u32; 2]]) {
         let name = format!("{} pairs up to {:?}", pairs.len(), pairs.iter().max());
         let mut sorted = pairs.to_vec();
-        sorter.sort(&mut sorted, same_surface, &OneByOne);
+        sorter.sort(&mut sorted, same_surface, &Sequential);
         assert!(sorted == expected, "{name}");
         sorted = pairs.to_vec();
         sorter.sort(&mut sorted, same_surface, &OnTwoThreads);
@@ -410,9 +415,9 @@ mod tests {
             pair.sort_unstable();
         }
         sorted.dedup();
-        assert!(sorter.unique(pairs, same_surface, &OneByOne) == sorted, "{name}");
+        assert!(sorter.unique(pairs, same_surface, &Sequential) == sorted, "{name}");
         assert!(sorter.unique(pairs, same_surface, &OnTwoThreads) == sorted, "{name} on two threads");
-        let again = sorter.unique(&sorted, same_surface, &OneByOne);
+        let again = sorter.unique(&sorted, same_surface, &Sequential);
         assert!(again == sorted, "{name} again");
         assert_eq!(again.as_ptr(), sorted.as_ptr(), "{name}: what is in order is not copied");
     }

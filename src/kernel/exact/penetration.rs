@@ -52,7 +52,7 @@ pub enum Finding {
 /// Runs in three steps. The second one takes the time, and can be split among threads. Keeps its memory from pair to
 /// pair.
 #[derive(Clone, Debug, Default)]
-pub struct Settling {
+pub struct PenetrationTest {
     /// The indices of the contacts to resolve, each with the index of its query.
     penetrated: Vec<[u32; 2]>,
     questions: Vec<u32>,
@@ -60,7 +60,7 @@ pub struct Settling {
     partners: [Partners; 2],
 }
 
-impl Settling {
+impl PenetrationTest {
     /// Determines which contacts to resolve, and lists the triangles near them.
     pub fn prepare(
         &mut self,
@@ -88,8 +88,8 @@ impl Settling {
             let (features, triangles) =
                 ([contact.features.a, contact.features.b], [contact.triangle_a, contact.triangle_b]);
             let other = 1 - solid_side(a, b, contact.features);
-            let asked = self.partners[other].want(triangles[other], features[other]);
-            *question = *asked.get_or_insert_with(|| {
+            let requested = self.partners[other].want(triangles[other], features[other]);
+            *question = *requested.get_or_insert_with(|| {
                 self.questions.push(*place);
                 self.questions.len() as u32 - 1
             });
@@ -148,16 +148,16 @@ impl Settling {
     }
 
     /// Applies the findings about all [queries](Self::questions).
-    pub fn carry_out(&self, findings: &[Finding], settings: &PairSettings, contacts: &mut Vec<CompactContact>) {
+    pub fn apply(&self, findings: &[Finding], settings: &PairSettings, contacts: &mut Vec<CompactContact>) {
         let mut penetrated = self.penetrated.iter().copied().peekable();
         if penetrated.peek().is_none() {
             return;
         }
         let mut place = 0;
         contacts.retain_mut(|contact| {
-            let settled = penetrated.next_if(|&[penetrated, _]| penetrated == place);
+            let next = penetrated.next_if(|&[penetrated, _]| penetrated == place);
             place += 1;
-            let Some([_, question]) = settled else { return true };
+            let Some([_, question]) = next else { return true };
             match findings[question as usize] {
                 Finding::Alone => true,
                 Finding::Outside => {
@@ -178,7 +178,7 @@ struct Partners {
     numbers: Vec<u32>,
     wanted: Vec<u32>,
     /// The queries about the corners of requested triangles.
-    asked: Vec<[Option<u32>; 3]>,
+    requested: Vec<[Option<u32>; 3]>,
     /// Used for queries that are not shared.
     own: Option<u32>,
     /// The index of a requested triangle, and a triangle near it.
@@ -194,7 +194,7 @@ impl Partners {
             self.numbers[triangle as usize] = 0;
         }
         self.wanted.clear();
-        self.asked.clear();
+        self.requested.clear();
         self.numbers.resize(triangle_count, 0);
     }
 
@@ -203,11 +203,11 @@ impl Partners {
         let number = &mut self.numbers[triangle as usize];
         if *number == 0 {
             self.wanted.push(triangle);
-            self.asked.push([None; 3]);
+            self.requested.push([None; 3]);
             *number = self.wanted.len() as u32;
         }
         match feature {
-            Feature::Vertex(corner) => &mut self.asked[*number as usize - 1][corner as usize],
+            Feature::Vertex(corner) => &mut self.requested[*number as usize - 1][corner as usize],
             Feature::Edge(_) | Feature::Face => {
                 self.own = None;
                 &mut self.own

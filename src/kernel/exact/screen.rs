@@ -150,12 +150,12 @@ impl PairScreen {
     ) -> Screened {
         let mut screened = Screened::default();
         dispatch!(Level::new(), simd => screened = self.screen_in_lanes(simd, sides, poses, limits));
-        let asked = first_lanes(count) as u32;
+        let requested = first_lanes(count) as u32;
         Screened {
-            possible: screened.possible & asked,
-            doubtful: screened.doubtful & asked,
-            near: screened.near & asked,
-            touching: screened.touching & asked,
+            possible: screened.possible & requested,
+            doubtful: screened.doubtful & requested,
+            near: screened.near & requested,
+            touching: screened.touching & requested,
             ..screened
         }
     }

@@ -248,7 +248,7 @@ pub(in crate::kernel) fn examine_boundaries(
 }
 
 /// The vertices of `own` that are within a squared distance of an edge of `other`, or of its start: the end of an edge
-/// is the start of the next one. Two vertices are reported from the first triangle only. `asked` selects the cases, by
+/// is the start of the next one. Two vertices are reported from the first triangle only. `requested` selects the cases, by
 /// bit `3 v + e` for vertex `v` and edge `e`.
 #[inline]
 fn boundary_proximities(
@@ -256,10 +256,10 @@ fn boundary_proximities(
     other: &[DVec3; 3],
     own_is_a: bool,
     most: f64,
-    asked: u32,
+    requested: u32,
     found: &mut Proximities,
 ) {
-    let mut left = asked & 0x1ff;
+    let mut left = requested & 0x1ff;
     while left != 0 {
         let (vertex, edge) = (left.trailing_zeros() as usize / 3, left.trailing_zeros() as usize % 3);
         left &= left - 1;

@@ -7,7 +7,7 @@ use glam::{Mat3A, Vec3, Vec3A};
 
 use crate::kernel::{
     pose::Pose,
-    simd::share::{OneByOne, Share},
+    simd::parallel::{Parallel, Sequential},
 };
 
 /// Boxes are also grown by this share of their largest coordinate, two units in the last place, so that f32 rounding of
@@ -77,12 +77,12 @@ impl Aabb {
 /// Writes the box of every triangle, grown by `growth`, into `bounds`, and returns the box around all of them. A box
 /// with NaN is written, overlaps nothing, and is left out of the box around all.
 pub fn triangle_bounds(positions: &[Vec3], triangles: &[[u32; 3]], growth: f32, bounds: &mut Vec<Aabb>) -> Aabb {
-    triangle_bounds_on(&OneByOne, positions, triangles, growth, bounds)
+    triangle_bounds_on(&Sequential, positions, triangles, growth, bounds)
 }
 
-/// Like [`triangle_bounds`], in tasks that `share` may distribute.
+/// Like [`triangle_bounds`], in tasks that `parallel` may distribute.
 pub fn triangle_bounds_on(
-    share: &impl Share,
+    parallel: &impl Parallel,
     positions: &[Vec3],
     triangles: &[[u32; 3]],
     growth: f32,
@@ -92,7 +92,7 @@ pub fn triangle_bounds_on(
     let part = triangles.len().div_ceil(MOST_PARTS).max(LEAST_PART);
     let mut wholes = [(Vec3A::INFINITY, Vec3A::NEG_INFINITY); MOST_PARTS];
     let parts = triangles.chunks(part).zip(bounds.chunks_mut(part)).zip(&mut wholes);
-    share.hand_out(parts, triangles.len() / LEAST_PART, |((triangles, bounds), (low, high))| {
+    parallel.run_tasks(parts, triangles.len() / LEAST_PART, |((triangles, bounds), (low, high))| {
         for (corners, bounds) in triangles.iter().zip(bounds) {
             let [a, b, c] = corners.map(|vertex| Vec3A::from(positions[vertex as usize]));
             let (min, max) = grown(a.min(b).min(c), a.max(b).max(c), growth);

@@ -3,6 +3,6 @@
 
 pub(in crate::kernel) mod approach;
 pub(in crate::kernel) mod lanes;
+pub mod parallel;
 pub(in crate::kernel) mod prefetch;
-pub mod share;
 pub(in crate::kernel) mod slab;

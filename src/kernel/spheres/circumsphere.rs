@@ -22,7 +22,7 @@ use crate::kernel::simd::{
         EdgeChoice, FrameLanes, LEAST_EXACT_SQUARE, RADIUS_SLACK, SetLanes, TriangleLanes, VectorLanes, WIDTH,
         ZERO_AREA, first_lanes, rows, store_first,
     },
-    share::{LEAST_SHARE, OneByOne, PART, Share},
+    parallel::{LEAST_SHARE, PART, Parallel, Sequential},
 };
 
 /// How far the in-plane center of an obtuse triangle may be from the midpoint of its longest edge, in halves of that
@@ -173,14 +173,14 @@ pub fn enclosing_ball(corners: [Vec3; 3]) -> Ball {
 
 /// Writes [`enclosing_ball`] of every triangle into `balls`.
 pub fn enclosing_balls(positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut Vec<Ball>) {
-    enclosing_balls_on(&OneByOne, positions, triangles, balls);
+    enclosing_balls_on(&Sequential, positions, triangles, balls);
 }
 
-/// Like [`enclosing_balls`], in tasks that `share` may distribute.
-pub fn enclosing_balls_on(share: &impl Share, positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut Vec<Ball>) {
+/// Like [`enclosing_balls`], in tasks that `parallel` may distribute.
+pub fn enclosing_balls_on(parallel: &impl Parallel, positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut Vec<Ball>) {
     balls.resize(triangles.len(), Ball { center: Vec3::ZERO, radius: 0.0 });
     let parts = triangles.chunks(PART).zip(balls.chunks_mut(PART));
-    share.hand_out(parts, triangles.len() / LEAST_SHARE, |(triangles, balls)| {
+    parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |(triangles, balls)| {
         dispatch!(Level::new(), simd => write_enclosing_balls(simd, positions, triangles, balls));
     });
 }
@@ -298,14 +298,14 @@ impl OffsetSpheres {
         settings: RecipeSettings,
         cones: &mut SafetyCones,
     ) -> usize {
-        self.refit_on(&OneByOne, positions, triangles, curvatures, dihedrals, settings, cones)
+        self.refit_on(&Sequential, positions, triangles, curvatures, dihedrals, settings, cones)
     }
 
-    /// Like [`refit`](Self::refit), in tasks that `share` may distribute.
+    /// Like [`refit`](Self::refit), in tasks that `parallel` may distribute.
     #[expect(clippy::too_many_arguments, reason = "the shape of a surface, who runs the tasks, and where the cones go")]
     pub fn refit_on(
         &mut self,
-        share: &impl Share,
+        parallel: &impl Parallel,
         positions: &[Vec3],
         triangles: &[[u32; 3]],
         curvatures: &[f32],
@@ -328,7 +328,7 @@ impl OffsetSpheres {
         let cones = cones.axes.chunks_mut(PART).zip(cones.cosines.chunks_mut(PART));
         let parts = shapes.zip(spheres).zip(cones).zip(self.recipes.chunks_mut(PART / WIDTH));
         let refreshed = AtomicUsize::new(0);
-        share.hand_out(parts, count / LEAST_SHARE, |(((shapes, spheres), (axes, cosines)), recipes)| {
+        parallel.run_tasks(parts, count / LEAST_SHARE, |(((shapes, spheres), (axes, cosines)), recipes)| {
             let ((triangles, curvatures), dihedrals) = shapes;
             let ((centers, radii), heights) = spheres;
             let shapes = Shapes { positions, triangles, curvatures, dihedrals };

@@ -14,7 +14,7 @@ use glam::Vec3;
 use super::circumsphere::{OffsetSpheres, length};
 use crate::kernel::simd::{
     lanes::{WIDTH, load_first, sine_cosine, store_first},
-    share::{LEAST_SHARE, OneByOne, PART, Share},
+    parallel::{LEAST_SHARE, PART, Parallel, Sequential},
 };
 
 /// Slack of the cone comparison, as a cosine. A direction that the crease clamp puts exactly on the cone's boundary
@@ -49,13 +49,13 @@ impl SafetyCones {
     /// 15° more. Between the cones of two neighbors there are directions from which their common edge is met and that
     /// are in neither cone.
     pub fn widen(&mut self, spreads: &[f32]) {
-        self.widen_on(&OneByOne, spreads);
+        self.widen_on(&Sequential, spreads);
     }
 
-    /// Like [`widen`](Self::widen), in tasks that `share` may distribute.
-    pub fn widen_on(&mut self, share: &impl Share, spreads: &[f32]) {
+    /// Like [`widen`](Self::widen), in tasks that `parallel` may distribute.
+    pub fn widen_on(&mut self, parallel: &impl Parallel, spreads: &[f32]) {
         let count = self.cosines.len() / LEAST_SHARE;
-        share.hand_out(self.cosines.chunks_mut(PART).zip(spreads.chunks(PART)), count, |(cosines, spreads)| {
+        parallel.run_tasks(self.cosines.chunks_mut(PART).zip(spreads.chunks(PART)), count, |(cosines, spreads)| {
             dispatch!(Level::new(), simd => widen(simd, cosines, spreads));
         });
     }

@@ -227,11 +227,11 @@ pub fn overlapping_ball_contacts(
             let within = balls_within(&rows, pairs, settings);
             ListedPairs::new(simd, pairs).append(simd, within, overlapping);
             let known = estimate(&rows, within as u32, &limits);
-            let is_settled = match &known {
+            let is_decided = match &known {
                 Some(known) => known.meets || found.nearest == 0.0 || within == 0,
                 None => false,
             };
-            if !is_settled {
+            if !is_decided {
                 let mut contacts = ball_contacts_in_lanes(simd, &rows);
                 contacts.meet = mask32x8::from_bitmask(simd, within);
                 if known.is_none() {
@@ -348,7 +348,7 @@ fn cap_contacts_in_lanes<S: Simd>(
     let (mut contact, mut meet, extraordinary) = cap_a.contact(&cap_b);
     let extraordinary = extraordinary.to_bitmask() & first_lanes(pairs.len());
     if extraordinary != 0 {
-        settle(simd, &cap_a, &cap_b, extraordinary, &mut contact, &mut meet);
+        decide_alone(simd, &cap_a, &cap_b, extraordinary, &mut contact, &mut meet);
     }
     let between = cap_a.center.widened() - cap_b.center.widened();
     let spheres = between.dot(between).sqrt() - widened(cap_a.radius) - widened(cap_b.radius);
@@ -371,7 +371,7 @@ fn cap_contacts_in_lanes<S: Simd>(
 /// Tests the pairs that cannot be decided eight at a time, one by one.
 #[cold]
 #[inline(never)]
-fn settle<S: Simd>(
+fn decide_alone<S: Simd>(
     simd: S,
     a: &CapLanes<S>,
     b: &CapLanes<S>,

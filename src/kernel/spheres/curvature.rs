@@ -19,7 +19,7 @@ use crate::kernel::{
     },
     simd::{
         lanes::{TriangleLanes, VectorLanes, WIDTH, arc_tangent, columns, rows, store_first},
-        share::{LEAST_SHARE, OneByOne, PART, Share},
+        parallel::{LEAST_SHARE, PART, Parallel, Sequential},
     },
 };
 
@@ -251,13 +251,13 @@ impl<S: Simd> BendLanes<S> {
 impl Curvatures {
     /// Measures the surface at the given positions.
     pub fn measure(&mut self, topology: &SurfaceTopology, positions: &[Vec3], estimator: CurvatureEstimator) {
-        self.measure_on(&OneByOne, topology, positions, estimator);
+        self.measure_on(&Sequential, topology, positions, estimator);
     }
 
-    /// Like [`measure`](Self::measure), in tasks that `share` may distribute.
+    /// Like [`measure`](Self::measure), in tasks that `parallel` may distribute.
     pub fn measure_on(
         &mut self,
-        share: &impl Share,
+        parallel: &impl Parallel,
         topology: &SurfaceTopology,
         positions: &[Vec3],
         estimator: CurvatureEstimator,
@@ -265,12 +265,12 @@ impl Curvatures {
         let Self { faces, bends, .. } = self;
         faces.resize(topology.triangles().len(), [0.0; 4]);
         let parts = topology.triangles().chunks(PART).zip(faces.chunks_mut(PART));
-        share.hand_out(parts, topology.triangles().len() / LEAST_SHARE, |(triangles, faces)| {
+        parallel.run_tasks(parts, topology.triangles().len() / LEAST_SHARE, |(triangles, faces)| {
             dispatch!(Level::new(), simd => measure_faces(simd, triangles, positions, faces));
         });
         bends.resize(topology.edges().len(), [0.0; 2]);
         let parts = topology.hinges().chunks(PART).zip(bends.chunks_mut(PART));
-        share.hand_out(parts, topology.edges().len() / LEAST_SHARE, |(hinges, bends)| {
+        parallel.run_tasks(parts, topology.edges().len() / LEAST_SHARE, |(hinges, bends)| {
             measure_bends(hinges, faces, positions, bends);
         });
         self.centroids.clear();
@@ -280,7 +280,7 @@ impl Curvatures {
                 a + ((b - a) + (c - a)) / 3.0
             }));
         }
-        self.measure_triangles(share, topology, positions);
+        self.measure_triangles(parallel, topology, positions);
         if estimator == CurvatureEstimator::DualAngleDeficit {
             for triangle in 0..topology.triangles().len() {
                 if let Some(curvature) = self.dual_angle_deficit(topology, triangle) {
@@ -290,7 +290,7 @@ impl Curvatures {
         }
     }
 
-    fn measure_triangles(&mut self, share: &impl Share, topology: &SurfaceTopology, positions: &[Vec3]) {
+    fn measure_triangles(&mut self, parallel: &impl Parallel, topology: &SurfaceTopology, positions: &[Vec3]) {
         let count = topology.triangles().len();
         let [mut curvatures, mut spreads] = [&mut self.curvatures, &mut self.spreads].map(std::mem::take);
         let mut dihedrals = std::mem::take(&mut self.dihedrals);
@@ -298,7 +298,7 @@ impl Curvatures {
         dihedrals.resize(count, [0.0; 3]);
         spreads.resize(count, 0.0);
         let written = curvatures.chunks_mut(PART).zip(dihedrals.chunks_mut(PART)).zip(spreads.chunks_mut(PART));
-        share.hand_out(written.enumerate(), count / LEAST_SHARE, |(part, ((curvatures, dihedrals), spreads))| {
+        parallel.run_tasks(written.enumerate(), count / LEAST_SHARE, |(part, ((curvatures, dihedrals), spreads))| {
             let measured = Measured { curvatures, dihedrals, spreads };
             dispatch!(Level::new(), simd => self.measure_part(simd, topology, positions, part * PART, measured));
         });

@@ -19,8 +19,8 @@ use crate::kernel::{
     pose::Pose,
     simd::{
         lanes::{PairLanes, VectorLanes, WIDTH, first_lanes},
+        parallel::Parallel,
         prefetch::{Prefetch, ask_ahead, ask_for_room},
-        share::Share,
     },
 };
 
@@ -50,8 +50,8 @@ impl Prefetch for BallSide<'_> {
 
 impl BallSide<'_> {
     /// Writes a row for each triangle, in the side's own frame. Worthwhile if most triangles are in several pairs.
-    pub fn rows(&self, share: &impl Share, rows: &mut BallRows) {
-        rows.fill(share, self.balls.len(), |triangle| self.row(triangle));
+    pub fn rows(&self, parallel: &impl Parallel, rows: &mut BallRows) {
+        rows.fill(parallel, self.balls.len(), |triangle| self.row(triangle));
     }
 
     #[inline(always)]
@@ -124,8 +124,8 @@ impl Prefetch for CapSide<'_> {
 
 impl CapSide<'_> {
     /// Writes a row for each triangle, in the side's own frame. Worthwhile if most triangles are in several pairs.
-    pub fn rows(&self, share: &impl Share, rows: &mut CapRows) {
-        rows.fill(share, self.spheres.radii.len(), |triangle| self.row(triangle));
+    pub fn rows(&self, parallel: &impl Parallel, rows: &mut CapRows) {
+        rows.fill(parallel, self.spheres.radii.len(), |triangle| self.row(triangle));
     }
 
     #[inline(always)]

@@ -16,8 +16,8 @@ use crate::kernel::{
     pose::Pose,
     simd::{
         lanes::{DoubleVectorLanes, VectorLanes, WIDTH, columns_from, rounded, widened},
+        parallel::{LEAST_SHARE, PART, Parallel},
         prefetch::prefetch,
-        share::{LEAST_SHARE, PART, Share},
     },
 };
 
@@ -60,12 +60,12 @@ impl BallRows {
     /// Writes `count` rows, which `row` makes.
     pub(in crate::kernel) fn fill(
         &mut self,
-        share: &impl Share,
+        parallel: &impl Parallel,
         count: usize,
         row: impl Fn(u32) -> TriangleRow + Sync,
     ) {
         self.rows.resize(count, TriangleRow::EMPTY);
-        share.hand_out(self.rows.chunks_mut(PART).enumerate(), count / LEAST_SHARE, |(part, rows)| {
+        parallel.run_tasks(self.rows.chunks_mut(PART).enumerate(), count / LEAST_SHARE, |(part, rows)| {
             for place in 0..rows.len() {
                 prefetch(rows, (place + ROWS_AHEAD) as u32);
                 rows[place] = row((part * PART + place) as u32);
@@ -85,14 +85,14 @@ impl CapRows {
     /// Writes `count` rows, which `row` makes.
     pub(in crate::kernel) fn fill(
         &mut self,
-        share: &impl Share,
+        parallel: &impl Parallel,
         count: usize,
         row: impl Fn(u32) -> (TriangleRow, [f32; 2]) + Sync,
     ) {
         self.rows.resize(count, TriangleRow::EMPTY);
         self.rest.resize(count, [0.0; 2]);
         let parts = self.rows.chunks_mut(PART).zip(self.rest.chunks_mut(PART)).enumerate();
-        share.hand_out(parts, count / LEAST_SHARE, |(part, (rows, rest))| {
+        parallel.run_tasks(parts, count / LEAST_SHARE, |(part, (rows, rest))| {
             for (place, rest) in rest.iter_mut().enumerate().take(rows.len()) {
                 prefetch(rows, (place + ROWS_AHEAD) as u32);
                 (rows[place], *rest) = row((part * PART + place) as u32);

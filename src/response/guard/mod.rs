@@ -166,13 +166,13 @@ impl Guard {
         meetings.collect()
     }
 
-    /// Appends the impacts of pairs with at least one mesh for which `asked` returns true.
-    fn find(&mut self, particles: &Particles, gatherer: &Gatherer, asked: impl Fn(&Mesh) -> bool) {
+    /// Appends the impacts of pairs with at least one mesh for which `requested` returns true.
+    fn find(&mut self, particles: &Particles, gatherer: &Gatherer, requested: impl Fn(&Mesh) -> bool) {
         let Self { meshes, pairs, found, impacts, buffers, jammed, scratch, .. } = self;
         for pair in &*pairs {
             let MeshPair { places: [a, b], separation, .. } = *pair;
             let (mesh_a, mesh_b) = (&meshes[a], &meshes[b]);
-            if !(asked(mesh_a) || asked(mesh_b)) {
+            if !(requested(mesh_a) || requested(mesh_b)) {
                 continue;
             }
             impacts.clear();

@@ -1,5 +1,5 @@
 //! Lists of near pairs, as far as trees are concerned. Traversals make the lists. A tree is idle if all its pairs
-//! follow a list or are kept.
+//! reuse a list or are kept.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -19,7 +19,7 @@ use crate::{
     surface::ActiveSurfaces,
 };
 
-/// Marks for each active surface whether its tree is idle: all its pairs, if any, are kept or follow a list.
+/// Marks for each active surface whether its tree is idle: all its pairs, if any, are kept or reuse a list.
 pub(super) fn mark_idle_trees(
     active: &ActiveSurfaces,
     candidates: &CandidateTrianglePairs,
@@ -29,7 +29,7 @@ pub(super) fn mark_idle_trees(
 ) {
     idle.clear();
     idle.resize(active.surfaces.len(), true);
-    let asks = |place: usize| !memory.keeps(place) && kept.list_use(place) != ListUse::Followed;
+    let asks = |place: usize| !memory.keeps(place) && kept.list_use(place) != ListUse::Reused;
     for (_, pair) in candidates.pairs.iter().enumerate().filter(|&(place, _)| asks(place)) {
         idle[pair.first] = false;
         if let OtherSide::Surface(second) = pair.second {
@@ -78,7 +78,7 @@ pub(super) fn make_list(
     list.pairs.sort(count(pair.first).max(count(second)));
 }
 
-/// Looks for gaps between the triangles of pairs on a followed list whose bound is inconclusive. Returns the number of
+/// Looks for gaps between the triangles of pairs on a reused list whose bound is inconclusive. Returns the number of
 /// those pairs. In a new list, the traversal has done so.
 pub(super) fn look_closer(
     active: &ActiveSurfaces,
@@ -88,7 +88,7 @@ pub(super) fn look_closer(
     threads: usize,
 ) -> usize {
     let OtherSide::Surface(second) = pair.second else { return 0 };
-    if list.list_use != ListUse::Followed {
+    if list.list_use != ListUse::Reused {
         return 0;
     }
     let sides = [pair.first, second];

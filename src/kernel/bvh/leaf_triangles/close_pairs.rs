@@ -128,7 +128,7 @@ impl ClosePairs {
             let (gap, squared) = approach.step();
             apart |= gap.simd_gt(squared.sqrt() * needed) & squared.simd_gt(LEAST_SQUARED);
         }
-        (self.items_of(simd, group), self.asked(group) & !apart.to_bitmask() as u32)
+        (self.items_of(simd, group), self.requested(group) & !apart.to_bitmask() as u32)
     }
 
     /// Like [`group`](Self::group), with lower bounds of the distances from the widest gap.
@@ -139,7 +139,7 @@ impl ClosePairs {
         let apart = widest.simd_gt(needed).to_bitmask() as u32;
         let by_gaps = bounds_by(widest, self.rounding.group(simd, group));
         let is_wider = by_gaps.simd_gt(bounds) & needed.simd_lt(f32::INFINITY);
-        (self.items_of(simd, group), is_wider.select(by_gaps, bounds), self.asked(group) & !apart)
+        (self.items_of(simd, group), is_wider.select(by_gaps, bounds), self.requested(group) & !apart)
     }
 
     #[inline(always)]
@@ -164,7 +164,7 @@ impl ClosePairs {
 
     /// One bit for each pair of a group.
     #[inline(always)]
-    fn asked(&self, group: usize) -> u32 {
+    fn requested(&self, group: usize) -> u32 {
         first_lanes((self.count - group * LEAF_WIDTH).min(LEAF_WIDTH)) as u32
     }
 

@@ -15,7 +15,7 @@ use crate::kernel::simd::{
         PairLanes, TriangleLanes, VectorLanes, WIDTH,
         fused::{Vectors, dot, project},
     },
-    share::Share,
+    parallel::Parallel,
     slab::ROUNDING,
 };
 
@@ -41,14 +41,14 @@ impl BoundedPairs {
     /// now. NaN bounds do not change. Returns the number of tested pairs.
     pub fn look_closer(
         &mut self,
-        share: &impl Share,
+        parallel: &impl Parallel,
         triangles: &ListedTriangles<'_>,
         limits: [f32; 2],
         motion: f32,
     ) -> usize {
         let (looked_at, count) = (AtomicUsize::new(0), self.len().div_ceil(PART));
         let names = self.firsts.chunks(PART).zip(self.seconds.chunks(PART));
-        share.hand_out(names.zip(self.bounds.chunks_mut(PART)), count, |((firsts, seconds), bounds)| {
+        parallel.run_tasks(names.zip(self.bounds.chunks_mut(PART)), count, |((firsts, seconds), bounds)| {
             let mut part = Part { names: [firsts, seconds], bounds, triangles, motion };
             let mut count = 0;
             dispatch!(Level::new(), simd => count = part.look_closer(simd, limits));
@@ -72,13 +72,13 @@ impl Part<'_> {
         let (mut places, mut count, mut looked_at) = ([0; ROOM + WIDTH], 0, 0);
         let lanes = u32x8::from_slice(simd, &[0, 1, 2, 3, 4, 5, 6, 7]);
         for first in (0..self.bounds.len()).step_by(WIDTH) {
-            let asked = self.asked(simd, first, limits);
-            if asked == 0 {
+            let requested = self.requested(simd, first, limits);
+            if requested == 0 {
                 continue;
             }
-            let asked_lanes = (lanes + first as u32).compress(mask32x8::from_bitmask(simd, asked));
-            asked_lanes.store_slice(&mut places[count..count + WIDTH]);
-            count += asked.count_ones() as usize;
+            let requested_lanes = (lanes + first as u32).compress(mask32x8::from_bitmask(simd, requested));
+            requested_lanes.store_slice(&mut places[count..count + WIDTH]);
+            count += requested.count_ones() as usize;
             if count >= ROOM {
                 self.raise(simd, &places[..ROOM]);
                 places.copy_within(ROOM.., 0);
@@ -92,7 +92,7 @@ impl Part<'_> {
 
     /// One bit for each of the eight pairs from index `first` on that must be tested.
     #[inline(always)]
-    fn asked<S: Simd>(&self, simd: S, first: usize, [passed, limit]: [f32; 2]) -> u64 {
+    fn requested<S: Simd>(&self, simd: S, first: usize, [passed, limit]: [f32; 2]) -> u64 {
         let (bounds, mut last) = (&self.bounds[first..], [f32::NAN; WIDTH]);
         let bounds = bounds.first_chunk().unwrap_or_else(|| {
             last[..bounds.len()].copy_from_slice(bounds);
@@ -154,7 +154,7 @@ fn numbers<S: Simd>(VectorLanes { x, y, z }: VectorLanes<S>) -> Vectors<S> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::simd::share::{OnTwoThreads, OneByOne};
+    use crate::kernel::simd::parallel::{OnTwoThreads, Sequential};
 
     #[test]
     fn bounds_do_not_depend_on_parts_and_threads_nor_on_what_is_beside() {
@@ -178,7 +178,7 @@ mod tests {
             (list.bounds, count)
         };
         let limits = [0.1, 0.4];
-        let by_one = |list: &mut BoundedPairs| list.look_closer(&OneByOne, &at, limits, 0.02);
+        let by_one = |list: &mut BoundedPairs| list.look_closer(&Sequential, &at, limits, 0.02);
         let by_two = |list: &mut BoundedPairs| list.look_closer(&OnTwoThreads, &at, limits, 0.02);
         let whole = looked_at(&by_one, 0..pairs.len());
         assert_eq!(whole, looked_at(&by_two, 0..pairs.len()));

@@ -83,7 +83,7 @@ impl BoxTree {
                     }
                     count += hits.count;
                     let separation = if cull.has_slabs() { Some(cull.between([place, other_place])) } else { None };
-                    for ((pairs_of_lanes, asked), gaps) in hits.groups().zip(all_gaps.chunks(LEAF_WIDTH)) {
+                    for ((pairs_of_lanes, requested), gaps) in hits.groups().zip(all_gaps.chunks(LEAF_WIDTH)) {
                         let lane_pairs = LanePairs::new(simd, pairs_of_lanes);
                         // The boxes include their growth, so their contents are farther apart by that.
                         let gaps = f32x8::from_slice(simd, gaps);
@@ -91,11 +91,11 @@ impl BoxTree {
                         let [items, others] = lane_pairs.items(simd, &leaf.items, &other.items);
                         let items = if SELF { [items.min(others), items.max(others)] } else { [items, others] };
                         let Some(separation) = &separation else {
-                            recent.push(simd, items, by_boxes, asked, pairs);
+                            recent.push(simd, items, by_boxes, requested, pairs);
                             continue;
                         };
                         let corners = separation.corners(simd, &lane_pairs);
-                        let (kept, by_slabs) = separation.lower_bounds(simd, &lane_pairs, &corners, asked);
+                        let (kept, by_slabs) = separation.lower_bounds(simd, &lane_pairs, &corners, requested);
                         let bounds = by_slabs.max(by_boxes);
                         if close.push_bounded(simd, separation, &corners, items, bounds, kept) {
                             recent.take(&mut close, Groups::Complete, pairs);

@@ -11,8 +11,8 @@ use glam::Vec3;
 use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, Leaf, Node};
 use crate::kernel::simd::{
     lanes::columns,
+    parallel::{Parallel, Sequential},
     prefetch::prefetch,
-    share::{OneByOne, Share},
 };
 
 /// With fewer items than this a second thread does not pay off.
@@ -27,20 +27,20 @@ impl BoxTree {
     /// # Panics
     /// If `bounds` has another length than the tree was built with.
     pub fn refit(&mut self, bounds: &[Aabb]) {
-        self.refit_on(&OneByOne, bounds);
+        self.refit_on(&Sequential, bounds);
     }
 
-    /// Like [`refit`](Self::refit), in tasks that `share` may distribute.
+    /// Like [`refit`](Self::refit), in tasks that `parallel` may distribute.
     ///
     /// # Panics
     /// If `bounds` has another length than the tree was built with.
-    pub fn refit_on(&mut self, share: &impl Share, bounds: &[Aabb]) {
+    pub fn refit_on(&mut self, parallel: &impl Parallel, bounds: &[Aabb]) {
         assert_eq!(bounds.len(), self.item_count, "a tree is refitted with as many boxes as it was built with");
         let Self { nodes, leaves, item_count, .. } = self;
         let mut area = 0.0;
         if let Some((root, nodes)) = nodes.split_first_mut() {
             let mut areas = [0.0; LEAF_WIDTH];
-            share.hand_out(subtrees(root, nodes, leaves, &mut areas), *item_count / ITEMS_OF_ONE, |subtree| {
+            parallel.run_tasks(subtrees(root, nodes, leaves, &mut areas), *item_count / ITEMS_OF_ONE, |subtree| {
                 dispatch!(Level::new(), simd => subtree.refit(simd, bounds));
             });
             dispatch!(Level::new(), simd => root.refit(simd, [1, 0], nodes, leaves));

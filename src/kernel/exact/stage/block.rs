@@ -61,9 +61,15 @@ impl<'a> Block<'a> {
         RowPair { sides: self.sides, triangles: self.pairs[place], rows }
     }
 
-    /// What the `asked` pairs report. The `near` ones need no test of a single pair, with a few exceptions.
+    /// What the `requested` pairs report. The `near` ones need no test of a single pair, with a few exceptions.
     #[inline(always)]
-    pub(super) fn reports<S: Simd>(&self, simd: S, asked: u32, near: u32, choice: &impl Choice) -> BlockReports<'a> {
+    pub(super) fn reports<S: Simd>(
+        &self,
+        simd: S,
+        requested: u32,
+        near: u32,
+        choice: &impl Choice,
+    ) -> BlockReports<'a> {
         let none = u64x8::splat(simd, 0);
         let (mut cases, mut closest, mut boundary) = ([0; WIDTH], [0; WIDTH], [0; WIDTH]);
         let (mut nothing, mut meets) = ([0.0; WIDTH], 0);
@@ -75,7 +81,7 @@ impl<'a> Block<'a> {
             meets |= u32::from(pair.touches()) << place;
         }
         let is = |bits: u32| mask64x8::from_bitmask(simd, u64::from(bits));
-        let cases = is(asked & self.screened.with_cases).select(u64x8::from_slice(simd, &cases), none);
+        let cases = is(requested & self.screened.with_cases).select(u64x8::from_slice(simd, &cases), none);
         let closest = CaseLanes(u64x8::from_slice(simd, &closest));
         let reported = choice.of_lanes(simd, self, CaseLanes(cases), closest);
         let mut chosen = [[0; WIDTH]; 2];
@@ -113,7 +119,7 @@ impl<'a> Block<'a> {
         BlockReports {
             reports,
             chosen,
-            examined: asked & !near | crossing,
+            examined: requested & !near | crossing,
             meeting: on_boundary.to_bitmask() as u32 & meets,
         }
     }

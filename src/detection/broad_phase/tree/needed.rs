@@ -24,7 +24,7 @@ use crate::{
 
 /// What a traversal needs of a surface's triangles in the tree's own leaves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(in crate::detection) enum Asked {
+pub(in crate::detection) enum Needed {
     /// Only their boxes.
     #[default]
     Boxes,
@@ -36,41 +36,41 @@ pub(in crate::detection) enum Asked {
 
 /// What traversals need of a surface's triangles in the tree's own leaves, and where.
 #[derive(Default)]
-pub(super) struct AskedTriangles {
-    asked: Asked,
+pub(super) struct NeededTriangles {
+    needed: Needed,
     /// Where they need slabs.
     regions: Vec<Region>,
 }
 
 /// Marks for each active surface what traversals need of the triangles in its leaves. For a moved surface they need the
 /// transformed triangles instead. Pairs that are not traversed need nothing.
-pub(super) fn mark_asked_surfaces(
+pub(super) fn mark_needed_triangles(
     active: &ActiveSurfaces,
     candidates: &CandidateTrianglePairs,
     settings: &CircumsphereSettings,
     memory: &DetectionMemory,
     kept: &KeptPairs,
     states: &[SurfaceState],
-    surfaces: &mut Vec<AskedTriangles>,
+    surfaces: &mut Vec<NeededTriangles>,
 ) {
-    surfaces.resize_with(active.surfaces.len(), AskedTriangles::default);
+    surfaces.resize_with(active.surfaces.len(), NeededTriangles::default);
     for surface in &mut *surfaces {
-        surface.asked = Asked::Boxes;
+        surface.needed = Needed::Boxes;
         capacity::clear(&mut surface.regions);
     }
     for (number, pair) in candidates.pairs.iter().enumerate() {
         let OtherSide::Surface(second) = pair.second else { continue };
         let list_use = kept.list_use(number);
-        if memory.keeps(number) || list_use == ListUse::Followed {
+        if memory.keeps(number) || list_use == ListUse::Reused {
             continue;
         }
-        let of_pair = pair.asks_of_triangles(settings);
-        let regions = pair.asked_regions([pair.first, second].map(|place| states[place].tree()));
+        let of_pair = pair.needs_of_triangles(settings);
+        let regions = pair.needed_regions([pair.first, second].map(|place| states[place].tree()));
         for (place, region) in [pair.first, second].into_iter().zip(regions) {
             let Some(region) = region else { continue };
             let surface = &mut surfaces[place];
-            surface.asked = surface.asked.max(of_pair);
-            if of_pair == Asked::Slabs {
+            surface.needed = surface.needed.max(of_pair);
+            if of_pair == Needed::Slabs {
                 // A list also contains pairs whose boxes do not overlap.
                 let is_listed = list_use == ListUse::Made;
                 surface.regions.push(if is_listed { Region::Everywhere } else { region });
@@ -81,19 +81,19 @@ pub(super) fn mark_asked_surfaces(
 
 impl SurfacePair {
     /// What a traversal needs of the triangles of both sides.
-    pub(in crate::detection) fn asks_of_triangles(&self, settings: &CircumsphereSettings) -> Asked {
+    pub(in crate::detection) fn needs_of_triangles(&self, settings: &CircumsphereSettings) -> Needed {
         if self.has_slabs(settings) {
-            Asked::Slabs
+            Needed::Slabs
         } else if self.is_self() {
-            Asked::Neighbors
+            Needed::Neighbors
         } else {
-            Asked::Boxes
+            Needed::Boxes
         }
     }
 
     /// Where a traversal needs the triangles of each side in the tree's own leaves, given both trees: in the leaves
     /// that overlap something of the other side. `None` for a side that is moved or that nothing reaches.
-    pub(in crate::detection) fn asked_regions(&self, trees: [&BoxTree; 2]) -> [Option<Region>; 2] {
+    pub(in crate::detection) fn needed_regions(&self, trees: [&BoxTree; 2]) -> [Option<Region>; 2] {
         if self.is_self() {
             return [Some(Region::Everywhere); 2];
         }
@@ -117,23 +117,23 @@ impl SurfacePair {
 
 impl SurfaceTree {
     /// Updates what traversals need of the triangles in the leaves.
-    pub(super) fn follow_triangles(
+    pub(super) fn update_triangles(
         &mut self,
-        &AskedTriangles { asked, ref regions }: &AskedTriangles,
+        &NeededTriangles { needed, ref regions }: &NeededTriangles,
         surface: &ActiveSurface,
         positions: &[Vec3],
         threads: usize,
     ) {
-        if asked > Asked::Boxes && self.vertices_named != self.tree.arrangement() {
+        if needed > Needed::Boxes && self.named_arrangement != self.tree.arrangement() {
             self.triangles.name_vertices(&self.tree, &surface.topology);
-            self.vertices_named = self.tree.arrangement();
+            self.named_arrangement = self.tree.arrangement();
         }
         if !regions.is_empty() {
-            if self.triangles_followed != self.followed {
-                self.triangles.begin_following(&self.tree);
-                self.triangles_followed = self.followed;
+            if self.triangles_version != self.version {
+                self.triangles.begin_update(&self.tree);
+                self.triangles_version = self.version;
             }
-            self.triangles.follow_on(&Threads(threads), &self.tree, regions, &surface.topology, positions);
+            self.triangles.update_within(&Threads(threads), &self.tree, regions, &surface.topology, positions);
         }
     }
 
@@ -143,17 +143,17 @@ impl SurfaceTree {
         &self,
         topology: &SurfaceTopology,
         version: u64,
-        asked: Asked,
+        needed: Needed,
         region: Option<Region>,
     ) -> bool {
-        let has_names = asked == Asked::Boxes || self.vertices_named == self.tree.arrangement();
-        let have_followed = || {
-            self.triangles_followed == self.followed
-                && region.is_none_or(|region| self.triangles.have_followed(&self.tree, region))
+        let has_names = needed == Needed::Boxes || self.named_arrangement == self.tree.arrangement();
+        let are_current = || {
+            self.triangles_version == self.version
+                && region.is_none_or(|region| self.triangles.are_current(&self.tree, region))
         };
         self.tree.len() == topology.triangles().len()
-            && self.followed == version
+            && self.version == version
             && has_names
-            && (asked < Asked::Slabs || have_followed())
+            && (needed < Needed::Slabs || are_current())
     }
 }

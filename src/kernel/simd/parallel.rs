@@ -9,17 +9,17 @@ pub(in crate::kernel) const PART: usize = 2048;
 pub(in crate::kernel) const LEAST_SHARE: usize = 8192;
 
 /// Runs tasks in any order on any thread. All of them finish before the call returns.
-pub trait Share {
+pub trait Parallel {
     /// Calls `work` with every task. More than `count` threads do not pay off.
-    fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync);
+    fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync);
 }
 
 /// Runs one task after the other on the calling thread.
 #[derive(Clone, Copy, Debug)]
-pub struct OneByOne;
+pub struct Sequential;
 
-impl Share for OneByOne {
-    fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
+impl Parallel for Sequential {
+    fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
         tasks.for_each(work);
     }
 }
@@ -30,8 +30,8 @@ impl Share for OneByOne {
 pub(crate) struct OnTwoThreads;
 
 #[cfg(test)]
-impl Share for OnTwoThreads {
-    fn hand_out<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
+impl Parallel for OnTwoThreads {
+    fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, _: usize, work: impl Fn(P) + Sync) {
         let (even, odd): (Vec<_>, Vec<_>) = tasks.enumerate().partition(|(number, _)| number % 2 == 0);
         std::thread::scope(|scope| {
             scope.spawn(|| even.into_iter().rev().for_each(|(_, task)| work(task)));

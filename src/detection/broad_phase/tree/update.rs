@@ -33,12 +33,12 @@ impl SurfaceTree {
     }
 
     /// Refits or rebuilds the tree to the boxes of its surface.
-    pub(super) fn follow(&mut self, surface: &ActiveSurface, bounds: &TriangleBounds, threads: usize) -> Outcome {
+    pub(super) fn update(&mut self, surface: &ActiveSurface, bounds: &TriangleBounds, threads: usize) -> Outcome {
         let mut outcome = Outcome::default();
         if self.is_of(surface) {
-            if self.followed != bounds.version() {
+            if self.version != bounds.version() {
                 // The tree has been idle, so a rebuild in progress is based on outdated boxes.
-                if bounds.version() != self.followed + 1 {
+                if bounds.version() != self.version + 1 {
                     self.tree.break_off_rebuilding();
                 }
                 let boxes = bounds.triangles_on(&Threads(threads));
@@ -58,7 +58,7 @@ impl SurfaceTree {
             self.topology = Some(Arc::clone(&surface.topology));
             outcome.first_build = build.elapsed();
         }
-        self.followed = bounds.version();
+        self.version = bounds.version();
         outcome
     }
 }
