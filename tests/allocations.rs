@@ -1,7 +1,7 @@
-//! A steady tick on one thread takes no memory from the heap: every stage works in what earlier ticks have left it.
+//! A steady tick on one thread allocates no memory: every stage reuses buffers from earlier ticks.
 //!
-//! A program of its own, since an allocator counts for all of it, and a single test, so that nobody else is counted. Systems
-//! between the stages read the count: what the app and the schedule take besides is none of theirs.
+//! This is a separate program with a single test, because the allocator counts everything in the process. Systems
+//! between the stages read the count, so allocations by the app and the schedule do not matter.
 
 use std::{alloc::System, collections::BTreeMap};
 
@@ -21,17 +21,17 @@ use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 #[global_allocator]
 static HEAP: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
-/// Ticks in which buffers may grow: the scene goes back and forth between two states.
+/// Ticks in which buffers may grow. The scene alternates between two states.
 const WARM: usize = 8;
 
-/// Ticks in which they may not.
+/// Ticks in which buffers must not grow.
 const STEADY: usize = 6;
 
-/// Stages that still allocate: here to be seen, and to be struck off. Each has to, by one method at least, or it does not
-/// belong here.
+/// Stages that still allocate, listed so that they can be removed. A stage stays here only while it allocates with at
+/// least one method.
 const STILL_ALLOCATE: [&str; 1] = ["exact"];
 
-/// How often memory was asked for before the first stage and after each, of one tick after the other.
+/// The number of allocations before the first stage and after each stage, tick by tick.
 #[derive(Resource, Default)]
 struct Counts(Vec<(&'static str, usize)>);
 
@@ -68,7 +68,7 @@ fn positions(mesh: &Mesh) -> Vec<Vec3> {
     mesh.positions.iter().copied().map(Vec3::from_array).collect()
 }
 
-/// A crumpled sheet on itself, two rings in one another and a ball in both, a floor and a rigid ball.
+/// A crumpled sheet with self-collision, two linked rings with a ball in both, a floor, and a rigid ball.
 struct Scene {
     app: App,
     bodies: Vec<(Entity, [(Vec<Vec3>, Transform); 2])>,
@@ -109,8 +109,8 @@ impl Scene {
         for (body, states) in &self.bodies {
             let (positions, place) = &states[tick % 2];
             let mut body = self.app.world_mut().entity_mut(*body);
-            body.get_mut::<SurfacePositions>().expect("it is a surface").0.clone_from(positions);
-            *body.get_mut::<Transform>().expect("it has a place") = *place;
+            body.get_mut::<SurfacePositions>().expect("it has positions").0.clone_from(positions);
+            *body.get_mut::<Transform>().expect("it has a transform") = *place;
         }
         self.app.update();
     }
@@ -139,7 +139,7 @@ fn a_steady_tick_on_one_thread_asks_for_no_memory() {
             }
             candidates.push(world.resource::<CandidateTrianglePairs>().triangle_pair_count());
             let store = world.resource::<ContactStore>();
-            assert!(store.pairs().len() >= 5 && store.contact_count() > 5_000, "{method:?}: hardly anything touches");
+            assert!(store.pairs().len() >= 5 && store.contact_count() > 5_000, "{method:?}: too little touches");
         }
         assert!(candidates[0] != candidates[1] && candidates[0] > 10_000, "{method:?}: nothing moves: {candidates:?}");
         println!("{method:?}: {by_stage:?}");
@@ -151,5 +151,5 @@ fn a_steady_tick_on_one_thread_asks_for_no_memory() {
         }
     }
     assert!(faults.is_empty(), "{faults:#?}");
-    assert!(still.is_empty(), "these allocate no more, and can be struck off: {still:?}");
+    assert!(still.is_empty(), "these no longer allocate and can be removed from the list: {still:?}");
 }

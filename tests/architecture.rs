@@ -1,5 +1,5 @@
-//! The rooms of `src/` in their order: what imports what, circles of files, how long a file may be, and where Bevy may
-//! be known.
+//! The order of the folders of `src/`: which may import which, import cycles, the length of files, and where Bevy may
+//! be used.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -9,7 +9,8 @@ use std::{
 
 use petgraph::{algo::tarjan_scc, graphmap::DiGraphMap};
 
-/// The rooms, each of which may import from itself and from those before it. `kernel` is one room to those after it.
+/// The folders of `src/`. Each may import from itself and from those before it. `kernel` is a single folder to the
+/// others.
 const ROOMS: [&str; 11] = [
     "kernel",
     "settings",
@@ -24,28 +25,28 @@ const ROOMS: [&str; 11] = [
     "plugins",
 ];
 
-/// The rooms of the kernel, in the same way.
+/// The folders of the kernel, with the same rule.
 const KERNEL_ROOMS: [&str; 11] =
     ["capacity", "pose", "simd", "mesh", "contact", "pair", "bvh", "exact", "spheres", "ccd", "pair_fate"];
 
-/// Lines of a file.
+/// The most lines of a file.
 const MOST_LINES: usize = 500;
 
-/// A file of `src/`, and the paths it imports, from the root of the crate.
+/// A file of `src/` and the paths it imports, from the root of the crate.
 struct Module {
-    /// Its file, from `src/`.
+    /// The file, relative to `src/`.
     file: String,
-    /// Its own path.
+    /// Its module path.
     path: Vec<String>,
     lines: usize,
     imports: BTreeSet<Vec<String>>,
-    /// What it exports again: names, and the paths that they stand for.
+    /// Its re-exports: names, and the paths they stand for.
     exports: BTreeMap<String, Vec<String>>,
-    /// Other crates that it names.
+    /// The other crates that it names.
     crates: BTreeSet<String>,
 }
 
-/// The leaves of a `use` tree, each as its path: `a::{b, c::d}` is `a::b` and `a::c::d`.
+/// The leaves of a `use` tree as paths: `a::{b, c::d}` is `a::b` and `a::c::d`.
 fn leaves(tree: &str, before: &[String], found: &mut Vec<Vec<String>>) {
     let mut depth = 0;
     let parts = tree.split(|character| {
@@ -68,7 +69,7 @@ fn leaves(tree: &str, before: &[String], found: &mut Vec<Vec<String>>) {
     }
 }
 
-/// A path as it is written in a module, from the root of the crate.
+/// A path as written in a module, from the root of the crate.
 fn absolute(module: &[String], path: &[String]) -> Vec<String> {
     let ups = path.iter().take_while(|segment| *segment == "super").count().min(module.len());
     match path[0].as_str() {
@@ -78,7 +79,7 @@ fn absolute(module: &[String], path: &[String]) -> Vec<String> {
     }
 }
 
-/// Reads what a file imports. `path` is its own.
+/// Parses the imports of a file with the module path `path`.
 fn parse(file: &str, path: &[String], source: &str) -> Module {
     let code: Vec<&str> = source.lines().map(|line| line.split("//").next().unwrap_or_default()).collect();
     let code = code.join("\n");
@@ -119,7 +120,7 @@ fn parse(file: &str, path: &[String], source: &str) -> Module {
         let ups = leaf.iter().take_while(|segment| *segment == "super").count();
         match leaf[0].as_str() {
             "crate" => _ = module.imports.insert(leaf[1..].to_vec()),
-            // Within a module of tests it is one level less: that is still the same room, or the one around it.
+            // In a test module, this is one level too few, which is still the same folder or the one around it.
             "super" if ups <= path.len() => {
                 let around = path[..path.len() - ups].iter().chain(&leaf[ups..]).cloned().collect();
                 module.imports.insert(around);
@@ -133,7 +134,7 @@ fn parse(file: &str, path: &[String], source: &str) -> Module {
 }
 
 fn modules(folder: &Path, path: &[String], found: &mut Vec<Module>) {
-    for entry in fs::read_dir(folder).expect("the folder can be listed").map(|entry| entry.expect("and read").path()) {
+    for entry in fs::read_dir(folder).expect("the folder can be listed").map(|entry| entry.expect("readable").path()) {
         let name = entry.file_stem().expect("files have names").to_string_lossy().into_owned();
         let own: Vec<String> = path.iter().cloned().chain([name.clone()]).collect();
         if entry.is_dir() {
@@ -152,11 +153,11 @@ fn source_modules() -> Vec<Module> {
     found
 }
 
-/// The file that defines what a path stands for, if it is one of the modules: exported names count where they are
+/// The file that defines the target of a path, if it is one of the modules. Re-exported names count where they are
 /// defined.
 fn file_of(modules: &BTreeMap<&[String], &Module>, path: &[String]) -> Option<usize> {
     let mut path = path.to_vec();
-    // As many exports as a name may pass through.
+    // The most re-exports that a name may pass through.
     for _ in 0..8 {
         let length = (1..=path.len()).rev().find(|&length| modules.contains_key(&path[..length]))?;
         let (own, rest) = path.split_at(length);
@@ -168,10 +169,10 @@ fn file_of(modules: &BTreeMap<&[String], &Module>, path: &[String]) -> Option<us
     None
 }
 
-/// Files that import each other in a circle, and how many may do so.
+/// The most files that may import each other in a cycle.
 const MOST_IN_A_CIRCLE: usize = 3;
 
-/// The circles of more files than that, one line each.
+/// The cycles of more files than that, one line each.
 fn circles(modules: &[Module]) -> Vec<String> {
     let by_path: BTreeMap<&[String], &Module> = modules.iter().map(|module| (&*module.path, module)).collect();
     let mut graph = DiGraphMap::<usize, ()>::new();
@@ -187,7 +188,7 @@ fn circles(modules: &[Module]) -> Vec<String> {
     circles.map(|circle| circle.into_iter().map(|file| files[file]).collect::<Vec<_>>().join(" ")).collect()
 }
 
-/// What breaks the rules, one line each.
+/// All violations of the rules, one line each.
 fn faults(modules: &[Module]) -> Vec<String> {
     let place = |rooms: &[&str], name: &str| rooms.iter().position(|room| *room == name);
     let mut faults = Vec::new();
@@ -197,13 +198,13 @@ fn faults(modules: &[Module]) -> Vec<String> {
         }
         let Some(room) = path.first() else { continue };
         let Some(own) = place(&ROOMS, room) else {
-            faults.push(format!("{file}: {room} is no room"));
+            faults.push(format!("{file}: {room} is an unknown folder"));
             continue;
         };
         for import in imports {
             let Some(other) = import.first().and_then(|name| place(&ROOMS, name)) else { continue };
             if other > own {
-                faults.push(format!("{file} imports {} from a room above", import.join("::")));
+                faults.push(format!("{file} imports {} from a folder above", import.join("::")));
             }
         }
         if room != "kernel" {
@@ -216,13 +217,13 @@ fn faults(modules: &[Module]) -> Vec<String> {
         }
         let Some(room) = path.get(1) else { continue };
         let Some(own) = place(&KERNEL_ROOMS, room) else {
-            faults.push(format!("{file}: {room} is no room of the kernel"));
+            faults.push(format!("{file}: {room} is an unknown folder of the kernel"));
             continue;
         };
         for import in imports.iter().filter(|import| import.first().is_some_and(|name| name == "kernel")) {
             let Some(other) = import.get(1).and_then(|name| place(&KERNEL_ROOMS, name)) else { continue };
             if other > own {
-                faults.push(format!("{file} imports {} from a room above", import.join("::")));
+                faults.push(format!("{file} imports {} from a folder above", import.join("::")));
             }
         }
     }
@@ -232,7 +233,7 @@ fn faults(modules: &[Module]) -> Vec<String> {
 #[test]
 fn rooms_import_only_from_rooms_below() {
     let modules = source_modules();
-    assert!(modules.len() > 100, "the sources are read");
+    assert!(modules.len() > 100, "the sources are found");
     let faults = faults(&modules);
     assert!(faults.is_empty(), "{}", faults.join("\n"));
 }

@@ -1,8 +1,8 @@
-//! Memory at a constant load: a heap of cubes that trembles takes no more after many ticks than after a few, and gives its memory
-//! back once it is gone.
+//! Memory at a constant load: a heap of trembling cubes uses no more memory after many ticks than after a few, and
+//! frees it when it is despawned.
 //!
-//! A program of its own, since an allocator counts for all of it, and a single test, so that nobody else is counted.
-//! `HEAP_CUBES` and `HEAP_TICKS` ask for more.
+//! This is a separate program with a single test, because the allocator counts everything in the process. `HEAP_CUBES`
+//! and `HEAP_TICKS` increase the load.
 
 use std::env;
 
@@ -17,13 +17,13 @@ use peak_alloc::PeakAlloc;
 #[global_allocator]
 static HEAP: PeakAlloc = PeakAlloc;
 
-/// Ticks after which a world counts as fresh: lists are swapped and used again from tick to tick.
+/// Ticks after which a world counts as fresh. Lists are swapped and reused from tick to tick.
 const FRESH: usize = 6;
 
-/// How much more a world may take that has run for long.
+/// The most that memory may grow over a long run, as a factor.
 const MOST_GROWTH: f64 = 1.3;
 
-/// What may be left of all memory when everything has gone: tables of entities, which Bevy does not give back.
+/// The most memory that may be left when everything is despawned, as a share: entity tables, which Bevy does not free.
 const MOST_LEFT: f64 = 0.08;
 
 fn setting(name: &str, default: usize) -> usize {
@@ -33,9 +33,9 @@ fn setting(name: &str, default: usize) -> usize {
 /// How the cubes tremble.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Motion {
-    /// Their vertices move, all in the frame of the world.
+    /// Their vertices move, all in the world's frame.
     Vertices,
-    /// They move as a whole, each in a frame of its own.
+    /// They move as a whole, each in its own frame.
     Poses,
 }
 
@@ -54,14 +54,14 @@ impl World {
         let corners: Vec<Vec3> = mesh.positions.iter().copied().map(Vec3::from_array).collect();
         let cubes = (0..count)
             .map(|_| {
-                let surface = DeformableSurface::from_mesh(&corners, &mesh.triangles).expect("it is a mesh");
+                let surface = DeformableSurface::from_mesh(&corners, &mesh.triangles).expect("the mesh is valid");
                 app.world_mut().spawn((surface, method)).id()
             })
             .collect();
         Self { app, cubes, motion }
     }
 
-    /// Every tick has places of its own, the same in every world.
+    /// Every tick has its own places, which are the same in every world.
     fn tick(&mut self, tick: usize) {
         let side = (1..=self.cubes.len()).find(|side| side.pow(3) >= self.cubes.len()).unwrap_or(1);
         let corners = cuboid([0.5; 3], 1).positions;
@@ -128,7 +128,7 @@ fn measure(count: usize, ticks: usize, motion: Motion, method: ContactMethod) {
         megabytes(bytes)
     );
     let store = world.app.world().resource::<ContactStore>();
-    assert!(store.pairs().len() > 2 * count, "{what}: hardly anything touches");
+    assert!(store.pairs().len() > 2 * count, "{what}: too little touches");
 
     for cube in std::mem::take(&mut world.cubes) {
         world.app.world_mut().despawn(cube);
@@ -136,9 +136,9 @@ fn measure(count: usize, ticks: usize, motion: Motion, method: ContactMethod) {
     (0..FRESH).for_each(|tick| world.tick(tick));
     let left = HEAP.current_usage() - before;
     println!("{what}: {:.2} MB left, {:.2} MB of an empty world", megabytes(left), megabytes(empty_bytes));
-    assert!(growth <= MOST_GROWTH, "{what}: {fresh_bytes} bytes have become {bytes}");
+    assert!(growth <= MOST_GROWTH, "{what}: {fresh_bytes} bytes grew to {bytes}");
     let share = left.saturating_sub(empty_bytes) as f64 / bytes as f64;
-    assert!(share <= MOST_LEFT, "{what}: {left} of {bytes} bytes are left, an empty world takes {empty_bytes}");
+    assert!(share <= MOST_LEFT, "{what}: {left} of {bytes} bytes are left, an empty world has {empty_bytes}");
 }
 
 #[test]

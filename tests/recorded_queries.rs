@@ -1,5 +1,5 @@
-//! Recorded questions of continuous detection with exact answers. Needs the folder of recordings in the environment
-//! variable `CIRCUMSPHERE_DATA`; skips aloud without it.
+//! Recorded queries for continuous collision detection with exact answers. Needs the folder of recordings in the
+//! environment variable `CIRCUMSPHERE_DATA`. Without it, the tests print a message and are skipped.
 
 use std::{
     collections::HashMap,
@@ -21,7 +21,7 @@ use circumsphere_support::recording::{
 };
 use glam::{DVec3, Vec3};
 
-/// Most pairs of triangles of one recording that are examined.
+/// The most pairs of triangles of one recording that are tested.
 const MOST_PAIRS: usize = 100_000;
 
 /// Two moving features, and whether they meet.
@@ -52,7 +52,7 @@ fn name(path: &Path) -> String {
     path.file_name().expect("a file has a name").to_string_lossy().into_owned()
 }
 
-/// The triangles of a recording and its first two frames, in double precision where that is recorded.
+/// The triangles of a recording and its first two frames, in double precision if available.
 struct Step {
     triangles: Vec<[u32; 3]>,
     frames: [Vec<DVec3>; 2],
@@ -83,8 +83,8 @@ fn queries_of(step: &Step, truth: &RecordedImpacts) -> Vec<Query> {
     truth.answers.iter().map(query).collect()
 }
 
-/// The time that `work` takes for each of `items`, in batches of about a millisecond, of which the shortest of a few runs
-/// counts: other work on the machine only adds to it.
+/// The time of `work` per item, in nanoseconds, measured in batches of about a millisecond. The shortest of a few runs
+/// counts, because other load on the machine only adds time.
 fn least_nanoseconds<Item>(items: &[Item], mut work: impl FnMut(&[Item])) -> f64 {
     let mut sum = 0.0;
     for batch in items.chunks(512) {
@@ -98,7 +98,7 @@ fn least_nanoseconds<Item>(items: &[Item], mut work: impl FnMut(&[Item])) -> f64
     sum / items.len().max(1) as f64
 }
 
-/// What the kernel makes of one file.
+/// The kernel's results for one file.
 #[derive(Default)]
 struct Score {
     colliding: usize,
@@ -177,8 +177,8 @@ fn no_recorded_collision_is_missed() {
         assert_eq!(score.missed, 0);
     }
     assert!(exact.colliding + must_find.colliding > 0, "the folder has no queries");
-    // Features that pass each other within the kernel's resolution of 1e-14 count as meeting. None do among the queries
-    // this was written with; others may be made to.
+    // Features that pass each other within the kernel's resolution of 1e-14 count as meeting. None of the queries used
+    // to write this test do, but others may.
     assert!(exact.false_impacts * 20 <= exact.apart, "{} of {}", exact.false_impacts, exact.apart);
 }
 
@@ -192,7 +192,7 @@ fn every_recorded_collision_of_features_is_one_of_their_triangles() {
         let queries = queries_of(&step, &truth);
         let rest: Vec<Vec3> = step.frames[0].iter().map(|position| position.as_vec3()).collect();
         let topology = SurfaceTopology::new(&rest, &step.triangles).expect("the mesh is valid");
-        // A triangle for each vertex, edge and face.
+        // A triangle for each vertex, edge, and face.
         let mut owners: HashMap<Vec<u32>, u32> = HashMap::new();
         for (triangle, corners) in step.triangles.iter().enumerate() {
             for features in [&[0][..], &[1], &[2], &[0, 1], &[1, 2], &[2, 0], &[0, 1, 2]] {
@@ -221,7 +221,7 @@ fn every_recorded_collision_of_features_is_one_of_their_triangles() {
             if !query.collides {
                 continue;
             }
-            // Welding makes neighbors of triangles whose vertices begin at equal positions, and takes their features for one.
+            // Welding makes triangles neighbors if their vertices start at equal positions, and merges their features.
             let [a, b] = pair.map(|triangle| step.triangles[triangle as usize]);
             let is_welded_alone = !a.iter().any(|vertex| b.contains(vertex))
                 && topology.share_vertex(TriangleId(pair[0]), TriangleId(pair[1]));
@@ -232,10 +232,10 @@ fn every_recorded_collision_of_features_is_one_of_their_triangles() {
             let triangles = here.unwrap_or_else(|| panic!("{}: triangles {pair:?} are missed", path.display()));
             let features = impact(truth.kind, query).expect("no query is missed");
             crossing += usize::from(triangles.cause == ImpactCause::Crossing);
-            // The triangles' search begins where a plane lets it, so that the last digits of the times may differ.
+            // The search for triangles starts where a plane allows it, so the last digits of the times may differ.
             assert!(triangles.time <= features.time + 1.0e-9, "{pair:?}: {triangles:?} after {features:?}");
         }
-        println!("{}: {crossing} of {} pairs of triangles cross in the beginning", name(&path), queries.len());
+        println!("{}: {crossing} of {} pairs of triangles cross at the start", name(&path), queries.len());
     }
     assert!(compared > 0, "the folder has no answers");
 }
@@ -276,7 +276,7 @@ fn no_stage_before_the_features_drops_an_impact_of_a_recorded_step() {
             impacts.len(),
             candidates.len(),
         );
-        // What planes and boxes drop has no feature that meets.
+        // Pairs dropped by planes and boxes have no features that meet.
         let mut dropped = 0;
         let mut found = impacts.iter().peekable();
         for pair in candidates {

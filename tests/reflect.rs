@@ -1,5 +1,5 @@
-//! What the feature `reflect` promises: every component, resource, and message is registered, and settings and simple
-//! components can be edited by name, as an inspector does it.
+//! The promises of the feature `reflect`: every component, resource, and message is registered, and settings and simple
+//! components can be edited by name, as in an inspector.
 
 use std::{fs, path::Path};
 
@@ -12,7 +12,7 @@ use bevy_ecs::{
 use bevy_reflect::{GetPath, TypeRegistry};
 use glam::Vec3;
 
-/// The kinds of data, as derives name them.
+/// The kinds of data, as named in derives.
 const KINDS: [&str; 3] = ["Component", "Resource", "Message"];
 
 fn app() -> App {
@@ -23,7 +23,7 @@ fn app() -> App {
     app
 }
 
-/// The public types of a source file that derive one of the kinds, with the kind. Hidden ones are left out.
+/// The public types of a source file that derive one of the kinds, with the kind. Hidden types are skipped.
 fn derived(text: &str) -> Vec<(&'static str, String)> {
     let lines: Vec<&str> = text.lines().map(str::trim).collect();
     let mut found = Vec::new();
@@ -50,8 +50,8 @@ fn derived(text: &str) -> Vec<(&'static str, String)> {
 }
 
 fn sources(folder: &Path, found: &mut Vec<(&'static str, String)>) {
-    for entry in fs::read_dir(folder).expect("the sources are there") {
-        let path = entry.expect("the sources are there").path();
+    for entry in fs::read_dir(folder).expect("the folder can be listed") {
+        let path = entry.expect("its entries can be read").path();
         if path.is_dir() {
             if cfg!(feature = "rerun") || !path.ends_with("debug") {
                 sources(&path, found);
@@ -122,7 +122,7 @@ fn settings_and_components_are_edited_by_name() {
     *edited.path_mut::<f32>(".0").expect("the width") = 0.2;
     assert_eq!(app.world().get::<SurfaceThickness>(sheet), Some(&SurfaceThickness::World(0.2)));
 
-    // What a scene file or a prefab does: clone by reflection, and insert into another entity.
+    // As scene files and prefabs do: clone by reflection and insert into another entity.
     let surface = types.get_with_short_type_path("DeformableSurface").and_then(|it| it.data::<ReflectComponent>());
     let surface = surface.expect("it is registered");
     let clone =

@@ -1,4 +1,4 @@
-//! What the response says in the log, and how often. A process of its own, since a logger hears all of its process.
+//! Warnings that the response logs, and how often. A separate process, because a logger captures the whole process.
 
 use std::{
     sync::{Mutex, Once},
@@ -15,7 +15,7 @@ use glam::Vec3;
 
 static WARNINGS: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
-/// One world at a time is listened to.
+/// Only one world is captured at a time.
 static LISTENING: Mutex<()> = Mutex::new(());
 
 struct WarningKeeper;
@@ -34,7 +34,7 @@ impl log::Log for WarningKeeper {
     fn flush(&self) {}
 }
 
-/// What is said while something runs.
+/// The messages logged while something runs.
 fn said_by(run: impl FnOnce()) -> Vec<String> {
     static INSTALL: Once = Once::new();
     INSTALL.call_once(|| {
@@ -76,7 +76,7 @@ fn a_fast_body_that_is_not_swept_is_warned_of_once() {
     let warnings = said_by(|| {
         let mut app = app();
         let sheet = cloth(8, 0.1);
-        // The first is resting for as long as nothing pulls it.
+        // The first body rests as long as there is no gravity.
         app.world_mut().resource_mut::<XpbdSettings>().gravity = Vec3::ZERO;
         add(&mut app, &sheet, 0.0, XpbdMaterial::CLOTH, ());
         let fast = add(&mut app, &sheet, 10.0, XpbdMaterial::CLOTH, ());

@@ -1,10 +1,11 @@
-//! A living world finds what a new one finds: after any changes to its components, shapes, parents and settings, its contacts are,
-//! bit by bit, those of a world that has just been made with the same state.
+//! A running world finds the same as a new one: after any changes to components, shapes, parents, and settings, its
+//! contacts are bit-identical to those of a new world with the same state.
 //!
-//! Only what is remembered on purpose is left out: the side of a sheet on which something was. There distances and normals
-//! are compared up to their sign. Spheres are made anew whenever their surface moves (`refit_threshold` 0): else how old they are counts.
+//! Only what is remembered on purpose is excluded: the side of a sheet on which something was. There, distances and
+//! normals are compared up to their sign. Spheres are made anew whenever their surface moves (`refit_threshold` 0),
+//! because otherwise their age would matter.
 //!
-//! `WARM_CHANGES=100000` makes as many changes, `WARM_SEED=7` others.
+//! `WARM_CHANGES=100000` sets the number of changes, `WARM_SEED=7` selects others.
 
 use std::{collections::VecDeque, env, fmt::Debug};
 
@@ -23,26 +24,26 @@ use circumsphere_support::{
 };
 use glam::{Quat, Vec3};
 
-/// Changes that are tried by default, and after how many a world is given up for a new one.
+/// The default number of changes, and the number of changes after which a world is replaced by a new one.
 const CHANGES: usize = 2000;
 const CHANGES_OF_A_WORLD: usize = 250;
 
-/// For so many ticks in a row surfaces creep, and then they do not.
+/// The number of consecutive ticks for which surfaces creep, and then do not.
 const TICKS_OF_A_MOOD: usize = 10;
 
 const SURFACES: usize = 6;
 const SHAPES: usize = 3;
 const PARENTS: usize = 2;
 
-/// The surfaces and then the shapes, by their places in the [`State`].
+/// Indices into the [`State`]: surfaces first, then shapes.
 #[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
 struct Place(usize);
 
-/// What decides about contacts of a surface or shape.
+/// The state that determines the contacts of a surface or shape.
 #[derive(Clone, Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a component that is there or not")]
 struct Thing {
-    /// Lower ones were first surfaces or shapes earlier; `None` where it has not been one yet.
+    /// Lower numbers became surfaces or shapes earlier. `None` if it has never been one.
     registered: Option<usize>,
     exists: bool,
     /// Whether it has its surface or shape.
@@ -64,7 +65,7 @@ struct Thing {
 }
 
 impl Thing {
-    /// It has become a surface or shape, if it is one: only the first time counts.
+    /// Registers it once it is a surface or shape. Only the first time counts.
     fn register(&mut self, next: &mut usize) {
         if self.is_whole && self.registered.is_none() {
             self.registered = Some(*next);
@@ -72,7 +73,7 @@ impl Thing {
         }
     }
 
-    /// The same of a new entity.
+    /// The same for a new entity.
     fn register_anew(&mut self, next: &mut usize) {
         self.registered = None;
         self.register(next);
@@ -129,7 +130,7 @@ impl Tools {
         (surface, SurfacePositions(thing.positions.clone()))
     }
 
-    /// Whether a shape is an open mesh of triangles, unless it has been said to have an inside.
+    /// Whether a shape is an open triangle mesh that is not set to have an inside.
     fn is_sheet(&self, thing: &Thing) -> bool {
         self.shapes[thing.shape].as_trimesh().is_some() && thing.sidedness != Sidedness::OneSided
     }
@@ -152,7 +153,7 @@ fn app(settings: CircumsphereSettings) -> App {
     app
 }
 
-/// A world that shows a state.
+/// A world with a given state.
 struct Living {
     app: App,
     things: Vec<Option<Entity>>,
@@ -160,7 +161,7 @@ struct Living {
 }
 
 impl Living {
-    /// A new one, with everything spawned in its order.
+    /// A new world, with everything spawned in order.
     fn new(state: &State, tools: &Tools) -> Self {
         let mut app = app(state.settings);
         let parents = state.parents.iter().map(|&transform| app.world_mut().spawn(transform).id()).collect();
@@ -231,7 +232,7 @@ impl Living {
     }
 
     fn place_of(&self, side: ContactSide) -> usize {
-        self.app.world().get::<Place>(side.entity()).expect("it was spawned here").0
+        self.app.world().get::<Place>(side.entity()).expect("all sides belong to this test").0
     }
 }
 
@@ -316,7 +317,7 @@ impl Dice {
     }
 }
 
-/// Changes the state and the world that shows it alike, and says how.
+/// Applies a change to the state and to its world, and returns a description.
 #[expect(clippy::too_many_lines, reason = "one arm for each kind of change")]
 fn change(state: &mut State, living: &mut Living, tools: &Tools, dice: &mut Dice) -> String {
     let place = dice.below(SURFACES + SHAPES);
@@ -351,7 +352,7 @@ fn change(state: &mut State, living: &mut Living, tools: &Tools, dice: &mut Dice
             &"move"
         }
         5 => {
-            // What cannot be used, the same again, or what is whole again.
+            // Unusable positions, the same positions again, or valid ones again.
             match dice.below(4) {
                 0 => thing.positions = Vec::new(),
                 1 => thing.positions.truncate(2),
@@ -416,11 +417,11 @@ fn change(state: &mut State, living: &mut Living, tools: &Tools, dice: &mut Dice
             &"Disabled"
         }
         14 => {
-            let entity = living.things[place].take().expect("it exists");
+            let entity = living.things[place].take().expect("the entity exists");
             living.app.world_mut().despawn(entity);
             thing.exists = false;
             if dice.chance(2) {
-                // Its entity may be used again at once.
+                // The entity may be reused at once.
                 thing.exists = true;
                 thing.register_anew(next);
                 living.spawn(place, thing, tools);
@@ -477,7 +478,7 @@ fn change(state: &mut State, living: &mut Living, tools: &Tools, dice: &mut Dice
     format!("{place}: {name:?}")
 }
 
-/// Surfaces move by less than their contact distance: lists of near pairs are made and followed.
+/// Moves surfaces by less than their contact distance, so that lists of near pairs are made and reused.
 fn creep(things: &mut [Thing], living: &mut Living, dice: &mut Dice) {
     let length = dice.pick(&[0.0005, 0.001, 0.003]);
     for (place, thing) in things.iter_mut().enumerate().take(SURFACES).filter(|(_, thing)| thing.exists) {
@@ -513,7 +514,7 @@ fn change_settings(state: &mut State, living: &mut Living, dice: &mut Dice) -> S
     "settings".to_owned()
 }
 
-/// A contact, up to its sign where that is remembered.
+/// A contact as text, up to its sign where that is remembered.
 fn named(contact: &CompactContact, remembers: bool) -> String {
     let (mut normal, mut distance) = (contact.normal, contact.distance);
     if remembers {
@@ -530,7 +531,7 @@ fn compare(living: &Living, new: &Living, state: &State, tools: &Tools) -> Resul
     let names =
         |world: &Living| -> Vec<[usize; 2]> { world.store().pairs().iter().map(|pair| sides(world, pair)).collect() };
     if names(living) != names(new) {
-        return Err(format!("other pairs: {:?} instead of {:?}", names(living), names(new)));
+        return Err(format!("different pairs: {:?} instead of {:?}", names(living), names(new)));
     }
     for (warm, fresh) in living.store().pairs().iter().zip(new.store().pairs()) {
         let [a, b] = sides(living, warm);
@@ -539,7 +540,7 @@ fn compare(living: &Living, new: &Living, state: &State, tools: &Tools) -> Resul
             if place < SURFACES {
                 tools.is_one_sided(&state.things[place])
             } else {
-                // Tiles of triangles are a sheet, and a pair with any other shape is not one of surfaces.
+                // A triangle mesh shape is a sheet, and a pair with any other shape is not a pair of surfaces.
                 !tools.is_sheet(&state.things[place])
             }
         };
@@ -584,7 +585,7 @@ fn after_any_change_contacts_are_those_of_a_new_world() {
         let (mut changed, mut tick, mut lately) = (0, 0, VecDeque::new());
         while changed < CHANGES_OF_A_WORLD {
             let mut changes = Vec::new();
-            // For several ticks in a row much creeps and little else happens.
+            // For several consecutive ticks, many surfaces creep and little else happens.
             let creeps = tick / TICKS_OF_A_MOOD % 2 == 1;
             if creeps {
                 creep(&mut state.things, &mut living, &mut dice);
@@ -616,5 +617,5 @@ fn after_any_change_contacts_are_those_of_a_new_world() {
     }
     println!("{contacts} contacts, {kept} pairs kept, {followed} lists followed in {worlds} worlds");
     assert!(failures.is_empty(), "{} of {worlds} worlds disagree\n{}", failures.len(), failures.join("\n\n"));
-    assert!(contacts > 100 * worlds && kept > worlds && followed > worlds, "nothing is remembered");
+    assert!(contacts > 100 * worlds && kept > worlds && followed > worlds, "too little is reused");
 }

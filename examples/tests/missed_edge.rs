@@ -1,4 +1,5 @@
-//! The walk-through's scene as its readers play it: the program says what the truth in f64 says, and why the method misses.
+//! The scene of the walk-through as readers run it: the program's table against the f64 reference, and why the method
+//! misses.
 
 use std::{
     collections::BTreeSet,
@@ -16,10 +17,10 @@ use glam::{DVec3, Vec3};
 
 const TICKS: usize = 60;
 
-/// The tick that the walk-through looks at: the beam's edge is in the mattress.
+/// The tick that the walk-through discusses. The beam's edge is in the mattress.
 const NAMED_TICK: usize = 45;
 
-/// What the program says of a tick.
+/// The program's output for one tick.
 struct Row {
     sunk: f64,
     touching: usize,
@@ -42,7 +43,7 @@ fn play(arguments: &[&str]) -> Vec<Row> {
         let _tick: usize = words.next()?.parse().ok()?;
         let sunk = words.next()?.parse().ok()?;
         let [touching, found, missed, false_pairs] = [(); 4].map(|()| words.next().map(str::parse));
-        let number = |cell: Option<Result<usize, _>>| cell.expect("the row is whole").expect("it is a number");
+        let number = |cell: Option<Result<usize, _>>| cell.expect("the row is complete").expect("the cell is a number");
         Some(Row {
             sunk,
             touching: number(touching),
@@ -64,15 +65,15 @@ fn positions(scene: &MovingScene, body: usize, tick: usize) -> Vec<DVec3> {
     scene.bodies[body].ticks[tick].iter().map(|&position| Vec3::from_array(position).as_dvec3()).collect()
 }
 
-/// The contact distance of the program: twice what it gives its bodies.
+/// The contact distance of the program: twice the thickness of its bodies.
 fn contact_distance() -> f64 {
     2.0 * f64::from(0.01_f32)
 }
 
-/// How far, relative to the contact distance, rounding may decide either way.
+/// Relative to the contact distance: within this band, rounding may decide either way.
 const BAND: f64 = 1.0e-4;
 
-/// The triangles of mattress and beam that are within the contact distance, times `factor`, of each other.
+/// The pairs of a triangle of the mattress and one of the beam within the contact distance times `factor`.
 fn truth(scene: &MovingScene, tick: usize, factor: f64) -> Vec<ReferencePair> {
     let [mattress, beam] = [0, 1].map(|body| (positions(scene, body, tick), &scene.bodies[body].triangles));
     touching_pairs_between_brute_force(&mattress.0, mattress.1, &beam.0, beam.1, contact_distance() * factor)
@@ -93,14 +94,14 @@ fn circumsphere_with_its_default_settings_misses_the_whole_edge_at_the_cone() {
         touched += usize::from(row.touching > 0);
     }
     assert!((20..TICKS).contains(&touched), "they touch in {touched} ticks");
-    assert!(decided > TICKS - 5, "in {} ticks a pair lies at the contact distance", TICKS - decided);
+    assert!(decided > TICKS - 5, "in {} ticks, a pair is at the contact distance", TICKS - decided);
 
-    // The edge's height is linear in time, from 0.08 above the crest to 0.04 below; printed are 4 digits, and the crest lies
-    // between vertices, less than 1e-4 above them.
+    // The edge's height is linear in time, from 0.08 above the crest to 0.04 below. The program prints 4 digits, and
+    // the crest lies between vertices, less than 1e-4 above them.
     let expected = -0.08 + 0.12 * NAMED_TICK as f64 / (TICKS - 1) as f64;
     assert!((rows[NAMED_TICK].sunk - expected).abs() < 2.0e-4, "{} instead of {expected}", rows[NAMED_TICK].sunk);
     assert!(rows[NAMED_TICK].sunk > 0.01 && rows[NAMED_TICK].touching > 100);
-    // What touches is the edge: triangles that contain it, or one of its parts.
+    // Only the edge touches: triangles that contain it, or one of its parts.
     let beam = positions(&scene, 1, NAMED_TICK);
     let lowest = beam.iter().map(|position| position.y).fold(f64::INFINITY, f64::min);
     let at_edge = |triangle: u32| {
@@ -109,13 +110,13 @@ fn circumsphere_with_its_default_settings_misses_the_whole_edge_at_the_cone() {
     };
     let pairs = truth(&scene, NAMED_TICK, 1.0);
     assert!(pairs.iter().any(|pair| pair.distance == 0.0), "nothing crosses");
-    assert!(pairs.iter().all(|pair| at_edge(pair.triangle_b) >= 1), "more than the edge touches");
+    assert!(pairs.iter().all(|pair| at_edge(pair.triangle_b) >= 1), "only the edge may touch");
     let along_edge: BTreeSet<u32> =
         pairs.iter().map(|pair| pair.triangle_b).filter(|&triangle| at_edge(triangle) == 2).collect();
     assert_eq!(along_edge.len(), 2, "the edge has a face on either side");
 }
 
-/// Why: seen from the mattress, the center of the beam's sphere is too far to the side for any of its cones.
+/// The reason: seen from the mattress, the center of the beam's sphere is too far to the side for its cones.
 #[test]
 fn the_line_to_the_center_of_a_long_triangle_leaves_the_cones_of_short_ones() {
     let scene = beam_on_mattress(1, TICKS);
@@ -134,8 +135,8 @@ fn the_line_to_the_center_of_a_long_triangle_leaves_the_cones_of_short_ones() {
     let [mattress, beam] = entities.map(|entity| {
         let entity = app.world().entity(entity);
         (
-            &**entity.get::<Circumspheres>().expect("it is a surface"),
-            &**entity.get::<TriangleCones>().expect("it is a surface"),
+            &**entity.get::<Circumspheres>().expect("it has spheres"),
+            &**entity.get::<TriangleCones>().expect("it has cones"),
         )
     });
     let (mut least_excess, mut angles, mut cones) = (f64::INFINITY, Vec::new(), Vec::new());
@@ -143,11 +144,11 @@ fn the_line_to_the_center_of_a_long_triangle_leaves_the_cones_of_short_ones() {
         let (a, b) = (pair.triangle_a as usize, pair.triangle_b as usize);
         // A long face's sphere is centered in its middle, four units from both ends.
         if beam.0.radii[b] > 1.0 {
-            // Half the diagonal of 8 by 0.2; rounding of the center, 4 units in the last place of 8.
+            // Half the diagonal of 8 by 0.2. Rounding of the center: 4 units in the last place of 8.
             let (radius, center) = (f64::from(beam.0.radii[b]), beam.0.centers[b]);
             assert!((radius - 16.01_f64.sqrt()).abs() < 4.0e-6 && center.x.abs() < 4.0e-6, "{radius}, {center}");
         }
-        // A sheet has a cap on either side: what counts is the one on the side where the beam's center is.
+        // A sheet has a cap on each side. The one on the side of the beam's center counts.
         let up = mattress.1.axes[a].as_dvec3();
         let height = f64::from(mattress.0.heights[a]);
         let in_plane = mattress.0.centers[a].as_dvec3() + up * height;
@@ -159,7 +160,7 @@ fn the_line_to_the_center_of_a_long_triangle_leaves_the_cones_of_short_ones() {
         least_excess = least_excess.min(angle - cone);
         angles.push(angle);
         cones.push(cone);
-        // The beam's own cones hold every direction: its edges are sharp.
+        // The beam's own cones contain every direction, because its edges are sharp.
         assert_eq!(beam.1.cosines[b], -1.0);
     }
     let span = |values: &[f64]| {

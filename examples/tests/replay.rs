@@ -1,6 +1,6 @@
-//! The replay program as its users call it: what it writes, and how it refuses.
+//! The replay program as users call it: its output, and the errors it reports.
 //!
-//! One process per call, so that every number of threads has a task pool of its own.
+//! Each call is a separate process, so that every number of threads has its own task pool.
 
 use circumsphere_support::{
     programs::example_program,
@@ -27,7 +27,7 @@ fn succeed(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("the table is text")
 }
 
-/// The program must end with code 2 and a message that contains every one of `parts`.
+/// The program must exit with code 2 and a message that contains all of `parts`.
 fn refuse(arguments: &[&str], parts: &[&str]) {
     let output = replay(arguments);
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -38,7 +38,7 @@ fn refuse(arguments: &[&str], parts: &[&str]) {
     }
 }
 
-/// Three moving bodies: two spheres that push into each other and a box close by.
+/// Three moving bodies: two spheres that push into each other, and a box nearby.
 fn recording() -> Recording {
     let frame = |push: f32| {
         merge(&[
@@ -77,7 +77,7 @@ impl Folder {
     }
 }
 
-/// Eight billion elements in a few bytes.
+/// Announces eight billion elements in a few bytes.
 const LYING_PLY: &str = "ply
 format binary_little_endian 1.0
 element vertex 4000000000
@@ -111,14 +111,14 @@ fn the_embedded_scene_runs_without_arguments_and_touches() {
     let pairs = folder.path("pairs.csv");
     succeed(&["--pairs", &pairs]);
 
-    // Whoever starts the program for the first time shall see contacts of every kind, in nearly every frame.
+    // Anyone who runs the program for the first time should see contacts of every kind, in nearly every frame.
     let part = |triangle: u32| {
         let parts = [CLOTH_TRIANGLES, BALL_TRIANGLES, TORUS_TRIANGLES];
         parts.into_iter().position(|part| part.contains(&(triangle as usize))).expect("every triangle has a part")
     };
     let mut counts = vec![[0; 3]; FRAMES];
     for (frame, a, b, _) in read_pairs(&pairs) {
-        // Ball and ring are apart, and neither meets itself.
+        // The ball and the ring do not touch each other or themselves.
         assert!(part(a).min(part(b)) == 0, "frame {frame}: {a} and {b}");
         counts[frame][part(a).max(part(b))] += 1;
     }
@@ -166,7 +166,7 @@ fn pairs_are_those_of_the_reference_for_every_way_to_find_them() {
         let first = first.get_or_insert_with(|| rows.clone());
         let same = first.len() == rows.len()
             && first.iter().zip(&rows).all(|(a, b)| (a.0, a.1, a.2) == (b.0, b.1, b.2) && (a.3 - b.3).abs() <= 1.0e-12);
-        assert!(same, "{way:?} finds other pairs than {:?}", ways[0]);
+        assert!(same, "{way:?} finds different pairs than {:?}", ways[0]);
     }
     assert!(matched > 1000, "only {matched} pairs were compared");
 }
@@ -214,7 +214,7 @@ fn files_of_single_frames_equal_one_recording() {
         let pairs = folder.path("pairs.csv");
         let arguments: Vec<&str> = files.iter().map(String::as_str).chain(["--pairs", &pairs]).collect();
         succeed(&arguments);
-        assert!(fs::read(&pairs).expect("the pairs were written") == expected, "{files:?} give other pairs");
+        assert!(fs::read(&pairs).expect("the pairs were written") == expected, "{files:?} give different pairs");
     }
 }
 
@@ -238,7 +238,7 @@ fn contacts_lie_on_their_pairs_and_join_the_points_they_state() {
             let vector = |name: &str| DVec3::from_array(["x", "y", "z"].map(|axis| number(&format!("{name}_{axis}"))));
             let weights = |name: &str| [0, 1, 2].map(|k| number(&format!("{name}_{k}")));
             let (frame, a, b) = (whole("frame") as usize, whole("triangle_a"), whole("triangle_b"));
-            assert!(touching.contains(&(frame, a, b)), "{row:?} is on no touching pair");
+            assert!(touching.contains(&(frame, a, b)), "{row:?} does not belong to a touching pair");
             let point = |triangle: u32, weights: [f64; 3]| {
                 recording.triangles[triangle as usize]
                     .iter()
@@ -248,7 +248,7 @@ fn contacts_lie_on_their_pairs_and_join_the_points_they_state() {
                     })
                     .sum::<DVec3>()
             };
-            // Points and barycentrics are stored in f32 at coordinates of about 2.
+            // Points and barycentric weights are stored in f32, at coordinates of about 2.
             let tolerance = 1.0e-6;
             assert!(point(a, weights("barycentric_a")).distance(vector("point_a")) < tolerance, "{row:?}");
             assert!(point(b, weights("barycentric_b")).distance(vector("point_b")) < tolerance, "{row:?}");
@@ -286,7 +286,8 @@ fn json_holds_what_was_asked_and_measured() {
             let stages = frame["stages"].as_array().expect("a list");
             let sum: f64 = stages.iter().map(|stage| stage["ms"].as_f64().expect("a time")).sum();
             let total = frame["detect_ms"].as_f64().expect("a time");
-            // No lower bound for the stages' share: on a busy machine the scheduler may take any share of so short a time.
+            // The stages' share has no lower bound: on a busy machine, the scheduler may take any share of such a short
+            // time.
             assert!(sum > 0.0 && total > 0.0, "{method}: the stages take {sum} of {total} ms");
             assert!(
                 stages.iter().all(|stage| stage["in"].is_u64() && stage["out"].is_u64() && stage["name"].is_string())
@@ -312,7 +313,7 @@ fn contacts_are_the_same_for_any_number_of_threads() {
             .iter()
             .map(|threads| {
                 let contacts = folder.path("contacts.csv");
-                // Half an edge gives lists long enough to be cut into several chunks.
+                // Half an edge gives lists long enough for several chunks.
                 let arguments = [
                     input.as_str(),
                     "--threads",

@@ -1,7 +1,7 @@
 //! Writes the seeds of the corpus: `cargo run --package circumsphere_fuzz --example make_corpus`, from any folder.
 //!
-//! A seed is a small valid file of its format, or the bytes of a mesh that a target reads its numbers from. What a fuzzer
-//! found is kept beside them under a name of its own, and is left alone.
+//! A seed is a small valid file of its format, or the bytes of a mesh that a target reads its numbers from. Inputs
+//! found by a fuzzer are stored next to them under their own names, and are not touched.
 
 use std::{error::Error, fs, path::Path};
 
@@ -33,7 +33,7 @@ fn recording(mesh: Mesh, frames: usize) -> Result<Vec<u8>, Box<dyn Error>> {
     Ok(recording.to_bytes(Path::new("seed"))?)
 }
 
-/// `.bin` files of a triangle, a sheet and two frames of a ball; the same in doubles.
+/// `.bin` files of a triangle, a sheet, and two frames of a ball, and the same in doubles.
 fn recordings(seeds: &mut Seeds) -> Result<(), Box<dyn Error>> {
     let triangle =
         Mesh { positions: vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], triangles: vec![[0, 1, 2]] };
@@ -46,7 +46,7 @@ fn recordings(seeds: &mut Seeds) -> Result<(), Box<dyn Error>> {
             double.extend_from_slice(&f64::from(*coordinate).to_le_bytes());
         }
         seeds.push(("recording_f64", name.into(), double));
-        // One file by its path: how many, which extension, and its length in two bytes.
+        // One file by its path: the number of files, the extension, and the length in two bytes.
         let length = u16::try_from(single.len())?.to_le_bytes();
         seeds.push(("recording_files", name.into(), [&[1, 0, length[0], length[1]][..], &single].concat()));
         seeds.push(("recording_bin", name.into(), single));
@@ -101,7 +101,7 @@ fn texts(seeds: &mut Seeds) {
     seeds.push(("recording_files", "obj_twice".into(), [&[2][..], &file(2, OBJ), &file(5, OBJ)].concat()));
 }
 
-/// Both kinds of files about continuous collision.
+/// Both kinds of files for continuous collision detection.
 fn queries(seeds: &mut Seeds) {
     let header = |magic: u32, kind: u32, count: u32| [magic, kind, count, 0].map(u32::to_le_bytes).concat();
     for (name, kind) in [("vertex_face", 0), ("edge_edge", 1)] {
@@ -120,18 +120,18 @@ fn queries(seeds: &mut Seeds) {
     }
 }
 
-/// Meshes as the targets of the kernel and of the plugin read them, in every way of writing coordinates.
+/// Meshes in the encodings of the kernel's and the plugin's targets, with every kind of coordinates.
 fn meshes(seeds: &mut Seeds) {
-    // A byte each: multiples of an eighth. Two tetrahedra that pass through each other.
+    // One byte each, multiples of an eighth. Two tetrahedra that pass through each other.
     let corners = [[0i8, 0, 0], [16, 0, 0], [0, 16, 0], [0, 0, 16], [4, 4, 4], [20, 4, 4], [4, 20, 4], [4, 4, 20]];
     let eighths: Vec<u8> = corners.iter().flatten().map(|&coordinate| coordinate as u8).collect();
     let bits: Vec<u8> =
         corners.iter().flatten().flat_map(|&coordinate| (f32::from(coordinate) / 8.0).to_le_bytes()).collect();
     let near: Vec<u8> = corners.iter().flatten().flat_map(|&coordinate| [coordinate as u8, coordinate as u8]).collect();
-    // Exponents from 2^-64 to 2^63, signs and fractions.
+    // Exponents from 2^-64 to 2^63, signs, and fractions.
     let magnitudes: Vec<u8> = (0..48u8).map(|k| k.wrapping_mul(37)).collect();
     let ways = [("bits", 0u8, &bits), ("eighths", 1, &eighths), ("near", 2, &near), ("magnitudes", 3, &magnitudes)];
-    // The triangles 0 2 1, 0 1 3, 1 2 3 and 0 3 2, as steps from where they would have no vertex in common.
+    // The triangles 0 2 1, 0 1 3, 1 2 3, and 0 3 2, as offsets from indices without common vertices.
     let tetrahedron = [0, 1, 3, 1, 1, 2, 3, 3, 3, 3, 1, 3u8];
     for (name, way, points) in ways {
         let half = points.len() / 2;
@@ -142,7 +142,8 @@ fn meshes(seeds: &mut Seeds) {
         }
         let spheres = [&[0, 8, 8, 4, way][..], &surface(&points[..half]), &[way], &points[half..]].concat();
         seeds.push(("spheres", name.into(), spheres));
-        // Flags, the number of vertices and triangles, indices, coordinates, the method, then places of later ticks.
+        // Flags, the numbers of vertices and triangles, indices, coordinates, the method, then the positions of later
+        // ticks.
         let indices = [0, 1, 2, 0, 3, 1, 0, 2, 3, 1, 3, 2, 4, 5, 6, 4, 7, 5, 4, 6, 7, 5, 7, 6u8];
         for (method, flags) in [(0, 0b0001_0000), (1, 0b0011_0000), (2, 0b0111_0000), (3, 0b1001_0000u8)] {
             let world = [&[flags, 8, 8][..], &indices, &[way], points, &[method, way], points].concat();

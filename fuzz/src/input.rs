@@ -2,20 +2,20 @@
 
 use glam::Vec3;
 
-/// Takes numbers off the front of a slice of bytes; all of them are zero once it is used up.
+/// Takes numbers from the front of a byte slice. When it is used up, all numbers are zero.
 pub struct Input<'a>(&'a [u8]);
 
-/// How coordinates are written.
+/// How coordinates are encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Coordinates {
-    /// As any bit pattern of an f32: not numbers, infinities and numbers without a normal exponent among them.
+    /// Any bit pattern of an f32, including NaN, infinities, and subnormal numbers.
     Bits,
-    /// As one byte, a multiple of an eighth: points that coincide, edges that are parallel and planes that are shared
-    /// are then common instead of improbable.
+    /// One byte, a multiple of an eighth. Coincident points, parallel edges, and shared planes become common instead of
+    /// improbable.
     Eighths,
-    /// As one byte, a multiple of an eighth, and one byte that moves it by a few units in the last place.
+    /// One byte, a multiple of an eighth, and one byte that moves it by a few units in the last place.
     NearEighths,
-    /// As two bytes: a sign, an exponent from 2^-64 to 2^63 and three bits of fraction.
+    /// Two bytes: a sign, an exponent from 2^-64 to 2^63, and three bits of fraction.
     Magnitudes,
 }
 

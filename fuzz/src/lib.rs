@@ -1,8 +1,8 @@
-//! What the fuzz targets of `bevy_circumsphere` do with the bytes they are given.
+//! The fuzz targets of `bevy_circumsphere`.
 //!
-//! Each target is a function of a slice of bytes that panics where something is wrong. The programs in
-//! `fuzz_targets/` hand it what libFuzzer makes up, the test in `tests/corpus.rs` the committed corpus. README.md says
-//! how to run them.
+//! Each target is a function of a byte slice that panics if something is wrong. The programs in `fuzz_targets/` pass it
+//! the inputs of libFuzzer, and the test in `tests/corpus.rs` passes it the committed corpus. README.md explains how to
+//! run them.
 
 #![forbid(unsafe_code)]
 
@@ -13,16 +13,16 @@ mod readers;
 mod spheres;
 mod surfaces;
 
-/// A function that is to survive any bytes.
+/// A function that must survive any bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct Target {
-    /// The name of its program, and of the folder of its corpus.
+    /// The name of its program and of its corpus folder.
     pub name: &'static str,
-    /// Panics where something is wrong.
+    /// Panics if something is wrong.
     pub run: fn(&[u8]),
 }
 
-/// Every target.
+/// All targets.
 pub const TARGETS: &[Target] = &[
     Target { name: "recording_bin", run: readers::recording_bin },
     Target { name: "recording_f64", run: readers::recording_f64 },
@@ -36,11 +36,11 @@ pub const TARGETS: &[Target] = &[
     Target { name: "surfaces", run: surfaces::surfaces },
 ];
 
-/// Runs one target; what its program calls.
+/// Runs one target by name. The programs call it.
 ///
 /// # Panics
 ///
-/// Where there is no target of that name, and where the target finds something wrong.
+/// If there is no target of that name, or if the target finds a fault.
 pub fn run(name: &str, bytes: &[u8]) {
     let target = TARGETS.iter().find(|target| target.name == name).expect("the program is named after a target");
     (target.run)(bytes);

@@ -1,34 +1,34 @@
-//! Small meshes for the targets of the kernel, and what their coordinates allow to expect.
+//! Small meshes for the fuzz targets of the kernel, and what can be expected of their coordinates.
 
 use bevy_circumsphere::kernel::{mesh::topology::SurfaceTopology, pair::SurfaceSide};
 use glam::Vec3;
 
 use crate::input::{Coordinates, Input};
 
-/// Most triangles of one surface: small inputs are mutated best.
+/// The most triangles of one surface. Small inputs are mutated most effectively.
 const MOST_TRIANGLES: usize = 4;
 
-/// Coordinates from here to there, and zero, leave room for the products that the reference makes of lengths:
-/// it multiplies up to eight of them, in f64.
+/// Coordinates in this range, and zero, leave room for the products of lengths in the reference, which multiplies up to
+/// eight of them in f64.
 const LEAST_SANE: f32 = 1.0e-15;
 const LARGEST_SANE: f32 = 1.0e15;
 
-/// A surface and where its vertices are now.
+/// A surface and the current positions of its vertices.
 pub struct FuzzedSurface {
     pub topology: SurfaceTopology,
     pub positions: Vec<Vec3>,
 }
 
 impl FuzzedSurface {
-    /// A surface of up to four triangles. Where `welds` is set, vertices at the same place are one, as they are in a
-    /// mesh that comes as it is drawn here; otherwise it has been deformed to it from another.
+    /// A surface of up to four triangles. If `welds` is set, vertices at the same place are one, as in a mesh at rest.
+    /// Otherwise, the mesh has been deformed from another shape.
     pub fn new(input: &mut Input<'_>, written: Coordinates) -> Self {
         let triangle_count = 1 + input.below(MOST_TRIANGLES);
         let vertex_count = 3 + input.below(3 * MOST_TRIANGLES - 2);
         let welds = input.byte().is_multiple_of(2);
         let triangles: Vec<[u32; 3]> = (0..triangle_count)
             .map(|triangle| {
-                // Without bytes that say otherwise, triangles have no vertex in common.
+                // By default (zero bytes), triangles share no vertices.
                 std::array::from_fn(|corner| ((3 * triangle + corner + input.below(256)) % vertex_count) as u32)
             })
             .collect();
@@ -54,7 +54,7 @@ impl FuzzedSurface {
         self.positions.iter().all(|position| position.is_finite())
     }
 
-    /// Whether its coordinates are of magnitudes that the reference can judge.
+    /// Whether the reference can judge coordinates of this magnitude.
     pub fn is_sane(&self) -> bool {
         self.positions
             .iter()

@@ -1,5 +1,5 @@
-//! The exact narrow phase on any bit patterns: nothing panics, finite input gives numbers, and where the reference can
-//! judge it agrees.
+//! The exact narrow phase on any bit patterns. Nothing panics, finite input gives finite numbers, and results agree
+//! with the reference where it can judge.
 
 use std::collections::HashSet;
 
@@ -23,7 +23,7 @@ use glam::Vec3;
 
 use crate::{input::Input, meshes::FuzzedSurface};
 
-/// Normals are stored in f32: three components of half a unit in the last place each, with room.
+/// Normals are stored in f32: three components with half a unit in the last place each, plus slack.
 const UNIT_TOLERANCE: f32 = 1.0e-5;
 
 /// One or two small surfaces and a contact distance.
@@ -72,7 +72,7 @@ pub fn narrow_phase(bytes: &[u8]) {
     }
 }
 
-/// A distance of 0 or more: any bit pattern without its sign, or one of the same magnitude as eighths.
+/// A non-negative distance: any bit pattern without its sign, or one byte in 64ths.
 fn contact_distance(input: &mut Input<'_>, any: bool) -> f64 {
     f64::from(if any { input.float().abs() } else { f32::from(input.byte()) / 64.0 })
 }
@@ -84,7 +84,7 @@ fn candidates(a: &FuzzedSurface, b: &FuzzedSurface, same_surface: bool) -> Vec<[
         .collect()
 }
 
-/// The pairs that are left after the trees of both surfaces were traversed.
+/// The pairs that remain after traversing the trees of both surfaces.
 fn traversed(a: &FuzzedSurface, b: &FuzzedSurface, settings: &PairSettings) -> Vec<[u32; 2]> {
     let range = settings.range as f32;
     let [(tree, triangles), (other_tree, other_triangles)] = [a, b].map(|surface| {
@@ -105,8 +105,8 @@ fn traversed(a: &FuzzedSurface, b: &FuzzedSurface, settings: &PairSettings) -> V
     kept
 }
 
-/// In the order of the store: of contacts of one key that of the lowest triangles counts, of those with the same
-/// triangles the first that was found, whatever stands between them.
+/// Contacts in the order of the store. For each key, the contact of the lowest triangles counts, and among those of the
+/// same triangles the first found, whatever comes between them.
 fn by_key(contacts: &[CompactContact]) -> Vec<CompactContact> {
     let mut contacts = contacts.to_vec();
     contacts.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));
@@ -121,14 +121,14 @@ fn detect(
 ) -> FoundPairs {
     let mut found = FoundPairs::default();
     refine(a, b, candidates, settings, &mut found);
-    // As the stage does.
+    // As in the exact stage.
     if can_penetrate([a, b], settings) {
         let mut settling = PenetrationTest::default();
         settling.prepare(a, b, candidates, settings, &found.contacts);
         let mut findings = vec![Finding::Alone; settling.questions().len()];
         settling.look(a, b, &found.contacts, settling.questions(), &mut findings);
         settling.apply(&findings, settings, &mut found.contacts);
-        // How often a shared one was found depends on the screen.
+        // How often a shared contact was found depends on the screen.
         let mut known = HashSet::new();
         found.contacts.retain(|contact| !contact.is_shared || known.insert(contact.key));
     } else {
@@ -148,14 +148,14 @@ fn check_numbers(found: &FoundPairs, settings: &PairSettings) {
 }
 
 fn check_contact(contact: &CompactContact, settings: &PairSettings) {
-    assert!((contact.normal.length() - 1.0).abs() <= UNIT_TOLERANCE, "no unit normal: {contact:?}");
+    assert!((contact.normal.length() - 1.0).abs() <= UNIT_TOLERANCE, "not a unit normal: {contact:?}");
     // Rounded to f32, where a distance may become infinite.
     let farthest = settings.reported_distance as f32;
     assert!(contact.distance.abs() <= farthest, "farther than {farthest}: {contact:?}");
     assert!(!contact.point_b.is_nan(), "{contact:?}");
     for [first, second] in [contact.barycentric_a, contact.barycentric_b] {
         for weight in [first, second, 1.0 - first - second] {
-            assert!((-1.0e-5..=1.0 + 1.0e-5).contains(&weight), "outside of the triangle: {contact:?}");
+            assert!((-1.0e-5..=1.0 + 1.0e-5).contains(&weight), "outside the triangle: {contact:?}");
         }
     }
 }
@@ -196,7 +196,7 @@ fn check_against_reference(
     }
 }
 
-/// What the rounding of f64 may make of two triangles that just touch.
+/// f64 rounding of the distance of two triangles that just touch.
 fn rounding(corners: &[[Vec3; 3]; 2]) -> f64 {
     let origin = corners[0][0].as_dvec3();
     let extent = corners.iter().flatten().map(|corner| (corner.as_dvec3() - origin).length()).fold(0.0, f64::max);
@@ -207,7 +207,7 @@ fn longest_edge(corners: &[Vec3; 3]) -> f64 {
     (0..3).map(|k| corners[k].as_dvec3().distance(corners[(k + 1) % 3].as_dvec3())).fold(0.0, f64::max)
 }
 
-/// The distance by the reference.
+/// The distance according to the reference.
 fn true_distance(corners: &[[Vec3; 3]; 2]) -> f64 {
     let [a, b] = corners.map(|corners| corners.map(|corner| corner.as_dvec3()));
     triangle_distance(&a, &b)

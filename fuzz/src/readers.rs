@@ -1,4 +1,5 @@
-//! Every reader of files: what is accepted keeps the promises of its type, what is refused says why in a bounded text.
+//! All file readers. Accepted files satisfy the guarantees of their type, rejected ones give an error message of
+//! bounded length.
 
 use std::{
     fs,
@@ -11,18 +12,18 @@ use circumsphere_support::recording::{
 
 use crate::input::Input;
 
-/// The longest message that may come of a file: the readers quote at most 300 characters of one, and in one case name
-/// two files besides.
+/// The longest possible error message. The readers quote at most 300 characters of a file, and in one case name two
+/// files in addition.
 const LONGEST_MESSAGE: usize = 2000;
 
-/// How many files one recording is made of at most.
+/// The most files of one recording.
 const MOST_FILES: usize = 3;
 
 fn name() -> &'static Path {
     Path::new("fuzzed")
 }
 
-/// What is left where a reader accepted its bytes.
+/// Returns the result if a reader accepted its bytes.
 fn accepted<T>(read: Result<T, RecordingError>) -> Option<T> {
     read.map_err(|error| {
         let message = error.to_string();
@@ -32,7 +33,7 @@ fn accepted<T>(read: Result<T, RecordingError>) -> Option<T> {
 }
 
 fn check_triangles(triangles: &[[u32; 3]], vertices: usize) {
-    assert!(!triangles.is_empty(), "no triangle was accepted");
+    assert!(!triangles.is_empty(), "a mesh without triangles is accepted");
     assert!(
         triangles.iter().flatten().all(|&corner| (corner as usize) < vertices),
         "an index out of range is accepted"
@@ -53,7 +54,7 @@ fn check_recording(recording: &Recording) {
 pub fn recording_bin(bytes: &[u8]) {
     if let Some(recording) = accepted(Recording::from_bytes(bytes, name())) {
         check_recording(&recording);
-        assert_eq!(recording.to_bytes(name()).expect("what was read can be written"), bytes, "bytes were lost");
+        assert_eq!(recording.to_bytes(name()).expect("what was read can be written"), bytes, "the bytes changed");
     }
 }
 
@@ -84,24 +85,24 @@ pub fn ccd_queries(bytes: &[u8]) {
     if let Some(queries) = accepted(CcdQueries::from_bytes(bytes, name())) {
         let coordinates = queries.queries.iter().flat_map(|query| query.start.iter().chain(&query.end)).flatten();
         assert!(coordinates.clone().all(|coordinate| coordinate.is_finite()), "a coordinate is not finite");
-        // A header of 16 bytes, then 24 coordinates of 8 bytes and an answer a query.
-        assert_eq!(16 + 193 * queries.queries.len(), bytes.len(), "bytes were left over");
+        // A header of 16 bytes, then 24 coordinates of 8 bytes and an answer per query.
+        assert_eq!(16 + 193 * queries.queries.len(), bytes.len(), "there are unread bytes");
     }
 }
 
 pub fn impact_truth(bytes: &[u8]) {
     if let Some(truth) = accepted(RecordedImpacts::from_bytes(bytes, name())) {
         // A header of 16 bytes, then four indices and an answer each.
-        assert_eq!(16 + 17 * truth.answers.len(), bytes.len(), "bytes were left over");
+        assert_eq!(16 + 17 * truth.answers.len(), bytes.len(), "there are unread bytes");
     }
 }
 
-/// Up to three files with extensions of their own choice, read as one recording by their paths. The first byte is the
-/// number of files; each file begins with its extension and how much of the rest it has.
+/// Up to three files with chosen extensions, read as one recording by their paths. The first byte is the number of
+/// files. Each file begins with its extension and the number of bytes that it takes.
 pub fn recording_files(bytes: &[u8]) {
     let mut input = Input::new(bytes);
     let count = input.below(MOST_FILES + 1);
-    let folder = tempfile::tempdir().expect("a folder can be made among the temporary files");
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
     let mut paths: Vec<PathBuf> = Vec::new();
     let mut contents: Vec<&[u8]> = Vec::new();
     for file in 0..count {

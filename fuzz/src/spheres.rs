@@ -1,5 +1,5 @@
-//! Curvature, spheres and cones on any bit patterns: nothing panics, finite input gives no NaN, and of coordinates of
-//! sane magnitudes every ball contains its triangle, fresh or stale.
+//! Curvature, spheres, and cones on any bit patterns. Nothing panics, finite input gives no NaN, and for coordinates of
+//! reasonable magnitude every ball contains its triangle, fresh or stale.
 
 use bevy_circumsphere::kernel::{
     pair::{FoundPairs, PairSettings},
@@ -17,10 +17,10 @@ use glam::Vec3;
 
 use crate::{input::Input, meshes::FuzzedSurface};
 
-/// The largest height of a sphere's center that the plugin's settings let through, in radii.
+/// The largest height of a sphere's center that the plugin's settings allow, in radii.
 const LARGEST_PHI: f32 = 1.0e6;
 
-/// A surface, the places it moves to, and what its spheres are made with.
+/// A surface, the positions it moves to, and the settings of its spheres.
 pub fn spheres(bytes: &[u8]) {
     let mut input = Input::new(bytes);
     let flags = input.byte();
@@ -49,7 +49,7 @@ pub fn spheres(bytes: &[u8]) {
     }
 }
 
-/// A number of 0 or more: any bit pattern without its sign, or one byte as eighths. NaN is 0.
+/// A non-negative number: any bit pattern without its sign, or one byte in eighths. NaN becomes 0.
 fn positive(input: &mut Input<'_>, any: bool) -> f32 {
     let value = if any { input.float().abs() } else { f32::from(input.byte()) / 8.0 };
     if value.is_nan() { 0.0 } else { value.min(f32::MAX) }
@@ -68,7 +68,7 @@ impl State {
     fn follow(&mut self, surface: &FuzzedSurface, estimator: CurvatureEstimator, recipe: RecipeSettings) {
         let FuzzedSurface { topology, positions } = surface;
         if !self.was_finite {
-            // The plugin sets a surface aside as long as it is not finite, and forgets what it knew of it.
+            // The plugin quarantines a surface while it is not finite, and discards its spheres.
             self.spheres.forget();
             self.cones = SafetyCones::default();
         }
@@ -79,7 +79,7 @@ impl State {
         enclosing_balls(positions, topology.triangles(), &mut self.balls);
     }
 
-    /// Of finite positions.
+    /// For finite positions.
     fn check(&self, surface: &FuzzedSurface) {
         let what = |triangle: usize| {
             format!("triangle {triangle} at {:?}", surface.corners(triangle as u32).map(|corner| corner.to_array()))
@@ -87,7 +87,7 @@ impl State {
         for triangle in 0..surface.topology.triangles().len() {
             let corners = surface.corners(triangle as u32);
             let curvature = self.curvatures.curvatures[triangle];
-            assert!(!curvature.is_nan(), "the curvature is no number: {}", what(triangle));
+            assert!(!curvature.is_nan(), "the curvature is NaN: {}", what(triangle));
             let dihedrals = self.curvatures.dihedrals[triangle];
             // The largest angle in f32 rounds to slightly more than π.
             assert!(dihedrals.iter().all(|angle| angle.abs() <= std::f32::consts::PI), "{dihedrals:?}");
@@ -95,12 +95,12 @@ impl State {
             assert_no_nan(self.balls[triangle], "enclosing ball", &what(triangle));
             let sphere = Ball { center: self.spheres.centers[triangle], radius: self.spheres.radii[triangle] };
             assert_no_nan(sphere, "offset sphere", &what(triangle));
-            assert!(!self.spheres.heights[triangle].is_nan(), "the height is no number: {}", what(triangle));
+            assert!(!self.spheres.heights[triangle].is_nan(), "the height is NaN: {}", what(triangle));
             let (axis, cosine) = (self.cones.axes[triangle], self.cones.cosines[triangle]);
-            assert!(!axis.is_nan() && !cosine.is_nan(), "the cone is no number: {axis} {cosine} {}", what(triangle));
-            assert!((-1.0..=1.0).contains(&cosine), "{cosine} is no cosine: {}", what(triangle));
+            assert!(!axis.is_nan() && !cosine.is_nan(), "the cone is NaN: {axis} {cosine} {}", what(triangle));
+            assert!((-1.0..=1.0).contains(&cosine), "{cosine} is not a cosine: {}", what(triangle));
             if let Some((_, offset, radius)) = circumcenter(corners) {
-                assert!(!offset.is_nan() && radius >= 0.0, "the circumcenter is no number: {}", what(triangle));
+                assert!(!offset.is_nan() && radius >= 0.0, "the circumcenter is NaN: {}", what(triangle));
             }
             assert!(
                 (0.0..=1.0).contains(&curvature_factor(curvature, sphere.radius.min(f32::MAX), 1.0)),
@@ -117,7 +117,7 @@ impl State {
 }
 
 fn assert_no_nan(ball: Ball, name: &str, what: &str) {
-    assert!(!ball.center.is_nan() && ball.radius >= 0.0, "the {name} {ball:?} is no number: {what}");
+    assert!(!ball.center.is_nan() && ball.radius >= 0.0, "the {name} {ball:?} is invalid: {what}");
 }
 
 fn assert_contains(ball: Ball, corners: [Vec3; 3], name: &str) {
@@ -127,7 +127,7 @@ fn assert_contains(ball: Ball, corners: [Vec3; 3], name: &str) {
     }
 }
 
-/// The stages over pairs, of the surface with itself.
+/// The stages over pairs, for the surface with itself.
 fn detect(surface: &FuzzedSurface, state: &State, cull: bool, one_sided: bool) {
     let FuzzedSurface { topology, positions } = surface;
     let side = surface.side(one_sided, false);
@@ -149,8 +149,8 @@ fn detect(surface: &FuzzedSurface, state: &State, cull: bool, one_sided: bool) {
     ball_contacts(&balls, &balls, &overlapping, &settings, &mut found);
     check_found(&found, "balls", positions);
     let counts = [found.touching.len(), found.contacts.len()];
-    assert_eq!([noted.touching, noted.contacts(&overlapping).count()], counts, "in one go: {positions:?}");
-    assert_eq!(noted.nearest, found.nearest, "in one go: {positions:?}");
+    assert_eq!([noted.touching, noted.contacts(&overlapping).count()], counts, "in one pass: {positions:?}");
+    assert_eq!(noted.nearest, found.nearest, "in one pass: {positions:?}");
 
     found.clear();
     overlapping.clear();
@@ -158,7 +158,7 @@ fn detect(surface: &FuzzedSurface, state: &State, cull: bool, one_sided: bool) {
     let caps = CapSide { surface: side, spheres: &state.spheres, cones: &state.cones, pose: None, rows: None };
     overlapping_caps(&caps, &caps, &candidates, &settings, &mut overlapping);
     meeting_caps(&caps, &caps, &overlapping, &settings, &mut meeting, &mut found);
-    assert!(found.contacts.len() <= meeting.len(), "a contact of caps that do not meet: {positions:?}");
+    assert!(found.contacts.len() <= meeting.len(), "caps that do not meet have a contact: {positions:?}");
     check_found(&found, "caps", positions);
 }
 

@@ -1,5 +1,5 @@
-//! The whole plugin on any mesh, motion, pose and settings: what is unusable is refused or set aside, what is left has
-//! contacts that are numbers, and bodies beside it keep theirs.
+//! The whole plugin with any mesh, motion, pose, and settings. Unusable data is rejected or quarantined, contacts of
+//! the rest are finite, and other bodies keep their contacts.
 
 use std::cell::Cell;
 
@@ -21,14 +21,14 @@ use glam::{Quat, Vec3};
 
 use crate::input::Input;
 
-/// Most triangles and vertices of the surface.
+/// The most triangles and vertices of the surface.
 const MOST_TRIANGLES: usize = 12;
 const MOST_VERTICES: usize = 20;
 
-/// Most ticks of one world.
+/// The most ticks of one world.
 const MOST_TICKS: usize = 3;
 
-/// Which layer the clean bodies are on; the surface in question is on another.
+/// The layer of the clean bodies. The fuzzed surface is on another.
 const CLEAN: u32 = 1 << 1;
 
 /// A mesh of any numbers, and a few ticks of a world with it.
@@ -64,7 +64,7 @@ pub fn surfaces(bytes: &[u8]) {
         app.world_mut().entity_mut(entity).insert(SelfCollision);
     }
     if flag(5) {
-        // Among the clean bodies rather than beside them.
+        // On the layer of the clean bodies.
         app.world_mut().entity_mut(entity).insert(SurfaceLayers { memberships: CLEAN, filters: u32::MAX });
     }
     if flag(6) {
@@ -74,12 +74,12 @@ pub fn surfaces(bytes: &[u8]) {
         app.update();
         check_contacts(&app);
         let between = contacts_between(&app, clean);
-        assert_eq!(between, 1, "tick {tick}: the clean bodies have lost their contact, or have another");
+        assert_eq!(between, 1, "tick {tick}: the contact of the clean bodies has changed");
         if input.is_empty() {
             break;
         }
         let written = input.coordinates();
-        // One more or fewer than there should be, now and then.
+        // Sometimes one more or fewer than required.
         let count = vertex_count + usize::from(flag(7) && tick == 1);
         let positions = input.points(count, written);
         app.world_mut().entity_mut(entity).insert(SurfacePositions(positions));
@@ -95,8 +95,8 @@ struct World {
 }
 
 thread_local! {
-    /// The world of the last input, which is used again: most of an input's time would go into making one. An input that
-    /// fails takes it along.
+    /// The world of the last input. It is reused, because making one would take most of the time. An input that fails
+    /// discards it.
     static WORLD: Cell<Option<World>> = const { Cell::new(None) };
 }
 
@@ -161,7 +161,7 @@ fn spawn_clean_bodies(app: &mut App) -> [Entity; 2] {
     })
 }
 
-/// How many pairs of triangles of two surfaces touch.
+/// The number of touching pairs of triangles of two surfaces.
 fn contacts_between(app: &App, [a, b]: [Entity; 2]) -> usize {
     let store = app.world().resource::<ContactStore>();
     let sides = [ContactSide::Surface(a), ContactSide::Surface(b)];
@@ -184,7 +184,7 @@ fn check_contacts(app: &App) {
     }
 }
 
-/// Adjacency by its definition: who shares an edge or a vertex is found by looking at every triangle.
+/// Checks adjacency against its definition by searching all triangles for shared edges and vertices.
 fn check_topology(topology: &SurfaceTopology) {
     let (triangles, welded) = (topology.triangles(), topology.welded_triangles());
     assert!(topology.weld().iter().enumerate().all(|(vertex, &to)| to as usize <= vertex), "{:?}", topology.weld());

@@ -1,5 +1,5 @@
-//! The committed corpus, and spoiled copies of it, through every fuzz target: what libFuzzer once found stays found, on
-//! any toolchain and without a C++ compiler.
+//! Runs every fuzz target on the committed corpus and on corrupted copies of it. Faults that libFuzzer once found stay
+//! covered, with any toolchain and without a C++ compiler.
 
 use std::{fs, path::Path};
 
@@ -9,14 +9,14 @@ use circumsphere_support::{
     recording::{CcdQueries, RecordedImpacts, Recording, RecordingF64},
 };
 
-/// Seeds are small, so that a fuzzer gets through many of them and the repository stays light.
+/// Seeds are small, so that a fuzzer processes many of them and the repository stays small.
 const LARGEST_SEED: u64 = 2048;
 const LARGEST_CORPUS: u64 = 100 * 1024;
 
-/// How many spoiled copies of each seed are tried.
+/// The number of corrupted copies of each seed.
 const COPIES: u64 = 40;
 
-/// The seed with a few bytes changed, cut out or put in.
+/// The seed with a few bytes changed, removed, or inserted.
 fn spoiled(seed: &[u8], random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.to_vec();
     for _ in 0..1 + random.bits() % 4 {
@@ -55,7 +55,7 @@ fn every_target_survives_its_corpus_and_spoiled_copies_of_it() {
             survives(&seed, "the seed");
             let mut random = Random::new(seed.len() as u64);
             for _ in 0..COPIES {
-                survives(&spoiled(&seed, &mut random), "a spoiled copy of");
+                survives(&spoiled(&seed, &mut random), "a corrupted copy of");
             }
         }
     }
@@ -82,7 +82,7 @@ fn every_target_has_a_program_and_a_corpus() {
 /// Whether a reader accepts some bytes.
 type Accept = fn(&[u8]) -> bool;
 
-/// Refused at the first byte, a seed would show a fuzzer nothing of what comes after.
+/// A seed that is rejected at its first byte would show a fuzzer nothing of what follows.
 #[test]
 fn the_seeds_of_the_readers_are_files_that_they_accept() {
     let accepts: [(&str, Accept); 6] = [
@@ -99,7 +99,7 @@ fn the_seeds_of_the_readers_are_files_that_they_accept() {
             let path = entry.expect("the corpus can be listed").path();
             let is_text_of_errors = path.file_name().is_some_and(|name| name == "words");
             let seed = fs::read(&path).expect("a seed can be read");
-            assert!(accept(&seed) || is_text_of_errors, "{} is refused", path.display());
+            assert!(accept(&seed) || is_text_of_errors, "{} is rejected", path.display());
         }
     }
 }

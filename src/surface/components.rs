@@ -422,7 +422,7 @@ impl Registration {
     }
 }
 
-/// The result of the last check of a surface's positions. No other code looks for NaN and infinity in them.
+/// The result of the last check of a surface's positions. No stage looks for NaN and infinity in them again.
 #[derive(Component, Clone, Copy, Debug, Default)]
 pub(crate) struct CheckedPositions {
     /// If all positions were finite: their change tick, and an upper bound of the magnitude of all coordinates.

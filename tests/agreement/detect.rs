@@ -1,4 +1,4 @@
-//! Runs meshes through a headless app and compares what it finds with the reference.
+//! Runs meshes through a headless app and compares the results with the reference.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -23,7 +23,7 @@ pub enum BroadPhase {
     Parry,
 }
 
-/// A self-colliding mesh in an app of its own.
+/// A self-colliding mesh in its own app.
 pub struct Detector {
     app: App,
     entity: Entity,
@@ -54,20 +54,20 @@ impl Detector {
     }
 
     pub fn detect(&mut self, positions: &[Vec3]) -> (Vec<TouchingPair>, Vec<CompactContact>) {
-        self.app.world_mut().get_mut::<SurfacePositions>(self.entity).expect("it was spawned").0 = positions.to_vec();
+        self.app.world_mut().get_mut::<SurfacePositions>(self.entity).expect("the mesh exists").0 = positions.to_vec();
         self.app.update();
         let store = self.app.world().resource::<ContactStore>();
         (store.touching().copied().collect(), store.contacts().copied().collect())
     }
 }
 
-/// Touching pairs of a mesh by the reference, welded at `rest`, up to the end of the band.
+/// The touching pairs of a mesh according to the reference, welded at `rest`, up to the end of the band.
 pub fn truth(rest: &[Vec3], positions: &[Vec3], triangles: &[[u32; 3]], distance: f64) -> Vec<ReferencePair> {
     let wide = |positions: &[Vec3]| positions.iter().map(|position| position.as_dvec3()).collect::<Vec<_>>();
     touching_pairs_tree(&wide(positions), triangles, &exact_weld(&wide(rest)), distance * (1.0 + 2.0 * BAND))
 }
 
-/// Compares pair sets and distances, and fails naming `what` where they differ.
+/// Compares pair sets and distances. Panics with `what` if they differ.
 pub fn assert_agrees(
     what: &str,
     found: &[TouchingPair],
@@ -97,8 +97,8 @@ pub fn assert_agrees(
     comparison
 }
 
-/// How many crossing pairs have no vertex–face or edge–edge distance within the contact distance: only an edge that
-/// pierces a face tells that they touch.
+/// The number of crossing pairs with no vertex–face or edge–edge distance within the contact distance. Only an edge
+/// that pierces a face shows that they touch.
 pub fn crossings_without_near_features(
     positions: &[Vec3],
     triangles: &[[u32; 3]],

@@ -1,4 +1,4 @@
-//! The whole pipeline against the f64 reference: the same touching pairs, by every exact method and broad phase.
+//! The whole pipeline against the f64 reference: the same touching pairs with every exact method and broad phase.
 
 mod detect;
 mod recordings;

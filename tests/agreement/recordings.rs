@@ -1,5 +1,5 @@
 //! Recorded meshes: every exact method against the reference. Needs the folder of recordings in the environment
-//! variable `CIRCUMSPHERE_DATA`; skips aloud without it.
+//! variable `CIRCUMSPHERE_DATA`. Without it, the tests print a message and are skipped.
 
 use crate::detect::{BAND, BroadPhase, Detector, assert_agrees, crossings_without_near_features, truth};
 use bevy_circumsphere::prelude::*;
@@ -8,7 +8,7 @@ use circumsphere_truth::{exact_weld, mean_edge_length};
 use glam::{DVec3, Vec3};
 use std::collections::HashSet;
 
-/// Larger recordings take the reference too long.
+/// The reference takes too long for larger recordings.
 const MOST_TRIANGLES: usize = 50_000;
 
 #[test]
@@ -17,7 +17,7 @@ fn exact_methods_find_the_pairs_of_the_reference_on_recordings() {
     let mut paths: Vec<_> = std::fs::read_dir(&folder)
         .expect("the folder of recordings can be listed")
         .map(|entry| entry.expect("its entries can be read").path())
-        // `NAME.bin` is a recording; `NAME.kind.bin` holds doubles, queries or answers.
+        // `NAME.bin` is a recording. `NAME.kind.bin` contains doubles, queries, or answers.
         .filter(|path| path.file_name().is_some_and(|name| name.to_string_lossy().matches('.').count() == 1))
         .filter(|path| path.extension().is_some_and(|extension| extension == "bin"))
         .collect();
@@ -49,7 +49,7 @@ fn exact_methods_find_the_pairs_of_the_reference_on_recordings() {
                 let what = format!("{} frame {place} at {edges} edges", path.display());
                 let truth = truth(&rest, &positions, &recording.triangles, distance);
                 let (found, _) = refined.detect(&positions);
-                // No separation may be worse than a share of the contact distance itself, which is the stricter bound.
+                // The tolerance of separations is relative to the contact distance, which is the stricter bound.
                 compared += assert_agrees(&what, &found, &truth, distance, 0.0).matched;
                 assert_eq!(found, polygon.detect(&positions).0, "{what}: Exact and Polygon differ");
                 let (found, _) = closest.detect(&positions);
@@ -99,7 +99,7 @@ fn the_crumpled_cloth_runs_through_every_method_on_both_frames() {
             assert!(sure_count > 200_000, "{what}");
             match method {
                 ContactMethod::BoundingSphere => assert_eq!(missed, 0, "{what}: enclosing balls miss nothing"),
-                // The cone rejects by design: 0.001 of the pairs of the first frame; without widened cones 0.13.
+                // The cone rejects pairs by design: 0.001 of those in the first frame, or 0.13 without widened cones.
                 ContactMethod::Circumsphere => assert!(missed < sure_count / 100, "{what}: {missed} missed"),
                 ContactMethod::Closest | ContactMethod::Exact | ContactMethod::Polygon => {
                     assert_agrees(&what, &found, truth, distance, 0.0);

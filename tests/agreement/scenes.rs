@@ -64,7 +64,7 @@ fn scenes() -> Vec<Scene> {
     ]
 }
 
-/// The longest edge of any triangle, as the size that separations are held to.
+/// The longest edge of any triangle, to which errors of separations are relative.
 fn size(scene: &Scene) -> f64 {
     let corner = |vertex: u32| scene.positions[vertex as usize].as_dvec3();
     scene
@@ -113,7 +113,7 @@ fn exact_methods_find_the_pairs_of_the_reference_on_generated_scenes() {
             );
         }
     }
-    // The comparison has to have had something to compare.
+    // There must have been something to compare.
     assert!(compared > 100_000, "only {compared} pairs were compared");
     assert!(crossings > 1000 && apart > 1000, "{crossings} crossing and {apart} separate pairs");
     assert!(hidden_crossings > 50, "only {hidden_crossings} crossings had no near feature");
@@ -136,14 +136,14 @@ fn every_touching_pair_has_its_closest_contact_and_every_contact_a_touching_pair
         };
         let pairs: HashSet<[u32; 2]> = touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
         let mut keys = HashSet::new();
-        // Contacts by the two points they join, on a grid as coarse as the tolerance of their barycentrics.
+        // Contacts by the two points they join, on a grid as coarse as the tolerance of their barycentric weights.
         let mut distances: HashMap<[u32; 2], Vec<f64>> = HashMap::new();
         for contact in &contacts {
             let name = scene.name;
-            assert!(keys.insert(contact.key), "{name}: {:?} is there twice", contact.key);
+            assert!(keys.insert(contact.key), "{name}: {:?} is listed twice", contact.key);
             assert!(
                 pairs.contains(&[contact.triangle_a, contact.triangle_b]),
-                "{name}: {contact:?} on no touching pair"
+                "{name}: {contact:?} does not belong to a touching pair"
             );
             let (point_a, point_b) =
                 (point(contact.triangle_a, contact.barycentric_a), point(contact.triangle_b, contact.barycentric_b));
@@ -156,7 +156,7 @@ fn every_touching_pair_has_its_closest_contact_and_every_contact_a_touching_pair
                 let direction = (point_b - point_a).normalize();
                 assert!(direction.dot(contact.normal.as_dvec3()) > 0.999, "{name}: {contact:?} against {direction}");
             }
-            // A feature belongs to every triangle around it, so any of those pairs may have been its reporter.
+            // A feature belongs to every triangle around it, so any of those pairs may have reported it.
             for &first in &around(scene, contact.triangle_a) {
                 for &second in &around(scene, contact.triangle_b) {
                     distances.entry([first.min(second), first.max(second)]).or_default().push(stored);

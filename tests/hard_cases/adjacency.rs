@@ -1,4 +1,4 @@
-//! How triangles hang together: shared vertices and edges, T-junctions, pages of a book, rims, and sides that disagree.
+//! Adjacency of triangles: shared vertices and edges, T-junctions, pages of a book, rims, and inconsistent winding.
 
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, cylinder_side, grid, icosphere};
 use glam::Vec3;
@@ -7,7 +7,7 @@ use crate::harness::{Body, Case, Stated, Tally, at, turned};
 
 const THIN: f32 = 0.02;
 
-/// Two triangles that share an edge, folded until they are `gap` apart at their free corners.
+/// Two triangles that share an edge, folded until their free corners are `gap` apart.
 fn hinge(gap: f32) -> Mesh {
     Mesh {
         positions: vec![[0.0, 0.0, -0.5], [0.0, 0.0, 0.5], [1.0, 0.0, 0.0], [1.0, gap, 0.0]],
@@ -15,7 +15,7 @@ fn hinge(gap: f32) -> Mesh {
     }
 }
 
-/// Two triangles that share a vertex and else lie on each other.
+/// Two triangles that share a vertex and otherwise lie on each other.
 fn fan() -> Mesh {
     Mesh {
         positions: vec![[0.0; 3], [1.0, 0.0, -0.5], [1.0, 0.0, 0.5], [1.0, 0.01, -0.4], [1.0, 0.01, 0.6]],
@@ -32,11 +32,11 @@ fn triangles_of_a_surface_that_share_a_vertex_or_an_edge_are_no_pair() {
     }
 }
 
-/// Folds lie face to face, so the cones reject nothing; what is false has caps that bulge beyond the rims.
+/// Folds lie face to face, so the cones reject nothing. False pairs have caps that bulge beyond the rims.
 const FOLDED: Stated =
     Stated { touching: 778, false_by_balls: 78, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 78 };
 
-/// A sheet folded to and fro: neighbors share vertices, what lies two folds on does not.
+/// A sheet folded back and forth. Adjacent folds share vertices, folds two apart do not.
 #[test]
 fn the_folds_of_a_sheet_touch_beyond_what_they_share() {
     let mut sheet = grid(12, 4, 6.0, 1.0, Diagonals::Alternating);
@@ -48,8 +48,8 @@ fn the_folds_of_a_sheet_touch_beyond_what_they_share() {
     Case::new([Body::new(&sheet, THIN).meeting_itself()]).judge("folds").assert_as(FOLDED);
 }
 
-/// The halves meet rim to rim, side by side. The line between two sphere centers then runs along both surfaces: cones as
-/// narrow as the source paper's miss all 332, those that are widened at rims miss none.
+/// The halves meet rim to rim, side by side, so the line between two sphere centers runs along both surfaces. Cones as
+/// narrow as in the source paper miss all 332 pairs. Cones widened at rims miss none.
 const HALVES: Stated =
     Stated { touching: 332, false_by_balls: 0, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 0 };
 
@@ -60,7 +60,7 @@ fn two_surfaces_that_share_positions_touch_there() {
     let (upper, lower): (Vec<[u32; 3]>, Vec<[u32; 3]>) =
         ball.triangles.iter().partition(|corners| height(corners) > 0.01);
     let halves = [upper, lower].map(|triangles| Mesh { positions: ball.positions.clone(), triangles });
-    // Mere points of contact: a thickness of 0 leaves only what has the distance 0.
+    // Only points of contact: with a thickness of 0, only pairs at distance 0 remain.
     let mut tally = Tally::default();
     for thickness in [0.0, THIN] {
         tally += Case::new(halves.each_ref().map(|half| Body::new(half, thickness))).judge("halves");
@@ -68,11 +68,11 @@ fn two_surfaces_that_share_positions_touch_there() {
     tally.assert_as(HALVES);
 }
 
-/// The junction itself lies in one plane: its pairs are side by side, and found by cones that are widened at rims.
+/// The junction is in one plane. Its pairs are side by side and are found by cones widened at rims.
 const T_JUNCTION: Stated =
     Stated { touching: 50, false_by_balls: 20, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 7 };
 
-/// A large triangle whose edge is split into eight on the other side, where no vertex of it lies.
+/// A large triangle whose edge is split into eight on the other side, where the triangle has no vertices.
 #[test]
 fn a_t_junction_is_a_contact_of_the_edge_with_the_vertices_on_it() {
     let mut mesh =
@@ -94,7 +94,7 @@ fn a_t_junction_is_a_contact_of_the_edge_with_the_vertices_on_it() {
     tally.assert_as(T_JUNCTION);
 }
 
-/// Pages that all share one spine, `cells` long along z, fanned out around it.
+/// Pages that share one spine, `cells` long along z, fanned out around it.
 fn book(pages: u32, cells: u32) -> Mesh {
     let mut mesh = Mesh::default();
     mesh.positions.extend((0..=cells).map(|row| [0.0, 0.0, row as f32 / cells as f32 - 0.5]));
@@ -111,7 +111,7 @@ fn book(pages: u32, cells: u32) -> Mesh {
     mesh
 }
 
-/// Near the spine pages cross the cones of others at a slant, and caps on either side bulge through the next page.
+/// Near the spine, pages cross the cones of others at an angle, and caps on both sides bulge through the next page.
 const BOOK: Stated =
     Stated { touching: 1033, false_by_balls: 2968, missed_by_caps: 347, bodies_missed_by_caps: 0, false_by_caps: 355 };
 
@@ -122,7 +122,7 @@ fn the_pages_at_a_non_manifold_edge_touch_like_any_others() {
     Case::new(bodies).judge("book").assert_as(BOOK);
 }
 
-/// A rim meets a face edge on: its triangles' normals are at right angles to the way to the face. Cones are
+/// A rim meets a face edge on: the normals of its triangles are perpendicular to the direction of the face. Cones are
 /// widened there.
 const RIMS: Stated =
     Stated { touching: 140, false_by_balls: 262, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 89 };
@@ -143,8 +143,8 @@ fn an_open_boundary_touches_by_its_rim() {
     tally.assert_as(RIMS);
 }
 
-/// A flipped triangle of a closed body has its cap inside of it: what is left is seen by its other triangles. The false
-/// ones have caps that bulge beyond their triangles.
+/// A flipped triangle of a closed body has its cap inside the body. Its other triangles still find part of the pairs.
+/// False pairs have caps that bulge beyond their triangles.
 const FLIPPED: Stated =
     Stated { touching: 216, false_by_balls: 228, missed_by_caps: 108, bodies_missed_by_caps: 0, false_by_caps: 26 };
 

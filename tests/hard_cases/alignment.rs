@@ -1,4 +1,4 @@
-//! What lies exactly on, beside, around or over another: planes, edges, centers, corners and layers.
+//! Exact alignment on, beside, around, or above each other: planes, edges, centers, corners, and layers.
 
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere, sheet_stack};
@@ -8,8 +8,7 @@ use crate::harness::{Body, Case, Stated, Tally, at, turned};
 
 const THIN: f32 = 0.02;
 
-/// Nothing in a common plane is in the direction of a normal: what is found are triangles at the rims, whose cones are
-/// widened most.
+/// In a common plane, nothing lies along a normal. Only triangles at the rims are found, where cones are widened most.
 const COPLANAR: Stated =
     Stated { touching: 2836, false_by_balls: 848, missed_by_caps: 2325, bodies_missed_by_caps: 0, false_by_caps: 34 };
 
@@ -20,7 +19,7 @@ fn coplanar_triangles_that_overlap_cross() {
         grid(6, 6, 2.0, 2.0, Diagonals::Alternating),
         grid(5, 7, 1.5, 1.7, Diagonals::Uniform),
         grid(4, 4, 2.0, 2.0, Diagonals::Uniform).translate([0.03, 0.0, 0.015]),
-        // Beside it, rim to rim, and a little apart.
+        // Beside it, rim to rim, and slightly apart.
         grid(6, 6, 2.0, 2.0, Diagonals::Uniform).translate([2.0, 0.0, 0.0]),
         grid(6, 6, 2.0, 2.0, Diagonals::Uniform).translate([2.03, 0.0, 0.1]),
     ];
@@ -35,7 +34,7 @@ fn coplanar_triangles_that_overlap_cross() {
     tally.assert_as(COPLANAR);
 }
 
-/// Of two boxes edge to edge cones reach round the edges, because they are widened by the angle there.
+/// For two boxes edge to edge, cones reach around the edges because they are widened by the angle there.
 const PARALLEL: Stated =
     Stated { touching: 440, false_by_balls: 224, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 88 };
 
@@ -44,7 +43,7 @@ fn parallel_edges_touch_along_their_length() {
     let mut tally = Tally::default();
     for cells in [1, 3] {
         let block = Body::new(&cuboid([0.5; 3], cells), THIN);
-        // Diagonally beside it: only edges are near. In line with it, shifted along, and hardly turned.
+        // Diagonally beside it, where only edges are near: aligned, shifted along the edge, and barely rotated.
         for (shift, turn) in [(0.0, 0.0), (0.17, 0.0), (1.0, 0.0), (0.17, 1.0e-3), (0.17, 1.0e-6)] {
             let place = at(1.02, 1.02, shift).with_rotation(turned(Vec3::new(1.0, -1.0, 0.0), turn));
             let other = block.clone().at(place);
@@ -54,8 +53,8 @@ fn parallel_edges_touch_along_their_length() {
     tally.assert_as(PARALLEL);
 }
 
-/// Inside another sphere's surface the caps face away from each other, or towards each other across the whole body:
-/// what is found are the few that face each other where the balls of different fineness cross.
+/// Inside the surface of another sphere, caps face away from each other, or towards each other across the whole body.
+/// Only the few pairs are found that face each other where balls of different resolution cross.
 const CONCENTRIC: Stated = Stated {
     touching: 25_506,
     false_by_balls: 5190,
@@ -76,7 +75,7 @@ fn concentric_spheres_touch_where_their_faces_are_near() {
     tally.assert_as(CONCENTRIC);
 }
 
-/// A box whose edge along z, or whose corner, points straight down.
+/// A box with an edge along z, or a corner, pointing straight down.
 fn balanced(on_corner: bool) -> (Quat, f32) {
     if on_corner {
         (Quat::from_rotation_arc(Vec3::splat(-1.0).normalize(), Vec3::NEG_Y), 0.75_f32.sqrt())
@@ -96,7 +95,7 @@ fn judge_balanced(on_corner: bool) -> Tally {
                 let block = Body::new(&cuboid([0.5; 3], cells), THIN).at(place);
                 let what = format!("{cells} cells, gap {gap}, yaw {yaw}");
                 let judged = Case::new([floor.clone(), block]).judge(&what);
-                assert!(judged.caps.missed < judged.caps.touching, "{what}: Circumsphere does not see the box at all");
+                assert!(judged.caps.missed < judged.caps.touching, "{what}: Circumsphere finds nothing of the box");
                 tally += judged;
             }
         }
@@ -104,7 +103,7 @@ fn judge_balanced(on_corner: bool) -> Tally {
     tally
 }
 
-/// Of the box's faces at the edge some triangles have their centers too far up; each box is seen by others.
+/// At the edge, some triangles of the box's faces have centers too far up. Others find each box.
 const ON_EDGE: Stated =
     Stated { touching: 472, false_by_balls: 1074, missed_by_caps: 8, bodies_missed_by_caps: 0, false_by_caps: 283 };
 
@@ -113,7 +112,8 @@ fn a_box_on_its_edge_touches_the_floor() {
     judge_balanced(false).assert_as(ON_EDGE);
 }
 
-/// None is missed: crease clamps leave no gap between the cones of a corner. Caps bulge beyond the corner's triangles.
+/// None is missed: crease clamps leave no gap between the cones of a corner. Caps bulge beyond the triangles at the
+/// corner.
 const ON_CORNER: Stated =
     Stated { touching: 120, false_by_balls: 914, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 157 };
 
@@ -122,18 +122,18 @@ fn a_box_on_its_corner_touches_the_floor() {
     judge_balanced(true).assert_as(ON_CORNER);
 }
 
-/// Face to face none is missed; caps bulge sideways over the triangles beside.
+/// Face to face, none is missed. Caps bulge sideways over adjacent triangles.
 const LAYERS: Stated =
     Stated { touching: 28_856, false_by_balls: 7992, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 936 };
 
 #[test]
 fn ten_layers_of_cloth_touch_their_next_layers() {
     let mut tally = Tally::default();
-    // One surface of ten layers: nearer than the contact distance, and so near that the next but one touches too.
+    // One surface of ten layers, closer than the contact distance, and so close that layers two apart touch, too.
     for gap in [0.03, 0.015] {
         tally += Case::new([Body::new(&sheet_stack(10, gap, 6), THIN).meeting_itself()]).judge("one surface");
     }
-    // Ten surfaces, each turned a little against the last.
+    // Ten surfaces, each rotated slightly against the previous one.
     let layer = |number: u8| {
         let place = at(0.0, 0.03 * f32::from(number), 0.0);
         let turn = turned(Vec3::Y, 0.1 * f64::from(number));

@@ -1,4 +1,4 @@
-//! Triangles that are hardly any: needles, caps, and those without an area.
+//! Degenerate triangles: needles, caps, and triangles without area.
 
 use circumsphere_support::scenes::{Diagonals, Mesh, duplicate_vertices, grid, icosphere, merge, ragged_slivers};
 use glam::{DVec3, Vec3};
@@ -11,7 +11,7 @@ fn sheet() -> Mesh {
     grid(6, 6, 2.0, 2.0, Diagonals::Alternating)
 }
 
-/// Slivers of length 1 about the origin. Their third corner is `along` the first edge and `width` away from it.
+/// Slivers of length 1 at the origin. Their third corner is `along` the first edge and `width` away from it.
 fn slivers(count: usize, along: f64, width: f64, random: &mut Random) -> Mesh {
     let triangles: Vec<[Vec3; 3]> = (0..count)
         .map(|_| {
@@ -37,19 +37,19 @@ fn judge_slivers(along: f64) -> Tally {
     tally
 }
 
-/// A needle's ball is as long as the needle and reaches far beyond its sides: many false pairs. Needles that cross at
-/// an angle have their sphere centers beside each other, some of them outside a cone. Slabs along their normals, which single
-/// precision hardly knows, let a few more false pairs through.
+/// A needle's ball is as large as the needle is long and reaches far beyond its sides, which gives many false pairs.
+/// Needles that cross at an angle have their sphere centers side by side, some of them outside a cone. Slabs along
+/// their normals, which are inaccurate in single precision, let a few more false pairs through.
 const NEEDLES: Stated =
     Stated { touching: 995, false_by_balls: 6089, missed_by_caps: 90, bodies_missed_by_caps: 0, false_by_caps: 1907 };
 
 #[test]
 fn needles_touch_what_they_reach() {
-    // The corner at the end of the first edge: one short edge, two long ones.
+    // The corner is at the end of the first edge: one short edge and two long ones.
     judge_slivers(1.0).assert_as(NEEDLES);
 }
 
-/// As for needles: an obtuse sliver's ball is about its longest edge.
+/// As for needles: the ball of an obtuse sliver is that of its longest edge.
 const CAPS: Stated = Stated {
     touching: 2005,
     false_by_balls: 12_098,
@@ -60,21 +60,21 @@ const CAPS: Stated = Stated {
 
 #[test]
 fn caps_touch_what_they_reach() {
-    // The corner over the inside of the first edge: an angle of nearly 180 degrees.
+    // The corner is over the inside of the first edge: an angle of nearly 180 degrees.
     let mut tally = judge_slivers(0.4);
     tally += judge_slivers(0.01);
     tally.assert_as(CAPS);
 }
 
-/// A segment's sphere has no cone and is as thick as it is long. Coplanar ones of the ragged sheet are missed like
-/// needles.
+/// The sphere of a segment has no cone and is as thick as the segment is long. Coplanar segments of the ragged sheet
+/// are missed like needles.
 const ZERO_AREA: Stated =
     Stated { touching: 2136, false_by_balls: 4344, missed_by_caps: 38, bodies_missed_by_caps: 0, false_by_caps: 2517 };
 
 #[test]
 fn triangles_without_area_touch_as_the_segments_and_points_that_they_are() {
     let mut random = Random::new(2);
-    // Multiples of 1/64 have exact middles.
+    // Multiples of 1/64 have exact midpoints.
     let exact = |vector: DVec3| (vector * 64.0).round() / 64.0;
     let collapsed: Vec<[Vec3; 3]> = (0..90)
         .map(|triangle| {
@@ -115,11 +115,11 @@ fn duplicate_vertices_change_nothing() {
     );
 }
 
-/// What the same ball with shared vertices gives: the test compares with it too.
+/// Equals the result of the same ball with shared vertices, which the test also checks.
 const DUPLICATES: Stated =
     Stated { touching: 155, false_by_balls: 358, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 65 };
 
-/// Mostly segments about a ball's radius of 0.5: their spheres stand out of it by less than an edge.
+/// Mostly segments on a ball of radius 0.5. Their spheres stick out by less than an edge.
 const REPEATED: Stated =
     Stated { touching: 186, false_by_balls: 367, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 66 };
 

@@ -1,6 +1,6 @@
-//! Headless worlds of one hard case: bodies, a pair of neighbors that must not notice them, and a judgment of what was
-//! found. Truth is the f64 reference over stored positions and poses, both taken as exact. Every tick of every test
-//! goes through [`Run::tick`], which checks what must hold whatever the case is.
+//! Headless worlds of one hard case: bodies, a pair of neighbors that the bodies must not affect, and a judgment of the
+//! results. The truth is the f64 reference over stored positions and poses, both taken as exact. Every tick of every
+//! test goes through [`Run::tick`], which checks what must hold in every case.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -30,7 +30,7 @@ use circumsphere_truth::{
 };
 use glam::{DAffine3, DQuat, DVec3, Quat, Vec3};
 
-/// Weights and normals are stored in f32: a handful of roundings.
+/// Weights and normals are stored in f32: a few roundings.
 const STORAGE: f32 = 8.0 * f32::EPSILON;
 
 pub const BROAD_PHASES: [BroadPhase; 3] = [BroadPhase::Tree, BroadPhase::BruteForce, BroadPhase::Parry];
@@ -49,7 +49,7 @@ pub fn combinations() -> impl Iterator<Item = (ContactMethod, BroadPhase)> {
         .flat_map(|method| BROAD_PHASES.into_iter().map(move |broad_phase| (method, broad_phase)))
 }
 
-/// A rotation by an angle in radians; from f64, so that its f32 does not depend on the platform's sine.
+/// A rotation by an angle in radians, computed in f64 so that its f32 value does not depend on the platform's sine.
 pub fn turned(axis: Vec3, angle: f64) -> Quat {
     DQuat::from_axis_angle(axis.as_dvec3().normalize(), angle).as_quat()
 }
@@ -62,7 +62,7 @@ pub fn points(mesh: &Mesh) -> Vec<Vec3> {
     mesh.positions.iter().copied().map(Vec3::from_array).collect()
 }
 
-/// A mesh of triangles with three vertices each of their own.
+/// A mesh of triangles that share no vertices.
 pub fn loose_triangles(triangles: &[[Vec3; 3]]) -> Mesh {
     Mesh {
         positions: triangles.iter().flatten().map(Vec3::to_array).collect(),
@@ -84,7 +84,7 @@ impl Random {
         random
     }
 
-    /// A number from 0 to 1, 1 excluded.
+    /// A number from 0 to 1, excluding 1.
     pub fn unit(&mut self) -> f64 {
         const MULTIPLIER: u128 = 1_037_567_919_013_379;
         self.0 = (u128::from(self.0) * MULTIPLIER % u128::from(Self::MODULUS)) as u64;
@@ -100,7 +100,7 @@ impl Random {
         (self.unit() * end as f64) as usize
     }
 
-    /// A point of the cube from -1 to 1.
+    /// A point in the cube from -1 to 1.
     pub fn vector(&mut self) -> DVec3 {
         DVec3::new(self.range(-1.0, 1.0), self.range(-1.0, 1.0), self.range(-1.0, 1.0))
     }
@@ -171,24 +171,24 @@ impl Body {
         self.parent.as_ref().map_or(own, |parent| affine(parent) * own)
     }
 
-    /// Where the vertices are in the world.
+    /// The world positions of the vertices.
     pub fn world_positions(&self) -> Vec<DVec3> {
         let pose = self.pose();
         self.positions.iter().map(|position| pose.transform_point3(position.as_dvec3())).collect()
     }
 }
 
-/// The bodies of a case in the world, and what is true about them.
+/// The bodies of a case in the world, and the true pairs.
 pub struct Truth {
     places: Vec<Vec<DVec3>>,
     triangles: Vec<Vec<[u32; 3]>>,
-    /// For each two bodies that meet their touching pairs, up to the end of the band.
+    /// For every two bodies that meet, their touching pairs up to the end of the band.
     pairs: BTreeMap<(usize, usize), BodyPairTruth>,
 }
 
 struct BodyPairTruth {
     contact_distance: f64,
-    /// Within this distance a pair has to be found; beyond the other it must not be.
+    /// Up to this distance a pair must be found. Beyond `allowed_up_to` it must not be.
     required_up_to: f64,
     allowed_up_to: f64,
     distances: BTreeMap<(u32, u32), f64>,
@@ -240,7 +240,7 @@ impl Truth {
         self.triangles[body][triangle as usize].map(|vertex| self.places[body][vertex as usize])
     }
 
-    /// How many pairs cross.
+    /// The number of pairs that cross.
     pub fn crossing(&self) -> usize {
         self.pairs.values().flat_map(|pair| pair.distances.values()).filter(|&&distance| distance == 0.0).count()
     }
@@ -250,7 +250,7 @@ fn longest_edge(corners: &[DVec3; 3]) -> f64 {
     (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).fold(0.0, f64::max)
 }
 
-/// How far apart two features of two triangles are, from the second one's point to the first one's.
+/// The connection between two features of two triangles, from the second one's point to the first one's.
 fn feature_connection(a: &[DVec3; 3], b: &[DVec3; 3], features: FeaturesOf) -> DVec3 {
     let edge = |corners: &[DVec3; 3], k: u8| (corners[k as usize], corners[(k as usize + 1) % 3]);
     match features {
@@ -270,18 +270,18 @@ fn feature_connection(a: &[DVec3; 3], b: &[DVec3; 3], features: FeaturesOf) -> D
             let closest = segment_segment(a0, a1, b0, b1);
             closest.point_a - closest.point_b
         }
-        // An edge that pierces a face is at no distance from it.
+        // An edge that pierces a face has distance 0 from it.
         (Feature::Edge(_), Feature::Face) | (Feature::Face, Feature::Edge(_)) => DVec3::ZERO,
-        (Feature::Face, Feature::Face) => panic!("an exact contact is no contact of two faces"),
+        (Feature::Face, Feature::Face) => panic!("an exact contact never joins two faces"),
     }
 }
 
 type FeaturesOf = (Feature, Feature);
 
-/// What was found between the bodies of a case in one tick.
+/// The pairs found between the bodies of a case in one tick.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// By two bodies' places in the case, the lower first.
+    /// By the places of two bodies in the case, lower first.
     pub pairs: BTreeMap<(usize, usize), FoundPair>,
 }
 
@@ -289,7 +289,7 @@ pub struct Found {
 pub struct FoundPair {
     pub touching: Vec<TouchingPair>,
     pub contacts: Vec<CompactContact>,
-    /// The contacts' normals in the world.
+    /// The world normals of the contacts.
     pub normals: Vec<Vec3>,
 }
 
@@ -312,7 +312,7 @@ impl Found {
             .collect()
     }
 
-    /// The contacts' names.
+    /// The keys of the contacts.
     pub fn contact_keys(&self) -> BTreeSet<(usize, usize, ContactKey)> {
         self.pairs
             .iter()
@@ -320,7 +320,7 @@ impl Found {
             .collect()
     }
 
-    /// The least signed distance of any contact; infinite without one.
+    /// The least signed distance of any contact. Infinite if there is none.
     pub fn deepest(&self) -> f32 {
         let contacts = self.pairs.values().flat_map(|pair| &pair.contacts);
         contacts.map(|contact| contact.distance).fold(f32::INFINITY, f32::min)
@@ -337,7 +337,7 @@ impl Found {
     }
 }
 
-/// Equal to the last bit, the sign of zeros included.
+/// Equal to the last bit, including the signs of zeros.
 #[track_caller]
 fn assert_same_contact_bits(contacts: &[CompactContact], others: &[CompactContact], what: &str) {
     let bits = |contact: &CompactContact| {
@@ -348,14 +348,14 @@ fn assert_same_contact_bits(contacts: &[CompactContact], others: &[CompactContac
     assert!(contacts.iter().zip(others).all(|(one, other)| bits(one) == bits(other)), "{what}: signs of zeros differ");
 }
 
-/// How what was found compares with the truth.
+/// How the found pairs compare with the truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Verdict {
-    /// True pairs that have to be found.
+    /// True pairs that must be found.
     pub touching: usize,
     pub missed: usize,
     pub false_pairs: usize,
-    /// Two bodies that touch, and no touching pair of their triangles was found.
+    /// Two bodies touch, but no touching pair of their triangles was found.
     pub bodies_missed: usize,
     /// Of touching pairs and of contacts, relative to the larger of contact distance and triangle size.
     pub worst_separation_error: f64,
@@ -371,13 +371,13 @@ impl AddAssign for Verdict {
     }
 }
 
-/// Counts what was missed and what is false.
+/// Counts missed and false pairs.
 pub fn judge(found: &Found, truth: &Truth) -> Verdict {
     let mut verdict = Verdict::default();
     for (bodies, truth) in &truth.pairs {
         let touching = found.pairs.get(bodies).map_or(&[][..], |pair| &pair.touching);
         let named: BTreeSet<(u32, u32)> = touching.iter().map(|pair| (pair.triangle_a, pair.triangle_b)).collect();
-        assert_eq!(named.len(), touching.len(), "a pair is there twice");
+        assert_eq!(named.len(), touching.len(), "a pair is listed twice");
         let required: Vec<(u32, u32)> = truth.required().collect();
         verdict.touching += required.len();
         verdict.missed += required.iter().filter(|&pair| !named.contains(pair)).count();
@@ -386,12 +386,12 @@ pub fn judge(found: &Found, truth: &Truth) -> Verdict {
         verdict.bodies_missed += usize::from(!required.is_empty() && named.len() == false_pairs);
     }
     let strangers = found.pairs.keys().filter(|bodies| !truth.pairs.contains_key(bodies));
-    assert_eq!(strangers.count(), 0, "bodies that do not meet are in contact");
+    assert_eq!(strangers.count(), 0, "bodies that must not meet are in contact");
     verdict
 }
 
-/// Counts the same, and measures the separations of an exact method: of touching pairs, and of each contact's two
-/// features. Checks that a contact joins the points that it claims, along its normal.
+/// Counts the same, and measures the separations of an exact method: those of touching pairs, and of the two features
+/// of each contact. Checks that the normal of each contact runs along the connection of its points.
 #[track_caller]
 pub fn judge_exact(found: &Found, truth: &Truth, what: &str) -> Verdict {
     let mut verdict = judge(found, truth);
@@ -423,7 +423,7 @@ pub fn judge_exact(found: &Found, truth: &Truth, what: &str) -> Verdict {
                 of_pair.allows((contact.triangle_a, contact.triangle_b)),
                 "{what}: a contact of triangles that do not touch: {contact:?}"
             );
-            // A direction over a distance is as good as the points that give it.
+            // A direction is only as accurate as the points that give it.
             if connection.length() > 1.0e3 * SEPARATION_TOLERANCE * scale {
                 let along = connection.normalize().dot(normal.as_dvec3()).abs();
                 assert!(along > 0.9999, "{what}: {contact:?} is not along {connection}");
@@ -432,7 +432,7 @@ pub fn judge_exact(found: &Found, truth: &Truth, what: &str) -> Verdict {
         verdict.worst_separation_error = verdict.worst_separation_error.max(error);
 
         assert!(pair.touching.is_empty() || !pair.contacts.is_empty(), "{what}: pairs touch without a contact");
-        // Where nothing has penetrated, the nearest of all is among the contacts.
+        // Where nothing has penetrated, the nearest pair is among the contacts.
         let nearest = of_pair.distances.iter().min_by(|one, other| one.1.total_cmp(other.1));
         if let Some((&(triangle_a, triangle_b), &nearest)) = nearest
             && nearest <= of_pair.required_up_to
@@ -447,7 +447,7 @@ pub fn judge_exact(found: &Found, truth: &Truth, what: &str) -> Verdict {
     verdict
 }
 
-/// What events a run has sent.
+/// The numbers of events that a run has sent.
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EventCounts {
     pub started: usize,
@@ -463,7 +463,7 @@ fn count_events(
     counts.ended += ended.read().count();
 }
 
-/// An app that detects in `Update` on one thread, and counts its events.
+/// An app that detects in `Update` on one thread and counts its events.
 pub fn new_app(broad_phase: BroadPhase, settings: CircumsphereSettings) -> App {
     let mut app = App::new();
     match broad_phase {
@@ -475,7 +475,7 @@ pub fn new_app(broad_phase: BroadPhase, settings: CircumsphereSettings) -> App {
             .add_plugins(DeformableCollisionPlugins::new(Update).build().disable::<TreeBroadPhasePlugin>())
             .add_plugins(ParryBroadPhasePlugin),
     };
-    // Handing a few small systems to worker threads costs more than they do.
+    // Running a few small systems on worker threads costs more than the systems themselves.
     for schedule in [First.intern(), Update.intern()] {
         app.edit_schedule(schedule, |schedule| {
             schedule.set_executor(SingleThreadedExecutor::new());
@@ -487,10 +487,10 @@ pub fn new_app(broad_phase: BroadPhase, settings: CircumsphereSettings) -> App {
     app
 }
 
-/// A small plate, and a ball that turns on it, a little way in.
+/// A small plate, and a ball that rotates on it, penetrating slightly.
 struct Neighbors([Entity; 2]);
 
-/// Where the ball stands in a tick: it turns, so that its contacts change.
+/// The pose of the ball in a tick. It rotates, so that its contacts change.
 fn ball_pose(place: Transform, tick: u64) -> Transform {
     let turn = turned(Vec3::new(0.3, 1.0, 0.2), 0.37 * tick as f64);
     place * Transform { translation: Vec3::new(0.011, 0.067, 0.007), rotation: turn, scale: Vec3::ONE }
@@ -516,7 +516,7 @@ impl Neighbors {
     }
 }
 
-/// One world of a case and one without it, tick by tick.
+/// A world with a case and one without it, run tick by tick.
 pub struct Run {
     pub app: App,
     control: App,
@@ -564,7 +564,7 @@ impl Run {
         self.bodies[body].positions = positions;
     }
 
-    /// Runs one tick of both worlds, checks that everything is finite and that the neighbors have noticed nothing.
+    /// Runs one tick of both worlds. Checks that everything is finite and that the neighbors are unaffected.
     #[track_caller]
     pub fn tick(&mut self) -> Found {
         self.ticks += 1;
@@ -597,7 +597,7 @@ impl Run {
         assert_eq!(pair.nearest.to_bits(), without.nearest.to_bits());
     }
 
-    /// The events of the whole run, those of bodies that asked for them.
+    /// The events of the whole run, from bodies with events enabled.
     pub fn events(&self) -> EventCounts {
         *self.app.world().resource::<EventCounts>()
     }
@@ -652,7 +652,7 @@ fn finite_normal(contact: Contact<'_>) -> Vec3 {
     normal
 }
 
-/// A scene that is looked at as it stands.
+/// A static scene.
 #[derive(Clone)]
 pub struct Case {
     pub bodies: Vec<Body>,
@@ -662,7 +662,7 @@ pub struct Case {
 
 impl Case {
     pub fn new(bodies: impl Into<Vec<Body>>) -> Self {
-        // In the midst of most cases, so that the bodies meet the neighbors too.
+        // In the middle of most cases, so that the bodies meet the neighbors, too.
         let neighbor_place = at(0.21, 0.03, -0.17);
         Self { bodies: bodies.into(), settings: CircumsphereSettings::default(), neighbor_place }
     }
@@ -677,12 +677,12 @@ impl Case {
         Self { neighbor_place, ..self }
     }
 
-    /// One world for every method and broad phase, two by two: [`tick_all`] runs them.
+    /// One world for each combination of method and broad phase. [`tick_all`] runs them.
     pub fn runs(&self) -> Vec<Run> {
         combinations().map(|(method, broad_phase)| Run::new(self, method, broad_phase)).collect()
     }
 
-    /// Looks at the scene for one tick, see [`tick_all`].
+    /// Runs the scene for one tick, see [`tick_all`].
     #[track_caller]
     pub fn judge(&self, what: &str) -> Tally {
         tick_all(&mut self.runs(), what).0
@@ -690,8 +690,8 @@ impl Case {
 }
 
 /// Runs one tick of the worlds of a case ([`Case::runs`]) and judges them. The exact methods must be right, and all
-/// broad phases must agree to the last bit; what the others get wrong is counted. Returns what each method found too,
-/// in the order of [`ContactMethod::ALL`].
+/// broad phases must agree to the last bit. Errors of the other methods are counted. Also returns the results of each
+/// method, in the order of [`ContactMethod::ALL`].
 #[track_caller]
 pub fn tick_all(runs: &mut [Run], what: &str) -> (Tally, Vec<Found>) {
     let truth = runs[0].truth();
@@ -709,7 +709,7 @@ pub fn tick_all(runs: &mut [Run], what: &str) -> (Tally, Vec<Found>) {
     (tally, found_by_method)
 }
 
-/// What every method made of one scene or of several.
+/// The results of every method in one or more scenes.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
     pub crossing: usize,
@@ -731,24 +731,24 @@ impl AddAssign for Tally {
     }
 }
 
-/// What is known about a case: how many pairs touch, and what the approximate methods make of them. Balls miss none,
-/// because they contain their triangles.
+/// Known facts about a case: how many pairs touch, and the errors of the approximate methods. Balls contain their
+/// triangles, so they miss no pair.
 #[derive(Clone, Copy, Debug)]
 pub struct Stated {
-    /// Pairs of triangles that touch by the reference: exactly so many, or the case is another one.
+    /// Pairs of triangles that touch according to the reference. Must be equal; otherwise the case has changed.
     pub touching: usize,
-    /// Pairs that `BoundingSphere` reports although they are farther apart: at most so many.
+    /// The most pairs that `BoundingSphere` may report although they are farther apart.
     pub false_by_balls: usize,
-    /// Touching pairs that `Circumsphere` does not report: at most so many.
+    /// The most touching pairs that `Circumsphere` may miss.
     pub missed_by_caps: usize,
-    /// Times that two bodies touch and `Circumsphere` reports none of their touching pairs: at most so many.
+    /// The most times that two bodies may touch while `Circumsphere` reports none of their touching pairs.
     pub bodies_missed_by_caps: usize,
-    /// Pairs that `Circumsphere` reports although they are farther apart: at most so many.
+    /// The most pairs that `Circumsphere` may report although they are farther apart.
     pub false_by_caps: usize,
 }
 
 impl Tally {
-    /// Judges one tick of one method; fails where an exact method is wrong.
+    /// Judges one tick of one method. Fails if an exact method is wrong.
     #[track_caller]
     pub fn add(&mut self, method: ContactMethod, found: &Found, truth: &Truth, what: &str) {
         if method.is_exact() {
@@ -767,11 +767,11 @@ impl Tally {
         }
     }
 
-    /// Compares with what is stated about the case.
+    /// Compares with the stated facts about the case.
     #[track_caller]
     pub fn assert_as(&self, stated: Stated) {
         println!("{self:?}");
-        assert_eq!(self.refined.touching, stated.touching, "the case is another one than stated");
+        assert_eq!(self.refined.touching, stated.touching, "the case has changed");
         assert_eq!(self.balls.missed, 0, "a ball that contains its triangle misses nothing");
         let Verdict { missed, bodies_missed, false_pairs, .. } = self.caps;
         let found = [self.balls.false_pairs, missed, bodies_missed, false_pairs];

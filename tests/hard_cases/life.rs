@@ -1,4 +1,4 @@
-//! Bodies that break, jump, are hardly there or not there at all.
+//! Bodies that become invalid, teleport, barely exist, or do not exist at all.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{ContactStore, prelude::*};
@@ -23,7 +23,7 @@ fn three_bodies() -> Case {
 
 const VICTIM: usize = 2;
 
-/// What was found between the two that are not broken.
+/// The pairs found between the two intact bodies.
 fn between_others(found: &Found) -> Found {
     let mut found = found.clone();
     found.pairs.retain(|&(first, second), _| first != VICTIM && second != VICTIM);
@@ -57,7 +57,7 @@ fn nan_and_infinity_set_one_body_aside_until_it_is_whole_again() {
     }
 }
 
-/// Finite, but such that squares of its lengths are not: it stays in, and harms no one.
+/// Finite, but with lengths whose squares are not. The body takes part and does not affect the others.
 #[test]
 fn a_body_that_explodes_within_the_range_of_f32_harms_no_other() {
     let case = three_bodies();
@@ -72,7 +72,7 @@ fn a_body_that_explodes_within_the_range_of_f32_harms_no_other() {
                 run.deform(VICTIM, positions);
                 let found = run.tick();
                 between_others(&found).assert_same_bits(&between_others(&whole), &format!("{what}, {far:e}"));
-                // Beyond, not even f64 tells the contact distance next to the triangle's size.
+                // Beyond this, not even f64 resolves the contact distance next to the triangle's size.
                 if method.is_exact() && far <= 1.0e9 {
                     let verdict = judge(&found, &run.truth());
                     assert_eq!((verdict.missed, verdict.false_pairs), (0, 0), "{what}, {far:e}");
@@ -105,7 +105,7 @@ fn a_teleported_body_is_as_one_that_was_always_there() {
             run.app.world_mut().entity_mut(run.entities[1]).insert(Teleported);
             run.tick().assert_same_bits(&always(place), &what);
         }
-        // Not because nothing is remembered: without the component it has passed through the sheet.
+        // The past does matter: without the component, the ball has passed through the sheet.
         run.place(1, below);
         let passed = run.tick();
         if method.is_exact() {
@@ -113,7 +113,7 @@ fn a_teleported_body_is_as_one_that_was_always_there() {
             assert!(passed.deepest() < 0.0, "{what}: it has passed through");
         }
     }
-    // A shape that is new besides: spheres of the old one are not used.
+    // With a new shape as well, the spheres of the old one must not be used.
     let rod = |twist| circumsphere_support::scenes::twisted_rod(2.0, 0.4, 12, 2, twist);
     for broad_phase in BROAD_PHASES {
         let case = |twist| Case::new([sheet.clone(), Body::new(&rod(twist), THIN).at(at(0.1, 0.2, 0.0))]);
@@ -150,13 +150,13 @@ fn an_empty_world_has_no_contacts() {
         assert!(is_empty(&app));
         assert_eq!(app.world().resource::<ContactStore>().tick(), 3);
 
-        // Nothing but the neighbors, which the harness compares.
+        // Only the neighbors are left, which the harness compares.
         let found = Run::new(&Case::new([]), method, broad_phase).tick();
         assert!(found.pairs.is_empty());
     }
 }
 
-/// Pairs that cross in its plane are missed.
+/// Pairs that cross in the plane of the triangle are missed.
 const ONE_TRIANGLE: Stated =
     Stated { touching: 175, false_by_balls: 0, missed_by_caps: 24, bodies_missed_by_caps: 0, false_by_caps: 0 };
 

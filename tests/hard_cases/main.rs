@@ -1,4 +1,4 @@
-//! The hard cases of the design, each by every method and broad phase, against the f64 reference.
+//! The hard cases of the design, each with every method and broad phase, against the f64 reference.
 
 mod adjacency;
 mod alignment;

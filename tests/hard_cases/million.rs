@@ -7,22 +7,22 @@ use circumsphere_support::scenes::{Diagonals, grid, icosphere};
 
 use crate::harness::{BROAD_PHASES, Body, BroadPhase, Case, Found, Run, Stated, Tally, Truth, at, turned};
 
-/// Cells a side, each of length 0.1: 1,002,528 triangles.
+/// Cells per side, each of length 0.1: 1,002,528 triangles.
 const CELLS: usize = 708;
 const SIDE: f32 = 70.8;
 
 const THIN: f32 = 0.01;
 
-/// As of any ball on a sheet: balls and caps of triangles beside the lowest point bulge into it.
+/// As for any ball on a sheet, balls and caps of triangles beside the lowest point bulge into it.
 const MILLION: Stated =
     Stated { touching: 39, false_by_balls: 25, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 7 };
 
-/// What may be looked at: the triangles under the ball with those of the ball, and in the sheet itself the pairs of
-/// boxes that lie rim to rim. Not a share of the million squared.
+/// The most candidates: the triangles under the ball with those of the ball, and within the sheet the pairs of boxes
+/// that lie rim to rim. Their number must not grow with the square of a million.
 const MOST_CANDIDATES: usize = 1_499_796;
 
-/// Pairs of the flat sheet with itself that share no vertex and touch, by method. In truth none does; balls of triangles
-/// that lie two apart overlap.
+/// Pairs of the flat sheet with itself that share no vertex and are reported as touching, by method. In truth none
+/// touches, but balls of triangles two apart overlap.
 const FALSE_OF_ITSELF: [usize; 4] = [1_499_544, 0, 0, 0];
 
 #[test]
@@ -32,7 +32,7 @@ fn a_million_triangles_meet_a_small_body_only_where_it_is() {
     let place = at(12.34, 0.405, -20.56).with_rotation(turned(glam::Vec3::new(1.0, 0.2, 0.4), 0.3));
     let ball = Body::new(&icosphere(2, 0.4), THIN).at(place);
 
-    // The truth only around the ball: everything else is farther away than it reaches.
+    // The reference covers only the surroundings of the ball. Everything else is out of its reach.
     let is_near = |corner: &u32| {
         let [x, _, z] = sheet.positions[*corner as usize];
         (x - place.translation.x).abs() < 1.0 && (z - place.translation.z).abs() < 1.0
@@ -48,7 +48,7 @@ fn a_million_triangles_meet_a_small_body_only_where_it_is() {
     let mut tally = Tally::default();
     for (method, most_of_itself) in ContactMethod::ALL.into_iter().zip(FALSE_OF_ITSELF) {
         let [tree, brute_force, parry] = BROAD_PHASES.map(|broad_phase| {
-            // The sheet meets itself too where that is looked for by the tree: brute force would compare 5e11 boxes.
+            // Self-collision is tested only with the tree, because brute force would compare 5e11 boxes.
             let sheet = sheet.clone();
             let sheet = if broad_phase == BroadPhase::Tree { sheet.meeting_itself() } else { sheet };
             let mut run = Run::new(&Case::new([sheet, ball.clone()]), method, broad_phase);
@@ -69,7 +69,7 @@ fn a_million_triangles_meet_a_small_body_only_where_it_is() {
     tally.assert_as(MILLION);
 }
 
-/// What was found, with the sheet's triangles numbered as in the list around the ball.
+/// The results, with the sheet's triangles numbered as in the list around the ball.
 fn renumbered(mut found: Found, local: &[u32]) -> Found {
     let numbers: BTreeMap<u32, u32> = local.iter().copied().zip(0..).collect();
     let number = |triangle: &mut u32| *triangle = *numbers.get(triangle).expect("contacts are around the ball");

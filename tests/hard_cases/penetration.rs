@@ -1,4 +1,4 @@
-//! Bodies that are in each other already, or that pass through between two ticks.
+//! Bodies that already penetrate each other, or that pass through each other between two ticks.
 
 use bevy_circumsphere::ContactMethod;
 use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere};
@@ -8,8 +8,8 @@ use crate::harness::{Body, Case, Stated, Tally, at, loose_triangles, tick_all, t
 
 const THIN: f32 = 0.02;
 
-/// The failure that the method is known for: once the centers have passed each other, caps face away from each other.
-/// What is found are the rims of what sticks out, once of twelve nothing.
+/// A known failure of the method: once the centers have passed each other, caps face away from each other. The rims of
+/// the parts that stick out are found, and in one case of twelve nothing.
 const CENTERS_CROSSED: Stated =
     Stated { touching: 6564, false_by_balls: 9701, missed_by_caps: 4736, bodies_missed_by_caps: 1, false_by_caps: 611 };
 
@@ -19,7 +19,7 @@ fn bodies_whose_centers_have_passed_each_other_are_in_contact() {
     let solids = [icosphere(2, 0.5), cuboid([0.5, 0.4, 0.3], 3)];
     for first in &solids {
         for second in &solids {
-            // Coming from the right, the second one's center is on the left already.
+            // The second body comes from the right, and its center is already on the left.
             for depth in [0.05, 0.2, 0.45] {
                 let place = at(-depth, 0.03, 0.05).with_rotation(turned(Vec3::new(1.0, 0.5, 0.2), 0.4));
                 let case = Case::new([Body::new(first, THIN), Body::new(second, THIN).at(place)]);
@@ -37,7 +37,7 @@ fn bodies_whose_centers_have_passed_each_other_are_in_contact() {
     tally.assert_as(CENTERS_CROSSED);
 }
 
-/// Exactly what it gives from the front; what is beside the lowest point of the ball has its centers at a slant.
+/// The same as from the front. Triangles beside the lowest point of the ball have their centers at an angle.
 const FROM_BEHIND: Stated =
     Stated { touching: 370, false_by_balls: 296, missed_by_caps: 119, bodies_missed_by_caps: 0, false_by_caps: 80 };
 
@@ -46,7 +46,7 @@ fn a_sheet_is_hit_from_behind_as_from_the_front() {
     let sheet = Body::new(&grid(6, 6, 2.0, 2.0, Diagonals::Uniform), THIN);
     let mut tally = Tally::default();
     for height in [0.51, 0.45, 0.2] {
-        // No vertex of the ball lies in the plane, so that up and down are the same but for the sign.
+        // No vertex of the ball lies in the plane, so up and down differ only in sign.
         let judge = |side: f32| {
             let place = at(0.1, side * height, 0.2).with_scale(Vec3::new(1.0, side, 1.0));
             Case::new([sheet.clone(), Body::new(&icosphere(2, 0.5), THIN).at(place)]).judge("sheet")
@@ -59,7 +59,7 @@ fn a_sheet_is_hit_from_behind_as_from_the_front() {
     tally.assert_as(FROM_BEHIND);
 }
 
-/// A lone triangle is met from any side, because it is all rim.
+/// A single triangle is all rim, so it is met from any side.
 const MID_FACE: Stated =
     Stated { touching: 12, false_by_balls: 0, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 0 };
 
@@ -82,11 +82,11 @@ fn large_triangles_that_pierce_each_other_mid_face_touch() {
     tally.assert_as(MID_FACE);
 }
 
-/// Where the ball's center is about the sheet's plane, most of its caps face away from it.
+/// Where the ball's center is near the plane of the sheet, most of its caps face away from it.
 const FAST: Stated =
     Stated { touching: 1293, false_by_balls: 1013, missed_by_caps: 430, bodies_missed_by_caps: 0, false_by_caps: 314 };
 
-/// Passes of a small ball through a sheet at `speed` a tick: all of them, and those in which it touches at no tick.
+/// Passes of a small ball through a sheet at `speed` per tick: all of them, and those in which it touches in no tick.
 fn passes(speed: f32, tally: &mut Tally) -> (usize, usize) {
     let sheet = Body::new(&grid(4, 4, 1.0, 1.0, Diagonals::Uniform), 0.005);
     let case = Case::new([sheet, Body::new(&icosphere(1, 0.05), 0.005)]).with_neighbors_at(at(0.6, 0.0, 0.0));
@@ -110,13 +110,13 @@ fn passes(speed: f32, tally: &mut Tally) -> (usize, usize) {
     (phases, unseen)
 }
 
-/// Detection looks at single ticks, swept collision is no stage of the pipeline yet: a body that is on one side at one
-/// tick and on the other at the next is in no contact at either, and tunnels. What is claimed: in every tick in which it
-/// does touch it is in contact, however fast it comes.
+/// Detection tests single ticks, and swept collision is not part of these runs. A body on one side in one tick and on
+/// the other in the next has no contact in either tick and tunnels. The claim: in every tick in which it does touch, it
+/// has a contact, however fast it moves.
 #[test]
 fn a_fast_small_body_is_in_contact_in_every_tick_in_which_it_touches() {
     let mut tally = Tally::default();
-    // Ball and contact distance together are 0.12 across: what is slower touches at some tick of each pass.
+    // Ball and contact distance together are 0.12 across. A slower ball touches in some tick of each pass.
     for (speed, expected) in [(0.02, 0), (0.1, 0), (0.3, 3), (1.0, 3)] {
         let (passes, unseen) = passes(speed, &mut tally);
         println!("{speed} a tick: {unseen} of {passes} passes touch at no tick");

@@ -1,4 +1,4 @@
-//! Sizes and places at which single precision hurts.
+//! Sizes and places that strain single precision.
 
 use bevy_transform::components::Transform;
 use circumsphere_support::scenes::{Diagonals, Mesh, cuboid, grid, icosphere, torus};
@@ -8,8 +8,8 @@ use crate::harness::{Body, Case, Stated, Tally, at, turned};
 
 const THIN: f32 = 0.02;
 
-/// A large triangle's sphere is a plane to the small body, whose side faces are turned away from it. Balls of the large
-/// triangles contain everything near.
+/// To the small body, a large triangle's sphere is a plane, and the body's side faces are turned away from it. Balls of
+/// the large triangles contain everything near them.
 const THOUSAND_TO_ONE: Stated =
     Stated { touching: 340, false_by_balls: 2862, missed_by_caps: 6, bodies_missed_by_caps: 0, false_by_caps: 262 };
 
@@ -31,7 +31,7 @@ fn bodies_a_thousand_times_each_others_size_touch() {
     tally.assert_as(THOUSAND_TO_ONE);
 }
 
-/// Two rings through each other, a ball on one of them.
+/// Two linked rings, and a ball on one of them.
 fn rings() -> [(Mesh, Transform); 3] {
     let ring = torus(0.5, 0.15, 24, 12);
     [
@@ -43,7 +43,7 @@ fn rings() -> [(Mesh, Transform); 3] {
 
 const FAR: [f32; 3] = [1.0e4, 1.0e5, 1.0e6];
 
-/// What the same rings give at the origin, give or take what rounding of their translations moves them by.
+/// About the same counts as for the rings at the origin, apart from the rounding of their translations.
 const FAR_POSES: Stated =
     Stated { touching: 2433, false_by_balls: 12_909, missed_by_caps: 2, bodies_missed_by_caps: 0, false_by_caps: 1004 };
 
@@ -54,13 +54,13 @@ fn poses_a_million_sizes_from_the_origin_cost_no_precision() {
         for direction in [Vec3::X, Vec3::new(-1.0, 1.0, -1.0), Vec3::new(0.3, -0.7, 0.1)] {
             let far_away = Transform::from_translation(direction * far);
             let turned_away = far_away.with_rotation(turned(Vec3::new(0.2, 1.0, 0.5), 2.0));
-            // Each on its own: translations are rounded to f32 there, but the truth rounds them too.
+            // Placed individually: f32 rounds translations there, and the reference uses the same rounded translations.
             let own = rings().map(|(mesh, place)| {
                 let translation = far_away.translation + place.translation;
                 Body::new(&mesh, THIN).at(Transform { translation, ..place })
             });
             tally += Case::new(own).judge(&format!("{far:e} along {direction}"));
-            // Under a parent that is far away, and turned besides.
+            // Under a parent that is far away and rotated.
             let children = rings().map(|(mesh, place)| Body::new(&mesh, THIN).at(place).under(turned_away));
             tally += Case::new(children).judge(&format!("{far:e} along {direction}, children"));
         }
@@ -68,11 +68,11 @@ fn poses_a_million_sizes_from_the_origin_cost_no_precision() {
     tally.assert_as(FAR_POSES);
 }
 
-/// At 1e6 the ball's vertices are rounded to sixteenths: many triangles are crumpled or without area.
+/// At 1e6, the ball's vertices are rounded to sixteenths. Many triangles are crumpled or without area.
 const FAR_POSITIONS: Stated =
     Stated { touching: 400, false_by_balls: 4944, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 1718 };
 
-/// The vertices themselves are far away, in both surfaces alike: they are what f32 leaves of them, and taken as exact.
+/// The vertices themselves are far away in both surfaces. Their rounded f32 values count as exact.
 #[test]
 fn positions_far_from_the_origin_are_taken_as_they_are_stored() {
     let mut tally = Tally::default();
@@ -85,17 +85,17 @@ fn positions_far_from_the_origin_are_taken_as_they_are_stored() {
     tally.assert_as(FAR_POSITIONS);
 }
 
-/// Balls on a sheet, at three distances. Spheres are rounded in the frame of the pair, by 1e-3 at the farthest.
+/// Balls on a sheet at three distances. Spheres are rounded in the frame of the pair, by up to 1e-3 at the farthest.
 const FAR_FROM_OWN_ORIGIN: Stated =
     Stated { touching: 2091, false_by_balls: 4047, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 711 };
 
-/// A mesh that stands where it does by its positions, against one that does so by its pose: one of them is brought
-/// into the other's frame, where f32 is coarse.
+/// A mesh placed by its positions against one placed by its pose. One of them is transformed into the other's frame,
+/// where f32 is coarse.
 #[test]
 fn positions_far_from_their_own_origin_cost_no_precision() {
     let judge = |far: f32| {
         let sheet = grid(16, 16, 4.0, 4.0, Diagonals::Uniform).translate([far, 0.0, -far]);
-        // The sheet has more triangles and gives the frame; then the ball does.
+        // The sheet has more triangles and provides the frame first; then the ball does.
         let mut tally = Tally::default();
         for (level, height) in [(1, 0.5), (1, 0.53), (1, 0.55), (1, 0.58), (3, 0.53)] {
             let place = at(0.1, height, 0.2).with_rotation(turned(Vec3::Z, f64::from(height)));
@@ -110,13 +110,13 @@ fn positions_far_from_their_own_origin_cost_no_precision() {
         tally += judge(far);
     }
     tally.assert_as(FAR_FROM_OWN_ORIGIN);
-    // Spheres are kept in f32: where their rounding exceeds the contact distance, only the exact methods hold.
+    // Spheres are stored in f32. Where their rounding exceeds the contact distance, only the exact methods hold.
     for far in [1.0e5, 1.0e6] {
         assert!(judge(far).refined.touching > 50);
     }
 }
 
-/// What the rings give at any size, twice: rings that cross at right angles touch at their sides.
+/// Twice the counts of the rings at any size. Rings that cross at right angles touch at their sides.
 const LENGTHS: Stated =
     Stated { touching: 226, false_by_balls: 1442, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 95 };
 
@@ -140,12 +140,13 @@ fn lengths_from_a_millionth_to_a_million_touch_alike() {
     tally.assert_as(LENGTHS);
 }
 
-/// What the rings give at any size, ten times. Where squares of lengths do not fit, curvature is 0 and spheres are larger.
+/// Ten times the counts of the rings at any size. Where squares of lengths do not fit, curvature is 0 and spheres are
+/// larger.
 const EXTREMES: Stated =
     Stated { touching: 1130, false_by_balls: 7210, missed_by_caps: 0, bodies_missed_by_caps: 0, false_by_caps: 448 };
 
-/// Squares of such lengths leave the range of f32. Curvature and sphere overlap are computed from them all the same:
-/// caps are coarser at the ends, never anything but numbers.
+/// Squares of such lengths leave the range of f32. Curvature and sphere overlap still use them: caps are coarser at the
+/// extremes, but always finite.
 #[test]
 fn lengths_at_the_ends_of_single_precision_touch_alike() {
     let mut tally = Tally::default();

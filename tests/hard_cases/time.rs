@@ -1,4 +1,4 @@
-//! What must hold from tick to tick: rest, sliding, stale spheres, and thresholds that noise crosses.
+//! What must hold from tick to tick: rest, sliding, stale spheres, and noise at thresholds.
 
 use std::collections::{BTreeSet, VecDeque};
 
@@ -13,13 +13,13 @@ use crate::harness::{
 
 const THIN: f32 = 0.05;
 
-/// How much of two sets is not common to both, 0 to 1.
+/// The share of two sets that is not common to both, from 0 to 1.
 fn churn<T: Ord>(one: &BTreeSet<T>, other: &BTreeSet<T>) -> f64 {
     let union = one.union(other).count();
     if union == 0 { 0.0 } else { 1.0 - one.intersection(other).count() as f64 / union as f64 }
 }
 
-/// Some points, each coordinate moved by up to `units` units in the last place.
+/// Points with each coordinate moved by up to `units` units in the last place.
 fn trembling(points: &[Vec3], units: u32, random: &mut Random) -> Vec<Vec3> {
     let mut tremble = |coordinate: f32| {
         let step = random.below(2 * units as usize + 1) as u32;
@@ -30,15 +30,15 @@ fn trembling(points: &[Vec3], units: u32, random: &mut Random) -> Vec<Vec3> {
 
 const RESTING_TICKS: usize = 10_000;
 
-/// After so many ticks the noise comes again, bit by bit.
+/// The noise repeats bit by bit after this number of ticks.
 const NOISE_PERIOD: usize = 125;
 
-/// Churn of the touching pairs from tick to tick, by method: each of them lies on the threshold, and noise throws a
-/// coin for it. (Of fair coins two throws are both heads in a quarter and both tails in a quarter: a churn of 2/3.)
+/// Churn of the touching pairs from tick to tick, by method. Each pair lies on the threshold, and noise decides like a
+/// coin toss. (Two fair tosses are both heads in a quarter and both tails in a quarter of cases: a churn of 2/3.)
 const RESTING_CHURNS: [f64; 5] = [0.377, 0.469, 0.541, 0.541, 0.541];
 
-/// Churn of the reported contacts where the margin keeps them from the threshold: between features that are equally
-/// near, rounding decides.
+/// Churn of the reported contacts when the margin keeps them from the threshold. Rounding decides between features that
+/// are equally near.
 const RESTING_CHURN_WITH_MARGIN: f64 = 0.0;
 
 struct Rest {
@@ -47,13 +47,13 @@ struct Rest {
     contact_churn: f64,
 }
 
-/// A box held over a sheet at exactly the contact distance, by a few units in the last place more or less.
+/// A box held above a sheet at exactly the contact distance, give or take a few units in the last place.
 fn rest(method: ContactMethod, broad_phase: BroadPhase, margin: f32) -> Rest {
     let sheet = Body::new(&grid(2, 2, 1.0, 1.0, Diagonals::Uniform), THIN);
     let block = Body::new(&cuboid([0.2; 3], 1).translate([0.03, 0.3, 0.01]), THIN);
     let lowest = block.positions.iter().map(|point| point.y).fold(f32::INFINITY, f32::min);
     let contact_distance = THIN + THIN;
-    // Put exactly onto the threshold.
+    // Placed exactly on the threshold.
     let held: Vec<Vec3> = block.positions.iter().map(|point| *point + Vec3::Y * (contact_distance - lowest)).collect();
     let settled: Vec<Vec3> =
         held.iter().map(|point| if point.y < 0.2 { point.with_y(contact_distance) } else { *point }).collect();
@@ -71,7 +71,7 @@ fn rest(method: ContactMethod, broad_phase: BroadPhase, margin: f32) -> Rest {
         run.deform(1, positions.clone());
         let found = run.tick();
         if method.is_exact() && found.contacts() > 0 {
-            // The nearest of the vertices is what all contacts are measured by; the sheet lies in the plane y = 0.
+            // The deepest contact has the distance of the lowest vertex, because the sheet lies in the plane y = 0.
             let lowest = positions.iter().map(|point| point.y).fold(f32::INFINITY, f32::min);
             assert!((found.deepest() - lowest).abs() <= f32::EPSILON * lowest, "{} over {lowest}", found.deepest());
         }
@@ -80,8 +80,8 @@ fn rest(method: ContactMethod, broad_phase: BroadPhase, margin: f32) -> Rest {
             contacts_churned += churn(&found.contact_keys(), &last.contact_keys());
         }
         if period.len() == NOISE_PERIOD {
-            let before = period.pop_front().expect("it is full");
-            found.assert_same_bits(&before, "a state of the past makes other contacts than then: they drift");
+            let before = period.pop_front().expect("the period is full");
+            found.assert_same_bits(&before, "contacts drift: a repeated state gives different ones");
         }
         period.push_back(found);
     }
@@ -108,7 +108,7 @@ fn a_margin_keeps_resting_contacts_from_the_threshold() {
     assert!(contact_churn <= RESTING_CHURN_WITH_MARGIN, "churn {contact_churn}");
 }
 
-/// Triangles about the ball's lowest point; those beside it are at a slant and missed, large caps beside it are false.
+/// Triangles near the ball's lowest point. Those beside it are at an angle and missed. Large caps beside it are false.
 const SLIDING: Stated = Stated {
     touching: 17_745,
     false_by_balls: 19_973,
@@ -117,8 +117,9 @@ const SLIDING: Stated = Stated {
     false_by_caps: 5246,
 };
 
-/// How much the deepest distance changes while the ball stays at one height, by method: spheres come and go under it.
-/// The exact methods may not show the inner edges at all, but for the rounding of positions near the ball's height.
+/// How much the deepest distance changes while the ball stays at one height, by method. Spheres appear and disappear
+/// below it. Inner edges must not affect the exact methods at all, apart from the rounding of positions near the ball's
+/// height.
 const SLIDING_SWINGS: [f32; 4] = [0.034, 4.0 * f32::EPSILON, 4.0 * f32::EPSILON, 4.0 * f32::EPSILON];
 
 #[test]
@@ -130,7 +131,7 @@ fn a_ball_that_slides_over_inner_edges_neither_loses_contact_nor_height() {
     let mut tally = Tally::default();
     let mut ranges = [(f32::INFINITY, f32::NEG_INFINITY); 4];
     for tick in 0..150 {
-        // Across cells, diagonals and vertices, with the lowest vertex at half the contact distance.
+        // Across cells, diagonals, and vertices, with the lowest vertex at half the contact distance.
         let way = STEP * (tick as f32 - 75.0);
         for run in &mut runs {
             run.place(1, at(way, 0.55, 0.61 * way + 0.003));
@@ -138,7 +139,7 @@ fn a_ball_that_slides_over_inner_edges_neither_loses_contact_nor_height() {
         let (judged, found) = tick_all(&mut runs, &format!("tick {tick}"));
         tally += judged;
         for ((found, range), method) in found.iter().zip(&mut ranges).zip(ContactMethod::ALL) {
-            assert!(found.touching() > 0 && found.contacts() > 0, "{method:?} has lost contact in tick {tick}");
+            assert!(found.touching() > 0 && found.contacts() > 0, "{method:?} lost contact in tick {tick}");
             *range = (range.0.min(found.deepest()), range.1.max(found.deepest()));
         }
     }
@@ -150,11 +151,11 @@ fn a_ball_that_slides_over_inner_edges_neither_loses_contact_nor_height() {
     tally.assert_as(SLIDING);
 }
 
-/// Spheres of a rod that was twisted in one tick by up to 15 radians, almost none of them refreshed below that.
+/// Spheres of a rod that was twisted by up to 15 radians in one tick. Below that, almost none of them are refreshed.
 const STALE: Stated =
     Stated { touching: 1773, false_by_balls: 9316, missed_by_caps: 126, bodies_missed_by_caps: 0, false_by_caps: 3654 };
 
-/// The same with every sphere made anew: what staleness costs is the difference.
+/// The same with every sphere made anew. The difference is the cost of staleness.
 const REFRESHED: Stated =
     Stated { touching: 1773, false_by_balls: 9316, missed_by_caps: 188, bodies_missed_by_caps: 0, false_by_caps: 3547 };
 
@@ -195,7 +196,7 @@ fn stale_spheres_contain_their_triangles_after_a_sudden_twist() {
     fresh.assert_as(REFRESHED);
 }
 
-/// To the last bit: radii are lengthened by more than rounding takes.
+/// To the last bit, because radii are enlarged by more than rounding.
 fn assert_spheres_contain_triangles(run: &Run, body: usize, twist: f32) {
     let spheres = &run.app.world().get::<Circumspheres>(run.entities[body]).expect("a surface has spheres");
     let body = &run.bodies[body];
@@ -208,14 +209,14 @@ fn assert_spheres_contain_triangles(run: &Run, body: usize, twist: f32) {
     }
 }
 
-/// How often in a thousand ticks of noise `Circumsphere` changes its mind about a pair at the boundary of a cone.
+/// How often in a thousand ticks of noise `Circumsphere` changes its result for a pair at the boundary of a cone.
 const CONE_FLIPS: usize = 351;
 
-/// Starts and ends that it announces meanwhile: one for each change of mind, because hysteresis holds distances and not
+/// The start and end events during that time: one for each change, because hysteresis applies to distances, not
 /// directions.
 const CONE_EVENTS: usize = 351;
 
-/// A triangle standing on its corner over a lying one, leaning by `angle` from parallel.
+/// A triangle standing on its corner above a horizontal one, tilted by `angle` from parallel.
 fn leaning(angle: f32) -> [Body; 2] {
     let triangle = |turn: glam::Quat| {
         let corners = [Vec3::new(0.5, 0.0, -0.3), Vec3::new(-0.5, 0.0, -0.3), Vec3::new(0.02, 0.0, 0.57)];
@@ -233,7 +234,8 @@ fn leaning(angle: f32) -> [Body; 2] {
 #[test]
 fn noise_at_the_boundary_of_a_cone_makes_circumsphere_flicker_and_no_other_method() {
     let far = at(3.0, 0.0, 0.0);
-    // The test of the source paper. Widened cones hold every direction from which the rim of a lone triangle is met.
+    // The cone test of the source paper. Widened cones contain every direction in which the rim of a single triangle is
+    // met.
     let settings =
         CircumsphereSettings { sphere_offset: 1.0, widen_cones: false, plane_cull: false, ..Default::default() };
     let touches = |angle: f32| {

@@ -1,4 +1,4 @@
-//! What is remembered of pairs is less than the truth in f64, and no pair is missing.
+//! Lists of near pairs against the f64 reference: no bound exceeds a distance, and no pair is missing.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -31,7 +31,7 @@ fn meshes() -> [(&'static str, Mesh, f32); 3] {
     [("sheet", crumpled_sheet(600, 0.0), 0.4), ("soup", soup, 0.05), ("slivers", ragged_slivers(2), 0.05)]
 }
 
-/// What a limit lets pass.
+/// The pairs that pass a limit.
 fn near(pairs: &BoundedPairs, limit: f32) -> Vec<[u32; 2]> {
     let mut near = Vec::new();
     pairs.append_near(limit, &mut near, &mut Vec::new());
@@ -54,7 +54,7 @@ fn a_list_has_every_pair_within_the_skin_and_bounds_no_greater_than_the_distance
                 planes_only: false,
             };
             let (mut pairs, leaves) = (BoundedPairs::default(), a.tree.leaf_count());
-            // Cut anywhere, the parts make the whole.
+            // Two parts of the list, cut at any leaf, make up the whole.
             for leaves in [0..leaves / 3, leaves / 3..leaves] {
                 let mut part = BoundedPairs::default();
                 if is_self {
@@ -79,7 +79,7 @@ fn a_list_has_every_pair_within_the_skin_and_bounds_no_greater_than_the_distance
                     let distance = triangle_distance(&a.corners(first), &other.corners(second));
                     let is_listed = listed.contains_key(&[first, second]);
                     if distance <= f64::from(range) {
-                        assert!(examined.contains(&[first, second]), "{name}: {first} and {second} are passed over");
+                        assert!(examined.contains(&[first, second]), "{name}: {first} and {second} are not examined");
                         within += 1;
                     } else if distance <= f64::from(range + skin) {
                         assert!(is_listed, "{name}: {first} and {second}, {distance} apart, are not listed");
@@ -88,7 +88,7 @@ fn a_list_has_every_pair_within_the_skin_and_bounds_no_greater_than_the_distance
                     passed_over += usize::from(is_listed && !examined.contains(&[first, second]));
                 }
             }
-            // Every bound, found by the limits that let its pair pass.
+            // The largest limit that each pair does not pass must not exceed its distance.
             for step in 0..40 {
                 let limit = (range + skin) * step as f32 / 40.0;
                 for [first, second] in pairs.pairs().filter(|pair| !near(&pairs, limit).contains(pair)).take(50) {
@@ -139,13 +139,14 @@ fn lower_bounds_of_the_exact_test_are_the_distances_within_the_range_and_beyond(
             let (mut beyond, mut close) = (0, 0);
             for (&[a, b], &bound) in all.iter().zip(&found.lower_bounds) {
                 let distance = triangle_distance(&surface.corners(a), &surface.corners(b));
-                // A unit in the last place of f32, twice; the truth itself is off by 1e-13 of the mesh's extent.
+                // Two units in the last place of f32. The reference itself is off by 1e-13 of the mesh's extent.
                 assert!(f64::from(bound) <= distance + 1.0e-11, "{name}: {a} and {b}: {bound}, {distance}");
                 beyond += usize::from(distance > range);
                 close += usize::from(distance > range && f64::from(bound) > distance * (1.0 - 1.0e-6));
             }
             println!("{name}: {close} of {beyond}");
-            // All but those that the screen cannot tell from crossing ones, and looks at alone only near the range.
+            // All except those that the screen cannot tell from crossing pairs, which are examined individually only
+            // near the range.
             assert!(beyond > 10_000 && close * 100 > beyond * 95, "{name}: {close} of {beyond}");
         }
     }
@@ -153,7 +154,7 @@ fn lower_bounds_of_the_exact_test_are_the_distances_within_the_range_and_beyond(
 
 #[test]
 fn a_closer_look_raises_bounds_of_pairs_that_are_apart_and_none_above_the_distance() {
-    // In the unit of the range; the last ones are too small or too large for squares in f32.
+    // Lengths are in units of the range. The squares of the last sizes overflow or underflow in f32.
     let sizes = [(1.0, Vec3::ZERO), (1.0, Vec3::new(300.0, -20.0, 5.0)), (1.0e-10, Vec3::ZERO), (1.0e8, Vec3::ZERO)];
     let extremes = [(1.0e-22, Vec3::ZERO), (1.0e18, Vec3::ZERO)];
     for (name, mesh, range) in meshes() {
@@ -163,13 +164,13 @@ fn a_closer_look_raises_bounds_of_pairs_that_are_apart_and_none_above_the_distan
             let (surface, range) = (Surface::of_mesh(&mesh, range * size), range * size);
             let count = surface.topology.triangles().len() as u32;
             let distance = |[a, b]: [u32; 2]| triangle_distance(&surface.corners(a), &surface.corners(b));
-            // All those within twice the range, and some of the others.
+            // All pairs within twice the range, and some of the others.
             let is_requested =
                 |pair: &[u32; 2]| (pair[0] + pair[1]).is_multiple_of(16) || distance(*pair) <= 2.0 * f64::from(range);
             let all: Vec<[u32; 2]> = (0..count).flat_map(|a| (a + 1..count).map(move |b| [a, b])).collect();
             let all: Vec<[u32; 2]> = all.into_iter().filter(is_requested).collect();
             let [firsts, seconds] = [0, 1].map(|side: usize| all.iter().map(|pair| pair[side]).collect::<Vec<u32>>());
-            // Some are asked about, others are below, above, or no number.
+            // Some bounds are refined; others are below the motion, above the limit, or NaN.
             let (motion, passed, limit) = (0.25 * range, 0.75 * range, 1.25 * range);
             let bounds = [range, passed, limit, range, 1.5 * range, f32::NAN, range, 0.0];
             let before: Vec<f32> = (0..all.len()).map(|place| bounds[place % bounds.len()]).collect();
@@ -194,7 +195,7 @@ fn a_closer_look_raises_bounds_of_pairs_that_are_apart_and_none_above_the_distan
                 raised += usize::from(!is_near);
                 apart += usize::from(is_apart);
             }
-            // Whatever limit is asked for, bounds are less than the distances.
+            // Bounds stay below the distances for every limit.
             for step in 1..12 {
                 let limit = limit * (1.0 + 0.5 * step as f32);
                 let now = near_at(limit);
@@ -219,7 +220,7 @@ fn what_is_learned_goes_to_the_pairs_that_were_near_and_lasts_as_long_as_the_mot
     let truth: Vec<f32> = (0..count).map(|_| random.unit() as f32 * 2.0).collect();
     let (firsts, seconds): (Vec<u32>, Vec<u32>) = ((0..count).collect(), (count..2 * count).collect());
     let mut pairs = BoundedPairs::default();
-    // Bounds that say little, and one that is no number.
+    // Loose bounds, and one NaN.
     let bounds: Vec<f32> =
         truth.iter().enumerate().map(|(place, truth)| if place == 7 { f32::NAN } else { 0.7 * truth }).collect();
     pairs.extend_from_slices(&firsts, &seconds, &bounds);
@@ -234,7 +235,7 @@ fn what_is_learned_goes_to_the_pairs_that_were_near_and_lasts_as_long_as_the_mot
         assert!(places.iter().map(|&place| place as usize).eq(expected.iter().copied()));
         assert!(found.iter().map(|pair| pair[0] as usize).eq(expected.iter().copied()));
         assert!(found.iter().all(|pair| pair[1] == pair[0] + count));
-        // One too few teaches nothing.
+        // A list that is one bound too short is ignored.
         pairs.learn(&places, motion, &vec![9.0; found.len() - 1]);
         assert_eq!(near(&pairs, limit), found);
         let distances: Vec<f32> = expected.iter().map(|&place| (truth[place] - motion).max(0.0)).collect();
@@ -272,13 +273,14 @@ fn no_distance_changes_by_more_than_the_relative_motion_which_common_motion_does
                 }
             }
             assert!(largest <= most, "{largest} {most}");
-            // Of vertices that move anywhere some move against each other; coordinates of the common motion are rounded.
+            // Vertices that move in different directions move relative to each other. The common motion rounds
+            // coordinates.
             assert!(most < 2.0 * largest + f64::from(32.0 * f32::EPSILON * (common + size)), "{largest} {most}");
         }
     }
     assert!(Motion::UNKNOWN.relative(&Motion::REST).is_infinite());
     assert_eq!(Motion::REST.relative(&Motion::REST), 0.0);
-    // Squares that leave f32.
+    // Lengths whose squares overflow or underflow in f32.
     for length in [1.0e-25, 1.0e25] {
         let moved = Motion::between(&[Vec3::ZERO, Vec3::ZERO], &[Vec3::splat(length), Vec3::ZERO]);
         assert!(moved.relative(&moved) >= f64::from(length), "{length}");

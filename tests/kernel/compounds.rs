@@ -1,4 +1,4 @@
-//! Triangles against unions of shapes: brute force over the union.
+//! Triangles against unions of shapes, compared with brute force over the union.
 
 use bevy_circumsphere::kernel::{
     exact::rigid_shape::{ShapeError, ShapeGeometry},
@@ -33,7 +33,7 @@ impl Block {
         (pose, SharedShape::cuboid(half.x, half.y, half.z))
     }
 
-    /// Points all over its surface.
+    /// Points spread over the whole surface.
     fn surface(&self, steps: i32) -> impl Iterator<Item = DVec3> {
         let block = *self;
         (0..6).flat_map(move |side| {
@@ -86,7 +86,7 @@ fn vertices_in_a_union_are_led_to_the_nearest_point_outside() {
                     found.iter().filter(|p| p.feature == Feature::Vertex(vertex as u8) && p.distance < 0.0).collect();
                 let nearest = boundary.iter().map(|point| point.distance(corner)).fold(f64::INFINITY, f64::min);
                 let depth = own.iter().map(|p| -p.distance).fold(f64::INFINITY, f64::min);
-                // No way out that was sampled is shorter; and each that is told ends outside, so none is too short.
+                // No sampled way out is shorter, and every reported one ends outside, so none is too short.
                 let depths = blocks.map(|block| block.signed(corner));
                 assert!(depth <= nearest + 1.0e-5, "{depth} {nearest} {depths:?} {own:?}");
                 for proximity in own {
@@ -99,7 +99,7 @@ fn vertices_in_a_union_are_led_to_the_nearest_point_outside() {
             }
             for proximity in &found {
                 assert_well_formed(&triangle, proximity);
-                // The way out of the union may lead down onto a plane of the other part, where the two meet.
+                // The way out of the union may end on a plane of the other part where the two meet.
                 let past = proximity.shape_point + proximity.normal * 3.0e-5;
                 let led = if proximity.distance <= 0.0 { proximity.shape_point } else { past };
                 assert!(union(&blocks, led) >= -1.0e-5, "leads into a part: {proximity:?}");
@@ -159,7 +159,7 @@ fn nothing_pushes_sideways_at_the_seam_of_two_boxes() {
     let mut random = Random::new(63);
     let mut seen = 0;
     for index in 0..6_000 {
-        // Side by side, overlapping, or apart by the rounding of their poses.
+        // Side by side, overlapping, or separated by the rounding of their poses.
         let overlap = [0.0, 0.1, -1.0e-7, 1.0e-7][index % 4];
         let boxes = [-1.0f32, 1.0].map(|side| {
             let pose = Pose::from_translation(Vec3::new(side * (1.0 - overlap), -0.5, 0.0));
@@ -254,7 +254,8 @@ fn vertices_among_many_overlapping_parts_are_led_out_of_all_of_them() {
                 }
                 inside += 1;
                 assert!(least < 0.0, "{corner} {found:?}");
-                // Of a triangle in a ball or a capsule the point closest to the axis is told, not each vertex.
+                // In a ball or a capsule, the contact is the triangle's point closest to the axis instead of each
+                // vertex.
                 let is_in = |(pose, shape): &(Pose, SharedShape)| {
                     let local = pose.rotation.as_dquat().normalize().inverse() * (corner - pose.translation.as_dvec3());
                     let has_corners = shape.as_ball().is_none() && shape.as_capsule().is_none();

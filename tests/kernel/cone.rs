@@ -1,4 +1,4 @@
-//! The cone test: what the sphere stages find, and the geometry of a contact of two caps.
+//! The cone test: pairs that the sphere stages find, and the geometry of a contact of two caps.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -45,7 +45,7 @@ fn settings(reach: f32, same_surface: bool) -> PairSettings {
     }
 }
 
-/// A surface with its spheres and cones in its own frame.
+/// A surface with its spheres and cones, in its own frame.
 struct Body {
     topology: SurfaceTopology,
     positions: Vec<Vec3>,
@@ -54,8 +54,8 @@ struct Body {
 }
 
 impl Body {
-    /// `crease_clamp`: whether the spheres know the dihedral angles. Curvature is left out of them on purpose: it
-    /// would lower the spheres near creases by itself.
+    /// `crease_clamp`: whether the spheres know the dihedral angles. Curvature is omitted on purpose, because it would
+    /// lower the spheres near creases by itself.
     fn new(mesh: &Mesh, positions: Vec<Vec3>, crease_clamp: bool, phi: f32) -> Self {
         let topology = SurfaceTopology::new(&positions, &mesh.triangles).expect("the mesh is valid");
         let mut measured = Curvatures::default();
@@ -91,7 +91,7 @@ fn meeting(a: &Body, b: &Body) -> (Vec<[u32; 2]>, Vec<[u32; 2]>, FoundPairs) {
     (candidates, meeting, found)
 }
 
-/// A box turned by `turn` with its lowest point half the reach above the origin's plane, somewhere over the sheet.
+/// A box rotated by `turn`, somewhere over the sheet, whose lowest point is half the reach above the plane.
 fn box_over_plane(mesh: &Mesh, turn: DQuat, random: &mut Random) -> Vec<Vec3> {
     let turned: Vec<DVec3> = positions(mesh).iter().map(|point| turn * point.as_dvec3()).collect();
     let lowest = turned.iter().map(|point| point.y).fold(f64::INFINITY, f64::min);
@@ -99,11 +99,11 @@ fn box_over_plane(mesh: &Mesh, turn: DQuat, random: &mut Random) -> Vec<Vec3> {
     turned.iter().map(|&point| (point + shift).as_vec3()).collect()
 }
 
-/// How many of the orientations are found with and without the crease clamp.
+/// How many orientations are found with and without the crease clamp.
 fn found_over_plane(turns: &[DQuat], subdivisions: usize, phi: f32, random: &mut Random) -> [usize; 2] {
     let mesh = cuboid([0.5; 3], subdivisions);
     let sheet = grid(20, 20, 4.0, 4.0, Diagonals::Alternating);
-    // Flat: no crease to clamp at.
+    // A flat sheet has no creases to clamp at.
     let plane = Body::new(&sheet, positions(&sheet), true, phi);
     let mut found = [0; 2];
     for &turn in turns {
@@ -120,9 +120,9 @@ fn found_over_plane(turns: &[DQuat], subdivisions: usize, phi: f32, random: &mut
     found
 }
 
-/// What the clamp promises and what it does not: it closes the gap between the *directions* of neighboring cones, but
-/// neighboring lines start from different centers. With spheres not deeper than the triangles' radii (`sphere_offset` up to 1)
-/// nothing is missed; with narrow cones (5) few are, where without it most would be.
+/// The guarantee of the clamp and its limit: it closes the gap between the *directions* of neighboring cones, but
+/// neighboring lines start from different centers. With spheres no deeper than the triangles' radii (`sphere_offset` up
+/// to 1), nothing is missed. With narrow cones (5) a few are missed; without the clamp most would be.
 fn assert_found_thanks_to_the_clamp(name: &str, turns: &[DQuat], random: &mut Random) {
     for subdivisions in [1, 4] {
         for phi in [0.5, 1.0, 5.0] {
@@ -146,7 +146,7 @@ fn a_box_on_its_edge_is_found_thanks_to_the_crease_clamp() {
     let mut random = Random::new(1);
     let turns: Vec<DQuat> = (0..300)
         .map(|_| {
-            // One edge down, leaning to either of its faces, in any direction over the sheet.
+            // One edge down, leaning towards one of its faces, in any direction over the sheet.
             let lean = DQuat::from_rotation_x(random.range(0.05, FRAC_PI_2 - 0.05));
             DQuat::from_rotation_y(random.range(0.0, TAU)) * lean
         })
@@ -160,7 +160,7 @@ fn a_box_on_its_corner_is_found_thanks_to_the_crease_clamp() {
     let mut turns = Vec::new();
     while turns.len() < 300 {
         let turn = random_rotation(&mut random);
-        // Every axis leans, so that one corner alone is down.
+        // Every axis leans, so that a single corner is lowest.
         if [DVec3::X, DVec3::Y, DVec3::Z].iter().all(|&axis| (turn * axis).y.abs() > 0.1) {
             turns.push(turn);
         }
@@ -203,14 +203,14 @@ fn the_gap_of_two_caps_lies_between_their_planes_along_the_line_of_centers() {
             refused += 1;
             continue;
         };
-        // The slack of the comparison is 1e-4.
+        // The comparison has a slack of 1e-4.
         assert!(inside > -1.1e-4, "{inside}");
         accepted += 1;
         if inside < 1.0e-4 {
             continue;
         }
-        // f32 rounding of points at 1 and radii up to 10, divided by the cosine towards the plane; a height of 0 is
-        // met at the center itself.
+        // f32 rounding of points at 1 and radii up to 10, divided by the cosine towards the plane. A plane at height 0
+        // is met at the center itself.
         let tolerance = |cap: &Cap, toward: f64| {
             8.0 * ROUNDING * (1.0 + between.length() + f64::from(cap.height) / toward.powi(2) / between.length())
         };
@@ -248,7 +248,7 @@ fn the_contact_of_two_caps_is_the_same_from_either_side() {
         let (found, turned) = (cap_contact(&a, &b), cap_contact(&b, &a));
         assert_eq!(found.is_some(), turned.is_some());
         if let (Some(found), Some(turned)) = (found, turned) {
-            // Negation is exact, only the order of the gap's two subtractions differs.
+            // Negation is exact. Only the order of the two subtractions differs.
             assert_eq!(found.point_a, turned.point_b);
             assert_eq!(found.point_b, turned.point_a);
             assert_eq!(found.direction, -turned.direction);
@@ -277,7 +277,7 @@ fn concentric_spheres_are_in_contact_along_the_first_normal() {
             assert_eq!(contact.direction, a.axis);
             assert!(contact.gap.is_finite() && contact.point_a.is_finite() && contact.point_b.is_finite());
         }
-        // Apart by the least that f32 can tell, in any direction.
+        // Separated by one unit in the last place of f32, in any direction.
         let axis = random.below(3);
         b.center[axis] = b.center[axis].next_up();
         if let Some(contact) = cap_contact(&a, &b) {
@@ -288,7 +288,7 @@ fn concentric_spheres_are_in_contact_along_the_first_normal() {
     let point = Cap { center: Vec3::X, radius: 0.0, height: 0.0, axis: Vec3::ZERO, cosine: SafetyCones::EVERYWHERE };
     let contact = cap_contact(&point, &point).expect("two points in one place");
     assert!(contact.gap == 0.0 && contact.point_a == Vec3::X);
-    // A point has no normal, and a contact has one all the same: that of the other cap, or any.
+    // A point has no normal. The contact uses the normal of the other cap, or any direction.
     assert_eq!(contact.direction.length(), 1.0);
     let cap = Cap { center: Vec3::X, ..random_cap(&mut random) };
     assert_eq!(cap_contact(&point, &cap).expect("they are in one place").direction, -cap.axis);
@@ -302,7 +302,7 @@ fn caps_of_any_size_meet_alike() {
     for _ in 0..2_000 {
         let (a, b) = (random_cap(&mut random), random_cap(&mut random));
         let contact = cap_contact(&a, &b);
-        // Powers of two scale exactly; squares of these lengths do not fit into f32.
+        // Scaling by powers of two is exact, but squares of these lengths overflow or underflow in f32.
         for exponent in [-100, 100] {
             let scale = 2.0_f32.powi(exponent);
             let scaled = |cap: &Cap| Cap {
@@ -312,7 +312,7 @@ fn caps_of_any_size_meet_alike() {
                 ..*cap
             };
             let found = cap_contact(&scaled(&a), &scaled(&b));
-            // Lengths are rounded differently, by far less than any of these directions is away from a boundary.
+            // Rounding of lengths is far smaller than the distance of these directions from a boundary.
             let (Some(found), Some(expected)) = (found, contact) else {
                 assert!(found.is_none() == contact.is_none());
                 apart += 1;
@@ -380,7 +380,7 @@ fn overlap_is_decided_by_the_sum_of_the_radii_and_the_reach() {
     assert!(yes > 5_000 && no > 5_000);
 }
 
-/// The candidates whose enclosing balls come within range.
+/// The candidates whose enclosing balls are within range.
 fn overlapping_balls(
     a: &BallSide<'_>,
     b: &BallSide<'_>,
@@ -437,7 +437,7 @@ fn overlapping_balls_lose_no_pair_within_reach() {
     assert!(within > 20 && kept < all.len());
 }
 
-/// Spheres are kept in their own frame; brought over by a pose they are those of the moved mesh.
+/// Spheres are stored in their own frame. Transformed by a pose, they are those of the moved mesh.
 #[test]
 fn a_moved_cap_is_the_cap_of_the_moved_mesh() {
     let mut random = Random::new(9);
@@ -456,7 +456,7 @@ fn a_moved_cap_is_the_cap_of_the_moved_mesh() {
         let brought = CapSide { surface: side(&body.topology, &moved.positions), pose: Some(&pose), ..body.side() };
         for triangle in 0..mesh.triangles.len() as u32 {
             let (found, expected) = (brought.cap(triangle), moved.side().cap(triangle));
-            // Corners rounded at 3 tilt triangles 0.2 high.
+            // Rounding of corners at 3 tilts triangles of height 0.2.
             let tolerance = 1.0e-5 * scale.max(1.0);
             assert!(found.center.distance(expected.center) <= tolerance, "{found:?} {expected:?}");
             assert!((found.radius - expected.radius).abs() <= tolerance);

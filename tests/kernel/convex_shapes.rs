@@ -1,4 +1,5 @@
-//! Triangles against cylinders, cones and rounded shapes: brute force over the triangle, closed forms, and parry in f64.
+//! Triangles against cylinders, cones, and rounded shapes, compared with brute force over the triangle, closed forms,
+//! and parry in f64.
 
 use bevy_circumsphere::kernel::{
     exact::rigid_shape::{ShapeGeometry, ShapeProximity},
@@ -15,15 +16,15 @@ use crate::{
     truth::{exact, random_rotation},
 };
 
-/// Distances in f64 of things about 1 long, by two ways.
+/// Rounding between two f64 computations of the same distance, for shapes about 1 long.
 const TOLERANCE: f64 = 1.0e-9;
-/// parry's search of curved shapes in f64 stops earlier.
+/// parry's f64 search on curved shapes stops earlier.
 const PARRY_TOLERANCE: f64 = 1.0e-4;
 
-/// What a shape is made of, as far as the truth needs it.
+/// The parts of a shape that the reference needs.
 #[derive(Clone, Copy, Debug)]
 enum Solid {
-    /// Half height, radii of bottom and top, border.
+    /// Half height, radii at the bottom and the top, border.
     Round(f64, f64, f64, f64),
     /// Half extents, border.
     Box(DVec3, f64),
@@ -43,7 +44,7 @@ impl Solid {
         }
     }
 
-    /// Signed distance: of the profile as a polygon, side by side; a point inside is as deep as the nearest side.
+    /// Signed distance to the profile as a polygon, side by side. Inside, the depth is that of the nearest side.
     fn signed(&self, point: DVec3) -> f64 {
         match *self {
             Self::Round(h, bottom, top, border) => {
@@ -67,7 +68,7 @@ impl Solid {
         }
     }
 
-    /// Unit normal out of the solid by differences, where it is smooth.
+    /// Unit normal out of the solid by finite differences, where the solid is smooth.
     fn gradient(&self, point: DVec3) -> DVec3 {
         const STEP: f64 = 1.0e-6;
         let slope = |axis: DVec3| (self.signed(point + axis * STEP) - self.signed(point - axis * STEP)) / (2.0 * STEP);
@@ -75,7 +76,7 @@ impl Solid {
     }
 }
 
-/// The least value of a convex function from 0 to 1.
+/// The minimum of a convex function on [0, 1].
 fn least_on_line(value: &impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..70 {
@@ -85,7 +86,7 @@ fn least_on_line(value: &impl Fn(f64) -> f64) -> f64 {
     value(low).min(value(high)).min(value(0.0)).min(value(1.0))
 }
 
-/// The least signed distance of a triangle's points: a convex function, searched line by line.
+/// The least signed distance of a triangle's points. It is a convex function, searched line by line.
 fn least_signed(triangle: &[DVec3; 3], signed: impl Fn(DVec3) -> f64) -> f64 {
     let across = |u: f64| {
         let (from, to) = (triangle[0].lerp(triangle[1], u), triangle[0].lerp(triangle[2], u));
@@ -114,7 +115,7 @@ fn check(solid: &Solid, shape: &ShapeGeometry, triangle: &[DVec3; 3], range: f64
     for proximity in &found {
         assert_well_formed(triangle, proximity);
         let on_surface = signed(proximity.shape_point).abs();
-        // Polytopes take nearly parallel edges for parallel, up to a slope of 1e-3 of their size.
+        // Polytopes treat edges as parallel up to a slope of 1e-3 of their size.
         let tolerance = if matches!(solid, Solid::Box(..)) { 1.0e-5 * size } else { tolerance };
         assert!(
             on_surface <= if is_rest(proximity) { 3.0e-3 * size } else { tolerance },
@@ -155,13 +156,14 @@ fn check(solid: &Solid, shape: &ShapeGeometry, triangle: &[DVec3; 3], range: f64
         assert!(least <= 2.0 * tolerance, "{}", told());
     } else {
         assert!(least < 0.0, "{}", told());
-        // How deep is a matter of features: of vertices by their depth, of edges and faces by their way out.
+        // Depth depends on the feature: vertices have their distance from the surface, edges and faces their way out.
         tally.pierced += usize::from(triangle.iter().all(|corner| signed(*corner) > 0.0));
         tally.inside += 1;
     }
 }
 
-/// A contact of a face beside its deepest point: as far from the plane as it says, yet not the closest to its foot.
+/// A contact of a face beside its deepest point. Its distance from the plane is right, but it is not the closest point
+/// to its foot.
 fn is_rest(proximity: &ShapeProximity) -> bool {
     proximity.feature == Feature::Face && proximity.shape_feature >= 3
 }
@@ -188,7 +190,7 @@ fn triangles_in_a_tangent_plane_touch_at_every_height() {
     for index in 0..3_000 {
         let (solid, shared) = Solid::random(&mut random, index);
         let shape = ShapeGeometry::new(&shared).expect("a convex shape");
-        // Down to the surface from outside.
+        // Project onto the surface from outside.
         let mut point = random.direction() * 4.0;
         for _ in 0..3 {
             point -= solid.gradient(point).normalize() * solid.signed(point);
@@ -217,12 +219,12 @@ fn triangles_along_axes_caps_and_mantles_are_exact() {
         let size = random.power_of_ten(-1.0, 1.0);
         let flat = |random: &mut Random| DVec3::new(random.range(-1.0, 1.0), 0.0, random.range(-1.0, 1.0)) * size;
         let triangle = match index / 4 % 4 {
-            // Over a cap.
+            // Above a cap.
             0 => [flat(&mut random), flat(&mut random), flat(&mut random)]
                 .map(|corner| corner + DVec3::Y * (h + border + gap)),
             1 => [flat(&mut random), flat(&mut random), flat(&mut random)]
                 .map(|corner| corner - DVec3::Y * (h + border + gap)),
-            // An edge along the mantle, the rest away.
+            // An edge along the mantle. The rest of the triangle points away.
             2 => {
                 let slope = DVec3::new(top - bottom, 2.0 * h, 0.0).normalize();
                 let out = DVec3::new(slope.y, -slope.x, 0.0);
@@ -231,7 +233,7 @@ fn triangles_along_axes_caps_and_mantles_are_exact() {
                 let ends = [start - along * random.unit(), start + along * random.range(0.1, 2.0)];
                 [ends[0], ends[1], ends[0].lerp(ends[1], random.unit()) + out + DVec3::Z * random.range(-1.0, 1.0)]
             }
-            // Along the axis itself.
+            // Along the axis.
             _ => [DVec3::Y * -random.unit(), DVec3::Y * random.unit(), flat(&mut random)],
         };
         check(&solid, &shape, &triangle, 0.1, &mut tally);
@@ -265,7 +267,7 @@ fn an_edge_through_a_cylinder_leaves_square_to_itself() {
     let mut random = Random::new(55);
     let shape = ShapeGeometry::new(&SharedShape::cylinder(2.0, 0.5)).expect("a cylinder");
     for _ in 0..500 {
-        // Across the axis at right angles, past it by `aside`: the shortest way is to that side.
+        // Perpendicular to the axis and past it by `aside`, so the shortest way out is towards that side.
         let (aside, height, angle) = (random.range(0.05, 0.45), random.range(-1.0, 1.0), random.range(0.0, 6.0));
         let along = DVec3::new(angle.cos(), 0.0, angle.sin());
         let out = DVec3::new(-angle.sin(), 0.0, angle.cos());
@@ -293,7 +295,7 @@ fn a_face_on_a_cap_has_contacts_around_its_rest() {
         });
         let (_, found) = examine(&shape, &triangle, 0.05);
         let upright: Vec<_> = found.iter().filter(|proximity| proximity.normal.y > 0.99).collect();
-        // The points at rest surround the middle: in every direction there is one.
+        // The contacts surround the middle: there is one in every direction.
         for step in 0..8 {
             let angle = f64::from(step) * 0.785;
             let toward = DVec3::new(angle.cos(), 0.0, angle.sin());
@@ -329,7 +331,7 @@ fn parry_agrees_about_cylinders_and_cones_that_are_apart() {
             compared += 1;
         }
     }
-    println!("{compared} agree, farthest off {largest}");
+    println!("{compared} agree, largest error {largest}");
     assert!(compared > 500);
 }
 
@@ -347,10 +349,10 @@ fn sweep_meshes_are_closed_and_lie_on_the_shape() {
         assert!(topology.is_closed(), "{:?}", topology.report());
         for point in &parts[0].points {
             let height = solid.signed(point.as_dvec3()) + f64::from(parts[0].radius);
-            // The centers of the caps are on them as well.
+            // The centers of the caps must lie on the shape as well.
             assert!(height.abs() <= 1.0e-6, "{height} {point}");
         }
-        // The sagitta of a chord of one in 256 parts of a circle: r (1 - cos(pi / 256)).
+        // The sagitta of a chord across one of 256 segments of a circle: r (1 - cos(pi / 256)).
         let (sagitta, is_round) = match solid {
             Solid::Round(_, bottom, top, _) => (7.54e-5 * bottom.max(top), true),
             Solid::Box(..) => (0.0, false),

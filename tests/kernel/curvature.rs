@@ -54,8 +54,9 @@ fn a_plane_has_no_curvature() {
             let turned: Vec<Vec3> =
                 positions(&flat).iter().map(|point| (turn * point.as_dvec3() + shift).as_vec3()).collect();
             let (_, measured) = measure_at(&turned, &flat.triangles, estimator);
-            // Corners rounded at coordinates of up to 2 tilt a triangle by that over its height, 2 · 2 · 2^-24 · 40 on
-            // the narrowest; an angle deficit of rounding alone is a root of some units of 2^-24.
+            // Rounding of corners at coordinates of up to 2 tilts a triangle by that error over its height: 2 · 2 ·
+            // 2^-24 · 40 on the narrowest. An angle deficit that is only rounding is the square root of a few units of
+            // 2^-24.
             let height = 1.0 / f64::from(columns.max(rows) as u32);
             let tilt = 8.0 * 2.0 * ROUNDING / height;
             let bound = match estimator {
@@ -69,9 +70,9 @@ fn a_plane_has_no_curvature() {
     }
 }
 
-/// Signed edge curvature of a triangulation with all vertices on the unit sphere, without any normal: the dihedral
-/// angle across an edge is the sum of the two angles under which the sphere's center sees the circumcenters' distances
-/// from it.
+/// Signed edge curvature of a triangulation inscribed in the unit sphere, computed without normals. The dihedral angle
+/// at an edge is the sum of two angles, each subtended at the sphere's center by the distance of a circumcenter from
+/// the edge.
 fn inscribed_edge_curvature(topology: &SurfaceTopology, positions: &[Vec3], triangle: usize) -> f64 {
     let own = exact(corners(positions, topology.triangles()[triangle]));
     let beyond = |triangle: u32, start: DVec3, end: DVec3| {
@@ -117,14 +118,14 @@ fn a_sphere_has_one_over_its_radius() {
         };
         let ((mean, worst), (dual_mean, dual_worst)) = (statistics(&signed.curvatures), statistics(&dual.curvatures));
         println!("{level} {checked:>6}  {mean:.4} {worst:.4} {worst_rounding:.1e}   {dual_mean:.4} {dual_worst:.4}");
-        // Corners on the sphere are stored to half a unit in the last place: the two normals tilt by that over a
-        // triangle's height, and the angle between them is divided by the edge once more.
+        // Corners are stored to half a unit in the last place. This tilts both normals by that error over a triangle's
+        // height, and the angle between them is divided by the edge again.
         let rounding = 32.0 * ROUNDING / (edge * edge);
         assert!(worst_rounding <= rounding, "level {level}: {worst_rounding:e} {rounding:e}");
-        // Both converge, but to the shape of the triangles: a subdivided icosahedron keeps edges whose lengths differ
-        // by up to 1.18 at every level, and the larger of two or three values is above their mean by a share of that.
+        // Both converge, up to the shape of the triangles: in a subdivided icosahedron, edge lengths differ by a factor
+        // of up to 1.18 at every level, and the largest of two or three values exceeds their mean accordingly.
         assert!((0.0..=0.11).contains(&(mean - 1.0)) && worst <= 0.16, "level {level}: {mean} {worst}");
-        // The deficit shrinks with the square of the edge while three angles' rounding does not.
+        // The deficit shrinks with the square of the edge, but the rounding of the three angles does not.
         let deficit_rounding = 16.0 * ROUNDING / (edge * edge);
         let coarse = if level == 1 { 0.05 } else { 0.02 };
         assert!((dual_mean - 1.0).abs() <= coarse, "level {level}: {dual_mean}");
@@ -141,8 +142,9 @@ fn a_sphere_has_one_over_its_radius() {
     }
 }
 
-/// Curvature of the dual mesh inside a tube of flat strips `width` wide, cut into right triangles `height` high: the
-/// neighbor across the upright edge is bent away by `bend`, the other two lie in the triangle's own plane.
+/// Curvature of the dual mesh inside a tube of flat strips of width `width`, cut into right triangles of height
+/// `height`. The neighbor across the upright edge is bent away by `bend`. The other two lie in the triangle's own
+/// plane.
 fn tube_dual_curvature(width: f64, height: f64, bend: f64) -> f64 {
     let third = width / 3.0;
     let spokes = [
@@ -164,7 +166,8 @@ fn a_tube_has_its_strips_bend_over_their_distance_at_every_stretch() {
     const AROUND: usize = 64;
     let width = 2.0 * (PI / AROUND as f64).sin();
     let bend = TAU / AROUND as f64;
-    // Every triangle has one upright edge; both triangles there are `width` high, so the centroids are 2/3 of it apart.
+    // Every triangle has one upright edge. Both triangles there have the height `width`, so their centroids are 2/3 of
+    // it apart.
     let expected = bend / (2.0 * width / 3.0);
     assert!((expected - 1.5).abs() < 1.0e-3, "one and a half of the cylinder's curvature of 1");
     for ratio in [0.1, 0.2, 1.0, 2.0, 5.0, 10.0, 50.0] {
@@ -173,7 +176,8 @@ fn a_tube_has_its_strips_bend_over_their_distance_at_every_stretch() {
         let mesh = cylinder_side(1.0, (height * rows as f64) as f32, AROUND, rows);
         let (topology, signed) = measure(&mesh, CurvatureEstimator::SignedEdge);
         let shortest = height.min(width);
-        // Corners stored at coordinates of up to `extent` tilt a triangle by that over its height, on both sides.
+        // Rounding of corners at coordinates of up to `extent` tilts a triangle by that error over its height, on both
+        // sides.
         let extent = 1f64.max(height * rows as f64);
         let tilt = 8.0 * ROUNDING * extent / shortest;
         for &curvature in &signed.curvatures {
@@ -187,20 +191,20 @@ fn a_tube_has_its_strips_bend_over_their_distance_at_every_stretch() {
         let found: Vec<f64> = inner.iter().map(|&triangle| f64::from(dual.curvatures[triangle])).collect();
         let mean = found.iter().sum::<f64>() / found.len() as f64;
         println!("ratio {ratio}: signed {expected:.4}, dual deficit {mean:.4}, closed form {closed:.4}");
-        // A deficit of this size, perturbed by the rounding of three angles.
+        // The error of a deficit of this size from the rounding of three angles.
         let deficit_error = (16.0 * ROUNDING + tilt) / (width * height);
         assert!((mean - closed).abs() <= 0.02 * closed + deficit_error, "ratio {ratio}: {mean} {closed}");
         if ratio == 1.0 {
-            // The mean curvature is 1/2; right triangles add the factor 2/√3.
+            // The mean curvature is 1/2. Right triangles add a factor of 2/√3.
             assert!((mean - 1.0 / 3f64.sqrt()).abs() < 0.01, "{mean}");
         }
         if ratio == 10.0 {
-            // Why it is not the default.
+            // The reason that this estimator is not the default.
             assert!(mean < 0.07, "known to fail on stretched triangles: {mean}");
         }
         for (triangle, &curvature) in dual.curvatures.iter().enumerate() {
             if !inner.contains(&triangle) {
-                assert_eq!(curvature, signed.curvatures[triangle], "without a neighbor the edges stand in");
+                assert_eq!(curvature, signed.curvatures[triangle], "without a neighbor, the edges are used");
             }
         }
     }
@@ -220,7 +224,8 @@ fn a_saddle_has_no_angle_deficit_and_edges_of_both_signs() {
             .collect();
         assert!(near.len() > 50);
         for &triangle in &near {
-            // The root of what rounding makes of the full angle, over the dual triangles' area: half a cell.
+            // The square root of the rounding of the full angle, divided by the area of the dual triangles, half a
+            // cell.
             let bound = (32.0 * ROUNDING / (0.5 * 0.125 * 0.125f64)).sqrt();
             assert!(f64::from(dual.curvatures[triangle]) <= bound, "{}", dual.curvatures[triangle]);
         }
@@ -257,15 +262,15 @@ fn a_box_is_convex_by_right_angles_and_its_inside_concave() {
                     assert!(measured.curvatures[triangle].abs() < 1.0e-3);
                 }
             }
-            // Twelve edges of the box, each seen from both sides.
+            // The box has twelve edges, each seen from both sides.
             assert_eq!(creases, 12 * subdivisions * 2);
             assert_eq!(creases + flat, 3 * mesh.triangles.len());
         }
     }
 }
 
-/// Two triangles on the edge from (0, 0, 0) to (0, 0, length), of heights `first` and `second`, bent by `angle`
-/// (convex where positive) away from one plane. The first faces +y.
+/// Two triangles of heights `first` and `second` on the edge from (0, 0, 0) to (0, 0, length), folded by `angle`
+/// (positive where convex). The first faces +y.
 fn hinge(length: f64, first: f64, second: f64, angle: f64) -> [DVec3; 4] {
     [
         DVec3::ZERO,
@@ -289,7 +294,7 @@ fn a_hinge_has_its_angle_over_the_distance_of_the_centroids() {
             let (turn, shift) = (random_rotation(&mut random), random.vector());
             let corners = hinge(length, first, second, angle).map(|point| ((turn * point + shift) * scale).as_vec3());
             let expected = angle / ((first + second) / 3.0) / scale;
-            // Corners rounded at coordinates of up to 8 tilt a triangle by that over its height.
+            // Rounding of corners at coordinates of up to 8 tilts a triangle by that error over its height.
             let tilt = 8.0 * 8.0 * ROUNDING / first.min(second).min(length);
             let flipped = [HINGE[0], [0, 1, 3]];
             let renumbered = [[2, 0, 1], [3, 1, 0]];
@@ -297,7 +302,7 @@ fn a_hinge_has_its_angle_over_the_distance_of_the_centroids() {
                 let (_, measured) = measure_at(&corners, &triangles, CurvatureEstimator::SignedEdge);
                 for (triangle, dihedrals) in measured.dihedrals.iter().enumerate() {
                     let own: Vec<f32> = dihedrals.iter().copied().filter(|&dihedral| dihedral != 0.0).collect();
-                    assert!(own.len() <= 1, "the boundary bends nothing");
+                    assert!(own.len() <= 1, "the boundary adds no angle");
                     let found = own.first().map_or(0.0, |&dihedral| f64::from(dihedral));
                     assert!((found - angle).abs() <= tilt, "{degrees} {found} {angle}");
                     let curvature = f64::from(measured.curvatures[triangle]);
@@ -306,7 +311,7 @@ fn a_hinge_has_its_angle_over_the_distance_of_the_centroids() {
                     checked += 1;
                 }
             }
-            // Turning the first one over makes its inside the outside.
+            // Reversing the first triangle swaps its inside and outside.
             let (_, turned) = measure_at(&corners, &[[1, 0, 2], HINGE[1]], CurvatureEstimator::SignedEdge);
             let found = f64::from(turned.dihedrals[0].iter().sum::<f32>());
             assert!((found + angle).abs() <= tilt, "{degrees} {found}");
@@ -329,8 +334,9 @@ fn neither_motion_nor_scale_bends_a_surface() {
                 let moved: Vec<Vec3> =
                     points.iter().map(|point| ((turn * point.as_dvec3() + shift) * scale).as_vec3()).collect();
                 let (_, measured) = measure_at(&moved, &mesh.triangles, estimator);
-                // Coordinates of up to 8 are rounded anew: angles change by that over an edge (the shortest height is
-                // at least a quarter of the mean edge), a deficit by it too, its root near zero by the root.
+                // Coordinates of up to 8 are rounded again. Angles change by that error over an edge (the shortest
+                // height is at least a quarter of the mean edge). So does a deficit, whose square root near zero
+                // changes by the root.
                 let tilt = 4.0 * 8.0 * ROUNDING * 4.0 / edge;
                 let tolerance = match estimator {
                     CurvatureEstimator::SignedEdge => 8.0 * tilt / edge,
@@ -362,20 +368,20 @@ fn a_boundary_edge_bends_nothing() {
 
 #[test]
 fn at_an_edge_of_several_triangles_the_largest_fold_counts() {
-    // A book of pages around the z axis at these angles from the first page's continuation.
+    // A book of pages around the z axis, at these angles from the continuation of the first page.
     let pages = [0.4f64, -1.1, 0.7, -0.2];
     let mut corners = vec![DVec3::ZERO, DVec3::Z, DVec3::X];
     let mut triangles = vec![[0, 1, 2]];
     for (page, angle) in pages.iter().enumerate() {
         corners.push(DVec3::new(-angle.cos(), -angle.sin(), 0.5));
         let apex = 3 + page as u32;
-        // Either winding is the same fold for the first page.
+        // The fold of the first page does not depend on the winding.
         triangles.push(if page % 2 == 0 { [1, 0, apex] } else { [0, 1, apex] });
     }
     let stored: Vec<Vec3> = corners.iter().map(|corner| corner.as_vec3()).collect();
     let (topology, measured) = measure_at(&stored, &triangles, CurvatureEstimator::DualAngleDeficit);
     assert_eq!(topology.report().non_manifold_edges, 1);
-    // Pages are 1 wide: the centroids are 2/3 apart.
+    // Pages are 1 wide, so the centroids are 2/3 apart.
     let expected = -1.1 / (2.0 / 3.0);
     assert!((f64::from(measured.dihedrals[0][0]) + 1.1).abs() < 1.0e-5, "{:?}", measured.dihedrals[0]);
     assert!((f64::from(measured.curvatures[0]) - expected).abs() < 1.0e-5, "{}", measured.curvatures[0]);
@@ -401,5 +407,5 @@ fn triangles_without_area_give_finite_curvature() {
         }
     }
     let (_, measured) = measure_at(&corners, &[[0, 1, 2], [1, 0, 3]], CurvatureEstimator::SignedEdge);
-    assert_eq!(measured.dihedrals[0], [0.0; 3], "a neighbor without area has no plane to bend to");
+    assert_eq!(measured.dihedrals[0], [0.0; 3], "a neighbor without area has no plane");
 }

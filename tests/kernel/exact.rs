@@ -14,8 +14,9 @@ use glam::{DVec3, Vec3};
 
 use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
 
-/// Error of a distance relative to the pair's extent. Products of f32 differences are exact in f64 or nearly so; what
-/// is left is the division by a sliver's normal, whose square is 1e-16 of the edges' at the flattest f32 can store.
+/// Error of a distance relative to the pair's extent. Products of f32 differences are exact or nearly exact in f64. The
+/// remaining error comes from the division by a sliver's normal, whose square is 1e-16 of the edges' for the flattest
+/// triangle that f32 can store.
 const DISTANCE_TOLERANCE: f64 = 1.0e-9;
 
 const PAIRS: usize = 320_000;
@@ -25,7 +26,7 @@ fn extent(a: &Triangle, b: &Triangle) -> f64 {
 }
 
 fn at(triangle: &Triangle, weights: [f64; 3]) -> DVec3 {
-    // Relative to a corner: far from the origin weights times coordinates would cancel.
+    // Relative to a corner, because weights times coordinates would cancel far from the origin.
     triangle[0] + (triangle[1] - triangle[0]) * weights[1] + (triangle[2] - triangle[0]) * weights[2]
 }
 
@@ -33,10 +34,10 @@ fn pierces(features: FeaturePair) -> bool {
     features.kind() == FeatureKind::EdgeFace
 }
 
-/// Whether weights are those of a point on a feature.
+/// Whether weights describe a point on a feature.
 fn lies_on(weights: [f64; 3], feature: Feature) -> bool {
     let sums_to_one = (weights.iter().sum::<f64>() - 1.0).abs() <= 1.0e-14;
-    // The first weight is what the others leave of 1: within their rounding of 0.
+    // The first weight is 1 less the others, so it may differ from 0 by their rounding.
     let bounded = weights.iter().all(|&weight| (-1.0e-15..=1.0 + 1.0e-15).contains(&weight));
     let exact = match feature {
         Feature::Vertex(corner) => (0..3).all(|k| weights[k] == if k == corner as usize { 1.0 } else { 0.0 }),
@@ -46,7 +47,7 @@ fn lies_on(weights: [f64; 3], feature: Feature) -> bool {
     sums_to_one && bounded && exact
 }
 
-/// What is wrong with a reported proximity, if anything.
+/// The fault of a reported proximity, if any.
 fn fault(a: &Triangle, b: &Triangle, found: &Proximity, size: f64) -> Option<&'static str> {
     let (weights_a, weights_b) = (found.barycentric_a, found.barycentric_b);
     if !weights_a.iter().chain(&weights_b).all(|weight| weight.is_finite()) {
@@ -168,10 +169,10 @@ fn distances_and_features_equal_the_reference_on_hard_pairs() {
     assert!(total(|t| t.within) > PAIRS / 3 && total(|t| t.beyond) > PAIRS / 8);
     assert!(total(|t| t.crossing) > PAIRS / 10);
     assert!(tallies.iter().all(|t| t.within > 100), "every category has pairs in range");
-    assert_eq!(kinds.len(), 5, "every kind but face–face occurs: {kinds:?}");
+    assert_eq!(kinds.len(), 5, "every kind except face–face occurs: {kinds:?}");
 }
 
-/// The distance is the same whichever triangle comes first, whatever its corners' order.
+/// The distance does not depend on the order of the triangles or of their corners.
 #[test]
 fn the_distance_does_not_depend_on_the_order_of_triangles_and_corners() {
     let mut random = Random::new(2);
@@ -193,7 +194,7 @@ fn the_distance_does_not_depend_on_the_order_of_triangles_and_corners() {
     assert_eq!(compared, 64_000);
 }
 
-/// Every feature distance within range is reported, not only the closest: vertices over faces and crossing edges.
+/// Every feature pair within range is reported, not only the closest: vertices over faces and crossing edges.
 #[test]
 fn every_facing_feature_within_range_is_reported() {
     let mut random = Random::new(3);
@@ -212,7 +213,7 @@ fn every_facing_feature_within_range_is_reported() {
                 let offset = own[vertex as usize] - face[0];
                 let height = normal.dot(offset);
                 let foot = own[vertex as usize] - normal * height;
-                // Distances of the foot to the three edges, positive inside.
+                // Distances of the foot from the three edges, positive inside.
                 let inside = (0..3)
                     .map(|k| {
                         let along = (face[(k + 1) % 3] - face[k]).normalize_or_zero();
@@ -250,8 +251,8 @@ fn every_facing_feature_within_range_is_reported() {
     assert!(faces > 10_000 && edges > 10_000);
 }
 
-/// Of pairs of triangles with a common corner, how many times two edges that end there are said to meet inside. All of them
-/// report something.
+/// How often two edges that end at the common corner of two triangles are reported to meet in their interiors. Every
+/// pair must report something.
 fn meetings_at_a_common_corner(pairs: usize, mut point: impl FnMut() -> DVec3) -> usize {
     let ends_there = |feature: Feature, corner: usize| {
         let Feature::Edge(edge) = feature else { return false };
@@ -271,16 +272,17 @@ fn meetings_at_a_common_corner(pairs: usize, mut point: impl FnMut() -> DVec3) -
     meetings
 }
 
-/// Where vertices of two meshes coincide, as in drawings, the edges that end there have nothing to report besides.
+/// Where vertices of two meshes coincide, as they often do in authored models, the edges that end there report nothing
+/// else.
 #[test]
 fn edges_that_end_in_one_point_do_not_meet_inside() {
     const PAIRS: usize = 90_000;
     let mut random = Random::new(17);
-    // Products of such numbers are exact.
+    // Products of these numbers are exact.
     let on_grid = || [0; 3].map(|_| (random.range(-1.0, 1.0) * 1024.0).round() / 1024.0).into();
     let meetings = meetings_at_a_common_corner(PAIRS, on_grid);
     assert_eq!(meetings, 0, "on a grid");
-    // Rounded, they may miss the end.
+    // With rounding, they may miss the end.
     let anywhere = || Vec3::from_array([0; 3].map(|_| random.range(-1.0, 1.0) as f32)).as_dvec3();
     let meetings = meetings_at_a_common_corner(PAIRS, anywhere);
     assert!(meetings < PAIRS / 100, "{meetings} of {PAIRS} anywhere");
@@ -296,7 +298,7 @@ fn examined(a: &Triangle, b: &Triangle, range: f64) -> PairProximity {
     found
 }
 
-/// The named hard cases, each with its distance by hand, at every length that f32 meshes have.
+/// The named hard cases with distances worked out by hand, at every length that occurs in f32 meshes.
 #[test]
 fn hard_cases_have_the_distance_worked_out_by_hand() {
     let base = [v(0., 0., 0.), v(4., 0., 0.), v(0., 4., 0.)];
@@ -332,7 +334,7 @@ fn hard_cases_have_the_distance_worked_out_by_hand() {
     for exponent in [-20, -10, 0, 10, 20] {
         for offset in [DVec3::ZERO, v(1.0e6, -2.0e6, 3.0e6)] {
             let unit = 2f64.powi(exponent);
-            // Offsets in whole units, so that the sums are exact.
+            // Offsets are whole units, so the sums are exact.
             let moved = |triangle: &Triangle| triangle.map(|p| (p + offset) * unit);
             for (name, a, b, distance, crossing) in &cases {
                 let (a, b) = (moved(a), moved(b));
@@ -357,7 +359,8 @@ fn hard_cases_have_the_distance_worked_out_by_hand() {
     }
 }
 
-/// Bumpy, so that at many vertices and edges some faces rise along a direction and others fall; some have no area.
+/// The mesh is bumpy: at many vertices and edges, some faces rise along a direction and others fall. Some faces have no
+/// area.
 #[test]
 fn a_direction_leads_out_where_it_goes_along_the_outward_one() {
     let mut random = Random::new(23);
@@ -377,7 +380,7 @@ fn a_direction_leads_out_where_it_goes_along_the_outward_one() {
         for triangle in 0..ball.triangles.len() {
             let outward = outward_direction(&topology, &positions, triangle, feature);
             let face = outward_direction(&topology, &positions, triangle, Feature::Face);
-            // Any direction, one nearly along the surface, and one exactly along it.
+            // A random direction, one nearly along the surface, and one exactly along it.
             let tangent = outward.cross(random.direction());
             for direction in [random.direction(), tangent + random.direction() * 0.1, tangent] {
                 let (expected, found) =

@@ -1,8 +1,8 @@
-//! Tasks of the kernel in the order that nobody expects.
+//! Runs kernel tasks in an unexpected order.
 
 use bevy_circumsphere::kernel::simd::parallel::Parallel;
 
-/// Hands out tasks from the last to the first: nothing may depend on which is done when.
+/// Runs tasks from the last to the first. Results must not depend on the order.
 pub struct LastFirst;
 
 impl Parallel for LastFirst {

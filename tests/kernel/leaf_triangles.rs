@@ -1,4 +1,4 @@
-//! What a traversal drops on its way: neighbors by their vertices, others by slabs; and that its parts make the whole.
+//! What a traversal rejects: neighbors by their vertices, other pairs by slabs. Partial traversals add up to the whole.
 
 use std::collections::{BTreeSet, HashSet};
 
@@ -29,7 +29,7 @@ fn of_triangles(triangles: &[Triangle], range: f32) -> Surface {
     Surface::new(positions, &triangles, range)
 }
 
-/// The same triangles as a list of leaves in the order of the mesh, as a moved surface has them.
+/// The same triangles as a list of leaves in mesh order, the layout of a moved surface.
 fn as_leaves(surface: &Surface, range: f32) -> (BoxTree, LeafTriangles) {
     let (mut bounds, mut leaves, mut triangles) = (Vec::new(), BoxTree::default(), LeafTriangles::default());
     triangle_bounds(&surface.positions, surface.topology.triangles(), 0.5 * range, &mut bounds);
@@ -43,19 +43,19 @@ fn cull(triangles: [&LeafTriangles; 2], slabs: f32, planes_only: bool) -> PairCu
     PairCull { triangles, neighbors: false, slabs, planes_only }
 }
 
-/// Pairs that were rejected, and how many of all were beyond the range.
+/// Counts of rejected pairs, and of all pairs beyond the range.
 #[derive(Clone, Copy, Debug, Default)]
 struct Tally {
     within: usize,
     beyond: usize,
     rejected_by_planes: usize,
     rejected: usize,
-    /// Pairs that a list bounds by more than 0.
+    /// Pairs whose bound in a list is greater than 0.
     bounded: usize,
 }
 
-/// Asserts that a traversal for pairs that are remembered lists all within the range and the skin, and bounds none by
-/// more than its distance. Returns how many it bounds by more than 0.
+/// Asserts that a traversal that fills a list of near pairs includes all pairs within the range and the skin, and that
+/// no bound exceeds the distance. Returns the number of bounds greater than 0.
 fn assert_bounds(a: &Surface, sides: [&Surface; 2], is_self: bool, range: f32, skin: f32) -> usize {
     let within = range + skin;
     let cull = cull(sides.map(|side| &side.triangles), within, false);
@@ -79,7 +79,7 @@ fn assert_bounds(a: &Surface, sides: [&Surface; 2], is_self: bool, range: f32, s
             let distance = triangle_distance(&sides[0].corners(first), &sides[1].corners(second));
             for (limit, near) in steps.iter().filter(|(limit, _)| distance <= f64::from(*limit)) {
                 let corners = [sides[0].corners(first), sides[1].corners(second)];
-                assert!(near.contains(&pair), "{distance:e} is said to be beyond {limit:e} of {within:e}: {corners:?}");
+                assert!(near.contains(&pair), "{distance:e} is not beyond {limit:e} of {within:e}: {corners:?}");
             }
             bounded += usize::from(steps[4].1.contains(&pair) && !steps[0].1.contains(&pair));
         }
@@ -87,8 +87,8 @@ fn assert_bounds(a: &Surface, sides: [&Surface; 2], is_self: bool, range: f32, s
     bounded
 }
 
-/// Asserts that of two surfaces, and of the first with itself, slabs reject nothing that is within range, and nothing else
-/// changes.
+/// Asserts that slabs reject no pair within range and change nothing else, for two surfaces and for the first with
+/// itself.
 fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
     let (leaves, of_leaves) = as_leaves(a, range);
     let whole = 0..a.tree.leaf_count();
@@ -114,7 +114,7 @@ fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
                     rejected += 1;
                 }
             }
-            assert!(left.next().is_none(), "pairs in another order, or of nowhere");
+            assert!(left.next().is_none(), "pairs are out of order or unexpected");
             rejected
         };
         let traverse = |planes_only: bool| {
@@ -135,7 +135,7 @@ fn judge(a: &Surface, b: &Surface, range: f32, tally: &mut Tally) {
         tally.beyond += distances.iter().filter(|&&distance| distance > f64::from(range)).count();
         tally.bounded += assert_bounds(a, sides, is_self, range, 0.7 * range);
         if !is_self {
-            // From leaves in another order: whatever is rejected is beyond the range there, too.
+            // With leaves in another order, every rejected pair must be beyond the range, too.
             let cull = cull([&of_leaves, &b.triangles], range, false);
             let mut kept = Vec::new();
             leaves.pairs_of(0..leaves.leaf_count(), &b.tree, Some(&cull), &mut kept);
@@ -152,16 +152,16 @@ fn slabs_reject_no_pair_within_range() {
     let mut random = Random::new(4);
     let mut tally = Tally::default();
     for index in 0..3_000 {
-        // Of one category; leaves that are not full, one, and several.
+        // Pairs of one category, in a partial leaf, one leaf, or several.
         let count = 1 + random.below([1, 7, 8, 40][index / CATEGORIES.len() % 4]);
         let mut hard: Vec<_> = (0..count).map(|_| hard_pair(&mut random, index % CATEGORIES.len())).collect();
         if random.below(3) == 0 {
-            // All of them far from the origin, where f32 is coarse.
+            // All pairs far from the origin, where f32 is coarse.
             let size =
                 hard.iter().flat_map(|(a, b)| a.iter().chain(b)).map(|p| p.abs().max_element()).fold(0.0, f64::max);
             let offset = random.direction() * size * random.power_of_ten(0.0, 3.0);
             let moved = |triangle: Triangle| triangle.map(|p| (p + offset).as_vec3().as_dvec3());
-            // Where f32 ends they stay.
+            // Near the limits of f32 they are not moved.
             if size < 1.0e30 {
                 hard = hard.into_iter().map(|(a, b)| (moved(a), moved(b))).collect();
             }
@@ -171,7 +171,7 @@ fn slabs_reject_no_pair_within_range() {
         let extent = a.iter().chain(b).map(|p| (*p - a[0]).abs().max_element()).fold(0.0, f64::max);
         let range = match random.below(4) {
             0 => 0.0,
-            // At the edge: exactly as far apart as one of the pairs, as f32 has it, rounded up.
+            // At the limit: exactly the distance of one of the pairs, rounded up to f32.
             1 => (distance as f32).next_up(),
             2 => (distance * random.range(0.3, 1.5)) as f32,
             _ => (extent * random.power_of_ten(-4.0, 0.0)) as f32,
@@ -182,11 +182,11 @@ fn slabs_reject_no_pair_within_range() {
     }
     println!("{tally:?}");
     assert!(tally.within > 20_000 && tally.beyond > 20_000 && tally.bounded > 10_000);
-    // Planes alone count only where f32 knows them, which of hard pairs is seldom.
+    // Planes alone reject a pair only where f32 is certain of them, which is rare for hard pairs.
     assert!(tally.rejected * 3 > tally.beyond && tally.rejected_by_planes * 8 > tally.beyond);
 }
 
-/// What the exact test is spared: more than nine in ten of the pairs that are beyond the range, and none of the others.
+/// Slabs reject more than nine in ten of the pairs beyond the range, and no others, before the exact test.
 #[test]
 fn slabs_leave_few_pairs_beyond_the_range() {
     let ball_in_a_ball = merge(&[icosphere(3, 1.0), icosphere(3, 0.97)]);
@@ -197,7 +197,7 @@ fn slabs_leave_few_pairs_beyond_the_range() {
         let topology = Surface::of_mesh(&mesh, 0.0).topology;
         let range = (0.1 * topology.mean_edge_length(&positions)) as f32;
         let surface = Surface::of_mesh(&mesh, range);
-        // How many pairs are left, within the range and beyond.
+        // The number of pairs left, within the range and beyond.
         let left = |slabs: f32| {
             let cull = PairCull { neighbors: true, ..cull([&surface.triangles; 2], slabs, false) };
             let mut kept = Vec::new();
@@ -213,7 +213,7 @@ fn slabs_leave_few_pairs_beyond_the_range() {
     }
 }
 
-/// Sums of products that overflow are infinite, of either sign, or no number, and make gaps that are none.
+/// Sums of products that overflow are infinite or NaN, and would show gaps that do not exist.
 #[test]
 fn slabs_reject_no_pair_within_range_where_f32_overflows() {
     let mut random = Random::new(5);
@@ -224,7 +224,7 @@ fn slabs_reject_no_pair_within_range_where_f32_overflows() {
     let small = [point(0.0, 0.0, 0.0), point(0.0, 0.0, -35_651_584.0), point(-1.073_741_8e8, -1.073_741_8e8, -1.0e8)];
     let mut pairs = vec![(large, small, 4.0), (small, large, 4.0)];
     for _ in 0..60_000 {
-        // Up to a tenth of the largest number, every coordinate of a size of its own, or all of one.
+        // Up to a tenth of the largest number. Coordinates have a size each or one size together.
         let size = random.power_of_ten(15.0, 37.0);
         let is_wild = random.below(2) == 0;
         let mut coordinate = || {
@@ -233,7 +233,7 @@ fn slabs_reject_no_pair_within_range_where_f32_overflows() {
         };
         let mut triangle = || [(); 3].map(|()| DVec3::new(coordinate(), coordinate(), coordinate()));
         let (mut a, b) = (triangle(), triangle());
-        // Across each other: a corner of one in the middle of the other.
+        // The triangles cross: the middle of one edge of the first is in the middle of the second.
         let through = (b[0] + b[1] + b[2]) / 3.0;
         a[1] = through * 2.0 - a[0];
         let stored = |triangle: Triangle| triangle.map(|p| p.as_vec3().as_dvec3());
@@ -249,7 +249,7 @@ fn slabs_reject_no_pair_within_range_where_f32_overflows() {
     assert!(tally.within > 40_000);
 }
 
-/// Meshes with vertices that coincide, edges with many triangles, and triangles of no area.
+/// Meshes with coincident vertices, edges of many triangles, and triangles without area.
 fn tangled_meshes() -> Vec<Mesh> {
     let ball = icosphere(2, 1.0);
     let fins = Mesh {
@@ -277,7 +277,7 @@ fn neighbors_are_dropped_exactly_where_triangles_share_a_vertex() {
         let mut found = Vec::new();
         let count = surface.tree.self_pairs_of(0..surface.tree.leaf_count(), Some(&cull), &mut found);
         assert_eq!(found, all);
-        assert_eq!(count, all.len(), "what overlaps and is no neighbor");
+        assert_eq!(count, all.len(), "overlapping pairs that are not neighbors");
         dropped += before - all.len();
         left += all.len();
     }

@@ -1,4 +1,4 @@
-//! The geometry kernel against f64 arithmetic, closed forms, parry and brute force.
+//! The geometry kernel against f64 arithmetic, closed forms, parry, and brute force.
 
 mod bounded_pairs;
 mod ccd;

@@ -1,4 +1,4 @@
-//! Triangles and boxes that are brought into another frame, against f64 and one at a time.
+//! Triangles and boxes transformed into another frame, against f64 and against single transforms.
 
 use bevy_circumsphere::kernel::{
     bvh::{
@@ -40,13 +40,14 @@ fn a_box_around_moved_points_holds_them_all_and_hardly_more() {
             .iter()
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(least, most), &point| (least.min(point), most.max(point)));
         assert!(low.cmple(least).all() && most.cmple(high).all(), "{bounds:?} of {least} to {most}");
-        // What coordinates are made of: three products and a translation, twice what rounding may add on either side.
+        // Each coordinate is the sum of three products and a translation. The slack is twice the rounding on either
+        // side.
         let size = 9.0 * pose.scale() + pose.to_affine().translation.abs().max_element();
         let slack = 2.0 * 10.0 * f64::from(f32::EPSILON) * size;
         assert!((least - low).max(high - most).max_element() <= slack, "{bounds:?} of {least} to {most}");
     }
     assert_eq!(bounds_of_moved(&random_pose(&mut random), &[]).min, Vec3::INFINITY);
-    // What is turned back by as much as it is moved overflows on the way.
+    // The rotation cancels the translation, but overflows on the way.
     let far = Affine3A::from_scale_rotation_translation(Vec3::splat(1.0e30), Quat::IDENTITY, Vec3::NEG_X * 3.0e38);
     let pose = Pose::from_affine(&far).expect("it is a similarity");
     let bounds = bounds_of_moved(&pose, &[Vec3::ZERO, Vec3::X * 6.0e8, Vec3::X * 3.0e8]);
@@ -68,7 +69,7 @@ fn moved_triangles_are_those_that_are_moved_one_by_one() {
         let (mut places, mut bounds) = (vec![Vec3::NAN; own.len()], vec![(7, Aabb::EMPTY)]);
         let moving = MovingMesh { pose: &pose, positions: &own, triangles: &mesh.triangles, growth };
         let largest = moving.move_triangles(&named, &mut places, &mut bounds);
-        assert_eq!(bounds.len(), 1 + named.len(), "what was there stays");
+        assert_eq!(bounds.len(), 1 + named.len(), "existing boxes stay");
         let (mut expected_largest, mut touched) = (0.0_f32, vec![false; own.len()]);
         for (&triangle, (name, found)) in named.iter().zip(&bounds[1..]) {
             let vertices = mesh.triangles[triangle as usize];
@@ -86,7 +87,7 @@ fn moved_triangles_are_those_that_are_moved_one_by_one() {
     }
 }
 
-/// Points of a box that is brought over, on a grid.
+/// Points of a transformed box, on a grid.
 fn points_of(pose: &Pose, bounds: &Aabb) -> impl Iterator<Item = DVec3> {
     let (low, size) = (bounds.min.as_dvec3(), (bounds.max - bounds.min).as_dvec3());
     let share = |number: usize| number as f64 / 4.0;
@@ -107,7 +108,7 @@ fn leaves_that_reach_a_box_are_visited_and_most_others_are_not() {
         let mut tree = BoxTree::default();
         tree.rebuild(&boxes);
         let pose = random_pose(&mut random);
-        // About where one of the boxes is.
+        // Near one of the boxes.
         let middle = moved(&pose, positions[random.below(positions.len())]);
         let half = DVec3::splat(0.2 * pose.scale()) * (random.vector().abs() + 0.1);
         let target = Aabb { min: (middle - half).as_vec3(), max: (middle + half).as_vec3() };

@@ -1,8 +1,8 @@
-//! The production narrow phase over batches of candidate pairs against the f64 truth, as many as one likes.
+//! The production narrow phase over batches of candidate pairs against the f64 reference, for any number of pairs.
 //!
-//! `CIRCUMSPHERE_PAIRS` sets how many pairs are compared and `CIRCUMSPHERE_SEED` the seed, as in the tests of the
-//! reference. Each batch has one contact distance, so its pairs are brought to one size by powers of two, which round
-//! nothing.
+//! `CIRCUMSPHERE_PAIRS` sets how many pairs are compared and `CIRCUMSPHERE_SEED` sets the seed, as in the tests of the
+//! reference. Each batch has one contact distance, so its pairs are scaled to one size by powers of two, which does not
+//! round.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -18,16 +18,16 @@ use glam::{DVec3, Vec3};
 use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
 use crate::truth::{independent, longest_edge};
 
-/// Where honest rounding of f32 positions decides, relative to the contact distance: section 5 of the design.
+/// Relative to the contact distance: within this band, rounding of f32 positions decides. See section 5 of the design.
 const BAND: f64 = 1.0e-4;
 
-/// Bar for the error of a separation, relative to the larger of the contact distance and the smaller triangle's size.
+/// Limit for the error of a separation, relative to the larger of the contact distance and the smaller triangle's size.
 const SEPARATION_TOLERANCE: f64 = 1.0e-5;
 
-/// Pairs in one call, a number that leaves lanes of the screen unused.
+/// Pairs in one call. The number leaves lanes of the screen unused.
 const BATCH: usize = 61;
 
-/// Kinds of pairs beside those of [`CATEGORIES`].
+/// Kinds of pairs in addition to [`CATEGORIES`].
 const DUPLICATE: usize = CATEGORIES.len();
 const AT_THE_CONTACT_DISTANCE: usize = CATEGORIES.len() + 1;
 const KINDS: usize = CATEGORIES.len() + 2;
@@ -40,12 +40,12 @@ fn kind_name(kind: usize) -> &'static str {
     }
 }
 
-/// Pairs compared, 500,000 unless `CIRCUMSPHERE_PAIRS` says otherwise.
+/// The number of pairs to compare: 500,000 unless `CIRCUMSPHERE_PAIRS` is set.
 fn pair_count() -> usize {
     std::env::var("CIRCUMSPHERE_PAIRS").map_or(500_000, |text| text.parse().expect("CIRCUMSPHERE_PAIRS is a number"))
 }
 
-/// The seed, 20261120 unless `CIRCUMSPHERE_SEED` says otherwise.
+/// The seed: 20261120 unless `CIRCUMSPHERE_SEED` is set.
 fn seed() -> u64 {
     std::env::var("CIRCUMSPHERE_SEED").map_or(20_261_120, |text| text.parse().expect("CIRCUMSPHERE_SEED is a number"))
 }
@@ -58,7 +58,7 @@ fn extent(a: &Triangle, b: &Triangle) -> f64 {
     a.iter().chain(b).map(|p| (*p - a[0]).abs().max_element()).fold(0.0, f64::max)
 }
 
-/// A pair of a kind whose extent is from one to two units, if it has any.
+/// A pair of the given kind, scaled so that its extent is between one and two units, if it has an extent.
 fn pair_of(random: &mut Random, kind: usize, unit: f64, contact_distance: f64) -> (Triangle, Triangle) {
     let category = if kind < CATEGORIES.len() { kind } else { random.below(CATEGORIES.len()) };
     let (a, b) = hard_pair(random, category);
@@ -69,7 +69,7 @@ fn pair_of(random: &mut Random, kind: usize, unit: f64, contact_distance: f64) -
         DUPLICATE => {
             let mut other = a;
             other.rotate_left(random.below(3));
-            // The same triangle, turned over, or with one corner elsewhere.
+            // The same triangle, reversed or with one corner elsewhere.
             match random.below(3) {
                 0 => other.swap(0, 1),
                 1 => other[0] = b[0],
@@ -124,7 +124,7 @@ impl Batch {
             .collect();
         match random.below(8) {
             0 => distance = 0.0,
-            // At, or just beside, the distance of one of the pairs; those made for a distance keep theirs.
+            // At or just beside the distance of one of the pairs. Pairs made for a contact distance keep theirs.
             1..4 if kind != AT_THE_CONTACT_DISTANCE => {
                 let chosen = pairs[random.below(BATCH)].truth.distance;
                 let sign = if random.below(2) == 0 { -1.0 } else { 1.0 };
@@ -141,7 +141,7 @@ impl Batch {
         Self { number, kind, scale, contact_distance: distance * scale, pairs, positions }
     }
 
-    /// What a test of the production narrow phase finds.
+    /// The results of a test of the production narrow phase.
     fn tested(&self, topology: &SurfaceTopology, test: Test, cull: bool) -> Found {
         let contact_distance = self.contact_distance;
         let reported = contact_distance * [1.0, 1.5][usize::from(self.number.is_multiple_of(2))];
@@ -170,7 +170,7 @@ impl Batch {
 /// [`exact_pairs`] or [`closest_pairs`].
 type Test = fn(&SurfaceSide<'_>, &SurfaceSide<'_>, &[[u32; 2]], &PairSettings, &mut FoundPairs);
 
-/// By pair: the distance of those that touch, and of the nearest contact.
+/// By pair: the distance if it touches, and the distance of the nearest contact.
 struct Found {
     touching: BTreeMap<u32, f64>,
     contacts: BTreeMap<u32, f64>,
@@ -193,7 +193,7 @@ struct Tally {
 }
 
 impl Tally {
-    /// Compares a batch with its truth, and says what is wrong.
+    /// Compares a batch with the reference and reports what is wrong.
     fn judge(&mut self, batch: &Batch, topology: &SurfaceTopology, fail: &mut dyn FnMut(&str, u32)) {
         let contact_distance = batch.contact_distance;
         let found = batch.tested(topology, exact_pairs, true);
@@ -294,7 +294,7 @@ impl Tally {
 fn no_random_pair_is_missed_or_false_and_separations_are_true() {
     let (count, seed, started) = (pair_count(), seed(), Instant::now());
     let mut random = Random::new(seed);
-    // A topology of triangles that have nothing in common; the positions are those of each batch.
+    // A topology of unconnected triangles. Each batch supplies the positions.
     let apart: Vec<[Vec3; 3]> =
         (0..BATCH).map(|k| [0, 1, 2].map(|corner| Vec3::new((3 * k + corner) as f32, 0.0, 0.0))).collect();
     let (rest, triangles) = independent(&apart);
@@ -347,5 +347,5 @@ fn no_random_pair_is_missed_or_false_and_separations_are_true() {
         assert!(all.touching * 10 > all.pairs && all.apart * 10 > all.pairs && all.crossing * 20 > all.pairs);
     }
     assert!(failures.is_empty(), "{}", failures.join("\n"));
-    assert!(tallies[0][AT_THE_CONTACT_DISTANCE].in_band > 0, "the band was met");
+    assert!(tallies[0][AT_THE_CONTACT_DISTANCE].in_band > 0, "some distances are in the band");
 }

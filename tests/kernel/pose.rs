@@ -29,7 +29,7 @@ fn anything_but_a_similarity_is_refused() {
         assert_eq!(from(x, [0.0, uneven, 0.0], z), Err(PoseError::NonUniformScale));
         assert_eq!(from(x, y, [0.0, 0.0, uneven]), Err(PoseError::NonUniformScale));
     }
-    // A shear by 1/100 that keeps the axes' lengths, and one that folds them into a plane.
+    // A shear by 1/100 that preserves the lengths of the axes, and one that collapses them into a plane.
     for angle in [0.01f64, 0.5, 1.0] {
         let leaning = [angle.sin() as f32, angle.cos() as f32, 0.0];
         assert_eq!(from(x, leaning, z), Err(PoseError::NonUniformScale));
@@ -65,14 +65,14 @@ fn every_similarity_is_taken_with_its_scale_and_its_mirroring() {
         }
     }
     assert!(checked > 1_600);
-    // Turned over on three axes is mirrored, on two it is a rotation.
+    // A flip of three axes is a mirroring, a flip of two is a rotation.
     let turned = |x: f32, y: f32, z: f32| {
         Pose::from_affine(&Affine3A::from_scale(Vec3::new(x, y, z))).expect("it is a similarity").is_mirrored()
     };
     assert!(turned(-1.0, -1.0, -1.0) && turned(1.0, -1.0, 1.0) && !turned(-1.0, 1.0, -1.0));
 }
 
-/// Applies an affine as stored, in f64: its coefficients are exact.
+/// Applies a stored affine in f64. Its coefficients are exact.
 fn apply(affine: &Affine3A, point: DVec3) -> DVec3 {
     let columns =
         [affine.matrix3.x_axis, affine.matrix3.y_axis, affine.matrix3.z_axis].map(|c| Vec3::from(c).as_dvec3());
@@ -97,12 +97,12 @@ fn points_and_directions_move_as_the_stored_transform_says() {
         let pose = Pose::from_affine(&affine).expect("it is a similarity");
         let point = random.vector() * random.power_of_ten(-3.0, 3.0);
         let (found, expected) = (pose.transform_point(point), apply(&affine, point));
-        // Half a dozen f64 operations.
+        // Rounding of half a dozen f64 operations.
         let size = 1.0e6 + f64::from(scale) * 1.0e3;
         assert!(found.distance(expected) <= 1.0e-15 * size, "{found} {expected}");
         let direction = random.direction();
         let moved = apply(&affine, direction) - apply(&affine, DVec3::ZERO);
-        // The rotation is only as orthogonal as f32 made it; the translation cancels to 1e-10.
+        // The rotation is only as orthogonal as its f32 values. The translation cancels to 1e-10.
         assert!(pose.transform_direction(direction).distance(moved.normalize()) <= 1.0e-6 + 1.0e-9 / f64::from(scale));
         let other = random.direction();
         let turned = pose.transform_direction(direction).dot(other);
@@ -125,7 +125,8 @@ fn relative_poses_far_from_the_origin_keep_their_precision() {
         let (mirror_a, mirror_b) = (random.below(2) == 0, random.below(2) == 0);
         let mut a = affine(&mut random, scale_a, mirror_a, 1.0);
         let mut b = affine(&mut random, scale_b, mirror_b, 1.0);
-        // Two neighbors a million away: f32 there is 1/16 coarse, but what it stores is exact.
+        // Two neighbors at a distance of a million from the origin. f32 is coarse there (1/16), but stored values are
+        // exact.
         let far = (random.direction() * 1.0e6).as_vec3();
         a.translation += Vec3A::from(far);
         b.translation += Vec3A::from(far);
@@ -134,7 +135,7 @@ fn relative_poses_far_from_the_origin_keep_their_precision() {
         assert_eq!(relative.is_mirrored(), mirror_a != mirror_b);
         assert!((relative.scale() / (f64::from(scale_a) / f64::from(scale_b)) - 1.0).abs() < 1.0e-6);
         let point = random.vector() * 2.0;
-        // The difference of the stored translations is exact, so nothing large is ever added.
+        // The difference of the stored translations is exact, so no large numbers are added.
         let between = Vec3::from(a.translation).as_dvec3() - Vec3::from(b.translation).as_dvec3();
         let linear = Affine3A { translation: Vec3A::ZERO, ..a };
         let expected = solve(&b, apply(&linear, point) + between);
@@ -143,7 +144,7 @@ fn relative_poses_far_from_the_origin_keep_their_precision() {
         checked += 1;
     }
     println!("{checked} relative poses at 1e6, worst error {worst:.1e}");
-    // A million in f64 is good to 1e-10; a few operations on it.
+    // f64 resolves 1e-10 at a million, and there are a few operations.
     assert!(worst <= 2.0e-9 && checked == 5_000, "{worst:e}");
 }
 
@@ -156,7 +157,7 @@ fn a_pose_and_its_inverse_cancel_and_equal_poses_are_relative_by_nothing() {
         assert_eq!(pose.relative_to(&pose), Pose::IDENTITY);
         let point = random.vector();
         for cancelled in [pose.inverse().after(&pose), pose.after(&pose.inverse())] {
-            // Translations of 100 over scales of 1e-3 cancel to their f64 rounding.
+            // Translations of 100 over scales of 1e-3 cancel down to f64 rounding.
             assert!(cancelled.transform_point(point).distance(point) <= 1.0e-9);
             assert!((cancelled.scale() - 1.0).abs() <= 1.0e-12);
             assert!(!cancelled.is_mirrored());

@@ -1,4 +1,4 @@
-//! The exact stage over whole surfaces: signs, keys, and independence of the order of triangles.
+//! The exact stage over whole surfaces: signs, keys, and independence from the order of triangles.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 
@@ -58,7 +58,7 @@ fn at(triangle: &[DVec3; 3], weights: [f64; 3]) -> DVec3 {
     triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2]
 }
 
-/// Negative inside a convex closed mesh: how far a point is outside the plane it is farthest outside of.
+/// How far outside a convex closed mesh a point is: its largest distance above the plane of any face. Negative inside.
 fn outside_of_convex(point: DVec3, positions: &[Vec3], triangles: &[[u32; 3]]) -> f64 {
     triangles
         .iter()
@@ -73,8 +73,8 @@ fn is_on_a_boundary(contact: &CompactContact) -> bool {
     matches!(contact.features.kind(), FeatureKind::VertexVertex | FeatureKind::VertexEdge)
 }
 
-/// Contacts once per key, that of the lowest triangles: those closest on a boundary may be there from several triangles, and
-/// in a self-collision those of features around which the first triangles are neighbors.
+/// One contact per key, that of the lowest triangles. Closest contacts on a boundary may be reported by several
+/// triangles. In a self-collision, so may contacts whose features have neighbors as their lowest triangles.
 fn by_key(contacts: &[CompactContact], same_surface: bool) -> BTreeMap<ContactKey, CompactContact> {
     let mut kept: BTreeMap<ContactKey, CompactContact> = BTreeMap::new();
     for contact in contacts {
@@ -92,7 +92,7 @@ fn by_key(contacts: &[CompactContact], same_surface: bool) -> BTreeMap<ContactKe
 }
 
 fn overlapping_spheres(depth: f32) -> [(Mesh, Vec<Vec3>); 2] {
-    // Turned and moved so that nothing is aligned.
+    // Rotated and moved so that nothing is aligned.
     let a = icosphere(2, 1.0).rotate([0.3, 1.0, 0.2], 0.7);
     let b = icosphere(2, 0.8).rotate([1.0, 0.1, -0.4], 1.9).translate([1.8 - depth, 0.013, 0.021]);
     [a, b].map(|mesh| {
@@ -125,7 +125,7 @@ fn distances_are_negative_exactly_for_vertices_inside_the_other_sphere() {
             let triangle_b = exact(corners(&points_b, mesh_b.triangles[contact.triangle_b as usize]));
             let point_a = at(&triangle_a, weights(contact.barycentric_a));
             let point_b = at(&triangle_b, weights(contact.barycentric_b));
-            // Weights stored in f32, of coordinates up to 2.
+            // Rounding of weights stored in f32, at coordinates of up to 2.
             let tolerance = 1.0e-6;
             assert!(point_b.distance(contact.point_b.as_dvec3()) <= tolerance);
             assert!((contact.normal.length() - 1.0).abs() <= 1.0e-6);
@@ -133,11 +133,11 @@ fn distances_are_negative_exactly_for_vertices_inside_the_other_sphere() {
             let normal = contact.normal.as_dvec3();
             assert!((point_b - point_a).distance(normal * f64::from(contact.distance)) <= tolerance, "{contact:?}");
             if contact.features.kind() == FeatureKind::VertexFace {
-                assert!(normal.x > 0.0, "whatever the sign, against the normal the first sphere leaves: {contact:?}");
+                assert!(normal.x > 0.0, "the normal points out of the first sphere whatever the sign: {contact:?}");
             }
             if is_on_a_boundary(contact) {
-                // Near the curve where the spheres cross one point may be inside and the other outside: no sign is
-                // right there. Elsewhere one is.
+                // Near the curve where the spheres cross, one point may be inside and the other outside, and no sign is
+                // right. Elsewhere one is.
                 let outside_b = outside_of_convex(point_a, &points_b, &mesh_b.triangles);
                 let outside_a = outside_of_convex(point_b, &points_a, &mesh_a.triangles);
                 if outside_a.min(outside_b) > tolerance || outside_a.max(outside_b) < -tolerance {
@@ -208,8 +208,9 @@ fn distances_are_negative_exactly_for_vertices_inside_the_other_sphere() {
     assert!(inside_contacts > 10 && outside_contacts > 10 && crossings > 10);
 }
 
-/// What becomes of contacts between surfaces: penetrations are settled, and of those that several pairs of triangles may report the
-/// first of each key stays. Those of one pair of triangles, which come in any order, by their keys.
+/// Processes contacts between surfaces as detection does: settles penetrations, and keeps the first contact of each key
+/// that several pairs of triangles may report. Contacts of one pair of triangles, which come in any order, are sorted
+/// by key.
 fn settled(
     a: &SurfaceSide<'_>,
     b: &SurfaceSide<'_>,
@@ -245,11 +246,11 @@ fn screening_changes_nothing_and_neither_does_a_cut_through_the_candidates() {
         settled(&side_a, &side_b, &candidates, &settings(false, true), found)
     };
     assert_eq!(settled(&screened), settled(&every));
-    assert!(screened.contacts.len() < every.contacts.len(), "what several pairs share was computed for each");
+    assert!(screened.contacts.len() < every.contacts.len(), "shared features were computed once per pair");
     assert_eq!(screened.nearest, every.nearest);
     assert_eq!([screened.examined, every.examined], [candidates.len(); 2]);
     assert!(screened.touching.len() > 100 && screened.contacts.len() > 100);
-    // In parts, appended, it is the same.
+    // Appended in parts, the result is the same.
     let (first, second) = candidates.split_at(candidates.len() / 3);
     let (mut head, mut tail) = (FoundPairs::default(), FoundPairs::default());
     exact_pairs(&side_a, &side_b, first, &settings(false, true), &mut head);
@@ -264,13 +265,13 @@ fn screening_changes_nothing_and_neither_does_a_cut_through_the_candidates() {
 
 #[test]
 fn what_was_reported_lately_need_not_be_told_again() {
-    // One within the other: most triangles are closest to each other on their boundaries.
+    // One sphere inside the other: most triangles are closest to each other on their boundaries.
     let meshes = [icosphere(2, 1.0), icosphere(2, 0.95).rotate([1.0, 0.1, -0.4], 1.9)];
     let [(mesh_a, points_a), (mesh_b, points_b)] = meshes.map(|mesh| (mesh.clone(), positions(&mesh)));
     let a = SurfaceTopology::new(&points_a, &mesh_a.triangles).expect("valid");
     let b = SurfaceTopology::new(&points_b, &mesh_b.triangles).expect("valid");
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
-    // Of closest features those inside of faces and edges are told by every pair.
+    // Closest features inside faces and edges are reported by every pair.
     for (test, times) in [(exact_pairs as Test, 4), (closest_pairs as Test, 1)] {
         let find = |candidates: &[[u32; 2]]| {
             let mut found = FoundPairs::default();
@@ -283,7 +284,7 @@ fn what_was_reported_lately_need_not_be_told_again() {
             );
             found
         };
-        // Nobody who sees one pair of triangles knows of others.
+        // Tested alone, a pair of triangles cannot know what others reported.
         let mut alone = FoundPairs::default();
         for candidate in &candidates {
             alone.append(&mut find(&[*candidate]));
@@ -308,7 +309,7 @@ fn lengths_are_world_lengths_whatever_the_scale_of_the_frame() {
     let candidates = all_between(mesh_a.triangles.len(), mesh_b.triangles.len());
     let mut unit = FoundPairs::default();
     exact_pairs(&side(&a, &points_a, true), &side(&b, &points_b, true), &candidates, &settings(false, true), &mut unit);
-    // A frame four times as fine: every length in it is four times as long, a power of two rounds nothing.
+    // In a frame with units a quarter as long, every length is four times as large. A power of two does not round.
     let fine = |points: &[Vec3]| points.iter().map(|point| *point * 4.0).collect::<Vec<_>>();
     let (fine_a, fine_b) = (fine(&points_a), fine(&points_b));
     let mut scaled = FoundPairs::default();
@@ -337,7 +338,7 @@ fn a_mirrored_side_keeps_its_inside() {
         &settings(false, true),
         &mut plain,
     );
-    // The same surface, stored turned inside out and brought here by a mirroring pose.
+    // The same surface, stored inside out and transformed by a mirroring pose.
     let inverted: Vec<[u32; 3]> = mesh_b.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
     let inverted = SurfaceTopology::new(&points_b, &inverted).expect("valid");
     let mirrored = SurfaceSide { mirrored: true, ..side(&inverted, &points_b, true) };
@@ -373,7 +374,7 @@ fn of_two_sheets_no_distance_is_negative() {
     assert!(found.contacts.iter().all(|contact| contact.distance >= 0.0));
 }
 
-/// Names of a contact's two features by the caller's vertices, in an order that no triangle order can change.
+/// Names a contact's two features by the caller's vertices, independently of the order of triangles.
 fn features_by_vertices(contact: &CompactContact, triangles: &[[u32; 3]]) -> [Vec<u32>; 2] {
     let name = |triangle: u32, feature: Feature| {
         let corners = triangles[triangle as usize];
@@ -390,7 +391,7 @@ fn features_by_vertices(contact: &CompactContact, triangles: &[[u32; 3]]) -> [Ve
     names
 }
 
-/// The corners of a triangle that a feature has, some of them more than once.
+/// The corners of a triangle that belong to a feature. Some are repeated.
 fn corners_of(feature: Feature) -> [usize; 3] {
     match feature {
         Feature::Vertex(corner) => [corner.into(); 3],
@@ -399,7 +400,7 @@ fn corners_of(feature: Feature) -> [usize; 3] {
     }
 }
 
-/// A surface that folds back onto itself at random: a crumpled ball, and a soup through it.
+/// A surface that folds back onto itself at random: a crumpled ball with a soup through it.
 fn crumpled(seed: u64) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mut random = Random::new(seed);
     let mesh = merge(&[
@@ -416,7 +417,7 @@ fn self_contacts(points: &[Vec3], triangles: &[[u32; 3]]) -> FoundPairs {
     let own = side(&topology, points, false);
     let mut found = FoundPairs::default();
     let mut candidates = all_within(triangles.len());
-    // As the broad phase leaves them out.
+    // The broad phase leaves these out.
     candidates.retain(|&[a, b]| !topology.share_vertex(TriangleId(a), TriangleId(b)));
     exact_pairs(&own, &own, &candidates, &settings(true, true), &mut found);
     found
@@ -468,7 +469,7 @@ fn the_contacts_of_a_surface_with_itself_do_not_depend_on_the_order_of_its_trian
             assert_eq!(other_contacts.len(), contacts.len());
             for (found, expected) in other_contacts.iter().zip(&contacts) {
                 assert_eq!(found.0, expected.0);
-                // Another corner is the origin of the differences: f64 rounding, stored as f32.
+                // Differences are taken from another corner: f64 rounding, stored as f32.
                 assert!((found.1 - expected.1).abs() <= 1.0e-6, "{found:?} {expected:?}");
                 compared += 1;
             }
@@ -488,7 +489,8 @@ fn the_touching_pairs_of_a_surface_with_itself_are_those_of_the_reference() {
         let pairs: Vec<[u32; 2]> = found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect();
         assert_eq!(pairs, expected.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect::<Vec<_>>());
         assert!(pairs.len() > 500, "{}", pairs.len());
-        // The closest features of every touching pair are among the contacts, each on a touching pair.
+        // The contacts contain the closest features of every touching pair, and every contact belongs to a touching
+        // pair.
         let distances: BTreeMap<[u32; 2], f64> =
             found.touching.iter().map(|pair| ([pair.triangle_a, pair.triangle_b], pair.distance)).collect();
         for contact in &found.contacts {
@@ -498,7 +500,7 @@ fn the_touching_pairs_of_a_surface_with_itself_are_those_of_the_reference() {
     }
 }
 
-/// A vertex over an inner edge's two faces, and an edge over another, are one contact each, not one per triangle.
+/// A vertex over the two faces at an inner edge, or an edge over another, is one contact instead of one per triangle.
 #[test]
 fn a_vertex_over_a_sheet_is_one_contact() {
     let points = [
@@ -522,7 +524,7 @@ fn a_vertex_over_a_sheet_is_one_contact() {
     assert!((contact.distance - 0.05).abs() < 1.0e-7);
     let (vertex, face) = if contact.features.b == Feature::Face { (2, 0) } else { (0, 2) };
     assert_eq!(contact.triangle_a.min(contact.triangle_b), face.min(vertex));
-    // The reference agrees on each.
+    // The reference agrees for each triangle.
     let exact_corners = |triangle: usize| exact(corners(&points, triangles[triangle]));
     for triangle in 2..6 {
         assert!((triangle_distance(&exact_corners(0), &exact_corners(triangle)) - 0.05).abs() < 1.0e-7);
@@ -531,8 +533,8 @@ fn a_vertex_over_a_sheet_is_one_contact() {
     assert_eq!(Pose::IDENTITY.scale(), 1.0);
 }
 
-/// Positions that were moved to the frame of the pair are rounded there, which says nothing about the features: almost no
-/// pair that is apart needs the exact test for it.
+/// Positions are rounded when they are moved to the frame of the pair, which does not change the features. Almost no
+/// pair that is apart needs the exact test because of it.
 #[test]
 fn the_closest_features_of_a_moved_surface_are_told_as_often_as_those_of_one_in_place() {
     let own = icosphere(3, 1.0).rotate([0.3, 1.0, 0.2], 0.7);
@@ -556,7 +558,7 @@ fn the_closest_features_of_a_moved_surface_are_told_as_often_as_those_of_one_in_
         closest_pairs(&own_side, &other_side, &candidates, &settings, &mut found);
         let mut every = FoundPairs::default();
         exact_pairs(&own_side, &other_side, &candidates, &settings, &mut every);
-        // The same pairs, at distances that agree as well as single precision tells the features.
+        // The same pairs, with distances that agree as far as single precision distinguishes the features.
         let pairs = |found: &FoundPairs| -> Vec<[u32; 2]> {
             found.touching.iter().map(|pair| [pair.triangle_a, pair.triangle_b]).collect()
         };
@@ -571,7 +573,7 @@ fn the_closest_features_of_a_moved_surface_are_told_as_often_as_those_of_one_in_
     assert!(examined[1] * 10 <= examined[0] * 11, "{examined:?} in place and moved");
 }
 
-/// A large triangle, which single precision hardly tells from one that crosses, next to a small one, which it does.
+/// A large triangle, which single precision can hardly tell from one that crosses, next to a small one, which it can.
 #[test]
 fn every_touching_pair_has_its_closest_features_among_those_of_the_closest_alone() {
     let (vertex, lowest) = (Vec3::new(0.2, 1.0e-4, 0.1), Vec3::new(0.25, 5.0e-5, 0.15));
@@ -592,8 +594,8 @@ fn every_touching_pair_has_its_closest_features_among_those_of_the_closest_alone
     }
 }
 
-/// The mesh with its vertices on a grid, where `step` is not 0: there triangles share points, lie in one plane, have
-/// parallel edges, or no area.
+/// The mesh with its vertices on a grid, if `step` is not 0. There, triangles share points, are coplanar, have parallel
+/// edges, or have no area.
 fn on_grid(mut mesh: Mesh, step: f32) -> Mesh {
     for coordinate in mesh.positions.iter_mut().flatten().filter(|_| step > 0.0) {
         *coordinate = (*coordinate / step).round() * step;
@@ -601,8 +603,8 @@ fn on_grid(mut mesh: Mesh, step: f32) -> Mesh {
     mesh
 }
 
-/// The features of eight pairs are screened side by side before any of them is examined. Bit by bit: what is screened out
-/// must be exactly what the test of one pair does not find.
+/// The screen handles the features of eight pairs at a time before any pair is examined. Its result must be
+/// bit-identical to the test of single pairs: exactly the pairs that the test does not find are screened out.
 #[test]
 fn screened_pairs_are_those_that_examining_each_pair_finds() {
     let (mut within, mut crossing, mut beyond, mut features) = (0, 0, 0, 0);
@@ -626,7 +628,7 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
             let expected: Vec<f64> = expected.collect();
             let distances: Vec<f64> = found.touching.iter().map(|pair| pair.distance).collect();
             assert_eq!(distances, expected, "seed {seed}, range {range}");
-            // Of surfaces of one triangle each no other pair can report a feature.
+            // If each surface has a single triangle, no other pair can report a feature.
             for &[a, b] in pairs.iter().step_by(13) {
                 let alone = [a, b].map(|triangle| corners(&positions, mesh.triangles[triangle as usize]));
                 let topologies =
@@ -637,7 +639,7 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
                 examine_pair(&exact(alone[0]), &exact(alone[1]), range, &mut proximity);
                 let near = proximity.proximities.iter().filter(|_| proximity.distance <= range);
                 let near: Vec<_> = near.filter(|near| near.distance <= range).collect();
-                // Corners that coincide are one vertex, of which nothing is told twice.
+                // Coincident corners are one vertex and are not reported twice.
                 let places = |features: &FeaturePair| {
                     [(0, features.a), (1, features.b)].map(|(side, feature)| {
                         let place =
@@ -660,9 +662,9 @@ fn screened_pairs_are_those_that_examining_each_pair_finds() {
     assert!(features > 10_000, "{features} features");
 }
 
-/// A pair touches within exactly the distance that it has, and within none that is shorter by a bit, whichever way it is
-/// tested: the squares that features are first sorted out by are rounded differently. Whatever touches has a contact, of
-/// surfaces of one triangle each, of which nobody else can report it.
+/// A pair touches within exactly its own distance, and not within a distance one bit shorter, whichever test is used.
+/// The squares that first sort features are rounded differently. Every touching pair has a contact: each surface is one
+/// triangle, so no other pair can report it.
 #[test]
 fn pairs_touch_within_exactly_their_own_distance() {
     let ways: [(Test, bool); 3] = [(exact_pairs, false), (exact_pairs, true), (closest_pairs, true)];
@@ -676,7 +678,7 @@ fn pairs_touch_within_exactly_their_own_distance() {
             let topologies = alone.map(|corners| SurfaceTopology::new(&corners, &[[0, 1, 2]]).expect("it is valid"));
             let [a, b] = [0, 1].map(|number: usize| side(&topologies[number], &alone[number], false));
             let scale = [1.0, 1.0, 3.0, 0.7, 1.0e-3][number % 5];
-            // As far as it is looked, distances are exact.
+            // Distances are exact up to the range of the search.
             examine_pair(&exact(alone[0]), &exact(alone[1]), 1.0e9, &mut proximity);
             let distance = proximity.distance * scale;
             if distance == 0.0 {
@@ -707,18 +709,18 @@ fn pairs_touch_within_exactly_their_own_distance() {
             }
         }
     }
-    assert!(squares_disagree > 100, "{squares_disagree} squares tell something else than distances");
+    assert!(squares_disagree > 100, "{squares_disagree} squares disagree with distances");
 }
 
-/// A surface as it was when its vertices were welded, and where they are now.
+/// A surface whose vertices may have moved after they were welded.
 struct Moved {
     topology: SurfaceTopology,
     positions: Vec<Vec3>,
 }
 
 impl Moved {
-    /// `step` is that of a grid on which positions are, or 0; of its vertices every `apart`th has left the place of those it
-    /// was welded to, where that is not 0.
+    /// `step` is the size of the grid that positions lie on, or 0. If `apart` is not 0, every `apart`th vertex is moved
+    /// away from those it was welded to.
     fn new(mesh: Mesh, step: f32, apart: usize, random: &mut Random) -> Self {
         let mesh = on_grid(mesh, step);
         let mut positions = positions(&mesh);
@@ -738,7 +740,7 @@ impl Moved {
     }
 }
 
-/// Pages on one edge, with some triangles of no area.
+/// Pages on one edge, with some triangles without area.
 fn book(pages: u8, random: &mut Random) -> Mesh {
     let mut mesh = Mesh { positions: vec![[0.0; 3], [0.0, 0.0, 1.0]], triangles: Vec::new() };
     for page in 0..u32::from(pages) {
@@ -750,8 +752,8 @@ fn book(pages: u8, random: &mut Random) -> Mesh {
     mesh
 }
 
-/// `Exact` looks only at those features of which tables of the topology say that this pair reports them, after eight pairs
-/// were screened side by side; `Polygon` examines each pair alone, and asks of each feature all triangles around it.
+/// `Exact` screens eight pairs at a time, then examines only features that this pair reports according to tables of the
+/// topology. `Polygon` examines each pair alone, and checks all triangles around each feature.
 #[test]
 fn refined_and_polygon_find_the_same_bit_by_bit_on_meshes_of_every_kind() {
     let mut random = Random::new(20_261_120);
@@ -798,7 +800,7 @@ fn refined_and_polygon_find_the_same_bit_by_bit_on_meshes_of_every_kind() {
                 found
             };
             let ([mut refined, closest], [mut polygon, _]) = (find(true), find(false));
-            // What is told twice is dropped; by the screen it may not have been told again.
+            // Repeated contacts are dropped. The screen may already have skipped them.
             for found in [&mut refined, &mut polygon] {
                 if one_sided {
                     let side_b = b.side(one_sided);
@@ -809,8 +811,8 @@ fn refined_and_polygon_find_the_same_bit_by_bit_on_meshes_of_every_kind() {
             }
             assert_eq!(refined.touching, polygon.touching, "round {round}, {same_surface}");
             assert_eq!(refined.nearest.to_bits(), polygon.nearest.to_bits(), "round {round}, {same_surface}");
-            // Of those of one key the one of the lowest triangles counts, of several of those the first, whatever stands
-            // between them.
+            // Among contacts with the same key, the one of the lowest triangles counts, and the first if there are
+            // several, whatever comes between them.
             let [by_refined, by_polygon] = [&refined, &polygon].map(|found| {
                 let mut contacts = found.contacts.clone();
                 contacts.sort_by_key(|contact| (contact.key, contact.triangle_a, contact.triangle_b));

@@ -1,4 +1,4 @@
-//! Rigid shapes with values that no game has, and triangles that touch exactly: never a panic, always unit normals.
+//! Rigid shapes with values that no game uses, and exact touches: no panics, and normals always have unit length.
 
 use crate::{
     common::Random,
@@ -48,7 +48,7 @@ fn exact_touches_have_unit_normals() {
     let mut counted = 0;
     for (name, shared) in shapes(1.0) {
         let shape = ShapeGeometry::new(&shared).expect(name);
-        // Points on axes, edges, corners, centers, rims; triangles that end there, run through, or have no area.
+        // Points on axes, edges, corners, centers, and rims. Triangles end there, pass through, or have no area.
         let places = [0.0, 0.5, -0.5, 1.0, -1.0, 0.25];
         for _ in 0..4_000 {
             let mut place = || DVec3::new(places[random.below(6)], places[random.below(6)], places[random.below(6)]);
@@ -79,7 +79,7 @@ fn extreme_values_give_finite_contacts_or_none() {
     let sizes = [1.0, 1.0e-20, 1.0e-38, 1.0e-45, 1.0e10, 1.0e15, 1.0e20, f32::MAX, f32::INFINITY, f32::NAN];
     let (mut prepared, mut refused, mut counted) = (0, 0, 0);
     for size in sizes {
-        // parry itself panics over a compound whose parts it cannot sort.
+        // parry itself panics on a compound whose parts it cannot sort.
         let build = || shapes(size);
         let Ok(shapes) = std::panic::catch_unwind(build) else { continue };
         for (name, shared) in shapes {

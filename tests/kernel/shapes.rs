@@ -1,4 +1,4 @@
-//! Triangles against rigid shapes: closed forms, the f64 reference, and parry in f64.
+//! Triangles against rigid shapes, compared with closed forms, the f64 reference, and parry in f64.
 
 use bevy_circumsphere::kernel::{
     exact::{
@@ -21,11 +21,11 @@ use crate::{
     truth::{exact, random_rotation},
 };
 
-/// Distances in f64 between f32 inputs of length about 1; parry's search stops at 5e-8 of a pair of unit size.
+/// f64 distances between f32 inputs of length about 1. parry's search stops at 5e-8 for a pair of unit size.
 const TOLERANCE: f64 = 1.0e-9;
 const PARRY_TOLERANCE: f64 = 1.0e-6;
 
-/// Facets of a hull of f32 points about 1 long, found in f32, may lie some units in the last place off the true ones.
+/// Facets of a hull of f32 points about 1 long, found in f32, may be off by some units in the last place.
 const HULL_SLACK: f64 = 1.0e-5;
 
 pub fn examine(shape: &ShapeGeometry, triangle: &[DVec3; 3], range: f64) -> (f64, Vec<ShapeProximity>) {
@@ -39,7 +39,7 @@ pub fn at(triangle: &[DVec3; 3], weights: [f64; 3]) -> DVec3 {
     triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2]
 }
 
-/// A triangle of any size, needles and points among them, about `reach` from the origin, in stored precision.
+/// A triangle of any size, including needles and points, about `reach` from the origin, in stored precision.
 pub fn random_triangle(random: &mut Random, reach: f64) -> [DVec3; 3] {
     let size = random.power_of_ten(-2.0, 0.7);
     let center = random.direction() * reach * random.range(0.0, 2.0);
@@ -131,7 +131,7 @@ fn a_capsule_has_the_distance_of_its_segment_less_its_radius() {
         let (start, end) = (start.as_dvec3(), end.as_dvec3());
         let mut triangle = random_triangle(&mut random, 1.5);
         if index % 4 == 0 {
-            // A corner towards the side of the capsule, the rest away from it.
+            // One corner towards the side of the capsule, the others away from it.
             let foot = start.lerp(end, random.range(0.1, 0.9));
             let out = (end - start).cross(random.direction()).normalize();
             let tip = foot + out * (f64::from(radius) + random.range(-0.1, 0.1));
@@ -156,7 +156,8 @@ fn a_capsule_has_the_distance_of_its_segment_less_its_radius() {
         for proximity in &found {
             assert_well_formed(&triangle, proximity);
             let from_axis = point_segment(proximity.shape_point, start, end).distance;
-            // Where the triangle cuts the axis the way out is the triangle's normal, which need not be square to it.
+            // Where the triangle crosses the axis, the way out is the triangle's normal, which need not be
+            // perpendicular to the axis.
             let on_axis = proximity.distance <= -f64::from(radius) + TOLERANCE;
             assert!(on_axis || (from_axis - f64::from(radius)).abs() <= 1.0e-7, "{proximity:?}");
             sides += usize::from(matches!(proximity.feature, Feature::Vertex(_)) && proximity.shape_feature == 2);
@@ -199,7 +200,7 @@ fn a_half_space_has_the_depth_of_each_vertex() {
     assert!(counted > 10_000);
 }
 
-/// Distance of a point from the surface of a box about the origin, negative inside.
+/// Signed distance of a point from the surface of a box centered at the origin, negative inside.
 fn signed_box_distance(point: DVec3, half: DVec3) -> f64 {
     let beyond = point.abs() - half;
     beyond.max(DVec3::ZERO).length() + beyond.max_element().min(0.0)
@@ -213,8 +214,8 @@ struct PolytopeTally {
     cutting: usize,
 }
 
-/// One triangle against a convex polyhedron: `signed` is the distance from its surface, negative inside; `parry` the
-/// distance that parry finds, 0 where they meet; `slack` how far the polyhedron's planes may be off.
+/// Checks one triangle against a convex polyhedron. `signed` is the distance from its surface, negative inside. `parry`
+/// is the distance that parry finds, 0 where they meet. `slack` is the error of the polyhedron's planes.
 fn check_polytope(
     shape: &ShapeGeometry,
     triangle: &[DVec3; 3],
@@ -240,7 +241,7 @@ fn check_polytope(
         let own = signed(at(triangle, proximity.barycentric));
         if own.abs() > slack {
             assert_eq!(proximity.distance < 0.0, own < 0.0, "negative inside: {proximity:?} {own} {}", told());
-            // Out of the shape: a step along the normal from the surface is outside.
+            // The normal points out of the shape: a step along it from the surface ends outside.
             let outside = signed(proximity.shape_point + proximity.normal * 1.0e-3);
             assert!(outside >= -slack, "{proximity:?} {outside} {}", told());
         }
@@ -265,7 +266,8 @@ fn check_polytope(
             tally.apart += 1;
         }
     } else if deepest > slack {
-        // It cuts the solid although all corners are outside. parry's zero may be a near miss.
+        // The triangle cuts the solid although all its corners are outside. A distance of 0 from parry may be a near
+        // miss.
         assert!(least <= tolerance, "{}", told());
         if least <= 0.0 {
             tally.cutting += 1;
@@ -300,7 +302,7 @@ fn a_cuboid_has_the_distance_that_parry_and_its_planes_say() {
     assert!(apart > 1_000 && beyond > 1_000 && vertices_inside > 3_000 && cutting > 1_000);
 }
 
-/// The facets of the hull of points in general position, turned outward: every three points with no other beyond.
+/// The facets of the hull of points in general position, facing outward: every three points with no other beyond.
 pub fn hull_facets(points: &[DVec3]) -> Vec<[DVec3; 3]> {
     let mut facets = Vec::new();
     for (i, &a) in points.iter().enumerate() {
@@ -308,7 +310,7 @@ pub fn hull_facets(points: &[DVec3]) -> Vec<[DVec3; 3]> {
             for &c in &points[j + 1..] {
                 let normal = (b - a).cross(c - a);
                 let heights = || points.iter().map(|&point| normal.dot(point - a));
-                // f64 of three products of lengths up to 2.
+                // f64 rounding of three products of lengths up to 2.
                 if heights().all(|height| height <= 1.0e-14) {
                     facets.push([a, b, c]);
                 } else if heights().all(|height| height >= -1.0e-14) {
@@ -401,7 +403,7 @@ fn a_box_corner_through_a_triangle_is_a_crossing_and_its_depth_is_that_of_the_co
     let shape = ShapeGeometry::new(&SharedShape::cuboid(0.5, 0.5, 0.5)).expect("a box");
     let out = DVec3::ONE.normalize();
     for depth in [0.01, 0.05, 0.2] {
-        // The plane across the diagonal, this much below the corner.
+        // The plane across the diagonal, `depth` below the corner.
         let center = DVec3::splat(0.5) - out * depth;
         let (u, v) = (out.any_orthonormal_vector(), out.cross(out.any_orthonormal_vector()));
         let triangle = [center + u * 9.0, center - u * 5.0 + v * 9.0, center - u * 5.0 - v * 9.0];
@@ -433,7 +435,7 @@ fn shapes_that_cannot_be_tested_are_refused() {
     }
     assert!(matches!(ShapeGeometry::new(&SharedShape::halfspace(Vec3::ZERO)), Err(ShapeError::NoNormal)));
     for shape in [SharedShape::ball(0.0), SharedShape::cuboid(1.0, 0.0, 1.0)] {
-        assert!(ShapeGeometry::new(&shape).is_ok(), "a point and a plate are shapes");
+        assert!(ShapeGeometry::new(&shape).is_ok(), "points and plates are valid shapes");
     }
 }
 

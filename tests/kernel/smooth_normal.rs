@@ -1,4 +1,5 @@
-//! Smooth normals against closed forms: planes, spheres, cylinders, boxes, and meshes with nothing smooth about them.
+//! Smooth normals against closed forms for planes, spheres, cylinders, and boxes, and on meshes that are not smooth at
+//! all.
 
 use bevy_circumsphere::kernel::{
     mesh::{
@@ -21,7 +22,7 @@ use crate::{
 /// The default of the plugin's settings.
 const CREASE: f32 = 1.0;
 
-/// Arithmetic in f64 on vectors of length 1, a few hundred operations.
+/// Rounding of a few hundred f64 operations on unit vectors.
 const EXACT: f64 = 1.0e-13;
 
 struct Surface {
@@ -130,8 +131,8 @@ fn a_plane_has_its_own_normal_whatever_the_direction_it_is_met_from() {
         let turned = positions(&mesh).iter().map(|point| (turn * point.as_dvec3()).as_vec3()).collect();
         let surface = Surface::at(turned, &mesh.triangles, false);
         let up = turn * DVec3::Y;
-        // Corners rounded at coordinates below 1 tilt a triangle by twice that over its height, 0.02 on the lowest, and a
-        // weight of 1 / length² may favor the lowest ones. Not turned, nothing is rounded.
+        // Rounding of corners at coordinates below 1 tilts a triangle by twice that error over its height, 0.02 on the
+        // lowest. A weight of 1 / length² may favor the lowest triangles. Without rotation, nothing is rounded.
         let tolerance = if trial == 0 { EXACT } else { 8.0 * ROUNDING / 0.02 };
         for _ in 0..4_000 {
             let triangle = random.below(surface.triangle_count() as usize) as u32;
@@ -155,7 +156,7 @@ fn a_plane_has_its_own_normal_whatever_the_direction_it_is_met_from() {
     assert!(oblique > 10_000, "most directions are far from the plane's normal: {oblique}");
 }
 
-/// The largest errors of smooth normals and of facets against a true normal.
+/// The largest errors of smooth normals and of facets against the true normals.
 fn errors(surface: &Surface, truth: impl Fn(DVec3) -> DVec3, inner_only: bool) -> (f64, f64) {
     let mut random = Random::new(2);
     let (mut smooth, mut facet): (f64, f64) = (0.0, 0.0);
@@ -179,11 +180,12 @@ fn on_a_sphere_normals_are_radial() {
     for level in 1..5 {
         let surface = Surface::new(&icosphere(level, 1.5), true);
         let (smooth, facet) = errors(&surface, DVec3::normalize, false);
-        // Corners rounded at 1.5 tilt a triangle by that over its height; edges halve with every level from 0.93.
+        // Rounding of corners at 1.5 tilts a triangle by that error over its height. Edges start at 0.93 and halve with
+        // every level.
         let height = 0.8 * 0.93 / f64::from(1 << (level - 1));
         assert!(smooth <= 8.0 * 1.5 * ROUNDING / height, "level {level}: {smooth}");
         println!("sphere, level {level}: smooth {smooth:.1e}, facets {facet:.4} rad");
-        assert!(facet > 0.2 / f64::from(1 << level), "facets err by half a triangle: {facet}");
+        assert!(facet > 0.2 / f64::from(1 << level), "facets are off by half a triangle: {facet}");
     }
 }
 
@@ -197,7 +199,7 @@ fn on_an_irregular_sphere_normals_are_radial() {
     }
     let surface = Surface::new(&mesh, true);
     let (smooth, facet) = errors(&surface, DVec3::normalize, false);
-    // Edges of 0.15, moved by up to a third: heights of at least a quarter of them.
+    // Edges of 0.15 are moved by up to a third of their length, so heights are at least a quarter of it.
     assert!(smooth <= 16.0 * ROUNDING / 0.04, "{smooth}");
     assert!(facet > 0.08, "{facet}");
 }
@@ -207,9 +209,9 @@ fn on_a_cylinder_normals_are_radial() {
     let surface = Surface::new(&cylinder_side(1.0, 3.0, 24, 8), false);
     let radial = |point: DVec3| DVec3::new(point.x, 0.0, point.z).normalize();
     let (smooth, facet) = errors(&surface, radial, true);
-    // The two sides of a vertex weigh the same, however their rectangles are cut.
+    // Both sides of a vertex have the same weight, however their rectangles are divided.
     assert!(smooth <= 8.0 * ROUNDING / 0.2, "{smooth}");
-    assert!(facet > 0.12, "facets err by half of 15°: {facet}");
+    assert!(facet > 0.12, "facets are off by half of 15°: {facet}");
 }
 
 #[test]
@@ -218,7 +220,7 @@ fn on_a_saddle_normals_are_ten_times_as_true_as_facets() {
     let truth = |point: DVec3| DVec3::new(-0.5 * point.x, 0.5 * point.y, 1.0).normalize();
     let (smooth, facet) = errors(&surface, truth, true);
     println!("saddle: smooth {smooth:.2e}, facets {facet:.2e}");
-    // The scheme is exact on spheres and planes; that it is of second order on the saddle is checked by halving edges.
+    // The scheme is exact on spheres and planes. Halving the edges checks its second order on the saddle.
     assert!(smooth <= 0.1 * facet, "{smooth} {facet}");
     let (finer, _) = errors(&Surface::new(&saddle(32, 1.0, 0.5), false), truth, true);
     assert!(finer <= 0.35 * smooth, "{finer} {smooth}");
@@ -266,7 +268,7 @@ fn normals_are_continuous_across_inner_edges_and_vertices() {
             let beside_vertex = single(surface.cone(triangle, Feature::Face, corner(k), CREASE));
             assert!(at_vertex.distance(beside_vertex) <= EXACT);
             edges += 1;
-            // Half the crease angle: below it edges are inner edges of a curved surface.
+            // Half the crease angle. Below it, edges are inner edges of a curved surface.
             assert!(surface.facet(triangle).angle_between(surface.facet(other)) < 0.5);
             facet_jump = facet_jump.max(surface.facet(triangle).distance(surface.facet(other)));
         }
@@ -280,7 +282,8 @@ fn corner(k: u8) -> [f64; 3] {
 
 #[test]
 fn a_box_lets_directions_be_that_its_edges_and_corners_span() {
-    // Clamped to the positive octant, or to what is left of it at an edge or face: the closed form of the nearest direction.
+    // The closed form of the nearest direction: clamped to the positive octant, or to the part allowed at an edge or
+    // face.
     let surface = Surface::new(&cuboid([1.0, 2.0, 0.5], 3), true);
     let half_extents = DVec3::new(1.0, 2.0, 0.5);
     let mut random = Random::new(5);
@@ -302,7 +305,7 @@ fn a_box_lets_directions_be_that_its_edges_and_corners_span() {
         }
         let expected = expected.normalize();
         let cone = surface.cone(triangle, feature, weights, CREASE);
-        // Positions of thirds are rounded; faces of the box are planes but for that.
+        // Apart from the rounding of positions at thirds, the faces of the box are planes.
         let found = cone.nearest(direction);
         assert!(found.distance(expected) <= 1.0e-6, "{feature:?} {point} {direction}: {found} is not {expected}");
         if found.distance(direction) < 1.0e-9 { kept += 1 } else { clamped += 1 }
@@ -320,7 +323,7 @@ fn no_direction_of_a_cone_is_nearer_than_the_nearest() {
         let direction = random.direction();
         let nearest = cone.nearest(direction);
         assert!((nearest.length() - 1.0).abs() <= EXACT);
-        // Inside the cone: nothing that all of the cone is on one side of parts it from the cone.
+        // Inside the cone: no plane that has the whole cone on one side separates the direction from it.
         for one in &spanning {
             for other in &spanning {
                 let plane = one.cross(*other);
@@ -345,7 +348,8 @@ fn spheres_part_along_the_line_through_their_centers() {
             [Surface::new(&icosphere(level_a, radius_a), true), Surface::new(&icosphere(level_b, radius_b), true)];
         let (mut worst, mut worst_facet): (f64, f64) = (0.0, 0.0);
         for _ in 0..400 {
-            // Any places of the two within half a triangle of the true contact: the line is the same for all of them.
+            // Any places on the two spheres within half a triangle of the true contact. The line is the same for all of
+            // them.
             let line = random.direction();
             let mut cones = Vec::new();
             let mut facets = Vec::new();
@@ -358,12 +362,12 @@ fn spheres_part_along_the_line_through_their_centers() {
                         };
                         along(*one, *by).total_cmp(&along(*other, *with))
                     })
-                    .expect("it has triangles");
+                    .expect("the mesh has triangles");
                 let place = surface.cone(triangle, Feature::Face, weights, CREASE);
                 cones.push((place, surface.point(triangle, weights)));
                 facets.push(surface.facet(triangle));
             }
-            // The bodies stand so that the two places are a tenth apart, in a direction that leans.
+            // Place the bodies so that the two points are a tenth apart, in an oblique direction.
             let exact = (facets[1] + random.vector() * 0.5).normalize();
             let distance = random.range(-0.1, 0.1);
             let centers = cones[1].1 - cones[0].1 + exact * distance;
@@ -373,7 +377,7 @@ fn spheres_part_along_the_line_through_their_centers() {
             worst_facet = worst_facet.max(facets[1].distance(expected));
         }
         println!("spheres of {radius_a} and {radius_b}: {worst:.4}, facets {worst_facet:.4}");
-        // Radii are taken from facets, which lie below the sphere by the square of half a triangle's angle.
+        // Radii are estimated from facets, which lie below the sphere by the square of half a triangle's angle.
         assert!(worst <= 0.2 * worst_facet, "{radius_a} {radius_b}: {worst} {worst_facet}");
     }
 }
@@ -384,13 +388,13 @@ fn the_flatter_side_decides() {
     let (flat, ball) = (NormalCone::single(DVec3::Y, 0.0), NormalCone::single(-tilted, 2.0));
     assert_eq!(smooth_normal(DVec3::Y, DVec3::ZERO, &flat, &ball), DVec3::Y);
     assert_eq!(smooth_normal(-DVec3::Y, DVec3::ZERO, &ball, &flat), -DVec3::Y);
-    // Of two alike, the middle; of a corner and a ball, the ball.
+    // Two equal sides give the middle, a corner and a ball give the ball.
     let other = NormalCone::single(DVec3::Y, 2.0);
     let middle = (DVec3::Y + tilted).normalize();
     assert!(smooth_normal(DVec3::Y, DVec3::ZERO, &other, &ball).distance(middle) <= EXACT);
     let corner = NormalCone::between([DVec3::X, DVec3::Y, DVec3::Z]);
     assert!(smooth_normal(DVec3::Y, DVec3::ZERO, &corner, &ball).distance(tilted) <= EXACT);
-    // What points to the other side is not believed.
+    // Directions towards the wrong side are ignored.
     let opposite = NormalCone::single(DVec3::Y, 0.0);
     assert_eq!(smooth_normal(DVec3::Y, DVec3::ZERO, &NormalCone::anything(), &opposite), DVec3::Y);
 }
@@ -471,14 +475,14 @@ fn a_pose_moves_a_cone_with_its_surface() {
             let (feature, weights) = random_feature(&mut random);
             let cone = surface.cone(triangle, feature, weights, CREASE).moved(&pose);
             let expected = outside(surface.point(triangle, weights));
-            // One rounding of a rotated vector in f32, and positions of a sphere of 0.5.
+            // One f32 rounding of a rotated vector, and positions on a sphere of 0.5.
             assert!(cone.nearest(expected).distance(expected) <= 1.0e-5, "{mirror} {expected}");
-            // Twice as large, half as curved: against a ball of radius 1 it is in the middle.
+            // Twice as large means half as curved. Against a ball of radius 1, the normal is in the middle.
             let other = DVec3::new(-expected.y, expected.x, 0.3 * expected.z).normalize();
             let tilted = (expected * 20.0 + other).normalize();
             let found = smooth_normal(expected, DVec3::ZERO, &cone, &NormalCone::single(-tilted, 1.0));
             let middle = (expected + tilted).normalize();
-            // Curvature from facets, as above.
+            // Curvature is estimated from facets, as above.
             assert!(found.distance(middle) <= 0.1 * tilted.distance(expected), "{found} {middle}");
         }
     }
@@ -490,7 +494,7 @@ fn nothing_about_a_mesh_makes_a_normal_that_is_none() {
     let mut random = Random::new(10);
     let mut meshes: Vec<(Vec<Vec3>, Vec<[u32; 3]>)> = vec![
         (positions(&soup), soup.triangles.clone()),
-        // Three triangles at an edge, two joined at a vertex only, one wound the other way, one without area.
+        // Three triangles at an edge, two joined only at a vertex, one with reversed winding, and one without area.
         (
             vec![
                 Vec3::ZERO,
@@ -508,7 +512,7 @@ fn nothing_about_a_mesh_makes_a_normal_that_is_none() {
         (vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Y], vec![[0, 1, 2], [1, 0, 3]]),
         (vec![Vec3::ZERO, Vec3::X, Vec3::new(0.5, 1.0e-20, 0.0), Vec3::splat(1.0e30)], vec![[0, 1, 2], [0, 1, 3]]),
     ];
-    // Few vertices and many triangles: every kind of knot.
+    // Few vertices and many triangles, which makes tangles of every kind.
     for _ in 0..60 {
         let points: Vec<Vec3> = (0..7).map(|_| (random.vector() * 2.0).round().as_vec3()).collect();
         let triangles = (0..12).map(|_| std::array::from_fn(|_| random.below(7) as u32)).collect();
@@ -519,7 +523,7 @@ fn nothing_about_a_mesh_makes_a_normal_that_is_none() {
         for broken in [false, true] {
             let mut surface = Surface::at(points.clone(), &triangles, broken);
             if broken {
-                // What positions may become after detection: not a number, infinite, too few.
+                // Positions that may occur after detection: NaN, infinite, or too few.
                 surface.positions[0] = Vec3::NAN;
                 surface.positions[1].x = f32::INFINITY;
                 surface.positions.pop();
@@ -547,7 +551,7 @@ fn nothing_about_a_mesh_makes_a_normal_that_is_none() {
 
 #[test]
 fn vertices_that_have_come_apart_are_no_longer_smoothed_over() {
-    // A tent of two triangles with a common edge of vertices of their own.
+    // A tent of two triangles. Each has its own copies of the vertices at their common edge.
     let tent = |gap: f32| {
         vec![
             Vec3::ZERO,

@@ -1,4 +1,4 @@
-//! Contacts of spheres, eight at a time, are those of one pair at a time.
+//! Sphere contacts that are tested eight pairs at a time equal those of single pairs.
 
 use bevy_circumsphere::kernel::{
     mesh::{barycentric::barycentric_of, ids::TriangleId, topology::SurfaceTopology},
@@ -22,7 +22,7 @@ use crate::{
     truth::{ROUNDING, independent, positions},
 };
 
-/// Rounding of a handful of operations in f64 on coordinates of 100, below what single precision stores.
+/// Rounding of a few f64 operations on coordinates of 100, below the resolution of single precision.
 const DOUBLE_ROUNDING: f64 = 1.0e-12;
 
 const SETTINGS: PairSettings = PairSettings {
@@ -34,7 +34,7 @@ const SETTINGS: PairSettings = PairSettings {
     same_surface: false,
 };
 
-/// A surface with everything that the sphere stages ask for.
+/// A surface with all data that the sphere stages need.
 struct Body {
     topology: SurfaceTopology,
     positions: Vec<Vec3>,
@@ -82,7 +82,7 @@ impl Body {
     }
 }
 
-/// A crumpled sheet, and triangles of all sizes and shapes: without area, twice in the same place, tiny, far out.
+/// A crumpled sheet, and triangles of all sizes and shapes: without area, duplicated, tiny, and far away.
 fn bodies(random: &mut Random) -> [Body; 2] {
     let sheet = crumpled_sheet(1_000, 0.0);
     let mut triangles = Vec::new();
@@ -105,7 +105,7 @@ fn bodies(random: &mut Random) -> [Body; 2] {
 fn random_pairs(random: &mut Random, a: &Body, b: &Body) -> Vec<[u32; 2]> {
     let counts = [a, b].map(|body| body.topology.triangles().len());
     let mut pairs: Vec<[u32; 2]> = (0..60_001).map(|_| counts.map(|count| random.below(count) as u32)).collect();
-    // The same triangle, and its twin, which is in the same place.
+    // The same triangle, and its twin in the same place.
     pairs.extend(
         (0..counts[1].min(counts[0]) as u32).flat_map(|triangle| [[triangle, triangle], [triangle, triangle ^ 1]]),
     );
@@ -127,7 +127,7 @@ fn gap_along(direction: DVec3, a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
     (low(along(a)) - high(along(b))).max(low(along(b)) - high(along(a)))
 }
 
-/// What one pair amounts to, by itself.
+/// The expected result of a single pair.
 struct Expected {
     points: [Vec3; 2],
     normal: Vec3,
@@ -135,7 +135,7 @@ struct Expected {
     distance: f64,
 }
 
-/// Holds what was found against what each pair amounts to. Returns how many contacts there are, and how many pairs touch.
+/// Compares the results with the expectation of each pair. Returns the number of contacts and of touching pairs.
 fn assert_found(
     found: &FoundPairs,
     [a, b]: [&Body; 2],
@@ -172,7 +172,7 @@ fn assert_found(
             }
         }
     }
-    assert!(contacts.next().is_none() && touching.next().is_none(), "more was found than there is");
+    assert!(contacts.next().is_none() && touching.next().is_none(), "there are unexpected results");
     assert!((found.nearest - nearest).abs() <= DOUBLE_ROUNDING || found.nearest == nearest);
     [found.contacts.len(), found.touching.len()]
 }
@@ -223,7 +223,7 @@ fn caps_eight_at_a_time_meet_where_one_pair_at_a_time_does() {
             });
             counts = [counts[0] + found_counts[0], counts[1] + found_counts[1]];
 
-            // Rows are another way to the same numbers.
+            // Rows must give the same numbers.
             let (mut rows_a, mut rows_b) = (CapRows::default(), CapRows::default());
             a.rows(&Sequential, &mut rows_a);
             b.rows(&Sequential, &mut rows_b);
@@ -271,7 +271,7 @@ fn balls_eight_at_a_time_touch_where_one_pair_at_a_time_does() {
     assert!(counts[0] > counts[1] + 1_000 && counts[1] > 10_000);
 }
 
-/// A body, and where another pose puts it: turned, moved and larger.
+/// A body and a pose that rotates, moves, and enlarges it.
 struct Moved {
     body: Body,
     pose: Pose,
@@ -301,7 +301,7 @@ impl Moved {
         CapSide { surface: self.surface(), pose: Some(&self.pose), ..self.body.cap_side(true) }
     }
 
-    /// The mesh that stands there, with balls and caps that have been brought over one by one.
+    /// The mesh as it is in the world. Its balls and caps are transformed one by one.
     fn standing(&self) -> Body {
         let (balls, caps) = (self.ball_side(), self.cap_side());
         let triangles = 0..self.body.topology.triangles().len() as u32;
@@ -317,7 +317,7 @@ impl Moved {
     }
 }
 
-/// Corners of a moved side are not rounded; spheres and caps are, wherever they come from.
+/// Corners of a moved side are not rounded. Spheres and caps are, however they are transformed.
 #[test]
 fn a_moved_side_gives_the_contacts_of_the_mesh_that_stands_there() {
     let mut random = Random::new(3);
@@ -331,7 +331,7 @@ fn a_moved_side_gives_the_contacts_of_the_mesh_that_stands_there() {
         assert_eq!(found.contacts.len(), expected.contacts.len());
         for (contact, expected) in found.contacts.iter().zip(&expected.contacts) {
             assert_eq!((contact.key, contact.normal), (expected.key, expected.normal));
-            // Corners of a mesh of 2 are rounded by 1e-7, triangles are 0.1 wide, and slivers a hundredth of that.
+            // Corners of a mesh of size 2 are rounded by 1e-7. Triangles are 0.1 wide, slivers a hundredth of that.
             assert!(near(contact.barycentric_b, expected.barycentric_b), "{contact:?} {expected:?}");
         }
     };
@@ -359,18 +359,18 @@ fn a_moved_side_gives_the_contacts_of_the_mesh_that_stands_there() {
     assert!(by_rows.contacts == found.contacts && by_rows.touching == found.touching);
 }
 
-/// Where rounding has put the corners of a moved side is no reason to find it nearer or farther than it is written.
+/// The distances of balls of a moved side do not depend on how its corners are rounded, even at the limit.
 #[test]
 fn balls_of_a_moved_side_are_found_where_they_are_written_even_at_the_limit() {
     let mut random = Random::new(5);
     let [sheet, soup] = bodies(&mut random);
-    // So far out that single precision holds corners to a ten thousandth.
+    // At this distance, single precision resolves only a ten-thousandth.
     let far = Vec3::splat(2_000.0);
     let sheet = Body::new(sheet.positions.iter().map(|&place| place + far).collect(), sheet.topology.triangles());
     let pairs = random_pairs(&mut random, &sheet, &soup);
     let moved = Moved::new(soup, far);
     let (a, b) = (sheet.ball_side(), moved.ball_side());
-    // Distances that boxes of the corners tell, which are not rounded.
+    // Distances between boxes of the corners, which are not rounded.
     let limits = pairs.iter().filter_map(|&[triangle_a, triangle_b]| {
         let (own, other) = (a.ball(triangle_a), b.ball(triangle_b));
         let gap = own.center.as_dvec3().distance(other.center.as_dvec3()) - f64::from(own.radius + other.radius);
@@ -398,7 +398,7 @@ fn balls_of_a_moved_side_are_found_where_they_are_written_even_at_the_limit() {
     assert!(limits.len() > 1_000 && touching > 10_000);
 }
 
-/// Most pairs are told in single precision. At limits that are the distances of pairs, to the last bit, some cannot be.
+/// Single precision decides most pairs. Where the limit equals the distance of a pair to the last bit, it cannot.
 #[test]
 fn balls_are_found_where_they_are_written_even_at_the_limit() {
     let mut random = Random::new(4);
@@ -407,7 +407,7 @@ fn balls_are_found_where_they_are_written_even_at_the_limit() {
     for (one, other) in [(&sheet, &soup), (&sheet, &sheet), (&soup, &soup)] {
         let same_surface = std::ptr::eq(one, other);
         let mut pairs = random_pairs(&mut random, one, other);
-        // The same two of one surface the other way round have the same contact.
+        // Within one surface, a pair in reverse order has the same contact.
         pairs.retain(|[first, second]| !same_surface || first < second);
         let (a, b) = (one.ball_side(), other.ball_side());
         let (mut rows_a, mut rows_b) = (BallRows::default(), BallRows::default());
@@ -437,7 +437,7 @@ fn balls_are_found_where_they_are_written_even_at_the_limit() {
                 };
                 for &pair in pairs.iter().filter(|&&pair| !is_neighbor(pair)) {
                     let gap = ball_gap(pair) * SETTINGS.scale;
-                    // Coordinates of 100 in f32.
+                    // Rounding of coordinates of 100 in f32.
                     let is_certain = (gap - range).abs() > 1.0e-4;
                     assert!(!is_certain || kept.contains(&pair) == (gap < range), "{pair:?}: {gap} of {range}");
                 }
@@ -450,7 +450,7 @@ fn balls_are_found_where_they_are_written_even_at_the_limit() {
                     assert_eq!(found.nearest, written.nearest);
                     let mut contacts = written.contacts.iter();
                     for found in found.contacts(&overlapping) {
-                        let contact = contacts.next().expect("it is written");
+                        let contact = contacts.next().expect("the contact exists");
                         assert_eq!((found.triangle_a, found.triangle_b), contact.triangles());
                         let slack = 16.0 * f32::EPSILON * (1.0 + contact.distance.abs());
                         assert!((found.distance - contact.distance).abs() <= slack, "{found:?}: {contact:?}");

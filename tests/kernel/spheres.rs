@@ -1,4 +1,4 @@
-//! Circumcenters, enclosing balls and offset spheres of single triangles.
+//! Circumcenters, enclosing balls, and offset spheres of single triangles.
 
 use bevy_circumsphere::kernel::spheres::{
     circumsphere::{
@@ -16,16 +16,16 @@ use crate::{
     },
 };
 
-/// Largest angle up to which the in-plane center is the circumcenter.
+/// The largest angle up to which the in-plane center is the circumcenter.
 const CLAMP_ANGLE: f64 = 150.0;
 
-/// A dozen f32 operations stand between a corner and a center, each of half a unit in the last place.
+/// A center is a dozen f32 operations away from a corner, with an error of half a unit in the last place each.
 const OPERATIONS: f64 = 12.0;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Shape {
     Any,
-    /// Smallest angle of 0.01 degrees, the largest about 90.
+    /// Smallest angle of 0.01 degrees, largest about 90.
     Needle,
     /// Largest angle between 90 and 150 degrees.
     Obtuse,
@@ -52,7 +52,7 @@ fn random_triangle(random: &mut Random, shape: Shape, longest: f64, offset: DVec
     triangle_with_angles(random, first.to_radians(), second.to_radians(), longest, offset)
 }
 
-/// Whether a triangle may count as one without area: the kernel's limit is a doubled area of 1e-6 squared lengths.
+/// Whether a triangle may count as one without area. The kernel's limit is a doubled area of 1e-6 squared lengths.
 fn is_segment(corners: &[DVec3; 3]) -> bool {
     (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() <= 2.0e-6 * longest_edge(corners).powi(2)
 }
@@ -72,7 +72,7 @@ fn assorted(random: &mut Random, shapes: &[Shape], count: usize) -> Vec<[Vec3; 3
         .collect()
 }
 
-/// Far from the origin rounding has made other triangles of them: the angle of the stored corners decides.
+/// A fresh sphere. Far from the origin, rounding changes the triangle, so the angle is that of the stored corners.
 struct Fresh {
     corners: [DVec3; 3],
     center: DVec3,
@@ -80,7 +80,7 @@ struct Fresh {
     angle: f64,
     apex: usize,
     is_segment: bool,
-    /// How far rounding may leave a corner from the sphere.
+    /// How far rounding may move a corner off the sphere.
     tolerance: f64,
 }
 
@@ -97,8 +97,8 @@ fn fresh_spheres(triangles: &[[Vec3; 3]], phi: f32) -> Vec<Fresh> {
             let (angle, apex) = largest_angle(&corners);
             let center = spheres.offset.centers[index].as_dvec3();
             let radius = f64::from(spheres.offset.radii[index]);
-            // The normal is a cross product: its direction errs by its rounding over the sine of the angle it is
-            // taken at. Besides, the center is stored among coordinates of its own size: it moves by up to √3 roundings,
+            // The normal is a cross product: the error of its direction is the rounding divided by the sine of the
+            // angle. The center is also rounded at the size of its own coordinates, and moves by up to √3 roundings,
             // away from one corner and towards another.
             let coordinate = largest_coordinate(&[center, corners[0], corners[1], corners[2]]);
             let tolerance = OPERATIONS * ROUNDING * radius / angle.sin() + 4.0 * ROUNDING * coordinate;
@@ -151,7 +151,7 @@ fn a_fresh_clamped_sphere_passes_through_the_longest_edge_and_contains_the_third
             let third = fresh.corners[fresh.apex].distance(fresh.center);
             assert!(third <= fresh.radius, "{:?}", fresh.corners);
             well_inside += usize::from(third < fresh.radius - fresh.tolerance);
-            // Without a bound the radius would grow with the circumradius; with it, it is that of 150 degrees.
+            // Unclamped, the radius would grow with the circumradius. Clamped, it is that of 150 degrees.
             let expected = (1.0 + f64::from(phi).powi(2)).sqrt() * longest_edge(&fresh.corners);
             assert!((fresh.radius - expected).abs() <= (1.0 + f64::from(phi)) * fresh.tolerance);
             checked += 1;
@@ -174,7 +174,7 @@ fn on_flat_ground_the_cone_is_as_wide_as_phi_says() {
         );
         let expected = f64::from(phi) / (1.0 + f64::from(phi).powi(2)).sqrt();
         for (triangle, &cosine) in spheres.cones.cosines.iter().enumerate() {
-            // Radius and height each err by the roundings of an in-plane distance.
+            // The errors of radius and height are the roundings of an in-plane distance each.
             assert!((f64::from(cosine) - expected).abs() <= 2.0 * OPERATIONS * ROUNDING, "{cosine} {expected}");
             let [a, b, c] = exact(triangles[triangle]);
             let normal = (b - a).cross(c - a).normalize();
@@ -183,7 +183,7 @@ fn on_flat_ground_the_cone_is_as_wide_as_phi_says() {
     }
 }
 
-/// Corners anywhere: every shape and every size, slivers and triangles without area among them.
+/// Random corners, so triangles of every shape and size, including slivers and triangles without area.
 fn deformed(random: &mut Random) -> [Vec3; 3] {
     let size = random.power_of_ten(-3.0, 3.0);
     let offset = if random.below(2) == 0 { DVec3::ZERO } else { random.vector() * 1.0e3 };
@@ -199,8 +199,8 @@ fn deformed(random: &mut Random) -> [Vec3; 3] {
     corners.map(|corner| (corner * size + offset).as_vec3())
 }
 
-/// Farthest an in-plane center can be from a corner, in longest edges: it stays within √3 halves of *some* edge from
-/// that edge's middle, and no corner is farther from a middle than the longest edge.
+/// The largest distance of an in-plane center from a corner, in longest edges. The center is within √3 halves of *some*
+/// edge from the middle of that edge, and no corner is farther from that middle than the longest edge.
 const STALE_RADIUS: f64 = 0.866_025_5 + 1.0;
 
 #[test]
@@ -223,12 +223,12 @@ fn every_ball_contains_its_triangle_however_stale_its_recipe() {
                 let corners = exact(*corners);
                 let center = spheres.offset.centers[triangle].as_dvec3();
                 let radius = f64::from(spheres.offset.radii[triangle]);
-                // No tolerance: radii are lengthened by more than their rounding.
+                // No tolerance, because radii are enlarged by more than their rounding.
                 for corner in corners {
                     assert!(corner.distance(center) <= radius, "{:e} {corners:?}", corner.distance(center) / radius);
                 }
                 let longest = longest_edge(&corners);
-                // The center is rounded where it lies, and a larger sphere's center lies farther out.
+                // The center is rounded at its own coordinates, and the center of a larger sphere is farther out.
                 let rounding = OPERATIONS * ROUNDING * (largest_coordinate(&corners) + radius);
                 let allowed = (1.0 + f64::from(phi).powi(2)).sqrt() * STALE_RADIUS * longest + rounding;
                 assert!(radius <= allowed, "{radius} {allowed} {corners:?}");
@@ -265,8 +265,8 @@ fn the_smallest_ball_contains_its_triangle_and_is_the_smallest() {
         let (angle, _) = largest_angle(&corners);
         let rounding = OPERATIONS * ROUNDING * (largest_coordinate(&corners) + longest);
         if angle >= std::f64::consts::FRAC_PI_2 || is_segment(&corners) {
-            // Of two long edges that are equal in f32 the shorter may be taken: the angle there is short of a right
-            // one by what lengths rounded over the shortest edge tell.
+            // Of two long edges with equal f32 lengths, the shorter may be chosen. The angle there is below a right
+            // angle by the rounding of the lengths over the shortest edge.
             let shortest = (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).fold(f64::INFINITY, f64::min);
             let doubt = if shortest > 0.0 { (4.0 * ROUNDING * longest / shortest).min(0.2) } else { 0.0 };
             let allowed = 0.5 * longest * (1.0 + 0.5 * doubt * doubt) + rounding;
@@ -283,7 +283,7 @@ fn the_smallest_ball_contains_its_triangle_and_is_the_smallest() {
     assert!(acute > 10_000 && obtuse > 10_000);
 }
 
-/// Worst error of the circumcenter relative to the circumradius, with bounds of its own for each shape.
+/// The worst error of the circumcenter relative to the circumradius, with a bound for each shape.
 #[test]
 fn the_circumcenter_agrees_with_f64() {
     let mut random = Random::new(6);
@@ -314,8 +314,8 @@ fn the_circumcenter_agrees_with_f64() {
             checked += 1;
         }
         println!("{name}: {checked} circumcenters, worst error {worst:.1e} of the circumradius");
-        // A dozen operations err by half a unit in the last place each, and the normal is divided by the sine of the
-        // angle it is taken at: 7e-7 for all but the cap, for which that sine is 3.5e-4.
+        // A dozen operations with an error of half a unit in the last place each. The normal is divided by the sine of
+        // its angle: 7e-7 for all except the cap, whose sine is 3.5e-4.
         let angle = f64::to_radians(first.max(second).max(180.0 - first - second));
         let bound = OPERATIONS * ROUNDING / angle.sin();
         assert!(worst <= bound, "{name}: {worst:e}");
@@ -323,16 +323,16 @@ fn the_circumcenter_agrees_with_f64() {
     }
 }
 
-/// The corner opposite the longest edge as f32 lengths tell it, the first of equals.
+/// The corner opposite the longest edge by f32 lengths, the first if several are equal.
 fn largest_angle_by_length(corners: &[DVec3; 3]) -> usize {
     let lengths = [0, 1, 2].map(|k| corners[k].as_vec3().distance(corners[(k + 1) % 3].as_vec3()));
     let longest = (0..3).fold(0, |best, k| if lengths[k] > lengths[best] { k } else { best });
     (longest + 2) % 3
 }
 
-/// A triangle on the longest edge from −1 to 1 whose largest angle is given; `skew` moves the apex along the arc.
+/// A triangle with the given largest angle, on a longest edge from −1 to 1. `skew` moves the apex along the arc.
 fn on_unit_edge(angle: f64, skew: f64) -> [Vec3; 3] {
-    // Inscribed angle: all apexes that see the edge under the same angle lie on one arc.
+    // By the inscribed angle theorem, all apexes with the same angle lie on one arc.
     let (center, radius) = (angle.tan().recip(), angle.sin().recip());
     let direction = std::f64::consts::FRAC_PI_2 + skew * (std::f64::consts::PI - angle) * 0.5;
     let apex = DVec3::new(radius * direction.cos(), center + radius * direction.sin(), 0.0);
@@ -342,7 +342,7 @@ fn on_unit_edge(angle: f64, skew: f64) -> [Vec3; 3] {
 #[test]
 fn the_in_plane_center_is_continuous_across_the_right_angle_and_the_clamp() {
     const STEP: f64 = 1.0e-3;
-    // The center lies cot γ below the edge of half length 1; its slope 1/sin² γ is at most 4 up to 150 degrees.
+    // The center lies cot γ below the edge, whose half length is 1. The slope 1/sin² γ is at most 4 up to 150 degrees.
     const SLOPE: f64 = 4.0;
     for (from, to) in [(88.0f64, 92.0f64), (145.0, 155.0), (89.9, 150.1)] {
         for skew in [0.0, 0.3, -0.8] {
@@ -356,7 +356,7 @@ fn the_in_plane_center_is_continuous_across_the_right_angle_and_the_clamp() {
                 assert!(ball.center.as_dvec3().distance(center) <= 1.0e-5, "{angle} {ball:?} {center}");
                 if let Some(previous) = previous {
                     let change = ball.center.distance(previous.center);
-                    // Twice the rounding of a center, on top.
+                    // Plus twice the rounding of a center.
                     assert!(f64::from(change) <= SLOPE * STEP * 1.01 + 1.0e-5, "{angle} {change}");
                     assert!(f64::from((ball.radius - previous.radius).abs()) <= SLOPE * STEP * 1.01 + 1.0e-5);
                     moved += f64::from(change);
@@ -375,7 +375,7 @@ fn a_triangle_without_area_has_the_ball_of_a_segment_or_a_point() {
     let mut random = Random::new(7);
     let settings = RecipeSettings { sphere_offset: 1.0, curvature_threshold: 1.0, refit_threshold: 0.5 };
     for _ in 0..2_000 {
-        // Whole steps: collinear in stored precision too.
+        // Whole steps are collinear in stored precision, too.
         let (start, step) = (random.grid_point(8).as_vec3(), random.grid_point(8).as_vec3());
         let mut corners = match random.below(4) {
             0 => [start; 3],
@@ -390,7 +390,7 @@ fn a_triangle_without_area_has_the_ball_of_a_segment_or_a_point() {
         let longest = longest_edge(&truth);
         let low = truth.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = truth.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-        // Of points on one line the box's middle is the middle.
+        // The middle of collinear points is the middle of their box.
         let middle = (low + high) * 0.5;
         let rounding = OPERATIONS * ROUNDING * (longest + largest_coordinate(&truth));
         assert!(circumcenter(corners).is_none());
@@ -433,8 +433,8 @@ fn a_triangle_that_loses_its_area_keeps_its_last_normal() {
 fn no_length_gives_what_is_not_a_number() {
     let mut random = Random::new(8);
     let mut checked = 0;
-    // From f32's smallest subnormal to where a sphere about the circumcenter of a right angle still fits. Squares of the
-    // lengths fit from 2^-63 to 2^62 only.
+    // From the smallest subnormal f32 to the largest size at which the circumsphere of a right triangle fits. Squares
+    // of lengths fit only from 2^-63 to 2^62.
     for exponent in -149..=124 {
         for _ in 0..40 {
             let scale = 2f64.powi(exponent);
@@ -454,7 +454,7 @@ fn no_length_gives_what_is_not_a_number() {
             let offset = Ball { center: spheres.offset.centers[0], radius: spheres.offset.radii[0] };
             for ball in [in_plane_center(corners), enclosing_ball(corners), offset] {
                 assert!(ball.center.is_finite() && ball.radius.is_finite(), "2^{exponent} {corners:?} {ball:?}");
-                // Half of the smallest subnormal is lost wherever a coordinate or length is rounded.
+                // Every rounding of a coordinate or length loses up to half of the smallest subnormal.
                 let lost = 2f64.powi(-146);
                 for corner in truth {
                     let distance = corner.distance(ball.center.as_dvec3());
@@ -476,8 +476,8 @@ fn no_length_gives_what_is_not_a_number() {
     assert!(checked > 20_000);
 }
 
-/// Far from the origin rounding moves a small triangle's center by more than its height: the height was then larger
-/// than the radius, and no direction within the cone.
+/// Far from the origin, rounding moved the center of a small triangle by more than its height. The height then exceeded
+/// the radius, and the cone contained no directions.
 #[test]
 fn a_cone_holds_its_own_axis_however_far_from_the_origin() {
     let corners = [(1.835_516_3, 6_817.493), (1.835_188_9, 6_817.493), (1.834_938_5, 6_817.492_7)];
@@ -490,8 +490,8 @@ fn a_cone_holds_its_own_axis_however_far_from_the_origin() {
     }
 }
 
-/// Found by the fuzz target `spheres`: differences of coordinates, heights and the lengths of edges that were the longest
-/// once leave the range of f32 before the coordinates do.
+/// Found by the fuzz target `spheres`: differences of coordinates, heights, and the lengths of edges that used to be
+/// the longest leave the range of f32 before the coordinates do.
 #[test]
 fn spheres_at_the_end_of_f32_are_numbers() {
     let settings = RecipeSettings { sphere_offset: 1.0e6, curvature_threshold: 0.1, refit_threshold: f32::MAX };
@@ -506,7 +506,7 @@ fn spheres_at_the_end_of_f32_are_numbers() {
     for corners in [[high, low, apex], huge, wide, spread, diagonal, longer] {
         let [a, b, c] = corners;
         let mut spheres = Spheres::new(&corners, &[[0, 1, 2]], settings);
-        // Stale afterwards: other edges are the longest.
+        // These recipes become stale, because other edges are the longest now.
         for positions in [[a, b, c], [b, c, a], [c, a, b], [a * 1.0e-30, b, c]] {
             spheres.update(&positions);
             let offset = Ball { center: spheres.offset.centers[0], radius: spheres.offset.radii[0] };

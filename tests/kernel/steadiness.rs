@@ -1,4 +1,4 @@
-//! When recipes are refreshed, and when not.
+//! When recipes are refreshed, and when they are not.
 
 use bevy_circumsphere::kernel::spheres::circumsphere::RecipeSettings;
 use circumsphere_support::scenes::{Diagonals, cuboid, grid, icosphere, saddle, torus};
@@ -32,7 +32,7 @@ fn rigid_motion_refreshes_no_recipe() {
                 rest.iter().map(|point| (turn * point.as_dvec3() + drift * f64::from(step)).as_vec3()).collect();
             assert_eq!(spheres.update(&moved), 0, "step {step}");
         }
-        // Not because nothing ever would: a twist does.
+        // Recipes can be refreshed: a twist does it.
         let twisted: Vec<Vec3> = rest
             .iter()
             .map(|point| (DQuat::from_rotation_y(2.0 * f64::from(point.y + point.x)) * point.as_dvec3()).as_vec3())
@@ -55,7 +55,7 @@ fn a_stretch_beyond_delta_refreshes_exactly_the_stretched_triangles() {
             .iter()
             .zip(&stretched)
             .map(|(corners, &beyond)| {
-                // Along one edge: its length changes by exactly this share, the others' by less.
+                // Stretches along one edge: its length changes by exactly this share, the others by less.
                 let share = if beyond { 1.01 * DELTA } else { 0.99 * DELTA };
                 let origin = corners[0].as_dvec3();
                 let along = (corners[1].as_dvec3() - origin).normalize();
@@ -87,7 +87,7 @@ fn a_fold_beyond_delta_refreshes_both_triangles_of_the_hinge() {
     assert_eq!(spheres.update(&hinge(0.49)), 0);
     assert_eq!(spheres.update(&hinge(-0.09)), 0);
     assert_eq!(spheres.update(&hinge(0.51)), 2);
-    // Small steps add up against the shape of the last refresh.
+    // Small steps add up relative to the shape at the last refresh.
     assert_eq!(spheres.update(&hinge(0.7)), 0);
     assert_eq!(spheres.update(&hinge(0.8)), 0);
     assert_eq!(spheres.update(&hinge(0.82)), 2);
@@ -108,7 +108,7 @@ fn without_delta_every_recipe_is_refreshed_and_spheres_equal_new_ones() {
     assert_eq!(spheres.cones.cosines, fresh.cones.cosines);
 }
 
-/// Between the tick that makes a recipe and the next one nothing may jump, obtuse triangles included.
+/// Nothing may jump between the tick that makes a recipe and the next one, including obtuse triangles.
 #[test]
 fn a_triangle_that_does_not_move_keeps_exactly_its_sphere() {
     let mut random = Random::new(4);
@@ -148,7 +148,7 @@ fn forgotten_recipes_are_made_anew() {
     assert_eq!(spheres.update(&rest), mesh.triangles.len());
 }
 
-/// A sphere turned with its mesh is the mesh's sphere turned: stale recipes follow rigid motion exactly.
+/// Stale recipes follow rigid motion exactly: the sphere of a rotated mesh is the rotated sphere.
 #[test]
 fn spheres_move_rigidly_with_their_mesh() {
     let mut random = Random::new(5);
@@ -163,7 +163,8 @@ fn spheres_move_rigidly_with_their_mesh() {
         for triangle in 0..mesh.triangles.len() {
             let expected = turn * first[triangle].as_dvec3() + shift;
             let found = spheres.offset.centers[triangle].as_dvec3();
-            // Corners rounded at coordinates of 2 tilt the normals of triangles 0.08 high by 3e-6, centers 0.2 below.
+            // Rounding of corners at coordinates of 2 tilts the normals of triangles of height 0.08 by 3e-6. Centers
+            // are 0.2 below.
             assert!(found.distance(expected) <= 5.0e-6, "{found} {expected}");
             assert!((spheres.offset.radii[triangle] - first_radii[triangle]).abs() <= 5.0e-6);
         }

@@ -1,4 +1,4 @@
-//! Meshes with their trees, for what goes through those.
+//! Meshes with their trees, for tests of tree traversals.
 
 use bevy_circumsphere::kernel::{
     bvh::{leaf_triangles::LeafTriangles, tree::BoxTree},
@@ -9,7 +9,7 @@ use glam::{DVec3, Vec3};
 
 use crate::truth::{exact, positions};
 
-/// A mesh with its tree, as the broad phase has them.
+/// A mesh with its tree, as in the broad phase.
 pub struct Surface {
     pub topology: SurfaceTopology,
     pub positions: Vec<Vec3>,
@@ -18,7 +18,7 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// `range` is that at which pairs matter, of which every box has its half.
+    /// `range` is the distance at which pairs matter. Every box grows by half of it.
     pub fn new(positions: Vec<Vec3>, triangles: &[[u32; 3]], range: f32) -> Self {
         let topology = SurfaceTopology::new(&positions, triangles).expect("the mesh is valid");
         let mut bounds = Vec::new();

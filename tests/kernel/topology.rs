@@ -1,4 +1,4 @@
-//! Adjacency, welding and the report of unusual meshes, against counts that are known.
+//! Adjacency, welding, and the report of unusual meshes, against known counts.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -40,7 +40,7 @@ fn every_unusable_mesh_is_refused_by_name() {
         TopologyError::VertexOutOfRange { triangle: 0, vertex: u32::MAX, vertices: 3 }
     );
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-        // A vertex that no triangle names counts too.
+        // Unused vertices count, too.
         let points = [Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(0.0, bad, 0.0)];
         let error = SurfaceTopology::new(&points, &[[0, 1, 2]]).unwrap_err();
         assert!(matches!(error, TopologyError::NonFinitePosition { vertex: 3, .. }), "{error}");
@@ -49,7 +49,7 @@ fn every_unusable_mesh_is_refused_by_name() {
     assert!(text.contains("triangle 0") && text.contains("vertex 3"), "{text}");
 }
 
-/// Zeroed pages that nobody touches cost no memory: the count is refused before anything is read.
+/// Untouched zeroed pages use no memory. The count is rejected before anything is read.
 #[test]
 #[cfg(target_os = "linux")]
 fn more_triangles_than_a_key_can_number_are_refused() {
@@ -72,7 +72,7 @@ fn closed_shapes_have_two_triangles_at_every_edge() {
         assert_eq!(topology.report(), closed_report(), "{name}");
         assert!(topology.is_closed());
         assert_eq!(topology.edges().len() * 2, mesh.triangles.len() * 3, "{name}");
-        // Euler: vertices and faces are two more than edges, or as many where there is a hole.
+        // Euler characteristic: vertices plus faces are edges plus 2, or equal to edges with one hole.
         assert_eq!(mesh.positions.len() + mesh.triangles.len(), topology.edges().len() + euler, "{name}");
         assert_eq!(topology.vertex_count(), mesh.positions.len());
         assert_eq!(topology.triangles(), &mesh.triangles[..]);
@@ -86,7 +86,7 @@ fn a_sheet_is_open_along_its_border() {
     let topology = topology(&mesh);
     assert_eq!(topology.report(), TopologyReport { boundary_edges: 2 * (7 + 4), ..closed_report() });
     assert!(!topology.is_closed());
-    assert_eq!(topology.edges().len(), 7 * 5 + 8 * 4 + 7 * 4, "across, along and diagonals");
+    assert_eq!(topology.edges().len(), 7 * 5 + 8 * 4 + 7 * 4, "across, along, and diagonals");
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn welding_restores_the_adjacency_of_a_mesh_with_split_vertices() {
         assert_eq!(welded.report().welded_vertices, split.positions.len() - mesh.positions.len());
         assert!(welded.is_closed());
         assert_eq!(welded.edges().len(), whole.edges().len());
-        assert_eq!(welded.triangles(), &split.triangles[..], "the caller's numbers stay");
+        assert_eq!(welded.triangles(), &split.triangles[..], "the caller's vertex numbers stay");
         let reference = circumsphere_truth::exact_weld(
             &positions(&split).iter().map(|position| position.as_dvec3()).collect::<Vec<_>>(),
         );
@@ -122,7 +122,7 @@ fn welding_restores_the_adjacency_of_a_mesh_with_split_vertices() {
 fn zero_is_one_place_whatever_its_sign() {
     let points = [Vec3::new(0.0, 1.0, 0.0), Vec3::X, Vec3::Z, Vec3::new(-0.0, 1.0, -0.0), Vec3::X * 1.000_000_1];
     let topology = SurfaceTopology::new(&points, &[[0, 1, 2], [3, 2, 4]]).expect("valid");
-    assert_eq!(topology.weld(), [0, 1, 2, 0, 4], "equal means equal, not near");
+    assert_eq!(topology.weld(), [0, 1, 2, 0, 4], "only equal positions are welded, not near ones");
     assert_eq!(topology.report().welded_vertices, 1);
     assert_eq!(topology.report().boundary_edges, 4);
     assert_eq!(topology.triangles_of_vertex(VertexId(3)), [0, 1]);
@@ -135,10 +135,10 @@ fn unusual_meshes_are_reported_as_what_they_are() {
     // A fan of three pages on one edge.
     let fan = report(&[[0, 1, 2], [1, 0, 3], [0, 1, 4]]);
     assert_eq!(fan, TopologyReport { boundary_edges: 6, non_manifold_edges: 1, ..closed_report() });
-    // Two neighbors, one of them turned over.
+    // Two neighbors, one with reversed winding.
     let flipped = report(&[[0, 1, 2], [0, 1, 3]]);
     assert_eq!(flipped, TopologyReport { boundary_edges: 4, inconsistent_edges: 1, ..closed_report() });
-    // A repeated index makes a triangle of one edge, passed twice.
+    // A repeated index makes a triangle with a single edge that is used twice.
     let collapsed = report(&[[0, 1, 1]]);
     assert_eq!(collapsed.collapsed_triangles, 1);
     assert_eq!(report(&[[2, 2, 2]]).collapsed_triangles, 1);
@@ -167,7 +167,7 @@ fn edges_and_incidence_equal_a_plain_map() {
         merge(&[icosphere(0, 1.0), icosphere(1, 0.5).translate([3.0, 0.0, 0.0])]),
     ];
     for _ in 0..40 {
-        // Anything goes: repeated indices, many triangles at an edge, coinciding vertices.
+        // Anything is allowed: repeated indices, many triangles at an edge, coincident vertices.
         let count = 3 + random.below(12);
         let positions = (0..count).map(|_| random.grid_point(1).as_vec3().to_array()).collect();
         let corner = |random: &mut Random| random.below(count) as u32;
@@ -179,7 +179,7 @@ fn edges_and_incidence_equal_a_plain_map() {
     for mesh in &meshes {
         let topology = topology(mesh);
         let weld = |vertex: u32| {
-            mesh.positions.iter().position(|&p| p == mesh.positions[vertex as usize]).expect("itself") as u32
+            mesh.positions.iter().position(|&p| p == mesh.positions[vertex as usize]).expect("it is there") as u32
         };
         let mut of_edge: BTreeMap<[u32; 2], BTreeSet<u32>> = BTreeMap::new();
         let mut of_vertex: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
@@ -203,7 +203,7 @@ fn edges_and_incidence_equal_a_plain_map() {
                 of_vertex.get(&weld(vertex)).map(|around| around.iter().copied().collect()).unwrap_or_default();
             assert_eq!(topology.triangles_of_vertex(VertexId(vertex)), expected);
         }
-        // Components by spreading the smallest number until nothing changes.
+        // Finds components by spreading the smallest number until nothing changes.
         let mut component: Vec<usize> = (0..mesh.triangles.len()).collect();
         loop {
             let before = component.clone();
@@ -230,7 +230,7 @@ fn edges_and_incidence_equal_a_plain_map() {
 
 #[test]
 fn the_mean_edge_counts_every_edge_once() {
-    // A unit square in two triangles, one diagonal.
+    // A unit square of two triangles with one diagonal.
     let square = grid(1, 1, 1.0, 1.0, Diagonals::Uniform);
     let expected = (4.0 + 2f64.sqrt()) / 5.0;
     for mesh in [square.clone(), duplicate_vertices(&square)] {
@@ -260,13 +260,13 @@ fn separate_parts_are_separate_components() {
     let expected: Vec<u32> =
         parts.iter().enumerate().flat_map(|(part, mesh)| vec![part as u32; mesh.triangles.len()]).collect();
     assert_eq!(components, expected);
-    // Touching in one vertex joins.
+    // A common vertex connects components.
     let points = [Vec3::ZERO, Vec3::X, Vec3::Y, -Vec3::X, -Vec3::Y];
     let bow = SurfaceTopology::new(&points, &[[0, 1, 2], [0, 3, 4]]).expect("valid");
     assert_eq!(bow.components(), (vec![0, 0], 1));
 }
 
-/// A cube of six faces with vertices of their own, as exporters write it, each off its place by up to `by`.
+/// A cube of six faces with separate vertices, as exporters write it. Each vertex is displaced by up to `by`.
 fn cube_of_faces(by: f32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
     let mesh = cuboid([0.5; 3], 1);
     let mut random = Random::new(7);
@@ -289,12 +289,12 @@ fn seams_that_differ_by_rounding_are_closed_within_a_distance() {
     let closed = SurfaceTopology::welded_within(&corners, &triangles, 1.0e-5).expect("it is valid");
     assert_eq!((closed.triangles().len(), closed.edges().len()), (12, 18));
     assert!(closed.is_closed() && closed.report().welded_vertices == 36 - 8);
-    // Every corner goes by the first vertex of its place, and no vertex is named by a later one.
+    // Every corner is named by the first vertex at its place, and no vertex by a later one.
     for (vertex, &weld) in closed.weld().iter().enumerate() {
         assert!(weld as usize <= vertex && closed.weld()[weld as usize] == weld);
         assert!(corners[vertex].distance(corners[weld as usize]) < 1.0e-5);
     }
-    // Far from the origin, and far below and beyond the size of a cell.
+    // Far from the origin, and far below and above the size of a cell.
     for (scale, offset) in [(1.0e-3, Vec3::ZERO), (1.0e6, Vec3::ZERO), (1.0, Vec3::new(100.0, -7.0, 3.0e3))] {
         let (corners, triangles) = cube_of_faces(1.0e-4);
         let moved: Vec<Vec3> = corners.iter().map(|&corner| corner * scale + offset).collect();
@@ -314,7 +314,7 @@ fn welding_within_a_distance_joins_what_brute_force_joins() {
         let triangles: Vec<[u32; 3]> = (0..398).map(|first| [first, first + 1, first + 2]).collect();
         let found = SurfaceTopology::welded_within(&positions, &triangles, distance).expect("it is valid");
         let mut expected: Vec<u32> = (0..400).collect();
-        // Names spread until nothing changes.
+        // Spreads names until nothing changes.
         loop {
             let before = expected.clone();
             for a in 0..400 {
@@ -331,7 +331,7 @@ fn welding_within_a_distance_joins_what_brute_force_joins() {
         assert_eq!(found.weld(), expected);
         chains += expected.iter().enumerate().filter(|&(vertex, &weld)| vertex as u32 != weld).count();
     }
-    assert!(chains > 100, "hardly anything is joined");
+    assert!(chains > 100, "too few vertices are joined");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The bounding volume tree against comparing every box with every other.
+//! The bounding volume hierarchy against brute force over all pairs of boxes.
 
 use bevy_circumsphere::kernel::{
     bvh::tree::{BoxTree, LEAF_WIDTH},
@@ -10,7 +10,7 @@ use proptest::prelude::*;
 
 use crate::{common::Random, last_first::LastFirst};
 
-/// Boxes on a coarse grid (so that many touch exactly, repeat or are flat) or anywhere.
+/// A box on a coarse grid, where many boxes touch exactly, repeat, or are flat, or a box anywhere.
 fn random_box(random: &mut Random) -> Aabb {
     match random.below(8) {
         0..4 => {
@@ -70,7 +70,7 @@ fn brute_between(a: &[Aabb], b: &[Aabb]) -> Vec<[u32; 2]> {
     pairs
 }
 
-/// Asserts that a tree finds what brute force finds. Returns how many pairs that were.
+/// Asserts that a tree finds the same pairs as brute force. Returns the number of pairs.
 fn assert_tree_equals_brute_force(tree: &BoxTree, boxes: &[Aabb], other: &BoxTree, other_boxes: &[Aabb]) -> usize {
     let expected = brute_self(boxes);
     let mut found = Vec::new();
@@ -114,7 +114,7 @@ fn the_tree_finds_what_brute_force_finds_for_every_small_number_of_boxes() {
             let other_boxes = random_boxes(&mut random, other_count);
             let (mut tree, other) = (BoxTree::new(&boxes), BoxTree::new(&other_boxes));
             pairs += assert_tree_equals_brute_force(&tree, &boxes, &other, &other_boxes);
-            // Moved a little, then anywhere: the tree's structure is that of the first boxes.
+            // Moved a little, then anywhere. The structure of the tree stays that of the first boxes.
             for bounds in &mut boxes {
                 let shift = (random.vector() * 0.5).as_vec3();
                 *bounds = Aabb { min: bounds.min + shift, max: bounds.max + shift };
@@ -192,7 +192,7 @@ fn an_empty_tree_finds_nothing_and_is_found_by_nothing() {
     assert!(pairs.is_empty());
 }
 
-/// Unused lanes of a leaf must stay silent, even for a box that reaches to infinity.
+/// Unused lanes of a leaf must not match, even for an infinite box.
 #[test]
 fn a_box_without_bounds_finds_every_item_once() {
     let everywhere = Aabb { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
@@ -216,7 +216,7 @@ fn a_box_without_bounds_finds_every_item_once() {
     }
 }
 
-/// A box of coordinates that are not numbers overlaps nothing, and hides no other.
+/// A box with NaN coordinates overlaps nothing and hides no other box.
 #[test]
 fn boxes_without_numbers_hide_no_others() {
     let mut random = Random::new(3);
@@ -266,7 +266,7 @@ fn a_tree_decays_as_its_boxes_scatter_and_is_new_after_a_rebuild() {
         .collect();
     let mut tree = BoxTree::new(&boxes);
     assert_eq!(tree.decay(), 1.0);
-    // Boxes change places step by step; the whole stays as large as it was.
+    // Boxes swap places step by step. The total extent stays the same.
     let mut scattered = boxes.clone();
     let mut previous = 1.0;
     for _ in 0..4 {
@@ -278,7 +278,7 @@ fn a_tree_decays_as_its_boxes_scatter_and_is_new_after_a_rebuild() {
         assert!(tree.decay() > previous, "{} {previous}", tree.decay());
         previous = tree.decay();
     }
-    // Leaves of eight scattered boxes are nearly as large as the whole, and half of the nodes are leaves.
+    // Leaves of eight scattered boxes are nearly as large as the whole, and half of all nodes are leaves.
     assert!(previous > 2.0, "{previous}");
     tree.refit(&boxes);
     assert_eq!(tree.decay(), 1.0);
@@ -298,7 +298,7 @@ fn grown_boxes_of_triangles_in_range_overlap() {
         let offset = random.vector() * random.power_of_ten(0.0, 6.0);
         let range = (random.power_of_ten(-3.0, 0.0) * scale) as f32;
         let direction = random.direction();
-        // Two points that are exactly `range` apart or a little closer, as far as f64 tells, then stored.
+        // Two points exactly `range` apart or slightly closer in f64, then stored.
         let first = random.vector() * scale + offset;
         let (first, second) = (first.as_vec3(), (first + direction * f64::from(range) * random.unit()).as_vec3());
         if first.as_dvec3().distance(second.as_dvec3()) > f64::from(range) {
@@ -313,7 +313,7 @@ fn grown_boxes_of_triangles_in_range_overlap() {
     assert!(checked > 10_000);
 }
 
-/// Small boxes in a cube, so many of them that a tree has several levels.
+/// Small boxes in a cube, enough for a tree of several levels.
 fn small_boxes(random: &mut Random, count: usize) -> Vec<Aabb> {
     (0..count)
         .map(|_| {
@@ -326,7 +326,7 @@ fn small_boxes(random: &mut Random, count: usize) -> Vec<Aabb> {
 #[test]
 fn a_refit_in_tasks_leaves_the_same_tree_whichever_task_is_first() {
     let mut random = Random::new(11);
-    // A root of leaves alone, of leaves and nodes, of nodes alone.
+    // Roots over leaves only, over leaves and nodes, and over nodes only.
     for count in [1, 9, 60, 65, 200, 500, 513, 3_000] {
         let (first, second) = (small_boxes(&mut random, count), small_boxes(&mut random, count));
         let (mut one_by_one, mut last_first) = (BoxTree::new(&first), BoxTree::new(&first));
@@ -378,14 +378,14 @@ fn a_tree_that_is_built_anew_in_slices_is_right_at_every_slice_and_as_good_as_a_
         let (mut found, mut of_new) = (Vec::new(), Vec::new());
         tree.self_pairs(&mut found);
         BoxTree::new(&centers).self_pairs(&mut of_new);
-        assert_eq!(found, of_new, "{count} boxes, in the order of a tree that is built at once");
+        assert_eq!(found, of_new, "{count} boxes, in the order of a tree built in one go");
         println!("{count} boxes: {slices} slices, {decayed} times as large before");
         assert!(count < 1_000 || (slices >= 4 && decayed > 2.0), "{slices} slices, decayed by {decayed}");
     }
 }
 
-/// Leaves that stand one after the other look around together, unless too much is near them: what is found must not depend on
-/// that, nor its order.
+/// Consecutive leaves are traversed together, unless too many boxes are near them. Neither the results nor their order
+/// may depend on that.
 #[test]
 fn leaves_together_find_what_each_finds_by_itself() {
     let mut random = Random::new(9);
@@ -396,7 +396,7 @@ fn leaves_together_find_what_each_finds_by_itself() {
         });
         boxes.collect()
     };
-    // Near all of the first: 256 leaves, one more, and many more; near each of their leaves some dozens.
+    // Near all of the first boxes: 256 leaves, one more, and many more. Near each of their leaves: some dozens.
     for count in [2_048, 2_056, 8_000] {
         let (few, many) = (line(100, 0.1), line(count, 0.3));
         let trees = [&few, &many].map(|boxes| {
@@ -421,7 +421,7 @@ fn leaves_together_find_what_each_finds_by_itself() {
         assert!(together == alone, "{count} boxes of one tree");
         assert_eq!(sorted(together), brute_self(&many));
     }
-    // Each near all others.
+    // Each box is near all others.
     for count in [2_048, 2_049, 2_600] {
         let boxes = vec![Aabb { min: Vec3::ZERO, max: Vec3::ONE }; count];
         let mut tree = BoxTree::default();

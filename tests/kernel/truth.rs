@@ -74,12 +74,13 @@ impl Planar {
         let (along, length) = ((end - start).normalize(), (end - start).length());
         let offset = corners[apex] - start;
         let rest = offset - along * offset.dot(along);
-        // Twice, so that a sliver's second direction is perpendicular to the first to full precision.
+        // Repeated, so that a sliver's second direction is perpendicular to the first to full precision.
         let rest = rest - along * rest.dot(along);
         Self { start, along, across: rest.normalize(), length, apex: [offset.dot(along), rest.length()] }
     }
 
-    /// Where the perpendicular bisector of the edge has the same distance from its ends and from the apex, across.
+    /// How far across the edge the point of its perpendicular bisector lies that is equally far from the ends and the
+    /// apex.
     pub fn circumcenter_across(&self) -> f64 {
         let [x, y] = self.apex;
         (y * y + x * x - x * self.length) / (2.0 * y)
@@ -90,15 +91,15 @@ impl Planar {
     }
 }
 
-/// Circumcenter and circumradius, by the perpendicular bisector of the longest edge.
+/// Circumcenter and circumradius, from the perpendicular bisector of the longest edge.
 pub fn circumcircle(corners: &[DVec3; 3]) -> (DVec3, f64) {
     let planar = Planar::new(corners, largest_angle(corners).1);
     let across = planar.circumcenter_across();
     (planar.at_middle(across), across.hypot(0.5 * planar.length))
 }
 
-/// The in-plane center and its distance to the longest edge's ends as the kernel documents them: the circumcenter,
-/// but no farther outside the longest edge than √3 of its halves.
+/// The in-plane center and its distance from the ends of the longest edge, as the kernel documents them: the
+/// circumcenter, but at most √3 half edges outside the longest edge.
 pub fn bounded_center(corners: &[DVec3; 3]) -> (DVec3, f64) {
     let planar = Planar::new(corners, largest_angle(corners).1);
     let half = 0.5 * planar.length;
@@ -106,10 +107,11 @@ pub fn bounded_center(corners: &[DVec3; 3]) -> (DVec3, f64) {
     (planar.at_middle(across), across.hypot(half))
 }
 
-/// A triangle with the given two angles and longest edge, turned anywhere, moved by `offset`, in stored precision.
+/// A triangle with two given angles and a given longest edge, rotated at random, moved by `offset`, in stored
+/// precision.
 pub fn triangle_with_angles(random: &mut Random, first: f64, second: f64, longest: f64, offset: DVec3) -> [Vec3; 3] {
     let third = std::f64::consts::PI - first - second;
-    // Law of sines, on the longest edge.
+    // Law of sines for the longest edge.
     let unit = longest / first.sin().max(second.sin()).max(third.sin());
     let mut corners = [
         DVec3::ZERO,
@@ -142,11 +144,11 @@ impl Spheres {
             cones: SafetyCones::default(),
             settings,
         };
-        assert_eq!(spheres.update(positions), triangles.len(), "the first time every recipe is made");
+        assert_eq!(spheres.update(positions), triangles.len(), "the first update makes every recipe");
         spheres
     }
 
-    /// One tick. Returns how many recipes were refreshed.
+    /// Runs one tick. Returns the number of refreshed recipes.
     pub fn update(&mut self, positions: &[Vec3]) -> usize {
         self.curvatures.measure(&self.topology, positions, CurvatureEstimator::SignedEdge);
         let (curvatures, dihedrals) = (&self.curvatures.curvatures, &self.curvatures.dihedrals);

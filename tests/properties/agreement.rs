@@ -1,5 +1,5 @@
-//! Touching pairs are those of the reference: any meshes, motions, sizes and contact distances, every exact method, both
-//! broad phases, any number of threads.
+//! Touching pairs equal those of the reference for any meshes, motions, sizes, and contact distances, with every exact
+//! method, both broad phases, and any number of threads.
 
 use crate::harness::{
     BAND, Body, BroadPhase, Count, Found, Judge, Setup, SmallWorld, assert_numbers, between, for_all, mean_edge,
@@ -12,7 +12,7 @@ use circumsphere_truth::ReferencePair;
 use proptest::prelude::*;
 use std::collections::HashSet;
 
-/// Contact distances in mean edges, 0 and less than f32 resolves of a mesh far from the origin included.
+/// Contact distances in mean edges, including 0 and distances below the f32 resolution far from the origin.
 pub fn edges() -> impl Strategy<Value = f64> {
     prop_oneof![
         1 => Just(0.0),
@@ -22,7 +22,7 @@ pub fn edges() -> impl Strategy<Value = f64> {
     ]
 }
 
-/// Two meshes at rest in their place, where they are in the ticks after that, and the contact distance.
+/// Two placed meshes at rest, their positions in the following ticks, and the contact distance.
 #[derive(Clone, Debug)]
 pub struct Case {
     pub rest: [Mesh; 2],
@@ -53,12 +53,12 @@ impl Case {
         self.rest.iter().map(Body::new).collect()
     }
 
-    /// The positions of every tick, at rest in the first.
+    /// The positions in every tick. The first tick is at rest.
     pub fn ticks(&self) -> impl Iterator<Item = &[Mesh; 2]> {
         std::iter::once(&self.rest).chain(&self.moved)
     }
 
-    /// What the reference says about one tick, up to past the end of the band.
+    /// The reference result for one tick, up to past the end of the band.
     fn truth(&self, meshes: &[Mesh; 2]) -> [Vec<ReferencePair>; 3] {
         let reach = f64::from(self.distance) * (1.0 + 2.0 * BAND) + f64::from(f32::MIN_POSITIVE);
         let [a, b] = [wide(&points(&meshes[0])), wide(&points(&meshes[1]))];
@@ -92,7 +92,7 @@ fn exact_methods_find_the_pairs_of_the_reference_by_either_broad_phase() {
             crossing.add(truth.iter().flatten().filter(|pair| pair.distance == 0.0).count());
             apart.add(truth.iter().flatten().filter(|pair| pair.distance > 0.0).count());
             ticks.add(1);
-            // The contacts of `Closest` are its own.
+            // The contacts of `Closest` differ from those of the other methods.
             let mut first: [Option<Vec<Found>>; 2] = [None, None];
             for (setup, world) in &mut worlds {
                 for body in 0..2 {
@@ -104,7 +104,7 @@ fn exact_methods_find_the_pairs_of_the_reference_by_either_broad_phase() {
                         case.assert_right(&format!("tick {tick}, {setup:?}"), meshes, &truth, &found);
                         *first = Some(found);
                     }
-                    Some(first) => assert!(*first == found, "tick {tick}: {setup:?} finds something else"),
+                    Some(first) => assert!(*first == found, "tick {tick}: {setup:?} finds something different"),
                 }
             }
         }
@@ -127,7 +127,7 @@ fn the_sphere_methods_give_numbers_for_any_mesh_and_enclosing_balls_miss_nothing
                 let found = world.tick();
                 contacts.add(found.iter().map(|found| found.contacts.len()).sum());
                 if method == ContactMethod::Circumsphere {
-                    // The cone rejects by design.
+                    // The cone rejects pairs by design.
                     continue;
                 }
                 for (sides, truth) in [[0, 0], [0, 1], [1, 1]].into_iter().zip(case.truth(meshes)) {
@@ -146,7 +146,7 @@ fn the_sphere_methods_give_numbers_for_any_mesh_and_enclosing_balls_miss_nothing
     sure.assert_at_least(50_000, "pairs that touch");
 }
 
-/// Enough loose triangles within reach of each other for several chunks of work.
+/// Enough nearby loose triangles for several chunks of work.
 #[cfg(feature = "parallel")]
 #[test]
 fn contacts_are_the_same_to_the_last_bit_for_any_number_of_threads() {
@@ -170,7 +170,7 @@ fn contacts_are_the_same_to_the_last_bit_for_any_number_of_threads() {
                 assert_numbers(&found);
                 match &alone {
                     None => alone = Some(found),
-                    Some(alone) => assert!(*alone == found, "{method:?} on {threads} threads finds something else"),
+                    Some(alone) => assert!(*alone == found, "{method:?} on {threads} threads differs"),
                 }
             }
         }
@@ -178,7 +178,7 @@ fn contacts_are_the_same_to_the_last_bit_for_any_number_of_threads() {
     chunks.assert_at_least(100, "detections of several chunks");
 }
 
-/// The comparison itself can fail: of what was found, one pair less, one more, and one wrong distance are noticed.
+/// The comparison itself can fail: it notices a missing pair, an additional pair, and a wrong distance.
 #[test]
 fn a_missed_a_false_and_a_misplaced_pair_are_noticed() {
     let mesh = triangle_soup(30, 5);

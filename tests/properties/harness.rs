@@ -1,4 +1,4 @@
-//! Runs strategies, small worlds and the reference.
+//! Runs strategies, small worlds, and the reference.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -22,15 +22,15 @@ use proptest::{
 };
 use std::{cell::Cell, fmt::Debug};
 
-/// Rounding of f64 in the distance of two triangles that just touch, in their extent: where the contact distance is 0
+/// f64 rounding of the distance of two triangles that just touch, relative to their extent. At a contact distance of 0,
 /// either answer is right within it.
 pub const ROUNDING: f64 = 1.0e-12;
 
-/// How many cases proptest tries by itself: the `PROPTEST_CASES` at which each property tries its default number.
+/// The number of cases that proptest runs by default: the value of `PROPTEST_CASES` at which each property runs its own
+/// default number.
 const DEFAULT_CASES: u64 = 256;
 
-/// Tries `test` on `cases` values of a strategy, or as many times more as the environment asks for, and fails with the
-/// smallest value that it fails on.
+/// Runs `test` on `cases` values of a strategy, scaled by the environment. Panics with the smallest value that fails.
 #[track_caller]
 pub fn for_all<S: Strategy>(file: &'static str, cases: u32, strategy: S, test: impl Fn(S::Value))
 where
@@ -41,7 +41,7 @@ where
     let factor = if asked { u64::from(chosen.cases) } else { DEFAULT_CASES };
     let config = ProptestConfig {
         cases: (u64::from(cases) * factor).div_ceil(DEFAULT_CASES) as u32,
-        // The same cases everywhere, unless more or others are asked for.
+        // The same cases everywhere, unless the environment asks for others.
         rng_seed: if asked { chosen.rng_seed } else { RngSeed::Fixed(u64::from(cases)) },
         source_file: Some(file),
         ..chosen
@@ -57,12 +57,12 @@ where
     }
 }
 
-/// Whether the environment says how many cases to try.
+/// Whether the environment sets the number of cases.
 fn asked_for_cases() -> bool {
     std::env::var_os("PROPTEST_CASES").is_some()
 }
 
-/// Counts what a property had to do with: one that never met its subject proves nothing.
+/// Counts how often a property was exercised. A property that never applies proves nothing.
 #[derive(Default)]
 pub struct Count(Cell<usize>);
 
@@ -80,7 +80,7 @@ impl Count {
         println!("{} {what}", self.0.get());
         // The limit is for the default number of cases.
         let least = if asked_for_cases() { 1 } else { least };
-        assert!(self.0.get() >= least, "only {} {what}: the cases show nothing", self.0.get());
+        assert!(self.0.get() >= least, "only {} {what}, so the cases prove nothing", self.0.get());
     }
 }
 
@@ -92,7 +92,7 @@ pub enum BroadPhase {
 
 pub const EXACT_METHODS: [ContactMethod; 3] = [ContactMethod::Closest, ContactMethod::Exact, ContactMethod::Polygon];
 
-/// How a world detects.
+/// How a world detects contacts.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup {
     pub method: ContactMethod,
@@ -103,14 +103,14 @@ pub struct Setup {
 impl Setup {
     pub const REFINED: Self = Self { method: ContactMethod::Exact, broad_phase: BroadPhase::Tree, threads: 1 };
 
-    /// The exact methods over both broad phases.
+    /// The exact methods with both broad phases.
     pub fn exact() -> impl Iterator<Item = Self> {
         EXACT_METHODS.into_iter().flat_map(|method| {
             [BroadPhase::Tree, BroadPhase::BruteForce].map(|broad_phase| Self { method, broad_phase, threads: 1 })
         })
     }
 
-    /// Every method, by the default broad phase.
+    /// Every method with the default broad phase.
     pub fn methods() -> [Self; 5] {
         let [closest, refined, polygon] = EXACT_METHODS;
         [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, closest, refined, polygon]
@@ -142,7 +142,7 @@ pub fn points(mesh: &Mesh) -> Vec<Vec3> {
     mesh.positions.iter().copied().map(Vec3::from_array).collect()
 }
 
-/// What was found between two of a world's surfaces, which may be one.
+/// The results between two surfaces of a world, or within one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     pub sides: [usize; 2],
@@ -174,7 +174,7 @@ impl SmallWorld {
             .iter()
             .map(|body| {
                 let surface = DeformableSurface::from_mesh(&body.positions, &body.triangles).expect("it is valid");
-                // Half of a number is exact: two halves are the distance again.
+                // Halving is exact, so two halves sum to the distance.
                 let thickness = SurfaceThickness::World(0.5 * distance);
                 let entity = app.world_mut().spawn((surface, thickness, setup.method, body.transform)).id();
                 if body.self_collision {
@@ -191,16 +191,16 @@ impl SmallWorld {
             positions.to_vec();
     }
 
-    /// One tick, and what it found: every surface with itself where that collides, and with every later one.
+    /// Runs one tick. Returns the results: each surface with itself if it has self-collision, and with every later one.
     pub fn tick(&mut self) -> Vec<Found> {
         self.app.update();
         for &entity in &self.entities {
             let status = self.app.world().get::<SurfaceStatus>(entity).expect("it was spawned");
-            assert_eq!(*status, SurfaceStatus::Active, "a valid surface is set aside");
+            assert_eq!(*status, SurfaceStatus::Active, "a valid surface is quarantined");
         }
         let store = self.app.world().resource::<ContactStore>();
         let place = |side: ContactSide| {
-            self.entities.iter().position(|&entity| entity == side.entity()).expect("there is nothing else")
+            self.entities.iter().position(|&entity| entity == side.entity()).expect("only these surfaces exist")
         };
         let found: Vec<Found> = store
             .pairs()
@@ -217,7 +217,7 @@ impl SmallWorld {
     }
 }
 
-/// Fails where a stored number is NaN.
+/// Panics if a stored number is NaN.
 pub fn assert_numbers(found: &[Found]) {
     for Found { touching, contacts, .. } in found {
         assert!(touching.iter().all(|pair| pair.distance >= 0.0 && pair.distance.is_finite()), "{touching:?}");
@@ -225,7 +225,7 @@ pub fn assert_numbers(found: &[Found]) {
             let weights = [contact.barycentric_a, contact.barycentric_b];
             assert!(weights.iter().flatten().all(|weight| weight.is_finite()), "{contact:?}");
             assert!(contact.distance.is_finite() && contact.point_b.is_finite(), "{contact:?}");
-            assert!((contact.normal.length() - 1.0).abs() <= 1.0e-5, "no unit normal: {contact:?}");
+            assert!((contact.normal.length() - 1.0).abs() <= 1.0e-5, "not a unit normal: {contact:?}");
         }
     }
 }
@@ -239,7 +239,7 @@ pub fn wide(positions: &[Vec3]) -> Vec<DVec3> {
     positions.iter().map(|position| position.as_dvec3()).collect()
 }
 
-/// Mean edge of a mesh by the reference.
+/// Mean edge of a mesh according to the reference.
 pub fn mean_edge(mesh: &Mesh) -> f64 {
     let positions = wide(&points(mesh));
     mean_edge_length(&positions, &mesh.triangles, &exact_weld(&positions))
@@ -255,11 +255,11 @@ pub fn truth_between(a: (&[DVec3], &[[u32; 3]]), b: (&[DVec3], &[[u32; 3]]), dis
     touching_pairs_between_brute_force(a.0, a.1, b.0, b.1, distance)
 }
 
-/// Two lists of corners, of the first and the second side of a pair, with what decides where either answer is right.
+/// The corners of both sides of a pair, and what determines where either answer is right.
 pub struct Judge<'a> {
     pub corners: [(&'a [DVec3], &'a [[u32; 3]]); 2],
     pub distance: f64,
-    /// How far a pair's distance may be from the contact distance for either answer to be right, besides [`ROUNDING`].
+    /// How far a distance may be from the contact distance for either answer to be right, in addition to [`ROUNDING`].
     pub band: f64,
 }
 
@@ -274,7 +274,7 @@ impl Judge<'_> {
         a.iter().chain(&b).map(|corner| corner.distance(a[0])).fold(0.0, f64::max)
     }
 
-    /// Fails where a pair is missed or false, or a distance is wrong. `truth` has to reach past the band.
+    /// Panics if a pair is missed or false, or if a distance is wrong. `truth` must reach past the band.
     pub fn assert_right(&self, what: &str, found: &[TouchingPair], truth: &[ReferencePair]) {
         let mut expected = truth.iter().peekable();
         let mut named = found.iter().peekable();
@@ -291,13 +291,13 @@ impl Judge<'_> {
             let (a, b) = is_true
                 .map(|pair| (pair.triangle_a, pair.triangle_b))
                 .or(is_named.map(key))
-                .expect("one of them is there");
+                .expect("one of them exists");
             let slack = self.band + ROUNDING * self.extent(a, b);
             match (is_named, is_true) {
                 (Some(found), Some(truth)) => {
                     let size = self.extent(a, b);
                     let error = (found.distance - truth.distance).abs();
-                    assert!(truth.distance <= self.distance + slack, "{what}: {found:?} is false, it is {truth:?}");
+                    assert!(truth.distance <= self.distance + slack, "{what}: {found:?} is false, truth: {truth:?}");
                     assert!(
                         error <= self.band + SEPARATION_TOLERANCE * size.max(self.distance),
                         "{what}: the distance of {found:?} is wrong by {error}: {truth:?}"

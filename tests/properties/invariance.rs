@@ -1,4 +1,4 @@
-//! What must not matter does not: numbering, order, a common motion, the unit of length.
+//! Invariance under numbering, order, common motion, and the unit of length.
 
 use crate::strategies::{Turn, offset, turn};
 use crate::{
@@ -19,15 +19,15 @@ fn detect(bodies: &[Body], distance: f32, setup: Setup) -> Vec<Found> {
     SmallWorld::new(bodies, distance, setup).tick()
 }
 
-/// Triangles of a pair and their distance; within one surface the lower triangle first.
+/// Triangles of a pair and their distance. Within one surface, the lower triangle comes first.
 type Pairs = BTreeMap<(u32, u32), f64>;
 
 fn pairs(found: &[Found], sides: [usize; 2]) -> Pairs {
     between(found, sides).iter().map(|pair| ((pair.triangle_a, pair.triangle_b), pair.distance)).collect()
 }
 
-/// Fails where a pair that touches in one world does not in the other, though its distance is not within `band` of the
-/// contact distance. Returns how many pairs touch.
+/// Panics if a pair touches in only one of the two worlds although its distance is not within `band` of the contact
+/// distance. Returns the number of touching pairs.
 #[track_caller]
 fn assert_same(rest: &[Mesh; 2], sides: [usize; 2], distance: f64, band: f64, one: &Pairs, other: &Pairs) -> usize {
     let corners = |side: usize, triangle: u32| -> [DVec3; 3] {
@@ -39,7 +39,7 @@ fn assert_same(rest: &[Mesh; 2], sides: [usize; 2], distance: f64, band: f64, on
         let extent = first.iter().chain(&second).map(|corner| corner.distance(first[0])).fold(0.0, f64::max);
         let slack = band + ROUNDING * extent;
         if let (Some(own), Some(found)) = (one.get(&(a, b)), other.get(&(a, b))) {
-            // Twice: either may be off by as much.
+            // Twice, because both may have this error.
             assert!((own - found).abs() <= 2.0 * slack, "{a} and {b} are {own} or {found} apart");
         } else {
             let truth = triangle_distance(&first, &second);
@@ -52,7 +52,7 @@ fn assert_same(rest: &[Mesh; 2], sides: [usize; 2], distance: f64, band: f64, on
     one.len()
 }
 
-/// The numbers 0 to `count` in the order that a list of priorities gives them.
+/// The numbers from 0 to `count`, in the order given by a list of priorities.
 fn order(count: usize, priorities: &[u16]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..count).collect();
     order.sort_by_key(|&place| (priorities[place % priorities.len()], place % 3));
@@ -119,7 +119,7 @@ fn touching_pairs_do_not_depend_on_which_surface_comes_first() {
     compared.assert_at_least(100_000, "pairs");
 }
 
-/// A pose, of rotation and translation, as the transform of an entity has it.
+/// A pose of rotation and translation as the transform of an entity.
 fn pose(turn: Turn, offset: [f32; 3], scale: f32) -> Transform {
     let axis = Vec3::from_array(turn.axis).as_dvec3().normalize();
     let rotation = glam::DQuat::from_axis_angle(axis, f64::from(turn.angle)).as_quat();
@@ -138,7 +138,7 @@ fn a_common_pose_changes_no_pair() {
             body.transform = pose(turn, offset, size);
         }
         let found = detect(&bodies, case.distance, Setup::REFINED);
-        // The scale of a rotation is 1 but for the rounding of its f64 coefficients.
+        // The scale of a rotation is 1, apart from the rounding of its f64 coefficients.
         for sides in SIDES {
             let (one, other) = (pairs(&plain, sides), pairs(&found, sides));
             let band = 1.0e-12 * f64::from(case.distance);
@@ -158,8 +158,8 @@ fn a_rigid_motion_of_all_vertices_changes_pairs_within_the_band_only() {
         };
         let largest = size(&case.rest);
         let moved = case.rest.clone().map(|mesh| turn.apply(mesh).translate(offset.map(|x| x * largest)));
-        // Four roundings of a coordinate in the rotation, one in the translation, on either side; the rotation itself
-        // is one only to the rounding of its nine coefficients.
+        // Four roundings of a coordinate in the rotation and one in the translation, on either side. The rotation is
+        // also only accurate to the rounding of its nine coefficients.
         let ulps = 16.0 * f64::from(f32::EPSILON) * f64::from(size(&moved).max(largest));
         let plain = detect(&case.bodies(), case.distance, Setup::REFINED);
         let bodies: Vec<Body> = case
@@ -168,7 +168,7 @@ fn a_rigid_motion_of_all_vertices_changes_pairs_within_the_band_only() {
             .zip(&moved)
             .map(|(body, mesh)| Body { positions: points(mesh), ..body })
             .collect();
-        // Welded at rest: rounding may bring vertices together that were apart.
+        // Welded at rest, because rounding may bring separate vertices together.
         let mut world = SmallWorld::new(&case.bodies(), case.distance, Setup::REFINED);
         for (place, body) in bodies.iter().enumerate() {
             world.write(place, &body.positions);
@@ -183,11 +183,11 @@ fn a_rigid_motion_of_all_vertices_changes_pairs_within_the_band_only() {
     compared.assert_at_least(100_000, "pairs");
 }
 
-/// The squares of shorter edges, and of what is somewhat shorter still in their triangles, leave the normal numbers of f32:
-/// the sphere methods then go through f64, with other roundings.
+/// Below this length, the squares of edges and of shorter lengths in their triangles leave the normal range of f32. The
+/// sphere methods then use f64, with different rounding.
 const SHORTEST_EXACT: f64 = 1.0e-14;
 
-/// Of edges that have a length.
+/// Among edges with a length.
 fn shortest_edge(meshes: &[Mesh; 2]) -> f64 {
     let lengths = meshes.iter().flat_map(|mesh| {
         let corner = |vertex: u32| Vec3::from_array(mesh.positions[vertex as usize]).as_dvec3();
@@ -228,14 +228,15 @@ fn scaling_by_a_power_of_two_scales_every_number_exactly() {
                 .collect();
             compared.add(expected.iter().map(|found| found.contacts.len()).sum());
             if setup.method == ContactMethod::Circumsphere {
-                // Not exact yet: the normal of a triangle without area is noise in f32, along which the cull may part a
-                // pair that the slabs in f64 do not; of a small mesh it is too short for the cull to rely on.
+                // Not exact yet: the f32 normal of a triangle without area is noise, and along it the cull may separate
+                // a pair that the f64 slabs do not. For a small mesh, the normal is too short for the cull to use.
                 judged.add(1);
                 differing.add(usize::from(found != expected));
                 continue;
             }
             if setup.method == ContactMethod::Closest {
-                // Of features that are equally close single precision chooses others where squares of areas leave it.
+                // Where squares of areas leave single precision, it chooses differently among features that are equally
+                // close.
                 let named = |found: &[Found]| SIDES.map(|sides| pairs(found, sides).into_keys().collect::<Vec<_>>());
                 assert_eq!(named(&found), named(&expected), "{setup:?} times {factor}");
                 continue;
@@ -246,7 +247,7 @@ fn scaling_by_a_power_of_two_scales_every_number_exactly() {
     compared.assert_at_least(500_000, "contacts");
     judged.assert_at_least(100, "worlds of caps");
     println!("{} of {} worlds of caps differ", differing.get(), judged.get());
-    // One of 600 random cases did; one in a hundred is the most that it may become.
+    // One of 600 random cases differed. At most one in a hundred may.
     assert!(100 * differing.get() <= judged.get().max(100), "{} worlds of caps differ", differing.get());
 }
 

@@ -1,9 +1,9 @@
-//! Properties that hold for any mesh, motion and size: the whole plugin and the kernel on what the strategies of
-//! `strategies` make up.
+//! Properties that hold for any mesh, motion, and size: the whole plugin and the kernel on the generated cases of
+//! `strategies`.
 //!
-//! A default run tries the same cases everywhere, in some half a minute. `PROPTEST_CASES=2560 cargo test --test
-//! properties` tries ten times as many others. A failing case is shrunk, printed, and kept in
-//! `tests/proptest-regressions/`, which is tried first from then on: commit what was a real bug.
+//! By default, the same cases run everywhere, in about half a minute. `PROPTEST_CASES=2560 cargo test --test
+//! properties` runs ten times as many different cases. A failing case is shrunk, printed, and stored in
+//! `tests/proptest-regressions/`, whose cases always run first. Commit it if it was a real bug.
 
 mod agreement;
 mod harness;

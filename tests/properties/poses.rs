@@ -1,5 +1,5 @@
-//! Surfaces in poses of their own, up to a million sizes away from the origin: the pairs of the reference, which composes
-//! the poses in f64.
+//! Surfaces with their own poses, up to a million sizes away from the origin: the same pairs as the reference, which
+//! composes the poses in f64.
 
 use crate::strategies::{Turn, far_offset, offset, turn, two_meshes};
 use bevy_transform::components::Transform;
@@ -53,7 +53,7 @@ fn surfaces_in_any_pose_touch_as_the_reference_says() {
         let world = [0, 1].map(|side| -> Vec<DVec3> {
             wide(&bodies[side].positions).into_iter().map(|point| affines[side].transform_point3(point)).collect()
         });
-        // Vertices are rounded once, in the frame of one of the two, whichever it is.
+        // Vertices are rounded once, in the frame of one of the two surfaces.
         let rounding = [0, 1].map(|side| {
             let to_frame = affines[side].inverse();
             let coordinate = largest(world.iter().flatten().map(|&point| to_frame.transform_point3(point)));

@@ -1,4 +1,4 @@
-//! Curvature, spheres and cones of any mesh at any size: numbers always, balls that contain their triangles however stale.
+//! Curvature, spheres, and cones of any mesh at any size: never NaN, and balls contain their triangles however stale.
 
 use crate::strategies::{mesh, motion, placement};
 use bevy_circumsphere::{
@@ -16,7 +16,7 @@ use proptest::prelude::*;
 
 use crate::harness::{Count, for_all, points};
 
-/// Settings of recipes: those the plugin takes, useful or not.
+/// Settings of recipes that the plugin accepts, useful or not.
 fn recipe() -> impl Strategy<Value = RecipeSettings> {
     let phi = prop_oneof![Just(0.0f32), 0.1f32..10.0, Just(1.0e6)];
     let curvature_threshold = prop_oneof![0.1f32..5.0, Just(f32::MIN_POSITIVE), Just(f32::MAX)];
@@ -41,7 +41,7 @@ fn finite_point() -> impl Strategy<Value = Vec3> {
     prop::array::uniform3(finite()).prop_map(Vec3::from_array)
 }
 
-/// Follows a surface through its places.
+/// Follows a surface through its positions.
 #[derive(Default)]
 struct Spheres {
     curvatures: Curvatures,
@@ -51,7 +51,7 @@ struct Spheres {
 }
 
 impl Spheres {
-    /// Returns how many recipes were refreshed.
+    /// Returns the number of refreshed recipes.
     fn follow(
         &mut self,
         topology: &SurfaceTopology,
@@ -120,11 +120,11 @@ fn balls_contain_their_triangles_however_stale() {
         }
     });
     stale.assert_at_least(50_000, "spheres with a stale recipe");
-    // Spheres that stayed where they were would have been noticed.
+    // A sphere that was not updated would have failed.
     outgrown.assert_at_least(50_000, "triangles outside of their last sphere");
 }
 
-/// In f64, without slack: radii are measured from the stored center and lengthened by more than their rounding.
+/// In f64, without slack: radii are measured from the stored center and enlarged by more than their rounding.
 fn contains(ball: Ball, corner: Vec3) -> bool {
     corner.as_dvec3().distance(ball.center.as_dvec3()) <= f64::from(ball.radius)
 }
@@ -132,7 +132,7 @@ fn contains(ball: Ball, corner: Vec3) -> bool {
 #[test]
 fn spheres_and_cones_are_numbers_for_any_finite_triangles() {
     let corners = prop::collection::vec(prop::array::uniform3(finite_point()), 1..4);
-    // Triangles with common edges, of which the curvature is made.
+    // Triangles with common edges, which determine the curvature.
     let hinge = prop::array::uniform5(finite_point())
         .prop_map(|[a, b, c, d, e]| vec![[a, b, c], [b, a, d], [c, b, e], [a, c, e]]);
     for_all(file!(), 20_000, (prop_oneof![corners, hinge], estimator(), recipe()), |(corners, estimator, recipe)| {
@@ -142,7 +142,7 @@ fn spheres_and_cones_are_numbers_for_any_finite_triangles() {
         let mut spheres = Spheres::default();
         spheres.follow(&topology, &positions, estimator, recipe);
         spheres.assert_numbers(&corners);
-        // Stale: the same triangles with their vertices in another order.
+        // Stale: the same triangles with their vertices in a different order.
         let turned: Vec<Vec3> = corners.iter().rev().flat_map(|[a, b, c]| [*c, *a, *b]).collect();
         spheres.follow(&topology, &turned, estimator, recipe);
         spheres.assert_numbers(&all_corners(&turned, &triangles));

@@ -1,4 +1,4 @@
-//! Whatever indices and positions a topology is made from: a typed error that is right, or adjacency that is.
+//! For any indices and positions, a topology gives the right typed error or correct adjacency.
 
 use std::collections::BTreeSet;
 
@@ -13,7 +13,7 @@ use proptest::prelude::*;
 
 use crate::harness::{Count, for_all, points};
 
-/// Positions of which some coincide and some are not finite.
+/// Positions that may coincide or be non-finite.
 fn positions() -> impl Strategy<Value = Vec<Vec3>> {
     let coordinate = prop_oneof![
         6 => (-2i8..3).prop_map(f32::from),
@@ -26,7 +26,7 @@ fn positions() -> impl Strategy<Value = Vec<Vec3>> {
     prop_oneof![any, finite].prop_map(|points| points.into_iter().map(Vec3::from_array).collect())
 }
 
-/// Triangles of up to `count` vertices, now and then of one that is not there.
+/// Triangles of up to `count` vertices, sometimes with an index out of range.
 fn triangles(count: u32) -> impl Strategy<Value = Vec<[u32; 3]>> {
     let index = prop_oneof![200 => 0..count.max(1), 1 => Just(count), 1 => any::<u32>()];
     prop::collection::vec(prop::array::uniform3(index), 0..30)
@@ -64,14 +64,14 @@ fn any_indices_and_positions_give_the_right_error_or_a_valid_topology() {
                             position.to_array().map(f32::to_bits)
                         );
                     }
-                    TopologyError::TooLarge { .. } => panic!("{} positions are not too many", positions.len()),
-                    TopologyError::WeldDistance(distance) => panic!("nobody has asked for {distance}"),
+                    TopologyError::TooLarge { .. } => panic!("{} positions must be accepted", positions.len()),
+                    TopologyError::WeldDistance(distance) => panic!("no weld distance was set: {distance}"),
                 }
             }
         }
     });
     valid.assert_at_least(4_000, "valid topologies");
-    refused.assert_at_least(4_000, "refused ones");
+    refused.assert_at_least(4_000, "rejected topologies");
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn adjacency_is_that_of_the_definition_for_any_mesh() {
     flaws.assert_at_least(1000, "meshes that are not closed");
 }
 
-/// Compares with what a look at every triangle tells.
+/// Compares with a brute-force search over all triangles.
 fn assert_valid(topology: &SurfaceTopology, positions: &[Vec3], triangles: &[[u32; 3]]) {
     assert_eq!(topology.triangles(), triangles);
     assert_eq!(topology.vertex_count(), positions.len());

@@ -1,5 +1,5 @@
-//! A world that has run for long finds what a new one finds: trees that were refitted and have decayed, buffers that are
-//! used again, spheres that were refreshed lazily.
+//! A long-running world finds the same as a new one, despite refitted and decayed trees, reused buffers, and lazily
+//! refreshed spheres.
 
 use crate::strategies::{motion, placement, two_meshes};
 use bevy_circumsphere::{Circumspheres, detection::DetectionDiagnostics, geometry::CompactContact, prelude::*};
@@ -10,7 +10,7 @@ use crate::{
     harness::{Body, Count, EXACT_METHODS, Found, Setup, SmallWorld, for_all, mean_edge, points},
 };
 
-/// What of a contact does not depend on what was remembered: on which side of a sheet the other was decides about the
+/// The part of a contact that does not depend on earlier ticks. The side of a sheet on which something was decides the
 /// sign of the distance and of the normal.
 fn without_sides(contact: &CompactContact) -> (u64, [u32; 2], [u32; 4], u32, [u32; 3]) {
     let weights = [contact.barycentric_a, contact.barycentric_b].as_flattened().to_vec();
@@ -25,14 +25,14 @@ fn without_sides(contact: &CompactContact) -> (u64, [u32; 2], [u32; 4], u32, [u3
 
 #[track_caller]
 fn assert_same(tick: usize, warm: &[Found], cold: &[Found]) {
-    assert_eq!(warm.len(), cold.len(), "tick {tick}: other surfaces touch");
+    assert_eq!(warm.len(), cold.len(), "tick {tick}: different surfaces touch");
     for (warm, cold) in warm.iter().zip(cold) {
         assert_eq!(warm.sides, cold.sides, "tick {tick}");
         assert_eq!(warm.touching, cold.touching, "tick {tick}");
         let (warm_contacts, cold_contacts) = (warm.contacts.iter(), cold.contacts.iter());
         assert!(
             warm_contacts.map(without_sides).eq(cold_contacts.map(without_sides)),
-            "tick {tick}: {:?} has other contacts",
+            "tick {tick}: {:?} has different contacts",
             warm.sides
         );
     }

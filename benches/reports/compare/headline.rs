@@ -1,8 +1,8 @@
-//! The scene size in the headline of the source paper: 3,000 deforming vertices against 100,000 static triangles, with
+//! A scene of the size in the source paper's headline: 3,000 deforming vertices against 100,000 static triangles, with
 //! times as a share of a frame.
 //!
-//! A sheet ripples along hilly ground and touches it with about a quarter of its area. Every tick is measured as a game
-//! would pay for it.
+//! A sheet ripples along hilly ground and touches it with about a quarter of its area. Each measurement is a whole update
+//! of the app, as a game would run it.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -109,7 +109,7 @@ impl Display for Headline {
     fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
         writeln!(
             out,
-            "\n{} deforming vertices, which touch themselves too, against {} static triangles, one thread",
+            "\n{} deforming vertices with self-collision against {} static triangles, one thread",
             self.vertices, self.triangles
         )?;
         writeln!(

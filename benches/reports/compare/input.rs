@@ -4,8 +4,8 @@ use bevy_circumsphere::geometry::{SurfaceTopology, TopologyError};
 use circumsphere_support::{random::Random, recording::Recording};
 use glam::Vec3;
 
-/// Number of ticks after the cold one. Every vertex moves by [`DRIFT`] per tick. Enough to make the list of near pairs
-/// anew twice.
+/// Number of ticks after the cold one. Every vertex moves by [`DRIFT`] per tick. The list of near pairs is made anew twice
+/// in that time.
 const DRIFT_TICKS: usize = 12;
 
 /// Displacement of a vertex per drift tick, in contact distances: less than a tenth.
@@ -28,7 +28,7 @@ pub struct Input {
 pub struct Tick {
     /// Frame number.
     pub frame: usize,
-    /// Positions before the measured tick, with another shape.
+    /// Positions before the measured tick, in another shape.
     pub before: Vec<Vec3>,
     /// Positions in the measured tick.
     pub now: Vec<Vec3>,
@@ -57,8 +57,8 @@ fn directions(count: usize) -> Vec<Vec3> {
 }
 
 impl Input {
-    /// The given frames of a recording. `distance_edges` is the contact distance in mean edges of the first frame of
-    /// the recording.
+    /// Makes the input from the given frames of a recording. `distance_edges` is the contact distance in mean edges of
+    /// the recording's first frame.
     pub fn new(
         name: String,
         recording: &Recording,

@@ -1,4 +1,4 @@
-//! Rounds of measurements: each contestant once per round, so that disturbances of the machine affect all alike.
+//! Rounds of measurements. Each contestant runs once per round, so that disturbances of the machine affect all alike.
 
 use std::{
     collections::BTreeMap,
@@ -9,12 +9,12 @@ use serde::Serialize;
 
 use super::input::{Input, Tick};
 
-/// Contestants that take longer than this for a round only take part in the first [`ROUNDS_OF_THE_SLOW`] rounds.
+/// Contestants whose round takes longer than this run only in the first [`ROUNDS_OF_THE_SLOW`] rounds.
 const SLOW: Duration = Duration::from_millis(2500);
 
 const ROUNDS_OF_THE_SLOW: u32 = 7;
 
-/// What was found in a tick. `None` if a row does not count it.
+/// Counts of what was found in a tick. `None` if a row does not count it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Counts {
     /// Pairs of triangles with overlapping grown boxes, including neighbors.
@@ -33,7 +33,7 @@ pub struct Counts {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Level {
-    /// A whole that can be compared with other wholes.
+    /// A whole operation, comparable with other wholes.
     Whole,
     /// A part of the whole above it.
     Part,
@@ -81,12 +81,12 @@ impl Log {
     }
 }
 
-/// A participant that finds pairs.
+/// A library or method that takes part in the comparison.
 pub trait Contestant {
     /// Its name in messages.
     fn name(&self) -> String;
 
-    /// Finds the pairs of a tick, after visiting the state before it. `place` is the index of the tick in the input.
+    /// Finds the pairs of a tick, starting from the state before it. `place` is the index of the tick in the input.
     fn run(&mut self, place: usize, tick: &Tick, log: &mut Log) -> Result<(), String>;
 }
 
@@ -104,7 +104,7 @@ struct Entry {
     fault: Option<String>,
 }
 
-/// Plays all rounds. `report` receives progress messages. Also returns the contestants that failed, with the reasons.
+/// Plays all rounds. `report` receives progress messages. Also returns which contestants failed, and why.
 pub fn play(
     input: &Input,
     contestants: Vec<Box<dyn Contestant>>,

@@ -12,16 +12,16 @@ use super::peers::Peer;
 #[command(name = "compare")]
 #[expect(clippy::struct_excessive_bools, reason = "each flag is an independent option")]
 pub struct Options {
-    /// The frames of one mesh in order (PLY or OBJ), or .bin recordings, each compared separately; without files: a
+    /// Frames of one mesh in order (PLY or OBJ), or .bin recordings, each compared separately; without files, a
     /// crumpled sheet and the embedded scene
     pub files: Vec<PathBuf>,
     /// Contact distance, in mean edges of the first frame
     #[arg(long, value_name = "X", default_value_t = 0.1, value_parser = positive)]
     pub contact_distance_edges: f64,
-    /// Number of rounds; contestants that take seconds run in at most seven
+    /// Number of rounds; contestants that take seconds run in at most seven of them
     #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..))]
     pub repeat: u32,
-    /// Largest number of threads for our methods and Embree; all are also measured on one thread
+    /// Largest number of threads for our methods and Embree, which are also measured on one thread
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: u16,
     /// Frames to measure, counted from 0, B excluded [default: the first]
@@ -30,20 +30,20 @@ pub struct Options {
     /// Number of triangles of the crumpled sheet
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub sheet: u32,
-    /// Peers besides parry, built on demand: obvhs and rapier with cargo, which takes some minutes the first time,
-    /// Embree with the system's C compiler
+    /// Peers besides parry, built on demand: obvhs and rapier with cargo (some minutes the first time), Embree with the
+    /// system's C compiler
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = Peer::ALL)]
     pub peers: Vec<Peer>,
-    /// Compare with parry alone
+    /// Compare with parry only
     #[arg(long, conflicts_with = "peers")]
     pub no_peers: bool,
-    /// Leave out the scene of the source paper's headline: 3,000 deforming vertices against 100,000 static triangles
+    /// Skip the scene of the source paper's headline: 3,000 deforming vertices against 100,000 static triangles
     #[arg(long)]
     pub no_headline: bool,
-    /// Measure growth up to 1,000,000 triangles instead of 100,000; takes minutes
+    /// Measure the growth of time and memory up to 1,000,000 triangles instead of 100,000; takes minutes
     #[arg(long)]
     pub scale: bool,
-    /// Leave out the growth of time and memory
+    /// Skip the measurement of growth
     #[arg(long, conflicts_with = "scale")]
     pub no_scale: bool,
     /// Write all measurements as JSON
@@ -53,8 +53,8 @@ pub struct Options {
     pub recording: RecordingOptions,
 }
 
-/// Largest contact distance, in mean edges. Nearly all pairs of triangles are in contact long before that. With
-/// infinite boxes, parry's tree cannot be built.
+/// Largest contact distance, in mean edges. Nearly all pairs of triangles touch at far smaller distances. parry cannot
+/// build a tree over infinite boxes.
 const MOST_EDGES: f64 = 1.0e3;
 
 fn positive(text: &str) -> Result<f64, String> {

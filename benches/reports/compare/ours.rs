@@ -1,4 +1,4 @@
-//! Our own methods, through the whole plugin in a headless app: cold, after a small motion, and unchanged.
+//! Our own methods, measured through the whole plugin in a headless app: cold, after a small motion, and unchanged.
 
 use std::time::Duration;
 
@@ -14,14 +14,15 @@ use super::{
 };
 
 pub const COLD: &str = "cold tick";
-/// The same at the end of the small motion. Moved and unchanged ticks are compared with it, because they find the same.
+/// A cold tick at the end of the small motion. Moved and unchanged ticks are compared with it, because they find the same
+/// pairs.
 pub const COLD_MOVED: &str = "cold tick, where the motion ends";
 pub const MOVED: &str = "tick, moved by 0.09 contact distances";
-/// Moved ticks that use a list from an earlier tick, and moved ticks that make one.
-pub const FOLLOWED: &str = "of those, by a list of an earlier tick";
-pub const RENEWED: &str = "of those, that make a list";
+/// Moved ticks that reuse a list of near pairs, and moved ticks that make a new one.
+pub const FOLLOWED: &str = "of those, with a reused list";
+pub const RENEWED: &str = "of those, with a new list";
 pub const UNCHANGED: &str = "tick, unchanged";
-/// A cold tick of a sphere method that writes contacts with points and normals; its other rows write distances alone.
+/// A cold tick of a sphere method that writes contacts with points and normals. Its other rows write distances only.
 pub const WITH_POINTS: &str = "cold tick, with points and normals";
 
 /// One method on one number of threads.
@@ -50,7 +51,7 @@ impl Ours {
         }
     }
 
-    /// Writes contacts with points and normals by every method.
+    /// A method that writes contacts with points and normals.
     pub fn with_points(input: &Input, method: ContactMethod, threads: usize) -> Self {
         Self::recorded(input, method, threads, SphereContactDetail::Points, Recorder::default())
     }
@@ -70,7 +71,7 @@ impl Ours {
         let thickness = SurfaceThickness::World(input.thickness());
         let parts = (surface, positions, SelfCollision, thickness, Sidedness::TwoSided, method);
         let surface = app.world_mut().spawn(parts).id();
-        // Trees are built in the first tick, as those of the other libraries are built before theirs.
+        // Build the trees in this first tick. The other libraries also build theirs before the measurement.
         detect(&mut app);
         Self { app, surface, method, threads }
     }
@@ -80,7 +81,7 @@ impl Ours {
         let (store, diagnostics) = (world.resource::<ContactStore>(), world.resource::<DetectionDiagnostics>());
         Counts {
             box_pairs: None,
-            // Overlapping boxes that are not neighbors, before slabs drop most of them.
+            // Box pairs that are not neighbors, before slabs drop most of them.
             apart: diagnostics
                 .stages
                 .iter()
@@ -92,7 +93,7 @@ impl Ours {
         }
     }
 
-    /// Moves the mesh as a teleport, so that nothing remembered is used.
+    /// Teleports the mesh, so that no earlier results are reused.
     fn jump(&mut self, positions: &[Vec3]) {
         move_surface(&mut self.app, self.surface, positions.to_vec());
         self.app.world_mut().entity_mut(self.surface).insert(Teleported);
@@ -104,12 +105,12 @@ impl Ours {
         self.app.update();
     }
 
-    /// Logs a whole tick or a whole reading.
+    /// Logs a whole tick.
     fn log(&self, what: &str, duration: Duration, log: &mut Log) {
         log.add(&method_name(self.method), what, self.threads, Level::Whole, duration, self.counts());
     }
 
-    /// Times one tick: the whole update, and optionally its stages.
+    /// Measures one tick: the whole update, and optionally its stages.
     fn measure(&mut self, what: &str, log: &mut Log, with_stages: bool) {
         let (duration, ()) = timed(|| self.app.update());
         self.log(what, duration, log);
@@ -128,11 +129,11 @@ impl Contestant for Ours {
     }
 
     fn run(&mut self, _: usize, tick: &Tick, log: &mut Log) -> Result<(), String> {
-        // For a cold tick, the mesh comes from another shape and teleports.
+        // A cold tick: the mesh teleports from another shape.
         self.jump_and_update(&tick.before);
         self.jump(&tick.now);
         self.measure(COLD, log, true);
-        // The baseline remembers nothing, so only its cold tick is of interest.
+        // The baseline never reuses results, so only its cold tick is of interest.
         if self.method == ContactMethod::Polygon {
             return Ok(());
         }
@@ -144,7 +145,7 @@ impl Contestant for Ours {
             let (_, sum, count) = &mut ticks[usize::from(!is_followed)];
             (*sum, *count) = (*sum + duration, *count + 1);
         }
-        // The mean over all of them: updating the lists of near pairs is part of the price.
+        // The mean over all ticks, because updating the lists of near pairs is part of the cost.
         let [(_, followed, followed_count), (_, renewed, renewed_count)] = ticks;
         let (who, mean) = (method_name(self.method), (followed + renewed) / (followed_count + renewed_count));
         self.log(MOVED, mean, log);

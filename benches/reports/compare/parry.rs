@@ -1,6 +1,6 @@
-//! parry's offer: its `Bvh` refitted or rebuilt, traversed against itself, and its exact queries on every pair.
+//! parry's methods: its `Bvh`, refitted or rebuilt and traversed against itself, and its exact queries on every pair.
 //!
-//! Boxes are those of the triangles' corners, grown by half the contact distance in f32.
+//! A box bounds the corners of a triangle, grown by half the contact distance in f32.
 
 use std::time::Duration;
 
@@ -30,10 +30,10 @@ pub fn contestants(input: &Input) -> Vec<Box<dyn Contestant>> {
 
 pub const STRATEGIES: [BvhBuildStrategy; 2] = [BvhBuildStrategy::Binned, BvhBuildStrategy::Ploc];
 
-/// Name of the rows with traversal alone, for either strategy.
+/// Name of the rows with the traversal only, for both strategies.
 pub const TRAVERSAL: &str = "self-traversal, counting";
 
-/// Name of the row in which the tree is rebuilt in every tick and the distance of every pair is computed.
+/// Name of the row that rebuilds the tree in every tick and computes the distance of every pair.
 pub const REBUILT: &str = "rebuild + traversal + distance of every pair";
 
 pub fn strategy_name(strategy: BvhBuildStrategy) -> &'static str {
@@ -80,7 +80,7 @@ impl Mesh {
     }
 }
 
-/// Leaf update, refit, and self-traversal of a tree that was built once.
+/// Updates the leaves of a tree that is built once, refits it, and traverses it against itself.
 struct Traversal {
     mesh: Mesh,
     strategy: BvhBuildStrategy,
@@ -120,7 +120,7 @@ impl Contestant for Traversal {
             tree.traverse_bvtt_single_tree::<false>(workspace, &mut |a, b| pairs.push([a, b]));
         });
         if pairs.len() as u64 != count {
-            return Err(format!("it counts {count} pairs and stores {}", pairs.len()));
+            return Err(format!("it counted {count} pairs but stored {}", pairs.len()));
         }
         let apart = pairs.iter().filter(|&&[a, b]| !mesh.share_vertex(a, b)).count() as u64;
         let counts = Counts { box_pairs: Some(count), ..Counts::default() };

@@ -1,12 +1,12 @@
-//! Peers that run as separate programs, so that the crate does not depend on anything they need: Embree through a small
-//! C file, and obvhs and rapier through the package `benches/peers`.
+//! Peers that run as separate programs, so that the crate does not depend on their libraries: Embree through a small C
+//! file, and obvhs and rapier through the package `benches/peers`.
 //!
-//! A peer is started with a recording, half the contact distance, and the number of threads. The frames of the
-//! recording are, for each tick, the state before it and the state to measure. The peer prints a line `peer NAME`. Then
-//! it reads lines with the number of a tick, and answers each with lines `row`, followed by a line `done`. A row has
-//! these fields, separated by tabs: a name, `whole` or `part`, nanoseconds, and the counts of box pairs, pairs apart,
-//! tested pairs, touching pairs, and contacts, with `-` for what it does not count. A peer only works while it is
-//! asked, so that it does not disturb other measurements.
+//! A peer is started with three arguments: a recording, half the contact distance, and the number of threads. The
+//! recording has two frames for each tick: the state before it, and the state to measure. The peer prints a line
+//! `peer NAME`. Then it reads lines with the number of a tick. It answers each with lines `row`, followed by a line
+//! `done`. A row has these fields, separated by tabs: a name, `whole` or `part`, nanoseconds, and the counts of box pairs,
+//! pairs apart, tested pairs, touching pairs, and contacts. A count that the peer does not have is `-`. Between requests
+//! a peer does nothing, so that it does not disturb other measurements.
 
 use std::{
     fs,
@@ -24,11 +24,11 @@ use super::{
     measure::{Contestant, Counts, Level, Log},
 };
 
-/// The rows of Embree's traversal alone and of rapier's narrow phase alone.
+/// The rows with only Embree's traversal, and with only rapier's narrow phase.
 pub const EMBREE_COLLIDE: (&str, &str) = ("Embree", "rtcCollide, counting pairs of boxes");
 pub const RAPIER_NARROW_PHASE: (&str, &str) = ("rapier3d", "narrow phase (self-contacts of the soft body)");
 
-/// The folder of the sources of peers, as of the build of this program.
+/// The folder with the sources of the peers, fixed when this program is compiled.
 const SOURCES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// The available peers.
@@ -66,7 +66,7 @@ fn run_builder(command: &mut Command) -> Result<(), String> {
     Err(format!("{program}: {line}"))
 }
 
-/// Builds the package of Rust peers, which has its own lock file. It takes about two minutes, once.
+/// Builds the package of Rust peers, which has its own lock file. The first build takes about two minutes.
 fn build_package() -> Result<PathBuf, String> {
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
     // This program is in TARGET/PROFILE/examples.
@@ -79,7 +79,7 @@ fn build_package() -> Result<PathBuf, String> {
     Ok(target.join(format!("release/circumsphere_peers{}", std::env::consts::EXE_SUFFIX)))
 }
 
-/// Builds the C file against the system's library.
+/// Compiles the C file and links the system's library.
 fn build_embree(folder: &Path) -> Result<PathBuf, String> {
     let program = folder.join(format!("embree{}", std::env::consts::EXE_SUFFIX));
     let compiler = std::env::var_os("CC").unwrap_or_else(|| "cc".into());
@@ -103,14 +103,14 @@ struct Program {
 
 impl Drop for Program {
     fn drop(&mut self) {
-        // The peer ends at the end of its input.
+        // The peer exits at the end of its input.
         drop(self.questions.take());
         let _ = self.child.wait();
     }
 }
 
-/// Builds and starts the requested peers, with each number of threads that they support. Also returns which peers are
-/// missing, and why.
+/// Builds and starts the requested peers, once for each number of threads that they support. Also returns which peers
+/// are missing, and why.
 pub fn contestants(peers: &[Peer], input: &Input, threads: &[usize]) -> (Vec<Box<dyn Contestant>>, Vec<String>) {
     let (mut all, mut faults): (Vec<Box<dyn Contestant>>, _) = (Vec::new(), Vec::new());
     for &peer in peers {
@@ -148,7 +148,7 @@ fn start(peer: Peer, input: &Input, threads: usize) -> Result<Program, String> {
         .spawn()
         .map_err(|error| error.to_string())?;
     let questions = child.stdin.take();
-    let answers = BufReader::new(child.stdout.take().ok_or("it has no output")?);
+    let answers = BufReader::new(child.stdout.take().ok_or("the program has no output")?);
     let mut program = Program { name: String::new(), threads, child, questions, answers, _folder: folder };
     let line = program.line()?;
     let name = line.strip_prefix("peer ").ok_or_else(|| format!("unexpected output {line:?}"))?;

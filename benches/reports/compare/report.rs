@@ -1,4 +1,4 @@
-//! The results as a table, as verdicts on the project's bars, and as JSON.
+//! The results as a table, as verdicts on the project's own limits, and as JSON.
 
 use std::{
     collections::BTreeMap,
@@ -24,11 +24,11 @@ pub struct Report {
     pub frames: Vec<usize>,
     pub mean_edge: f64,
     pub contact_distance: f64,
-    /// The row that every ratio refers to: parry's traversal with the faster of its two build strategies.
+    /// The row to which all ratios refer: parry's traversal with the faster of its two build strategies.
     pub reference: String,
     pub rows: Vec<RowReport>,
     pub bars: Vec<Bar>,
-    /// Speedup by more threads than one, stage by stage.
+    /// Speedup by several threads, for each stage.
     pub speedups: Vec<Speedup>,
     /// Contestants that are missing, failed, or disagree, with the reasons.
     pub faults: Vec<String>,
@@ -52,7 +52,7 @@ pub struct RowReport {
     pub is_unsteady: bool,
 }
 
-/// A performance limit that the project has set itself.
+/// A performance limit that the project has set for itself.
 #[derive(Serialize)]
 pub struct Bar {
     pub what: String,
@@ -64,7 +64,7 @@ pub struct Bar {
     pub holds: Option<bool>,
 }
 
-/// Time on one thread relative to the time on several.
+/// Time on one thread, divided by the time on several.
 #[derive(Serialize)]
 pub struct Speedup {
     pub who: String,
@@ -118,7 +118,7 @@ impl RowReport {
     }
 }
 
-/// Direction of a limit.
+/// The direction and value of a limit.
 #[derive(Clone, Copy)]
 enum Limit {
     AtMost(f64),
@@ -137,7 +137,7 @@ impl Report {
         for row in &mut rows {
             row.ratio = row.median_ms / reference_ms;
         }
-        // Our methods first, then the reference and all others, with the rows of each together.
+        // Our methods come first, then parry and all others. Rows of one contestant stay together.
         let mut order: Vec<String> = ContactMethod::ALL.into_iter().map(method_name).collect();
         order.extend(STRATEGIES.map(|strategy| strategy_name(strategy).to_owned()));
         for row in &rows {
@@ -170,8 +170,8 @@ impl Report {
         self.rows.iter().find(|row| row.who == who && row.what == what && row.threads == threads)
     }
 
-    /// Contestants whose counts differ from the others where all must agree: box pairs for all, and touching pairs at
-    /// the measured positions for our exact methods.
+    /// Contestants whose counts differ although they must agree: box pairs for all contestants, and touching pairs at the
+    /// measured positions for our exact methods.
     fn disagreements(&self) -> Vec<String> {
         let exact: Vec<String> =
             ContactMethod::ALL.into_iter().filter(|method| method.is_exact()).map(method_name).collect();
@@ -189,7 +189,7 @@ impl Report {
                 let others = *first.entry(what).or_insert(count);
                 let RowReport { who, what: row, threads, .. } = row;
                 (count != others)
-                    .then(|| format!("{who}, {row}, on {threads}: {count} {what}, where others have {others}"))
+                    .then(|| format!("{who}, {row}, threads {threads}: {count} {what}, but others have {others}"))
             })
             .collect()
     }
@@ -222,7 +222,7 @@ impl Report {
         let reference = (self.reference.as_str(), TRAVERSAL, 1);
         let cold = (refined, COLD, 1);
         let mut bars = vec![
-            ("Exact, cold / reference", cold, reference, Limit::AtMost(2.0), "≤ 2.0, wanted 1.5"),
+            ("Exact, cold / reference", cold, reference, Limit::AtMost(2.0), "≤ 2.0, goal 1.5"),
             ("Circumsphere, cold / reference", (caps, COLD, 1), reference, Limit::AtMost(1.3), "≤ 1.3"),
             ("BoundingSphere, cold / reference", (balls, COLD, 1), reference, Limit::AtMost(0.9), "≤ 0.9"),
             ("Polygon, cold / Exact, cold", (polygon, COLD, 1), cold, Limit::AtLeast(8.0), "≥ 8"),
@@ -275,7 +275,7 @@ impl Report {
     }
 }
 
-/// Digits in groups of three.
+/// A number with its digits in groups of three.
 pub fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let mut text = String::new();
@@ -312,10 +312,10 @@ impl Display for Report {
             self.contact_distance,
             self.contact_distance / self.mean_edge
         )?;
-        // The instruction set determines about a third of the time.
+        // Up to a third of the time depends on the instruction set.
         let level = format!("{:?}", fearless_simd::Level::new());
         let level = level.split('(').next().unwrap_or_default();
-        writeln!(out, "our instructions: {level}, chosen at run time; the peers': as they were compiled")?;
+        writeln!(out, "instruction set of our methods: {level}, chosen at run time; peers use the one they were compiled for")?;
         writeln!(out, "reference (×1): {}, {TRAVERSAL}\n", self.reference)?;
         writeln!(
             out,

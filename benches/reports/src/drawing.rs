@@ -1,5 +1,5 @@
-//! Figures for reports: sheets of panels, each as SVG and PNG. Readers with color blindness can
-//! tell the colors apart (Okabe and Ito, 2008), and each series has its own marker or dash.
+//! Figures for reports: sheets of panels, each as SVG and PNG. Color-blind readers can tell the colors apart (Okabe and
+//! Ito, 2008), and each series has its own marker or dash.
 
 use std::{fs, path::Path, sync::Arc};
 
@@ -32,10 +32,10 @@ pub const SHAPES: [MarkerShape; 6] = [
 ];
 pub const DASHES: [LineStyle; 4] = [LineStyle::Solid, LineStyle::Dashed, LineStyle::Dotted, LineStyle::DashDot];
 
-/// Pixels of a PNG per unit of the drawing: sharp at the width of a README.
+/// PNG pixels per drawing unit: sharp at the width of a README.
 const PIXELS: f32 = 2.0;
 
-/// The panels of a figure in rows, followed by a cell with the legend.
+/// A figure: panels in rows, followed by a cell with the legend.
 pub struct Sheet {
     pub columns: usize,
     /// Width and height of a panel.

@@ -8,15 +8,15 @@ use super::statistics::mean;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     Holds,
-    /// A part of the claim holds.
+    /// Part of the claim holds.
     HoldsInPart,
     Fails,
-    /// The differences are no larger than chance.
+    /// The difference is within chance.
     Undecided,
 }
 
 impl Outcome {
-    /// Outcome of a claim in several parts.
+    /// Outcome of a claim with several parts.
     pub fn all(parts: &[Self]) -> Self {
         let count = |outcome| parts.iter().filter(|&&part| part == outcome).count();
         if count(Self::Holds) == parts.len() {
@@ -31,8 +31,8 @@ impl Outcome {
     }
 }
 
-/// Whether an event happens less often to one of two series of paired trials. Only trials count in which it happened to
-/// exactly one of them. Chance splits those evenly, within twice the square root of their number (a sign test).
+/// Whether an event is less frequent in one of two series of paired trials (a sign test). Only trials in which it
+/// happened in exactly one series count. Chance splits those evenly, to within twice the square root of their number.
 pub fn happens_less<'a>(own: impl IntoIterator<Item = &'a bool>, other: impl IntoIterator<Item = &'a bool>) -> Outcome {
     let (mut own_alone, mut other_alone) = (0_i32, 0_i32);
     for (&own, &other) in own.into_iter().zip(other) {
@@ -56,12 +56,12 @@ impl Display for Outcome {
             Self::Holds => "holds",
             Self::HoldsInPart => "holds in part",
             Self::Fails => "does not hold",
-            Self::Undecided => "cannot be told: chance does as much",
+            Self::Undecided => "inconclusive: within chance",
         })
     }
 }
 
-/// The last sentence of an experiment.
+/// The sentence that concludes an experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Finding {
     pub claim: String,
@@ -75,7 +75,8 @@ impl Display for Finding {
     }
 }
 
-/// A number with three digits, or in scientific notation if it is very small or large.
+/// A number rounded to three significant digits, keeping all integer digits. Very small and very large numbers are in
+/// scientific notation.
 pub fn figure(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 {
@@ -101,7 +102,7 @@ pub fn optional(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), figure)
 }
 
-/// A share in percent, with three digits.
+/// A share in percent, formatted by [`figure`].
 pub fn percent(share: f64) -> String {
     format!("{} %", figure(100.0 * share))
 }

@@ -1,4 +1,4 @@
-//! What the reports share: the machine they ran on, statistics, tables, figures, and findings.
+//! Code that all reports share: a description of the machine, statistics, tables, figures, and findings.
 
 #![expect(missing_docs, clippy::missing_errors_doc, reason = "not published")]
 
@@ -10,10 +10,10 @@ pub mod machine;
 pub mod statistics;
 pub mod tables;
 
-/// Exit status for any bad input, by the shell's convention for wrong usage.
+/// Exit status for bad input: the shell's convention for wrong usage.
 pub const BAD_INPUT: u8 = 2;
 
-/// A file of a report that cannot be written.
+/// A report file could not be written.
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     #[error("cannot write {}: {source}", .path.display())]

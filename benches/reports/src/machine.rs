@@ -1,4 +1,4 @@
-//! The machine and build that the measurements were made with.
+//! The machine and the build that produced the measurements.
 
 use std::{
     fmt::{self, Display, Formatter},
@@ -13,9 +13,9 @@ pub struct Machine {
     pub processor: String,
     pub processors: usize,
     pub system: String,
-    /// Supported instruction sets that matter here.
+    /// Relevant instruction sets that the processor supports.
     pub instruction_sets: Vec<&'static str>,
-    /// Instruction sets that this program was compiled for. Kernels may use more after run-time detection.
+    /// Instruction sets that this program was compiled for. Kernels may use more, detected at run time.
     pub compiled_for: Vec<&'static str>,
     pub rustc: String,
     pub features: Vec<&'static str>,
@@ -87,7 +87,7 @@ impl Machine {
                 .into_iter()
                 .filter_map(|(name, is_on)| is_on.then_some(name))
                 .collect(),
-            profile: if cfg!(debug_assertions) { "with debug assertions: times mean nothing" } else { "release" },
+            profile: if cfg!(debug_assertions) { "with debug assertions (times are meaningless)" } else { "release" },
             load,
         }
     }
@@ -98,7 +98,7 @@ impl Display for Machine {
         let list = |names: &[&str]| if names.is_empty() { "none".to_owned() } else { names.join(" ") };
         writeln!(
             out,
-            "measured on {}, {} processors, {}, which has {}",
+            "measured on {}, {} processors, {}, instruction sets {}",
             self.processor,
             self.processors,
             self.system,
@@ -106,7 +106,7 @@ impl Display for Machine {
         )?;
         writeln!(
             out,
-            "built by {} for {}, features {}, {}",
+            "built with {} for {}, features {}, {}",
             self.rustc,
             list(&self.compiled_for),
             list(&self.features),
@@ -115,7 +115,7 @@ impl Display for Machine {
         let load = self.load.map(|load| load.map_or_else(|| "unknown".to_owned(), |load| format!("{load:.1}")));
         writeln!(
             out,
-            "load of the machine before {}, after {}: above 1, others took part of the time",
+            "machine load {} before, {} after (above 1, other programs took part of the time)",
             load[0], load[1]
         )
     }

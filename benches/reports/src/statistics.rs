@@ -1,13 +1,13 @@
 //! Medians, tails, and slopes of lists of numbers.
 
-/// The median, or the mean of the two middle numbers; `None` for an empty list.
+/// The median, or the mean of the two middle numbers. `None` for an empty list.
 pub fn median(mut values: Vec<f64>) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let count = values.len();
     (count > 0).then(|| 0.5 * (values[(count - 1) / 2] + values[count / 2]))
 }
 
-/// The median, the 99th percentile (the least value that 99 % do not exceed), and the maximum.
+/// The median, the 99th percentile (the smallest value that 99 % of the values do not exceed), and the maximum.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spread {
     pub median: Option<f64>,
@@ -23,7 +23,7 @@ impl Spread {
     }
 }
 
-/// The mean; `None` for an empty list.
+/// The mean. `None` for an empty list.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.into_iter().fold((0.0, 0_usize), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / count as f64)
@@ -39,7 +39,8 @@ pub fn log_slope(points: &[(f64, f64)]) -> Option<f64> {
     (spread > 0.0).then(|| product / spread)
 }
 
-/// Indices of the points on the Pareto front, from left to right: no other point is both as low and as far left.
+/// Indices of the points on the Pareto front, from left to right. A point is on the front if no other point is at least as
+/// low and at least as far left.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a].0.total_cmp(&points[b].0).then(points[a].1.total_cmp(&points[b].1)));

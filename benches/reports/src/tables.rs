@@ -1,4 +1,4 @@
-//! The tables of the report as CSV files.
+//! Report tables as CSV files.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::OutputError;
 
-/// Writes rows below a header with the names of their fields.
+/// Writes a header with the names of the fields, and one line per row.
 pub fn write_csv<Row: Serialize>(
     folder: &Path,
     name: &str,

@@ -1,8 +1,8 @@
-//! The comparison program as its users call it: what its table says of a small mesh agrees among all who count alike, and
-//! with the f64 reference.
+//! Runs the program `compare` as a user would. On a small mesh, contestants that count the same thing must agree, with
+//! each other and with the f64 reference.
 //!
-//! Of the peers that are programs of their own only Embree takes part, and only where it is installed: the others take minutes
-//! to build. The program itself compares all counts that should agree, whoever takes part.
+//! Embree is the only peer program in these tests, and only if it is installed. The others take minutes to build. `compare`
+//! itself checks all counts that should agree, whichever peers run.
 
 use circumsphere_support::{
     programs::example_program,
@@ -17,17 +17,18 @@ use std::{collections::BTreeMap, fs, process::Command};
 const TRIANGLES: usize = 1_000;
 const DISTANCE_EDGES: f64 = 0.1;
 
-/// Boxes are grown in f32: by how much, relative to the distance, their reach may be off. Coordinates are below 32 and
-/// the distance above 0.1, so that half a unit in the last place of either side is below 2e-5 of it.
+/// Relative tolerance for the growth of boxes, which is computed in f32. Coordinates are below 32 and the distance is
+/// above 0.1, so half a unit in the last place of either side is below 2e-5 of the distance.
 const BOX_BAND: f64 = 1.0e-4;
 
-/// Boxes of ours reach farther, by a thousandth of the contact distance and rounding.
+/// Our boxes are larger by a thousandth of the contact distance, plus rounding.
 const OWN_BOX_BAND: f64 = 1.2e-3;
 
-/// The band of the contact tests, see the design: f32 coordinates are exact, distances round.
+/// Relative band around the contact distance in which either answer is right: f32 coordinates are exact, but distances
+/// are rounded.
 const BAND: f64 = 1.0e-4;
 
-/// Every row's count of a kind, by who and what, on one thread.
+/// The counts of one kind on one thread, by contestant (`who`) and row (`what`).
 fn counts<'a>(rows: &'a [Value], kind: &str) -> BTreeMap<(&'a str, &'a str), u64> {
     rows.iter()
         .filter(|row| row["threads"] == 1)
@@ -69,27 +70,27 @@ fn everyone_counts_what_the_reference_counts() {
     if has_embree {
         assert!(faults.is_empty(), "{table}");
     } else {
-        // One for each number of threads, and nothing else.
+        // Exactly one fault for each number of threads.
         assert!(
             faults.len() == 2 && faults.iter().all(|fault| fault.to_string().contains("Embree is missing")),
             "{table}"
         );
-        eprintln!("Embree's counts are not compared: {}", faults[0]);
+        eprintln!("Embree's counts were not compared: {}", faults[0]);
     }
     assert!(rows.iter().all(|row| row["is_unsteady"] == false), "{table}");
     assert!((input["contact_distance"].as_f64().expect("a number") / distance - 1.0).abs() < 1.0e-12);
 
-    // parry's pairs are those of the boxes, neighbors included.
+    // parry reports all pairs of overlapping boxes, including neighbors.
     let boxes = |distance: f64| box_pairs(&positions, &triangles, distance).len() as u64;
     let [fewest, most] = [1.0 - BOX_BAND, 1.0 + BOX_BAND].map(|factor| boxes(factor * distance));
     let box_counts = counts(rows, "box_pairs");
     let expected = if has_embree { 6 + 2 } else { 6 };
-    assert_eq!(box_counts.len(), expected, "three rows of pairs for each strategy of parry's: {table}");
+    assert_eq!(box_counts.len(), expected, "three rows of pairs for each of parry's strategies: {table}");
     assert!(box_counts.values().all(|&count| (fewest..=most).contains(&count)), "{fewest}..={most}: {table}");
-    // Had the boxes not been grown, there would be fewer.
+    // Without the growth of the boxes, there would be fewer pairs.
     assert!(boxes(0.0) < fewest, "{table}");
 
-    // Ours are those of them that share no vertex.
+    // Our methods report the box pairs that share no vertex.
     let share_vertex = |a: u32, b: u32| {
         let [a, b] = [a, b].map(|triangle| triangles[triangle as usize].map(|vertex| weld[vertex as usize]));
         a.iter().any(|vertex| b.contains(vertex))
@@ -102,31 +103,31 @@ fn everyone_counts_what_the_reference_counts() {
     let apart_counts = counts(rows, "apart");
     for method in ["BoundingSphere", "Circumsphere", "Closest", "Exact", "Polygon"] {
         let count = apart_counts[&(cold(method).as_str(), "cold tick")];
-        assert!((fewest..=most).contains(&count), "{method}: {count}, not {fewest}..={most}\n{table}");
+        assert!((fewest..=most).contains(&count), "{method}: {count}, expected {fewest}..={most}\n{table}");
     }
 
-    // The exact methods find what touches, and they find the same.
+    // The exact methods find the touching pairs, and agree with each other.
     let touching = touching_pairs_tree(&positions, &triangles, &weld, distance * (1.0 + BAND));
     let surely = touching.iter().filter(|pair| pair.distance <= distance * (1.0 - BAND)).count() as u64;
-    assert!(surely > 500, "the sheet hardly touches itself: {surely}");
+    assert!(surely > 500, "the sheet has too few self-contacts: {surely}");
     let touching_counts = counts(rows, "touching");
     for method in ["Closest", "Exact", "Polygon"] {
         let count = touching_counts[&(cold(method).as_str(), "cold tick")];
-        assert!((surely..=touching.len() as u64).contains(&count), "{method}: {count}, not about {surely}\n{table}");
+        assert!((surely..=touching.len() as u64).contains(&count), "{method}: {count}, expected about {surely}\n{table}");
     }
-    assert!(touching_counts[&("ours, BoundingSphere", "cold tick")] > surely, "balls contain their triangles: {table}");
+    assert!(touching_counts[&("ours, BoundingSphere", "cold tick")] > surely, "balls contain their triangles, so they touch more often: {table}");
 
-    // parry's f32 distances are near that: its tolerances are absolute, so the bar is a coarse one.
+    // parry's f32 distances come close. Its tolerances are absolute, so the comparison is coarse.
     let parry = touching_counts[&("parry", "query::distance of every pair")] as f64;
     assert!((parry / surely as f64 - 1.0).abs() < 0.05, "parry: {parry}, the reference: {surely}\n{table}");
 
-    // A tick that moved by little finds what a cold one finds there, and so does one that did not move.
+    // A tick after a small motion finds the same as a cold tick at the end of that motion. So does an unchanged tick.
     for method in ["BoundingSphere", "Circumsphere", "Closest", "Exact"] {
         let method = cold(method);
         let there = touching_counts[&(method.as_str(), "cold tick, where the motion ends")];
         for what in ["tick, moved by 0.09 contact distances", "tick, unchanged"] {
             let count = touching_counts[&(method.as_str(), what)];
-            // Spheres follow lazily: after a small motion they are not those of a cold tick.
+            // Spheres are refreshed lazily, so after a small motion they differ from those of a cold tick.
             if method != cold("Circumsphere") {
                 assert_eq!(count, there, "{method}, {what}: {table}");
             }

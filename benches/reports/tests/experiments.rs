@@ -1,4 +1,4 @@
-//! The repeated experiments as their users call them: what the program writes, whether it is whole, and how it refuses.
+//! Runs the program `experiments` as a user would: its output must be complete, and bad input must be refused.
 
 use std::{
     fs,
@@ -9,7 +9,7 @@ use std::{
 use circumsphere_reports::finding::{Finding, Outcome, figure, geometric_mean, happens_less, optional, percent, table};
 use circumsphere_support::programs::example_program;
 
-/// The experiments, and the columns of their tables that hold words.
+/// The experiments, and the columns of their tables that hold text.
 const EXPERIMENTS: [(&str, &[&str]); 5] = [
     ("delta", &["kind", "scene"]),
     ("iterations", &["kind", "scene", "method"]),
@@ -18,7 +18,7 @@ const EXPERIMENTS: [(&str, &[&str]); 5] = [
     ("sizes", &["method"]),
 ];
 
-/// Columns that are empty where a scene flew apart, or was not played.
+/// Columns that are empty if a scene flew apart or was not played.
 const MAY_BE_EMPTY: [&str; 12] = [
     "trembling",
     "trembling_spread",
@@ -40,13 +40,13 @@ fn experiments(arguments: &[&str]) -> Output {
 
 type Problems = Vec<String>;
 
-/// What is wrong with what the program wrote for one experiment; nothing where it is whole.
+/// Problems in the output of one experiment. Empty if the output is complete.
 fn problems(folder: &Path, report: &str, name: &str, words: &[&str]) -> Problems {
     let mut problems = Problems::new();
     for ending in ["png", "svg", "csv"] {
         let path = folder.join(format!("{name}.{ending}"));
         if !path.metadata().is_ok_and(|data| data.len() > 300) {
-            problems.push(format!("{name}.{ending} is missing, or as good as empty"));
+            problems.push(format!("{name}.{ending} is missing or nearly empty"));
         }
         if !report.contains(&format!("({name}.{ending})")) {
             problems.push(format!("the report does not show {name}.{ending}"));
@@ -82,15 +82,15 @@ fn problems(folder: &Path, report: &str, name: &str, words: &[&str]) -> Problems
     let last = section.trim_end().lines().last().unwrap_or_default();
     let parts = ["**Claim:** ", "; **found:** ", "; **"];
     if !(last.starts_with(parts[0]) && parts.iter().all(|part| last.contains(part)) && last.ends_with("**.")) {
-        problems.push(format!("{name} does not end in its sentence, but in {last:?}"));
+        problems.push(format!("{name} does not end with its finding, but with {last:?}"));
     }
     if section.contains("NaN") || section.contains("inf ") {
-        problems.push(format!("{name} tells of what is no number"));
+        problems.push(format!("{name} contains a value that is not a number"));
     }
     problems
 }
 
-/// What is wrong with a plot.
+/// The problem of a plot, if there is one.
 fn bad_png(path: &Path) -> Option<String> {
     let file = fs::File::open(path).ok()?;
     let decode = || -> Result<(u32, u32, usize), png::DecodingError> {
@@ -116,12 +116,12 @@ fn a_quick_run_is_whole_and_a_torn_one_is_found_out() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let report = fs::read_to_string(out.join("report.md")).expect("the report was written");
     assert!(report.contains("cargo run --release --example experiments -- --quick"));
-    assert!(!report.contains(&folder.path().display().to_string()), "where it ran is nobody's business");
+    assert!(!report.contains(&folder.path().display().to_string()), "the report must not contain local paths");
     for (name, words) in EXPERIMENTS {
         assert_eq!(problems(&out, &report, name, words), Problems::new());
     }
 
-    // The check sees what is missing, what is no number, and what lacks its sentence.
+    // The check detects missing files, values that are not numbers, and missing findings.
     let torn = report.replace("**Claim:**", "Claim:");
     for (name, words) in EXPERIMENTS {
         assert_eq!(problems(&out, &torn, name, words).len(), 1, "{name}");
@@ -133,7 +133,7 @@ fn a_quick_run_is_whole_and_a_torn_one_is_found_out() {
     fs::write(&path, format!("{header}\n{spoiled}")).expect("a file can be written");
     assert_eq!(problems(&out, &report, "caps", &[]), ["caps.csv: phi holds \"NaN\""]);
     fs::remove_file(out.join("sizes.png")).expect("the plot was there");
-    assert_eq!(problems(&out, &report, "sizes", &["method"]), ["sizes.png is missing, or as good as empty"]);
+    assert_eq!(problems(&out, &report, "sizes", &["method"]), ["sizes.png is missing or nearly empty"]);
 }
 
 #[test]
@@ -152,12 +152,12 @@ fn bad_input_is_refused_with_its_name_and_the_problem() {
     }
 }
 
-/// Everything that was committed is what a whole run writes.
+/// The committed report is the complete output of a full run.
 #[test]
 fn the_committed_report_is_whole() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/experiments");
     let report = fs::read_to_string(folder.join("report.md")).expect("the report is committed");
-    assert!(!report.contains("--quick") && !report.contains("--only"), "it is of a whole run");
+    assert!(!report.contains("--quick") && !report.contains("--only"), "it must come from a full run");
     for (name, words) in EXPERIMENTS {
         assert_eq!(problems(&folder, &report, name, words), Problems::new());
     }
@@ -198,7 +198,7 @@ fn what_chance_may_have_done_decides_nothing() {
     let inverted: Vec<bool> = alternating.iter().map(|one| !one).collect();
     assert_eq!(happens_less(&alternating, &inverted), Outcome::Undecided);
     assert_eq!(happens_less(&alternating, &alternating), Outcome::Undecided);
-    // Four of four are within twice the root of four, five of five are not.
+    // Four of four trials are within twice the square root of four. Five of five are not.
     for (count, outcome, reverse) in [(4, Outcome::Undecided, Outcome::Undecided), (5, Outcome::Holds, Outcome::Fails)]
     {
         let (never, always) = (vec![false; count], vec![true; count]);
@@ -208,10 +208,10 @@ fn what_chance_may_have_done_decides_nothing() {
 
 #[test]
 fn the_geometric_mean_is_the_root_of_the_product() {
-    // Two roundings of logarithms and one of their exponential.
+    // The tolerance covers two roundings of logarithms and one of their exponential.
     let mean = geometric_mean([2.0, 8.0, 4.0], 0.0).expect("there are numbers");
     assert!((mean - 4.0).abs() < 1.0e-14, "{mean}");
     let lifted = geometric_mean([0.0, 4.0], 1.0).expect("there are numbers");
-    assert!((lifted - 2.0).abs() < 1.0e-14, "what is below the least counts as it: {lifted}");
+    assert!((lifted - 2.0).abs() < 1.0e-14, "values below the minimum count as the minimum: {lifted}");
     assert_eq!(geometric_mean([], 1.0), None);
 }

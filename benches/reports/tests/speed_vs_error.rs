@@ -1,4 +1,5 @@
-//! The report of speed against error as its users call it: what it writes, whether it is right, and how it refuses.
+//! Runs the program `speed_vs_error` as a user would: its output must be complete and correct, and bad input must be
+//! refused.
 
 use circumsphere_reports::statistics::{Spread, log_slope, mean, median, pareto_front};
 use circumsphere_support::{
@@ -29,7 +30,7 @@ const PLOTS: [&str; 7] = [
     "time_vs_triangles",
     "time_by_stage",
 ];
-/// Columns that hold words; every other one holds numbers or nothing.
+/// Columns that hold text. All others hold numbers or are empty.
 const WORDS: [&str; 10] = [
     "scene",
     "configuration",
@@ -52,7 +53,7 @@ fn succeed(arguments: &[&str]) {
     assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
 }
 
-/// The program must end with code 2 and a message that contains every one of `parts`.
+/// The program must exit with code 2 and print a message that contains all of `parts`.
 fn refuse(arguments: &[&str], parts: &[&str]) {
     let output = report(arguments);
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -63,7 +64,7 @@ fn refuse(arguments: &[&str], parts: &[&str]) {
     }
 }
 
-/// A table of text.
+/// A CSV table as text.
 struct Csv {
     columns: Vec<String>,
     rows: Vec<Vec<String>>,
@@ -86,7 +87,7 @@ impl Csv {
         text.parse().unwrap_or_else(|_| panic!("{column} holds {text:?}"))
     }
 
-    /// Fails at the first cell that differs from the other table's and is no time.
+    /// Panics at the first cell that differs between the two tables, except for times.
     fn assert_same_but_for_times(&self, other: &Self, name: &str) {
         assert_eq!((&self.columns, self.rows.len()), (&other.columns, other.rows.len()), "{name}");
         let has_time = self.columns.iter().any(|column| column.starts_with("time"));
@@ -102,7 +103,7 @@ impl Csv {
     }
 }
 
-/// How many different colors a PNG has, and the share of its pixels that are not its commonest color.
+/// The number of different colors in a PNG, and the share of pixels that do not have the most common color.
 fn colors(path: &Path) -> (usize, f64) {
     let file = fs::File::open(path).expect("the plot was written");
     let mut reader = png::Decoder::new(BufReader::new(file)).read_info().expect("it is a PNG");
@@ -129,7 +130,7 @@ fn a_report_is_whole_right_for_exact_methods_and_the_same_twice() {
 
     let report = fs::read_to_string(first.join("report.md")).expect("the report was written");
     assert!(report.contains("cargo run --release --example speed_vs_error -- --smoke"));
-    assert!(!report.contains(&folder.path().display().to_string()), "where it ran is nobody's business");
+    assert!(!report.contains(&folder.path().display().to_string()), "the report must not contain local paths");
     for plot in PLOTS {
         assert!(report.contains(&format!("({plot}.png)")) && report.contains(&format!("({plot}.svg)")), "{plot}");
         let svg = fs::read_to_string(first.join(format!("{plot}.svg"))).expect("the plot was written");
@@ -167,14 +168,14 @@ fn a_report_is_whole_right_for_exact_methods_and_the_same_twice() {
         if ["Closest", "Exact", "Polygon"].contains(&measures.text(row, "method")) {
             assert_eq!([missed, made_up], [0.0, 0.0], "{what:?}");
             assert!(number("separation_error_max") <= 1.0e-5, "{what:?}");
-            assert!(number("true_pairs") >= 20.0, "{what:?} has hardly anything to find");
+            assert!(number("true_pairs") >= 20.0, "{what:?} has too few touching pairs");
             exact += number("true_pairs");
         } else {
             errors_of_spheres[0] += missed;
             errors_of_spheres[1] += made_up;
         }
     }
-    // The comparison can find errors: spheres make both kinds.
+    // Check that the comparison can find errors: spheres make both kinds.
     assert!(exact > 2_000.0 && errors_of_spheres.iter().all(|&count| count > 100.0), "{exact}, {errors_of_spheres:?}");
 }
 
@@ -197,13 +198,13 @@ fn true_pairs_are_those_of_brute_force() {
         let expected: usize = (0..3)
             .map(|tick| {
                 let [a, b] = [0, 1].map(|body| (wide(body, tick), &scene.bodies[body].triangles));
-                // No pair lies within the band of one part in ten thousand: the least and the most allowed agree.
+                // No pair lies within the band of one part in ten thousand, so the lower and upper limits agree.
                 let count = |distance| touching_pairs_between_brute_force(&a.0, a.1, &b.0, b.1, distance).len();
                 assert_eq!(count(distance * (1.0 - 1.1e-4)), count(distance * (1.0 + 1.1e-4)));
                 count(distance)
             })
             .sum();
-        assert!(expected > 50, "hardly anything touches");
+        assert!(expected > 50, "too few pairs touch");
         let rows = measures.rows.iter().filter(|row| measures.number(row, "contact_distance_edges") == edge_count);
         let counts: Vec<f64> = rows.map(|row| measures.number(row, "true_pairs")).collect();
         assert!(counts.len() >= 4 && counts.iter().all(|&count| count == expected as f64), "{counts:?}, {expected}");
@@ -222,8 +223,8 @@ fn a_folder_of_recordings_is_measured_as_it_lies_there() {
         frames: frames.into_iter().map(|mesh| mesh.positions).collect(),
     };
     write_recording(&input.join("balls.bin"), &recording).expect("the recording can be written");
-    fs::write(input.join("balls.f64.bin"), "answers and doubles are no recordings").expect("a file can be written");
-    fs::write(input.join("README.md"), "nor are words").expect("a file can be written");
+    fs::write(input.join("balls.f64.bin"), "answers and doubles are not recordings").expect("a file can be written");
+    fs::write(input.join("README.md"), "neither is text").expect("a file can be written");
     fs::write(
         input.join("two.obj"),
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0.01\nv 1 0 0.01\nv 0 1 0.01\nf 1 2 3\nf 4 5 6\n",
@@ -239,12 +240,12 @@ fn a_folder_of_recordings_is_measured_as_it_lies_there() {
         of_scene.insert(measures.text(row, "scene"), [number("ticks"), number("true_pairs")]);
     }
     assert_eq!(of_scene.keys().copied().collect::<Vec<_>>(), ["balls", "two"]);
-    // Three frames of the four unless told otherwise; two parallel triangles are one pair.
+    // By default, three of the four frames are measured. Two parallel triangles are one pair.
     assert!(of_scene["balls"][0] == 3.0 && of_scene["balls"][1] > 20.0, "{of_scene:?}");
     assert_eq!(of_scene["two"], [1.0, 1.0]);
     assert!(
         !out.join("scaling.csv").exists() && !out.join("sliding.csv").exists(),
-        "generated meshes are no part of it"
+        "generated meshes must not be measured"
     );
 }
 
@@ -269,7 +270,7 @@ fn bad_input_is_refused_with_its_name_and_the_problem() {
     refuse(&["--distances", "nan", "--out", &out], &["--distances"]);
     refuse(&["--frames", "0", "--out", &out], &["--frames"]);
     refuse(&["--sphere-offset", "1"], &["--sphere-offset"]);
-    assert!(!Path::new(&out).exists(), "what is refused writes nothing");
+    assert!(!Path::new(&out).exists(), "a refused run must write nothing");
 }
 
 #[test]
@@ -277,7 +278,7 @@ fn the_slope_of_a_power_is_its_exponent() {
     for exponent in [0.5, 1.0, 1.75] {
         let points: Vec<(f64, f64)> = [1.0e3, 3.0e3, 1.0e4, 1.0e6].map(|n: f64| (n, 0.02 * n.powf(exponent))).into();
         let slope = log_slope(&points).expect("there are points");
-        // Four logarithms and their differences, each right to a few 1e-16.
+        // Four logarithms and their differences, each accurate to a few 1e-16.
         assert!((slope - exponent).abs() < 1.0e-12, "{slope} instead of {exponent}");
     }
     assert_eq!(log_slope(&[(10.0, 1.0)]), None);
@@ -305,7 +306,7 @@ proptest! {
             .filter(|&place| !places.iter().any(|&other| dominates(other, place)))
             .collect();
         let found: Vec<(u8, u8)> = pareto_front(&points).into_iter().map(|number| places[number]).collect();
-        // From left to right, each place once.
+        // From left to right, with each place once.
         prop_assert_eq!(found, expected.into_iter().collect::<Vec<_>>());
     }
 }

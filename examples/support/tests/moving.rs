@@ -55,7 +55,7 @@ fn closed_bodies_are_closed_and_face_outward_at_every_tick() {
             }
         }
     }
-    assert!(closed > 200, "only {closed} closed bodies were looked at");
+    assert!(closed > 200, "only {closed} closed bodies were checked");
 }
 
 #[test]

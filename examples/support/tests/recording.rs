@@ -123,7 +123,7 @@ fn refusal(path: &Path) -> RecordingError {
 
 fn refusal_of(paths: &[PathBuf], culprit: &Path) -> RecordingError {
     let start = Instant::now();
-    let error = read_recording(paths).expect_err("the file is bad");
+    let error = read_recording(paths).expect_err("the file is invalid");
     assert!(start.elapsed() < QUICK, "took {:?}: {error}", start.elapsed());
     let name = culprit.file_name().unwrap().to_str().unwrap();
     assert!(error.to_string().contains(name), "no {name} in: {error}");

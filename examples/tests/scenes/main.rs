@@ -1,5 +1,5 @@
-//! The physics scenes of the examples: the same to the last bit from run to run and for any number of threads, finite, and
-//! moved as they say. The measures that judge them are held to closed forms.
+//! The physics scenes of the examples: bit-identical from run to run and for any number of threads, finite, and moving
+//! as described. Their measures are compared with closed forms.
 
 mod motion;
 mod programs;
@@ -10,7 +10,7 @@ use bevy_circumsphere::prelude::*;
 use circumsphere_examples::{headless, scenes};
 use scenes::{Extent, Scene, Variation, scene};
 
-/// A small version of a scene on so many threads.
+/// A small version of a scene, on the given number of threads.
 fn small(name: &str, threads: usize) -> Scene {
     let detection = CircumsphereSettings { threads, ..CircumsphereSettings::default() };
     varied(name, &Variation { detection, ..Variation::default() })
@@ -19,7 +19,7 @@ fn small(name: &str, threads: usize) -> Scene {
 /// A small version of a scene.
 fn varied(name: &str, variation: &Variation) -> Scene {
     let variation = Variation { extent: Extent::Small, ..*variation };
-    scene(name, &variation, headless::recording::Recorder::default()).expect("there is such a scene")
+    scene(name, &variation, headless::recording::Recorder::default()).expect("the scene exists")
 }
 
 fn play(scene: &mut Scene, ticks: u32) {

@@ -1,4 +1,4 @@
-//! What a scene moves by itself is where it is said to be, and what falls freely is where a parabola says.
+//! Driven parts of a scene must be where their paths put them, and free bodies must follow a parabola.
 
 use bevy_circumsphere::response::{XpbdBody, XpbdSettings};
 use bevy_ecs::prelude::*;
@@ -18,7 +18,7 @@ use crate::{
     small, varied,
 };
 
-/// A rounding of coordinates of about a meter.
+/// Rounding of coordinates of about a meter.
 const ROUNDING: f32 = 4.0 * f32::EPSILON;
 
 fn named(stage: &Stage, entities: &[Entity], name: &str) -> Entity {
@@ -42,12 +42,12 @@ fn limbs_walk_and_the_waist_of_the_skirt_goes_with_the_pelvis() {
         let entity = named(&scene.stage, &scene.stage.obstacles, name);
         let found = scene.stage.positions(entity);
         assert!(found.iter().zip(&limb.positions).all(|(found, &expected)| *found == Vec3::from(expected)), "{name}");
-        assert_ne!(limb.positions, before.positions, "{name} stands still: the test would prove nothing");
+        assert_ne!(limb.positions, before.positions, "{name} stands still, so the test proves nothing");
     }
     let segments = 24;
     assert_eq!(skirt(8, segments).positions.len(), start.len(), "the small skirt has 8 rings of 24");
     let offset = Vec3::from(pelvis_offset(time(&scene)));
-    assert!(offset.length() > 0.005, "the pelvis has hardly moved");
+    assert!(offset.length() > 0.005, "the pelvis has barely moved");
     let found = scene.stage.positions(scene.stage.bodies[0]);
     for vertex in skirt_waist_vertices(segments) {
         assert!(found[vertex].distance(start[vertex] + offset) <= ROUNDING, "{vertex}");
@@ -61,11 +61,11 @@ fn the_instrument_follows_its_poses_and_the_held_part_of_the_organ_stays() {
     for ticks in [1, 30, 39] {
         play(&mut scene, ticks);
         let (translation, rotation) = instrument_pose(time(&scene));
-        let transform = scene.stage.app.world().get::<Transform>(tool).expect("it is placed");
+        let transform = scene.stage.app.world().get::<Transform>(tool).expect("it has a transform");
         assert_eq!(transform.translation, Vec3::from(translation));
         assert_eq!(transform.rotation, Quat::from_array(rotation));
     }
-    // A second after its start it presses: it has moved what is not held, and nothing of what is.
+    // One second after its start, the instrument presses: it has moved free vertices, but no held ones.
     let organ_body = scene.stage.bodies[0];
     let inverse_masses = &scene.stage.app.world().get::<XpbdBody>(organ_body).expect("it is a body").inverse_masses;
     let (mut held, mut moved) = (0, 0);
@@ -92,7 +92,7 @@ fn the_character_walks_and_the_waist_of_its_skirt_goes_with_it() {
     let expected = character.positions(time(&scene));
     let found = scene.stage.positions(scene.stage.obstacles[0]);
     assert!(found.iter().zip(&expected).all(|(found, &expected)| *found == Vec3::from(expected)));
-    assert_ne!(expected, character.rest().positions, "it stands still: the test would prove nothing");
+    assert_ne!(expected, character.rest().positions, "it stands still, so the test proves nothing");
     let waist: Vec<[f32; 3]> = character_waist_vertices(24).map(|vertex| start[vertex].to_array()).collect();
     let found = scene.stage.positions(scene.stage.bodies[0]);
     for (found, expected) in found.iter().zip(character.follow_torso(time(&scene), &waist)) {
@@ -111,7 +111,7 @@ fn platforms_and_the_fast_ball_of_the_level_follow_their_paths() {
             [("lift", level_lift(now)), ("ferry", level_ferry(now).0), ("ball", level_ball(now, speed))]
         {
             let entity = named(&scene.stage, &scene.stage.shapes, name);
-            let transform = scene.stage.app.world().get::<Transform>(entity).expect("it is placed");
+            let transform = scene.stage.app.world().get::<Transform>(entity).expect("it has a transform");
             assert_eq!(transform.translation, Vec3::from(expected), "{name}");
         }
     }
@@ -138,7 +138,7 @@ fn what_nothing_holds_falls_as_far_as_the_steps_of_a_tick_add_up_to() {
         fallen += speed * step;
     }
     let found = start - center(&scene);
-    // Velocities are stored in single precision, and the settings' gravity too.
+    // Velocities and the gravity of the settings are stored in single precision.
     assert!((found.y - fallen).abs() < 1.0e-5, "{} is not {fallen}", found.y);
     assert!(found.x.abs().max(found.z.abs()) < 1.0e-5);
 }
@@ -155,8 +155,8 @@ fn a_shot_flies_at_its_speed_and_meets_nothing_in_the_first_tick() {
             let start = lowest(&scene);
             play(&mut scene, 1);
             let way = start - lowest(&scene);
-            // Thicknesses are 2 mm; gravity adds less than 3 mm in the first tick, a drag of 2 a second takes less than a
-            // fiftieth: of ten steps each has lost a three-hundredth more.
+            // Thicknesses are 2 mm. In the first tick, gravity adds less than 3 mm, and a drag of 2 per second takes
+            // less than a fiftieth: each of ten steps loses another three-hundredth.
             let expected = 0.002 * f64::from(speed);
             assert!((0.98 * expected..expected + 0.003).contains(&way), "{target:?} {speed}: {way}");
             assert_eq!(scene.tunnelled(), 0, "{target:?} {speed}");

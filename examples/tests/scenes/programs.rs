@@ -1,4 +1,4 @@
-//! The programs as their users call them: one process per number of threads.
+//! The programs as users call them: one process per number of threads.
 
 use std::process::{Command, Output};
 
@@ -10,7 +10,7 @@ fn program(name: &str, arguments: &[&str]) -> Output {
     Command::new(example_program(name)).args(arguments).output().expect("the program starts")
 }
 
-/// What the table says in a row.
+/// The value in a row of the table.
 fn row<'a>(table: &'a str, name: &str) -> &'a str {
     let line = table.lines().find(|line| line.starts_with(name)).unwrap_or_else(|| panic!("{name} is not in {table}"));
     line[name.len()..].trim()

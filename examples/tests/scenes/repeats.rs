@@ -4,24 +4,24 @@ use bevy_tasks::{ComputeTaskPool, TaskPoolBuilder};
 
 use crate::{play, scenes::SCENES, small};
 
-/// Enough for things to meet in most scenes; the organ's instrument is still on its way down.
+/// Enough for contacts in most scenes. The instrument is still on its way down to the organ.
 const TICKS: u32 = 24;
 
 #[test]
 fn scenes_end_alike_to_the_last_bit_from_run_to_run_and_for_one_thread_or_two() {
     let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(2).build());
-    assert!(pool.thread_num() > 1, "the pool of this process has one thread: nothing to compare");
+    assert!(pool.thread_num() > 1, "the pool of this process has one thread, so there is nothing to compare");
     for name in SCENES {
         let end = |threads: usize| {
             let mut scene = small(name, threads);
             let start = scene.stage.hash();
             play(&mut scene, TICKS);
-            assert_ne!(scene.stage.hash(), start, "{name}: nothing has moved, so that nothing is compared");
+            assert_ne!(scene.stage.hash(), start, "{name}: nothing has moved, so the test proves nothing");
             scene.stage.hash()
         };
         let alone = end(1);
-        assert_eq!(end(1), alone, "{name}: another run ends elsewhere");
-        assert_eq!(end(2), alone, "{name}: two threads end elsewhere");
+        assert_eq!(end(1), alone, "{name}: another run ends differently");
+        assert_eq!(end(2), alone, "{name}: two threads end differently");
     }
 }
 

@@ -1,4 +1,4 @@
-//! The judges themselves: what they count, counted by hand.
+//! The measures themselves against counts made by hand.
 
 use bevy_circumsphere::{prelude::*, response::XpbdMaterial};
 use bevy_transform::components::Transform;
@@ -44,7 +44,7 @@ fn a_ring_contains_what_is_in_its_tube_and_not_what_is_in_its_hole() {
         let ring = Closed::new(&positions, &triangles);
         let mut inside = 0;
         for step in 0..1000 {
-            // Points all over the box, those near the surface left out: the mesh is not the ring.
+            // Points all over the box, except near the surface, where mesh and ring differ.
             let share = |by: f64| (f64::from(step) * by).fract() * 2.6 - 1.3;
             let point = DVec3::new(share(0.754_877), 0.25 * share(0.569_84), share(0.326_12));
             let from_circle = (point.x.hypot(point.z) - 1.0).hypot(point.y);
@@ -53,13 +53,13 @@ fn a_ring_contains_what_is_in_its_tube_and_not_what_is_in_its_hole() {
                 inside += usize::from(from_circle < 0.25);
             }
         }
-        assert!(inside > 100, "{inside} points are inside: too few to tell");
+        assert!(inside > 100, "only {inside} points are inside");
     }
 }
 
 #[test]
 fn crossings_count_between_bodies_and_obstacles_and_not_between_obstacles() {
-    // One edge of the spike goes through the first triangle of the square, none through the second.
+    // One edge of the spike passes through the first triangle of the square, none through the second.
     let spike =
         Mesh { positions: vec![[0.7, 0.2, -0.5], [0.7, 0.3, 1.0], [0.8, 0.2, 1.0]], triangles: vec![[0, 1, 2]] };
     let away = spike.clone().translate([0.0, 0.0, 3.0]);
@@ -78,7 +78,7 @@ fn crossings_count_between_bodies_and_obstacles_and_not_between_obstacles() {
     stage.add_obstacle("square", &square(), ());
     stage.add_obstacle("spike", &spike, ());
     assert_eq!(crossing_pairs(&stage), 0);
-    // In one mesh they count if it may meet itself.
+    // Within one mesh, crossings count if it has self-collision.
     let both = circumsphere_support::scenes::merge(&[square(), spike]);
     for (meets_itself, expected) in [(true, 1), (false, 0)] {
         let mut stage = empty();
@@ -94,7 +94,7 @@ fn crossings_count_between_bodies_and_obstacles_and_not_between_obstacles() {
 fn vertices_count_where_they_are_inside_another_closed_surface() {
     let mut stage = empty();
     stage.add_obstacle("ball", &icosphere(3, 0.38), ());
-    // Vertices lie at whole tenths; the ball's flat faces are less than a hundredth below its radius.
+    // Vertices are at multiples of a tenth. The ball's flat faces are less than a hundredth below its radius.
     let sheet = grid(10, 10, 1.0, 1.0, Diagonals::Uniform);
     let expected = sheet.positions.iter().filter(|position| Vec3::from(**position).length() < 0.37).count();
     let between =
@@ -104,7 +104,7 @@ fn vertices_count_where_they_are_inside_another_closed_surface() {
     assert_eq!(vertices_inside(&stage), expected);
 }
 
-/// Every kind that the scenes have, each with points inside and outside.
+/// Every kind of shape in the scenes, each with points inside and outside.
 #[test]
 fn a_point_is_inside_a_rigid_shape_where_its_closed_form_says() {
     let cube = circumsphere_support::scenes::cuboid([0.2, 0.3, 0.4], 2);
@@ -139,7 +139,7 @@ fn a_point_is_inside_a_rigid_shape_where_its_closed_form_says() {
         for step in 0..1000 {
             let share = |by: f64| (f64::from(step) * by).fract() * 1.8 - 0.9;
             let point = DVec3::new(share(0.754_877), share(0.569_84), share(0.326_12));
-            // Roundings near the boundary are nobody's concern: a point counts where those around it agree.
+            // Near the boundary, rounding decides. A point is tested only if all points around it agree.
             let around = DVec3::AXES.map(|axis| [1.0e-4, -1.0e-4].map(|nudge| expected(point + axis * nudge)));
             let is_inside = expected(point);
             if around.iter().flatten().all(|&other| other == is_inside) {
@@ -147,7 +147,7 @@ fn a_point_is_inside_a_rigid_shape_where_its_closed_form_says() {
                 inside += usize::from(is_inside);
             }
         }
-        assert!(inside > 10, "{:?}: {inside} points are inside", shape.shape_type());
+        assert!(inside > 10, "{:?}: only {inside} points are inside", shape.shape_type());
     }
 }
 
@@ -158,7 +158,7 @@ fn vertices_count_where_they_are_inside_a_rigid_shape_that_has_moved() {
     stage.add_body("sheet", &sheet, XpbdMaterial::CLOTH, |body| body, ());
     let turned = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2);
     let shape = stage.add_shape("box", SharedShape::cuboid(0.35, 0.1, 0.15), Transform::IDENTITY);
-    // Vertices at whole tenths: 7 by 3, and turned 3 by 7.
+    // Vertices at multiples of a tenth: 7 by 3, or 3 by 7 when rotated.
     assert_eq!(vertices_in_shapes(&stage), 21);
     stage.place(shape, Transform::from_xyz(0.3, 0.0, 0.0).with_rotation(turned));
     assert_eq!(vertices_in_shapes(&stage), 21);
@@ -175,7 +175,7 @@ fn a_ball_that_nothing_stops_has_tunnelled_with_every_vertex() {
         let mut scene = varied("bullet_cloth", &variation);
         assert_eq!(scene.tunnelled(), 0, "{target:?}");
         let shot = *scene.stage.bodies.last().expect("something is shot");
-        // Taken to the other side by hand: detection sees neither the way nor anything near.
+        // Teleported to the other side, so that detection sees neither the motion nor anything near.
         let below: Vec<Vec3> = scene.stage.positions(shot).iter().map(|&position| position - 4.0 * Vec3::Y).collect();
         let count = below.len();
         scene.stage.move_vertices(shot, below.into_iter().enumerate());
@@ -198,12 +198,12 @@ fn energy_is_that_of_the_formulas() {
     let material =
         XpbdMaterial { area_density: 3.0, stretch_compliance: 0.5, bend_compliance: 0.25, ..XpbdMaterial::CLOTH };
     let entity = stage.add_body("square", &square(), material, |body| body.moving(Vec3::new(3.0, 4.0, 0.0)), ());
-    // 3 kg at 5 m/s. A third of each triangle's mass is at each of its corners: mean heights are 1/3 and 2/3.
+    // 3 kg at 5 m/s. Each corner has a third of each triangle's mass, so the mean heights are 1/3 and 2/3.
     let energy = Energy::of(&stage);
     assert!((energy.kinetic - 37.5).abs() < 1.0e-5, "{energy:?}");
     assert!((energy.height - 9.81 * 1.5 * (1.0 / 3.0 + 2.0 / 3.0)).abs() < 1.0e-5, "{energy:?}");
     assert_eq!(energy.elastic, 0.0);
-    // Folded by a right angle around the diagonal, which changes no length, in both directions.
+    // Folded by a right angle around the diagonal in both directions, which changes no length.
     let root = 0.5_f32.sqrt();
     for side in [1.0, -1.0] {
         let folded = Vec3::new(0.5, 0.5, 0.0) + Vec3::new(0.0, 0.0, side * root);
@@ -212,19 +212,19 @@ fn energy_is_that_of_the_formulas() {
         let energy = Energy::of(&stage);
         assert!((energy.elastic - expected).abs() < 1.0e-5, "{energy:?} {expected}");
     }
-    // Scaled to twice the size: every edge is as much longer as it was long.
+    // Scaled to twice the size: every edge is longer by its own length.
     let doubled: Vec<Vec3> = square().positions.iter().map(|&position| 2.0 * Vec3::from(position)).collect();
     stage.move_vertices(entity, doubled.into_iter().enumerate());
     let expected = 0.5 * (4.0 + 2.0) / 0.5;
     assert!((Energy::of(&stage).elastic - expected).abs() < 1.0e-5);
 }
 
-/// A vertex that lies on the ground, another at rest: who is in contact is who is counted.
+/// One vertex lies on the ground, another is at rest. Only vertices in contact count.
 #[test]
 fn jitter_is_the_way_of_the_vertices_in_contact_in_edges() {
     let mut scene = small("layers", 1);
     let mut measure = Measure::default();
-    // In the air nothing is in contact.
+    // In the air, there are no contacts.
     let falling = measure.tick(&mut scene);
     assert_eq!(falling.jitter.step(), 0.0);
     assert_eq!((falling.contacts, falling.churn), (0, 0.0));
@@ -237,7 +237,7 @@ fn jitter_is_the_way_of_the_vertices_in_contact_in_edges() {
         *positions = scene.stage.bodies.iter().map(|&body| scene.stage.world_positions(body)).collect::<Vec<_>>();
     }
     assert!(tick.contacts > 0, "the sheets lie on each other by now");
-    // Within what any vertex of the scene has gone.
+    // At most the distance that any vertex of the scene has moved.
     let edge = f64::from(scene.stage.surface(scene.stage.bodies[0]).mean_edge());
     let ways = last[2].iter().flatten().zip(last[1].iter().flatten()).map(|(now, before)| now.distance(*before) / edge);
     let most = ways.fold(0.0, f64::max);

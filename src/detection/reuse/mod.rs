@@ -94,22 +94,12 @@ impl DetectionMemory {
 
     /// The indices that two sides had in the last detection, if nothing about them has changed.
     pub(super) fn last_sides(&self, first: usize, second: OtherSide) -> Option<(usize, OtherSide)> {
-        let [surfaces, shapes] = &self.unchanged;
-        let last_second = match second {
-            OtherSide::Surface(place) => OtherSide::Surface(surfaces[place]? as usize),
-            OtherSide::Shape(place) => OtherSide::Shape(shapes[place]? as usize),
-        };
-        Some((surfaces[first]? as usize, last_second))
+        looked_up(&self.unchanged, first, second)
     }
 
     /// The indices that two sides had in the last detection, whether or not they have changed.
     pub(super) fn former_sides(&self, first: usize, second: OtherSide) -> Option<(usize, OtherSide)> {
-        let [surfaces, shapes] = &self.former;
-        let former_second = match second {
-            OtherSide::Surface(place) => OtherSide::Surface(surfaces[place]? as usize),
-            OtherSide::Shape(place) => OtherSide::Shape(shapes[place]? as usize),
-        };
-        Some((surfaces[first]? as usize, former_second))
+        looked_up(&self.former, first, second)
     }
 
     /// Adds a pair that has changed, with its index in the last detection, or a new one.
@@ -200,6 +190,19 @@ impl DetectionMemory {
     ) {
         surfaces_with_method(active, self.changed(&candidates.pairs), method, used);
     }
+}
+
+/// The entries of two sides in the tables of surfaces and shapes.
+fn looked_up(
+    [surfaces, shapes]: &[Vec<Option<u32>>; 2],
+    first: usize,
+    second: OtherSide,
+) -> Option<(usize, OtherSide)> {
+    let second = match second {
+        OtherSide::Surface(place) => OtherSide::Surface(surfaces[place]? as usize),
+        OtherSide::Shape(place) => OtherSide::Shape(shapes[place]? as usize),
+    };
+    Some((surfaces[first]? as usize, second))
 }
 
 /// Whether everything that determines a surface's contacts, except its positions, is the same, and everything that is

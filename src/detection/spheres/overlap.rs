@@ -131,9 +131,8 @@ fn test_overlap(
             let pair_settings = pair_settings(pair, &settings);
             if pair.method == ContactMethod::Circumsphere {
                 let mut kept = room;
-                let test_settings = without_neighbor_test(&pair_settings);
                 with_caps(&active, states.all(), &surfaces, pair, &rows, |a, b| {
-                    let test = |chunk: &[[u32; 2]], kept: &mut _| overlapping_caps(a, b, chunk, &test_settings, kept);
+                    let test = |chunk: &[[u32; 2]], kept: &mut _| overlapping_caps(a, b, chunk, &pair_settings, kept);
                     append_chunks(&pair.triangles, threads, &spare, &mut kept, test, Vec::append);
                 });
                 overlapping.put(kept);
@@ -170,11 +169,6 @@ fn test_overlap(
     }
 }
 
-/// The settings of a pair whose neighbors the broad phase has dropped.
-fn without_neighbor_test(settings: &PairSettings) -> PairSettings {
-    PairSettings { same_surface: false, ..*settings }
-}
-
 /// Tests the enclosing balls of a pair of surfaces.
 struct BallTests<'a> {
     a: &'a BallSide<'a>,
@@ -184,8 +178,7 @@ struct BallTests<'a> {
 
 impl SphereTests for BallTests<'_> {
     fn find(&self, pairs: &[[u32; 2]], (passed, found): &mut PassedAndFound) {
-        let settings = without_neighbor_test(self.settings);
-        overlapping_ball_contacts(self.a, self.b, pairs, &settings, passed, found);
+        overlapping_ball_contacts(self.a, self.b, pairs, self.settings, passed, found);
     }
 
     fn write(&self, pairs: &[[u32; 2]], found: &mut FoundPairs) {

@@ -1,18 +1,19 @@
-//! Why steps are bounded by turning planes: the same search with steps bounded by speeds, side by side.
+//! Why steps are bounded by turning planes: comparison with the same search bounded by speeds.
 
 use glam::DVec3;
 
 use super::families::{KINDS, Kind, Motion};
 use crate::common::Random;
 
-/// What plain additive continuous detection says of a separation of zero, and after how many steps.
+/// The result of plain additive continuous detection at a separation of 0, and the number of steps.
 struct Plain {
     time: Option<f64>,
     steps: u32,
 }
 
-/// Additive continuous detection as published: the mean motion taken away, steps of nine tenths of the distance divided
-/// by the sum of both features' largest speeds, an impact where the distance is down to `tolerance`.
+/// Additive continuous detection as published: the mean motion is subtracted, each step is nine tenths of the distance
+/// divided by the sum of both features' largest speeds, and an impact is reported once the distance is at most
+/// `tolerance`.
 fn plain(motion: &Motion, tolerance: f64) -> Plain {
     let first = motion.kind.first_count();
     let velocities: [DVec3; 4] = std::array::from_fn(|k| motion.end[k] - motion.start[k]);
@@ -33,12 +34,12 @@ fn plain(motion: &Motion, tolerance: f64) -> Plain {
     }
 }
 
-/// A motion in which the features meet at a time, or pass with a clearance, in a frame that turns and drifts.
+/// A motion in which the features meet, or pass with a clearance, in a turning and drifting frame.
 fn passing(random: &mut Random, kind: Kind, clearance: f64) -> Motion {
     let mut point =
         |low: f64, high: f64| DVec3::new(random.range(-1.0, 1.0), random.range(-1.0, 1.0), random.range(low, high));
     let first = kind.first_count();
-    // The first feature descends past the other one on its side of a wall: x stays above the clearance, or at 0.
+    // The first feature descends past the other one on its own side of a wall: x stays above the clearance, or at 0.
     let mut start: [DVec3; 4] = std::array::from_fn(|k| if k < first { point(0.2, 1.0) } else { point(-0.1, 0.1) });
     let mut end: [DVec3; 4] = std::array::from_fn(|k| if k < first { point(-1.0, -0.2) } else { point(-0.1, 0.1) });
     for points in [&mut start, &mut end] {
@@ -50,7 +51,7 @@ fn passing(random: &mut Random, kind: Kind, clearance: f64) -> Motion {
         for point in &mut points[first + 1..] {
             point.x = -point.x.abs();
         }
-        // The features' ends at the wall pass each other closely.
+        // The ends of the features at the wall pass close to each other.
         points[0].y *= 0.1;
         points[first].y = points[0].y;
     }
@@ -80,7 +81,7 @@ fn turning_planes_pass_near_misses_that_speeds_take_for_impacts_or_creep_up_to()
             2 * count
         );
         if clearance < 1.0e-6 {
-            assert!(false_impacts[0] > 100, "the tolerance calls near misses impacts");
+            assert!(false_impacts[0] > 100, "the tolerance should turn near misses into impacts");
         }
     }
 }
@@ -91,13 +92,13 @@ fn turning_planes_take_a_fifth_of_the_steps_to_an_impact() {
     let (mut steps, mut plain_steps, mut impacts) = (0_u64, 0_u64, 0);
     for _ in 0..2_000 {
         for kind in KINDS {
-            // Through the other feature rather than past it.
+            // Through the other feature instead of past it.
             let mut motion = passing(&mut random, kind, 0.0);
             motion.start[0].x -= 0.5;
             motion.end[0].x -= 0.5;
             let Some(impact) = motion.impact(0.0) else { continue };
             let Plain { time, steps: more } = plain(&motion, 1.0e-12);
-            let time = time.expect("what planes find is an impact");
+            let time = time.expect("both searches find the impact");
             assert!((time - impact.time).abs() < 1.0e-9, "{time} and {}: {motion:?}", impact.time);
             impacts += 1;
             steps += u64::from(impact.steps);

@@ -1,11 +1,11 @@
-//! Made-up motions of a vertex and a face or of two edges, from easy to degenerate, and the reference distance.
+//! Generated motions of a vertex and a face or of two edges, from easy to degenerate, and their reference distances.
 
 use crate::common::Random;
 use bevy_circumsphere::kernel::ccd::{FeatureImpact, edge_edge_impact, vertex_face_impact};
 use circumsphere_truth::{point_triangle, segment_segment};
 use glam::{DQuat, DVec3};
 
-/// Which features the four points are: a vertex and a face's corners, or the ends of two edges.
+/// The features that the four points form: a vertex and the corners of a face, or the ends of two edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     VertexFace,
@@ -23,7 +23,7 @@ pub struct Motion {
 }
 
 impl Kind {
-    /// How many of the four points make the first feature.
+    /// The number of points in the first feature.
     pub fn first_count(self) -> usize {
         match self {
             Self::VertexFace => 1,
@@ -31,7 +31,7 @@ impl Kind {
         }
     }
 
-    /// The distance of the features by the reference.
+    /// The reference distance of the features.
     pub fn distance(self, points: &[DVec3; 4]) -> f64 {
         let [p, q, r, s] = *points;
         match self {
@@ -42,7 +42,7 @@ impl Kind {
 }
 
 impl Motion {
-    /// The points at some time, relative to the first of them, which rounds by their distances alone.
+    /// The points at a given time, relative to the first point, so that rounding depends only on their distances.
     pub fn at(&self, time: f64) -> [DVec3; 4] {
         let offset = |points: &[DVec3; 4], k: usize| points[k] - points[0];
         std::array::from_fn(|k| offset(&self.start, k) * (1.0 - time) + offset(&self.end, k) * time)
@@ -52,7 +52,7 @@ impl Motion {
         self.kind.distance(&self.at(time))
     }
 
-    /// The largest coordinate difference between the two features, the unit of every resolution.
+    /// The largest coordinate difference between the two features. Resolutions are relative to it.
     pub fn size(&self) -> f64 {
         let first = self.kind.first_count();
         let of = |points: &[DVec3; 4]| {
@@ -74,7 +74,7 @@ impl Motion {
     }
 }
 
-/// The kinds of motions that [`motion`] makes.
+/// The kinds of motions that [`motion`] generates.
 pub const FAMILIES: [&str; 12] = [
     "random",
     "touching at some time",
@@ -90,8 +90,8 @@ pub const FAMILIES: [&str; 12] = [
     "far from the origin",
 ];
 
-/// Signed weights of the four points, the first feature's positive, of a connection between the inside of both features,
-/// of a boundary or of corners.
+/// Signed weights of the four points, positive for the first feature, that connect two points in the interiors of the
+/// features, on their boundaries, or at corners.
 fn connection(kind: Kind, random: &mut Random) -> [f64; 4] {
     let weights = random.weights();
     let (along, other) = (random.unit(), random.unit());
@@ -104,8 +104,8 @@ fn connection(kind: Kind, random: &mut Random) -> [f64; 4] {
     }
 }
 
-/// Four points that touch, up to rounding and to `clearance`, at a random time; `grazing` takes away all but a small
-/// share of the velocity across.
+/// Four points that touch at a random time, up to rounding and `clearance`. `grazing` removes all but a small share of
+/// the normal velocity.
 fn meeting(kind: Kind, random: &mut Random, clearance: f64, grazing: bool) -> Motion {
     let first = kind.first_count();
     let mut points: [DVec3; 4] = std::array::from_fn(|_| random.vector());

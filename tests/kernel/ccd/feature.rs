@@ -8,25 +8,25 @@ use glam::{DQuat, DVec3};
 use super::families::{FAMILIES, KINDS, Kind, Motion, motion};
 use crate::common::Random;
 
-/// Rounding of an expected time that is worked out in f64: a few units in the last place of a number up to 1.
+/// Rounding of an expected time computed in f64: a few units in the last place of a number up to 1.
 const TIME_ROUNDING: f64 = 1.0e-15;
 
-/// How much too early a time may be that a closed form gives, where features approach at about their size in one step:
-/// the kernel stops at its resolution, 1.4e-14 of their size, and slivers and corners cost it some of that.
+/// How much earlier than the closed form a time may be where features approach by about their size in one step. The
+/// kernel stops at its resolution, 1.4e-14 of their size, and loses some precision at slivers and corners.
 const EARLINESS: f64 = 1.0e-12;
 
-/// Distances by the reference are right to a few units in the last place of the pair's size.
+/// Reference distances are accurate to a few units in the last place of the pair's size.
 const REFERENCE_ERROR: f64 = 4.0e-15;
 
-/// Distance above the separation at which features count as having reached it: the resolution, and as much again as
-/// normals lose on slivers (1e-13 in half a million impacts).
+/// Distance above the separation at which features count as having reached it: the resolution plus the error of normals
+/// on slivers (1e-13 in half a million impacts).
 const REACHED: f64 = 1.0e-12;
 
 fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Asserts that a motion has its impact at `time` or as little earlier as the kernel's resolution allows.
+/// Asserts that a motion has its impact at `time`, or earlier by no more than the kernel's resolution allows.
 fn assert_time(what: &str, motion: &Motion, separation: f64, time: f64) -> FeatureImpact {
     let impact = motion.impact(separation).unwrap_or_else(|| panic!("{what}: missed, {motion:?}"));
     assert!(impact.time <= time + TIME_ROUNDING, "{what}: {} is later than {time}", impact.time);
@@ -45,7 +45,7 @@ fn a_point_falling_on_a_triangle_arrives_when_height_and_speed_say() {
         let separation = if random.below(2) == 0 { 0.0 } else { random.range(0.0, 0.05) };
         let side = if random.below(2) == 0 { 1.0 } else { -1.0 };
         let (above, drift) = (below + v(0.0, 0.0, side * height), random.vector());
-        // A motion common to all four points, which changes nothing.
+        // Motion common to all four points must not change the result.
         let end = [above - v(0.0, 0.0, side * way), corners[0], corners[1], corners[2]].map(|point| point + drift);
         let motion = Motion { kind: Kind::VertexFace, start: [above, corners[0], corners[1], corners[2]], end };
         let time = (height - separation) / way;
@@ -102,7 +102,7 @@ fn moving_points_come_within_a_separation_when_the_quadratic_says() {
             let first = kind.first_count();
             let place = |point: DVec3| std::array::from_fn(|k| if k < first { point } else { DVec3::ZERO });
             let motion = Motion { kind, start: place(from), end: place(to) };
-            // Closer to a double root, or to the end of the step, rounding decides.
+            // Near a double root or the end of the step, rounding decides.
             if c > 1.0e-9 && discriminant > 1.0e-9 {
                 let time = c / (-half_b + discriminant.sqrt());
                 if half_b < 0.0 && time < 1.0 - 1.0e-9 {
@@ -123,7 +123,7 @@ fn moving_points_come_within_a_separation_when_the_quadratic_says() {
 
 #[test]
 fn a_flap_on_a_hinge_meets_a_point_when_its_slope_says() {
-    // Corners (0, ±1, 0.25) and (1, 0, 1 − 2t): over (x, 0) the flap has the height 0.25 (1 − x) + (1 − 2t) x.
+    // Corners (0, ±1, 0.25) and (1, 0, 1 − 2t): above (x, 0), the height of the flap is 0.25 (1 − x) + (1 − 2t) x.
     for eighths in 2..8 {
         let x = f64::from(eighths) / 8.0;
         let time = (0.25 * (1.0 - x) + x) / (2.0 * x);
@@ -139,8 +139,8 @@ fn a_flap_on_a_hinge_meets_a_point_when_its_slope_says() {
 
 #[test]
 fn features_that_only_graze_each_other_are_found() {
-    // A seesaw whose height over (x, 0) is (t − 1/2) x, and a point, or an edge along y, at x = 2t − 1 and z = 0: the
-    // seesaw passes above by 2 (t − 1/2)².
+    // A seesaw of height (t − 1/2) x above (x, 0), and a point, or an edge along y, at x = 2t − 1 and z = 0. The seesaw
+    // passes above it at a height of 2 (t − 1/2)².
     let seesaw = |y: f64| {
         (
             [v(-4.0, -y, 2.0), v(4.0, 0.0, -2.0), v(-4.0, y, 2.0)],
@@ -162,9 +162,9 @@ fn features_that_only_graze_each_other_are_found() {
     ];
     for motion in motions {
         let impact = motion.impact(0.0).expect("they touch");
-        // A distance of the resolution, 1e-13 at this size, is 2 (t − 1/2)² at 2e-7 before the touch.
+        // The height 2 (t − 1/2)² equals the resolution, 1e-13 at this size, 2e-7 before the touch.
         assert!(impact.time <= 0.5 && impact.time > 0.5 - 4.0e-7, "{impact:?}");
-        // With the seesaw higher by a thousandth it does not reach down.
+        // Raised by a thousandth, the seesaw does not touch.
         let first = motion.kind.first_count();
         let mut higher = motion;
         for k in first..4 {
@@ -176,7 +176,7 @@ fn features_that_only_graze_each_other_are_found() {
     }
 }
 
-/// Every motion of every family, with a few separations relative to its size.
+/// Calls `examine` with every motion of every family and a few separations relative to its size.
 fn each_motion(count: usize, mut examine: impl FnMut(&str, &Motion, f64)) {
     let mut random = Random::new(4);
     for (family, name) in FAMILIES.into_iter().enumerate() {
@@ -190,8 +190,8 @@ fn each_motion(count: usize, mut examine: impl FnMut(&str, &Motion, f64)) {
     }
 }
 
-/// Whether an answer is refuted by a distance of the reference: the first of 65 samples that are surely within the
-/// separation comes before it.
+/// Whether a reference distance refutes an answer: the first of 65 samples that is certainly within the separation
+/// comes earlier.
 fn is_refuted(motion: &Motion, separation: f64, time: Option<f64>) -> bool {
     let surely_within = separation - REFERENCE_ERROR * motion.size();
     let within = |time: &f64| {
@@ -243,18 +243,18 @@ fn the_sampled_check_refutes_answers_that_are_late_or_missing() {
         late += usize::from(is_refuted(motion, separation, Some(impact.time + 0.05)));
         missing += usize::from(is_refuted(motion, separation, None));
     });
-    // Where features pass through each other between two samples nothing is seen without a separation.
+    // At separation 0, the check cannot see features that pass through each other between two samples.
     assert!(late * 4 > impacts && missing * 4 > impacts, "{late} and {missing} of {impacts}");
 }
 
 #[test]
 fn ends_of_edges_that_meet_at_a_right_angle_are_not_found_early() {
-    // Where an edge meets the connection to its end at a right angle, rounding hides which of its points is closest. The
-    // ends 0 and 3 differ by (0, 1 − t, 4 − 5t).
+    // Where an edge is perpendicular to the connection to its end, rounding hides which of its points is closest. The
+    // difference of the ends 0 and 3 is (0, 1 − t, 4 − 5t).
     let start = [v(0.0, -1.0, 2.0), v(-2.0, 2.0, 0.0), v(1.0, -2.0, -2.0), v(0.0, -2.0, -2.0)];
     let end = [v(2.0, 0.0, -2.0), v(1.0, 2.0, -2.0), v(2.0, 0.0, 2.0), v(2.0, 0.0, -1.0)];
     assert_time("at a distance", &Motion { kind: Kind::EdgeEdge, start, end }, 0.2, 0.8);
-    // Ends that pass each other at 1e-11, with an edge across their connection.
+    // Ends that pass each other at 1e-11, with one edge across their connection.
     let start = [
         v(-158_106.465_047_457_4, -49_365.985_175_291_025, -157_144.871_905_062_76),
         v(-158_108.654_827_152_8, -49_365.812_291_562_57, -157_144.571_966_342_2),
@@ -272,13 +272,13 @@ fn ends_of_edges_that_meet_at_a_right_angle_are_not_found_early() {
     assert!(distance < 1.0e-13 * motion.size(), "{distance}");
 }
 
-/// A motion on a dyadic grid that touches exactly, without any rounding, at the time returned with it.
+/// A motion on a dyadic grid that touches exactly, without any rounding, and the time of the touch.
 fn exact_touch(random: &mut Random, kind: Kind) -> (Motion, f64) {
     let first = kind.first_count();
     let grid = |random: &mut Random| random.grid_point(1 << 10) / 1024.0;
     let mut points: [DVec3; 4] = std::array::from_fn(|_| grid(random));
     let velocities: [DVec3; 4] = std::array::from_fn(|_| grid(random));
-    // Eighths that sum to 1 in either feature; zeros put the touch on a boundary.
+    // Eighths that sum to 1 in each feature. Zeros put the touch on a boundary.
     let share = |random: &mut Random| random.below(9) as f64 / 8.0;
     let (s, t) = (share(random), share(random));
     let weights = match kind {
@@ -327,8 +327,8 @@ fn features_kept_apart_by_a_plane_are_never_found() {
     let mut nearest = f64::INFINITY;
     for kind in KINDS {
         for _ in 0..50_000 {
-            // Everything of the first feature stays at or above z = gap, of the second at or below 0; corners that
-            // touch these bounds are common, and so are motions along them.
+            // The first feature stays at or above z = gap, the second at or below 0. Corners often touch these bounds
+            // or move along them.
             let gap = random.power_of_ten(-12.0, -1.0);
             let turn = DQuat::from_axis_angle(random.direction(), random.range(0.0, 3.0));
             let point = |random: &mut Random, k: usize| {
@@ -339,7 +339,7 @@ fn features_kept_apart_by_a_plane_are_never_found() {
             let start = std::array::from_fn(|k| point(&mut random, k));
             let end = std::array::from_fn(|k| point(&mut random, k));
             let motion = Motion { kind, start, end };
-            // What the turn rounds is far below a tenth of the gap.
+            // The rotation rounds by far less than a tenth of the gap.
             assert_eq!(motion.impact(0.0), None, "{gap}: {motion:?}");
             assert_eq!(motion.impact(gap * 0.9), None, "{gap}: {motion:?}");
             nearest = (0..=4).map(|k| motion.distance_at(f64::from(k) / 4.0)).fold(nearest, f64::min);
@@ -460,9 +460,9 @@ fn features_that_begin_within_the_separation_are_said_to() {
         let expected = if from > 0.0 { DVec3::NEG_Z } else { impact.normal };
         assert_eq!(impact.normal, expected);
     }
-    // Just outside, and away.
+    // Just outside the separation, and moving away.
     assert_eq!(motion(0.1, 1.0).impact(0.1 * (1.0 - 1.0e-12)), None);
-    // A separation that is no number has no impact to rule out.
+    // No impact can be ruled out for a separation that is NaN.
     assert!(motion(0.1, 1.0).impact(f64::NAN).is_some());
     assert!(motion(0.1, 1.0).impact(f64::INFINITY).is_some());
 }
@@ -559,7 +559,7 @@ fn normals_and_weights_describe_the_features_at_the_time_of_impact() {
             (connection.length() - motion.distance_at(impact.time)).abs() < REACHED * size,
             "{family}: {connection} {impact:?} {motion:?}"
         );
-        // Everything of the first feature is as far along the normal from everything of the second.
+        // All of the first feature is equally far along the normal from all of the second.
         assert!((impact.normal.length() - 1.0).abs() < 1.0e-12, "{family}: {impact:?}");
         for k in 0..first {
             for l in first..4 {
@@ -573,7 +573,8 @@ fn normals_and_weights_describe_the_features_at_the_time_of_impact() {
 
 #[test]
 fn a_search_that_is_cut_short_says_so_and_is_early() {
-    // The edges' lines meet at 1/2 in a double root, in the inside of both: in steps this is the slowest kind of impact.
+    // The lines of the edges meet at 1/2 in a double root, inside both edges: the kind of impact that takes the most
+    // steps.
     let start = [v(-2.0, 0.0, -1.0), v(2.0, -2.0, 1.0), v(1.0, -1.0, -1.0), v(2.0, -2.0, 2.0)];
     let end = [v(1.0, -1.0, -2.0), v(1.0, 1.0, 2.0), v(0.0, 0.0, 1.0), v(1.0, 1.0, 1.0)];
     let motion = Motion { kind: Kind::EdgeEdge, start, end };
@@ -585,7 +586,7 @@ fn a_search_that_is_cut_short_says_so_and_is_early() {
 
 #[test]
 fn features_that_pass_at_more_than_the_resolution_are_told_from_those_that_meet() {
-    // A point passes the corner of a face, and an edge the end of another, at a clearance along x.
+    // A point passes the corner of a face, or an edge the end of another, at a clearance along x.
     for exponent in 0..46 {
         let clearance = 2.0_f64.powi(-exponent);
         for (kind, start) in [
@@ -609,6 +610,6 @@ fn public_functions_ask_for_their_kind() {
     let start = [v(0.0, 0.0, 1.0), v(1.0, 0.0, 0.0), v(-1.0, 1.0, 0.0), v(-1.0, -1.0, 0.0)];
     let end = [v(0.0, 0.0, -1.0), start[1], start[2], start[3]];
     assert_eq!(vertex_face_impact(&start, &end, 0.0).map(|impact| impact.time < 0.5), Some(true));
-    // As edges, (0, 0, ±1)–(1, 0, 0) passes (−1, ±1, 0) at a distance.
+    // Tested as edges, (0, 0, ±1)–(1, 0, 0) passes (−1, ±1, 0) at a distance.
     assert_eq!(edge_edge_impact(&start, &end, 0.0), None);
 }

@@ -1,4 +1,5 @@
-//! Continuous detection against closed forms, exactly constructed touches, and dense sampling of reference distances.
+//! Continuous collision detection against closed forms, exactly constructed touches, and dense sampling of reference
+//! distances.
 
 mod designs;
 mod families;

@@ -1,4 +1,4 @@
-//! Sweeps of whole meshes against every pair tested alone, the certified times of the reference, and closed forms.
+//! Sweeps of whole meshes against single pairs, the certified times of the reference, and closed forms.
 
 use bevy_circumsphere::kernel::{
     ccd::{
@@ -45,7 +45,7 @@ impl Body {
     }
 }
 
-/// A wavy sheet of `side`² vertices over a square of edge 1 about the origin.
+/// A wavy sheet of `side`² vertices over a unit square centered at the origin.
 fn sheet(side: u32, waves: f64) -> Body {
     let place = |k: u32| f64::from(k) / f64::from(side - 1) - 0.5;
     let at = |x: f64, y: f64| DVec3::new(x, y, 0.05 * waves * ((7.0 * x).sin() + (5.0 * y).cos()));
@@ -57,7 +57,7 @@ fn sheet(side: u32, waves: f64) -> Body {
     Body::new(positions, &triangles)
 }
 
-/// Triangles of many sizes anywhere, that share no vertex.
+/// Triangles of many sizes at random places that share no vertices.
 fn soup(random: &mut Random, count: u32) -> Body {
     let positions = (0..count).flat_map(|_| {
         let (middle, size) = (random.vector(), random.power_of_ten(-2.0, -0.3));
@@ -105,7 +105,7 @@ fn is_fast(mesh: &SweptMesh<'_>, triangle: u32) -> bool {
     corners.iter().any(|&corner| mesh.end[corner as usize].distance(mesh.start[corner as usize]) > mesh.reach)
 }
 
-/// Every pair alone: those with a fast triangle, and the others.
+/// Tests every pair alone and returns the impacts with a fast triangle, and the others.
 fn one_by_one(a: &SweptMesh<'_>, b: &SweptMesh<'_>, same: bool, separation: f64) -> [Vec<PairImpact>; 2] {
     let side = |mesh: &SweptMesh<'_>| (mesh.topology.triangles().len() as u32, mesh.start.to_vec(), mesh.end.to_vec());
     let ((count_a, start_a, end_a), (count_b, start_b, end_b)) = (side(a), side(b));
@@ -126,7 +126,7 @@ fn one_by_one(a: &SweptMesh<'_>, b: &SweptMesh<'_>, same: bool, separation: f64)
     [fast, slow]
 }
 
-/// Two meshes near each other that move by up to `speed`: the first, the second, or both.
+/// Two nearby meshes. The first, the second, or both move by up to `speed`.
 fn pair(random: &mut Random, speed: f64, movers: [bool; 2], is_soup: bool) -> [Body; 2] {
     let mut bodies = if is_soup { [soup(random, 30), soup(random, 45)] } else { [sheet(5, 1.0), sheet(7, -1.0)] };
     bodies[0].translate(random.vector() * 0.3 + DVec3::Z * 0.1);
@@ -185,7 +185,7 @@ fn a_surface_swept_against_itself_finds_what_every_pair_tested_alone_does() {
         let mut found = 0;
         for round in 0..8 {
             let mut body = if round % 2 == 0 { soup(&mut random, 60) } else { sheet(9, 2.0) };
-            // Of every other mesh one half rests.
+            // In every other mesh, one half stays still.
             let rests = round % 4 < 2;
             body.move_each(|position| {
                 if rests && position.x < 0.2 { DVec3::ZERO } else { random.vector() * (thicknesses * THICKNESS) }
@@ -209,7 +209,7 @@ fn a_surface_swept_against_itself_finds_what_every_pair_tested_alone_does() {
     assert!(partly > 50, "{partly}");
 }
 
-/// Both meshes as one, the second one's numbers shifted.
+/// Both meshes as one. The vertex numbers of the second are shifted.
 fn merged(a: &Body, b: &Body) -> (Vec<DVec3>, Vec<DVec3>, Vec<[u32; 3]>, Vec<u32>) {
     let join = |a: &[DVec3], b: &[DVec3]| [a, b].concat();
     let shift = a.start.len() as u32;
@@ -250,15 +250,16 @@ fn no_certified_impact_of_fast_meshes_is_missed_or_called_late() {
                 compared += 1;
             }
         }
-        // The reference certifies all others to stay apart; a sweep may call what passes within its resolution.
+        // The reference certifies that all other pairs stay apart. A sweep may report those that pass within its
+        // resolution.
         never += found.len().saturating_sub(certified);
     }
     println!("{compared} certified impacts, {never} others called");
     assert!(compared > 1000 && never == 0, "{compared} {never}");
 }
 
-/// Of each triangle nearly half the distance to the nearest of those that it has no vertex in common with, when the step
-/// begins.
+/// For each triangle, slightly less than half the distance at the start of the step to the nearest triangle that shares
+/// no vertex with it.
 fn half_distances(own: &SweptMesh<'_>, other: &SweptMesh<'_>, same: bool) -> Vec<f64> {
     let corners = |mesh: &SweptMesh<'_>, triangle: u32| mesh.topology.triangles()[triangle as usize];
     let count = |mesh: &SweptMesh<'_>| mesh.topology.triangles().len() as u32;
@@ -279,7 +280,7 @@ fn what_is_left_out_for_how_far_apart_it_begins_does_not_meet() {
     for round in 0..24 {
         let same = round % 3 == 0;
         let [mut a, mut b] = pair(&mut random, 0.0, [false, false], round % 2 == 0);
-        // All go far together, and each vertex goes somewhat aside.
+        // All vertices share a large motion, and each has a small one of its own.
         let (common, aside) = (random.direction() * 0.5, [0.01, 0.05][round % 4 / 2]);
         for body in [&mut a, &mut b] {
             body.move_each(|_| common + random.vector() * aside);
@@ -301,8 +302,8 @@ fn what_is_left_out_for_how_far_apart_it_begins_does_not_meet() {
         let (reaches_a, reaches_b) = (half_distances(&a, &b, same), half_distances(&b, &a, same));
         assert_eq!(swept(&reaches_a, &reaches_b), expected, "{round}");
         let unknown = |reaches: &[f64]| vec![f64::NEG_INFINITY; reaches.len()];
-        assert_eq!(swept(&unknown(&reaches_a), &unknown(&reaches_b)), expected, "{round}: nothing is known");
-        // Reaches that claim too much hide what meets: they are made use of.
+        assert_eq!(swept(&unknown(&reaches_a), &unknown(&reaches_b)), expected, "{round}: with unknown distances");
+        // Distances that are too large hide impacts, which proves that they are used.
         let too_much = |reaches: &[f64]| vec![0.4; reaches.len()];
         left_out += expected.len() - swept(&too_much(&reaches_a), &too_much(&reaches_b)).len();
         found += expected.len();
@@ -341,7 +342,7 @@ fn a_common_motion_makes_nothing_fast_and_changes_no_impact() {
     for _ in 0..10 {
         let [mut a, b] = pair(&mut random, 20.0 * THICKNESS, [true, false], false);
         let resting = swept(&a.mesh(), &b.mesh(), Trees::Second, 0.0);
-        // Both fall together, by 100 times what one of them moves by.
+        // Both fall together by 100 times the motion of one of them.
         let fall = random.direction() * 20.0;
         a.end.iter_mut().for_each(|end| *end += fall);
         let falling = Body { end: b.start.iter().map(|start| *start + fall).collect(), ..b };
@@ -357,13 +358,13 @@ fn a_common_motion_makes_nothing_fast_and_changes_no_impact() {
         assert_eq!(moving.len(), resting.len());
         for (moving, resting) in moving.iter().zip(&resting) {
             assert_eq!([moving.triangle_a, moving.triangle_b], [resting.triangle_a, resting.triangle_b]);
-            // Coordinates of up to 20 rounded to f64, over a way of 0.2 that may be passed at a small angle.
+            // Coordinates of up to 20 rounded to f64, over a path of 0.2 that may pass at a small angle.
             assert!((moving.impact.time - resting.impact.time).abs() < 1.0e-10, "{moving:?} {resting:?}");
         }
         found += moving.len();
     }
     assert!(found > 200, "{found}");
-    // Three of four rest.
+    // Three of four vertices stay still.
     assert_eq!(drift(&[DVec3::ZERO; 4], &[DVec3::ZERO, DVec3::ZERO, DVec3::X, DVec3::ZERO]), DVec3::ZERO);
     assert_eq!(drift(&[], &[]), DVec3::ZERO);
     assert_eq!(drift(&[DVec3::ZERO, DVec3::ZERO], &[DVec3::X, DVec3::splat(f64::NAN)]), DVec3::ZERO);
@@ -404,7 +405,7 @@ fn a_mesh_at_rest_keeps_its_tree_and_one_that_moves_is_followed() {
     for _ in 0..3 {
         assert_eq!(follow(&mut tree, &body), TreeWork::Kept);
     }
-    // What is fast may change without any box changing.
+    // Which triangles are fast may change without a change of any box.
     let impatient = SweptMesh { reach: -1.0, ..body.mesh() };
     tree.update(&impatient);
     assert_eq!((tree.fast_count(), tree.update_tree()), (body.count() as usize, TreeWork::Kept));
@@ -414,8 +415,8 @@ fn a_mesh_at_rest_keeps_its_tree_and_one_that_moves_is_followed() {
     assert_eq!(tree.fast_count(), 0);
     body.end[end].x += 0.1;
     assert_eq!(follow(&mut tree, &body), TreeWork::Refitted);
-    assert_eq!(tree.fast_count(), 1, "the last corner is one triangle's");
-    // Shuffled, the mesh has nothing in common with its tree.
+    assert_eq!(tree.fast_count(), 1, "the last corner belongs to one triangle");
+    // The shuffled mesh has nothing in common with its tree.
     let mut random = Random::new(77);
     body.move_each(|_| random.vector());
     assert_eq!(follow(&mut tree, &body), TreeWork::Built);
@@ -478,7 +479,7 @@ fn coordinates_that_are_not_finite_meet_nothing_and_others_beyond_single_precisi
         assert!(rest.len() < whole.len() && !rest.is_empty());
         assert_eq!(swept(&SweptMesh { end: &end, ..a.mesh() }, &b.mesh(), Trees::Second, 0.0), rest);
     }
-    // A power of two changes no digit.
+    // Scaling by a power of two changes no digits.
     let large =
         |positions: &[DVec3]| positions.iter().map(|position| *position * 2.0_f64.powi(200)).collect::<Vec<_>>();
     let (start, end, other) = (large(&a.start), large(&a.end), large(&b.start));
@@ -499,7 +500,7 @@ fn a_flat_sheet_meets_another_at_the_time_of_the_closed_form() {
         assert!(found.len() > 20, "{}", found.len());
         for found in &found {
             let time = found.impact.time;
-            // 1e-12 is the kernel's resolution of 1.4e-14 times a size of 1 over the shortest way.
+            // 1e-12 is the kernel's resolution of 1.4e-14 times a size of 1, divided by the shortest path.
             assert!(time <= height / way && time > height / way - 1.0e-11, "{thicknesses}: {time}");
             assert!(found.impact.normal.distance(DVec3::NEG_Z) < 1.0e-9, "{:?}", found.impact);
             let point = |corners: [DVec3; 3], weights: [f64; 3]| -> DVec3 {

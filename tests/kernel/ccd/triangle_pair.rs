@@ -1,4 +1,4 @@
-//! First impacts of two triangles and of lists of them.
+//! First impacts of two triangles, and of lists of pairs.
 
 use bevy_circumsphere::kernel::{
     ccd::{
@@ -15,17 +15,17 @@ use glam::{DVec3, Vec3};
 
 use crate::common::{CATEGORIES, Random, hard_pair};
 
-/// Distances by the reference are right to a few units in the last place of the pair's size.
+/// Reference distances are accurate to a few units in the last place of the pair's size.
 const REFERENCE_ERROR: f64 = 4.0e-15;
 
-/// As for single features: the resolution and what slivers lose.
+/// As for single features: the resolution plus the loss at slivers.
 const REACHED: f64 = 1.0e-12;
 
 fn v(x: f64, y: f64, z: f64) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Both triangles at some time, relative to a corner of the first, which rounds by their distances alone.
+/// Both triangles at a given time, relative to a corner of the first, so that rounding depends only on their distances.
 fn at(a: &MovingTriangle, b: &MovingTriangle, time: f64) -> [[DVec3; 3]; 2] {
     [a, b].map(|triangle| {
         std::array::from_fn(|k| (triangle.start[k] - a.start[0]) * (1.0 - time) + (triangle.end[k] - a.end[0]) * time)
@@ -53,7 +53,7 @@ fn still(corners: [DVec3; 3]) -> MovingTriangle {
     MovingTriangle { start: corners, end: corners }
 }
 
-/// Pairs of hard triangles, each moved from one shape or place to another.
+/// Pairs of hard triangles that each move from one shape or place to another.
 fn each_pair(count: usize, mut examine: impl FnMut(&MovingTriangle, &MovingTriangle, f64)) {
     let mut random = Random::new(21);
     for category in 0..CATEGORIES.len() {
@@ -65,7 +65,7 @@ fn each_pair(count: usize, mut examine: impl FnMut(&MovingTriangle, &MovingTrian
                 corners.map(|corner| corner + shift + random.vector() * 0.3 * bend)
             };
             let (a, b) = (MovingTriangle { start: a, end: end(a) }, MovingTriangle { start: b, end: end(b) });
-            // Played forwards the pair begins as what its category says, backwards it ends so.
+            // Played forwards, the pair starts in its category. Played backwards, it ends there.
             let back = |triangle: &MovingTriangle| MovingTriangle { start: triangle.end, end: triangle.start };
             let separation = [0.0, 0.02][random.below(2)] * extent;
             examine(&a, &b, separation);
@@ -117,7 +117,7 @@ fn no_time_is_later_than_a_sampled_one_and_every_time_is_one_at_which_the_triang
         if found.cause == ImpactCause::Undecided {
             return;
         }
-        // Where an edge pierces a sliver its point is only as sure as the sliver is wide.
+        // Where an edge pierces a sliver, the contact point is only as accurate as the sliver is wide.
         if found.cause != ImpactCause::Crossing {
             worst = worst.max((gap - separation) / size.max(f64::MIN_POSITIVE));
         }
@@ -175,7 +175,7 @@ fn hard_cases_have_the_times_worked_out_by_hand() {
             }
         }
     }
-    // With a separation of 1/4 the flat triangle is there at 3/8.
+    // At a separation of 1/4, the flat triangle arrives at 3/8.
     let found = impact(&moved(flat, down(2.0)), &still(floor), 0.25).expect("it comes within the separation");
     assert!(found.time <= 0.375 && found.time > 0.375 - 1.0e-12, "{found:?}");
     assert_eq!((found.features.kind(), found.cause), (FeatureKind::VertexFace, ImpactCause::Reached));
@@ -185,7 +185,7 @@ fn hard_cases_have_the_times_worked_out_by_hand() {
 #[test]
 fn triangles_that_cross_in_the_beginning_are_said_to() {
     let floor = still([v(-4.0, -4.0, 0.0), v(4.0, -4.0, 0.0), v(0.0, 4.0, 0.0)]);
-    // All corners and edges are far from all of the floor's, and move away.
+    // All corners and edges are far from those of the floor, and move away.
     let stake = [v(0.0, 0.0, -1.0), v(-0.5, 0.0, 1.0), v(0.5, 0.0, 1.0)];
     let stake = MovingTriangle { start: stake, end: stake.map(|corner| corner + v(0.0, 0.0, 0.25)) };
     for (a, b) in [(&stake, &floor), (&floor, &stake)] {
@@ -202,7 +202,7 @@ fn triangles_that_cross_in_the_beginning_are_said_to() {
 
 #[test]
 fn neighbors_meet_only_by_features_that_share_no_vertex() {
-    // Two triangles on the common edge of vertices 0 and 1, the second folded over like a page, in a straight line,
+    // Two triangles share the edge between vertices 0 and 1. The second folds over like a page, in a straight line,
     // until vertex 3 passes the face of the first.
     let page = [v(0.0, -1.0, 0.0), v(0.0, 1.0, 0.0), v(2.0, 0.0, 0.0)];
     let a = still(page);
@@ -211,11 +211,11 @@ fn neighbors_meet_only_by_features_that_share_no_vertex() {
     let found = triangle_pair_impact(&a, &b, &common, 0.0).expect("vertex 3 passes the face at 1/2");
     assert!(found.time <= 0.5 && found.time > 0.5 - 1.0e-12, "{found:?}");
     assert_eq!(found.features, FeaturePair { a: Feature::Face, b: Feature::Vertex(2) });
-    // Flat neighbors at rest touch nothing but each other; taken for strangers they touch at once.
+    // Flat neighbors at rest touch only each other. Treated as separate surfaces, they touch at once.
     let flat = still([page[1], page[0], v(-1.0, 0.0, 0.0)]);
     assert_eq!(triangle_pair_impact(&a, &flat, &common, 0.0), None);
     assert_eq!(impact(&a, &flat, 0.0).map(|found| found.time), Some(0.0));
-    // One common vertex, and an edge that begins across the other face.
+    // One common vertex, and an edge that starts across the other face.
     let across = still([page[2], v(1.0, 0.0, -1.0), v(1.0, 0.0, 1.0)]);
     let found = triangle_pair_impact(&a, &across, &CommonVertices::of([0, 1, 2], [2, 3, 4]), 0.0);
     assert_eq!(found.map(|found| found.cause), Some(ImpactCause::Crossing));
@@ -313,7 +313,7 @@ fn a_list_holds_the_impacts_of_its_pairs_in_order_and_precision_of_storage_does_
 fn a_surface_at_rest_or_moved_as_a_whole_never_meets_itself() {
     let (positions, triangles) = sheet(6, |x, y| 0.05 * (7.0 * x).sin() * (5.0 * y).cos());
     let topology = SurfaceTopology::new(&narrow(&positions), &triangles).unwrap();
-    // Halves and eighths, so that the shift rounds nothing.
+    // Halves and eighths, so that the shift does not round.
     let moved: Vec<DVec3> = positions.iter().map(|position| *position + v(4.0, -8.5, 0.125)).collect();
     let count = triangles.len() as u32;
     let candidates: Vec<[u32; 2]> =
@@ -323,7 +323,7 @@ fn a_surface_at_rest_or_moved_as_a_whole_never_meets_itself() {
         let mut impacts = Vec::new();
         first_impacts(&side, &side, true, &candidates, 0.0, &mut impacts);
         assert_eq!(impacts, []);
-        // Taken for two surfaces each triangle meets itself at once.
+        // Treated as two surfaces, each triangle meets itself at once.
         first_impacts(&side, &side, false, &candidates, 0.0, &mut impacts);
         assert!(impacts.len() >= triangles.len());
     }

@@ -1,4 +1,4 @@
-//! First times of impact against the times the reference certifies.
+//! First times of impact against the times that the reference certifies.
 
 use super::families::{FAMILIES, KINDS, Kind, Motion, motion};
 use crate::common::{CATEGORIES, Random, hard_pair};
@@ -6,18 +6,18 @@ use bevy_circumsphere::kernel::ccd::{CommonVertices, ImpactCause, MovingTriangle
 use circumsphere_truth::{ImpactTruth, edge_edge_impact, triangle_impact, vertex_face_impact};
 use glam::DVec3;
 
-/// How far above the separation, relative to their size, features may be at a time that is called an impact: the
-/// kernel's resolution of 1.4e-14, and what normals lose at corners and on flat features (1e-13 in a million). Only searches that
-/// were cut short may end farther away.
+/// How far above the separation features may be at a reported time of impact, relative to their size: the kernel's
+/// resolution of 1.4e-14, plus the error of normals at corners and on flat features (1e-13 in a million). Only searches
+/// that were cut short may end farther away.
 const CLOSE: f64 = 1.0e-12;
 
 /// The number of motions of each family, kind and separation.
 const COUNT: usize = 1_600;
 
-/// The environment variable that asks for another number.
+/// The environment variable that overrides [`COUNT`].
 const COUNT_VARIABLE: &str = "CIRCUMSPHERE_IMPACTS";
 
-/// What became of a number of questions.
+/// The outcome of a number of questions.
 #[derive(Default)]
 struct Score {
     questions: usize,
@@ -30,18 +30,18 @@ struct Score {
     cut_short: usize,
     /// The largest relative distance above the separation at a time of impact.
     farthest: f64,
-    /// How much each impact was reported before the last time of the truth's span, where that is narrow.
+    /// How long before the end of the reference's interval each impact was reported, where that interval is narrow.
     before_last: Vec<f64>,
-    /// How much each impact was reported before the first time of the truth's span, at least 0.
+    /// How long before the start of the reference's interval each impact was reported, at least 0.
     before_first: Vec<f64>,
 }
 
-/// A span of the truth no longer than this is taken for a time. It bisects to 1e-11; where features touch within
-/// rounding before they meet for certain, the span lasts until that.
+/// A reference interval of at most this length counts as a single time. The reference bisects to 1e-11. Where features
+/// touch within rounding before they certainly meet, the interval lasts until they do.
 const NARROW: f64 = 1.0e-9;
 
 impl Score {
-    /// Compares one answer, and says whether it is wrong on the side that lets things pass through each other.
+    /// Compares one answer and returns whether it is wrong in the way that lets things pass through each other.
     fn add(&mut self, truth: ImpactTruth, time: Option<f64>) -> bool {
         self.questions += 1;
         match (truth, time) {
@@ -149,7 +149,7 @@ fn features_meet_no_later_than_the_reference_certifies_and_are_close_when_they_d
     assert!(all.questions >= 100_000 && all.impacts * 3 > all.questions && all.never * 3 > all.questions);
     assert_eq!((all.missed, all.late), (0, 0));
     assert!(all.farthest < CLOSE, "{}", all.farthest);
-    // The families that are made to be as flat as the resolution have false impacts, and those that graze are cut short.
+    // Families that are as flat as the resolution have false impacts. Searches of those that graze are cut short.
     assert!(all.false_impacts * 1_000 < all.never, "{}", all.false_impacts);
     assert!(all.cut_short * 10_000 < all.impacts, "{}", all.cut_short);
 }

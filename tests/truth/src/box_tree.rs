@@ -1,11 +1,11 @@
-//! A plain binary tree of boxes: median split on the widest axis of the centres, up to four boxes in a leaf.
+//! A plain binary tree of boxes: median split on the widest axis of the centers, up to four boxes in a leaf.
 
 use glam::DVec3;
 
-/// Boxes that a leaf may hold; smaller leaves would save few tests and cost memory.
+/// The most boxes in a leaf. Smaller leaves would save few tests and use more memory.
 const LEAF_SIZE: usize = 4;
 
-/// An axis-parallel box.
+/// An axis-aligned box.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Box3 {
     pub(super) low: DVec3,
@@ -24,10 +24,10 @@ impl Box3 {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Whether the gap between the boxes is at most `reach` along every axis, which is whether they overlap once
-    /// each is grown by half of it.
+    /// Whether the gap between the boxes is at most `reach` along every axis: whether they overlap when each is grown
+    /// by half of it.
     ///
-    /// Rounding is monotone, so a true gap of at most `reach` never fails the test.
+    /// Rounding is monotone, so the test never fails for a true gap of at most `reach`.
     pub(super) fn within(&self, other: &Self, reach: f64) -> bool {
         (self.low - other.high).max_element() <= reach && (other.low - self.high).max_element() <= reach
     }
@@ -45,7 +45,7 @@ struct Node {
     content: Content,
 }
 
-/// The tree; boxes are named by their index in the list it was built from.
+/// A tree of boxes. Boxes are identified by their index in the list that it was built from.
 pub(super) struct BoxTree {
     boxes: Vec<Option<Box3>>,
     order: Vec<usize>,
@@ -54,7 +54,7 @@ pub(super) struct BoxTree {
 }
 
 impl BoxTree {
-    /// Builds the tree; an entry without a box is in no leaf and meets nothing.
+    /// Builds the tree. An entry without a box is in no leaf and meets nothing.
     pub(super) fn new(boxes: Vec<Option<Box3>>) -> Self {
         let order = (0..boxes.len()).filter(|&index| boxes[index].is_some()).collect();
         let mut tree = Self { boxes, order, nodes: Vec::new(), root: None };
@@ -89,14 +89,14 @@ impl BoxTree {
         Some(self.nodes.len() - 1)
     }
 
-    /// Calls `visit(i, j)`, i < j, once for each two boxes within `reach` of each other along every axis.
+    /// Calls `visit(i, j)`, i < j, once for every two boxes within `reach` of each other along every axis.
     pub(super) fn visit_self(&self, reach: f64, visit: &mut dyn FnMut(usize, usize)) {
         if let Some(root) = self.root {
             self.descend_self(root, reach, &mut |i, j| visit(i.min(j), i.max(j)));
         }
     }
 
-    /// Calls `visit(i, j)`, i of this tree and j of the other, once for each two boxes within `reach`.
+    /// Calls `visit(i, j)`, i of this tree and j of the other, once for every two boxes within `reach`.
     pub(super) fn visit_between(&self, other: &Self, reach: f64, visit: &mut dyn FnMut(usize, usize)) {
         if let (Some(root), Some(other_root)) = (self.root, other.root) {
             self.descend_between(root, other, other_root, reach, visit);

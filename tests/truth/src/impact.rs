@@ -1,12 +1,17 @@
-//! First times of impact of features and triangles whose corners move linearly, enclosed by certificates in f64.
+//! First times of impact of features and triangles with linearly moving corners, bounded by certificates in f64.
 //!
-//! *Apart:* a direction that turns linearly from one end of a span of time to the other separates all pairs of corners
-//! throughout; the gaps along it are polynomials of degree 2, bounded by their Bernstein coefficients. *Met,* above a
-//! minimum separation of 0: the distance at one time. *Met* at 0: the features' volume changes its sign over a span in
-//! which, seen along a fixed direction, the vertex stays inside the face or the edges keep crossing; at the time between
-//! at which all four corners are in one plane they then have a point in common. Spans are bisected, the earlier half
-//! first, until one of these decides. Every comparison leaves room for the rounding of what is compared, so what
-//! rounding could turn around stays undecided. Exact signs decide what touches at the ends of the motion.
+//! *Apart:* a direction that turns linearly over a span of time separates all pairs of corners throughout. The gaps
+//! along it are polynomials of degree 2, bounded by their Bernstein coefficients.
+//!
+//! *Met*, for a minimum separation above 0: the distance at one time.
+//!
+//! *Met* at 0: the volume of the features changes sign over a span in which, seen along a fixed direction, the vertex
+//! stays inside the face or the edges keep crossing. When all four corners are coplanar during that span, the features
+//! have a point in common.
+//!
+//! Spans are bisected, earlier half first, until one of these decides. Every comparison allows for the rounding of its
+//! operands, so whatever rounding could change stays undecided. Exact signs decide what touches at the ends of the
+//! motion.
 
 use glam::DVec3;
 
@@ -18,84 +23,86 @@ mod shape;
 /// When two moving features or triangles first come within a distance of each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ImpactTruth {
-    /// At no time of the motion: certified.
+    /// Never during the motion. This is certified.
     Never,
-    /// For the first time not before `earliest` and not after `latest`: both certified. Equal to each other, and 0, if
-    /// the motion starts with it.
+    /// For the first time, between `earliest` and `latest`. Both are certified. Both are 0 if the sides are within the
+    /// distance at the start.
     First {
-        /// A fraction of the motion, 0…1; at all times before, the distance is larger than the minimum separation.
+        /// A fraction of the motion, 0…1. At all earlier times, the distance is larger than the minimum separation.
         earliest: f64,
-        /// A fraction of the motion, 0…1; at this or an earlier time the distance is at most the minimum separation.
+        /// A fraction of the motion, 0…1. At this time or earlier, the distance is at most the minimum separation.
         latest: f64,
     },
-    /// If at all, not before `earliest`; f64 cannot tell whether the closest approach comes near enough.
+    /// Not before `earliest`, if at all. f64 cannot decide whether the closest approach is near enough.
     Undecided {
         /// The first time that is not certified to be apart.
         earliest: f64,
         /// The last time that is not certified to be apart.
         latest: f64,
-        /// The least distance that was seen, in the unit of the positions.
+        /// The least distance found, in the unit of the positions.
         closest: f64,
     },
 }
 
-/// Half a unit in the last place of numbers from 1 to 2: the error of one rounding, relative.
+/// Half a unit in the last place of numbers from 1 to 2: the relative error of one rounding.
 const ROUNDING: f64 = f64::EPSILON * 0.5;
 
-/// Error of a coordinate at one time, relative to the largest coordinate: one rounding each of the two local
-/// coordinates that are interpolated, of the two weights, of the two products and of their sum.
+/// Error of a coordinate at one time, relative to the largest coordinate: one rounding for each of the two interpolated
+/// local coordinates, the two weights, the two products, and their sum.
 const POSITION_ERROR: f64 = 8.0 * ROUNDING;
 
-/// Error of the gap between two corners along a direction, relative to the largest coordinate: both corners' (√3 times a
-/// coordinate's), their difference's, a scalar product's of three terms, and a unit vector that may be 3 roundings too
-/// long; of vectors no longer than 2√3.
+/// Error of the gap between two corners along a direction, relative to the largest coordinate: the errors of both
+/// corners (√3 times that of a coordinate), of their difference, and of a scalar product of three terms, for a unit
+/// vector that may be 3 roundings too long and vectors of at most 2√3.
 const GAP_ERROR: f64 = 2.0 * 1.74 * POSITION_ERROR + 2.0 * 1.74 * 8.0 * ROUNDING;
 
-/// Error of a distance at one time, relative to the largest coordinate: both corners', and what the static distance
-/// of the rounded corners errs by (a dozen roundings of the pair's extent, at most twice the largest coordinate).
+/// Error of a distance at one time, relative to the largest coordinate: the errors of both corners, and of the static
+/// distance of the rounded corners (a dozen roundings of the pair's extent, which is at most twice the largest
+/// coordinate).
 const DISTANCE_ERROR: f64 = 2.0 * 1.74 * POSITION_ERROR + 2.0 * 16.0 * ROUNDING;
 
-/// Error of the vector between two corners at one time, relative to the largest coordinate: √3 times two coordinates'
-/// and the rounding of a difference up to twice as large.
+/// Error of the vector between two corners at one time, relative to the largest coordinate: √3 times the errors of two
+/// coordinates and the rounding of a difference up to twice as large.
 const DIFFERENCE_ERROR: f64 = 1.74 * (2.0 * POSITION_ERROR + 2.0 * ROUNDING);
 
-/// Error of a product of three vectors, relative to the product of their lengths: a cross product errs by 2√3 roundings,
-/// a scalar product of three terms by 3.
+/// Error of a product of three vectors, relative to the product of their lengths: 2√3 roundings for the cross product
+/// and 3 for the scalar product of three terms.
 const TRIPLE_PRODUCT_ERROR: f64 = 8.0 * ROUNDING;
 
-/// Spans of this length are not bisected; well under the 1e-9 to which a time of impact is usually wanted.
+/// Spans of this length are not bisected. It is well below the 1e-9 that times of impact usually need.
 const SHORTEST_SPAN: f64 = 1.0 / (1u64 << 36) as f64;
 
-/// Spans of this length are not bisected if the distance midway cannot be told from the minimum separation: a grazing
-/// approach stays within rounding for about 1e-7 of the motion.
+/// Spans of this length are not bisected if rounding hides whether the distance midway exceeds the minimum separation.
+/// A grazing approach stays within rounding for about 1e-7 of the motion.
 const SHORT_SPAN: f64 = 1.0 / (1u64 << 24) as f64;
 
-/// So many spans may stay undecided before the rest of the motion counts as undecided too: sides that slide along each
-/// other are given up after that many.
+/// Number of undecided spans after which the rest of the motion counts as undecided, too. It stops the search where
+/// sides slide along each other.
 const MOST_UNDECIDED: usize = 512;
 
-/// So many spans are looked at before the rest of the motion counts as undecided: sides that turn along each other
-/// hardly farther apart than rounding can tell would need millions.
+/// Number of spans tested before the rest of the motion counts as undecided, too. Sides that turn along each other
+/// barely farther apart than rounding would need millions.
 const MOST_SPANS: usize = 1 << 15;
 
-/// First impact of a vertex, first of the four points, and a face, the other three.
+/// First impact of a vertex (the first of the four points) and a face (the other three).
 ///
-/// `start` are the positions at time 0, `end` those at time 1; they move linearly between. An impact is a distance of
-/// at most `minimum_separation` (0 or more, in the unit of the positions) of the vertex and the closed triangle.
-/// Coordinates must be finite and within the range that [`triangles_cross`](super::triangle_crossing::triangles_cross) asks for.
+/// `start` holds the positions at time 0 and `end` those at time 1. They move linearly in between. An impact is a
+/// distance of at most `minimum_separation` (0 or more, in the unit of the positions) between the vertex and the closed
+/// triangle. Coordinates must be finite and in the range of
+/// [`triangles_cross`](super::triangle_crossing::triangles_cross).
 #[must_use]
 pub fn vertex_face_impact(start: &[DVec3; 4], end: &[DVec3; 4], minimum_separation: f64) -> ImpactTruth {
     first_impact(Shape::VertexFace, &start[..1], &start[1..], &end[..1], &end[1..], minimum_separation)
 }
 
-/// First impact of two edges, from the first to the second point and from the third to the fourth; see
+/// First impact of two edges, from the first to the second point and from the third to the fourth. See
 /// [`vertex_face_impact`].
 #[must_use]
 pub fn edge_edge_impact(start: &[DVec3; 4], end: &[DVec3; 4], minimum_separation: f64) -> ImpactTruth {
     first_impact(Shape::EdgeEdge, &start[..2], &start[2..], &end[..2], &end[2..], minimum_separation)
 }
 
-/// First impact of two closed triangles; see [`vertex_face_impact`]. Triangles that cross have distance 0.
+/// First impact of two closed triangles. See [`vertex_face_impact`]. Triangles that cross have distance 0.
 #[must_use]
 pub fn triangle_impact(
     start_a: &[DVec3; 3],
@@ -115,20 +122,20 @@ struct Moment {
     closest: Closest,
 }
 
-/// A pair in motion, seen from its first corner and scaled to coordinates of at most 2.
+/// A pair in motion, relative to its first corner and scaled to coordinates of at most 2.
 struct Motion {
     shape: Shape,
-    /// The corners as they were given, at times 0 and 1.
+    /// The original corners at times 0 and 1.
     given: [Corners; 2],
     start: Corners,
     end: Corners,
     /// The minimum separation.
     reach: f64,
-    /// The largest coordinate at either end, hence at any time.
+    /// The largest coordinate at either end, and so at any time.
     size: f64,
-    /// No two points of different sides approach each other faster.
+    /// An upper bound of the speed at which two points of different sides approach each other.
     speed: f64,
-    /// What the caller calls one local unit of length.
+    /// The length of one local unit, in the caller's unit.
     unit: f64,
 }
 
@@ -157,8 +164,8 @@ fn first_impact(
 impl Motion {
     fn new(shape: Shape, start: &Corners, end: &Corners, minimum_separation: f64) -> Self {
         let count = shape.corners();
-        // What all corners have in common moves nothing relative to each other; a difference of exact coordinates is
-        // rounded relative to itself.
+        // Motion common to all corners does not change their relative positions. Differences of exact coordinates have
+        // a small relative rounding.
         let (mut local_start, mut local_end) = (*start, *end);
         for corner in 0..count {
             local_start[corner] -= start[0];
@@ -205,7 +212,7 @@ impl Motion {
         let mut closest = start.closest.distance.min(end.closest.distance);
         let mut undecided: Vec<[f64; 2]> = Vec::new();
         let (mut looked_at, mut left_undecided) = (0, 0);
-        // Later spans lie below earlier ones.
+        // Later spans are below earlier ones.
         let mut spans = vec![(start, end)];
         while let Some((early, late)) = spans.pop() {
             let (from, to) = (early.time, late.time);
@@ -228,7 +235,7 @@ impl Motion {
             if self.meets_between(&early, &late) {
                 latest = Some(latest.map_or(to, |latest: f64| latest.min(to)));
             }
-            // Of what is known to be within reach nothing later matters.
+            // Once something is within reach, later spans do not matter.
             let within = self.is_within(&middle) || self.crosses_surely(&middle);
             if within {
                 latest = Some(latest.map_or(middle.time, |latest: f64| latest.min(middle.time)));
@@ -267,28 +274,28 @@ impl Motion {
         }
     }
 
-    /// Whether the distance at a time is certainly no more than the minimum separation.
+    /// Whether the distance at a time is certainly at most the minimum separation.
     fn is_within(&self, moment: &Moment) -> bool {
         moment.closest.distance + DISTANCE_ERROR * self.size <= self.reach
     }
 
-    /// Whether the sides certainly stay farther apart than the minimum separation from one time to another: by the
-    /// directions that separate them best at both, which follow sides that turn.
+    /// Whether the sides certainly stay farther apart than the minimum separation between two times, using the best
+    /// separating directions at both. These follow sides that turn.
     fn is_apart_throughout(&self, early: &Moment, late: &Moment) -> bool {
         let ([between, normal], [late_between, late_normal]) = (early.closest.directions(), late.closest.directions());
         self.is_apart(early, late, between, late_between) || self.is_apart(early, late, normal, late_normal)
     }
 
-    /// The same by the direction that separates them best midway, where sides pass each other closely.
+    /// The same with the best separating direction midway, for sides that pass close to each other.
     fn is_apart_midway(&self, early: &Moment, middle: &Moment, late: &Moment) -> bool {
         middle.closest.directions().into_iter().any(|direction| self.is_apart(early, late, direction, direction))
     }
 
     /// Whether a direction that turns from `first` to `last` separates the sides by more than the minimum separation at
-    /// all times from one to another.
+    /// all times between two moments.
     ///
-    /// Both are unit vectors, so the direction between, their mean weighted by time, is no longer. Along it the gap
-    /// between two corners is a polynomial of degree 2, at least as large as its least Bernstein coefficient.
+    /// Both are unit vectors, so their mean weighted by time is no longer than 1. Along it, the gap between two corners
+    /// is a polynomial of degree 2, which is at least its least Bernstein coefficient.
     fn is_apart(&self, early: &Moment, late: &Moment, first: DVec3, last: DVec3) -> bool {
         let needed = self.reach * (1.0 + 8.0 * ROUNDING) + GAP_ERROR * self.size;
         let (first_side, count) = (self.shape.first_side(), self.shape.corners());
@@ -303,7 +310,7 @@ impl Motion {
         })
     }
 
-    /// Whether the sides certainly have a point in common at some time from one time to another.
+    /// Whether the sides certainly have a point in common at some time between two moments.
     fn meets_between(&self, early: &Moment, late: &Moment) -> bool {
         let passes = |corners: &[usize; 4]| {
             let (before, after) = (self.volume(early, *corners), self.volume(late, *corners));
@@ -328,7 +335,8 @@ impl Motion {
         })
     }
 
-    /// By what time the sides certainly meet, found by widening a span in which they may; none if they do not.
+    /// A time by which the sides certainly meet, found by widening a span in which they may meet. `None` if they do
+    /// not.
     fn meets_around(&self, [from, to]: [f64; 2]) -> Option<f64> {
         let mut more = to - from;
         while more < 1.0 {
@@ -341,8 +349,8 @@ impl Motion {
         None
     }
 
-    /// The sign of the volume of the tetrahedron of four corners, 0 if rounding may have decided it; exact at the ends
-    /// of the motion.
+    /// The sign of the volume of the tetrahedron of four corners, or 0 if rounding may have decided it. Exact at the
+    /// ends of the motion.
     fn volume(&self, moment: &Moment, [base, first, second, third]: [usize; 4]) -> f64 {
         if moment.time == 0.0 || moment.time == 1.0 {
             let given = &self.given[usize::from(moment.time == 1.0)];
@@ -353,10 +361,10 @@ impl Motion {
         certain_sign(triple_product(edges, [error; 3]))
     }
 
-    /// On which side of the line from the first to the second of three corners the third passes, seen along `view`: the
-    /// sign of a turn that is certain at all times from `early` to `late`, or 0.
+    /// The side on which the third corner passes the line from the first to the second, seen along `view`: the sign of
+    /// a turn that is certain at all times from `early` to `late`, or 0.
     ///
-    /// The turn is a polynomial of degree 2 in time, and between its least and its largest Bernstein coefficient.
+    /// The turn is a polynomial of degree 2 in time, between its least and its largest Bernstein coefficient.
     fn side_throughout(&self, early: &Moment, late: &Moment, view: DVec3, [from, to, third]: [usize; 3]) -> f64 {
         let error = DIFFERENCE_ERROR * self.size;
         let along = |moment: &Moment| moment.corners[to] - moment.corners[from];
@@ -381,7 +389,7 @@ impl Motion {
     }
 }
 
-/// Appends a span to earlier ones, as part of the last if it starts where that ends.
+/// Appends a span. It is merged with the last one if it starts where that one ends.
 fn join(spans: &mut Vec<[f64; 2]>, [from, to]: [f64; 2]) {
     match spans.last_mut() {
         Some(last) if last[1] >= from => last[1] = to,
@@ -389,14 +397,14 @@ fn join(spans: &mut Vec<[f64; 2]>, [from, to]: [f64; 2]) {
     }
 }
 
-/// The determinant of three vectors, and how much it may err if each of them errs by a length.
+/// The determinant of three vectors, and the bound of its error for given errors of the vectors.
 fn triple_product([u, v, w]: [DVec3; 3], [error_u, error_v, error_w]: [f64; 3]) -> (f64, f64) {
     let (length_u, length_v, length_w) = (u.length() + error_u, v.length() + error_v, w.length() + error_w);
     let of_vectors = error_u * length_v * length_w + error_v * length_u * length_w + error_w * length_u * length_v;
     (u.dot(v.cross(w)), of_vectors * (1.0 + 16.0 * ROUNDING) + TRIPLE_PRODUCT_ERROR * length_u * length_v * length_w)
 }
 
-/// 1 or -1, or 0 for a value that is no larger than its error.
+/// The sign, 1 or -1, or 0 if the value does not exceed its error.
 fn certain_sign((value, error): (f64, f64)) -> f64 {
     if value.abs() > error { value.signum() } else { 0.0 }
 }

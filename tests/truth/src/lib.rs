@@ -1,11 +1,9 @@
-//! The truth every fast path is judged by: which triangles touch, how far apart they are, and when they
-//! first meet, in f64.
+//! The f64 reference for every fast path: which triangles touch, how far apart they are, and when they first meet.
 //!
-//! Nothing here is tuned for speed and nothing is shared with the production kernel, so that an error of one is
-//! not an error of the other. Whether two triangles share a point is decided by exact signs (Shewchuk's adaptive
-//! predicates, crate `robust`); distances are computed with orthonormal bases, whose rounding equals a
-//! perturbation of the input in its last bits. f32 coordinates convert to f64 exactly, so stored f32 positions are
-//! taken at their word.
+//! Nothing here is tuned for speed, and nothing is shared with the production kernel, so the two cannot have the same
+//! errors. Exact signs (Shewchuk's adaptive predicates, crate `robust`) decide whether two triangles share a point.
+//! Distances are computed with orthonormal bases, whose rounding is equivalent to a perturbation of the last bits of
+//! the input. f32 coordinates convert to f64 exactly, so stored f32 positions count as exact.
 
 mod box_tree;
 mod impact;

@@ -1,7 +1,7 @@
-//! Every impact of one moving mesh with itself: of its triangles, or of its vertices, faces and edges.
+//! All impacts of a moving mesh with itself, of its triangles or of its vertices, faces, and edges.
 //!
-//! Brute force is the definition. The tree over the boxes that the motion sweeps gives the same list in less time, and
-//! the two are tested against each other. Two meshes are asked about as one, with the second one's indices shifted.
+//! Brute force is the definition. The tree over the swept boxes gives the same list faster, and tests compare the two.
+//! Two meshes are tested as one, with the indices of the second shifted.
 
 use super::box_tree::{Box3, BoxTree};
 use super::impact::{ImpactTruth, edge_edge_impact, triangle_impact, vertex_face_impact};
@@ -9,34 +9,34 @@ use super::mesh_pairs::share_vertex;
 use glam::DVec3;
 use std::collections::BTreeSet;
 
-/// Two triangles that meet during the motion, or may.
+/// Two triangles that meet during the motion, or may meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriangleImpact {
     /// The smaller index of the two triangles.
     pub triangle_a: u32,
     /// The larger index.
     pub triangle_b: u32,
-    /// When; never [`ImpactTruth::Never`].
+    /// The time of the impact. Never [`ImpactTruth::Never`].
     pub truth: ImpactTruth,
 }
 
-/// Two features that meet during the motion, or may.
+/// Two features that meet during the motion, or may meet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FeatureImpact {
-    /// What the vertices are.
+    /// The kinds of the features.
     pub kind: ImpactKind,
-    /// Vertices of the mesh in the order of `kind`.
+    /// Vertices of the mesh, in the order given by `kind`.
     pub vertices: [u32; 4],
-    /// When; never [`ImpactTruth::Never`].
+    /// The time of the impact. Never [`ImpactTruth::Never`].
     pub truth: ImpactTruth,
 }
 
 /// Which features meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum ImpactKind {
-    /// A vertex and a face: the vertex, then the face's corners in the order of the triangle list.
+    /// A vertex and a face: the vertex, then the corners of the face in the order of the triangle list.
     VertexFace,
-    /// Two edges: the ends of one, the smaller index first, then those of the other; the edges in ascending order.
+    /// Two edges: the ends of one, smaller index first, then those of the other. The edges are in ascending order.
     EdgeEdge,
 }
 
@@ -47,17 +47,17 @@ pub struct MovingMesh<'a> {
     pub start: &'a [DVec3],
     /// Vertex positions at time 1.
     pub end: &'a [DVec3],
-    /// Three vertices each.
+    /// Three vertices per triangle.
     pub triangles: &'a [[u32; 3]],
-    /// For each vertex the one that stands for it ([`exact_weld`](super::exact_weld), or the identity for none):
-    /// triangles, edges and vertices that share one are neighbors and not asked about.
+    /// The representative of each vertex ([`exact_weld`](super::exact_weld), or the identity for no welding).
+    /// Triangles, edges, and vertices that share one are neighbors and are not tested.
     pub weld: &'a [u32],
 }
 
-/// Every two triangles that share no vertex and are not certified to stay farther apart than `minimum_separation`,
-/// sorted by indices; each pair of triangles is examined.
+/// All pairs of triangles that share no vertex and are not certified to stay farther apart than `minimum_separation`,
+/// sorted by indices. Every pair is tested.
 ///
-/// A triangle with a coordinate that is not finite meets nothing. Panics if an index is out of range.
+/// Triangles with a coordinate that is not finite meet nothing. Panics if an index is out of range.
 #[must_use]
 pub fn triangle_impacts_brute_force(mesh: &MovingMesh<'_>, minimum_separation: f64) -> Vec<TriangleImpact> {
     let mut impacts = Vec::new();
@@ -69,7 +69,7 @@ pub fn triangle_impacts_brute_force(mesh: &MovingMesh<'_>, minimum_separation: f
     impacts
 }
 
-/// The same list as [`triangle_impacts_brute_force`], found through a tree of boxes.
+/// The same list as [`triangle_impacts_brute_force`], found with a tree of boxes.
 #[must_use]
 pub fn triangle_impacts_tree(mesh: &MovingMesh<'_>, minimum_separation: f64) -> Vec<TriangleImpact> {
     let mut impacts = Vec::new();
@@ -80,10 +80,10 @@ pub fn triangle_impacts_tree(mesh: &MovingMesh<'_>, minimum_separation: f64) -> 
     impacts
 }
 
-/// Every vertex and face, and every two edges, that share no vertex and are not certified to stay farther apart than
-/// `minimum_separation`, sorted by kind and vertices; each such pair of features is examined.
+/// All vertex–face pairs and pairs of edges that share no vertex and are not certified to stay farther apart than
+/// `minimum_separation`, sorted by kind and vertices. Every pair is tested.
 ///
-/// Vertices without a triangle have no part. A feature with a coordinate that is not finite meets nothing. Panics if an
+/// Vertices without a triangle are ignored. Features with a coordinate that is not finite meet nothing. Panics if an
 /// index is out of range.
 #[must_use]
 pub fn feature_impacts_brute_force(mesh: &MovingMesh<'_>, minimum_separation: f64) -> Vec<FeatureImpact> {
@@ -103,7 +103,7 @@ pub fn feature_impacts_brute_force(mesh: &MovingMesh<'_>, minimum_separation: f6
     impacts
 }
 
-/// The same list as [`feature_impacts_brute_force`], found through trees of boxes.
+/// The same list as [`feature_impacts_brute_force`], found with trees of boxes.
 #[must_use]
 pub fn feature_impacts_tree(mesh: &MovingMesh<'_>, minimum_separation: f64) -> Vec<FeatureImpact> {
     let (vertices, edges) = (mesh.vertices(), mesh.edges());
@@ -134,13 +134,13 @@ impl MovingMesh<'_> {
         vertices.iter().all(|&vertex| self.start[vertex as usize].is_finite() && self.end[vertex as usize].is_finite())
     }
 
-    /// The vertices that have a triangle.
+    /// The vertices that belong to a triangle.
     fn vertices(&self) -> Vec<[u32; 1]> {
         let vertices: BTreeSet<u32> = self.triangles.iter().flatten().copied().collect();
         vertices.into_iter().map(|vertex| [vertex]).collect()
     }
 
-    /// Each edge once, the smaller end first; an edge from a vertex to itself is none.
+    /// Each edge once, smaller end first. Edges from a vertex to itself are skipped.
     fn edges(&self) -> Vec<[u32; 2]> {
         let edges: BTreeSet<[u32; 2]> = self
             .triangles
@@ -193,7 +193,7 @@ impl MovingMesh<'_> {
     }
 }
 
-/// The boxes that features sweep.
+/// A tree of the boxes that features sweep.
 fn swept_tree<const N: usize>(mesh: &MovingMesh<'_>, features: &[[u32; N]]) -> BoxTree {
     let swept = |&feature: &[u32; N]| {
         mesh.is_finite(&feature).then(|| Box3::of(&mesh.at_start(feature)).union(Box3::of(&mesh.at_end(feature))))

@@ -1,8 +1,8 @@
-//! Every touching pair of triangles of one mesh, or of two, with its distance; and how a found list compares.
+//! All touching pairs of triangles of one or two meshes, with their distances, and the comparison of a found list.
 //!
-//! Brute force is the definition. The tree gives the same list in time for meshes of 100,000 triangles, and the two
-//! are tested against each other. Filters of the production pipeline (layers, rings, masks) are no part of the truth:
-//! triangles of one mesh that share a vertex are left out, nothing else is.
+//! Brute force is the definition. The tree gives the same list fast enough for meshes of 100,000 triangles, and tests
+//! compare the two. Filters of the production pipeline (layers, rings, masks) are not part of the reference. Only
+//! triangles of one mesh that share a vertex are left out.
 
 use super::box_tree::{Box3, BoxTree};
 use super::triangle_pair::triangle_distance;
@@ -12,16 +12,17 @@ use std::collections::{BTreeMap, BTreeSet};
 /// Two triangles that touch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReferencePair {
-    /// Index of a triangle; within one mesh the smaller index of the two, between meshes of the first mesh.
+    /// Index of a triangle. Within one mesh, the smaller of the two indices. Between meshes, an index in the first
+    /// mesh.
     pub triangle_a: u32,
-    /// Index of the other triangle; between meshes of the second mesh.
+    /// Index of the other triangle. Between meshes, an index in the second mesh.
     pub triangle_b: u32,
-    /// Their distance in the positions' unit; 0 if they cross.
+    /// Their distance in the unit of the positions. 0 if they cross.
     pub distance: f64,
 }
 
-/// For each vertex the smallest index of a vertex at exactly the same position; -0.0 equals 0.0, and a vertex
-/// with a NaN coordinate equals others of the same bits.
+/// For each vertex, the smallest index of a vertex at exactly the same position. -0.0 equals 0.0, and a vertex with a
+/// NaN coordinate equals others with the same bits.
 #[must_use]
 pub fn exact_weld(positions: &[DVec3]) -> Vec<u32> {
     // Adding 0.0 turns -0.0 into 0.0 and changes nothing else.
@@ -30,9 +31,9 @@ pub fn exact_weld(positions: &[DVec3]) -> Vec<u32> {
     positions.iter().zip(0u32..).map(|(position, index)| *first_at.entry(key(position)).or_insert(index)).collect()
 }
 
-/// Mean length of a mesh's edges, each edge counted once after welding. 0 without edges.
+/// Mean length of a mesh's edges, each counted once after welding. 0 without edges.
 ///
-/// `weld` maps a vertex to its representative ([`exact_weld`]). An edge from a vertex to itself is none.
+/// `weld` maps each vertex to its representative ([`exact_weld`]). Edges from a vertex to itself are not counted.
 #[must_use]
 pub fn mean_edge_length(positions: &[DVec3], triangles: &[[u32; 3]], weld: &[u32]) -> f64 {
     let mut edges = BTreeSet::new();
@@ -49,13 +50,13 @@ pub fn mean_edge_length(positions: &[DVec3], triangles: &[[u32; 3]], weld: &[u32
     if edges.is_empty() { 0.0 } else { total / edges.len() as f64 }
 }
 
-/// Every two triangles of a mesh that share no vertex and whose distance is at most `distance`, sorted by indices;
-/// each pair of triangles is measured.
+/// All pairs of triangles of a mesh that share no vertex and whose distance is at most `distance`, sorted by indices.
+/// Every pair is measured.
 ///
-/// `positions` are vertex positions, `triangles` index them, `weld` maps each vertex to the one that stands for it
-/// ([`exact_weld`], or the identity for none). A triangle with a coordinate that is not finite touches nothing.
-/// Callers that judge a kernel ask for its contact distance with a margin, say `distance · (1 + 2e-4)`, and leave the
-/// close decisions to [`compare`].
+/// `positions` are vertex positions, `triangles` index them, and `weld` maps each vertex to its representative
+/// ([`exact_weld`], or the identity for no welding). Triangles with a coordinate that is not finite touch nothing. To
+/// judge a kernel, pass its contact distance with a margin, such as `distance · (1 + 2e-4)`, and leave the close
+/// decisions to [`compare`].
 ///
 /// Panics if an index is out of range.
 #[must_use]
@@ -77,7 +78,7 @@ pub fn touching_pairs_brute_force(
     pairs
 }
 
-/// The same list as [`touching_pairs_brute_force`], found through a tree of boxes.
+/// The same list as [`touching_pairs_brute_force`], found with a tree of boxes.
 #[must_use]
 pub fn touching_pairs_tree(
     positions: &[DVec3],
@@ -96,9 +97,9 @@ pub fn touching_pairs_tree(
     pairs
 }
 
-/// Every triangle of one mesh and triangle of another whose distance is at most `distance`, sorted by indices; each
-/// pair of triangles is measured. Both meshes' positions are in one frame; vertices that coincide across the meshes
-/// make their triangles touch.
+/// All pairs of a triangle of one mesh and a triangle of another whose distance is at most `distance`, sorted by
+/// indices. Every pair is measured. The positions of both meshes are in one frame. If vertices of the two meshes
+/// coincide, their triangles touch.
 ///
 /// Panics if an index is out of range.
 #[must_use]
@@ -120,7 +121,7 @@ pub fn touching_pairs_between_brute_force(
     pairs
 }
 
-/// The same list as [`touching_pairs_between_brute_force`], found through two trees of boxes.
+/// The same list as [`touching_pairs_between_brute_force`], found with two trees of boxes.
 #[must_use]
 pub fn touching_pairs_between_tree(
     positions_a: &[DVec3],
@@ -139,8 +140,8 @@ pub fn touching_pairs_between_tree(
     pairs
 }
 
-/// Every two triangles of a mesh whose boxes overlap once each is grown by half of `distance`, the smaller index
-/// first, sorted; pairs that share a vertex included. What any broad phase must give at least.
+/// All pairs of triangles of a mesh whose boxes overlap when each is grown by half of `distance`, including pairs that
+/// share a vertex. Smaller index first, sorted. Every broad phase must find at least these.
 #[must_use]
 pub fn box_pairs(positions: &[DVec3], triangles: &[[u32; 3]], distance: f64) -> Vec<(u32, u32)> {
     let corners = finite_corners(positions, triangles);
@@ -150,40 +151,40 @@ pub fn box_pairs(positions: &[DVec3], triangles: &[[u32; 3]], distance: f64) -> 
     pairs
 }
 
-/// How a list of found pairs compares with the truth.
+/// How a list of found pairs compares with the reference.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Comparison {
-    /// True pairs that had to be found and were not.
+    /// Reference pairs that had to be found and were not.
     pub missed: Vec<ReferencePair>,
-    /// Found pairs, each named once, that are farther apart than the band allows (or not pairs of the truth at all).
+    /// Found pairs, each listed once, that are farther apart than the band allows or not pairs of the reference at all.
     pub false_pairs: Vec<(u32, u32)>,
-    /// Pairs that were named again after the first time.
+    /// Pairs that were found again after the first time.
     pub duplicates: Vec<(u32, u32)>,
-    /// True pairs within the band, which may be found or not.
+    /// Reference pairs within the band. They may be found or not.
     pub in_band: usize,
-    /// True pairs that had to be found and were.
+    /// Reference pairs that had to be found and were.
     pub matched: usize,
-    /// Largest |found distance − true distance| over the found pairs that are matched or in the band, in the
-    /// positions' unit; infinite if a found distance is not a number.
+    /// Largest |found distance − reference distance| over the found pairs that are matched or in the band, in the unit
+    /// of the positions. Infinite if a found distance is NaN.
     pub worst_distance_error: f64,
-    /// The pair of that error; none if every error is 0.
+    /// The pair with that error. `None` if every error is 0.
     pub worst_pair: Option<(u32, u32)>,
 }
 
 impl Comparison {
-    /// Whether the found list is right as a set: nothing missed, nothing false, nothing twice.
+    /// Whether the found list is right as a set, without missed, false, or duplicate pairs.
     #[must_use]
     pub fn is_exact(&self) -> bool {
         self.missed.is_empty() && self.false_pairs.is_empty() && self.duplicates.is_empty()
     }
 }
 
-/// Compares found pairs (triangle, triangle, distance) with the truth at contact distance `distance`.
+/// Compares found pairs (triangle, triangle, distance) with the reference at contact distance `distance`.
 ///
-/// `truth` must have been asked for at `distance · (1 + band)` or more. A true distance up to `distance · (1 − band)`
-/// must be found, one above `distance · (1 + band)` must not be, and the `band` between, relative to `distance`, is
-/// free: it is where honest rounding of the judged kernel decides. Found pairs name their triangles in the order of
-/// the truth (within one mesh the smaller index first); the other order counts as false.
+/// `truth` must have been computed for `distance · (1 + band)` or more. Pairs up to `distance · (1 − band)` must be
+/// found, and pairs above `distance · (1 + band)` must not. In the `band` between them, which is relative to
+/// `distance`, either is right, because rounding in the tested kernel decides. Found pairs must list their triangles in
+/// the order of the reference (within one mesh, smaller index first). The reverse order counts as false.
 #[must_use]
 pub fn compare(found: &[(u32, u32, f64)], truth: &[ReferencePair], distance: f64, band: f64) -> Comparison {
     let required_up_to = distance * (1.0 - band);
@@ -225,7 +226,7 @@ pub fn compare(found: &[(u32, u32, f64)], truth: &[ReferencePair], distance: f64
     comparison
 }
 
-/// The corners of each triangle; none for a triangle with a coordinate that is not finite.
+/// The corners of each triangle. `None` for a triangle with a coordinate that is not finite.
 fn finite_corners(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<Option<[DVec3; 3]>> {
     triangles
         .iter()
@@ -236,7 +237,7 @@ fn finite_corners(positions: &[DVec3], triangles: &[[u32; 3]]) -> Vec<Option<[DV
         .collect()
 }
 
-/// Whether two features have a vertex in common, by the vertices that stand for theirs.
+/// Whether two features have a vertex in common after welding.
 pub(super) fn share_vertex(a: &[u32], b: &[u32], weld: &[u32]) -> bool {
     a.iter().any(|&one| b.iter().any(|&other| weld[one as usize] == weld[other as usize]))
 }

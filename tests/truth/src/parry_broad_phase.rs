@@ -1,4 +1,4 @@
-//! Pairs of triangles by parry's own tree, on one thread: what the default broad phase is compared with, stage for stage.
+//! Pairs of triangles from parry's tree, on one thread. The default broad phase is compared with it stage by stage.
 
 use std::collections::HashMap;
 
@@ -13,9 +13,9 @@ use parry3d::{
     partitioning::{Bvh, BvhBuildStrategy, BvhWorkspace},
 };
 
-/// Finds pairs by [parry's tree](Bvh), one to a surface, built once and refitted wherever its boxes have moved. Drops no pair
-/// of boxes that overlap. Disable the
-/// [`TreeBroadPhasePlugin`](bevy_circumsphere::detection::TreeBroadPhasePlugin) and add this.
+/// Finds pairs with [parry's tree](Bvh). Each surface has one tree, which is built once and refitted wherever its boxes
+/// have moved. Keeps every pair of overlapping boxes. To use it, disable the
+/// [`TreeBroadPhasePlugin`](bevy_circumsphere::detection::TreeBroadPhasePlugin) and add this plugin.
 pub struct ParryBroadPhasePlugin;
 
 impl Plugin for ParryBroadPhasePlugin {
@@ -24,7 +24,7 @@ impl Plugin for ParryBroadPhasePlugin {
     }
 }
 
-/// The trees of all surfaces by entity, each with the version of its boxes, and what parry works in.
+/// The trees of all surfaces by entity, each with the version of its boxes, and parry's workspace.
 #[derive(Default)]
 struct ParryTrees {
     trees: HashMap<Entity, (Bvh, u64, usize)>,
@@ -32,7 +32,7 @@ struct ParryTrees {
 }
 
 impl ParryTrees {
-    /// The tree of a surface whose boxes were not moved.
+    /// Updates the tree of a surface whose boxes were not transformed.
     fn follow(&mut self, side: &BoxSide<'_>, version: u64) {
         let boxes = || side.boxes.iter().map(|bounds| Aabb::new(bounds.min, bounds.max));
         match self.trees.get_mut(&side.entity).filter(|(.., count)| *count == side.boxes.len()) {
@@ -55,13 +55,14 @@ impl ParryTrees {
 fn pair_triangles(mut candidates: CandidateWriter, mut trees: Local<ParryTrees>) {
     candidates.write(|surfaces, pairs| match surfaces {
         SurfaceBoxes::Own(side) => {
-            trees.follow(&side, side.version.expect("a surface alone is not moved"));
+            trees.follow(&side, side.version.expect("a single surface is not transformed"));
             let ParryTrees { trees, workspace } = &mut *trees;
             let (tree, ..) = &trees[&side.entity];
             tree.traverse_bvtt_single_tree::<false>(workspace, &mut |a: u32, b: u32| pairs.push([a.min(b), a.max(b)]));
         }
         SurfaceBoxes::Between([first, second]) => {
-            // The boxes of one side query the tree of the other: those of a side that was moved, else of the second.
+            // The boxes of one side query the tree of the other. The side whose boxes were transformed queries,
+            // otherwise the second.
             let is_first_asked = first.version.is_some();
             let (asked, asking) = if is_first_asked { (first, second) } else { (second, first) };
             trees.follow(&asked, asked.version.expect("one side is in its own frame"));

@@ -1,9 +1,9 @@
-//! Do two closed triangles share a point? Decided by exact signs, never by a tolerance.
+//! Whether two closed triangles share a point, decided by exact signs without tolerances.
 //!
-//! The intersection of two triangles is convex, and its extreme points lie on an edge of one of them; so the
-//! triangles share a point if and only if some edge of one meets the other. Every answer below comes from the signs
-//! of Shewchuk's adaptive predicates (J. R. Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust
-//! Geometric Predicates", 1997) and from comparisons of input coordinates.
+//! The intersection of two triangles is convex, and its extreme points lie on an edge of one of them. So the triangles
+//! share a point if and only if an edge of one meets the other. All answers come from the signs of Shewchuk's adaptive
+//! predicates (J. R. Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric Predicates",
+//! 1997) and from comparisons of input coordinates.
 
 use glam::{DVec2, DVec3};
 use robust::{Coord, Coord3D};
@@ -11,9 +11,10 @@ use std::cmp::Ordering;
 
 /// Whether two closed triangles have at least one point in common.
 ///
-/// Exact for finite coordinates whose magnitude is zero or within 1e-60…1e60, which includes every f32, subnormal
-/// ones too (beyond that, products of three coordinates and their rounding errors leave f64's range). Triangles of
-/// zero area count as the segment or the point they are. Touching in one point, sharing a vertex or an edge, and
+/// Exact for finite coordinates that are 0 or have a magnitude from 1e-60 to 1e60, which includes every f32, even
+/// subnormal ones. Beyond that, products of three coordinates and their rounding errors leave the range of f64. A
+/// triangle without area counts as a segment or a point. Touching in one point, sharing a vertex or an edge, and
+/// overlapping in one plane all count.
 /// overlapping in one plane all count.
 #[must_use]
 pub fn triangles_cross(a: &[DVec3; 3], b: &[DVec3; 3]) -> bool {
@@ -24,7 +25,7 @@ pub fn triangles_cross(a: &[DVec3; 3], b: &[DVec3; 3]) -> bool {
         || (0..3).any(|k| segment_meets_triangle(b[k], b[(k + 1) % 3], a))
 }
 
-/// A coordinate plane on which a shape is looked at; dropping a coordinate is free of rounding.
+/// A projection onto a coordinate plane. Dropping a coordinate does not round.
 #[derive(Clone, Copy)]
 enum Projection {
     DropX,
@@ -44,31 +45,31 @@ impl Projection {
     }
 }
 
-/// Whether the axis-parallel boxes of two point sets meet; comparisons alone, so exact.
+/// Whether the axis-aligned boxes of two point sets overlap. Only comparisons, so exact.
 fn boxes_meet<const N: usize>(a: &[DVec3; N], b: &[DVec3; N]) -> bool {
     let low = |points: &[DVec3; N]| points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = |points: &[DVec3; N]| points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     low(a).cmple(high(b)).all() && low(b).cmple(high(a)).all()
 }
 
-/// Side of the plane through `triangle` on which `point` lies; `Equal` exactly on it.
+/// The side of the plane through `triangle` on which `point` lies. `Equal` means exactly on it.
 pub(super) fn side_of_plane(triangle: &[DVec3; 3], point: DVec3) -> Ordering {
     let coord = |p: DVec3| Coord3D { x: p.x, y: p.y, z: p.z };
     sign(robust::orient3d(coord(triangle[0]), coord(triangle[1]), coord(triangle[2]), coord(point)))
 }
 
-/// Turn of the path a → b → c; `Equal` exactly on one line.
+/// The turn of the path a → b → c. `Equal` means exactly collinear.
 fn turn(a: DVec2, b: DVec2, c: DVec2) -> Ordering {
     let coord = |p: DVec2| Coord { x: p.x, y: p.y };
     sign(robust::orient2d(coord(a), coord(b), coord(c)))
 }
 
 fn sign(determinant: f64) -> Ordering {
-    // Not `total_cmp`, for which -0.0 is less than 0.0.
+    // Not `total_cmp`, which orders -0.0 before 0.0.
     determinant.partial_cmp(&0.0).unwrap_or(Ordering::Equal)
 }
 
-/// A projection on which three points are not on one line, if there is one: then they span a plane, and the
+/// A projection in which three points are not collinear, if there is one. The points then span a plane, and the
 /// projection is one-to-one on it.
 fn faithful_projection(a: DVec3, b: DVec3, c: DVec3) -> Option<Projection> {
     PROJECTIONS
@@ -80,19 +81,19 @@ fn faithful_projection(a: DVec3, b: DVec3, c: DVec3) -> Option<Projection> {
 fn segment_meets_triangle(p: DVec3, q: DVec3, triangle: &[DVec3; 3]) -> bool {
     let [t0, t1, t2] = *triangle;
     let Some(projection) = faithful_projection(t0, t1, t2) else {
-        // All corners on one line: the triangle is the union of its edges.
+        // All corners are collinear: the triangle is the union of its edges.
         return (0..3).any(|k| segments_meet(p, q, triangle[k], triangle[(k + 1) % 3]));
     };
     match (side_of_plane(triangle, p), side_of_plane(triangle, q)) {
         (Ordering::Equal, Ordering::Equal) => {
-            // A segment of the triangle's plane starts inside, or has to pass an edge to get there.
+            // A segment in the triangle's plane starts inside the triangle or crosses one of its edges.
             let corners = triangle.map(|corner| projection.apply(corner));
             let (p, q) = (projection.apply(p), projection.apply(q));
             point_in_triangle(p, &corners)
                 || (0..3).any(|k| segments_meet_in_plane(p, q, corners[k], corners[(k + 1) % 3]))
         }
         (side_p, side_q) if side_p == side_q => false,
-        // The segment meets the plane in one point: within the triangle if the line passes all edges on one side.
+        // The segment meets the plane in one point, which is in the triangle if the line passes all edges on one side.
         _ => all_on_one_side([
             side_of_plane(&[p, q, t0], t1),
             side_of_plane(&[p, q, t1], t2),
@@ -101,17 +102,17 @@ fn segment_meets_triangle(p: DVec3, q: DVec3, triangle: &[DVec3; 3]) -> bool {
     }
 }
 
-/// Whether no two of three signs are opposite; `Equal` goes with either.
+/// Whether no two of three signs are opposite. `Equal` is compatible with both.
 fn all_on_one_side(signs: [Ordering; 3]) -> bool {
     !(signs.contains(&Ordering::Less) && signs.contains(&Ordering::Greater))
 }
 
-/// Whether a point lies in a closed triangle that is not on one line, all in one plane.
+/// Whether a point lies in a closed triangle with area, all in one plane.
 fn point_in_triangle(point: DVec2, triangle: &[DVec2; 3]) -> bool {
     all_on_one_side([0, 1, 2].map(|k| turn(triangle[k], triangle[(k + 1) % 3], point)))
 }
 
-/// Whether two closed segments of one plane meet; either may be a point.
+/// Whether two closed segments in one plane meet. Either may be a point.
 fn segments_meet_in_plane(p: DVec2, q: DVec2, r: DVec2, s: DVec2) -> bool {
     let (turn_r, turn_s) = (turn(p, q, r), turn(p, q, s));
     let (turn_p, turn_q) = (turn(r, s, p), turn(r, s, q));
@@ -119,21 +120,21 @@ fn segments_meet_in_plane(p: DVec2, q: DVec2, r: DVec2, s: DVec2) -> bool {
     if splits(turn_r, turn_s) && splits(turn_p, turn_q) {
         return true;
     }
-    // Otherwise they can meet only where an end of one lies on the other.
+    // Otherwise, they can meet only where an end of one lies on the other.
     (turn_r == Ordering::Equal && between(p, q, r))
         || (turn_s == Ordering::Equal && between(p, q, s))
         || (turn_p == Ordering::Equal && between(r, s, p))
         || (turn_q == Ordering::Equal && between(r, s, q))
 }
 
-/// Whether a point known to be on the line of `a` and `b` lies in the box of the two, hence on their segment.
+/// Whether a point on the line through `a` and `b` lies in the box of the two, and so on their segment.
 fn between(a: DVec2, b: DVec2, point: DVec2) -> bool {
     let low = a.min(b);
     let high = a.max(b);
     low.cmple(point).all() && point.cmple(high).all()
 }
 
-/// Whether two closed segments in space meet; either may be a point.
+/// Whether two closed segments in space meet. Either may be a point.
 fn segments_meet(p: DVec3, q: DVec3, r: DVec3, s: DVec3) -> bool {
     if side_of_plane(&[p, q, r], s) != Ordering::Equal {
         return false;
@@ -144,8 +145,8 @@ fn segments_meet(p: DVec3, q: DVec3, r: DVec3, s: DVec3) -> bool {
         Some(projection) => {
             segments_meet_in_plane(projection.apply(p), projection.apply(q), projection.apply(r), projection.apply(s))
         }
-        // Four points on one line (or two pairs of equal points): along a line every coordinate runs one way, so
-        // the segments meet where their boxes do. Two separate points never have boxes that meet.
+        // Four collinear points, or two pairs of equal points. Along a line every coordinate is monotone, so the
+        // segments meet where their boxes do. The boxes of two distinct points never meet.
         None => boxes_meet(&[p, q], &[r, s]),
     }
 }

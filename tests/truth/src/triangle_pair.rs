@@ -1,11 +1,11 @@
 //! Distance and closest features of two triangles in f64.
 //!
-//! Each closest point is found as a minimum over explicit candidates: the boundary cases and, where an interior
-//! solution exists, that of the least-squares problem solved by Gram–Schmidt orthogonalisation with one
-//! reorthogonalisation (Björck, "Numerical Methods for Least Squares Problems", 1996, section 2.4). That solution is
-//! exact for an input moved by a few units in the last place, and a distance changes by no more than its input
-//! moves; so every distance is right to a few 1e-16 of the pair's extent, for slivers and near-parallel edges too.
-//! Every reported distance is between two explicit points of the features, hence never too small by more than that.
+//! Each closest point is the minimum over explicit candidates: the boundary cases and, if there is an interior
+//! solution, the solution of the least-squares problem by Gram–Schmidt orthogonalization with one reorthogonalization
+//! (Björck, "Numerical Methods for Least Squares Problems", 1996, section 2.4). That solution is exact for an input
+//! moved by a few units in the last place, and a distance changes by no more than its input moves. So every distance is
+//! accurate to a few 1e-16 of the pair's extent, even for slivers and nearly parallel edges. Every reported distance is
+//! between two explicit points of the features, so it is never too small by more than that.
 
 use super::triangle_crossing::triangles_cross;
 use glam::DVec3;
@@ -13,7 +13,7 @@ use glam::DVec3;
 /// The point of a segment closest to a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointSegment {
-    /// Position along the segment: 0 at its first end, 1 at its second; 0 for a segment of no length.
+    /// Position along the segment: 0 at its first end, 1 at its second. 0 if the segment has no length.
     pub parameter: f64,
     /// The closest point.
     pub point: DVec3,
@@ -39,7 +39,7 @@ pub struct SegmentSegment {
 /// The point of a triangle closest to a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointTriangle {
-    /// Weights of the triangle's vertices: none negative, sum 1 up to rounding.
+    /// Weights of the triangle's vertices. None is negative, and the sum is 1 up to rounding.
     pub barycentric: [f64; 3],
     /// The closest point.
     pub point: DVec3,
@@ -68,33 +68,33 @@ pub enum ClosestKind {
         /// The vertex within its triangle, 0…2.
         vertex: usize,
     },
-    /// An edge of either triangle.
+    /// An edge of each triangle.
     EdgeEdge {
         /// The edge of the first triangle, 0…2.
         edge_a: usize,
         /// The edge of the second triangle, 0…2.
         edge_b: usize,
     },
-    /// The triangles share a point (exactly decided), wherever it lies.
+    /// The triangles share a point anywhere (decided exactly).
     Crossing,
 }
 
 /// The closest points of two triangles and the features they lie on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClosestFeatures {
-    /// Distance of the triangles; exactly 0 if they cross. Of triangles that do not cross it is 0 only if it is lost
-    /// in rounding (under 1e-15 of the pair's extent); `kind` tells the two apart.
+    /// Distance of the triangles. Exactly 0 if they cross. Otherwise it is 0 only if it is lost in rounding (below
+    /// 1e-15 of the pair's extent). `kind` distinguishes the two cases.
     pub distance: f64,
-    /// The features. Where several are equally close (two vertices, say), the first of: vertices of `a` in order,
-    /// vertices of `b` in order, pairs of edges in order.
+    /// The features. If several are equally close, such as two vertices, the first in this order: vertices of `a`,
+    /// vertices of `b`, pairs of edges.
     pub kind: ClosestKind,
-    /// Weights of the first triangle's vertices at `point_a`: none negative, sum 1 up to rounding.
+    /// Weights of the first triangle's vertices at `point_a`. None is negative, and the sum is 1 up to rounding.
     pub barycentric_a: [f64; 3],
     /// Weights of the second triangle's vertices at `point_b`.
     pub barycentric_b: [f64; 3],
-    /// The closest point on the first triangle. Of crossing triangles: a shared point, up to rounding.
+    /// The closest point on the first triangle. If the triangles cross, a shared point, up to rounding.
     pub point_a: DVec3,
-    /// The closest point on the second triangle. Of crossing triangles: the same shared point, up to rounding.
+    /// The closest point on the second triangle. If the triangles cross, the same shared point, up to rounding.
     pub point_b: DVec3,
 }
 
@@ -112,7 +112,7 @@ pub fn point_segment(point: DVec3, a: DVec3, b: DVec3) -> PointSegment {
 
 /// The closest points of the segment from `a0` to `a1` and the segment from `b0` to `b1`.
 ///
-/// Of parallel segments whose closest points are not unique, one pair of them.
+/// If the segments are parallel and the closest points are not unique, one such pair.
 #[must_use]
 pub fn segment_segment(a0: DVec3, a1: DVec3, b0: DVec3, b1: DVec3) -> SegmentSegment {
     let frame = LocalFrame::of(a0, &[a1, b0, b1]);
@@ -127,7 +127,7 @@ pub fn segment_segment(a0: DVec3, a1: DVec3, b0: DVec3, b1: DVec3) -> SegmentSeg
     }
 }
 
-/// The point of a closed triangle closest to `point`. A triangle of zero area counts as the segment or point it is.
+/// The point of a closed triangle closest to `point`. A triangle without area counts as a segment or a point.
 #[must_use]
 pub fn point_triangle(point: DVec3, triangle: &[DVec3; 3]) -> PointTriangle {
     let frame = LocalFrame::of(point, triangle);
@@ -139,19 +139,19 @@ pub fn point_triangle(point: DVec3, triangle: &[DVec3; 3]) -> PointTriangle {
     }
 }
 
-/// Distance of two closed triangles: exactly 0 if they share a point, else the least of the 6 vertex–face and the 9
-/// edge–edge distances, right to a few 1e-16 of the pair's extent.
+/// Distance of two closed triangles: exactly 0 if they share a point, otherwise the least of the 6 vertex–face and the
+/// 9 edge–edge distances, accurate to a few 1e-16 of the pair's extent.
 ///
-/// Coordinates must be finite and within the range that [`triangles_cross`] asks for.
+/// Coordinates must be finite and in the range of [`triangles_cross`].
 #[must_use]
 pub fn triangle_distance(a: &[DVec3; 3], b: &[DVec3; 3]) -> f64 {
     closest_features(a, b).distance
 }
 
-/// The closest points of two triangles, and the features they lie on; see [`triangle_distance`].
+/// The closest points of two triangles and their features. See [`triangle_distance`].
 #[must_use]
 pub fn closest_features(a: &[DVec3; 3], b: &[DVec3; 3]) -> ClosestFeatures {
-    // Signs are taken from the untouched coordinates: moving to a local origin rounds.
+    // Signs need the original coordinates, because moving to a local origin rounds.
     let crossing = triangles_cross(a, b);
     let frame = LocalFrame::of(a[0], &[a[1], a[2], b[0], b[1], b[2]]);
     let local_a = a.map(|corner| frame.to_local(corner));
@@ -173,21 +173,21 @@ pub fn closest_features(a: &[DVec3; 3], b: &[DVec3; 3]) -> ClosestFeatures {
     }
 }
 
-/// The exponent bits of an f64; alone they are the largest power of two that is not above the number.
+/// The exponent bits of an f64. As a number, they are the largest power of two not above it.
 const EXPONENT: u64 = 0x7ff0_0000_0000_0000;
 
-/// The largest power of two that is not above a length: the unit of a frame, scaling by which rounds nothing. A length of
-/// 0 and one that overflowed keep the world's unit, 1.
+/// The largest power of two not above a length, used as the unit of a frame because scaling by it does not round.
+/// Lengths of 0 and lengths that overflowed give the world's unit, 1.
 pub(super) fn power_of_two_within(length: f64) -> f64 {
     let power = f64::from_bits(length.max(f64::MIN_POSITIVE).to_bits() & EXPONENT);
     if length > 0.0 && power.is_finite() { power } else { 1.0 }
 }
 
-/// A frame in which a few points are small numbers around the origin: the offset of a pair far from the world's
-/// origin, and the scale of very small or large ones, would otherwise spoil squares and differences.
+/// A frame in which a few points are small numbers around the origin. Otherwise, the offset of a pair far from the
+/// world's origin and the scale of very small or large pairs would spoil squares and differences.
 struct LocalFrame {
     origin: DVec3,
-    /// World length of one local unit, a power of two: scaling by it does not round.
+    /// World length of one local unit. It is a power of two, so scaling by it does not round.
     unit: f64,
 }
 
@@ -210,8 +210,8 @@ impl LocalFrame {
     }
 }
 
-/// Splits `vector` into its component along the unit vector `direction` and the rest, perpendicular to it up to
-/// rounding of the rest itself: the second pass removes what the first one's cancellation left.
+/// Splits `vector` into its component along the unit vector `direction` and the perpendicular rest. A second pass
+/// removes the cancellation error of the first, so the rest is perpendicular up to its own rounding.
 fn split_along(vector: DVec3, direction: DVec3) -> (f64, DVec3) {
     let along = vector.dot(direction);
     let rest = vector - direction * along;
@@ -219,7 +219,7 @@ fn split_along(vector: DVec3, direction: DVec3) -> (f64, DVec3) {
     (along + remainder, rest - direction * remainder)
 }
 
-/// Unit vector and length; none for a vector of no length.
+/// Unit vector and length. `None` for a vector without length.
 fn unit_and_length(vector: DVec3) -> Option<(DVec3, f64)> {
     let length = vector.length();
     (length > 0.0).then(|| (vector / length, length))
@@ -229,13 +229,13 @@ fn point_segment_local(point: DVec3, a: DVec3, b: DVec3) -> PointSegment {
     let edge = b - a;
     let length_squared = edge.length_squared();
     let parameter = if length_squared > 0.0 { ((point - a).dot(edge) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
-    // The end itself, not a + (b - a), which may round to something else.
+    // The end itself, because a + (b - a) may round to something else.
     let closest = if parameter == 1.0 { b } else { a + edge * parameter };
     PointSegment { parameter, point: closest, distance: point.distance(closest) }
 }
 
-/// Parameters of the closest points of two lines, (along `u` from its base, along `v` from its base); `offset`
-/// leads from the base of `u` to the base of `v`. None if the lines are parallel or one has no direction.
+/// Parameters of the closest points of two lines, along `u` and along `v` from their bases. `offset` leads from the
+/// base of `u` to the base of `v`. `None` if the lines are parallel or one has no direction.
 fn closest_line_parameters(u: DVec3, v: DVec3, offset: DVec3) -> Option<(f64, f64)> {
     let (direction, length) = unit_and_length(u)?;
     let (v_along, v_rest) = split_along(v, direction);
@@ -276,7 +276,7 @@ fn segment_segment_local(a0: DVec3, a1: DVec3, b0: DVec3, b1: DVec3) -> SegmentS
     closest
 }
 
-/// The closest points of the two lines, if both lie within the segments and there is but one such pair.
+/// The closest points of the two lines, if they are unique and lie within the segments.
 fn closest_inside(a0: DVec3, a1: DVec3, b0: DVec3, b1: DVec3) -> Option<SegmentSegment> {
     let (u, v) = (a1 - a0, b1 - b0);
     let (parameter_a, parameter_b) = closest_line_parameters(u, v, b0 - a0)?;
@@ -311,20 +311,20 @@ fn closest_on_edges(point: DVec3, triangle: &[DVec3; 3]) -> PointTriangle {
     if third.distance < best.distance { third } else { best }
 }
 
-/// A triangle's plane in orthonormal directions, with its first corner as origin.
+/// A triangle's plane in orthonormal directions, with the first corner as the origin.
 struct PlaneBasis {
-    /// Unit vector from corner 0 to corner 1, and that edge's length.
+    /// Unit vector from corner 0 to corner 1, and the length of that edge.
     direction: DVec3,
     length: f64,
-    /// Unit vector across it in the plane.
+    /// Unit vector perpendicular to it in the plane.
     across: DVec3,
-    /// Corner 2 along both.
+    /// Coordinates of corner 2 in both directions.
     apex_along: f64,
     apex_across: f64,
 }
 
 impl PlaneBasis {
-    /// None if the corners lie on one line.
+    /// `None` if the corners are collinear.
     fn of(triangle: &[DVec3; 3]) -> Option<Self> {
         let (direction, length) = unit_and_length(triangle[1] - triangle[0])?;
         let (apex_along, rest) = split_along(triangle[2] - triangle[0], direction);
@@ -337,7 +337,7 @@ impl PlaneBasis {
     }
 }
 
-/// The foot of the perpendicular on the triangle's plane, if it lies within the triangle and there is such a plane.
+/// The foot of the perpendicular on the triangle's plane, if it is within the triangle and the triangle has a plane.
 fn projection_inside(point: DVec3, triangle: &[DVec3; 3]) -> Option<PointTriangle> {
     let basis = PlaneBasis::of(triangle)?;
     let [corner, second, third] = *triangle;
@@ -352,7 +352,7 @@ fn projection_inside(point: DVec3, triangle: &[DVec3; 3]) -> Option<PointTriangl
     Some(PointTriangle { barycentric, point: foot, distance: point.distance(foot) })
 }
 
-/// The nearer of two answers, the first if they are equally near.
+/// The nearer of two results, or the first if they are equally near.
 fn nearer(first: ClosestFeatures, second: ClosestFeatures) -> ClosestFeatures {
     if second.distance < first.distance { second } else { first }
 }
@@ -407,7 +407,7 @@ fn edge_to_edge(a: &[DVec3; 3], b: &[DVec3; 3], edge_a: usize, edge_b: usize) ->
     }
 }
 
-/// The same answer with the triangles' roles exchanged.
+/// The same result with the roles of the triangles exchanged.
 fn swapped(features: ClosestFeatures) -> ClosestFeatures {
     let kind = match features.kind {
         ClosestKind::VertexFace { vertex_of, vertex } => ClosestKind::VertexFace {
@@ -430,8 +430,8 @@ fn swapped(features: ClosestFeatures) -> ClosestFeatures {
     }
 }
 
-/// Where edges of one triangle pass through the plane of the other, each with the closest point of that triangle;
-/// `distance` is 0 up to rounding where the edge passes through the triangle itself.
+/// Points where edges of one triangle pass through the plane of the other, each with the closest point of that
+/// triangle. `distance` is 0 up to rounding where the edge passes through the triangle itself.
 fn piercing_points(a: &[DVec3; 3], b: &[DVec3; 3]) -> Vec<ClosestFeatures> {
     let mut candidates = Vec::with_capacity(6);
     for edge in 0..3 {
@@ -443,7 +443,7 @@ fn piercing_points(a: &[DVec3; 3], b: &[DVec3; 3]) -> Vec<ClosestFeatures> {
 
 fn edge_of_a_through_face(a: &[DVec3; 3], b: &[DVec3; 3], edge: usize) -> Option<ClosestFeatures> {
     let next = (edge + 1) % 3;
-    // Both heights from one normal: determinants, each rounded on its own, would err by a sliver's aspect.
+    // Both heights use the same normal. Determinants rounded separately would have an error of a sliver's aspect ratio.
     let basis = PlaneBasis::of(b)?;
     let normal = basis.normal();
     let height = |p: DVec3| (p - b[0]).dot(normal);

@@ -1,10 +1,10 @@
-//! Memory use, by owner.
+//! Memory use, by component and resource.
 //!
-//! Owners are removed from the world one after the other, and the allocator reports how many bytes each removal frees.
-//! Nothing is left out, because the remainder is reported too. Memory per triangle is that of a sheet that is tested
-//! against a triangle in its box, while none of its own triangles is near: no pair takes memory. Pairs are weighed on a
-//! crumpled sheet. What self-collision under an exact method adds to its topology, six numbers per triangle, is part of
-//! the remainder.
+//! Components and resources are removed from the world one after the other, and the allocator reports how many bytes each
+//! removal frees. The sum is complete, because the remainder is reported too. Memory per triangle is measured on a sheet
+//! without pairs: it is tested against a triangle within its box that is not near any triangle of the sheet. Memory per
+//! pair is measured on a crumpled sheet. Self-collision with an exact method adds six numbers per triangle to the
+//! topology, which are part of the remainder.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -29,7 +29,7 @@ use super::{
     scenes::{self, Scene},
 };
 
-/// Ticks before weighing, because buffers are swapped and reused between ticks.
+/// Number of ticks before memory is measured, because buffers are swapped and reused between ticks.
 const TICKS: usize = 4;
 
 /// Memory of one method.
@@ -37,7 +37,7 @@ const TICKS: usize = 4;
 pub struct Memory {
     pub method: String,
     pub triangles: usize,
-    /// All memory of a sheet without pairs, plus the rows that a sheet with pairs has.
+    /// All memory of a sheet without pairs, including the rows that only a sheet with pairs has.
     pub bytes_per_triangle_without_pairs: f64,
     candidates: usize,
     contacts: usize,
@@ -47,7 +47,7 @@ pub struct Memory {
     listed: usize,
     /// `None` if nothing is listed.
     bytes_per_listed: Option<f64>,
-    /// Peak memory of a tick beyond what it leaves behind.
+    /// Peak memory during a tick, less the memory that remains after it.
     passing_bytes_per_candidate: f64,
 }
 
@@ -55,32 +55,32 @@ pub struct Memory {
 #[derive(Serialize)]
 struct Part {
     name: &'static str,
-    /// For the sheet without pairs. For rows, which that sheet does not have, for the crumpled one.
+    /// For the sheet without pairs. Rows exist only on the crumpled sheet, and are measured there.
     bytes_per_triangle: f64,
     /// For the crumpled sheet.
     bytes: usize,
 }
 
-/// The memory of a sheet, by owner.
+/// The memory of a sheet, by component and resource.
 struct Weighed {
     parts: Vec<(&'static str, usize)>,
     candidates: usize,
     contacts: usize,
     /// Pairs in lists that outlive a tick.
     listed: usize,
-    /// Peak of a tick beyond what remains.
+    /// Peak memory during a tick, less the memory that remains after it.
     passing: usize,
 }
 
 const TOPOLOGY: &str = "topology";
-/// Positions, boxes, tree and rows.
+/// Positions, boxes, tree, and rows.
 const STATES: &str = "SurfaceStates";
 const CANDIDATES: &str = "CandidateTrianglePairs";
-const LISTS: &str = "KeptPairs (of a mesh that moves a little)";
-/// Memory that only the stages themselves can reach.
+const LISTS: &str = "KeptPairs (lists of near pairs)";
+/// Memory that is private to the stages.
 const ELSEWHERE: &str = "elsewhere (scratch)";
 
-/// Owners of pairs that were found, as opposed to candidates.
+/// Resources that hold pairs that were found, as opposed to candidates.
 const RESULTS: [&str; 6] =
     ["OverlappingTrianglePairs", "MeetingCaps", "ExactTrianglePairs", "SphereContacts", "ContactStore", ELSEWHERE];
 
@@ -97,14 +97,14 @@ fn take_resource<T: Resource>(world: &mut World, _: Entity) {
 
 fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
     let body = &scene.bodies[0];
-    // Shared by several owners, so it is only freed with the last one.
+    // The topology is shared by several owners and freed with the last one, so it is measured separately.
     let before = HEAP.current_usage();
     let topology = SurfaceTopology::new(&body.states[0].positions, &body.triangles).expect("it is a valid mesh");
     let topology_bytes = HEAP.current_usage() - before;
     drop(topology);
 
     let before = HEAP.current_usage();
-    // The memory of an empty app does not count for the sheet.
+    // Subtract the memory of an empty app.
     let empty = Stage::new(&Scene { bodies: Vec::new(), ..*scene }, method);
     let empty_bytes = HEAP.current_usage() - before;
     drop(empty);
@@ -118,7 +118,7 @@ fn weigh(scene: &Scene, method: ContactMethod) -> Weighed {
         stage.app.update();
         passing = HEAP.peak_usage() - HEAP.current_usage();
     }
-    // After a small motion the mesh has lists, too.
+    // After a small motion, the mesh also has lists of near pairs.
     stage.creep();
     stage.app.update();
     let listed = stage.app.world().resource::<KeptPairs>().listed();
@@ -190,13 +190,13 @@ impl Display for Memory {
             self.method, counts[0], counts[1], counts[2]
         )?;
         writeln!(out, "{:44} {:>14} {:>14}", "", "without pairs", "crumpled")?;
-        writeln!(out, "{:44} {:>14} {:>14}", "", "bytes a △", "bytes")?;
+        writeln!(out, "{:44} {:>14} {:>14}", "", "bytes per △", "bytes")?;
         for part in self.parts.iter().filter(|part| part.bytes > 0) {
             writeln!(out, "    {:40} {:>14.1} {:>14}", part.name, part.bytes_per_triangle, grouped(part.bytes as u64))?;
         }
         writeln!(
             out,
-            "{} bytes a triangle; {} a candidate in its list; {} a contact in all results; in passing {} a candidate",
+            "{} bytes per triangle; {} per candidate in its list; {} per contact in all results; temporarily {} per candidate",
             short(self.bytes_per_triangle_without_pairs),
             short(self.bytes_per_candidate),
             short(self.bytes_per_contact),
@@ -206,7 +206,7 @@ impl Display for Memory {
             let listed = grouped(self.listed as u64);
             writeln!(
                 out,
-                "{} bytes for each of {listed} pairs that are listed while the mesh moves a little",
+                "{} bytes for each of {listed} pairs in lists of near pairs, after a small motion",
                 short(bytes)
             )?;
         }

@@ -1,9 +1,10 @@
 //! Growth of time and memory with the number of triangles and bodies.
 //!
-//! There are three scenes at several sizes each, on one thread: a crumpled sheet, bodies that are apart, and bodies in
-//! a pile. In every tick all vertices and poses change, and [`Teleported`] forbids the use of anything remembered. The
-//! slope is that of the least-squares line through the medians in a log-log plot: 1 is proportional to the number of
-//! triangles. It is only meaningful if contacts grow in proportion to triangles, so their slope is printed too.
+//! Three scenes are measured at several sizes, on one thread: a crumpled sheet, bodies that are apart, and bodies in a
+//! pile. In every tick all vertices and poses change, and [`Teleported`] prevents the reuse of earlier results. The slope
+//! is that of the least-squares line through the medians in a log-log plot. A slope of 1 means proportional to the number
+//! of triangles. It is only meaningful if contacts grow in proportion to triangles, so the slope of contacts is printed
+//! too.
 
 mod memory;
 mod scenes;
@@ -33,23 +34,23 @@ use super::{
     report::{grouped, short},
 };
 
-/// Triangles of the crumpled sheet, half a decade apart, for the short and the long sweep.
+/// Numbers of triangles of the crumpled sheet, half a decade apart, for the short and the long sweep.
 const SHEETS: [usize; 5] = [1_000, 3_162, 10_000, 31_623, 100_000];
 const LONG_SHEETS: [usize; 7] = [1_000, 3_162, 10_000, 31_623, 100_000, 316_228, 1_000_000];
 
-/// Number of bodies that are apart, and in a pile. In a small pile, a larger share of the bodies is on the outside, so
-/// contacts grow faster than bodies. The part of the contacts' slope above 1 comes from the scene.
+/// Numbers of bodies that are apart, and in a pile. In a small pile, a larger share of the bodies is on the outside, so
+/// contacts grow faster than bodies. That is a property of the scene, and it raises the slope of contacts above 1.
 const APART: [usize; 4] = [216, 343, 512, 1_000];
 const PILED: [usize; 4] = [27, 48, 64, 100];
 
-/// Triangles of the sheets whose memory is measured.
+/// Number of triangles of the sheets whose memory is measured.
 const WEIGHED: usize = 100_000;
 
-/// The methods to measure. The baseline, which tests every candidate, is left out as slow.
+/// The methods to measure. The baseline tests every candidate and is too slow.
 const METHODS: [ContactMethod; 4] =
     [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Closest, ContactMethod::Exact];
 
-/// The project's own limits: the steepest slope, and the most bytes per triangle.
+/// The project's own limits: the steepest slope, and the largest number of bytes per triangle.
 const STEEPEST: f64 = 1.1;
 const HEAVIEST: f64 = 400.0;
 
@@ -79,7 +80,7 @@ struct Series {
     scene: &'static str,
     method: String,
     sizes: Vec<Size>,
-    /// Slopes of candidates and contacts, by which the slope of times must be judged.
+    /// Slopes of candidates and contacts, to compare the slope of times with.
     candidates_slope: Option<f64>,
     contacts_slope: Option<f64>,
     stages: Vec<Growth>,
@@ -103,7 +104,7 @@ struct Size {
     contacts: usize,
 }
 
-/// Times of one stage, or of the whole tick, at every size; 0 at sizes that did not run the stage.
+/// Times of one stage, or of the whole tick, at every size. 0 at sizes that did not run the stage.
 #[derive(Default, Serialize)]
 struct Growth {
     stage: &'static str,
@@ -111,7 +112,7 @@ struct Growth {
     least_ms: Vec<f64>,
     /// `None` if no size took any time.
     slope: Option<f64>,
-    /// Slope of minima, which other programs disturb less: they disturb long ticks more than short ones.
+    /// Slope of the minima. Other programs disturb long ticks more than short ones, and minima less than medians.
     least_slope: Option<f64>,
 }
 
@@ -127,7 +128,7 @@ impl Growth {
 const CREEP: f32 = 1.0e-3;
 
 const WHOLE: &str = "cold tick";
-/// The same without the time that other programs took.
+/// The same tick without the time that other programs took.
 const PROCESSOR: &str = "cold tick, processor time";
 
 /// A scene in an app.
@@ -224,8 +225,8 @@ fn play(stage: &mut Stage, scene: &Scene) -> Vec<(&'static str, Vec<f64>)> {
     times
 }
 
-/// Measures one scene at all sizes with all methods. Each scene is only built once, because the methods take turns at
-/// each size.
+/// Measures one scene at all sizes with all methods. The methods take turns at each size, so that each scene is built only
+/// once.
 fn measure_series(
     name: &'static str,
     sizes: &[usize],
@@ -308,8 +309,8 @@ impl Display for Series {
             line("", numbers(|size| size.bodies), "bodies")?;
             line("", numbers(|size| size.surface_pairs), "body pairs")?;
         }
-        line("", per_triangle(|size| size.candidates), "candidates a △")?;
-        line("", per_triangle(|size| size.contacts), "contacts a △")?;
+        line("", per_triangle(|size| size.candidates), "candidates per △")?;
+        line("", per_triangle(|size| size.contacts), "contacts per △")?;
         for growth in &self.stages {
             let name =
                 if growth.stage == WHOLE { "  cold tick, ms".to_owned() } else { format!("    {}", growth.stage) };
@@ -322,7 +323,7 @@ impl Display for Series {
 
 impl Display for Scale {
     fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
-        writeln!(out, "\nGrowth, one thread, medians; slopes of medians (and of the least times)\n")?;
+        writeln!(out, "\nGrowth on one thread: median times, and the slopes of the medians\n")?;
         for series in &self.series {
             writeln!(out, "{series}")?;
         }
@@ -347,7 +348,7 @@ impl Display for Scale {
         }
         for memory in &self.memory {
             let (what, bytes) =
-                (format!("bytes a triangle, {}", memory.method), memory.bytes_per_triangle_without_pairs);
+                (format!("bytes per triangle, {}", memory.method), memory.bytes_per_triangle_without_pairs);
             writeln!(
                 out,
                 "{what:52} {:>8} {bytes:>10.0} {:>32}  {}",

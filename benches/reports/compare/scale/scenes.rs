@@ -36,8 +36,8 @@ impl Scene {
     /// `count` bodies in a lattice at distances of `spacing`. Each has its own rotation and is displaced by at most
     /// `jitter`.
     fn lattice(count: usize, mesh: &Mesh, spacing: f32, jitter: f32) -> Self {
-        // As close to a cube as the count allows, because bodies on the outside of a heap have fewer contacts than
-        // those inside.
+        // Make the lattice as close to a cube as the count allows, because bodies on the outside have fewer contacts
+        // than those inside.
         let nearest = |side: &usize| side.pow(3).abs_diff(count);
         let side = (1..=count).min_by_key(nearest).unwrap_or(1);
         let mut random = Random::new(count as u64);
@@ -74,7 +74,7 @@ impl Body {
     }
 }
 
-/// The mesh, scaled by a factor that varies from place to place.
+/// The positions of a mesh, scaled by a factor that varies from place to place.
 fn swelling(mesh: &Mesh, share: f32) -> Vec<Vec3> {
     mesh.positions
         .iter()
@@ -85,7 +85,7 @@ fn swelling(mesh: &Mesh, share: f32) -> Vec<Vec3> {
         .collect()
 }
 
-/// A sheet that folds over and passes through itself. The length of its edges is the same at every size.
+/// A sheet that folds over and passes through itself. Its edges have the same length at every size.
 pub fn crumpled(triangles: usize) -> Scene {
     let sheet = Body::of([0.0, SHEET_PHASE].map(|phase| crumpled_sheet(triangles, phase)));
     Scene { bodies: vec![sheet], meets_itself: true, sidedness: Sidedness::TwoSided }

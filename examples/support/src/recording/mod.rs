@@ -206,7 +206,7 @@ struct PolygonMesh {
     triangles: Vec<[u32; 3]>,
 }
 
-/// Appends the triangle fan around the first of `corners`, of which there are at least three.
+/// Appends the triangle fan around the first of at least three `corners`.
 fn push_fan(corners: &[u32], triangles: &mut Vec<[u32; 3]>) {
     for edge in corners.windows(2).skip(1) {
         triangles.push([corners[0], edge[0], edge[1]]);

@@ -142,7 +142,7 @@ struct Spring {
     compressed: f64,
 }
 
-/// Two parts without common vertices, of which at least one belongs to the cloth.
+/// Two parts without common vertices. At least one belongs to the cloth.
 enum Contact {
     VertexTriangle(usize, [usize; 3]),
     EdgeEdge([usize; 2], [usize; 2]),

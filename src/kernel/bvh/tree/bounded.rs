@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*, u32x8};
 
-use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, SetLanes, pairs::LaneHits, search::NeighborSearch};
+use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, SetLanes, pairs::LaneHits, search::NearbyLeaves};
 use crate::kernel::bvh::{
     leaf_triangles::{ClosePairs, Groups, LanePairs, PairCull},
     near_pairs::BoundedPairs,
@@ -55,7 +55,7 @@ impl BoxTree {
         let mut count = 0;
         let (mut hits, mut close, mut recent) = (LaneHits::new(), ClosePairs::new(), Recent::new());
         let mut all_gaps = [0.0; (LEAF_WIDTH + 1) * LEAF_WIDTH];
-        let mut search = NeighborSearch::new();
+        let mut search = NearbyLeaves::new();
         let own = &self.leaves[leaves.clone()];
         for (passed, leaf) in own.iter().enumerate() {
             let place = leaves.start + passed;

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use fearless_simd::{Level, dispatch, mask32x8, prelude::*, u32x8};
 
-use super::{BoxTree, LEAF_WIDTH, search::NeighborSearch};
+use super::{BoxTree, LEAF_WIDTH, search::NearbyLeaves};
 use crate::kernel::{
     bvh::leaf_triangles::{ClosePairs, Groups, LanePairs, Neighbors, PairCull},
     simd::{lanes::SetLanes, prefetch::prefetch},
@@ -49,7 +49,7 @@ impl BoxTree {
         let mut count = 0;
         let (mut hits, mut close, mut recent) = (LaneHits::new(), ClosePairs::new(), Recent::new());
         let looks_closer = cull.is_some_and(|cull| !cull.planes_only);
-        let mut search = NeighborSearch::new();
+        let mut search = NearbyLeaves::new();
         let own = &self.leaves[leaves.clone()];
         for (passed, leaf) in own.iter().enumerate() {
             let place = leaves.start + passed;

@@ -81,9 +81,9 @@ impl LeafSearch {
     }
 }
 
-/// Finds the neighbors of many consecutive leaves. Groups of leaves share one search: the neighbors of each leaf are
-/// among those of its group, in the same order, unless the group has more neighbors than fit.
-pub(super) struct NeighborSearch {
+/// Finds the leaves near each of many consecutive leaves. Groups of leaves share one search: what is near a leaf is among
+/// what is near its group, in the same order, unless the group has more leaves near it than fit.
+pub(super) struct NearbyLeaves {
     search: LeafSearch,
     /// The leaves that are near the group, and their boxes.
     places: [u32; Self::ROOM + LEAF_WIDTH],
@@ -96,7 +96,7 @@ pub(super) struct NeighborSearch {
     next: usize,
 }
 
-impl NeighborSearch {
+impl NearbyLeaves {
     const ROOM: usize = 256;
 
     pub(super) fn new() -> Self {

@@ -1,4 +1,4 @@
-//! What the corners of a moving pair are corners of, and how close its two sides are at one time.
+//! The features that the corners of a moving pair belong to, and how close its two sides are at one time.
 
 use glam::DVec3;
 
@@ -7,12 +7,12 @@ use crate::{
     triangle_pair::{ClosestKind, TriangleSide, closest_features, point_triangle, segment_segment},
 };
 
-/// Most corners of a pair: those of two triangles.
+/// The most corners of a pair: those of two triangles.
 pub(super) const CORNERS: usize = 6;
 
 pub(super) type Corners = [DVec3; CORNERS];
 
-/// What the corners of a pair are corners of.
+/// The features that the corners of a pair belong to.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Shape {
     VertexFace,
@@ -21,7 +21,7 @@ pub(super) enum Shape {
 }
 
 impl Shape {
-    /// How many of the corners are the first side's; the second side's follow.
+    /// The number of corners of the first side. Those of the second side follow.
     pub(super) const fn first_side(self) -> usize {
         match self {
             Self::VertexFace => 1,
@@ -65,7 +65,7 @@ impl Shape {
         }
     }
 
-    /// The edges of one side and the face of the other that they may pierce.
+    /// The edges of one side, each with the face of the other that it may pierce.
     pub(super) const fn edge_faces(self) -> &'static [([usize; 2], [usize; 3])] {
         match self {
             Self::VertexFace | Self::EdgeEdge => &[],
@@ -80,7 +80,7 @@ impl Shape {
         }
     }
 
-    /// Whether the two sides have a point in common: exact, for corners that are.
+    /// Whether the two sides have a point in common. Exact if the corners are.
     pub(super) fn touches(self, corners: &Corners) -> bool {
         let [p, q, r, s, t, u] = *corners;
         match self {
@@ -123,15 +123,15 @@ impl Shape {
 #[derive(Clone)]
 pub(super) struct Closest {
     pub(super) distance: f64,
-    /// From the first side to the second; a direction that separates them best, until they are too close to tell.
+    /// From the first side to the second: the best separating direction, unless they are too close to tell.
     pub(super) between: DVec3,
-    /// Perpendicular to the features that the points lie on, if those are a face or two edges.
+    /// Perpendicular to the features of the closest points, if those are a face or two edges.
     pub(super) normal: DVec3,
 }
 
 impl Closest {
-    /// Unit vectors from the first side to the second: from point to point, and across the features; zero where there is
-    /// none.
+    /// Unit vectors from the first side to the second: between the closest points, and across the features. Zero where
+    /// undefined.
     pub(super) fn directions(&self) -> [DVec3; 2] {
         let across = if self.normal.dot(self.between) < 0.0 { -self.normal } else { self.normal };
         [self.between.normalize_or_zero(), across.normalize_or_zero()]

@@ -1,9 +1,9 @@
-//! Shared by the tests of the f64 truth: a seeded generator of hard triangle pairs, and simple meshes.
+//! Shared by the tests of the f64 reference: a seeded generator of hard triangle pairs, and simple meshes.
 #![allow(dead_code, unreachable_pub, reason = "each test binary uses its own part")]
 
 use glam::DVec3;
 
-/// Random numbers, vectors and weights.
+/// Random numbers, vectors, and weights.
 pub struct Random(circumsphere_support::random::Random);
 
 impl Random {
@@ -29,7 +29,7 @@ impl Random {
         self.0.below(count as u64) as usize
     }
 
-    /// A whole number in low…high.
+    /// An integer in low…high.
     pub fn whole(&mut self, low: i32, high: i32) -> i32 {
         self.range(f64::from(low), f64::from(high) + 1.0).floor() as i32
     }
@@ -69,7 +69,7 @@ impl Random {
 
 pub type Triangle = [DVec3; 3];
 
-/// The kinds of pairs that [`hard_pair`] makes.
+/// The categories of pairs that [`hard_pair`] generates.
 pub const CATEGORIES: [&str; 16] = [
     "random",
     "needle",
@@ -118,9 +118,9 @@ fn zero_area(random: &mut Random) -> Triangle {
     corners.map(|corner| corner * 0.25)
 }
 
-/// A pair of triangles of one category of [`CATEGORIES`], in f32-representable coordinates, with any winding and
-/// order of corners, of a length between 1e-6 and 1e6 (in one of sixteen near f32's extremes), some of them far from
-/// the origin.
+/// A pair of triangles of one of the [`CATEGORIES`], in coordinates that f32 can represent, with any winding and order
+/// of corners. Its length is between 1e-6 and 1e6, or near the extremes of f32 in one of sixteen pairs. Some pairs are
+/// far from the origin.
 #[expect(clippy::too_many_lines, reason = "one arm per category reads better than one function per category")]
 pub fn hard_pair(random: &mut Random, category: usize) -> (Triangle, Triangle) {
     let near = |random: &mut Random, triangle: Triangle, reach: f64| {
@@ -157,7 +157,7 @@ pub fn hard_pair(random: &mut Random, category: usize) -> (Triangle, Triangle) {
             (flat(random_triangle(random)), flat(b))
         }
         "coplanar oblique plane" => {
-            // Coordinates on a coarse grid: their sum is exact in f32, so z = x + y is a plane of stored points.
+            // Coordinates on a coarse grid, whose sum is exact in f32. So z = x + y is a plane of stored points.
             let mut point = || {
                 let p = random.grid_point(4) * 0.125;
                 DVec3::new(p.x, p.y, p.x + p.y)
@@ -255,7 +255,7 @@ pub fn hard_pair(random: &mut Random, category: usize) -> (Triangle, Triangle) {
         _ => 2f64.powi(random.whole(-20, 20)),
     };
     let offset = match random.below(6) {
-        // Whole units: rounding the sum to f32 merges and moves points, which is what f32 far from the origin does.
+        // Whole units: rounding the sum to f32 merges and moves points, as happens far from the origin.
         0 => random.vector().round() * random.power_of_ten(0.0, 6.0).round() * scale,
         _ => DVec3::ZERO,
     };
@@ -278,7 +278,7 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// Random triangles in a box of side 1, three vertices each, of edge length about `size`.
+/// Random triangles in a box of side 1, with three vertices each and edges of about `size`.
 pub fn soup(random: &mut Random, count: usize, size: f64) -> Mesh {
     let mut positions = Vec::new();
     for _ in 0..count {
@@ -291,7 +291,7 @@ pub fn soup(random: &mut Random, count: usize, size: f64) -> Mesh {
     Mesh { positions, triangles }
 }
 
-/// A square grid of `cells` × `cells` unit quads, two triangles each, at height `height(x, y)`.
+/// A square grid of `cells` × `cells` unit quads of two triangles each, at height `height(x, y)`.
 pub fn grid(cells: u32, height: impl Fn(u32, u32) -> f64) -> Mesh {
     let side = cells + 1;
     let positions = (0..side * side)
@@ -309,7 +309,7 @@ pub fn grid(cells: u32, height: impl Fn(u32, u32) -> f64) -> Mesh {
     Mesh { positions, triangles }
 }
 
-/// One mesh made of two, the second one's indices shifted.
+/// Two meshes merged into one, with the indices of the second shifted.
 pub fn joined(a: &Mesh, b: &Mesh) -> Mesh {
     let shift = a.positions.len() as u32;
     Mesh {

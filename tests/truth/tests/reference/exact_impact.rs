@@ -1,28 +1,28 @@
-//! Impacts at distance 0 decided by whole numbers alone: no rounding, no tolerance, nothing undecided.
+//! Impacts at distance 0, decided with integers only: no rounding, no tolerance, nothing undecided.
 //!
-//! A vertex is on a face, or two edges meet, where the origin is in the triangle, or in one of the two triangles of the
-//! parallelogram, of their differences. Every sign that decides this is that of a polynomial of time with whole
-//! coefficients, so it changes at roots only: roots are isolated by Sturm's theorem, and the sign of another
-//! polynomial at one of them is found by refining its interval, or is 0 by a common divisor (Basu, Pollack, Roy,
+//! A vertex is on a face, or two edges meet, if the origin is in the triangle of their differences, or in one of the
+//! two triangles of the parallelogram of their differences. Every sign that decides this belongs to a polynomial of
+//! time with integer coefficients, so it changes only at roots. Sturm's theorem isolates the roots. The sign of another
+//! polynomial at a root is found by refining the root's interval, or it is 0 by a common divisor (Basu, Pollack, Roy,
 //! "Algorithms in Real Algebraic Geometry", 2006, chapters 2 and 10).
 
 use glam::DVec3;
 use num_bigint::{BigInt, BigUint, Sign};
 
-/// The step between a time's bounds that is asked for, as a power of two.
+/// The requested gap between the bounds of a time, as a power of two.
 const PRECISION: u64 = 40;
 
-/// A time is halved so far before common divisors are looked for, which most signs do not need.
+/// How many times a time is halved before common divisors are searched for. Most signs do not need them.
 const WITHOUT_DIVISORS: u64 = 60;
 
-/// Coefficients in ascending powers, the last one not 0; empty for 0.
+/// Coefficients in ascending powers. The last one is not 0. Empty for 0.
 type Polynomial = Vec<BigInt>;
 
 /// A vector of polynomials.
 type Moving = [Polynomial; 3];
 
-/// Bounds of the first time in 0…1 at which a vertex, first of the points, is on the closed triangle of the others;
-/// none if it never is. Equal bounds are the time itself.
+/// Bounds of the first time in 0…1 at which a vertex (the first point) is on the closed triangle of the others, or
+/// `None`. Equal bounds are the exact time.
 pub fn vertex_face(start: &[DVec3; 4], end: &[DVec3; 4]) -> Option<[f64; 2]> {
     let points = moving_points(start, end);
     let difference = |corner: usize| minus(&points[corner], &points[0]);
@@ -61,7 +61,7 @@ fn moving_points(start: &[DVec3; 4], end: &[DVec3; 4]) -> [Moving; 4] {
     })
 }
 
-/// A finite number as a whole number times a power of two.
+/// A finite number as an integer times a power of two.
 fn parts(value: f64) -> (i64, i32) {
     let bits = value.to_bits();
     let (exponent, fraction) = ((bits >> 52 & 0x7ff) as i32, (bits & ((1 << 52) - 1)).cast_signed());
@@ -83,7 +83,7 @@ fn first_time_at_origin(corners: &[Moving; 3]) -> Option<[f64; 2]> {
             return false;
         }
         if normal.iter().all(|coordinate| time.sign_of(coordinate) == Sign::NoSign) {
-            // The corners are on one line: the triangle is the union of its edges.
+            // The corners are collinear: the triangle is the union of its edges.
             return (0..3).any(|k| {
                 faces[k].iter().all(|coordinate| time.sign_of(coordinate) == Sign::NoSign)
                     && time.sign_of(&products[k]) != Sign::Plus
@@ -95,7 +95,7 @@ fn first_time_at_origin(corners: &[Moving; 3]) -> Option<[f64; 2]> {
     if is_inside(&mut first) {
         return Some([0.0, 0.0]);
     }
-    // Where the volume is not 0 throughout, it has to be 0 at the time; else every sign can bring the change.
+    // If the volume is not identically 0, it must be 0 at that time. Otherwise, any of the signs can change there.
     let candidates: Vec<&Polynomial> = if volume.is_empty() {
         normal.iter().chain(&sides).chain(&products).chain(faces.iter().flatten()).collect()
     } else {
@@ -108,7 +108,7 @@ fn first_time_at_origin(corners: &[Moving; 3]) -> Option<[f64; 2]> {
         .fold(None, |first, bounds| earlier(first, Some(bounds)))
 }
 
-/// The only root of a polynomial between two times with a common denominator, a power of two; or a time itself.
+/// The only root of a polynomial between two times with a common denominator, a power of two, or an exact time.
 struct Time {
     polynomial: Polynomial,
     /// The sign of the polynomial at `from`.
@@ -147,7 +147,7 @@ impl Time {
         if other.is_empty() {
             return Sign::NoSign;
         }
-        // No slope in 0…1 is steeper, so a value that is larger than the slope could undo keeps its sign.
+        // An upper bound of the slope in 0…1. A value that such a slope cannot bring to 0 keeps its sign.
         let steepest: BigInt =
             (0u32..).zip(other).map(|(power, coefficient)| coefficient.magnitude() * power).sum::<BigUint>().into();
         while !self.is_known() && self.exponent < WITHOUT_DIVISORS {
@@ -184,7 +184,7 @@ impl Time {
         while !self.is_known() && self.exponent < PRECISION {
             self.halve();
         }
-        // A known time of more digits is rounded outwards by more than its rounding.
+        // An exact time with more digits is rounded outwards by more than its rounding.
         let value = |time: &BigInt| {
             let shift = self.exponent.saturating_sub(PRECISION);
             let digits = u64::try_from(time >> shift).expect("a time is in 0…1 and has few digits left");
@@ -202,7 +202,7 @@ fn roots(polynomial: &Polynomial) -> Vec<Time> {
     }
     let mut simple = polynomial.clone();
     let mut chain = sturm_chain(&simple);
-    let repeated = chain.last().expect("it has a first");
+    let repeated = chain.last().expect("it is not empty");
     if repeated.len() > 1 {
         simple = primitive(&quotient(polynomial, repeated));
         chain = sturm_chain(&simple);
@@ -211,7 +211,7 @@ fn roots(polynomial: &Polynomial) -> Vec<Time> {
     if sign_at(&simple, &BigInt::ZERO, 0) == Sign::NoSign {
         roots.push(Time::whole(0));
     }
-    // Sturm's theorem counts roots after the start of a span up to its end.
+    // Sturm's theorem counts the roots after the start of a span, up to and including its end.
     let mut spans = vec![(BigInt::ZERO, BigInt::from(1), 0u64)];
     while let Some((from, to, exponent)) = spans.pop() {
         let count = changes(&chain, &from, exponent) - changes(&chain, &to, exponent);
@@ -290,7 +290,7 @@ fn sign_at(polynomial: &Polynomial, numerator: &BigInt, exponent: u64) -> Sign {
     value_at(polynomial, numerator, exponent).sign()
 }
 
-/// The value at `numerator` / 2^`exponent`, times 2^`exponent` to the degree.
+/// The value at `numerator` / 2^`exponent`, times 2^`exponent` to the power of the degree.
 fn value_at(polynomial: &Polynomial, numerator: &BigInt, exponent: u64) -> BigInt {
     let mut value = BigInt::ZERO;
     for (lowered, coefficient) in (0u64..).zip(polynomial.iter().rev()) {
@@ -319,7 +319,7 @@ fn remainder(dividend: &Polynomial, divisor: &Polynomial) -> Polynomial {
     rest
 }
 
-/// Without common divisors of its coefficients.
+/// Divides the coefficients by their common divisor.
 fn primitive(polynomial: &Polynomial) -> Polynomial {
     let content = polynomial.iter().fold(BigInt::ZERO, |content, coefficient| {
         let (mut divisor, mut rest) = (content, coefficient.clone());
@@ -340,7 +340,7 @@ fn greatest_common_divisor(a: &Polynomial, b: &Polynomial) -> Polynomial {
     a
 }
 
-/// A multiple of the quotient of a division that leaves no remainder.
+/// A multiple of the quotient of a division without remainder.
 fn quotient(dividend: &Polynomial, divisor: &Polynomial) -> Polynomial {
     let leading = divisor.last().expect("the divisor is not 0");
     let mut rest = dividend.clone();
@@ -365,14 +365,14 @@ fn sturm_chain(polynomial: &Polynomial) -> Vec<Polynomial> {
     let mut chain = vec![polynomial.clone()];
     let mut next = derivative(polynomial);
     while !next.is_empty() {
-        let following = remainder(chain.last().expect("it has a first"), &next).into_iter().map(|k| -k).collect();
+        let following = remainder(chain.last().expect("it is not empty"), &next).into_iter().map(|k| -k).collect();
         chain.push(next);
         next = following;
     }
     chain
 }
 
-/// Changes of sign along a Sturm chain.
+/// The number of sign changes along a Sturm chain.
 fn changes(chain: &[Polynomial], numerator: &BigInt, exponent: u64) -> usize {
     let signs: Vec<Sign> =
         chain.iter().map(|p| sign_at(p, numerator, exponent)).filter(|&sign| sign != Sign::NoSign).collect();
@@ -387,7 +387,7 @@ fn times_are_those_of_known_polynomials() {
         found.sort_by(|a, b| a[0].total_cmp(&b[0]));
         found
     };
-    // (2t − 1)(4t − 3)t, (2t − 1)³, t² + t − 1, t² + 1, and one whose roots lie beyond.
+    // (2t − 1)(4t − 3)t, (2t − 1)³, t² + t − 1, t² + 1, and a polynomial with its roots outside.
     assert_eq!(bounds(&[0, 3, -10, 8]), [[0.0; 2], [0.5; 2], [0.75; 2]]);
     assert_eq!(bounds(&[-1, 6, -12, 8]), [[0.5; 2]]);
     let golden = bounds(&[-1, 1, 1]);
@@ -398,8 +398,8 @@ fn times_are_those_of_known_polynomials() {
     // Two roots 2^-40 apart around 1/3: (3t − 1)(3·2^40 t − 2^40 − 3).
     let unit = 1i64 << 40;
     assert_eq!(bounds(&[unit + 3, -6 * unit - 9, 9 * unit]).len(), 2);
-    // The sign of another polynomial at a root: t − 1/2 and (2t − 1)(t² + t − 1) at the golden section.
-    let mut time = roots(&whole(&[-1, 1, 1])).pop().expect("it has a root");
+    // The sign of another polynomial at a root: t − 1/2 and (2t − 1)(t² + t − 1) at the golden ratio.
+    let mut time = roots(&whole(&[-1, 1, 1])).pop().expect("the polynomial has a root");
     assert_eq!(time.sign_of(&whole(&[-1, 2])), Sign::Plus);
     assert_eq!(time.sign_of(&whole(&[1, -2])), Sign::Minus);
     assert_eq!(time.sign_of(&times(&whole(&[-1, 2]), &whole(&[-1, 1, 1]))), Sign::NoSign);

@@ -1,5 +1,5 @@
-//! Times of impact against closed forms, against whole numbers, against the distance over time, and against recorded
-//! queries with known answers.
+//! Times of impact against closed forms, integer arithmetic, the distance over time, and recorded queries with known
+//! answers.
 
 use crate::common::{CATEGORIES, Mesh, Random, Triangle, hard_pair, soup};
 use crate::exact_impact;
@@ -14,11 +14,11 @@ use circumsphere_truth::{
 use glam::{DQuat, DVec3, Vec3};
 use std::time::Instant;
 
-/// Error of a distance relative to the pair's extent: a dozen operations of half a unit in the last place each, of
-/// positions that are rounded once more on the way.
+/// Error of a distance relative to the pair's extent: a dozen operations with half a unit in the last place each, on
+/// positions that are rounded once more.
 const ROUNDING: f64 = 1.0e-14;
 
-/// A time of impact is wanted to this; the bisection stops well below.
+/// Required precision of a time of impact. The bisection stops well below it.
 const WIDTH: f64 = 1.0e-9;
 
 type Points = [DVec3; 4];
@@ -58,7 +58,7 @@ impl Kind {
         }
     }
 
-    /// How many of the points are the first side's.
+    /// The number of points of the first side.
     fn first_side(self) -> usize {
         match self {
             Self::VertexFace => 1,
@@ -67,7 +67,7 @@ impl Kind {
     }
 }
 
-/// Asserts that a time is enclosed, by bounds that are no farther apart than `width`.
+/// Asserts that a time is enclosed by bounds at most `width` apart.
 fn assert_first(truth: ImpactTruth, expected: f64, width: f64) {
     let ImpactTruth::First { earliest, latest } = truth else { panic!("{truth:?}, expected {expected}") };
     // The expected time itself is rounded.
@@ -75,7 +75,7 @@ fn assert_first(truth: ImpactTruth, expected: f64, width: f64) {
     assert!(latest - earliest <= width, "{truth:?}, expected {expected}");
 }
 
-/// A pair as given, turned and moved far away, and scaled by powers of two: all have the same times.
+/// A pair as given, rotated and moved far away, and scaled by powers of two. All have the same times.
 fn placed(start: Points, end: Points, check: impl Fn(Points, Points, f64)) {
     let turn = DQuat::from_axis_angle(v(1., 2., 3.).normalize(), 0.7);
     for exponent in [-60, -20, 0, 20, 60] {
@@ -99,7 +99,7 @@ fn a_vertex_falling_on_a_face_arrives_when_the_height_is_used_up() {
                 assert_first(truth, (height - separation) / depth, WIDTH);
             }
         });
-        // The face may rise as well.
+        // The face may rise, too.
         let rising = [end[0], face[0] + v(0., 0., depth), face[1] + v(0., 0., depth), face[2] + v(0., 0., depth)];
         placed(start, rising, |start, end, unit| {
             assert_first(vertex_face_impact(&start, &end, 0.0), height / (2.0 * depth), WIDTH);
@@ -146,7 +146,7 @@ fn crossing_edges_meet_when_the_gap_is_closed() {
     }
 }
 
-/// The face tilts as the vertex slides along it: over x = t the plane z = t·x is at t², the vertex at 1 − t.
+/// The face tilts while the vertex slides along it. Above x = t, the plane z = t·x is at t² and the vertex at 1 − t.
 #[test]
 fn a_tilting_face_is_met_at_the_root_of_a_quadratic() {
     let start = [v(0., 0., 1.), v(0., -2., 0.), v(3., 0., 0.), v(0., 2., 0.)];
@@ -156,8 +156,8 @@ fn a_tilting_face_is_met_at_the_root_of_a_quadratic() {
     });
 }
 
-/// The face between (0, 0, 0), (1, t, t) and (−t, 1, t) has the normal (t² − t, −t² − t, 1 + t²); the vertex (0, t, 1 − t) is
-/// in its plane where (1 − t)(1 + t²) = t²(t + 1), that is 1 − t − 2t³ = 0.
+/// The face between (0, 0, 0), (1, t, t), and (−t, 1, t) has the normal (t² − t, −t² − t, 1 + t²). The vertex (0, t, 1
+/// − t) is in its plane if (1 − t)(1 + t²) = t²(t + 1), that is, 1 − t − 2t³ = 0.
 #[test]
 fn a_turning_face_is_met_at_the_root_of_a_cubic() {
     let (mut low, mut high) = (0.0, 1.0);
@@ -165,7 +165,7 @@ fn a_turning_face_is_met_at_the_root_of_a_cubic() {
         let middle: f64 = 0.5 * (low + high);
         if 1.0 - middle - 2.0 * middle.powi(3) > 0.0 { low = middle } else { high = middle }
     }
-    // As large again to either side, so that the vertex is well inside.
+    // Enlarged by the same size on either side, so that the vertex is well inside.
     let (start, end) = ([v(1., 0., 0.), v(0., 1., 0.)], [v(1., 1., 1.), v(-1., 1., 1.)]);
     let corners = |[one, other]: [DVec3; 2]| [-one - other, one * 3.0, other * 3.0];
     let join = |vertex: DVec3, face: [DVec3; 3]| [vertex, face[0], face[1], face[2]];
@@ -197,12 +197,12 @@ fn points_meet_like_balls() {
             match (truth, expected) {
                 (ImpactTruth::Never, None) => misses += 1,
                 (ImpactTruth::First { earliest, latest }, Some(expected)) => {
-                    // The root errs by the rounding of the motion's ends over the speed at which they approach.
+                    // The error of the root is the rounding of the motion's ends over the speed of approach.
                     let slack = 1.0e-13 / (velocity.length() * discriminant.abs().sqrt()).min(1.0);
                     assert!(earliest <= expected + slack && expected <= latest + slack, "{truth:?} {expected}");
                     hits += 1;
                 }
-                // The closest approach is the separation, or at the end of the motion, up to rounding.
+                // The closest approach equals the separation, or is at the end of the motion, up to rounding.
                 _ => assert!(discriminant.abs() < 1.0e-9, "{truth:?} {expected:?} {discriminant}"),
             }
         }
@@ -241,7 +241,7 @@ fn a_touch_at_the_very_end_counts_and_one_bit_less_does_not() {
     };
     assert_first(query(0.3), 1.0, WIDTH);
     assert_first(query(0.3f64.next_down()), 1.0, WIDTH);
-    // Not certified to be apart, for the last steps are within rounding; but not a hit either.
+    // It is not certified to stay apart, because the last steps are within rounding. It is not a hit, either.
     let above = query(0.3f64.next_up());
     assert!(
         matches!(above, ImpactTruth::Undecided { earliest, latest: 1.0, .. } if earliest > 1.0 - WIDTH),
@@ -269,25 +269,26 @@ fn without_relative_motion_nothing_meets_that_does_not_touch() {
     }
 }
 
-/// A vertex that touches a face from above and goes back: no sign changes, so f64 cannot certify the touch, but it says
-/// where it may be.
+/// A vertex that touches a face from above and goes back. No sign changes, so f64 cannot certify the touch, but it
+/// reports where the touch may be.
 #[test]
 fn a_grazing_touch_is_undecided_and_enclosed() {
-    // z = (1 − 2t)² is not linear; over a tilting face the height of a linear motion is.
+    // z = (1 − 2t)² is not linear, but the height of a linear motion above a tilting face is quadratic.
     let start = [v(-1., 0., 1.), v(-3., -3., 1.), v(3., 0., -1.), v(-3., 3., 1.)];
     let end = [v(1., 0., 1.), v(-3., -3., -1.), v(3., 0., 1.), v(-3., 3., -1.)];
-    // The plane is z = −x(1 − 2t)/3, under x = 2t − 1 at (1 − 2t)²/3: 1 above it at the start, 2/3.
+    // The plane is z = −x(1 − 2t)/3, so below x = 2t − 1 it is at (1 − 2t)²/3. At the start, the vertex is 2/3 above
+    // it.
     let lowered = |points: Points, by: f64| [points[0] - v(0., 0., by), points[1], points[2], points[3]];
     let height = |time: f64| 1.0 - (1.0 - 2.0 * time).powi(2) / 3.0;
     assert!((height(0.0) - 2.0 / 3.0).abs() < 1.0e-15 && height(0.5) == 1.0);
-    // The height is largest midway: seen from below the vertex comes down to the plane and goes away again.
+    // The height is largest midway: seen from below, the vertex comes down to the plane and goes away again.
     let (start, end) = (lowered(start, 1.0), lowered(end, 1.0));
     let truth = vertex_face_impact(&start, &end, 0.0);
     let ImpactTruth::Undecided { earliest, latest, closest } = truth else { panic!("{truth:?}") };
     assert!((0.499..=0.5).contains(&earliest) && (0.5..0.501).contains(&latest) && closest < 1.0e-14, "{truth:?}");
     let exact = exact_impact::vertex_face(&start, &end);
     assert!(exact.is_some_and(|[low, high]| low <= 0.5 && 0.5 <= high), "{exact:?}");
-    // By a hair less it never touches, by a hair more it does, and twice: the first counts.
+    // Slightly farther, it never touches. Slightly closer, it touches twice, and the first touch counts.
     assert_eq!(vertex_face_impact(&lowered(start, 1.0e-9), &lowered(end, 1.0e-9), 0.0), ImpactTruth::Never);
     let deeper = vertex_face_impact(&lowered(start, -0.01), &lowered(end, -0.01), 0.0);
     // (1 − 2t)² = 3 · 0.01.
@@ -307,11 +308,11 @@ const MOTIONS: [&str; 10] = [
     "resting",
 ];
 
-/// Four points at both ends of a motion, of one of [`MOTIONS`]; half of them as f32 stores them.
+/// Four points at both ends of a motion of one of the [`MOTIONS`]. Half of them are rounded to f32.
 fn moving_points(random: &mut Random, kind: Kind, motion: usize) -> (Points, Points) {
     let cloud = |random: &mut Random| [0; 4].map(|_| random.vector());
     let (mut start, mut end) = (cloud(random), cloud(random));
-    // Makes the sides have a point in common at a time, by moving the first side's end.
+    // Makes the sides have a point in common at some time by moving the end of the first side.
     let aim = |random: &mut Random, start: &Points, end: &mut Points, rim: bool| {
         let time = random.range(0.05, 1.0);
         let now: Points = std::array::from_fn(|k| at(start[k], end[k], time));
@@ -363,7 +364,7 @@ fn moving_points(random: &mut Random, kind: Kind, motion: usize) -> (Points, Poi
             end = [0; 4].map(|_| flat(random.grid_point(3)));
         }
         "grazing" => {
-            // Parallel to a face or edge, a little off it.
+            // Parallel to a face or edge, slightly off it.
             let gap = random.power_of_ten(-16.0, -3.0);
             let slide = random.vector();
             end = start;
@@ -408,7 +409,7 @@ struct Tally {
     widest: f64,
 }
 
-/// Questions put to both, 10,000 unless `CIRCUMSPHERE_PAIRS` says otherwise.
+/// The number of questions: 10,000 unless `CIRCUMSPHERE_PAIRS` is set.
 fn question_count() -> usize {
     std::env::var("CIRCUMSPHERE_PAIRS").map_or(10_000, |text| text.parse().expect("CIRCUMSPHERE_PAIRS is a number"))
 }
@@ -472,13 +473,13 @@ fn whole_numbers_never_contradict_a_verdict() {
     assert!(total(|t| t.never) * 10 > count && total(|t| t.first) * 5 > count);
 }
 
-/// Two triangles at both ends of a motion: hard ones at the start or the end, or aimed at each other.
+/// Two triangles at both ends of a motion: a hard pair at the start or the end, or aimed at each other.
 fn moving_triangles(random: &mut Random, category: usize) -> [Triangle; 4] {
     let (mut a, mut b) = hard_pair(random, category);
     let size = a.iter().chain(&b).map(|p| (*p - a[0]).abs().max_element()).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
     let (common, deformation) = (random.vector() * size, size * random.power_of_ten(-3.0, 0.0));
     let approach = match random.below(3) {
-        // From where they are to somewhere; from far away through each other; hardly at all.
+        // From their places to a random place, from far away through each other, or barely at all.
         0 => random.vector() * size,
         1 => {
             let from = random.direction() * 3.0 * size;
@@ -505,8 +506,8 @@ fn speed(a: [Triangle; 2], b: [Triangle; 2]) -> f64 {
     fastest
 }
 
-/// The distance changes no faster than the corners move, so steps of the distance left over the speed reach no impact:
-/// an enclosure that needs nothing but the distance at single times.
+/// The distance changes no faster than the corners move, so a step of the remaining distance over the speed cannot pass
+/// an impact. This encloses the impact using only the distance at single times.
 #[test]
 fn the_distance_over_time_confirms_every_verdict() {
     const PAIRS: usize = 4_000;
@@ -516,7 +517,7 @@ fn the_distance_over_time_confirms_every_verdict() {
     let (mut spent, mut slowest) = (0.0, 0f64);
     for index in 0..PAIRS {
         let [a, end_a, b, end_b] = moving_triangles(&mut random, index % CATEGORIES.len());
-        // Seen from a corner that moves along: far from the origin the world's own coordinates round more.
+        // Relative to a corner that moves along, because world coordinates far from the origin round more.
         let seen_from = |origin: DVec3| move |triangle: Triangle| triangle.map(|p| p - origin);
         let [from_a, from_b] = [a, b].map(seen_from(a[0]));
         let [to_a, to_b] = [end_a, end_b].map(seen_from(end_a[0]));
@@ -547,7 +548,7 @@ fn the_distance_over_time_confirms_every_verdict() {
             let time = f64::from(sample) / 100.0;
             assert!(time >= apart_until || distance(time) > separation - tolerance, "{time} {}", named());
         }
-        // As far as steps that reach no impact come.
+        // The time that such steps reach.
         let mut reached = 0.0;
         for _ in 0..STEPS {
             let left = distance(reached) - separation;
@@ -588,7 +589,7 @@ fn the_distance_over_time_confirms_every_verdict() {
     );
 }
 
-/// Triangles that are apart first meet by a vertex and a face or by two edges.
+/// Triangles that are apart first meet with a vertex and a face or with two edges.
 #[test]
 fn triangles_meet_when_the_first_of_their_features_do() {
     let mut random = Random::new(6);
@@ -640,7 +641,7 @@ fn triangles_meet_when_the_first_of_their_features_do() {
     assert!(never > 200 && first > 400 && exact * 10 > first * 8);
 }
 
-/// Shared motion, the order of the sides and powers of two change nothing that matters.
+/// Shared motion, the order of the sides, and powers of two do not change the results.
 #[test]
 fn impacts_are_the_same_however_the_pair_is_written() {
     let mut random = Random::new(7);
@@ -714,7 +715,7 @@ fn tree_equals_brute_force_on_moving_soups() {
             let features = feature_impacts_brute_force(&moving, separation);
             assert_eq!(features, feature_impacts_tree(&moving, separation));
             feature_impacts += features.len();
-            // Triangles that were apart meet by features, so each has one among its own.
+            // Triangles that were apart meet by features, so one of their feature pairs must be in the list.
             let met: Vec<[u32; 4]> = features.iter().map(|impact| impact.vertices).collect();
             for impact in &found {
                 let pair = [impact.triangle_a, impact.triangle_b].map(|triangle| mesh.triangles[triangle as usize]);
@@ -745,7 +746,7 @@ fn neighbors_and_broken_triangles_meet_nothing() {
     let pairs = |moving: &MovingMesh<'_>| -> Vec<(u32, u32)> {
         triangle_impacts_tree(moving, 0.0).iter().map(|impact| (impact.triangle_a, impact.triangle_b)).collect()
     };
-    // The third triangle's own corner coincides with one of the first.
+    // A corner of the third triangle coincides with one of the first.
     assert_eq!(pairs(&moving), [(0, 1)]);
     let apart: Vec<u32> = (0..7).collect();
     assert_eq!(pairs(&MovingMesh { weld: &apart, ..moving }), [(0, 1), (0, 2)]);
@@ -806,7 +807,7 @@ fn kind_of(kind: QueryKind) -> Kind {
     }
 }
 
-/// Exact answers, both ways. What touches within the motion in a point of a rim, or slides along it, stays undecided.
+/// Exact answers, both ways. Pairs that touch at a rim during the motion, or slide along it, stay undecided.
 #[test]
 fn recorded_queries_have_their_answers() {
     let mut all = Answers::default();
@@ -833,8 +834,8 @@ fn recorded_queries_have_their_answers() {
     assert!(all.asked == 0 || all.undecided * 10 < all.asked, "{all:?}");
 }
 
-/// The pairs that have to be found. The recordings store more digits than f32, or the answers were made from what f32
-/// stores; whole numbers judge on the positions that are at hand.
+/// The pairs that must be found. The recordings store more digits than f32, or the answers were made from f32 values.
+/// Integer arithmetic decides for the available positions.
 #[test]
 fn recorded_impacts_are_never_denied() {
     let started = Instant::now();
@@ -885,7 +886,7 @@ fn recorded_impacts_are_never_denied() {
     assert!(all.undecided * 1000 <= all.asked);
 }
 
-/// Small recorded steps: the tree against brute force, and every impact of features against whole numbers.
+/// Small recorded steps: the tree against brute force, and every feature impact against integer arithmetic.
 #[test]
 fn small_recorded_steps_meet() {
     for name in ["two_cubes_close_to_intersecting", "thick_cloth"] {
@@ -921,8 +922,8 @@ fn small_recorded_steps_meet() {
     }
 }
 
-/// A vertex that travels with a point of a turning face, a little above it: spans have to be shorter than the square root
-/// of the gap. Where they would be too many the search gives up in time, and says from when on.
+/// A vertex follows a point of a turning face, slightly above it. Spans must be shorter than the square root of the
+/// gap. If there would be too many, the search gives up in time and reports from where on.
 #[test]
 fn what_would_take_millions_of_spans_is_given_up() {
     let mut random = Random::new(9);

@@ -1,4 +1,4 @@
-//! The reference against parry in f64, exact integers, closed forms and published counts.
+//! The reference against parry in f64, exact integers, closed forms, and published counts.
 
 mod common;
 mod exact_impact;

@@ -1,4 +1,4 @@
-//! The lists of touching pairs: tree against brute force, closed forms, welding, bad input, and the comparison.
+//! Lists of touching pairs: tree against brute force, closed forms, welding, invalid input, and the comparison.
 
 use crate::common::{Mesh, Random, grid, joined, soup};
 use circumsphere_truth::{
@@ -52,7 +52,7 @@ fn tree_equals_brute_force_between_soups() {
     assert!(found > 500, "{found}");
 }
 
-/// Layers of cloth: each triangle lies over the one of its own place, its edge neighbours and its corner neighbours.
+/// Layers of cloth: each triangle lies over its own counterpart, its edge neighbors, and its corner neighbors.
 #[test]
 fn layers_touch_exactly_where_they_lie_over_each_other() {
     let cells = 8;
@@ -65,8 +65,8 @@ fn layers_touch_exactly_where_they_lie_over_each_other() {
         .filter(|pair| pair.triangle_a < 2 * cells * cells && pair.triangle_b >= 2 * cells * cells)
         .collect();
     assert!(between.iter().all(|pair| pair.distance == 0.125));
-    // A pair between the layers is at the gap exactly if the triangles share a corner of the lattice or are the same
-    // one.
+    // The distance of a pair between the layers equals the gap exactly if the triangles are counterparts or share a
+    // corner of the lattice.
     let share = |a: usize, b: usize| {
         let shifted = sheet.triangles[b].map(|vertex| vertex - lower.positions.len() as u32);
         sheet.triangles[a].iter().any(|vertex| shifted.contains(vertex))
@@ -82,7 +82,7 @@ fn layers_touch_exactly_where_they_lie_over_each_other() {
 
 #[test]
 fn grids_that_fold_over_themselves_agree_too() {
-    // Folded along x = 7, the upper half rising over the lower one from the fold on.
+    // Folded along x = 7. From the fold on, the upper half rises above the lower one.
     let mut mesh = grid(14, |x, _| if x > 7 { f64::from(x - 7) * 0.03 } else { 0.0 });
     for position in &mut mesh.positions {
         position.x = 7.0 - (position.x - 7.0).abs();
@@ -158,7 +158,7 @@ fn box_pairs_are_those_of_every_two_boxes() {
 
 #[test]
 fn edges_are_counted_once_in_the_mean() {
-    // A square of side 2 with a diagonal, its second triangle on vertices of its own.
+    // A square of side 2 with a diagonal. The second triangle has its own vertices.
     let corners = [[0., 0., 0.], [2., 0., 0.], [0., 2., 0.], [2., 0., 0.], [2., 2., 0.], [0., 2., 0.]];
     let positions: Vec<DVec3> = corners.into_iter().map(DVec3::from_array).collect();
     let weld = exact_weld(&positions);
@@ -186,7 +186,7 @@ fn comparison_tells_misses_from_false_pairs_and_leaves_the_band_free() {
     assert!(compare(&exact, &truth, 1.2, 1e-4).is_exact());
     let not_a_number = [(0, 1, f64::NAN)];
     assert_eq!(compare(&not_a_number, &truth[..1], 1.0, 0.1).worst_distance_error, f64::INFINITY);
-    // At contact distance 0 the band is empty: crossing pairs are required, all others false.
+    // At contact distance 0, the band is empty: crossing pairs are required, and all others are false.
     let crossing_only = compare(&found[..2], &truth, 0.0, 1e-4);
     assert_eq!((crossing_only.matched, crossing_only.in_band), (1, 0));
     assert_eq!(crossing_only.false_pairs, [(0, 2)]);

@@ -1,10 +1,11 @@
 //! The counts of real meshes against those of an independent program, and the time they take.
 //!
-//! What that program states, as comparing shows: its touching pairs are those within `d · (1 − 1e-4)`, the part that
-//! any kernel must find, exactly; its boxes are a little larger than half of `d` on each side (1e-3 of `d` and the
-//! rounding of f32 boxes), so its box pairs are bounded here and not equalled.
+//! Comparisons show how that program counts. Its touching pairs are exactly those within `d · (1 − 1e-4)`, which every
+//! kernel must find. Its boxes are slightly larger than half of `d` on each side (by 1e-3 of `d` and the rounding of
+//! f32 boxes), so this test bounds the number of box pairs instead of requiring equality.
 //!
-//! Needs the folder of recordings in the environment variable `CIRCUMSPHERE_DATA`; skips aloud without it.
+//! Needs the folder of recordings in the environment variable `CIRCUMSPHERE_DATA`. Without it, the test prints a
+//! message and is skipped.
 
 use circumsphere_support::recording::{read_recording, recordings_folder};
 use circumsphere_truth::{
@@ -13,8 +14,8 @@ use circumsphere_truth::{
 use glam::{DVec3, Vec3};
 use std::time::Instant;
 
-/// What is known of frame 0. The crossings are the stated ones but for two recordings: the stated 50,404 of
-/// `cycloidal_nonmanifold` and 159 of `teapot` lack pairs that touch at a boundary or in a plane; exact integer
+/// Known facts about frame 0. The crossings are the stated ones except for two recordings. The stated 50,404 of
+/// `cycloidal_nonmanifold` and 159 of `teapot` omit pairs that touch at a boundary or in a plane. Exact integer
 /// arithmetic on the stored coordinates confirms 53,559 and 161.
 struct Facts {
     name: &'static str,
@@ -61,10 +62,10 @@ const FACTS: [Facts; 22] = [
     facts("two_cubes_far", 0.248_692, 3_504, 0, 96, 0),
 ];
 
-/// The stated touching counts leave out the last 1e-4 of the contact distance.
+/// The stated counts of touching pairs leave out the last 1e-4 of the contact distance.
 const STATED_BAND: f64 = 1e-4;
 
-/// More than the stated boxes are larger by, relative to the contact distance.
+/// Upper bound of how much larger the stated boxes are, relative to the contact distance.
 const BOX_SLACK: f64 = 2e-3;
 
 #[test]
@@ -141,5 +142,5 @@ fn counts_of_recordings_equal_the_stated_ones() {
             assert_eq!(brute, tenth, "{}", stated.name);
         }
     }
-    assert!(wrong.is_empty(), "{wrong:?} differ from what is stated");
+    assert!(wrong.is_empty(), "{wrong:?} differ from the stated counts");
 }

@@ -1,5 +1,4 @@
-//! The f64 truth of one pair of triangles against closed forms, against a duality certificate, and against
-//! parry3d-f64.
+//! The f64 reference for one pair of triangles against closed forms, a duality certificate, and parry3d-f64.
 
 use crate::common::{CATEGORIES, Random, Triangle, hard_pair};
 use circumsphere_truth::{
@@ -12,24 +11,24 @@ use parry3d_f64::query;
 use parry3d_f64::shape::Triangle as ParryTriangle;
 use std::time::Instant;
 
-/// Error of a distance relative to the pair's extent: a dozen operations of half a unit in the last place each.
+/// Error of a distance relative to the pair's extent: a dozen operations with half a unit in the last place each.
 const ROUNDING: f64 = 4e-15;
 
-/// How far the certificate's two bounds may be apart: the direction between two points at distance d is known to
-/// 1e-16 / d of a pair of unit size, and the shadows move by as much, so neither that direction nor that of nearly
-/// parallel edges is sharper than about sqrt(1e-16).
+/// How far apart the certificate's two bounds may be. For a pair of unit size, the direction between two points at
+/// distance d is known to 1e-16 / d, and the projections move by as much. So neither that direction nor that of nearly
+/// parallel edges is more accurate than about sqrt(1e-16).
 const CERTIFICATE_TOLERANCE: f64 = 1e-8;
 
-/// parry stops its search when its bounds agree to the square root of ten machine epsilons, 4.7e-8, of the distance;
-/// a pair of unit size is at most 2·√3 apart.
+/// parry stops its search when its bounds agree to the square root of ten machine epsilons, 4.7e-8, of the distance. A
+/// pair of unit size is at most 2·√3 apart.
 const PARRY_TOLERANCE: f64 = 1.7e-7;
 
-/// Pairs compared with parry, 200,000 unless `CIRCUMSPHERE_PAIRS` says otherwise.
+/// Pairs compared with parry: 200,000 unless `CIRCUMSPHERE_PAIRS` is set.
 fn pair_count() -> usize {
     std::env::var("CIRCUMSPHERE_PAIRS").map_or(200_000, |text| text.parse().expect("CIRCUMSPHERE_PAIRS is a number"))
 }
 
-/// Seed of the pairs compared with parry, 20260731 unless `CIRCUMSPHERE_SEED` says otherwise.
+/// Seed of the pairs compared with parry: 20260731 unless `CIRCUMSPHERE_SEED` is set.
 fn seed() -> u64 {
     std::env::var("CIRCUMSPHERE_SEED").map_or(20_260_731, |text| text.parse().expect("CIRCUMSPHERE_SEED is a number"))
 }
@@ -54,14 +53,15 @@ fn at(triangle: &Triangle, weights: [f64; 3]) -> DVec3 {
     triangle[0] * weights[0] + triangle[1] * weights[1] + triangle[2] * weights[2]
 }
 
-/// Bounds of the distance of two triangles that need no trust in how the features were found: the explicit points of
-/// the reported barycentrics bound it from above, and every direction's gap between the triangles' shadows bounds it
-/// from below. The directions tried are those of the points, and of each feature pair of the two triangles.
+/// Bounds of the distance of two triangles that do not depend on how the features were found. The explicit points of
+/// the reported barycentric weights bound it from above, and the gap between the triangles' projections on any
+/// direction bounds it from below. The directions are those of the points, and of each feature pair of the two
+/// triangles.
 fn certified_bounds(a: &Triangle, b: &Triangle, features: &ClosestFeatures) -> (f64, f64) {
     let (point_a, point_b) = (at(a, features.barycentric_a), at(b, features.barycentric_b));
     let gap = |direction: DVec3| {
         let unit = direction.normalize_or_zero();
-        // Offsets from one corner, so that equal shadows cancel.
+        // Offsets from one corner, so that equal projections cancel.
         let shadow = |t: &Triangle| t.map(|p| (p - a[0]).dot(unit));
         let (of_a, of_b) = (shadow(a), shadow(b));
         let low = |s: [f64; 3]| s.into_iter().fold(f64::INFINITY, f64::min);
@@ -129,7 +129,7 @@ fn agrees_with_parry_and_with_its_own_certificate() {
         let swapped = triangle_distance(&b, &a) / unit;
         assert!((swapped - distance).abs() <= ROUNDING, "{swapped} {}", named());
 
-        // The certificate decides without parry: the two bounds enclose the distance.
+        // The certificate does not need parry: its two bounds enclose the distance.
         let (local_a, local_b) = normalised(&a, &b);
         let (lower, upper) = certified_bounds(&local_a, &local_b, &features);
         assert!(upper >= distance - ROUNDING && upper <= distance + ROUNDING, "{lower} {upper} {}", named());
@@ -144,7 +144,7 @@ fn agrees_with_parry_and_with_its_own_certificate() {
         let error = (parry_distance - distance).abs();
         tally.worst_parry_error = tally.worst_parry_error.max(error);
         if error > PARRY_TOLERANCE {
-            // Above the distance of two explicit points, or below the gap of two shadows: parry is refuted.
+            // A distance above that of two explicit points, or below the gap of two projections, refutes parry.
             let too_large = parry_distance > upper + PARRY_TOLERANCE;
             let too_small = parry_distance < lower - PARRY_TOLERANCE * 0.5;
             assert!(too_large || too_small, "parry {parry_distance}, bounds {lower} {upper}, {}", named());
@@ -161,7 +161,7 @@ fn agrees_with_parry_and_with_its_own_certificate() {
             assert!(lower > PARRY_TOLERANCE * 0.5, "{lower} {upper} {}", named());
             tally.parry_crossing_wrong += 1;
         } else if parry_crossing != crossing && crossing {
-            // Exactly decided by signs, and a common point is at hand.
+            // Signs decide exactly, and a common point is known.
             assert!(upper <= ROUNDING, "{upper} {}", named());
             tally.parry_crossing_wrong += 1;
         }
@@ -203,14 +203,14 @@ fn agrees_with_parry_and_with_its_own_certificate() {
     assert_eq!(total(|t| t.compared), count);
     assert!(total(|t| t.crossing) * 10 > count, "crossing pairs were compared");
     assert!(total(|t| t.apart) * 10 > count * 3, "pairs apart were compared");
-    assert!(total(|t| t.parry_distance_wrong) * 100 < count, "parry agrees nearly everywhere");
+    assert!(total(|t| t.parry_distance_wrong) * 100 < count, "parry agrees almost everywhere");
 }
 
 fn assert_near(found: f64, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "found {found:e}, expected {expected:e}");
 }
 
-/// The same pair at lengths from f32's smallest to its largest, by powers of two, which round nothing.
+/// Lengths from the smallest to the largest f32, by powers of two, which do not round.
 const SCALES: [i32; 9] = [-120, -60, -20, -10, 0, 10, 20, 60, 126];
 
 #[test]
@@ -273,9 +273,9 @@ fn triangles_piercing_mid_face_cross_though_no_features_are_near() {
         assert_eq!(features.distance, 0.0);
         let point = features.point_a / unit;
         assert!(point.distance(features.point_b / unit) <= 100.0 * ROUNDING);
-        // On both planes: z = 0 and y = 0, and between the piercing edges of b.
+        // On both planes, z = 0 and y = 0, and between the piercing edges of b.
         assert!(point.y.abs() <= 1e-12 && point.z.abs() <= 1e-12 && point.x.abs() <= 0.7, "{point}");
-        // No vertex comes nearer to a face than 20 or so, no edge to an edge.
+        // No vertex is closer than about 20 to a face, and no edge to an edge.
         let near = (0..3)
             .flat_map(|i| (0..3).map(move |j| (i, j)))
             .map(|(i, j)| segment_segment(a[i], a[(i + 1) % 3], b[j], b[(j + 1) % 3]).distance)
@@ -285,7 +285,8 @@ fn triangles_piercing_mid_face_cross_though_no_features_are_near() {
     }
 }
 
-/// A vertex on a face crosses; one unit in the last place off it, it does not. No tolerance could tell.
+/// A vertex on a face crosses it. Moved off by one unit in the last place, it does not. No tolerance could tell the two
+/// apart.
 #[test]
 fn crossing_is_decided_to_the_last_bit() {
     let face = [v(0.1, 0.2, 0.3), v(0.9, 0.25, 0.3), v(0.4, 0.75, 0.3)];
@@ -301,7 +302,7 @@ fn crossing_is_decided_to_the_last_bit() {
     assert!(triangle_distance(&face, &lifted) <= 1e-16);
 }
 
-/// On a grid of small integers everything can be decided by integers: an independent brute force over all features.
+/// On a grid of small integers, integer arithmetic decides everything: an independent brute force over all features.
 #[test]
 fn crossing_equals_integer_arithmetic_on_a_grid() {
     let mut random = Random::new(7);
@@ -310,7 +311,7 @@ fn crossing_equals_integer_arithmetic_on_a_grid() {
         let mut triangle = || [random.grid_point(2), random.grid_point(2), random.grid_point(2)];
         let (a, b) = (triangle(), triangle());
         let expected = integer_triangles_cross(&a.map(|p| p.to_array()), &b.map(|p| p.to_array()));
-        // Any scale by a power of two, and f32's extremes among them, must not change the answer.
+        // Scaling by a power of two must not change the answer, even at the extremes of f32.
         for exponent in [0, -140, 120] {
             let unit = 2f64.powi(exponent);
             assert_eq!(triangles_cross(&a.map(|p| p * unit), &b.map(|p| p * unit)), expected, "{a:?} {b:?}");
@@ -319,7 +320,7 @@ fn crossing_equals_integer_arithmetic_on_a_grid() {
             crossing += 1;
         } else {
             apart += 1;
-            // Squared distances of integer features are fractions with small denominators: never tiny.
+            // Squared distances of integer features are fractions with small denominators, so they are never tiny.
             assert!(triangle_distance(&a, &b) > 1e-3, "{a:?} {b:?}");
         }
     }
@@ -327,9 +328,9 @@ fn crossing_equals_integer_arithmetic_on_a_grid() {
     assert!(crossing > pair_count() / 20 && apart > pair_count() / 20);
 }
 
-/// Separating directions of two convex sets with integer corners: the triangles are disjoint exactly if one of the
-/// candidate directions (normals, cross products of edges, in-plane perpendiculars, edges and joins of corners,
-/// which suffice for degenerate triangles as well) separates their shadows strictly.
+/// Tests separating directions of two convex sets with integer corners. The triangles are disjoint if and only if one
+/// of the candidates (normals, cross products of edges, in-plane perpendiculars, edges, and joins of corners, which
+/// suffice for degenerate triangles, too) strictly separates their projections.
 fn integer_triangles_cross(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> bool {
     type Vector = [i128; 3];
     let whole = |t: &[[f64; 3]; 3]| t.map(|p| p.map(|x| x as i128));
@@ -342,8 +343,8 @@ fn integer_triangles_cross(a: &[[f64; 3]; 3], b: &[[f64; 3]; 3]) -> bool {
     let (edges_a, edges_b) = (edges(&a), edges(&b));
     let joins: Vec<Vector> = a.iter().flat_map(|p| b.iter().map(move |q| minus(*q, *p))).collect();
     let normals = [cross(edges_a[0], edges_a[1]), cross(edges_b[0], edges_b[1])];
-    // The shortest join of two disjoint polytopes is: corner to corner; perpendicular to an edge through a corner of
-    // the other, e × (join × e); perpendicular to two edges; or perpendicular to a face.
+    // The shortest join of two disjoint polytopes is corner to corner, perpendicular to an edge through a corner of the
+    // other (e × (join × e)), perpendicular to two edges, or perpendicular to a face.
     let mut directions: Vec<Vector> = normals.to_vec();
     directions.extend(&joins);
     for edge in edges_a.iter().chain(&edges_b) {
@@ -375,7 +376,7 @@ fn degenerate_triangles_are_the_segments_and_points_they_are() {
     assert_near(triangle_distance(&face, &elsewhere), 4.0, ROUNDING);
     let skew = [v(1., 0., 8.), v(1., 4., 8.), v(1., 1., 8.)];
     assert_near(triangle_distance(&segment, &skew), 5.0, ROUNDING);
-    // A zero vector with either sign.
+    // Zero vectors of both signs.
     assert!(triangles_cross(&[v(0., 0., 0.); 3], &[v(-0., -0., -0.); 3]));
 }
 
@@ -400,7 +401,7 @@ fn point_and_segment_functions_have_their_closed_forms() {
     }
 }
 
-/// Each of the four ends in turn lies closest, over the inside of the other segment.
+/// Each of the four ends in turn is the closest point, over the inside of the other segment.
 #[test]
 fn every_end_of_a_segment_can_be_the_closest_point() {
     let (low, high) = (v(-2., 0., 0.), v(6., 0., 0.));
@@ -421,7 +422,8 @@ fn every_end_of_a_segment_can_be_the_closest_point() {
     }
 }
 
-/// A sliver whose altitude is 1e-9 of its length: the plane's normal is known to 1e-7 only, the distance far better.
+/// A sliver whose altitude is 1e-9 of its length: the normal of its plane is known only to 1e-7, the distance far
+/// better.
 #[test]
 fn slivers_lose_nothing() {
     let mut random = Random::new(11);
@@ -436,14 +438,14 @@ fn slivers_lose_nothing() {
         let weights = random.weights();
         let height = random.power_of_ten(-6.0, 0.0);
         let point = at(&sliver, weights) + normal * height;
-        // The construction itself rounds by 1e-16 of lengths near 1; that moves the foot along the sliver's plane at
-        // most, and the height by as much.
+        // The construction rounds by 1e-16 of lengths near 1. That moves the foot at most along the sliver's plane, and
+        // the height by as much.
         assert_near(point_triangle(point, &sliver).distance, height, 2e-15);
     }
 }
 
-/// Two segments at an angle of 1e-7 that pass each other mid-way: a plain determinant would know the angle's square,
-/// 1e-14, to 1 % only, and place the crossing far off.
+/// Two segments at an angle of 1e-7 that pass each other midway. A plain determinant would know the square of the
+/// angle, 1e-14, only to 1 % and misplace the crossing.
 #[test]
 fn nearly_parallel_segments_keep_their_distance() {
     let mut random = Random::new(12);
@@ -468,7 +470,7 @@ fn nearly_parallel_segments_keep_their_distance() {
 
 #[test]
 fn an_offset_of_a_million_costs_only_the_rounding_of_the_input() {
-    // Whole numbers and eighths are exact at that offset, so the distance must be exact too.
+    // Integers and eighths are exact at that offset, so the distance must be exact, too.
     let offset = v(1e6, -1e6, 1e6);
     let a = [v(0., 0., 0.), v(1., 0., 0.), v(0., 1., 0.)].map(|p| p + offset);
     let b = [v(0.25, 0.25, 0.125), v(1., 0., 1.), v(0., 1., 1.)].map(|p| p + offset);
@@ -488,7 +490,7 @@ fn f32_extremes_are_right() {
     let tiny_above = tiny.map(|p| p + v(0., 0., smallest));
     assert!(!triangles_cross(&tiny, &tiny_above));
     assert_near(triangle_distance(&tiny, &tiny_above) / smallest, 1.0, ROUNDING);
-    // The smallest gap above the largest triangle: signs see it, distances cannot.
+    // The smallest gap above the largest triangle. Signs can see it, distances cannot.
     assert!(!triangles_cross(&a, &tiny_above));
     assert!(triangles_cross(&a, &tiny));
 }
@@ -496,7 +498,7 @@ fn f32_extremes_are_right() {
 proptest::proptest! {
     #![proptest_config(proptest::prelude::ProptestConfig { failure_persistence: None, ..Default::default() })]
 
-    /// Distances scale exactly with powers of two and do not depend on the order of axes, corners or triangles.
+    /// Distances scale exactly with powers of two and do not depend on the order of axes, corners, or triangles.
     #[test]
     fn distance_is_the_same_however_the_pair_is_written(seed: u64, exponent in -60..60i32, category in 0usize..16) {
         let mut random = Random::new(seed);
