@@ -223,7 +223,8 @@ impl Contact<'_> {
     #[must_use]
     pub fn normal(&self) -> Vec3 {
         let normal = self.world_normal().as_vec3();
-        if self.swapped { -normal } else { normal }
+        // Adding 0 turns -0 into 0.
+        if self.swapped { Vec3::ZERO - normal } else { normal + Vec3::ZERO }
     }
 
     /// The normal in the order of the record, in f64.

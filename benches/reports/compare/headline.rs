@@ -1,8 +1,8 @@
 //! A scene of the size in the source paper's headline: 3,000 deforming vertices against 100,000 static triangles, with
 //! times as a share of a frame.
 //!
-//! A sheet ripples along hilly ground and touches it with about a quarter of its area. Each measurement is a whole update
-//! of the app, as a game would run it.
+//! A sheet ripples along hilly ground and touches it with about a quarter of its area. Each measurement is a whole
+//! update of the app, as a game would run it.
 
 use std::fmt::{self, Display, Formatter};
 

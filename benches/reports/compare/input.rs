@@ -4,8 +4,8 @@ use bevy_circumsphere::geometry::{SurfaceTopology, TopologyError};
 use circumsphere_support::{random::Random, recording::Recording};
 use glam::Vec3;
 
-/// Number of ticks after the cold one. Every vertex moves by [`DRIFT`] per tick. The list of near pairs is made anew twice
-/// in that time.
+/// Number of ticks after the cold one. Every vertex moves by [`DRIFT`] per tick. The list of near pairs is made anew
+/// twice in that time.
 const DRIFT_TICKS: usize = 12;
 
 /// Displacement of a vertex per drift tick, in contact distances: less than a tenth.

@@ -1,30 +1,30 @@
 //! Compares times and memory with other libraries on the same input: one table, measured in one run.
 //!
 //! `cargo run --release --example compare -- [FILES…] [options]`; `--help` lists the options. Without files it uses a
-//! crumpled sheet and the embedded scene. All contestants get the same mesh, contact distance, and boxes, and take turns:
-//! each is measured once per round. Medians are also given relative to parry's traversal of its tree in the same run, with
-//! the faster of its two build strategies.
+//! crumpled sheet and the embedded scene. All contestants get the same mesh, contact distance, and boxes, and take
+//! turns: each is measured once per round. Medians are also given relative to parry's traversal of its tree in the same
+//! run, with the faster of its two build strategies.
 //!
 //! *Cold* is a tick in which the mesh has new positions and [`Teleported`](bevy_circumsphere::Teleported) prevents the
-//! reuse of earlier results. In the tick before, the mesh had another shape: the previous frame, or the next one for the first
-//! frame. If the mesh never moves, every vertex was a contact distance away. Trees are kept and refitted, as in the
-//! other libraries. *Moved* is the mean of the twelve ticks that follow. Every vertex moves by 0.09 contact distances
-//! per tick, in its own direction. Ticks that reuse a list of near pairs and ticks that make a new one are also given
-//! separately. *Unchanged* is the next tick, in which nothing is written. The time of our methods is that of the whole
-//! app update, including the storage of contacts.
+//! reuse of earlier results. In the tick before, the mesh had another shape: the previous frame, or the next one for
+//! the first frame. If the mesh never moves, every vertex was a contact distance away. Trees are kept and refitted, as
+//! in the other libraries. *Moved* is the mean of the twelve ticks that follow. Every vertex moves by 0.09 contact
+//! distances per tick, in its own direction. Ticks that reuse a list of near pairs and ticks that make a new one are
+//! also given separately. *Unchanged* is the next tick, in which nothing is written. The time of our methods is that of
+//! the whole app update, including the storage of contacts.
 //!
 //! The table also shows what each contestant found, because the results differ. `box pairs` are pairs of overlapping
-//! boxes, including neighbors. They must agree for all contestants. Contestants that disagree are named below the table,
-//! and so are exact methods of ours that disagree. Our methods never store neighbors, and their boxes are larger by a
-//! thousandth of the contact distance. Therefore `apart`, the box pairs that are not neighbors, differs slightly.
+//! boxes, including neighbors. They must agree for all contestants. Contestants that disagree are named below the
+//! table, and so are exact methods of ours that disagree. Our methods never store neighbors, and their boxes are larger
+//! by a thousandth of the contact distance. Therefore `apart`, the box pairs that are not neighbors, differs slightly.
 //! `tested` are pairs that reach an exact test in f64, because no slab separates them. `BoundingSphere` and
 //! `Circumsphere` define touching differently. parry computes distances in f32 with absolute tolerances, so its
 //! `touching` is close to ours but not exact. rapier's contacts are of another kind: see `benches/peers/src/rapier.rs`.
 //!
-//! Peers that would add dependencies to the crate are separate programs, see [`peers`]. They are downloaded and compiled
-//! only when they are compared. obvhs and rapier3d are in a package with its own lock file, which takes about two minutes
-//! to build. Embree is called from a C file that links the system's library. The crate's own builds and tests do not
-//! depend on them.
+//! Peers that would add dependencies to the crate are separate programs, see [`peers`]. They are downloaded and
+//! compiled only when they are compared. obvhs and rapier3d are in a package with its own lock file, which takes about
+//! two minutes to build. Embree is called from a C file that links the system's library. The crate's own builds and
+//! tests do not depend on them.
 
 use std::{
     fs,

@@ -43,7 +43,7 @@ pub struct Options {
     /// Measure the growth of time and memory up to 1,000,000 triangles instead of 100,000; takes minutes
     #[arg(long)]
     pub scale: bool,
-    /// Skip the measurement of growth
+    /// Skip the growth of time and memory
     #[arg(long, conflicts_with = "scale")]
     pub no_scale: bool,
     /// Write all measurements as JSON

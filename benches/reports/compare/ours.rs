@@ -14,8 +14,8 @@ use super::{
 };
 
 pub const COLD: &str = "cold tick";
-/// A cold tick at the end of the small motion. Moved and unchanged ticks are compared with it, because they find the same
-/// pairs.
+/// A cold tick at the end of the small motion. Moved and unchanged ticks are compared with it, because they find the
+/// same pairs.
 pub const COLD_MOVED: &str = "cold tick, where the motion ends";
 pub const MOVED: &str = "tick, moved by 0.09 contact distances";
 /// Moved ticks that reuse a list of near pairs, and moved ticks that make a new one.

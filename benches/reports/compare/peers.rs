@@ -4,9 +4,9 @@
 //! A peer is started with three arguments: a recording, half the contact distance, and the number of threads. The
 //! recording has two frames for each tick: the state before it, and the state to measure. The peer prints a line
 //! `peer NAME`. Then it reads lines with the number of a tick. It answers each with lines `row`, followed by a line
-//! `done`. A row has these fields, separated by tabs: a name, `whole` or `part`, nanoseconds, and the counts of box pairs,
-//! pairs apart, tested pairs, touching pairs, and contacts. A count that the peer does not have is `-`. Between requests
-//! a peer does nothing, so that it does not disturb other measurements.
+//! `done`. A row has these fields, separated by tabs: a name, `whole` or `part`, nanoseconds, and the counts of box
+//! pairs, pairs apart, tested pairs, touching pairs, and contacts. A count that the peer does not have is `-`. Between
+//! requests a peer does nothing, so that it does not disturb other measurements.
 
 use std::{
     fs,

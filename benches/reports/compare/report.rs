@@ -170,8 +170,8 @@ impl Report {
         self.rows.iter().find(|row| row.who == who && row.what == what && row.threads == threads)
     }
 
-    /// Contestants whose counts differ although they must agree: box pairs for all contestants, and touching pairs at the
-    /// measured positions for our exact methods.
+    /// Contestants whose counts differ although they must agree: box pairs for all contestants, and touching pairs at
+    /// the measured positions for our exact methods.
     fn disagreements(&self) -> Vec<String> {
         let exact: Vec<String> =
             ContactMethod::ALL.into_iter().filter(|method| method.is_exact()).map(method_name).collect();
@@ -312,10 +312,13 @@ impl Display for Report {
             self.contact_distance,
             self.contact_distance / self.mean_edge
         )?;
-        // Up to a third of the time depends on the instruction set.
+        // The instruction set accounts for about a third of the time.
         let level = format!("{:?}", fearless_simd::Level::new());
         let level = level.split('(').next().unwrap_or_default();
-        writeln!(out, "instruction set of our methods: {level}, chosen at run time; peers use the one they were compiled for")?;
+        writeln!(
+            out,
+            "instruction set of our methods: {level}, chosen at run time; peers use the one they were compiled for"
+        )?;
         writeln!(out, "reference (×1): {}, {TRAVERSAL}\n", self.reference)?;
         writeln!(
             out,

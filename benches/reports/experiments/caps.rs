@@ -1,4 +1,4 @@
-//! φ and the curvature threshold: shots that tunnel, touching triangles that are missed, and needless tests.
+//! φ and the curvature threshold: shots that tunnel, missed pairs, and needless tests.
 
 use std::collections::BTreeSet;
 
@@ -30,15 +30,15 @@ use super::{
 const PHIS: [f32; 6] = [0.0, 0.25, 0.5, 1.0, 2.0, 5.0];
 const THRESHOLDS: [f32; 4] = [0.5, 1.0, 2.0, 4.0];
 
-/// Speeds in thicknesses per tick, around those at which shots begin to tunnel.
+/// Speeds in thicknesses per tick, in the range in which shots begin to tunnel.
 const SPEEDS: [f32; 5] = [10.0, 20.0, 40.0, 70.0, 100.0];
 
-/// Scenes in which touching triangles are counted, besides the beam that is lowered edge first.
+/// Scenes in which touching pairs are counted, besides the beam that is lowered edge first.
 const MOVING: [&str; 4] = ["box_on_edge_and_corner", "soft_spheres", "ribbed_panel", "cloth_over_ball"];
 
 const CLOTH_FALL: &[u8] = include_bytes!("../../../assets/cloth_fall.bin");
 
-/// Tunnelling, misses, and needless tests of a setting.
+/// Tunnelling, missed pairs, and needless tests of one setting.
 #[derive(Clone, Debug, Serialize)]
 pub struct CapsRow {
     pub phi: f32,
@@ -46,13 +46,13 @@ pub struct CapsRow {
     pub shots: usize,
     pub tunnelled: usize,
     pub tunnelling_rate: f64,
-    /// Touching pairs of triangles, by the exact method.
+    /// Touching pairs of triangles, found by the exact method.
     pub true_pairs: usize,
     /// Share of true pairs that are missed.
     pub missed_share: f64,
     /// The same between the mattress and the beam that is lowered edge first.
     pub missed_share_on_edge: f64,
-    /// Pairs whose spheres overlap, which go to the cone test.
+    /// Pairs whose spheres overlap. They go to the cone test.
     pub examined_pairs: usize,
     /// Share of examined pairs that do not touch.
     pub needless_share: f64,
@@ -63,7 +63,7 @@ pub struct CapsRow {
     pub which: Vec<bool>,
 }
 
-/// A scene with its touching triangles in each tick.
+/// A scene with its touching pairs in each tick.
 struct Judged {
     scene: MovingScene,
     thickness: SurfaceThickness,
@@ -142,7 +142,7 @@ fn scenes(extent: Extent) -> Result<Vec<Judged>, RecordingError> {
         .collect())
 }
 
-/// The touching triangles that a method finds, and the number of pairs that it sends to the cone test, for each tick.
+/// The touching pairs that a method finds in each tick, and the number of pairs that go to its cone test.
 fn play(judged: &Judged, method: ContactMethod, settings: CircumsphereSettings) -> Vec<(BTreeSet<[u32; 4]>, usize)> {
     let Judged { scene, thickness, .. } = judged;
     let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, Recorder::default());
@@ -221,7 +221,8 @@ fn ends(rows: &[CapsRow], value: fn(&CapsRow) -> f64) -> Option<[f64; 2]> {
 }
 
 pub fn finding(rows: &[CapsRow]) -> Finding {
-    let claim = "spheres about the circumcenter (φ = 0) resist tunnelling best, and flatter caps (larger φ) spare needless tests";
+    let claim = "spheres about the circumcenter (φ = 0) resist tunnelling best, and flatter caps (larger φ) avoid \
+                 needless tests";
     let measures: Option<[_; 3]> = (|| {
         Some([
             ends(rows, |row| row.tunnelling_rate)?,
@@ -244,8 +245,8 @@ pub fn finding(rows: &[CapsRow]) -> Finding {
     Finding {
         claim: claim.to_owned(),
         found: format!(
-            "at φ = {least} and φ = {largest} {} of the shots tunnel, {} of the pairs that are examined do not touch, and {} of \
-             those that touch are missed",
+            "at φ = {least} and φ = {largest}, respectively, {} of the shots tunnel, {} of the examined pairs do not \
+             touch, and {} of the touching pairs are missed",
             both(tunnelling),
             both(needless),
             both(missed)
@@ -260,10 +261,10 @@ pub fn tables(rows: &[CapsRow]) -> String {
         "φ",
         "shots that tunnel",
         "touching pairs missed",
-        "on edge missed",
-        "examined",
-        "examined in vain",
-        "reported falsely",
+        "missed under the beam's edge",
+        "pairs examined",
+        "examined needlessly",
+        "reported pairs false",
     ];
     table(
         &header.map(str::to_owned),

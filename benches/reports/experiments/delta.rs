@@ -1,5 +1,5 @@
-//! How stale may spheres be? δ from 0 to 2 in the three kinds of scenes: cost of the refresh, error of the surface that
-//! the caps make, and steadiness of the scenes.
+//! How stale may spheres be? δ from 0 to 2 in the three kinds of scenes: cost of the refresh, error of the caps, and
+//! steadiness of the scenes.
 
 use bevy_circumsphere::{
     CircumsphereSettings, Circumspheres, TriangleCones, TriangleCurvature,
@@ -24,33 +24,33 @@ use super::{
     player::{KINDS, Player, variation},
 };
 
-/// From a refresh in every tick to almost none.
+/// Values of δ, from a refresh in every tick to almost none.
 const DELTAS: [f32; 9] = [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.2, 1.6, 2.0];
 
-/// The paper's advice for steadiness and for speed.
+/// The values of δ that the paper recommends for steadiness and for speed.
 const STEADIEST: f32 = 0.7;
 const FASTEST: f32 = 0.9;
 
-/// Smaller values are within the rounding of positions.
+/// Trembling below this is within the rounding of positions.
 const LEAST_TREMBLING: f64 = 1.0e-8;
 
 /// Number of ticks between comparisons of the caps with fresh ones.
 const LOOK_EVERY: usize = 5;
 
-/// Results of a δ in a scene: medians of its repetitions.
+/// Results of one δ in one scene: medians over the repetitions.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeltaRow {
     pub kind: &'static str,
     pub scene: &'static str,
     pub delta: f32,
     pub repetitions: usize,
-    /// Repetitions that flew apart. Steadiness is that of the remaining ones.
+    /// Repetitions that flew apart. Steadiness is measured on the others.
     pub broken: usize,
-    /// Time to refresh curvature, spheres, and cones of a tick, in microseconds.
+    /// Time to refresh curvature, spheres, and cones in a tick, in microseconds.
     pub time_refresh_us: f64,
-    /// Time of the whole detection of a tick, in milliseconds.
+    /// Time for the whole detection in a tick, in milliseconds.
     pub time_detection_ms: f64,
-    /// Largest divided by smallest of the repetitions.
+    /// Largest divided by smallest value of the repetitions.
     pub time_detection_spread: f64,
     /// Share of spheres whose recipe is made anew in a tick.
     pub refreshed_share: f64,
@@ -59,7 +59,7 @@ pub struct DeltaRow {
     /// Difference of the bulge of caps from that of fresh ones, relative to the latter.
     pub surface_error_relative: f64,
     pub trembling: Option<f64>,
-    /// Largest divided by smallest of the repetitions.
+    /// Largest divided by smallest value of the repetitions.
     pub trembling_spread: Option<f64>,
     pub jitter: Option<f64>,
     pub churn: Option<f64>,
@@ -75,8 +75,8 @@ struct Run {
     steadiness: Option<super::player::Steadiness>,
 }
 
-/// Plays every scene at every δ, one repetition after the other, so that a disturbance of the machine does not affect a
-/// single δ.
+/// Plays every scene at every δ, one repetition after the other, so that a disturbance of the machine does not affect
+/// only one δ.
 pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<DeltaRow> {
     let deltas = extent.pick(&DELTAS[4..6], &DELTAS[..]);
     let (repetitions, ticks) = extent.pick((1, 30), (3, 360));
@@ -120,8 +120,8 @@ fn run(scene: &str, delta: f32, repetition: u64, ticks: usize) -> Run {
     run
 }
 
-/// Error of a body's caps relative to fresh ones: of their tops in mean edges, and of their bulges. `None` if its
-/// spheres are not up to date with the last tick.
+/// Error of a body's caps compared with fresh ones: of their tops in mean edges, and of their bulges. `None` if the
+/// body's spheres are not up to date with the last tick.
 fn surface_error(player: &Player, body: usize) -> Option<[f64; 2]> {
     let stage = &player.scene.stage;
     let (world, entity) = (stage.app.world(), stage.bodies[body]);
@@ -156,8 +156,7 @@ fn surface_error(player: &Player, body: usize) -> Option<[f64; 2]> {
     Some([away / (triangles.len() as f64 * f64::from(surface.mean_edge())), higher / bulges])
 }
 
-/// Whether every sphere reaches exactly its triangle's farthest corner, which means that it was refitted to these
-/// positions.
+/// Whether every sphere reaches exactly to its triangle's farthest corner. Then it was refitted to these positions.
 fn follows(spheres: &OffsetSpheres, positions: &[Vec3], triangles: &[[u32; 3]]) -> bool {
     const ROUNDING: f32 = 1.0e-4;
     triangles.iter().zip(spheres.centers.iter().zip(&spheres.radii)).all(|(corners, (&center, &radius))| {
@@ -199,7 +198,8 @@ fn spread(values: &[f64], least: f64) -> f64 {
     high / low.max(least)
 }
 
-/// A measure over all scenes at each δ, as a multiple of the smallest. Only for δ at which every scene has a value.
+/// A measure over all scenes at each δ, as a multiple of the smallest value. Covers each δ for which every scene has a
+/// value.
 fn pooled(rows: &[DeltaRow], value: impl Fn(&DeltaRow) -> Option<f64>, least: f64) -> Vec<(f32, f64)> {
     let mut deltas: Vec<f32> = rows.iter().map(|row| row.delta).collect();
     deltas.sort_by(f32::total_cmp);
@@ -213,18 +213,19 @@ fn pooled(rows: &[DeltaRow], value: impl Fn(&DeltaRow) -> Option<f64>, least: f6
     means.into_iter().map(|(delta, mean)| (delta, mean / best)).collect()
 }
 
-/// Whether the advised δ is best, in words and as an outcome. Values within `noise` of the best count as equal.
+/// Whether the recommended δ is best, in words and as an outcome. Values within a factor of `noise` of the best count
+/// as equal.
 fn advised(what: &str, pooled: &[(f32, f64)], advised: f32, noise: f64) -> (String, Outcome) {
     let best = pooled.iter().min_by(|a, b| a.1.total_cmp(&b.1));
     let (Some(&(best, _)), Some(&(_, ratio))) = (best, pooled.iter().find(|one| one.0 == advised)) else {
-        return (format!("{what} could not be compared: scenes flew apart"), Outcome::Undecided);
+        return (format!("{what} could not be compared, because scenes flew apart"), Outcome::Undecided);
     };
     let worst = pooled.iter().map(|one| one.1).fold(1.0, f64::max);
     let told = if best == advised {
-        format!("{what} is least at δ = {best} (at the worst δ {} times that)", figure(worst))
+        format!("{what} is smallest at δ = {best} ({} times that at the worst δ)", figure(worst))
     } else {
         format!(
-            "{what} is least at δ = {best} (at {advised} {} times that, at the worst δ {})",
+            "{what} is smallest at δ = {best} ({} times that at δ = {advised}, {} times that at the worst δ)",
             figure(ratio),
             figure(worst)
         )
@@ -238,7 +239,7 @@ fn advised(what: &str, pooled: &[(f32, f64)], advised: f32, noise: f64) -> (Stri
     } else {
         Outcome::Fails
     };
-    (format!("{told}, while repetitions of one δ differ by {} times", figure(noise)), outcome)
+    (format!("{told}, and repetitions of one δ differ by a factor of {}", figure(noise)), outcome)
 }
 
 pub fn finding(rows: &[DeltaRow]) -> Finding {
@@ -250,7 +251,7 @@ pub fn finding(rows: &[DeltaRow]) -> Finding {
     let (told_of_speed, fastest) = advised("the time of detection", &fast, FASTEST, noise);
     Finding {
         claim: format!("δ = {STEADIEST} gives the best stability and δ = {FASTEST} the best speed"),
-        found: format!("over the three scenes {told}; {told_of_speed}"),
+        found: format!("over the three scenes, {told}; {told_of_speed}"),
         outcome: Outcome::all(&[steadiest, fastest]),
     }
 }
@@ -261,11 +262,11 @@ pub fn tables(rows: &[DeltaRow]) -> String {
         "δ",
         "refresh (µs)",
         "detection (ms)",
-        "refreshed a tick",
-        "tops off (edges)",
-        "bulge off",
-        "trembling (edges)",
-        "× between repetitions",
+        "refreshed per tick",
+        "error of tops (edges)",
+        "error of bulges",
+        "trembling (edges per tick)",
+        "factor between repetitions",
         "churn",
         "flew apart",
     ];

@@ -1,5 +1,5 @@
-//! Contact methods at few and many solver iterations: time of a tick, steadiness of the scenes, and residual
-//! penetration by the exact method.
+//! Contact methods at few and many solver iterations: time per tick, steadiness of the scenes, and residual penetration
+//! measured with the exact method.
 
 use bevy_circumsphere::{prelude::*, response::XpbdSettings};
 use circumsphere_examples::scenes::{self, Variation};
@@ -22,15 +22,15 @@ pub const METHODS: [ContactMethod; 4] =
 
 const ITERATIONS: [u32; 6] = [1, 2, 4, 8, 16, 32];
 
-/// The number of substeps of a game that relies on iterations. The default number would make iterations superfluous.
+/// Few substeps, as in a game that relies on iterations. With the default number, iterations would be superfluous.
 pub const SUBSTEPS: u32 = 2;
 
-/// Upper limit of few iterations.
+/// Up to this number, iterations count as few.
 const FEW: u32 = 4;
 
 const LEAST_TREMBLING: f64 = 1.0e-8;
 
-/// Results of a method in a scene: medians of its repetitions.
+/// Results of one method in one scene: medians over the repetitions.
 #[derive(Clone, Debug, Serialize)]
 pub struct IterationsRow {
     pub kind: &'static str,
@@ -40,9 +40,9 @@ pub struct IterationsRow {
     pub substeps: u32,
     pub iterations: u32,
     pub repetitions: usize,
-    /// Repetitions that flew apart. Except for times, the other fields describe the remaining ones.
+    /// Repetitions that flew apart. Only times include them.
     pub broken: usize,
-    /// Median time of a tick, in milliseconds.
+    /// Median time per tick, in milliseconds.
     pub time_detection_ms: f64,
     pub time_response_ms: f64,
     pub trembling: Option<f64>,
@@ -91,7 +91,7 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<IterationsRow> {
 fn run(scene: &str, method: ContactMethod, iterations: u32, repetition: u64, ticks: usize) -> Run {
     let response = XpbdSettings { substeps: SUBSTEPS, iterations, ..XpbdSettings::default() };
     let mut player = Player::new(scene, &Variation { response, ..variation(method) }, repetition);
-    // Stop at the end of the settled ticks. After them, the instrument lifts and nothing is in contact.
+    // Stop at the end of the settled ticks. After that, the instrument is lifted and nothing is in contact.
     let settled = player.scene.settled.end as usize;
     player.play(ticks.min(settled), |_| ());
     let milliseconds = |time: fn(&scenes::measure::Tick) -> std::time::Duration| {
@@ -132,7 +132,7 @@ fn row(
     }
 }
 
-/// Compares the trembling of circumspheres with that of polygons at few iterations, and how often each flew apart.
+/// Compares circumspheres with polygons at few iterations: their trembling, and how often scenes flew apart.
 pub fn finding(rows: &[IterationsRow]) -> Finding {
     let few = |method: ContactMethod| rows.iter().filter(move |row| row.method == method && row.iterations <= FEW);
     let (mut ratios, mut steadier, mut settings) = (Vec::new(), 0, 0);
@@ -159,10 +159,10 @@ pub fn finding(rows: &[IterationsRow]) -> Finding {
         _ => Outcome::Fails,
     };
     let compared = mean.map_or_else(
-        || "of no setting did both stay whole".to_owned(),
+        || "no setting has a trembling for both methods".to_owned(),
         |mean| {
             format!(
-                "its trembling is {} times that of polygons in the geometric mean where both stay whole",
+                "its trembling is {} times that of polygons (geometric mean over settings in which neither flew apart)",
                 figure(mean)
             )
         },
@@ -170,8 +170,8 @@ pub fn finding(rows: &[IterationsRow]) -> Finding {
     Finding {
         claim: "the circumsphere method is steadier than polygons at few iterations".to_owned(),
         found: format!(
-            "at up to {FEW} iterations it is steadier in {steadier} of {settings} settings, {compared}, and {} of {runs} runs \
-             flew apart by it, {} by polygons",
+            "at up to {FEW} iterations, it is steadier in {steadier} of {settings} settings; {compared}; of {runs} \
+             runs each, {} flew apart with it and {} with polygons",
             broken(ContactMethod::Circumsphere),
             broken(ContactMethod::Polygon)
         ),
@@ -185,9 +185,9 @@ pub fn tables(rows: &[IterationsRow]) -> String {
         ("detection + response (ms)", |row| {
             format!("{} + {}", figure(row.time_detection_ms), figure(row.time_response_ms))
         }),
-        ("trembling (edges a tick)", |row| optional(row.trembling)),
+        ("trembling (edges per tick)", |row| optional(row.trembling)),
         ("contact churn", |row| row.churn.map_or_else(|| "–".to_owned(), percent)),
-        ("penetration left (contact distances): mean, most", |row| {
+        ("residual penetration (contact distances): mean, maximum", |row| {
             format!("{}, {}", optional(row.residual_mean), optional(row.residual_deepest))
         }),
         ("flew apart", |row| format!("{} of {}", row.broken, row.repetitions)),

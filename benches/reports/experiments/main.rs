@@ -1,8 +1,8 @@
-//! Repeats the experiments of the source paper, which describes them only in words, as numbers and plots.
+//! Repeats the experiments of the source paper in numbers and plots. The paper describes them only in words.
 //!
 //! `cargo run --release --example experiments -- [options]`; `--help` lists the options. Writes tables (CSV), plots,
-//! and `report.md`, in which every experiment ends with one sentence: the claim, the result, and whether the claim
-//! holds.
+//! and `report.md`. In the report, every experiment ends with one sentence: the claim, the result, and whether the
+//! claim holds.
 
 mod caps;
 mod delta;
@@ -49,7 +49,7 @@ fn main() -> ExitCode {
 
 /// Runs the requested experiments.
 fn study(options: &Options) -> Result<Study, ReportError> {
-    // Create the folder first, so that an error shows before anything is measured.
+    // Create the folder first, so that errors appear before anything is measured.
     std::fs::create_dir_all(&options.out).map_err(|source| OutputError::File { path: options.out.clone(), source })?;
     let extent = options.extent();
     let load = machine::load();

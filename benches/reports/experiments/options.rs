@@ -14,7 +14,7 @@ pub struct Options {
     /// Run only these experiments
     #[arg(long, value_enum, value_name = "NAME,…", value_delimiter = ',')]
     pub only: Vec<Experiment>,
-    /// The fewest settings and ticks: some seconds, to see that everything works. Its figures mean nothing
+    /// Run the fewest settings and ticks, to check that everything works; takes seconds, and the figures mean nothing
     #[arg(long)]
     pub quick: bool,
 }
@@ -22,7 +22,7 @@ pub struct Options {
 /// An experiment, in the order of the report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub enum Experiment {
-    /// δ against steadiness, speed and error
+    /// Effect of δ on steadiness, speed, and error
     #[value(alias = "a")]
     Delta,
     /// Contact methods at few and many solver iterations
@@ -40,7 +40,7 @@ pub enum Experiment {
 }
 
 impl Experiment {
-    /// Headline in the report.
+    /// Section title in the report.
     pub const fn title(self) -> &'static str {
         match self {
             Self::Delta => "How stale may spheres be? δ from 0 to 2",
@@ -51,7 +51,7 @@ impl Experiment {
         }
     }
 
-    /// File name of its table and plot, without extension.
+    /// File name of the table and the plot, without extension.
     pub const fn file(self) -> &'static str {
         match self {
             Self::Delta => "delta",

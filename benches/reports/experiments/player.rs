@@ -1,4 +1,4 @@
-//! Plays a scene tick by tick for an experiment: from a slightly different start in each repetition, and only until it
+//! Plays a scene tick by tick for an experiment. Each repetition starts slightly differently, and ends if the scene
 //! flies apart.
 
 use bevy_circumsphere::{prelude::*, response::XpbdBody};
@@ -17,11 +17,11 @@ use glam::Vec3;
 /// The three kinds of scenes in the paper, and our scene of each kind.
 pub const KINDS: [(&str, &str); 3] = [("stable", "cloth_drop"), ("precision", "soft_tissue"), ("efficiency", "pile")];
 
-/// Disturbance of the start, in mean edges: far below what is visible, but enough to change the course of a chaotic
-/// scene.
+/// Disturbance of the start, in mean edges. It is far too small to be visible, but enough to change the course of a
+/// chaotic scene.
 const DISTURBANCE: f32 = 1.0e-5;
 
-/// Speed limit in meters per second. Nothing falls or is pushed as fast. Anything faster has been thrown by the solver.
+/// Speed limit in meters per second. Nothing falls or is pushed this fast. Anything faster was thrown by the solver.
 const THROWN: f32 = 30.0;
 
 /// A scene in play.
@@ -30,7 +30,7 @@ pub struct Player {
     pub ticks: Vec<Tick>,
     /// Trembling of each tick: see [`Steadiness::trembling`].
     trembling: Vec<f64>,
-    /// Whether a vertex has been thrown. Results after that are meaningless.
+    /// Whether a vertex was thrown. Results after that are meaningless.
     pub is_broken: bool,
     /// Positions of the bodies' vertices at the beginning of the last tick, and one tick before.
     last: [Vec<Vec<Vec3>>; 2],
@@ -42,15 +42,15 @@ pub struct Player {
 pub struct Steadiness {
     /// Mean displacement per tick of the vertices in contact, in mean edges.
     pub jitter: f64,
-    /// Mean second difference of all free vertices, in mean edges per tick: the part of their motion that is not
-    /// steady. Unlike the vertices in contact, these are the same vertices for every method.
+    /// Mean second difference of all free vertices, in mean edges per tick: the unsteady part of their motion. Unlike
+    /// the vertices in contact, the free vertices are the same for every method.
     pub trembling: f64,
     /// Share of contacts that come or go in a tick.
     pub churn: f64,
 }
 
 impl Player {
-    /// The scene with that name. `repetition` seeds the disturbance of its start.
+    /// Sets up the scene with the given name. `repetition` seeds the disturbance of the start.
     pub fn new(name: &str, variation: &Variation, repetition: u64) -> Self {
         let mut scene = scene(name, variation, Recorder::default()).expect("experiments only play existing scenes");
         let mut random = Random::new(0x5EED ^ repetition);
@@ -72,7 +72,7 @@ impl Player {
         }
     }
 
-    /// Plays a tick. Returns whether another one may follow.
+    /// Plays a tick. Returns whether the scene may go on.
     pub fn tick(&mut self) -> bool {
         let stage = &self.scene.stage;
         let now: Vec<Vec<Vec3>> = stage.bodies.iter().map(|&body| stage.positions(body).to_vec()).collect();
@@ -87,14 +87,14 @@ impl Player {
         !self.is_broken
     }
 
-    /// Plays at most `most` ticks of the scene, and calls `look` after each, until it breaks.
+    /// Plays at most `most` ticks of the scene, until it breaks, and calls `look` after each.
     pub fn play(&mut self, most: usize, mut look: impl FnMut(&Self)) {
         while self.ticks.len() < (self.scene.ticks as usize).min(most) && self.tick() {
             look(self);
         }
     }
 
-    /// Positions of a body's vertices at the beginning of the last tick, which its detection has seen.
+    /// Positions of a body's vertices at the beginning of the last tick, as its detection used them.
     pub fn detected_positions(&self, body: usize) -> &[Vec3] {
         &self.last[0][body]
     }
@@ -141,8 +141,8 @@ fn is_thrown(stage: &Stage, entity: Entity) -> bool {
     !body.velocities.iter().all(is_fine) || !stage.positions(entity).iter().all(|position| position.is_finite())
 }
 
-/// A variation with contacts tested by `method`, and only at the beginning of each tick. So what the method misses
-/// stays missed.
+/// A variation that detects contacts with `method`, and only at the beginning of each tick, so that missed pairs stay
+/// missed.
 pub fn variation(method: ContactMethod) -> Variation {
     Variation { method, continuous: false, extent: scenes::Extent::Small, ..Variation::default() }
 }

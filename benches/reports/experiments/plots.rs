@@ -27,7 +27,7 @@ enum Axes {
 /// A line over a setting: its points, and the index that selects color, dash, and marker.
 type Series = (Vec<(f64, f64)>, usize);
 
-/// Lines over a setting, with room for the outermost markers. A placeholder if there is no point.
+/// Lines over a setting, with room for the outermost markers. If there is no point, the panel is empty.
 fn panel(series: &[Series], title: &str, [x, y]: [&str; 2], axes: Axes, top: Option<f64>) -> (Vec<Plot>, Layout) {
     let is_log_y = matches!(axes, Axes::LogY | Axes::LogBoth);
     let is_drawn = |&(_, y): &(f64, f64)| y.is_finite() && (!is_log_y || y > 0.0);
@@ -44,7 +44,7 @@ fn panel(series: &[Series], title: &str, [x, y]: [&str; 2], axes: Axes, top: Opt
         }
     }
     if plots.is_empty() {
-        // If all runs flew apart, there is nothing to draw.
+        // All runs flew apart, so there is nothing to draw.
         (left, right, low, high) = (1.0, 10.0, 0.1, 1.0);
         plots.push(LinePlot::new().with_data(vec![(left, low), (left, low)]).with_color(BLACK).into());
     }
@@ -81,10 +81,10 @@ fn method_entries() -> Vec<LegendEntry> {
 
 pub fn delta(rows: &[DeltaRow]) -> Sheet {
     let measures: [(&str, fn(&DeltaRow) -> Option<f64>, Axes); 4] = [
-        ("time of refresh (µs a tick)", |row| Some(row.time_refresh_us), Axes::Linear),
-        ("spheres refreshed (% a tick)", |row| Some(100.0 * row.refreshed_share), Axes::Linear),
-        ("tops of caps off (edges)", |row| Some(row.surface_error_edges), Axes::Linear),
-        ("trembling (edges a tick)", |row| row.trembling, Axes::LogY),
+        ("refresh time (µs per tick)", |row| Some(row.time_refresh_us), Axes::Linear),
+        ("spheres refreshed (% per tick)", |row| Some(100.0 * row.refreshed_share), Axes::Linear),
+        ("error of cap tops (edges)", |row| Some(row.surface_error_edges), Axes::Linear),
+        ("trembling (edges per tick)", |row| row.trembling, Axes::LogY),
     ];
     let panels = measures.into_iter().map(|(label, value, axes)| {
         let series: Vec<Series> = KINDS
@@ -100,7 +100,7 @@ pub fn delta(rows: &[DeltaRow]) -> Sheet {
     Sheet {
         columns: 2,
         panel: (480, 320),
-        title: "Spheres that follow their triangles, and are made anew beyond a change of δ".to_owned(),
+        title: "Spheres follow their triangles, and are made anew beyond a shape change of δ".to_owned(),
         panels: panels.collect(),
         legend: entries(KINDS.map(|(kind, scene)| format!("{scene} ({kind})"))),
     }
@@ -109,7 +109,7 @@ pub fn delta(rows: &[DeltaRow]) -> Sheet {
 pub fn iterations(rows: &[IterationsRow]) -> Sheet {
     let measures: [(&str, fn(&IterationsRow) -> Option<f64>, Axes); 4] = [
         ("detection + response (ms)", |row| Some(row.time_detection_ms + row.time_response_ms), Axes::LogBoth),
-        ("trembling (edges a tick)", |row| row.trembling, Axes::LogBoth),
+        ("trembling (edges per tick)", |row| row.trembling, Axes::LogBoth),
         ("contact churn (%)", |row| row.churn.map(|churn| 100.0 * churn), Axes::LogX),
         ("penetration (contact distances)", |row| row.residual_mean, Axes::LogX),
     ];
@@ -128,7 +128,7 @@ pub fn iterations(rows: &[IterationsRow]) -> Sheet {
     Sheet {
         columns: 4,
         panel: (400, 280),
-        title: "Contact methods against solver iterations (no point: flew apart)".to_owned(),
+        title: "Contact methods against solver iterations (missing points: flew apart)".to_owned(),
         panels,
         legend: method_entries(),
     }
@@ -150,7 +150,7 @@ pub fn tunnelling(rows: &[TunnellingRow]) -> Sheet {
             panels.push(panel(
                 &series,
                 &title,
-                ["speed (thicknesses a tick)", "shots that tunnel (%)"],
+                ["speed (thicknesses per tick)", "shots that tunnel (%)"],
                 Axes::LogX,
                 Some(100.0),
             ));
@@ -169,8 +169,8 @@ pub fn caps(rows: &[CapsRow]) -> Sheet {
     let measures: [(&str, fn(&CapsRow) -> f64); 4] = [
         ("shots that tunnel (%)", |row| row.tunnelling_rate),
         ("touching pairs missed (%)", |row| row.missed_share),
-        ("missed under an edge (%)", |row| row.missed_share_on_edge),
-        ("examined in vain (%)", |row| row.needless_share),
+        ("missed under the beam's edge (%)", |row| row.missed_share_on_edge),
+        ("examined needlessly (%)", |row| row.needless_share),
     ];
     let mut thresholds: Vec<f32> = rows.iter().map(|row| row.curvature_threshold).collect();
     thresholds.sort_by(f32::total_cmp);
@@ -208,17 +208,17 @@ pub fn sizes(rows: &[SizesRow]) -> Sheet {
         }
     }
     let (mut plots, layout) =
-        panel(&series, "", ["deforming vertices", "time of a tick (ms), one thread"], Axes::LogBoth, None);
+        panel(&series, "", ["deforming vertices", "time per tick (ms), one thread"], Axes::LogBoth, None);
     let ends =
         |pick: fn(f64, f64) -> f64, start: f64| rows.iter().map(|row| row.deforming_vertices as f64).fold(start, pick);
     let frame = vec![(ends(f64::min, f64::INFINITY), FRAME_MS), (ends(f64::max, 0.0), FRAME_MS)];
     plots.push(LinePlot::new().with_data(frame).with_color(BLACK).with_line_style(LineStyle::Dotted).into());
     let mut legend = entries(names);
-    legend.push(line_entry("a frame at 60 a second", BLACK, &LineStyle::Dotted));
+    legend.push(line_entry("a frame at 60 frames per second", BLACK, &LineStyle::Dotted));
     Sheet {
         columns: 1,
         panel: (760, 460),
-        title: "Cloth on ground of 33 triangles for each of its vertices".to_owned(),
+        title: "Cloth on ground with 33 triangles per cloth vertex".to_owned(),
         panels: vec![(plots, layout)],
         legend,
     }

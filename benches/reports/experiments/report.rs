@@ -1,4 +1,4 @@
-//! The report. For each experiment: what was done, its plot, its table, and its sentence.
+//! The report. For each experiment: the procedure, a plot, a table, and the finding.
 
 use std::{fmt::Write, fs};
 
@@ -32,7 +32,7 @@ pub struct Study {
     pub caps: Vec<CapsRow>,
     pub sizes: Vec<SizesRow>,
     pub seconds: f64,
-    /// Load of the machine, before and after.
+    /// Machine load before and after.
     pub load: [Option<f64>; 2],
 }
 
@@ -67,8 +67,9 @@ pub fn write(options: &Options, study: &Study) -> Result<(), ReportError> {
         sheet.write(&options.out, file)?;
         write!(
             text,
-            "\n## {title}\n\n{}\n\n![{title}]({file}.png)\n\nThe plot as [SVG]({file}.svg), all figures as \
-             [CSV]({file}.csv).\n\n<details><summary>Table</summary>\n\n{table}\n</details>\n\n{finding}\n",
+            "\n## {title}\n\n{}\n\n![{title}]({file}.png)\n\nThe plot is also available as [SVG]({file}.svg), \
+             and all figures as [CSV]({file}.csv).\n\n\
+             <details><summary>Table</summary>\n\n{table}\n</details>\n\n{finding}\n",
             how(experiment)
         )
         .expect("strings take everything");
@@ -81,7 +82,7 @@ pub fn write(options: &Options, study: &Study) -> Result<(), ReportError> {
     Ok(fs::write(&path, text).map_err(|source| OutputError::File { path, source })?)
 }
 
-/// Writes the CSV file of an experiment, and returns its sentence, table, and plot.
+/// Writes the CSV file of an experiment, and returns its finding, table, and plot.
 fn written<Row: Serialize>(
     options: &Options,
     experiment: Experiment,
@@ -102,18 +103,19 @@ fn head(options: &Options, study: &Study) -> String {
     let load = machine.load.map(|load| load.map_or_else(|| "unknown".to_owned(), |load| format!("{load:.1}")));
     format!(
         "# The source paper's experiments, repeated\n\n\
-         The paper describes its experiments in words. Here they are as figures: what was done, a plot, a table, and in one \
-         sentence the claim, what was found, and whether the claim holds. No word of those sentences is written by hand: the \
-         program makes them from the figures.\n\n\
+         The paper describes its experiments only in words. This report repeats them in figures. For each experiment \
+         it gives the procedure, a plot, a table, and one sentence with the claim, the result, and whether the claim \
+         holds. The program generates those sentences from the figures.\n\n\
          ```sh\ncargo run --release --example experiments --{only}{quick} --out experiments\n```\n\n\
-         Made in {} seconds on {} ({} processors, load {} before and {} after), {}, {}; every detection and response on one \
-         thread. Times are medians, and compare with one another, not with another machine's. Everything else is the same \
-         in every run on one machine; where another's instructions round differently, a scene that goes on from its own results \
-         becomes another one.{}\n\n\
-         *Trembling* is the mean second difference of the positions of all free vertices in the ticks in which a scene has \
-         settled, in mean edges a tick: what of their motion is not steady. *Churn* is the share of contacts that come or go in a \
-         tick. A run *flew apart* if a vertex became faster than 30 m/s, where nothing should exceed 5; it ends there, and no \
-         figure but its times is taken from it. `Exact` and `Polygon` find the same: where a line is missing, it lies under the other.\n",
+         Written in {} seconds on {} ({} processors, load {} before and {} after), {}, {}. Detection and response ran \
+         on one thread. Times are medians. Compare them with each other, but not with times of another machine. All \
+         other figures are the same in every run on one machine. On a machine that rounds differently, a scene that \
+         builds on its own results takes another course.{}\n\n\
+         *Trembling* is the mean second difference of the positions of all free vertices, in mean edges per tick, over \
+         the ticks in which a scene has settled. It measures the unsteady part of their motion. *Churn* is the share \
+         of contacts that come or go in a tick. A run *flew apart* if a vertex became faster than 30 m/s; nothing \
+         should exceed 5 m/s. Such a run ends there, and only its times are used. `Exact` and `Polygon` find the same \
+         contacts, so one line may hide the other.\n",
         figure(study.seconds),
         machine.processor,
         machine.processors,
@@ -122,47 +124,53 @@ fn head(options: &Options, study: &Study) -> String {
         machine.rustc,
         machine.profile,
         if options.quick {
-            " **A quick run: too few ticks and settings for its figures to mean anything.**"
+            " **This is a quick run, with too few ticks and settings for its figures to mean anything.**"
         } else {
             ""
         },
     )
 }
 
-/// Describes what was done.
+/// Describes the procedure.
 fn how(experiment: Experiment) -> String {
     let XpbdSettings { substeps, iterations, .. } = XpbdSettings::default();
     match experiment {
         Experiment::Delta => format!(
-            "Three scenes, in their small versions: `cloth_drop` (stable), `soft_tissue` (precision) and `pile` (efficiency), \
-             played with the `Circumsphere` method at every δ, each three times from starts that differ by a hundred-thousandth of an edge, so \
-             that what is chance can be told from what is δ. No continuous detection; {substeps} substeps of {iterations} iteration. \
-             *Refresh* is curvature, spheres and cones of a tick, which surfaces at rest keep. The surface that the caps make is compared with that of caps \
-             made anew from the same positions, as δ = 0 does: how far the tops of the caps are away, and how much \
-             higher or lower they bulge."
+            "Three scenes in their small versions: `cloth_drop` (stable), `soft_tissue` (precision), and `pile` \
+             (efficiency). Each scene is played with the `Circumsphere` method at every δ, three times, from starts \
+             that differ by a hundred-thousandth of an edge. The repetitions separate the effect of δ from chance. \
+             There is no continuous detection, and a tick has {substeps} substeps of {iterations} iteration. *Refresh* \
+             is the time for curvature, spheres, and cones in a tick; surfaces at rest keep theirs. Caps are compared \
+             with caps made anew from the same positions, as with δ = 0: by the distance of their tops, and by the \
+             difference of their bulges."
         ),
         Experiment::Iterations => format!(
-            "The same scenes by four methods, with {SUBSTEPS} substeps a tick, so that iterations count, and 1 to 32 of these; no continuous \
-             detection; two runs each from starts that differ a little. What is left of penetration is measured at the end of the settled ticks by the exact method, \
-             whatever method has played: how much nearer than the contact distance contacts are, in contact distances (1: \
-             surfaces meet), the mean of those that are, and the most."
+            "The same scenes with four methods and 1 to 32 iterations. A tick has {SUBSTEPS} substeps, so that \
+             iterations matter. There is no continuous detection. Each setting runs twice, from starts that differ \
+             slightly. Residual penetration is measured with the exact method at the end of the settled ticks, \
+             regardless of the method that played the scene. It is how much closer than the contact distance contacts \
+             are, in contact distances (1: the surfaces meet). The mean over such contacts and the maximum are given."
         ),
         Experiment::Tunnelling => format!(
-            "A ball at a pinned sheet, a sheet at a pinned sheet, a needle at a closed surface that stands: the small `bullet_cloth`, without gravity, at \
-             0.5 to 1,000 thicknesses a tick of {} ms. Ten shots each (with continuous detection two), from a fixed seed: turned, moved aside, and begun at another \
-             moment of a tick; the same for every method. A shot tunnels if after 30 ticks one vertex is on the \
-             wrong side, judged in f64: behind the sheet, or inside or behind the closed surface.",
+            "A ball is shot at a pinned sheet, a sheet at a pinned sheet, and a needle at a static closed surface: the \
+             small version of `bullet_cloth`, without gravity, at 0.5 to 1,000 thicknesses per tick of {} ms. There \
+             are ten shots each, or two with continuous detection. From a fixed seed, each shot gets another rotation, \
+             sideways displacement, and start within a tick. All methods get the same shots. A shot tunnels if, after \
+             30 ticks, at least one vertex is on the wrong side: behind the sheet, or inside or behind the closed \
+             surface. This is decided in f64.",
             figure(1.0e3 * tunnelling::seconds_per_tick())
         ),
-        Experiment::Caps => "The `Circumsphere` method with φ from 0 to 5 and curvature thresholds from 0.5 to 4. Tunnelling: the ball shot \
-             at the sheet without continuous detection, at 10 to 100 thicknesses a tick, five shots each. Misses and needless \
-             tests: against the exact method, pair of triangles by pair, over six scenes that move by closed forms (a beam lowered edge first onto \
-             a mattress, whole and cut in 40; boxes on edge and corner, soft spheres, a ribbed panel, cloth over a ball). A pair is examined \
-             if its spheres overlap."
+        Experiment::Caps => "The `Circumsphere` method with φ from 0 to 5 and curvature thresholds from 0.5 to 4. For \
+             tunnelling, the ball is shot at the sheet without continuous detection, at 10 to 100 thicknesses per \
+             tick, with five shots each. Missed pairs and needless tests are counted by comparison with the exact \
+             method, for each pair of triangles. There are six scenes with motions in closed form: a beam lowered edge \
+             first onto a mattress, in one part and in 40; boxes on edge and corner; soft spheres; a ribbed panel; and \
+             cloth over a ball. A pair is examined if its spheres overlap."
             .to_owned(),
-        Experiment::Sizes => "A cloth of 3,000 vertices that meets itself lies down on hilly ground of 100,000 triangles that stands; then more of \
-             both in the same proportion, until a tick takes longer than a frame of 16.7 ms. *Detection alone* is that of the same motion \
-             with nothing to answer it and no margin; with the response, detection looks farther, and the response solves."
+        Experiment::Sizes => "A cloth of 3,000 vertices with self-collision settles on static hilly ground of 100,000 \
+             triangles. Then both are enlarged in the same proportion, until a tick takes longer than a frame of 16.7 \
+             ms. *Detection alone* is the time to detect the same motion without a response and without a margin. With \
+             the response, detection has a margin, and the response solves."
             .to_owned(),
     }
 }

@@ -1,4 +1,4 @@
-//! Residual penetration of a scene, measured with the exact method, whatever method has played it.
+//! Residual penetration of a scene, measured with the exact method, regardless of the method that played the scene.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{CircumsphereSettings, prelude::*};
@@ -12,7 +12,7 @@ use circumsphere_examples::{
 /// Residual penetration.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Residual {
-    /// Mean overlap of contacts that are closer than the contact distance, in contact distances; 0 without such
+    /// Mean overlap of contacts that are closer than the contact distance, in contact distances. 0 without such
     /// contacts.
     pub depth: f64,
     /// Largest overlap, in contact distances.

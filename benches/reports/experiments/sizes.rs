@@ -1,5 +1,5 @@
-//! What fits into a frame: cloths of 3,000 vertices that settle on hilly ground of 100,000 triangles each, from a
-//! sixteenth of such a scene upwards, until a tick takes longer than a frame.
+//! How much fits into a frame: cloths of 3,000 vertices that settle on hilly ground of 100,000 triangles each. Sizes
+//! start at a sixteenth of such a scene and grow until a tick takes longer than a frame.
 
 use std::time::Duration;
 
@@ -36,7 +36,7 @@ pub const FRAME_MS: f64 = 1_000.0 / 60.0;
 /// Multiples of the paper's scene.
 const MULTIPLES: [f64; 8] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
 
-/// Above this multiple, only one method is measured: the response takes far longer than a frame by then.
+/// Above this multiple, only one method is measured, because the response takes far longer than a frame.
 const MOST_RESPONSES: f64 = 2.0;
 
 /// Length of a cell of ground and cloth, in meters.
@@ -44,11 +44,11 @@ const CELL: f32 = 0.025;
 
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.002);
 
-/// Number of ticks until the cloths lie on the hills, and number of ticks measured after that.
+/// Number of ticks until the cloths lie on the hills, and number of measured ticks after that.
 const FALL: usize = 25;
 const MEASURED: usize = 9;
 
-/// A size, and the times of a tick: medians, on one thread.
+/// A size and the median times per tick, on one thread.
 #[derive(Clone, Debug, Serialize)]
 pub struct SizesRow {
     #[serde(serialize_with = "super::report::name_of_method")]
@@ -109,7 +109,7 @@ fn meshes(multiple: f64) -> (Mesh, Vec<Mesh>) {
     (ground, cloths.collect())
 }
 
-/// Results of the measured ticks with a response: median times, contacts at the end, and the motion.
+/// Results of the measured ticks with a response: median times, the contacts at the end, and the motion.
 struct Played {
     detection: f64,
     response: f64,
@@ -144,7 +144,7 @@ fn measure_size(multiple: f64, fall: usize, measured: usize) -> Vec<SizesRow> {
     let (ground, cloths) = meshes(multiple);
     let own = play(ContactMethod::Circumsphere, &ground, &cloths, fall, measured);
     let exact = (multiple <= MOST_RESPONSES).then(|| play(ContactMethod::Exact, &ground, &cloths, fall, measured));
-    // Each method replays the motion that its own contacts led to.
+    // Each method replays the motion that resulted from its own contacts.
     [(ContactMethod::Circumsphere, Some(own)), (ContactMethod::Exact, exact)]
         .into_iter()
         .filter_map(|(method, played)| {
@@ -193,8 +193,8 @@ fn replay(method: ContactMethod, ground: &Mesh, cloths: &[Mesh], motion: &[Vec<V
     times[1..].to_vec()
 }
 
-/// Number of deforming vertices that take a whole frame, interpolated logarithmically between the measured sizes.
-/// `None` if no size crosses that limit.
+/// Number of deforming vertices at which a tick takes a whole frame, interpolated logarithmically between measured
+/// sizes. `None` if the measured sizes do not cross that limit.
 fn vertices_in_a_frame(rows: &[&SizesRow], share: fn(&SizesRow) -> f64) -> Option<f64> {
     let points: Vec<(f64, f64)> = rows.iter().map(|row| (row.deforming_vertices as f64, share(row))).collect();
     points.windows(2).find(|pair| pair[0].1 <= 1.0 && pair[1].1 > 1.0).map(|pair| {
@@ -203,17 +203,17 @@ fn vertices_in_a_frame(rows: &[&SizesRow], share: fn(&SizesRow) -> f64) -> Optio
     })
 }
 
-/// Describes a method's share of a frame at the paper's size, and the size at which it takes a whole frame.
+/// Describes a method's share of a frame at the paper's size, and the size at which a tick takes a whole frame.
 fn told(rows: &[SizesRow], method: ContactMethod, share: fn(&SizesRow) -> f64) -> Option<(String, f64)> {
     let own: Vec<&SizesRow> = rows.iter().filter(|row| row.method == method).collect();
     let taken = share(own.iter().find(|row| row.multiple == 1.0)?);
     let (least, most) = (own[0].deforming_vertices, own[own.len() - 1].deforming_vertices);
     let full = match vertices_in_a_frame(&own, share) {
-        Some(vertices) => format!("at {} vertices", figure(vertices)),
-        None if taken > 1.0 => format!("at {least} vertices already"),
-        None => format!("not at {most} vertices yet"),
+        Some(vertices) => format!("a whole frame at {} vertices", figure(vertices)),
+        None if taken > 1.0 => format!("already more than a frame at {least} vertices"),
+        None => format!("still less than a frame at {most} vertices"),
     };
-    Some((format!("{} of a frame (all of it {full})", percent(taken)), taken))
+    Some((format!("{} of a frame ({full})", percent(taken)), taken))
 }
 
 pub fn finding(rows: &[SizesRow]) -> Finding {
@@ -232,7 +232,8 @@ pub fn finding(rows: &[SizesRow]) -> Finding {
     Finding {
         claim,
         found: format!(
-            "on one thread detection alone takes {} by circumspheres and {} by the exact method, and with the response {} and {}",
+            "on one thread, detection alone takes {} with circumspheres and {} with the exact method; with the \
+             response, a tick takes {} and {}",
             own.0, exact.0, own_whole.0, exact_whole.0
         ),
         outcome: Outcome::all(&[fits(own.1), fits(own_whole.1)]),
@@ -246,9 +247,9 @@ pub fn tables(rows: &[SizesRow]) -> String {
         "static triangles",
         "contacts",
         "detection alone (ms)",
-        "of a frame",
+        "share of a frame",
         "detection + response (ms)",
-        "of a frame",
+        "share of a frame",
     ];
     table(
         &header.map(str::to_owned),

@@ -1,5 +1,5 @@
-//! Tunnelling against speed: a ball at a sheet, a sheet at a sheet, and a needle at a closed surface, with each method,
-//! with and without continuous detection.
+//! Tunnelling against speed: a ball shot at a sheet, a sheet at a sheet, and a needle at a closed surface, with each
+//! method, with and without continuous detection.
 
 use bevy_circumsphere::{CircumsphereSettings, prelude::*, response::XpbdSettings};
 use circumsphere_examples::{
@@ -21,16 +21,16 @@ const SPEEDS: [f32; 11] = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 5
 pub const TARGETS: [(Target, &str); 3] =
     [(Target::Sheet, "ball at sheet"), (Target::SheetBySheet, "sheet at sheet"), (Target::Closed, "needle at organ")];
 
-/// Enough ticks: the slowest shot reaches its target in the tenth tick.
+/// Number of ticks per shot. The slowest shot reaches its target in the tenth tick.
 const TICKS: u32 = 30;
 
 /// Largest sideways displacement of a shot, in meters.
 const ASIDE: f32 = 0.02;
 
-/// Largest tilt of a shot, in radians. The rotation about the vertical is not limited.
+/// Largest tilt of a shot, in radians. The rotation about the vertical axis is not limited.
 const TILT: f32 = 0.15;
 
-/// A number of shots of one kind at one speed.
+/// All shots of one kind at one speed.
 #[derive(Clone, Debug, Serialize)]
 pub struct TunnellingRow {
     pub target: &'static str,
@@ -50,14 +50,14 @@ pub struct TunnellingRow {
     pub which: Vec<bool>,
 }
 
-/// Shoots every kind at every speed.
+/// Makes all shots of every kind at every speed.
 pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<TunnellingRow> {
     let speeds = extent.pick(&SPEEDS[6..8], &SPEEDS[..]);
     progress.set_length((TARGETS.len() * 2 * METHODS.len() * speeds.len()) as u64);
     let mut rows = Vec::new();
     for (target, name) in TARGETS {
         for continuous in [false, true] {
-            // Stopping fast objects takes long.
+            // Continuous detection of fast objects is slow, so there are fewer shots.
             let shots = extent.pick(1, if continuous { 2 } else { 10 });
             for method in METHODS {
                 for &speed in speeds {
@@ -86,7 +86,7 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<TunnellingRow> {
 
 /// Number of tunnelled vertices of each shot. All methods get the same shots.
 pub fn shoot(base: &Variation, shot: Shot, shots: usize) -> Vec<usize> {
-    // Without gravity, so that the speed stays as given.
+    // No gravity, so that the speed stays as given.
     let response = XpbdSettings { gravity: Vec3::ZERO, ..base.response };
     let variation = Variation { response, shot, ..*base };
     let mut random = Random::new(0x005E_ED0F_5407);
@@ -100,8 +100,8 @@ pub fn shoot(base: &Variation, shot: Shot, shots: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Rotates and displaces the object before its flight. Its start is also displaced by up to one tick of flight, so that
-/// it can reach its target at any moment of a tick.
+/// Rotates and displaces the object before its flight. The displacement includes up to one tick of flight, so that the
+/// object can reach its target at any moment of a tick.
 fn aim(scene: &mut Scene, shot: Shot, random: &mut Random) {
     let body = *scene.stage.bodies.last().expect("something is shot");
     let thickness = match scene.stage.app.world().get::<SurfaceThickness>(body) {
@@ -139,7 +139,7 @@ pub fn finding(rows: &[TunnellingRow]) -> Finding {
     let first = |method: ContactMethod| {
         let speeds = rows.iter().filter(|row| row.method == method && !row.continuous && row.tunnelled > 0);
         let first = speeds.map(|row| row.speed).fold(f32::INFINITY, f32::min);
-        if first.is_finite() { format!("from {first} thicknesses a tick on") } else { "at no speed".to_owned() }
+        if first.is_finite() { format!("from {first} thicknesses per tick on") } else { "at no speed".to_owned() }
     };
     let which = |method: ContactMethod| {
         rows.iter().filter(move |row| row.method == method && !row.continuous).flat_map(|row| &row.which)
@@ -148,11 +148,12 @@ pub fn finding(rows: &[TunnellingRow]) -> Finding {
     let stops = if with == 0.0 { Outcome::Holds } else { Outcome::Fails };
     Finding {
         claim: format!(
-            "circumspheres let less through than polygons, and with continuous detection nothing comes through at up to \
-             {fastest} thicknesses a tick"
+            "circumspheres let less through than polygons, and with continuous detection nothing gets through at up to \
+             {fastest} thicknesses per tick"
         ),
         found: format!(
-            "without it {} of the shots tunnel by circumspheres ({}) and {} by polygons ({}), with it {}",
+            "without continuous detection, {} of the shots tunnel with circumspheres ({}) and {} with polygons ({}); \
+             with continuous detection, {} tunnel",
             percent(own),
             first(ContactMethod::Circumsphere),
             percent(polygon),
@@ -163,13 +164,13 @@ pub fn finding(rows: &[TunnellingRow]) -> Finding {
     }
 }
 
-/// Duration of a tick in which shots were made, in seconds.
+/// Duration of a tick of the shots, in seconds.
 pub fn seconds_per_tick() -> f64 {
     TICK.as_secs_f64()
 }
 
 pub fn tables(rows: &[TunnellingRow]) -> String {
-    let mut header = vec!["shot".to_owned(), "continuous".to_owned(), "speed (thicknesses a tick)".to_owned()];
+    let mut header = vec!["shot".to_owned(), "continuous".to_owned(), "speed (thicknesses per tick)".to_owned()];
     header.extend(METHODS.map(|method| format!("{method:?}")));
     let mut lines = Vec::new();
     for (_, target) in TARGETS {
@@ -192,7 +193,7 @@ pub fn tables(rows: &[TunnellingRow]) -> String {
     table(&header, lines)
 }
 
-/// The variation for shots, with other caps.
+/// The variation for shots, with the given settings of caps.
 pub fn with_caps(phi: f32, curvature_threshold: f32) -> Variation {
     let base = variation(ContactMethod::Circumsphere);
     Variation { detection: CircumsphereSettings { sphere_offset: phi, curvature_threshold, ..base.detection }, ..base }

@@ -1,6 +1,6 @@
 //! The configurations to measure: every method, and `Circumsphere` with a range of settings.
 //!
-//! Settings vary one factor at a time around the defaults. In addition there is the full product of φ, plane cull, and
+//! Settings vary one factor at a time around the defaults. Two more series are the full product of φ, plane cull, and
 //! contact distance, and φ with cones that are not widened. To add a setting, add a line to [`FURTHER_SETTINGS`].
 
 use std::fmt::Write;
@@ -51,7 +51,7 @@ impl Configuration {
         Self { name: default.name.clone() + &differences(&settings), settings, ..default }
     }
 
-    /// Whether this is `Circumsphere` with defaults after `put_back` has reset the settings that may differ.
+    /// Whether this is `Circumsphere` with default settings once `put_back` has reset the settings that may differ.
     pub fn is_default_but(&self, put_back: impl FnOnce(&mut CircumsphereSettings, &CircumsphereSettings)) -> bool {
         let default = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };
         let mut settings = self.settings;
@@ -65,7 +65,7 @@ impl Configuration {
     }
 }
 
-/// The differences from the defaults in the grid's factors, in words.
+/// Describes how the grid's factors differ from the defaults.
 fn differences(settings: &CircumsphereSettings) -> String {
     let default = CircumsphereSettings::default();
     let mut words = String::new();

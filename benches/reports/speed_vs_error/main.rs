@@ -65,7 +65,7 @@ fn study(options: &Options) -> Result<Study, ReportError> {
     let distances = options.contact_distances()?;
     let scenes = scene::scenes(options)?;
     let configurations = configurations::configurations(&distances, options.extent());
-    // Create the folder first, so that an error shows before anything is measured.
+    // Create the folder first, so that errors appear before anything is measured.
     std::fs::create_dir_all(&options.out).map_err(|source| OutputError::File { path: options.out.clone(), source })?;
     let start = Instant::now();
     let farthest = distances[distances.len() - 1];
@@ -91,7 +91,7 @@ fn study(options: &Options) -> Result<Study, ReportError> {
             measured.push(measure::measure(scene, &truth, configuration));
             progress.inc(1);
         }
-        // Take turns, so that a disturbance does not affect all times of one configuration.
+        // The configurations take turns, so that a disturbance does not affect all times of one of them.
         let of_scene = measured.len() - configurations.len();
         for _ in 1..measure::rounds(scene, options.extent()) {
             progress.set_message(format!("{}: times", scene.name));
@@ -116,7 +116,7 @@ fn study(options: &Options) -> Result<Study, ReportError> {
     Ok(Study { scenes, configurations, measured, pooled, scaling, sliding, seconds: start.elapsed().as_secs_f64() })
 }
 
-/// Records every scene with each configuration, one file each.
+/// Records every scene with each configuration, in one file each.
 fn record<'a>(
     options: &Options,
     folder: &Path,

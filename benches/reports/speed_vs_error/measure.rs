@@ -47,7 +47,7 @@ pub struct MeasureRow {
     pub found_pairs: usize,
     pub missed_pairs: usize,
     pub false_pairs: usize,
-    /// Pairs within the band, which may be found or not.
+    /// Pairs within the band, which a method may report or not.
     pub band_pairs: usize,
     /// Missed pairs / true pairs: 1 − recall.
     pub pair_miss_rate: Option<f64>,
@@ -64,7 +64,8 @@ pub struct MeasureRow {
     /// Touching pairs of bodies, including bodies with themselves, and the share of them for which nothing is found.
     pub true_body_pairs: usize,
     pub object_miss_rate: Option<f64>,
-    /// |found − true| / the larger of contact distance and longest edge, over true pairs that were found.
+    /// |found − true|, relative to the contact distance or the longest edge, whichever is larger, over true pairs that
+    /// were found.
     pub separation_error_median: Option<f64>,
     pub separation_error_p99: Option<f64>,
     pub separation_error_max: Option<f64>,
@@ -78,7 +79,7 @@ pub struct MeasureRow {
     pub normal_error_median: Option<f64>,
     pub normal_error_p99: Option<f64>,
     pub normal_error_max: Option<f64>,
-    /// Found pairs that do not cross and have no contact of their closest features.
+    /// Found pairs that do not cross and whose closest features have no contact.
     pub pairs_without_contact: usize,
     /// 1 − |both ticks| / |either tick|, for contact keys and for touching pairs; mean over ticks.
     pub contact_churn: Option<f64>,
@@ -87,7 +88,7 @@ pub struct MeasureRow {
     pub normal_jump_median: Option<f64>,
     pub normal_jump_p99: Option<f64>,
     pub normal_jump_max: Option<f64>,
-    /// The same for contacts that are crossings in both ticks: an edge pierces a face.
+    /// The same for contacts that are crossings in both ticks, where an edge pierces a face.
     pub crossing_normal_jump_p99: Option<f64>,
     pub crossing_normal_jump_max: Option<f64>,
     pub candidates_per_tick: f64,
@@ -98,7 +99,7 @@ pub struct MeasureRow {
     pub bytes_per_triangle: f64,
     pub bytes_per_candidate: Option<f64>,
     pub bytes_per_contact: Option<f64>,
-    /// Median over ticks, except the first if there are others. Each tick counts with its fastest round.
+    /// Median over ticks of the fastest round. The first tick is left out if there are others.
     pub time_ms: f64,
 }
 
@@ -132,8 +133,8 @@ fn share(part: usize, whole: usize) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
 
-/// How often to time a scene. Other programs disturb the times, and the fastest of a tick's times is the least
-/// disturbed.
+/// Number of rounds in which a scene is timed. Other programs disturb the times, and a tick's fastest round is the
+/// least disturbed.
 pub fn rounds(scene: &Scene, extent: Extent) -> usize {
     let least = match extent {
         Extent::Smoke => 1,
@@ -142,8 +143,8 @@ pub fn rounds(scene: &Scene, extent: Extent) -> usize {
     least.max(TIMED_TICKS.div_ceil(scene.ticks()))
 }
 
-/// Plays a scene with a configuration and compares it with the truth, which must cover the configuration's contact
-/// distance.
+/// Plays a scene with a configuration and compares the results with the truth, which must cover the configuration's
+/// contact distance.
 pub fn measure(scene: &Scene, truth: &[TrueTick], configuration: &Configuration) -> Measured {
     let Configuration { method, settings, distance_edges, .. } = *configuration;
     let mut errors = Errors::new(scene, distance_edges, method);
@@ -181,7 +182,7 @@ pub fn measure(scene: &Scene, truth: &[TrueTick], configuration: &Configuration)
 }
 
 impl Measured {
-    /// Plays the scene once more, only for the times.
+    /// Plays the scene once more to measure times only.
     pub fn time_again(&mut self, scene: &Scene) {
         let Configuration { method, settings, distance_edges, .. } = self.configuration;
         self.rounds.push(play(scene, method, settings, distance_edges, |_| ()).0);
@@ -198,7 +199,7 @@ impl Measured {
     }
 }
 
-/// Milliseconds: the fastest round of each tick, then the median over all ticks, except the first if there are others.
+/// The median over ticks of each tick's fastest round, in milliseconds. The first tick is left out if there are others.
 fn steady_median(rounds: &[Vec<TickCost>], value: impl Fn(&TickCost) -> Option<Duration>) -> Option<f64> {
     let ticks = rounds[0].len();
     let fastest = |tick: usize| rounds.iter().filter_map(|costs| value(&costs[tick])).min().map(milliseconds);
@@ -279,7 +280,7 @@ impl Marks {
 struct Errors<'a> {
     scene: &'a Scene,
     distance: f64,
-    /// Whether touching pairs and contacts are those of exact features.
+    /// Whether the method reports exact features.
     exact: bool,
     matched: usize,
     missed: usize,
@@ -340,7 +341,7 @@ impl<'a> Errors<'a> {
             separations.push((found_distance - pair.distance).abs() / self.distance.max(pair.size));
             if let Some(direction) = pair.direction {
                 match normals.of(pair.name, self.exact) {
-                    // With exact features, the contact must be that of the closest features.
+                    // With exact features, the contact must belong to the closest features.
                     Some((normal, distance))
                         if !self.exact
                             || (distance.abs() - pair.distance).abs()
@@ -413,7 +414,7 @@ fn touching_pairs(played: &PlayedTick) -> Vec<(PairName, f64)> {
     pairs
 }
 
-/// Which triangles, vertices, and pairs of bodies touch in one tick, and which are found.
+/// The triangles, vertices, and pairs of bodies that touch in one tick, and those that are found.
 struct TickMarks<'a> {
     scene: &'a Scene,
     triangles: Vec<Vec<u8>>,
@@ -455,8 +456,8 @@ const FEATURES: [Feature; 7] = [
     Feature::Face,
 ];
 
-/// Normals and distances of a tick's contacts, by features. A contact represents every pair of triangles with its two
-/// features.
+/// Normals and distances of a tick's contacts, by features. A contact represents all pairs of triangles that have its
+/// two features.
 struct ContactNormals<'a> {
     scene: &'a Scene,
     played: &'a PlayedTick<'a>,
@@ -508,7 +509,7 @@ impl<'a> ContactNormals<'a> {
 }
 
 /// Angle in degrees between a contact's normal and the direction between its pair's closest points. The normal of a
-/// penetrating contact points the way out, so either direction along that line is right.
+/// penetrating contact points in the direction that separates the sides, so either direction along that line is right.
 fn normal_error(normal: DVec3, distance: f64, direction: DVec3) -> f64 {
     let angle = normal.angle_between(direction).to_degrees();
     if distance < 0.0 { angle.min(180.0 - angle) } else { angle }

@@ -12,18 +12,18 @@ use super::configurations::{ALL_DISTANCES, DEFAULT_DISTANCE};
 #[derive(Parser, Debug)]
 #[command(name = "speed_vs_error", allow_negative_numbers = true)]
 pub struct Options {
-    /// Folder of recordings (.bin, .ply, .obj) to measure; without it, generated scenes
+    /// Folder of recordings (.bin, .ply, .obj) to measure; without it, generated scenes are measured
     pub folder: Option<PathBuf>,
     /// Folder for the report; created if missing
     #[arg(long, value_name = "DIR", default_value = "report")]
     pub out: PathBuf,
-    /// Use smaller scenes and fewer settings: takes less than a minute
+    /// Use smaller scenes and fewer settings; takes less than a minute
     #[arg(long)]
     pub quick: bool,
-    /// Use the smallest scenes and the fewest settings: a few seconds, to check that everything works
+    /// Use the smallest scenes and the fewest settings, to check that everything works; takes a few seconds
     #[arg(long)]
     pub smoke: bool,
-    /// Only these scenes, by name; for a folder, by file name without extension
+    /// Measure only these scenes, by name; for a folder, by file name without extension
     #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
     pub scenes: Vec<String>,
     /// Number of ticks to play per scene, or frames per recording [default: 16; 3 for recordings]

@@ -1,4 +1,4 @@
-//! Plays a scene with one configuration through the real plugin, and passes each tick's contacts to the measurement.
+//! Plays a scene with one configuration through the plugin, and passes each tick's contacts to the measurement.
 
 use std::{
     hint::black_box,
@@ -36,7 +36,7 @@ pub struct TickCost {
 pub struct Memory {
     /// Everything allocated since the first surface was spawned.
     pub all: usize,
-    /// Lists of pairs of triangles, from the broad phase on.
+    /// Lists of pairs of triangles, from the broad phase onwards.
     pub candidate_lists: usize,
     /// Contacts and touching pairs of this tick and the previous one.
     pub contact_lists: usize,
@@ -51,7 +51,7 @@ pub struct PlayedTick<'a> {
 }
 
 impl PlayedTick<'_> {
-    /// The index of the body with an entity.
+    /// The index of the body with the given entity.
     pub fn body(&self, entity: Entity) -> usize {
         self.surfaces.iter().position(|&surface| surface == entity).expect("contacts are between bodies of the scene")
     }
@@ -104,7 +104,7 @@ impl Stage {
         }
         let (detection, _) = detect(&mut self.app);
         let candidates = self.app.world().resource::<CandidateTrianglePairs>().triangle_pair_count();
-        // Read the contacts, because some methods only write them for the reader.
+        // Read the contacts, because some methods write them only when they are read.
         let start = Instant::now();
         for pair in self.app.world().resource::<ContactStore>().pairs() {
             black_box((pair.contacts.first(), pair.touching.first()));
@@ -143,7 +143,7 @@ impl Stage {
             .iter()
             .map(|pair| pair.touching.capacity() * touching + pair.contacts.capacity() * contact)
             .sum();
-        // The memory of the previous tick is kept for the next one, and is as large.
+        // The buffers of the previous tick are kept for the next one, and are of the same size.
         let contact_lists = 2 * contact_lists;
         Memory { all: self.held, candidate_lists, contact_lists }
     }
@@ -166,7 +166,7 @@ pub fn play(
     (costs, stage.memory())
 }
 
-/// Plays all ticks of a configuration for the recorder. Recording is too slow to measure anything at the same time.
+/// Plays all ticks with a configuration for the recorder. Nothing is measured, because recording is slow.
 pub fn record(scene: &Scene, configuration: &Configuration, recorder: Recorder) {
     let Configuration { method, settings, distance_edges, .. } = configuration;
     let mut stage = Stage::recorded(scene, *method, *settings, *distance_edges, recorder);

@@ -132,7 +132,7 @@ pub fn draw(folder: &Path, study: &Study) -> Result<Vec<Drawn>, ReportError> {
     Ok(drawn)
 }
 
-/// An error measure that is drawn: the label of its axis, its value for a scene, and its value for all scenes.
+/// An error measure to draw: the label of its axis, its value for a scene, and its value for all scenes.
 type ErrorMeasure = (&'static str, fn(&Measured) -> Option<f64>, fn(&Pooled) -> Option<f64>);
 const ERRORS: [ErrorMeasure; 3] = [
     ("missed pairs (%)", |one| percent(one.row.pair_miss_rate), |all| percent(all.row.pair_miss_rate)),
@@ -157,10 +157,7 @@ fn speed_vs_error(study: &Study) -> Sheet {
     Sheet {
         columns: 2,
         panel: (470, 340),
-        title: format!(
-            "Speed against error, mean over scenes ({}), contact distance {distance} edges",
-            study.scenes.len()
-        ),
+        title: format!("Speed against error, mean of {} scenes, contact distance {distance} edges", study.scenes.len()),
         panels,
         legend: group_legend(),
     }
@@ -276,7 +273,7 @@ fn error_vs_curvature(study: &Study) -> Option<Sheet> {
     Some(Sheet { columns: 2, panel: (470, 340), title, panels, legend })
 }
 
-/// Measures that are drawn against δ: the label of the axis, and the value for a scene.
+/// Measures to draw against δ: the label of the axis, and the value for a scene.
 const DELTA_MEASURES: [(&str, fn(&Measured) -> Option<f64>); 4] = [
     ("missed pairs (%)", |one| percent(one.row.pair_miss_rate)),
     ("false pairs (%)", |one| percent(one.row.pair_false_rate)),
@@ -376,7 +373,7 @@ pub fn stage_time(study: &Study, method: ContactMethod, group: usize) -> f64 {
     mean(times).unwrap_or_default()
 }
 
-/// The group of a stage. New stages without a group count to the first.
+/// The group of a stage. A stage without a group belongs to the first one.
 fn stage_group(stage: &str) -> usize {
     STAGE_GROUPS.iter().position(|(_, stages, _)| stages.contains(&stage)).unwrap_or(0)
 }

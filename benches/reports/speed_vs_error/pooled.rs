@@ -1,4 +1,4 @@
-//! Results over all scenes. Each scene has the same weight, however many pairs it has.
+//! Results over all scenes. Each scene has the same weight, regardless of its number of pairs.
 
 use circumsphere_reports::statistics::mean;
 use serde::Serialize;

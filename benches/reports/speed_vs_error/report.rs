@@ -1,4 +1,4 @@
-//! The report in words and tables. Every sentence about a figure is generated from that figure.
+//! The text and tables of the report. Every sentence about a figure is generated from that figure.
 
 use std::{
     fmt::{self, Write},
@@ -27,7 +27,7 @@ use super::{
     truth::BAND,
 };
 
-/// Results on pairs of random triangles, computed once by a test that takes too long for every run.
+/// Results on random pairs of triangles, computed once by a test that takes too long to be part of every run.
 const RANDOM_PAIRS: &str = include_str!("random_pairs.json");
 
 /// Facts about a scene for the report.
@@ -245,7 +245,7 @@ impl Text<'_> {
     fn plot(&self, out: &mut fmt::Formatter<'_>, name: &str) -> fmt::Result {
         match self.drawn.iter().find(|drawn| drawn.name == name) {
             Some(drawn) => writeln!(out, "![{}]({name}.png)\n\n([SVG]({name}.svg))\n", drawn.shows),
-            None => writeln!(out, "(Too few settings were tried for a plot.)\n"),
+            None => writeln!(out, "(Too few settings were measured for a plot.)\n"),
         }
     }
 
@@ -253,11 +253,12 @@ impl Text<'_> {
         writeln!(
             out,
             "# Speed against error\n\n\
-             What each contact method costs and what it gets wrong, against the truth in f64. Written by\n\n    {}\n\n\
-             which took {:.0} s. Times are those of one thread of the machine it ran on, and only their ratios mean \
-             something elsewhere; every other figure is the same in every run. They are those of whole ticks whose contacts \
-             are read: of those that nobody reads, `Circumsphere` and `BoundingSphere` write no points and no normals, and \
-             take less.\n",
+             The time and the errors of each contact method, compared with an f64 reference. This report \
+             was written by\n\n    {}\n\nin {:.0} s.\n\n\
+             Times are measured on one thread of one machine. Only their ratios carry over to other machines. All \
+             other figures are the same in every run. A time covers a whole tick, including reading its contacts. If \
+             contacts are not read, `Circumsphere` and `BoundingSphere` take less time, because they write no points \
+             and no normals.\n",
             self.command(),
             self.study.seconds
         )
@@ -267,7 +268,7 @@ impl Text<'_> {
         let study = self.study;
         writeln!(out, "## What was run\n")?;
         let mut table =
-            Table::new(&["scene", "what happens", "bodies", "triangles", "ticks", "of them measured", "mean edge"]);
+            Table::new(&["scene", "what happens", "bodies", "triangles", "ticks", "measured ticks", "mean edge"]);
         for scene in &study.scenes {
             table.row([
                 scene.name.clone(),
@@ -284,25 +285,27 @@ impl Text<'_> {
         let unique = study.configurations.len();
         writeln!(
             out,
-            "{unique} configurations through the plugin in a headless app: all methods at contact distances of \
-             {} mean edges (of the body in the middle); `Circumsphere` over φ × plane cull at {}, over φ with narrow cones, over estimator × \
-             threshold and over δ at {} edges, one factor at a time around the defaults. Costs, churn and jumps are of \
-             every tick, errors of the measured ones. Closed bodies are one-sided, sheets and recordings two-sided. A \
-             time is the median over ticks, of each tick the fastest of some rounds.\n",
+            "{unique} configurations run through the plugin in a headless app. All methods run at contact distances of \
+             {} mean edges, where the mean edge of a scene is the median of its bodies' mean edges. `Circumsphere` \
+             also runs with φ × plane cull at {}. At {} edges, it runs with one factor at a time around the defaults: \
+             φ with narrow cones, estimator × threshold, and δ. Costs, churn, and jumps are measured in every tick, \
+             and errors in the measured ticks. Closed bodies are one-sided; sheets and recordings are two-sided. A \
+             time is the median over ticks of each tick's fastest round.\n",
             distances.join(", "),
             if self.options.quick || distances.len() == 1 { "the default distance" } else { "each distance" },
             study.center_distance()
         )?;
         writeln!(
             out,
-            "A *missed* pair of triangles is nearer than the contact distance and not reported, a *false* one is \
-             reported and farther; pairs within {BAND:e} of the distance, relative to it, are free. *1 − F1* joins the \
-             two: F1 is the harmonic mean of recall (1 − missed) and precision (1 − false). Rates over several scenes \
-             are means of the scenes' rates. *Separation error* is in units of the larger of contact distance and the \
-             pair's longest edge. *Normal error* is the angle to the direction between the pair's closest features, \
-             crossing pairs left out, for which there is none.\n\n\
-             Tables: [measures.csv](measures.csv) (everything, scene by scene), [pooled.csv](pooled.csv) (over all \
-             scenes), [stages.csv](stages.csv) (time and pairs of each stage){}.\n",
+            "A *missed* pair of triangles is closer than the contact distance and not reported. A *false* pair is \
+             reported and farther apart. For pairs within {BAND:e} of the contact distance, relative to it, either \
+             answer is right. *1 − F1* combines both errors: F1 is the harmonic mean of recall (1 − missed) and \
+             precision (1 − false). Rates over several scenes are means of the scenes' rates. *Separation error* is \
+             relative to the contact distance or the pair's longest edge, whichever is larger. *Normal error* is the \
+             angle between the normal and the direction between the pair's closest features. Crossing pairs have no \
+             such direction and are left out.\n\n\
+             Tables: [measures.csv](measures.csv) (everything, by scene), [pooled.csv](pooled.csv) (over all scenes), \
+             [stages.csv](stages.csv) (time and pairs by stage){}.\n",
             if study.scaling.is_empty() { "" } else { ", [scaling.csv](scaling.csv) (time against triangles)" }
         )
     }
@@ -310,18 +313,18 @@ impl Text<'_> {
     fn which_method(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let study = self.study;
         let distance = study.center_distance();
-        writeln!(out, "## Which method when\n")?;
+        writeln!(out, "## Choosing a method\n")?;
         self.plot(out, "speed_vs_error")?;
         for method in ContactMethod::ALL {
             let Some(row) = study.pooled_default(method, distance) else { continue };
             writeln!(
                 out,
-                "- `{method:?}` {}, misses {} of the pairs ({} in its worst scene) and {} of the touching bodies; {} of \
-                 what it reports is false.",
+                "- `{method:?}` {}. It misses {} of the pairs ({} in its worst scene) and {} of the touching pairs of \
+                 bodies. Of the pairs that it reports, {} are false.",
                 match row.time_ratio {
-                    _ if method == ContactMethod::Exact => "gives the unit of time".to_owned(),
+                    _ if method == ContactMethod::Exact => "is the unit of time".to_owned(),
                     Some(ratio) => format!("takes {ratio:.2} times as long as `Exact`"),
-                    None => "has not been timed beside `Exact`".to_owned(),
+                    None => "was not timed together with `Exact`".to_owned(),
                 },
                 percent(row.pair_miss_rate),
                 percent(row.worst_pair_miss_rate),
@@ -347,14 +350,14 @@ impl Text<'_> {
                     format!("`{}` ({time:.2}, {})", all.row.configuration, percent(Some(error)))
                 })
                 .collect();
-            writeln!(out, "- The Pareto front of time and {what} (time of `Exact` = 1): {}.", front.join(", "))?;
+            writeln!(out, "- Pareto front of time and {what} (time of `Exact` = 1): {}.", front.join(", "))?;
         }
         writeln!(out)
     }
 
     fn by_distance(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut table = Table::new(&[
-            "method, defaults",
+            "method (defaults)",
             "contact distance (edges)",
             "true pairs",
             "missed",
@@ -362,7 +365,7 @@ impl Text<'_> {
             "1 − F1",
             "triangles missed",
             "triangles false",
-            "objects missed",
+            "body pairs missed",
             "time (Exact = 1)",
         ]);
         for method in ContactMethod::ALL {
@@ -389,19 +392,19 @@ impl Text<'_> {
         let study = self.study;
         writeln!(out, "## Scene by scene\n")?;
         self.plot(out, "speed_vs_error_by_scene")?;
-        writeln!(out, "All methods with their defaults at {} edges.\n", study.center_distance())?;
+        writeln!(out, "All methods with default settings at {} edges.\n", study.center_distance())?;
         let mut pairs = Table::new(&[
             "scene",
             "method",
             "true pairs",
-            "missed",
-            "false",
+            "missed pairs",
+            "false pairs",
             "missed",
             "false",
             "triangles missed",
             "triangles false",
             "vertices missed",
-            "objects missed",
+            "body pairs missed",
             "ms per tick",
         ]);
         let mut accuracy = Table::new(&[
@@ -410,8 +413,8 @@ impl Text<'_> {
             "separation error: median",
             "99 %",
             "max",
-            "crossing: pairs",
-            "median",
+            "crossing pairs",
+            "their error: median",
             "max",
             "normal error (°): median",
             "99 %",
@@ -452,8 +455,8 @@ impl Text<'_> {
         let worst = exact().filter_map(|row| row.separation_error_max).fold(0.0, f64::max);
         writeln!(
             out,
-            "`Closest`, `Exact` and `Polygon` over all scenes and distances: {} true pairs, {} missed, {} false, largest \
-             separation error {}.\n",
+            "`Closest`, `Exact`, and `Polygon`, over all scenes and distances: {} true pairs, {} missed, {} false, \
+             largest separation error {}.\n",
             exact().map(|row| row.true_pairs).sum::<usize>(),
             exact().map(|row| row.missed_pairs).sum::<usize>(),
             exact().map(|row| row.false_pairs).sum::<usize>(),
@@ -481,7 +484,7 @@ impl Text<'_> {
         let Some(best) = among.iter().min_by(|a, b| error(a).total_cmp(&error(b))) else { return Ok(()) };
         let say = |all: &Pooled| {
             format!(
-                "{} (1 − F1 {}, missed {}, false {}, {} times as long as `Exact`)",
+                "{} (1 − F1 {}, missed {}, false {}, {} times the time of `Exact`)",
                 name(&all.configuration),
                 percent(all.row.pair_error),
                 percent(all.row.pair_miss_rate),
@@ -490,12 +493,12 @@ impl Text<'_> {
             )
         };
         let Some(default) = among.iter().find(|all| all.configuration.is_default()) else {
-            return writeln!(out, "The least 1 − F1 over all scenes has {}.\n", say(best));
+            return writeln!(out, "1 − F1 over all scenes is smallest with {}.\n", say(best));
         };
         if error(default) <= error(best) {
-            writeln!(out, "The default has the least 1 − F1 over all scenes: {}.\n", say(default))
+            writeln!(out, "1 − F1 over all scenes is smallest with the default: {}.\n", say(default))
         } else {
-            writeln!(out, "The least 1 − F1 over all scenes has {}; the default is {}.\n", say(best), say(default))
+            writeln!(out, "1 − F1 over all scenes is smallest with {}. The default is {}.\n", say(best), say(default))
         }
     }
 
@@ -530,8 +533,8 @@ impl Text<'_> {
         let (on, off) = (with(true), with(false));
         writeln!(
             out,
-            "Mean over φ at {} edges: with the plane cull {} missed and {} false, {} times as long as `Exact`; without \
-             it {} missed and {} false, {} times as long.\n",
+            "Mean over φ at {} edges: with the plane cull, {} missed and {} false at {} times the time of `Exact`; \
+             without it, {} missed and {} false at {} times the time of `Exact`.\n",
             study.center_distance(),
             percent(on.0),
             percent(on.1),
@@ -557,7 +560,7 @@ impl Text<'_> {
 
     fn delta(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         let study = self.study;
-        writeln!(out, "## δ: how stale a sphere may be\n")?;
+        writeln!(out, "## δ: how stale spheres may be\n")?;
         self.plot(out, "error_vs_delta")?;
         let among = study.pooled_but(|settings, default| settings.refit_threshold = default.refit_threshold);
         Self::best(out, among, |configuration| format!("δ = {}", configuration.settings.refit_threshold))?;
@@ -566,8 +569,8 @@ impl Text<'_> {
             "δ",
             "missed",
             "false",
-            "refreshed per tick",
-            "share",
+            "spheres refreshed per tick",
+            "share refreshed",
             "normal jump 99 % (°)",
             "contact churn",
             "ms per tick",
@@ -614,14 +617,14 @@ impl Text<'_> {
                 .then_with(|| a.configuration.cmp(&b.configuration))
         });
         let mut table = Table::new(&[
-            "setting, best first",
+            "setting (best first)",
             "missed",
             "worst scene",
             "false",
             "1 − F1",
             "triangles missed",
             "triangles false",
-            "objects missed",
+            "body pairs missed",
             "time (Exact = 1)",
         ]);
         for row in rows {
@@ -644,13 +647,14 @@ impl Text<'_> {
         let study = self.study;
         writeln!(out, "## Time against number of triangles\n")?;
         let (Some(first), Some(last)) = (study.scaling.first(), study.scaling.last()) else {
-            return writeln!(out, "Measured on generated scenes only.\n");
+            return writeln!(out, "Only measured with generated scenes.\n");
         };
         self.plot(out, "time_vs_triangles")?;
         writeln!(
             out,
-            "Two undulating sheets of {} to {} triangles that touch alike at every size, no self-collision, \
-             {DEFAULT_DISTANCE} edges. Slopes of the least-squares lines through the logarithms; 1 is proportional: {}.\n",
+            "Two undulating sheets of {} to {} triangles, without self-collision, at a contact distance of \
+             {DEFAULT_DISTANCE} edges. The share of touching triangles is the same at every size. Slopes of \
+             least-squares lines in the log-log plot, where 1 means proportional to the number of triangles: {}.\n",
             first.triangles,
             last.triangles,
             ContactMethod::ALL
@@ -689,7 +693,7 @@ impl Text<'_> {
             if let Some(longest) = longest.filter(|_| whole > 0.0) {
                 writeln!(
                     out,
-                    "- `{method:?}` spends most of its time, {:.0} %, in {}.",
+                    "- `{method:?}` spends the largest share of its time, {:.0} %, in {}.",
                     100.0 * times[longest] / whole,
                     names[longest]
                 )?;
@@ -702,9 +706,10 @@ impl Text<'_> {
         writeln!(
             out,
             "## Memory\n\n\
-             Bytes that the app holds after the last tick, mean of all scenes at {} edges. Lists of pairs are what the \
-             stages pass on, with the room they keep for the next tick; contacts are stored for this tick and the one \
-             before; the rest (topology, positions, boxes, trees, spheres) is counted to the triangles.\n",
+             Bytes that the app holds after the last tick, mean of all scenes at {} edges. *Bytes per candidate* \
+             covers the lists of pairs that stages pass on, including capacity that is kept for the next tick. *Bytes \
+             per contact* covers the contacts of this tick and the previous one. *Bytes per triangle* covers \
+             everything else: topology, positions, boxes, trees, and spheres.\n",
             self.study.center_distance()
         )?;
         let mut table = Table::new(&["method", "bytes per triangle", "bytes per candidate", "bytes per contact"]);
@@ -726,9 +731,9 @@ impl Text<'_> {
         writeln!(
             out,
             "## From tick to tick\n\n\
-             Churn is 1 − |contacts of both ticks| / |contacts of either|, jump the angle by which a contact that lasts \
-             turns its normal, those that cross apart. Bodies move, so part of either is real: `Exact`'s pairs are \
-             the true ones.\n"
+             Churn is 1 − |contacts of both ticks| / |contacts of either tick|. A jump is the angle by which the \
+             normal of a lasting contact turns in a tick; crossings are listed separately. Bodies move, so part of the \
+             churn and the jumps is real: the pairs of `Exact` are the true ones.\n"
         )?;
         let mut table = Table::new(&[
             "scene",
@@ -761,15 +766,16 @@ impl Text<'_> {
         writeln!(out, "## Smooth normals: sliding over inner edges\n")?;
         let rows = &self.study.sliding;
         if rows.is_empty() {
-            return writeln!(out, "Measured on generated scenes only.\n");
+            return writeln!(out, "Only measured with generated scenes.\n");
         }
         writeln!(
             out,
-            "A ball and a box, as rigid shapes and as meshes, led over irregularly triangulated ground at a constant \
-             true distance; on flat ground also pushed, held up by nothing but their contacts. Of the deepest contact \
-             and of the mean of all: the largest and the root mean square jump of the normal in a tick, and its error \
-             against the true one, in degrees. Bumps are ticks of the pushed motion in which the velocity goes wrong by \
-             more than a hundredth. All in [sliding.csv](sliding.csv).\n"
+            "A ball and a box, as rigid shapes and as meshes, are guided over irregularly triangulated ground at a \
+             constant true distance. On flat ground they are also pushed, supported only by their contacts. For the \
+             deepest contact and for the mean of all contacts, the table gives the maximum and the root mean square \
+             (rms) of the normal's jump per tick and of its error against the true normal, in degrees. A bump is a \
+             tick of the pushed motion after which the velocity is off by more than a hundredth of the speed. All \
+             values are in [sliding.csv](sliding.csv).\n"
         )?;
         for (name, peer) in [("smooth", "exact"), ("smooth", "parry, fixed edges"), ("exact", "parry, fixed edges")] {
             type Measure = (&'static str, fn(&SlidingRow) -> Option<f64>);
@@ -794,13 +800,13 @@ impl Text<'_> {
                 let count =
                     |holds: fn(f64, f64) -> bool| pairs.iter().filter(|(own, other)| holds(*own, *other)).count();
                 words.push(format!(
-                    "{what} smaller in {} and larger in {} of {} cases",
+                    "{what} is smaller in {} and larger in {} of {} cases",
                     count(|own, other| own < other),
                     count(|own, other| own > other),
                     pairs.len()
                 ));
             }
-            writeln!(out, "- *{name}* against *{peer}*: {}.", words.join("; "))?;
+            writeln!(out, "- *{name}* compared with *{peer}*: {}.", words.join("; "))?;
         }
         let mut table = Table::new(&[
             "ground",
@@ -816,8 +822,8 @@ impl Text<'_> {
             "error max",
             "error rms",
             "ticks with a bump",
-            "speed lost at most",
-            "rise (edges)",
+            "largest loss of speed",
+            "height range (edges)",
         ]);
         for row in rows {
             table.row([
@@ -855,11 +861,11 @@ impl Text<'_> {
                 worst_separation_error,
             } => writeln!(
                 out,
-                "{pairs} pairs of random and degenerate triangles through the narrow phase, seed {seed}: {missed} \
-                 missed, {made_up} false, largest separation error {}. Once, by `{command}`.\n",
+                "The narrow phase tested {pairs} pairs of random and degenerate triangles with seed {seed}: {missed} \
+                 missed, {made_up} false, largest separation error {}. This was measured once, by `{command}`.\n",
                 scientific(worst_separation_error)
             ),
-            _ => writeln!(out, "Not yet run.\n"),
+            _ => writeln!(out, "Not measured yet.\n"),
         }
     }
 
@@ -867,9 +873,9 @@ impl Text<'_> {
     fn not_measured(&self, out: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             out,
-            "## What is not measured here\n\n\
-             Residual penetration, jitter and tunnelling are measures of a response: the example `experiments` and those \
-             of scenes have them. Times of impact are measured by the tests of continuous detection."
+            "## Not measured here\n\n\
+             Residual penetration, jitter, and tunnelling depend on the response. The example `experiments` and the \
+             example scenes measure them. The tests of swept collision measure times of impact."
         )
     }
 }

@@ -1,4 +1,4 @@
-//! Time against the number of triangles, in the same scene at every size, and the slope in a log-log plot.
+//! Time against the number of triangles: the same scene at every size, and the slope in a log-log plot.
 
 use bevy_circumsphere::{CircumsphereSettings, ContactMethod};
 use circumsphere_reports::statistics::log_slope;
@@ -25,7 +25,7 @@ pub struct ScalingRow {
     pub time_ms: f64,
 }
 
-/// The sizes that an extent has time for.
+/// The sizes to measure for an extent.
 pub fn sizes(extent: Extent) -> &'static [usize] {
     match extent {
         Extent::Smoke => &SIZES[..2],

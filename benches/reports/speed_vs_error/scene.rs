@@ -15,7 +15,7 @@ use glam::{DVec3, Vec3};
 
 use super::options::{Options, OptionsError};
 
-/// The recording that one of the scenes is cut from.
+/// The recording from which one of the scenes is taken.
 const CLOTH_FALL: &[u8] = include_bytes!("../../../assets/cloth_fall.bin");
 
 /// Other files that may lie next to recordings: answers, queries, and the same meshes in double precision.
@@ -45,7 +45,7 @@ pub struct Body {
     pub ticks: Vec<Vec<Vec3>>,
     pub is_closed: bool,
     pub touches_itself: bool,
-    /// The representative of each vertex: vertices at equal positions in the first tick are welded.
+    /// The representative of each vertex. Vertices at equal positions in the first tick are welded.
     pub weld: Vec<u32>,
     pub mean_edge: f64,
 }
@@ -106,7 +106,7 @@ impl Scene {
         let frames = frames.min(recording.frames.len());
         let ticks: Vec<Vec<Vec3>> =
             recording.frames[..frames].iter().map(|frame| frame.iter().copied().map(Vec3::from).collect()).collect();
-        // A recording is one two-sided mesh, whatever its components, as in the example `replay`.
+        // A recording is one two-sided mesh, even if it has several components, as in the example `replay`.
         let body = Body::new(&name, recording.triangles, ticks, false, true)?;
         let (what, deforms) = (format!("{frames} of {} recorded frames", recording.frames.len()), frames > 1);
         Ok(Self { name, what, deforms, bodies: vec![body], measured: (0..frames).collect() })
@@ -120,8 +120,8 @@ impl Scene {
         self.bodies.iter().map(|body| body.triangles.len()).sum()
     }
 
-    /// The median of the bodies' mean edges: contact distances are multiples of it. A median, so that neither a single
-    /// coarse ground nor a single fine object determines it.
+    /// The median of the bodies' mean edges. Contact distances are multiples of it. The median is not dominated by a
+    /// single coarse ground or a single fine object.
     pub fn mean_edge(&self) -> f64 {
         let mut edges: Vec<f64> = self.bodies.iter().map(|body| body.mean_edge).collect();
         edges.sort_by(f64::total_cmp);

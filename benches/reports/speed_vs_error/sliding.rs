@@ -1,9 +1,9 @@
-//! Sliding bodies: how steady and how accurate contact normals are, and what bumps they cause.
+//! Sliding bodies: steadiness and accuracy of contact normals, and the bumps that they cause.
 //!
-//! A ball and a box, as rigid shapes and as meshes, are guided over irregularly triangulated ground at a constant true
-//! distance, so that the true normal is known in every tick. Then they are pushed over flat ground, supported only by
-//! their contacts. The motion is the same for every kind of normal, including parry's triangle mesh with and without
-//! its fix for internal edges.
+//! A ball and a box, as rigid shapes and as meshes, are guided over irregularly triangulated ground. Their true
+//! distance is constant, so the true normal is known in every tick. Then they are pushed over flat ground, supported
+//! only by their contacts. The motion is the same for every kind of normal, including parry's triangle mesh with and
+//! without its fix for internal edges.
 
 use bevy_app::prelude::*;
 use bevy_circumsphere::{
@@ -29,11 +29,11 @@ use parry3d::{
 };
 use serde::Serialize;
 
-/// Contact distance, and the distance from the true ground at which bodies are guided: two fifths of it.
+/// The contact distance, and the distance from the true ground at which bodies are guided: two fifths of the former.
 const CONTACT_DISTANCE: f64 = 0.05;
 const GAP: f64 = 0.02;
 
-/// Mean edge of the ground. Its vertices are displaced by up to a third of it from a regular grid.
+/// Mean edge of the ground. The vertices are displaced from a regular grid by up to a third of it.
 const EDGE: f64 = 0.3;
 const CELLS: usize = 24;
 
@@ -183,8 +183,8 @@ enum Normals {
     Exact,
     /// Smooth normals of this crate.
     Smooth,
-    /// Smooth normals with every bent edge as a crease: the exact normals, clamped to the range that the faces of their
-    /// features span.
+    /// Smooth normals with every bent edge as a crease. These are the exact normals, clamped to the range that the
+    /// faces at their features span.
     Sharp,
     /// Normals of the spheres of the two triangles, as in the source paper.
     Caps,
@@ -279,7 +279,7 @@ impl OwnDetector {
     }
 }
 
-/// The normals that other methods give for this crate's contacts.
+/// Computes the normals of other methods for this crate's contacts.
 struct Peers {
     ground: PeerNormals,
     body: PeerNormals,
@@ -370,7 +370,7 @@ impl PeerNormals {
     }
 }
 
-/// parry's contact manifolds, kept between ticks as a physics engine does.
+/// parry's contact manifolds, kept between ticks as in a physics engine.
 struct ParryDetector {
     ground: TriMesh,
     body: Box<dyn Shape>,
@@ -419,16 +419,16 @@ impl Detector for ParryDetector {
     }
 }
 
-/// A curved or creased ground, as a map from the plane.
+/// A flat, curved, or creased ground, as a map from the plane.
 struct Ground {
     name: &'static str,
     takes_boxes: bool,
     place: Box<dyn Fn(f64, f64) -> DVec3>,
     normal: Box<dyn Fn(f64, f64) -> DVec3>,
-    /// Half the angle of a crease along u = 0; 0 without a crease.
+    /// Half the angle of the crease along u = 0. 0 without a crease.
     ridge: f64,
-    /// Start and direction of the path. If there is a crease, the start is computed from the point at which the path
-    /// reaches it.
+    /// Start and direction of the path. With a crease, the start along u is computed instead, from the point at which
+    /// the path reaches the crease.
     start: [f64; 2],
     direction: [f64; 2],
 }
@@ -473,7 +473,8 @@ fn grounds() -> Vec<Ground> {
         place: Box::new(move |u, v| DVec3::new(u + u.max(0.0) * (angle.cos() - 1.0), u.max(0.0) * angle.sin(), v)),
         normal: Box::new(|_, _| DVec3::Y),
         ridge: 0.0,
-        // Along the foot of the ramp, over the triangles beside it, but not so close that the body touches the ramp.
+        // The path runs along the foot of the ramp, over the triangles beside it, but not so close that the body
+        // touches the ramp.
         start: [-0.22, -2.0],
         direction: [0.0, 1.0],
     };
@@ -495,7 +496,8 @@ fn grounds() -> Vec<Ground> {
 }
 
 impl Ground {
-    /// Triangles with edges of about `edge`, irregular except for vertices along u = 0, where creases are.
+    /// An irregular mesh with edges of about `edge`. The vertices along u = 0 are not displaced, because creases are
+    /// there.
     fn mesh(&self, cells: usize, edge: f64) -> Mesh {
         let mut random = Random::new(7);
         let mut mesh = Mesh::default();
@@ -657,7 +659,7 @@ struct Pushed {
 }
 
 /// Pushes a body over flat ground. Its horizontal velocity is reset in every tick, and gravity pulls it down. Every
-/// touching contact removes the velocity into it and moves the body out along its normal.
+/// touching contact removes the velocity into the ground and moves the body out along the contact's normal.
 fn push(mesh: &Mesh, ticks: usize, body: Body, normals: Normals) -> Pushed {
     let mut detector = detector(mesh, body, normals);
     let speed = TICK * TICK_RATE;

@@ -1,4 +1,4 @@
-//! The f64 reference for a scene: computed once at the largest contact distance, and used at all of them.
+//! The f64 reference for a scene, computed once at the largest contact distance and used for all distances.
 
 use super::scene::{Scene, wide};
 use circumsphere_truth::{ClosestKind, closest_features, touching_pairs_between_tree, touching_pairs_tree};
@@ -8,8 +8,8 @@ use std::{num::NonZero, thread};
 /// Relative band around the contact distance in which either answer is right, because f32 inputs are rounded.
 pub const BAND: f64 = 1.0e-4;
 
-/// If two triangles are closer than this share of their size, the direction between them is lost in the rounding of f32
-/// positions.
+/// If two triangles are closer than this share of their size, rounding of f32 positions hides the direction between
+/// them.
 const NO_DIRECTION: f64 = 1.0e-4;
 
 /// Identifies a pair of triangles: both bodies, the lower one first, and both triangles.
@@ -44,8 +44,8 @@ pub fn truth(scene: &Scene, distance_edges: f64) -> Vec<TrueTick> {
                 }
             })
         });
-        // Join the threads one by one. The end of the scope does not wait until a thread has freed its last bytes, and
-        // heap usage is measured next.
+        // Join the threads one by one, because heap usage is measured next. The end of the scope does not wait until a
+        // thread has freed its last bytes.
         for thread in work.collect::<Vec<_>>() {
             thread.join().expect("the reference does not panic");
         }

@@ -39,8 +39,8 @@ pub fn log_slope(points: &[(f64, f64)]) -> Option<f64> {
     (spread > 0.0).then(|| product / spread)
 }
 
-/// Indices of the points on the Pareto front, from left to right. A point is on the front if no other point is at least as
-/// low and at least as far left.
+/// Indices of the points on the Pareto front, from left to right. A point is on the front if no other point is at least
+/// as low and at least as far left.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).collect();
     order.sort_by(|&a, &b| points[a].0.total_cmp(&points[b].0).then(points[a].1.total_cmp(&points[b].1)));

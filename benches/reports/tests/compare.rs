@@ -1,8 +1,8 @@
 //! Runs the program `compare` as a user would. On a small mesh, contestants that count the same thing must agree, with
 //! each other and with the f64 reference.
 //!
-//! Embree is the only peer program in these tests, and only if it is installed. The others take minutes to build. `compare`
-//! itself checks all counts that should agree, whichever peers run.
+//! Embree is the only peer program in these tests, and only if it is installed. The others take minutes to build.
+//! `compare` itself checks all counts that should agree, whichever peers run.
 
 use circumsphere_support::{
     programs::example_program,
@@ -113,9 +113,15 @@ fn everyone_counts_what_the_reference_counts() {
     let touching_counts = counts(rows, "touching");
     for method in ["Closest", "Exact", "Polygon"] {
         let count = touching_counts[&(cold(method).as_str(), "cold tick")];
-        assert!((surely..=touching.len() as u64).contains(&count), "{method}: {count}, expected about {surely}\n{table}");
+        assert!(
+            (surely..=touching.len() as u64).contains(&count),
+            "{method}: {count}, expected about {surely}\n{table}"
+        );
     }
-    assert!(touching_counts[&("ours, BoundingSphere", "cold tick")] > surely, "balls contain their triangles, so they touch more often: {table}");
+    assert!(
+        touching_counts[&("ours, BoundingSphere", "cold tick")] > surely,
+        "balls contain their triangles, so they touch more often: {table}"
+    );
 
     // parry's f32 distances come close. Its tolerances are absolute, so the comparison is coarse.
     let parry = touching_counts[&("parry", "query::distance of every pair")] as f64;

@@ -1,10 +1,10 @@
 //! Memory use, by component and resource.
 //!
-//! Components and resources are removed from the world one after the other, and the allocator reports how many bytes each
-//! removal frees. The sum is complete, because the remainder is reported too. Memory per triangle is measured on a sheet
-//! without pairs: it is tested against a triangle within its box that is not near any triangle of the sheet. Memory per
-//! pair is measured on a crumpled sheet. Self-collision with an exact method adds six numbers per triangle to the
-//! topology, which are part of the remainder.
+//! Components and resources are removed from the world one after the other, and the allocator reports how many bytes
+//! each removal frees. The sum is complete, because the remainder is reported too. Memory per triangle is measured on a
+//! sheet without pairs: it is tested against a triangle within its box that is not near any triangle of the sheet.
+//! Memory per pair is measured on a crumpled sheet. Self-collision with an exact method adds six numbers per triangle
+//! to the topology, which are part of the remainder.
 
 use std::fmt::{self, Display, Formatter};
 
@@ -37,7 +37,7 @@ const TICKS: usize = 4;
 pub struct Memory {
     pub method: String,
     pub triangles: usize,
-    /// All memory of a sheet without pairs, including the rows that only a sheet with pairs has.
+    /// All memory of a sheet without pairs, plus the rows that only a sheet with pairs has.
     pub bytes_per_triangle_without_pairs: f64,
     candidates: usize,
     contacts: usize,
@@ -55,7 +55,7 @@ pub struct Memory {
 #[derive(Serialize)]
 struct Part {
     name: &'static str,
-    /// For the sheet without pairs. Rows exist only on the crumpled sheet, and are measured there.
+    /// For the sheet without pairs. Rows are measured on the crumpled sheet, because the other one has none.
     bytes_per_triangle: f64,
     /// For the crumpled sheet.
     bytes: usize,
@@ -196,7 +196,8 @@ impl Display for Memory {
         }
         writeln!(
             out,
-            "{} bytes per triangle; {} per candidate in its list; {} per contact in all results; temporarily {} per candidate",
+            "{} bytes per triangle; {} per candidate in its list; {} per contact in all results; temporarily {} per \
+             candidate",
             short(self.bytes_per_triangle_without_pairs),
             short(self.bytes_per_candidate),
             short(self.bytes_per_contact),

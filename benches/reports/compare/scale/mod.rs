@@ -1,10 +1,10 @@
 //! Growth of time and memory with the number of triangles and bodies.
 //!
 //! Three scenes are measured at several sizes, on one thread: a crumpled sheet, bodies that are apart, and bodies in a
-//! pile. In every tick all vertices and poses change, and [`Teleported`] prevents the reuse of earlier results. The slope
-//! is that of the least-squares line through the medians in a log-log plot. A slope of 1 means proportional to the number
-//! of triangles. It is only meaningful if contacts grow in proportion to triangles, so the slope of contacts is printed
-//! too.
+//! pile. In every tick all vertices and poses change, and [`Teleported`] prevents the reuse of earlier results. The
+//! slope is that of the least-squares line through the medians in a log-log plot. A slope of 1 means proportional to
+//! the number of triangles. It is only meaningful if contacts grow in proportion to triangles, so the slope of contacts
+//! is printed too.
 
 mod memory;
 mod scenes;
@@ -225,8 +225,8 @@ fn play(stage: &mut Stage, scene: &Scene) -> Vec<(&'static str, Vec<f64>)> {
     times
 }
 
-/// Measures one scene at all sizes with all methods. The methods take turns at each size, so that each scene is built only
-/// once.
+/// Measures one scene at all sizes with all methods. The methods take turns at each size, so that each scene is built
+/// only once.
 fn measure_series(
     name: &'static str,
     sizes: &[usize],
