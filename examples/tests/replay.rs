@@ -252,7 +252,7 @@ fn contacts_lie_on_their_pairs_and_join_the_points_they_state() {
             let tolerance = 1.0e-6;
             assert!(point(a, weights("barycentric_a")).distance(vector("point_a")) < tolerance, "{row:?}");
             assert!(point(b, weights("barycentric_b")).distance(vector("point_b")) < tolerance, "{row:?}");
-            let along = (vector("point_a") - vector("point_b")).dot(vector("normal"));
+            let along = (vector("point_b") - vector("point_a")).dot(vector("normal"));
             assert!((along - number("distance")).abs() < tolerance, "{row:?}");
             assert!(number("separation") <= tolerance, "{row:?}");
             let names = [text("feature_a"), text("feature_b")];
