@@ -20,7 +20,7 @@ use bevy_circumsphere::{
 };
 use bevy_ecs::{prelude::*, system::RunSystemOnce};
 use circumsphere_examples::headless::{
-    detect, headless_app,
+    BAD_INPUT, detect, headless_app,
     method::Method,
     move_surface,
     recording::{Recorder, RecordingError, RecordingOptions},
@@ -31,9 +31,6 @@ use glam::Vec3;
 
 /// Half the contact distance, which is a tenth of the mattress's edges.
 const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.01);
-
-/// Exit status for any bad input, by the shell's convention for wrong usage.
-const BAD_INPUT: u8 = 2;
 
 /// Watch a method miss the edge of a beam that is lowered onto a mattress, and see at which step.
 #[derive(Parser, Debug)]

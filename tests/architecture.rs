@@ -133,6 +133,12 @@ fn parse(file: &str, path: &[String], source: &str) -> Module {
     module
 }
 
+/// A module from a text, for tests of the rules.
+fn module(path: &str, source: &str) -> Module {
+    let path: Vec<String> = path.split("::").map(str::to_owned).collect();
+    parse(&path.join("/"), &path, source)
+}
+
 fn modules(folder: &Path, path: &[String], found: &mut Vec<Module>) {
     for entry in fs::read_dir(folder).expect("the folder can be listed").map(|entry| entry.expect("readable").path()) {
         let name = entry.file_stem().expect("files have names").to_string_lossy().into_owned();
@@ -246,10 +252,6 @@ fn no_more_than_three_files_import_each_other_in_a_circle() {
 
 #[test]
 fn a_circle_of_four_files_is_found_and_one_of_three_is_allowed() {
-    let module = |path: &str, source: &str| {
-        let path: Vec<String> = path.split("::").map(str::to_owned).collect();
-        parse(&path.join("/"), &path, source)
-    };
     let ring = |last: &str| {
         [
             module("surface", "mod one;\nmod two;\nmod three;\nmod four;\npub use self::two::Two;\n"),
@@ -267,10 +269,6 @@ fn a_circle_of_four_files_is_found_and_one_of_three_is_allowed() {
 
 #[test]
 fn what_breaks_the_rules_is_found() {
-    let module = |path: &str, source: &str| {
-        let path: Vec<String> = path.split("::").map(str::to_owned).collect();
-        parse(&path.join("/"), &path, source)
-    };
     let found = |path: &str, source: &str| faults(&[module(path, source)]);
     let long = "// A line.\n".repeat(MOST_LINES + 1);
     for (path, source) in [

@@ -14,7 +14,7 @@ use std::{
 };
 
 use circumsphere_examples::headless::{
-    self,
+    self, BAD_INPUT,
     embedded::{EMBEDDED_NAME, embedded_scene},
 };
 use circumsphere_support::{
@@ -24,9 +24,6 @@ use circumsphere_support::{
 use clap::Parser;
 use options::{Options, OptionsError};
 use output::OutputError;
-
-/// Exit status for any bad input, by the shell's convention for wrong usage.
-const BAD_INPUT: u8 = 2;
 
 #[derive(Debug, thiserror::Error)]
 enum ReplayError {

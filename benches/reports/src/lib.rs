@@ -10,8 +10,7 @@ pub mod machine;
 pub mod statistics;
 pub mod tables;
 
-/// Exit status for bad input: the shell's convention for wrong usage.
-pub const BAD_INPUT: u8 = 2;
+pub use circumsphere_examples::headless::BAD_INPUT;
 
 /// A report file could not be written.
 #[derive(Debug, thiserror::Error)]

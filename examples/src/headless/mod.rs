@@ -21,6 +21,9 @@ use glam::Vec3;
 
 use self::recording::Recorder;
 
+/// Exit status for bad input: the shell's convention for wrong usage.
+pub const BAD_INPUT: u8 = 2;
+
 /// An app that detects contacts on every update, with the number of threads from the settings. `recorder` records it.
 pub fn headless_app(plugins: PluginGroupBuilder, settings: CircumsphereSettings, recorder: Recorder) -> App {
     let mut app = App::new();

@@ -15,10 +15,7 @@ use super::{
     options::SceneOptions,
     scene, truth,
 };
-use crate::headless::recording::RecordingError;
-
-/// Exit status for any bad input, by the shell's convention for wrong usage.
-const BAD_INPUT: u8 = 2;
+use crate::headless::{BAD_INPUT, recording::RecordingError};
 
 /// Plays the scene with that name, prints a table, and returns the exit status.
 pub fn run(name: &str, options: &SceneOptions, shot: Shot) -> ExitCode {

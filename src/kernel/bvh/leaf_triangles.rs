@@ -213,13 +213,13 @@ impl LeafTriangles {
 
     /// Whether all needed triangles in the leaves of `tree` are up to date.
     pub(crate) fn are_current(&self, tree: &BoxTree, region: Region) -> bool {
-        let matches_boxes = |state: &LeafState| *state == LeafState::Current;
+        let is_current = |state: &LeafState| *state == LeafState::Current;
         match region {
-            Region::Everywhere => self.states.iter().all(matches_boxes),
+            Region::Everywhere => self.states.iter().all(is_current),
             Region::Within(bounds) => {
                 let mut leaves = Vec::new();
                 tree.leaves_within(&bounds, &mut leaves);
-                leaves.iter().all(|&leaf| self.states.get(leaf as usize).is_some_and(matches_boxes))
+                leaves.iter().all(|&leaf| self.states.get(leaf as usize).is_some_and(is_current))
             }
         }
     }
