@@ -87,7 +87,7 @@ pub mod prelude {
         surface::{
             ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason, RigidShape,
             SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions,
-            SurfaceQuarantined, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
+            SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
         },
     };
     pub use parry3d::shape::SharedShape;

@@ -13,7 +13,7 @@ use crate::{
     surface::{
         ActiveSurfaces, Circumspheres, ContactEventsEnabled, ContactMethod, DeformableSurface, EnclosingBalls,
         PreviousPositions, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers,
-        SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceStatus, SurfaceThickness, SweptCollision,
+        SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision,
         SweptTarget, Teleported, TriangleCones, TriangleCurvature,
     },
 };
@@ -36,7 +36,7 @@ impl Plugin for ReflectPlugin {
             // Written by the game.
             CircumsphereSettings, ContactEventsEnabled, ContactMethod, DeformableSurface, RigidShape, SelfCollision,
             Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder, SurfacePositions,
-            SurfaceThickness, SweptCollision, SweptTarget, Teleported, XpbdBody, XpbdSettings,
+            SurfaceShape, SurfaceThickness, SweptCollision, SweptTarget, Teleported, XpbdBody, XpbdSettings,
             // Written by the plugins.
             ActiveSurfaces, CandidateTrianglePairs, Circumspheres, ContactStore, DetectionDiagnostics, EnclosingBalls,
             ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs, PreviousPositions, SphereContacts,

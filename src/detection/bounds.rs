@@ -13,7 +13,7 @@ use crate::{
     kernel::{capacity, mesh::bounds::Aabb},
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, CheckedPositions, SurfacePositions},
+    surface::{ActiveSurfaces, CheckedPositions, SurfacePositions, SurfaceShape},
 };
 
 /// Half the number of triangles from which a surface is worth several threads.
@@ -63,7 +63,8 @@ fn compute_bounds(
             let surface = &surfaces[place];
             let Ok((positions, _)) = all_positions.get(surface.entity) else { return };
             let growth = frame_growth(surface.thickness, surface.margin, surface.pose.scale());
-            state.has_moved = state.bounds.update(&positions, &surface.topology, growth, threads);
+            let crease = (surface.shape == SurfaceShape::Smooth).then(|| settings.crease());
+            state.has_moved = state.bounds.update(&positions, &surface.topology, growth, crease, threads);
             state.bounds.update_in_world(&surface.pose);
         },
     );

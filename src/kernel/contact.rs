@@ -188,7 +188,7 @@ impl CompactContact {
     }
 
     /// Whether the record is empty.
-    pub(in crate::kernel) fn is_none(&self) -> bool {
+    pub(crate) fn is_none(&self) -> bool {
         self.key == Self::NONE.key
     }
 

@@ -203,6 +203,20 @@ pub struct PairSettings {
     pub same_surface: bool,
 }
 
+impl PairSettings {
+    /// The same distances, for flat triangles in place of patches that may be up to `bulge` away from them. Pairs within
+    /// the range count as touching, so that all of them are listed.
+    #[must_use]
+    pub fn widened(&self, bulge: f64) -> Self {
+        Self {
+            contact_distance: self.range + bulge,
+            reported_distance: self.reported_distance + bulge,
+            range: self.range + bulge,
+            ..*self
+        }
+    }
+}
+
 /// The results for a list of pairs.
 #[derive(Clone, Debug)]
 pub struct FoundPairs {
@@ -287,6 +301,13 @@ impl FoundPairs {
             }
             self.shared.truncate(count);
         }
+    }
+
+    /// Lists the shared contacts that have sides, once each feature pair has one contact.
+    pub(crate) fn list_shared(&mut self) {
+        self.shared.clear();
+        let listed = (0..).zip(&self.contacts).filter(|(_, contact)| contact.is_shared && contact.key.has_sides());
+        self.shared.extend(listed.map(|(place, contact)| SharedContact { key: contact.key, place }));
     }
 
     /// Sorts touching pairs by their triangles, given that they are in the order of the contacts. In a self-collision,

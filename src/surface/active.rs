@@ -9,7 +9,7 @@ use bevy_ecs::prelude::*;
 use bevy_reflect::prelude::*;
 use glam::Vec3;
 
-use super::components::{ContactMethod, SurfaceLayers};
+use super::components::{ContactMethod, SurfaceLayers, SurfaceShape};
 use crate::kernel::{
     exact::rigid_shape::ShapeGeometry,
     mesh::{bounds::Aabb, topology::SurfaceTopology},
@@ -55,6 +55,8 @@ pub struct ActiveSurface {
     pub self_collision: bool,
     /// Whether it has an inside.
     pub one_sided: bool,
+    /// Which surface its mesh stands for.
+    pub shape: SurfaceShape,
     /// Whether it is a [`RigidShape`](super::RigidShape) made of triangles. These do not meet each other.
     pub rigid: bool,
     /// Whether it has contact messages and events enabled.

@@ -34,6 +34,7 @@ use crate::kernel::{
     ContactMethod,
     SurfaceLayers,
     Sidedness,
+    SurfaceShape,
     SurfaceFrame,
     Registration,
     Transform,
@@ -345,6 +346,22 @@ impl Sidedness {
             Self::TwoSided => false,
         }
     }
+}
+
+/// Which surface a mesh stands for. Both sides of a pair may differ.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
+pub enum SurfaceShape {
+    /// The flat triangles themselves.
+    #[default]
+    Flat,
+    /// The smooth surface on which the vertices lie: each triangle is covered by a curved patch that follows the normals
+    /// at its corners. Points, normals, and distances of contacts are those of the patches. Edges bent by
+    /// [`crease_angle`](field@crate::CircumsphereSettings::crease_angle) or more stay sharp.
+    ///
+    /// For meshes whose vertices lie on a smooth body. Where they do not, as in CAD meshes or scans whose vertices were
+    /// moved, the patches may be farther from the body than the triangles.
+    Smooth,
 }
 
 /// What the positions are relative to.

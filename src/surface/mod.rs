@@ -15,8 +15,8 @@ pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactSide};
 pub(crate) use components::{CheckedPositions, first_non_finite};
 pub use components::{
     ContactEventsEnabled, ContactMethod, DeformableSurface, PreviousPositions, SelfCollision, Sidedness,
-    SurfaceBuilder, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceStatus,
-    SurfaceThickness, SweptCollision, SweptTarget, Teleported,
+    SurfaceBuilder, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape,
+    SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
 };
 pub(crate) use prepare::PendingQuarantines;
 pub use prepare::SurfacePlugin;

@@ -422,5 +422,6 @@ fn slab_range(
     }
     let pair_settings = pair_settings(pair, settings);
     let [a, b] = surface_sides(active, pair, states)?;
-    Some((pair_settings.range / pair_settings.scale) as f32 + a.rounding() + b.rounding())
+    let range = pair_settings.range + f64::from(pair.bulge);
+    Some((range / pair_settings.scale) as f32 + a.rounding() + b.rounding())
 }

@@ -7,7 +7,7 @@ use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 
-use self::{penetration::PenetrationBuffers, rows::fill_rows};
+use self::{penetration::PenetrationBuffers, rows::fill_rows, smooth::refine_pair};
 use crate::{
     detection::{
         pair_contacts::PairContacts,
@@ -29,6 +29,7 @@ use crate::{
             unique::UniqueFeatures,
         },
         pair::{FoundPairs, can_penetrate},
+        smooth::slide::SmoothSide,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -37,6 +38,7 @@ use crate::{
 
 mod penetration;
 mod rows;
+mod smooth;
 
 /// The results of the exact test, one entry for each pair of surfaces in [`CandidateTrianglePairs`]. Empty if a pair is
 /// tested by spheres. The last stage keeps two-sided contacts on their sides, in these lists.
@@ -140,7 +142,10 @@ fn test_pair(
     spare: &Buffers<FoundPairs>,
     ExactBuffers { sorter, penetrations, unique }: &mut ExactBuffers,
 ) {
-    let pair_settings = pair_settings(pair, settings);
+    let true_settings = pair_settings(pair, settings);
+    let bulge = f64::from(pair.bulge);
+    // Flat pairs are tested as they are, and so are smooth ones that are flat.
+    let pair_settings = if bulge > 0.0 { true_settings.widened(bulge) } else { true_settings };
     let first = &active.surfaces[pair.first];
     let own = &states[pair.first];
     // Results are stored in the order of their triangles. Sorting the pairs takes less time than sorting the results.
@@ -164,11 +169,16 @@ fn test_pair(
             } else {
                 collect(triangles, threads, spare, Some(unique), found, work);
             }
+            if bulge > 0.0 {
+                let sides = [(&a, own), (&b, other)]
+                    .map(|(surface, state)| SmoothSide { surface, edges: state.bounds.curved() });
+                refine_pair(sides, &true_settings, bulge, threads, found);
+            }
         }
         OtherSide::Shape(place) => {
             let (shape, pose) = (&active.shapes[place].geometry, &pair.relative_pose);
             collect(triangles, threads, spare, Some(unique), found, |chunk, found| {
-                shape_pairs(&first.topology, own.positions(), pose, shape, chunk, &pair_settings, found);
+                shape_pairs(&first.topology, own.positions(), pose, shape, chunk, &true_settings, found);
             });
         }
     }

@@ -49,6 +49,8 @@ pub struct SurfacePair {
     pub reported_distance: f32,
     /// The largest distance at which a pair of triangles matters, in world units.
     pub range: f32,
+    /// How far the patches of both sides together may be from their triangles, in world units. 0 if both are flat.
+    pub bulge: f32,
     /// Whose own frame the pair is tested in: that of the shape, or of the surface with more triangles.
     pub frame: Frame,
     /// World pose of that frame.
@@ -149,6 +151,7 @@ pub(super) fn surface_pair(
     surfaces: &[ActiveSurface],
     first: usize,
     second: usize,
+    bulge: f32,
     (triangles, moved_triangles, moved_positions): PairLists,
 ) -> SurfacePair {
     let (a, b) = (&surfaces[first], &surfaces[second]);
@@ -167,6 +170,7 @@ pub(super) fn surface_pair(
         contact_distance,
         reported_distance: contact_distance + margin,
         range: range(contact_distance, margin),
+        bulge,
         frame,
         frame_pose,
         relative_pose,
@@ -182,6 +186,7 @@ pub(super) fn shape_pair(
     first: usize,
     shape: &ActiveShape,
     place: usize,
+    bulge: f32,
     (triangles, moved_triangles, moved_positions): PairLists,
 ) -> SurfacePair {
     let margin = mean_margin(surface.margin, shape.margin);
@@ -192,6 +197,7 @@ pub(super) fn shape_pair(
         contact_distance: surface.thickness,
         reported_distance: surface.thickness + margin,
         range: range(surface.thickness, margin),
+        bulge,
         frame: Frame::Second,
         frame_pose: shape.pose,
         relative_pose: surface.pose.relative_to(&shape.pose),

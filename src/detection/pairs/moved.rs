@@ -7,7 +7,7 @@
 use glam::Vec3;
 
 use crate::{
-    detection::pairs::{Frame, OtherSide, SurfacePair, frame_growth},
+    detection::pairs::{Frame, GROWTH_SLACK, OtherSide, SurfacePair, frame_growth},
     kernel::{
         bvh::moved_triangles::MovingMesh,
         mesh::{bounds::Aabb, ids::VertexId, topology::SurfaceTopology},
@@ -57,7 +57,8 @@ impl SurfacePair {
                 pose: &self.relative_pose,
                 positions,
                 triangles: surface.topology.triangles(),
-                growth: frame_growth(surface.thickness, surface.margin, self.frame_pose.scale()),
+                growth: frame_growth(surface.thickness, surface.margin, self.frame_pose.scale())
+                    + (f64::from(self.bulge) / self.frame_pose.scale()) as f32 * GROWTH_SLACK,
             },
             moved: &mut self.moved_positions,
             rounding: &mut self.moved_rounding,

@@ -215,6 +215,7 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
         && surface.margin.to_bits() == last.margin.to_bits()
         && surface.method == last.method
         && surface.one_sided == last.one_sided
+        && surface.shape == last.shape
         && surface.events == last.events
         && surface.rigid == last.rigid
 }

@@ -26,7 +26,7 @@ use crate::{
         capacity,
     },
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, ContactMethod},
+    surface::{ActiveSurfaces, ContactMethod, SurfaceShape},
 };
 
 /// Lists are made if the surfaces move by at most this share of the range per tick. With faster ones, so many pairs
@@ -301,5 +301,7 @@ fn sides_in_one_frame(active: &ActiveSurfaces, pair: &SurfacePair) -> Option<[En
     let sides = [&active.surfaces[pair.first], &active.surfaces[second]];
     let is_exact = matches!(pair.method, ContactMethod::Exact | ContactMethod::Closest);
     let resolves_penetrations = !pair.is_self() && sides.iter().any(|side| side.one_sided);
-    (is_exact && !pair.is_moved() && !resolves_penetrations).then(|| sides.map(|side| side.entity))
+    // Patches also move with the normals of their corners, which no bound of the motion covers.
+    let is_flat = sides.iter().all(|side| side.shape == SurfaceShape::Flat);
+    (is_exact && is_flat && !pair.is_moved() && !resolves_penetrations).then(|| sides.map(|side| side.entity))
 }

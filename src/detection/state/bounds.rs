@@ -21,7 +21,9 @@ use crate::{
     kernel::{
         mesh::{
             bounds::{Aabb, bounds_of_moved, point_bounds, triangle_bounds_on},
+            curved_edges::CurvedEdges,
             motion::Motion,
+            smooth_normal::CreaseAngle,
             topology::SurfaceTopology,
         },
         pose::{Pose, SIMILARITY_TOLERANCE},
@@ -57,6 +59,9 @@ pub struct TriangleBounds {
     /// Whether every vertex is a corner, so that the box of the vertices is that of the triangles.
     names_every_vertex: bool,
     growth: f32,
+    /// The creases of a smooth surface. `None` if it is flat.
+    crease: Option<CreaseAngle>,
+    curved: CurvedEdges,
 }
 
 /// The first version of a surface, so far from those of all others that they never reach it.
@@ -83,9 +88,33 @@ impl TriangleBounds {
         // boxes.
         let mut triangles = mem::take(&mut *self.spare.lock().unwrap_or_else(PoisonError::into_inner));
         if let Some(topology) = &self.topology {
-            triangle_bounds_on(parallel, &self.positions, topology.triangles(), self.growth, &mut triangles);
+            self.bound_triangles(parallel, topology, &self.positions, &mut triangles);
         }
         self.triangles.get_or_init(|| triangles)
+    }
+
+    /// Computes the boxes of the triangles, or of their patches.
+    fn bound_triangles(
+        &self,
+        parallel: &impl Parallel,
+        topology: &SurfaceTopology,
+        positions: &[Vec3],
+        bounds: &mut Vec<Aabb>,
+    ) -> Aabb {
+        match self.curved() {
+            Some(edges) => edges.patch_bounds_on(parallel, topology, positions, self.growth, bounds),
+            None => triangle_bounds_on(parallel, positions, topology.triangles(), self.growth, bounds),
+        }
+    }
+
+    /// The curved edges of a smooth surface. `None` if it is flat.
+    pub(in crate::detection) fn curved(&self) -> Option<&CurvedEdges> {
+        self.crease.is_some().then_some(&self.curved)
+    }
+
+    /// How far patches may be from their triangles, in the surface's own frame. 0 if it is flat.
+    pub(in crate::detection) fn bulge(&self) -> f32 {
+        self.curved().map_or(0.0, CurvedEdges::largest)
     }
 
     /// The positions in the surface's own frame.
@@ -123,6 +152,7 @@ impl TriangleBounds {
         positions: &Ref<SurfacePositions>,
         topology: &Arc<SurfaceTopology>,
         growth: f32,
+        crease: Option<CreaseAngle>,
         threads: usize,
     ) -> bool {
         let changed = positions.last_changed();
@@ -130,13 +160,18 @@ impl TriangleBounds {
         let same_mesh = self.topology.as_ref().is_some_and(|other| Arc::ptr_eq(other, topology));
         let same_positions = self.seen == Some(changed) || has_bits_of(&self.positions, positions);
         self.seen = Some(changed);
-        if same_mesh && self.growth == growth && same_positions {
+        if same_mesh && self.growth == growth && self.crease == crease && same_positions {
             return false;
         }
         self.motion = if same_mesh { Motion::between(&self.positions, positions) } else { Motion::UNKNOWN };
-        let spare = self.spare.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let mut spare = mem::take(self.spare.get_mut().unwrap_or_else(PoisonError::into_inner));
         if let Some(triangles) = self.triangles.take() {
-            *spare = triangles;
+            spare = triangles;
+        }
+        (self.crease, self.growth) = (crease, growth);
+        match crease {
+            Some(crease) => self.curved.update_on(&Threads(threads), topology, positions, crease),
+            None => self.curved = CurvedEdges::default(),
         }
         self.version = if self.topology.is_none() { first_version() } else { self.version + 1 };
         if !same_mesh {
@@ -145,17 +180,17 @@ impl TriangleBounds {
         }
         let are_expected = mem::take(self.are_requested.get_mut());
         if self.names_every_vertex && !are_expected {
-            self.whole = point_bounds(positions, growth);
+            self.whole = point_bounds(positions, growth + self.bulge());
+            *self.spare.get_mut().unwrap_or_else(PoisonError::into_inner) = spare;
         } else {
             // The triangle boxes are expected to be needed. Or the surface uses only some of many vertices that it
             // shares with others.
-            self.whole = triangle_bounds_on(&Threads(threads), positions, topology.triangles(), growth, spare);
-            self.triangles = OnceLock::from(mem::take(spare));
+            self.whole = self.bound_triangles(&Threads(threads), topology, positions, &mut spare);
+            self.triangles = OnceLock::from(spare);
         }
         self.in_world = None;
         self.positions.clear();
         self.positions.extend_from_slice(positions);
-        self.growth = growth;
         true
     }
 
@@ -169,7 +204,7 @@ impl TriangleBounds {
         if *pose != Pose::IDENTITY && self.positions.len() <= MOST_TURNED_VERTICES {
             // A pose that is not exactly a similarity stretches one axis more than another.
             let scale = pose.scale() * (1.0 + SIMILARITY_TOLERANCE);
-            let growth = (f64::from(self.growth) * scale) as f32 * GROWTH_SLACK;
+            let growth = (f64::from(self.growth + self.bulge()) * scale) as f32 * GROWTH_SLACK;
             let vertices = bounds_of_moved(pose, &self.positions).grown(growth);
             bounds = Aabb { min: bounds.min.max(vertices.min), max: bounds.max.min(vertices.max) };
         }

@@ -4,6 +4,7 @@
 pub mod barycentric;
 pub mod bounds;
 pub mod corner_rows;
+pub mod curved_edges;
 pub mod feature;
 pub mod ids;
 pub mod motion;

@@ -5,14 +5,17 @@
 //! Distances are computed with orthonormal bases, whose rounding is equivalent to a perturbation of the last bits of
 //! the input. f32 coordinates convert to f64 exactly, so stored f32 positions count as exact.
 
+mod bodies;
 mod box_tree;
 mod impact;
 mod mesh_impacts;
 mod mesh_pairs;
 mod parry_broad_phase;
+mod patches;
 mod triangle_crossing;
 mod triangle_pair;
 
+pub use bodies::{BodyDistance, BodyFoot, BodyShape, SmoothBody};
 pub use impact::{ImpactTruth, edge_edge_impact, triangle_impact, vertex_face_impact};
 pub use mesh_impacts::{
     FeatureImpact, ImpactKind, MovingMesh, TriangleImpact, feature_impacts_brute_force, feature_impacts_tree,
@@ -22,6 +25,7 @@ pub use mesh_pairs::{
     Comparison, ReferencePair, box_pairs, compare, exact_weld, mean_edge_length, touching_pairs_between_brute_force,
     touching_pairs_between_tree, touching_pairs_brute_force, touching_pairs_tree,
 };
+pub use patches::{ReferencePatch, patch_distance};
 pub use parry_broad_phase::ParryBroadPhasePlugin;
 pub use triangle_crossing::triangles_cross;
 pub use triangle_pair::{

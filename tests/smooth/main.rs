@@ -1,0 +1,4 @@
+//! Smooth surfaces against the bodies that they stand for, and against patches that are subdivided finely.
+
+mod bodies;
+mod distances;
