@@ -75,6 +75,8 @@ fn patch_distance(
     let triangles = [pair.triangle_a, pair.triangle_b];
     let corners = [sides[0].surface.corners(triangles[0]), sides[1].surface.corners(triangles[1])];
     examine_pair(&corners[0], &corners[1], (pair.distance + 2.0 * bulge) / settings.scale, proximity);
+    let patches = [sides[0].patch(triangles[0]), sides[1].patch(triangles[1])];
+    let mut inner = PairProximity::default();
     let mut least = f64::INFINITY;
     for features in &proximity.proximities {
         let spots = [
@@ -84,7 +86,40 @@ fn patch_distance(
         let direction = (-features.separation).try_normalize();
         let direction = direction.unwrap_or_else(|| sides[1].patch(triangles[1]).normal(&spots[1].weights));
         let meeting = closest_on_patches(sides, spots, direction, Domain::Triangles);
-        least = least.min(meeting.distance.max(0.0));
+        let _ = meeting; let starts = [spots.map(|spot| spot.weights)];
+        for weights in starts {
+            least = least.min(nearest_of(&patches, weights, &mut inner));
+        }
     }
     least * settings.scale
+}
+
+/// The least distance of two patches near given points, by the triangles that touch the patches there.
+fn nearest_of(patches: &[super::patch::Patch; 2], mut weights: [[f64; 3]; 2], scratch: &mut PairProximity) -> f64 {
+    let apart = |weights: &[[f64; 3]; 2]| patches[0].point(&weights[0]).distance(patches[1].point(&weights[1]));
+    let mut least = apart(&weights);
+    for _ in 0..10 {
+        let [a, b] = [0, 1].map(|side| patches[side].touching_triangle(&weights[side]));
+        examine_pair(&a, &b, least, scratch);
+        let closest = scratch.proximities.iter().min_by(|one, other| one.distance.total_cmp(&other.distance));
+        let Some(closest) = closest else { break };
+        let target = [closest.barycentric_a, closest.barycentric_b];
+        let mut share = 1.0;
+        let mut is_better = false;
+        for _ in 0..4 {
+            let next = [0, 1].map(|side| {
+                std::array::from_fn(|k| weights[side][k] + share * (target[side][k] - weights[side][k]))
+            });
+            let distance = apart(&next);
+            if distance < least * (1.0 - 1.0e-6) {
+                (least, weights, is_better) = (distance, next, true);
+                break;
+            }
+            share *= 0.5;
+        }
+        if !is_better {
+            break;
+        }
+    }
+    least
 }

@@ -97,7 +97,7 @@ impl Ord for Pair {
 pub fn patch_distance(a: &ReferencePatch, b: &ReferencePatch, limit: f64, tolerance: f64) -> f64 {
     let mut best = f64::INFINITY;
     let mut open = BinaryHeap::new();
-    let mut look = |patches: [ReferencePatch; 2], best: &mut f64, open: &mut BinaryHeap<Pair>| {
+    let look = |patches: [ReferencePatch; 2], best: &mut f64, open: &mut BinaryHeap<Pair>| {
         let flat = closest_features(&patches[0].corners, &patches[1].corners);
         let heights = patches[0].height() + patches[1].height();
         let (at_a, at_b) = (patches[0].point(flat.barycentric_a), patches[1].point(flat.barycentric_b));
