@@ -167,7 +167,7 @@ pub(in crate::kernel) struct FacePlace {
 
 impl CompactContact {
     /// An empty record, for a contact that turned out not to exist. No pair of features has its key.
-    pub(in crate::kernel) const NONE: Self = Self {
+    pub(crate) const NONE: Self = Self {
         key: ContactKey(u64::MAX),
         triangle_a: 0,
         triangle_b: 0,

@@ -1,10 +1,6 @@
 //! Meshes whose vertices lie on a body that is known in closed form.
 
-use bevy_circumsphere::kernel::{
-    mesh::{curved_edges::CurvedEdges, smooth_normal::CreaseAngle, topology::SurfaceTopology},
-    pair::SurfaceSide,
-    smooth::slide::SmoothSide,
-};
+use bevy_circumsphere::geometry::SurfaceTopology;
 use circumsphere_support::scenes::{Mesh, capsule, icosphere, torus};
 use circumsphere_truth::{BodyShape, SmoothBody};
 use glam::{DMat3, DVec3, Vec3};
@@ -14,10 +10,8 @@ pub const CREASE: f32 = 1.0;
 
 /// A mesh and the body that it stands for.
 pub struct BodyMesh {
-    pub body: SmoothBody,
     pub topology: SurfaceTopology,
     pub positions: Vec<Vec3>,
-    pub edges: CurvedEdges,
 }
 
 impl BodyMesh {
@@ -28,34 +22,12 @@ impl BodyMesh {
             .map(|position| (body.rotation * DVec3::from(position.map(f64::from)) + body.center).as_vec3())
             .collect();
         let topology = SurfaceTopology::new(&positions, &mesh.triangles).expect("the mesh is valid");
-        let mut edges = CurvedEdges::default();
-        edges.update(&topology, &positions, CreaseAngle::new(CREASE));
-        Self { body, topology, positions, edges }
-    }
-
-    pub fn side(&self) -> SurfaceSide<'_> {
-        SurfaceSide {
-            topology: &self.topology,
-            positions: &self.positions,
-            moved: None,
-            one_sided: false,
-            mirrored: false,
-            rows: None,
-        }
-    }
-
-    pub fn corners(&self, triangle: usize) -> [DVec3; 3] {
-        self.topology.triangles()[triangle].map(|vertex| self.positions[vertex as usize].as_dvec3())
+        Self { topology, positions }
     }
 
     pub fn edge(&self) -> f64 {
         self.topology.mean_edge_length(&self.positions)
     }
-}
-
-/// The same surface, smooth or flat.
-pub fn smooth<'a>(surface: &'a SurfaceSide<'a>, edges: Option<&'a CurvedEdges>) -> SmoothSide<'a> {
-    SmoothSide { surface, edges }
 }
 
 /// A mesh of a shape around the origin, with about 80 · 4^level triangles.

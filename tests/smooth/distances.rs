@@ -1,10 +1,11 @@
 //! How far two bodies are apart, by their meshes.
 
-use bevy_circumsphere::kernel::smooth::slide::{Domain, Spot, closest_on_patches};
-use circumsphere_truth::{BodyDistance, BodyShape, SmoothBody, closest_features};
+use bevy_app::{App, Update};
+use bevy_circumsphere::{ContactStore, prelude::*};
+use circumsphere_truth::{BodyDistance, BodyShape, SmoothBody};
 use glam::DVec3;
 
-use crate::bodies::{BodyMesh, mesh_of, rotation, smooth};
+use crate::bodies::{BodyMesh, mesh_of, rotation};
 
 /// Errors of distances in edges, and of normals in degrees.
 #[derive(Clone, Copy, Debug, Default)]
@@ -18,6 +19,27 @@ impl Errors {
         self.distance += (distance - truth.distance).abs() / edge;
         self.normal += normal.dot(truth.normal).clamp(-1.0, 1.0).acos().to_degrees();
     }
+}
+
+/// Two bodies that touch within a distance, after one tick.
+fn app_of(bodies: &[BodyMesh; 2], shape: SurfaceShape, method: ContactMethod, distance: f64) -> App {
+    let mut app = App::new();
+    app.add_plugins(DeformableCollisionPlugins::new(Update));
+    for body in bodies {
+        let surface = DeformableSurface::from_mesh(&body.positions, body.topology.triangles()).expect("a mesh");
+        let thickness = SurfaceThickness::World((distance / 2.0) as f32);
+        app.world_mut().spawn((surface, thickness, method, shape));
+    }
+    app.update();
+    app
+}
+
+/// The least distance and its normal.
+fn least(app: &App) -> (f64, DVec3) {
+    let contacts = app.world().resource::<ContactStore>().contacts();
+    let least = contacts.min_by(|one, other| one.distance.total_cmp(&other.distance)).expect("the bodies are near");
+    // The larger body, in whose frame the pair is tested, is not moved.
+    (f64::from(least.distance), least.normal.as_dvec3())
 }
 
 /// The errors of the least distance of pairs of bodies: flat and smooth.
@@ -49,36 +71,11 @@ fn errors(shapes: [BodyShape; 2], level: u32, gap: f64) -> [Errors; 2] {
         }
         let [first, second] = place(direction * far);
         let truth = first.distance(&second, &starts);
-        let a = BodyMesh::new(first, &meshes[0]);
-        let b = BodyMesh::new(second, &meshes[1]);
-        let (side_a, side_b) = (a.side(), b.side());
-        let mut flat = (f64::INFINITY, DVec3::ZERO);
-        let mut caps = (f64::INFINITY, DVec3::ZERO);
-        for own in 0..a.topology.triangles().len() {
-            for other in 0..b.topology.triangles().len() {
-                let (p, q) = (a.corners(own), b.corners(other));
-                let apart = ((p[0] + p[1] + p[2]) / 3.0).distance((q[0] + q[1] + q[2]) / 3.0);
-                if apart > (gap + 3.5) * edge {
-                    continue;
-                }
-                let found = closest_features(&p, &q);
-                let between = found.point_b - found.point_a;
-                if found.distance < flat.0 {
-                    flat = (found.distance, between.normalize());
-                }
-                let spots = [
-                    Spot { triangle: own as u32, weights: found.barycentric_a },
-                    Spot { triangle: other as u32, weights: found.barycentric_b },
-                ];
-                let sides = [smooth(&side_a, Some(&a.edges)), smooth(&side_b, Some(&b.edges))];
-                if found.distance < (gap + 0.5) * edge {
-                    let meeting = closest_on_patches(sides, spots, between.normalize(), Domain::Surfaces);
-                    if meeting.distance < caps.0 {
-                        caps = (meeting.distance, meeting.normal);
-                    }
-                }
-            }
-        }
+        let bodies = [BodyMesh::new(first, &meshes[0]), BodyMesh::new(second, &meshes[1])];
+        let [flat, caps] = [SurfaceShape::Flat, SurfaceShape::Smooth].map(|shape| {
+            let app = app_of(&bodies, shape, ContactMethod::Exact, (gap + 0.5) * edge);
+            least(&app)
+        });
         sums[0].add(&truth, flat.0, flat.1, edge);
         sums[1].add(&truth, caps.0, caps.1, edge);
     }

@@ -29,7 +29,7 @@ use crate::{
             unique::UniqueFeatures,
         },
         pair::{FoundPairs, can_penetrate},
-        smooth::slide::SmoothSide,
+        smooth::SmoothSide,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -172,7 +172,7 @@ fn test_pair(
             if bulge > 0.0 {
                 let sides = [(&a, own), (&b, other)]
                     .map(|(surface, state)| SmoothSide { surface, edges: state.bounds.curved() });
-                refine_pair(sides, &true_settings, bulge, threads, found);
+                refine_pair(sides, &true_settings, threads, found);
             }
         }
         OtherSide::Shape(place) => {

@@ -4,11 +4,12 @@ use crate::{
     detection::parallel::Threads,
     kernel::{
         contact::{CompactContact, TouchingPair},
+        mesh::feature::FeatureKind,
         pair::{FoundPairs, PairSettings},
         simd::parallel::Parallel,
         smooth::{
+            SmoothSide,
             refine::{refine_contacts, refine_touching},
-            slide::SmoothSide,
         },
     },
 };
@@ -17,11 +18,10 @@ use crate::{
 const CHUNK: usize = 256;
 
 /// Moves what was found on flat triangles, with [widened](PairSettings::widened) distances, to the patches of a pair of
-/// surfaces. `bulge` is how far the patches may be from the triangles, in world units.
+/// surfaces.
 pub(super) fn refine_pair(
     sides: [SmoothSide<'_>; 2],
     settings: &PairSettings,
-    bulge: f64,
     threads: usize,
     found: &mut FoundPairs,
 ) {
@@ -31,22 +31,36 @@ pub(super) fn refine_pair(
         refine_contacts(sides, settings, contacts);
     });
     let chunks = touching.len() / CHUNK;
-    Threads(threads).run_tasks(touching.chunks_mut(CHUNK), chunks, |touching| {
-        refine_touching(sides, settings, bulge, touching);
-    });
+    let mut inner: Vec<Vec<CompactContact>> = Vec::new();
+    inner.resize_with(touching.len().div_ceil(CHUNK), Vec::new);
+    let tasks = touching.chunks_mut(CHUNK).zip(&mut inner);
+    Threads(threads).run_tasks(tasks, chunks, |(touching, inner)| refine_touching(sides, settings, touching, inner));
+    drop_false_crossings(touching, contacts);
+    contacts.retain(|contact| !contact.is_none());
+    contacts.extend(inner.iter().flatten());
     finish(settings, found);
 }
 
 /// Drops what is too far away, and restores the order.
 fn finish(settings: &PairSettings, found: &mut FoundPairs) {
-    found.contacts.retain(|contact| !contact.is_none());
-    let order = |contact: &CompactContact| (contact.triangles(), contact.key);
-    if !found.contacts.is_sorted_by_key(order) {
-        found.contacts.sort_unstable_by_key(order);
-    }
+    // Two sorted lists, one after the other.
+    found.contacts.sort_by_key(|contact| (contact.triangles(), contact.key));
     let of_contacts = found.contacts.iter().map(|contact| f64::from(contact.distance).abs());
     let nearest = found.touching.iter().map(|pair| pair.distance).chain(of_contacts).fold(f64::INFINITY, f64::min);
     found.nearest = if nearest <= settings.range { nearest } else { f64::INFINITY };
     found.touching.retain(|pair: &TouchingPair| pair.distance <= settings.contact_distance);
     found.list_shared();
+}
+
+/// Empties contacts of triangles that cross while their patches do not. Both lists are in the order of the triangles.
+fn drop_false_crossings(touching: &[TouchingPair], contacts: &mut [CompactContact]) {
+    let mut pairs = touching.iter().peekable();
+    for contact in contacts.iter_mut().filter(|contact| contact.features.kind() == FeatureKind::EdgeFace) {
+        let is_before = |pair: &&TouchingPair| (pair.triangle_a, pair.triangle_b) < contact.triangles();
+        while pairs.next_if(is_before).is_some() {}
+        let is_its_own = |pair: &&&TouchingPair| (pair.triangle_a, pair.triangle_b) == contact.triangles();
+        if pairs.peek().filter(is_its_own).is_some_and(|pair| pair.distance > 0.0) {
+            *contact = CompactContact::NONE;
+        }
+    }
 }

@@ -11,27 +11,36 @@
 //! creases. Edges are chords where no smooth body can be told: at more than two triangles, beside triangles without
 //! area, and where normals disagree with the faces by more than the crease angle.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
+
+use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::{
     bounds::Aabb,
-    feature::Feature,
-    ids::{EdgeId, VertexId},
-    smooth_normal::{CreaseAngle, SurfacePlace, corner_normal},
+    fans::{EdgeSides, Fans, NONE},
+    smooth_normal::CreaseAngle,
     topology::SurfaceTopology,
 };
-use crate::kernel::simd::parallel::{LEAST_SHARE, PART, Parallel, Sequential};
+use crate::kernel::simd::{
+    lanes::{SetLanes, TriangleLanes, WIDTH, ZERO_AREA, first_lanes, transposed},
+    parallel::{LEAST_SHARE, PART, Parallel, Sequential},
+};
 
 /// An edge may move a point of its patch by at most this share of the least height of the triangles beside it. Long
 /// triangles across a change of curvature would err badly otherwise.
-const GUARD: f64 = 0.15;
+const GUARD: f32 = 0.15;
 
 /// Between one edge's `c` and the largest distance of the patch from the triangle if all three edges have that `c`:
 /// `Σ w_i w_j` is at most one third.
-const MOST_OF_EDGE: f64 = 1.0 / 3.0;
+const MOST_OF_EDGE: f32 = 1.0 / 3.0;
 
-/// What is known about one triangle.
+/// Lengths whose squares are reliable in f32.
+const RELIABLE: [f32; 2] = [1.0e-15, 1.0e15];
+
+/// What is known about one triangle, as one row of contiguous memory.
 #[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(32))]
 struct Face {
     /// Unit normal, or zero if it has no area.
     normal: Vec3,
@@ -39,6 +48,7 @@ struct Face {
     weights: [f32; 3],
     /// The least height.
     height: f32,
+    unused: f32,
 }
 
 /// The curved edges of a surface, and the normals that they follow.
@@ -47,11 +57,8 @@ pub struct CurvedEdges {
     /// For each welded edge, its `c`.
     offsets: Vec<Vec3>,
     faces: Vec<Face>,
-    /// For each edge, 1 if it belongs to one curved surface, 0 if it is a crease, and less than 0 if it has more than
-    /// two triangles or two that do not fit together.
-    softness: Vec<f32>,
-    /// For each welded vertex, the normal that all its corners share. Zero if they do not share any.
-    vertex_normals: Vec<Vec3>,
+    /// The normals at the corners of triangles, one for each slot of the fans. Zero where there is none.
+    normals: Vec<Vec3>,
     /// The largest distance of a patch from its triangle.
     largest: f32,
 }
@@ -70,40 +77,33 @@ impl CurvedEdges {
         positions: &[Vec3],
         crease: CreaseAngle,
     ) {
-        let Self { offsets, faces, softness, vertex_normals, largest } = self;
-        let (triangles, edge_count) = (topology.triangles(), topology.edges().len());
+        let Self { offsets, faces, normals, largest } = self;
+        let (triangles, fans) = (topology.triangles(), topology.fans());
         faces.resize(triangles.len(), Face::default());
         let parts = triangles.chunks(PART).zip(faces.chunks_mut(PART));
         parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |(triangles, faces)| {
-            for (corners, face) in triangles.iter().zip(faces) {
-                *face = Face::new(corners.map(|vertex| positions[vertex as usize].as_dvec3()));
-            }
+            dispatch!(Level::new(), simd => write_faces(simd, positions, triangles, faces));
         });
         let faces = &*faces;
-        softness.resize(edge_count, 0.0);
-        parallel.run_tasks(softness.chunks_mut(PART).enumerate(), edge_count / LEAST_SHARE, |(part, softness)| {
-            for (place, softness) in softness.iter_mut().enumerate() {
-                *softness = edge_softness(topology, positions, faces, (part * PART + place) as u32, crease);
+        normals.resize(fans.slots().len(), Vec3::ZERO);
+        parallel.run_tasks(parts_of_fans(fans, normals), fans.len() / LEAST_SHARE, |(part, normals)| {
+            let first = fans.fan(part.start).0.start;
+            for fan in part {
+                let (slots, closed) = fans.fan(fan);
+                let own = slots.start - first..slots.end - first;
+                write_normals(fans, slots, closed, faces, crease, &mut normals[own]);
             }
         });
-        let softness = &*softness;
-        vertex_normals.resize(topology.vertex_count(), Vec3::ZERO);
-        let parts = vertex_normals.chunks_mut(PART).enumerate();
-        parallel.run_tasks(parts, topology.vertex_count() / LEAST_SHARE, |(part, normals)| {
-            for (place, normal) in normals.iter_mut().enumerate() {
-                *normal = shared_normal(topology, faces, softness, (part * PART + place) as u32);
-            }
-        });
-        let corners = Corners { topology, positions, faces, vertex_normals, crease };
-        offsets.resize(edge_count, Vec3::ZERO);
-        let parts = offsets.chunks_mut(PART).zip(softness.chunks(PART)).enumerate();
-        parallel.run_tasks(parts, edge_count / LEAST_SHARE, |(part, (offsets, softness))| {
-            for (place, (offset, softness)) in offsets.iter_mut().zip(softness).enumerate() {
-                *offset = corners.edge_offset((part * PART + place) as u32, *softness);
+        let edges = Edges { topology, positions, faces, normals, crease };
+        offsets.resize(fans.edges().len(), Vec3::ZERO);
+        let parts = fans.edges().chunks(PART).zip(offsets.chunks_mut(PART)).enumerate();
+        parallel.run_tasks(parts, fans.edges().len() / LEAST_SHARE, |(part, (sides, offsets))| {
+            for (place, (sides, offset)) in sides.iter().zip(offsets).enumerate() {
+                *offset = edges.offset(sides, (part * PART + place) as u32);
             }
         });
         let squared = offsets.iter().map(|offset| offset.length_squared()).fold(0.0, f32::max);
-        *largest = squared.sqrt() * MOST_OF_EDGE as f32 * (1.0 + 4.0 * f32::EPSILON);
+        *largest = squared.sqrt() * MOST_OF_EDGE * (1.0 + 4.0 * f32::EPSILON);
     }
 
     /// The offsets `c` of the edges of a triangle. Edge `k` joins corners `k` and `k + 1`.
@@ -149,15 +149,11 @@ impl CurvedEdges {
         });
         bounds.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds))
     }
-
-    /// Whether a patch may be left over an edge: whether both triangles belong to one curved surface.
-    #[inline]
-    pub(in crate::kernel) fn is_soft(&self, edge: u32) -> bool {
-        self.softness[edge as usize] > 0.0
-    }
 }
 
 impl Face {
+    /// In f64, for triangles that f32 is not enough for.
+    #[cold]
     fn new([a, b, c]: [DVec3; 3]) -> Self {
         let sides = [b - a, c - b, a - c];
         let squares = sides.map(DVec3::length_squared);
@@ -165,7 +161,6 @@ impl Face {
         let doubled_area = cross.length();
         let longest = squares[0].max(squares[1]).max(squares[2]);
         let normal = cross / doubled_area;
-        // Without area, or so small that f64 cannot tell.
         if !normal.is_finite() || longest <= 0.0 {
             return Self::default();
         }
@@ -175,166 +170,234 @@ impl Face {
         if !weights.iter().all(|weight| weight.is_finite()) {
             return Self::default();
         }
-        Self { normal: normal.as_vec3(), weights, height: (doubled_area / longest.sqrt()) as f32 }
+        let height = (doubled_area / longest.sqrt()) as f32;
+        Self { normal: normal.as_vec3(), weights, height, unused: 0.0 }
     }
 }
 
-/// The softness of an edge, see [`CurvedEdges`]. Boundaries are soft.
-fn edge_softness(
-    topology: &SurfaceTopology,
-    positions: &[Vec3],
+#[inline(always)]
+fn write_faces<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32; 3]], faces: &mut [Face]) {
+    let zero = f32x8::splat(simd, 0.0);
+    for (triangles, faces) in triangles.chunks(WIDTH).zip(faces.chunks_mut(WIDTH)) {
+        let lanes = TriangleLanes::gather(simd, positions, triangles);
+        let (lengths, _) = lanes.edge_lengths();
+        let longest = lengths[0].max(lengths[1]).max(lengths[2]);
+        let reliable = longest.simd_gt(RELIABLE[0]) & longest.simd_lt(RELIABLE[1]);
+        let scale = f32x8::splat(simd, 1.0) / longest;
+        let [first, second, third] =
+            [lanes.edge(0).scaled(scale), lanes.edge(1).scaled(scale), lanes.edge(2).scaled(scale)];
+        let cross = first.cross(second);
+        let doubled_area = cross.dot(cross).sqrt();
+        let exact = reliable & doubled_area.simd_gt(ZERO_AREA);
+        let normal = cross.scaled(f32x8::splat(simd, 1.0) / doubled_area);
+        let inverse = doubled_area * (scale * scale);
+        let squares = [first.dot(first), second.dot(second), third.dot(third)];
+        let weights = [
+            inverse / (squares[2] * squares[0]),
+            inverse / (squares[0] * squares[1]),
+            inverse / (squares[1] * squares[2]),
+        ];
+        let rows = transposed([
+            normal.x,
+            normal.y,
+            normal.z,
+            weights[0],
+            weights[1],
+            weights[2],
+            doubled_area * longest,
+            zero,
+        ]);
+        for (face, row) in faces.iter_mut().zip(rows) {
+            let [x, y, z, a, b, c, height, _] = row.into();
+            *face = Face { normal: Vec3::new(x, y, z), weights: [a, b, c], height, unused: 0.0 };
+        }
+        let inexact = !(exact.to_bitmask() as u32) & first_lanes(triangles.len()) as u32;
+        for lane in SetLanes(inexact) {
+            faces[lane] = Face::new(triangles[lane].map(|vertex| positions[vertex as usize].as_dvec3()));
+        }
+    }
+}
+
+/// Consecutive parts of the fans, each with the normals of its slots.
+fn parts_of_fans<'a>(
+    fans: &'a Fans,
+    normals: &'a mut [Vec3],
+) -> impl Iterator<Item = (std::ops::Range<usize>, &'a mut [Vec3])> + Send {
+    let mut rest = normals;
+    (0..fans.len()).step_by(PART).map(move |first| {
+        let part = first..(first + PART).min(fans.len());
+        let count = fans.fan(part.end - 1).0.end - fans.fan(part.start).0.start;
+        let (own, later) = std::mem::take(&mut rest).split_at_mut(count);
+        rest = later;
+        (part, own)
+    })
+}
+
+/// Writes the normals of a fan's corners. Faces across a crease do not count, see [`CreaseAngle`].
+#[inline]
+fn write_normals(
+    fans: &Fans,
+    slots: std::ops::Range<usize>,
+    closed: bool,
     faces: &[Face],
-    edge: u32,
     crease: CreaseAngle,
-) -> f32 {
-    match *topology.triangles_of_edge(EdgeId(edge)) {
-        [first, second] => {
-            let is_turned = topology.runs_forward(first, edge) == topology.runs_forward(second, edge);
-            let is_apart = topology.is_welded() && {
-                let [own, other] = [first, second].map(|triangle| ends_of(topology, triangle, edge));
-                (0..2).any(|end| positions[own[end] as usize] != positions[other[end] as usize])
-            };
-            let [first, second] = [first, second].map(|triangle| faces[triangle as usize].normal);
-            if is_turned || is_apart || first == Vec3::ZERO || second == Vec3::ZERO {
-                return -1.0;
+    normals: &mut [Vec3],
+) {
+    let slots = &fans.slots()[slots];
+    let face = |place: usize| &faces[slots[place].triangle as usize];
+    let weighted = |place: usize| face(place).normal * face(place).weights[slots[place].corner as usize % 3];
+    let chord = |place: usize, next: usize| f64::from(face(place).normal.distance_squared(face(next).normal));
+    let count = slots.len();
+    let (mut sum, mut largest) = (Vec3::ZERO, 0.0_f64);
+    let mut before = if closed { count - 1 } else { 0 };
+    for place in 0..count {
+        sum += weighted(place);
+        largest = largest.max(chord(before, place));
+        before = place;
+    }
+    if crease.softness_of(largest) >= 1.0 {
+        normals.fill(sum.normalize_or_zero());
+        return;
+    }
+    for own in 0..count {
+        let mut sum = weighted(own);
+        // By how much each face counts: as much as the smoothest way there is smooth.
+        let (mut forward, mut backward) = (1.0, 1.0);
+        let mut shares = [0.0_f32; MOST_FACES];
+        let spread = count.min(MOST_FACES);
+        for step in 1..spread {
+            let (next, last) = (own + step, own + step - 1);
+            if closed || next < count {
+                forward *= crease.softness_of(chord(last % count, next % count));
+                let share = &mut shares[step];
+                *share = share.max(forward as f32);
+            } else {
+                forward = 0.0;
             }
-            crease.softness(first.as_dvec3(), second.as_dvec3()) as f32
+            let (next, last) = ((own + count - step % count) % count, (own + count + 1 - step) % count);
+            if closed || step <= own {
+                backward *= crease.softness_of(chord(last, next));
+                let share = &mut shares[(count - step) % MOST_FACES];
+                *share = share.max(backward as f32);
+            } else {
+                backward = 0.0;
+            }
+            if forward == 0.0 && backward == 0.0 {
+                break;
+            }
         }
-        [_] => 1.0,
-        _ => -1.0,
+        for (step, share) in shares.iter().enumerate().take(spread).skip(1) {
+            if *share > 0.0 {
+                sum += weighted((own + step) % count) * *share;
+            }
+        }
+        normals[own] = sum.normalize_or_zero();
     }
 }
 
-/// The vertices of a triangle at both ends of an edge, in the caller's numbering, in the order of the edge.
-fn ends_of(topology: &SurfaceTopology, triangle: u32, edge: u32) -> [u32; 2] {
-    let side = side_of(topology, triangle, edge);
-    let corners = topology.triangles()[triangle as usize];
-    let ends = [corners[side], corners[(side + 1) % 3]];
-    if topology.runs_forward(triangle, edge) { ends } else { [ends[1], ends[0]] }
-}
-
-/// The local index of an edge in a triangle.
-fn side_of(topology: &SurfaceTopology, triangle: u32, edge: u32) -> usize {
-    topology.triangle_edges()[triangle as usize].iter().position(|&own| own == edge).unwrap_or_default()
-}
-
-/// The normal of all corners at a vertex, if all its edges are soft. Otherwise zero.
-fn shared_normal(topology: &SurfaceTopology, faces: &[Face], softness: &[f32], vertex: u32) -> Vec3 {
-    let mut sum = Vec3::ZERO;
-    for &triangle in topology.triangles_of_vertex(VertexId(vertex)) {
-        let corners = topology.welded_triangles()[triangle as usize];
-        let Some(corner) = corners.iter().position(|&welded| welded == vertex) else { continue };
-        let edges = topology.triangle_edges()[triangle as usize];
-        let both = [edges[corner], edges[(corner + 2) % 3]].map(|edge| softness[edge as usize]);
-        if both[0] < 1.0 || both[1] < 1.0 {
-            return Vec3::ZERO;
-        }
-        let face = &faces[triangle as usize];
-        sum += face.normal * face.weights[corner];
-    }
-    sum.normalize_or_zero()
-}
-
-/// What the normals at corners are computed from.
-struct Corners<'a> {
+/// What edges are computed from.
+struct Edges<'a> {
     topology: &'a SurfaceTopology,
     positions: &'a [Vec3],
     faces: &'a [Face],
-    vertex_normals: &'a [Vec3],
+    normals: &'a [Vec3],
     crease: CreaseAngle,
 }
 
-impl Corners<'_> {
-    /// The normal at a corner of a triangle, on the side of the triangle's own normal. Zero if there is none.
-    fn normal(&self, triangle: u32, corner: usize) -> DVec3 {
-        let vertex = self.topology.welded_triangles()[triangle as usize][corner];
-        let shared = self.vertex_normals[vertex as usize];
-        if shared != Vec3::ZERO {
-            return shared.as_dvec3();
-        }
-        let place = SurfacePlace {
-            topology: self.topology,
-            positions: self.positions,
-            triangle,
-            feature: Feature::Face,
-            one_sided: false,
-            barycentric: [1.0 / 3.0; 3],
-        };
-        corner_normal(&place, corner, self.crease).unwrap_or(DVec3::ZERO)
-    }
-
-    /// The `c` of an edge, from both sides.
-    fn edge_offset(&self, edge: u32, softness: f32) -> Vec3 {
-        if softness < 0.0 {
-            return Vec3::ZERO;
-        }
-        let triangles = self.topology.triangles_of_edge(EdgeId(edge));
-        let sides = triangles.iter().map(|&triangle| self.side_offset(triangle, edge));
-        let height = triangles.iter().map(|&triangle| self.faces[triangle as usize].height).fold(f32::MAX, f32::min);
-        let mut offset = DVec3::ZERO;
-        let mut fits = 1.0_f64;
-        let mut known: [Option<(DVec3, DVec3)>; 2] = [None; 2];
-        for (place, side) in sides.enumerate() {
-            let Some(side) = side else { return Vec3::ZERO };
-            fits = fits.min(side.fits);
-            known[place] = Some((side.offset, side.normal));
-        }
-        match known {
-            [Some((first, _)), None] => offset = first,
-            [Some((first, normal)), Some((second, other))] => {
-                let smooth = (first + second) * 0.5;
-                offset = smooth;
-                if softness < 1.0 {
-                    let softness = f64::from(softness);
-                    offset = smooth * softness + on_crease([first, second], [normal, other]) * (1.0 - softness);
-                }
-            }
-            _ => {}
-        }
-        offset *= fits;
-        let limit = GUARD / MOST_OF_EDGE * f64::from(height);
-        let length = offset.length();
-        if !length.is_finite() {
-            return Vec3::ZERO;
-        }
-        if length > limit {
-            offset *= limit / length;
-        }
-        offset.as_vec3()
-    }
-
-    /// The `c` of an edge by the normals of one of its triangles. `None` if the triangle has no normals there.
-    fn side_offset(&self, triangle: u32, edge: u32) -> Option<SideOffset> {
-        let from = side_of(self.topology, triangle, edge);
-        let to = (from + 1) % 3;
-        let corners = self.topology.triangles()[triangle as usize];
-        let [start, end] = [from, to].map(|corner| self.positions[corners[corner] as usize].as_dvec3());
-        let normals = [self.normal(triangle, from), self.normal(triangle, to)];
-        let face = self.faces[triangle as usize].normal.as_dvec3();
-        if normals.contains(&DVec3::ZERO) || face == DVec3::ZERO {
-            return None;
-        }
-        let along = end - start;
-        let offset = (normals[1] * along.dot(normals[1]) - normals[0] * along.dot(normals[0])) * 0.5;
-        let fits = self.crease.softness(normals[0], face) * self.crease.softness(normals[1], face);
-        Some(SideOffset { offset, normal: (normals[0] + normals[1]).normalize_or_zero(), fits })
-    }
-}
-
 /// The `c` of an edge by one of its triangles.
+#[derive(Clone, Copy, Default)]
 struct SideOffset {
-    offset: DVec3,
-    /// The mean of the normals at both ends.
-    normal: DVec3,
+    offset: Vec3,
+    /// The sum of the normals at both ends.
+    normal: Vec3,
     /// From 1 to 0: how well these normals agree with the face.
-    fits: f64,
+    fits: f32,
 }
+
+impl Edges<'_> {
+    /// The `c` of an edge.
+    #[inline]
+    fn offset(&self, sides: &EdgeSides, edge: u32) -> Vec3 {
+        let [first, second] = sides.triangles;
+        if first == NONE {
+            return Vec3::ZERO;
+        }
+        let along = self.positions[sides.ends[1] as usize] - self.positions[sides.ends[0] as usize];
+        let face = &self.faces[first as usize];
+        if second == NONE {
+            let own = self.side(sides.slots[0], face, along);
+            return self.guarded(own.offset * own.fits, face.height);
+        }
+        let other = &self.faces[second as usize];
+        if face.normal == Vec3::ZERO || other.normal == Vec3::ZERO || self.are_apart(sides, edge) {
+            return Vec3::ZERO;
+        }
+        let softness = self.crease.softness_of(f64::from(face.normal.distance_squared(other.normal))) as f32;
+        let own = self.side(sides.slots[0], face, along);
+        let height = face.height.min(other.height);
+        if softness >= 1.0 {
+            // Both sides have the same normals.
+            let fits = own.fits * self.fits(sides.slots[1], other);
+            return self.guarded(own.offset * fits, height);
+        }
+        let beyond = self.side(sides.slots[1], other, along);
+        let smooth = (own.offset + beyond.offset) * 0.5;
+        let sharp = on_crease([own.offset, beyond.offset], [own.normal, beyond.normal]);
+        let offset = smooth * softness + sharp * (1.0 - softness);
+        self.guarded(offset * own.fits.min(beyond.fits), height)
+    }
+
+    /// Whether vertices that were welded at an end of the edge have moved apart.
+    #[inline]
+    fn are_apart(&self, sides: &EdgeSides, edge: u32) -> bool {
+        self.topology.is_welded() && {
+            let other = sides.triangles[1] as usize;
+            let edges = self.topology.triangle_edges()[other];
+            let from = edges.iter().position(|&own| own == edge).unwrap_or_default();
+            let corners = self.topology.triangles()[other];
+            let ends = [corners[(from + 1) % 3], corners[from]];
+            (0..2).any(|end| self.positions[ends[end] as usize] != self.positions[sides.ends[end] as usize])
+        }
+    }
+
+    #[inline]
+    fn side(&self, slots: [u32; 2], face: &Face, along: Vec3) -> SideOffset {
+        let [start, end] = slots.map(|slot| self.normals[slot as usize]);
+        let offset = (end * along.dot(end) - start * along.dot(start)) * 0.5;
+        SideOffset { offset, normal: start + end, fits: self.fits(slots, face) }
+    }
+
+    /// From 1 to 0: how well the normals at both ends agree with a face.
+    #[inline]
+    fn fits(&self, slots: [u32; 2], face: &Face) -> f32 {
+        let chords = slots.map(|slot| f64::from(self.normals[slot as usize].distance_squared(face.normal)));
+        (self.crease.softness_of(chords[0]) * self.crease.softness_of(chords[1])) as f32
+    }
+
+    /// An offset that is not longer than the guard allows.
+    #[inline]
+    fn guarded(&self, offset: Vec3, height: f32) -> Vec3 {
+        let limit = GUARD / MOST_OF_EDGE * height;
+        let length = offset.length();
+        if length <= limit {
+            offset
+        } else if length.is_finite() {
+            offset * (limit / length)
+        } else {
+            Vec3::ZERO
+        }
+    }
+}
+
+/// Around a vertex with a crease, faces farther away than this do not count.
+const MOST_FACES: usize = 32;
 
 /// The `c` of an edge between two curved surfaces: the shortest vector that rises over each of them like its own `c`.
 /// By least squares where the two are nearly one, or turn back on themselves.
-fn on_crease(offsets: [DVec3; 2], [first, second]: [DVec3; 2]) -> DVec3 {
+fn on_crease(offsets: [Vec3; 2], normals: [Vec3; 2]) -> Vec3 {
     /// Keeps nearly parallel normals solvable.
-    const DAMPING: f64 = 1.0e-3;
+    const DAMPING: f32 = 1.0e-3;
+    let [first, second] = normals.map(Vec3::normalize_or_zero);
     let heights = [offsets[0].dot(first), offsets[1].dot(second)];
     // The shortest solution is a sum of both normals.
     let cosine = first.dot(second);

@@ -45,8 +45,13 @@ impl CreaseAngle {
     }
 
     /// 1 if two faces belong to one curved surface, 0 across a crease, and the cubic Hermite curve in between.
-    pub(super) fn softness(&self, one: DVec3, other: DVec3) -> f64 {
-        let chord = one.distance_squared(other);
+    fn softness(&self, one: DVec3, other: DVec3) -> f64 {
+        self.softness_of(one.distance_squared(other))
+    }
+
+    /// Like [`softness`](Self::softness), by the squared distance of the two unit normals.
+    #[inline]
+    pub(super) fn softness_of(&self, chord: f64) -> f64 {
         if chord <= self.from {
             1.0
         } else if chord >= self.to {
@@ -260,14 +265,6 @@ fn share_of_first(first: f64, second: f64) -> f64 {
         (false, true) => 0.0,
         _ => 0.5,
     }
-}
-
-/// The smooth unit normal of a triangle at one of its corners, on the side of the triangle's own normal. `None` if an
-/// edge there has more than two triangles, or the triangle has no area.
-pub(super) fn corner_normal(place: &SurfacePlace<'_>, corner: usize, crease: CreaseAngle) -> Option<DVec3> {
-    let fan = Fan::around(place, corner, crease);
-    let own = fan.place_of(place.triangle)?;
-    if fan.manifold() { fan.corner_normal(own).map(|(normal, _)| normal) } else { None }
 }
 
 /// The largest distance between any two of the unit vectors.

@@ -10,6 +10,7 @@ use std::sync::OnceLock;
 use glam::Vec3;
 
 use super::{
+    fans::Fans,
     ids::{EdgeId, TriangleId, VertexId},
     surroundings::Surroundings,
     validation::{MAX_ELEMENTS, TopologyError, validate},
@@ -45,6 +46,8 @@ pub struct SurfaceTopology {
     surroundings: Vec<Surroundings>,
     report: TopologyReport,
     hinges: OnceLock<Box<[Hinge]>>,
+    /// Computed for smooth surfaces.
+    fans: OnceLock<Box<Fans>>,
     /// Computed when an exact test first needs it.
     firsts: OnceLock<FirstTriangles>,
 }
@@ -184,6 +187,7 @@ impl SurfaceTopology {
             surroundings,
             report: TopologyReport::default(),
             hinges: OnceLock::new(),
+            fans: OnceLock::new(),
             firsts: OnceLock::new(),
         };
         topology.report = topology.inspect();
@@ -222,6 +226,11 @@ impl SurfaceTopology {
     /// The hinge at each edge, computed on first use.
     pub(in crate::kernel) fn hinges(&self) -> &[Hinge] {
         self.hinges.get_or_init(|| (0..self.edges.len() as u32).map(|edge| self.hinge(edge)).collect())
+    }
+
+    /// The triangles around each vertex in cyclic order, computed on first use.
+    pub(super) fn fans(&self) -> &Fans {
+        self.fans.get_or_init(|| Box::new(Fans::of(self)))
     }
 
     fn hinge(&self, edge: u32) -> Hinge {

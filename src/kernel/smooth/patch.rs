@@ -44,11 +44,8 @@ impl Patch {
         [q - p + first * (a - b) + (second - third) * c, r - p + third * (a - c) + (second - first) * b]
     }
 
-    /// The triangle that touches the patch at the point with these weights: the plane there, with the same weights.
-    pub(super) fn touching_triangle(&self, weights: &[f64; 3]) -> [DVec3; 3] {
-        let (point, [u, v]) = (self.point(weights), self.tangents(weights));
-        let first = point - u * weights[1] - v * weights[2];
-        [first, first + u, first + v]
+    pub(super) fn is_flat(&self) -> bool {
+        self.offsets == [DVec3::ZERO; 3]
     }
 
     pub(super) fn local(&self, weights: &[f64; 3]) -> Local {

@@ -1,125 +1,198 @@
-//! Moves what the exact test found on flat triangles to the smooth surfaces.
+//! Moves what the exact test found on flat triangles to the patches of smooth surfaces.
 //!
 //! The exact test runs with distances that are wider by how far the patches may be from their triangles, so it finds
-//! every pair that may touch. Here each contact slides to the closest points nearby, and pairs and contacts that turn out to
-//! be too far away are dropped.
+//! every pair that may touch. Here each pair of triangles gets the distance of its patches. Each contact keeps its
+//! features, and its points move to where the curved features are closest. Two patches whose closest points lie inside
+//! both have one more contact there.
 
-use super::slide::{Domain, SmoothSide, Spot, closest_on_patches};
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
+
+use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use glam::{DVec3, Vec3};
+
+use super::{
+    SmoothSide,
+    features::closest_of_features,
+    patch_lanes::{MeetingLanes, PatchLanes, closest},
+};
 use crate::kernel::{
-    contact::{CompactContact, TouchingPair},
-    exact::{PairProximity, examine_pair},
-    mesh::feature::{Feature, FeatureKind, FeaturePair},
+    contact::{CompactContact, FacePlace, TouchingPair},
+    mesh::feature::FeatureKind,
     pair::PairSettings,
+    simd::lanes::{DoubleVectorLanes, SetLanes, VectorLanes, WIDTH, first_lanes, stored},
 };
 
-/// The faces on which the contacts of patches lie.
-const FACES: FeaturePair = FeaturePair { a: Feature::Face, b: Feature::Face };
-
-/// Moves contacts to the patches. Those beyond the reported distance become empty. `settings` has the distances that count
-/// for the patches.
+/// Moves contacts to the patches. Those beyond the reported distance become empty. `settings` has the distances that
+/// count for the patches.
 pub fn refine_contacts(sides: [SmoothSide<'_>; 2], settings: &PairSettings, contacts: &mut [CompactContact]) {
     for contact in contacts {
-        refine(sides, settings, contact);
+        // Whether surfaces cross is decided by their patches, pair by pair.
+        if contact.features.kind() == FeatureKind::EdgeFace {
+            continue;
+        }
+        let patches = [sides[0].patch(contact.triangle_a), sides[1].patch(contact.triangle_b)];
+        if patches.iter().all(|patch| patch.is_flat()) {
+            if f64::from(contact.distance) > settings.reported_distance {
+                contact.drop_name();
+            }
+            continue;
+        }
+        let weights = [contact.barycentric_a, contact.barycentric_b].map(|[first, second]| {
+            let [first, second] = [f64::from(first), f64::from(second)];
+            [first, second, 1.0 - first - second]
+        });
+        let old = contact.normal.as_dvec3();
+        let (weights, points) = closest_of_features(&patches, contact.features, weights);
+        let between = points[1] - points[0];
+        let sign = if between.dot(old) < 0.0 { -1.0 } else { 1.0 };
+        let length = between.length();
+        let distance = sign * length * settings.scale;
+        if distance > settings.reported_distance {
+            contact.drop_name();
+            continue;
+        }
+        let size = patches[0].size();
+        contact.normal =
+            if length > 1.0e-6 * size { (between * (sign / length)).as_vec3() } else { contact.normal };
+        contact.barycentric_a = [weights[0][0] as f32, weights[0][1] as f32];
+        contact.barycentric_b = [weights[1][0] as f32, weights[1][1] as f32];
+        contact.point_b = points[1].as_vec3();
+        contact.distance = distance as f32;
     }
 }
 
-fn refine(sides: [SmoothSide<'_>; 2], settings: &PairSettings, contact: &mut CompactContact) {
-    let spot = |triangle: u32, [first, second]: [f32; 2]| {
-        let [first, second] = [f64::from(first), f64::from(second)];
-        Spot { triangle, weights: [first, second, (1.0 - first - second).max(0.0)] }
-    };
-    let spots = [spot(contact.triangle_a, contact.barycentric_a), spot(contact.triangle_b, contact.barycentric_b)];
-    let meeting = closest_on_patches(sides, spots, contact.normal.as_dvec3(), Domain::Surfaces);
-    let distance = meeting.distance * settings.scale;
-    let is_crossing = contact.features.kind() == FeatureKind::EdgeFace;
-    let has_inside = !settings.same_surface && sides.iter().any(|side| side.surface.one_sided);
-    if is_crossing && !has_inside && distance <= 0.0 {
-        // Two sheets that cross have no side to leave by.
-        return;
-    }
-    if distance > settings.reported_distance {
-        contact.drop_name();
-        return;
-    }
-    let weights = meeting.spots.map(|Spot { weights: [first, second, _], .. }| [first as f32, second as f32]);
-    *contact = CompactContact {
-        triangle_a: meeting.spots[0].triangle,
-        triangle_b: meeting.spots[1].triangle,
-        features: FACES,
-        // Others may have slid to the same triangles, or from them.
-        is_shared: true,
-        barycentric_a: weights[0],
-        barycentric_b: weights[1],
-        point_b: meeting.points[1].as_vec3(),
-        normal: meeting.normal.as_vec3(),
-        distance: distance as f32,
-        ..*contact
-    };
-}
-
-/// Computes the distances of pairs of triangles between their patches, in world units, at least 0.
-pub fn refine_touching(sides: [SmoothSide<'_>; 2], settings: &PairSettings, bulge: f64, touching: &mut [TouchingPair]) {
-    let mut proximity = PairProximity::default();
-    for pair in touching {
-        pair.distance = patch_distance(sides, settings, bulge, pair, &mut proximity);
-    }
-}
-
-fn patch_distance(
+/// Computes the distances of pairs of triangles between their patches, in world units, at least 0, and appends the
+/// contacts between the insides of patches.
+pub fn refine_touching(
     sides: [SmoothSide<'_>; 2],
     settings: &PairSettings,
-    bulge: f64,
-    pair: &TouchingPair,
-    proximity: &mut PairProximity,
-) -> f64 {
-    let triangles = [pair.triangle_a, pair.triangle_b];
-    let corners = [sides[0].surface.corners(triangles[0]), sides[1].surface.corners(triangles[1])];
-    examine_pair(&corners[0], &corners[1], (pair.distance + 2.0 * bulge) / settings.scale, proximity);
-    let patches = [sides[0].patch(triangles[0]), sides[1].patch(triangles[1])];
-    let mut inner = PairProximity::default();
-    let mut least = f64::INFINITY;
-    for features in &proximity.proximities {
-        let spots = [
-            Spot { triangle: triangles[0], weights: features.barycentric_a },
-            Spot { triangle: triangles[1], weights: features.barycentric_b },
-        ];
-        let direction = (-features.separation).try_normalize();
-        let direction = direction.unwrap_or_else(|| sides[1].patch(triangles[1]).normal(&spots[1].weights));
-        let meeting = closest_on_patches(sides, spots, direction, Domain::Triangles);
-        let _ = meeting; let starts = [spots.map(|spot| spot.weights)];
-        for weights in starts {
-            least = least.min(nearest_of(&patches, weights, &mut inner));
-        }
-    }
-    least * settings.scale
+    touching: &mut [TouchingPair],
+    contacts: &mut Vec<CompactContact>,
+) {
+    dispatch!(Level::new(), simd => refine_blocks(simd, sides, settings, touching, contacts));
 }
 
-/// The least distance of two patches near given points, by the triangles that touch the patches there.
-fn nearest_of(patches: &[super::patch::Patch; 2], mut weights: [[f64; 3]; 2], scratch: &mut PairProximity) -> f64 {
-    let apart = |weights: &[[f64; 3]; 2]| patches[0].point(&weights[0]).distance(patches[1].point(&weights[1]));
-    let mut least = apart(&weights);
-    for _ in 0..10 {
-        let [a, b] = [0, 1].map(|side| patches[side].touching_triangle(&weights[side]));
-        examine_pair(&a, &b, least, scratch);
-        let closest = scratch.proximities.iter().min_by(|one, other| one.distance.total_cmp(&other.distance));
-        let Some(closest) = closest else { break };
-        let target = [closest.barycentric_a, closest.barycentric_b];
-        let mut share = 1.0;
-        let mut is_better = false;
-        for _ in 0..4 {
-            let next = [0, 1].map(|side| {
-                std::array::from_fn(|k| weights[side][k] + share * (target[side][k] - weights[side][k]))
-            });
-            let distance = apart(&next);
-            if distance < least * (1.0 - 1.0e-6) {
-                (least, weights, is_better) = (distance, next, true);
-                break;
+#[inline(always)]
+fn refine_blocks<S: Simd>(
+    simd: S,
+    sides: [SmoothSide<'_>; 2],
+    settings: &PairSettings,
+    touching: &mut [TouchingPair],
+    contacts: &mut Vec<CompactContact>,
+) {
+    let scale = settings.scale as f32;
+    for pairs in touching.chunks_mut(WIDTH) {
+        let pair = |lane: usize| pairs[lane.min(pairs.len() - 1)];
+        let triangles: [[u32; WIDTH]; 2] =
+            [std::array::from_fn(|lane| pair(lane).triangle_a), std::array::from_fn(|lane| pair(lane).triangle_b)];
+        let ([a, b], heights) = gather(simd, sides, &triangles);
+        let flat = f32x8::from_slice(simd, &std::array::from_fn::<f32, WIDTH, _>(|lane| pair(lane).distance as f32));
+        let bulge = heights * (scale * 1.000_01);
+        let may_reach = (flat - bulge).simd_le(settings.range as f32 * 1.000_01);
+        let is_bent = heights.simd_gt(0.0);
+        if !(may_reach & is_bent).any_true() {
+            for (lane, pair) in pairs.iter_mut().enumerate() {
+                if is_bent.to_bitmask() >> lane & 1 != 0 {
+                    pair.distance = f64::INFINITY;
+                }
             }
-            share *= 0.5;
+            continue;
         }
-        if !is_better {
-            break;
+        let found = closest(simd, &a, &b);
+        let distances = stored(found.distance * scale);
+        let requested = first_lanes(pairs.len()) as u32 & is_bent.to_bitmask() as u32;
+        let reached = (found.distance * scale).simd_le(settings.reported_distance as f32);
+        for lane in SetLanes(requested) {
+            pairs[lane].distance = f64::from(distances[lane]);
+        }
+        let with_contact = requested & (found.is_normal & reached).to_bitmask() as u32;
+        if with_contact != 0 {
+            add_contacts(sides, settings, &triangles, &found, with_contact, contacts);
         }
     }
-    least
+}
+
+/// Adds the contacts between the insides of patches.
+#[inline(always)]
+fn add_contacts<S: Simd>(
+    sides: [SmoothSide<'_>; 2],
+    settings: &PairSettings,
+    triangles: &[[u32; WIDTH]; 2],
+    found: &MeetingLanes<S>,
+    lanes: u32,
+    contacts: &mut Vec<CompactContact>,
+) {
+    let weights = [0, 1].map(|side| found.weights[side].0.map(stored));
+    let (between, distances) = (found.between.stored(), stored(found.distance));
+    for lane in SetLanes(lanes) {
+        let of_pair = [triangles[0][lane], triangles[1][lane]];
+        let all = weights.map(|[second, third]| {
+            let [second, third] = [f64::from(second[lane]), f64::from(third[lane])];
+            [1.0 - second - third, second, third]
+        });
+        let patches = [sides[0].patch(of_pair[0]), sides[1].patch(of_pair[1])];
+        let normal = between.get(lane).as_dvec3().normalize_or_zero();
+        // What is inside a body has its own way out, by its vertices.
+        let is_inside = |side: usize, direction: DVec3| {
+            let surface = sides[side].surface;
+            let outward = patches[side].normal(&all[side]) * if surface.mirrored { -1.0 } else { 1.0 };
+            !settings.same_surface && surface.one_sided && outward.dot(direction) < 0.0
+        };
+        if normal == DVec3::ZERO || is_inside(0, normal) || is_inside(1, -normal) {
+            continue;
+        }
+        let place = FacePlace {
+            barycentrics: all.map(|[first, second, _]| [first as f32, second as f32]),
+            point_b: patches[1].point(&all[1]).as_vec3(),
+            normal: normal.as_vec3(),
+            distance: distances[lane] * settings.scale as f32,
+        };
+        contacts.push(CompactContact::between_faces(of_pair, settings.same_surface, place));
+    }
+}
+
+/// The patches of eight pairs, relative to the first corners of the first ones, and how far both patches of each pair
+/// together may be from their triangles.
+#[inline(always)]
+fn gather<S: Simd>(
+    simd: S,
+    sides: [SmoothSide<'_>; 2],
+    triangles: &[[u32; WIDTH]; 2],
+) -> ([PatchLanes<S>; 2], f32x8<S>) {
+    let corners = [0, 1].map(|side| corners(simd, &sides[side], &triangles[side]));
+    let origin = corners[0][0];
+    let mut heights = f32x8::splat(simd, 0.0);
+    let patches = [0, 1].map(|side| {
+        let [p, q, r] = corners[side];
+        let offsets = offsets(simd, &sides[side], &triangles[side]);
+        let squared = |offset: VectorLanes<S>| offset.dot(offset);
+        heights += squared(offsets[0]).max(squared(offsets[1])).max(squared(offsets[2])).sqrt() * (1.0 / 3.0);
+        PatchLanes { corners: [(p - origin).rounded(), (q - origin).rounded(), (r - origin).rounded()], offsets }
+    });
+    (patches, heights)
+}
+
+#[inline(always)]
+fn corners<S: Simd>(simd: S, side: &SmoothSide<'_>, triangles: &[u32; WIDTH]) -> [DoubleVectorLanes<S>; 3] {
+    let (positions, all) = (side.surface.own_positions(), side.surface.topology.triangles());
+    let corner = |corner: usize| {
+        let vertices: [Vec3; WIDTH] =
+            std::array::from_fn(|lane| positions[all[triangles[lane] as usize][corner] as usize]);
+        VectorLanes::of(simd, vertices).widened().moved(simd, side.surface.moved.map(|moved| moved.pose))
+    };
+    [corner(0), corner(1), corner(2)]
+}
+
+#[inline(always)]
+fn offsets<S: Simd>(simd: S, side: &SmoothSide<'_>, triangles: &[u32; WIDTH]) -> [VectorLanes<S>; 3] {
+    let Some(edges) = side.edges else { return [VectorLanes::splat(simd, Vec3::ZERO); 3] };
+    let all = triangles.map(|triangle| edges.of_triangle(side.surface.topology, triangle));
+    let offset = |edge: usize| {
+        let offset = VectorLanes::of(simd, std::array::from_fn(|lane| all[lane][edge]));
+        match side.surface.moved {
+            Some(moved) => offset.widened().turned(simd, &moved.pose.to_affine().matrix3).rounded(),
+            None => offset,
+        }
+    };
+    [offset(0), offset(1), offset(2)]
 }

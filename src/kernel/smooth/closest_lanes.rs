@@ -1,0 +1,186 @@
+//! The closest points of eight pairs of flat triangles, with their weights.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
+
+use fearless_simd::{f32x8, mask32x8, prelude::*};
+
+use crate::kernel::simd::lanes::VectorLanes;
+
+/// Below this, relative to the squares that it is the difference of, a determinant is only rounding.
+const PARALLEL: f32 = 1.0e-6;
+
+/// Keeps divisions by lengths of zero finite. Triangles are scaled to a size of about 1.
+const NOTHING: f32 = 1.0e-30;
+
+/// The weights of the second and the third corner at a point of each of eight triangles.
+#[derive(Clone, Copy)]
+pub(super) struct WeightLanes<S: Simd>(pub(super) [f32x8<S>; 2]);
+
+impl<S: Simd> WeightLanes<S> {
+    #[inline(always)]
+    pub(super) fn splat(simd: S, weight: f32) -> Self {
+        Self([f32x8::splat(simd, weight); 2])
+    }
+
+    #[inline(always)]
+    pub(super) fn select(mask: mask32x8<S>, yes: Self, no: Self) -> Self {
+        Self([mask.select(yes.0[0], no.0[0]), mask.select(yes.0[1], no.0[1])])
+    }
+
+    /// The point at a share of the way to another one.
+    #[inline(always)]
+    pub(super) fn towards(self, other: Self, share: f32x8<S>) -> Self {
+        Self([self.0[0] + (other.0[0] - self.0[0]) * share, self.0[1] + (other.0[1] - self.0[1]) * share])
+    }
+
+    /// At a share of the way along edge `edge`.
+    #[inline(always)]
+    fn on_edge(simd: S, edge: usize, along: f32x8<S>) -> Self {
+        let (zero, rest) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0) - along);
+        Self(match edge {
+            0 => [along, zero],
+            1 => [rest, along],
+            _ => [zero, rest],
+        })
+    }
+
+    #[inline(always)]
+    fn at_corner(simd: S, corner: usize) -> Self {
+        let weight = |other: usize| f32x8::splat(simd, if corner == other { 1.0 } else { 0.0 });
+        Self([weight(1), weight(2)])
+    }
+}
+
+/// The closest points of pairs of triangles.
+pub(super) struct ClosestLanes<S: Simd> {
+    pub(super) weights: [WeightLanes<S>; 2],
+    squared: f32x8<S>,
+}
+
+impl<S: Simd> ClosestLanes<S> {
+    #[inline(always)]
+    fn offer(&mut self, is_allowed: mask32x8<S>, squared: f32x8<S>, weights: [WeightLanes<S>; 2]) {
+        let is_closer = squared.simd_lt(self.squared) & is_allowed;
+        self.squared = is_closer.select(squared, self.squared);
+        for side in 0..2 {
+            self.weights[side] = WeightLanes::select(is_closer, weights[side], self.weights[side]);
+        }
+    }
+
+    /// Finds the closest points of two triangles each. Where they cross, a point that both share.
+    #[inline(always)]
+    pub(super) fn of(simd: S, a: &[VectorLanes<S>; 3], b: &[VectorLanes<S>; 3]) -> Self {
+        let all = f32x8::splat(simd, 0.0).simd_eq(0.0);
+        let mut closest =
+            Self { weights: [WeightLanes::splat(simd, 0.0); 2], squared: f32x8::splat(simd, f32::INFINITY) };
+        let (edges_a, edges_b) = (edges(a), edges(b));
+        for own in 0..3 {
+            for other in 0..3 {
+                let (squared, along) = of_edges(simd, (a[own], &edges_a[own]), (b[other], &edges_b[other]));
+                let weights = [
+                    WeightLanes::on_edge(simd, own, along[0]),
+                    WeightLanes::on_edge(simd, other, along[1]),
+                ];
+                closest.offer(all, squared, weights);
+            }
+        }
+        let feet = faces(simd, a, b);
+        let other_feet = faces(simd, b, a);
+        for corner in 0..3 {
+            let own = WeightLanes::at_corner(simd, corner);
+            let (foot, other) = (&feet[corner], &other_feet[corner]);
+            closest.offer(foot.is_inside, foot.height * foot.height, [own, foot.weights]);
+            closest.offer(other.is_inside, other.height * other.height, [other.weights, own]);
+        }
+        let zero = f32x8::splat(simd, 0.0);
+        for edge in 0..3 {
+            let (pierces, along, weights) = piercing(simd, &feet[edge], &feet[(edge + 1) % 3]);
+            closest.offer(pierces, zero, [WeightLanes::on_edge(simd, edge, along), weights]);
+            let (pierces, along, weights) = piercing(simd, &other_feet[edge], &other_feet[(edge + 1) % 3]);
+            closest.offer(pierces, zero, [weights, WeightLanes::on_edge(simd, edge, along)]);
+        }
+        closest
+    }
+}
+
+/// An edge and its squared length.
+type EdgeLanes<S> = (VectorLanes<S>, f32x8<S>);
+
+#[inline(always)]
+fn edges<S: Simd>(corners: &[VectorLanes<S>; 3]) -> [EdgeLanes<S>; 3] {
+    let edge = |k: usize| {
+        let edge = corners[(k + 1) % 3] - corners[k];
+        (edge, edge.dot(edge).max(NOTHING))
+    };
+    [edge(0), edge(1), edge(2)]
+}
+
+/// The squared distance of two segments, and where along each the closest points are (Ericson, "Real-Time Collision
+/// Detection", 5.1.9).
+#[inline(always)]
+fn of_edges<S: Simd>(
+    simd: S,
+    (start, &(along, length)): (VectorLanes<S>, &EdgeLanes<S>),
+    (other_start, &(other_along, other_length)): (VectorLanes<S>, &EdgeLanes<S>),
+) -> (f32x8<S>, [f32x8<S>; 2]) {
+    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+    let clamped = |value: f32x8<S>| value.max(zero).min(one);
+    let between = start - other_start;
+    let (own, other, cosine) = (along.dot(between), other_along.dot(between), along.dot(other_along));
+    let product = length * other_length;
+    let determinant = product - cosine * cosine;
+    let is_skew = determinant.simd_gt(product * PARALLEL);
+    let place = is_skew.select(clamped((cosine * other - own * other_length) / determinant), zero);
+    let other_place = clamped((cosine * place + other) / other_length);
+    let place = clamped((cosine * other_place - own) / length);
+    let gap = between.plus(along.scaled(place)) - other_along.scaled(other_place);
+    (gap.dot(gap), [place, other_place])
+}
+
+/// Where a corner is over a triangle.
+struct FootLanes<S: Simd> {
+    /// Above the plane, in units of the length.
+    height: f32x8<S>,
+    weights: WeightLanes<S>,
+    is_inside: mask32x8<S>,
+}
+
+/// Where the corners of one triangle are over another.
+#[inline(always)]
+fn faces<S: Simd>(simd: S, corners: &[VectorLanes<S>; 3], face: &[VectorLanes<S>; 3]) -> [FootLanes<S>; 3] {
+    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+    let (first, second) = (face[1] - face[0], face[2] - face[0]);
+    let (ff, fs, ss) = (first.dot(first), first.dot(second), second.dot(second));
+    let normal = first.cross(second);
+    let squared = normal.dot(normal);
+    let has_area = squared.simd_gt(ff * ss * PARALLEL * PARALLEL) & squared.simd_gt(NOTHING);
+    let inverse = one / squared.max(NOTHING);
+    let scale = inverse.sqrt();
+    let foot = |corner: usize| {
+        let between = corners[corner] - face[0];
+        let (along_first, along_second) = (between.dot(first), between.dot(second));
+        let weights = WeightLanes([
+            (ss * along_first - fs * along_second) * inverse,
+            (ff * along_second - fs * along_first) * inverse,
+        ]);
+        let [u, v] = weights.0;
+        let is_inside = has_area & u.simd_ge(zero) & v.simd_ge(zero) & (u + v).simd_le(one);
+        FootLanes { height: between.dot(normal) * scale, weights, is_inside }
+    };
+    [foot(0), foot(1), foot(2)]
+}
+
+/// Whether an edge pierces a face between two of its ends' feet, how far along, and where.
+#[inline(always)]
+fn piercing<S: Simd>(
+    simd: S,
+    start: &FootLanes<S>,
+    end: &FootLanes<S>,
+) -> (mask32x8<S>, f32x8<S>, WeightLanes<S>) {
+    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+    let crosses = (start.height * end.height).simd_lt(zero);
+    let along = crosses.select(start.height / (start.height - end.height), zero);
+    let weights = start.weights.towards(end.weights, along);
+    let [u, v] = weights.0;
+    (crosses & u.simd_ge(zero) & v.simd_ge(zero) & (u + v).simd_le(one), along, weights)
+}

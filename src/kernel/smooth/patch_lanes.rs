@@ -1,0 +1,138 @@
+//! Eight pairs of patches and their closest points.
+//!
+//! Each step finds the closest points of the triangles that touch both patches at the points so far, and goes there, or
+//! as far towards it as the distance shrinks (Gauss–Newton with a line search; the triangles are the patches to first
+//! order, and their closest points, which are exact, honor the borders). So the result is the distance of two points of
+//! the patches in any case, and never too small.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
+
+use fearless_simd::{f32x8, mask32x8, prelude::*};
+
+use super::closest_lanes::{ClosestLanes, WeightLanes};
+use crate::kernel::simd::lanes::VectorLanes;
+
+/// Steps from the closest points of the flat triangles.
+const STEPS: usize = 6;
+
+/// The shares of a step that are tried.
+const SHARES: [f32; 3] = [1.0, 0.5, 0.25];
+
+/// Steps that reduce the squared distance by less than this share end the search.
+const LEAST_GAIN: f32 = 1.0e-4;
+
+/// Points closer than this, relative to the size of the pair, count as the same.
+const SAME: f32 = 2.0e-6;
+
+/// A patch of each of eight pairs.
+#[derive(Clone, Copy)]
+pub(super) struct PatchLanes<S: Simd> {
+    pub(super) corners: [VectorLanes<S>; 3],
+    /// The offsets of the edges, see [`Patch`](super::patch::Patch).
+    pub(super) offsets: [VectorLanes<S>; 3],
+}
+
+impl<S: Simd> PatchLanes<S> {
+    #[inline(always)]
+    fn scaled(&self, scale: f32x8<S>) -> Self {
+        let scaled = |[a, b, c]: [VectorLanes<S>; 3]| [a.scaled(scale), b.scaled(scale), c.scaled(scale)];
+        Self { corners: scaled(self.corners), offsets: scaled(self.offsets) }
+    }
+
+    /// The weight of the first corner.
+    #[inline(always)]
+    fn first_weight(simd: S, &WeightLanes([b, c]): &WeightLanes<S>) -> f32x8<S> {
+        f32x8::splat(simd, 1.0) - b - c
+    }
+
+    #[inline(always)]
+    fn point(&self, simd: S, weights: &WeightLanes<S>) -> VectorLanes<S> {
+        let (a, [b, c]) = (Self::first_weight(simd, weights), weights.0);
+        let ([p, q, r], [first, second, third]) = (self.corners, self.offsets);
+        let flat = p.plus((q - p).scaled(b)).plus((r - p).scaled(c));
+        flat.plus(first.scaled(a * b)).plus(second.scaled(b * c)).plus(third.scaled(c * a))
+    }
+
+    /// The derivatives by the weights of the second and the third corner.
+    #[inline(always)]
+    fn tangents(&self, simd: S, weights: &WeightLanes<S>) -> [VectorLanes<S>; 2] {
+        let (a, [b, c]) = (Self::first_weight(simd, weights), weights.0);
+        let ([p, q, r], [first, second, third]) = (self.corners, self.offsets);
+        [
+            (q - p).plus(first.scaled(a - b)).plus((second - third).scaled(c)),
+            (r - p).plus(third.scaled(a - c)).plus((second - first).scaled(b)),
+        ]
+    }
+
+    /// The triangle that touches the patch at a point, with the same weights there.
+    #[inline(always)]
+    fn touching_triangle(&self, simd: S, weights: &WeightLanes<S>) -> [VectorLanes<S>; 3] {
+        let [u, v] = self.tangents(simd, weights);
+        let first = self.point(simd, weights) - u.scaled(weights.0[0]) - v.scaled(weights.0[1]);
+        [first, first.plus(u), first.plus(v)]
+    }
+}
+
+/// The closest points of pairs of patches.
+pub(super) struct MeetingLanes<S: Simd> {
+    /// The distance, 0 where they cross.
+    pub(super) distance: f32x8<S>,
+    pub(super) weights: [WeightLanes<S>; 2],
+    /// From the point on the first patch to that on the second.
+    pub(super) between: VectorLanes<S>,
+    /// Whether the vector between the points is normal to both patches, and not zero.
+    pub(super) is_normal: mask32x8<S>,
+}
+
+/// The largest squared sine of the angle between a normal and the vector between closest points inside both patches.
+const NORMAL: f32 = 4.0e-4;
+
+/// Finds the closest points of two patches each. The patches must be near the origin.
+#[inline(always)]
+pub(super) fn closest<S: Simd>(simd: S, a: &PatchLanes<S>, b: &PatchLanes<S>) -> MeetingLanes<S> {
+    let one = f32x8::splat(simd, 1.0);
+    let mut size = f32x8::splat(simd, f32::MIN_POSITIVE);
+    for corner in a.corners.into_iter().chain(b.corners) {
+        size = size.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
+    }
+    // Powers of lengths up to the sixth must be normal numbers.
+    let scale = one / size;
+    let (a, b) = (a.scaled(scale), b.scaled(scale));
+    let between = |weights: &[WeightLanes<S>; 2]| b.point(simd, &weights[1]) - a.point(simd, &weights[0]);
+    let mut weights = ClosestLanes::of(simd, &a.corners, &b.corners).weights;
+    let mut gap = between(&weights);
+    let mut squared = gap.dot(gap);
+    for _ in 0..STEPS {
+        let triangles = [a.touching_triangle(simd, &weights[0]), b.touching_triangle(simd, &weights[1])];
+        let target = ClosestLanes::of(simd, &triangles[0], &triangles[1]).weights;
+        let enough = squared * (1.0 - LEAST_GAIN);
+        let before = weights;
+        let mut is_better = one.simd_lt(0.0);
+        for share in SHARES {
+            let share = f32x8::splat(simd, share);
+            let next = [before[0].towards(target[0], share), before[1].towards(target[1], share)];
+            let next_gap = between(&next);
+            let next_squared = next_gap.dot(next_gap);
+            let takes = next_squared.simd_lt(enough) & !is_better;
+            is_better |= takes;
+            squared = takes.select(next_squared, squared);
+            gap = VectorLanes::select(takes, next_gap, gap);
+            for side in 0..2 {
+                weights[side] = WeightLanes::select(takes, next[side], weights[side]);
+            }
+        }
+        if !is_better.any_true() {
+            break;
+        }
+    }
+    let is_normal_to = |patch: &PatchLanes<S>, weights: &WeightLanes<S>| {
+        let [u, v] = patch.tangents(simd, weights);
+        let normal = u.cross(v);
+        let (along, length) = (normal.dot(gap), normal.dot(normal));
+        (along * along).simd_ge(length * squared * (1.0 - NORMAL)) & length.simd_gt(0.0)
+    };
+    let is_apart = squared.simd_gt(SAME * SAME);
+    let is_normal = is_normal_to(&a, &weights[0]) & is_normal_to(&b, &weights[1]) & is_apart;
+    let distance = is_apart.select(squared.sqrt() * size, f32x8::splat(simd, 0.0));
+    MeetingLanes { distance, weights, between: gap.scaled(size), is_normal }
+}
