@@ -2,6 +2,7 @@
 
 mod closest_lanes;
 mod features;
+mod newton;
 pub mod patch;
 mod patch_lanes;
 pub mod refine;

@@ -80,12 +80,14 @@ pub(super) struct MeetingLanes<S: Simd> {
     pub(super) weights: [WeightLanes<S>; 2],
     /// From the point on the first patch to that on the second.
     pub(super) between: VectorLanes<S>,
-    /// Whether the vector between the points is normal to both patches, and not zero.
-    pub(super) is_normal: mask32x8<S>,
+    /// Whether the vector between the points is nearly normal to both patches, and not zero. The patches may then be
+    /// closest inside both.
+    pub(super) is_nearly_normal: mask32x8<S>,
 }
 
-/// The largest squared sine of the angle between a normal and the vector between closest points inside both patches.
-const NORMAL: f32 = 4.0e-4;
+/// The largest squared sine of the angle between a normal and the vector between points that may become the closest ones
+/// inside both patches. The steps get there slowly where the patches nearly touch.
+const NORMAL: f32 = 0.3;
 
 /// Finds the closest points of two patches each. The patches must be near the origin.
 #[inline(always)]
@@ -132,7 +134,7 @@ pub(super) fn closest<S: Simd>(simd: S, a: &PatchLanes<S>, b: &PatchLanes<S>) ->
         (along * along).simd_ge(length * squared * (1.0 - NORMAL)) & length.simd_gt(0.0)
     };
     let is_apart = squared.simd_gt(SAME * SAME);
-    let is_normal = is_normal_to(&a, &weights[0]) & is_normal_to(&b, &weights[1]) & is_apart;
+    let is_nearly_normal = is_normal_to(&a, &weights[0]) & is_normal_to(&b, &weights[1]) & is_apart;
     let distance = is_apart.select(squared.sqrt() * size, f32x8::splat(simd, 0.0));
-    MeetingLanes { distance, weights, between: gap.scaled(size), is_normal }
+    MeetingLanes { distance, weights, between: gap.scaled(size), is_nearly_normal }
 }

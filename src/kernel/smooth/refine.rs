@@ -13,6 +13,7 @@ use glam::{DVec3, Vec3};
 use super::{
     SmoothSide,
     features::closest_of_features,
+    newton::closest_inside,
     patch_lanes::{MeetingLanes, PatchLanes, closest},
 };
 use crate::kernel::{
@@ -105,49 +106,56 @@ fn refine_blocks<S: Simd>(
         for lane in SetLanes(requested) {
             pairs[lane].distance = f64::from(distances[lane]);
         }
-        let with_contact = requested & (found.is_normal & reached).to_bitmask() as u32;
-        if with_contact != 0 {
-            add_contacts(sides, settings, &triangles, &found, with_contact, contacts);
+        let inside = requested & (found.is_nearly_normal & reached).to_bitmask() as u32;
+        if inside != 0 {
+            add_contacts(sides, settings, &found, inside, pairs, contacts);
         }
     }
 }
 
-/// Adds the contacts between the insides of patches.
+/// Finds the closest points of patches that are closest inside both, and adds a contact there.
 #[inline(always)]
 fn add_contacts<S: Simd>(
     sides: [SmoothSide<'_>; 2],
     settings: &PairSettings,
-    triangles: &[[u32; WIDTH]; 2],
     found: &MeetingLanes<S>,
     lanes: u32,
+    pairs: &mut [TouchingPair],
     contacts: &mut Vec<CompactContact>,
 ) {
     let weights = [0, 1].map(|side| found.weights[side].0.map(stored));
-    let (between, distances) = (found.between.stored(), stored(found.distance));
+    let between = found.between.stored();
     for lane in SetLanes(lanes) {
-        let of_pair = [triangles[0][lane], triangles[1][lane]];
-        let all = weights.map(|[second, third]| {
+        let pair = &mut pairs[lane];
+        let triangles = [pair.triangle_a, pair.triangle_b];
+        let weights = weights.map(|[second, third]| {
             let [second, third] = [f64::from(second[lane]), f64::from(third[lane])];
             [1.0 - second - third, second, third]
         });
-        let patches = [sides[0].patch(of_pair[0]), sides[1].patch(of_pair[1])];
-        let normal = between.get(lane).as_dvec3().normalize_or_zero();
+        let patches = [sides[0].patch(triangles[0]), sides[1].patch(triangles[1])];
+        let Some(start) = between.get(lane).as_dvec3().try_normalize() else { continue };
+        let Some(meeting) = closest_inside(&patches, weights, start) else { continue };
+        let distance = meeting.distance * settings.scale;
+        if distance > pair.distance * (1.0 + 1.0e-4) {
+            continue;
+        }
+        pair.distance = distance.max(0.0);
         // What is inside a body has its own way out, by its vertices.
         let is_inside = |side: usize, direction: DVec3| {
             let surface = sides[side].surface;
-            let outward = patches[side].normal(&all[side]) * if surface.mirrored { -1.0 } else { 1.0 };
+            let outward = patches[side].normal(&meeting.weights[side]) * if surface.mirrored { -1.0 } else { 1.0 };
             !settings.same_surface && surface.one_sided && outward.dot(direction) < 0.0
         };
-        if normal == DVec3::ZERO || is_inside(0, normal) || is_inside(1, -normal) {
+        if is_inside(0, meeting.normal) || is_inside(1, -meeting.normal) {
             continue;
         }
         let place = FacePlace {
-            barycentrics: all.map(|[first, second, _]| [first as f32, second as f32]),
-            point_b: patches[1].point(&all[1]).as_vec3(),
-            normal: normal.as_vec3(),
-            distance: distances[lane] * settings.scale as f32,
+            barycentrics: meeting.weights.map(|[first, second, _]| [first as f32, second as f32]),
+            point_b: meeting.points[1].as_vec3(),
+            normal: meeting.normal.as_vec3(),
+            distance: distance as f32,
         };
-        contacts.push(CompactContact::between_faces(of_pair, settings.same_surface, place));
+        contacts.push(CompactContact::between_faces(triangles, settings.same_surface, place));
     }
 }
 
