@@ -13,8 +13,8 @@ use crate::{
     surface::{
         ActiveSurfaces, Circumspheres, ContactEventsEnabled, ContactMethod, DeformableSurface, EnclosingBalls,
         PreviousPositions, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers,
-        SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision,
-        SweptTarget, Teleported, TriangleCones, TriangleCurvature,
+        SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness,
+        SweptCollision, SweptTarget, Teleported, TriangleCones, TriangleCurvature,
     },
 };
 

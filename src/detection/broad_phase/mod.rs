@@ -15,7 +15,10 @@ use bevy_ecs::prelude::*;
 
 use crate::{
     detection::{
-        pairs::{CandidateTrianglePairs, GROWTH_SLACK, OtherSide, PairLists, SurfacePair, moved_box, shape_pair, surface_pair},
+        pairs::{
+            CandidateTrianglePairs, GROWTH_SLACK, OtherSide, PairLists, SurfacePair, moved_box, shape_pair,
+            surface_pair,
+        },
         reuse::{DetectionMemory, near_lists::KeptPairs},
         state::SurfaceStates,
     },

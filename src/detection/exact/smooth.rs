@@ -19,12 +19,7 @@ const CHUNK: usize = 256;
 
 /// Moves what was found on flat triangles, with [widened](PairSettings::widened) distances, to the patches of a pair of
 /// surfaces.
-pub(super) fn refine_pair(
-    sides: [SmoothSide<'_>; 2],
-    settings: &PairSettings,
-    threads: usize,
-    found: &mut FoundPairs,
-) {
+pub(super) fn refine_pair(sides: [SmoothSide<'_>; 2], settings: &PairSettings, threads: usize, found: &mut FoundPairs) {
     let FoundPairs { contacts, touching, .. } = found;
     let chunks = contacts.len() / CHUNK;
     Threads(threads).run_tasks(contacts.chunks_mut(CHUNK), chunks, |contacts| {

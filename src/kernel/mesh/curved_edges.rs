@@ -326,7 +326,7 @@ impl Edges<'_> {
         let face = &self.faces[first as usize];
         if second == NONE {
             let own = self.side(sides.slots[0], face, along);
-            return self.guarded(own.offset * own.fits, face.height);
+            return guarded(own.offset * own.fits, face.height);
         }
         let other = &self.faces[second as usize];
         if face.normal == Vec3::ZERO || other.normal == Vec3::ZERO || self.are_apart(sides, edge) {
@@ -338,13 +338,13 @@ impl Edges<'_> {
         if softness >= 1.0 {
             // Both sides have the same normals.
             let fits = own.fits * self.fits(sides.slots[1], other);
-            return self.guarded(own.offset * fits, height);
+            return guarded(own.offset * fits, height);
         }
         let beyond = self.side(sides.slots[1], other, along);
         let smooth = (own.offset + beyond.offset) * 0.5;
         let sharp = on_crease([own.offset, beyond.offset], [own.normal, beyond.normal]);
         let offset = smooth * softness + sharp * (1.0 - softness);
-        self.guarded(offset * own.fits.min(beyond.fits), height)
+        guarded(offset * own.fits.min(beyond.fits), height)
     }
 
     /// Whether vertices that were welded at an end of the edge have moved apart.
@@ -373,19 +373,19 @@ impl Edges<'_> {
         let chords = slots.map(|slot| f64::from(self.normals[slot as usize].distance_squared(face.normal)));
         (self.crease.softness_of(chords[0]) * self.crease.softness_of(chords[1])) as f32
     }
+}
 
-    /// An offset that is not longer than the guard allows.
-    #[inline]
-    fn guarded(&self, offset: Vec3, height: f32) -> Vec3 {
-        let limit = GUARD / MOST_OF_EDGE * height;
-        let length = offset.length();
-        if length <= limit {
-            offset
-        } else if length.is_finite() {
-            offset * (limit / length)
-        } else {
-            Vec3::ZERO
-        }
+/// An offset that is not longer than the guard allows.
+#[inline]
+fn guarded(offset: Vec3, height: f32) -> Vec3 {
+    let limit = GUARD / MOST_OF_EDGE * height;
+    let length = offset.length();
+    if length <= limit {
+        offset
+    } else if length.is_finite() {
+        offset * (limit / length)
+    } else {
+        Vec3::ZERO
     }
 }
 

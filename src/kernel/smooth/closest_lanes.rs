@@ -77,10 +77,7 @@ impl<S: Simd> ClosestLanes<S> {
         for own in 0..3 {
             for other in 0..3 {
                 let (squared, along) = of_edges(simd, (a[own], &edges_a[own]), (b[other], &edges_b[other]));
-                let weights = [
-                    WeightLanes::on_edge(simd, own, along[0]),
-                    WeightLanes::on_edge(simd, other, along[1]),
-                ];
+                let weights = [WeightLanes::on_edge(simd, own, along[0]), WeightLanes::on_edge(simd, other, along[1])];
                 closest.offer(all, squared, weights);
             }
         }
@@ -172,11 +169,7 @@ fn faces<S: Simd>(simd: S, corners: &[VectorLanes<S>; 3], face: &[VectorLanes<S>
 
 /// Whether an edge pierces a face between two of its ends' feet, how far along, and where.
 #[inline(always)]
-fn piercing<S: Simd>(
-    simd: S,
-    start: &FootLanes<S>,
-    end: &FootLanes<S>,
-) -> (mask32x8<S>, f32x8<S>, WeightLanes<S>) {
+fn piercing<S: Simd>(simd: S, start: &FootLanes<S>, end: &FootLanes<S>) -> (mask32x8<S>, f32x8<S>, WeightLanes<S>) {
     let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
     let crosses = (start.height * end.height).simd_lt(zero);
     let along = crosses.select(start.height / (start.height - end.height), zero);

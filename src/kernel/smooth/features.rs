@@ -24,9 +24,7 @@ impl Point {
     fn new(patch: &Patch, feature: Feature, weights: &[f64; 3]) -> Self {
         let local = patch.local(weights);
         match feature {
-            Feature::Vertex(_) => {
-                Self { at: local.point, tangents: [DVec3::ZERO; 2], seconds: [DVec3::ZERO; 3] }
-            }
+            Feature::Vertex(_) => Self { at: local.point, tangents: [DVec3::ZERO; 2], seconds: [DVec3::ZERO; 3] },
             Feature::Edge(edge) => {
                 let edge = usize::from(edge) % 3;
                 let (from, to) = (patch.corners[edge], patch.corners[(edge + 1) % 3]);

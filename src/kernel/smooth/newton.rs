@@ -130,14 +130,6 @@ struct Walker<'a> {
 }
 
 impl Walker<'_> {
-    /// The unit normal on the side to which a direction points. `None` if the patch is too steep for it.
-    fn normal_towards(&self, local: &Local, direction: DVec3) -> Option<DVec3> {
-        let [u, v] = local.tangents;
-        let normal = u.cross(v).normalize_or_zero();
-        let along = normal.dot(direction);
-        (along.abs() >= LEAST_COSINE).then(|| normal * along.signum())
-    }
-
     /// Moves the point by a displacement in the plane, at most as far as allowed. Returns how far it moved.
     fn step(&mut self, height: &Height, step: DVec2) -> DVec2 {
         let step = step.clamp_length_max(LONGEST_STEP * self.size);
@@ -161,6 +153,14 @@ impl Walker<'_> {
     }
 }
 
+/// The unit normal on the side to which a direction points. `None` if the patch is too steep for it.
+fn normal_towards(local: &Local, direction: DVec3) -> Option<DVec3> {
+    let [u, v] = local.tangents;
+    let normal = u.cross(v).normalize_or_zero();
+    let along = normal.dot(direction);
+    (along.abs() >= LEAST_COSINE).then(|| normal * along.signum())
+}
+
 /// The closest points of two patches near points inside them. `normal` is a unit vector from the first patch to the
 /// second there. `None` if there are none inside both.
 pub(super) fn closest_inside(patches: &[Patch; 2], weights: [[f64; 3]; 2], normal: DVec3) -> Option<Meeting> {
@@ -175,7 +175,7 @@ pub(super) fn closest_inside(patches: &[Patch; 2], weights: [[f64; 3]; 2], norma
     for _ in 0..STEPS {
         let locals = [a.patch.local(&a.weights), b.patch.local(&b.weights)];
         let between = locals[1].point - locals[0].point;
-        let normals = [a.normal_towards(&locals[0], direction)?, b.normal_towards(&locals[1], direction)?];
+        let normals = [normal_towards(&locals[0], direction)?, normal_towards(&locals[1], direction)?];
         direction = (normals[0] + normals[1]).try_normalize()?;
         let plane = plane_of(direction);
         let apart = DVec2::new(between.dot(plane[0]), between.dot(plane[1]));

@@ -14,10 +14,12 @@ use super::{
     SmoothSide,
     features::closest_of_features,
     newton::closest_inside,
+    patch::Patch,
     patch_lanes::{MeetingLanes, PatchLanes, closest},
 };
 use crate::kernel::{
     contact::{CompactContact, FacePlace, TouchingPair},
+    exact::{PairProximity, examine_pair},
     mesh::feature::FeatureKind,
     pair::PairSettings,
     simd::lanes::{DoubleVectorLanes, SetLanes, VectorLanes, WIDTH, first_lanes, stored},
@@ -32,7 +34,7 @@ pub fn refine_contacts(sides: [SmoothSide<'_>; 2], settings: &PairSettings, cont
             continue;
         }
         let patches = [sides[0].patch(contact.triangle_a), sides[1].patch(contact.triangle_b)];
-        if patches.iter().all(|patch| patch.is_flat()) {
+        if patches.iter().all(Patch::is_flat) {
             if f64::from(contact.distance) > settings.reported_distance {
                 contact.drop_name();
             }
@@ -53,8 +55,7 @@ pub fn refine_contacts(sides: [SmoothSide<'_>; 2], settings: &PairSettings, cont
             continue;
         }
         let size = patches[0].size();
-        contact.normal =
-            if length > 1.0e-6 * size { (between * (sign / length)).as_vec3() } else { contact.normal };
+        contact.normal = if length > 1.0e-6 * size { (between * (sign / length)).as_vec3() } else { contact.normal };
         contact.barycentric_a = [weights[0][0] as f32, weights[0][1] as f32];
         contact.barycentric_b = [weights[1][0] as f32, weights[1][1] as f32];
         contact.point_b = points[1].as_vec3();
@@ -103,14 +104,36 @@ fn refine_blocks<S: Simd>(
         let distances = stored(found.distance * scale);
         let requested = first_lanes(pairs.len()) as u32 & is_bent.to_bitmask() as u32;
         let reached = (found.distance * scale).simd_le(settings.reported_distance as f32);
+        // No distance is larger than that of the triangles by more than the patches are away from them. If it seems so,
+        // the triangles are too slender for f32.
+        let is_too_large = (found.distance * scale).simd_gt((flat + bulge) * 1.000_1).to_bitmask() as u32;
         for lane in SetLanes(requested) {
-            pairs[lane].distance = f64::from(distances[lane]);
+            let pair = &mut pairs[lane];
+            pair.distance = if is_too_large >> lane & 1 == 0 {
+                f64::from(distances[lane])
+            } else {
+                distance_at_flat_points(sides, settings, pair)
+            };
         }
         let inside = requested & (found.is_nearly_normal & reached).to_bitmask() as u32;
         if inside != 0 {
             add_contacts(sides, settings, &found, inside, pairs, contacts);
         }
     }
+}
+
+/// The distance of two patches at the closest points of their triangles.
+#[cold]
+fn distance_at_flat_points(sides: [SmoothSide<'_>; 2], settings: &PairSettings, pair: &TouchingPair) -> f64 {
+    let triangles = [pair.triangle_a, pair.triangle_b];
+    let patches = [sides[0].patch(triangles[0]), sides[1].patch(triangles[1])];
+    let mut found = PairProximity::default();
+    examine_pair(&patches[0].corners, &patches[1].corners, pair.distance / settings.scale, &mut found);
+    let closest = found.proximities.iter().min_by(|one, other| one.distance.total_cmp(&other.distance));
+    closest.map_or(pair.distance, |closest| {
+        let points = [patches[0].point(&closest.barycentric_a), patches[1].point(&closest.barycentric_b)];
+        points[0].distance(points[1]) * settings.scale
+    })
 }
 
 /// Finds the closest points of patches that are closest inside both, and adds a contact there.

@@ -106,6 +106,9 @@ impl SmoothBody {
 
     /// How far another body is away, given points of this body's surface, some of them near the closest one. Searches
     /// along the surface from the best of them, with steps that shrink to the precision of f64.
+    ///
+    /// # Panics
+    /// If there is no start.
     #[must_use]
     pub fn distance(&self, other: &Self, starts: &[DVec3]) -> BodyDistance {
         const STARTS: usize = 3;

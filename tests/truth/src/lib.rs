@@ -25,8 +25,8 @@ pub use mesh_pairs::{
     Comparison, ReferencePair, box_pairs, compare, exact_weld, mean_edge_length, touching_pairs_between_brute_force,
     touching_pairs_between_tree, touching_pairs_brute_force, touching_pairs_tree,
 };
-pub use patches::{ReferencePatch, patch_distance};
 pub use parry_broad_phase::ParryBroadPhasePlugin;
+pub use patches::{ReferencePatch, patch_distance};
 pub use triangle_crossing::triangles_cross;
 pub use triangle_pair::{
     ClosestFeatures, ClosestKind, PointSegment, PointTriangle, SegmentSegment, TriangleSide, closest_features,

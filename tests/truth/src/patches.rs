@@ -42,11 +42,7 @@ impl ReferencePatch {
         let on = |start: DVec3, middle: DVec3, end: DVec3| (start + middle * 2.0 + end) * 0.25;
         let (m, n, o) = (on(p, pq, q), on(q, qr, r), on(r, rp, p));
         // The control points of the inner edges.
-        let (at_p, at_q, at_r) = (
-            (pq + qr + rp + p) * 0.25,
-            (pq + qr + rp + q) * 0.25,
-            (qr + rp + pq + r) * 0.25,
-        );
+        let (at_p, at_q, at_r) = ((pq + qr + rp + p) * 0.25, (pq + qr + rp + q) * 0.25, (qr + rp + pq + r) * 0.25);
         [
             Self { corners: [p, m, o], middles: [half(p, pq), at_p, half(rp, p)] },
             Self { corners: [m, q, n], middles: [half(pq, q), half(q, qr), at_q] },
