@@ -2,4 +2,5 @@
 
 mod bodies;
 mod distances;
+mod plugin;
 mod touching;

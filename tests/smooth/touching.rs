@@ -19,7 +19,7 @@ use crate::bodies::{CREASE, mesh_of, rotation};
 struct Patches {
     positions: Vec<Vec3>,
     triangles: Vec<[u32; 3]>,
-    patches: Vec<ReferencePatch>,
+    all: Vec<ReferencePatch>,
     welded: Vec<[u32; 3]>,
     edge: f64,
     largest: f64,
@@ -30,7 +30,7 @@ impl Patches {
         let topology = SurfaceTopology::new(rest, triangles).expect("the mesh is valid");
         let mut edges = CurvedEdges::default();
         edges.update(&topology, &positions, CreaseAngle::new(CREASE));
-        let patches = (0..triangles.len())
+        let all = (0..triangles.len())
             .map(|triangle| {
                 let corners = triangles[triangle].map(|vertex| positions[vertex as usize].as_dvec3());
                 let offsets = topology.triangle_edges()[triangle]
@@ -44,7 +44,7 @@ impl Patches {
             largest: f64::from(edges.largest()),
             positions,
             triangles: triangles.to_vec(),
-            patches,
+            all,
         }
     }
 }
@@ -103,10 +103,10 @@ fn compare(app: &App, a: &Patches, b: Option<&Patches>, distance: f64) -> Counts
     let reach = distance + a.largest + other.largest;
     let tolerance = 1.0e-3 * a.edge.min(other.edge);
     let mut counts = Counts::default();
-    for own in 0..a.patches.len() {
+    for own in 0..a.all.len() {
         let first = if b.is_none() { own + 1 } else { 0 };
-        for next in first..other.patches.len() {
-            let (p, q) = (&a.patches[own], &other.patches[next]);
+        for next in first..other.all.len() {
+            let (p, q) = (&a.all[own], &other.all[next]);
             let near = (0..3).all(|axis| {
                 let span = |patch: &ReferencePatch| {
                     let values = patch.corners.map(|corner| corner[axis]);
@@ -126,16 +126,13 @@ fn compare(app: &App, a: &Patches, b: Option<&Patches>, distance: f64) -> Counts
             let place = found.binary_search_by_key(&[own as u32, next as u32], |(triangles, _)| *triangles);
             counts.only_patches += usize::from(truth <= distance && flat > distance);
             counts.only_flat += usize::from(truth > distance && flat <= distance);
-            match place {
-                Ok(place) => {
-                    counts.touching += 1;
-                    counts.worst = counts.worst.max((found[place].1 - truth).abs() / a.edge);
-                    counts.surplus += usize::from(truth > distance + tolerance);
-                }
-                Err(_) => {
-                    counts.missed += usize::from(truth < distance - tolerance);
-                    counts.far_missed += usize::from(truth < distance - 10.0 * tolerance);
-                }
+            if let Ok(place) = place {
+                counts.touching += 1;
+                counts.worst = counts.worst.max((found[place].1 - truth).abs() / a.edge);
+                counts.surplus += usize::from(truth > distance + tolerance);
+            } else {
+                counts.missed += usize::from(truth < distance - tolerance);
+                counts.far_missed += usize::from(truth < distance - 10.0 * tolerance);
             }
         }
     }
