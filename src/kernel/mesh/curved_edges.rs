@@ -59,7 +59,9 @@ pub struct CurvedEdges {
     faces: Vec<Face>,
     /// The normals at the corners of triangles, one for each slot of the fans. Zero where there is none.
     normals: Vec<Vec3>,
-    /// The largest distance of a patch from its triangle.
+    /// How far the patch of each triangle may be from it.
+    heights: Vec<f32>,
+    /// The largest of those.
     largest: f32,
 }
 
@@ -77,7 +79,7 @@ impl CurvedEdges {
         positions: &[Vec3],
         crease: CreaseAngle,
     ) {
-        let Self { offsets, faces, normals, largest } = self;
+        let Self { offsets, faces, normals, heights, largest } = self;
         let (triangles, fans) = (topology.triangles(), topology.fans());
         faces.resize(triangles.len(), Face::default());
         let parts = triangles.chunks(PART).zip(faces.chunks_mut(PART));
@@ -102,8 +104,16 @@ impl CurvedEdges {
                 *offset = edges.offset(sides, (part * PART + place) as u32);
             }
         });
-        let squared = offsets.iter().map(|offset| offset.length_squared()).fold(0.0, f32::max);
-        *largest = squared.sqrt() * MOST_OF_EDGE * (1.0 + 4.0 * f32::EPSILON);
+        let offsets = &*offsets;
+        heights.resize(triangles.len(), 0.0);
+        let parts = topology.triangle_edges().chunks(PART).zip(heights.chunks_mut(PART));
+        parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |(edges, heights)| {
+            for (edges, height) in edges.iter().zip(heights) {
+                let [a, b, c] = edges.map(|edge| offsets[edge as usize].length_squared());
+                *height = a.max(b).max(c).sqrt() * MOST_OF_EDGE * (1.0 + 4.0 * f32::EPSILON);
+            }
+        });
+        *largest = heights.iter().copied().fold(0.0, f32::max);
     }
 
     /// The offsets `c` of the edges of a triangle. Edge `k` joins corners `k` and `k + 1`.
@@ -118,7 +128,14 @@ impl CurvedEdges {
         &self.offsets
     }
 
-    /// No point of a patch is farther than this from the point of its triangle with the same weights.
+    /// No point of a triangle's patch is farther than this from the point of the triangle with the same weights.
+    #[inline]
+    pub(in crate::kernel) fn height(&self, triangle: u32) -> f32 {
+        self.heights[triangle as usize]
+    }
+
+    /// The largest height of a patch: no point is farther than this from the point of its triangle with the same
+    /// weights.
     #[must_use]
     pub fn largest(&self) -> f32 {
         self.largest

@@ -22,6 +22,13 @@ pub struct SmoothSide<'a> {
 }
 
 impl SmoothSide<'_> {
+    /// How far the patch of a triangle may be from it, in the unit of the pair's frame.
+    #[inline]
+    pub(crate) fn height(&self, triangle: u32) -> f64 {
+        let Some(edges) = self.edges else { return 0.0 };
+        f64::from(edges.height(triangle)) * self.surface.moved.map_or(1.0, |moved| moved.pose.scale())
+    }
+
     /// The patch of a triangle.
     #[must_use]
     pub fn patch(&self, triangle: u32) -> Patch {

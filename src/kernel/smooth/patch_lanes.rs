@@ -13,13 +13,13 @@ use super::closest_lanes::{ClosestLanes, WeightLanes};
 use crate::kernel::simd::lanes::VectorLanes;
 
 /// Steps from the closest points of the flat triangles.
-const STEPS: usize = 6;
+const STEPS: usize = 3;
 
 /// The shares of a step that are tried.
 const SHARES: [f32; 3] = [1.0, 0.5, 0.25];
 
 /// Steps that reduce the squared distance by less than this share end the search.
-const LEAST_GAIN: f32 = 1.0e-4;
+const LEAST_GAIN: f32 = 1.0e-3;
 
 /// Points closer than this, relative to the size of the pair, count as the same.
 const SAME: f32 = 2.0e-6;
