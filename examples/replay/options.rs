@@ -2,7 +2,7 @@
 
 use std::{ops::Range, path::PathBuf};
 
-use bevy_circumsphere::{CircumsphereSettings, geometry::CurvatureEstimator};
+use bevy_circumsphere::{CircumsphereSettings, ContactMethod, geometry::CurvatureEstimator};
 use circumsphere_examples::headless::{
     frames::{FrameRange, NoSuchFrames},
     method::Method,
@@ -23,6 +23,9 @@ pub struct Options {
     /// Contact method
     #[arg(long, value_enum, default_value_t = Method::Exact)]
     pub method: Method,
+    /// Collide like the smooth surface that the vertices lie on, for the exact methods
+    #[arg(long)]
+    pub smooth: bool,
     /// Broad phase that finds candidate pairs of triangles
     #[arg(long, value_enum, default_value_t = BroadPhase::Tree)]
     pub broad_phase: BroadPhase,
@@ -116,6 +119,8 @@ pub enum OptionsError {
     NoSuchFrames(#[from] NoSuchFrames),
     #[error("{option} {value}: a contact distance of {distance} is beyond single precision")]
     TooFar { option: &'static str, value: f64, distance: f64 },
+    #[error("--smooth needs an exact method: closest, exact, or polygon")]
+    SmoothSpheres,
     #[error("{option} {value}: expected a finite number, {least}")]
     OutOfRange { option: &'static str, value: f64, least: &'static str },
 }
@@ -124,6 +129,7 @@ pub enum OptionsError {
 #[derive(Clone, Debug, Serialize)]
 pub struct Settings {
     pub method: Method,
+    pub smooth: bool,
     pub broad_phase: BroadPhase,
     pub surfaces: Surfaces,
     pub contact_distance: f64,
@@ -177,9 +183,13 @@ impl Options {
                 least: "more than 0",
             });
         }
+        if self.smooth && !ContactMethod::from(self.method).is_exact() {
+            return Err(OptionsError::SmoothSpheres);
+        }
         let frames = self.frames.of(frame_count)?;
         Ok(Settings {
             method: self.method,
+            smooth: self.smooth,
             broad_phase: self.broad_phase,
             surfaces: self.surfaces,
             contact_distance,

@@ -204,6 +204,7 @@ impl<'a> Stage<'a> {
                         thickness,
                         sidedness,
                         ContactMethod::from(settings.method),
+                        if settings.smooth { SurfaceShape::Smooth } else { SurfaceShape::Flat },
                     ))
                     .id();
                 (entity, part)

@@ -264,6 +264,25 @@ fn contacts_lie_on_their_pairs_and_join_the_points_they_state() {
 }
 
 #[test]
+fn smooth_contacts_are_other_contacts_and_need_an_exact_method() {
+    let folder = Folder::new();
+    let (input, json) = (folder.recording(), folder.path("report.json"));
+    let [flat, smooth] = [&[][..], &["--smooth"][..]].map(|option| {
+        let contacts = folder.path("contacts.csv");
+        let mut arguments = vec![input.as_str(), "--json", &json, "--contacts", &contacts];
+        arguments.extend(option);
+        succeed(&arguments);
+        let report: serde_json::Value =
+            serde_json::from_slice(&fs::read(&json).expect("the report was written")).expect("it is JSON");
+        assert_eq!(report["settings"]["smooth"], !option.is_empty());
+        fs::read_to_string(&contacts).expect("the contacts were written")
+    });
+    assert!(smooth.lines().count() > 100);
+    assert_ne!(flat, smooth);
+    refuse(&[&input, "--smooth", "--method", "circumsphere"], &["exact method"]);
+}
+
+#[test]
 fn json_holds_what_was_asked_and_measured() {
     let folder = Folder::new();
     let (input, json) = (folder.recording(), folder.path("report.json"));

@@ -31,7 +31,8 @@ use crate::{
 /// The answer is computed from the current state. Call it after
 /// [`DeformableSystems::Detect`](crate::DeformableSystems::Detect) and before positions or settings are written again,
 /// which may happen from [`DeformableSystems::Respond`](crate::DeformableSystems::Respond) on. Then the
-/// [`PairFate::Touching`] pairs are exactly the touching pairs of the [`ContactStore`](crate::ContactStore).
+/// [`PairFate::Touching`] pairs are exactly the touching pairs of the [`ContactStore`](crate::ContactStore), unless one of
+/// the surfaces is [smooth](crate::SurfaceShape::Smooth): fates are those of the flat triangles.
 ///
 /// ```
 /// # use bevy_app::prelude::*;

@@ -361,6 +361,9 @@ pub enum SurfaceShape {
     ///
     /// For meshes whose vertices lie on a smooth body. Where they do not, as in CAD meshes or scans whose vertices were
     /// moved, the patches may be farther from the body than the triangles.
+    ///
+    /// Used by the methods `Exact`, `Closest`, and `Polygon` between surfaces, and against rigid shapes made of
+    /// triangles. Solids, the sphere methods, and [`SweptCollision`] see the flat triangles.
     Smooth,
 }
 

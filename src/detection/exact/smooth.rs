@@ -37,7 +37,7 @@ pub(super) fn refine_pair(sides: [SmoothSide<'_>; 2], settings: &PairSettings, t
     inner.resize_with(touching.len().div_ceil(CHUNK), Vec::new);
     let tasks = touching.chunks_mut(CHUNK).zip(&mut inner);
     Threads(threads).run_tasks(tasks, chunks, |(touching, inner)| refine_touching(sides, settings, touching, inner));
-    drop_false_crossings(touching, contacts);
+    reconcile(touching, contacts);
     contacts.retain(|contact| !contact.is_none());
     contacts.extend(inner.iter().flatten());
     finish(settings, found);
@@ -54,14 +54,19 @@ fn finish(settings: &PairSettings, found: &mut FoundPairs) {
     found.list_shared();
 }
 
-/// Empties contacts of triangles that cross while their patches do not. Both lists are in the order of the triangles.
-fn drop_false_crossings(touching: &[TouchingPair], contacts: &mut [CompactContact]) {
-    let mut pairs = touching.iter().peekable();
-    for contact in contacts.iter_mut().filter(|contact| contact.features.kind() == FeatureKind::EdgeFace) {
-        let is_before = |pair: &&TouchingPair| (pair.triangle_a, pair.triangle_b) < contact.triangles();
-        while pairs.next_if(is_before).is_some() {}
-        let is_its_own = |pair: &&&TouchingPair| (pair.triangle_a, pair.triangle_b) == contact.triangles();
-        if pairs.peek().filter(is_its_own).is_some_and(|pair| pair.distance > 0.0) {
+/// Makes both lists agree, which are in the order of the triangles: patches are no farther apart than the points of
+/// their contacts, and have no crossing contact if they do not cross.
+fn reconcile(touching: &mut [TouchingPair], contacts: &mut [CompactContact]) {
+    let mut pairs = touching.iter_mut().peekable();
+    for contact in contacts.iter_mut().filter(|contact| !contact.is_none()) {
+        let triangles = contact.triangles();
+        while pairs.next_if(|pair| (pair.triangle_a, pair.triangle_b) < triangles).is_some() {}
+        let Some(pair) = pairs.peek_mut().filter(|pair| (pair.triangle_a, pair.triangle_b) == triangles) else {
+            continue;
+        };
+        if contact.features.kind() != FeatureKind::EdgeFace {
+            pair.distance = pair.distance.min(f64::from(contact.distance.abs()));
+        } else if pair.distance > 0.0 {
             *contact = CompactContact::NONE;
         }
     }
