@@ -17,6 +17,7 @@ const DEFAULT_DISTANCE_EDGES: f64 = 0.1;
 /// Detect the contacts of a recorded deforming mesh with itself, frame by frame.
 #[derive(Parser, Debug)]
 #[command(name = "replay", allow_negative_numbers = true)]
+#[expect(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 pub struct Options {
     /// The frames of one mesh in order (PLY or OBJ), or one .bin recording; without files: an embedded scene
     pub files: Vec<PathBuf>,
@@ -127,6 +128,7 @@ pub enum OptionsError {
 
 /// The options as they apply to a recording.
 #[derive(Clone, Debug, Serialize)]
+#[expect(clippy::struct_excessive_bools, reason = "each is an option of its own")]
 pub struct Settings {
     pub method: Method,
     pub smooth: bool,
