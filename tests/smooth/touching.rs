@@ -13,7 +13,7 @@ use circumsphere_support::{
 use circumsphere_truth::{BodyShape, ReferencePatch, SmoothBody, patch_distance, triangle_distance};
 use glam::{DVec3, Vec3};
 
-use crate::bodies::{CREASE, mesh_of, rotation};
+use crate::bodies::{BodyMesh, CREASE, mesh_of, rotation};
 
 /// A mesh with its smooth edges, in the world.
 struct Patches {
@@ -156,11 +156,7 @@ fn patches_of_bodies_touch_like_the_reference() {
                 .iter()
                 .zip(bodies)
                 .map(|(mesh, body)| {
-                    let positions: Vec<Vec3> = mesh
-                        .positions
-                        .iter()
-                        .map(|p| (body.rotation * DVec3::from(p.map(f64::from)) + body.center).as_vec3())
-                        .collect();
+                    let positions = BodyMesh::new(body, mesh).positions;
                     (Patches::new(&positions, positions.clone(), &mesh.triangles, true), positions)
                 })
                 .collect();

@@ -4,7 +4,7 @@
 //! Most vertices have one. A vertex at which two sheets meet has one for each.
 
 use super::topology::SurfaceTopology;
-use crate::kernel::mesh::ids::{EdgeId, VertexId};
+use crate::kernel::mesh::ids::{EdgeId, TriangleId, VertexId};
 
 /// No triangle, or no slot.
 pub(super) const NONE: u32 = u32::MAX;
@@ -102,8 +102,7 @@ fn beyond(topology: &SurfaceTopology, triangle: u32, edge: u32) -> Option<u32> {
 }
 
 fn is_collapsed(topology: &SurfaceTopology, triangle: u32) -> bool {
-    let [a, b, c] = topology.welded_triangles()[triangle as usize];
-    a == b || b == c || c == a
+    topology.surroundings(TriangleId(triangle)).is_collapsed()
 }
 
 /// The fan of a triangle around one of its vertices, and whether it is closed.

@@ -90,14 +90,8 @@ fn refine_blocks<S: Simd>(
         let ([a, b], heights) = gather(simd, sides, &triangles);
         let flat = f32x8::from_slice(simd, &std::array::from_fn::<f32, WIDTH, _>(|lane| pair(lane).distance as f32));
         let bulge = heights * (scale * 1.000_01);
-        let may_reach = (flat - bulge).simd_le(settings.range as f32 * 1.000_01);
         let is_bent = heights.simd_gt(0.0);
-        if !(may_reach & is_bent).any_true() {
-            for (lane, pair) in pairs.iter_mut().enumerate() {
-                if is_bent.to_bitmask() >> lane & 1 != 0 {
-                    pair.distance = f64::INFINITY;
-                }
-            }
+        if !is_bent.any_true() {
             continue;
         }
         let found = closest(simd, &a, &b);
