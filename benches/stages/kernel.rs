@@ -5,7 +5,7 @@
 
 use bevy_circumsphere::kernel::{
     bvh::{
-        leaf_triangles::{LeafTriangles, PairCull},
+        leaf_triangles::{LeafMesh, LeafTriangles, PairCull},
         tree::BoxTree,
     },
     exact::stage::{closest_pairs, exact_pairs},
@@ -76,7 +76,7 @@ impl Sheet {
 
     fn side(&self) -> SurfaceSide<'_> {
         let (topology, positions) = (&self.topology, &*self.positions);
-        SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None }
+        SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None, curved: None }
     }
 
     fn range(&self) -> f32 {
@@ -134,7 +134,7 @@ pub fn self_pairs(_: &Sheet, stages: &mut Stages) {
 
 #[inline(never)]
 pub fn leaf_triangles(sheet: &Sheet, stages: &mut Stages) {
-    stages.leaf_triangles.update(&stages.tree, &sheet.topology, &sheet.positions);
+    stages.leaf_triangles.update(&stages.tree, &LeafMesh::flat(&sheet.topology, &sheet.positions));
 }
 
 /// Pairs by boxes and slabs, as in the exact methods.

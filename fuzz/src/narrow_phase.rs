@@ -5,7 +5,7 @@ use std::collections::HashSet;
 
 use bevy_circumsphere::kernel::{
     bvh::{
-        leaf_triangles::{LeafTriangles, PairCull},
+        leaf_triangles::{LeafMesh, LeafTriangles, PairCull},
         tree::BoxTree,
     },
     contact::CompactContact,
@@ -95,7 +95,7 @@ fn traversed(a: &FuzzedSurface, b: &FuzzedSurface, settings: &PairSettings) -> V
         let (mut bounds, mut leaves) = (Vec::new(), LeafTriangles::default());
         triangle_bounds(&surface.positions, surface.topology.triangles(), 0.5 * range, &mut bounds);
         let tree = BoxTree::new(&bounds);
-        leaves.update(&tree, &surface.topology, &surface.positions);
+        leaves.update(&tree, &LeafMesh::flat(&surface.topology, &surface.positions));
         (tree, leaves)
     });
     let triangles = [&triangles, &other_triangles];

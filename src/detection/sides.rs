@@ -52,7 +52,9 @@ pub(crate) fn surface_sides<'a>(
     let [first_positions, second_positions] = states.map(SurfaceState::positions);
     let [positions_a, positions_b] = pair.positions(first_positions, second_positions);
     let [pose_a, pose_b] = pair.poses();
-    let side = |place: usize, own_positions: &'a [Vec3], positions: &'a [Vec3], pose: &'a Pose| {
+    let [first, second_state] = states;
+    let side = |place: usize, state: &'a SurfaceState, positions: &'a [Vec3], pose: &'a Pose| {
+        let own_positions = state.positions();
         let surface = &active.surfaces[place];
         let one_sided = is_one_sided(surface, pair);
         let rounding = pair.moved_rounding;
@@ -64,9 +66,10 @@ pub(crate) fn surface_sides<'a>(
             one_sided,
             mirrored: pose.is_mirrored(),
             rows: None,
+            curved: state.bounds.curved(),
         }
     };
-    Some([side(pair.first, first_positions, positions_a, pose_a), side(second, second_positions, positions_b, pose_b)])
+    Some([side(pair.first, first, positions_a, pose_a), side(second, second_state, positions_b, pose_b)])
 }
 
 /// Whether a surface has an inside in a pair. Not in a self-collision, where behind a face may be the other side of a
@@ -157,8 +160,15 @@ impl SphereRows {
         {
             let Ok((balls, spheres, cones)) = surfaces.get(active.entity) else { continue };
             let (topology, positions) = (&*active.topology, state.positions());
-            let surface =
-                SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None };
+            let surface = SurfaceSide {
+                topology,
+                positions,
+                moved: None,
+                one_sided: false,
+                mirrored: false,
+                rows: None,
+                curved: None,
+            };
             let source = |changed| RowSource { surface: active.entity, version: state.version(), changed };
             let is_worth_it = |pairs: usize, of_pair: usize, rests: bool| {
                 let of_pair = if rests { TRIANGLES_OF_RESTING_PAIR } else { of_pair };

@@ -1,16 +1,20 @@
 //! What all stages over triangle pairs share: the two sides in one frame, the distances that matter, and the results.
 
+#![expect(clippy::inline_always, reason = "called where code is compiled for the dispatched instruction set")]
+
 use glam::{DVec3, Vec3};
 
 use super::{
     contact::{CompactContact, SharedContact, TouchingPair, feature_number},
     mesh::{
         corner_rows::{CornerRow, CornerRows},
+        curved_edges::CurvedEdges,
         feature::{Feature, FeaturePair},
         side::{outward_direction, rise},
         topology::SurfaceTopology,
     },
-    pose::Pose,
+    pose::{Pose, SIMILARITY_TOLERANCE},
+    simd::prefetch::Prefetch,
 };
 
 /// One side of a pair, in the pair's frame.
@@ -28,6 +32,8 @@ pub struct SurfaceSide<'a> {
     pub mirrored: bool,
     /// The rows of its triangles, if they have been made. Worthwhile if most triangles are in several pairs.
     pub rows: Option<&'a CornerRows>,
+    /// The curved edges of a smooth surface, in its own frame. `None` if it is flat.
+    pub curved: Option<&'a CurvedEdges>,
 }
 
 /// The transform of a side to the pair's frame. Far from that frame's origin f32 is coarse, so exact tests transform
@@ -59,6 +65,15 @@ impl SurfaceSide<'_> {
         let [first, second, third] = self.topology.triangles()[triangle as usize];
         let corner = |vertex: u32| self.moved_point(self.own_positions()[vertex as usize].as_dvec3());
         [corner(first), corner(second), corner(third)]
+    }
+
+    /// The corners of a triangle in the side's own frame.
+    #[inline(always)]
+    pub(in crate::kernel) fn own_corners(&self, triangle: u32) -> [Vec3; 3] {
+        if let Some(rows) = self.rows {
+            return rows.of(triangle).corners.map(Vec3::from_array);
+        }
+        self.topology.triangles()[triangle as usize].map(|vertex| self.own_positions()[vertex as usize])
     }
 
     /// The vertices in the side's own frame.
@@ -106,9 +121,38 @@ impl SurfaceSide<'_> {
         rise(self.topology, self.positions, triangle as usize, feature, direction)
     }
 
+    /// How far the patch of a triangle may be from it, in the unit of the pair's frame. 0 if the surface is flat.
+    #[inline]
+    pub(crate) fn patch_height(&self, triangle: u32) -> f64 {
+        self.curved.map_or(0.0, |curved| f64::from(curved.heights()[triangle as usize]) * self.scale())
+    }
+
+    /// The largest of those.
+    pub(crate) fn largest_patch_height(&self) -> f64 {
+        self.curved.map_or(0.0, |curved| f64::from(curved.largest()) * self.scale())
+    }
+
+    /// The length of a unit of the side's own frame in that of the pair, rounded up.
+    #[inline]
+    fn scale(&self) -> f64 {
+        self.moved.map_or(1.0, |moved| moved.pose.scale() * (1.0 + SIMILARITY_TOLERANCE))
+    }
+
     /// How far rounding may have displaced a position, in the unit of the pair's frame.
     pub(crate) fn rounding(&self) -> f32 {
         self.moved.map_or(0.0, |moved| moved.rounding)
+    }
+}
+
+impl Prefetch for SurfaceSide<'_> {
+    #[inline(always)]
+    fn prefetch(&self, triangle: u32) {
+        if let Some(rows) = self.rows {
+            rows.prefetch(triangle);
+        }
+        if let Some(curved) = self.curved {
+            curved.prefetch(triangle);
+        }
     }
 }
 

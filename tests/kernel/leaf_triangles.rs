@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashSet};
 
 use bevy_circumsphere::kernel::{
     bvh::{
-        leaf_triangles::{LeafTriangles, PairCull},
+        leaf_triangles::{LeafMesh, LeafTriangles, PairCull},
         near_pairs::BoundedPairs,
         tree::{BoxTree, LEAF_WIDTH},
     },
@@ -35,7 +35,7 @@ fn as_leaves(surface: &Surface, range: f32) -> (BoxTree, LeafTriangles) {
     triangle_bounds(&surface.positions, surface.topology.triangles(), 0.5 * range, &mut bounds);
     let items: Vec<(u32, Aabb)> = (0..).zip(bounds).collect();
     leaves.collect_leaves(&items);
-    triangles.update(&leaves, &surface.topology, &surface.positions);
+    triangles.update(&leaves, &LeafMesh::flat(&surface.topology, &surface.positions));
     (leaves, triangles)
 }
 

@@ -153,8 +153,15 @@ impl Batch {
             cull,
             same_surface: false,
         };
-        let side =
-            |positions| SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None };
+        let side = |positions| SurfaceSide {
+            topology,
+            positions,
+            moved: None,
+            one_sided: false,
+            mirrored: false,
+            rows: None,
+            curved: None,
+        };
         let candidates: Vec<[u32; 2]> = (0..BATCH as u32).map(|pair| [pair; 2]).collect();
         let mut found = FoundPairs::default();
         test(&side(&self.positions[0]), &side(&self.positions[1]), &candidates, &settings, &mut found);

@@ -65,6 +65,7 @@ impl Body {
             one_sided,
             mirrored: false,
             rows: None,
+            curved: None,
         }
     }
 

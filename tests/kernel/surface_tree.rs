@@ -1,7 +1,10 @@
 //! Meshes with their trees, for tests of tree traversals.
 
 use bevy_circumsphere::kernel::{
-    bvh::{leaf_triangles::LeafTriangles, tree::BoxTree},
+    bvh::{
+        leaf_triangles::{LeafMesh, LeafTriangles},
+        tree::BoxTree,
+    },
     mesh::{bounds::triangle_bounds, topology::SurfaceTopology},
 };
 use circumsphere_support::scenes::Mesh;
@@ -25,7 +28,7 @@ impl Surface {
         triangle_bounds(&positions, triangles, 0.5 * range, &mut bounds);
         let mut surface =
             Self { tree: BoxTree::new(&bounds), topology, positions, triangles: LeafTriangles::default() };
-        surface.triangles.update(&surface.tree, &surface.topology, &surface.positions);
+        surface.triangles.update(&surface.tree, &LeafMesh::flat(&surface.topology, &surface.positions));
         surface
     }
 

@@ -18,7 +18,7 @@ use self::{
 use crate::{
     detection::{
         broad_phase::{BroadPhaseSystems, custom::pair_with_shape},
-        pairs::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair, shape_bounds},
+        pairs::{CandidateTrianglePairs, Frame, GROWTH_SLACK, OtherSide, SurfacePair, shape_bounds},
         parallel::{Buffers, Threads, append_ranges, for_each_weighed},
         reuse::{
             DetectionMemory,
@@ -30,7 +30,7 @@ use crate::{
     diagnostics::DetectionDiagnostics,
     kernel::{
         bvh::{
-            leaf_triangles::{LeafTriangles, PairCull},
+            leaf_triangles::{LeafMesh, LeafTriangles, PairCull},
             moved_triangles::Reach,
             near_pairs::BoundedPairs,
             tree::{BoxTree, LEAF_WIDTH, LEAVES_TOGETHER},
@@ -125,7 +125,7 @@ fn update_trees(
         settings.threads,
         |place, SurfaceState { tree, bounds, .. }, surface, threads| {
             if !idle[place] {
-                tree.update_triangles(&needed[place], surface, bounds.positions(), threads);
+                tree.update_triangles(&needed[place], surface, bounds, threads);
             }
         },
     );
@@ -280,7 +280,12 @@ impl<'a> Traversal<'a> {
             side = usize::from(pair.frame == Frame::First);
             moved.leaves.collect_leaves(&pair.moved_triangles);
             if slabs.is_finite() {
-                moved.triangles.update(&moved.leaves, &surface.topology, &pair.moved_positions);
+                let mesh = LeafMesh {
+                    positions: &pair.moved_positions,
+                    scale: pair.relative_pose.scale() as f32 * GROWTH_SLACK,
+                    ..[own, other][side].bounds.leaf_mesh(&surface.topology)
+                };
+                moved.triangles.update(&moved.leaves, &mesh);
             }
             sides[side] = (&moved.leaves, &moved.triangles);
         }
@@ -422,6 +427,5 @@ fn slab_range(
     }
     let pair_settings = pair_settings(pair, settings);
     let [a, b] = surface_sides(active, pair, states)?;
-    let range = pair_settings.range + f64::from(pair.bulge);
-    Some((range / pair_settings.scale) as f32 + a.rounding() + b.rounding())
+    Some((pair_settings.range / pair_settings.scale) as f32 + a.rounding() + b.rounding())
 }

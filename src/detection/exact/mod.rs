@@ -29,7 +29,6 @@ use crate::{
             unique::UniqueFeatures,
         },
         pair::{FoundPairs, can_penetrate},
-        smooth::SmoothSide,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -170,9 +169,7 @@ fn test_pair(
                 collect(triangles, threads, spare, Some(unique), found, work);
             }
             if bulge > 0.0 {
-                let sides = [(&a, own), (&b, other)]
-                    .map(|(surface, state)| SmoothSide { surface, edges: state.bounds.curved() });
-                refine_pair(sides, &true_settings, threads, found);
+                refine_pair([&a, &b], &true_settings, threads, found);
             }
         }
         OtherSide::Shape(place) => {

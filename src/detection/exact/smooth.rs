@@ -5,12 +5,9 @@ use crate::{
     kernel::{
         contact::{CompactContact, TouchingPair},
         mesh::feature::FeatureKind,
-        pair::{FoundPairs, PairSettings},
+        pair::{FoundPairs, PairSettings, SurfaceSide},
         simd::parallel::Parallel,
-        smooth::{
-            SmoothSide,
-            refine::{refine_contacts, refine_touching},
-        },
+        smooth::refine::{refine_contacts, refine_touching},
     },
 };
 
@@ -19,15 +16,13 @@ const CHUNK: usize = 256;
 
 /// Moves what was found on flat triangles, with [widened](PairSettings::widened) distances, to the patches of a pair of
 /// surfaces.
-pub(super) fn refine_pair(sides: [SmoothSide<'_>; 2], settings: &PairSettings, threads: usize, found: &mut FoundPairs) {
+pub(super) fn refine_pair(
+    sides: [&SurfaceSide<'_>; 2],
+    settings: &PairSettings,
+    threads: usize,
+    found: &mut FoundPairs,
+) {
     let FoundPairs { contacts, touching, .. } = found;
-    // The exact test allowed for the largest patches. Most are closer to their triangles.
-    let reach = |a: u32, b: u32| (sides[0].height(a) + sides[1].height(b)) * settings.scale * (1.0 + 1.0e-6);
-    touching.retain(|pair| pair.distance <= settings.range + reach(pair.triangle_a, pair.triangle_b));
-    contacts.retain(|contact| {
-        let allowed = settings.reported_distance + reach(contact.triangle_a, contact.triangle_b);
-        f64::from(contact.distance) <= allowed * (1.0 + 1.0e-6)
-    });
     let chunks = contacts.len() / CHUNK;
     Threads(threads).run_tasks(contacts.chunks_mut(CHUNK), chunks, |contacts| {
         refine_contacts(sides, settings, contacts);

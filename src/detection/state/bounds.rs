@@ -19,6 +19,7 @@ use crate::{
         parallel::Threads,
     },
     kernel::{
+        bvh::leaf_triangles::LeafMesh,
         mesh::{
             bounds::{Aabb, bounds_of_moved, point_bounds, triangle_bounds_on},
             curved_edges::CurvedEdges,
@@ -115,6 +116,12 @@ impl TriangleBounds {
     /// How far patches may be from their triangles, in the surface's own frame. 0 if it is flat.
     pub(in crate::detection) fn bulge(&self) -> f32 {
         self.curved().map_or(0.0, CurvedEdges::largest)
+    }
+
+    /// The triangles, for the leaves of a tree.
+    pub(in crate::detection) fn leaf_mesh<'a>(&'a self, topology: &'a SurfaceTopology) -> LeafMesh<'a> {
+        let heights = self.curved().map_or(&[][..], CurvedEdges::heights);
+        LeafMesh { heights, ..LeafMesh::flat(topology, &self.positions) }
     }
 
     /// The positions in the surface's own frame.

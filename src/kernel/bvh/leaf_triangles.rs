@@ -69,6 +69,8 @@ struct Block {
     origin: Vec3,
     /// No projection of a corner on a unit vector exceeds this.
     extent: f32,
+    /// How far the patches of the triangles may be from them. 0 if they are flat.
+    height: f32,
 }
 
 impl Block {
@@ -80,7 +82,38 @@ impl Block {
         doubt: [0.0; LEAF_WIDTH],
         origin: Vec3::ZERO,
         extent: 0.0,
+        height: 0.0,
     };
+}
+
+/// The triangles that leaves hold.
+#[derive(Clone, Copy)]
+pub struct LeafMesh<'a> {
+    /// The mesh.
+    pub topology: &'a SurfaceTopology,
+    /// Its vertices.
+    pub positions: &'a [Vec3],
+    /// How far the patch of each triangle may be from it. Empty if the surface is flat.
+    pub heights: &'a [f32],
+    /// Multiplies the heights, because the positions have been transformed.
+    pub scale: f32,
+}
+
+impl<'a> LeafMesh<'a> {
+    /// A flat surface.
+    #[must_use]
+    pub fn flat(topology: &'a SurfaceTopology, positions: &'a [Vec3]) -> Self {
+        Self { topology, positions, heights: &[], scale: 1.0 }
+    }
+
+    /// The largest height of some triangles.
+    #[inline]
+    fn height(&self, triangles: &[u32]) -> f32 {
+        if self.heights.is_empty() {
+            return 0.0;
+        }
+        triangles.iter().map(|&triangle| self.heights[triangle as usize]).fold(0.0, f32::max) * self.scale
+    }
 }
 
 /// The welded vertices of the triangles of one leaf, corner by corner.
@@ -116,22 +149,16 @@ pub struct LeafTriangles {
 }
 
 impl LeafTriangles {
-    /// Updates the triangles to the leaves of `tree`, which is over the triangles of `topology` at `positions`.
-    pub fn update(&mut self, tree: &BoxTree, topology: &SurfaceTopology, positions: &[Vec3]) {
-        self.update_on(&Sequential, tree, topology, positions);
+    /// Updates the triangles to the leaves of `tree`, which is over the triangles of `mesh`.
+    pub fn update(&mut self, tree: &BoxTree, mesh: &LeafMesh<'_>) {
+        self.update_on(&Sequential, tree, mesh);
     }
 
     /// Like [`update`](Self::update), in tasks that `parallel` may distribute.
-    pub fn update_on(
-        &mut self,
-        parallel: &impl Parallel,
-        tree: &BoxTree,
-        topology: &SurfaceTopology,
-        positions: &[Vec3],
-    ) {
-        self.name_vertices(tree, topology);
+    pub fn update_on(&mut self, parallel: &impl Parallel, tree: &BoxTree, mesh: &LeafMesh<'_>) {
+        self.name_vertices(tree, mesh.topology);
         self.begin_update(tree);
-        self.update_within(parallel, tree, &[Region::Everywhere], topology, positions);
+        self.update_within(parallel, tree, &[Region::Everywhere], mesh);
     }
 
     /// Stores the vertices of the triangles in `tree`'s leaves, which is all that is needed without slabs. They stay
@@ -163,8 +190,7 @@ impl LeafTriangles {
         parallel: &impl Parallel,
         tree: &BoxTree,
         regions: &[Region],
-        topology: &SurfaceTopology,
-        positions: &[Vec3],
+        mesh: &LeafMesh<'_>,
     ) {
         let Self { blocks, states, found, .. } = self;
         let mut requested_count = 0_usize;
@@ -197,7 +223,7 @@ impl LeafTriangles {
                     for place in first..end {
                         if states[place] == LeafState::Needed {
                             prefetch_whole(blocks, place + BLOCKS_AHEAD);
-                            blocks[place].gather(tree, task * BLOCKS_AT_ONCE + place, topology, positions);
+                            blocks[place].gather(tree, task * BLOCKS_AT_ONCE + place, mesh);
                         }
                     }
                     for place in first..end {
@@ -233,11 +259,12 @@ impl Block {
     }
 
     #[inline(always)]
-    fn gather(&mut self, tree: &BoxTree, leaf: usize, topology: &SurfaceTopology, positions: &[Vec3]) {
-        let triangles = topology.triangles();
+    fn gather(&mut self, tree: &BoxTree, leaf: usize, mesh: &LeafMesh<'_>) {
+        let (triangles, positions) = (mesh.topology.triangles(), mesh.positions);
         let bounds = tree.leaf_bounds(leaf);
         self.origin = (bounds.min + bounds.max) * 0.5;
         self.extent = (bounds.max - bounds.min).element_sum();
+        self.height = mesh.height(tree.leaf_items(leaf));
         for (lane, &triangle) in tree.leaf_items(leaf).iter().enumerate() {
             let triangle = triangle as usize;
             for corner in 0..3 {
@@ -286,8 +313,8 @@ pub struct PairCull<'a> {
     pub triangles: [&'a LeafTriangles; 2],
     /// Drops triangles of one surface that share a welded vertex.
     pub neighbors: bool,
-    /// Drops triangles that a slab separates by more than this, in the unit of the positions, 0 or more. Infinite if
-    /// slabs drop none. Not an `Option`: compilers multiply its payload before they check whether there is one. An
+    /// Drops triangles that a slab separates by more than this, in the unit of the positions, 0 or more, and by how far
+    /// their patches may be from them. Infinite if slabs drop none. Not an `Option`: compilers multiply its payload before they check whether there is one. An
     /// unset payload may be subnormal, and then each product takes as long as a hundred others.
     pub slabs: f32,
     /// Whether only slabs along the normals count, and only if they hold with the normals in f64. Meant for a method
@@ -325,8 +352,8 @@ impl<'a> PairCull<'a> {
         let (own, other) = (&self.triangles[0].blocks[leaves[0]], &self.triangles[1].blocks[leaves[1]]);
         let offset = own.origin - other.origin;
         let extent = own.extent + other.extent + offset.abs().element_sum();
-        let needed =
-            if extent <= LARGEST_EXTENT { self.slabs * RANGE_SLACK + extent * ROUNDING } else { f32::INFINITY };
+        let range = self.slabs + own.height + other.height;
+        let needed = if extent <= LARGEST_EXTENT { range * RANGE_SLACK + extent * ROUNDING } else { f32::INFINITY };
         Separation { own, other, offset, extent, needed, planes_only: self.planes_only }
     }
 }

@@ -81,8 +81,8 @@ pub(in crate::kernel) fn rounded_down(distance: f64) -> f32 {
 #[derive(Clone, Copy)]
 pub(in crate::kernel) struct ScreenLimits {
     pub(in crate::kernel) scale: f64,
-    /// The nearest pair is searched up to here.
-    pub(in crate::kernel) range: f64,
+    /// For each pair, how far its features are searched.
+    pub(in crate::kernel) ranges: [f64; WIDTH],
     pub(in crate::kernel) contact_distance: f64,
 }
 
@@ -219,7 +219,8 @@ impl PairScreen {
             largest = largest.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
         }
         let nothing = largest * ROUND_OFF;
-        let range = nothing.max(limits.range / limits.scale);
+        let ranges = f64x8::from_slice(simd, &limits.ranges);
+        let range = nothing.max(ranges / limits.scale);
         let range_squared = range * range * (1.0 + SQUARE_SLACK);
         // An infinite distance does not count, however large the range.
         let limit = range_squared.min(f64::MAX);
@@ -263,7 +264,7 @@ impl PairScreen {
         Screened {
             possible: (!found.cases.simd_eq(0)).to_bitmask() as u32,
             doubtful: doubtful.to_bitmask() as u32,
-            near: (is_certain & !apart.simd_gt(limits.range)).to_bitmask() as u32,
+            near: (is_certain & !apart.simd_gt(ranges)).to_bitmask() as u32,
             touching: (is_certain & apart.simd_le(limits.contact_distance)).to_bitmask() as u32,
             with_cases: (!(found.cases & !u64::from(Cases::BOUNDARY.0)).simd_eq(0)).to_bitmask() as u32,
             on_boundary: on_boundary.to_bitmask() as u32,

@@ -147,8 +147,10 @@ fn examine_blocks<S: Simd>(
     choice: &impl Choice,
 ) {
     found.examined += candidates.len();
-    let limits =
-        ScreenLimits { scale: settings.scale, range: settings.range, contact_distance: settings.contact_distance };
+    let ranges = [settings.range; PairScreen::WIDTH];
+    let mut limits = ScreenLimits { scale: settings.scale, ranges, contact_distance: settings.contact_distance };
+    let is_smooth = a.curved.is_some() || b.curved.is_some();
+    let of_flat = settings.range - (a.largest_patch_height() + b.largest_patch_height()) * settings.scale;
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
     let mut batches = FeatureBatches::new([a, b], settings);
@@ -165,6 +167,12 @@ fn examine_blocks<S: Simd>(
         ask_for_room(&mut found.contacts);
         ask_for_room(&mut found.touching);
         let rows = [rows_of::<0>(a, pairs, made_a), rows_of::<1>(b, pairs, made_b)];
+        if is_smooth {
+            // The range was widened for the highest patches. Most are closer to their triangles.
+            for (range, &[triangle_a, triangle_b]) in limits.ranges.iter_mut().zip(pairs) {
+                *range = of_flat + (a.patch_height(triangle_a) + b.patch_height(triangle_b)) * settings.scale;
+            }
+        }
         let screened = screen.screen([&rows[0], &rows[1]], poses, pairs.len(), &limits);
         let block = Block { sides: [a, b], settings, pairs, rows, screen: &screen, screened };
         let [near, doubtful] = [screened.near, screened.doubtful];

@@ -25,6 +25,7 @@ use super::{
 use crate::kernel::simd::{
     lanes::{SetLanes, TriangleLanes, WIDTH, ZERO_AREA, first_lanes, transposed},
     parallel::{LEAST_SHARE, PART, Parallel, Sequential},
+    prefetch::{Prefetch, prefetch},
 };
 
 /// An edge may move a point of its patch by at most this share of the least height of the triangles beside it. Long
@@ -33,7 +34,7 @@ const GUARD: f32 = 0.15;
 
 /// Between one edge's `c` and the largest distance of the patch from the triangle if all three edges have that `c`:
 /// `Σ w_i w_j` is at most one third.
-const MOST_OF_EDGE: f32 = 1.0 / 3.0;
+pub(in crate::kernel) const MOST_OF_EDGE: f32 = 1.0 / 3.0;
 
 /// Lengths whose squares are reliable in f32.
 const RELIABLE: [f32; 2] = [1.0e-15, 1.0e15];
@@ -51,6 +52,19 @@ struct Face {
     unused: f32,
 }
 
+/// The offsets `c` of the edges of a triangle, as one row of contiguous memory. Edge `k` joins corners `k` and `k + 1`.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(16))]
+pub(in crate::kernel) struct OffsetRow([[f32; 4]; 3]);
+
+impl OffsetRow {
+    /// The offset of an edge, and a number without meaning.
+    #[inline(always)]
+    pub(in crate::kernel) fn offset(&self, edge: usize) -> &[f32; 4] {
+        &self.0[edge]
+    }
+}
+
 /// The curved edges of a surface, and the normals that they follow.
 #[derive(Clone, Debug, Default)]
 pub struct CurvedEdges {
@@ -59,6 +73,8 @@ pub struct CurvedEdges {
     faces: Vec<Face>,
     /// The normals at the corners of triangles, one for each slot of the fans. Zero where there is none.
     normals: Vec<Vec3>,
+    /// The offsets of the edges of each triangle.
+    rows: Vec<OffsetRow>,
     /// How far the patch of each triangle may be from it.
     heights: Vec<f32>,
     /// The largest of those.
@@ -79,7 +95,7 @@ impl CurvedEdges {
         positions: &[Vec3],
         crease: CreaseAngle,
     ) {
-        let Self { offsets, faces, normals, heights, largest } = self;
+        let Self { offsets, faces, normals, rows, heights, largest } = self;
         let (triangles, fans) = (topology.triangles(), topology.fans());
         faces.resize(triangles.len(), Face::default());
         let parts = triangles.chunks(PART).zip(faces.chunks_mut(PART));
@@ -106,10 +122,13 @@ impl CurvedEdges {
         });
         let offsets = &*offsets;
         heights.resize(triangles.len(), 0.0);
-        let parts = topology.triangle_edges().chunks(PART).zip(heights.chunks_mut(PART));
-        parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |(edges, heights)| {
-            for (edges, height) in edges.iter().zip(heights) {
-                let [a, b, c] = edges.map(|edge| offsets[edge as usize].length_squared());
+        rows.resize(triangles.len(), OffsetRow::default());
+        let parts = topology.triangle_edges().chunks(PART).zip(heights.chunks_mut(PART)).zip(rows.chunks_mut(PART));
+        parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |((edges, heights), rows)| {
+            for ((edges, height), row) in edges.iter().zip(heights).zip(rows) {
+                let own = edges.map(|edge| offsets[edge as usize]);
+                row.0 = own.map(|offset| offset.extend(0.0).to_array());
+                let [a, b, c] = own.map(Vec3::length_squared);
                 *height = a.max(b).max(c).sqrt() * MOST_OF_EDGE * (1.0 + 4.0 * f32::EPSILON);
             }
         });
@@ -118,8 +137,13 @@ impl CurvedEdges {
 
     /// The offsets `c` of the edges of a triangle. Edge `k` joins corners `k` and `k + 1`.
     #[inline]
-    pub(in crate::kernel) fn of_triangle(&self, topology: &SurfaceTopology, triangle: u32) -> [Vec3; 3] {
-        topology.triangle_edges()[triangle as usize].map(|edge| self.offsets[edge as usize])
+    pub(in crate::kernel) fn of_triangle(&self, triangle: u32) -> [Vec3; 3] {
+        self.row(triangle).0.map(|offset| Vec3::from_slice(&offset))
+    }
+
+    #[inline(always)]
+    pub(in crate::kernel) fn row(&self, triangle: u32) -> &OffsetRow {
+        &self.rows[triangle as usize]
     }
 
     /// For each welded edge, its `c`: the middle of the edge is a quarter of it away from the middle of the chord.
@@ -128,10 +152,10 @@ impl CurvedEdges {
         &self.offsets
     }
 
-    /// No point of a triangle's patch is farther than this from the point of the triangle with the same weights.
+    /// For each triangle, how far points of its patch may be from the points of the triangle with the same weights.
     #[inline]
-    pub(in crate::kernel) fn height(&self, triangle: u32) -> f32 {
-        self.heights[triangle as usize]
+    pub(crate) fn heights(&self) -> &[f32] {
+        &self.heights
     }
 
     /// The largest height of a patch: no point is farther than this from the point of its triangle with the same
@@ -165,6 +189,13 @@ impl CurvedEdges {
             }
         });
         bounds.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds))
+    }
+}
+
+impl Prefetch for CurvedEdges {
+    #[inline(always)]
+    fn prefetch(&self, triangle: u32) {
+        prefetch(&self.rows, triangle);
     }
 }
 

@@ -46,8 +46,8 @@ impl<S: Simd> WeightLanes<S> {
 
     #[inline(always)]
     fn at_corner(simd: S, corner: usize) -> Self {
-        let weight = |other: usize| f32x8::splat(simd, if corner == other { 1.0 } else { 0.0 });
-        Self([weight(1), weight(2)])
+        let [second, third] = [f32::from(corner == 1), f32::from(corner == 2)];
+        Self([f32x8::splat(simd, second), f32x8::splat(simd, third)])
     }
 }
 
@@ -105,11 +105,18 @@ type EdgeLanes<S> = (VectorLanes<S>, f32x8<S>);
 
 #[inline(always)]
 fn edges<S: Simd>(corners: &[VectorLanes<S>; 3]) -> [EdgeLanes<S>; 3] {
-    let edge = |k: usize| {
-        let edge = corners[(k + 1) % 3] - corners[k];
-        (edge, edge.dot(edge).max(NOTHING))
-    };
-    [edge(0), edge(1), edge(2)]
+    let [p, q, r] = *corners;
+    let [first, second, third] = [q - p, r - q, p - r];
+    [
+        (first, first.dot(first).max(NOTHING)),
+        (second, second.dot(second).max(NOTHING)),
+        (third, third.dot(third).max(NOTHING)),
+    ]
+}
+
+#[inline(always)]
+fn clamped<S: Simd>(share: f32x8<S>) -> f32x8<S> {
+    share.max(0.0).min(1.0)
 }
 
 /// The squared distance of two segments, and where along each the closest points are (Ericson, "Real-Time Collision
@@ -120,14 +127,12 @@ fn of_edges<S: Simd>(
     (start, &(along, length)): (VectorLanes<S>, &EdgeLanes<S>),
     (other_start, &(other_along, other_length)): (VectorLanes<S>, &EdgeLanes<S>),
 ) -> (f32x8<S>, [f32x8<S>; 2]) {
-    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
-    let clamped = |value: f32x8<S>| value.max(zero).min(one);
     let between = start - other_start;
     let (own, other, cosine) = (along.dot(between), other_along.dot(between), along.dot(other_along));
     let product = length * other_length;
     let determinant = product - cosine * cosine;
     let is_skew = determinant.simd_gt(product * PARALLEL);
-    let place = is_skew.select(clamped((cosine * other - own * other_length) / determinant), zero);
+    let place = is_skew.select(clamped((cosine * other - own * other_length) / determinant), f32x8::splat(simd, 0.0));
     let other_place = clamped((cosine * place + other) / other_length);
     let place = clamped((cosine * other_place - own) / length);
     let gap = between.plus(along.scaled(place)) - other_along.scaled(other_place);
@@ -142,29 +147,49 @@ struct FootLanes<S: Simd> {
     is_inside: mask32x8<S>,
 }
 
+/// What is needed of a triangle to tell where points are over it.
+struct FaceLanes<S: Simd> {
+    origin: VectorLanes<S>,
+    sides: [VectorLanes<S>; 2],
+    /// The squared lengths of both sides, and between them their product.
+    products: [f32x8<S>; 3],
+    normal: VectorLanes<S>,
+    /// One over the squared length of the normal, and its root.
+    inverse: f32x8<S>,
+    scale: f32x8<S>,
+    has_area: mask32x8<S>,
+}
+
+impl<S: Simd> FaceLanes<S> {
+    #[inline(always)]
+    fn new(simd: S, &[origin, second, third]: &[VectorLanes<S>; 3]) -> Self {
+        let sides = [second - origin, third - origin];
+        let products = [sides[0].dot(sides[0]), sides[0].dot(sides[1]), sides[1].dot(sides[1])];
+        let normal = sides[0].cross(sides[1]);
+        let squared = normal.dot(normal);
+        let has_area = squared.simd_gt(products[0] * products[2] * PARALLEL * PARALLEL) & squared.simd_gt(NOTHING);
+        let inverse = f32x8::splat(simd, 1.0) / squared.max(NOTHING);
+        Self { origin, sides, products, normal, inverse, scale: inverse.sqrt(), has_area }
+    }
+
+    #[inline(always)]
+    fn foot(&self, simd: S, point: VectorLanes<S>) -> FootLanes<S> {
+        let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+        let between = point - self.origin;
+        let [along_first, along_second] = [between.dot(self.sides[0]), between.dot(self.sides[1])];
+        let [ff, fs, ss] = self.products;
+        let u = (ss * along_first - fs * along_second) * self.inverse;
+        let v = (ff * along_second - fs * along_first) * self.inverse;
+        let is_inside = self.has_area & u.simd_ge(zero) & v.simd_ge(zero) & (u + v).simd_le(one);
+        FootLanes { height: between.dot(self.normal) * self.scale, weights: WeightLanes([u, v]), is_inside }
+    }
+}
+
 /// Where the corners of one triangle are over another.
 #[inline(always)]
-fn faces<S: Simd>(simd: S, corners: &[VectorLanes<S>; 3], face: &[VectorLanes<S>; 3]) -> [FootLanes<S>; 3] {
-    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
-    let (first, second) = (face[1] - face[0], face[2] - face[0]);
-    let (ff, fs, ss) = (first.dot(first), first.dot(second), second.dot(second));
-    let normal = first.cross(second);
-    let squared = normal.dot(normal);
-    let has_area = squared.simd_gt(ff * ss * PARALLEL * PARALLEL) & squared.simd_gt(NOTHING);
-    let inverse = one / squared.max(NOTHING);
-    let scale = inverse.sqrt();
-    let foot = |corner: usize| {
-        let between = corners[corner] - face[0];
-        let (along_first, along_second) = (between.dot(first), between.dot(second));
-        let weights = WeightLanes([
-            (ss * along_first - fs * along_second) * inverse,
-            (ff * along_second - fs * along_first) * inverse,
-        ]);
-        let [u, v] = weights.0;
-        let is_inside = has_area & u.simd_ge(zero) & v.simd_ge(zero) & (u + v).simd_le(one);
-        FootLanes { height: between.dot(normal) * scale, weights, is_inside }
-    };
-    [foot(0), foot(1), foot(2)]
+fn faces<S: Simd>(simd: S, &[p, q, r]: &[VectorLanes<S>; 3], face: &[VectorLanes<S>; 3]) -> [FootLanes<S>; 3] {
+    let face = FaceLanes::new(simd, face);
+    [face.foot(simd, p), face.foot(simd, q), face.foot(simd, r)]
 }
 
 /// Whether an edge pierces a face between two of its ends' feet, how far along, and where.

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::kernel::mesh::barycentric::point_at;
+use crate::kernel::{mesh::barycentric::point_at, pair::SurfaceSide};
 
 /// The patch over one triangle. Without offsets, the triangle itself.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +23,18 @@ pub(super) struct Local {
 }
 
 impl Patch {
+    /// The patch of a triangle in the frame of its pair.
+    #[must_use]
+    pub fn of(side: &SurfaceSide<'_>, triangle: u32) -> Self {
+        let corners = side.corners(triangle);
+        let Some(curved) = side.curved else { return Self { corners, offsets: [DVec3::ZERO; 3] } };
+        let offsets = curved.of_triangle(triangle).map(|offset| {
+            let offset = offset.as_dvec3();
+            side.moved.map_or(offset, |moved| moved.pose.transform_direction(offset) * moved.pose.scale())
+        });
+        Self { corners, offsets }
+    }
+
     /// The point with these weights of the corners, which sum to 1.
     #[must_use]
     pub fn point(&self, weights: &[f64; 3]) -> DVec3 {
@@ -42,10 +54,6 @@ impl Patch {
         let [p, q, r] = self.corners;
         let [first, second, third] = self.offsets;
         [q - p + first * (a - b) + (second - third) * c, r - p + third * (a - c) + (second - first) * b]
-    }
-
-    pub(super) fn is_flat(&self) -> bool {
-        self.offsets == [DVec3::ZERO; 3]
     }
 
     pub(super) fn local(&self, weights: &[f64; 3]) -> Local {

@@ -34,9 +34,20 @@ pub(super) struct PatchLanes<S: Simd> {
 
 impl<S: Simd> PatchLanes<S> {
     #[inline(always)]
-    fn scaled(&self, scale: f32x8<S>) -> Self {
-        let scaled = |[a, b, c]: [VectorLanes<S>; 3]| [a.scaled(scale), b.scaled(scale), c.scaled(scale)];
-        Self { corners: scaled(self.corners), offsets: scaled(self.offsets) }
+    pub(super) fn scaled(&self, scale: f32x8<S>) -> Self {
+        let ([p, q, r], [first, second, third]) = (self.corners, self.offsets);
+        Self {
+            corners: [p.scaled(scale), q.scaled(scale), r.scaled(scale)],
+            offsets: [first.scaled(scale), second.scaled(scale), third.scaled(scale)],
+        }
+    }
+
+    /// The largest coordinate.
+    #[inline(always)]
+    pub(super) fn largest(&self) -> f32x8<S> {
+        let [p, q, r] = [self.corners[0].abs(), self.corners[1].abs(), self.corners[2].abs()];
+        let largest = p.max(q).max(r);
+        largest.x.max(largest.y).max(largest.z)
     }
 
     /// The weight of the first corner.
@@ -46,7 +57,7 @@ impl<S: Simd> PatchLanes<S> {
     }
 
     #[inline(always)]
-    fn point(&self, simd: S, weights: &WeightLanes<S>) -> VectorLanes<S> {
+    pub(super) fn point(&self, simd: S, weights: &WeightLanes<S>) -> VectorLanes<S> {
         let (a, [b, c]) = (Self::first_weight(simd, weights), weights.0);
         let ([p, q, r], [first, second, third]) = (self.corners, self.offsets);
         let flat = p.plus((q - p).scaled(b)).plus((r - p).scaled(c));
@@ -55,13 +66,29 @@ impl<S: Simd> PatchLanes<S> {
 
     /// The derivatives by the weights of the second and the third corner.
     #[inline(always)]
-    fn tangents(&self, simd: S, weights: &WeightLanes<S>) -> [VectorLanes<S>; 2] {
+    pub(super) fn tangents(&self, simd: S, weights: &WeightLanes<S>) -> [VectorLanes<S>; 2] {
         let (a, [b, c]) = (Self::first_weight(simd, weights), weights.0);
         let ([p, q, r], [first, second, third]) = (self.corners, self.offsets);
         [
             (q - p).plus(first.scaled(a - b)).plus((second - third).scaled(c)),
             (r - p).plus(third.scaled(a - c)).plus((second - first).scaled(b)),
         ]
+    }
+
+    /// The second derivatives: twice by the weight of the second corner, by both, and twice by that of the third.
+    #[inline(always)]
+    pub(super) fn second_derivatives(&self, simd: S) -> [VectorLanes<S>; 3] {
+        let ([first, second, third], twice) = (self.offsets, f32x8::splat(simd, -2.0));
+        [first.scaled(twice), second - first - third, third.scaled(twice)]
+    }
+
+    /// Whether a vector is nearly normal to the patch at a point.
+    #[inline(always)]
+    fn is_normal_to(&self, simd: S, weights: &WeightLanes<S>, vector: VectorLanes<S>) -> mask32x8<S> {
+        let [u, v] = self.tangents(simd, weights);
+        let normal = u.cross(v);
+        let (along, length) = (normal.dot(vector), normal.dot(normal));
+        (along * along).simd_ge(length * vector.dot(vector) * (1.0 - NORMAL)) & length.simd_gt(0.0)
     }
 
     /// The triangle that touches the patch at a point, with the same weights there.
@@ -93,16 +120,12 @@ const NORMAL: f32 = 0.3;
 #[inline(always)]
 pub(super) fn closest<S: Simd>(simd: S, a: &PatchLanes<S>, b: &PatchLanes<S>) -> MeetingLanes<S> {
     let one = f32x8::splat(simd, 1.0);
-    let mut size = f32x8::splat(simd, f32::MIN_POSITIVE);
-    for corner in a.corners.into_iter().chain(b.corners) {
-        size = size.max(corner.x.abs()).max(corner.y.abs()).max(corner.z.abs());
-    }
+    let size = a.largest().max(b.largest()).max(f32::MIN_POSITIVE);
     // Powers of lengths up to the sixth must be normal numbers.
     let scale = one / size;
     let (a, b) = (a.scaled(scale), b.scaled(scale));
-    let between = |weights: &[WeightLanes<S>; 2]| b.point(simd, &weights[1]) - a.point(simd, &weights[0]);
     let mut weights = ClosestLanes::of(simd, &a.corners, &b.corners).weights;
-    let mut gap = between(&weights);
+    let mut gap = b.point(simd, &weights[1]) - a.point(simd, &weights[0]);
     let mut squared = gap.dot(gap);
     for _ in 0..STEPS {
         let triangles = [a.touching_triangle(simd, &weights[0]), b.touching_triangle(simd, &weights[1])];
@@ -113,7 +136,7 @@ pub(super) fn closest<S: Simd>(simd: S, a: &PatchLanes<S>, b: &PatchLanes<S>) ->
         for share in SHARES {
             let share = f32x8::splat(simd, share);
             let next = [before[0].towards(target[0], share), before[1].towards(target[1], share)];
-            let next_gap = between(&next);
+            let next_gap = b.point(simd, &next[1]) - a.point(simd, &next[0]);
             let next_squared = next_gap.dot(next_gap);
             let takes = next_squared.simd_lt(enough) & !is_better;
             is_better |= takes;
@@ -127,14 +150,8 @@ pub(super) fn closest<S: Simd>(simd: S, a: &PatchLanes<S>, b: &PatchLanes<S>) ->
             break;
         }
     }
-    let is_normal_to = |patch: &PatchLanes<S>, weights: &WeightLanes<S>| {
-        let [u, v] = patch.tangents(simd, weights);
-        let normal = u.cross(v);
-        let (along, length) = (normal.dot(gap), normal.dot(normal));
-        (along * along).simd_ge(length * squared * (1.0 - NORMAL)) & length.simd_gt(0.0)
-    };
     let is_apart = squared.simd_gt(SAME * SAME);
-    let is_nearly_normal = is_normal_to(&a, &weights[0]) & is_normal_to(&b, &weights[1]) & is_apart;
+    let is_nearly_normal = a.is_normal_to(simd, &weights[0], gap) & b.is_normal_to(simd, &weights[1], gap) & is_apart;
     let distance = is_apart.select(squared.sqrt() * size, f32x8::splat(simd, 0.0));
     MeetingLanes { distance, weights, between: gap.scaled(size), is_nearly_normal }
 }

@@ -7,66 +7,164 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{Level, dispatch, f32x8, f64x8, mask32x8, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::{
-    SmoothSide,
-    features::closest_of_features,
+    closest_lanes::WeightLanes,
+    feature_lanes::{FeatureLanes, closest_of_features},
+    gather::GatheredPatches,
     newton::closest_inside,
     patch::Patch,
-    patch_lanes::{MeetingLanes, PatchLanes, closest},
+    patch_lanes::{MeetingLanes, closest},
 };
 use crate::kernel::{
     contact::{CompactContact, FacePlace, TouchingPair},
     exact::{PairProximity, examine_pair},
-    mesh::feature::FeatureKind,
-    pair::PairSettings,
-    simd::lanes::{DoubleVectorLanes, SetLanes, VectorLanes, WIDTH, first_lanes, stored},
+    mesh::feature::{Feature, FeatureKind},
+    pair::{PairSettings, SurfaceSide},
+    simd::{
+        lanes::{DoubleVectorLanes, SetLanes, VectorLanes, WIDTH, first_lanes, stored, widened},
+        prefetch::Prefetch,
+    },
 };
+
+/// How many blocks ahead to prefetch.
+const BLOCKS_AHEAD: usize = 2;
+
+/// Points closer than this, relative to the size of their pair, have no direction. The contact keeps the one it had.
+const LEAST_LENGTH: f64 = 1.0e-6;
 
 /// Moves contacts to the patches. Those beyond the reported distance become empty. `settings` has the distances that
 /// count for the patches.
-pub fn refine_contacts(sides: [SmoothSide<'_>; 2], settings: &PairSettings, contacts: &mut [CompactContact]) {
-    for contact in contacts {
+pub fn refine_contacts(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings, contacts: &mut [CompactContact]) {
+    dispatch!(Level::new(), simd => {
+        for block in 0..contacts.len().div_ceil(WIDTH) {
+            for ahead in contacts.iter().skip((block + BLOCKS_AHEAD) * WIDTH).take(WIDTH) {
+                sides[0].prefetch(ahead.triangle_a);
+                sides[1].prefetch(ahead.triangle_b);
+            }
+            let end = contacts.len().min((block + 1) * WIDTH);
+            refine_eight(simd, sides, settings, &mut contacts[block * WIDTH..end]);
+        }
+    });
+}
+
+/// Where a feature is in a patch that begins with its corner `turn`.
+#[derive(Clone, Copy, Default)]
+struct Turned {
+    turn: u8,
+    is_edge: bool,
+    is_face: bool,
+}
+
+impl Turned {
+    fn of(feature: Feature) -> Self {
+        match feature {
+            Feature::Vertex(turn) => Self { turn: turn % 3, is_edge: false, is_face: false },
+            Feature::Edge(turn) => Self { turn: turn % 3, is_edge: true, is_face: false },
+            Feature::Face => Self { turn: 0, is_edge: false, is_face: true },
+        }
+    }
+
+    /// The weights of the first two corners, given those of the second and the third from `turn` on.
+    fn turned_back(self, second: f32, third: f32) -> [f32; 2] {
+        let weights = [1.0 - second - third, second, third];
+        [weights[usize::from(3 - self.turn) % 3], weights[usize::from(4 - self.turn) % 3]]
+    }
+}
+
+#[inline(always)]
+fn refine_eight<S: Simd>(
+    simd: S,
+    [a, b]: [&SurfaceSide<'_>; 2],
+    settings: &PairSettings,
+    contacts: &mut [CompactContact],
+) {
+    let count = contacts.len();
+    let mut triangles = [[0; WIDTH]; 2];
+    let mut turned = [[Turned::default(); WIDTH]; 2];
+    let mut weights = [[[0.0; WIDTH]; 2]; 2];
+    let mut normals = [Vec3::ZERO; WIDTH];
+    for lane in 0..WIDTH {
+        let contact = &contacts[lane.min(count - 1)];
+        (triangles[0][lane], triangles[1][lane]) = (contact.triangle_a, contact.triangle_b);
+        normals[lane] = contact.normal;
+        let sides = [(contact.features.a, contact.barycentric_a), (contact.features.b, contact.barycentric_b)];
+        for (side, (feature, [first, second])) in sides.into_iter().enumerate() {
+            let own = Turned::of(feature);
+            let all = [first, second, 1.0 - first - second];
+            turned[side][lane] = own;
+            for weight in 0..2 {
+                weights[side][weight][lane] = all[(usize::from(own.turn) + weight + 1) % 3];
+            }
+        }
+    }
+    let turns = [turned[0].map(|turned| turned.turn), turned[1].map(|turned| turned.turn)];
+    let gathered_a = GatheredPatches::new(simd, a, &triangles[0], &turns[0]);
+    let gathered_b = GatheredPatches::new(simd, b, &triangles[1], &turns[1]);
+    let is_bent = (gathered_a.heights() + gathered_b.heights()).simd_gt(0.0);
+    let origin = gathered_a.corners[0];
+    let (patch_a, patch_b) = (gathered_a.relative(origin), gathered_b.relative(origin));
+    let size = patch_a.largest().max(patch_b.largest()).max(f32::MIN_POSITIVE);
+    let scale = f32x8::splat(simd, 1.0) / size;
+    let features = [feature_lanes(simd, &turned[0]), feature_lanes(simd, &turned[1])];
+    let [[au, av], [bu, bv]] = &weights;
+    let start = [
+        WeightLanes([f32x8::from_slice(simd, au), f32x8::from_slice(simd, av)]),
+        WeightLanes([f32x8::from_slice(simd, bu), f32x8::from_slice(simd, bv)]),
+    ];
+    let patches = [&patch_a.scaled(scale), &patch_b.scaled(scale)];
+    let [own, other] = closest_of_features(simd, patches, &features, start);
+    // In f64, because large triangles may be close to each other.
+    let (point_a, point_b) = (gathered_a.point(simd, origin, &own), gathered_b.point(simd, origin, &other));
+    let between = point_b - point_a;
+    let old = VectorLanes::of(simd, normals).widened();
+    let (one, zero) = (f64x8::splat(simd, 1.0), f64x8::splat(simd, 0.0));
+    let sign = between.dot(old).simd_lt(zero).select(-one, one);
+    let length = between.dot(between).sqrt();
+    let distance = sign * length * settings.scale;
+    let has_direction = length.simd_gt(widened(size) * LEAST_LENGTH);
+    let normal = DoubleVectorLanes::select(has_direction, between.scaled(sign / length), old).rounded();
+
+    let (normals, points) = (normal.stored(), origin.plus(point_b).rounded().stored());
+    let weights = [[stored(own.0[0]), stored(own.0[1])], [stored(other.0[0]), stored(other.0[1])]];
+    let mut distances = [0.0; WIDTH];
+    distance.store_slice(&mut distances);
+    let is_bent = is_bent.to_bitmask() as u32;
+    for (lane, contact) in contacts.iter_mut().enumerate() {
         // Whether surfaces cross is decided by their patches, pair by pair.
         if contact.features.kind() == FeatureKind::EdgeFace {
             continue;
         }
-        let patches = [sides[0].patch(contact.triangle_a), sides[1].patch(contact.triangle_b)];
-        if patches.iter().all(Patch::is_flat) {
-            if f64::from(contact.distance) > settings.reported_distance {
-                contact.drop_name();
-            }
-            continue;
-        }
-        let weights = [contact.barycentric_a, contact.barycentric_b].map(|[first, second]| {
-            let [first, second] = [f64::from(first), f64::from(second)];
-            [first, second, 1.0 - first - second]
-        });
-        let old = contact.normal.as_dvec3();
-        let (weights, points) = closest_of_features(&patches, contact.features, weights);
-        let between = points[1] - points[0];
-        let sign = if between.dot(old) < 0.0 { -1.0 } else { 1.0 };
-        let length = between.length();
-        let distance = sign * length * settings.scale;
+        let is_bent = is_bent >> lane & 1 != 0;
+        let distance = if is_bent { distances[lane] } else { f64::from(contact.distance) };
         if distance > settings.reported_distance {
             contact.drop_name();
-            continue;
+        } else if is_bent {
+            contact.normal = normals.get(lane);
+            contact.barycentric_a = turned[0][lane].turned_back(weights[0][0][lane], weights[0][1][lane]);
+            contact.barycentric_b = turned[1][lane].turned_back(weights[1][0][lane], weights[1][1][lane]);
+            contact.point_b = points.get(lane);
+            contact.distance = distance as f32;
         }
-        let size = patches[0].size();
-        contact.normal = if length > 1.0e-6 * size { (between * (sign / length)).as_vec3() } else { contact.normal };
-        contact.barycentric_a = [weights[0][0] as f32, weights[0][1] as f32];
-        contact.barycentric_b = [weights[1][0] as f32, weights[1][1] as f32];
-        contact.point_b = points[1].as_vec3();
-        contact.distance = distance as f32;
     }
+}
+
+#[inline(always)]
+fn feature_lanes<S: Simd>(simd: S, turned: &[Turned; WIDTH]) -> FeatureLanes<S> {
+    let (mut edges, mut faces) = (0_u64, 0_u64);
+    for (lane, turned) in turned.iter().enumerate() {
+        edges |= u64::from(turned.is_edge) << lane;
+        faces |= u64::from(turned.is_face) << lane;
+    }
+    FeatureLanes { is_edge: mask32x8::from_bitmask(simd, edges), is_face: mask32x8::from_bitmask(simd, faces) }
 }
 
 /// Computes the distances of pairs of triangles between their patches, in world units, at least 0, and appends the
 /// contacts between the insides of patches.
 pub fn refine_touching(
-    sides: [SmoothSide<'_>; 2],
+    sides: [&SurfaceSide<'_>; 2],
     settings: &PairSettings,
     touching: &mut [TouchingPair],
     contacts: &mut Vec<CompactContact>,
@@ -77,24 +175,33 @@ pub fn refine_touching(
 #[inline(always)]
 fn refine_blocks<S: Simd>(
     simd: S,
-    sides: [SmoothSide<'_>; 2],
+    sides: [&SurfaceSide<'_>; 2],
     settings: &PairSettings,
     touching: &mut [TouchingPair],
     contacts: &mut Vec<CompactContact>,
 ) {
     let scale = settings.scale as f32;
-    for pairs in touching.chunks_mut(WIDTH) {
+    for block in 0..touching.len().div_ceil(WIDTH) {
+        for ahead in touching.iter().skip((block + BLOCKS_AHEAD) * WIDTH).take(WIDTH) {
+            sides[0].prefetch(ahead.triangle_a);
+            sides[1].prefetch(ahead.triangle_b);
+        }
+        let end = touching.len().min((block + 1) * WIDTH);
+        let pairs = &mut touching[block * WIDTH..end];
         let pair = |lane: usize| pairs[lane.min(pairs.len() - 1)];
         let triangles: [[u32; WIDTH]; 2] =
             [std::array::from_fn(|lane| pair(lane).triangle_a), std::array::from_fn(|lane| pair(lane).triangle_b)];
-        let ([a, b], heights) = gather(simd, sides, &triangles);
+        let gathered_a = GatheredPatches::new(simd, sides[0], &triangles[0], &[0; WIDTH]);
+        let gathered_b = GatheredPatches::new(simd, sides[1], &triangles[1], &[0; WIDTH]);
+        let heights = gathered_a.heights() + gathered_b.heights();
         let flat = f32x8::from_slice(simd, &std::array::from_fn::<f32, WIDTH, _>(|lane| pair(lane).distance as f32));
         let bulge = heights * (scale * 1.000_01);
         let is_bent = heights.simd_gt(0.0);
         if !is_bent.any_true() {
             continue;
         }
-        let found = closest(simd, &a, &b);
+        let origin = gathered_a.corners[0];
+        let found = closest(simd, &gathered_a.relative(origin), &gathered_b.relative(origin));
         let distances = stored(found.distance * scale);
         let requested = first_lanes(pairs.len()) as u32 & is_bent.to_bitmask() as u32;
         let reached = (found.distance * scale).simd_le(settings.reported_distance as f32);
@@ -118,9 +225,9 @@ fn refine_blocks<S: Simd>(
 
 /// The distance of two patches at the closest points of their triangles.
 #[cold]
-fn distance_at_flat_points(sides: [SmoothSide<'_>; 2], settings: &PairSettings, pair: &TouchingPair) -> f64 {
+fn distance_at_flat_points(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings, pair: &TouchingPair) -> f64 {
     let triangles = [pair.triangle_a, pair.triangle_b];
-    let patches = [sides[0].patch(triangles[0]), sides[1].patch(triangles[1])];
+    let patches = [Patch::of(sides[0], triangles[0]), Patch::of(sides[1], triangles[1])];
     let mut found = PairProximity::default();
     examine_pair(&patches[0].corners, &patches[1].corners, pair.distance / settings.scale, &mut found);
     let closest = found.proximities.iter().min_by(|one, other| one.distance.total_cmp(&other.distance));
@@ -133,14 +240,15 @@ fn distance_at_flat_points(sides: [SmoothSide<'_>; 2], settings: &PairSettings, 
 /// Finds the closest points of patches that are closest inside both, and adds a contact there.
 #[inline(always)]
 fn add_contacts<S: Simd>(
-    sides: [SmoothSide<'_>; 2],
+    sides: [&SurfaceSide<'_>; 2],
     settings: &PairSettings,
     found: &MeetingLanes<S>,
     lanes: u32,
     pairs: &mut [TouchingPair],
     contacts: &mut Vec<CompactContact>,
 ) {
-    let weights = [0, 1].map(|side| found.weights[side].0.map(stored));
+    let [WeightLanes([a, b]), WeightLanes([c, d])] = found.weights;
+    let weights = [[stored(a), stored(b)], [stored(c), stored(d)]];
     let between = found.between.stored();
     for lane in SetLanes(lanes) {
         let pair = &mut pairs[lane];
@@ -149,7 +257,7 @@ fn add_contacts<S: Simd>(
             let [second, third] = [f64::from(second[lane]), f64::from(third[lane])];
             [1.0 - second - third, second, third]
         });
-        let patches = [sides[0].patch(triangles[0]), sides[1].patch(triangles[1])];
+        let patches = [Patch::of(sides[0], triangles[0]), Patch::of(sides[1], triangles[1])];
         let Some(start) = between.get(lane).as_dvec3().try_normalize() else { continue };
         let Some(meeting) = closest_inside(&patches, weights, start) else { continue };
         let distance = meeting.distance * settings.scale;
@@ -159,7 +267,7 @@ fn add_contacts<S: Simd>(
         pair.distance = distance.max(0.0);
         // What is inside a body has its own way out, by its vertices.
         let is_inside = |side: usize, direction: DVec3| {
-            let surface = sides[side].surface;
+            let surface = sides[side];
             let outward = patches[side].normal(&meeting.weights[side]) * if surface.mirrored { -1.0 } else { 1.0 };
             !settings.same_surface && surface.one_sided && outward.dot(direction) < 0.0
         };
@@ -174,50 +282,4 @@ fn add_contacts<S: Simd>(
         };
         contacts.push(CompactContact::between_faces(triangles, settings.same_surface, place));
     }
-}
-
-/// The patches of eight pairs, relative to the first corners of the first ones, and how far both patches of each pair
-/// together may be from their triangles.
-#[inline(always)]
-fn gather<S: Simd>(
-    simd: S,
-    sides: [SmoothSide<'_>; 2],
-    triangles: &[[u32; WIDTH]; 2],
-) -> ([PatchLanes<S>; 2], f32x8<S>) {
-    let corners = [0, 1].map(|side| corners(simd, &sides[side], &triangles[side]));
-    let origin = corners[0][0];
-    let mut heights = f32x8::splat(simd, 0.0);
-    let patches = [0, 1].map(|side| {
-        let [p, q, r] = corners[side];
-        let offsets = offsets(simd, &sides[side], &triangles[side]);
-        let squared = |offset: VectorLanes<S>| offset.dot(offset);
-        heights += squared(offsets[0]).max(squared(offsets[1])).max(squared(offsets[2])).sqrt() * (1.0 / 3.0);
-        PatchLanes { corners: [(p - origin).rounded(), (q - origin).rounded(), (r - origin).rounded()], offsets }
-    });
-    (patches, heights)
-}
-
-#[inline(always)]
-fn corners<S: Simd>(simd: S, side: &SmoothSide<'_>, triangles: &[u32; WIDTH]) -> [DoubleVectorLanes<S>; 3] {
-    let (positions, all) = (side.surface.own_positions(), side.surface.topology.triangles());
-    let corner = |corner: usize| {
-        let vertices: [Vec3; WIDTH] =
-            std::array::from_fn(|lane| positions[all[triangles[lane] as usize][corner] as usize]);
-        VectorLanes::of(simd, vertices).widened().moved(simd, side.surface.moved.map(|moved| moved.pose))
-    };
-    [corner(0), corner(1), corner(2)]
-}
-
-#[inline(always)]
-fn offsets<S: Simd>(simd: S, side: &SmoothSide<'_>, triangles: &[u32; WIDTH]) -> [VectorLanes<S>; 3] {
-    let Some(edges) = side.edges else { return [VectorLanes::splat(simd, Vec3::ZERO); 3] };
-    let all = triangles.map(|triangle| edges.of_triangle(side.surface.topology, triangle));
-    let offset = |edge: usize| {
-        let offset = VectorLanes::of(simd, std::array::from_fn(|lane| all[lane][edge]));
-        match side.surface.moved {
-            Some(moved) => offset.widened().turned(simd, &moved.pose.to_affine().matrix3).rounded(),
-            None => offset,
-        }
-    };
-    [offset(0), offset(1), offset(2)]
 }

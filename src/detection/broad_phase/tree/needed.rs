@@ -1,7 +1,5 @@
 //! What traversals need of the triangles in the leaves of trees. Only that is brought up to date.
 
-use glam::Vec3;
-
 use crate::{
     detection::{
         pairs::{CandidateTrianglePairs, Frame, OtherSide, SurfacePair},
@@ -11,7 +9,7 @@ use crate::{
             near_lists::{KeptPairs, ListUse},
         },
         sides::pair_settings,
-        state::{SurfaceState, tree::SurfaceTree},
+        state::{SurfaceState, bounds::TriangleBounds, tree::SurfaceTree},
     },
     kernel::{
         bvh::{leaf_triangles::Region, tree::BoxTree},
@@ -121,7 +119,7 @@ impl SurfaceTree {
         &mut self,
         &NeededTriangles { needed, ref regions }: &NeededTriangles,
         surface: &ActiveSurface,
-        positions: &[Vec3],
+        bounds: &TriangleBounds,
         threads: usize,
     ) {
         if needed > Needed::Boxes && self.named_arrangement != self.tree.arrangement() {
@@ -133,7 +131,7 @@ impl SurfaceTree {
                 self.triangles.begin_update(&self.tree);
                 self.triangles_version = self.version;
             }
-            self.triangles.update_within(&Threads(threads), &self.tree, regions, &surface.topology, positions);
+            self.triangles.update_within(&Threads(threads), &self.tree, regions, &bounds.leaf_mesh(&surface.topology));
         }
     }
 
