@@ -25,6 +25,8 @@ pub(in crate::kernel) struct Fans {
 pub(super) struct Slot {
     pub(super) triangle: u32,
     pub(super) corner: u32,
+    /// The edge to the next triangle of the fan. [`NONE`] if there is none.
+    pub(super) next_edge: u32,
 }
 
 /// Both sides of an edge.
@@ -40,6 +42,18 @@ pub(super) struct EdgeSides {
 
 impl EdgeSides {
     const FLAT: Self = Self { triangles: [NONE; 2], ends: [0; 2], slots: [[NONE; 2]; 2] };
+
+    /// The first triangle on both sides.
+    pub(super) const AT_ZERO: Self = Self { triangles: [0; 2], ends: [0; 2], slots: [[0; 2]; 2] };
+
+    /// With the only triangle of a boundary on both sides.
+    #[inline]
+    pub(super) fn doubled(mut self) -> Self {
+        if self.triangles[1] == NONE {
+            (self.triangles[1], self.slots[1]) = (self.triangles[0], self.slots[0]);
+        }
+        self
+    }
 }
 
 impl Fans {
@@ -53,12 +67,15 @@ impl Fans {
             left.extend_from_slice(topology.triangles_of_vertex(VertexId(vertex)));
             while let Some(&start) = left.first() {
                 let closed = walk(topology, vertex, start, &mut run);
-                for &triangle in &run {
+                for (place, &triangle) in run.iter().enumerate() {
                     left.retain(|&other| other != triangle);
+                    let is_joined = closed || place + 1 < run.len();
                     for corner in 0..3 {
                         if topology.welded_triangles()[triangle as usize][corner] == vertex {
                             slot_of[triangle as usize][corner] = fans.slots.len() as u32;
-                            fans.slots.push(Slot { triangle, corner: corner as u32 });
+                            let after = topology.triangle_edges()[triangle as usize][(corner + 2) % 3];
+                            let next_edge = if is_joined { after } else { NONE };
+                            fans.slots.push(Slot { triangle, corner: corner as u32, next_edge });
                         }
                     }
                 }

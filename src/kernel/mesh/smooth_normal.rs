@@ -6,11 +6,14 @@
 //! Creases stay sharp. The two sides are weighted by their radii of curvature, like the line through the centers of two
 //! spheres. Runs last and only on request, on the places of contacts and the positions around them.
 
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
+
+use fearless_simd::{f32x8, prelude::*};
 use glam::{DQuat, DVec3, Vec3};
 
 use self::fan::{Across, Fan};
 use super::{barycentric::point_at, feature::Feature, topology::SurfaceTopology};
-use crate::kernel::pose::Pose;
+use crate::kernel::{pose::Pose, simd::lanes::VectorLanes};
 
 mod fan;
 
@@ -44,14 +47,18 @@ impl CreaseAngle {
         Self { from: squared_chord(0.5 * radians), to: squared_chord(radians) }
     }
 
-    /// 1 if two faces belong to one curved surface, 0 across a crease, and the cubic Hermite curve in between.
-    fn softness(&self, one: DVec3, other: DVec3) -> f64 {
-        self.softness_of(one.distance_squared(other))
+    /// Like [`softness`](Self::softness) for eight pairs of faces, by the vector between their unit normals.
+    #[inline(always)]
+    pub(super) fn softness_in_lanes<S: Simd>(&self, simd: S, between: VectorLanes<S>) -> f32x8<S> {
+        let width = (self.to - self.from) as f32;
+        let scale = if width > f32::MIN_POSITIVE { width.recip() } else { f32::MAX };
+        let t = ((between.dot(between) - self.from as f32) * scale).max(0.0).min(1.0);
+        f32x8::splat(simd, 1.0) - t * t * (f32x8::splat(simd, 3.0) - t * 2.0)
     }
 
-    /// Like [`softness`](Self::softness), by the squared distance of the two unit normals.
-    #[inline]
-    pub(super) fn softness_of(&self, chord: f64) -> f64 {
+    /// 1 if two faces belong to one curved surface, 0 across a crease, and the cubic Hermite curve in between.
+    fn softness(&self, one: DVec3, other: DVec3) -> f64 {
+        let chord = one.distance_squared(other);
         if chord <= self.from {
             1.0
         } else if chord >= self.to {

@@ -73,10 +73,10 @@ impl<S: Simd> ClosestLanes<S> {
         let all = f32x8::splat(simd, 0.0).simd_eq(0.0);
         let mut closest =
             Self { weights: [WeightLanes::splat(simd, 0.0); 2], squared: f32x8::splat(simd, f32::INFINITY) };
-        let (edges_a, edges_b) = (edges(a), edges(b));
+        let (edges_a, edges_b) = (edges(simd, a), edges(simd, b));
         for own in 0..3 {
             for other in 0..3 {
-                let (squared, along) = of_edges(simd, (a[own], &edges_a[own]), (b[other], &edges_b[other]));
+                let (squared, along) = of_edges(simd, &edges_a[own], &edges_b[other]);
                 let weights = [WeightLanes::on_edge(simd, own, along[0]), WeightLanes::on_edge(simd, other, along[1])];
                 closest.offer(all, squared, weights);
             }
@@ -100,18 +100,27 @@ impl<S: Simd> ClosestLanes<S> {
     }
 }
 
-/// An edge and its squared length.
-type EdgeLanes<S> = (VectorLanes<S>, f32x8<S>);
+/// An edge of each of eight triangles.
+struct EdgeLanes<S: Simd> {
+    start: VectorLanes<S>,
+    along: VectorLanes<S>,
+    /// The squared length, and one over it.
+    squared: f32x8<S>,
+    inverse: f32x8<S>,
+}
+
+impl<S: Simd> EdgeLanes<S> {
+    #[inline(always)]
+    fn new(simd: S, start: VectorLanes<S>, end: VectorLanes<S>) -> Self {
+        let along = end - start;
+        let squared = along.dot(along).max(NOTHING);
+        Self { start, along, squared, inverse: f32x8::splat(simd, 1.0) / squared }
+    }
+}
 
 #[inline(always)]
-fn edges<S: Simd>(corners: &[VectorLanes<S>; 3]) -> [EdgeLanes<S>; 3] {
-    let [p, q, r] = *corners;
-    let [first, second, third] = [q - p, r - q, p - r];
-    [
-        (first, first.dot(first).max(NOTHING)),
-        (second, second.dot(second).max(NOTHING)),
-        (third, third.dot(third).max(NOTHING)),
-    ]
+fn edges<S: Simd>(simd: S, &[p, q, r]: &[VectorLanes<S>; 3]) -> [EdgeLanes<S>; 3] {
+    [EdgeLanes::new(simd, p, q), EdgeLanes::new(simd, q, r), EdgeLanes::new(simd, r, p)]
 }
 
 #[inline(always)]
@@ -122,20 +131,17 @@ fn clamped<S: Simd>(share: f32x8<S>) -> f32x8<S> {
 /// The squared distance of two segments, and where along each the closest points are (Ericson, "Real-Time Collision
 /// Detection", 5.1.9).
 #[inline(always)]
-fn of_edges<S: Simd>(
-    simd: S,
-    (start, &(along, length)): (VectorLanes<S>, &EdgeLanes<S>),
-    (other_start, &(other_along, other_length)): (VectorLanes<S>, &EdgeLanes<S>),
-) -> (f32x8<S>, [f32x8<S>; 2]) {
-    let between = start - other_start;
-    let (own, other, cosine) = (along.dot(between), other_along.dot(between), along.dot(other_along));
-    let product = length * other_length;
+fn of_edges<S: Simd>(simd: S, a: &EdgeLanes<S>, b: &EdgeLanes<S>) -> (f32x8<S>, [f32x8<S>; 2]) {
+    let between = a.start - b.start;
+    let (own, other, cosine) = (a.along.dot(between), b.along.dot(between), a.along.dot(b.along));
+    let product = a.squared * b.squared;
     let determinant = product - cosine * cosine;
     let is_skew = determinant.simd_gt(product * PARALLEL);
-    let place = is_skew.select(clamped((cosine * other - own * other_length) / determinant), f32x8::splat(simd, 0.0));
-    let other_place = clamped((cosine * place + other) / other_length);
-    let place = clamped((cosine * other_place - own) / length);
-    let gap = between.plus(along.scaled(place)) - other_along.scaled(other_place);
+    let crossing = clamped((cosine * other - own * b.squared) / determinant);
+    let place = is_skew.select(crossing, f32x8::splat(simd, 0.0));
+    let other_place = clamped((cosine * place + other) * b.inverse);
+    let place = clamped((cosine * other_place - own) * a.inverse);
+    let gap = between.plus(a.along.scaled(place)) - b.along.scaled(other_place);
     (gap.dot(gap), [place, other_place])
 }
 

@@ -91,6 +91,22 @@ impl<S: Simd> PatchLanes<S> {
         (along * along).simd_ge(length * vector.dot(vector) * (1.0 - NORMAL)) & length.simd_gt(0.0)
     }
 
+    /// Whether a point lies on the border, and the closest point to another one lies beyond it, given the vector there.
+    #[inline(always)]
+    fn is_held(&self, simd: S, weights: &WeightLanes<S>, vector: VectorLanes<S>) -> mask32x8<S> {
+        let [u, v] = self.tangents(simd, weights);
+        let (uu, uv, vv) = (u.dot(u), u.dot(v), v.dot(v));
+        let (along_u, along_v) = (u.dot(vector), v.dot(vector));
+        let determinant = uu * vv - uv * uv;
+        let second = (vv * along_u - uv * along_v) / determinant;
+        let third = (uu * along_v - uv * along_u) / determinant;
+        let [b, c] = weights.0;
+        let a = Self::first_weight(simd, weights);
+        (a.simd_lt(AT_BORDER) & (second + third).simd_gt(BEYOND))
+            | (b.simd_lt(AT_BORDER) & second.simd_lt(-BEYOND))
+            | (c.simd_lt(AT_BORDER) & third.simd_lt(-BEYOND))
+    }
+
     /// The triangle that touches the patch at a point, with the same weights there.
     #[inline(always)]
     fn touching_triangle(&self, simd: S, weights: &WeightLanes<S>) -> [VectorLanes<S>; 3] {
@@ -107,14 +123,20 @@ pub(super) struct MeetingLanes<S: Simd> {
     pub(super) weights: [WeightLanes<S>; 2],
     /// From the point on the first patch to that on the second.
     pub(super) between: VectorLanes<S>,
-    /// Whether the vector between the points is nearly normal to both patches, and not zero. The patches may then be
-    /// closest inside both.
-    pub(super) is_nearly_normal: mask32x8<S>,
+    /// Whether the patches may be closest inside both: the vector between the points is nearly normal to both patches,
+    /// not zero, and no border holds a point.
+    pub(super) may_be_inside: mask32x8<S>,
 }
 
 /// The largest squared sine of the angle between a normal and the vector between points that may become the closest ones
 /// inside both patches. The steps get there slowly where the patches nearly touch.
 const NORMAL: f32 = 0.3;
+
+/// A point with a weight below the first number lies on the border of its patch. It is held there if the closest point
+/// to the other patch's point lies beyond the border by the second number. Both patches are then closest inside of them
+/// only in 1 of 100 cases in crumpled cloth, and a third as many pairs are left to look at.
+const AT_BORDER: f32 = 1.0e-3;
+const BEYOND: f32 = 1.0e-2;
 
 /// Finds the closest points of two patches each. The patches must be near the origin.
 #[inline(always)]
@@ -150,8 +172,10 @@ pub(super) fn closest<S: Simd>(simd: S, a: &PatchLanes<S>, b: &PatchLanes<S>) ->
             break;
         }
     }
+    let is_held = a.is_held(simd, &weights[0], gap) | b.is_held(simd, &weights[1], gap.negated());
     let is_apart = squared.simd_gt(SAME * SAME);
-    let is_nearly_normal = a.is_normal_to(simd, &weights[0], gap) & b.is_normal_to(simd, &weights[1], gap) & is_apart;
+    let may_be_inside =
+        a.is_normal_to(simd, &weights[0], gap) & b.is_normal_to(simd, &weights[1], gap) & is_apart & !is_held;
     let distance = is_apart.select(squared.sqrt() * size, f32x8::splat(simd, 0.0));
-    MeetingLanes { distance, weights, between: gap.scaled(size), is_nearly_normal }
+    MeetingLanes { distance, weights, between: gap.scaled(size), may_be_inside }
 }

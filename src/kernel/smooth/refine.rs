@@ -216,7 +216,7 @@ fn refine_blocks<S: Simd>(
                 distance_at_flat_points(sides, settings, pair)
             };
         }
-        let inside = requested & (found.is_nearly_normal & reached).to_bitmask() as u32;
+        let inside = requested & (found.may_be_inside & reached).to_bitmask() as u32;
         if inside != 0 {
             add_contacts(sides, settings, &found, inside, pairs, contacts);
         }

@@ -1,0 +1,243 @@
+//! The `c` of edges, eight at a time.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
+
+use fearless_simd::{Level, dispatch, f32x4, f32x8, mask32x8, prelude::*};
+use glam::{Vec3, Vec3A};
+
+use super::{MOST_OF_EDGE, faces::Face};
+use crate::kernel::{
+    mesh::{
+        fans::{EdgeSides, NONE},
+        smooth_normal::CreaseAngle,
+        topology::SurfaceTopology,
+    },
+    simd::{
+        lanes::{VectorLanes, WIDTH, columns, load_first, store_first, transposed},
+        parallel::{LEAST_SHARE, PART, Parallel},
+    },
+};
+
+/// An edge may move a point of its patch by at most this share of the least height of the triangles beside it. Long
+/// triangles across a change of curvature would err badly otherwise.
+const GUARD: f32 = 0.15;
+
+/// Keeps nearly parallel normals solvable.
+const DAMPING: f32 = 1.0e-3;
+
+/// Computes for each edge how smooth it is: 1 inside a curved surface and at boundaries, 0 at a crease.
+pub(super) fn compute_softness(
+    parallel: &impl Parallel,
+    sides: &[EdgeSides],
+    faces: &[Face],
+    crease: CreaseAngle,
+    softness: &mut Vec<f32>,
+) {
+    softness.resize(sides.len(), 1.0);
+    let parts = sides.chunks(PART).zip(softness.chunks_mut(PART));
+    parallel.run_tasks(parts, sides.len() / LEAST_SHARE, |(sides, softness)| {
+        dispatch!(Level::new(), simd => {
+            for (sides, softness) in sides.chunks(WIDTH).zip(softness.chunks_mut(WIDTH)) {
+                let [first, second] = EightEdges::new(sides).faces(simd, faces);
+                store_first(crease.softness_in_lanes(simd, first.normal - second.normal), softness);
+            }
+        });
+    });
+}
+
+/// What edges are computed from.
+#[derive(Clone, Copy)]
+pub(super) struct Edges<'a> {
+    pub(super) topology: &'a SurfaceTopology,
+    pub(super) positions: &'a [Vec3],
+    pub(super) faces: &'a [Face],
+    pub(super) softness: &'a [f32],
+    pub(super) normals: &'a [Vec3A],
+    pub(super) crease: CreaseAngle,
+}
+
+impl Edges<'_> {
+    /// Computes the `c` of all edges.
+    pub(super) fn compute(&self, parallel: &impl Parallel, offsets: &mut Vec<Vec3>) {
+        let sides = self.topology.fans().edges();
+        offsets.resize(sides.len(), Vec3::ZERO);
+        let parts = sides.chunks(PART).zip(offsets.chunks_mut(PART)).enumerate();
+        parallel.run_tasks(parts, sides.len() / LEAST_SHARE, |(part, (sides, offsets))| {
+            dispatch!(Level::new(), simd => {
+                for (block, (sides, offsets)) in sides.chunks(WIDTH).zip(offsets.chunks_mut(WIDTH)).enumerate() {
+                    let first = part * PART + block * WIDTH;
+                    self.offsets(simd, sides, &self.softness[first..first + sides.len()]).write(offsets);
+                    if self.topology.is_welded() {
+                        for (place, (sides, offset)) in sides.iter().zip(offsets).enumerate() {
+                            if self.are_apart(sides, (first + place) as u32) {
+                                *offset = Vec3::ZERO;
+                            }
+                        }
+                    }
+                }
+            });
+        });
+    }
+
+    #[inline(always)]
+    fn offsets<S: Simd>(&self, simd: S, sides: &[EdgeSides], softness: &[f32]) -> VectorLanes<S> {
+        let edges = EightEdges::new(sides);
+        let [face, other] = edges.faces(simd, self.faces);
+        let along = edges.along(simd, self.positions);
+        let [own_normals, other_normals] = edges.normals(simd, self.normals);
+        let own = SideLanes::new(simd, self.crease, &face, &own_normals, along);
+        let beyond = SideLanes::new(simd, self.crease, &other, &other_normals, along);
+        let (one, half) = (f32x8::splat(simd, 1.0), f32x8::splat(simd, 0.5));
+        let soft = load_first(simd, softness);
+        let mut offset = own.offset.plus(beyond.offset).scaled(half);
+        let is_crease = soft.simd_lt(1.0);
+        if is_crease.any_true() {
+            let blended = offset.scaled(soft).plus(on_crease(&own, &beyond).scaled(one - soft));
+            offset = VectorLanes::select(is_crease, blended, offset);
+        }
+        let offset = offset.scaled(own.fits.min(beyond.fits));
+        // Not longer than the guard allows.
+        let limit = face.height.min(other.height) * (GUARD / MOST_OF_EDGE);
+        let length = offset.dot(offset).sqrt();
+        let offset = offset.scaled((limit / length.max(f32::MIN_POSITIVE)).min(1.0));
+        let has_area = face.squared().simd_gt(0.5) & other.squared().simd_gt(0.5) & length.is_finite();
+        let is_curved = has_area & mask32x8::from_bitmask(simd, u64::from(edges.curved));
+        VectorLanes::select(is_curved, offset, VectorLanes::splat(simd, Vec3::ZERO))
+    }
+
+    /// Whether vertices that were welded at an end of the edge have moved apart.
+    #[inline]
+    fn are_apart(&self, sides: &EdgeSides, edge: u32) -> bool {
+        let other = sides.triangles[1] as usize;
+        if sides.triangles[1] == NONE {
+            return false;
+        }
+        let edges = self.topology.triangle_edges()[other];
+        let from = edges.iter().position(|&own| own == edge).unwrap_or_default();
+        let corners = self.topology.triangles()[other];
+        let ends = [corners[(from + 1) % 3], corners[from]];
+        (0..2).any(|end| self.positions[ends[end] as usize] != self.positions[sides.ends[end] as usize])
+    }
+}
+
+/// The sides of up to eight edges. A boundary has its only triangle on both sides.
+struct EightEdges {
+    sides: [EdgeSides; WIDTH],
+    /// Edges that may be curved, one bit each.
+    curved: u32,
+}
+
+impl EightEdges {
+    #[inline(always)]
+    fn new(sides: &[EdgeSides]) -> Self {
+        let mut edges = Self { sides: [EdgeSides::AT_ZERO; WIDTH], curved: 0 };
+        for (lane, (own, sides)) in edges.sides.iter_mut().zip(sides).enumerate() {
+            if sides.triangles[0] != NONE {
+                *own = sides.doubled();
+                edges.curved |= 1 << lane;
+            }
+        }
+        edges
+    }
+
+    #[inline(always)]
+    fn faces<S: Simd>(&self, simd: S, faces: &[Face]) -> [FaceLanes<S>; 2] {
+        let mut rows = [[f32x8::splat(simd, 0.0); WIDTH]; 2];
+        for lane in 0..WIDTH {
+            let [first, second] = self.sides[lane].triangles;
+            rows[0][lane] = f32x8::from_slice(simd, faces[first as usize].row());
+            rows[1][lane] = f32x8::from_slice(simd, faces[second as usize].row());
+        }
+        let [first, second] = rows;
+        [FaceLanes::new(first), FaceLanes::new(second)]
+    }
+
+    /// From the start of each edge to its end.
+    #[inline(always)]
+    fn along<S: Simd>(&self, simd: S, positions: &[Vec3]) -> VectorLanes<S> {
+        let mut along = [Vec3::ZERO; WIDTH];
+        for lane in 0..WIDTH {
+            let [start, end] = self.sides[lane].ends;
+            along[lane] = positions[end as usize] - positions[start as usize];
+        }
+        VectorLanes::of(simd, along)
+    }
+
+    /// The normals at both ends, for each side.
+    #[inline(always)]
+    fn normals<S: Simd>(&self, simd: S, normals: &[Vec3A]) -> [[VectorLanes<S>; 2]; 2] {
+        let mut rows = [[f32x4::splat(simd, 0.0); WIDTH]; 4];
+        for lane in 0..WIDTH {
+            for (number, &slot) in self.sides[lane].slots.as_flattened().iter().enumerate() {
+                let [x, y, z] = normals[slot as usize].to_array();
+                rows[number][lane] = f32x4::load_array(simd, [x, y, z, 0.0]);
+            }
+        }
+        let [a, b, c, d] = rows;
+        [[vectors(a), vectors(b)], [vectors(c), vectors(d)]]
+    }
+}
+
+#[inline(always)]
+fn vectors<S: Simd>(rows: [f32x4<S>; WIDTH]) -> VectorLanes<S> {
+    let [x, y, z, _] = columns(rows);
+    VectorLanes { x, y, z }
+}
+
+/// Eight faces.
+struct FaceLanes<S: Simd> {
+    normal: VectorLanes<S>,
+    height: f32x8<S>,
+}
+
+impl<S: Simd> FaceLanes<S> {
+    #[inline(always)]
+    fn new(rows: [f32x8<S>; WIDTH]) -> Self {
+        let [x, y, z, _, _, _, height, _] = transposed(rows);
+        Self { normal: VectorLanes { x, y, z }, height }
+    }
+
+    #[inline(always)]
+    fn squared(&self) -> f32x8<S> {
+        self.normal.dot(self.normal)
+    }
+}
+
+/// The `c` of eight edges by one of the triangles beside each.
+struct SideLanes<S: Simd> {
+    offset: VectorLanes<S>,
+    /// The sum of the normals at both ends.
+    normal: VectorLanes<S>,
+    /// From 1 to 0: how well these normals agree with the face.
+    fits: f32x8<S>,
+}
+
+impl<S: Simd> SideLanes<S> {
+    #[inline(always)]
+    fn new(
+        simd: S,
+        crease: CreaseAngle,
+        face: &FaceLanes<S>,
+        &[start, end]: &[VectorLanes<S>; 2],
+        along: VectorLanes<S>,
+    ) -> Self {
+        let (rise, fall) = (along.dot(end) * 0.5, along.dot(start) * 0.5);
+        let fits =
+            crease.softness_in_lanes(simd, start - face.normal) * crease.softness_in_lanes(simd, end - face.normal);
+        Self { offset: end.scaled(rise) - start.scaled(fall), normal: start.plus(end), fits }
+    }
+}
+
+/// The `c` of an edge between two curved surfaces: the shortest vector that rises over each of them like its own `c`.
+/// By least squares where the two are nearly one, or turn back on themselves.
+#[inline(always)]
+fn on_crease<S: Simd>(own: &SideLanes<S>, other: &SideLanes<S>) -> VectorLanes<S> {
+    let ((first, _), (second, _)) = (own.normal.normalized(), other.normal.normalized());
+    let (rise, other_rise) = (own.offset.dot(first), other.offset.dot(second));
+    // The shortest solution is a sum of both normals.
+    let cosine = first.dot(second);
+    let determinant = (1.0 + DAMPING) * (1.0 + DAMPING) - cosine * cosine;
+    let share = (rise * (1.0 + DAMPING) - cosine * other_rise) / determinant;
+    let other_share = (other_rise * (1.0 + DAMPING) - cosine * rise) / determinant;
+    first.scaled(share).plus(second.scaled(other_share))
+}
