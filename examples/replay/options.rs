@@ -24,7 +24,7 @@ pub struct Options {
     /// Contact method
     #[arg(long, value_enum, default_value_t = Method::Exact)]
     pub method: Method,
-    /// Collide like the smooth surface that the vertices lie on, for the exact methods
+    /// Collide like the smooth surface that the vertices lie on, for all methods but bounding-sphere
     #[arg(long)]
     pub smooth: bool,
     /// Broad phase that finds candidate pairs of triangles
@@ -120,7 +120,7 @@ pub enum OptionsError {
     NoSuchFrames(#[from] NoSuchFrames),
     #[error("{option} {value}: a contact distance of {distance} is beyond single precision")]
     TooFar { option: &'static str, value: f64, distance: f64 },
-    #[error("--smooth needs an exact method: closest, exact, or polygon")]
+    #[error("--smooth needs another method than bounding-sphere, which sees flat triangles")]
     SmoothSpheres,
     #[error("{option} {value}: expected a finite number, {least}")]
     OutOfRange { option: &'static str, value: f64, least: &'static str },
@@ -185,7 +185,7 @@ impl Options {
                 least: "more than 0",
             });
         }
-        if self.smooth && !ContactMethod::from(self.method).is_exact() {
+        if self.smooth && ContactMethod::from(self.method) == ContactMethod::BoundingSphere {
             return Err(OptionsError::SmoothSpheres);
         }
         let frames = self.frames.of(frame_count)?;

@@ -279,7 +279,7 @@ fn smooth_contacts_are_other_contacts_and_need_an_exact_method() {
     });
     assert!(smooth.lines().count() > 100);
     assert_ne!(flat, smooth);
-    refuse(&[&input, "--smooth", "--method", "circumsphere"], &["exact method"]);
+    refuse(&[&input, "--smooth", "--method", "bounding-sphere"], &["another method"]);
 }
 
 #[test]

@@ -10,17 +10,19 @@ use bevy_ecs::{prelude::*, system::SystemParam};
 use crate::{
     detection::{
         broad_phase::{MovedLeaves, Needed, Traversal},
+        exact::refine_pair,
         pairs::{CandidateTrianglePairs, OtherSide, SurfacePair},
         parallel::{Buffers, append_chunks},
         reuse::near_lists::KeptPairs,
-        sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps},
+        sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps, with_osculating},
         state::SurfaceStates,
     },
     kernel::{
         bvh::leaf_triangles::Region,
         exact::stage::{closest_pairs, exact_pairs},
         mesh::ids::TriangleId,
-        pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, shape_fates},
+        pair::{FoundPairs, SurfaceSide},
+        pair_fate::{PairFate, ball_fates, cap_fates, exact_fates, osculating_fates, shape_fates},
     },
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, ContactMethod},
@@ -31,8 +33,7 @@ use crate::{
 /// The answer is computed from the current state. Call it after
 /// [`DeformableSystems::Detect`](crate::DeformableSystems::Detect) and before positions or settings are written again,
 /// which may happen from [`DeformableSystems::Respond`](crate::DeformableSystems::Respond) on. Then the
-/// [`PairFate::Touching`] pairs are exactly the touching pairs of the [`ContactStore`](crate::ContactStore), unless one of
-/// the surfaces is [smooth](crate::SurfaceShape::Smooth): fates are those of the flat triangles.
+/// [`PairFate::Touching`] pairs are exactly the touching pairs of the [`ContactStore`](crate::ContactStore).
 ///
 /// ```
 /// # use bevy_app::prelude::*;
@@ -192,6 +193,11 @@ impl PairFates<'_, '_> {
                         map(&|chunk, fates| ball_fates(a, b, chunk, &settings, fates))
                     })
                 }
+                ContactMethod::Circumsphere if pair.is_smooth(&self.active) => {
+                    with_osculating(&self.active, self.states.all(), &self.surfaces, pair, |a, b| {
+                        map(&|chunk, fates| osculating_fates(a, b, chunk, &settings, fates))
+                    })
+                }
                 ContactMethod::Circumsphere => {
                     with_caps(&self.active, self.states.all(), &self.surfaces, pair, &SphereRows::default(), |a, b| {
                         map(&|chunk, fates| cap_fates(a, b, chunk, &settings, fates))
@@ -200,7 +206,17 @@ impl PairFates<'_, '_> {
                 ContactMethod::Closest | ContactMethod::Exact | ContactMethod::Polygon => {
                     let states = [pair.first, second].map(|place| &self.states.all()[place]);
                     let [a, b] = surface_sides(&self.active, pair, states)?;
-                    let examine = if pair.method == ContactMethod::Closest { closest_pairs } else { exact_pairs };
+                    let test = if pair.method == ContactMethod::Closest { closest_pairs } else { exact_pairs };
+                    let bulge = f64::from(pair.bulge);
+                    let examine =
+                        |a: &SurfaceSide<'_>, b: &SurfaceSide<'_>, pairs: &[[u32; 2]], found: &mut FoundPairs| {
+                            if bulge > 0.0 {
+                                test(a, b, pairs, &settings.widened(bulge), found);
+                                refine_pair([a, b], &settings, 1, found);
+                            } else {
+                                test(a, b, pairs, &settings, found);
+                            }
+                        };
                     Some(map(&|chunk, fates| exact_fates(&a, &b, chunk, &settings, examine, fates)))
                 }
             },

@@ -14,6 +14,7 @@ use crate::{
         pose::Pose,
         simd::parallel::Parallel,
         spheres::{
+            osculating_contacts::OsculatingSide,
             pairs::{BallSide, CapSide},
             rows::{BallRows, CapRows},
         },
@@ -40,6 +41,23 @@ pub(crate) fn pair_settings(pair: &SurfacePair, settings: &CircumsphereSettings)
         },
         same_surface: pair.is_self(),
     }
+}
+
+/// Calls `test` with the osculating spheres of both sides of a pair with a smooth surface.
+pub(crate) fn with_osculating<T>(
+    active: &ActiveSurfaces,
+    states: &[SurfaceState],
+    surfaces: &SphereQuery,
+    pair: &SurfacePair,
+    test: impl FnOnce(&OsculatingSide<'_>, &OsculatingSide<'_>) -> T,
+) -> Option<T> {
+    let OtherSide::Surface(second) = pair.second else { return None };
+    let (_, spheres_a, _) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
+    let (_, spheres_b, _) = surfaces.get(active.surfaces[second].entity).ok()?;
+    let [surface_a, surface_b] = surface_sides(active, pair, [&states[pair.first], &states[second]])?;
+    let a = OsculatingSide { surface: surface_a, curvatures: &spheres_a.curvatures };
+    let b = OsculatingSide { surface: surface_b, curvatures: &spheres_b.curvatures };
+    Some(test(&a, &b))
 }
 
 /// Both surfaces of a pair in its frame. `None` if the second side is a shape.
@@ -151,7 +169,7 @@ impl SphereRows {
         parallel: &impl Parallel,
     ) {
         let Self { caps, balls, counts } = self;
-        count_pairs(active.surfaces.len(), pairs, counts);
+        count_pairs(active, pairs, counts);
         caps.resize_with(counts.len(), MadeRows::default);
         balls.resize_with(counts.len(), MadeRows::default);
         let all_rows = balls.iter_mut().zip(caps);
@@ -197,14 +215,18 @@ impl SphereRows {
     }
 }
 
-fn count_pairs<'a>(surface_count: usize, pairs: impl Iterator<Item = &'a SurfacePair>, counts: &mut Vec<[usize; 2]>) {
+fn count_pairs<'a>(
+    active: &ActiveSurfaces,
+    pairs: impl Iterator<Item = &'a SurfacePair>,
+    counts: &mut Vec<[usize; 2]>,
+) {
     counts.clear();
-    counts.resize(surface_count, [0; 2]);
+    counts.resize(active.surfaces.len(), [0; 2]);
     for pair in pairs {
         let OtherSide::Surface(second) = pair.second else { continue };
         let method = match pair.method {
             ContactMethod::BoundingSphere => 0,
-            ContactMethod::Circumsphere => 1,
+            ContactMethod::Circumsphere if !pair.is_smooth(active) => 1,
             _ => continue,
         };
         let places = if pair.is_self() { &[pair.first][..] } else { &[pair.first, second] };

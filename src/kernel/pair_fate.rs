@@ -15,6 +15,7 @@ use super::{
     pose::Pose,
     spheres::{
         contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
+        osculating_contacts::{OsculatingSide, osculating_contacts},
         pairs::{BallSide, CapSide, CapTests, caps_passing},
     },
 };
@@ -180,6 +181,22 @@ pub fn cap_fates(
     fates.passed(PairFate::Distance, touching(&found));
 }
 
+/// Appends the fate of each candidate with the method `Circumsphere`, if one of the surfaces is smooth.
+pub fn osculating_fates(
+    a: &OsculatingSide<'_>,
+    b: &OsculatingSide<'_>,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    fates: &mut Vec<PairFate>,
+) {
+    let mut fates = Fates::append(candidates, fates);
+    let left = without_neighbors(&a.surface, candidates, settings);
+    fates.passed(PairFate::Neighbors, left.iter().copied());
+    let mut found = FoundPairs::default();
+    osculating_contacts(a, b, &left, settings, &mut Vec::new(), &mut found);
+    fates.passed(PairFate::Distance, touching(&found));
+}
+
 /// Appends the fate of each candidate with an exact method, `examine`:
 /// [`exact_pairs`](super::exact::stage::exact_pairs) or [`closest_pairs`](super::exact::stage::closest_pairs). The
 /// broad phase has dropped the pairs that slabs separate.
@@ -188,14 +205,14 @@ pub fn exact_fates(
     b: &SurfaceSide<'_>,
     candidates: &[[u32; 2]],
     settings: &PairSettings,
-    examine: impl Fn(&SurfaceSide<'_>, &SurfaceSide<'_>, &[[u32; 2]], &PairSettings, &mut FoundPairs),
+    examine: impl Fn(&SurfaceSide<'_>, &SurfaceSide<'_>, &[[u32; 2]], &mut FoundPairs),
     fates: &mut Vec<PairFate>,
 ) {
     let mut fates = Fates::append(candidates, fates);
     let mut found = FoundPairs::default();
     let candidates = without_neighbors(a, candidates, settings);
     fates.passed(PairFate::Neighbors, candidates.iter().copied());
-    examine(a, b, &candidates, settings, &mut found);
+    examine(a, b, &candidates, &mut found);
     fates.passed(PairFate::Distance, touching(&found));
 }
 

@@ -3,4 +3,5 @@
 mod bodies;
 mod distances;
 mod plugin;
+mod spheres;
 mod touching;

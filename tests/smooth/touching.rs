@@ -177,6 +177,25 @@ fn patches_of_bodies_touch_like_the_reference() {
     assert!(different > 100, "{different}");
 }
 
+/// Osculating spheres are not the patches, but nearly.
+#[test]
+fn spheres_touch_nearly_where_patches_do() {
+    let Some(folder) = recordings_folder() else { return };
+    for (name, frame) in [("rumba_36_60", 30), ("bunny_3485", 20), ("mat100x100", 4), ("thick_cloth", 3)] {
+        let recording = read_recording(&[folder.join(format!("{name}.bin"))]).expect("the recording is valid");
+        let frame = frame.min(recording.frames.len() - 1);
+        let of =
+            |frame: usize| -> Vec<Vec3> { recording.frames[frame].iter().copied().map(Vec3::from_array).collect() };
+        let rest = of(0);
+        let patches = Patches::new(&rest, of(frame), &recording.triangles, true);
+        let distance = 0.1 * patches.edge;
+        let app = app(ContactMethod::Circumsphere, &[(&patches, &rest, SurfaceShape::Smooth)], distance);
+        let Counts { touching, missed, surplus, worst, .. } = compare(&app, &patches, None, distance);
+        println!("{name}: {touching} touch, {missed} missed, {surplus} do not touch, worst {worst}");
+        assert!(missed + surplus <= touching / 50, "{name}: {missed} missed and {surplus} surplus of {touching}");
+    }
+}
+
 #[test]
 fn patches_of_recordings_touch_like_the_reference() {
     let Some(folder) = recordings_folder() else { return };

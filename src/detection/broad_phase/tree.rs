@@ -295,8 +295,9 @@ impl<'a> Traversal<'a> {
             triangles: [triangles, tree_triangles],
             neighbors: is_self,
             slabs,
-            // `Circumsphere` tests planes itself, and must drop the same pairs whatever finds its candidates.
-            planes_only: !pair.method.is_exact(),
+            // `Circumsphere` tests planes itself, and must drop the same pairs whatever finds its candidates. It loses no
+            // pair of a smooth surface.
+            planes_only: !pair.method.is_exact() && !pair.is_smooth(active),
         });
         Some(Self { leaves, tree, is_self, is_reversed: side == 1, cull })
     }

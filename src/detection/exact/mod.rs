@@ -7,7 +7,8 @@ use bevy_ecs::prelude::*;
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 
-use self::{penetration::PenetrationBuffers, rows::fill_rows, smooth::refine_pair};
+pub(super) use self::smooth::refine_pair;
+use self::{penetration::PenetrationBuffers, rows::fill_rows};
 use crate::{
     detection::{
         pair_contacts::PairContacts,

@@ -16,7 +16,7 @@ const CHUNK: usize = 256;
 
 /// Moves what was found on flat triangles, with [widened](PairSettings::widened) distances, to the patches of a pair of
 /// surfaces.
-pub(super) fn refine_pair(
+pub(in crate::detection) fn refine_pair(
     sides: [&SurfaceSide<'_>; 2],
     settings: &PairSettings,
     threads: usize,

@@ -8,7 +8,7 @@ use glam::Vec3;
 use crate::{
     kernel::{mesh::bounds::Aabb, pose::Pose},
     settings::EVENT_HYSTERESIS,
-    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod},
+    surface::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactMethod, SurfaceShape},
 };
 
 mod moved;
@@ -86,6 +86,12 @@ impl SurfacePair {
             Frame::First => [first, &self.moved_positions],
             Frame::Second => [&self.moved_positions, second],
         }
+    }
+
+    /// Whether one of the surfaces is smooth.
+    pub(crate) fn is_smooth(&self, active: &ActiveSurfaces) -> bool {
+        let is_smooth = |place: usize| active.surfaces[place].shape == SurfaceShape::Smooth;
+        is_smooth(self.first) || matches!(self.second, OtherSide::Surface(second) if is_smooth(second))
     }
 
     /// The poses of the first and second surface in the pair's frame.

@@ -13,7 +13,7 @@ use crate::{
         pairs::CandidateTrianglePairs,
         parallel::{CHUNK, for_each_weighed},
         reuse::DetectionMemory,
-        sides::{SphereQuery, SphereRows, pair_settings, with_caps},
+        sides::{SphereQuery, SphereRows, pair_settings, with_caps, with_osculating},
         spheres::{
             lists::{PassedAndFound, SphereBuffers, SphereTests},
             overlap::{OverlappingTrianglePairs, SphereContacts},
@@ -26,6 +26,7 @@ use crate::{
         pair::{FoundPairs, PairSettings},
         spheres::{
             contacts::{cap_contacts, meeting_caps},
+            osculating_contacts::{OsculatingSide, osculating_contacts},
             pairs::CapSide,
         },
     },
@@ -108,10 +109,18 @@ fn test_cones(
                 return;
             }
             let pair_settings = pair_settings(pair, &settings);
+            let with_points = settings.sphere_contacts == SphereContactDetail::Points;
+            let buffers = (threads, &*buffers);
+            if pair.is_smooth(&active) {
+                with_osculating(&active, states.all(), &surfaces, pair, |a, b| {
+                    let tests = OsculatingTests { a, b, settings: &pair_settings };
+                    *meeting = contacts.find_spheres(overlapping, &pair_settings, buffers, &tests, with_points);
+                });
+                return;
+            }
             with_caps(&active, states.all(), &surfaces, pair, &rows, |a, b| {
                 let tests = CapTests { a, b, settings: &pair_settings };
-                let with_points = settings.sphere_contacts == SphereContactDetail::Points;
-                *meeting = contacts.find_spheres(overlapping, &pair_settings, (threads, &buffers), &tests, with_points);
+                *meeting = contacts.find_spheres(overlapping, &pair_settings, buffers, &tests, with_points);
             });
         },
     );
@@ -147,5 +156,22 @@ impl SphereTests for CapTests<'_> {
 
     fn write(&self, pairs: &[[u32; 2]], found: &mut FoundPairs) {
         cap_contacts(self.a, self.b, pairs, self.settings, found);
+    }
+}
+
+/// Finds the contacts of a pair with a smooth surface.
+struct OsculatingTests<'a> {
+    a: &'a OsculatingSide<'a>,
+    b: &'a OsculatingSide<'a>,
+    settings: &'a PairSettings,
+}
+
+impl SphereTests for OsculatingTests<'_> {
+    fn find(&self, pairs: &[[u32; 2]], (passed, found): &mut PassedAndFound) {
+        osculating_contacts(self.a, self.b, pairs, self.settings, passed, found);
+    }
+
+    fn write(&self, pairs: &[[u32; 2]], found: &mut FoundPairs) {
+        osculating_contacts(self.a, self.b, pairs, self.settings, &mut Vec::new(), found);
     }
 }

@@ -15,7 +15,7 @@ use crate::{
     diagnostics::DetectionDiagnostics,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces, ContactMethod, SphereSource, TriangleCurvature},
+    surface::{ActiveSurface, ActiveSurfaces, ContactMethod, SphereSource, SurfaceShape, TriangleCurvature},
 };
 
 /// Computes curvature.
@@ -56,7 +56,8 @@ fn measure_curvature(
     let mut any_made = false;
     for ((surface, state), used) in active.surfaces.iter().zip(states.all()).zip(used.iter().copied()) {
         let Ok(mut curvature) = surfaces.get_mut(surface.entity) else { continue };
-        if used {
+        // The spheres of a smooth surface follow its curved edges.
+        if used && surface.shape == SurfaceShape::Flat {
             let (source, is_reusable) = source(surface, state, &memory, &settings);
             if is_reusable && curvature.source == Some(source) {
                 continue;
@@ -65,7 +66,7 @@ fn measure_curvature(
             let share = Threads(settings.threads);
             curvature.data.measure_on(&share, &surface.topology, state.positions(), settings.estimator);
             curvature.source = Some(source);
-        } else if surface.method > ContactMethod::Circumsphere && !curvature.curvatures.is_empty() {
+        } else if !used && surface.method > ContactMethod::Circumsphere && !curvature.curvatures.is_empty() {
             // The method has changed. Data that no pair needs takes no memory.
             *curvature = TriangleCurvature::default();
         }

@@ -131,6 +131,12 @@ fn test_overlap(
             let pair_settings = pair_settings(pair, &settings);
             if pair.method == ContactMethod::Circumsphere {
                 let mut kept = room;
+                if pair.is_smooth(&active) {
+                    // Osculating spheres of flat regions are too large to part anything that slabs have not parted.
+                    kept.extend_from_slice(&pair.triangles);
+                    overlapping.put(kept);
+                    return;
+                }
                 with_caps(&active, states.all(), &surfaces, pair, &rows, |a, b| {
                     let test = |chunk: &[[u32; 2]], kept: &mut _| overlapping_caps(a, b, chunk, &pair_settings, kept);
                     append_chunks(&pair.triangles, threads, &spare, &mut kept, test, Vec::append);

@@ -107,6 +107,12 @@ fn refit_spheres(
             }
             any_made = true;
             let share = Threads(settings.threads);
+            if let Some(curved) = state.bounds.curved() {
+                let triangles = surface.topology.triangles();
+                spheres.data.osculate_on(&share, state.positions(), triangles, curved, &mut cones.data);
+                (spheres.source, cones.source) = (Some(source), Some(source));
+                continue;
+            }
             diagnostics.recipes_refreshed += spheres.data.refit_on(
                 &share,
                 state.positions(),

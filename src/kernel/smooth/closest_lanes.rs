@@ -14,7 +14,7 @@ const NOTHING: f32 = 1.0e-30;
 
 /// The weights of the second and the third corner at a point of each of eight triangles.
 #[derive(Clone, Copy)]
-pub(super) struct WeightLanes<S: Simd>(pub(super) [f32x8<S>; 2]);
+pub(in crate::kernel) struct WeightLanes<S: Simd>(pub(in crate::kernel) [f32x8<S>; 2]);
 
 impl<S: Simd> WeightLanes<S> {
     #[inline(always)]
@@ -52,8 +52,8 @@ impl<S: Simd> WeightLanes<S> {
 }
 
 /// The closest points of pairs of triangles.
-pub(super) struct ClosestLanes<S: Simd> {
-    pub(super) weights: [WeightLanes<S>; 2],
+pub(in crate::kernel) struct ClosestLanes<S: Simd> {
+    pub(in crate::kernel) weights: [WeightLanes<S>; 2],
     squared: f32x8<S>,
 }
 
@@ -69,7 +69,7 @@ impl<S: Simd> ClosestLanes<S> {
 
     /// Finds the closest points of two triangles each. Where they cross, a point that both share.
     #[inline(always)]
-    pub(super) fn of(simd: S, a: &[VectorLanes<S>; 3], b: &[VectorLanes<S>; 3]) -> Self {
+    pub(in crate::kernel) fn of(simd: S, a: &[VectorLanes<S>; 3], b: &[VectorLanes<S>; 3]) -> Self {
         let all = f32x8::splat(simd, 0.0).simd_eq(0.0);
         let mut closest =
             Self { weights: [WeightLanes::splat(simd, 0.0); 2], squared: f32x8::splat(simd, f32::INFINITY) };
@@ -146,15 +146,15 @@ fn of_edges<S: Simd>(simd: S, a: &EdgeLanes<S>, b: &EdgeLanes<S>) -> (f32x8<S>, 
 }
 
 /// Where a corner is over a triangle.
-struct FootLanes<S: Simd> {
+pub(in crate::kernel) struct FootLanes<S: Simd> {
     /// Above the plane, in units of the length.
     height: f32x8<S>,
-    weights: WeightLanes<S>,
-    is_inside: mask32x8<S>,
+    pub(in crate::kernel) weights: WeightLanes<S>,
+    pub(in crate::kernel) is_inside: mask32x8<S>,
 }
 
 /// What is needed of a triangle to tell where points are over it.
-struct FaceLanes<S: Simd> {
+pub(in crate::kernel) struct FaceLanes<S: Simd> {
     origin: VectorLanes<S>,
     sides: [VectorLanes<S>; 2],
     /// The squared lengths of both sides, and between them their product.
@@ -168,7 +168,7 @@ struct FaceLanes<S: Simd> {
 
 impl<S: Simd> FaceLanes<S> {
     #[inline(always)]
-    fn new(simd: S, &[origin, second, third]: &[VectorLanes<S>; 3]) -> Self {
+    pub(in crate::kernel) fn new(simd: S, &[origin, second, third]: &[VectorLanes<S>; 3]) -> Self {
         let sides = [second - origin, third - origin];
         let products = [sides[0].dot(sides[0]), sides[0].dot(sides[1]), sides[1].dot(sides[1])];
         let normal = sides[0].cross(sides[1]);
@@ -179,7 +179,7 @@ impl<S: Simd> FaceLanes<S> {
     }
 
     #[inline(always)]
-    fn foot(&self, simd: S, point: VectorLanes<S>) -> FootLanes<S> {
+    pub(in crate::kernel) fn foot(&self, simd: S, point: VectorLanes<S>) -> FootLanes<S> {
         let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
         let between = point - self.origin;
         let [along_first, along_second] = [between.dot(self.sides[0]), between.dot(self.sides[1])];

@@ -61,6 +61,16 @@ impl<S: Simd> GatheredPatches<S> {
     }
 }
 
+/// The corners of eight triangles in the frame of a pair.
+#[inline(always)]
+pub(in crate::kernel) fn corners_of<S: Simd>(
+    simd: S,
+    side: &SurfaceSide<'_>,
+    triangles: &[u32; WIDTH],
+) -> [DoubleVectorLanes<S>; 3] {
+    corners(simd, side, triangles, &[0; WIDTH])
+}
+
 #[inline(always)]
 fn corners<S: Simd>(
     simd: S,

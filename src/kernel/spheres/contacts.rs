@@ -32,17 +32,17 @@ mod estimate;
 
 /// Eight contacts of two whole triangles by their spheres, in the pair's frame.
 pub(in crate::kernel) struct FaceContacts<S: Simd> {
-    triangles: TrianglePairLanes<S>,
+    pub(super) triangles: TrianglePairLanes<S>,
     /// Contact points on the first and the second side.
-    points: [VectorLanes<S>; 2],
+    pub(super) points: [VectorLanes<S>; 2],
     /// From the first side to the second.
-    normal: VectorLanes<S>,
+    pub(super) normal: VectorLanes<S>,
     /// From one point to the other, along the normal.
-    gap: f64x8<S>,
+    pub(super) gap: f64x8<S>,
     /// Lower bound of the distance of the triangles, as the method knows it. At least 0.
-    distance: f64x8<S>,
+    pub(super) distance: f64x8<S>,
     /// Where there is a contact.
-    meet: mask32x8<S>,
+    pub(super) meet: mask32x8<S>,
 }
 
 /// How far apart eight pairs are, in world units.

@@ -6,6 +6,8 @@ pub mod circumsphere;
 pub mod cone;
 pub mod contacts;
 pub mod curvature;
+mod osculating;
+pub mod osculating_contacts;
 pub mod pairs;
 pub(in crate::kernel) mod recipe;
 pub mod rows;
