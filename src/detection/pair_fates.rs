@@ -229,7 +229,7 @@ impl PairFates<'_, '_> {
             let (Some(surface), Some(_)) = (self.active.surfaces.get(place), self.states.all().get(place)) else {
                 return false;
             };
-            let Ok((balls, spheres, cones)) = self.surfaces.get(surface.entity) else { return false };
+            let Ok((balls, spheres, cones, _)) = self.surfaces.get(surface.entity) else { return false };
             let count = surface.topology.triangles().len();
             let has_spheres = match pair.method {
                 ContactMethod::BoundingSphere => balls.len() == count,

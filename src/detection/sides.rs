@@ -20,12 +20,22 @@ use crate::{
         },
     },
     settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces, Circumspheres, ContactMethod, EnclosingBalls, TriangleCones},
+    surface::{
+        ActiveSurface, ActiveSurfaces, Circumspheres, ContactMethod, EnclosingBalls, SurfaceShape, TriangleCones,
+        TriangleCurvature,
+    },
 };
 
+/// The spheres of a surface.
+type SphereData = (
+    Ref<'static, EnclosingBalls>,
+    Ref<'static, Circumspheres>,
+    Ref<'static, TriangleCones>,
+    &'static TriangleCurvature,
+);
+
 /// The spheres of every surface.
-pub(crate) type SphereQuery<'w, 's> =
-    Query<'w, 's, (Ref<'static, EnclosingBalls>, Ref<'static, Circumspheres>, Ref<'static, TriangleCones>)>;
+pub(crate) type SphereQuery<'w, 's> = Query<'w, 's, SphereData>;
 
 /// The distances of a pair, for the kernel.
 pub(crate) fn pair_settings(pair: &SurfacePair, settings: &CircumsphereSettings) -> PairSettings {
@@ -52,12 +62,19 @@ pub(crate) fn with_osculating<T>(
     test: impl FnOnce(&OsculatingSide<'_>, &OsculatingSide<'_>) -> T,
 ) -> Option<T> {
     let OtherSide::Surface(second) = pair.second else { return None };
-    let (_, spheres_a, _) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
-    let (_, spheres_b, _) = surfaces.get(active.surfaces[second].entity).ok()?;
-    let [surface_a, surface_b] = surface_sides(active, pair, [&states[pair.first], &states[second]])?;
-    let a = OsculatingSide { surface: surface_a, curvatures: &spheres_a.curvatures };
-    let b = OsculatingSide { surface: surface_b, curvatures: &spheres_b.curvatures };
-    Some(test(&a, &b))
+    let places = [pair.first, second];
+    let curvatures = |place: usize| -> Option<&[f32]> {
+        let surface = &active.surfaces[place];
+        if surface.shape == SurfaceShape::Flat {
+            return Some(&[]);
+        }
+        let (.., curvature) = surfaces.get(surface.entity).ok()?;
+        (curvature.curvatures.len() == surface.topology.triangles().len()).then_some(&*curvature.curvatures)
+    };
+    let sides = surface_sides(active, pair, places.map(|place| &states[place]))?;
+    let [a, b] =
+        [0, 1].map(|side| Some(OsculatingSide { surface: sides[side], curvatures: curvatures(places[side])? }));
+    Some(test(&a?, &b?))
 }
 
 /// Both surfaces of a pair in its frame. `None` if the second side is a shape.
@@ -176,7 +193,7 @@ impl SphereRows {
         for (((active, state), &[by_balls, by_caps]), (ball_rows, cap_rows)) in
             active.surfaces.iter().zip(states).zip(&*counts).zip(all_rows)
         {
-            let Ok((balls, spheres, cones)) = surfaces.get(active.entity) else { continue };
+            let Ok((balls, spheres, cones, _)) = surfaces.get(active.entity) else { continue };
             let (topology, positions) = (&*active.topology, state.positions());
             let surface = SurfaceSide {
                 topology,
@@ -273,8 +290,8 @@ pub(crate) fn with_caps<T>(
     test: impl FnOnce(&CapSide<'_>, &CapSide<'_>) -> T,
 ) -> Option<T> {
     let OtherSide::Surface(second) = pair.second else { return None };
-    let (_, spheres_a, cones_a) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
-    let (_, spheres_b, cones_b) = surfaces.get(active.surfaces[second].entity).ok()?;
+    let (_, spheres_a, cones_a, _) = surfaces.get(active.surfaces[pair.first].entity).ok()?;
+    let (_, spheres_b, cones_b, _) = surfaces.get(active.surfaces[second].entity).ok()?;
     let [surface_a, surface_b] = surface_sides(active, pair, [&states[pair.first], &states[second]])?;
     let [pose_a, pose_b] = pair.poses();
     let side = |place: usize, surface, spheres, cones, pose| {

@@ -112,7 +112,9 @@ pub(super) fn draw(
     });
     draw_faces(writer, Layer::RecipeAge, settings.recipe_age, touches, &surfaces, |caps, kept| {
         let all: Vec<u32> = caps.spheres.recipe_ages().collect();
-        let ages: Vec<u32> = kept.iter().map(|&triangle| all[triangle as usize]).collect();
+        // Osculating spheres have no recipes, and are made in every tick.
+        let age = |triangle: u32| all.get(triangle as usize).copied().unwrap_or(0);
+        let ages: Vec<u32> = kept.iter().map(|&triangle| age(triangle)).collect();
         let face_colors = ages.iter().copied().map(colors::age).collect();
         (face_colors, values::whole(values::triangles(kept), "recipe_age", &ages))
     });

@@ -15,7 +15,7 @@ use crate::{
     diagnostics::DetectionDiagnostics,
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurface, ActiveSurfaces, ContactMethod, SphereSource, SurfaceShape, TriangleCurvature},
+    surface::{ActiveSurface, ActiveSurfaces, ContactMethod, SphereSource, TriangleCurvature},
 };
 
 /// Computes curvature.
@@ -56,17 +56,20 @@ fn measure_curvature(
     let mut any_made = false;
     for ((surface, state), used) in active.surfaces.iter().zip(states.all()).zip(used.iter().copied()) {
         let Ok(mut curvature) = surfaces.get_mut(surface.entity) else { continue };
-        // The spheres of a smooth surface follow its curved edges.
-        if used && surface.shape == SurfaceShape::Flat {
+        if used {
             let (source, is_reusable) = source(surface, state, &memory, &settings);
             if is_reusable && curvature.source == Some(source) {
                 continue;
             }
             any_made = true;
             let share = Threads(settings.threads);
-            curvature.data.measure_on(&share, &surface.topology, state.positions(), settings.estimator);
+            if let Some(curved) = state.bounds.curved() {
+                curvature.data.osculate_on(&share, state.positions(), surface.topology.triangles(), curved);
+            } else {
+                curvature.data.measure_on(&share, &surface.topology, state.positions(), settings.estimator);
+            }
             curvature.source = Some(source);
-        } else if !used && surface.method > ContactMethod::Circumsphere && !curvature.curvatures.is_empty() {
+        } else if surface.method > ContactMethod::Circumsphere && !curvature.curvatures.is_empty() {
             // The method has changed. Data that no pair needs takes no memory.
             *curvature = TriangleCurvature::default();
         }

@@ -17,7 +17,9 @@ use crate::{
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
-    surface::{ActiveSurfaces, Circumspheres, ContactMethod, EnclosingBalls, TriangleCones, TriangleCurvature},
+    surface::{
+        ActiveSurfaces, Circumspheres, ContactMethod, EnclosingBalls, SurfaceShape, TriangleCones, TriangleCurvature,
+    },
 };
 
 /// Refits balls, spheres, and cones.
@@ -107,9 +109,9 @@ fn refit_spheres(
             }
             any_made = true;
             let share = Threads(settings.threads);
-            if let Some(curved) = state.bounds.curved() {
-                let triangles = surface.topology.triangles();
-                spheres.data.osculate_on(&share, state.positions(), triangles, curved, &mut cones.data);
+            if surface.shape == SurfaceShape::Smooth {
+                let (triangles, curvatures) = (surface.topology.triangles(), &curvature.curvatures);
+                spheres.data.osculate_on(&share, state.positions(), triangles, curvatures, &mut cones.data);
                 (spheres.source, cones.source) = (Some(source), Some(source));
                 continue;
             }

@@ -257,9 +257,6 @@ pub struct OffsetSpheres {
     pub radii: Vec<f32>,
     /// Heights of the in-plane centers above the sphere centers.
     pub heights: Vec<f32>,
-    /// Signed curvatures of the osculating spheres of a smooth surface: greater than 0 where it is convex, and 0 where
-    /// it is flat. Empty for a flat surface.
-    pub curvatures: Vec<f32>,
     recipes: Vec<RecipeBlock>,
     /// The number of triangles with recipes.
     recipe_count: usize,
@@ -318,7 +315,6 @@ impl OffsetSpheres {
     ) -> usize {
         let count = triangles.len();
         let all_fresh = self.recipe_count != count;
-        self.curvatures = Vec::new();
         self.recipes.resize(count.div_ceil(WIDTH), RecipeBlock::EMPTY);
         self.recipe_count = count;
         self.centers.resize(count, Vec3::ZERO);

@@ -39,7 +39,8 @@ pub enum CurvatureEstimator {
 /// Curvatures and dihedral angles of a surface's triangles, and the buffers that they are computed in.
 #[derive(Clone, Debug, Default)]
 pub struct Curvatures {
-    /// Curvature of each triangle, in 1/length.
+    /// Curvature of each triangle, in 1/length. For a smooth surface the signed curvature of its osculating sphere:
+    /// greater than 0 where it is convex.
     pub curvatures: Vec<f32>,
     /// Dihedral angle across edge `k` of each triangle, in radians from −π to π. Positive where convex, 0 at a boundary
     /// and next to a triangle without area.

@@ -14,17 +14,18 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*};
 use glam::Vec3;
 
 use super::{
     circumsphere::{OBTUSE_REACH, OffsetSpheres},
     cone::SafetyCones,
+    curvature::Curvatures,
 };
 use crate::kernel::{
     mesh::curved_edges::CurvedEdges,
     simd::{
-        lanes::{EdgeChoice, FrameLanes, TriangleLanes, VectorLanes, WIDTH, store_first},
+        lanes::{EdgeChoice, FrameLanes, TriangleLanes, VectorLanes, WIDTH, load_first, store_first},
         parallel::{LEAST_SHARE, PART, Parallel},
     },
 };
@@ -70,7 +71,7 @@ impl<S: Simd> OsculatingLanes<S> {
 
     /// The same spheres, seen from the other side where a mask is set.
     #[inline(always)]
-    pub(super) fn turned(self, mask: fearless_simd::mask32x8<S>) -> Self {
+    pub(super) fn turned(self, mask: mask32x8<S>) -> Self {
         Self {
             normal: VectorLanes::select(mask, self.normal.negated(), self.normal),
             curvature: mask.select(-self.curvature, self.curvature),
@@ -141,32 +142,84 @@ fn curvatures<S: Simd>(
     product / (((one + doubled) * 0.5).sqrt() * radius)
 }
 
-impl OffsetSpheres {
-    /// Writes the osculating sphere of every triangle of a smooth surface, with its cone: the directions of its cap's
-    /// normals.
+impl Curvatures {
+    /// Measures the signed curvatures of the osculating spheres of a smooth surface. Dihedral angles and spreads are not
+    /// measured.
     pub fn osculate_on(
         &mut self,
         parallel: &impl Parallel,
         positions: &[Vec3],
         triangles: &[[u32; 3]],
         curved: &CurvedEdges,
+    ) {
+        self.dihedrals.clear();
+        self.spreads.clear();
+        self.curvatures.resize(triangles.len(), 0.0);
+        let parts = triangles.chunks(PART).zip(self.curvatures.chunks_mut(PART)).enumerate();
+        parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |(part, (triangles, measured))| {
+            dispatch!(Level::new(), simd => {
+                for (block, (triangles, measured)) in
+                    triangles.chunks(WIDTH).zip(measured.chunks_mut(WIDTH)).enumerate()
+                {
+                    let first = (part * PART + block * WIDTH) as u32;
+                    store_first(measure_eight(simd, positions, triangles, curved, first), measured);
+                }
+            });
+        });
+    }
+}
+
+/// The curvatures of up to eight consecutive triangles.
+#[inline(always)]
+fn measure_eight<S: Simd>(
+    simd: S,
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+    curved: &CurvedEdges,
+    first: u32,
+) -> f32x8<S> {
+    let mut offsets = [[Vec3::ZERO; WIDTH]; 3];
+    for lane in 0..triangles.len() {
+        let own = curved.of_triangle(first + lane as u32);
+        for edge in 0..3 {
+            offsets[edge][lane] = own[edge];
+        }
+    }
+    let [a, b, c] = offsets;
+    let offsets = [VectorLanes::of(simd, a), VectorLanes::of(simd, b), VectorLanes::of(simd, c)];
+    let corners = TriangleLanes::gather(simd, positions, triangles);
+    let corners = corners.relative_to(corners.0[0]);
+    let flat = OsculatingLanes::new(simd, &corners, f32x8::splat(simd, 0.0));
+    let curvature = curvatures(simd, &corners, &offsets, &flat);
+    OsculatingLanes::new(simd, &corners, curvature).curvature
+}
+
+impl OffsetSpheres {
+    /// Writes the osculating sphere of every triangle, given its signed curvature, with its cone: the directions of its
+    /// cap's normals. Heights are negative where a sphere lies above its triangle, and nearly flat spheres are stored
+    /// with 10,000 radii of their triangle.
+    pub fn osculate_on(
+        &mut self,
+        parallel: &impl Parallel,
+        positions: &[Vec3],
+        triangles: &[[u32; 3]],
+        curvatures: &[f32],
         cones: &mut SafetyCones,
     ) {
         self.forget();
         let count = triangles.len();
         cones.resize(count);
-        let Self { centers, radii, heights, curvatures, .. } = self;
+        let Self { centers, radii, heights, .. } = self;
         centers.resize(count, Vec3::ZERO);
         radii.resize(count, 0.0);
         heights.resize(count, 0.0);
-        curvatures.resize(count, 0.0);
         let spheres = centers.chunks_mut(PART).zip(radii.chunks_mut(PART)).zip(heights.chunks_mut(PART));
         let cones = cones.axes.chunks_mut(PART).zip(cones.cosines.chunks_mut(PART));
-        let parts = triangles.chunks(PART).zip(spheres).zip(cones).zip(curvatures.chunks_mut(PART)).enumerate();
-        parallel.run_tasks(parts, count / LEAST_SHARE, |(part, (((triangles, spheres), cones), curvatures))| {
+        let parts = triangles.chunks(PART).zip(curvatures.chunks(PART)).zip(spheres).zip(cones);
+        parallel.run_tasks(parts, count / LEAST_SHARE, |(((triangles, curvatures), spheres), cones)| {
             let ((centers, radii), heights) = spheres;
-            let mut out = Osculated { centers, radii, heights, axes: cones.0, cosines: cones.1, curvatures };
-            dispatch!(Level::new(), simd => out.write(simd, (part * PART) as u32, positions, triangles, curved));
+            let mut out = Osculated { centers, radii, heights, axes: cones.0, cosines: cones.1 };
+            dispatch!(Level::new(), simd => out.write(simd, positions, triangles, curvatures));
         });
     }
 }
@@ -178,46 +231,24 @@ struct Osculated<'a> {
     heights: &'a mut [f32],
     axes: &'a mut [Vec3],
     cosines: &'a mut [f32],
-    curvatures: &'a mut [f32],
 }
 
 impl Osculated<'_> {
     #[inline(always)]
-    fn write<S: Simd>(
-        &mut self,
-        simd: S,
-        first: u32,
-        positions: &[Vec3],
-        triangles: &[[u32; 3]],
-        curved: &CurvedEdges,
-    ) {
-        let zero = f32x8::splat(simd, 0.0);
-        for (block, triangles) in triangles.chunks(WIDTH).enumerate() {
+    fn write<S: Simd>(&mut self, simd: S, positions: &[Vec3], triangles: &[[u32; 3]], curvatures: &[f32]) {
+        let one = f32x8::splat(simd, 1.0);
+        for (block, (triangles, curvatures)) in triangles.chunks(WIDTH).zip(curvatures.chunks(WIDTH)).enumerate() {
             let own = block * WIDTH..block * WIDTH + triangles.len();
             let corners = TriangleLanes::gather(simd, positions, triangles);
             let origin = corners.0[0];
-            let corners = corners.relative_to(origin);
-            let mut offsets = [[Vec3::ZERO; WIDTH]; 3];
-            for lane in 0..triangles.len() {
-                let of_triangle = curved.of_triangle(first + own.start as u32 + lane as u32);
-                for edge in 0..3 {
-                    offsets[edge][lane] = of_triangle[edge];
-                }
-            }
-            let [a, b, c] = offsets;
-            let offsets = [VectorLanes::of(simd, a), VectorLanes::of(simd, b), VectorLanes::of(simd, c)];
-            let flat = OsculatingLanes::new(simd, &corners, zero);
-            let curvature = curvatures(simd, &corners, &offsets, &flat);
-            let sphere = OsculatingLanes::new(simd, &corners, curvature);
-            let radius = sphere.squared_radius.sqrt();
-            let bent =
-                sphere.curvature.abs().max(f32x8::splat(simd, 1.0 / LARGEST_RADIUS) / radius.max(f32::MIN_POSITIVE));
+            let sphere = OsculatingLanes::new(simd, &corners.relative_to(origin), load_first(simd, curvatures));
+            let least = one / (sphere.squared_radius.sqrt() * LARGEST_RADIUS).max(f32::MIN_POSITIVE);
+            let bent = sphere.curvature.abs().max(least);
             let height = sphere.cosine / bent;
             let height = sphere.curvature.simd_lt(0.0).select(-height, height);
             origin.plus(sphere.center - sphere.normal.scaled(height)).write(&mut self.centers[own.clone()]);
-            store_first(f32x8::splat(simd, 1.0) / bent, &mut self.radii[own.clone()]);
+            store_first(one / bent, &mut self.radii[own.clone()]);
             store_first(height, &mut self.heights[own.clone()]);
-            store_first(sphere.curvature, &mut self.curvatures[own.clone()]);
             sphere.normal.write(&mut self.axes[own.clone()]);
             store_first(sphere.cosine, &mut self.cosines[own]);
         }
