@@ -10,7 +10,10 @@ use super::{parallel::for_each_weighed, state::SurfaceStates};
 use crate::{
     detection::pairs::frame_growth,
     diagnostics::DetectionDiagnostics,
-    kernel::{capacity, mesh::bounds::Aabb},
+    kernel::{
+        capacity,
+        mesh::{bounds::Aabb, curved_edges::MOST_UNEVEN},
+    },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
     surface::{ActiveSurfaces, CheckedPositions, SurfacePositions, SurfaceShape},
@@ -68,7 +71,16 @@ fn compute_bounds(
             state.bounds.update_in_world(&surface.pose);
         },
     );
-    for (surface, state) in surfaces.iter_mut().zip(states.all()) {
+    for (surface, state) in surfaces.iter_mut().zip(states.all_mut()) {
+        if let Some(unevenness) = state.bounds.take_unevenness().filter(|unevenness| *unevenness > MOST_UNEVEN) {
+            log::warn!(
+                "surface {} is Smooth, but does not fit a smooth body (unevenness {unevenness:.2} of at most \
+                 {MOST_UNEVEN}): its patches may be farther from the body than its triangles. Use SurfaceShape::Flat, or \
+                 a mesh with its vertices on the body and without narrow rounded edges; a smaller crease_angle keeps more \
+                 edges sharp",
+                surface.entity
+            );
+        }
         diagnostics.surfaces_unmoved += usize::from(!state.has_moved);
         surface.world_bounds = state.bounds.in_world.map_or(Aabb::EMPTY, |(_, in_world)| in_world);
     }

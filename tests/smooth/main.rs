@@ -2,6 +2,7 @@
 
 mod bodies;
 mod distances;
+mod fitness;
 mod plugin;
 mod spheres;
 mod touching;

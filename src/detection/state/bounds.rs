@@ -63,6 +63,8 @@ pub struct TriangleBounds {
     /// The creases of a smooth surface. `None` if it is flat.
     crease: Option<CreaseAngle>,
     curved: CurvedEdges,
+    /// How badly the mesh fits a smooth surface, if it has just become one.
+    unevenness: Option<f32>,
 }
 
 /// The first version of a surface, so far from those of all others that they never reach it.
@@ -111,6 +113,11 @@ impl TriangleBounds {
     /// The curved edges of a smooth surface. `None` if it is flat.
     pub(in crate::detection) fn curved(&self) -> Option<&CurvedEdges> {
         self.crease.is_some().then_some(&self.curved)
+    }
+
+    /// How badly the mesh fits a smooth surface, once after it has become one.
+    pub(in crate::detection) fn take_unevenness(&mut self) -> Option<f32> {
+        self.unevenness.take()
     }
 
     /// How far patches may be from their triangles, in the surface's own frame. 0 if it is flat.
@@ -175,9 +182,13 @@ impl TriangleBounds {
         if let Some(triangles) = self.triangles.take() {
             spare = triangles;
         }
+        let is_new = !same_mesh || self.crease.is_none();
         (self.crease, self.growth) = (crease, growth);
         match crease {
-            Some(crease) => self.curved.update_on(&Threads(threads), topology, positions, crease),
+            Some(crease) => {
+                self.curved.update_on(&Threads(threads), topology, positions, crease);
+                self.unevenness = is_new.then(|| self.curved.unevenness(topology, positions));
+            }
             None => self.curved = CurvedEdges::default(),
         }
         self.version = if self.topology.is_none() { first_version() } else { self.version + 1 };

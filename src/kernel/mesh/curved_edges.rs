@@ -15,6 +15,7 @@
 
 use glam::{Vec3, Vec3A, Vec4};
 
+pub use self::unevenness::MOST_UNEVEN;
 use self::{
     faces::{Face, compute_faces},
     normals::compute_normals,
@@ -29,6 +30,7 @@ use crate::kernel::simd::{
 mod faces;
 mod normals;
 mod offsets;
+mod unevenness;
 
 /// Between one edge's `c` and the largest distance of the patch from the triangle if all three edges have that `c`:
 /// `Σ w_i w_j` is at most one third.

@@ -31,6 +31,11 @@ impl Face {
         self.0[3 + corner % 3]
     }
 
+    /// The least height. 0 if it has no area.
+    pub(super) fn height(&self) -> f32 {
+        self.0[6]
+    }
+
     #[inline(always)]
     pub(super) fn row(&self) -> &[f32; 8] {
         &self.0
