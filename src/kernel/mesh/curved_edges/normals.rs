@@ -8,7 +8,7 @@ use crate::kernel::{
     simd::parallel::{LEAST_SHARE, PART, Parallel},
 };
 
-/// Around a vertex with a crease, faces farther away than this do not count.
+/// Around a vertex with a crease and more faces than this, only those less than half as many steps away count.
 const MOST_FACES: usize = 32;
 
 /// Computes the normals of all slots. `softness` tells for each edge how smooth it is, from 1 to 0 at a crease.
@@ -71,22 +71,25 @@ fn write_normals(slots: &[Slot], closed: bool, faces: &[Face], softness: &[f32],
         // By how much each face counts: as much as the smoothest way there is smooth.
         let (mut forward, mut backward) = (1.0_f32, 1.0_f32);
         let mut shares = [0.0_f32; MOST_FACES];
-        let spread = count.min(MOST_FACES);
-        for step in 1..spread {
+        // Steps backward are counted from the end of the shares.
+        let end = count.min(MOST_FACES);
+        let reach = if count > MOST_FACES { MOST_FACES / 2 } else { count };
+        for step in 1..reach {
             let last = own + step - 1;
             forward *= if closed || last + 1 < count { soft(last % count) } else { 0.0 };
             let share = &mut shares[step];
             *share = share.max(forward);
             let next = (own + count - step) % count;
             backward *= if closed || step <= own { soft(next) } else { 0.0 };
-            let share = &mut shares[(count - step) % MOST_FACES];
+            let share = &mut shares[end - step];
             *share = share.max(backward);
             if forward == 0.0 && backward == 0.0 {
                 break;
             }
         }
-        for (step, share) in shares.iter().enumerate().take(spread).skip(1) {
+        for (place, share) in shares.iter().enumerate().take(end).skip(1) {
             if *share > 0.0 {
+                let step = if place < reach { place } else { count - end + place };
                 sum += weighted(&slots[(own + step) % count]) * *share;
             }
         }
