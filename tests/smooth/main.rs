@@ -4,5 +4,7 @@ mod bodies;
 mod distances;
 mod fitness;
 mod plugin;
+mod properties;
 mod spheres;
+mod surfaces;
 mod touching;

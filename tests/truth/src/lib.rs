@@ -7,6 +7,7 @@
 
 mod bodies;
 mod box_tree;
+mod curved_edges;
 mod impact;
 mod mesh_impacts;
 mod mesh_pairs;
@@ -16,6 +17,7 @@ mod triangle_crossing;
 mod triangle_pair;
 
 pub use bodies::{BodyDistance, BodyFoot, BodyShape, SmoothBody};
+pub use curved_edges::{CurvedMesh, PATCH_GUARD};
 pub use impact::{ImpactTruth, edge_edge_impact, triangle_impact, vertex_face_impact};
 pub use mesh_impacts::{
     FeatureImpact, ImpactKind, MovingMesh, TriangleImpact, feature_impacts_brute_force, feature_impacts_tree,
