@@ -1,9 +1,11 @@
-//! Code that all reports share: a description of the machine, statistics, tables, figures, and findings.
+//! Code that all reports share: a description of the machine, statistics, tables, figures,
+//! findings, and curves that are compared.
 
 #![expect(missing_docs, clippy::missing_errors_doc, reason = "not published")]
 
 use std::path::PathBuf;
 
+pub mod bounded;
 pub mod drawing;
 pub mod finding;
 pub mod machine;
