@@ -126,6 +126,9 @@ pub(super) struct MeetingLanes<S: Simd> {
     /// Whether the patches may be closest inside both: the vector between the points is nearly normal to both patches,
     /// not zero, and no border holds a point.
     pub(super) may_be_inside: mask32x8<S>,
+    /// Whether the patches are closest between an edge of the first and the inside of the second, or the other way
+    /// round. Flat triangles never are, but patches join without a common tangent plane.
+    pub(super) edge_inside: [mask32x8<S>; 2],
 }
 
 /// The largest squared sine of the angle between a normal and the vector between points that may become the closest ones
@@ -174,8 +177,24 @@ pub(super) fn closest<S: Simd>(simd: S, a: &PatchLanes<S>, b: &PatchLanes<S>) ->
     }
     let is_held = a.is_held(simd, &weights[0], gap) | b.is_held(simd, &weights[1], gap.negated());
     let is_apart = squared.simd_gt(SAME * SAME);
-    let may_be_inside =
-        a.is_normal_to(simd, &weights[0], gap) & b.is_normal_to(simd, &weights[1], gap) & is_apart & !is_held;
+    let [a_at_border, b_at_border] = [at_border(simd, &weights[0]), at_border(simd, &weights[1])];
+    let [normal_to_a, normal_to_b] = [a.is_normal_to(simd, &weights[0], gap), b.is_normal_to(simd, &weights[1], gap)];
+    let edge_inside = [
+        a_at_border.simd_eq(1.0) & b_at_border.simd_eq(0.0) & normal_to_b & is_apart,
+        a_at_border.simd_eq(0.0) & b_at_border.simd_eq(1.0) & normal_to_a & is_apart,
+    ];
+    let may_be_inside = normal_to_a & normal_to_b & is_apart & !is_held;
     let distance = is_apart.select(squared.sqrt() * size, f32x8::splat(simd, 0.0));
-    MeetingLanes { distance, weights, between: gap.scaled(size), may_be_inside }
+    MeetingLanes { distance, weights, between: gap.scaled(size), may_be_inside, edge_inside }
+}
+
+/// How many borders of its patch a point lies on: 1 on an edge, 2 at a corner.
+#[inline(always)]
+fn at_border<S: Simd>(simd: S, weights: &WeightLanes<S>) -> f32x8<S> {
+    let (zero, one) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, 1.0));
+    let [second, third] = weights.0;
+    let first = one - second - third;
+    first.simd_lt(AT_BORDER).select(one, zero)
+        + second.simd_lt(AT_BORDER).select(one, zero)
+        + third.simd_lt(AT_BORDER).select(one, zero)
 }

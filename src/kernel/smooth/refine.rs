@@ -21,7 +21,10 @@ use super::{
 use crate::kernel::{
     contact::{CompactContact, FacePlace, TouchingPair},
     exact::{PairProximity, examine_pair},
-    mesh::feature::{Feature, FeatureKind},
+    mesh::{
+        feature::{Feature, FeatureKind},
+        ids::EdgeId,
+    },
     pair::{PairSettings, SurfaceSide},
     simd::{
         lanes::{DoubleVectorLanes, SetLanes, VectorLanes, WIDTH, first_lanes, stored, widened},
@@ -216,9 +219,17 @@ fn refine_blocks<S: Simd>(
                 distance_at_flat_points(sides, settings, pair)
             };
         }
-        let inside = requested & (found.may_be_inside & reached).to_bitmask() as u32;
+        let reached = requested & reached.to_bitmask() as u32;
+        let inside = reached & found.may_be_inside.to_bitmask() as u32;
         if inside != 0 {
             add_contacts(sides, settings, &found, inside, pairs, contacts);
+        }
+        let edges = [found.edge_inside[0].to_bitmask() as u32, found.edge_inside[1].to_bitmask() as u32];
+        for side in 0..2 {
+            let at_edges = reached & edges[side] & !inside;
+            if at_edges != 0 {
+                add_edge_contacts(sides, settings, &found, side, at_edges, pairs, contacts);
+            }
         }
     }
 }
@@ -237,6 +248,66 @@ fn distance_at_flat_points(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings
     })
 }
 
+/// The weights of both points of a pair.
+#[inline(always)]
+fn weights_of<S: Simd>(found: &MeetingLanes<S>) -> [[[f32; WIDTH]; 2]; 2] {
+    let [WeightLanes([a, b]), WeightLanes([c, d])] = found.weights;
+    [[stored(a), stored(b)], [stored(c), stored(d)]]
+}
+
+fn in_lane(weights: &[[[f32; WIDTH]; 2]; 2], lane: usize) -> [[f64; 3]; 2] {
+    weights.map(|[second, third]| {
+        let [second, third] = [f64::from(second[lane]), f64::from(third[lane])];
+        [1.0 - second - third, second, third]
+    })
+}
+
+/// Adds contacts between an edge of a patch of one side and the inside of a patch of the other. Both triangles at the
+/// edge have the same points, and the first of them reports them.
+#[inline(always)]
+fn add_edge_contacts<S: Simd>(
+    sides: [&SurfaceSide<'_>; 2],
+    settings: &PairSettings,
+    found: &MeetingLanes<S>,
+    side: usize,
+    lanes: u32,
+    pairs: &[TouchingPair],
+    contacts: &mut Vec<CompactContact>,
+) {
+    let weights = weights_of(found);
+    for lane in SetLanes(lanes) {
+        let triangles = [pairs[lane].triangle_a, pairs[lane].triangle_b];
+        let weights = in_lane(&weights, lane);
+        // Opposite the corner that does not count.
+        let own = weights[side];
+        let opposite = (0..3).min_by(|&one, &other| own[one].total_cmp(&own[other])).unwrap_or_default();
+        let topology = sides[side].topology;
+        let edge = topology.triangle_edges()[triangles[side] as usize][(opposite + 1) % 3];
+        if topology.triangles_of_edge(EdgeId(edge)).first() != Some(&triangles[side]) {
+            continue;
+        }
+        let patches = [Patch::of(sides[0], triangles[0]), Patch::of(sides[1], triangles[1])];
+        let points = [patches[0].point(&weights[0]), patches[1].point(&weights[1])];
+        let between = points[1] - points[0];
+        let Some(normal) = between.try_normalize() else { continue };
+        let distance = between.length() * settings.scale;
+        let inner = 1 - side;
+        let outward = patches[inner].normal(&weights[inner]) * if sides[inner].mirrored { -1.0 } else { 1.0 };
+        let rises = outward.dot(normal) * if inner == 0 { 1.0 } else { -1.0 };
+        // What is inside a body has its own way out, by its vertices.
+        if distance > settings.reported_distance || !settings.same_surface && sides[inner].one_sided && rises < 0.0 {
+            continue;
+        }
+        let place = FacePlace {
+            barycentrics: weights.map(|[first, second, _]| [first as f32, second as f32]),
+            point_b: points[1].as_vec3(),
+            normal: normal.as_vec3(),
+            distance: distance as f32,
+        };
+        contacts.push(CompactContact::between_faces(triangles, settings.same_surface, place));
+    }
+}
+
 /// Finds the closest points of patches that are closest inside both, and adds a contact there.
 #[inline(always)]
 fn add_contacts<S: Simd>(
@@ -247,16 +318,12 @@ fn add_contacts<S: Simd>(
     pairs: &mut [TouchingPair],
     contacts: &mut Vec<CompactContact>,
 ) {
-    let [WeightLanes([a, b]), WeightLanes([c, d])] = found.weights;
-    let weights = [[stored(a), stored(b)], [stored(c), stored(d)]];
+    let weights = weights_of(found);
     let between = found.between.stored();
     for lane in SetLanes(lanes) {
         let pair = &mut pairs[lane];
         let triangles = [pair.triangle_a, pair.triangle_b];
-        let weights = weights.map(|[second, third]| {
-            let [second, third] = [f64::from(second[lane]), f64::from(third[lane])];
-            [1.0 - second - third, second, third]
-        });
+        let weights = in_lane(&weights, lane);
         let patches = [Patch::of(sides[0], triangles[0]), Patch::of(sides[1], triangles[1])];
         let Some(start) = between.get(lane).as_dvec3().try_normalize() else { continue };
         let Some(meeting) = closest_inside(&patches, weights, start) else { continue };
