@@ -135,9 +135,9 @@ fn no_pair_of_bodies_is_missed() {
         BodyShape::Ball(0.6),
     ];
     let mut worst = 0.0_f64;
-    for seed in 0..60 {
+    for seed in 0..60_u8 {
         let number = f64::from(seed);
-        let pair = [shapes[seed as usize % 4], shapes[seed as usize / 4 % 4]];
+        let pair = [shapes[usize::from(seed) % 4], shapes[usize::from(seed) / 4 % 4]];
         let rotation = |seed: f64| DMat3::from_rotation_x(1.9 * seed) * DMat3::from_rotation_y(0.8 * seed);
         let direction = rotation(number + 0.4) * DVec3::X;
         let body = |side: usize, far: f64| SmoothBody {

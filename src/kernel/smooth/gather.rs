@@ -21,7 +21,7 @@ pub(super) struct GatheredPatches<S: Simd> {
 impl<S: Simd> GatheredPatches<S> {
     /// Gathers patches. Each begins with its corner `turns`, and its other corners and edges follow in their order.
     #[inline(always)]
-    pub(super) fn new(simd: S, side: &SurfaceSide<'_>, triangles: &[u32; WIDTH], turns: &[u8; WIDTH]) -> Self {
+    pub(super) fn new(simd: S, side: &SurfaceSide<'_>, triangles: &[u32; WIDTH], turns: [u8; WIDTH]) -> Self {
         Self { corners: corners(simd, side, triangles, turns), offsets: offsets(simd, side, triangles, turns) }
     }
 
@@ -68,7 +68,7 @@ pub(in crate::kernel) fn corners_of<S: Simd>(
     side: &SurfaceSide<'_>,
     triangles: &[u32; WIDTH],
 ) -> [DoubleVectorLanes<S>; 3] {
-    corners(simd, side, triangles, &[0; WIDTH])
+    corners(simd, side, triangles, [0; WIDTH])
 }
 
 #[inline(always)]
@@ -76,7 +76,7 @@ fn corners<S: Simd>(
     simd: S,
     side: &SurfaceSide<'_>,
     triangles: &[u32; WIDTH],
-    turns: &[u8; WIDTH],
+    turns: [u8; WIDTH],
 ) -> [DoubleVectorLanes<S>; 3] {
     let mut vertices = [[Vec3::ZERO; WIDTH]; 3];
     for lane in 0..WIDTH {
@@ -99,7 +99,7 @@ fn offsets<S: Simd>(
     simd: S,
     side: &SurfaceSide<'_>,
     triangles: &[u32; WIDTH],
-    turns: &[u8; WIDTH],
+    turns: [u8; WIDTH],
 ) -> [VectorLanes<S>; 3] {
     let Some(curved) = side.curved else { return [VectorLanes::splat(simd, Vec3::ZERO); 3] };
     let mut rows = [[f32x4::splat(simd, 0.0); WIDTH]; 3];

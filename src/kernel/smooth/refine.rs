@@ -12,6 +12,7 @@ use glam::{DVec3, Vec3};
 
 use super::{
     closest_lanes::WeightLanes,
+    edge_inside::closest_edge_inside,
     feature_lanes::{FeatureLanes, closest_of_features},
     gather::GatheredPatches,
     newton::closest_inside,
@@ -37,6 +38,9 @@ const BLOCKS_AHEAD: usize = 2;
 
 /// Points closer than this, relative to the size of their pair, have no direction. The contact keeps the one it had.
 const LEAST_LENGTH: f64 = 1.0e-6;
+
+/// A point that counts a corner by less than this may be closest on the edge opposite it.
+const NEAR_BORDER: f64 = 0.05;
 
 /// Moves contacts to the patches. Those beyond the reported distance become empty. `settings` has the distances that
 /// count for the patches.
@@ -104,8 +108,8 @@ fn refine_eight<S: Simd>(
         }
     }
     let turns = [turned[0].map(|turned| turned.turn), turned[1].map(|turned| turned.turn)];
-    let gathered_a = GatheredPatches::new(simd, a, &triangles[0], &turns[0]);
-    let gathered_b = GatheredPatches::new(simd, b, &triangles[1], &turns[1]);
+    let gathered_a = GatheredPatches::new(simd, a, &triangles[0], turns[0]);
+    let gathered_b = GatheredPatches::new(simd, b, &triangles[1], turns[1]);
     let is_bent = (gathered_a.heights() + gathered_b.heights()).simd_gt(0.0);
     let origin = gathered_a.corners[0];
     let (patch_a, patch_b) = (gathered_a.relative(origin), gathered_b.relative(origin));
@@ -194,8 +198,8 @@ fn refine_blocks<S: Simd>(
         let pair = |lane: usize| pairs[lane.min(pairs.len() - 1)];
         let triangles: [[u32; WIDTH]; 2] =
             [std::array::from_fn(|lane| pair(lane).triangle_a), std::array::from_fn(|lane| pair(lane).triangle_b)];
-        let gathered_a = GatheredPatches::new(simd, sides[0], &triangles[0], &[0; WIDTH]);
-        let gathered_b = GatheredPatches::new(simd, sides[1], &triangles[1], &[0; WIDTH]);
+        let gathered_a = GatheredPatches::new(simd, sides[0], &triangles[0], [0; WIDTH]);
+        let gathered_b = GatheredPatches::new(simd, sides[1], &triangles[1], [0; WIDTH]);
         let heights = gathered_a.heights() + gathered_b.heights();
         let flat = f32x8::from_slice(simd, &std::array::from_fn::<f32, WIDTH, _>(|lane| pair(lane).distance as f32));
         let bulge = heights * (scale * 1.000_01);
@@ -220,16 +224,10 @@ fn refine_blocks<S: Simd>(
             };
         }
         let reached = requested & reached.to_bitmask() as u32;
-        let inside = reached & found.may_be_inside.to_bitmask() as u32;
-        if inside != 0 {
-            add_contacts(sides, settings, &found, inside, pairs, contacts);
-        }
-        let edges = [found.edge_inside[0].to_bitmask() as u32, found.edge_inside[1].to_bitmask() as u32];
-        for side in 0..2 {
-            let at_edges = reached & edges[side] & !inside;
-            if at_edges != 0 {
-                add_edge_contacts(sides, settings, &found, side, at_edges, pairs, contacts);
-            }
+        let [at_first, at_second] = found.edge_inside;
+        let lanes = [found.may_be_inside, at_first, at_second].map(|lanes| reached & lanes.to_bitmask() as u32);
+        if lanes != [0; 3] {
+            add_contacts(sides, settings, &found, lanes, pairs, contacts);
         }
     }
 }
@@ -248,105 +246,103 @@ fn distance_at_flat_points(sides: [&SurfaceSide<'_>; 2], settings: &PairSettings
     })
 }
 
-/// The weights of both points of a pair.
-#[inline(always)]
-fn weights_of<S: Simd>(found: &MeetingLanes<S>) -> [[[f32; WIDTH]; 2]; 2] {
-    let [WeightLanes([a, b]), WeightLanes([c, d])] = found.weights;
-    [[stored(a), stored(b)], [stored(c), stored(d)]]
+/// A pair of patches with points at which they are nearly closest.
+struct NearPatches<'a> {
+    sides: [&'a SurfaceSide<'a>; 2],
+    settings: &'a PairSettings,
+    triangles: [u32; 2],
+    patches: [Patch; 2],
+    weights: [[f64; 3]; 2],
 }
 
-fn in_lane(weights: &[[[f32; WIDTH]; 2]; 2], lane: usize) -> [[f64; 3]; 2] {
-    weights.map(|[second, third]| {
-        let [second, third] = [f64::from(second[lane]), f64::from(third[lane])];
-        [1.0 - second - third, second, third]
-    })
-}
-
-/// Adds contacts between an edge of a patch of one side and the inside of a patch of the other. Both triangles at the
-/// edge have the same points, and the first of them reports them.
-#[inline(always)]
-fn add_edge_contacts<S: Simd>(
-    sides: [&SurfaceSide<'_>; 2],
-    settings: &PairSettings,
-    found: &MeetingLanes<S>,
-    side: usize,
-    lanes: u32,
-    pairs: &[TouchingPair],
-    contacts: &mut Vec<CompactContact>,
-) {
-    let weights = weights_of(found);
-    for lane in SetLanes(lanes) {
-        let triangles = [pairs[lane].triangle_a, pairs[lane].triangle_b];
-        let weights = in_lane(&weights, lane);
-        // Opposite the corner that does not count.
+impl NearPatches<'_> {
+    /// Adds a contact between an edge of the patch of one side and the inside of the other. Both triangles at the edge
+    /// have the same points, and the first of them reports them.
+    fn add_at_edge(&self, side: usize, contacts: &mut Vec<CompactContact>) {
+        let Self { sides, settings, triangles, patches, weights } = self;
+        // Opposite the corner that counts least.
         let own = weights[side];
         let opposite = (0..3).min_by(|&one, &other| own[one].total_cmp(&own[other])).unwrap_or_default();
-        let topology = sides[side].topology;
-        let edge = topology.triangle_edges()[triangles[side] as usize][(opposite + 1) % 3];
-        if topology.triangles_of_edge(EdgeId(edge)).first() != Some(&triangles[side]) {
-            continue;
+        let (topology, edge) = (sides[side].topology, (opposite + 1) % 3);
+        let number = EdgeId(topology.triangle_edges()[triangles[side] as usize][edge]);
+        if own[opposite] > NEAR_BORDER || topology.triangles_of_edge(number).first() != Some(&triangles[side]) {
+            return;
         }
-        let patches = [Patch::of(sides[0], triangles[0]), Patch::of(sides[1], triangles[1])];
+        let inner = 1 - side;
+        let start = [own, weights[inner]];
+        let Some(found) = closest_edge_inside([&patches[side], &patches[inner]], edge, start) else { return };
+        let weights = if side == 0 { found } else { [found[1], found[0]] };
         let points = [patches[0].point(&weights[0]), patches[1].point(&weights[1])];
         let between = points[1] - points[0];
-        let Some(normal) = between.try_normalize() else { continue };
+        let Some(normal) = between.try_normalize() else { return };
         let distance = between.length() * settings.scale;
-        let inner = 1 - side;
-        let outward = patches[inner].normal(&weights[inner]) * if sides[inner].mirrored { -1.0 } else { 1.0 };
-        let rises = outward.dot(normal) * if inner == 0 { 1.0 } else { -1.0 };
-        // What is inside a body has its own way out, by its vertices.
-        if distance > settings.reported_distance || !settings.same_surface && sides[inner].one_sided && rises < 0.0 {
-            continue;
+        let outward = if inner == 0 { normal } else { -normal };
+        if distance <= settings.reported_distance && !self.is_inward(inner, &weights[inner], outward) {
+            contacts.push(self.contact(weights, points, normal, distance));
         }
+    }
+
+    /// Whether a direction away from one of the patches leads into its body. What is inside a body has its own way out,
+    /// by its vertices.
+    fn is_inward(&self, side: usize, weights: &[f64; 3], direction: DVec3) -> bool {
+        let surface = self.sides[side];
+        let outward = self.patches[side].normal(weights) * if surface.mirrored { -1.0 } else { 1.0 };
+        !self.settings.same_surface && surface.one_sided && outward.dot(direction) < 0.0
+    }
+
+    fn contact(&self, weights: [[f64; 3]; 2], points: [DVec3; 2], normal: DVec3, distance: f64) -> CompactContact {
         let place = FacePlace {
             barycentrics: weights.map(|[first, second, _]| [first as f32, second as f32]),
             point_b: points[1].as_vec3(),
             normal: normal.as_vec3(),
             distance: distance as f32,
         };
-        contacts.push(CompactContact::between_faces(triangles, settings.same_surface, place));
+        CompactContact::between_faces(self.triangles, self.settings.same_surface, place)
     }
 }
 
-/// Finds the closest points of patches that are closest inside both, and adds a contact there.
+/// Finds the closest points of patches that are closest inside both, or between an edge and an inside, and adds a
+/// contact there.
 #[inline(always)]
 fn add_contacts<S: Simd>(
     sides: [&SurfaceSide<'_>; 2],
     settings: &PairSettings,
     found: &MeetingLanes<S>,
-    lanes: u32,
+    lanes: [u32; 3],
     pairs: &mut [TouchingPair],
     contacts: &mut Vec<CompactContact>,
 ) {
-    let weights = weights_of(found);
+    let [WeightLanes([a, b]), WeightLanes([c, d])] = found.weights;
+    let weights = [[stored(a), stored(b)], [stored(c), stored(d)]];
     let between = found.between.stored();
-    for lane in SetLanes(lanes) {
+    let [inside, at_first, at_second] = lanes;
+    for lane in SetLanes(inside | at_first | at_second) {
         let pair = &mut pairs[lane];
         let triangles = [pair.triangle_a, pair.triangle_b];
-        let weights = in_lane(&weights, lane);
+        let weights = weights.map(|[second, third]| {
+            let [second, third] = [f64::from(second[lane]), f64::from(third[lane])];
+            [1.0 - second - third, second, third]
+        });
         let patches = [Patch::of(sides[0], triangles[0]), Patch::of(sides[1], triangles[1])];
+        let near = NearPatches { sides, settings, triangles, patches, weights };
         let Some(start) = between.get(lane).as_dvec3().try_normalize() else { continue };
-        let Some(meeting) = closest_inside(&patches, weights, start) else { continue };
+        let meeting = if inside >> lane & 1 != 0 { closest_inside(&patches, weights, start) } else { None };
+        let Some(meeting) = meeting else {
+            for (side, lanes) in [at_first, at_second].into_iter().enumerate() {
+                if (inside | lanes) >> lane & 1 != 0 {
+                    near.add_at_edge(side, contacts);
+                }
+            }
+            continue;
+        };
         let distance = meeting.distance * settings.scale;
         if distance > pair.distance * (1.0 + 1.0e-4) {
             continue;
         }
         pair.distance = distance.max(0.0);
-        // What is inside a body has its own way out, by its vertices.
-        let is_inside = |side: usize, direction: DVec3| {
-            let surface = sides[side];
-            let outward = patches[side].normal(&meeting.weights[side]) * if surface.mirrored { -1.0 } else { 1.0 };
-            !settings.same_surface && surface.one_sided && outward.dot(direction) < 0.0
-        };
-        if is_inside(0, meeting.normal) || is_inside(1, -meeting.normal) {
-            continue;
+        let [first, second] = &meeting.weights;
+        if !near.is_inward(0, first, meeting.normal) && !near.is_inward(1, second, -meeting.normal) {
+            contacts.push(near.contact(meeting.weights, meeting.points, meeting.normal, distance));
         }
-        let place = FacePlace {
-            barycentrics: meeting.weights.map(|[first, second, _]| [first as f32, second as f32]),
-            point_b: meeting.points[1].as_vec3(),
-            normal: meeting.normal.as_vec3(),
-            distance: distance as f32,
-        };
-        contacts.push(CompactContact::between_faces(triangles, settings.same_surface, place));
     }
 }
