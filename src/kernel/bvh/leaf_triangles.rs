@@ -12,6 +12,7 @@
 
 mod close_pairs;
 mod lane_numbers;
+mod leaf_mesh;
 mod lower_bounds;
 
 use fearless_simd::{Level, dispatch, f32x8, prelude::*, u32x8};
@@ -19,6 +20,7 @@ use glam::Vec3;
 
 pub(in crate::kernel) use self::close_pairs::{ClosePairs, Groups};
 use self::lane_numbers::LaneNumbers;
+pub use self::leaf_mesh::LeafMesh;
 use super::tree::{BoxTree, LEAF_WIDTH};
 use crate::kernel::{
     mesh::{bounds::Aabb, topology::SurfaceTopology},
@@ -84,36 +86,6 @@ impl Block {
         extent: 0.0,
         height: 0.0,
     };
-}
-
-/// The triangles that leaves hold.
-#[derive(Clone, Copy)]
-pub struct LeafMesh<'a> {
-    /// The mesh.
-    pub topology: &'a SurfaceTopology,
-    /// Its vertices.
-    pub positions: &'a [Vec3],
-    /// How far the patch of each triangle may be from it. Empty if the surface is flat.
-    pub heights: &'a [f32],
-    /// Multiplies the heights, because the positions have been transformed.
-    pub scale: f32,
-}
-
-impl<'a> LeafMesh<'a> {
-    /// A flat surface.
-    #[must_use]
-    pub fn flat(topology: &'a SurfaceTopology, positions: &'a [Vec3]) -> Self {
-        Self { topology, positions, heights: &[], scale: 1.0 }
-    }
-
-    /// The largest height of some triangles.
-    #[inline]
-    fn height(&self, triangles: &[u32]) -> f32 {
-        if self.heights.is_empty() {
-            return 0.0;
-        }
-        triangles.iter().map(|&triangle| self.heights[triangle as usize]).fold(0.0, f32::max) * self.scale
-    }
 }
 
 /// The welded vertices of the triangles of one leaf, corner by corner.
