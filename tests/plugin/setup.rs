@@ -263,6 +263,27 @@ fn a_fixed_schedule_without_a_clock_warns_and_does_not_panic() {
 }
 
 #[test]
+fn a_mesh_that_does_not_fit_a_smooth_body_warns_once() {
+    let ball = icosphere(3, 1.0);
+    let round: Vec<Vec3> = ball.positions.iter().copied().map(Vec3::from_array).collect();
+    // Every second vertex lies beside the ball.
+    let rough = round.iter().enumerate().map(|(vertex, position)| *position * if vertex % 2 == 0 { 1.0 } else { 1.03 });
+    let warned = |positions: Vec<Vec3>, shape: SurfaceShape| {
+        let mut app = app();
+        let (surface, _) = DeformableSurface::from_mesh(&positions, &ball.triangles).expect("a ball is a mesh");
+        let entity = app.world_mut().spawn((surface, SurfacePositions(positions), shape)).id();
+        let before = warnings_about("does not fit a smooth body");
+        app.update();
+        app.world_mut().get_mut::<SurfacePositions>(entity).expect("it has positions").0[0] *= 1.001;
+        app.update();
+        warnings_about("does not fit a smooth body") - before
+    };
+    assert_eq!(warned(rough.clone().collect(), SurfaceShape::Smooth), 1);
+    assert_eq!(warned(rough.collect(), SurfaceShape::Flat), 0);
+    assert_eq!(warned(round.clone(), SurfaceShape::Smooth), 0);
+}
+
+#[test]
 fn the_group_can_be_put_together_otherwise() {
     let mut reference = app();
     let bodies = sheet_and_ball(&mut reference);

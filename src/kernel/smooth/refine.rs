@@ -209,7 +209,7 @@ fn refine_blocks<S: Simd>(
         }
         let origin = gathered_a.corners[0];
         let found = closest(simd, &gathered_a.relative(origin), &gathered_b.relative(origin));
-        let distances = stored(found.distance * scale);
+        let (distances, bulges) = (stored(found.distance * scale), stored(bulge));
         let requested = first_lanes(pairs.len()) as u32 & is_bent.to_bitmask() as u32;
         let reached = (found.distance * scale).simd_le(settings.reported_distance as f32);
         // No distance is larger than that of the triangles by more than the patches are away from them. If it seems so,
@@ -218,7 +218,8 @@ fn refine_blocks<S: Simd>(
         for lane in SetLanes(requested) {
             let pair = &mut pairs[lane];
             pair.distance = if is_too_large >> lane & 1 == 0 {
-                f64::from(distances[lane])
+                // Beside a very large triangle, f32 is coarser than the patches are high.
+                f64::from(distances[lane]).max(pair.distance - f64::from(bulges[lane]))
             } else {
                 distance_at_flat_points(sides, settings, pair)
             };
