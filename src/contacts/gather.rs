@@ -165,6 +165,7 @@ fn stored_pair(active: &ActiveSurfaces, pair: &SurfacePair, found: &PairContacts
         }
     };
     StoredPair {
+        is_smooth: pair.is_smooth(active),
         a,
         b,
         contact_distance: pair.contact_distance,

@@ -42,6 +42,8 @@ pub struct StoredPair {
     pub(super) shared: SharedList<SharedContact>,
     /// World pose of the frame of the contacts.
     pub frame_pose: Pose,
+    /// Whether one of the surfaces is smooth, so that the contacts are not those of flat triangles.
+    pub(crate) is_smooth: bool,
     pub(crate) topology_a: Arc<SurfaceTopology>,
     pub(crate) topology_b: Option<Arc<SurfaceTopology>>,
     /// The second side, if it is a rigid shape that is tested by formula.

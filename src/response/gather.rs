@@ -365,6 +365,8 @@ impl Gatherer {
         let normal = if is_wrong_side { -normal } else { normal };
         let penetrated = record.distance < 0.0 && !is_wrong_side;
         let (features, normal) = match (record.features.a, record.features.b) {
+            // Between patches, which the particles do not know: what detection found holds for the tick.
+            _ if pair.is_smooth && !is_crossing => (flat(particles, record, [a, b], normal, distance), normal),
             (Feature::Vertex(corner), Feature::Face) => (face_of(a[corner as usize], b), normal),
             (Feature::Face, Feature::Vertex(corner)) => (face_of(b[corner as usize], a), -normal),
             (Feature::Edge(edge_a), Feature::Edge(edge_b)) => (edges_of(a, edge_a, b, edge_b), normal),
