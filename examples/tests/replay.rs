@@ -264,7 +264,7 @@ fn contacts_lie_on_their_pairs_and_join_the_points_they_state() {
 }
 
 #[test]
-fn smooth_contacts_are_other_contacts_and_need_an_exact_method() {
+fn smooth_contacts_are_other_contacts_and_balls_refuse_them() {
     let folder = Folder::new();
     let (input, json) = (folder.recording(), folder.path("report.json"));
     let [flat, smooth] = [&[][..], &["--smooth"][..]].map(|option| {
