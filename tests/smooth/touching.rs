@@ -1,5 +1,7 @@
 //! Which patches touch, by the whole pipeline, against patches that are subdivided until bounds meet.
 
+use std::path::Path;
+
 use bevy_app::{App, Update};
 use bevy_circumsphere::{
     ContactStore,
@@ -177,17 +179,21 @@ fn patches_of_bodies_touch_like_the_reference() {
     assert!(different > 100, "{different}");
 }
 
+/// The patches of a frame of a recording, at most the last one, and the positions of its first frame.
+fn recorded(folder: &Path, name: &str, frame: usize) -> (Patches, Vec<Vec3>) {
+    let recording = read_recording(&[folder.join(format!("{name}.bin"))]).expect("the recording is valid");
+    let frame = frame.min(recording.frames.len() - 1);
+    let of = |frame: usize| -> Vec<Vec3> { recording.frames[frame].iter().copied().map(Vec3::from_array).collect() };
+    let rest = of(0);
+    (Patches::new(&rest, of(frame), &recording.triangles, true), rest)
+}
+
 /// Osculating spheres are not the patches, but nearly.
 #[test]
 fn spheres_touch_nearly_where_patches_do() {
     let Some(folder) = recordings_folder() else { return };
     for (name, frame) in [("rumba_36_60", 30), ("bunny_3485", 20), ("mat100x100", 4), ("thick_cloth", 3)] {
-        let recording = read_recording(&[folder.join(format!("{name}.bin"))]).expect("the recording is valid");
-        let frame = frame.min(recording.frames.len() - 1);
-        let of =
-            |frame: usize| -> Vec<Vec3> { recording.frames[frame].iter().copied().map(Vec3::from_array).collect() };
-        let rest = of(0);
-        let patches = Patches::new(&rest, of(frame), &recording.triangles, true);
+        let (patches, rest) = recorded(&folder, name, frame);
         let distance = 0.1 * patches.edge;
         let app = app(ContactMethod::Circumsphere, &[(&patches, &rest, SurfaceShape::Smooth)], distance);
         let Counts { touching, missed, surplus, worst, .. } = compare(&app, &patches, None, distance);
@@ -202,12 +208,7 @@ fn patches_of_recordings_touch_like_the_reference() {
     for (name, frame) in
         [("rumba_36_60", 30), ("bunny_3485", 20), ("mat100x100", 4), ("thick_cloth", 3), ("gear_chain", 0)]
     {
-        let recording = read_recording(&[folder.join(format!("{name}.bin"))]).expect("the recording is valid");
-        let frame = frame.min(recording.frames.len() - 1);
-        let of =
-            |frame: usize| -> Vec<Vec3> { recording.frames[frame].iter().copied().map(Vec3::from_array).collect() };
-        let rest = of(0);
-        let patches = Patches::new(&rest, of(frame), &recording.triangles, true);
+        let (patches, rest) = recorded(&folder, name, frame);
         for edges in [0.1, 0.5] {
             let distance = edges * patches.edge;
             let app = app(ContactMethod::Exact, &[(&patches, &rest, SurfaceShape::Smooth)], distance);

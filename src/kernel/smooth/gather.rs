@@ -9,7 +9,7 @@ use super::{closest_lanes::WeightLanes, patch_lanes::PatchLanes};
 use crate::kernel::{
     mesh::curved_edges::MOST_OF_EDGE,
     pair::SurfaceSide,
-    simd::lanes::{DoubleVectorLanes, VectorLanes, WIDTH, columns, widened},
+    simd::lanes::{DoubleVectorLanes, VectorLanes, WIDTH, widened},
 };
 
 /// The patches of eight triangles in the frame of a pair.
@@ -28,9 +28,7 @@ impl<S: Simd> GatheredPatches<S> {
     /// Relative to an origin, in f32.
     #[inline(always)]
     pub(super) fn relative(&self, origin: DoubleVectorLanes<S>) -> PatchLanes<S> {
-        let [p, q, r] = self.corners;
-        let corners = [(p - origin).rounded(), (q - origin).rounded(), (r - origin).rounded()];
-        PatchLanes { corners, offsets: self.offsets }
+        PatchLanes { corners: relative(&self.corners, origin), offsets: self.offsets }
     }
 
     /// Points of the patches relative to an origin, in f64.
@@ -59,6 +57,15 @@ impl<S: Simd> GatheredPatches<S> {
         let [first, second, third] = self.offsets;
         first.dot(first).max(second.dot(second)).max(third.dot(third)).sqrt() * MOST_OF_EDGE
     }
+}
+
+/// Corners relative to an origin, in f32.
+#[inline(always)]
+pub(in crate::kernel) fn relative<S: Simd>(
+    &[p, q, r]: &[DoubleVectorLanes<S>; 3],
+    origin: DoubleVectorLanes<S>,
+) -> [VectorLanes<S>; 3] {
+    [(p - origin).rounded(), (q - origin).rounded(), (r - origin).rounded()]
 }
 
 /// The corners of eight triangles in the frame of a pair.
@@ -110,7 +117,8 @@ fn offsets<S: Simd>(
         }
     }
     let [first, second, third] = rows;
-    let [first, second, third] = [vectors(first), vectors(second), vectors(third)];
+    let [first, second, third] =
+        [VectorLanes::of_rows(first), VectorLanes::of_rows(second), VectorLanes::of_rows(third)];
     let Some(moved) = side.moved else { return [first, second, third] };
     let turn = moved.pose.to_affine().matrix3;
     [
@@ -118,10 +126,4 @@ fn offsets<S: Simd>(
         second.widened().turned(simd, &turn).rounded(),
         third.widened().turned(simd, &turn).rounded(),
     ]
-}
-
-#[inline(always)]
-fn vectors<S: Simd>(rows: [f32x4<S>; WIDTH]) -> VectorLanes<S> {
-    let [x, y, z, _] = columns(rows);
-    VectorLanes { x, y, z }
 }

@@ -17,14 +17,12 @@ use super::{
 use crate::kernel::{
     pair::{PairSettings, SurfaceSide},
     simd::{
-        lanes::{
-            CornerLanes, DoubleVectorLanes, TriangleLanes, TrianglePairLanes, VectorLanes, WIDTH, first_lanes, widened,
-        },
+        lanes::{CornerLanes, TriangleLanes, TrianglePairLanes, VectorLanes, WIDTH, first_lanes, widened},
         prefetch::{Prefetch, ask_ahead, ask_for_room, prefetch},
     },
     smooth::{
         closest_lanes::{ClosestLanes, FaceLanes, WeightLanes},
-        gather::corners_of,
+        gather::{corners_of, relative},
     },
 };
 
@@ -189,11 +187,6 @@ fn contacts_in_lanes<S: Simd>(
 #[inline(always)]
 fn triangles<const SIDE: usize>(pairs: &[[u32; 2]]) -> [u32; WIDTH] {
     std::array::from_fn(|lane| pairs[lane.min(pairs.len() - 1)][SIDE])
-}
-
-#[inline(always)]
-fn relative<S: Simd>([p, q, r]: &[DoubleVectorLanes<S>; 3], origin: DoubleVectorLanes<S>) -> [VectorLanes<S>; 3] {
-    [(*p - origin).rounded(), (*q - origin).rounded(), (*r - origin).rounded()]
 }
 
 /// The curvatures in the pair's frame.

@@ -13,7 +13,7 @@ use crate::kernel::{
         topology::SurfaceTopology,
     },
     simd::{
-        lanes::{VectorLanes, WIDTH, columns, load_first, store_first, transposed},
+        lanes::{VectorLanes, WIDTH, load_first, store_first, transposed},
         parallel::{LEAST_SHARE, PART, Parallel},
     },
 };
@@ -174,14 +174,8 @@ impl EightEdges {
             }
         }
         let [a, b, c, d] = rows;
-        [[vectors(a), vectors(b)], [vectors(c), vectors(d)]]
+        [[VectorLanes::of_rows(a), VectorLanes::of_rows(b)], [VectorLanes::of_rows(c), VectorLanes::of_rows(d)]]
     }
-}
-
-#[inline(always)]
-fn vectors<S: Simd>(rows: [f32x4<S>; WIDTH]) -> VectorLanes<S> {
-    let [x, y, z, _] = columns(rows);
-    VectorLanes { x, y, z }
 }
 
 /// Eight faces.

@@ -153,6 +153,12 @@ impl<S: Simd> VectorLanes<S> {
         for lane in 0..WIDTH {
             rows[lane] = row(simd, vectors[lane]);
         }
+        Self::of_rows(rows)
+    }
+
+    /// The first three numbers of each row.
+    #[inline(always)]
+    pub(in crate::kernel) fn of_rows(rows: [f32x4<S>; WIDTH]) -> Self {
         let [x, y, z, _] = columns(rows);
         Self { x, y, z }
     }
