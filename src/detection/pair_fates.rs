@@ -14,7 +14,10 @@ use crate::{
         pairs::{CandidateTrianglePairs, OtherSide, SurfacePair},
         parallel::{Buffers, append_chunks},
         reuse::near_lists::KeptPairs,
-        sides::{SphereQuery, SphereRows, pair_settings, surface_sides, with_balls, with_caps, with_osculating},
+        sides::{
+            SphereQuery, SphereRows, pair_settings, side_on_shape, surface_sides, with_balls, with_caps,
+            with_osculating,
+        },
         state::SurfaceStates,
     },
     kernel::{
@@ -181,10 +184,10 @@ impl PairFates<'_, '_> {
         }
         match pair.second {
             OtherSide::Shape(place) => {
-                let (shape, first) = (&self.active.shapes[place].geometry, &self.active.surfaces[pair.first]);
-                let own = self.states.all()[pair.first].positions();
+                let shape = &self.active.shapes[place].geometry;
+                let side = side_on_shape(&self.active, pair, &self.states.all()[pair.first]);
                 Some(map(&|chunk, fates| {
-                    shape_fates(&first.topology, own, &pair.relative_pose, shape, chunk, &settings, fates);
+                    shape_fates(&side, shape, chunk, &settings, fates);
                 }))
             }
             OtherSide::Surface(second) => match pair.method {

@@ -88,23 +88,38 @@ pub(crate) fn surface_sides<'a>(
     let [positions_a, positions_b] = pair.positions(first_positions, second_positions);
     let [pose_a, pose_b] = pair.poses();
     let [first, second_state] = states;
-    let side = |place: usize, state: &'a SurfaceState, positions: &'a [Vec3], pose: &'a Pose| {
-        let own_positions = state.positions();
-        let surface = &active.surfaces[place];
-        let one_sided = is_one_sided(surface, pair);
-        let rounding = pair.moved_rounding;
-        let moved = moving(pose).map(|pose| MovedSide { own_positions, pose, rounding });
-        SurfaceSide {
-            topology: &surface.topology,
-            positions,
-            moved,
-            one_sided,
-            mirrored: pose.is_mirrored(),
-            rows: None,
-            curved: state.bounds.curved(),
-        }
-    };
-    Some([side(pair.first, first, positions_a, pose_a), side(second, second_state, positions_b, pose_b)])
+    Some([
+        surface_side(&active.surfaces[pair.first], pair, first, positions_a, pose_a),
+        surface_side(&active.surfaces[second], pair, second_state, positions_b, pose_b),
+    ])
+}
+
+/// The surface of a pair with a rigid shape, in the shape's frame. Its positions are not transformed.
+pub(crate) fn side_on_shape<'a>(
+    active: &'a ActiveSurfaces,
+    pair: &'a SurfacePair,
+    state: &'a SurfaceState,
+) -> SurfaceSide<'a> {
+    surface_side(&active.surfaces[pair.first], pair, state, state.positions(), &pair.relative_pose)
+}
+
+fn surface_side<'a>(
+    surface: &'a ActiveSurface,
+    pair: &SurfacePair,
+    state: &'a SurfaceState,
+    positions: &'a [Vec3],
+    pose: &'a Pose,
+) -> SurfaceSide<'a> {
+    let (own_positions, rounding) = (state.positions(), pair.moved_rounding);
+    SurfaceSide {
+        topology: &surface.topology,
+        positions,
+        moved: moving(pose).map(|pose| MovedSide { own_positions, pose, rounding }),
+        one_sided: is_one_sided(surface, pair),
+        mirrored: pose.is_mirrored(),
+        rows: None,
+        curved: state.bounds.curved(),
+    }
 }
 
 /// Whether a surface has an inside in a pair. Not in a self-collision, where behind a face may be the other side of a

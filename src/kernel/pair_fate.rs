@@ -6,13 +6,11 @@
 
 use std::borrow::Cow;
 
-use glam::Vec3;
-
 use super::{
-    exact::{rigid_shape::ShapeGeometry, stage::shape_pairs},
-    mesh::{ids::TriangleId, topology::SurfaceTopology},
+    exact::rigid_shape::ShapeGeometry,
+    mesh::ids::TriangleId,
     pair::{FoundPairs, PairSettings, SurfaceSide},
-    pose::Pose,
+    smooth::on_shape::patch_shape_pairs,
     spheres::{
         contacts::{FoundSpheres, ball_contacts, meeting_caps, overlapping_ball_contacts},
         osculating_contacts::{OsculatingSide, osculating_contacts},
@@ -216,11 +214,9 @@ pub fn exact_fates(
     fates.passed(PairFate::Distance, touching(&found));
 }
 
-/// Appends the fate of each candidate triangle near a rigid shape. For the arguments see [`shape_pairs`].
+/// Appends the fate of each candidate triangle near a rigid shape.
 pub fn shape_fates(
-    topology: &SurfaceTopology,
-    positions: &[Vec3],
-    pose: &Pose,
+    side: &SurfaceSide<'_>,
     shape: &ShapeGeometry,
     candidates: &[[u32; 2]],
     settings: &PairSettings,
@@ -228,6 +224,6 @@ pub fn shape_fates(
 ) {
     let mut fates = Fates::append(candidates, fates);
     let mut found = FoundPairs::default();
-    shape_pairs(topology, positions, pose, shape, candidates, settings, &mut found);
+    patch_shape_pairs(side, shape, candidates, settings, &mut found);
     fates.passed(PairFate::Distance, touching(&found));
 }

@@ -362,8 +362,8 @@ pub enum SurfaceShape {
     /// For meshes whose vertices lie on a smooth body. Where they do not, as in CAD meshes or scans whose vertices were
     /// moved, the patches may be farther from the body than the triangles.
     ///
-    /// Used between surfaces, and against rigid shapes made of triangles. With the method `Circumsphere`, each triangle
-    /// has the sphere that osculates its patch, and each pair one contact of these spheres. `BoundingSphere`, solids, and
+    /// Used between surfaces and against rigid shapes. With the method `Circumsphere`, each triangle has the sphere that
+    /// osculates its patch, and each pair of surfaces one contact per pair of these spheres. `BoundingSphere` and
     /// [`SweptCollision`] see the flat triangles.
     Smooth,
 }

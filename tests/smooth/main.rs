@@ -3,6 +3,7 @@
 mod bodies;
 mod distances;
 mod fitness;
+mod on_shapes;
 mod plugin;
 mod properties;
 mod spheres;

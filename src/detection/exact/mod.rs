@@ -18,7 +18,7 @@ use crate::{
             DetectionMemory,
             near_lists::{KeptPairs, ListUse},
         },
-        sides::{pair_settings, surface_sides},
+        sides::{pair_settings, side_on_shape, surface_sides},
         state::{SurfaceState, SurfaceStates},
     },
     diagnostics::DetectionDiagnostics,
@@ -26,10 +26,11 @@ use crate::{
         capacity,
         exact::{
             pair_order::PairSorter,
-            stage::{closest_pairs, exact_pairs, shape_pairs},
+            stage::{closest_pairs, exact_pairs},
             unique::UniqueFeatures,
         },
         pair::{FoundPairs, can_penetrate},
+        smooth::on_shape::patch_shape_pairs,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
     settings::CircumsphereSettings,
@@ -146,7 +147,6 @@ fn test_pair(
     let bulge = f64::from(pair.bulge);
     // Flat pairs are tested as they are, and so are smooth ones that are flat.
     let pair_settings = if bulge > 0.0 { true_settings.widened(bulge) } else { true_settings };
-    let first = &active.surfaces[pair.first];
     let own = &states[pair.first];
     // Results are stored in the order of their triangles. Sorting the pairs takes less time than sorting the results.
     let triangles = sorter.unique(&pair.triangles, pair_settings.same_surface, &Threads(threads));
@@ -174,9 +174,9 @@ fn test_pair(
             }
         }
         OtherSide::Shape(place) => {
-            let (shape, pose) = (&active.shapes[place].geometry, &pair.relative_pose);
+            let (shape, side) = (&active.shapes[place].geometry, side_on_shape(active, pair, own));
             collect(triangles, threads, spare, Some(unique), found, |chunk, found| {
-                shape_pairs(&first.topology, own.positions(), pose, shape, chunk, &true_settings, found);
+                patch_shape_pairs(&side, shape, chunk, &true_settings, found);
             });
         }
     }

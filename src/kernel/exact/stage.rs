@@ -11,7 +11,7 @@
 
 use arrayvec::ArrayVec;
 use fearless_simd::{Level, dispatch, mask64x8, prelude::*, u64x8};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use self::{
     block::Block,
@@ -20,15 +20,12 @@ use self::{
 };
 use super::{
     CaseLanes, Cases, FeatureBatches, LeftOver, PairProximity, PairScreen, Proximity, ScreenLimits, examine_pair,
-    rigid_shape::{ShapeGeometry, ShapeProximity},
-    rounded_down,
-    tolerances::TIE,
+    rounded_down, tolerances::TIE,
 };
 use crate::kernel::{
     contact::{CompactContact, TouchingPair},
-    mesh::{corner_rows::CornerRow, feature::FeaturePair, topology::SurfaceTopology},
+    mesh::{corner_rows::CornerRow, feature::FeaturePair},
     pair::{FoundPairs, PairSettings, SurfaceSide},
-    pose::Pose,
     simd::{
         lanes::SetLanes,
         prefetch::{ask_ahead, ask_for_room},
@@ -335,42 +332,4 @@ fn add_pair([triangle_a, triangle_b]: [u32; 2], distance: f64, settings: &PairSe
     if distance <= settings.contact_distance {
         found.touching.push(TouchingPair { triangle_a, triangle_b, distance });
     }
-}
-
-/// Tests candidate triangles of a surface exactly against a rigid shape, and appends the results. `pose` transforms the
-/// surface to the shape's frame, which is the pair's frame.
-pub fn shape_pairs(
-    topology: &SurfaceTopology,
-    positions: &[Vec3],
-    pose: &Pose,
-    shape: &ShapeGeometry,
-    candidates: &[[u32; 2]],
-    settings: &PairSettings,
-    found: &mut FoundPairs,
-) {
-    let mut scratch = PairProximity::default();
-    let mut proximities: Vec<ShapeProximity> = Vec::new();
-    let first_contact = found.contacts.len();
-    for &[triangle, _] in candidates {
-        let corners = topology.triangles()[triangle as usize]
-            .map(|vertex| pose.transform_point(positions[vertex as usize].as_dvec3()));
-        proximities.clear();
-        found.examined += 1;
-        let distance =
-            shape.examine(&corners, settings.range / settings.scale, &mut scratch, &mut proximities) * settings.scale;
-        if distance > settings.range {
-            continue;
-        }
-        found.nearest = found.nearest.min(distance.max(0.0));
-        if distance <= settings.contact_distance {
-            found.touching.push(TouchingPair { triangle_a: triangle, triangle_b: 0, distance: distance.max(0.0) });
-        }
-        found.contacts.extend(
-            proximities
-                .iter()
-                .filter(|proximity| proximity.distance * settings.scale <= settings.reported_distance)
-                .map(|proximity| CompactContact::with_shape(topology, positions, triangle, proximity, settings.scale)),
-        );
-    }
-    found.finish_contacts(first_contact);
 }

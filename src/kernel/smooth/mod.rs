@@ -5,6 +5,7 @@ mod edge_inside;
 mod feature_lanes;
 pub(in crate::kernel) mod gather;
 mod newton;
+pub mod on_shape;
 pub mod patch;
 mod patch_lanes;
 pub mod refine;

@@ -5,7 +5,7 @@
 
 use glam::{DQuat, DVec3, Vec3};
 
-use super::{ShapeError, ShapeGeometry, ShapeProximity, rounded};
+use super::{ShapeError, ShapeFoot, ShapeGeometry, ShapeProximity, rounded};
 use crate::kernel::{
     contact::FEATURE_BITS,
     exact::triangle_pair::PairProximity,
@@ -115,8 +115,14 @@ impl Compound {
         self.parts.iter().map(|part| part.geometry.feature_count()).sum()
     }
 
-    pub(super) fn signed_distance(&self, point: DVec3) -> f64 {
-        self.parts.iter().map(|part| part.signed_distance(point)).fold(f64::INFINITY, f64::min)
+    /// The place on the surface of the nearest part, or of the one that a point is deepest in.
+    pub(super) fn foot(&self, point: DVec3) -> ShapeFoot {
+        let feet = self.parts.iter().map(|part| (part, part.geometry.foot(part.inward(point))));
+        let nearest = feet.min_by(|(_, one), (_, other)| one.distance.total_cmp(&other.distance));
+        nearest.map_or(ShapeFoot::flat(f64::INFINITY, DVec3::Y, 0), |(part, foot)| {
+            let shape_feature = foot.shape_feature + part.first_feature;
+            ShapeFoot { shape_feature, ..foot.turned(part.rotation) }
+        })
     }
 
     pub(super) fn normal_cone(&self, shape_feature: u32, outward: DVec3) -> NormalCone {

@@ -1,14 +1,10 @@
 //! The record of a contact with a shape that is tested by formula.
 
-use glam::Vec3;
-
 use super::ShapeProximity;
 use crate::kernel::{
     contact::{CompactContact, ContactKey, feature_number},
-    mesh::{
-        feature::{Feature, FeaturePair},
-        topology::SurfaceTopology,
-    },
+    mesh::feature::{Feature, FeaturePair},
+    pair::SurfaceSide,
 };
 
 impl CompactContact {
@@ -16,13 +12,7 @@ impl CompactContact {
     /// frame.
     #[doc(hidden)]
     #[must_use]
-    pub fn with_shape(
-        topology: &SurfaceTopology,
-        positions: &[Vec3],
-        triangle: u32,
-        proximity: &ShapeProximity,
-        scale: f64,
-    ) -> Self {
+    pub fn with_shape(side: &SurfaceSide<'_>, triangle: u32, proximity: &ShapeProximity, scale: f64) -> Self {
         let features = FeaturePair {
             a: proximity.feature,
             // The kinds of both features mark a crossing: an edge of the triangle or of the shape pierces a face. An
@@ -32,7 +22,7 @@ impl CompactContact {
                 _ => Feature::Face,
             },
         };
-        let number = feature_number(topology, positions, triangle, proximity.feature);
+        let number = feature_number(side.topology, side.own_positions(), triangle, proximity.feature);
         Self {
             key: ContactKey::new(features, number, proximity.shape_feature),
             swapped: false,

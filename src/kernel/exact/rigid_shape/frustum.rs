@@ -6,6 +6,8 @@
 
 use glam::{DVec2, DVec3};
 
+use super::foot::{ShapeFoot, root_of_curvature};
+
 /// The part of a frustum that is closest to a point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
@@ -150,6 +152,18 @@ impl Frustum {
         let halfway = || (self.outward + cap).try_normalize().unwrap_or(cap);
         let normal = from_rim.try_normalize().unwrap_or_else(halfway);
         foot(from_rim.length(), Self::lift(radial, normal), part)
+    }
+
+    /// Like [`foot`](Self::foot), with the curvature there.
+    pub(super) fn shape_foot(&self, point: DVec3) -> ShapeFoot {
+        let Foot { distance, normal, part } = self.foot(point);
+        let (radial, radius) = Self::radial(point);
+        let around = DVec3::Y.cross(radial);
+        // Around the axis, every surface of revolution has the curvature of the circle, seen from the side.
+        let first = if radius > 0.0 { around * (normal.dot(radial).max(0.0) / radius).sqrt() } else { DVec3::ZERO };
+        let along = if part.is_smooth() { 0.0 } else { root_of_curvature(distance + self.border) };
+        let bends = [first, normal.cross(around) * along];
+        ShapeFoot { bends, ..ShapeFoot::flat(distance, normal, part.number()) }
     }
 
     /// The farthest point in a direction of unit length. If that is a whole cap, its center.

@@ -8,9 +8,11 @@
 mod compound;
 mod contact;
 mod error;
+mod foot;
 mod frustum;
 mod frustum_contacts;
 mod half_space;
+mod pairs;
 mod polytope;
 mod prepare;
 mod rounded;
@@ -20,7 +22,11 @@ mod union;
 use glam::{DVec3, Vec3};
 
 pub(crate) use self::half_space::{boundary_topology, boundary_triangle};
-pub use self::{compound::Compound, error::ShapeError, frustum::Frustum, polytope::ConvexPolytope, sweep::SweepPart};
+pub use self::{
+    compound::Compound, error::ShapeError, frustum::Frustum, pairs::shape_pairs, polytope::ConvexPolytope,
+    sweep::SweepPart,
+};
+pub(in crate::kernel) use self::{foot::ShapeFoot, pairs::test_each};
 use super::triangle_pair::PairProximity;
 use crate::kernel::mesh::{bounds::Aabb, feature::Feature, smooth_normal::NormalCone};
 
@@ -153,13 +159,7 @@ impl ShapeGeometry {
     /// nearest part, or the depth in the deepest.
     #[must_use]
     pub fn signed_distance(&self, point: DVec3) -> f64 {
-        match self {
-            Self::Rounded { start, end, radius } => rounded::foot(point, [*start, *end]).distance(point) - radius,
-            Self::HalfSpace { normal } => normal.dot(point),
-            Self::Polytope(polytope) => polytope.signed_distance(point),
-            Self::Convex(frustum) => frustum.foot(point).distance,
-            Self::Compound(compound) => compound.signed_distance(point),
-        }
+        self.foot(point).distance
     }
 
     /// Whether a feature is a face or a round side, rather than an edge, a rim, or a corner.

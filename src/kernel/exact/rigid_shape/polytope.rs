@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::{SUPPORT_SLACK, ShapeError, ShapeProximity, rounded};
+use super::{SUPPORT_SLACK, ShapeError, ShapeFoot, ShapeProximity, rounded};
 use crate::kernel::{
     exact::triangle_pair::{PairProximity, Proximity, examine_pair},
     mesh::{
@@ -112,14 +112,37 @@ impl ConvexPolytope {
         faces.map(|(normal, corners)| (*normal, normal.dot(corners[0]) + self.border))
     }
 
-    /// Signed distance of a point from the surface, negative inside.
-    pub(super) fn signed_distance(&self, point: DVec3) -> f64 {
-        let (_, depth) = self.deepest_plane(point);
+    /// The place on the surface that is closest to a point.
+    pub(super) fn foot(&self, point: DVec3) -> ShapeFoot {
+        let (face, depth) = self.deepest_plane(point);
         if depth <= 0.0 {
-            return depth - self.border;
+            let number = self.feature_number(face, Feature::Face);
+            return ShapeFoot::flat(depth, self.normals[face], number).bordered(self.border);
         }
-        let distance = |corners: &[DVec3; 3]| closest_feature(corners, point).1.distance(point);
-        self.corners.iter().map(distance).fold(f64::INFINITY, f64::min) - self.border
+        let Some((face, feature, place, distance)) = self.closest(point) else {
+            return ShapeFoot::flat(f64::INFINITY, DVec3::Y, 0);
+        };
+        let normal = (point - place).try_normalize().unwrap_or(self.ways_out[face]);
+        let number = self.feature_number(face, feature);
+        let corners = &self.corners[face];
+        let foot = match feature {
+            Feature::Face => ShapeFoot::flat(distance, normal, number),
+            Feature::Edge(edge) => {
+                let along = corners[(usize::from(edge) + 1) % 3] - corners[usize::from(edge)];
+                ShapeFoot::around_edge(distance, normal, along, number)
+            }
+            Feature::Vertex(_) => ShapeFoot::around_point(distance, normal, number),
+        };
+        foot.bordered(self.border)
+    }
+
+    /// The face that is closest to a point, its feature and place, and the distance.
+    fn closest(&self, point: DVec3) -> Option<(usize, Feature, DVec3, f64)> {
+        let places = self.corners.iter().enumerate().map(|(face, corners)| {
+            let (feature, place) = closest_feature(corners, point);
+            (face, feature, place, place.distance(point))
+        });
+        places.min_by(|one, other| one.3.total_cmp(&other.3))
     }
 
     /// The face whose plane a point is farthest outside of, and that signed distance: negative inside the polyhedron,
@@ -167,13 +190,7 @@ impl ConvexPolytope {
             if found[before..].iter().any(|proximity| proximity.feature == named) {
                 continue;
             }
-            let closest = self.corners.iter().enumerate().map(|(face, corners)| {
-                let (feature, place) = closest_feature(corners, position);
-                (face, feature, place, place.distance(position))
-            });
-            let Some((face, feature, place, distance)) = closest.min_by(|one, other| one.3.total_cmp(&other.3)) else {
-                continue;
-            };
+            let Some((face, feature, place, distance)) = self.closest(position) else { continue };
             if distance <= self.border {
                 found.push(ShapeProximity {
                     feature: named,

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::{SUPPORT_SLACK, ShapeProximity};
+use super::{SUPPORT_SLACK, ShapeFoot, ShapeProximity};
 use crate::kernel::{
     exact::triangle_pair::{PairProximity, examine_pair},
     mesh::{barycentric::point_at, feature::Feature, side::face_normal},
@@ -66,4 +66,25 @@ pub(super) fn foot(point: DVec3, [start, end]: [DVec3; 2]) -> DVec3 {
     let way = end - start;
     let squared = way.length_squared();
     if squared > 0.0 { start + way * ((point - start).dot(way) / squared).clamp(0.0, 1.0) } else { start }
+}
+
+/// The place on the surface that is closest to a point.
+pub(super) fn shape_foot(point: DVec3, [start, end]: [DVec3; 2], radius: f64) -> ShapeFoot {
+    let core = foot(point, [start, end]);
+    let (away, axis) = (point - core, end - start);
+    let distance = core.distance(point);
+    let square = || axis.try_normalize().map_or(DVec3::Y, |axis| axis.any_orthonormal_vector());
+    let normal = away.try_normalize().unwrap_or_else(square);
+    let at_end = if start == end || core == start {
+        Some(0)
+    } else if core == end {
+        Some(1)
+    } else {
+        None
+    };
+    let around = match at_end {
+        Some(end) => ShapeFoot::around_point(distance, normal, end),
+        None => ShapeFoot::around_edge(distance, normal, axis, 2),
+    };
+    around.bordered(radius)
 }

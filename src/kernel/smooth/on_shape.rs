@@ -1,0 +1,300 @@
+//! Tests the patches of a smooth surface against a rigid shape.
+//!
+//! The exact test of the flat triangle, with a range that is wider by the height of the patch, says where to begin. The
+//! signed distance of the shape over the patch is a smooth function of two weights, except at kinks inside the shape.
+//! Newton steps within the triangle find its minimum: each minimizes the second-order model exactly, over the inside,
+//! the edges, and the corners. A patch that bends away from the shape may have several minima, so more searches begin at
+//! the middles of its edges. The least minimum is a contact, and the contacts of the flat triangle move along with their
+//! points.
+
+use glam::{DVec2, DVec3};
+
+use super::patch::{Local, Patch};
+use crate::kernel::{
+    exact::{
+        PairProximity,
+        rigid_shape::{ShapeFoot, ShapeGeometry, ShapeProximity, shape_pairs, test_each},
+    },
+    mesh::{barycentric::point_at, feature::Feature},
+    pair::{FoundPairs, PairSettings, SurfaceSide},
+};
+
+/// The most steps.
+const STEPS: usize = 32;
+
+/// Steps that do not come closer are halved this often.
+const HALVINGS: usize = 24;
+
+/// The model is right if a step comes closer by at least this share of what it expects.
+const GOOD_GAIN: f64 = 0.5;
+
+/// Steps that shorten the distance by less than this share of the patch's size end the search.
+const LEAST_GAIN: f64 = 1.0e-13;
+
+/// A weight below this is 0: the point is on the edge opposite the corner.
+const ON_BORDER: f64 = 1.0e-9;
+
+/// A contact at an edge counts if the patch beside it falls toward the shape by no more than this sine. Otherwise the
+/// patch is closer farther in.
+const FACING: f64 = 0.02;
+
+/// The middles of the edges, by weights.
+const MIDDLES: [[f64; 3]; 3] = [[0.5, 0.5, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5]];
+
+/// Like [`shape_pairs`], for the patches of a smooth surface.
+pub fn patch_shape_pairs(
+    side: &SurfaceSide<'_>,
+    shape: &ShapeGeometry,
+    candidates: &[[u32; 2]],
+    settings: &PairSettings,
+    found: &mut FoundPairs,
+) {
+    if side.curved.is_none() {
+        return shape_pairs(side, shape, candidates, settings, found);
+    }
+    let mut scratch = PairProximity::default();
+    let range = settings.range / settings.scale;
+    test_each(side, candidates, settings, found, |triangle, proximities| {
+        let patch = Patch::of(side, triangle);
+        let height = side.patch_height(triangle);
+        let flat = shape.examine(&patch.corners, range + height, &mut scratch, proximities);
+        if height > 0.0 && !proximities.is_empty() { refine(&patch, shape, &mut scratch, proximities) } else { flat }
+    });
+}
+
+/// Moves proximities of the flat triangle to its patch, adds the closest place, and returns the distance there.
+fn refine(
+    patch: &Patch,
+    shape: &ShapeGeometry,
+    scratch: &mut PairProximity,
+    proximities: &mut Vec<ShapeProximity>,
+) -> f64 {
+    let mut search = Search { patch, shape, scratch, proximities: Vec::new() };
+    let closest = proximities.iter().min_by(|one, other| one.distance.total_cmp(&other.distance));
+    let mut nearest = search.descend(closest.map_or([1.0, 0.0, 0.0], |closest| closest.barycentric));
+    let others = if nearest.model(patch).may_have_others() { &MIDDLES[..] } else { &[] };
+    // Other parts of a compound may be closer.
+    let of_parts = proximities.iter().filter(|_| matches!(shape, ShapeGeometry::Compound(_)));
+    for start in of_parts.map(|proximity| proximity.barycentric).chain(others.iter().copied()) {
+        let other = search.descend(start);
+        if other.foot.distance < nearest.foot.distance {
+            nearest = other;
+        }
+    }
+    let is_apart = nearest.foot.distance > 0.0;
+    proximities.retain_mut(|proximity| {
+        // Whether surfaces cross is decided by the patch.
+        if proximity.crossing {
+            return !is_apart;
+        }
+        if matches!(proximity.feature, Feature::Vertex(_)) {
+            return true;
+        }
+        let point = patch.point(&proximity.barycentric);
+        let foot = shape.foot(point);
+        if proximity.distance > 0.0 && foot.distance > 0.0 {
+            (proximity.normal, proximity.distance) = (foot.normal, foot.distance);
+            proximity.shape_point = point - foot.normal * foot.distance;
+        } else {
+            // Inside, the way out need not be that of the point.
+            let moved = point - point_at(&patch.corners, &proximity.barycentric);
+            let rise = proximity.normal.dot(moved);
+            proximity.distance += rise;
+            proximity.shape_point += moved - proximity.normal * rise;
+        }
+        proximity.distance <= 0.0 || faces(patch, proximity)
+    });
+    let own = nearest.proximity(patch);
+    // A crossing has no depth of its own.
+    if !proximities.iter().any(|proximity| proximity.crossing) {
+        proximities.retain(|other| (other.feature, other.shape_feature) != (own.feature, own.shape_feature));
+        proximities.push(own);
+    }
+    own.distance.min(distance_of(proximities))
+}
+
+/// The least distance of some proximities.
+fn distance_of(proximities: &[ShapeProximity]) -> f64 {
+    proximities.iter().map(|proximity| proximity.distance).fold(f64::INFINITY, f64::min)
+}
+
+/// Whether the patch beside an edge rises from the shape.
+fn faces(patch: &Patch, proximity: &ShapeProximity) -> bool {
+    let Feature::Edge(edge) = proximity.feature else { return true };
+    let Local { tangents: [second, third], .. } = patch.local(&proximity.barycentric);
+    // From each edge to the corner opposite it, and along the edge.
+    let (inward, along) = match edge % 3 {
+        0 => (third, second),
+        1 => (-second, third - second),
+        _ => (second, third),
+    };
+    let inward = inward.reject_from(along);
+    proximity.normal.dot(inward) >= -FACING * inward.length()
+}
+
+/// A point of a patch, and the distance of a shape there.
+struct Place {
+    weights: [f64; 3],
+    foot: ShapeFoot,
+}
+
+/// A search for the place of a patch where the distance is least.
+struct Search<'a> {
+    patch: &'a Patch,
+    shape: &'a ShapeGeometry,
+    scratch: &'a mut PairProximity,
+    proximities: Vec<ShapeProximity>,
+}
+
+impl Search<'_> {
+    fn at(&self, weights: [f64; 3]) -> Place {
+        Place { weights, foot: self.shape.foot(self.patch.point(&weights)) }
+    }
+
+    fn after(&self, place: &Place, step: DVec2) -> Place {
+        let [_, second, third] = place.weights;
+        let (second, third) = (second + step.x, third + step.y);
+        self.at([1.0 - second - third, second, third].map(|weight| f64::max(weight, 0.0)))
+    }
+
+    fn descend(&mut self, start: [f64; 3]) -> Place {
+        let least_gain = LEAST_GAIN * self.patch.size();
+        let mut place = self.at(start);
+        for _ in 0..STEPS {
+            let least = place.foot.distance - least_gain;
+            let is_lower = |next: &Place| next.foot.distance < least;
+            let next = self.step(&place).filter(is_lower).or_else(|| self.step_on_tangents(&place).filter(is_lower));
+            let Some(next) = next else { break };
+            place = next;
+        }
+        place
+    }
+
+    /// The place after a step to where the model is lowest. `None` if it is hardly lower, or the model is wrong.
+    fn step(&self, place: &Place) -> Option<Place> {
+        let (step, change) = place.model(self.patch).lowest(&place.weights)?;
+        let next = self.after(place, step);
+        (place.foot.distance - next.foot.distance > -GOOD_GAIN * change).then_some(next)
+    }
+
+    /// The place after a step towards where the triangle that touches the patch is closest, or a part of it. This goes
+    /// down even at a kink. `None` if no place is lower.
+    fn step_on_tangents(&mut self, place: &Place) -> Option<Place> {
+        let distance = place.foot.distance;
+        // Inside, what the test of a triangle reports is not the depth of its points.
+        if distance <= 0.0 {
+            return None;
+        }
+        let Local { point, tangents: [u, v], .. } = self.patch.local(&place.weights);
+        let [_, second, third] = place.weights;
+        let first = point - u * second - v * third;
+        self.proximities.clear();
+        self.shape.examine(&[first, first + u, first + v], distance, self.scratch, &mut self.proximities);
+        let lowest = self.proximities.iter().min_by(|one, other| one.distance.total_cmp(&other.distance))?;
+        let mut step = DVec2::new(lowest.barycentric[1] - second, lowest.barycentric[2] - third);
+        for _ in 0..HALVINGS {
+            let next = self.after(place, step);
+            if next.foot.distance < distance {
+                return Some(next);
+            }
+            step *= 0.5;
+        }
+        None
+    }
+}
+
+/// The change of the distance as the weights of the second and the third corner change, to second order.
+struct Model {
+    slope: DVec2,
+    /// The second derivatives: twice by the second weight, by both, and twice by the third.
+    bends: [f64; 3],
+    /// Those of the patch alone, along the direction of the distance.
+    own_bends: [f64; 3],
+}
+
+impl Place {
+    fn model(&self, patch: &Patch) -> Model {
+        let Local { tangents: [u, v], seconds: [uu, uv, vv], .. } = patch.local(&self.weights);
+        let ShapeFoot { normal, bends, .. } = self.foot;
+        let bend = |one: DVec3, other: DVec3| bends.iter().map(|bend| bend.dot(one) * bend.dot(other)).sum::<f64>();
+        let own_bends = [normal.dot(uu), normal.dot(uv), normal.dot(vv)];
+        Model {
+            own_bends,
+            slope: DVec2::new(normal.dot(u), normal.dot(v)),
+            bends: [own_bends[0] + bend(u, u), own_bends[1] + bend(u, v), own_bends[2] + bend(v, v)],
+        }
+    }
+
+    fn proximity(&self, patch: &Patch) -> ShapeProximity {
+        let mut weights = self.weights.map(|weight| if weight < ON_BORDER { 0.0 } else { weight });
+        let sum: f64 = weights.iter().sum();
+        weights = weights.map(|weight| weight / sum);
+        let feature = match weights.map(|weight| weight > 0.0) {
+            [true, true, true] => Feature::Face,
+            [true, true, false] => Feature::Edge(0),
+            [false, true, true] => Feature::Edge(1),
+            [true, false, true] => Feature::Edge(2),
+            [_, true, _] => Feature::Vertex(1),
+            [_, _, true] => Feature::Vertex(2),
+            _ => Feature::Vertex(0),
+        };
+        let ShapeFoot { distance, normal, shape_feature, .. } = self.foot;
+        ShapeProximity {
+            feature,
+            shape_feature,
+            crossing: false,
+            barycentric: weights,
+            shape_point: patch.point(&weights) - normal * distance,
+            normal,
+            distance,
+        }
+    }
+}
+
+impl Model {
+    /// Whether the patch bends away from the shape in some direction. Otherwise it is convex, and a convex shape is
+    /// closest to it at one place.
+    fn may_have_others(&self) -> bool {
+        let [uu, uv, vv] = self.own_bends;
+        uu < 0.0 || vv < 0.0 || uu * vv < uv * uv
+    }
+
+    fn change(&self, step: DVec2) -> f64 {
+        let [uu, uv, vv] = self.bends;
+        self.slope.dot(step) + 0.5 * (uu * step.x * step.x + vv * step.y * step.y) + uv * step.x * step.y
+    }
+
+    /// The step to where the model is lowest, from these weights and within the triangle, and the change there. `None`
+    /// if it is lowest here.
+    fn lowest(&self, &[_, second, third]: &[f64; 3]) -> Option<(DVec2, f64)> {
+        let [uu, uv, vv] = self.bends;
+        let corners = [DVec2::ZERO, DVec2::X, DVec2::Y].map(|corner| corner - DVec2::new(second, third));
+        let (mut best, mut lowest) = (DVec2::ZERO, 0.0);
+        let mut offer = |step: DVec2| {
+            let change = self.change(step);
+            if change < lowest {
+                (best, lowest) = (step, change);
+            }
+        };
+        let determinant = uu * vv - uv * uv;
+        if uu > 0.0 && determinant > 0.0 {
+            let step = DVec2::new(uv * self.slope.y - vv * self.slope.x, uv * self.slope.x - uu * self.slope.y);
+            let step = step / determinant;
+            let [x, y] = [second + step.x, third + step.y];
+            if x >= 0.0 && y >= 0.0 && x + y <= 1.0 {
+                offer(step);
+            }
+        }
+        for corner in 0..3 {
+            let (start, along) = (corners[corner], corners[(corner + 1) % 3] - corners[corner]);
+            offer(start);
+            let slope = self.slope + DVec2::new(uu * start.x + uv * start.y, uv * start.x + vv * start.y);
+            let bend = uu * along.x * along.x + 2.0 * uv * along.x * along.y + vv * along.y * along.y;
+            let share = -slope.dot(along) / bend;
+            if bend > 0.0 && share > 0.0 && share < 1.0 {
+                offer(start + along * share);
+            }
+        }
+        (lowest < 0.0).then_some((best, lowest))
+    }
+}
