@@ -76,7 +76,7 @@ impl Sheet {
 
     fn side(&self) -> SurfaceSide<'_> {
         let (topology, positions) = (&self.topology, &*self.positions);
-        SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None, curved: None }
+        SurfaceSide::flat(topology, positions)
     }
 
     fn range(&self) -> f32 {

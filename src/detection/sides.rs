@@ -210,15 +210,7 @@ impl SphereRows {
         {
             let Ok((balls, spheres, cones, _)) = surfaces.get(active.entity) else { continue };
             let (topology, positions) = (&*active.topology, state.positions());
-            let surface = SurfaceSide {
-                topology,
-                positions,
-                moved: None,
-                one_sided: false,
-                mirrored: false,
-                rows: None,
-                curved: None,
-            };
+            let surface = SurfaceSide::flat(topology, positions);
             let source = |changed| RowSource { surface: active.entity, version: state.version(), changed };
             let is_worth_it = |pairs: usize, of_pair: usize, rests: bool| {
                 let of_pair = if rests { TRIANGLES_OF_RESTING_PAIR } else { of_pair };

@@ -58,6 +58,14 @@ impl<'a> MovedSide<'a> {
     }
 }
 
+impl<'a> SurfaceSide<'a> {
+    /// A flat side in its own frame, without an inside.
+    #[must_use]
+    pub const fn flat(topology: &'a SurfaceTopology, positions: &'a [Vec3]) -> Self {
+        Self { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None, curved: None }
+    }
+}
+
 impl SurfaceSide<'_> {
     /// The corners of a triangle in the pair's frame, not rounded.
     #[inline]

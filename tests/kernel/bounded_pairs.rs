@@ -23,7 +23,7 @@ use crate::surface_tree::Surface;
 
 fn side(surface: &Surface) -> SurfaceSide<'_> {
     let Surface { topology, positions, .. } = surface;
-    SurfaceSide { topology, positions, moved: None, one_sided: false, mirrored: false, rows: None, curved: None }
+    SurfaceSide::flat(topology, positions)
 }
 
 fn meshes() -> [(&'static str, Mesh, f32); 3] {

@@ -8,6 +8,7 @@ mod layout;
 mod meshes;
 mod neutrality;
 mod pairs;
+mod patches;
 mod recording;
 mod repeats;
 mod series;

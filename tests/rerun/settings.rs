@@ -140,6 +140,7 @@ fn the_default_is_what_its_documentation_says() {
         shapes,
         contacts,
         penetrations,
+        patches,
         pairs,
         spheres,
         cones,
@@ -150,7 +151,7 @@ fn the_default_is_what_its_documentation_says() {
     assert_eq!((every, bytes_per_tick, tree_levels), (1, 4_000_000, 4));
     assert!(series && times && shapes && contacts && penetrations);
     assert_eq!((meshes, recipe_age), (LevelOfDetail::All, LevelOfDetail::Off));
-    assert_eq!([pairs, spheres, cones, curvature], [LevelOfDetail::NearContacts; 4]);
+    assert_eq!([patches, pairs, spheres, cones, curvature], [LevelOfDetail::NearContacts; 5]);
 }
 
 /// A change that a game makes to a surface at some moment within a tick.

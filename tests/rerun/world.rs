@@ -56,6 +56,7 @@ pub fn nothing() -> RerunSettings {
         shapes: false,
         contacts: false,
         penetrations: false,
+        patches: LevelOfDetail::Off,
         pairs: LevelOfDetail::Off,
         spheres: LevelOfDetail::Off,
         cones: LevelOfDetail::Off,

@@ -36,6 +36,10 @@ pub(super) const SPHERES: Color = rgba(86, 180, 233, 60);
 pub(super) const CONES: Color = rgba(0, 158, 115, 70);
 pub(super) const SHAPES: Color = GREY;
 
+/// Patches, and the outlines of the flat triangles below them.
+pub(super) const PATCHES: Color = rgba(86, 180, 233, 150);
+pub(super) const OUTLINES: Color = rgba(255, 255, 255, 110);
+
 /// A dark background, from which every color above stands out.
 pub(super) const BACKGROUND: Color = rgb(24, 26, 30);
 

@@ -8,6 +8,7 @@ mod colors;
 mod contacts;
 mod meshes;
 mod pairs;
+mod patches;
 mod recorder;
 mod series;
 mod settings;
@@ -255,6 +256,7 @@ fn record_detection(
         }
         bodies.draw(&mut writer, &detected, &settings, names, &touches);
         contacts::draw(&mut writer, &detected, &settings, names, &surfaces);
+        patches::draw(&mut writer, &detected, settings.patches, names, &touches);
         pairs::draw(&mut writer, &detected, settings.pairs, names, &touches);
         surfaces::draw(&mut writer, &detected, &settings, names, &touches);
         tick.newly_thinned = writer.finish();

@@ -52,6 +52,8 @@ pub struct RerunSettings {
     pub contacts: bool,
     /// Contacts whose sides have passed each other, and edges that pierce faces. Default true.
     pub penetrations: bool,
+    /// The curved patches of smooth surfaces, over the outlines of their flat triangles. Default `NearContacts`.
+    pub patches: LevelOfDetail,
     /// Pairs of triangles whose boxes overlap, by the step that dropped them. Pairs that passed the most steps are
     /// recorded first. Default `NearContacts`.
     pub pairs: LevelOfDetail,
@@ -79,6 +81,7 @@ impl Default for RerunSettings {
             shapes: true,
             contacts: true,
             penetrations: true,
+            patches: LevelOfDetail::NearContacts,
             pairs: LevelOfDetail::NearContacts,
             spheres: LevelOfDetail::NearContacts,
             cones: LevelOfDetail::NearContacts,
@@ -94,6 +97,7 @@ impl RerunSettings {
     #[must_use]
     pub fn everything() -> Self {
         Self {
+            patches: LevelOfDetail::All,
             pairs: LevelOfDetail::All,
             spheres: LevelOfDetail::All,
             cones: LevelOfDetail::All,

@@ -136,6 +136,11 @@ impl TriangleBounds {
         &self.positions
     }
 
+    /// Whether the snapshot is of a surface with these triangles.
+    pub(in crate::detection) fn is_of(&self, topology: &SurfaceTopology) -> bool {
+        self.topology.as_ref().is_some_and(|own| std::ptr::eq(&raw const **own, topology))
+    }
+
     /// The number of triangles.
     pub(in crate::detection) fn triangle_count(&self) -> usize {
         self.topology.as_ref().map_or(0, |topology| topology.triangles().len())

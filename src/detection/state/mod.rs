@@ -9,7 +9,13 @@ use glam::Vec3;
 
 use self::{bounds::TriangleBounds, rows::SurfaceRows, tree::SurfaceTree};
 use crate::{
-    kernel::{bvh::tree::BoxTree, capacity, mesh::bounds::Aabb},
+    kernel::{
+        bvh::tree::BoxTree,
+        capacity,
+        mesh::{bounds::Aabb, topology::SurfaceTopology},
+        pair::SurfaceSide,
+        smooth::patch::Patch,
+    },
     surface::ActiveSurface,
 };
 
@@ -40,6 +46,19 @@ impl SurfaceState {
     #[must_use]
     pub fn triangle_boxes(&self) -> &[Aabb] {
         self.bounds.triangles()
+    }
+
+    /// Whether the surface is smooth.
+    #[must_use]
+    pub fn is_smooth(&self) -> bool {
+        self.bounds.curved().is_some()
+    }
+
+    /// The patch over a triangle, in the surface's own frame. `None` if the surface has another mesh by now.
+    #[must_use]
+    pub fn patch(&self, topology: &SurfaceTopology, triangle: u32) -> Option<Patch> {
+        let side = SurfaceSide { curved: self.bounds.curved(), ..SurfaceSide::flat(topology, self.positions()) };
+        self.bounds.is_of(topology).then(|| Patch::of(&side, triangle))
     }
 
     /// Increases by 1 whenever positions, triangles, or growth change. Unique among all surfaces.
