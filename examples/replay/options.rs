@@ -2,7 +2,7 @@
 
 use std::{ops::Range, path::PathBuf};
 
-use bevy_circumsphere::{CircumsphereSettings, ContactMethod, geometry::CurvatureEstimator};
+use bevy_circumsphere::{CircumsphereSettings, geometry::CurvatureEstimator};
 use circumsphere_examples::headless::{
     frames::{FrameRange, NoSuchFrames},
     method::Method,
@@ -24,7 +24,7 @@ pub struct Options {
     /// Contact method
     #[arg(long, value_enum, default_value_t = Method::Exact)]
     pub method: Method,
-    /// Collide like the smooth surface that the vertices lie on, for all methods but bounding-sphere
+    /// Collide like the smooth surface that the vertices lie on
     #[arg(long)]
     pub smooth: bool,
     /// Broad phase that finds candidate pairs of triangles
@@ -120,8 +120,6 @@ pub enum OptionsError {
     NoSuchFrames(#[from] NoSuchFrames),
     #[error("{option} {value}: a contact distance of {distance} is beyond single precision")]
     TooFar { option: &'static str, value: f64, distance: f64 },
-    #[error("--smooth needs another method than bounding-sphere, which sees flat triangles")]
-    SmoothSpheres,
     #[error("{option} {value}: expected a finite number, {least}")]
     OutOfRange { option: &'static str, value: f64, least: &'static str },
 }
@@ -184,9 +182,6 @@ impl Options {
                 value: threshold,
                 least: "more than 0",
             });
-        }
-        if self.smooth && ContactMethod::from(self.method) == ContactMethod::BoundingSphere {
-            return Err(OptionsError::SmoothSpheres);
         }
         let frames = self.frames.of(frame_count)?;
         Ok(Settings {

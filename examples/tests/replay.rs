@@ -279,7 +279,6 @@ fn smooth_contacts_are_other_contacts_and_balls_refuse_them() {
     });
     assert!(smooth.lines().count() > 100);
     assert_ne!(flat, smooth);
-    refuse(&[&input, "--smooth", "--method", "bounding-sphere"], &["another method"]);
 }
 
 #[test]

@@ -363,8 +363,8 @@ pub enum SurfaceShape {
     /// moved, the patches may be farther from the body than the triangles.
     ///
     /// Used between surfaces and against rigid shapes. With the method `Circumsphere`, each triangle has the sphere that
-    /// osculates its patch, and each pair of surfaces one contact per pair of these spheres. `BoundingSphere` and
-    /// [`SweptCollision`] see the flat triangles.
+    /// osculates its patch, and each pair of surfaces one contact per pair of these spheres. The balls of
+    /// `BoundingSphere` contain the patches. [`SweptCollision`] sees the flat triangles.
     Smooth,
 }
 

@@ -1,5 +1,7 @@
 //! `SurfaceShape` in the plugin: poses, mixed pairs, threads, reuse, and changes while the game runs.
 
+use std::collections::HashSet;
+
 use bevy_app::{App, Update};
 use bevy_circumsphere::{ContactStore, geometry::CompactContact, prelude::*};
 use bevy_ecs::prelude::*;
@@ -122,4 +124,22 @@ fn contacts_lie_on_the_balls_and_point_from_the_first_to_the_second() {
         check(contacts)
     });
     assert!(count.expect("the system runs") > 10);
+}
+
+#[test]
+fn enclosing_balls_miss_no_pair_of_patches() {
+    let touching = |method: ContactMethod, shape: SurfaceShape| {
+        let (mut app, entities) = balls([shape; 2], CircumsphereSettings::default(), 1.0);
+        for entity in entities {
+            app.world_mut().entity_mut(entity).insert((method, SurfaceThickness::World(GAP)));
+        }
+        app.update();
+        let store = app.world().resource::<ContactStore>();
+        store.touching().map(|pair| (pair.triangle_a, pair.triangle_b)).collect::<HashSet<_>>()
+    };
+    let exact = touching(ContactMethod::Exact, SurfaceShape::Smooth);
+    let by_balls = touching(ContactMethod::BoundingSphere, SurfaceShape::Smooth);
+    let flat = touching(ContactMethod::BoundingSphere, SurfaceShape::Flat);
+    assert!(exact.len() > 10 && exact.is_subset(&by_balls), "{} {}", exact.len(), by_balls.len());
+    assert!(by_balls.len() > flat.len(), "{} {}", by_balls.len(), flat.len());
 }

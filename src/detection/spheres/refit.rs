@@ -12,7 +12,7 @@ use crate::{
     },
     diagnostics::DetectionDiagnostics,
     kernel::spheres::{
-        circumsphere::{RecipeSettings, enclosing_balls_on},
+        circumsphere::{RecipeSettings, enclosing_balls_on, enlarge_balls},
         curvature::CurvatureEstimator,
     },
     schedule::{SurfaceDetection, SurfaceDetectionSystems},
@@ -56,6 +56,9 @@ fn refit_balls(
             any_made = true;
             let share = Threads(settings.threads);
             enclosing_balls_on(&share, state.positions(), surface.topology.triangles(), &mut balls.data);
+            if let Some(curved) = state.bounds.curved() {
+                enlarge_balls(&mut balls.data, curved.heights());
+            }
             balls.source = Some(source);
         } else if surface.method > ContactMethod::BoundingSphere && balls.capacity() > 0 {
             *balls = EnclosingBalls::default();

@@ -185,6 +185,13 @@ pub fn enclosing_balls_on(parallel: &impl Parallel, positions: &[Vec3], triangle
     });
 }
 
+/// Enlarges enclosing balls so that each contains everything within a height of its triangle.
+pub fn enlarge_balls(balls: &mut [Ball], heights: &[f32]) {
+    for (ball, height) in balls.iter_mut().zip(heights) {
+        ball.radius = (ball.radius + height) * (1.0 + f32::EPSILON);
+    }
+}
+
 #[inline(always)]
 fn write_enclosing_balls<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32; 3]], balls: &mut [Ball]) {
     for (triangles, balls) in triangles.chunks(WIDTH).zip(balls.chunks_mut(WIDTH)) {
