@@ -68,6 +68,7 @@ impl Sheet {
             reported_distance: distance,
             range: distance,
             scale: 1.0,
+            bulge: 0.0,
             cull: true,
             same_surface: true,
         };

@@ -45,6 +45,7 @@ pub fn narrow_phase(bytes: &[u8]) {
         reported_distance: contact_distance * if flag(6) { 2.0 } else { 1.0 },
         range: contact_distance * if flag(6) { 3.0 } else { 1.0 },
         scale: 1.0,
+        bulge: 0.0,
         cull: false,
         same_surface,
     };

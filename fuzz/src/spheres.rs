@@ -139,6 +139,7 @@ fn detect(surface: &FuzzedSurface, state: &State, cull: bool, one_sided: bool) {
         reported_distance: distance,
         range: distance,
         scale: 1.0,
+        bulge: 0.0,
         cull,
         same_surface: true,
     };

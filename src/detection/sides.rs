@@ -43,6 +43,7 @@ pub(crate) fn pair_settings(pair: &SurfacePair, settings: &CircumsphereSettings)
         contact_distance: f64::from(pair.contact_distance),
         reported_distance: f64::from(pair.reported_distance),
         range: f64::from(pair.range),
+        bulge: 0.0,
         scale: pair.frame_pose.scale(),
         cull: match pair.method {
             ContactMethod::Polygon => false,

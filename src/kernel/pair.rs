@@ -135,11 +135,6 @@ impl SurfaceSide<'_> {
         self.curved.map_or(0.0, |curved| f64::from(curved.heights()[triangle as usize]) * self.scale())
     }
 
-    /// The largest of those.
-    pub(crate) fn largest_patch_height(&self) -> f64 {
-        self.curved.map_or(0.0, |curved| f64::from(curved.largest()) * self.scale())
-    }
-
     /// The length of a unit of the side's own frame in that of the pair, rounded up.
     #[inline]
     fn scale(&self) -> f64 {
@@ -245,6 +240,8 @@ pub struct PairSettings {
     pub reported_distance: f64,
     /// The nearest pair is searched up to this distance, which is at least `reported_distance`.
     pub range: f64,
+    /// By how much the distances are [wider](Self::widened) than those that count for patches. 0 for flat triangles.
+    pub bulge: f64,
     /// World length of one unit of the pair's frame.
     pub scale: f64,
     /// Whether a faster test of eight pairs at a time comes first: a screen of features before exact tests, slabs
@@ -264,6 +261,7 @@ impl PairSettings {
             contact_distance: self.range + bulge,
             reported_distance: self.reported_distance + bulge,
             range: self.range + bulge,
+            bulge,
             ..*self
         }
     }

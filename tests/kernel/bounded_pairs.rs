@@ -125,6 +125,7 @@ fn lower_bounds_of_the_exact_test_are_the_distances_within_the_range_and_beyond(
             reported_distance: range,
             range,
             scale: 1.0,
+            bulge: 0.0,
             cull: true,
             same_surface: true,
         };

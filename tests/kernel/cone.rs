@@ -40,6 +40,7 @@ fn settings(reach: f32, same_surface: bool) -> PairSettings {
         reported_distance: reach,
         range: reach,
         scale: 1.0,
+        bulge: 0.0,
         cull: true,
         same_surface,
     }

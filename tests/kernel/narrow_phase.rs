@@ -150,6 +150,7 @@ impl Batch {
             reported_distance: reported,
             range: reported,
             scale: self.scale,
+            bulge: 0.0,
             cull,
             same_surface: false,
         };

@@ -35,7 +35,15 @@ const REACH: f64 = 0.08;
 type Test = fn(&SurfaceSide<'_>, &SurfaceSide<'_>, &[[u32; 2]], &PairSettings, &mut FoundPairs);
 
 fn settings(same_surface: bool, cull: bool) -> PairSettings {
-    PairSettings { contact_distance: REACH, reported_distance: REACH, range: REACH, scale: 1.0, cull, same_surface }
+    PairSettings {
+        contact_distance: REACH,
+        reported_distance: REACH,
+        range: REACH,
+        scale: 1.0,
+        bulge: 0.0,
+        cull,
+        same_surface,
+    }
 }
 
 fn side<'a>(topology: &'a SurfaceTopology, positions: &'a [Vec3], one_sided: bool) -> SurfaceSide<'a> {

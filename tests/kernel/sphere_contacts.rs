@@ -30,6 +30,7 @@ const SETTINGS: PairSettings = PairSettings {
     reported_distance: 0.4,
     range: 0.5,
     scale: 1.5,
+    bulge: 0.0,
     cull: true,
     same_surface: false,
 };

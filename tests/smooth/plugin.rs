@@ -19,6 +19,13 @@ fn ball(level: u32) -> (Vec<Vec3>, Vec<[u32; 3]>) {
 
 /// Two balls of 1280 and 320 triangles, a little apart, in a direction in which no vertices face each other.
 fn balls(shapes: [SurfaceShape; 2], settings: CircumsphereSettings, scale: f32) -> (App, [Entity; 2]) {
+    let (mut app, entities) = spawned(shapes, settings, scale);
+    app.update();
+    (app, entities)
+}
+
+/// The same before the first tick.
+fn spawned(shapes: [SurfaceShape; 2], settings: CircumsphereSettings, scale: f32) -> (App, [Entity; 2]) {
     let mut app = App::new();
     app.insert_resource(settings);
     app.add_plugins(DeformableCollisionPlugins::new(Update));
@@ -34,7 +41,6 @@ fn balls(shapes: [SurfaceShape; 2], settings: CircumsphereSettings, scale: f32) 
         let surface = DeformableSurface::from_mesh(&positions, &triangles).expect("a ball is a mesh");
         app.world_mut().spawn((surface, poses[side], SurfaceThickness::World(0.1 * scale), shapes[side])).id()
     });
-    app.update();
     (app, entities)
 }
 
@@ -142,4 +148,34 @@ fn enclosing_balls_miss_no_pair_of_patches() {
     let flat = touching(ContactMethod::BoundingSphere, SurfaceShape::Flat);
     assert!(exact.len() > 10 && exact.is_subset(&by_balls), "{} {}", exact.len(), by_balls.len());
     assert!(by_balls.len() > flat.len(), "{} {}", by_balls.len(), flat.len());
+}
+
+/// A smooth ball whose positions never change is turned, so that each tick wants other patches.
+#[test]
+fn patches_that_are_wanted_later_are_those_of_a_fresh_surface() {
+    use SurfaceShape::{Flat, Smooth};
+    for shapes in [[Smooth, Smooth], [Smooth, Flat], [Flat, Smooth]] {
+        let settings = CircumsphereSettings::default();
+        let (mut app, entities) = balls(shapes, settings, 1.0);
+        let mut seen = HashSet::new();
+        for turn in 0..12 {
+            // Apart in every third tick.
+            let direction = Quat::from_rotation_z(0.6 * turn as f32) * Vec3::new(0.6, 0.35, 0.2).normalize();
+            let distance = if turn % 3 == 2 { 3.0 } else { 2.0 + GAP };
+            let pose =
+                Transform::from_translation(direction * distance).with_rotation(Quat::from_rotation_x(turn as f32));
+            let place = |app: &mut App, entity: Entity| {
+                *app.world_mut().get_mut::<Transform>(entity).expect("it has a pose") = pose;
+                app.update();
+            };
+            place(&mut app, entities[1]);
+            let (mut fresh, [_, second]) = spawned(shapes, settings, 1.0);
+            place(&mut fresh, second);
+            let (own, expected) = (contacts(&app), contacts(&fresh));
+            assert_eq!(own, expected, "turn {turn}");
+            assert_eq!(own.is_empty(), turn % 3 == 2);
+            seen.extend(own.iter().map(|contact| (contact.triangle_a, contact.triangle_b)));
+        }
+        assert!(seen.len() > 100, "{}", seen.len());
+    }
 }

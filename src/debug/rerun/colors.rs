@@ -77,6 +77,7 @@ pub(super) fn curve(name: &str) -> Option<Color> {
         "prepare" => grey(85),
         "bounds" => grey(110),
         "pair surfaces" => grey(135),
+        "patches" => grey(210),
         "tree update" => grey(160),
         "broad phase" | "contact churn" | "overlap found" => Some(SKY_BLUE),
         "curvature" | "overlap left" => Some(BLUE),

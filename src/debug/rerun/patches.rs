@@ -63,11 +63,10 @@ pub(super) fn draw(
     let mut share = writer.share(Layer::Patches, count, BYTES, filled, row_bytes(10));
     for (surface, state, wanted) in smooth {
         let kept: Vec<u32> = share.places(wanted.len()).into_iter().map(|place| wanted[place]).collect();
-        let patches: Vec<Patch> =
-            kept.iter().filter_map(|&triangle| state.patch(&surface.topology, triangle)).collect();
-        if patches.is_empty() || patches.len() < kept.len() {
+        if kept.is_empty() {
             continue;
         }
+        let Some(patches) = state.patches(&surface.topology, &kept) else { continue };
         let at_points = |value: fn(&Patch, &[f64; 3]) -> Vec3| {
             let all = patches.iter().flat_map(move |patch| weights().map(move |weights| value(patch, &weights)));
             all.map(|value| value.to_array())

@@ -6,6 +6,7 @@
 
 mod brute_force;
 mod custom;
+mod patches;
 mod tree;
 
 use std::time::Instant;
@@ -15,10 +16,7 @@ use bevy_ecs::prelude::*;
 
 use crate::{
     detection::{
-        pairs::{
-            CandidateTrianglePairs, GROWTH_SLACK, OtherSide, PairLists, SurfacePair, moved_box, shape_pair,
-            surface_pair,
-        },
+        pairs::{CandidateTrianglePairs, OtherSide, PairLists, SurfacePair, moved_box, shape_pair, surface_pair},
         reuse::{DetectionMemory, near_lists::KeptPairs},
         state::SurfaceStates,
     },
@@ -59,7 +57,10 @@ impl Plugin for BroadPhasePlugin {
                 .chain()
                 .in_set(SurfaceDetectionSystems::BroadPhase),
         );
-        app.add_systems(SurfaceDetection, pair_surfaces.in_set(BroadPhaseSystems::PairSurfaces));
+        app.add_systems(
+            SurfaceDetection,
+            (pair_surfaces, patches::bend_surfaces).chain().in_set(BroadPhaseSystems::PairSurfaces),
+        );
     }
 }
 
@@ -141,11 +142,6 @@ fn pair_surfaces(
     buffers.last_names.extend(candidates.pairs.iter().map(|pair| name(pair.first, pair.second)));
     buffers.last.clear();
     buffers.last.extend(candidates.pairs.drain(..).map(Some));
-    // Rounded up, like the boxes.
-    let bulge = |place: usize| {
-        let in_world = f64::from(states.all()[place].bounds.bulge()) * surfaces[place].pose.scale();
-        in_world as f32 * GROWTH_SLACK
-    };
     for &[first, second] in &places {
         let [first, second] = [first as usize, second as usize];
         if let Some((pair, origin)) = buffers.keep(&memory, first, OtherSide::Surface(second)) {
@@ -155,8 +151,7 @@ fn pair_surfaces(
         }
         let (lists, former) = buffers.reuse(&memory, first, OtherSide::Surface(second));
         memory.add_pair(former);
-        let bulge = bulge(first) + bulge(second);
-        candidates.pairs.push(surface_pair(surfaces, first, second, bulge, lists));
+        candidates.pairs.push(surface_pair(surfaces, first, second, lists));
     }
     let mut with_shapes = std::mem::take(&mut buffers.with_shapes);
     with_shapes.clear();
@@ -187,8 +182,7 @@ fn pair_surfaces(
         }
         let (lists, former) = buffers.reuse(&memory, first, OtherSide::Shape(place));
         memory.add_pair(former);
-        let pair = shape_pair(&surfaces[first], first, &active.shapes[place], place, bulge(first), lists);
-        candidates.pairs.push(pair);
+        candidates.pairs.push(shape_pair(&surfaces[first], first, &active.shapes[place], place, lists));
     }
     memory.end_pairs();
     let count = candidates.pairs.len();

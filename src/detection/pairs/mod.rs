@@ -49,7 +49,8 @@ pub struct SurfacePair {
     pub reported_distance: f32,
     /// The largest distance at which a pair of triangles matters, in world units.
     pub range: f32,
-    /// How far the patches of both sides together may be from their triangles, in world units. 0 if both are flat.
+    /// How far the patches of both sides together may be from their triangles where something is near, in world units. 0
+    /// if both are flat.
     pub bulge: f32,
     /// Whose own frame the pair is tested in: that of the shape, or of the surface with more triangles.
     pub frame: Frame,
@@ -157,7 +158,6 @@ pub(super) fn surface_pair(
     surfaces: &[ActiveSurface],
     first: usize,
     second: usize,
-    bulge: f32,
     (triangles, moved_triangles, moved_positions): PairLists,
 ) -> SurfacePair {
     let (a, b) = (&surfaces[first], &surfaces[second]);
@@ -176,7 +176,7 @@ pub(super) fn surface_pair(
         contact_distance,
         reported_distance: contact_distance + margin,
         range: range(contact_distance, margin),
-        bulge,
+        bulge: 0.0,
         frame,
         frame_pose,
         relative_pose,
@@ -192,7 +192,6 @@ pub(super) fn shape_pair(
     first: usize,
     shape: &ActiveShape,
     place: usize,
-    bulge: f32,
     (triangles, moved_triangles, moved_positions): PairLists,
 ) -> SurfacePair {
     let margin = mean_margin(surface.margin, shape.margin);
@@ -203,7 +202,7 @@ pub(super) fn shape_pair(
         contact_distance: surface.thickness,
         reported_distance: surface.thickness + margin,
         range: range(surface.thickness, margin),
-        bulge,
+        bulge: 0.0,
         frame: Frame::Second,
         frame_pose: shape.pose,
         relative_pose: surface.pose.relative_to(&shape.pose),

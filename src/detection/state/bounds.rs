@@ -60,6 +60,8 @@ pub struct TriangleBounds {
     /// Whether every vertex is a corner, so that the box of the vertices is that of the triangles.
     names_every_vertex: bool,
     growth: f32,
+    /// How far any patch of a smooth surface may be from its triangle. 0 if it is flat.
+    bend_growth: f32,
     /// The creases of a smooth surface. `None` if it is flat.
     crease: Option<CreaseAngle>,
     curved: CurvedEdges,
@@ -91,23 +93,30 @@ impl TriangleBounds {
         // boxes.
         let mut triangles = mem::take(&mut *self.spare.lock().unwrap_or_else(PoisonError::into_inner));
         if let Some(topology) = &self.topology {
-            self.bound_triangles(parallel, topology, &self.positions, &mut triangles);
+            triangle_bounds_on(parallel, &self.positions, topology.triangles(), self.growth, &mut triangles);
         }
         self.triangles.get_or_init(|| triangles)
     }
 
-    /// Computes the boxes of the triangles, or of their patches.
-    fn bound_triangles(
-        &self,
-        parallel: &impl Parallel,
-        topology: &SurfaceTopology,
-        positions: &[Vec3],
-        bounds: &mut Vec<Aabb>,
-    ) -> Aabb {
-        match self.curved() {
-            Some(edges) => edges.patch_bounds_on(parallel, topology, positions, self.growth, bounds),
-            None => triangle_bounds_on(parallel, positions, topology.triangles(), self.growth, bounds),
+    /// Computes the patches of a smooth surface where they are wanted. `wants` tells whether something is near a box.
+    /// Returns whether there were any new ones.
+    pub(in crate::detection) fn bend(&mut self, threads: usize, is_new: bool, wants: impl Fn(&Aabb) -> bool) -> bool {
+        let (Some(crease), Some(topology), Some(triangles)) = (self.crease, &self.topology, self.triangles.get_mut())
+        else {
+            return false;
+        };
+        for (triangle, _) in triangles.iter().enumerate().filter(|(_, bounds)| wants(bounds)) {
+            self.curved.want(triangle as u32);
         }
+        let threads = Threads(threads);
+        if !self.curved.bend_on(&threads, topology, &self.positions, crease) {
+            return false;
+        }
+        // Later in the same version, the tree has the boxes already.
+        if is_new {
+            self.curved.bound_patches_on(&threads, topology, &self.positions, self.growth, triangles);
+        }
+        true
     }
 
     /// The curved edges of a smooth surface. `None` if it is flat.
@@ -115,12 +124,21 @@ impl TriangleBounds {
         self.crease.is_some().then_some(&self.curved)
     }
 
+    /// All curved edges of a smooth surface, computed now.
+    pub(in crate::detection) fn all_curved(&self) -> Option<CurvedEdges> {
+        let (topology, crease) = (self.topology.as_ref()?, self.crease?);
+        let mut all = CurvedEdges::default();
+        all.update(topology, &self.positions, crease);
+        Some(all)
+    }
+
     /// How badly the mesh fits a smooth surface, once after it has become one.
     pub(in crate::detection) fn take_unevenness(&mut self) -> Option<f32> {
         self.unevenness.take()
     }
 
-    /// How far patches may be from their triangles, in the surface's own frame. 0 if it is flat.
+    /// How far the patches that have been computed may be from their triangles, in the surface's own frame. 0 if it is
+    /// flat.
     pub(in crate::detection) fn bulge(&self) -> f32 {
         self.curved().map_or(0.0, CurvedEdges::largest)
     }
@@ -188,13 +206,9 @@ impl TriangleBounds {
             spare = triangles;
         }
         let is_new = !same_mesh || self.crease.is_none();
-        (self.crease, self.growth) = (crease, growth);
-        match crease {
-            Some(crease) => {
-                self.curved.update_on(&Threads(threads), topology, positions, crease);
-                self.unevenness = is_new.then(|| self.curved.unevenness(topology, positions));
-            }
-            None => self.curved = CurvedEdges::default(),
+        (self.crease, self.growth, self.bend_growth) = (crease, growth, 0.0);
+        if crease.is_none() {
+            self.curved = CurvedEdges::default();
         }
         self.version = if self.topology.is_none() { first_version() } else { self.version + 1 };
         if !same_mesh {
@@ -202,13 +216,19 @@ impl TriangleBounds {
             self.topology = Some(Arc::clone(topology));
         }
         let are_expected = mem::take(self.are_requested.get_mut());
-        if self.names_every_vertex && !are_expected {
-            self.whole = point_bounds(positions, growth + self.bulge());
+        if let Some(crease) = crease {
+            // Patches follow where something is near.
+            self.whole = self.curved.begin_on(&Threads(threads), topology, positions, growth, &mut spare);
+            self.bend_growth = self.curved.heights().iter().copied().fold(0.0, f32::max);
+            self.triangles = OnceLock::from(spare);
+            self.unevenness = is_new.then(|| topology.unevenness_at(positions, crease));
+        } else if self.names_every_vertex && !are_expected {
+            self.whole = point_bounds(positions, growth);
             *self.spare.get_mut().unwrap_or_else(PoisonError::into_inner) = spare;
         } else {
             // The triangle boxes are expected to be needed. Or the surface uses only some of many vertices that it
             // shares with others.
-            self.whole = self.bound_triangles(&Threads(threads), topology, positions, &mut spare);
+            self.whole = triangle_bounds_on(&Threads(threads), positions, topology.triangles(), growth, &mut spare);
             self.triangles = OnceLock::from(spare);
         }
         self.in_world = None;
@@ -227,7 +247,7 @@ impl TriangleBounds {
         if *pose != Pose::IDENTITY && self.positions.len() <= MOST_TURNED_VERTICES {
             // A pose that is not exactly a similarity stretches one axis more than another.
             let scale = pose.scale() * (1.0 + SIMILARITY_TOLERANCE);
-            let growth = (f64::from(self.growth + self.bulge()) * scale) as f32 * GROWTH_SLACK;
+            let growth = (f64::from(self.growth + self.bend_growth) * scale) as f32 * GROWTH_SLACK;
             let vertices = bounds_of_moved(pose, &self.positions).grown(growth);
             bounds = Aabb { min: bounds.min.max(vertices.min), max: bounds.max.min(vertices.max) };
         }

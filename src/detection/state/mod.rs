@@ -54,11 +54,22 @@ impl SurfaceState {
         self.bounds.curved().is_some()
     }
 
-    /// The patch over a triangle, in the surface's own frame. `None` if the surface has another mesh by now.
+    /// The patches over some triangles, in the surface's own frame. `None` if the surface has another mesh by now. Those
+    /// that nothing was near are computed now.
     #[must_use]
-    pub fn patch(&self, topology: &SurfaceTopology, triangle: u32) -> Option<Patch> {
-        let side = SurfaceSide { curved: self.bounds.curved(), ..SurfaceSide::flat(topology, self.positions()) };
-        self.bounds.is_of(topology).then(|| Patch::of(&side, triangle))
+    pub fn patches(&self, topology: &SurfaceTopology, triangles: &[u32]) -> Option<Vec<Patch>> {
+        let (curved, mut all) = (self.bounds.curved()?, None);
+        if !self.bounds.is_of(topology) {
+            return None;
+        }
+        if triangles.iter().any(|&triangle| !curved.knows(triangle)) {
+            all = self.bounds.all_curved();
+        }
+        let side = SurfaceSide {
+            curved: Some(all.as_ref().unwrap_or(curved)),
+            ..SurfaceSide::flat(topology, self.positions())
+        };
+        Some(triangles.iter().map(|&triangle| Patch::of(&side, triangle)).collect())
     }
 
     /// Increases by 1 whenever positions, triangles, or growth change. Unique among all surfaces.

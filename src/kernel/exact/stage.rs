@@ -146,8 +146,7 @@ fn examine_blocks<S: Simd>(
     found.examined += candidates.len();
     let ranges = [settings.range; PairScreen::WIDTH];
     let mut limits = ScreenLimits { scale: settings.scale, ranges, contact_distance: settings.contact_distance };
-    let is_smooth = a.curved.is_some() || b.curved.is_some();
-    let of_flat = settings.range - (a.largest_patch_height() + b.largest_patch_height()) * settings.scale;
+    let (is_smooth, of_flat) = (settings.bulge > 0.0, settings.range - settings.bulge);
     let mut proximity = PairProximity::default();
     let mut screen = PairScreen::new();
     let mut batches = FeatureBatches::new([a, b], settings);

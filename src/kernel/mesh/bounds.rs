@@ -88,14 +88,25 @@ pub fn triangle_bounds_on(
     growth: f32,
     bounds: &mut Vec<Aabb>,
 ) -> Aabb {
+    bounds_on(parallel, positions, triangles, |_| growth, bounds)
+}
+
+/// Like [`triangle_bounds_on`], with a growth for each triangle.
+pub(super) fn bounds_on(
+    parallel: &impl Parallel,
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+    growth: impl Fn(usize) -> f32 + Sync,
+    bounds: &mut Vec<Aabb>,
+) -> Aabb {
     bounds.resize(triangles.len(), Aabb::EMPTY);
     let part = triangles.len().div_ceil(MOST_PARTS).max(LEAST_PART);
     let mut wholes = [(Vec3A::INFINITY, Vec3A::NEG_INFINITY); MOST_PARTS];
-    let parts = triangles.chunks(part).zip(bounds.chunks_mut(part)).zip(&mut wholes);
-    parallel.run_tasks(parts, triangles.len() / LEAST_PART, |((triangles, bounds), (low, high))| {
-        for (corners, bounds) in triangles.iter().zip(bounds) {
+    let parts = triangles.chunks(part).zip(bounds.chunks_mut(part)).zip(&mut wholes).enumerate();
+    parallel.run_tasks(parts, triangles.len() / LEAST_PART, |(number, ((triangles, bounds), (low, high)))| {
+        for (triangle, (corners, bounds)) in (number * part..).zip(triangles.iter().zip(bounds)) {
             let [a, b, c] = corners.map(|vertex| Vec3A::from(positions[vertex as usize]));
-            let (min, max) = grown(a.min(b).min(c), a.max(b).max(c), growth);
+            let (min, max) = grown(a.min(b).min(c), a.max(b).max(c), growth(triangle));
             *bounds = Aabb { min: min.into(), max: max.into() };
             if min.cmple(max).all() {
                 (*low, *high) = (low.min(min), high.max(max));

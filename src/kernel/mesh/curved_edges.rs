@@ -20,8 +20,14 @@ use self::{
     faces::{Face, compute_faces},
     normals::compute_normals,
     offsets::{Edges, compute_softness},
+    selection::Selection,
 };
-use super::{bounds::Aabb, smooth_normal::CreaseAngle, topology::SurfaceTopology};
+use super::{
+    bounds::{Aabb, bounds_on},
+    fans::NONE,
+    smooth_normal::CreaseAngle,
+    topology::SurfaceTopology,
+};
 use crate::kernel::simd::{
     parallel::{LEAST_SHARE, PART, Parallel, Sequential},
     prefetch::{Prefetch, prefetch},
@@ -30,7 +36,12 @@ use crate::kernel::simd::{
 mod faces;
 mod normals;
 mod offsets;
+mod selection;
 mod unevenness;
+
+/// An edge may move a point of its patch by at most this share of the least height of the triangles beside it. Long
+/// triangles across a change of curvature would err badly otherwise.
+const GUARD: f32 = 0.15;
 
 /// Between one edge's `c` and the largest distance of the patch from the triangle if all three edges have that `c`:
 /// `Σ w_i w_j` is at most one third.
@@ -49,7 +60,7 @@ impl OffsetRow {
     }
 }
 
-/// The curved edges of a surface, and the normals that they follow.
+/// The curved edges of a surface, and the normals that they follow, computed where they are wanted.
 #[derive(Clone, Debug, Default)]
 pub struct CurvedEdges {
     /// For each welded edge, its `c`.
@@ -63,43 +74,163 @@ pub struct CurvedEdges {
     rows: Vec<OffsetRow>,
     /// How far the patch of each triangle may be from it.
     heights: Vec<f32>,
-    /// The largest of those.
+    /// The largest of those that are computed.
     largest: f32,
+    /// What is computed.
+    known: Known,
+}
+
+/// Which items of each list are computed.
+#[derive(Clone, Debug, Default)]
+struct Known {
+    triangles: Selection,
+    edges: Selection,
+    fans: Selection,
+    softness: Selection,
+    faces: Selection,
+}
+
+impl Known {
+    fn forget(&mut self, topology: &SurfaceTopology) {
+        let (triangles, edges) = (topology.triangles().len(), topology.edges().len());
+        self.triangles.forget(triangles);
+        self.edges.forget(edges);
+        self.fans.forget(topology.fans().len());
+        self.softness.forget(edges);
+        self.faces.forget(triangles);
+    }
+
+    /// Selects all that the wanted triangles are computed from. Returns whether any are wanted.
+    fn settle(&mut self, topology: &SurfaceTopology) -> bool {
+        let Self { triangles, edges, fans, softness, faces } = self;
+        let all_fans = topology.fans();
+        if !triangles.settle() {
+            return false;
+        }
+        if triangles.are_all() {
+            for selection in [edges, fans, softness, faces] {
+                selection.want_all();
+                selection.settle();
+            }
+            return true;
+        }
+        for &triangle in triangles.next() {
+            for edge in topology.triangle_edges()[triangle as usize] {
+                edges.want(edge);
+            }
+        }
+        edges.settle();
+        for &edge in edges.next() {
+            softness.want(edge);
+            let slots = all_fans.edges()[edge as usize].slots;
+            for slot in slots.into_iter().flatten().filter(|&slot| slot != NONE) {
+                fans.want(all_fans.fan_of(slot));
+            }
+        }
+        fans.settle();
+        for &fan in fans.next() {
+            for slot in &all_fans.slots()[all_fans.fan(fan as usize).0] {
+                faces.want(slot.triangle);
+                if slot.next_edge != NONE {
+                    softness.want(slot.next_edge);
+                }
+            }
+        }
+        softness.settle();
+        for &edge in softness.next() {
+            let sides = all_fans.edges()[edge as usize].triangles;
+            for triangle in sides.into_iter().filter(|&triangle| triangle != NONE) {
+                faces.want(triangle);
+            }
+        }
+        faces.settle();
+        true
+    }
 }
 
 impl CurvedEdges {
-    /// Computes the edges of a surface. Positions must be finite.
+    /// Computes all edges of a surface. Positions must be finite.
     pub fn update(&mut self, topology: &SurfaceTopology, positions: &[Vec3], crease: CreaseAngle) {
-        self.update_on(&Sequential, topology, positions, crease);
+        self.forget(topology);
+        self.want_all();
+        self.bend_on(&Sequential, topology, positions, crease);
     }
 
-    /// Like [`update`](Self::update), in tasks that `parallel` may distribute.
-    pub fn update_on(
+    /// Forgets everything about the edges of a surface, which has moved.
+    fn forget(&mut self, topology: &SurfaceTopology) {
+        let count = topology.triangles().len();
+        self.known.forget(topology);
+        self.rows.resize(count, OffsetRow::default());
+        self.heights.resize(count, 0.0);
+        self.largest = 0.0;
+    }
+
+    /// Begins anew for a surface that has moved. Writes boxes that contain every patch, whatever its edges are, grown by
+    /// `growth`, into `bounds`, and returns the box around all of them.
+    pub fn begin_on(
+        &mut self,
+        parallel: &impl Parallel,
+        topology: &SurfaceTopology,
+        positions: &[Vec3],
+        growth: f32,
+        bounds: &mut Vec<Aabb>,
+    ) -> Aabb {
+        self.forget(topology);
+        let triangles = topology.triangles();
+        let parts = triangles.chunks(PART).zip(self.heights.chunks_mut(PART));
+        parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |(triangles, heights)| {
+            for (corners, height) in triangles.iter().zip(heights) {
+                let [a, b, c] = corners.map(|vertex| Vec3A::from(positions[vertex as usize]));
+                let shortest = (b - a).length_squared().min((c - b).length_squared()).min((a - c).length_squared());
+                // No height of a triangle is longer than its shortest edge.
+                *height = shortest.sqrt() * (GUARD * (1.0 + 8.0 * f32::EPSILON));
+            }
+        });
+        let heights = &self.heights;
+        bounds_on(parallel, positions, triangles, |triangle| growth + heights[triangle], bounds)
+    }
+
+    /// Wants the patch of a triangle.
+    pub fn want(&mut self, triangle: u32) {
+        self.known.triangles.want(triangle);
+    }
+
+    /// Wants all patches.
+    pub fn want_all(&mut self) {
+        self.known.triangles.want_all();
+    }
+
+    /// Computes the wanted patches, at the positions of the [beginning](Self::begin_on). Returns whether there were any
+    /// new ones.
+    pub fn bend_on(
         &mut self,
         parallel: &impl Parallel,
         topology: &SurfaceTopology,
         positions: &[Vec3],
         crease: CreaseAngle,
-    ) {
-        let Self { offsets, faces, softness, normals, rows, heights, largest } = self;
+    ) -> bool {
+        let Self { offsets, faces, softness, normals, rows, heights, largest, known } = self;
+        if !known.settle(topology) {
+            return false;
+        }
         let (triangles, fans) = (topology.triangles(), topology.fans());
-        compute_faces(parallel, positions, triangles, faces);
-        compute_softness(parallel, fans.edges(), faces, crease, softness);
-        compute_normals(parallel, fans, faces, softness, normals);
-        Edges { topology, positions, faces, softness, normals, crease }.compute(parallel, offsets);
+        compute_faces(parallel, &known.faces, positions, triangles, faces);
+        compute_softness(parallel, &known.softness, fans.edges(), faces, crease, softness);
+        compute_normals(parallel, &known.fans, fans, faces, softness, normals);
+        Edges { topology, positions, faces, softness, normals, crease }.compute(parallel, &known.edges, offsets);
         let offsets = &*offsets;
-        heights.resize(triangles.len(), 0.0);
-        rows.resize(triangles.len(), OffsetRow::default());
-        let parts = topology.triangle_edges().chunks(PART).zip(heights.chunks_mut(PART)).zip(rows.chunks_mut(PART));
-        parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |((edges, heights), rows)| {
-            for ((edges, height), row) in edges.iter().zip(heights).zip(rows) {
-                let own = edges.map(|edge| offsets[edge as usize]);
-                row.0 = own.map(|offset| offset.extend(0.0).to_array());
+        let parts = known.triangles.parts(heights).zip(known.triangles.parts(rows));
+        parallel.run_tasks(parts, known.triangles.share(), |(mut heights, mut rows)| {
+            for &triangle in rows.items {
+                let own = topology.triangle_edges()[triangle as usize].map(|edge| offsets[edge as usize]);
+                rows.of(triangle).0 = own.map(|offset| offset.extend(0.0).to_array());
                 let [a, b, c] = own.map(Vec3::length_squared);
-                *height = a.max(b).max(c).sqrt() * MOST_OF_EDGE * (1.0 + 4.0 * f32::EPSILON);
+                *heights.of(triangle) = a.max(b).max(c).sqrt() * MOST_OF_EDGE * (1.0 + 4.0 * f32::EPSILON);
             }
         });
-        *largest = heights.iter().copied().fold(0.0, f32::max);
+        let new = known.triangles.next().iter().map(|&triangle| heights[triangle as usize]);
+        *largest = new.fold(*largest, f32::max);
+        true
     }
 
     /// The offsets `c` of the edges of a triangle. Edge `k` joins corners `k` and `k + 1`.
@@ -108,12 +239,22 @@ impl CurvedEdges {
         self.row(triangle).0.map(|offset| Vec3::from_slice(&offset))
     }
 
+    /// The offsets of the edges of a triangle. Those of a flat one if they have not been wanted.
     #[inline(always)]
     pub(in crate::kernel) fn row(&self, triangle: u32) -> &OffsetRow {
-        &self.rows[triangle as usize]
+        static FLAT: OffsetRow = OffsetRow([[0.0; 4]; 3]);
+        if self.knows(triangle) { &self.rows[triangle as usize] } else { &FLAT }
     }
 
-    /// For each welded edge, its `c`: the middle of the edge is a quarter of it away from the middle of the chord.
+    /// Whether the patch of a triangle has been computed.
+    #[inline]
+    #[must_use]
+    pub fn knows(&self, triangle: u32) -> bool {
+        self.known.triangles.knows(triangle)
+    }
+
+    /// For each welded edge, its `c`: the middle of the edge is a quarter of it away from the middle of the chord. Without
+    /// meaning at triangles whose patches have not been computed.
     #[must_use]
     pub fn offsets(&self) -> &[Vec3] {
         &self.offsets
@@ -125,38 +266,40 @@ impl CurvedEdges {
         &self.heights
     }
 
-    /// The largest height of a patch: no point is farther than this from the point of its triangle with the same
-    /// weights.
+    /// The largest height of the patches that have been computed: no point of them is farther than this from the point
+    /// of its triangle with the same weights.
     #[must_use]
     pub fn largest(&self) -> f32 {
         self.largest
     }
 
-    /// Writes the box of every patch, grown by `growth`, into `bounds`, and returns the box around all of them. A patch
-    /// is within the hull of its corners and of one more point for each edge.
-    pub fn patch_bounds_on(
+    /// Shrinks `bounds`, which are those of the [beginning](Self::begin_on), to the boxes of the patches that were computed
+    /// last, grown by `growth`. A patch is within the hull of its corners and of one more point for each edge.
+    pub fn bound_patches_on(
         &self,
         parallel: &impl Parallel,
         topology: &SurfaceTopology,
         positions: &[Vec3],
         growth: f32,
-        bounds: &mut Vec<Aabb>,
-    ) -> Aabb {
-        let triangles = topology.triangles();
-        bounds.resize(triangles.len(), Aabb::EMPTY);
-        let parts = triangles.chunks(PART).zip(bounds.chunks_mut(PART)).zip(self.rows.chunks(PART));
-        parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |((triangles, bounds), rows)| {
-            for ((corners, bounds), row) in triangles.iter().zip(bounds).zip(rows) {
-                let [a, b, c] = corners.map(|vertex| Vec3A::from(positions[vertex as usize]));
+        bounds: &mut [Aabb],
+    ) {
+        let selection = &self.known.triangles;
+        parallel.run_tasks(selection.parts(bounds), selection.share(), |mut bounds| {
+            for &triangle in bounds.items {
+                let [a, b, c] =
+                    topology.triangles()[triangle as usize].map(|vertex| Vec3A::from(positions[vertex as usize]));
+                let row = &self.rows[triangle as usize];
                 let [first, second, third] = row.0.map(|offset| Vec3A::from_vec4(Vec4::from_array(offset)));
                 let (low, high) = (a.min(b).min(c), a.max(b).max(c));
                 let bent = [a + b + first, b + c + second, c + a + third];
                 let low = low.min(bent[0].min(bent[1]).min(bent[2]) * 0.5);
                 let high = high.max(bent[0].max(bent[1]).max(bent[2]) * 0.5);
-                *bounds = Aabb { min: low.into(), max: high.into() }.grown(growth);
+                let hull = Aabb { min: low.into(), max: high.into() }.grown(growth);
+                // The points of the hull may be farther from the triangle than those of the patch.
+                let bounds = bounds.of(triangle);
+                *bounds = Aabb { min: bounds.min.max(hull.min), max: bounds.max.min(hull.max) };
             }
         });
-        bounds.iter().fold(Aabb::EMPTY, |all, bounds| all.union(bounds))
     }
 }
 

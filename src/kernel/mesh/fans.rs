@@ -17,6 +17,8 @@ pub(in crate::kernel) struct Fans {
     /// Whether the last triangle of a fan is joined to the first.
     closed: Vec<bool>,
     slots: Vec<Slot>,
+    /// The fan of each slot.
+    fan_of_slot: Vec<u32>,
     edges: Vec<EdgeSides>,
 }
 
@@ -75,6 +77,7 @@ impl Fans {
                             slot_of[triangle as usize][corner] = fans.slots.len() as u32;
                             let after = topology.triangle_edges()[triangle as usize][(corner + 2) % 3];
                             let next_edge = if is_joined { after } else { NONE };
+                            fans.fan_of_slot.push(fans.closed.len() as u32);
                             fans.slots.push(Slot { triangle, corner: corner as u32, next_edge });
                         }
                     }
@@ -100,6 +103,12 @@ impl Fans {
     #[inline]
     pub(super) fn fan(&self, fan: usize) -> (std::ops::Range<usize>, bool) {
         (self.starts[fan] as usize..self.starts[fan + 1] as usize, self.closed[fan])
+    }
+
+    /// The fan that a slot belongs to.
+    #[inline]
+    pub(super) fn fan_of(&self, slot: u32) -> u32 {
+        self.fan_of_slot[slot as usize]
     }
 
     pub(super) fn edges(&self) -> &[EdgeSides] {

@@ -5,9 +5,10 @@
 use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::{DVec3, Vec3, Vec3A, Vec4};
 
+use super::selection::{Part, Selection};
 use crate::kernel::simd::{
     lanes::{SetLanes, TriangleLanes, WIDTH, ZERO_AREA, first_lanes, transposed},
-    parallel::{LEAST_SHARE, PART, Parallel},
+    parallel::Parallel,
 };
 
 /// Lengths whose squares are reliable in f32.
@@ -65,25 +66,29 @@ impl Face {
     }
 }
 
-/// Computes all faces.
+/// Computes the selected faces.
 pub(super) fn compute_faces(
     parallel: &impl Parallel,
+    selection: &Selection,
     positions: &[Vec3],
     triangles: &[[u32; 3]],
     faces: &mut Vec<Face>,
 ) {
     faces.resize(triangles.len(), Face::default());
-    let parts = triangles.chunks(PART).zip(faces.chunks_mut(PART));
-    parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |(triangles, faces)| {
+    parallel.run_tasks(selection.parts(faces), selection.share(), |faces| {
         dispatch!(Level::new(), simd => write_faces(simd, positions, triangles, faces));
     });
 }
 
 #[inline(always)]
-fn write_faces<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32; 3]], faces: &mut [Face]) {
+fn write_faces<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32; 3]], mut faces: Part<'_, Face>) {
     let zero = f32x8::splat(simd, 0.0);
-    for (triangles, faces) in triangles.chunks(WIDTH).zip(faces.chunks_mut(WIDTH)) {
-        let lanes = TriangleLanes::gather(simd, positions, triangles);
+    for items in faces.items.chunks(WIDTH) {
+        let mut own = [[0; 3]; WIDTH];
+        for (own, &item) in own.iter_mut().zip(items) {
+            *own = triangles[item as usize];
+        }
+        let lanes = TriangleLanes::gather(simd, positions, &own);
         let (lengths, _) = lanes.edge_lengths();
         let longest = lengths[0].max(lengths[1]).max(lengths[2]);
         let reliable = longest.simd_gt(RELIABLE[0]) & longest.simd_lt(RELIABLE[1]);
@@ -111,12 +116,12 @@ fn write_faces<S: Simd>(simd: S, positions: &[Vec3], triangles: &[[u32; 3]], fac
             doubled_area * longest,
             zero,
         ]);
-        for (face, row) in faces.iter_mut().zip(rows) {
-            row.store_slice(&mut face.0);
+        for (&item, row) in items.iter().zip(rows) {
+            row.store_slice(&mut faces.of(item).0);
         }
-        let inexact = !(exact.to_bitmask() as u32) & first_lanes(triangles.len()) as u32;
+        let inexact = !(exact.to_bitmask() as u32) & first_lanes(items.len()) as u32;
         for lane in SetLanes(inexact) {
-            faces[lane] = Face::new(triangles[lane].map(|vertex| positions[vertex as usize].as_dvec3()));
+            *faces.of(items[lane]) = Face::new(own[lane].map(|vertex| positions[vertex as usize].as_dvec3()));
         }
     }
 }

@@ -2,47 +2,33 @@
 
 use glam::Vec3A;
 
-use super::faces::Face;
+use super::{faces::Face, selection::Selection};
 use crate::kernel::{
     mesh::fans::{Fans, NONE, Slot},
-    simd::parallel::{LEAST_SHARE, PART, Parallel},
+    simd::parallel::Parallel,
 };
 
 /// Around a vertex with a crease and more faces than this, only those less than half as many steps away count.
 const MOST_FACES: usize = 32;
 
-/// Computes the normals of all slots. `softness` tells for each edge how smooth it is, from 1 to 0 at a crease.
+/// Computes the normals of the slots of the selected fans. `softness` tells for each edge how smooth it is, from 1 to 0
+/// at a crease.
 pub(super) fn compute_normals(
     parallel: &impl Parallel,
+    selection: &Selection,
     fans: &Fans,
     faces: &[Face],
     softness: &[f32],
     normals: &mut Vec<Vec3A>,
 ) {
     normals.resize(fans.slots().len(), Vec3A::ZERO);
-    parallel.run_tasks(parts_of_fans(fans, normals), fans.len() / LEAST_SHARE, |(part, normals)| {
-        let first = fans.fan(part.start).0.start;
-        for fan in part {
-            let (slots, closed) = fans.fan(fan);
-            let own = slots.start - first..slots.end - first;
-            write_normals(&fans.slots()[slots], closed, faces, softness, &mut normals[own]);
+    let parts = selection.parts_of(normals, |fan| fans.fan(fan as usize).0);
+    parallel.run_tasks(parts, selection.share(), |mut normals| {
+        for &fan in normals.items {
+            let (slots, closed) = fans.fan(fan as usize);
+            write_normals(&fans.slots()[slots.clone()], closed, faces, softness, normals.range(slots));
         }
     });
-}
-
-/// Consecutive parts of the fans, each with the normals of its slots.
-fn parts_of_fans<'a>(
-    fans: &'a Fans,
-    normals: &'a mut [Vec3A],
-) -> impl Iterator<Item = (std::ops::Range<usize>, &'a mut [Vec3A])> + Send {
-    let mut rest = normals;
-    (0..fans.len()).step_by(PART).map(move |first| {
-        let part = first..(first + PART).min(fans.len());
-        let count = fans.fan(part.end - 1).0.end - fans.fan(part.start).0.start;
-        let (own, later) = std::mem::take(&mut rest).split_at_mut(count);
-        rest = later;
-        (part, own)
-    })
 }
 
 /// Writes the normals of a fan's corners. Faces across a crease do not count.

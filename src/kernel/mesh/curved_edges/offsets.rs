@@ -5,7 +5,7 @@
 use fearless_simd::{Level, dispatch, f32x4, f32x8, mask32x8, prelude::*};
 use glam::{Vec3, Vec3A};
 
-use super::{MOST_OF_EDGE, faces::Face};
+use super::{GUARD, MOST_OF_EDGE, faces::Face, selection::Selection};
 use crate::kernel::{
     mesh::{
         fans::{EdgeSides, NONE},
@@ -13,33 +13,32 @@ use crate::kernel::{
         topology::SurfaceTopology,
     },
     simd::{
-        lanes::{VectorLanes, WIDTH, load_first, store_first, transposed},
-        parallel::{LEAST_SHARE, PART, Parallel},
+        lanes::{VectorLanes, WIDTH, stored, transposed},
+        parallel::Parallel,
     },
 };
-
-/// An edge may move a point of its patch by at most this share of the least height of the triangles beside it. Long
-/// triangles across a change of curvature would err badly otherwise.
-const GUARD: f32 = 0.15;
 
 /// Keeps nearly parallel normals solvable.
 const DAMPING: f32 = 1.0e-3;
 
-/// Computes for each edge how smooth it is: 1 inside a curved surface and at boundaries, 0 at a crease.
+/// Computes for each selected edge how smooth it is: 1 inside a curved surface and at boundaries, 0 at a crease.
 pub(super) fn compute_softness(
     parallel: &impl Parallel,
+    selection: &Selection,
     sides: &[EdgeSides],
     faces: &[Face],
     crease: CreaseAngle,
     softness: &mut Vec<f32>,
 ) {
     softness.resize(sides.len(), 1.0);
-    let parts = sides.chunks(PART).zip(softness.chunks_mut(PART));
-    parallel.run_tasks(parts, sides.len() / LEAST_SHARE, |(sides, softness)| {
+    parallel.run_tasks(selection.parts(softness), selection.share(), |mut softness| {
         dispatch!(Level::new(), simd => {
-            for (sides, softness) in sides.chunks(WIDTH).zip(softness.chunks_mut(WIDTH)) {
-                let [first, second] = EightEdges::new(sides).faces(simd, faces);
-                store_first(crease.softness_in_lanes(simd, first.normal - second.normal), softness);
+            for items in softness.items.chunks(WIDTH) {
+                let [first, second] = EightEdges::new(sides, items).faces(simd, faces);
+                let soft = stored(crease.softness_in_lanes(simd, first.normal - second.normal));
+                for (&item, soft) in items.iter().zip(soft) {
+                    *softness.of(item) = soft;
+                }
             }
         });
     });
@@ -57,22 +56,17 @@ pub(super) struct Edges<'a> {
 }
 
 impl Edges<'_> {
-    /// Computes the `c` of all edges.
-    pub(super) fn compute(&self, parallel: &impl Parallel, offsets: &mut Vec<Vec3>) {
+    /// Computes the `c` of the selected edges.
+    pub(super) fn compute(&self, parallel: &impl Parallel, selection: &Selection, offsets: &mut Vec<Vec3>) {
         let sides = self.topology.fans().edges();
         offsets.resize(sides.len(), Vec3::ZERO);
-        let parts = sides.chunks(PART).zip(offsets.chunks_mut(PART)).enumerate();
-        parallel.run_tasks(parts, sides.len() / LEAST_SHARE, |(part, (sides, offsets))| {
+        parallel.run_tasks(selection.parts(offsets), selection.share(), |mut offsets| {
             dispatch!(Level::new(), simd => {
-                for (block, (sides, offsets)) in sides.chunks(WIDTH).zip(offsets.chunks_mut(WIDTH)).enumerate() {
-                    let first = part * PART + block * WIDTH;
-                    self.offsets(simd, sides, &self.softness[first..first + sides.len()]).write(offsets);
-                    if self.topology.is_welded() {
-                        for (place, (sides, offset)) in sides.iter().zip(offsets).enumerate() {
-                            if self.are_apart(sides, (first + place) as u32) {
-                                *offset = Vec3::ZERO;
-                            }
-                        }
+                for items in offsets.items.chunks(WIDTH) {
+                    let own = self.offsets(simd, sides, items).stored();
+                    for (lane, &item) in items.iter().enumerate() {
+                        let is_apart = self.topology.is_welded() && self.are_apart(&sides[item as usize], item);
+                        *offsets.of(item) = if is_apart { Vec3::ZERO } else { own.get(lane) };
                     }
                 }
             });
@@ -80,15 +74,19 @@ impl Edges<'_> {
     }
 
     #[inline(always)]
-    fn offsets<S: Simd>(&self, simd: S, sides: &[EdgeSides], softness: &[f32]) -> VectorLanes<S> {
-        let edges = EightEdges::new(sides);
+    fn offsets<S: Simd>(&self, simd: S, sides: &[EdgeSides], items: &[u32]) -> VectorLanes<S> {
+        let edges = EightEdges::new(sides, items);
         let [face, other] = edges.faces(simd, self.faces);
         let along = edges.along(simd, self.positions);
         let [own_normals, other_normals] = edges.normals(simd, self.normals);
         let own = SideLanes::new(simd, self.crease, &face, &own_normals, along);
         let beyond = SideLanes::new(simd, self.crease, &other, &other_normals, along);
         let (one, half) = (f32x8::splat(simd, 1.0), f32x8::splat(simd, 0.5));
-        let soft = load_first(simd, softness);
+        let mut soft = [1.0; WIDTH];
+        for (soft, &item) in soft.iter_mut().zip(items) {
+            *soft = self.softness[item as usize];
+        }
+        let soft = f32x8::from_slice(simd, &soft);
         let mut offset = own.offset.plus(beyond.offset).scaled(half);
         let is_crease = soft.simd_lt(1.0);
         if is_crease.any_true() {
@@ -129,9 +127,10 @@ struct EightEdges {
 
 impl EightEdges {
     #[inline(always)]
-    fn new(sides: &[EdgeSides]) -> Self {
+    fn new(sides: &[EdgeSides], items: &[u32]) -> Self {
         let mut edges = Self { sides: [EdgeSides::AT_ZERO; WIDTH], curved: 0 };
-        for (lane, (own, sides)) in edges.sides.iter_mut().zip(sides).enumerate() {
+        for (lane, (own, &item)) in edges.sides.iter_mut().zip(items).enumerate() {
+            let sides = &sides[item as usize];
             if sides.triangles[0] != NONE {
                 *own = sides.doubled();
                 edges.curved |= 1 << lane;

@@ -69,8 +69,12 @@ impl SurfaceTopology {
     /// Positions must be finite, one for each vertex.
     #[must_use]
     pub fn unevenness(&self, positions: &[Vec3], crease_angle: f32) -> f32 {
+        self.unevenness_at(positions, CreaseAngle::new(crease_angle))
+    }
+
+    pub(crate) fn unevenness_at(&self, positions: &[Vec3], crease: CreaseAngle) -> f32 {
         let mut edges = CurvedEdges::default();
-        edges.update(self, positions, CreaseAngle::new(crease_angle));
+        edges.update(self, positions, crease);
         edges.unevenness(self, positions)
     }
 }
