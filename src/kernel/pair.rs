@@ -13,7 +13,7 @@ use super::{
         side::{outward_direction, rise},
         topology::SurfaceTopology,
     },
-    pose::{Pose, SIMILARITY_TOLERANCE},
+    pose::Pose,
     simd::prefetch::Prefetch,
 };
 
@@ -138,7 +138,7 @@ impl SurfaceSide<'_> {
     /// The length of a unit of the side's own frame in that of the pair, rounded up.
     #[inline]
     fn scale(&self) -> f64 {
-        self.moved.map_or(1.0, |moved| moved.pose.scale() * (1.0 + SIMILARITY_TOLERANCE))
+        self.moved.map_or(1.0, |moved| moved.pose.largest_scale())
     }
 
     /// How far rounding may have displaced a position, in the unit of the pair's frame.

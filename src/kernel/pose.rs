@@ -8,7 +8,7 @@ use glam::{Affine3A, DAffine3, DMat3, DVec3, Vec3};
 
 /// Tolerance for a uniform scale: the largest relative difference of the three scale factors, and the largest cosine
 /// between two axes. f32 rounding of a chain of parent transforms stays well below it.
-pub(crate) const SIMILARITY_TOLERANCE: f64 = 1.0e-3;
+const SIMILARITY_TOLERANCE: f64 = 1.0e-3;
 
 /// A rotation, a translation, and a uniform scale. A negative determinant means that the pose is mirrored.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +84,12 @@ impl Pose {
     #[must_use]
     pub fn scale(&self) -> f64 {
         self.scale
+    }
+
+    /// An upper bound of the factor by which any length is scaled: a pose that is not exactly a similarity stretches one
+    /// axis more than another.
+    pub(crate) fn largest_scale(&self) -> f64 {
+        self.scale * (1.0 + SIMILARITY_TOLERANCE)
     }
 
     /// Whether the pose is mirrored, which flips outward normals inward.

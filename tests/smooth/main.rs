@@ -4,6 +4,7 @@ mod bodies;
 mod distances;
 mod fitness;
 mod on_shapes;
+mod one_normal;
 mod plugin;
 mod properties;
 mod spheres;

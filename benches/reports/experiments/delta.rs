@@ -8,7 +8,6 @@ use bevy_circumsphere::{
         circumsphere::{OffsetSpheres, RecipeSettings},
         cone::SafetyCones,
     },
-    prelude::*,
 };
 use circumsphere_examples::scenes::Variation;
 use circumsphere_reports::{
@@ -22,6 +21,7 @@ use serde::Serialize;
 use super::{
     options::Extent,
     player::{KINDS, Player, variation},
+    tested::Tested,
 };
 
 /// Values of δ, from a refresh in every tick to almost none.
@@ -98,7 +98,7 @@ fn run(scene: &str, delta: f32, repetition: u64, ticks: usize) -> Run {
     let settings = Variation::default().detection;
     let variation = Variation {
         detection: CircumsphereSettings { refit_threshold: delta, ..settings },
-        ..variation(ContactMethod::Circumsphere)
+        ..variation(Tested::Circumsphere)
     };
     let mut player = Player::new(scene, &variation, repetition);
     let mut run = Run::default();

@@ -1,7 +1,7 @@
 //! Contact methods at few and many solver iterations: time per tick, steadiness of the scenes, and residual penetration
 //! measured with the exact method.
 
-use bevy_circumsphere::{prelude::*, response::XpbdSettings};
+use bevy_circumsphere::response::XpbdSettings;
 use circumsphere_examples::scenes::{self, Variation};
 use circumsphere_reports::{
     finding::{Finding, Outcome, figure, geometric_mean, optional, percent, table},
@@ -14,11 +14,8 @@ use super::{
     options::Extent,
     player::{KINDS, Player, Steadiness, variation},
     residual::Residual,
+    tested::Tested,
 };
-
-/// The methods to compare.
-pub const METHODS: [ContactMethod; 4] =
-    [ContactMethod::BoundingSphere, ContactMethod::Circumsphere, ContactMethod::Exact, ContactMethod::Polygon];
 
 const ITERATIONS: [u32; 6] = [1, 2, 4, 8, 16, 32];
 
@@ -36,7 +33,7 @@ pub struct IterationsRow {
     pub kind: &'static str,
     pub scene: &'static str,
     #[serde(serialize_with = "super::report::name_of_method")]
-    pub method: ContactMethod,
+    pub method: Tested,
     pub substeps: u32,
     pub iterations: u32,
     pub repetitions: usize,
@@ -70,7 +67,7 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<IterationsRow> {
     let settings: Vec<_> = KINDS
         .into_iter()
         .flat_map(|kind| {
-            METHODS.into_iter().flat_map(move |method| iterations.iter().map(move |&one| (kind, method, one)))
+            Tested::ALL.into_iter().flat_map(move |method| iterations.iter().map(move |&one| (kind, method, one)))
         })
         .collect();
     progress.set_length((settings.len() * repetitions) as u64);
@@ -88,7 +85,7 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<IterationsRow> {
         .collect()
 }
 
-fn run(scene: &str, method: ContactMethod, iterations: u32, repetition: u64, ticks: usize) -> Run {
+fn run(scene: &str, method: Tested, iterations: u32, repetition: u64, ticks: usize) -> Run {
     let response = XpbdSettings { substeps: SUBSTEPS, iterations, ..XpbdSettings::default() };
     let mut player = Player::new(scene, &Variation { response, ..variation(method) }, repetition);
     // Stop at the end of the settled ticks. After that, the instrument is lifted and nothing is in contact.
@@ -101,12 +98,7 @@ fn run(scene: &str, method: ContactMethod, iterations: u32, repetition: u64, tic
     Run { detection: milliseconds(|tick| tick.detection), response: milliseconds(|tick| tick.response), quiet }
 }
 
-fn row(
-    (kind, scene): (&'static str, &'static str),
-    method: ContactMethod,
-    iterations: u32,
-    runs: &[Run],
-) -> IterationsRow {
+fn row((kind, scene): (&'static str, &'static str), method: Tested, iterations: u32, runs: &[Run]) -> IterationsRow {
     let time = |value: fn(&Run) -> f64| median(runs.iter().map(value).collect()).unwrap_or_default();
     let of_quiet = |value: fn(&Steadiness, &Residual) -> f64| {
         let quiet = runs.iter().filter_map(|run| run.quiet.as_ref());
@@ -132,50 +124,76 @@ fn row(
     }
 }
 
-/// Compares circumspheres with polygons at few iterations: their trembling, and how often scenes flew apart.
-pub fn finding(rows: &[IterationsRow]) -> Finding {
-    let few = |method: ContactMethod| rows.iter().filter(move |row| row.method == method && row.iterations <= FEW);
-    let (mut ratios, mut steadier, mut settings) = (Vec::new(), 0, 0);
-    for (own, other) in few(ContactMethod::Circumsphere).zip(few(ContactMethod::Polygon)) {
-        settings += 1;
-        match (own.trembling, other.trembling) {
-            (Some(own), Some(other)) => {
-                let ratio = own.max(LEAST_TREMBLING) / other.max(LEAST_TREMBLING);
-                steadier += usize::from(ratio < 1.0);
-                ratios.push(ratio);
+/// Steadiness compared with polygons at few iterations.
+struct Compared {
+    /// Settings in which it trembles less, of all.
+    steadier: usize,
+    settings: usize,
+    /// Geometric mean of the trembling relative to that of polygons, over settings in which neither flew apart.
+    mean: Option<f64>,
+    broken: usize,
+}
+
+impl Compared {
+    fn new(rows: &[IterationsRow], tested: Tested) -> Self {
+        let few = |tested: Tested| rows.iter().filter(move |row| row.method == tested && row.iterations <= FEW);
+        let (mut ratios, mut steadier, mut settings) = (Vec::new(), 0, 0);
+        for (own, other) in few(tested).zip(few(Tested::Polygon)) {
+            settings += 1;
+            match (own.trembling, other.trembling) {
+                (Some(own), Some(other)) => {
+                    let ratio = own.max(LEAST_TREMBLING) / other.max(LEAST_TREMBLING);
+                    steadier += usize::from(ratio < 1.0);
+                    ratios.push(ratio);
+                }
+                (Some(_), None) => steadier += 1,
+                (None, _) => (),
             }
-            (Some(_), None) => steadier += 1,
-            (None, _) => (),
+        }
+        let mean = geometric_mean(ratios.iter().copied(), f64::MIN_POSITIVE);
+        Self { steadier, settings, mean, broken: few(tested).map(|row| row.broken).sum() }
+    }
+
+    fn outcome(&self) -> Outcome {
+        let is_mostly = 2 * self.steadier > self.settings;
+        match self.mean {
+            _ if self.settings == 0 => Outcome::Undecided,
+            Some(mean) if mean < 1.0 && is_mostly => Outcome::Holds,
+            None if is_mostly => Outcome::Holds,
+            Some(mean) if mean < 1.0 || is_mostly => Outcome::HoldsInPart,
+            _ => Outcome::Fails,
         }
     }
-    let broken = |method| few(method).map(|row| row.broken).sum::<usize>();
-    let runs = few(ContactMethod::Polygon).map(|row| row.repetitions).sum::<usize>();
-    let mean = geometric_mean(ratios.iter().copied(), f64::MIN_POSITIVE);
-    let outcome = match mean {
-        _ if settings == 0 => Outcome::Undecided,
-        Some(mean) if mean < 1.0 && 2 * steadier > settings => Outcome::Holds,
-        None if 2 * steadier > settings => Outcome::Holds,
-        Some(mean) if mean < 1.0 || 2 * steadier > settings => Outcome::HoldsInPart,
-        _ => Outcome::Fails,
-    };
-    let compared = mean.map_or_else(
-        || "no setting has a trembling for both methods".to_owned(),
-        |mean| {
-            format!(
-                "its trembling is {} times that of polygons (geometric mean over settings in which neither flew apart)",
-                figure(mean)
-            )
-        },
-    );
+
+    fn told(&self) -> String {
+        let Self { steadier, settings, mean, .. } = self;
+        let mean = mean.map_or_else(
+            || "no setting has a trembling for both".to_owned(),
+            |mean| format!("its trembling is {} times that of polygons", figure(mean)),
+        );
+        format!("it is steadier in {steadier} of {settings} settings, and {mean}")
+    }
+}
+
+/// Compares circumspheres with polygons at few iterations: their trembling, and how often scenes flew apart.
+pub fn finding(rows: &[IterationsRow]) -> Finding {
+    let [own, osculating, polygons] =
+        [Tested::Circumsphere, Tested::Osculating, Tested::Polygon].map(|tested| Compared::new(rows, tested));
+    let few = rows.iter().filter(|row| row.method == Tested::Polygon && row.iterations <= FEW);
+    let runs = few.map(|row| row.repetitions).sum::<usize>();
     Finding {
         claim: "the circumsphere method is steadier than polygons at few iterations".to_owned(),
         found: format!(
-            "at up to {FEW} iterations, it is steadier in {steadier} of {settings} settings; {compared}; of {runs} \
-             runs each, {} flew apart with it and {} with polygons",
-            broken(ContactMethod::Circumsphere),
-            broken(ContactMethod::Polygon)
+            "at up to {FEW} iterations, {} (geometric mean over settings in which neither flew apart); with osculating \
+             spheres on smooth surfaces, {}; of {runs} runs each, {}, {}, and {} flew apart with the two and with \
+             polygons",
+            own.told(),
+            osculating.told(),
+            own.broken,
+            osculating.broken,
+            polygons.broken
         ),
-        outcome,
+        outcome: own.outcome(),
     }
 }
 
@@ -193,17 +211,17 @@ pub fn tables(rows: &[IterationsRow]) -> String {
         ("flew apart", |row| format!("{} of {}", row.broken, row.repetitions)),
     ];
     let mut header = vec!["scene".to_owned(), "measure".to_owned(), "iterations".to_owned()];
-    header.extend(METHODS.map(|method| format!("{method:?}")));
+    header.extend(Tested::ALL.map(|method| format!("{method:?}")));
     let mut lines = Vec::new();
     for (_, scene) in KINDS {
         for (name, measure) in &measures {
-            let own = |method: ContactMethod| rows.iter().filter(move |row| row.scene == scene && row.method == method);
-            for first in own(METHODS[0]) {
+            let own = |method: Tested| rows.iter().filter(move |row| row.scene == scene && row.method == method);
+            for first in own(Tested::ALL[0]) {
                 let cell = |method| {
                     own(method).find(|row| row.iterations == first.iterations).map_or_else(String::new, measure)
                 };
                 let mut line = vec![scene.to_owned(), (*name).to_owned(), first.iterations.to_string()];
-                line.extend(METHODS.map(cell));
+                line.extend(Tested::ALL.map(cell));
                 lines.push(line);
             }
         }

@@ -13,6 +13,7 @@ mod plots;
 mod report;
 mod residual;
 mod sizes;
+mod tested;
 mod tunnelling;
 
 use std::{process::ExitCode, time::Instant};

@@ -1,7 +1,7 @@
 //! Plays a scene tick by tick for an experiment. Each repetition starts slightly differently, and ends if the scene
 //! flies apart.
 
-use bevy_circumsphere::{prelude::*, response::XpbdBody};
+use bevy_circumsphere::response::XpbdBody;
 use bevy_ecs::prelude::*;
 use circumsphere_examples::{
     headless::recording::Recorder,
@@ -13,6 +13,8 @@ use circumsphere_examples::{
 };
 use circumsphere_support::random::Random;
 use glam::Vec3;
+
+use super::tested::Tested;
 
 /// The three kinds of scenes in the paper, and our scene of each kind.
 pub const KINDS: [(&str, &str); 3] = [("stable", "cloth_drop"), ("precision", "soft_tissue"), ("efficiency", "pile")];
@@ -141,8 +143,9 @@ fn is_thrown(stage: &Stage, entity: Entity) -> bool {
     !body.velocities.iter().all(is_fine) || !stage.positions(entity).iter().all(|position| position.is_finite())
 }
 
-/// A variation that detects contacts with `method`, and only at the beginning of each tick, so that missed pairs stay
+/// A variation that detects contacts as tested, and only at the beginning of each tick, so that missed pairs stay
 /// missed.
-pub fn variation(method: ContactMethod) -> Variation {
-    Variation { method, continuous: false, extent: scenes::Extent::Small, ..Variation::default() }
+pub fn variation(tested: Tested) -> Variation {
+    let (method, shape) = (tested.method(), tested.shape());
+    Variation { method, shape, continuous: false, extent: scenes::Extent::Small, ..Variation::default() }
 }

@@ -1,6 +1,5 @@
 //! The plots of the report, one sheet per experiment.
 
-use bevy_circumsphere::ContactMethod;
 use circumsphere_reports::drawing::{
     BLACK, COLORS, DASHES, SHAPES, Sheet, layout, line_entry, marked_line, marker_entry, plain_numbers,
 };
@@ -9,9 +8,10 @@ use kuva::prelude::{Layout, LegendEntry, LinePlot, LineStyle, Plot};
 use super::{
     caps::CapsRow,
     delta::DeltaRow,
-    iterations::{IterationsRow, METHODS},
+    iterations::IterationsRow,
     player::KINDS,
     sizes::{FRAME_MS, SizesRow},
+    tested::Tested,
     tunnelling::{TARGETS, TunnellingRow},
 };
 
@@ -76,7 +76,7 @@ fn entries<Name: AsRef<str>>(names: impl IntoIterator<Item = Name>) -> Vec<Legen
 }
 
 fn method_entries() -> Vec<LegendEntry> {
-    entries(METHODS.map(|method| format!("{method:?}")))
+    entries(Tested::ALL.map(|method| format!("{method:?}")))
 }
 
 pub fn delta(rows: &[DeltaRow]) -> Sheet {
@@ -116,12 +116,12 @@ pub fn iterations(rows: &[IterationsRow]) -> Sheet {
     let mut panels = Vec::new();
     for (_, scene) in KINDS {
         for (label, value, axes) in measures {
-            let of_method = |method: ContactMethod| {
+            let of_method = |method: Tested| {
                 let own = rows.iter().filter(move |row| row.scene == scene && row.method == method);
                 own.filter_map(|row| Some((f64::from(row.iterations), value(row)?))).collect()
             };
             let series: Vec<Series> =
-                METHODS.iter().enumerate().map(|(number, &method)| (of_method(method), number)).collect();
+                Tested::ALL.iter().enumerate().map(|(number, &method)| (of_method(method), number)).collect();
             panels.push(panel(&series, scene, ["solver iterations", label], axes, None));
         }
     }
@@ -138,14 +138,14 @@ pub fn tunnelling(rows: &[TunnellingRow]) -> Sheet {
     let mut panels = Vec::new();
     for continuous in [false, true] {
         for (_, target) in TARGETS {
-            let of_method = |method: ContactMethod| {
+            let of_method = |method: Tested| {
                 let own = rows
                     .iter()
                     .filter(move |row| row.target == target && row.continuous == continuous && row.method == method);
                 own.map(|row| (f64::from(row.speed), 100.0 * row.rate)).collect()
             };
             let series: Vec<Series> =
-                METHODS.iter().enumerate().map(|(number, &method)| (of_method(method), number)).collect();
+                Tested::ALL.iter().enumerate().map(|(number, &method)| (of_method(method), number)).collect();
             let title = format!("{target}{}", if continuous { ", continuous detection" } else { "" });
             panels.push(panel(
                 &series,
@@ -200,7 +200,7 @@ pub fn sizes(rows: &[SizesRow]) -> Sheet {
     ];
     let (mut series, mut names) = (Vec::new(), Vec::new());
     for (name, share) in shares {
-        for method in [ContactMethod::Exact, ContactMethod::Circumsphere] {
+        for method in [Tested::Exact, Tested::Circumsphere] {
             let own = rows.iter().filter(|row| row.method == method);
             let points = own.map(|row| (row.deforming_vertices as f64, share(row) * FRAME_MS));
             series.push((points.collect(), series.len()));

@@ -2,7 +2,7 @@
 
 use std::{fmt::Write, fs};
 
-use bevy_circumsphere::{ContactMethod, response::XpbdSettings};
+use bevy_circumsphere::response::XpbdSettings;
 use circumsphere_reports::{
     OutputError,
     drawing::Sheet,
@@ -20,6 +20,7 @@ use super::{
     options::{Experiment, Options},
     plots,
     sizes::{self, SizesRow},
+    tested::Tested,
     tunnelling::{self, TunnellingRow},
 };
 
@@ -38,7 +39,7 @@ pub struct Study {
 
 /// Serializes the name of a method for a table.
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde requires a reference")]
-pub fn name_of_method<S: Serializer>(method: &ContactMethod, serializer: S) -> Result<S::Ok, S::Error> {
+pub fn name_of_method<S: Serializer>(method: &Tested, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(&format_args!("{method:?}"))
 }
 
@@ -145,7 +146,7 @@ fn how(experiment: Experiment) -> String {
              difference of their bulges."
         ),
         Experiment::Iterations => format!(
-            "The same scenes with four methods and 1 to 32 iterations. A tick has {SUBSTEPS} substeps, so that \
+            "The same scenes with four methods, `Circumsphere` also with osculating spheres on smooth surfaces, and 1 to 32 iterations. A tick has {SUBSTEPS} substeps, so that \
              iterations matter. There is no continuous detection. Each setting runs twice, from starts that differ \
              slightly. Residual penetration is measured with the exact method at the end of the settled ticks, \
              regardless of the method that played the scene. It is how much closer than the contact distance contacts \

@@ -24,7 +24,7 @@ use glam::Vec3;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use super::{options::Extent, player::variation};
+use super::{options::Extent, player::variation, tested::Tested};
 
 /// Size of the paper's scene: deforming vertices and static triangles.
 const DEFORMING: f64 = 3_000.0;
@@ -52,7 +52,7 @@ const MEASURED: usize = 9;
 #[derive(Clone, Debug, Serialize)]
 pub struct SizesRow {
     #[serde(serialize_with = "super::report::name_of_method")]
-    pub method: ContactMethod,
+    pub method: Tested,
     /// Multiple of the paper's scene.
     pub multiple: f64,
     pub deforming_vertices: usize,
@@ -117,7 +117,7 @@ struct Played {
     motion: Vec<Vec<Vec<Vec3>>>,
 }
 
-fn play(method: ContactMethod, ground: &Mesh, cloths: &[Mesh], fall: usize, measured: usize) -> Played {
+fn play(method: Tested, ground: &Mesh, cloths: &[Mesh], fall: usize, measured: usize) -> Played {
     let mut stage = Stage::new(&variation(method), Recorder::default());
     stage.add_obstacle("ground", ground, THICKNESS);
     for cloth in cloths {
@@ -142,10 +142,10 @@ fn play(method: ContactMethod, ground: &Mesh, cloths: &[Mesh], fall: usize, meas
 
 fn measure_size(multiple: f64, fall: usize, measured: usize) -> Vec<SizesRow> {
     let (ground, cloths) = meshes(multiple);
-    let own = play(ContactMethod::Circumsphere, &ground, &cloths, fall, measured);
-    let exact = (multiple <= MOST_RESPONSES).then(|| play(ContactMethod::Exact, &ground, &cloths, fall, measured));
+    let own = play(Tested::Circumsphere, &ground, &cloths, fall, measured);
+    let exact = (multiple <= MOST_RESPONSES).then(|| play(Tested::Exact, &ground, &cloths, fall, measured));
     // Each method replays the motion that resulted from its own contacts.
-    [(ContactMethod::Circumsphere, Some(own)), (ContactMethod::Exact, exact)]
+    [(Tested::Circumsphere, Some(own)), (Tested::Exact, exact)]
         .into_iter()
         .filter_map(|(method, played)| {
             let played = played?;
@@ -167,14 +167,14 @@ fn measure_size(multiple: f64, fall: usize, measured: usize) -> Vec<SizesRow> {
 }
 
 /// Detection times of a motion without a response. The first detection, which builds trees, is left out.
-fn replay(method: ContactMethod, ground: &Mesh, cloths: &[Mesh], motion: &[Vec<Vec<Vec3>>]) -> Vec<f64> {
+fn replay(method: Tested, ground: &Mesh, cloths: &[Mesh], motion: &[Vec<Vec<Vec3>>]) -> Vec<f64> {
     let settings = CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() };
     let mut app = headless_app(DeformableCollisionPlugins::new(Update).build(), settings, Recorder::default());
     let mut spawn = |mesh: &Mesh, is_cloth: bool| {
         let positions: Vec<Vec3> = mesh.positions.iter().map(|&position| Vec3::from(position)).collect();
         let (surface, positions) =
             DeformableSurface::from_mesh(&positions, &mesh.triangles).expect("the meshes are valid");
-        let mut entity = app.world_mut().spawn((surface, positions, method, THICKNESS));
+        let mut entity = app.world_mut().spawn((surface, positions, method.method(), THICKNESS));
         if is_cloth {
             entity.insert(SelfCollision);
         }
@@ -204,7 +204,7 @@ fn vertices_in_a_frame(rows: &[&SizesRow], share: fn(&SizesRow) -> f64) -> Optio
 }
 
 /// Describes a method's share of a frame at the paper's size, and the size at which a tick takes a whole frame.
-fn told(rows: &[SizesRow], method: ContactMethod, share: fn(&SizesRow) -> f64) -> Option<(String, f64)> {
+fn told(rows: &[SizesRow], method: Tested, share: fn(&SizesRow) -> f64) -> Option<(String, f64)> {
     let own: Vec<&SizesRow> = rows.iter().filter(|row| row.method == method).collect();
     let taken = share(own.iter().find(|row| row.multiple == 1.0)?);
     let (least, most) = (own[0].deforming_vertices, own[own.len() - 1].deforming_vertices);
@@ -223,7 +223,7 @@ pub fn finding(rows: &[SizesRow]) -> Finding {
     );
     let alone = |row: &SizesRow| row.frame_share_detection_alone;
     let with = |row: &SizesRow| row.frame_share_with_response;
-    let [own, exact] = [ContactMethod::Circumsphere, ContactMethod::Exact]
+    let [own, exact] = [Tested::Circumsphere, Tested::Exact]
         .map(|method| Some((told(rows, method, alone)?, told(rows, method, with)?)));
     let (Some((own, own_whole)), Some((exact, exact_whole))) = (own, exact) else {
         return Finding { claim, found: "that size was not measured".to_owned(), outcome: Outcome::Undecided };

@@ -12,7 +12,7 @@ use glam::{Quat, Vec3};
 use indicatif::ProgressBar;
 use serde::Serialize;
 
-use super::{iterations::METHODS, options::Extent, player::variation};
+use super::{options::Extent, player::variation, tested::Tested};
 
 /// Speeds in thicknesses per tick.
 const SPEEDS: [f32; 11] = [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0];
@@ -35,7 +35,7 @@ const TILT: f32 = 0.15;
 pub struct TunnellingRow {
     pub target: &'static str,
     #[serde(serialize_with = "super::report::name_of_method")]
-    pub method: ContactMethod,
+    pub method: Tested,
     pub continuous: bool,
     /// Initial speed, in thicknesses per tick.
     pub speed: f32,
@@ -53,13 +53,13 @@ pub struct TunnellingRow {
 /// Makes all shots of every kind at every speed.
 pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<TunnellingRow> {
     let speeds = extent.pick(&SPEEDS[6..8], &SPEEDS[..]);
-    progress.set_length((TARGETS.len() * 2 * METHODS.len() * speeds.len()) as u64);
+    progress.set_length((TARGETS.len() * 2 * Tested::ALL.len() * speeds.len()) as u64);
     let mut rows = Vec::new();
     for (target, name) in TARGETS {
         for continuous in [false, true] {
             // Continuous detection of fast objects is slow, so there are fewer shots.
             let shots = extent.pick(1, if continuous { 2 } else { 10 });
-            for method in METHODS {
+            for method in Tested::ALL {
                 for &speed in speeds {
                     let base = Variation { continuous, ..variation(method) };
                     let counts = shoot(&base, Shot { target, speed }, shots);
@@ -133,32 +133,41 @@ fn share(rows: &[TunnellingRow], wanted: impl Fn(&TunnellingRow) -> bool) -> f64
 
 pub fn finding(rows: &[TunnellingRow]) -> Finding {
     let without = |method| share(rows, |row| row.method == method && !row.continuous);
-    let [own, polygon] = [ContactMethod::Circumsphere, ContactMethod::Polygon].map(without);
-    let with = share(rows, |row| row.continuous);
+    let [own, polygon] = [Tested::Circumsphere, Tested::Polygon].map(without);
+    let with = |is_exact: bool| share(rows, |row| row.continuous && row.method.method().is_exact() == is_exact);
+    let [exact, spheres] = [true, false].map(with);
     let fastest = rows.iter().map(|row| row.speed).fold(0.0, f32::max);
-    let first = |method: ContactMethod| {
+    let first = |method: Tested| {
         let speeds = rows.iter().filter(|row| row.method == method && !row.continuous && row.tunnelled > 0);
         let first = speeds.map(|row| row.speed).fold(f32::INFINITY, f32::min);
         if first.is_finite() { format!("from {first} thicknesses per tick on") } else { "at no speed".to_owned() }
     };
-    let which = |method: ContactMethod| {
+    let which = |method: Tested| {
         rows.iter().filter(move |row| row.method == method && !row.continuous).flat_map(|row| &row.which)
     };
-    let resists = happens_less(which(ContactMethod::Circumsphere), which(ContactMethod::Polygon));
-    let stops = if with == 0.0 { Outcome::Holds } else { Outcome::Fails };
+    let resists = happens_less(which(Tested::Circumsphere), which(Tested::Polygon));
+    let stops = match (exact == 0.0, spheres == 0.0) {
+        (true, true) => Outcome::Holds,
+        (true, false) => Outcome::HoldsInPart,
+        _ => Outcome::Fails,
+    };
     Finding {
         claim: format!(
             "circumspheres let less through than polygons, and with continuous detection nothing gets through at up to \
              {fastest} thicknesses per tick"
         ),
         found: format!(
-            "without continuous detection, {} of the shots tunnel with circumspheres ({}) and {} with polygons ({}); \
-             with continuous detection, {} tunnel",
+            "without continuous detection, {} of the shots tunnel with circumspheres ({}), {} with osculating spheres \
+             on smooth surfaces ({}), and {} with polygons ({}); with continuous detection, {} tunnel with exact \
+             methods and {} with sphere methods",
             percent(own),
-            first(ContactMethod::Circumsphere),
+            first(Tested::Circumsphere),
+            percent(without(Tested::Osculating)),
+            first(Tested::Osculating),
             percent(polygon),
-            first(ContactMethod::Polygon),
-            percent(with)
+            first(Tested::Polygon),
+            percent(exact),
+            percent(spheres)
         ),
         outcome: Outcome::all(&[resists, stops]),
     }
@@ -171,21 +180,21 @@ pub fn seconds_per_tick() -> f64 {
 
 pub fn tables(rows: &[TunnellingRow]) -> String {
     let mut header = vec!["shot".to_owned(), "continuous".to_owned(), "speed (thicknesses per tick)".to_owned()];
-    header.extend(METHODS.map(|method| format!("{method:?}")));
+    header.extend(Tested::ALL.map(|method| format!("{method:?}")));
     let mut lines = Vec::new();
     for (_, target) in TARGETS {
         for continuous in [false, true] {
-            let own = |method: ContactMethod| {
+            let own = |method: Tested| {
                 rows.iter()
                     .filter(move |row| row.target == target && row.continuous == continuous && row.method == method)
             };
-            for first in own(METHODS[0]) {
+            for first in own(Tested::ALL[0]) {
                 let cell = |method| {
                     own(method).find(|row| row.speed == first.speed).map_or_else(String::new, |row| percent(row.rate))
                 };
                 let continuous = if continuous { "yes" } else { "no" };
                 let mut line = vec![target.to_owned(), continuous.to_owned(), figure(f64::from(first.speed))];
-                line.extend(METHODS.map(cell));
+                line.extend(Tested::ALL.map(cell));
                 lines.push(line);
             }
         }
@@ -195,6 +204,6 @@ pub fn tables(rows: &[TunnellingRow]) -> String {
 
 /// The variation for shots, with the given settings of caps.
 pub fn with_caps(phi: f32, curvature_threshold: f32) -> Variation {
-    let base = variation(ContactMethod::Circumsphere);
+    let base = variation(Tested::Circumsphere);
     Variation { detection: CircumsphereSettings { sphere_offset: phi, curvature_threshold, ..base.detection }, ..base }
 }

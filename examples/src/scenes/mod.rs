@@ -73,6 +73,8 @@ impl Extent {
 pub struct Variation {
     /// Contact method.
     pub method: ContactMethod,
+    /// Shape of every surface.
+    pub shape: SurfaceShape,
     /// Settings of detection. The number of threads is 1 by default.
     pub detection: CircumsphereSettings,
     pub response: XpbdSettings,
@@ -91,6 +93,7 @@ impl Default for Variation {
     fn default() -> Self {
         Self {
             method: ContactMethod::default(),
+            shape: SurfaceShape::default(),
             detection: CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() },
             response: XpbdSettings::default(),
             continuous: true,

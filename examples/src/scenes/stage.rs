@@ -37,6 +37,7 @@ pub struct Stage {
     pub ticks: u32,
     contacts: SystemState<SurfaceContacts<'static>>,
     method: ContactMethod,
+    shape: SurfaceShape,
     continuous: bool,
 }
 
@@ -51,7 +52,7 @@ impl Stage {
         let mut app = headless_app(plugins, variation.detection, recorder);
         app.insert_resource(variation.response);
         let contacts = SystemState::new(app.world_mut());
-        let &Variation { method, continuous, .. } = variation;
+        let &Variation { method, shape, continuous, .. } = variation;
         Self {
             app,
             bodies: Vec::new(),
@@ -60,6 +61,7 @@ impl Stage {
             ticks: 0,
             contacts,
             method,
+            shape,
             continuous,
         }
     }
@@ -67,7 +69,8 @@ impl Stage {
     /// Adds a static surface.
     pub fn add_obstacle(&mut self, name: &'static str, mesh: &Mesh, extra: impl Bundle) -> Entity {
         let (surface, positions) = surface_of(mesh);
-        let entity = self.app.world_mut().spawn((surface, positions, self.method, Name::new(name), extra)).id();
+        let entity =
+            self.app.world_mut().spawn((surface, positions, self.method, self.shape, Name::new(name), extra)).id();
         self.obstacles.push(entity);
         entity
     }
@@ -101,7 +104,7 @@ impl Stage {
         let (surface, positions) = surface_of(mesh);
         let body = XpbdBody::new(&surface, &positions, material).expect("scene meshes are valid");
         let rest = RestPositions(positions.0.iter().map(|position| position.as_dvec3()).collect());
-        let bundle = (surface, positions, change(body), rest, self.method, Name::new(name), extra);
+        let bundle = (surface, positions, change(body), rest, (self.method, self.shape), Name::new(name), extra);
         let entity = self.app.world_mut().spawn(bundle).id();
         self.bodies.push(entity);
         self.sweep(entity);

@@ -90,7 +90,7 @@ pub(super) fn bend_surfaces(
     let states = states.all();
     // Rounded up, like the boxes.
     let bulge = |place: usize| {
-        let in_world = f64::from(states[place].bounds.bulge()) * active.surfaces[place].pose.scale();
+        let in_world = f64::from(states[place].bounds.bulge()) * active.surfaces[place].pose.largest_scale();
         in_world as f32 * GROWTH_SLACK
     };
     for (_, pair) in candidates.pairs.iter_mut().enumerate().filter(|&(place, _)| !memory.keeps(place)) {

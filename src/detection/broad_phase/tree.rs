@@ -282,7 +282,7 @@ impl<'a> Traversal<'a> {
             if slabs.is_finite() {
                 let mesh = LeafMesh {
                     positions: &pair.moved_positions,
-                    scale: pair.relative_pose.scale() as f32 * GROWTH_SLACK,
+                    scale: pair.relative_pose.largest_scale() as f32 * GROWTH_SLACK,
                     ..[own, other][side].bounds.leaf_mesh(&surface.topology)
                 };
                 moved.triangles.update(&moved.leaves, &mesh);

@@ -27,7 +27,7 @@ use crate::{
             smooth_normal::CreaseAngle,
             topology::SurfaceTopology,
         },
-        pose::{Pose, SIMILARITY_TOLERANCE},
+        pose::Pose,
         simd::parallel::{Parallel, Sequential},
     },
     surface::SurfacePositions,
@@ -245,9 +245,7 @@ impl TriangleBounds {
         }
         let mut bounds = moved_box(&self.whole, pose);
         if *pose != Pose::IDENTITY && self.positions.len() <= MOST_TURNED_VERTICES {
-            // A pose that is not exactly a similarity stretches one axis more than another.
-            let scale = pose.scale() * (1.0 + SIMILARITY_TOLERANCE);
-            let growth = (f64::from(self.growth + self.bend_growth) * scale) as f32 * GROWTH_SLACK;
+            let growth = (f64::from(self.growth + self.bend_growth) * pose.largest_scale()) as f32 * GROWTH_SLACK;
             let vertices = bounds_of_moved(pose, &self.positions).grown(growth);
             bounds = Aabb { min: bounds.min.max(vertices.min), max: bounds.max.min(vertices.max) };
         }
