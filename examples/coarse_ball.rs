@@ -17,7 +17,7 @@ use circumsphere_examples::headless::{
     BAD_INPUT, detect, headless_app,
     recording::{Recorder, RecordingOptions},
 };
-use circumsphere_support::scenes::icosphere;
+use circumsphere_support::scenes::{cad_box, icosphere};
 use clap::Parser;
 use glam::{Quat, Vec3};
 
@@ -40,6 +40,9 @@ struct Options {
     /// Number of ticks in which the ball rolls around the other one
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u16).range(1..=10_000))]
     ticks: u16,
+    /// Instead of balls, show a mesh that does not fit a smooth body: a box with narrow rounded edges
+    #[arg(long)]
+    unfit: bool,
     #[command(flatten)]
     recording: RecordingOptions,
 }
@@ -87,6 +90,27 @@ impl Balls {
     }
 }
 
+/// A box, flat and smooth, each under a small ball. The patches of its large faces follow the normals of narrow strips.
+fn show_unfit(options: &Options) -> Result {
+    let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;
+    let plugins = DeformableCollisionPlugins::new(Update).build();
+    let settings = CircumsphereSettings::default();
+    let mut app = headless_app(plugins, settings, recorder.unwrap_or_else(Recorder::default));
+    let mesh = cad_box(0.1, 2);
+    let positions: Vec<Vec3> = mesh.positions.into_iter().map(Vec3::from_array).collect();
+    for (shape, x) in [(SurfaceShape::Flat, -1.5), (SurfaceShape::Smooth, 1.5)] {
+        let surface = DeformableSurface::from_mesh(&positions, &mesh.triangles)?;
+        let name = Name::new(format!("{shape:?} box").to_lowercase());
+        let unevenness = surface.0.topology().unevenness(&positions, settings.crease_angle);
+        println!("{name}: unevenness {unevenness:.2}; above 0.7, smooth surfaces do not fit");
+        app.world_mut().spawn((surface, shape, THICKNESS, name, Transform::from_xyz(x, 0.0, -0.8 * x)));
+        let ball = Transform::from_xyz(x, 1.25, -0.8 * x);
+        app.world_mut().spawn((RigidShape(SharedShape::ball(0.2)), ball));
+    }
+    detect(&mut app);
+    Ok(())
+}
+
 fn play(options: &Options) -> Result {
     let recorder = options.recording.rerun.as_deref().map(|path| options.recording.recorder(path)).transpose()?;
     let plugins = DeformableCollisionPlugins::new(Update).build();
@@ -115,7 +139,8 @@ fn play(options: &Options) -> Result {
 }
 
 fn main() -> ExitCode {
-    match play(&Options::parse()) {
+    let options = Options::parse();
+    match if options.unfit { show_unfit(&options) } else { play(&options) } {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");

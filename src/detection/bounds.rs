@@ -1,5 +1,5 @@
-//! Stage 1: takes a snapshot of positions, and computes the boxes of surfaces in the world. Boxes of triangles follow
-//! on demand, where something is near.
+//! Stage 1: takes a snapshot of positions, and computes the boxes of surfaces in the world. Boxes of the
+//! triangles of flat surfaces follow on demand, where something is near.
 
 use std::time::Instant;
 

@@ -52,8 +52,8 @@ sphere_data! {
 }
 
 sphere_data! {
-    /// The enclosing ball of each triangle, from the last tick in which the `BoundingSphere` method tested a pair of
-    /// the surface.
+    /// The enclosing ball of each triangle, or of its patch if the surface is smooth, from the last tick in which the
+    /// `BoundingSphere` method tested a pair of the surface.
     EnclosingBalls(Vec<Ball>)
 }
 

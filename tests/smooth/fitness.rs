@@ -7,6 +7,7 @@ use bevy_circumsphere::{
         smooth_normal::CreaseAngle,
     },
 };
+use circumsphere_support::scenes::cad_box;
 use circumsphere_truth::{BodyShape, SmoothBody};
 use glam::{DMat3, DVec3, Vec3};
 
@@ -55,47 +56,16 @@ fn noisy(shape: BodyShape, level: u32, noise: f64) -> (f32, f64) {
     measured(&mesh.topology, &mesh.positions, |point| body.foot(point).distance)
 }
 
-/// A box of half size 1 with rounded edges, as CAD programs mesh it: two triangles for each face, and narrow strips for
-/// the edges.
+/// A box of half size 1 with rounded edges, as CAD programs mesh it.
 fn rounded_box(radius: f64, strips: usize) -> (f32, f64) {
     let core_of = |point: DVec3| point.clamp(DVec3::splat(radius - 1.0), DVec3::splat(1.0 - radius));
     let distance = move |point: DVec3| {
         let inner = core_of(point);
         if inner == point { point.abs().max_element() - 1.0 } else { (point - inner).length() - radius }
     };
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    // Around each face, coordinates run over the arc of one edge, the flat part, and the arc of the other edge.
-    let arc: Vec<(f64, f64)> = (0..=strips)
-        .map(|step| {
-            let angle = core::f64::consts::FRAC_PI_4 * (1.0 - step as f64 / strips as f64);
-            (-angle.tan(), -1.0)
-        })
-        .chain((0..=strips).map(|step| {
-            let angle = core::f64::consts::FRAC_PI_4 * step as f64 / strips as f64;
-            (angle.tan(), 1.0)
-        }))
-        .collect();
-    for face in 0..6 {
-        let axes = [[DVec3::X, DVec3::Y, DVec3::Z], [DVec3::Y, DVec3::Z, DVec3::X], [DVec3::Z, DVec3::X, DVec3::Y]];
-        let [u, v, out] = axes[face % 3];
-        let (u, out) = if face < 3 { (u, out) } else { (-u, -out) };
-        let first = positions.len() as u32;
-        let width = arc.len() as u32;
-        for &(along, side) in &arc {
-            for &(across, other_side) in &arc {
-                let direction = (out + u * along + v * across).normalize();
-                let corner = (out + u * side + v * other_side) * (1.0 - radius);
-                positions.push((corner + direction * radius).as_vec3());
-            }
-        }
-        for row in 0..width - 1 {
-            for column in 0..width - 1 {
-                let at = first + row * width + column;
-                triangles.extend([[at, at + width, at + width + 1], [at, at + width + 1, at + 1]]);
-            }
-        }
-    }
-    let topology = SurfaceTopology::new(&positions, &triangles).expect("a rounded box is a mesh");
+    let mesh = cad_box(radius, strips);
+    let positions: Vec<Vec3> = mesh.positions.iter().copied().map(Vec3::from_array).collect();
+    let topology = SurfaceTopology::new(&positions, &mesh.triangles).expect("a rounded box is a mesh");
     measured(&topology, &positions, distance)
 }
 

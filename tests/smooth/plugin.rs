@@ -179,3 +179,34 @@ fn patches_that_are_wanted_later_are_those_of_a_fresh_surface() {
         assert!(seen.len() > 100, "{}", seen.len());
     }
 }
+
+/// The same for every method, and for balls inside each other, whatever was near before.
+#[test]
+fn contacts_do_not_depend_on_what_was_near_before() {
+    for method in ContactMethod::ALL {
+        for depth in [-GAP, 0.3] {
+            let moved = |app: &mut App, entity: Entity| {
+                let direction = Vec3::new(0.5, 0.7, 0.2).normalize();
+                let pose = Transform::from_translation(direction * (2.0 - depth));
+                *app.world_mut().get_mut::<Transform>(entity).expect("it has a pose") = pose;
+                app.update();
+            };
+            let spawn = || {
+                let shapes = [SurfaceShape::Smooth; 2];
+                let (mut app, entities) = spawned(shapes, CircumsphereSettings::default(), 1.0);
+                for entity in entities {
+                    app.world_mut().entity_mut(entity).insert((method, Sidedness::OneSided));
+                }
+                (app, entities)
+            };
+            let (mut app, [_, second]) = spawn();
+            // Elsewhere first.
+            app.update();
+            moved(&mut app, second);
+            let (mut fresh, [_, second]) = spawn();
+            moved(&mut fresh, second);
+            let (own, expected) = (contacts(&app), contacts(&fresh));
+            assert!(own == expected && own.len() > 3, "{method:?} {depth}: {} {}", own.len(), expected.len());
+        }
+    }
+}

@@ -344,7 +344,7 @@ fn time_vs_triangles(study: &Study) -> Option<Sheet> {
 
 /// Groups of stages that are drawn together, and their colors.
 const STAGE_GROUPS: [(&str, &[&str], &str); 8] = [
-    ("bounds and trees", &["prepare", "bounds", "pair surfaces", "tree update"], BLACK),
+    ("bounds and trees", &["prepare", "bounds", "pair surfaces", "patches", "tree update"], BLACK),
     ("broad phase", &["broad phase"], SKY),
     ("curvature", &["curvature"], YELLOW),
     ("spheres", &["refit", "refit balls"], ORANGE),

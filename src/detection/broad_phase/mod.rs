@@ -16,7 +16,10 @@ use bevy_ecs::prelude::*;
 
 use crate::{
     detection::{
-        pairs::{CandidateTrianglePairs, OtherSide, PairLists, SurfacePair, moved_box, shape_pair, surface_pair},
+        pairs::{
+            CandidateTrianglePairs, GROWTH_SLACK, OtherSide, PairLists, SurfacePair, moved_box, shape_pair,
+            surface_pair,
+        },
         reuse::{DetectionMemory, near_lists::KeptPairs},
         state::SurfaceStates,
     },
@@ -142,6 +145,11 @@ fn pair_surfaces(
     buffers.last_names.extend(candidates.pairs.iter().map(|pair| name(pair.first, pair.second)));
     buffers.last.clear();
     buffers.last.extend(candidates.pairs.drain(..).map(Some));
+    // Rounded up, like the boxes.
+    let bulge = |place: usize| {
+        let in_world = f64::from(states.all()[place].bounds.bulge()) * surfaces[place].pose.largest_scale();
+        in_world as f32 * GROWTH_SLACK
+    };
     for &[first, second] in &places {
         let [first, second] = [first as usize, second as usize];
         if let Some((pair, origin)) = buffers.keep(&memory, first, OtherSide::Surface(second)) {
@@ -151,7 +159,8 @@ fn pair_surfaces(
         }
         let (lists, former) = buffers.reuse(&memory, first, OtherSide::Surface(second));
         memory.add_pair(former);
-        candidates.pairs.push(surface_pair(surfaces, first, second, lists));
+        let bulge = bulge(first) + bulge(second);
+        candidates.pairs.push(SurfacePair { bulge, ..surface_pair(surfaces, first, second, lists) });
     }
     let mut with_shapes = std::mem::take(&mut buffers.with_shapes);
     with_shapes.clear();
@@ -182,7 +191,8 @@ fn pair_surfaces(
         }
         let (lists, former) = buffers.reuse(&memory, first, OtherSide::Shape(place));
         memory.add_pair(former);
-        candidates.pairs.push(shape_pair(&surfaces[first], first, &active.shapes[place], place, lists));
+        let pair = shape_pair(&surfaces[first], first, &active.shapes[place], place, lists);
+        candidates.pairs.push(SurfacePair { bulge: bulge(first), ..pair });
     }
     memory.end_pairs();
     let count = candidates.pairs.len();

@@ -1,6 +1,6 @@
 //! Computes the patches of smooth surfaces where something is near.
 //!
-//! Until then, the boxes of triangles contain every patch that they may have.
+//! The boxes of triangles contain every patch that they may have.
 
 use std::time::Instant;
 
@@ -25,7 +25,7 @@ const TRIANGLES_OF_ONE: usize = 8192;
 
 /// Where the patches of a surface are wanted, in its own frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Region {
+pub(in crate::detection) enum Region {
     Everywhere,
     Within(Aabb),
     /// Where `normal` times a point is at most `height`.
@@ -60,7 +60,7 @@ pub(super) fn bend_surfaces(
     active: Res<ActiveSurfaces>,
     settings: Res<CircumsphereSettings>,
     memory: Res<DetectionMemory>,
-    mut candidates: ResMut<CandidateTrianglePairs>,
+    candidates: Res<CandidateTrianglePairs>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut regions: Local<Vec<Vec<Region>>>,
     mut states: ResMut<SurfaceStates>,
@@ -81,28 +81,14 @@ pub(super) fn bend_surfaces(
         TRIANGLES_OF_ONE,
         |place, _| if regions[place].is_empty() { 0 } else { active.surfaces[place].topology.triangles().len() },
         |place, state, threads| {
-            let (regions, is_new) = (&regions[place], state.has_moved);
+            let regions = &regions[place];
             if !regions.is_empty() {
-                state.bounds.bend(threads, is_new, |bounds| regions.iter().any(|region| region.meets(bounds)));
+                state.bounds.bend(threads, |bounds| regions.iter().any(|region| region.meets(bounds)));
             }
         },
     );
-    let states = states.all();
-    // Rounded up, like the boxes.
-    let bulge = |place: usize| {
-        let in_world = f64::from(states[place].bounds.bulge()) * active.surfaces[place].pose.largest_scale();
-        in_world as f32 * GROWTH_SLACK
-    };
-    for (_, pair) in candidates.pairs.iter_mut().enumerate().filter(|&(place, _)| !memory.keeps(place)) {
-        let second = match pair.second {
-            OtherSide::Surface(second) => bulge(second),
-            OtherSide::Shape(_) => 0.0,
-        };
-        pair.bulge = bulge(pair.first) + second;
-    }
     diagnostics.finish("patches", start, 0, 0);
 }
-
 /// Adds where a pair wants the patches of its surfaces.
 fn add_regions(active: &ActiveSurfaces, pair: &SurfacePair, regions: &mut [Vec<Region>]) {
     let surface = |place: usize| &active.surfaces[place];

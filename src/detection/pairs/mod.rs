@@ -49,8 +49,7 @@ pub struct SurfacePair {
     pub reported_distance: f32,
     /// The largest distance at which a pair of triangles matters, in world units.
     pub range: f32,
-    /// How far the patches of both sides together may be from their triangles where something is near, in world units. 0
-    /// if both are flat.
+    /// How far any patches of both sides together may be from their triangles, in world units. 0 if both are flat.
     pub bulge: f32,
     /// Whose own frame the pair is tested in: that of the shape, or of the surface with more triangles.
     pub frame: Frame,

@@ -34,7 +34,7 @@ use crate::{
 };
 
 /// A snapshot of a surface's checked positions, and the boxes of its triangles in its own frame, grown by its thickness
-/// and half the margin. Changes only if positions, triangles, or growth differ, bit by bit, from those of the last
+/// and half the margin, and on a smooth surface by how far any patch may be from its triangle. Changes only if positions, triangles, or growth differ, bit by bit, from those of the last
 /// detection.
 #[derive(Debug, Default)]
 pub struct TriangleBounds {
@@ -61,7 +61,7 @@ pub struct TriangleBounds {
     names_every_vertex: bool,
     growth: f32,
     /// How far any patch of a smooth surface may be from its triangle. 0 if it is flat.
-    bend_growth: f32,
+    bulge: f32,
     /// The creases of a smooth surface. `None` if it is flat.
     crease: Option<CreaseAngle>,
     curved: CurvedEdges,
@@ -76,8 +76,9 @@ fn first_version() -> u64 {
 }
 
 impl TriangleBounds {
-    /// One box per triangle. If nothing is near a surface, nothing requests them, and they are not computed. If they
-    /// were requested before the surface changed, they are computed at once, otherwise on the first request.
+    /// One box per triangle. If nothing is near a flat surface, nothing requests them, and they are not computed. If they
+    /// were requested before the surface changed, or if it is smooth, they are computed at once, otherwise on the first
+    /// request.
     #[must_use]
     pub fn triangles(&self) -> &[Aabb] {
         self.triangles_on(&Sequential)
@@ -99,24 +100,15 @@ impl TriangleBounds {
     }
 
     /// Computes the patches of a smooth surface where they are wanted. `wants` tells whether something is near a box.
-    /// Returns whether there were any new ones.
-    pub(in crate::detection) fn bend(&mut self, threads: usize, is_new: bool, wants: impl Fn(&Aabb) -> bool) -> bool {
-        let (Some(crease), Some(topology), Some(triangles)) = (self.crease, &self.topology, self.triangles.get_mut())
+    pub(in crate::detection) fn bend(&mut self, threads: usize, wants: impl Fn(&Aabb) -> bool) {
+        let (Some(crease), Some(topology), Some(triangles)) = (self.crease, &self.topology, self.triangles.get())
         else {
-            return false;
+            return;
         };
         for (triangle, _) in triangles.iter().enumerate().filter(|(_, bounds)| wants(bounds)) {
             self.curved.want(triangle as u32);
         }
-        let threads = Threads(threads);
-        if !self.curved.bend_on(&threads, topology, &self.positions, crease) {
-            return false;
-        }
-        // Later in the same version, the tree has the boxes already.
-        if is_new {
-            self.curved.bound_patches_on(&threads, topology, &self.positions, self.growth, triangles);
-        }
-        true
+        self.curved.bend_on(&Threads(threads), topology, &self.positions, crease);
     }
 
     /// The curved edges of a smooth surface. `None` if it is flat.
@@ -124,12 +116,15 @@ impl TriangleBounds {
         self.crease.is_some().then_some(&self.curved)
     }
 
-    /// All curved edges of a smooth surface, computed now.
-    pub(in crate::detection) fn all_curved(&self) -> Option<CurvedEdges> {
+    /// A copy of the curved edges of a smooth surface, with some more patches.
+    pub(in crate::detection) fn curved_at(&self, triangles: &[u32]) -> Option<CurvedEdges> {
         let (topology, crease) = (self.topology.as_ref()?, self.crease?);
-        let mut all = CurvedEdges::default();
-        all.update(topology, &self.positions, crease);
-        Some(all)
+        let mut curved = self.curved.clone();
+        for &triangle in triangles {
+            curved.want(triangle);
+        }
+        curved.bend_on(&Sequential, topology, &self.positions, crease);
+        Some(curved)
     }
 
     /// How badly the mesh fits a smooth surface, once after it has become one.
@@ -137,10 +132,10 @@ impl TriangleBounds {
         self.unevenness.take()
     }
 
-    /// How far the patches that have been computed may be from their triangles, in the surface's own frame. 0 if it is
-    /// flat.
+    /// How far any patch may be from its triangle, in the surface's own frame. 0 if it is flat. Does not depend on which
+    /// patches have been computed.
     pub(in crate::detection) fn bulge(&self) -> f32 {
-        self.curved().map_or(0.0, CurvedEdges::largest)
+        self.bulge
     }
 
     /// The triangles, for the leaves of a tree.
@@ -206,7 +201,7 @@ impl TriangleBounds {
             spare = triangles;
         }
         let is_new = !same_mesh || self.crease.is_none();
-        (self.crease, self.growth, self.bend_growth) = (crease, growth, 0.0);
+        (self.crease, self.growth, self.bulge) = (crease, growth, 0.0);
         if crease.is_none() {
             self.curved = CurvedEdges::default();
         }
@@ -219,9 +214,9 @@ impl TriangleBounds {
         if let Some(crease) = crease {
             // Patches follow where something is near.
             self.whole = self.curved.begin_on(&Threads(threads), topology, positions, growth, &mut spare);
-            self.bend_growth = self.curved.heights().iter().copied().fold(0.0, f32::max);
+            self.bulge = self.curved.heights().iter().copied().fold(0.0, f32::max);
             self.triangles = OnceLock::from(spare);
-            self.unevenness = is_new.then(|| topology.unevenness_at(positions, crease));
+            self.unevenness = is_new.then(|| topology.unevenness_on(&Threads(threads), positions, crease));
         } else if self.names_every_vertex && !are_expected {
             self.whole = point_bounds(positions, growth);
             *self.spare.get_mut().unwrap_or_else(PoisonError::into_inner) = spare;
@@ -245,7 +240,7 @@ impl TriangleBounds {
         }
         let mut bounds = moved_box(&self.whole, pose);
         if *pose != Pose::IDENTITY && self.positions.len() <= MOST_TURNED_VERTICES {
-            let growth = (f64::from(self.growth + self.bend_growth) * pose.largest_scale()) as f32 * GROWTH_SLACK;
+            let growth = (f64::from(self.growth + self.bulge) * pose.largest_scale()) as f32 * GROWTH_SLACK;
             let vertices = bounds_of_moved(pose, &self.positions).grown(growth);
             bounds = Aabb { min: bounds.min.max(vertices.min), max: bounds.max.min(vertices.max) };
         }

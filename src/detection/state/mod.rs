@@ -41,8 +41,8 @@ impl SurfaceState {
         self.bounds.positions()
     }
 
-    /// One box per triangle in the surface's own frame, grown by its thickness and half the margin. Computed on first
-    /// request.
+    /// One box per triangle in the surface's own frame, grown by its thickness and half the margin, and on a smooth surface
+    /// by how far any patch may be from its triangle.
     #[must_use]
     pub fn triangle_boxes(&self) -> &[Aabb] {
         self.bounds.triangles()
@@ -58,17 +58,11 @@ impl SurfaceState {
     /// that nothing was near are computed now.
     #[must_use]
     pub fn patches(&self, topology: &SurfaceTopology, triangles: &[u32]) -> Option<Vec<Patch>> {
-        let (curved, mut all) = (self.bounds.curved()?, None);
         if !self.bounds.is_of(topology) {
             return None;
         }
-        if triangles.iter().any(|&triangle| !curved.knows(triangle)) {
-            all = self.bounds.all_curved();
-        }
-        let side = SurfaceSide {
-            curved: Some(all.as_ref().unwrap_or(curved)),
-            ..SurfaceSide::flat(topology, self.positions())
-        };
+        let curved = self.bounds.curved_at(triangles)?;
+        let side = SurfaceSide { curved: Some(&curved), ..SurfaceSide::flat(topology, self.positions()) };
         Some(triangles.iter().map(|&triangle| Patch::of(&side, triangle)).collect())
     }
 

@@ -13,7 +13,7 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
-use glam::{Vec3, Vec3A, Vec4};
+use glam::{Vec3, Vec3A};
 
 pub use self::unevenness::MOST_UNEVEN;
 use self::{
@@ -42,6 +42,9 @@ mod unevenness;
 /// An edge may move a point of its patch by at most this share of the least height of the triangles beside it. Long
 /// triangles across a change of curvature would err badly otherwise.
 const GUARD: f32 = 0.15;
+
+/// Squared lengths whose fourth powers f32 can hold.
+const SQUARES: std::ops::Range<f32> = 1.0e-8..1.0e8;
 
 /// Between one edge's `c` and the largest distance of the patch from the triangle if all three edges have that `c`:
 /// `Σ w_i w_j` is at most one third.
@@ -151,9 +154,20 @@ impl Known {
 impl CurvedEdges {
     /// Computes all edges of a surface. Positions must be finite.
     pub fn update(&mut self, topology: &SurfaceTopology, positions: &[Vec3], crease: CreaseAngle) {
+        self.update_on(&Sequential, topology, positions, crease);
+    }
+
+    /// Like [`update`](Self::update), in tasks that `parallel` may distribute.
+    pub fn update_on(
+        &mut self,
+        parallel: &impl Parallel,
+        topology: &SurfaceTopology,
+        positions: &[Vec3],
+        crease: CreaseAngle,
+    ) {
         self.forget(topology);
         self.want_all();
-        self.bend_on(&Sequential, topology, positions, crease);
+        self.bend_on(parallel, topology, positions, crease);
     }
 
     /// Forgets everything about the edges of a surface, which has moved.
@@ -166,7 +180,8 @@ impl CurvedEdges {
     }
 
     /// Begins anew for a surface that has moved. Writes boxes that contain every patch, whatever its edges are, grown by
-    /// `growth`, into `bounds`, and returns the box around all of them.
+    /// `growth`, into `bounds`, and returns the box around all of them. Boxes do not depend on which patches are wanted
+    /// later, and neither do results that depend on boxes.
     pub fn begin_on(
         &mut self,
         parallel: &impl Parallel,
@@ -181,9 +196,7 @@ impl CurvedEdges {
         parallel.run_tasks(parts, triangles.len() / LEAST_SHARE, |(triangles, heights)| {
             for (corners, height) in triangles.iter().zip(heights) {
                 let [a, b, c] = corners.map(|vertex| Vec3A::from(positions[vertex as usize]));
-                let shortest = (b - a).length_squared().min((c - b).length_squared()).min((a - c).length_squared());
-                // No height of a triangle is longer than its shortest edge.
-                *height = shortest.sqrt() * (GUARD * (1.0 + 8.0 * f32::EPSILON));
+                *height = GUARD * (1.0 + 8.0 * f32::EPSILON) * height_bound(b - a, c - b, a - c);
             }
         });
         let heights = &self.heights;
@@ -272,35 +285,21 @@ impl CurvedEdges {
     pub fn largest(&self) -> f32 {
         self.largest
     }
+}
 
-    /// Shrinks `bounds`, which are those of the [beginning](Self::begin_on), to the boxes of the patches that were computed
-    /// last, grown by `growth`. A patch is within the hull of its corners and of one more point for each edge.
-    pub fn bound_patches_on(
-        &self,
-        parallel: &impl Parallel,
-        topology: &SurfaceTopology,
-        positions: &[Vec3],
-        growth: f32,
-        bounds: &mut [Aabb],
-    ) {
-        let selection = &self.known.triangles;
-        parallel.run_tasks(selection.parts(bounds), selection.share(), |mut bounds| {
-            for &triangle in bounds.items {
-                let [a, b, c] =
-                    topology.triangles()[triangle as usize].map(|vertex| Vec3A::from(positions[vertex as usize]));
-                let row = &self.rows[triangle as usize];
-                let [first, second, third] = row.0.map(|offset| Vec3A::from_vec4(Vec4::from_array(offset)));
-                let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-                let bent = [a + b + first, b + c + second, c + a + third];
-                let low = low.min(bent[0].min(bent[1]).min(bent[2]) * 0.5);
-                let high = high.max(bent[0].max(bent[1]).max(bent[2]) * 0.5);
-                let hull = Aabb { min: low.into(), max: high.into() }.grown(growth);
-                // The points of the hull may be farther from the triangle than those of the patch.
-                let bounds = bounds.of(triangle);
-                *bounds = Aabb { min: bounds.min.max(hull.min), max: bounds.max.min(hull.max) };
-            }
-        });
+/// An upper bound of the least height of a triangle, given its edges.
+#[inline]
+fn height_bound(u: Vec3A, v: Vec3A, w: Vec3A) -> f32 {
+    let squares = [u.length_squared(), v.length_squared(), w.length_squared()];
+    let longest = squares[0].max(squares[1]).max(squares[2]);
+    if SQUARES.contains(&longest) {
+        let length = longest.sqrt();
+        // The area of a needle is rounded by as much as that of a square over its length.
+        return u.cross(v).length() / length + 8.0 * f32::EPSILON * length;
     }
+    // No height is longer than an edge, and no edge longer than this.
+    let longest = |edge: Vec3A| edge.abs().max_element() * 1.733;
+    longest(u).min(longest(v)).min(longest(w))
 }
 
 impl Prefetch for CurvedEdges {

@@ -52,13 +52,17 @@ pub fn patch_shape_pairs(
     if side.curved.is_none() {
         return shape_pairs(side, shape, candidates, settings, found);
     }
-    let mut scratch = PairProximity::default();
+    let (mut scratch, mut on_tangents) = (PairProximity::default(), Vec::new());
     let range = settings.range / settings.scale;
     test_each(side, candidates, settings, found, |triangle, proximities| {
         let patch = Patch::of(side, triangle);
         let height = side.patch_height(triangle);
         let flat = shape.examine(&patch.corners, range + height, &mut scratch, proximities);
-        if height > 0.0 && !proximities.is_empty() { refine(&patch, shape, &mut scratch, proximities) } else { flat }
+        if height > 0.0 && !proximities.is_empty() {
+            refine(&patch, shape, (&mut scratch, &mut on_tangents), proximities)
+        } else {
+            flat
+        }
     });
 }
 
@@ -66,10 +70,10 @@ pub fn patch_shape_pairs(
 fn refine(
     patch: &Patch,
     shape: &ShapeGeometry,
-    scratch: &mut PairProximity,
+    (scratch, on_tangents): (&mut PairProximity, &mut Vec<ShapeProximity>),
     proximities: &mut Vec<ShapeProximity>,
 ) -> f64 {
-    let mut search = Search { patch, shape, scratch, proximities: Vec::new() };
+    let mut search = Search { patch, shape, scratch, on_tangents };
     let closest = proximities.iter().min_by(|one, other| one.distance.total_cmp(&other.distance));
     let mut nearest = search.descend(closest.map_or([1.0, 0.0, 0.0], |closest| closest.barycentric));
     let others = if nearest.model(patch).may_have_others() { &MIDDLES[..] } else { &[] };
@@ -92,7 +96,7 @@ fn refine(
         }
         let point = patch.point(&proximity.barycentric);
         let foot = shape.foot(point);
-        if proximity.distance > 0.0 && foot.distance > 0.0 {
+        if foot.distance > 0.0 {
             (proximity.normal, proximity.distance) = (foot.normal, foot.distance);
             proximity.shape_point = point - foot.normal * foot.distance;
         } else {
@@ -105,10 +109,15 @@ fn refine(
         proximity.distance <= 0.0 || faces(patch, proximity)
     });
     let own = nearest.proximity(patch);
-    // A crossing has no depth of its own.
-    if !proximities.iter().any(|proximity| proximity.crossing) {
-        proximities.retain(|other| (other.feature, other.shape_feature) != (own.feature, own.shape_feature));
-        proximities.push(own);
+    // Inside, an edge or a face that cuts through the shape has a way out of its own, which is not that of its points.
+    let has_way_out =
+        |other: &ShapeProximity| other.crossing || other.distance < 0.0 && !matches!(other.feature, Feature::Vertex(_));
+    if is_apart || !proximities.iter().any(has_way_out) {
+        let out = if is_apart { Some(own) } else { shape.led_out(patch.point(&own.barycentric), own) };
+        if let Some(out) = out {
+            proximities.retain(|other| (other.feature, other.shape_feature) != (out.feature, out.shape_feature));
+            proximities.push(out);
+        }
     }
     own.distance.min(distance_of(proximities))
 }
@@ -143,7 +152,7 @@ struct Search<'a> {
     patch: &'a Patch,
     shape: &'a ShapeGeometry,
     scratch: &'a mut PairProximity,
-    proximities: Vec<ShapeProximity>,
+    on_tangents: &'a mut Vec<ShapeProximity>,
 }
 
 impl Search<'_> {
@@ -170,11 +179,23 @@ impl Search<'_> {
         place
     }
 
-    /// The place after a step to where the model is lowest. `None` if it is hardly lower, or the model is wrong.
+    /// The place after a step to where the model is lowest. `None` if it is hardly lower, or the model is wrong. Inside,
+    /// where nothing else helps, a part of the step will do.
     fn step(&self, place: &Place) -> Option<Place> {
-        let (step, change) = place.model(self.patch).lowest(&place.weights)?;
+        let distance = place.foot.distance;
+        let (mut step, change) = place.model(self.patch).lowest(&place.weights)?;
         let next = self.after(place, step);
-        (place.foot.distance - next.foot.distance > -GOOD_GAIN * change).then_some(next)
+        if distance - next.foot.distance > -GOOD_GAIN * change {
+            return Some(next);
+        }
+        for _ in 0..if distance > 0.0 { 0 } else { HALVINGS } {
+            step *= 0.5;
+            let next = self.after(place, step);
+            if next.foot.distance < distance {
+                return Some(next);
+            }
+        }
+        None
     }
 
     /// The place after a step towards where the triangle that touches the patch is closest, or a part of it. This goes
@@ -188,9 +209,9 @@ impl Search<'_> {
         let Local { point, tangents: [u, v], .. } = self.patch.local(&place.weights);
         let [_, second, third] = place.weights;
         let first = point - u * second - v * third;
-        self.proximities.clear();
-        self.shape.examine(&[first, first + u, first + v], distance, self.scratch, &mut self.proximities);
-        let lowest = self.proximities.iter().min_by(|one, other| one.distance.total_cmp(&other.distance))?;
+        self.on_tangents.clear();
+        self.shape.examine(&[first, first + u, first + v], distance, self.scratch, self.on_tangents);
+        let lowest = self.on_tangents.iter().min_by(|one, other| one.distance.total_cmp(&other.distance))?;
         let mut step = DVec2::new(lowest.barycentric[1] - second, lowest.barycentric[2] - third);
         for _ in 0..HALVINGS {
             let next = self.after(place, step);

@@ -164,3 +164,43 @@ pub fn rounded_cuboid(half_extents: [f32; 3], rounding: f32, subdivisions: usize
     }
     mesh
 }
+
+/// A closed box of half size 1 m around the origin with edges rounded by `rounding` meters, meshed as CAD programs mesh
+/// it: two triangles for each flat face, and `strips` narrow strips for each half of a rounded edge. The six sides do
+/// not share vertices.
+///
+/// # Panics
+///
+/// If `strips` is 0, or `rounding` is not between 0 and 1.
+pub fn cad_box(rounding: f64, strips: usize) -> Mesh {
+    assert!(strips > 0 && rounding > 0.0 && rounding < 1.0, "a rounded box has strips, and edges below its size");
+    // Around each side, coordinates run over the arc of one edge, the flat part, and the arc of the other edge.
+    let arc = |step: usize| libm::tan(0.5 * FRAC_PI_2 * step as f64 / strips as f64);
+    let before = (0..=strips).map(|step| (-arc(strips - step), -1.0));
+    let around: Vec<(f64, f64)> = before.chain((0..=strips).map(|step| (arc(step), 1.0))).collect();
+    let width = around.len() as u32;
+    let mut mesh = Mesh::default();
+    for side in 0..6 {
+        let (sign, axis) = (if side < 3 { 1.0 } else { -1.0 }, side % 3);
+        let at = |u: f64, v: f64| {
+            let mut point = [0.0; 3];
+            (point[axis], point[(axis + 1) % 3], point[(axis + 2) % 3]) = (sign * u, v, sign);
+            point
+        };
+        let first = mesh.positions.len() as u32;
+        for &(along, side) in &around {
+            for &(across, other_side) in &around {
+                let (direction, corner) = (unit(at(along, across)), at(side, other_side));
+                mesh.positions
+                    .push(std::array::from_fn(|k| (corner[k] * (1.0 - rounding) + direction[k] * rounding) as f32));
+            }
+        }
+        for row in 0..width - 1 {
+            for column in 0..width - 1 {
+                let at = first + row * width + column;
+                mesh.triangles.extend([[at, at + width, at + width + 1], [at, at + width + 1, at + 1]]);
+            }
+        }
+    }
+    mesh
+}

@@ -21,7 +21,7 @@ mod shapes;
 mod tray;
 
 pub use beam_on_mattress::beam_on_mattress;
-pub use bodies::{capsule, closed_target, lobed_ball, needle, organ, rounded_cuboid};
+pub use bodies::{cad_box, capsule, closed_target, lobed_ball, needle, organ, rounded_cuboid};
 pub use character::{
     CHARACTER_CIRCLE, CHARACTER_EASE, CHARACTER_LEG, CHARACTER_SKIRT_LENGTH, CHARACTER_SPEEDS, CHARACTER_TIP_SPEED,
     CHARACTER_TORSO, CHARACTER_WAIST_GAP, Character, CharacterFineness, character_skirt, character_waist_vertices,

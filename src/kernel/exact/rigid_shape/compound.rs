@@ -185,6 +185,12 @@ impl Compound {
         found.truncate(kept);
     }
 
+    /// A contact of a part, or its way out of the union if it leads into another part.
+    pub(super) fn out_of_all(&self, point: DVec3, proximity: ShapeProximity) -> Option<ShapeProximity> {
+        let owner = self.parts.partition_point(|part| part.first_feature <= proximity.shape_feature).checked_sub(1)?;
+        if self.hides(owner, &proximity) { self.led_out(point, proximity) } else { Some(proximity) }
+    }
+
     /// Whether a contact of a part leads into another part, or points across a seam: from an edge or a corner that
     /// another part continues, in a direction in which that part extends farther.
     fn hides(&self, owner: usize, proximity: &ShapeProximity) -> bool {

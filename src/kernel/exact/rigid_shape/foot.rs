@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::ShapeGeometry;
+use super::{ShapeGeometry, ShapeProximity};
 
 /// The place on the surface of a shape that is closest to a point: the signed distance of the point, with its
 /// derivatives.
@@ -56,6 +56,15 @@ pub(super) fn root_of_curvature(radius: f64) -> f64 {
 }
 
 impl ShapeGeometry {
+    /// A contact inside the shape that leads out of the whole shape. `None` if there is no way. `point` is its place on the
+    /// triangle or patch.
+    pub(in crate::kernel) fn led_out(&self, point: DVec3, proximity: ShapeProximity) -> Option<ShapeProximity> {
+        match self {
+            Self::Compound(compound) => compound.out_of_all(point, proximity),
+            _ => Some(proximity),
+        }
+    }
+
     /// The place on the surface that is closest to a point.
     pub(in crate::kernel) fn foot(&self, point: DVec3) -> ShapeFoot {
         match self {

@@ -11,7 +11,10 @@
 use glam::{Vec3, Vec3A};
 
 use super::CurvedEdges;
-use crate::kernel::mesh::{fans::NONE, smooth_normal::CreaseAngle, topology::SurfaceTopology};
+use crate::kernel::{
+    mesh::{fans::NONE, smooth_normal::CreaseAngle, topology::SurfaceTopology},
+    simd::parallel::{Parallel, Sequential},
+};
 
 /// Above this [unevenness](CurvedEdges::unevenness), patches are no closer to a body than flat triangles.
 pub const MOST_UNEVEN: f32 = 0.7;
@@ -69,12 +72,12 @@ impl SurfaceTopology {
     /// Positions must be finite, one for each vertex.
     #[must_use]
     pub fn unevenness(&self, positions: &[Vec3], crease_angle: f32) -> f32 {
-        self.unevenness_at(positions, CreaseAngle::new(crease_angle))
+        self.unevenness_on(&Sequential, positions, CreaseAngle::new(crease_angle))
     }
 
-    pub(crate) fn unevenness_at(&self, positions: &[Vec3], crease: CreaseAngle) -> f32 {
+    pub(crate) fn unevenness_on(&self, parallel: &impl Parallel, positions: &[Vec3], crease: CreaseAngle) -> f32 {
         let mut edges = CurvedEdges::default();
-        edges.update(self, positions, crease);
+        edges.update_on(parallel, self, positions, crease);
         edges.unevenness(self, positions)
     }
 }
