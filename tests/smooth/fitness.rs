@@ -7,9 +7,9 @@ use bevy_circumsphere::{
         smooth_normal::CreaseAngle,
     },
 };
-use circumsphere_support::scenes::cad_box;
+use circumsphere_support::{random::Random, scenes::cad_box};
 use circumsphere_truth::{BodyShape, SmoothBody};
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DMat2, DMat3, DVec2, DVec3, Vec3};
 
 use crate::bodies::{BodyMesh, CREASE, mesh_of};
 
@@ -105,4 +105,82 @@ fn large_faces_with_narrow_rounded_edges_do_not_fit() {
             assert!(unevenness > MOST_UNEVEN || radius > 0.5, "{radius} {strips}: {unevenness} {ratio}");
         }
     }
+}
+
+/// A sheet that is known in closed form: a sum of waves, with the wavelength of the shortest in edges of the mesh, and
+/// the slope of each.
+struct CrumpledSheet {
+    waves: Vec<(DVec2, f64, f64)>,
+}
+
+impl CrumpledSheet {
+    fn new(shortest: f64, slope: f64) -> Self {
+        let mut random = Random::new(11);
+        let waves = (0..6)
+            .map(|number| {
+                let length = shortest * (1.0 + 0.3 * f64::from(number));
+                let direction = DVec2::from_angle(std::f64::consts::PI * random.unit());
+                let turns = std::f64::consts::TAU / length;
+                (direction * turns, slope / turns, std::f64::consts::TAU * random.unit())
+            })
+            .collect();
+        Self { waves }
+    }
+
+    /// The height, with its first and second derivatives.
+    fn height(&self, place: DVec2) -> (f64, DVec2, DMat2) {
+        let (mut height, mut slope, mut bend) = (0.0, DVec2::ZERO, DMat2::ZERO);
+        for &(turns, amplitude, phase) in &self.waves {
+            let (sine, cosine) = (turns.dot(place) + phase).sin_cos();
+            height += amplitude * sine;
+            slope += turns * (amplitude * cosine);
+            bend += DMat2::from_cols(turns * turns.x, turns * turns.y) * (-amplitude * sine);
+        }
+        (height, slope, bend)
+    }
+
+    /// The distance of a point that is near the sheet, by Newton steps to its foot.
+    fn distance(&self, point: DVec3) -> f64 {
+        let mut foot = point.truncate();
+        for _ in 0..30 {
+            let (height, slope, bend) = self.height(foot);
+            let above = height - point.z;
+            let off = foot - point.truncate() + slope * above;
+            let matrix = DMat2::IDENTITY + DMat2::from_cols(slope * slope.x, slope * slope.y) + bend * above;
+            let step = if matrix.determinant() > 0.1 { matrix.inverse() * off } else { off * 0.3 };
+            foot -= step.clamp_length_max(0.5);
+        }
+        point.distance(foot.extend(self.height(foot).0))
+    }
+}
+
+#[test]
+fn crumpled_sheets_are_no_worse_or_are_said_not_to_fit() {
+    const CELLS: u32 = 40;
+    let mut worse = 0;
+    for shortest in [1.3, 1.6, 2.2, 3.0, 4.0, 6.0, 10.0] {
+        for slope in [0.1, 0.3, 0.6, 1.0] {
+            let sheet = CrumpledSheet::new(shortest, slope);
+            let at = |x: u32, y: u32| {
+                let place = DVec2::new(f64::from(x), f64::from(y));
+                place.extend(sheet.height(place).0).as_vec3()
+            };
+            let positions: Vec<Vec3> =
+                (0..=CELLS).flat_map(|y| (0..=CELLS).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect();
+            let corner = |x: u32, y: u32| y * (CELLS + 1) + x;
+            let triangles: Vec<[u32; 3]> = (0..CELLS * CELLS)
+                .flat_map(|cell| {
+                    let (x, y) = (cell % CELLS, cell / CELLS);
+                    let [a, b, c, d] = [corner(x, y), corner(x + 1, y), corner(x + 1, y + 1), corner(x, y + 1)];
+                    if (x + y) % 2 == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
+                })
+                .collect();
+            let topology = SurfaceTopology::new(&positions, &triangles).expect("a sheet is a mesh");
+            let (unevenness, ratio) = measured(&topology, &positions, |point| sheet.distance(point));
+            println!("waves of {shortest} edges, slope {slope}: unevenness {unevenness:.3}, error {ratio:.3} of flat");
+            assert!(ratio < 1.2 || unevenness > MOST_UNEVEN, "{shortest} {slope}: {unevenness} {ratio}");
+            worse += usize::from(ratio > 0.8);
+        }
+    }
+    assert!(worse > 2, "the comparison covers sheets that are not fit");
 }

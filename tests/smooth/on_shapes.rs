@@ -285,3 +285,36 @@ fn a_body_is_as_far_from_a_ball_and_a_plane_as_it_is() {
         assert!(smooth[1] < 0.5 * flat[1], "level {level}: {smooth:?} {flat:?}");
     }
 }
+
+/// Two boxes side by side are one floor, however deep a smooth body is in it.
+#[test]
+fn a_seam_of_a_compound_has_no_contacts_of_its_own() {
+    let shape = BodyShape::Ellipsoid(DVec3::new(1.0, 0.7, 0.5));
+    let half = SharedShape::cuboid(2.0, 0.5, 2.0);
+    let at = |x: f32| Pose3::from_translation(Vec3::new(x, -0.5, 0.0));
+    let floor = SharedShape::compound(vec![(at(-2.0), half.clone()), (at(2.0), half)]);
+    let mut inside = 0;
+    for turn in 0..6 {
+        let body = SmoothBody { shape, rotation: rotation(0.7 * f64::from(turn)), center: DVec3::ZERO };
+        let mesh = BodyMesh::new(body, &mesh_of(shape, 1));
+        let lowest = patches_of(&mesh)
+            .iter()
+            .flat_map(|patch| [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [1.0 / 3.0; 3]].map(|weights| patch.point(weights).y))
+            .fold(f64::INFINITY, f64::min);
+        for depth in [-0.02, 0.01, 0.05] {
+            for aside in [-0.013, 0.0, 0.004, 0.02] {
+                // The floor is placed under the body.
+                let pose = Transform::from_xyz(aside, (lowest + depth * mesh.edge()) as f32, 0.0);
+                let app = app_of(&mesh, SurfaceShape::Smooth, &floor, &pose, 0.1 * mesh.edge());
+                let store = app.world().resource::<ContactStore>();
+                for contact in store.contacts() {
+                    // From the body to the floor.
+                    assert!(contact.normal.y < -0.99, "turn {turn} depth {depth} aside {aside}: {contact:?}");
+                    inside += usize::from(contact.distance < 0.0);
+                }
+                assert!(store.contact_count() > 0);
+            }
+        }
+    }
+    assert!(inside > 100, "{inside}");
+}
