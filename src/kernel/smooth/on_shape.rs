@@ -29,7 +29,7 @@ const HALVINGS: usize = 24;
 const GOOD_GAIN: f64 = 0.5;
 
 /// Steps that shorten the distance by less than this share of the patch's size end the search.
-const LEAST_GAIN: f64 = 1.0e-13;
+const LEAST_GAIN: f64 = 1.0e-9;
 
 /// A weight below this is 0: the point is on the edge opposite the corner.
 const ON_BORDER: f64 = 1.0e-9;
@@ -170,20 +170,24 @@ impl Search<'_> {
         let least_gain = LEAST_GAIN * self.patch.size();
         let mut place = self.at(start);
         for _ in 0..STEPS {
+            // Where the model has nowhere lower to go, neither has the patch.
+            let Some((step, change)) = place.model(self.patch).lowest(&place.weights) else { break };
+            if change >= -least_gain {
+                break;
+            }
             let least = place.foot.distance - least_gain;
             let is_lower = |next: &Place| next.foot.distance < least;
-            let next = self.step(&place).filter(is_lower).or_else(|| self.step_on_tangents(&place).filter(is_lower));
+            let next = self.step(&place, step, change).or_else(|| self.step_on_tangents(&place)).filter(is_lower);
             let Some(next) = next else { break };
             place = next;
         }
         place
     }
 
-    /// The place after a step to where the model is lowest. `None` if it is hardly lower, or the model is wrong. Inside,
-    /// where nothing else helps, a part of the step will do.
-    fn step(&self, place: &Place) -> Option<Place> {
+    /// The place after a step to where the model is lowest. `None` if the model is wrong. Inside, where nothing else
+    /// helps, a part of the step will do.
+    fn step(&self, place: &Place, mut step: DVec2, change: f64) -> Option<Place> {
         let distance = place.foot.distance;
-        let (mut step, change) = place.model(self.patch).lowest(&place.weights)?;
         let next = self.after(place, step);
         if distance - next.foot.distance > -GOOD_GAIN * change {
             return Some(next);
