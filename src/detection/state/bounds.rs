@@ -34,8 +34,8 @@ use crate::{
 };
 
 /// A snapshot of a surface's checked positions, and the boxes of its triangles in its own frame, grown by its thickness
-/// and half the margin, and on a smooth surface by how far any patch may be from its triangle. Changes only if positions, triangles, or growth differ, bit by bit, from those of the last
-/// detection.
+/// and half the margin, and on a smooth surface by how far any patch may be from its triangle. Changes only if
+/// positions, triangles, or growth differ, bit by bit, from those of the last detection.
 #[derive(Debug, Default)]
 pub struct TriangleBounds {
     /// One box per triangle, computed on first request.
@@ -214,7 +214,7 @@ impl TriangleBounds {
         if let Some(crease) = crease {
             // Patches follow where something is near.
             self.whole = self.curved.begin_on(&Threads(threads), topology, positions, growth, &mut spare);
-            self.bulge = self.curved.heights().iter().copied().fold(0.0, f32::max);
+            self.bulge = self.curved.largest();
             self.triangles = OnceLock::from(spare);
             self.unevenness = is_new.then(|| topology.unevenness_on(&Threads(threads), positions, crease));
         } else if self.names_every_vertex && !are_expected {

@@ -77,8 +77,6 @@ pub struct CurvedEdges {
     rows: Vec<OffsetRow>,
     /// How far the patch of each triangle may be from it.
     heights: Vec<f32>,
-    /// The largest of those that are computed.
-    largest: f32,
     /// What is computed.
     known: Known,
 }
@@ -176,7 +174,6 @@ impl CurvedEdges {
         self.known.forget(topology);
         self.rows.resize(count, OffsetRow::default());
         self.heights.resize(count, 0.0);
-        self.largest = 0.0;
     }
 
     /// Begins anew for a surface that has moved. Writes boxes that contain every patch, whatever its edges are, grown by
@@ -213,18 +210,17 @@ impl CurvedEdges {
         self.known.triangles.want_all();
     }
 
-    /// Computes the wanted patches, at the positions of the [beginning](Self::begin_on). Returns whether there were any
-    /// new ones.
+    /// Computes the wanted patches, at the positions of the [beginning](Self::begin_on).
     pub fn bend_on(
         &mut self,
         parallel: &impl Parallel,
         topology: &SurfaceTopology,
         positions: &[Vec3],
         crease: CreaseAngle,
-    ) -> bool {
-        let Self { offsets, faces, softness, normals, rows, heights, largest, known } = self;
+    ) {
+        let Self { offsets, faces, softness, normals, rows, heights, known } = self;
         if !known.settle(topology) {
-            return false;
+            return;
         }
         let (triangles, fans) = (topology.triangles(), topology.fans());
         compute_faces(parallel, &known.faces, positions, triangles, faces);
@@ -241,9 +237,6 @@ impl CurvedEdges {
                 *heights.of(triangle) = a.max(b).max(c).sqrt() * MOST_OF_EDGE * (1.0 + 4.0 * f32::EPSILON);
             }
         });
-        let new = known.triangles.next().iter().map(|&triangle| heights[triangle as usize]);
-        *largest = new.fold(*largest, f32::max);
-        true
     }
 
     /// The offsets `c` of the edges of a triangle. Edge `k` joins corners `k` and `k + 1`.
@@ -279,11 +272,10 @@ impl CurvedEdges {
         &self.heights
     }
 
-    /// The largest height of the patches that have been computed: no point of them is farther than this from the point
-    /// of its triangle with the same weights.
+    /// The largest height of a patch: no point is farther than this from the point of its triangle with the same weights.
     #[must_use]
     pub fn largest(&self) -> f32 {
-        self.largest
+        self.heights.iter().copied().fold(0.0, f32::max)
     }
 }
 

@@ -74,8 +74,8 @@ fn refine(
     proximities: &mut Vec<ShapeProximity>,
 ) -> f64 {
     let mut search = Search { patch, shape, scratch, on_tangents };
-    let closest = proximities.iter().min_by(|one, other| one.distance.total_cmp(&other.distance));
-    let mut nearest = search.descend(closest.map_or([1.0, 0.0, 0.0], |closest| closest.barycentric));
+    let start = closest_of(proximities).map_or([1.0, 0.0, 0.0], |closest| closest.barycentric);
+    let mut nearest = search.descend(start);
     let others = if nearest.model(patch).may_have_others() { &MIDDLES[..] } else { &[] };
     // Other parts of a compound may be closer.
     let of_parts = proximities.iter().filter(|_| matches!(shape, ShapeGeometry::Compound(_)));
@@ -119,12 +119,12 @@ fn refine(
             proximities.push(out);
         }
     }
-    own.distance.min(distance_of(proximities))
+    closest_of(proximities).map_or(own.distance, |closest| closest.distance.min(own.distance))
 }
 
-/// The least distance of some proximities.
-fn distance_of(proximities: &[ShapeProximity]) -> f64 {
-    proximities.iter().map(|proximity| proximity.distance).fold(f64::INFINITY, f64::min)
+/// The proximity with the least distance.
+fn closest_of(proximities: &[ShapeProximity]) -> Option<&ShapeProximity> {
+    proximities.iter().min_by(|one, other| one.distance.total_cmp(&other.distance))
 }
 
 /// Whether the patch beside an edge rises from the shape.
@@ -186,18 +186,23 @@ impl Search<'_> {
 
     /// The place after a step to where the model is lowest. `None` if the model is wrong. Inside, where nothing else
     /// helps, a part of the step will do.
-    fn step(&self, place: &Place, mut step: DVec2, change: f64) -> Option<Place> {
+    fn step(&self, place: &Place, step: DVec2, change: f64) -> Option<Place> {
         let distance = place.foot.distance;
         let next = self.after(place, step);
         if distance - next.foot.distance > -GOOD_GAIN * change {
             return Some(next);
         }
-        for _ in 0..if distance > 0.0 { 0 } else { HALVINGS } {
-            step *= 0.5;
+        if distance > 0.0 { None } else { self.lower(place, step * 0.5) }
+    }
+
+    /// The first lower place after a step, or after a half of it, a quarter, and so on.
+    fn lower(&self, place: &Place, mut step: DVec2) -> Option<Place> {
+        for _ in 0..HALVINGS {
             let next = self.after(place, step);
-            if next.foot.distance < distance {
+            if next.foot.distance < place.foot.distance {
                 return Some(next);
             }
+            step *= 0.5;
         }
         None
     }
@@ -215,16 +220,8 @@ impl Search<'_> {
         let first = point - u * second - v * third;
         self.on_tangents.clear();
         self.shape.examine(&[first, first + u, first + v], distance, self.scratch, self.on_tangents);
-        let lowest = self.on_tangents.iter().min_by(|one, other| one.distance.total_cmp(&other.distance))?;
-        let mut step = DVec2::new(lowest.barycentric[1] - second, lowest.barycentric[2] - third);
-        for _ in 0..HALVINGS {
-            let next = self.after(place, step);
-            if next.foot.distance < distance {
-                return Some(next);
-            }
-            step *= 0.5;
-        }
-        None
+        let [_, to_second, to_third] = closest_of(self.on_tangents)?.barycentric;
+        self.lower(place, DVec2::new(to_second - second, to_third - third))
     }
 }
 
