@@ -26,8 +26,21 @@ const ROOMS: [&str; 11] = [
 ];
 
 /// The folders of the kernel, with the same rule.
-const KERNEL_ROOMS: [&str; 12] =
-    ["capacity", "pose", "simd", "mesh", "contact", "pair", "bvh", "exact", "smooth", "spheres", "ccd", "pair_fate"];
+const KERNEL_ROOMS: [&str; 13] = [
+    "capacity",
+    "pose",
+    "simd",
+    "mesh",
+    "contact",
+    "pair",
+    "bvh",
+    "exact",
+    "smooth",
+    "spheres",
+    "ccd",
+    "xpbd",
+    "pair_fate",
+];
 
 /// The most lines of a file.
 const MOST_LINES: usize = 500;

@@ -16,5 +16,4 @@ pub(crate) use events::{Touching, TouchingSides};
 pub use gather::ContactsPlugin;
 pub use impacts::{Impact, SurfaceImpacts};
 pub use reading::{Contact, SmoothNormals, StencilEntry, SurfaceContacts};
-pub(crate) use store::PairOrder;
 pub use store::{ContactStore, StoredPair};

@@ -50,7 +50,8 @@ fn compute_bounds(
     });
     states.align(&active.surfaces, |entity| surfaces.contains(entity));
     for surface in &mut active.surfaces {
-        surface.margin = settings.margin().max(surface.solver_margin);
+        let [own, other] = surface.solver_margins.map(|margin| settings.margin().max(margin));
+        (surface.own_margin, surface.margin) = (own, other.max(own));
     }
     for shape in &mut active.shapes {
         shape.margin = settings.margin().max(shape.solver_margin);

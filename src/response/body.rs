@@ -10,7 +10,6 @@ use bevy_ecs::prelude::*;
 use bevy_reflect::prelude::*;
 use glam::{DVec3, Vec3};
 
-use super::constraints::{Hinge, Spring, enclosed_volume};
 use crate::{
     kernel::{
         mesh::{
@@ -18,6 +17,7 @@ use crate::{
             topology::SurfaceTopology,
         },
         pose::Pose,
+        xpbd::{HingeRests, SpringRests, VolumeRest, bend_at},
     },
     surface::{DeformableSurface, SurfacePositions, SweptTarget},
 };
@@ -160,10 +160,10 @@ impl Default for SurfaceFriction {
 /// The rest shape of a body: lengths, bends, and volume, in the surface's own frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RestShape {
-    pub(super) springs: Vec<Spring>,
-    pub(super) hinges: Vec<Hinge>,
-    /// Positive. `Some` only if the surface is closed.
-    pub(super) volume: Option<f64>,
+    pub(super) springs: SpringRests,
+    pub(super) hinges: HingeRests,
+    /// Only if the surface is closed and encloses a volume.
+    pub(super) volume: Option<VolumeRest>,
 }
 
 impl RestShape {
@@ -176,18 +176,22 @@ impl RestShape {
                 continue;
             }
             let length = points[ends[0] as usize].distance(points[ends[1] as usize]);
-            springs.push(Spring { ends, length });
+            springs.push((ends, length));
             if let &[first, second] = topology.triangles_of_edge(EdgeId(edge as u32)) {
                 hinges.extend(hinge(topology, edge as u32, first, second, &points));
             }
         }
-        let volume = enclosed_volume(&points, 0, topology.welded_triangles());
-        let volume = (topology.is_closed() && volume > 0.0).then_some(volume);
-        Self { springs, hinges, volume }
+        let volume = topology.is_closed().then(|| VolumeRest::new(&points, topology.welded_triangles()));
+        Self {
+            springs: SpringRests::new(points.len(), springs.into_iter()),
+            hinges: HingeRests::new(points.len(), hinges.into_iter()),
+            volume: volume.flatten(),
+        }
     }
 }
 
-fn hinge(topology: &SurfaceTopology, edge: u32, first: u32, second: u32, points: &[DVec3]) -> Option<Hinge> {
+/// The corners of the hinge at an edge between two triangles, and its bend.
+fn hinge(topology: &SurfaceTopology, edge: u32, first: u32, second: u32, points: &[DVec3]) -> Option<([u32; 4], f64)> {
     let corner = |triangle: u32| {
         let side = topology.triangle_edges()[triangle as usize].iter().position(|&own| own == edge)?;
         let corners = topology.welded_triangles()[triangle as usize];
@@ -201,8 +205,7 @@ fn hinge(topology: &SurfaceTopology, edge: u32, first: u32, second: u32, points:
     if other_start == start || left == right {
         return None;
     }
-    let bend = Hinge::bend_at(&corners.map(|vertex| points[vertex as usize]));
-    Some(Hinge { corners, bend })
+    Some((corners, bend_at(&corners.map(|vertex| points[vertex as usize]))))
 }
 
 /// Makes a surface a body that falls, stretches, bends, keeps its volume, and responds to contacts. Needs

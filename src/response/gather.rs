@@ -1,9 +1,10 @@
 //! From entities to the solver: bodies become particles, and contacts become constraints on them.
 //!
 //! All vertices of bodies are particles in world space. Of other objects, only the vertices that contacts touch are.
-//! Contacts are taken in the order of their keys, whatever order they arrive in.
+//! Contacts are taken in the order of the store.
 
 mod tangled;
+mod watch;
 
 use std::sync::Arc;
 
@@ -12,6 +13,7 @@ use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_platform::collections::HashSet;
 use glam::{DVec3, Vec3};
 
+pub(super) use self::watch::Watch;
 use super::{
     body::XpbdBody,
     contact::{ContactConstraint, Features},
@@ -23,9 +25,9 @@ use super::{
     solver::{Solver, SolverBody},
 };
 use crate::{
-    contacts::{ContactStore, PairOrder, StoredPair},
+    contacts::StoredPair,
     kernel::{
-        contact::{CompactContact, ContactKey},
+        contact::CompactContact,
         mesh::{
             feature::{Feature, FeatureKind},
             topology::SurfaceTopology,
@@ -37,9 +39,6 @@ use crate::{
 
 /// Marks a vertex that is not a particle.
 const NONE: u32 = u32::MAX;
-
-/// Relative bound on the rounding of recorded distances to f32, with room for the poses applied to them.
-const ROUNDING: f64 = 1.0e-6;
 
 /// Which vertices of a static or kinematic object are particles in this tick.
 #[derive(Default)]
@@ -69,38 +68,23 @@ impl Driven {
     }
 }
 
-/// Sort key of a contact: the order of its pair, its key, and its triangles.
-fn name_of(store: &ContactStore, pair: u32, place: u32) -> (PairOrder, ContactKey, [u32; 2]) {
-    let pair = &store.pairs[pair as usize];
-    let record = &pair.contacts[place as usize];
-    (pair.order, record.key, [record.triangle_a, record.triangle_b])
-}
-
 /// Turns the contacts of a tick into constraints.
 #[derive(Default)]
 pub(super) struct Gatherer {
     driven: EntityHashMap<Driven>,
     bodies: EntityHashMap<usize>,
     tick: u64,
-    /// The contacts of all pairs with a body, sorted by `name_of`: indices of the pair and of the record in it.
-    order: Vec<[u32; 2]>,
     known: HashSet<Features4>,
+    /// The contacts that are not watched: a pair, and where its contacts are among the places.
+    unwatched: Vec<(u32, u32, u32)>,
+    /// The places of contacts in their pairs.
+    unwatched_places: Vec<u32>,
     /// The particles of all triangles that cross in the current pair.
     tangled: HashSet<u32>,
     /// Unit vector along which the first side of the current pair moves back against the second, if a part of either is
     /// cut off.
     back: Option<DVec3>,
     insides: Insides,
-}
-
-/// Which contacts the solver watches: those whose separation is at most twice the distance that their fastest vertex
-/// moves in the tick, plus a slack.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Watch {
-    /// Duration of the tick or part, in seconds.
-    pub(super) duration: f64,
-    /// In world units.
-    pub(super) slack: f64,
 }
 
 /// The particles of a feature pair. The flag is `true` for two edges.
@@ -155,7 +139,7 @@ impl Gatherer {
             }
         }
         let (topology, rest) = (Arc::clone(&surface.topology), Arc::clone(&body.rest));
-        bodies.push(SolverBody::new(first, topology, rest, body.material, surface.pose.scale()));
+        bodies.push(SolverBody { first, topology, rest, material: body.material, scale: surface.pose.scale() });
         self.bodies.insert(surface.entity, first);
     }
 
@@ -165,43 +149,32 @@ impl Gatherer {
 
     /// Makes constraints of all contacts with a body on at least one side.
     pub(super) fn add_contacts(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>, watch: Watch) {
-        let mut order = std::mem::take(&mut self.order);
-        order.clear();
-        for (pair_place, pair) in (0..).zip(&scene.store.pairs) {
-            let is_body = |side: ContactSide| self.bodies.contains_key(&side.entity());
-            if !is_body(pair.a) && !is_body(pair.b) {
-                continue;
-            }
-            order.extend((0..pair.contacts.len()).map(|place| [pair_place, place as u32]));
-        }
-        let name = |&[pair, place]: &[u32; 2]| name_of(&scene.store, pair, place);
-        if !order.is_sorted_by_key(name) {
-            order.sort_unstable_by_key(name);
-        }
         self.known.clear();
-        let mut last = (u32::MAX, [0.0; 2]);
-        let Watch { duration, slack } = watch;
-        for &[pair_place, place] in &order {
-            let pair = &scene.store.pairs[pair_place as usize];
-            if last.0 != pair_place {
-                last = (pair_place, scene.friction(pair.a.entity(), pair.b.entity()));
-                self.find_tangled(&mut solver.particles, scene, pair);
-            }
-            let record = &pair.contacts[place as usize];
-            let Some(constraint) = self.constraint(&mut solver.particles, scene, pair, record, last.1) else {
-                continue;
-            };
-            let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
-            if separation > slack + 2.0 * duration * constraint.fastest(&solver.particles, duration) {
+        self.unwatched.clear();
+        self.unwatched_places.clear();
+        for (pair_place, pair) in (0..).zip(&scene.store.pairs) {
+            let sides = [self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, pair.topology_b.as_ref())];
+            let sides = sides.each_ref();
+            if !sides.iter().any(|side| matches!(side, Side::Body { .. })) {
                 continue;
             }
-            // A vertex beyond the rim of a face is close to several of its features. The records all give the same
-            // feature pair.
-            if self.is_new(&constraint.features) {
-                solver.contacts.push(constraint);
+            let friction = scene.friction(pair.a.entity(), pair.b.entity());
+            self.find_tangled(&mut solver.particles, scene, pair);
+            let first = self.unwatched_places.len() as u32;
+            for (place, record) in (0..).zip(pair.contacts.iter()) {
+                if !Self::may_act(&solver.particles, scene, pair, sides, record, watch) {
+                    self.unwatched_places.push(place);
+                    continue;
+                }
+                let constraint = self.constraint(&mut solver.particles, scene, pair, sides, record, friction);
+                // A vertex beyond the rim of a face is close to several of its features. The records all give the same
+                // feature pair.
+                if let Some(constraint) = constraint.filter(|constraint| self.is_new(&constraint.features)) {
+                    solver.contacts.push(constraint, &solver.particles);
+                }
             }
+            self.unwatched.push((pair_place, first, self.unwatched_places.len() as u32));
         }
-        self.order = order;
     }
 
     /// Whether a particle is being depenetrated from a surface or shape.
@@ -260,7 +233,8 @@ impl Gatherer {
         let distance = a.thickness + b.thickness;
         let features = Features::Plane { particles: entries, offset: -distance };
         let friction = scene.friction(a.entity, b.entity);
-        solver.contacts.push(ContactConstraint::new(features, normal, distance, friction));
+        let constraint = ContactConstraint { features, normal, distance, friction };
+        solver.contacts.push(constraint, &solver.particles);
         true
     }
 
@@ -320,6 +294,7 @@ impl Gatherer {
         particles: &mut Particles,
         scene: &Scene<'_, '_>,
         pair: &StoredPair,
+        [side_a, side_b]: [&Side<'_>; 2],
         record: &CompactContact,
         friction: [f64; 2],
     ) -> Option<ContactConstraint> {
@@ -329,9 +304,8 @@ impl Gatherer {
         if normal == DVec3::ZERO {
             return None;
         }
-        let (side_a, side_b) = (self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, pair.topology_b.as_ref()));
-        let a = self.corners(particles, scene, &side_a, &pair.poses[0], record.triangle_a)?;
-        let b = self.corners(particles, scene, &side_b, &pair.poses[1], record.triangle_b);
+        let a = self.corners(particles, scene, side_a, &pair.poses[0], record.triangle_a)?;
+        let b = self.corners(particles, scene, side_b, &pair.poses[1], record.triangle_b);
         // A body that is depenetrated moves in one direction as a whole. Its own contacts with the solid would pull
         // against it.
         let is_leaving = |corners: [u32; 3], other: ContactSide| {
@@ -355,7 +329,7 @@ impl Gatherer {
         }
         let Some(b) = b else {
             let Side::Shape { entity } = side_b else { return None };
-            return Some(against_shape(scene, particles, pair, record, (a, entity, normal), friction));
+            return Some(against_shape(scene, particles, pair, record, (a, *entity, normal), friction));
         };
         let has_inside = pair.one_sided.contains(&true);
         // A pair that the guard kept apart has not passed through, even if a rotation brought it to the other side of
@@ -387,14 +361,7 @@ impl Gatherer {
         if !penetrated && is_tangled(a) && is_tangled(b) {
             return None;
         }
-        let mut constraint = ContactConstraint::new(features, normal, distance, friction);
-        // The recorded distance is a bound only for the same features. A vertex recorded against an edge of two faces
-        // may be closer to the interior of one of them.
-        let is_same = matches!(record.features.kind(), FeatureKind::VertexFace | FeatureKind::EdgeEdge);
-        if is_same && record.distance > 0.0 {
-            constraint.apart = f64::from(record.distance) * (1.0 - ROUNDING) - distance;
-        }
-        Some(constraint)
+        Some(ContactConstraint { features, normal, distance, friction })
     }
 }
 
@@ -420,5 +387,5 @@ fn against_shape(
     let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
     let offset = separation - normal.dot(detected_sum(particles, &entries));
     let features = Features::Plane { particles: entries, offset };
-    ContactConstraint::new(features, normal, f64::from(pair.contact_distance), friction)
+    ContactConstraint { features, normal, distance: f64::from(pair.contact_distance), friction }
 }

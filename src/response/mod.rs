@@ -117,9 +117,7 @@
 //! ```
 
 mod body;
-mod constraints;
 mod contact;
-mod features;
 mod gather;
 mod guard;
 mod inside;

@@ -54,7 +54,7 @@ pub(super) fn weighted([a, b]: [[u32; 3]; 2], [weights_a, weights_b]: [[f64; 3];
 }
 
 /// The weights of the corners of both triangles in a record.
-fn weights_of(record: &CompactContact) -> [[f64; 3]; 2] {
+pub(super) fn weights_of(record: &CompactContact) -> [[f64; 3]; 2] {
     [completed(record.features.a, record.barycentric_a), completed(record.features.b, record.barycentric_b)]
 }
 
@@ -75,7 +75,8 @@ pub(super) fn untangling(
     let entries = weighted([a, b], weights_of(record));
     let distance = f64::from(pair.contact_distance);
     let offset = -distance * way - normal.dot(detected_sum(particles, &entries));
-    Some(ContactConstraint::new(Features::Plane { particles: entries, offset }, normal, distance, [0.0; 2]))
+    let features = Features::Plane { particles: entries, offset };
+    Some(ContactConstraint { features, normal, distance, friction: [0.0; 2] })
 }
 
 /// Direction in which the first side of a crossing moves to shorten the intersection contour.

@@ -82,10 +82,10 @@ pub(super) struct Response {
     guard: Guard,
     /// The bodies of this tick, in the order of the solver.
     moved: Vec<Entity>,
-    /// The margin of each body.
-    margins: EntityHashMap<BodyMargin>,
-    /// The smallest margin of this tick, in world units.
-    slack: f32,
+    /// The margins of each body.
+    margins: EntityHashMap<BodyMargins>,
+    /// How far something falls from rest in this tick or part, in world units.
+    fall: f32,
     refused: Vec<Entity>,
     /// Bodies that left the computable range, in this tick and in the last one.
     stopped: Vec<Entity>,
@@ -100,8 +100,12 @@ pub(super) struct Response {
 const CALM_TICKS: u32 = 60;
 
 /// Smallest and largest margin of a body, in mean edges of the finest body: wider ones cost more than they save.
-const LEAST_MARGIN: f32 = 0.125;
+const LEAST_MARGIN: f32 = 1.0 / 32.0;
 const MOST_MARGIN: f32 = 0.5;
+
+/// The margin of a body, in root mean squares of the ways of its vertices in a tick. Some are faster than the others, and
+/// what they meet may be as fast.
+const HASTE: f32 = 2.0;
 
 /// Number of ticks for which a margin may stay wider than needed.
 const WIDE_TICKS: u32 = 8;
@@ -109,11 +113,14 @@ const WIDE_TICKS: u32 = 8;
 /// Smallest number of substeps of a part. With fewer, vertices lag behind the kinematic object that pushes them.
 const LEAST_SUBSTEPS: u32 = 4;
 
+/// How often a tick is solved again with contacts that were not expected to act.
+const MOST_MISSED: usize = 2;
+
 /// Largest number of solutions of an unsplit tick, and of a part.
 const MOST_SOLUTIONS: usize = 4;
 const MOST_SOLUTIONS_OF_PART: usize = 3;
 
-/// Gives each body a margin for its expected motion in this tick, so that anything that may touch during the tick is
+/// Gives each body margins for its expected motion in this tick, so that anything that may touch during the tick is
 /// detected at its beginning. Whatever is no body gets the widest of these.
 pub(super) fn choose_margins(
     time: Option<Res<Time>>,
@@ -124,44 +131,69 @@ pub(super) fn choose_margins(
     mut response: ResMut<Response>,
 ) {
     let Some(time) = time else { return };
-    let Response { margins, slack, .. } = &mut *response;
+    let Response { margins, fall, .. } = &mut *response;
     let duration = time.delta_secs() / motions.parts() as f32;
-    let fall = settings.in_range().gravity.length() * duration;
+    // From rest, at the end of the first and of the last of many substeps.
+    *fall = settings.in_range().gravity.length() * duration * duration;
     let edge = |mesh: &DeformableSurface, surface: &ActiveSurface| mesh.mean_edge() * surface.pose.scale() as f32;
     let edges = active.surfaces.iter().filter_map(|surface| Some(edge(bodies.get(surface.entity).ok()?.0, surface)));
     let finest = edges.fold(f32::INFINITY, f32::min);
     if !(finest.is_finite() && finest > 0.0) {
         return;
     }
-    *slack = LEAST_MARGIN * finest;
     let mut widest = 0.0_f32;
     for surface in &mut active.surfaces {
         let Ok((_, body)) = bodies.get(surface.entity) else { continue };
-        let squared_speeds: f32 = body.velocities.iter().map(|velocity| velocity.length_squared()).sum();
-        let speed = (squared_speeds / body.velocities.len().max(1) as f32).sqrt();
-        // What it meets may move as fast. Gravity only brings a body closer to something that does not fall with it.
-        let way = (2.0 * speed + fall) * duration + motions.longest() as f32;
-        surface.solver_margin = margins.entry(surface.entity).or_default().choose(way, finest);
-        widest = widest.max(surface.solver_margin);
+        let [own, speed] = speeds(body);
+        let slack = Watch::slack(f64::from(*fall), f64::from(surface.thickness)) as f32;
+        // What it meets may move as fast.
+        let other = HASTE * speed * duration + slack + motions.longest() as f32;
+        let margin = margins.entry(surface.entity).or_default();
+        margin.is_used = true;
+        surface.solver_margins =
+            [margin.own.choose(HASTE * own * duration, finest), margin.other.choose(other, finest)];
+        widest = widest.max(surface.solver_margins[1]);
     }
     margins.retain(|_, margin| mem::take(&mut margin.is_used));
     let others = active.surfaces.iter_mut().filter(|surface| !margins.contains_key(&surface.entity));
-    others.for_each(|surface| surface.solver_margin = widest);
+    others.for_each(|surface| surface.solver_margins = [0.0, widest]);
     active.shapes.iter_mut().for_each(|shape| shape.solver_margin = widest);
 }
 
-/// The margin of a body, in steps of powers of two.
+/// Root mean squares of the velocities of a body's vertices, relative to the mean velocity, and in the world.
+fn speeds(body: &XpbdBody) -> [f32; 2] {
+    let free = body.velocities.iter().zip(&body.inverse_masses).filter(|&(_, &inverse_mass)| inverse_mass > 0.0);
+    let (mut count, mut sum, mut squares) = (0_usize, Vec3::ZERO, 0.0);
+    for (velocity, _) in free {
+        count += 1;
+        sum += *velocity;
+        squares += velocity.length_squared();
+    }
+    let share = 1.0 / count.max(1) as f32;
+    let squared = squares * share;
+    let relative = (squared - (sum * share).length_squared()).max(0.0);
+    [relative.sqrt(), squared.sqrt()]
+}
+
+/// The margins of a body, against itself and against others.
 #[derive(Default)]
-struct BodyMargin {
-    /// In world units. 0 before the first tick.
-    width: f32,
-    /// Number of consecutive ticks in which it was wider than needed.
-    too_wide: u32,
+struct BodyMargins {
+    own: Margin,
+    other: Margin,
     /// Whether the body takes part in this tick.
     is_used: bool,
 }
 
-impl BodyMargin {
+/// A margin, in steps of powers of two.
+#[derive(Default)]
+struct Margin {
+    /// In world units. 0 before the first tick.
+    width: f32,
+    /// Number of consecutive ticks in which it was wider than needed.
+    too_wide: u32,
+}
+
+impl Margin {
     /// The margin of a tick in which the body moves by about `way`. It stays too wide for a while: a change discards
     /// the lists of near pairs.
     fn choose(&mut self, way: f32, finest: f32) -> f32 {
@@ -173,21 +205,19 @@ impl BodyMargin {
         if !(1..=WIDE_TICKS).contains(&self.too_wide) {
             self.width = width;
         }
-        self.is_used = true;
         self.width
     }
 }
 
-/// Tells the swept stage where bodies with [`SweptCollision`] would move if nothing pushed them.
+/// Tells the swept stage where bodies with [`SweptCollision`] would move at their velocities. Not where gravity would
+/// pull them: what lies still would be swept for nothing.
 pub(super) fn aim(
     time: Option<Res<Time>>,
-    settings: Res<XpbdSettings>,
     active: Res<ActiveSurfaces>,
     motions: Res<Motions>,
     mut bodies: Query<(&SurfacePositions, &XpbdBody, &mut SweptTarget), With<SweptCollision>>,
 ) {
     let duration = time.map_or(0.0, |time| time.delta_secs_f64()) / f64::from(motions.parts());
-    let fall = settings.in_range().gravity.as_dvec3() * duration;
     for surface in &active.surfaces {
         let Ok((positions, body, mut target)) = bodies.get_mut(surface.entity) else { continue };
         target.0.clear();
@@ -201,7 +231,7 @@ pub(super) fn aim(
                 return position;
             }
             let world = surface.pose.transform_point(position.as_dvec3());
-            own.transform_point(world + (velocity.as_dvec3() + fall) * duration).as_vec3()
+            own.transform_point(world + velocity.as_dvec3() * duration).as_vec3()
         }));
     }
 }
@@ -272,7 +302,7 @@ fn respond(
     let mut settings = settings.in_range();
     settings.substeps = settings.substeps.div_ceil(parts).max(LEAST_SUBSTEPS.min(settings.substeps));
     let start = Instant::now();
-    let Response { solver, gatherer, guard, moved, refused, slack, .. } = response;
+    let Response { solver, gatherer, guard, moved, refused, fall, .. } = response;
     gatherer.begin();
     for surface in &scene.active.surfaces {
         let Ok((positions, Some(body))) = scene.positions.get(surface.entity) else { continue };
@@ -292,13 +322,21 @@ fn respond(
     refused.clear();
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
     diagnostics.inside = gatherer.lead_out(solver, &scene);
-    gatherer.add_contacts(solver, &scene, Watch { duration, slack: f64::from(*slack) });
+    gatherer.add_contacts(solver, &scene, Watch { duration, fall: f64::from(*fall) });
     diagnostics.bodies = moved.len();
     diagnostics.contacts = solver.contacts.len();
     diagnostics.gathering += start.elapsed();
     let start = Instant::now();
-    solver.remember();
-    let solved = solver.advance(duration, &settings);
+    solver.begin();
+    let mut solved = solver.advance(duration, &settings);
+    for _ in 0..MOST_MISSED {
+        if !gatherer.add_missed(solver, &scene) {
+            break;
+        }
+        solver.begin_again();
+        solved = solver.advance(duration, &settings);
+    }
+    diagnostics.contacts = solver.contacts.len();
     diagnostics.solving += start.elapsed();
     let start = Instant::now();
     solver.follow_welds();

@@ -8,18 +8,20 @@
 //! positions, such modes gain energy in every substep, which shows as trembling that never decays. With symmetric
 //! sweeps every mode decays.
 
-use std::sync::Arc;
+use std::{ops::Range, sync::Arc};
 
 use glam::DVec3;
 
 use super::{
     body::{RestShape, XpbdMaterial},
-    constraints::{Spring, solve_volume},
-    contact::{ActingContact, ContactConstraint},
+    contact::SolverContacts,
     particles::Particles,
     settings::XpbdSettings,
 };
-use crate::kernel::mesh::topology::SurfaceTopology;
+use crate::kernel::{
+    mesh::topology::SurfaceTopology,
+    xpbd::{Evaluation, Hinges, ParticleRows, Springs, Volumes},
+};
 
 /// The particles and constraints of one body.
 pub(super) struct SolverBody {
@@ -30,72 +32,77 @@ pub(super) struct SolverBody {
     pub(super) material: XpbdMaterial,
     /// World length of a unit in the surface's own frame.
     pub(super) scale: f64,
-    /// Lagrange multipliers of the springs, hinges, and volume in one substep.
-    multipliers: Vec<f64>,
 }
 
-impl SolverBody {
-    pub(super) fn new(
-        first: usize,
-        topology: Arc<SurfaceTopology>,
-        rest: Arc<RestShape>,
-        material: XpbdMaterial,
-        scale: f64,
-    ) -> Self {
-        let multipliers = vec![0.0; rest.springs.len() + rest.hinges.len() + 1];
-        Self { first, topology, rest, material, scale, multipliers }
+/// Where the constraints of a body are among those of all bodies.
+struct Inner {
+    springs: Range<usize>,
+    hinges: Range<usize>,
+    volume: Option<usize>,
+}
+
+/// The internal constraints of all bodies in a tick.
+#[derive(Default)]
+struct Inners {
+    springs: Springs,
+    hinges: Hinges,
+    volumes: Volumes,
+    of_bodies: Vec<Inner>,
+}
+
+impl Inners {
+    fn begin(&mut self, bodies: &[SolverBody], start: &[DVec3]) {
+        let Self { springs, hinges, volumes, of_bodies } = self;
+        springs.clear();
+        hinges.clear();
+        volumes.clear();
+        of_bodies.clear();
+        of_bodies.extend(bodies.iter().map(|body| {
+            let &SolverBody { first, scale, ref rest, ref material, ref topology } = body;
+            let own = (first, topology.vertex_count());
+            let is_kept = material.volume_compliance.is_finite();
+            let volume = rest.volume.as_ref().filter(|_| is_kept);
+            Inner {
+                springs: springs.add(&rest.springs, first, scale, start),
+                hinges: hinges.add(&rest.hinges, first, start),
+                volume: volume.map(|volume| volumes.add(volume, own, scale, start)),
+            }
+        }));
     }
 
-    fn vertex_count(&self) -> usize {
-        self.topology.vertex_count()
+    fn begin_step(&mut self) {
+        self.springs.begin_step();
+        self.hinges.begin_step();
+        self.volumes.begin_step();
     }
 
-    fn slow_down(&self, particles: &mut Particles, step: f64) {
-        let kept = (1.0 - f64::from(self.material.drag) * step).max(0.0);
-        let own = self.first..self.first + self.vertex_count();
-        particles.velocity[own].iter_mut().for_each(|velocity| *velocity *= kept);
-    }
-
-    fn damp(&self, particles: &mut Particles, step: f64) {
-        let damped = f64::from(self.material.damping) * step;
-        let share = damped / (1.0 + damped);
-        if share > 0.0 {
-            self.rest.springs.iter().for_each(|spring| spring.damp(particles, self.first, share));
-        }
-    }
-
-    fn solve(&mut self, particles: &mut Particles, step: f64, gradients: &mut Vec<DVec3>) {
-        let own = (self.first, self.vertex_count());
+    fn solve(&mut self, bodies: &[SolverBody], rows: &mut ParticleRows, step: f64) {
+        let Self { springs, hinges, volumes, of_bodies } = self;
         let per_step = |compliance: f32| f64::from(compliance) / (step * step);
-        let (springs, others) = self.multipliers.split_at_mut(self.rest.springs.len());
-        let (hinges, volume) = others.split_at_mut(self.rest.hinges.len());
-        if self.material.bend_compliance.is_finite() {
-            let compliance = per_step(self.material.bend_compliance);
-            for (hinge, multiplier) in self.rest.hinges.iter().zip(hinges) {
-                hinge.solve(particles, self.first, compliance, multiplier);
+        for (body, inner) in bodies.iter().zip(of_bodies) {
+            let material = &body.material;
+            if material.bend_compliance.is_finite() {
+                hinges.solve(inner.hinges.clone(), rows, per_step(material.bend_compliance) as f32);
+            }
+            if let Some(volume) = inner.volume {
+                volumes.solve(volume, rows, per_step(material.volume_compliance));
+            }
+            if material.stretch_compliance.is_finite() {
+                let compliance = per_step(material.stretch_compliance) as f32;
+                springs.solve(inner.springs.clone(), rows, compliance, step as f32);
             }
         }
-        if let (Some(rest), true) = (self.rest.volume, self.material.volume_compliance.is_finite()) {
-            let compliance = per_step(self.material.volume_compliance);
-            let wanted = rest * self.scale.powi(3);
-            let triangles = self.topology.welded_triangles();
-            solve_volume(particles, own, triangles, wanted, compliance, &mut volume[0], gradients);
-        }
-        if self.material.stretch_compliance.is_finite() {
-            let compliance = per_step(self.material.stretch_compliance);
-            there_and_back(springs.len(), |place| {
-                let spring = self.rest.springs[place];
-                let spring = Spring { length: spring.length * self.scale, ..spring };
-                spring.solve(particles, self.first, compliance, step, &mut springs[place]);
-            });
+    }
+
+    fn damp(&self, bodies: &[SolverBody], rows: &mut ParticleRows, step: f64) {
+        for (body, inner) in bodies.iter().zip(&self.of_bodies) {
+            let damped = f64::from(body.material.damping) * step;
+            let share = damped / (1.0 + damped);
+            if share > 0.0 {
+                self.springs.damp(inner.springs.clone(), rows, share as f32);
+            }
         }
     }
-}
-
-/// Visits the indices of a list forward and then backward: a symmetric sweep.
-fn there_and_back(count: usize, mut solve: impl FnMut(usize)) {
-    (0..count).for_each(&mut solve);
-    (0..count).rev().for_each(solve);
 }
 
 /// The state of one tick. It is refilled every tick and keeps its memory.
@@ -103,10 +110,9 @@ fn there_and_back(count: usize, mut solve: impl FnMut(usize)) {
 pub(super) struct Solver {
     pub(super) particles: Particles,
     pub(super) bodies: Vec<SolverBody>,
-    pub(super) contacts: Vec<ContactConstraint>,
-    /// The contacts that may act in the current substep, with their indices in `contacts`.
-    acting: Vec<(u32, ActingContact)>,
-    gradients: Vec<DVec3>,
+    pub(super) contacts: SolverContacts,
+    rows: ParticleRows,
+    inners: Inners,
     /// Velocities at the beginning of the tick.
     first_velocities: Vec<DVec3>,
 }
@@ -127,9 +133,10 @@ impl Solver {
         self.contacts.clear();
     }
 
-    /// Saves the velocities at the beginning of a tick, so that it can be solved again.
-    pub(super) fn remember(&mut self) {
+    /// Begins a tick, which may be solved more than once.
+    pub(super) fn begin(&mut self) {
         self.first_velocities.clone_from(&self.particles.velocity);
+        self.inners.begin(&self.bodies, &self.particles.start);
     }
 
     /// Resets the tick to its beginning. Particles added since then start now.
@@ -141,43 +148,34 @@ impl Solver {
 
     /// Advances all particles by `duration` seconds, which must be more than 0.
     pub(super) fn advance(&mut self, duration: f64, settings: &XpbdSettings) -> Solved {
+        let Self { particles, bodies, contacts, rows, inners, .. } = self;
         let step = duration / f64::from(settings.substeps);
-        let gravity = settings.gravity.as_dvec3();
         let mut solved = Solved::default();
-        self.contacts.iter_mut().for_each(|contact| contact.begin_tick(&self.particles));
-        // A symmetric sweep ends with the first contact. Contacts with static or kinematic particles come first, so
-        // that they have the last word. Otherwise a stack would be pressed into the ground.
-        let is_loose = |contact: &ContactConstraint| !contact.is_on_firm_ground(&self.particles);
-        if !self.contacts.is_sorted_by_key(is_loose) {
-            self.contacts.sort_by_key(is_loose);
-        }
+        particles.begin(rows);
+        contacts.begin(particles);
         for substep in 1..=settings.substeps {
-            self.bodies.iter().for_each(|body| body.slow_down(&mut self.particles, step));
+            for body in &*bodies {
+                let kept = (1.0 - f64::from(body.material.drag) * step).max(0.0);
+                rows.slow_down(body.first, body.topology.vertex_count(), kept as f32);
+            }
             let share = f64::from(substep) / f64::from(settings.substeps);
-            self.particles.predict(step, gravity, share);
-            self.choose_contacts(step, settings);
-            for body in &mut self.bodies {
-                body.multipliers.fill(0.0);
-            }
+            rows.predict(step as f32, settings.gravity, share as f32);
+            let push_out = (f64::from(settings.push_out_speed) * step) as f32;
+            let rate = duration.recip() as f32;
+            contacts.begin_step(rows, Evaluation { step: step as f32, push_out, share: share as f32, rate });
+            inners.begin_step();
             for _ in 0..settings.iterations {
-                for body in &mut self.bodies {
-                    body.solve(&mut self.particles, step, &mut self.gradients);
-                }
-                let Self { acting, particles, .. } = self;
-                there_and_back(acting.len(), |place| acting[place].1.separate(particles));
-                // Friction runs after all normal multipliers are final, because they are its limits. If a contact
-                // stopped pressing after its friction was solved, it would release what it holds.
-                there_and_back(acting.len(), |place| acting[place].1.apply_friction(particles));
-                solved.contact_solves += acting.len();
+                inners.solve(bodies, rows, step);
+                contacts.solve(rows);
             }
-            self.particles.update_velocities(step);
-            self.bodies.iter().for_each(|body| body.damp(&mut self.particles, step));
-            for (place, contact) in &self.acting {
-                self.contacts[*place as usize].end_step(contact, &self.particles);
-                contact.remove_bounce(&mut self.particles);
-            }
+            rows.update_velocities(step as f32);
+            inners.damp(bodies, rows, step);
+            contacts.end_step(rows);
+            let [acting, pressing] = contacts.counts();
+            solved.contact_solves += acting * settings.iterations as usize;
+            solved.pressing = pressing;
         }
-        solved.pressing = self.acting.iter().filter(|(_, contact)| contact.presses()).count();
+        particles.take(rows);
         solved
     }
 
@@ -189,17 +187,6 @@ impl Solver {
                 self.particles.start[particle] = self.particles.start[followed];
                 self.particles.position[particle] = self.particles.position[followed];
                 self.particles.velocity[particle] = self.particles.velocity[followed];
-            }
-        }
-    }
-
-    fn choose_contacts(&mut self, step: f64, settings: &XpbdSettings) {
-        let Self { particles, contacts, acting, .. } = self;
-        acting.clear();
-        for (place, contact) in (0..).zip(contacts) {
-            if contact.may_meet(particles) {
-                let push_out = f64::from(settings.push_out_speed) * contact.distance * step;
-                acting.extend(contact.begin_step(particles, push_out).map(|acting| (place, acting)));
             }
         }
     }

@@ -64,8 +64,11 @@ pub struct ActiveSurface {
     /// Whether results of earlier ticks are invalid: the surface is new, has a new mesh or frame, was teleported, or
     /// took no part in the last tick.
     pub fresh: bool,
-    /// The margin that a solver needs, in world units.
-    pub(crate) solver_margin: f32,
+    /// The margins that a solver needs, in world units: against itself, and against other sides.
+    pub(crate) solver_margins: [f32; 2],
+    /// Contacts with itself are reported up to this distance beyond the contact distance, in world units; at most the
+    /// other margin. Written by the bounds stage.
+    pub own_margin: f32,
     /// Contacts with another side are reported up to the mean of both margins beyond the contact distance, in world
     /// units: the [margin](field@crate::CircumsphereSettings::margin) of the settings, or more if a solver needs it.
     /// Written by the bounds stage.

@@ -39,8 +39,7 @@ fn draped(static_coefficient: f32, dynamic_coefficient: f32, shape: SurfaceShape
 }
 
 /// It lies on the ball, where flat triangles let it sink in between their corners. It does not rest as well: contacts
-/// between patches keep their normals for a tick, and the cloth moves by a thousandth of an edge in each. Contacts of
-/// flat features, which know nothing of patches, made that 0.008.
+/// between patches keep their normals for a tick, and the cloth moves by a thousandth of an edge in each.
 #[test]
 fn a_smooth_cloth_lies_on_a_smooth_ball() {
     let [(_, flat), (trembling, smooth)] =
@@ -144,11 +143,11 @@ fn a_smooth_ball_rests_on_solids_at_its_contact_distance() {
                 })
                 .expect("the system runs");
             println!("{name} {shape:?}: least distance {least}, moves by {trembling:e} m a tick");
-            // One pass over the contacts of a patch and of its corners, which push the same vertices, does not end at the
-            // solution: the ball lies too near by a fifth.
-            let slack = if shape == SurfaceShape::Flat { 0.01 } else { 0.25 };
+            // The contacts of a patch and of its corners push the same vertices, and keep their planes for the tick. The
+            // sweeps do not quite end at the solution: the ball lies too near by a twentieth.
+            let (slack, most) = if shape == SurfaceShape::Flat { (0.01, 1.0e-6) } else { (0.06, 3.0e-5) };
             assert!((least - THICKNESS).abs() < slack * THICKNESS, "{name} {shape:?}: {least}");
-            assert!(trembling < 1.0e-5, "{name} {shape:?}: {trembling:e} m a tick");
+            assert!(trembling < most, "{name} {shape:?}: {trembling:e} m a tick");
         }
     }
 }

@@ -161,7 +161,7 @@ pub(super) fn surface_pair(
 ) -> SurfacePair {
     let (a, b) = (&surfaces[first], &surfaces[second]);
     let contact_distance = a.thickness + b.thickness;
-    let margin = mean_margin(a.margin, b.margin);
+    let margin = if first == second { a.own_margin } else { mean_margin(a.margin, b.margin) };
     // The smaller surface is transformed, so a body of a few triangles over a landscape costs what the body costs.
     let (frame, frame_pose, relative_pose) = if b.topology.triangles().len() > a.topology.triangles().len() {
         (Frame::Second, b.pose, a.pose.relative_to(&b.pose))

@@ -213,6 +213,7 @@ fn is_same_surface(surface: &ActiveSurface, last: &ActiveSurface) -> bool {
         && surface.pose.has_bits_of(&last.pose)
         && surface.thickness.to_bits() == last.thickness.to_bits()
         && surface.margin.to_bits() == last.margin.to_bits()
+        && surface.own_margin.to_bits() == last.own_margin.to_bits()
         && surface.method == last.method
         && surface.one_sided == last.one_sided
         && surface.shape == last.shape

@@ -13,7 +13,7 @@ use glam::DVec3;
 
 use self::solid::{Exit, Solid};
 use super::{
-    contact::{ContactConstraint, Features},
+    contact::{ContactConstraint, Features, SolverContacts},
     particles::Particles,
     scene::Scene,
     solver::Solver,
@@ -456,14 +456,16 @@ impl WayOut {
 
     /// Adds a constraint for every point: to get beyond the plane through the exit, which moves to `end`. The deepest
     /// point sets the speed.
-    fn lead_out(&self, particles: &mut Particles, contacts: &mut Vec<ContactConstraint>, end: DVec3, distance: f64) {
+    fn lead_out(&self, particles: &mut Particles, contacts: &mut SolverContacts, end: DVec3, distance: f64) {
         let exit = particles.len() as u32;
         particles.push_driven(self.exit.at, end);
         let pace = distance.max(self.depth * DEPTHS_OF_PACE);
         for point in &self.points {
             let entries = point.entries.iter().copied().chain([(exit, -1.0)]).collect();
             let features = Features::Plane { particles: entries, offset: -distance };
-            contacts.push(ContactConstraint::new(features, self.exit.outward, pace, [0.0; 2]));
+            let normal = self.exit.outward;
+            let constraint = ContactConstraint { features, normal, distance: pace, friction: [0.0; 2] };
+            contacts.push(constraint, particles);
         }
     }
 }

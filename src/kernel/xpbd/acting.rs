@@ -1,0 +1,308 @@
+//! Contacts in a substep: their normals and weights are fixed, and they push, rub, and lose their bounce.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
+
+use fearless_simd::{f32x8, prelude::*};
+use glam::Vec3;
+
+use super::{
+    contacts::Contact,
+    rows::{Gathered, ParticleRows, Places, Row, gather, scatter, set_lane},
+};
+use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH, stored};
+
+/// Share of the slip by which friction weakens, until only the dynamic share is left. With a jump from static to
+/// dynamic friction, anything at rest near the limit would alternate between stick and slip forever. With this ramp, an
+/// object held by its weight reaches dynamic friction at a speed of `(μ_s − μ_d) / 0.05` times the speed that gravity
+/// adds in a substep: 3 centimeters per second by default.
+const WEAKENING: f32 = 0.05;
+
+/// A contact may act in a substep if it is no farther from it than its fastest particle moves in this many.
+const REACH: f32 = 2.0;
+
+/// Share of the last substep's push with which a contact begins. All of it makes stacks tremble, and none of it leaves
+/// twice as much to the sweeps.
+const WARMTH: f32 = 0.5;
+
+/// A substep, for contacts.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluation {
+    /// Duration of the substep in seconds.
+    pub step: f32,
+    /// By how much an overlap that existed before may shrink in the substep, in contact distances.
+    pub push_out: f32,
+    /// Share of the tick that has passed at its end.
+    pub share: f32,
+    /// One over the duration of the tick.
+    pub rate: f32,
+}
+
+/// The free particles of eight contacts in a substep, with their weights.
+pub(super) struct Free<const N: usize, S: Simd> {
+    pub(super) moved: [Gathered<S>; N],
+    pub(super) speeds: [Gathered<S>; N],
+    pub(super) weights: [f32x8<S>; N],
+}
+
+/// The kinematic particles of eight contacts in a substep: weighted sums over them.
+pub(super) struct Driven<S: Simd> {
+    pub(super) moved: VectorLanes<S>,
+    pub(super) speed: VectorLanes<S>,
+    /// Square of the speed of the fastest.
+    pub(super) fastest: f32x8<S>,
+}
+
+/// What all blocks of contacts know of theirs.
+#[derive(Debug)]
+pub(super) struct Common {
+    pub(super) normal: VectorRows,
+    pub(super) distance: [f32; WIDTH],
+    friction: [[f32; WIDTH]; 2],
+    /// Separation at the end of the last substep, or when the tick began.
+    pub(super) left: [f32; WIDTH],
+    /// Normal multiplier in the last substep.
+    pub(super) pressed: [f32; WIDTH],
+}
+
+impl Common {
+    pub(super) const EMPTY: Self = Self {
+        normal: VectorRows::ZERO,
+        distance: [0.0; WIDTH],
+        friction: [[0.0; WIDTH]; 2],
+        left: [0.0; WIDTH],
+        pressed: [0.0; WIDTH],
+    };
+
+    pub(super) fn set<P>(&mut self, lane: usize, contact: &Contact<P>) {
+        set_lane(&mut self.normal, lane, contact.normal);
+        self.distance[lane] = contact.distance as f32;
+        for kind in 0..2 {
+            self.friction[kind][lane] = contact.friction[kind] as f32;
+        }
+    }
+}
+
+/// Eight contacts of which some may act in a substep, with their weights and normals in that substep. Only free
+/// particles are in it. What the others do is known, and is part of the offsets.
+#[derive(Debug)]
+pub(super) struct ActingBlock<const N: usize> {
+    /// The block that they were evaluated from.
+    pub(super) source: u32,
+    places: [Places; N],
+    weights: [[f32; WIDTH]; N],
+    normal: VectorRows,
+    /// Added to the weighted sum of displacements along the normal to get the separation.
+    offset: [f32; WIDTH],
+    /// The separation to reach: 0, or less if the sides overlapped before the substep.
+    target: [f32; WIDTH],
+    /// `1 / Σ w a²`; 0 if the contact cannot act.
+    inverse: [f32; WIDTH],
+    /// Largest speed of the free particles along the normal that is not bounce.
+    most_opening: [f32; WIDTH],
+    /// Weighted sum of the displacements of free particles at which nothing has slid in the substep.
+    before: VectorRows,
+    friction: [[f32; WIDTH]; 2],
+    multiplier: [f32; WIDTH],
+    sliding: VectorRows,
+}
+
+#[inline(always)]
+pub(super) fn zero<S: Simd>(simd: S) -> VectorLanes<S> {
+    VectorLanes::splat(simd, Vec3::ZERO)
+}
+
+#[inline(always)]
+fn weighted_sum<const N: usize, S: Simd>(
+    simd: S,
+    vectors: &[Gathered<S>; N],
+    weights: &[f32x8<S>; N],
+) -> VectorLanes<S> {
+    let mut sum = zero(simd);
+    for place in 0..N {
+        sum = sum.plus(vectors[place].vector.scaled(weights[place]));
+    }
+    sum
+}
+
+#[inline(always)]
+pub(super) fn gather_all<const N: usize, S: Simd>(simd: S, table: &[Row], places: &[Places; N]) -> [Gathered<S>; N] {
+    let mut all = [Gathered { vector: zero(simd), inverse_mass: f32x8::splat(simd, 0.0) }; N];
+    for place in 0..N {
+        all[place] = gather(simd, table, &places[place]);
+    }
+    all
+}
+
+#[inline(always)]
+pub(super) fn load_all<const N: usize, S: Simd>(simd: S, rows: &[[f32; WIDTH]; N]) -> [f32x8<S>; N] {
+    let mut all = [f32x8::splat(simd, 0.0); N];
+    for place in 0..N {
+        all[place] = f32x8::from_slice(simd, &rows[place]);
+    }
+    all
+}
+
+impl Common {
+    /// The contacts in a substep. `None` if all are too far apart to act, or nothing in them can move.
+    #[inline(always)]
+    pub(super) fn act<const N: usize, S: Simd>(
+        &mut self,
+        simd: S,
+        (source, places): (u32, &[Places; N]),
+        free: &Free<N, S>,
+        driven: &Driven<S>,
+        (normal, offset): (VectorLanes<S>, f32x8<S>),
+        evaluation: Evaluation,
+    ) -> Option<ActingBlock<N>> {
+        let zeros = f32x8::splat(simd, 0.0);
+        let Free { moved, speeds, weights } = free;
+        let Evaluation { step, push_out, .. } = evaluation;
+        let sum = weighted_sum(simd, moved, weights);
+        let offset = offset + normal.dot(driven.moved);
+        let separation = normal.dot(sum) + offset;
+        let (mut fastest, mut mobility) = (driven.fastest, zeros);
+        for place in 0..N {
+            let squared = speeds[place].vector.dot(speeds[place].vector);
+            fastest = fastest.max(weights[place].simd_eq(zeros).select(zeros, squared));
+            mobility += weights[place] * weights[place] * moved[place].inverse_mass;
+        }
+        let speed = weighted_sum(simd, speeds, weights).plus(driven.speed);
+        // Constraints may move the particles as far again.
+        let reach = fastest.sqrt() * (REACH * step);
+        let is_near = separation.simd_le(reach) & mobility.simd_gt(zeros);
+        let left = f32x8::from_slice(simd, &self.left);
+        let target = (left + f32x8::from_slice(simd, &self.distance) * push_out).min(zeros);
+        is_near.select(left, separation).store_slice(&mut self.left);
+        let pressed = f32x8::from_slice(simd, &self.pressed);
+        self.pressed = [0.0; WIDTH];
+        if !is_near.any_true() {
+            return None;
+        }
+        let mut block = ActingBlock {
+            source,
+            places: *places,
+            weights: [[0.0; WIDTH]; N],
+            normal: normal.stored(),
+            offset: stored(offset),
+            target: stored(target),
+            inverse: stored(is_near.select(f32x8::splat(simd, 1.0) / mobility, zeros)),
+            most_opening: stored(normal.dot(speed).max(zeros) - normal.dot(driven.speed)),
+            before: (sum - speed.scaled(f32x8::splat(simd, step))).stored(),
+            friction: self.friction,
+            multiplier: stored(is_near.select(pressed * WARMTH, zeros)),
+            sliding: VectorRows::ZERO,
+        };
+        for place in 0..N {
+            weights[place].store_slice(&mut block.weights[place]);
+        }
+        Some(block)
+    }
+}
+
+impl<const N: usize> ActingBlock<N> {
+    /// Pushes by a share of the last substep's push. At rest, all of it will be needed again.
+    #[inline(always)]
+    pub(super) fn push_again<S: Simd>(&self, simd: S, particles: &mut ParticleRows) {
+        let multiplier = f32x8::from_slice(simd, &self.multiplier);
+        if !multiplier.simd_gt(0.0).any_true() {
+            return;
+        }
+        let moved = gather_all(simd, &particles.displacement, &self.places);
+        let weights = load_all(simd, &self.weights);
+        let push = VectorLanes::load(simd, &self.normal).scaled(multiplier);
+        self.push(&mut particles.displacement, &moved, &weights, push);
+    }
+
+    #[inline(always)]
+    pub(super) fn separate<S: Simd>(&mut self, simd: S, particles: &mut ParticleRows) {
+        let zeros = f32x8::splat(simd, 0.0);
+        let moved = gather_all(simd, &particles.displacement, &self.places);
+        let weights = load_all(simd, &self.weights);
+        let normal = VectorLanes::load(simd, &self.normal);
+        let separation = normal.dot(weighted_sum(simd, &moved, &weights)) + f32x8::from_slice(simd, &self.offset);
+        let missing = f32x8::from_slice(simd, &self.target) - separation;
+        let before = f32x8::from_slice(simd, &self.multiplier);
+        let inverse = f32x8::from_slice(simd, &self.inverse);
+        let after = inverse.simd_gt(zeros).select((before + missing * inverse).max(zeros), zeros);
+        let change = after - before;
+        if change.simd_eq(zeros).all_true() {
+            return;
+        }
+        after.store_slice(&mut self.multiplier);
+        self.push(&mut particles.displacement, &moved, &weights, normal.scaled(change));
+    }
+
+    #[inline(always)]
+    pub(super) fn rub<S: Simd>(&mut self, simd: S, particles: &mut ParticleRows) {
+        let zeros = f32x8::splat(simd, 0.0);
+        let multiplier = f32x8::from_slice(simd, &self.multiplier);
+        let [most_held, least_held] = load_all(simd, &self.friction);
+        let held_before = VectorLanes::load(simd, &self.sliding);
+        let is_held = held_before.dot(held_before).simd_gt(zeros);
+        let acts = (multiplier.simd_gt(zeros) | is_held) & most_held.simd_gt(zeros);
+        if !acts.any_true() {
+            return;
+        }
+        let moved = gather_all(simd, &particles.displacement, &self.places);
+        let weights = load_all(simd, &self.weights);
+        let normal = VectorLanes::load(simd, &self.normal);
+        let slid = weighted_sum(simd, &moved, &weights) - VectorLanes::load(simd, &self.before);
+        let slid = slid - normal.scaled(normal.dot(slid));
+        let wanted = held_before - slid.scaled(f32x8::from_slice(simd, &self.inverse));
+        let (holding, sliding) = (most_held * multiplier, least_held * multiplier);
+        let length = wanted.dot(wanted).sqrt();
+        // With `held = holding − WEAKENING (length − held)`.
+        let slipping = (holding - length * WEAKENING) * (1.0 / (1.0 - WEAKENING));
+        let share = slipping.max(sliding) / length;
+        let share = length.simd_le(holding).select(f32x8::splat(simd, 1.0), share);
+        let held = VectorLanes::select(acts, wanted.scaled(share), held_before);
+        held.store(&mut self.sliding);
+        self.push(&mut particles.displacement, &moved, &weights, held - held_before);
+    }
+
+    /// Keeps the separation that is left and the push, and removes the separating velocity that a push has added: contacts do not
+    /// bounce.
+    #[inline(always)]
+    pub(super) fn end_step<S: Simd>(&mut self, simd: S, particles: &mut ParticleRows, common: &mut Common) {
+        let zeros = f32x8::splat(simd, 0.0);
+        let weights = load_all(simd, &self.weights);
+        let normal = VectorLanes::load(simd, &self.normal);
+        let inverse = f32x8::from_slice(simd, &self.inverse);
+        let moved = gather_all(simd, &particles.displacement, &self.places);
+        let separation = normal.dot(weighted_sum(simd, &moved, &weights)) + f32x8::from_slice(simd, &self.offset);
+        let left = &mut common.left;
+        inverse.simd_gt(zeros).select(separation, f32x8::from_slice(simd, left)).store_slice(left);
+        common.pressed = self.multiplier;
+        let presses = f32x8::from_slice(simd, &self.multiplier).simd_gt(zeros);
+        if !presses.any_true() {
+            return;
+        }
+        let speeds = gather_all(simd, &particles.velocity, &self.places);
+        let opening = normal.dot(weighted_sum(simd, &speeds, &weights));
+        let surplus = (opening - f32x8::from_slice(simd, &self.most_opening)).max(zeros);
+        let change = presses.select(-surplus * inverse, zeros);
+        if !change.simd_lt(zeros).any_true() {
+            return;
+        }
+        self.push(&mut particles.velocity, &speeds, &weights, normal.scaled(change));
+    }
+
+    /// The number of contacts that may act, and of those that press.
+    pub(super) fn counts(&self) -> [usize; 2] {
+        [&self.inverse, &self.multiplier].map(|lanes| lanes.iter().filter(|&&number| number > 0.0).count())
+    }
+
+    /// Adds a vector to all particles, times their weights and inverse masses.
+    #[inline(always)]
+    fn push<S: Simd>(
+        &self,
+        table: &mut [Row],
+        vectors: &[Gathered<S>; N],
+        weights: &[f32x8<S>; N],
+        push: VectorLanes<S>,
+    ) {
+        for place in 0..N {
+            scatter(vectors[place].pushed(push.scaled(weights[place])), table, &self.places[place]);
+        }
+    }
+}

@@ -1,0 +1,436 @@
+//! Contact constraints: keep the contact distance, with friction along the surface.
+//!
+//! A contact names the features that were close when the tick began. In every substep they are evaluated at their
+//! current positions, on the side where they were, which gives a constraint `C = n·(Σ a p − Σ b p) − d ≥ 0` with a
+//! Lagrange multiplier of at least 0. Friction is a constraint of its own with a bounded multiplier. It sticks up to
+//! the static share of the normal multiplier and slides with the dynamic share (Macklin et al. 2014, "Unified Particle
+//! Physics"), without a jump in between.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
+
+use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use glam::DVec3;
+
+use super::{
+    acting::{ActingBlock, Common, Driven, Evaluation, Free, gather_all, load_all, zero},
+    coloring::{Block, Coloring, NONE},
+    features::{FeatureKind, Meeting, edge_edge, vertex_face},
+    rows::{NOBODY, ParticleRows, Places, row_of, set_lane},
+};
+use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
+
+/// A contact that the solver watches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact<P> {
+    /// What it is between.
+    pub parts: P,
+    /// Unit vector from the second side to the first at the beginning of the tick.
+    pub normal: DVec3,
+    /// The contact distance to keep, in world units.
+    pub distance: f64,
+    /// Static and dynamic friction coefficients.
+    pub friction: [f64; 2],
+}
+
+/// The particles of a feature pair.
+pub type FeatureParticles = [u32; 4];
+
+/// Free particles with signed weights, and one normal for the whole tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane<const N: usize> {
+    /// The particles; [`NONE`] where there are fewer.
+    pub particles: [u32; N],
+    /// Their weights.
+    pub weights: [f64; N],
+    /// How far the kinematic particles move in the tick: the sum, with their weights.
+    pub drive: DVec3,
+    /// Separation along the normal at the beginning of the tick.
+    pub separation: f64,
+}
+
+impl Contact<Plane<6>> {
+    /// The same with fewer particles, if that is all it has.
+    pub(super) fn narrowed<const N: usize>(&self) -> Option<Contact<Plane<N>>> {
+        let &Self { parts: Plane { particles, weights, drive, separation }, normal, distance, friction } = self;
+        let (particles, rest) = particles.split_first_chunk()?;
+        let (weights, _) = weights.split_first_chunk()?;
+        let parts = Plane { particles: *particles, weights: *weights, drive, separation };
+        let is_all = rest.iter().all(|&particle| particle == NONE);
+        is_all.then_some(Contact { parts, normal, distance, friction })
+    }
+}
+
+/// Eight contacts that have no particle in common, of up to `N` particles each.
+pub(super) trait ContactBlock<const N: usize>: Sized {
+    /// What a contact is between.
+    type Parts: Copy;
+
+    /// The particles of a contact; [`NONE`] where there are fewer.
+    fn particles(parts: &Self::Parts) -> [u32; N];
+
+    /// The contacts with these numbers. Particles are at `start`.
+    fn new(numbers: &Block, contacts: &[Contact<Self::Parts>], start: &[DVec3]) -> Self;
+
+    fn common(&mut self) -> &mut Common;
+
+    /// Evaluates the contacts at the beginning of a tick.
+    fn begin_tick<S: Simd>(&mut self, simd: S);
+
+    /// Evaluates the contacts at the unconstrained positions of a substep. `None` if none of them may act.
+    fn begin_step<S: Simd>(
+        &mut self,
+        simd: S,
+        source: u32,
+        particles: &ParticleRows,
+        evaluation: Evaluation,
+    ) -> Option<ActingBlock<N>>;
+}
+
+/// A list of contacts of any kind.
+pub(super) trait ContactList {
+    /// Evaluates the contacts at the unconstrained positions of a substep.
+    fn begin_step(&mut self, particles: &ParticleRows, evaluation: Evaluation);
+
+    /// Pushes by a share of the last substep's push.
+    fn push_again(&mut self, particles: &mut ParticleRows);
+
+    /// Pushes the sides of the contacts of a batch apart, in order or backward.
+    fn separate(&mut self, batch: usize, particles: &mut ParticleRows, is_backward: bool);
+
+    /// Applies the friction of a batch, in order or backward.
+    fn rub(&mut self, batch: usize, particles: &mut ParticleRows, is_backward: bool);
+
+    /// Ends a substep, after velocities have been derived: keeps what is left, and removes bounce.
+    fn end_step(&mut self, particles: &mut ParticleRows);
+
+    /// The number of contacts that may act in this substep, and of those that press.
+    fn counts(&self) -> [usize; 2];
+}
+
+/// Contacts of one kind, colored batch by batch.
+#[derive(Debug)]
+pub(super) struct ContactBlocks<B, const N: usize> {
+    blocks: Vec<B>,
+    /// The end of each batch among the blocks.
+    batches: Vec<usize>,
+    acting: Vec<ActingBlock<N>>,
+    /// The end of each batch among the acting blocks.
+    acting_batches: Vec<usize>,
+    numbers: Vec<Block>,
+}
+
+impl<B, const N: usize> Default for ContactBlocks<B, N> {
+    fn default() -> Self {
+        Self {
+            blocks: Vec::new(),
+            batches: Vec::new(),
+            acting: Vec::new(),
+            acting_batches: Vec::new(),
+            numbers: Vec::new(),
+        }
+    }
+}
+
+impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
+    /// Begins a tick with these contacts, in batches that end at `ends`. Particles are at `start`, and constraints move
+    /// those that `is_free` says.
+    pub(super) fn begin(
+        &mut self,
+        contacts: &[Contact<B::Parts>],
+        ends: impl Iterator<Item = usize>,
+        start: &[DVec3],
+        is_free: &impl Fn(u32) -> bool,
+        coloring: &mut Coloring,
+    ) {
+        let Self { blocks, batches, acting, acting_batches, numbers } = self;
+        acting.clear();
+        acting_batches.clear();
+        blocks.clear();
+        batches.clear();
+        let moved = |particle: u32| if particle != NONE && is_free(particle) { particle } else { NONE };
+        let mut first = 0;
+        for end in ends {
+            let contacts = &contacts[first..end];
+            first = end;
+            numbers.clear();
+            let particles_of = |contact: u32| B::particles(&contacts[contact as usize].parts).map(moved);
+            coloring.blocks(start.len(), contacts.len(), particles_of, numbers);
+            blocks.extend(numbers.iter().map(|numbers| B::new(numbers, contacts, start)));
+            batches.push(blocks.len());
+        }
+        dispatch!(Level::new(), simd => {
+            for block in blocks {
+                block.begin_tick(simd);
+            }
+        });
+    }
+
+    /// The acting contacts of a batch.
+    fn of_batch(&mut self, batch: usize) -> &mut [ActingBlock<N>] {
+        let end = self.acting_batches.get(batch).copied().unwrap_or_default();
+        let first = if batch > 0 { self.acting_batches.get(batch - 1).copied().unwrap_or_default() } else { 0 };
+        &mut self.acting[first..end]
+    }
+}
+
+impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
+    fn begin_step(&mut self, particles: &ParticleRows, evaluation: Evaluation) {
+        let Self { blocks, batches, acting, acting_batches, .. } = self;
+        acting.clear();
+        acting_batches.clear();
+        dispatch!(Level::new(), simd => {
+            let mut first = 0;
+            for &end in &*batches {
+                for source in first..end {
+                    if let Some(found) = blocks[source].begin_step(simd, source as u32, particles, evaluation) {
+                        acting.push(found);
+                    }
+                }
+                acting_batches.push(acting.len());
+                first = end;
+            }
+        });
+    }
+
+    fn push_again(&mut self, particles: &mut ParticleRows) {
+        let Self { acting, .. } = self;
+        dispatch!(Level::new(), simd => {
+            for block in &*acting {
+                block.push_again(simd, particles);
+            }
+        });
+    }
+
+    fn separate(&mut self, batch: usize, particles: &mut ParticleRows, is_backward: bool) {
+        let acting = self.of_batch(batch);
+        dispatch!(Level::new(), simd => {
+            if is_backward {
+                for block in acting.iter_mut().rev() {
+                    block.separate(simd, particles);
+                }
+            } else {
+                for block in acting {
+                    block.separate(simd, particles);
+                }
+            }
+        });
+    }
+
+    fn rub(&mut self, batch: usize, particles: &mut ParticleRows, is_backward: bool) {
+        let acting = self.of_batch(batch);
+        dispatch!(Level::new(), simd => {
+            if is_backward {
+                for block in acting.iter_mut().rev() {
+                    block.rub(simd, particles);
+                }
+            } else {
+                for block in acting {
+                    block.rub(simd, particles);
+                }
+            }
+        });
+    }
+
+    fn end_step(&mut self, particles: &mut ParticleRows) {
+        let Self { blocks, acting, .. } = self;
+        dispatch!(Level::new(), simd => {
+            for block in acting {
+                block.end_step(simd, particles, blocks[block.source as usize].common());
+            }
+        });
+    }
+
+    fn counts(&self) -> [usize; 2] {
+        self.acting.iter().fold([0; 2], |[acting, pressing], block| {
+            let [a, p] = block.counts();
+            [acting + a, pressing + p]
+        })
+    }
+}
+
+/// Eight contacts between features, two edges or a vertex and a face, of which constraints move `N` particles: the
+/// vertex, the face, the first edge, or any of all four.
+#[derive(Debug)]
+pub(super) struct FeatureBlock<const ARE_EDGES: bool, const N: usize> {
+    places: [Places; 4],
+    /// From one particle to each of the others, at the beginning of the tick.
+    start: [VectorRows; 3],
+    common: Common,
+}
+
+impl<const ARE_EDGES: bool, const N: usize> FeatureBlock<ARE_EDGES, N> {
+    const KIND: FeatureKind = if ARE_EDGES { FeatureKind::EdgeEdge } else { FeatureKind::VertexFace };
+
+    /// The first particle that constraints move. The others follow.
+    const FIRST: usize = if N == 3 { 1 } else { 0 };
+
+    /// The features at displacements of their particles.
+    #[inline(always)]
+    fn meet<S: Simd>(&self, simd: S, moved: &[VectorLanes<S>; 4]) -> Meeting<S> {
+        let mut positions = [zero(simd); 3];
+        let others = Self::KIND.others();
+        for place in 0..3 {
+            let relative = moved[others[place]] - moved[Self::KIND.base()];
+            positions[place] = VectorLanes::load(simd, &self.start[place]).plus(relative);
+        }
+        let before = VectorLanes::load(simd, &self.common.normal);
+        match Self::KIND {
+            FeatureKind::VertexFace => vertex_face(simd, positions, before),
+            FeatureKind::EdgeEdge => edge_edge(simd, positions, before),
+        }
+    }
+
+    /// The separation at the beginning of the tick for the weights and the normal of a meeting.
+    #[inline(always)]
+    fn offset<S: Simd>(&self, simd: S, meeting: &Meeting<S>) -> f32x8<S> {
+        let mut sum = zero(simd);
+        let others = Self::KIND.others();
+        for place in 0..3 {
+            sum = sum.plus(VectorLanes::load(simd, &self.start[place]).scaled(meeting.weights[others[place]]));
+        }
+        meeting.normal.dot(sum) - f32x8::from_slice(simd, &self.common.distance)
+    }
+
+    /// Those that constraints move.
+    #[inline(always)]
+    fn free<T: Copy>(all: &[T; 4]) -> [T; N] {
+        std::array::from_fn(|place| all[Self::FIRST + place])
+    }
+}
+
+impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE_EDGES, N> {
+    type Parts = FeatureParticles;
+
+    fn particles(parts: &FeatureParticles) -> [u32; N] {
+        Self::free(parts)
+    }
+
+    fn new(numbers: &Block, contacts: &[Contact<FeatureParticles>], start: &[DVec3]) -> Self {
+        let mut block = Self { places: [[NOBODY; WIDTH]; 4], start: [VectorRows::ZERO; 3], common: Common::EMPTY };
+        for (lane, &number) in numbers.iter().enumerate().filter(|&(_, &number)| number != NONE) {
+            let contact = &contacts[number as usize];
+            let particles = contact.parts.map(|particle| particle as usize);
+            for (places, particle) in block.places.iter_mut().zip(particles) {
+                places[lane] = row_of(particle);
+            }
+            let base = start[particles[Self::KIND.base()]];
+            for (rows, other) in block.start.iter_mut().zip(Self::KIND.others()) {
+                set_lane(rows, lane, start[particles[other]] - base);
+            }
+            block.common.set(lane, contact);
+        }
+        block
+    }
+
+    fn common(&mut self) -> &mut Common {
+        &mut self.common
+    }
+
+    #[inline(always)]
+    fn begin_tick<S: Simd>(&mut self, simd: S) {
+        let meeting = self.meet(simd, &[zero(simd); 4]);
+        self.offset(simd, &meeting).store_slice(&mut self.common.left);
+        meeting.normal.store(&mut self.common.normal);
+    }
+
+    #[inline(always)]
+    fn begin_step<S: Simd>(
+        &mut self,
+        simd: S,
+        source: u32,
+        particles: &ParticleRows,
+        evaluation: Evaluation,
+    ) -> Option<ActingBlock<N>> {
+        let moved = gather_all(simd, &particles.displacement, &self.places);
+        let speeds = gather_all(simd, &particles.velocity, &self.places);
+        let vectors = [moved[0].vector, moved[1].vector, moved[2].vector, moved[3].vector];
+        let meeting = self.meet(simd, &vectors);
+        let offset = self.offset(simd, &meeting);
+        meeting.normal.store(&mut self.common.normal);
+        let Meeting { weights, normal } = meeting;
+        let zeros = f32x8::splat(simd, 0.0);
+        let mut driven = Driven { moved: zero(simd), speed: zero(simd), fastest: zeros };
+        for place in 0..4 {
+            if (Self::FIRST..Self::FIRST + N).contains(&place) {
+                continue;
+            }
+            let speed = speeds[place].vector;
+            driven.moved = driven.moved.plus(moved[place].vector.scaled(weights[place]));
+            driven.speed = driven.speed.plus(speed.scaled(weights[place]));
+            let squared = weights[place].simd_eq(zeros).select(zeros, speed.dot(speed));
+            driven.fastest = driven.fastest.max(squared);
+        }
+        let free = Free { moved: Self::free(&moved), speeds: Self::free(&speeds), weights: Self::free(&weights) };
+        let places = Self::free(&self.places);
+        self.common.act(simd, (source, &places), &free, &driven, (normal, offset), evaluation)
+    }
+}
+
+/// Eight contacts with fixed planes.
+#[derive(Debug)]
+pub(super) struct PlaneBlock<const N: usize> {
+    places: [Places; N],
+    weights: [[f32; WIDTH]; N],
+    drive: VectorRows,
+    offset: [f32; WIDTH],
+    common: Common,
+}
+
+impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
+    type Parts = Plane<N>;
+
+    fn particles(parts: &Plane<N>) -> [u32; N] {
+        parts.particles
+    }
+
+    fn new(numbers: &Block, contacts: &[Contact<Plane<N>>], _: &[DVec3]) -> Self {
+        let mut block = Self {
+            places: [[NOBODY; WIDTH]; N],
+            weights: [[0.0; WIDTH]; N],
+            drive: VectorRows::ZERO,
+            offset: [0.0; WIDTH],
+            common: Common::EMPTY,
+        };
+        for (lane, &number) in numbers.iter().enumerate().filter(|&(_, &number)| number != NONE) {
+            let contact = &contacts[number as usize];
+            for place in (0..N).filter(|&place| contact.parts.particles[place] != NONE) {
+                block.places[place][lane] = row_of(contact.parts.particles[place] as usize);
+                block.weights[place][lane] = contact.parts.weights[place] as f32;
+            }
+            set_lane(&mut block.drive, lane, contact.parts.drive);
+            block.common.set(lane, contact);
+            block.offset[lane] = contact.parts.separation as f32;
+        }
+        block
+    }
+
+    fn common(&mut self) -> &mut Common {
+        &mut self.common
+    }
+
+    #[inline(always)]
+    fn begin_tick<S: Simd>(&mut self, _: S) {
+        self.common.left = self.offset;
+    }
+
+    #[inline(always)]
+    fn begin_step<S: Simd>(
+        &mut self,
+        simd: S,
+        source: u32,
+        particles: &ParticleRows,
+        evaluation: Evaluation,
+    ) -> Option<ActingBlock<N>> {
+        let moved = gather_all(simd, &particles.displacement, &self.places);
+        let speeds = gather_all(simd, &particles.velocity, &self.places);
+        let weights = load_all(simd, &self.weights);
+        let normal = VectorLanes::load(simd, &self.common.normal);
+        let offset = f32x8::from_slice(simd, &self.offset);
+        let drive = VectorLanes::load(simd, &self.drive);
+        let speed = drive.scaled(f32x8::splat(simd, evaluation.rate));
+        let driven =
+            Driven { moved: drive.scaled(f32x8::splat(simd, evaluation.share)), speed, fastest: speed.dot(speed) };
+        let free = Free { moved, speeds, weights };
+        self.common.act(simd, (source, &self.places), &free, &driven, (normal, offset), evaluation)
+    }
+}

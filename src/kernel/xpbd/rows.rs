@@ -1,0 +1,174 @@
+//! The state of particles, one row of four numbers each, and how eight of them get into lanes and back.
+
+#![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
+
+use fearless_simd::{f32x4, f32x8, prelude::*};
+use glam::{DVec3, Vec3, Vec4};
+
+use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH, columns, rows};
+
+/// A vector of a particle, followed by one over its mass.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(16))]
+pub(super) struct Row(pub(super) [f32; 4]);
+
+impl Row {
+    pub(super) fn vector(self) -> Vec3 {
+        let Self([x, y, z, _]) = self;
+        Vec3::new(x, y, z)
+    }
+
+    pub(super) fn set(&mut self, vector: Vec3) {
+        let Self([x, y, z, _]) = self;
+        (*x, *y, *z) = (vector.x, vector.y, vector.z);
+    }
+}
+
+/// Eight particles, or fewer: the first row belongs to no particle, and stands in for those that are missing.
+pub(super) type Places = [u32; WIDTH];
+
+/// The row of no particle. Its inverse mass is 0.
+pub(super) const NOBODY: u32 = 0;
+
+/// The row of a particle.
+#[inline(always)]
+pub(super) const fn row_of(particle: usize) -> u32 {
+    particle as u32 + 1
+}
+
+/// Vectors of eight particles, and the inverse masses.
+#[derive(Clone, Copy)]
+pub(super) struct Gathered<S: Simd> {
+    pub(super) vector: VectorLanes<S>,
+    pub(super) inverse_mass: f32x8<S>,
+}
+
+#[inline(always)]
+pub(super) fn gather<S: Simd>(simd: S, table: &[Row], places: &Places) -> Gathered<S> {
+    let mut part = [f32x4::splat(simd, 0.0); WIDTH];
+    for lane in 0..WIDTH {
+        part[lane] = f32x4::from_slice(simd, &table[places[lane] as usize].0);
+    }
+    let [x, y, z, inverse_mass] = columns(part);
+    Gathered { vector: VectorLanes { x, y, z }, inverse_mass }
+}
+
+#[inline(always)]
+pub(super) fn scatter<S: Simd>(gathered: Gathered<S>, table: &mut [Row], places: &Places) {
+    let VectorLanes { x, y, z } = gathered.vector;
+    let part = rows([x, y, z, gathered.inverse_mass]);
+    for lane in 0..WIDTH {
+        part[lane].store_slice(&mut table[places[lane] as usize].0);
+    }
+}
+
+impl<S: Simd> Gathered<S> {
+    /// Moves the particles by a vector times their inverse masses.
+    #[inline(always)]
+    pub(super) fn pushed(self, by: VectorLanes<S>) -> Self {
+        Self { vector: self.vector.plus(by.scaled(self.inverse_mass)), ..self }
+    }
+}
+
+/// A particle at the beginning of a tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed {
+    /// How far a kinematic particle moves in the tick. Unused otherwise.
+    pub way: DVec3,
+    /// In world units per second. Unused if kinematic.
+    pub velocity: DVec3,
+    /// One over the mass; 0 if kinematic.
+    pub inverse_mass: f64,
+}
+
+/// Particles in the substeps of a tick.
+///
+/// A kinematic particle, with an inverse mass of 0, moves in a straight line, whatever pushes it.
+#[derive(Debug, Default)]
+pub struct ParticleRows {
+    /// Displacement since the beginning of the tick.
+    pub(super) displacement: Vec<Row>,
+    /// Displacement at the beginning of the substep.
+    pub(super) previous: Vec<Row>,
+    /// In world units per second.
+    pub(super) velocity: Vec<Row>,
+    /// The rows of kinematic particles that move, with how far in the tick.
+    driven: Vec<(u32, Vec3)>,
+}
+
+impl ParticleRows {
+    /// Begins a tick.
+    pub fn begin(&mut self, particles: impl Iterator<Item = Placed>) {
+        let Self { displacement, previous, velocity, driven } = self;
+        for table in [&mut *displacement, &mut *previous, &mut *velocity] {
+            table.clear();
+            table.push(Row::default());
+        }
+        driven.clear();
+        for Placed { way, velocity: speed, inverse_mass } in particles {
+            let inverse_mass = inverse_mass as f32;
+            let is_free = inverse_mass > 0.0;
+            let way = way.as_vec3();
+            if !is_free && way != Vec3::ZERO {
+                driven.push((displacement.len() as u32, way));
+            }
+            let speed = if is_free { speed.as_vec3() } else { Vec3::ZERO };
+            let still = Row([0.0, 0.0, 0.0, inverse_mass]);
+            displacement.push(still);
+            previous.push(still);
+            velocity.push(Row([speed.x, speed.y, speed.z, inverse_mass]));
+        }
+    }
+
+    /// Keeps a share of the velocities of some consecutive particles.
+    pub fn slow_down(&mut self, first: usize, count: usize, kept: f32) {
+        let first = row_of(first) as usize;
+        for row in &mut self.velocity[first..first + count] {
+            row.set(row.vector() * kept);
+        }
+    }
+
+    /// Begins a substep of `step` seconds: applies gravity and moves every particle to its unconstrained position.
+    /// Kinematic particles are at `share` of their way at the end of the substep.
+    pub fn predict(&mut self, step: f32, gravity: Vec3, share: f32) {
+        let Self { displacement, previous, velocity, driven } = self;
+        let fall = Vec4::from((gravity * step, 0.0));
+        let step_of_vector = Vec4::new(step, step, step, 0.0);
+        for ((now, before), velocity) in displacement.iter_mut().zip(previous.iter_mut()).zip(velocity.iter_mut()) {
+            *before = *now;
+            let mut speed = Vec4::from(velocity.0);
+            if speed.w > 0.0 {
+                speed += fall;
+                *velocity = Row(speed.to_array());
+            }
+            *now = Row((Vec4::from(now.0) + speed * step_of_vector).to_array());
+        }
+        for &(row, way) in &*driven {
+            let row = row as usize;
+            let now = way * share;
+            velocity[row].set((now - previous[row].vector()) / step);
+            displacement[row].set(now);
+        }
+    }
+
+    /// Ends a substep: derives velocities from the change of positions.
+    pub fn update_velocities(&mut self, step: f32) {
+        let Self { displacement, previous, velocity, .. } = self;
+        for ((now, before), velocity) in displacement.iter().zip(&*previous).zip(velocity) {
+            let [x, y, z, _] = ((Vec4::from(now.0) - Vec4::from(before.0)) / step).to_array();
+            *velocity = Row([x, y, z, now.0[3]]);
+        }
+    }
+
+    /// Displacement of a particle since the beginning of the tick, and its velocity.
+    #[must_use]
+    pub fn state(&self, particle: usize) -> [DVec3; 2] {
+        let row = row_of(particle) as usize;
+        [&self.displacement, &self.velocity].map(|table| table[row].vector().as_dvec3())
+    }
+}
+
+/// Writes a vector, rounded to f32, into a lane.
+pub(super) fn set_lane(rows: &mut VectorRows, lane: usize, vector: DVec3) {
+    rows.set(lane, vector.as_vec3());
+}
