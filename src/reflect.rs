@@ -8,7 +8,10 @@ use crate::{
         CandidateTrianglePairs, DetectionDiagnostics, ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs,
         SphereContacts, SweptImpacts,
     },
-    response::{SurfaceFriction, XpbdBody, XpbdDiagnostics, XpbdSettings},
+    response::{
+        SurfaceForces, SurfaceFriction, SurfaceReaction, SurfaceWind, XpbdBody, XpbdDiagnostics, XpbdSettings,
+        XpbdTethers,
+    },
     settings::CircumsphereSettings,
     surface::{
         ActiveSurfaces, Circumspheres, ContactEventsEnabled, ContactMethod, DeformableSurface, EnclosingBalls,
@@ -35,12 +38,13 @@ impl Plugin for ReflectPlugin {
         register!(app:
             // Written by the game.
             CircumsphereSettings, ContactEventsEnabled, ContactMethod, DeformableSurface, RigidShape, SelfCollision,
-            Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder, SurfacePositions,
-            SurfaceShape, SurfaceThickness, SweptCollision, SweptTarget, Teleported, XpbdBody, XpbdSettings,
+            Sidedness, SurfaceDisabled, SurfaceForces, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder,
+            SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, XpbdBody,
+            XpbdSettings, XpbdTethers,
             // Written by the plugins.
             ActiveSurfaces, CandidateTrianglePairs, Circumspheres, ContactStore, DetectionDiagnostics, EnclosingBalls,
             ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs, PreviousPositions, SphereContacts,
-            SurfaceContactEnd, SurfaceContactStart, SurfaceQuarantined, SurfaceStatus, SweptImpacts, TriangleCones,
+            SurfaceContactEnd, SurfaceContactStart, SurfaceQuarantined, SurfaceReaction, SurfaceStatus, SweptImpacts, TriangleCones,
             TriangleCurvature, XpbdDiagnostics,
         );
         #[cfg(feature = "rerun")]

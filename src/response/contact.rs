@@ -50,9 +50,28 @@ pub struct ContactConstraint {
     pub distance: f64,
     /// Static and dynamic friction coefficients.
     pub friction: [f64; 2],
+    /// The number of its reaction, or `NO_REACTION`.
+    pub reaction: u32,
+    /// Whether it leads back through something, or out of it, at a pace of its own.
+    pub recovers: bool,
 }
 
 impl ContactConstraint {
+    /// Whether the side that the solver does not move is the first, in the order in which the solver has them: of two
+    /// edges, a free one comes first.
+    #[must_use]
+    pub fn is_first_driven(&self, particles: &Particles) -> bool {
+        let is_driven = |particle: u32| particles.inverse_mass[particle as usize] <= 0.0;
+        match &self.features {
+            Features::VertexFace([vertex, ..]) => is_driven(*vertex),
+            Features::EdgeEdge(_) => false,
+            Features::Plane { particles: entries, .. } => {
+                entries.iter().filter(|&&(particle, _)| is_driven(particle)).map(|(_, weight)| weight).sum::<f64>()
+                    > 0.0
+            }
+        }
+    }
+
     /// Whether one of its particles is static or kinematic.
     fn is_on_firm_ground(&self, particles: &Particles) -> bool {
         self.features.particles().any(|particle| particles.inverse_mass[particle as usize] <= 0.0)
@@ -82,9 +101,11 @@ impl SolverContacts {
     /// Adds a contact between particles that exist already.
     pub fn push(&mut self, constraint: ContactConstraint, particles: &Particles) {
         let found = &mut self.found[usize::from(!constraint.is_on_firm_ground(particles))];
-        let ContactConstraint { features, normal, distance, friction } = constraint;
+        let ContactConstraint { features, normal, distance, friction, reaction, recovers } = constraint;
         let is_free = |particle: u32| particles.inverse_mass[particle as usize] > 0.0;
-        let mut push = |kind, parts| found.push_features(kind, Contact { parts, normal, distance, friction }, is_free);
+        let mut push = |kind, parts| {
+            found.push_features(kind, Contact { parts, normal, distance, friction, reaction, recovers }, is_free)
+        };
         match features {
             Features::VertexFace(parts) => push(FeatureKind::VertexFace, parts),
             Features::EdgeEdge(parts) => push(FeatureKind::EdgeEdge, parts),
@@ -102,7 +123,7 @@ impl SolverContacts {
                         parts.drive += (end - start) * weight;
                     }
                 }
-                found.push_plane(Contact { parts, normal, distance, friction });
+                found.push_plane(Contact { parts, normal, distance, friction, reaction, recovers });
             }
         }
     }
@@ -142,6 +163,11 @@ impl SolverContacts {
     /// Ends a substep, after velocities have been derived.
     pub fn end_step(&mut self, rows: &mut ParticleRows) {
         self.colored.iter_mut().for_each(|colored| colored.end_step(rows));
+    }
+
+    /// Calls `add` with the number of every reaction, and with the sum of the contact's multipliers in all substeps.
+    pub fn reactions(&mut self, mut add: impl FnMut(u32, DVec3)) {
+        self.colored.iter_mut().for_each(|colored| colored.reactions(&mut add));
     }
 
     /// The number of contacts that may act in this substep, and of those that press.

@@ -17,9 +17,11 @@ pub(super) use self::watch::Watch;
 use super::{
     body::XpbdBody,
     contact::{ContactConstraint, Features},
+    forces::SurfaceForces,
     inside::Insides,
     meeting::{MeetingCorners, MeetingTriangles},
     particles::Particles,
+    reaction::{NO_REACTION, Reactions},
     record::{completed, detected_sum, edges_of, face_of, flat, untangling, weighted},
     scene::Scene,
     solver::{Solver, SolverBody},
@@ -30,6 +32,7 @@ use crate::{
         contact::CompactContact,
         mesh::{
             feature::{Feature, FeatureKind},
+            ids::VertexId,
             topology::SurfaceTopology,
         },
         pose::Pose,
@@ -85,6 +88,7 @@ pub(super) struct Gatherer {
     /// cut off.
     back: Option<DVec3>,
     insides: Insides,
+    pub(super) reactions: Reactions,
 }
 
 /// The particles of a feature pair. The flag is `true` for two edges.
@@ -102,6 +106,7 @@ impl Gatherer {
     pub(super) fn begin(&mut self) {
         self.tick += 1;
         self.bodies.clear();
+        self.reactions.begin_part();
         for driven in self.driven.values_mut() {
             for vertex in driven.used.drain(..) {
                 driven.slots[vertex as usize] = NONE;
@@ -141,6 +146,19 @@ impl Gatherer {
         let (topology, rest) = (Arc::clone(&surface.topology), Arc::clone(&body.rest));
         bodies.push(SolverBody { first, topology, rest, material: body.material, scale: surface.pose.scale() });
         self.bodies.insert(surface.entity, first);
+        if let Ok(tethers) = scene.tethers.get(surface.entity) {
+            let particle_of = |vertex: VertexId| Some(first + *weld.get(vertex.index())? as usize);
+            tethers.append(particle_of, scene.motions.shares(), &mut |tether| solver.tether(&tether));
+        }
+        if let Ok(wind) = scene.winds.get(surface.entity) {
+            solver.blow(wind.air(), surface.topology.welded_triangles(), first);
+        }
+        if let Ok(SurfaceForces(forces)) = scene.forces.get(surface.entity)
+            && forces.len() == weld.len()
+        {
+            let acting = weld.iter().zip(forces).filter(|(_, force)| force.is_finite() && **force != Vec3::ZERO);
+            solver.forces.extend(acting.map(|(&own, &force)| ((first + own as usize) as u32, force)));
+        }
     }
 
     pub(super) fn first_particle(&self, entity: Entity) -> Option<usize> {
@@ -166,14 +184,43 @@ impl Gatherer {
                     self.unwatched_places.push(place);
                     continue;
                 }
-                let constraint = self.constraint(&mut solver.particles, scene, pair, sides, record, friction);
-                // A vertex beyond the rim of a face is close to several of its features. The records all give the same
-                // feature pair.
-                if let Some(constraint) = constraint.filter(|constraint| self.is_new(&constraint.features)) {
-                    solver.contacts.push(constraint, &solver.particles);
-                }
+                self.add_contact(solver, scene, pair, sides, record, friction);
             }
             self.unwatched.push((pair_place, first, self.unwatched_places.len() as u32));
+        }
+    }
+
+    /// Makes a constraint of a contact, unless there is one of the same features. A vertex beyond the rim of a face is
+    /// close to several of its features, and the records all give the same feature pair.
+    fn add_contact(
+        &mut self,
+        solver: &mut Solver,
+        scene: &Scene<'_, '_>,
+        pair: &StoredPair,
+        sides: [&Side<'_>; 2],
+        record: &CompactContact,
+        friction: [f64; 2],
+    ) {
+        let constraint = self.constraint(&mut solver.particles, scene, pair, sides, record, friction);
+        let Some(mut constraint) = constraint.filter(|constraint| self.is_new(&constraint.features)) else { return };
+        let entities = [pair.a.entity(), pair.b.entity()];
+        let point = pair.frame_pose.transform_point(record.point_b.as_dvec3());
+        self.ask_reaction(&mut constraint, scene, entities, point, &solver.particles);
+        solver.contacts.push(constraint, &solver.particles);
+    }
+
+    /// Asks for the impulse of a contact between two entities at a point, if one of them is not a body and wants it.
+    fn ask_reaction(
+        &mut self,
+        constraint: &mut ContactConstraint,
+        scene: &Scene<'_, '_>,
+        entities: [Entity; 2],
+        point: DVec3,
+        particles: &Particles,
+    ) {
+        let wants = |entity: &Entity| scene.wants_reaction(*entity) && !self.bodies.contains_key(entity);
+        if let Some(entity) = entities.into_iter().find(wants) {
+            constraint.reaction = self.reactions.number(entity, point, constraint.is_first_driven(particles));
         }
     }
 
@@ -233,7 +280,11 @@ impl Gatherer {
         let distance = a.thickness + b.thickness;
         let features = Features::Plane { particles: entries, offset: -distance };
         let friction = scene.friction(a.entity, b.entity);
-        let constraint = ContactConstraint { features, normal, distance, friction };
+        let mut constraint =
+            ContactConstraint { features, normal, distance, friction, reaction: NO_REACTION, recovers: false };
+        let at = |particle: u32| solver.particles.start[particle as usize];
+        let point = (0..3).map(|corner| at(corners_a[corner]) * found.barycentrics[0][corner]).sum();
+        self.ask_reaction(&mut constraint, scene, [a.entity, b.entity], point, &solver.particles);
         solver.contacts.push(constraint, &solver.particles);
         true
     }
@@ -361,7 +412,7 @@ impl Gatherer {
         if !penetrated && is_tangled(a) && is_tangled(b) {
             return None;
         }
-        Some(ContactConstraint { features, normal, distance, friction })
+        Some(ContactConstraint { features, normal, distance, friction, reaction: NO_REACTION, recovers: false })
     }
 }
 
@@ -387,5 +438,6 @@ fn against_shape(
     let separation = f64::from(record.distance) - f64::from(pair.contact_distance);
     let offset = separation - normal.dot(detected_sum(particles, &entries));
     let features = Features::Plane { particles: entries, offset };
-    ContactConstraint { features, normal, distance: f64::from(pair.contact_distance), friction }
+    let distance = f64::from(pair.contact_distance);
+    ContactConstraint { features, normal, distance, friction, reaction: NO_REACTION, recovers: false }
 }

@@ -118,17 +118,20 @@
 
 mod body;
 mod contact;
+mod forces;
 mod gather;
 mod guard;
 mod inside;
 mod meeting;
 mod motion;
 mod particles;
+mod reaction;
 mod record;
 mod respond;
 mod scene;
 mod settings;
 mod solver;
+mod tethers;
 mod untangle;
 
 use bevy_app::prelude::*;
@@ -143,8 +146,11 @@ use crate::{
     surface::SurfacePlugin,
 };
 pub use body::{SurfaceFriction, XpbdBody, XpbdBodyError, XpbdMaterial};
+pub use forces::{SurfaceForces, SurfaceWind};
+pub use reaction::SurfaceReaction;
 pub use respond::XpbdDiagnostics;
 pub use settings::XpbdSettings;
+pub use tethers::{Tether, TetherTarget, XpbdTethers};
 
 /// Moves every [`XpbdBody`] and resolves its contacts. It needs
 /// [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins) in the same schedule, and a `Time` resource that
@@ -180,7 +186,9 @@ impl Plugin for XpbdResponsePlugin {
         app.add_systems(
             self.schedule,
             (
-                (motion::begin, respond::choose_margins, respond::aim).chain().in_set(DeformableSystems::Predict),
+                (motion::begin, tethers::aim_tethers, respond::choose_margins, respond::aim)
+                    .chain()
+                    .in_set(DeformableSystems::Predict),
                 motion::rewind.in_set(DeformableSystems::Detect).before(run_detection),
                 motion::restore.in_set(DeformableSystems::Detect).after(run_detection),
                 respond::respond_in_parts.in_set(DeformableSystems::Respond),

@@ -187,6 +187,11 @@ impl Motions {
         self.parts.max(1)
     }
 
+    /// The shares of the tick at which the current part begins and ends.
+    pub(super) fn shares(&self) -> [f64; 2] {
+        [self.part, self.part + 1].map(|part| f64::from(part) / f64::from(self.parts()))
+    }
+
     /// Largest displacement of any object near a body within one part of the tick, in world units.
     pub(super) fn longest(&self) -> f64 {
         self.longest

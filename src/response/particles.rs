@@ -56,6 +56,13 @@ impl Particles {
         self.position[particle] = self.start[to];
     }
 
+    /// Makes a particle kinematic: it moves from where it is to `end`.
+    pub fn drive(&mut self, particle: usize, end: DVec3) {
+        self.inverse_mass[particle] = 0.0;
+        self.velocity[particle] = DVec3::ZERO;
+        self.end[particle] = end;
+    }
+
     /// Begins a tick.
     pub fn begin(&self, rows: &mut ParticleRows) {
         rows.begin((0..self.len()).map(|particle| Placed {

@@ -17,6 +17,7 @@ use super::{
     guard::Guard,
     motion::{self, Motions},
     particles::Particles,
+    reaction::SurfaceReaction,
     scene::Scene,
     settings::XpbdSettings,
     solver::{Solved, Solver},
@@ -239,6 +240,7 @@ pub(super) fn aim(
 /// Solves the tick in all its parts. Each part begins with a detection, which has already run for the first.
 pub(super) fn respond_in_parts(world: &mut World) {
     *world.resource_mut::<XpbdDiagnostics>() = XpbdDiagnostics::default();
+    world.resource_mut::<Response>().gatherer.reactions.begin_tick();
     let parts = world.resource::<Motions>().parts();
     for part in 0..parts {
         if part > 0 {
@@ -255,6 +257,11 @@ pub(super) fn respond_in_parts(world: &mut World) {
     }
     world.resource_mut::<XpbdDiagnostics>().parts = parts;
     run(world, warn_of_squeezed);
+    run(world, write_reactions);
+}
+
+fn write_reactions(active: Res<ActiveSurfaces>, response: Res<Response>, mut reactions: Query<&mut SurfaceReaction>) {
+    response.gatherer.reactions.write(&active, &mut reactions);
 }
 
 /// Warns once per episode that bodies are squeezed with no way left.
@@ -359,6 +366,7 @@ fn respond(
         met = guard.look_again(&solver.particles, &scene, gatherer);
     }
     let solved = if solutions > 1 { solved_again } else { solved };
+    solver.react(duration / f64::from(settings.substeps), &mut gatherer.reactions);
     diagnostics.solved_again += solutions - 1;
     diagnostics.contact_solves += solved.contact_solves;
     diagnostics.pressing = solved.pressing;

@@ -5,9 +5,12 @@ use glam::DVec3;
 
 use super::{
     body::{SurfaceFriction, XpbdBody},
+    forces::{SurfaceForces, SurfaceWind},
     inside::Crossing,
     motion::Motions,
+    reaction::SurfaceReaction,
     record::completed,
+    tethers::XpbdTethers,
 };
 use crate::{
     contacts::ContactStore,
@@ -23,6 +26,10 @@ pub(super) struct Scene<'w, 's> {
     pub(super) motions: Res<'w, Motions>,
     pub(super) positions: Query<'w, 's, (Ref<'static, SurfacePositions>, Option<&'static XpbdBody>)>,
     pub(super) store: Res<'w, ContactStore>,
+    pub(super) tethers: Query<'w, 's, &'static XpbdTethers>,
+    pub(super) winds: Query<'w, 's, &'static SurfaceWind>,
+    pub(super) forces: Query<'w, 's, &'static SurfaceForces>,
+    reactions: Query<'w, 's, (), With<SurfaceReaction>>,
     frictions: Query<'w, 's, &'static SurfaceFriction>,
     swept: Query<'w, 's, (), With<SweptCollision>>,
 }
@@ -30,6 +37,11 @@ pub(super) struct Scene<'w, 's> {
 impl Scene<'_, '_> {
     pub(super) fn is_any_swept(&self) -> bool {
         !self.swept.is_empty()
+    }
+
+    /// Whether the impulses of an entity's contacts are to be written to it.
+    pub(super) fn wants_reaction(&self, entity: Entity) -> bool {
+        !self.reactions.is_empty() && self.reactions.contains(entity)
     }
 
     pub(super) fn is_swept(&self, entity: Entity) -> bool {

@@ -10,17 +10,18 @@
 
 use std::{ops::Range, sync::Arc};
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::{
     body::{RestShape, XpbdMaterial},
     contact::SolverContacts,
     particles::Particles,
+    reaction::Reactions,
     settings::XpbdSettings,
 };
 use crate::kernel::{
     mesh::topology::SurfaceTopology,
-    xpbd::{Evaluation, Hinges, ParticleRows, Springs, Volumes},
+    xpbd::{Air, Evaluation, Hinges, ParticleRows, Springs, Tethered, Tethers, Volumes, Winds},
 };
 
 /// The particles and constraints of one body.
@@ -32,6 +33,17 @@ pub(super) struct SolverBody {
     pub(super) material: XpbdMaterial,
     /// World length of a unit in the surface's own frame.
     pub(super) scale: f64,
+}
+
+/// The tether of a particle in a part of a tick.
+pub(super) struct SolverTether {
+    pub(super) particle: usize,
+    /// Where the target is at the beginning and at the end.
+    pub(super) places: [DVec3; 2],
+    /// Away from what is behind the target; zero if nothing is.
+    pub(super) normals: [DVec3; 2],
+    pub(super) longest: f64,
+    pub(super) backstop: f64,
 }
 
 /// Where the constraints of a body are among those of all bodies.
@@ -111,6 +123,10 @@ pub(super) struct Solver {
     pub(super) particles: Particles,
     pub(super) bodies: Vec<SolverBody>,
     pub(super) contacts: SolverContacts,
+    /// Forces on particles.
+    pub(super) forces: Vec<(u32, Vec3)>,
+    tethers: Tethers,
+    winds: Winds,
     rows: ParticleRows,
     inners: Inners,
     /// Velocities at the beginning of the tick.
@@ -131,6 +147,25 @@ impl Solver {
         self.particles.clear();
         self.bodies.clear();
         self.contacts.clear();
+        self.forces.clear();
+        self.tethers.clear();
+        self.winds.clear();
+    }
+
+    /// Adds a tether. A particle with a tether of length 0 is kinematic.
+    pub(super) fn tether(&mut self, tether: &SolverTether) {
+        let &SolverTether { particle, places: [from, to], normals, longest, backstop } = tether;
+        if longest <= 0.0 {
+            self.particles.drive(particle, to);
+            return;
+        }
+        let target = from - self.particles.start[particle];
+        self.tethers.push(&Tethered { particle: particle as u32, target, way: to - from, normals, longest, backstop });
+    }
+
+    /// Puts a body into a wind.
+    pub(super) fn blow(&mut self, air: Air, triangles: &[[u32; 3]], first: usize) {
+        self.winds.add(air, triangles, first, &self.particles.start);
     }
 
     /// Begins a tick, which may be solved more than once.
@@ -148,7 +183,7 @@ impl Solver {
 
     /// Advances all particles by `duration` seconds, which must be more than 0.
     pub(super) fn advance(&mut self, duration: f64, settings: &XpbdSettings) -> Solved {
-        let Self { particles, bodies, contacts, rows, inners, .. } = self;
+        let Self { particles, bodies, contacts, forces, tethers, winds, rows, inners, .. } = self;
         let step = duration / f64::from(settings.substeps);
         let mut solved = Solved::default();
         particles.begin(rows);
@@ -158,6 +193,8 @@ impl Solver {
                 let kept = (1.0 - f64::from(body.material.drag) * step).max(0.0);
                 rows.slow_down(body.first, body.topology.vertex_count(), kept as f32);
             }
+            winds.blow(rows, step as f32);
+            rows.apply_forces(forces, step as f32);
             let share = f64::from(substep) / f64::from(settings.substeps);
             rows.predict(step as f32, settings.gravity, share as f32);
             let push_out = (f64::from(settings.push_out_speed) * step) as f32;
@@ -166,6 +203,7 @@ impl Solver {
             inners.begin_step();
             for _ in 0..settings.iterations {
                 inners.solve(bodies, rows, step);
+                tethers.solve(rows, share as f32);
                 contacts.solve(rows);
             }
             rows.update_velocities(step as f32);
@@ -177,6 +215,11 @@ impl Solver {
         }
         particles.take(rows);
         solved
+    }
+
+    /// Adds the impulses of the contacts that were asked for, of a solution with substeps of `step` seconds.
+    pub(super) fn react(&mut self, step: f64, reactions: &mut Reactions) {
+        self.contacts.reactions(|number, sum| reactions.add(number, sum / step));
     }
 
     /// Moves welded vertices to the vertices that they are welded to.

@@ -18,8 +18,8 @@ pub use components::{
     SurfaceBuilder, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape,
     SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
 };
-pub(crate) use prepare::PendingQuarantines;
 pub use prepare::SurfacePlugin;
+pub(crate) use prepare::{PendingQuarantines, Transforms};
 pub use quarantine::{QuarantineReason, SurfaceQuarantined};
 pub use rigid_shape::RigidShape;
 pub(crate) use spheres::SphereSource;

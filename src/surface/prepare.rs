@@ -91,7 +91,7 @@ fn order(rigid: bool, order: Option<&SurfaceOrder>, registration: Registration, 
 
 /// The transforms of entities and their parents.
 #[derive(SystemParam)]
-struct Transforms<'w, 's> {
+pub(crate) struct Transforms<'w, 's> {
     own: Query<'w, 's, &'static Transform>,
     parents: Query<'w, 's, &'static ChildOf>,
 }
@@ -101,6 +101,12 @@ impl Transforms<'_, '_> {
     /// f64, so that the children of a parent far from the origin are placed relative to each other as precisely as near
     /// it.
     fn global_pose(&self, entity: Entity) -> Result<Pose, QuarantineReason> {
+        let pose = Pose::from_double_affine(&self.global_affine(entity)?)?;
+        if pose.scale() < LEAST_SCALE { Err(QuarantineReason::TinyScale) } else { Ok(pose) }
+    }
+
+    /// The same, without restrictions on the scale.
+    pub(crate) fn global_affine(&self, entity: Entity) -> Result<DAffine3, QuarantineReason> {
         let affine = |entity: Entity| {
             let transform = self.own.get(entity).map_err(|_| QuarantineReason::MissingTransform)?;
             Ok::<DAffine3, QuarantineReason>(DAffine3::from_scale_rotation_translation(
@@ -113,8 +119,7 @@ impl Transforms<'_, '_> {
         for ancestor in self.parents.iter_ancestors(entity) {
             global = affine(ancestor)? * global;
         }
-        let pose = Pose::from_double_affine(&global)?;
-        if pose.scale() < LEAST_SCALE { Err(QuarantineReason::TinyScale) } else { Ok(pose) }
+        Ok(global)
     }
 }
 

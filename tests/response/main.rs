@@ -1,6 +1,7 @@
 //! The response in headless worlds: motion against closed forms, contacts and friction, fast bodies, and stability.
 
 mod contact;
+mod forces;
 mod harness;
 mod holds;
 mod inside;

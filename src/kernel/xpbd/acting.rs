@@ -6,6 +6,7 @@ use fearless_simd::{f32x8, prelude::*};
 use glam::Vec3;
 
 use super::{
+    coloring::NONE,
     contacts::Contact,
     rows::{Gathered, ParticleRows, Places, Row, gather, scatter, set_lane},
 };
@@ -23,6 +24,10 @@ const REACH: f32 = 2.0;
 /// Share of the last substep's push with which a contact begins. All of it makes stacks tremble, and none of it leaves
 /// twice as much to the sweeps.
 const WARMTH: f32 = 0.5;
+
+/// Depth in contact distances at which a contact of features begins without a push, and up to which that share falls.
+/// Among features that cross, pushes disagree.
+pub(super) const SHALLOW: f32 = 0.1;
 
 /// A substep, for contacts.
 #[derive(Clone, Copy, Debug)]
@@ -62,6 +67,11 @@ pub(super) struct Common {
     pub(super) left: [f32; WIDTH],
     /// Normal multiplier in the last substep.
     pub(super) pressed: [f32; WIDTH],
+    /// The sum of multipliers, of the normal and of friction, in all substeps.
+    pub(super) pushes: VectorRows,
+    pub(super) reaction: [u32; WIDTH],
+    /// Share of the last push with which a substep begins.
+    warmth: [f32; WIDTH],
 }
 
 impl Common {
@@ -71,11 +81,16 @@ impl Common {
         friction: [[0.0; WIDTH]; 2],
         left: [0.0; WIDTH],
         pressed: [0.0; WIDTH],
+        pushes: VectorRows::ZERO,
+        reaction: [NONE; WIDTH],
+        warmth: [0.0; WIDTH],
     };
 
     pub(super) fn set<P>(&mut self, lane: usize, contact: &Contact<P>) {
         set_lane(&mut self.normal, lane, contact.normal);
         self.distance[lane] = contact.distance as f32;
+        self.reaction[lane] = contact.reaction;
+        self.warmth[lane] = if contact.recovers { 0.0 } else { WARMTH };
         for kind in 0..2 {
             self.friction[kind][lane] = contact.friction[kind] as f32;
         }
@@ -151,7 +166,7 @@ impl Common {
         (source, places): (u32, &[Places; N]),
         free: &Free<N, S>,
         driven: &Driven<S>,
-        (normal, offset): (VectorLanes<S>, f32x8<S>),
+        (normal, offset, shallow): (VectorLanes<S>, f32x8<S>, f32),
         evaluation: Evaluation,
     ) -> Option<ActingBlock<N>> {
         let zeros = f32x8::splat(simd, 0.0);
@@ -171,7 +186,10 @@ impl Common {
         let reach = fastest.sqrt() * (REACH * step);
         let is_near = separation.simd_le(reach) & mobility.simd_gt(zeros);
         let left = f32x8::from_slice(simd, &self.left);
-        let target = (left + f32x8::from_slice(simd, &self.distance) * push_out).min(zeros);
+        let distance = f32x8::from_slice(simd, &self.distance);
+        let target = (left + distance * push_out).min(zeros);
+        let depth = left.min(zeros) / (distance * shallow);
+        let warmth = (depth + 1.0).max(zeros) * f32x8::from_slice(simd, &self.warmth);
         is_near.select(left, separation).store_slice(&mut self.left);
         let pressed = f32x8::from_slice(simd, &self.pressed);
         self.pressed = [0.0; WIDTH];
@@ -189,7 +207,7 @@ impl Common {
             most_opening: stored(normal.dot(speed).max(zeros) - normal.dot(driven.speed)),
             before: (sum - speed.scaled(f32x8::splat(simd, step))).stored(),
             friction: self.friction,
-            multiplier: stored(is_near.select(pressed * WARMTH, zeros)),
+            multiplier: stored(is_near.select(pressed * warmth, zeros)),
             sliding: VectorRows::ZERO,
         };
         for place in 0..N {
@@ -273,6 +291,9 @@ impl<const N: usize> ActingBlock<N> {
         let left = &mut common.left;
         inverse.simd_gt(zeros).select(separation, f32x8::from_slice(simd, left)).store_slice(left);
         common.pressed = self.multiplier;
+        let push =
+            normal.scaled(f32x8::from_slice(simd, &self.multiplier)).plus(VectorLanes::load(simd, &self.sliding));
+        VectorLanes::load(simd, &common.pushes).plus(push).store(&mut common.pushes);
         let presses = f32x8::from_slice(simd, &self.multiplier).simd_gt(zeros);
         if !presses.any_true() {
             return;

@@ -12,7 +12,7 @@ use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::DVec3;
 
 use super::{
-    acting::{ActingBlock, Common, Driven, Evaluation, Free, gather_all, load_all, zero},
+    acting::{ActingBlock, Common, Driven, Evaluation, Free, SHALLOW, gather_all, load_all, zero},
     coloring::{Block, Coloring, NONE},
     features::{FeatureKind, Meeting, edge_edge, vertex_face},
     rows::{NOBODY, ParticleRows, Places, row_of, set_lane},
@@ -30,6 +30,10 @@ pub struct Contact<P> {
     pub distance: f64,
     /// Static and dynamic friction coefficients.
     pub friction: [f64; 2],
+    /// The caller's number, if it asks for the impulse of the contact; [`NONE`] otherwise.
+    pub reaction: u32,
+    /// Whether it leads back through something, or out of it, at a pace of its own.
+    pub recovers: bool,
 }
 
 /// The particles of a feature pair.
@@ -51,12 +55,19 @@ pub struct Plane<const N: usize> {
 impl Contact<Plane<6>> {
     /// The same with fewer particles, if that is all it has.
     pub(super) fn narrowed<const N: usize>(&self) -> Option<Contact<Plane<N>>> {
-        let &Self { parts: Plane { particles, weights, drive, separation }, normal, distance, friction } = self;
+        let &Self {
+            parts: Plane { particles, weights, drive, separation },
+            normal,
+            distance,
+            friction,
+            reaction,
+            recovers,
+        } = self;
         let (particles, rest) = particles.split_first_chunk()?;
         let (weights, _) = weights.split_first_chunk()?;
         let parts = Plane { particles: *particles, weights: *weights, drive, separation };
         let is_all = rest.iter().all(|&particle| particle == NONE);
-        is_all.then_some(Contact { parts, normal, distance, friction })
+        is_all.then_some(Contact { parts, normal, distance, friction, reaction, recovers })
     }
 }
 
@@ -105,6 +116,9 @@ pub(super) trait ContactList {
 
     /// The number of contacts that may act in this substep, and of those that press.
     fn counts(&self) -> [usize; 2];
+
+    /// Calls `add` with the number of every contact that asks for its impulse, and with the sum of its multipliers.
+    fn reactions(&mut self, add: &mut dyn FnMut(u32, DVec3));
 }
 
 /// Contacts of one kind, colored batch by batch.
@@ -246,6 +260,15 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
             [acting + a, pressing + p]
         })
     }
+
+    fn reactions(&mut self, add: &mut dyn FnMut(u32, DVec3)) {
+        for block in &mut self.blocks {
+            let common = block.common();
+            for (lane, &number) in common.reaction.iter().enumerate().filter(|&(_, &number)| number != NONE) {
+                add(number, common.pushes.get(lane).as_dvec3());
+            }
+        }
+    }
 }
 
 /// Eight contacts between features, two edges or a vertex and a face, of which constraints move `N` particles: the
@@ -362,7 +385,7 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
         }
         let free = Free { moved: Self::free(&moved), speeds: Self::free(&speeds), weights: Self::free(&weights) };
         let places = Self::free(&self.places);
-        self.common.act(simd, (source, &places), &free, &driven, (normal, offset), evaluation)
+        self.common.act(simd, (source, &places), &free, &driven, (normal, offset, SHALLOW), evaluation)
     }
 }
 
@@ -431,6 +454,6 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
         let driven =
             Driven { moved: drive.scaled(f32x8::splat(simd, evaluation.share)), speed, fastest: speed.dot(speed) };
         let free = Free { moved, speeds, weights };
-        self.common.act(simd, (source, &self.places), &free, &driven, (normal, offset), evaluation)
+        self.common.act(simd, (source, &self.places), &free, &driven, (normal, offset, f32::INFINITY), evaluation)
     }
 }

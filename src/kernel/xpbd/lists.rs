@@ -195,6 +195,12 @@ impl Contacts {
         self.lists().into_iter().for_each(|list| list.end_step(particles));
     }
 
+    /// Calls `add` with the number of every contact that asks for its impulse, and with the sum of its multipliers in all
+    /// substeps: the impulse on its first side, times the duration of a substep.
+    pub fn reactions(&mut self, mut add: impl FnMut(u32, DVec3)) {
+        self.lists().into_iter().for_each(|list| list.reactions(&mut add));
+    }
+
     /// The number of contacts that may act in this substep, and of those that press.
     #[must_use]
     pub fn counts(&mut self) -> [usize; 2] {
@@ -261,7 +267,14 @@ mod tests {
                     inverse_mass: if is_free { 1.0 + 0.5 * place as f64 } else { 0.0 },
                 }
             });
-            let contact = Contact { parts: [0, 1, 2, 3], normal: DVec3::Y, distance: 0.08, friction: [0.5, 0.4] };
+            let contact = Contact {
+                parts: [0, 1, 2, 3],
+                normal: DVec3::Y,
+                distance: 0.08,
+                friction: [0.5, 0.4],
+                reaction: NONE,
+                recovers: false,
+            };
             let is_free = |particle: u32| placed[particle as usize].inverse_mass > 0.0;
             let narrow = solved(|found| found.push_features(kind, contact, is_free), &start, placed);
             let general = solved(|found| found.push_features(kind, contact, |_| true), &start, placed);
@@ -286,7 +299,8 @@ mod tests {
             drive: -drive,
             separation: 0.0,
         };
-        let contact = Contact { parts, normal: DVec3::Y, distance: 0.01, friction: [5.0, 5.0] };
+        let contact =
+            Contact { parts, normal: DVec3::Y, distance: 0.01, friction: [5.0, 5.0], reaction: NONE, recovers: false };
         let ends = solved(|found| found.push_plane(contact), &[DVec3::ZERO; 4], [point; 4]);
         assert!(ends[0][0].distance(drive) < 1e-7, "{:?}", ends[0]);
         assert!(ends[0][1].distance(drive / f64::from(EVALUATION.step)) < 1e-4, "{:?}", ends[0]);

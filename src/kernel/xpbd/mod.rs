@@ -18,7 +18,9 @@ mod hinges;
 mod lists;
 mod rows;
 mod springs;
+mod tethers;
 mod volume;
+mod wind;
 
 pub use acting::Evaluation;
 pub use contacts::{Contact, FeatureParticles, Plane};
@@ -27,4 +29,6 @@ pub use hinges::{HingeRests, Hinges, bend_at};
 pub use lists::{Contacts, FoundContacts};
 pub use rows::{ParticleRows, Placed};
 pub use springs::{SpringRests, Springs};
+pub use tethers::{Tethered, Tethers};
 pub use volume::{VolumeRest, Volumes};
+pub use wind::{Air, Winds};

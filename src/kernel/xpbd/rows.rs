@@ -128,6 +128,14 @@ impl ParticleRows {
         }
     }
 
+    /// Applies forces to some particles over `step` seconds.
+    pub fn apply_forces(&mut self, forces: &[(u32, Vec3)], step: f32) {
+        for &(particle, force) in forces {
+            let row = &mut self.velocity[row_of(particle as usize) as usize];
+            row.set(row.vector() + force * (row.0[3] * step));
+        }
+    }
+
     /// Begins a substep of `step` seconds: applies gravity and moves every particle to its unconstrained position.
     /// Kinematic particles are at `share` of their way at the end of the substep.
     pub fn predict(&mut self, step: f32, gravity: Vec3, share: f32) {

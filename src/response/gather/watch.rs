@@ -90,10 +90,7 @@ impl Gatherer {
                 if left >= normal.dot(way) {
                     continue;
                 }
-                let constraint = self.constraint(&mut solver.particles, scene, pair, sides, record, friction);
-                if let Some(constraint) = constraint.filter(|constraint| self.is_new(&constraint.features)) {
-                    solver.contacts.push(constraint, &solver.particles);
-                }
+                self.add_contact(solver, scene, pair, sides, record, friction);
             }
         }
         (self.unwatched, self.unwatched_places) = (unwatched, places);

@@ -15,6 +15,7 @@ use self::solid::{Exit, Solid};
 use super::{
     contact::{ContactConstraint, Features, SolverContacts},
     particles::Particles,
+    reaction::NO_REACTION,
     scene::Scene,
     solver::Solver,
     untangle::{CutOff, PiercingEdge, cut_off},
@@ -464,7 +465,14 @@ impl WayOut {
             let entries = point.entries.iter().copied().chain([(exit, -1.0)]).collect();
             let features = Features::Plane { particles: entries, offset: -distance };
             let normal = self.exit.outward;
-            let constraint = ContactConstraint { features, normal, distance: pace, friction: [0.0; 2] };
+            let constraint = ContactConstraint {
+                features,
+                normal,
+                distance: pace,
+                friction: [0.0; 2],
+                reaction: NO_REACTION,
+                recovers: true,
+            };
             contacts.push(constraint, particles);
         }
     }
