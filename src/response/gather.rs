@@ -78,6 +78,8 @@ pub(super) struct Gatherer {
     bodies: EntityHashMap<usize>,
     tick: u64,
     known: HashSet<Features4>,
+    /// How far each particle would move in the tick if nothing pushed it, for contacts of bodies.
+    ahead: Vec<Vec3>,
     /// The contacts that are not watched: a pair, and where its contacts are among the places.
     unwatched: Vec<(u32, u32, u32)>,
     /// The places of contacts in their pairs.
@@ -167,6 +169,7 @@ impl Gatherer {
 
     /// Makes constraints of all contacts with a body on at least one side.
     pub(super) fn add_contacts(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>, watch: Watch) {
+        self.look_ahead(&solver.particles, watch);
         self.known.clear();
         self.unwatched.clear();
         self.unwatched_places.clear();
@@ -180,7 +183,7 @@ impl Gatherer {
             self.find_tangled(&mut solver.particles, scene, pair);
             let first = self.unwatched_places.len() as u32;
             for (place, record) in (0..).zip(pair.contacts.iter()) {
-                if !Self::may_act(&solver.particles, scene, pair, sides, record, watch) {
+                if !self.may_act(scene, pair, sides, record, watch) {
                     self.unwatched_places.push(place);
                     continue;
                 }

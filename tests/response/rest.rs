@@ -11,20 +11,21 @@ use crate::harness::{LOSSLESS, Scene};
 
 /// How far the vertices of a cloth move per tick on average, in edges, some seconds after it has fallen over a ball.
 fn trembling(static_coefficient: f32, dynamic_coefficient: f32) -> f64 {
-    let (way, _) = draped(static_coefficient, dynamic_coefficient, SurfaceShape::Flat);
+    let (way, _) = draped(static_coefficient, dynamic_coefficient, SurfaceShape::Flat, Vec3::ZERO);
     way
 }
 
 /// That, and the least distance of a vertex of the cloth from the ball that the mesh stands for.
-fn draped(static_coefficient: f32, dynamic_coefficient: f32, shape: SurfaceShape) -> (f64, f32) {
+fn draped(static_coefficient: f32, dynamic_coefficient: f32, shape: SurfaceShape, place: Vec3) -> (f64, f32) {
     const TICKS: usize = 60;
     let mut scene = Scene::new();
     let friction = SurfaceFriction { static_coefficient, dynamic_coefficient };
     let thickness = SurfaceThickness::World(0.002);
-    scene.add_obstacle(&icosphere(2, 0.3), (friction, thickness, shape));
+    let place = Transform::from_translation(place);
+    scene.add_obstacle(&icosphere(2, 0.3), (friction, thickness, shape, place));
     let cloth = grid(12, 12, 1.0, 1.0, Diagonals::Alternating);
     let cloth = cloth.rotate([0.0, 1.0, 0.0], 0.3).translate([0.02, 0.35, 0.01]);
-    let body = scene.add(&cloth, XpbdMaterial::CLOTH, (friction, thickness, SelfCollision, shape));
+    let body = scene.add(&cloth, XpbdMaterial::CLOTH, (friction, thickness, SelfCollision, shape, place));
     scene.run(900);
     let mut way = 0.0;
     for _ in 0..TICKS {
@@ -43,7 +44,7 @@ fn draped(static_coefficient: f32, dynamic_coefficient: f32, shape: SurfaceShape
 #[test]
 fn a_smooth_cloth_lies_on_a_smooth_ball() {
     let [(_, flat), (trembling, smooth)] =
-        [SurfaceShape::Flat, SurfaceShape::Smooth].map(|shape| draped(0.5, 0.4, shape));
+        [SurfaceShape::Flat, SurfaceShape::Smooth].map(|shape| draped(0.5, 0.4, shape, Vec3::ZERO));
     println!("smooth: {trembling:e} edges a tick; least distance {smooth}, flat {flat}");
     assert!(trembling < 4.0e-3, "{trembling:e} edges a tick");
     assert!((smooth - 0.004).abs() < 5.0e-4 && flat < 0.002, "{smooth} {flat}");
@@ -57,6 +58,12 @@ fn a_cloth_on_a_ball_comes_to_rest_whatever_the_friction() {
         // that jumps, give 2e-5 to 7e-4.
         assert!(trembling < 1.0e-5, "friction {holding} and {sliding}: {trembling:e} edges a tick");
     }
+}
+
+#[test]
+fn a_cloth_comes_to_rest_a_kilometer_from_the_origin_as_it_does_there() {
+    let (trembling, _) = draped(0.5, 0.4, SurfaceShape::Flat, Vec3::new(1000.0, -300.0, 600.0));
+    assert!(trembling < 1.0e-5, "{trembling:e} edges a tick");
 }
 
 /// The kinetic and potential energy of all vertices that are not pinned.

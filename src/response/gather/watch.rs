@@ -41,7 +41,7 @@ impl Watch {
 impl Gatherer {
     /// Whether a contact may act in the tick.
     pub(super) fn may_act(
-        particles: &Particles,
+        &self,
         scene: &Scene<'_, '_>,
         pair: &StoredPair,
         sides: [&Side<'_>; 2],
@@ -54,14 +54,21 @@ impl Gatherer {
         if left <= 0.0 {
             return true;
         }
-        let ahead = |particle: usize| {
-            if particles.inverse_mass[particle] > 0.0 {
+        let ahead = |particle: usize| self.ahead[particle].as_dvec3();
+        left <= HASTE * relative_way(scene, pair, sides, record, ahead).length()
+    }
+
+    /// Notes how far every particle would move in the tick if nothing pushed it.
+    pub(super) fn look_ahead(&mut self, particles: &Particles, watch: Watch) {
+        self.ahead.clear();
+        self.ahead.extend((0..particles.len()).map(|particle| {
+            let way = if particles.inverse_mass[particle] > 0.0 {
                 particles.velocity[particle] * watch.duration
             } else {
                 particles.end[particle] - particles.start[particle]
-            }
-        };
-        left <= HASTE * relative_way(scene, pair, sides, record, ahead).length()
+            };
+            way.as_vec3()
+        }));
     }
 
     /// Makes constraints of contacts that were not watched, and whose sides have come together all the same, because

@@ -141,12 +141,13 @@ impl Body<'_> {
 impl Insides {
     /// Whether a particle is being pushed out of a surface or shape.
     pub(super) fn is_leaving(&self, surface: Entity, particle: u32) -> bool {
-        self.leaving.get(&surface).is_some_and(|particles| particles.contains(&particle))
+        !self.leaving.is_empty() && self.leaving.get(&surface).is_some_and(|particles| particles.contains(&particle))
     }
 
     /// Whether a triangle of a body crosses the boundary of a solid, or is next to one that does.
     pub(super) fn is_crossing(&self, body: Entity, solid: Entity, triangle: u32) -> bool {
-        self.crossing.get(&(body, solid)).is_some_and(|triangles| triangles.contains(&triangle))
+        let triangles = || self.crossing.get(&(body, solid));
+        !self.crossing.is_empty() && triangles().is_some_and(|triangles| triangles.contains(&triangle))
     }
 
     /// Allows triangles of a body to pass through another surface.
