@@ -76,8 +76,8 @@ impl Default for XpbdMaterial {
 }
 
 /// Largest coordinate of a body, in world units, and largest component of its velocity, in world units per second.
-/// Squares and triple products of such numbers are finite in f64. In f32 they are finite for numbers a million times
-/// smaller.
+/// Squares and triple products of such numbers are finite in f64. The solver works in f32: what overflows there is no
+/// number at the end, and counts as out of range as well.
 pub(super) const MOST_COORDINATE: f64 = 1.0e15;
 
 /// Whether the warning about a volume on an open surface has been logged.

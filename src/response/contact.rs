@@ -104,7 +104,7 @@ impl SolverContacts {
         let ContactConstraint { features, normal, distance, friction, reaction, recovers } = constraint;
         let is_free = |particle: u32| particles.inverse_mass[particle as usize] > 0.0;
         let mut push = |kind, parts| {
-            found.push_features(kind, Contact { parts, normal, distance, friction, reaction, recovers }, is_free)
+            found.push_features(kind, Contact { parts, normal, distance, friction, reaction, recovers }, is_free);
         };
         match features {
             Features::VertexFace(parts) => push(FeatureKind::VertexFace, parts),

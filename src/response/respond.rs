@@ -41,8 +41,8 @@ pub struct XpbdDiagnostics {
     pub parts: u32,
     /// Bodies that were moved, in the last part.
     pub bodies: usize,
-    /// Contacts that the solver watched, in the last part: those with a body on at least one side, within the margin,
-    /// and depenetration constraints.
+    /// Contacts that the solver watched, in the last part: those with a body on at least one side that may act in the
+    /// tick, and depenetration constraints.
     pub contacts: usize,
     /// Contact solves over all substeps and iterations. If the tick was solved again, only its last solution counts.
     pub contact_solves: usize,
@@ -50,9 +50,9 @@ pub struct XpbdDiagnostics {
     pub pressing: usize,
     /// Time to make constraints of contacts.
     pub gathering: Duration,
-    /// Time of the first solution.
+    /// Time to solve, and to solve again with contacts that were not expected to act.
     pub solving: Duration,
-    /// How often the tick was solved again, with constraints against impacts that were found along the trajectories of
+    /// How often the tick was solved again with constraints against impacts that were found along the trajectories of
     /// bodies.
     pub solved_again: usize,
     /// Impacts along the trajectories of bodies with [`SweptCollision`](crate::SweptCollision) that contacts did not

@@ -80,7 +80,7 @@ fn a_garment_stays_near_the_body_that_wears_it() {
         let turn = Quat::from_rotation_y(3.0 * time);
         let posed: Vec<Vec3> = positions
             .iter()
-            .map(|&at| turn * (at + Vec3::X * (0.1 * at.y * (6.0 * time).sin())) + Vec3::X * (1.5 * time))
+            .map(|&at| turn * (at + Vec3::X * (0.1 * at.y * bevy_math::ops::sin(6.0 * time))) + Vec3::X * (1.5 * time))
             .collect();
         scene.app.world_mut().get_mut::<SurfacePositions>(body).unwrap().0.clone_from(&posed);
         scene.tick(TICK);
@@ -160,8 +160,8 @@ fn forces_and_impulses_accelerate_by_what_they_weigh() {
     let total = mass(&scene, body);
     // Each vertex carries its own weight, so the body hangs in the air. One more newton pulls it sideways.
     let up = scene.body(body).inverse_masses.iter().map(|inverse| Vec3::Y * (9.81 / inverse));
-    let count = scene.positions(body).len() as f32;
-    let forces: Vec<Vec3> = up.map(|up| up + Vec3::X / count).collect();
+    let count = scene.positions(body).len();
+    let forces: Vec<Vec3> = up.map(|up| up + Vec3::X / count as f32).collect();
     scene.app.world_mut().entity_mut(body).insert(SurfaceForces(forces));
     scene.run(30);
     let momentum = |scene: &Scene| -> DVec3 {
@@ -175,7 +175,7 @@ fn forces_and_impulses_accelerate_by_what_they_weigh() {
     scene.body_mut(body).apply_impulse(VertexId(9999), Vec3::ONE);
     let gained = momentum(&scene) - before;
     assert!(gained.distance(DVec3::new(0.0, 0.5, -0.25)) < 1e-5, "{gained}");
-    scene.app.world_mut().entity_mut(body).insert(SurfaceForces(vec![Vec3::NAN; count as usize]));
+    scene.app.world_mut().entity_mut(body).insert(SurfaceForces(vec![Vec3::NAN; count]));
     scene.run(2);
     assert!(scene.positions(body).iter().all(|at| at.is_finite()) && scene.diagnostics().refused.is_empty());
 }
@@ -220,7 +220,7 @@ fn reactions_are_what_bodies_weigh_and_what_they_bring() {
         let expected = DVec3::NEG_Y * (weight * f64::from(ticks) * TICK);
         assert!(brought.distance(expected) < 0.02 * expected.length(), "{name}: {brought} instead of {expected}");
         let SurfaceReaction { impulse, angular_impulse } = reaction(&scene);
-        let [impulse, angular] = [impulse, angular_impulse].map(|vector| vector.as_dvec3());
+        let [impulse, angular] = [impulse, angular_impulse].map(Vec3::as_dvec3);
         let expected = DVec3::NEG_Y * (weight * TICK);
         assert!(impulse.distance(expected) < 0.02 * expected.length(), "{name}: {impulse} instead of {expected}");
         // About the origin of the support.

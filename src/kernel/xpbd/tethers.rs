@@ -50,7 +50,7 @@ impl Tethers {
             row: row_of(particle as usize),
             target: target.as_vec3(),
             way: way.as_vec3(),
-            normals: normals.map(|normal| normal.as_vec3()),
+            normals: normals.map(DVec3::as_vec3),
             longest: longest as f32,
             backstop: backstop as f32,
         });

@@ -1,7 +1,7 @@
 //! Drag and lift of triangles in a wind.
 //!
 //! On a triangle of area `A` with the unit normal `n` turned toward the relative wind `v`, air of density `ρ` acts with
-//! the force `½ρA [(C_D − C_L)(v·n) v + C_L |v|² n]` (Wilson, McAdams, Leo, and Simmons 2014, "Simulating Wind Effects on
+//! the force `½ρA [(C_D − C_L)(v·n) v + C_L |v|² n]` (Wilson et al. 2014, "Simulating Wind Effects on
 //! Cloth and Hair in Disney's Frozen").
 
 use glam::{DVec3, Vec3};
