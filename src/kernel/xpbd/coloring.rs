@@ -90,7 +90,7 @@ mod tests {
         // A star, whose middle has more constraints than there are colors, a chain, and random ones.
         let star: Vec<[u32; 2]> = (1..200).map(|other| [0, other]).collect();
         let chain: Vec<[u32; 2]> = (0..199).map(|place| [place, place + 1]).collect();
-        let mut number = || (random.unit() * 100.0) as u32;
+        let mut number = || random.unit().to_bits() as u32 % 100;
         let wild: Vec<[u32; 2]> = (0..500).map(|_| [number(), number()]).filter(|[a, b]| a != b).collect();
         for constraints in [star, chain, wild] {
             let mut blocks = Vec::new();

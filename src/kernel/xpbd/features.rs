@@ -220,7 +220,7 @@ mod tests {
                 let rough = sum(&meeting_of(kind, &points, DVec3::X).0, &points);
                 let (weights, normal) = meeting_of(kind, &points, rough.normalize());
                 let between = sum(&weights, &points);
-                on_rims += usize::from(weights.iter().any(|&weight| weight == 0.0));
+                on_rims += usize::from(weights.contains(&0.0));
                 let sides: [f64; 2] = match kind {
                     FeatureKind::VertexFace => [weights[0], weights[1] + weights[2] + weights[3]],
                     FeatureKind::EdgeEdge => [weights[0] + weights[1], weights[2] + weights[3]],
