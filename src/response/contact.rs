@@ -52,7 +52,7 @@ pub struct ContactConstraint {
     pub friction: [f64; 2],
     /// The number of its reaction, or `NO_REACTION`.
     pub reaction: u32,
-    /// Whether it leads back through something, or out of it, at a pace of its own.
+    /// Whether it leads back through something, at a pace of its own.
     pub recovers: bool,
 }
 

@@ -32,7 +32,7 @@ pub struct Contact<P> {
     pub friction: [f64; 2],
     /// The caller's number, if it asks for the impulse of the contact; [`NONE`] otherwise.
     pub reaction: u32,
-    /// Whether it leads back through something, or out of it, at a pace of its own.
+    /// Whether it leads back through something, at a pace of its own.
     pub recovers: bool,
 }
 

@@ -472,7 +472,7 @@ impl WayOut {
                 distance: pace,
                 friction: [0.0; 2],
                 reaction: NO_REACTION,
-                recovers: true,
+                recovers: false,
             };
             contacts.push(constraint, particles);
         }
