@@ -1,4 +1,4 @@
-//! Pure geometry: functions take slices and write into buffers that the caller owns. No ECS type.
+//! Pure geometry, and the arithmetic of the solver: functions take slices and write into buffers that the caller owns. No ECS type.
 //!
 //! Lengths are in the unit of the positions, angles in radians, curvature in 1/length. The rooms in their order, each of which
 //! imports only from those before it: capacity, pose, simd, mesh, contact, pair, bvh, exact, smooth, spheres, ccd, xpbd, pair fate.

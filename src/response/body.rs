@@ -313,8 +313,15 @@ impl XpbdBody {
     /// Kinetic energy of all vertices that are not pinned, in joules.
     #[must_use]
     pub fn kinetic_energy(&self) -> f64 {
-        let moved = self.velocities.iter().zip(&self.inverse_masses).filter(|&(_, &inverse_mass)| inverse_mass > 0.0);
-        moved.map(|(velocity, &inverse)| 0.5 * velocity.as_dvec3().length_squared() / f64::from(inverse)).sum()
+        self.free_vertices()
+            .map(|(velocity, inverse)| 0.5 * velocity.as_dvec3().length_squared() / f64::from(inverse))
+            .sum()
+    }
+
+    /// Velocities and inverse masses of the vertices that are not pinned.
+    pub(super) fn free_vertices(&self) -> impl Iterator<Item = (Vec3, f32)> {
+        let vertices = self.velocities.iter().copied().zip(self.inverse_masses.iter().copied());
+        vertices.filter(|&(_, inverse_mass)| inverse_mass > 0.0)
     }
 
     /// Checks that the body can be solved with a mesh and a number of positions. The game may have written to any of

@@ -40,29 +40,15 @@ impl Features {
 }
 
 /// A contact for the solver to watch.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ContactConstraint {
-    /// The features of both sides.
-    pub features: Features,
-    /// Unit vector from the second side to the first at the beginning of the tick.
-    pub normal: DVec3,
-    /// The contact distance to keep, in world units.
-    pub distance: f64,
-    /// Static and dynamic friction coefficients.
-    pub friction: [f64; 2],
-    /// The number of its reaction, or `NO_REACTION`.
-    pub reaction: u32,
-    /// Whether it leads back through something, at a pace of its own.
-    pub recovers: bool,
-}
+pub type ContactConstraint = Contact<Features>;
 
 impl ContactConstraint {
     /// Whether the side that the solver does not move is the first, in the order in which the solver has them: of two
     /// edges, a free one comes first.
     #[must_use]
     pub fn is_first_driven(&self, particles: &Particles) -> bool {
-        let is_driven = |particle: u32| particles.inverse_mass[particle as usize] <= 0.0;
-        match &self.features {
+        let is_driven = |particle: u32| !particles.is_free(particle);
+        match &self.parts {
             Features::VertexFace([vertex, ..]) => is_driven(*vertex),
             Features::EdgeEdge(_) => false,
             Features::Plane { particles: entries, .. } => {
@@ -74,7 +60,7 @@ impl ContactConstraint {
 
     /// Whether one of its particles is static or kinematic.
     fn is_on_firm_ground(&self, particles: &Particles) -> bool {
-        self.features.particles().any(|particle| particles.inverse_mass[particle as usize] <= 0.0)
+        self.parts.particles().any(|particle| !particles.is_free(particle))
     }
 }
 
@@ -101,21 +87,20 @@ impl SolverContacts {
     /// Adds a contact between particles that exist already.
     pub fn push(&mut self, constraint: ContactConstraint, particles: &Particles) {
         let found = &mut self.found[usize::from(!constraint.is_on_firm_ground(particles))];
-        let ContactConstraint { features, normal, distance, friction, reaction, recovers } = constraint;
-        let is_free = |particle: u32| particles.inverse_mass[particle as usize] > 0.0;
-        let mut push = |kind, parts| {
-            found.push_features(kind, Contact { parts, normal, distance, friction, reaction, recovers }, is_free);
-        };
+        let (contact, features) = constraint.split();
+        let is_free = |particle: u32| particles.is_free(particle);
         match features {
-            Features::VertexFace(parts) => push(FeatureKind::VertexFace, parts),
-            Features::EdgeEdge(parts) => push(FeatureKind::EdgeEdge, parts),
+            Features::VertexFace(parts) => {
+                found.push_features(FeatureKind::VertexFace, contact.between(parts), is_free);
+            }
+            Features::EdgeEdge(parts) => found.push_features(FeatureKind::EdgeEdge, contact.between(parts), is_free),
             Features::Plane { particles: entries, offset } => {
                 let mut parts =
                     Plane { particles: [NONE; 6], weights: [0.0; 6], drive: DVec3::ZERO, separation: offset };
                 let mut count = 0;
                 for (particle, weight) in entries {
                     let (start, end) = (particles.start[particle as usize], particles.end[particle as usize]);
-                    parts.separation += normal.dot(start * weight);
+                    parts.separation += contact.normal.dot(start * weight);
                     if is_free(particle) {
                         (parts.particles[count], parts.weights[count]) = (particle, weight);
                         count += 1;
@@ -123,7 +108,7 @@ impl SolverContacts {
                         parts.drive += (end - start) * weight;
                     }
                 }
-                found.push_plane(Contact { parts, normal, distance, friction, reaction, recovers });
+                found.push_plane(contact.between(parts));
             }
         }
     }
@@ -131,7 +116,7 @@ impl SolverContacts {
     /// Begins a tick.
     pub fn begin(&mut self, particles: &Particles) {
         let Self { found, colored, coloring } = self;
-        let is_free = |particle: u32| particles.inverse_mass[particle as usize] > 0.0;
+        let is_free = |particle: u32| particles.is_free(particle);
         for (colored, found) in colored.iter_mut().zip(found) {
             colored.begin(found, &particles.start, is_free, coloring);
         }
@@ -143,9 +128,9 @@ impl SolverContacts {
         self.colored.iter_mut().for_each(|colored| colored.push_again(rows));
     }
 
-    /// Pushes the sides of all contacts apart, [`SWEEPS`] times there and back, then applies friction, there and back: it runs after all
-    /// normal multipliers are final, because they are its limits. If a contact stopped pressing after its friction was
-    /// solved, it would release what it holds.
+    /// Pushes the sides of all contacts apart, [`SWEEPS`] times there and back, then applies friction, there and back.
+    /// Friction runs after all normal multipliers are final, because they are its limits. If a contact stopped pressing
+    /// after its friction was solved, it would release what it holds.
     pub fn solve(&mut self, rows: &mut ParticleRows) {
         let [firm, loose] = &mut self.colored;
         for _ in 0..SWEEPS {

@@ -80,10 +80,8 @@ pub(super) struct Gatherer {
     known: HashSet<Features4>,
     /// How far each particle would move in the tick if nothing pushed it, for contacts of bodies.
     ahead: Vec<Vec3>,
-    /// The contacts that are not watched: a pair, and where its contacts are among the places.
-    unwatched: Vec<(u32, u32, u32)>,
-    /// The places of contacts in their pairs.
-    unwatched_places: Vec<u32>,
+    /// The contacts that are not watched: the pair, and the place in it.
+    unwatched: Vec<[u32; 2]>,
     /// The particles of all triangles that cross in the current pair.
     tangled: HashSet<u32>,
     /// Unit vector along which the first side of the current pair moves back against the second, if a part of either is
@@ -97,6 +95,7 @@ pub(super) struct Gatherer {
 type Features4 = (bool, [u32; 4]);
 
 /// One side of a pair, as the solver sees it.
+#[derive(Clone, Copy)]
 enum Side<'a> {
     Body { first: usize, topology: &'a SurfaceTopology },
     Driven { entity: Entity, topology: &'a SurfaceTopology },
@@ -149,8 +148,8 @@ impl Gatherer {
         bodies.push(SolverBody { first, topology, rest, material: body.material, scale: surface.pose.scale() });
         self.bodies.insert(surface.entity, first);
         if let Ok(tethers) = scene.tethers.get(surface.entity) {
-            let particle_of = |vertex: VertexId| Some(first + *weld.get(vertex.index())? as usize);
-            tethers.append(particle_of, scene.motions.shares(), &mut |tether| solver.tether(&tether));
+            let particle_of = |vertex: VertexId| Some(first as u32 + weld.get(vertex.index())?);
+            tethers.in_part(scene.motions.shares(), particle_of).for_each(|tether| solver.tether(&tether));
         }
         if let Ok(wind) = scene.winds.get(surface.entity) {
             solver.blow(wind.air(), surface.topology.welded_triangles(), first);
@@ -172,24 +171,20 @@ impl Gatherer {
         self.look_ahead(&solver.particles, watch);
         self.known.clear();
         self.unwatched.clear();
-        self.unwatched_places.clear();
         for (pair_place, pair) in (0..).zip(&scene.store.pairs) {
-            let sides = [self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, pair.topology_b.as_ref())];
-            let sides = sides.each_ref();
+            let sides = self.sides(pair);
             if !sides.iter().any(|side| matches!(side, Side::Body { .. })) {
                 continue;
             }
             let friction = scene.friction(pair.a.entity(), pair.b.entity());
             self.find_tangled(&mut solver.particles, scene, pair);
-            let first = self.unwatched_places.len() as u32;
             for (place, record) in (0..).zip(pair.contacts.iter()) {
-                if !self.may_act(scene, pair, sides, record, watch) {
-                    self.unwatched_places.push(place);
-                    continue;
+                if self.may_act(scene, pair, sides, record, watch) {
+                    self.add_contact(solver, scene, pair, sides, record, friction);
+                } else {
+                    self.unwatched.push([pair_place, place]);
                 }
-                self.add_contact(solver, scene, pair, sides, record, friction);
             }
-            self.unwatched.push((pair_place, first, self.unwatched_places.len() as u32));
         }
     }
 
@@ -200,12 +195,12 @@ impl Gatherer {
         solver: &mut Solver,
         scene: &Scene<'_, '_>,
         pair: &StoredPair,
-        sides: [&Side<'_>; 2],
+        sides: [Side<'_>; 2],
         record: &CompactContact,
         friction: [f64; 2],
     ) {
         let constraint = self.constraint(&mut solver.particles, scene, pair, sides, record, friction);
-        let Some(mut constraint) = constraint.filter(|constraint| self.is_new(&constraint.features)) else { return };
+        let Some(mut constraint) = constraint.filter(|constraint| self.is_new(&constraint.parts)) else { return };
         let entities = [pair.a.entity(), pair.b.entity()];
         let point = pair.frame_pose.transform_point(record.point_b.as_dvec3());
         self.ask_reaction(&mut constraint, scene, entities, point, &solver.particles);
@@ -284,7 +279,7 @@ impl Gatherer {
         let features = Features::Plane { particles: entries, offset: -distance };
         let friction = scene.friction(a.entity, b.entity);
         let mut constraint =
-            ContactConstraint { features, normal, distance, friction, reaction: NO_REACTION, recovers: false };
+            ContactConstraint { parts: features, normal, distance, friction, reaction: NO_REACTION, recovers: false };
         let at = |particle: u32| solver.particles.start[particle as usize];
         let point = (0..3).map(|corner| at(corners_a[corner]) * found.barycentrics[0][corner]).sum();
         self.ask_reaction(&mut constraint, scene, [a.entity, b.entity], point, &solver.particles);
@@ -307,6 +302,10 @@ impl Gatherer {
         driven.tick = self.tick;
         driven.slots.resize(vertex_count, NONE);
         driven
+    }
+
+    fn sides<'a>(&self, pair: &'a StoredPair) -> [Side<'a>; 2] {
+        [self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, pair.topology_b.as_ref())]
     }
 
     fn side<'a>(&self, side: ContactSide, topology: Option<&'a Arc<SurfaceTopology>>) -> Side<'a> {
@@ -348,7 +347,7 @@ impl Gatherer {
         particles: &mut Particles,
         scene: &Scene<'_, '_>,
         pair: &StoredPair,
-        [side_a, side_b]: [&Side<'_>; 2],
+        [side_a, side_b]: [Side<'_>; 2],
         record: &CompactContact,
         friction: [f64; 2],
     ) -> Option<ContactConstraint> {
@@ -358,8 +357,8 @@ impl Gatherer {
         if normal == DVec3::ZERO {
             return None;
         }
-        let a = self.corners(particles, scene, side_a, &pair.poses[0], record.triangle_a)?;
-        let b = self.corners(particles, scene, side_b, &pair.poses[1], record.triangle_b);
+        let a = self.corners(particles, scene, &side_a, &pair.poses[0], record.triangle_a)?;
+        let b = self.corners(particles, scene, &side_b, &pair.poses[1], record.triangle_b);
         // A body that is depenetrated moves in one direction as a whole. Its own contacts with the solid would pull
         // against it.
         let is_leaving = |corners: [u32; 3], other: ContactSide| {
@@ -383,7 +382,7 @@ impl Gatherer {
         }
         let Some(b) = b else {
             let Side::Shape { entity } = side_b else { return None };
-            return Some(against_shape(scene, particles, pair, record, (a, *entity, normal), friction));
+            return Some(against_shape(scene, particles, pair, record, (a, entity, normal), friction));
         };
         let has_inside = pair.one_sided.contains(&true);
         // A pair that the guard kept apart has not passed through, even if a rotation brought it to the other side of
@@ -415,7 +414,7 @@ impl Gatherer {
         if !penetrated && is_tangled(a) && is_tangled(b) {
             return None;
         }
-        Some(ContactConstraint { features, normal, distance, friction, reaction: NO_REACTION, recovers: false })
+        Some(ContactConstraint { parts: features, normal, distance, friction, reaction: NO_REACTION, recovers: false })
     }
 }
 
@@ -442,5 +441,5 @@ fn against_shape(
     let offset = separation - normal.dot(detected_sum(particles, &entries));
     let features = Features::Plane { particles: entries, offset };
     let distance = f64::from(pair.contact_distance);
-    ContactConstraint { features, normal, distance, friction, reaction: NO_REACTION, recovers: false }
+    ContactConstraint { parts: features, normal, distance, friction, reaction: NO_REACTION, recovers: false }
 }

@@ -349,9 +349,9 @@ fn reach_of(surface: &ActiveSurface, positions: &[Vec3], body: &XpbdBody, mean_e
     let squared = body.velocities.iter().map(|velocity| velocity.as_dvec3().length_squared());
     let way = squared.fold(0.0, f64::max).sqrt() * duration;
     let region = Region::around(points).grown(way + mean_edge + 2.0 * f64::from(surface.thickness));
-    let free = body.velocities.iter().zip(&body.inverse_masses).filter(|&(_, &inverse_mass)| inverse_mass > 0.0);
-    let (sum, count) =
-        free.fold((DVec3::ZERO, 0usize), |(sum, count), (velocity, _)| (sum + velocity.as_dvec3(), count + 1));
+    let (sum, count) = body
+        .free_vertices()
+        .fold((DVec3::ZERO, 0usize), |(sum, count), (velocity, _)| (sum + velocity.as_dvec3(), count + 1));
     Reach { region, motion: sum * (duration / count.max(1) as f64), mean_edge }
 }
 

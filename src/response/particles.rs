@@ -56,6 +56,12 @@ impl Particles {
         self.position[particle] = self.start[to];
     }
 
+    /// Whether forces and constraints move a particle.
+    #[must_use]
+    pub fn is_free(&self, particle: u32) -> bool {
+        self.inverse_mass[particle as usize] > 0.0
+    }
+
     /// Makes a particle kinematic: it moves from where it is to `end`.
     pub fn drive(&mut self, particle: usize, end: DVec3) {
         self.inverse_mass[particle] = 0.0;

@@ -5,7 +5,10 @@ use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_reflect::prelude::*;
 use glam::{DVec3, Vec3};
 
-use crate::{kernel::pose::Pose, surface::ActiveSurfaces};
+use crate::{
+    kernel::{pose::Pose, xpbd::coloring::NONE},
+    surface::ActiveSurfaces,
+};
 
 /// The impulse that the contacts of the last tick gave to a rigid shape, or to a surface that the solver does not move.
 /// Insert it on such an entity to have it written in every tick. A physics engine, or the game, applies it to the body that
@@ -33,7 +36,7 @@ struct Pushed {
 }
 
 /// Stands for no reaction.
-pub(super) const NO_REACTION: u32 = u32::MAX;
+pub(super) const NO_REACTION: u32 = NONE;
 
 /// The reactions of a tick.
 #[derive(Debug, Default)]

@@ -77,7 +77,14 @@ pub(super) fn untangling(
     let distance = f64::from(pair.contact_distance);
     let offset = -distance * way - normal.dot(detected_sum(particles, &entries));
     let features = Features::Plane { particles: entries, offset };
-    Some(ContactConstraint { features, normal, distance, friction: [0.0; 2], reaction: NO_REACTION, recovers: true })
+    Some(ContactConstraint {
+        parts: features,
+        normal,
+        distance,
+        friction: [0.0; 2],
+        reaction: NO_REACTION,
+        recovers: true,
+    })
 }
 
 /// Direction in which the first side of a crossing moves to shorten the intersection contour.

@@ -134,7 +134,7 @@ pub(super) fn choose_margins(
     let Some(time) = time else { return };
     let Response { margins, fall, .. } = &mut *response;
     let duration = time.delta_secs() / motions.parts() as f32;
-    // From rest, at the end of the first and of the last of many substeps.
+    // Twice that, so at least as far, however few substeps there are.
     *fall = settings.in_range().gravity.length() * duration * duration;
     let edge = |mesh: &DeformableSurface, surface: &ActiveSurface| mesh.mean_edge() * surface.pose.scale() as f32;
     let edges = active.surfaces.iter().filter_map(|surface| Some(edge(bodies.get(surface.entity).ok()?.0, surface)));
@@ -163,11 +163,10 @@ pub(super) fn choose_margins(
 
 /// Root mean squares of the velocities of a body's vertices, relative to the mean velocity, and in the world.
 fn speeds(body: &XpbdBody) -> [f32; 2] {
-    let free = body.velocities.iter().zip(&body.inverse_masses).filter(|&(_, &inverse_mass)| inverse_mass > 0.0);
     let (mut count, mut sum, mut squares) = (0_usize, Vec3::ZERO, 0.0);
-    for (velocity, _) in free {
+    for (velocity, _) in body.free_vertices() {
         count += 1;
-        sum += *velocity;
+        sum += velocity;
         squares += velocity.length_squared();
     }
     let share = 1.0 / count.max(1) as f32;
@@ -331,7 +330,6 @@ fn respond(
     diagnostics.inside = gatherer.lead_out(solver, &scene);
     gatherer.add_contacts(solver, &scene, Watch { duration, fall: f64::from(*fall) });
     diagnostics.bodies = moved.len();
-    diagnostics.contacts = solver.contacts.len();
     diagnostics.gathering += start.elapsed();
     let start = Instant::now();
     solver.begin();

@@ -35,17 +35,6 @@ pub(super) struct SolverBody {
     pub(super) scale: f64,
 }
 
-/// The tether of a particle in a part of a tick.
-pub(super) struct SolverTether {
-    pub(super) particle: usize,
-    /// Where the target is at the beginning and at the end.
-    pub(super) places: [DVec3; 2],
-    /// Away from what is behind the target; zero if nothing is.
-    pub(super) normals: [DVec3; 2],
-    pub(super) longest: f64,
-    pub(super) backstop: f64,
-}
-
 /// Where the constraints of a body are among those of all bodies.
 struct Inner {
     springs: Range<usize>,
@@ -153,14 +142,13 @@ impl Solver {
     }
 
     /// Adds a tether. A particle with a tether of length 0 is kinematic.
-    pub(super) fn tether(&mut self, tether: &SolverTether) {
-        let &SolverTether { particle, places: [from, to], normals, longest, backstop } = tether;
-        if longest <= 0.0 {
-            self.particles.drive(particle, to);
-            return;
+    pub(super) fn tether(&mut self, tethered: &Tethered) {
+        let particle = tethered.particle as usize;
+        if tethered.longest <= 0.0 {
+            self.particles.drive(particle, tethered.places[1]);
+        } else {
+            self.tethers.push(tethered, self.particles.start[particle]);
         }
-        let target = from - self.particles.start[particle];
-        self.tethers.push(&Tethered { particle: particle as u32, target, way: to - from, normals, longest, backstop });
     }
 
     /// Puts a body into a wind.

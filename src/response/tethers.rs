@@ -1,19 +1,21 @@
 //! Tethers: they keep vertices of a body near places that something else moves.
 
-use bevy_ecs::{prelude::*, system::SystemParam};
+use bevy_ecs::{entity::EntityHashMap, prelude::*, system::SystemParam};
 #[cfg(feature = "reflect")]
 use bevy_reflect::prelude::*;
 use bevy_time::Time;
 use glam::{DVec3, Vec3};
 
-use super::solver::SolverTether;
 use crate::{
-    kernel::mesh::{
-        barycentric::barycentric_of,
-        ids::{TriangleId, VertexId},
-        side::{closest_feature, face_normal},
+    kernel::{
+        mesh::{
+            barycentric::barycentric_of,
+            ids::{TriangleId, VertexId},
+            side::{closest_feature, face_normal},
+        },
+        xpbd::Tethered,
     },
-    surface::{ActiveSurfaces, SurfacePositions, Transforms},
+    surface::{ActiveSurface, ActiveSurfaces, SurfacePositions, Transforms},
 };
 
 /// A place that a vertex is tethered to.
@@ -154,24 +156,22 @@ impl XpbdTethers {
         Self::new(tethers)
     }
 
-    /// Appends the tethers of a part of a tick that begins and ends at these shares of it.
-    pub(super) fn append(
+    /// The tethers in a part of a tick that begins and ends at these shares of it, of vertices that have a particle.
+    pub(super) fn in_part(
         &self,
-        vertices: impl Fn(VertexId) -> Option<usize>,
         shares: [f64; 2],
-        append: &mut impl FnMut(SolverTether),
-    ) {
-        for [from, to] in self.ways.iter().flatten() {
+        particle_of: impl Fn(VertexId) -> Option<u32>,
+    ) -> impl Iterator<Item = Tethered> {
+        self.ways.iter().flatten().filter_map(move |[from, to]| {
             let Tether { vertex, longest, backstop, .. } = to.tether;
-            let Some(particle) = vertices(vertex) else { continue };
-            append(SolverTether {
-                particle,
+            Some(Tethered {
+                particle: particle_of(vertex)?,
                 places: shares.map(|share| from.at.lerp(to.at, share)),
                 normals: shares.map(|share| from.normal.lerp(to.normal, share).normalize_or_zero()),
                 longest: f64::from(longest.max(0.0)),
                 backstop: f64::from(backstop),
-            });
-        }
+            })
+        })
     }
 }
 
@@ -183,7 +183,7 @@ pub(super) struct Targets<'w, 's> {
 }
 
 impl Targets<'_, '_> {
-    fn place(&self, active: &ActiveSurfaces, tether: Tether) -> Option<Place> {
+    fn place(&self, surfaces: &EntityHashMap<&ActiveSurface>, tether: Tether) -> Option<Place> {
         let place = match tether.target {
             TetherTarget::World(point) => Place { tether, at: point.as_dvec3(), normal: DVec3::ZERO },
             TetherTarget::Entity { entity, point } => {
@@ -191,7 +191,7 @@ impl Targets<'_, '_> {
                 Place { tether, at: frame.transform_point3(point.as_dvec3()), normal: DVec3::ZERO }
             }
             TetherTarget::Surface { entity, triangle, barycentric, height } => {
-                let surface = active.surfaces.iter().find(|surface| surface.entity == entity)?;
+                let surface = surfaces.get(&entity)?;
                 let positions = self.positions.get(entity).ok()?;
                 let corners = *surface.topology.triangles().get(triangle.0 as usize)?;
                 let at = |vertex: u32| Some(surface.pose.transform_point(positions.0.get(vertex as usize)?.as_dvec3()));
@@ -228,15 +228,16 @@ pub(super) fn aim_tethers(
     targets: Targets,
     mut bodies: Query<&mut XpbdTethers>,
 ) {
-    if time.is_none_or(|time| time.delta_secs_f64() <= 0.0) {
+    if bodies.is_empty() || time.is_none_or(|time| time.delta_secs_f64() <= 0.0) {
         return;
     }
+    let by_entity = active.surfaces.iter().map(|surface| (surface.entity, surface)).collect();
     for surface in &active.surfaces {
         let Ok(mut body) = bodies.get_mut(surface.entity) else { continue };
         let XpbdTethers { tethers, ways } = body.bypass_change_detection();
         ways.resize(tethers.len(), None);
         for (&tether, way) in tethers.iter().zip(ways) {
-            *way = targets.place(&active, tether).map(|now| {
+            *way = targets.place(&by_entity, tether).map(|now| {
                 let before = way.map(|[_, before]| before).filter(|before| is_same(&before.tether, &tether));
                 [before.filter(|_| !surface.fresh).unwrap_or(now), now]
             });

@@ -97,8 +97,8 @@ impl Common {
     }
 }
 
-/// Eight contacts of which some may act in a substep, with their weights and normals in that substep. Only free
-/// particles are in it. What the others do is known, and is part of the offsets.
+/// Up to eight contacts that may act in a substep, with their weights and normals there. Only free particles are in it.
+/// What the others do is known, and is part of the offsets.
 #[derive(Debug)]
 pub(super) struct ActingBlock<const N: usize> {
     /// The block that they were evaluated from.
@@ -278,8 +278,8 @@ impl<const N: usize> ActingBlock<N> {
         self.push(&mut particles.displacement, &moved, &weights, held - held_before);
     }
 
-    /// Keeps the separation that is left and the push, and removes the separating velocity that a push has added: contacts do not
-    /// bounce.
+    /// Keeps the separation that is left and the push, and removes the separating velocity that a push has added:
+    /// contacts do not bounce.
     #[inline(always)]
     pub(super) fn end_step<S: Simd>(&mut self, simd: S, particles: &mut ParticleRows, common: &mut Common) {
         let zeros = f32x8::splat(simd, 0.0);

@@ -12,6 +12,38 @@ pub const NONE: u32 = u32::MAX;
 /// The constraints of a block, by their numbers; [`NONE`] where there are fewer.
 pub type Block = [u32; WIDTH];
 
+/// The lanes of a block that have a constraint, with its number.
+pub(super) fn lanes_of(block: &Block) -> impl Iterator<Item = (usize, usize)> {
+    let lanes = block.iter().enumerate().filter(|&(_, &constraint)| constraint != NONE);
+    lanes.map(|(lane, &constraint)| (lane, constraint as usize))
+}
+
+/// The places of a list, from the first to the last or backward.
+pub(super) fn in_order(count: usize, is_backward: bool) -> impl Iterator<Item = usize> {
+    (0..count).map(move |place| if is_backward { count - 1 - place } else { place })
+}
+
+/// The internal constraints of one kind of a body at rest, colored.
+#[derive(Clone, Debug, Default)]
+pub struct Rests<const N: usize> {
+    /// The particles of each, as numbers within the body.
+    pub(super) particles: Vec<[u32; N]>,
+    /// The value of each at rest.
+    pub(super) values: Vec<f64>,
+    pub(super) blocks: Vec<Block>,
+}
+
+impl<const N: usize> Rests<N> {
+    /// Constraints on the given particles, out of `count`, with their values at rest.
+    #[must_use]
+    pub fn new(count: usize, constraints: impl Iterator<Item = ([u32; N], f64)>) -> Self {
+        let (particles, values): (Vec<_>, Vec<_>) = constraints.unzip();
+        let mut blocks = Vec::new();
+        Coloring::default().blocks(count, particles.len(), |place| particles[place as usize], &mut blocks);
+        Self { particles, values, blocks }
+    }
+}
+
 /// The colors given out at a time. Constraints that get none of them are colored afterwards, with new colors.
 const COLORS: usize = u64::BITS as usize;
 

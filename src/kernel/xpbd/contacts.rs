@@ -13,7 +13,7 @@ use glam::DVec3;
 
 use super::{
     acting::{ActingBlock, Common, Driven, Evaluation, Free, SHALLOW, gather_all, load_all, zero},
-    coloring::{Block, Coloring, NONE},
+    coloring::{Block, Coloring, NONE, in_order, lanes_of},
     features::{FeatureKind, Meeting, edge_edge, vertex_face},
     rows::{NOBODY, ParticleRows, Places, row_of, set_lane},
 };
@@ -52,22 +52,30 @@ pub struct Plane<const N: usize> {
     pub separation: f64,
 }
 
+impl<P> Contact<P> {
+    /// The contact without what it is between, and that.
+    pub(crate) fn split(self) -> (Contact<()>, P) {
+        let Self { parts, normal, distance, friction, reaction, recovers } = self;
+        (Contact { parts: (), normal, distance, friction, reaction, recovers }, parts)
+    }
+}
+
+impl Contact<()> {
+    /// The same between something.
+    pub(crate) fn between<P>(self, parts: P) -> Contact<P> {
+        let Self { parts: (), normal, distance, friction, reaction, recovers } = self;
+        Contact { parts, normal, distance, friction, reaction, recovers }
+    }
+}
+
 impl Contact<Plane<6>> {
     /// The same with fewer particles, if that is all it has.
     pub(super) fn narrowed<const N: usize>(&self) -> Option<Contact<Plane<N>>> {
-        let &Self {
-            parts: Plane { particles, weights, drive, separation },
-            normal,
-            distance,
-            friction,
-            reaction,
-            recovers,
-        } = self;
+        let (contact, Plane { particles, weights, drive, separation }) = self.split();
         let (particles, rest) = particles.split_first_chunk()?;
         let (weights, _) = weights.split_first_chunk()?;
         let parts = Plane { particles: *particles, weights: *weights, drive, separation };
-        let is_all = rest.iter().all(|&particle| particle == NONE);
-        is_all.then_some(Contact { parts, normal, distance, friction, reaction, recovers })
+        rest.iter().all(|&particle| particle == NONE).then_some(contact.between(parts))
     }
 }
 
@@ -218,14 +226,8 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     fn separate(&mut self, batch: usize, particles: &mut ParticleRows, is_backward: bool) {
         let acting = self.of_batch(batch);
         dispatch!(Level::new(), simd => {
-            if is_backward {
-                for block in acting.iter_mut().rev() {
-                    block.separate(simd, particles);
-                }
-            } else {
-                for block in acting {
-                    block.separate(simd, particles);
-                }
+            for place in in_order(acting.len(), is_backward) {
+                acting[place].separate(simd, particles);
             }
         });
     }
@@ -233,14 +235,8 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     fn rub(&mut self, batch: usize, particles: &mut ParticleRows, is_backward: bool) {
         let acting = self.of_batch(batch);
         dispatch!(Level::new(), simd => {
-            if is_backward {
-                for block in acting.iter_mut().rev() {
-                    block.rub(simd, particles);
-                }
-            } else {
-                for block in acting {
-                    block.rub(simd, particles);
-                }
+            for place in in_order(acting.len(), is_backward) {
+                acting[place].rub(simd, particles);
             }
         });
     }
@@ -271,8 +267,8 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
     }
 }
 
-/// Eight contacts between features, two edges or a vertex and a face, of which constraints move `N` particles: the
-/// vertex, the face, the first edge, or any of all four.
+/// Eight contacts between two edges, or between a vertex and a face. Constraints move `N` of their particles: the vertex,
+/// the face, the first edge, or any of all four.
 #[derive(Debug)]
 pub(super) struct FeatureBlock<const ARE_EDGES: bool, const N: usize> {
     places: [Places; 4],
@@ -330,8 +326,8 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
 
     fn new(numbers: &Block, contacts: &[Contact<FeatureParticles>], start: &[DVec3]) -> Self {
         let mut block = Self { places: [[NOBODY; WIDTH]; 4], start: [VectorRows::ZERO; 3], common: Common::EMPTY };
-        for (lane, &number) in numbers.iter().enumerate().filter(|&(_, &number)| number != NONE) {
-            let contact = &contacts[number as usize];
+        for (lane, number) in lanes_of(numbers) {
+            let contact = &contacts[number];
             let particles = contact.parts.map(|particle| particle as usize);
             for (places, particle) in block.places.iter_mut().zip(particles) {
                 places[lane] = row_of(particle);
@@ -414,8 +410,8 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
             offset: [0.0; WIDTH],
             common: Common::EMPTY,
         };
-        for (lane, &number) in numbers.iter().enumerate().filter(|&(_, &number)| number != NONE) {
-            let contact = &contacts[number as usize];
+        for (lane, number) in lanes_of(numbers) {
+            let contact = &contacts[number];
             for place in (0..N).filter(|&place| contact.parts.particles[place] != NONE) {
                 block.places[place][lane] = row_of(contact.parts.particles[place] as usize);
                 block.weights[place][lane] = contact.parts.weights[place] as f32;

@@ -12,7 +12,7 @@ use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*};
 use glam::DVec3;
 
 use super::{
-    coloring::{Block, Coloring, NONE},
+    coloring::{Rests, lanes_of},
     rows::{NOBODY, ParticleRows, Places, gather, row_of, scatter, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
@@ -42,25 +42,8 @@ pub fn bend_at(&[start, end, left, right]: &[DVec3; 4]) -> f64 {
     (unit_left - unit_right).length().copysign(side)
 }
 
-/// The hinges of a body at rest, colored.
-#[derive(Clone, Debug, Default)]
-pub struct HingeRests {
-    /// The corners of each hinge, in the order of [`bend_at`], as numbers within the body.
-    corners: Vec<[u32; 4]>,
-    bends: Vec<f64>,
-    blocks: Vec<Block>,
-}
-
-impl HingeRests {
-    /// Hinges with the given corners, in the order of [`bend_at`], and bends at rest.
-    #[must_use]
-    pub fn new(particles: usize, hinges: impl Iterator<Item = ([u32; 4], f64)>) -> Self {
-        let (corners, bends): (Vec<_>, Vec<_>) = hinges.unzip();
-        let mut blocks = Vec::new();
-        Coloring::default().blocks(particles, corners.len(), |hinge| corners[hinge as usize], &mut blocks);
-        Self { corners, bends, blocks }
-    }
-}
+/// The hinges of a body at rest: their corners, in the order of [`bend_at`], and their bends.
+pub type HingeRests = Rests<4>;
 
 /// Eight hinges that have no particle in common.
 #[derive(Debug)]
@@ -93,15 +76,15 @@ impl Hinges {
                 bend: [0.0; WIDTH],
                 multiplier: [0.0; WIDTH],
             };
-            for (lane, &hinge) in numbers.iter().enumerate().filter(|&(_, &hinge)| hinge != NONE) {
-                let places = rests.corners[hinge as usize].map(|corner| first + corner as usize);
+            for (lane, hinge) in lanes_of(numbers) {
+                let places = rests.particles[hinge].map(|corner| first + corner as usize);
                 for corner in 0..4 {
                     block.corners[corner][lane] = row_of(places[corner]);
                 }
                 for corner in 0..3 {
                     set_lane(&mut block.start[corner], lane, start[places[corner + 1]] - start[places[0]]);
                 }
-                block.bend[lane] = rests.bends[hinge as usize] as f32;
+                block.bend[lane] = rests.values[hinge] as f32;
             }
             block
         }));

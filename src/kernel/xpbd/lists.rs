@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{
     acting::Evaluation,
-    coloring::Coloring,
+    coloring::{Coloring, in_order},
     contacts::{Contact, ContactBlocks, ContactList, FeatureBlock, FeatureParticles, Plane, PlaneBlock},
     features::FeatureKind,
     rows::ParticleRows,
@@ -159,14 +159,10 @@ impl Contacts {
         [vertex_face, vertices, faces, edge_edge, edges, points, planes, wide_planes]
     }
 
-    fn in_order(&mut self, is_backward: bool, mut solve: impl FnMut(&mut dyn ContactList, usize)) {
-        for place in 0..self.batches {
-            if is_backward {
-                let batch = self.batches - 1 - place;
-                self.lists().into_iter().rev().for_each(|list| solve(list, batch));
-            } else {
-                self.lists().into_iter().for_each(|list| solve(list, place));
-            }
+    fn visit(&mut self, is_backward: bool, mut solve: impl FnMut(&mut dyn ContactList, usize)) {
+        for batch in in_order(self.batches, is_backward) {
+            let mut lists = self.lists();
+            in_order(KINDS, is_backward).for_each(|kind| solve(&mut *lists[kind], batch));
         }
     }
 
@@ -182,12 +178,12 @@ impl Contacts {
 
     /// Pushes the sides of all contacts apart to their target separations, in order, or backward.
     pub fn separate(&mut self, particles: &mut ParticleRows, is_backward: bool) {
-        self.in_order(is_backward, |list, batch| list.separate(batch, particles, is_backward));
+        self.visit(is_backward, |list, batch| list.separate(batch, particles, is_backward));
     }
 
     /// Holds the sides of all contacts along the surface, within the limits of friction, in order, or backward.
     pub fn rub(&mut self, particles: &mut ParticleRows, is_backward: bool) {
-        self.in_order(is_backward, |list, batch| list.rub(batch, particles, is_backward));
+        self.visit(is_backward, |list, batch| list.rub(batch, particles, is_backward));
     }
 
     /// Ends a substep, after velocities have been derived: keeps what is left, and removes bounce.

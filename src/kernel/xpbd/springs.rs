@@ -8,7 +8,7 @@ use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::DVec3;
 
 use super::{
-    coloring::{Block, Coloring, NONE},
+    coloring::{Rests, lanes_of},
     rows::{NOBODY, ParticleRows, Places, gather, row_of, scatter, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
@@ -17,26 +17,8 @@ use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 /// within one substep, and an edge stretched to several lengths would be thrown about faster than contacts can follow.
 const RECOVERY: f32 = 100.0;
 
-/// The springs of a body at rest, colored.
-#[derive(Clone, Debug, Default)]
-pub struct SpringRests {
-    /// The particles at the ends of each spring, as numbers within the body.
-    ends: Vec<[u32; 2]>,
-    /// Rest lengths.
-    lengths: Vec<f64>,
-    blocks: Vec<Block>,
-}
-
-impl SpringRests {
-    /// Springs with the given ends and rest lengths.
-    #[must_use]
-    pub fn new(particles: usize, springs: impl Iterator<Item = ([u32; 2], f64)>) -> Self {
-        let (ends, lengths): (Vec<_>, Vec<_>) = springs.unzip();
-        let mut blocks = Vec::new();
-        Coloring::default().blocks(particles, ends.len(), |spring| ends[spring as usize], &mut blocks);
-        Self { ends, lengths, blocks }
-    }
-}
+/// The springs of a body at rest: the particles at their ends, and their lengths.
+pub type SpringRests = Rests<2>;
 
 /// Eight springs that have no particle in common.
 #[derive(Debug)]
@@ -70,11 +52,11 @@ impl Springs {
                 length: [0.0; WIDTH],
                 multiplier: [0.0; WIDTH],
             };
-            for (lane, &spring) in numbers.iter().enumerate().filter(|&(_, &spring)| spring != NONE) {
-                let [a, b] = rests.ends[spring as usize].map(|end| first + end as usize);
+            for (lane, spring) in lanes_of(numbers) {
+                let [a, b] = rests.particles[spring].map(|end| first + end as usize);
                 (block.ends[0][lane], block.ends[1][lane]) = (row_of(a), row_of(b));
                 set_lane(&mut block.start, lane, start[a] - start[b]);
-                block.length[lane] = (rests.lengths[spring as usize] * scale) as f32;
+                block.length[lane] = (rests.values[spring] * scale) as f32;
             }
             block
         }));

@@ -9,10 +9,8 @@ use super::rows::{ParticleRows, row_of};
 pub struct Tethered {
     /// The particle.
     pub particle: u32,
-    /// From the particle to the target when the tick begins.
-    pub target: DVec3,
-    /// How far the target moves in the tick.
-    pub way: DVec3,
+    /// Where the target is at the beginning and at the end of the tick.
+    pub places: [DVec3; 2],
     /// Unit vectors away from what is behind the target, at the beginning and at the end of the tick. Zero if there is
     /// nothing behind.
     pub normals: [DVec3; 2],
@@ -22,7 +20,7 @@ pub struct Tethered {
     pub backstop: f64,
 }
 
-/// The same in f32.
+/// The same in f32, and relative to where the particle begins.
 #[derive(Clone, Copy, Debug)]
 struct Tether {
     row: u32,
@@ -44,12 +42,13 @@ impl Tethers {
         self.tethers.clear();
     }
 
-    pub fn push(&mut self, tethered: &Tethered) {
-        let &Tethered { particle, target, way, normals, longest, backstop } = tethered;
+    /// Adds the tether of a particle that begins at `start`.
+    pub fn push(&mut self, tethered: &Tethered, start: DVec3) {
+        let &Tethered { particle, places: [from, to], normals, longest, backstop } = tethered;
         self.tethers.push(Tether {
             row: row_of(particle as usize),
-            target: target.as_vec3(),
-            way: way.as_vec3(),
+            target: (from - start).as_vec3(),
+            way: (to - from).as_vec3(),
             normals: normals.map(DVec3::as_vec3),
             longest: longest as f32,
             backstop: backstop as f32,
@@ -92,7 +91,7 @@ mod tests {
         rows.begin([placed].into_iter());
         rows.predict(1.0, Vec3::ZERO, 1.0);
         let mut tethers = Tethers::default();
-        tethers.push(&tethered);
+        tethers.push(&tethered, DVec3::ZERO);
         tethers.solve(&mut rows, 1.0);
         rows.state(0)[0]
     }
@@ -101,8 +100,7 @@ mod tests {
     fn a_particle_is_within_its_distance_and_in_front_of_its_backstop() {
         let tethered = Tethered {
             particle: 0,
-            target: DVec3::X,
-            way: DVec3::Y,
+            places: [DVec3::X, DVec3::X + DVec3::Y],
             normals: [DVec3::Z, DVec3::Z],
             longest: 0.5,
             backstop: 0.1,

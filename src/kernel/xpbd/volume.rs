@@ -8,7 +8,7 @@ use fearless_simd::{Level, dispatch, f32x8, f64x8, prelude::*};
 use glam::{DVec3, Vec3};
 
 use super::{
-    coloring::{Block, Coloring, NONE},
+    coloring::{Block, Coloring, lanes_of},
     rows::{Gathered, NOBODY, ParticleRows, Places, Row, gather, row_of, scatter, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH, widened};
@@ -83,8 +83,8 @@ impl Volumes {
         let before = self.blocks.len();
         self.blocks.extend(rest.blocks.iter().map(|numbers| {
             let mut block = TriangleBlock { corners: [[NOBODY; WIDTH]; 3], start: [VectorRows::ZERO; 3] };
-            for (lane, &triangle) in numbers.iter().enumerate().filter(|&(_, &triangle)| triangle != NONE) {
-                for (corner, vertex) in rest.triangles[triangle as usize].into_iter().enumerate() {
+            for (lane, triangle) in lanes_of(numbers) {
+                for (corner, vertex) in rest.triangles[triangle].into_iter().enumerate() {
                     let particle = first + vertex as usize;
                     block.corners[corner][lane] = row_of(particle);
                     set_lane(&mut block.start[corner], lane, start[particle] - start[first]);
@@ -107,12 +107,13 @@ impl Volumes {
     pub fn solve(&mut self, place: usize, particles: &mut ParticleRows, compliance: f64) {
         let Self { bodies, blocks, gradients } = self;
         let Volume { blocks: range, particles: (first, count), wanted, multiplier } = &mut bodies[place];
-        gradients.clear();
-        gradients.resize(particles.displacement.len(), Row::default());
+        let own = row_of(*first) as usize..row_of(*first + *count) as usize;
+        // All others stay 0: those of other bodies are not read, and that of no particle gets nothing.
+        gradients.resize(gradients.len().max(own.end), Row::default());
+        gradients[own.clone()].fill(Row::default());
         let blocks = &blocks[range.clone()];
         let six_times =
             dispatch!(Level::new(), simd => add_gradients(simd, blocks, &particles.displacement, *first, gradients));
-        let own = row_of(*first) as usize..row_of(*first + *count) as usize;
         let weights = particles.displacement[own.clone()].iter().zip(&gradients[own.clone()]);
         let weight: f64 =
             weights.map(|(row, gradient)| f64::from(row.0[3]) * gradient.vector().as_dvec3().length_squared()).sum();
@@ -143,7 +144,7 @@ fn add_gradients<S: Simd>(
         let mut corners = [VectorLanes::splat(simd, Vec3::ZERO); 3];
         for corner in 0..3 {
             let moved = gather(simd, displacement, &block.corners[corner]).vector - origin;
-            // Lanes without a triangle hold the row of nobody, which has not moved with the body.
+            // The corners of an unused lane are all the row of no particle: one point, which encloses nothing.
             corners[corner] = VectorLanes::load(simd, &block.start[corner]).plus(moved);
         }
         let [a, b, c] = corners;

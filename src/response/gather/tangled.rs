@@ -26,7 +26,7 @@ impl Gatherer {
         }
         let Some(topology_b) = &pair.topology_b else { return };
         let topologies = [&pair.topology_a, topology_b];
-        let sides = [self.side(pair.a, Some(topologies[0])), self.side(pair.b, Some(topologies[1]))];
+        let sides = self.sides(pair);
         let mut piercing: [Vec<PiercingEdge>; 2] = [Vec::new(), Vec::new()];
         let mut crossing: [HashSet<u32>; 2] = [HashSet::new(), HashSet::new()];
         for record in pair.contacts.iter() {

@@ -44,7 +44,7 @@ impl Gatherer {
         &self,
         scene: &Scene<'_, '_>,
         pair: &StoredPair,
-        sides: [&Side<'_>; 2],
+        sides: [Side<'_>; 2],
         record: &CompactContact,
         watch: Watch,
     ) -> bool {
@@ -74,17 +74,16 @@ impl Gatherer {
     /// Makes constraints of contacts that were not watched, and whose sides have come together all the same, because
     /// something else has pushed them. Returns whether there are any.
     pub(in crate::response) fn add_missed(&mut self, solver: &mut Solver, scene: &Scene<'_, '_>) -> bool {
-        let (unwatched, places) = (std::mem::take(&mut self.unwatched), std::mem::take(&mut self.unwatched_places));
+        let unwatched = std::mem::take(&mut self.unwatched);
         let before = solver.contacts.len();
-        for &(pair, first, end) in &unwatched {
-            let pair = &scene.store.pairs[pair as usize];
-            let sides = [self.side(pair.a, Some(&pair.topology_a)), self.side(pair.b, pair.topology_b.as_ref())];
-            let sides = sides.each_ref();
+        for of_pair in unwatched.chunk_by(|[one, _], [other, _]| one == other) {
+            let pair = &scene.store.pairs[of_pair[0][0] as usize];
+            let sides = self.sides(pair);
             let contact_distance = f64::from(pair.contact_distance);
-            let farthest: f64 = sides.iter().map(|side| farthest(&solver.particles, scene, side)).sum();
+            let farthest: f64 = sides.into_iter().map(|side| farthest(&solver.particles, scene, side)).sum();
             let friction = scene.friction(pair.a.entity(), pair.b.entity());
             self.find_tangled(&mut solver.particles, scene, pair);
-            for &place in &places[first as usize..end as usize] {
+            for &[_, place] in of_pair {
                 let record = &pair.contacts[place as usize];
                 let left = f64::from(record.distance) - (1.0 - MISSED) * contact_distance;
                 if left >= farthest {
@@ -100,7 +99,7 @@ impl Gatherer {
                 self.add_contact(solver, scene, pair, sides, record, friction);
             }
         }
-        (self.unwatched, self.unwatched_places) = (unwatched, places);
+        self.unwatched = unwatched;
         solver.contacts.len() > before
     }
 }
@@ -110,23 +109,23 @@ impl Gatherer {
 fn relative_way(
     scene: &Scene<'_, '_>,
     pair: &StoredPair,
-    [a, b]: [&Side<'_>; 2],
+    [a, b]: [Side<'_>; 2],
     record: &CompactContact,
     way: impl Fn(usize) -> DVec3,
 ) -> DVec3 {
     let weights = weights_of(record);
-    let way_of = |side: &Side<'_>, triangle: u32, weights: [f64; 3]| {
+    let way_of = |side: Side<'_>, triangle: u32, weights: [f64; 3]| {
         let corners =
             |topology: &SurfaceTopology| topology.welded_triangles()[triangle as usize].into_iter().zip(weights);
         match side {
             Side::Body { first, topology } => {
                 corners(topology).fold(DVec3::ZERO, |sum, (corner, weight)| sum + way(first + corner as usize) * weight)
             }
-            Side::Driven { entity, topology } => scene.motions.course(*entity).map_or(DVec3::ZERO, |course| {
+            Side::Driven { entity, topology } => scene.motions.course(entity).map_or(DVec3::ZERO, |course| {
                 let way = |corner: usize| course.ahead.point(corner) - course.now.point(corner);
                 corners(topology).fold(DVec3::ZERO, |sum, (corner, weight)| sum + way(corner as usize) * weight)
             }),
-            Side::Shape { entity } => scene.motions.course(*entity).map_or(DVec3::ZERO, |course| {
+            Side::Shape { entity } => scene.motions.course(entity).map_or(DVec3::ZERO, |course| {
                 let point = pair.frame_pose.transform_point(record.point_b.as_dvec3());
                 course.ahead.pose.transform_point(course.now.pose.inverse().transform_point(point)) - point
             }),
@@ -136,14 +135,14 @@ fn relative_way(
 }
 
 /// Upper bound of how far any point of a side has moved in the tick. Infinite for what the game moves.
-fn farthest(particles: &Particles, scene: &Scene<'_, '_>, side: &Side<'_>) -> f64 {
+fn farthest(particles: &Particles, scene: &Scene<'_, '_>, side: Side<'_>) -> f64 {
     match side {
         Side::Body { first, topology } => {
-            let own = *first..*first + topology.vertex_count();
+            let own = first..first + topology.vertex_count();
             let squares = own.map(|particle| particles.position[particle].distance_squared(particles.start[particle]));
             squares.fold(0.0, f64::max).sqrt()
         }
-        Side::Driven { entity, .. } | Side::Shape { entity } => match scene.motions.course(*entity) {
+        Side::Driven { entity, .. } | Side::Shape { entity } => match scene.motions.course(entity) {
             Some(_) => f64::INFINITY,
             None => 0.0,
         },

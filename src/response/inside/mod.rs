@@ -467,7 +467,7 @@ impl WayOut {
             let features = Features::Plane { particles: entries, offset: -distance };
             let normal = self.exit.outward;
             let constraint = ContactConstraint {
-                features,
+                parts: features,
                 normal,
                 distance: pace,
                 friction: [0.0; 2],
