@@ -11,6 +11,7 @@ mod advance;
 pub mod feature;
 pub mod pair_list;
 mod parting;
+mod stars;
 pub mod sweep;
 pub mod sweep_tree;
 pub mod triangle_pair;

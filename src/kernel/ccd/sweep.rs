@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use super::{
     pair_list::{MovingSide, PairImpact, first_impacts},
+    stars::PlainStars,
     sweep_tree::{SweepTree, rounded_up},
     triangle_pair::MovingTriangle,
 };
@@ -17,7 +18,7 @@ use crate::kernel::{
     bvh::tree::BoxTree,
     mesh::{
         bounds::{Aabb, pairs_between_brute_force},
-        topology::SurfaceTopology,
+        topology::{SurfaceTopology, share_corner},
     },
 };
 
@@ -92,6 +93,8 @@ pub struct Sweep<'a> {
 pub struct SweepLeaves {
     items: Vec<(u32, Aabb)>,
     leaves: BoxTree,
+    /// If one surface is swept against itself.
+    stars: PlainStars,
 }
 
 impl SweepLeaves {
@@ -149,6 +152,9 @@ impl Sweep<'_> {
             }
         }
         leaves.leaves.collect_leaves(&leaves.items);
+        if self.same_surface && !leaves.items.is_empty() {
+            leaves.stars.find(&self.a.0, self.separation, |triangle| own.is_fast(triangle));
+        }
     }
 
     /// Appends the first impact of each pair with a triangle in some leaves. Returns the number of pairs whose boxes
@@ -189,24 +195,25 @@ impl Sweep<'_> {
             own.is_fast(first) || other.is_fast(second)
         });
         let count = candidates.len();
-        candidates.retain(|pair| self.may_meet(*pair));
+        candidates.retain(|pair| self.may_meet(*pair, &leaves.stars));
         first_impacts(&self.a.0.side(), &self.b.0.side(), self.same_surface, candidates, self.separation, impacts);
         count
     }
 
-    /// Whether two triangles may meet, given a known lower bound of their distance at the start.
-    fn may_meet(&self, [a, b]: [u32; 2]) -> bool {
+    /// Whether two triangles may meet, given what is known of the stars of their vertices, or a lower bound of their
+    /// distance at the start.
+    fn may_meet(&self, [a, b]: [u32; 2], stars: &PlainStars) -> bool {
         let ((mesh_a, tree_a), (mesh_b, tree_b)) = (&self.a, &self.b);
+        if self.same_surface {
+            let [corners_a, corners_b] = [a, b].map(|triangle| mesh_a.topology.welded_triangles()[triangle as usize]);
+            if share_corner(corners_a, corners_b) {
+                return !stars.cover(corners_a, corners_b);
+            }
+        }
         let (Some(reach_a), Some(reach_b)) = (tree_a.known_reach(a), tree_b.known_reach(b)) else { return true };
         let clear = reach_a + reach_b - self.separation;
         if clear <= 0.0 {
             return true;
-        }
-        if self.same_surface {
-            let [corners_a, corners_b] = [a, b].map(|triangle| mesh_a.topology.welded_triangles()[triangle as usize]);
-            if corners_a.iter().any(|corner| corners_b.contains(corner)) {
-                return true;
-            }
         }
         let motions = [mesh_a.triangle(a).motions(), mesh_b.triangle(b).motions()];
         let common = motions.as_flattened().iter().sum::<DVec3>() / 6.0;

@@ -24,9 +24,9 @@ pub(in crate::kernel) struct Fans {
 
 /// A corner of a triangle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Slot {
-    pub(super) triangle: u32,
-    pub(super) corner: u32,
+pub(in crate::kernel) struct Slot {
+    pub(in crate::kernel) triangle: u32,
+    pub(in crate::kernel) corner: u32,
     /// The edge to the next triangle of the fan. [`NONE`] if there is none.
     pub(super) next_edge: u32,
 }
@@ -90,18 +90,18 @@ impl Fans {
         fans
     }
 
-    pub(super) fn len(&self) -> usize {
+    pub(in crate::kernel) fn len(&self) -> usize {
         self.closed.len()
     }
 
     /// The slots of all fans.
-    pub(super) fn slots(&self) -> &[Slot] {
+    pub(in crate::kernel) fn slots(&self) -> &[Slot] {
         &self.slots
     }
 
     /// The range of a fan's slots, and whether it is closed.
     #[inline]
-    pub(super) fn fan(&self, fan: usize) -> (std::ops::Range<usize>, bool) {
+    pub(in crate::kernel) fn fan(&self, fan: usize) -> (std::ops::Range<usize>, bool) {
         (self.starts[fan] as usize..self.starts[fan + 1] as usize, self.closed[fan])
     }
 

@@ -5,7 +5,7 @@ pub mod barycentric;
 pub mod bounds;
 pub mod corner_rows;
 pub mod curved_edges;
-mod fans;
+pub(in crate::kernel) mod fans;
 pub mod feature;
 pub mod ids;
 pub mod motion;

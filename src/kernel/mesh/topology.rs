@@ -229,7 +229,7 @@ impl SurfaceTopology {
     }
 
     /// The triangles around each vertex in cyclic order, computed on first use.
-    pub(super) fn fans(&self) -> &Fans {
+    pub(in crate::kernel) fn fans(&self) -> &Fans {
         self.fans.get_or_init(|| Box::new(Fans::of(self)))
     }
 
