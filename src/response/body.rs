@@ -87,8 +87,8 @@ static HAS_WARNED_OF_OPEN_VOLUME: AtomicBool = AtomicBool::new(false);
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Clone, Debug, PartialEq))]
 pub enum XpbdBodyError {
-    /// The body was made for other triangles, or for vertices that coincided differently, than its surface has now.
-    /// Make it again.
+    /// The body was made for other triangles, or for vertices that coincided differently, than its surface has now, and
+    /// the surface has not taken part in a tick since.
     #[error("the body was made for a different mesh than its surface has now: make it again with XpbdBody::new")]
     Mesh,
     /// The number of values does not match the number of vertices of the mesh.
@@ -324,11 +324,44 @@ impl XpbdBody {
         vertices.filter(|&(_, inverse_mass)| inverse_mass > 0.0)
     }
 
+    /// The same body with another mesh, whose positions become its rest shape. Every vertex takes over the velocity of
+    /// the nearest vertex of the old mesh, and is pinned if that one is.
+    ///
+    /// # Errors
+    /// As for [`new`](Self::new).
+    pub(super) fn with_mesh(
+        &self,
+        surface: &DeformableSurface,
+        positions: &SurfacePositions,
+        pose: &Pose,
+    ) -> Result<Self, XpbdBodyError> {
+        let mut body = Self::new(surface, positions, self.material)?;
+        let Some(stood) = self.stood else { return Ok(body) };
+        let states = self.velocities.iter().zip(&self.inverse_masses);
+        let mut old: Vec<(DVec3, (&Vec3, &f32))> =
+            self.written.iter().map(|at| stood.transform_point(at.as_dvec3())).zip(states).collect();
+        old.sort_by(|one, other| one.0.x.total_cmp(&other.0.x));
+        for (vertex, at) in positions.0.iter().enumerate() {
+            let at = pose.transform_point(at.as_dvec3());
+            let Some((velocity, inverse_mass)) = nearest(&old, at) else { break };
+            body.velocities[vertex] = *velocity;
+            if *inverse_mass <= 0.0 {
+                body.inverse_masses[vertex] = 0.0;
+            }
+        }
+        Ok(body)
+    }
+
+    /// Whether the body was made for other triangles, or for vertices that coincided differently.
+    pub(super) fn is_of_another(&self, mesh: &Arc<SurfaceTopology>) -> bool {
+        let is_same = |own: &SurfaceTopology| own.triangles() == mesh.triangles() && own.weld() == mesh.weld();
+        !Arc::ptr_eq(&self.mesh, mesh) && !is_same(&self.mesh)
+    }
+
     /// Checks that the body can be solved with a mesh and a number of positions. The game may have written to any of
     /// its fields.
     pub(super) fn check(&self, mesh: &Arc<SurfaceTopology>, positions: usize) -> Result<(), XpbdBodyError> {
-        let is_same = |own: &SurfaceTopology| own.triangles() == mesh.triangles() && own.weld() == mesh.weld();
-        if !Arc::ptr_eq(&self.mesh, mesh) && !is_same(&self.mesh) {
+        if self.is_of_another(mesh) {
             return Err(XpbdBodyError::Mesh);
         }
         let vertices = mesh.vertex_count();
@@ -344,6 +377,22 @@ impl XpbdBody {
         }
         check_material(&self.material)
     }
+}
+
+/// What belongs to the point nearest to `at`. The points are sorted by x.
+fn nearest<T: Copy>(points: &[(DVec3, T)], at: DVec3) -> Option<T> {
+    let (before, after) = points.split_at(points.partition_point(|(point, _)| point.x < at.x));
+    let mut best: Option<(f64, T)> = None;
+    let mut look = |(point, value): &(DVec3, T)| {
+        let squared = point.distance_squared(at);
+        if best.is_none_or(|(least, _)| squared < least) {
+            best = Some((squared, *value));
+        }
+        best.is_some_and(|(least, _)| (point.x - at.x).powi(2) <= least)
+    };
+    let _ = before.iter().rev().all(&mut look);
+    let _ = after.iter().all(&mut look);
+    best.map(|(_, value)| value)
 }
 
 /// Warns once that a body has no volume to keep.

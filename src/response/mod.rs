@@ -130,6 +130,7 @@ mod record;
 mod respond;
 mod scene;
 mod settings;
+mod sleep;
 mod solver;
 mod tethers;
 mod untangle;
@@ -182,17 +183,18 @@ impl Plugin for XpbdResponsePlugin {
         app.init_resource::<XpbdSettings>()
             .init_resource::<XpbdDiagnostics>()
             .init_resource::<respond::Response>()
-            .init_resource::<motion::Motions>();
+            .init_resource::<motion::Motions>()
+            .init_resource::<sleep::Sleep>();
         app.add_systems(
             self.schedule,
             (
-                (motion::begin, tethers::aim_tethers, respond::choose_margins, respond::aim)
+                (sleep::wake_changed, motion::begin, tethers::aim_tethers, respond::choose_margins, respond::aim)
                     .chain()
                     .in_set(DeformableSystems::Predict),
                 motion::rewind.in_set(DeformableSystems::Detect).before(run_detection),
                 motion::restore.in_set(DeformableSystems::Detect).after(run_detection),
                 respond::respond_in_parts.in_set(DeformableSystems::Respond),
-                respond::write_back.in_set(DeformableSystems::Writeback),
+                (respond::write_back, sleep::settle).chain().in_set(DeformableSystems::Writeback),
             ),
         );
     }

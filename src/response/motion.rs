@@ -9,7 +9,7 @@ use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
 use bevy_time::Time;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 
-use super::body::XpbdBody;
+use super::{body::XpbdBody, sleep::Sleep};
 use crate::{
     kernel::{exact::rigid_shape::ShapeGeometry, mesh::bounds::Aabb, pose::Pose},
     surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptTarget},
@@ -281,6 +281,7 @@ impl Motions {
 pub(super) fn begin(
     time: Option<Res<Time>>,
     active: Res<ActiveSurfaces>,
+    sleep: Res<Sleep>,
     mut motions: ResMut<Motions>,
     mut surfaces: Query<(&mut SurfacePositions, Option<&mut XpbdBody>, Option<&DeformableSurface>)>,
 ) {
@@ -303,14 +304,26 @@ pub(super) fn begin(
     let mut bodies = Vec::new();
     for surface in &active.surfaces {
         let Ok((mut positions, body, mesh)) = surfaces.get_mut(surface.entity) else { continue };
+        let mean_edge = mesh.map_or(0.0, |mesh| f64::from(mesh.mean_edge()) * surface.pose.scale());
+        let is_asleep = sleep.is_asleep(surface.entity);
+        let mut body = body;
+        if let Some((body, mesh)) = body.as_mut().zip(mesh)
+            && body.is_of_another(mesh.topology())
+            && let Ok(made) = body.with_mesh(mesh, &positions, &surface.pose)
+        {
+            **body = made;
+        }
         match body {
-            Some(mut body) if body.check(&surface.topology, positions.0.len()).is_ok() => {
+            Some(mut body) if !is_asleep && body.check(&surface.topology, positions.0.len()).is_ok() => {
                 let pins = keep_in_the_world(surface, &mut positions, &mut body);
                 motions.courses.extend(pins.map(|course| (surface.entity, course)));
-                let mean_edge = mesh.map_or(0.0, |mesh| f64::from(mesh.mean_edge()) * surface.pose.scale());
                 bodies.push(reach_of(surface, &positions.0, &body, mean_edge, duration));
             }
-            _ => {
+            other => {
+                if let Some(body) = other.filter(|_| is_asleep) {
+                    // What comes near it wakes it.
+                    bodies.push(reach_of(surface, &positions.0, &body, mean_edge, duration));
+                }
                 let changed = positions.last_changed();
                 motions.follow(surface.entity, &positions.0, Some(changed), &surface.pose, surface.fresh);
             }

@@ -20,9 +20,11 @@ use super::{
     reaction::SurfaceReaction,
     scene::Scene,
     settings::XpbdSettings,
+    sleep::Sleep,
     solver::{Solved, Solver},
 };
 use crate::{
+    detection::SweptImpacts,
     kernel::{
         mesh::{ids::VertexId, topology::SurfaceTopology},
         pose::Pose,
@@ -41,6 +43,8 @@ pub struct XpbdDiagnostics {
     pub parts: u32,
     /// Bodies that were moved, in the last part.
     pub bodies: usize,
+    /// Bodies that slept, in the last part: see [`XpbdSettings::sleep_speed`].
+    pub asleep: usize,
     /// Contacts that the solver watched, in the last part: those with a body on at least one side that may act in the
     /// tick, and depenetration constraints.
     pub contacts: usize,
@@ -127,7 +131,7 @@ pub(super) fn choose_margins(
     time: Option<Res<Time>>,
     settings: Res<XpbdSettings>,
     mut active: ResMut<ActiveSurfaces>,
-    motions: Res<Motions>,
+    (motions, sleep): (Res<Motions>, Res<Sleep>),
     bodies: Query<(&DeformableSurface, &XpbdBody)>,
     mut response: ResMut<Response>,
 ) {
@@ -136,15 +140,16 @@ pub(super) fn choose_margins(
     let duration = time.delta_secs() / motions.parts() as f32;
     // Twice that, so at least as far, however few substeps there are.
     *fall = settings.in_range().gravity.length() * duration * duration;
+    let awake = |entity| bodies.get(entity).ok().filter(|_| !sleep.is_asleep(entity));
     let edge = |mesh: &DeformableSurface, surface: &ActiveSurface| mesh.mean_edge() * surface.pose.scale() as f32;
-    let edges = active.surfaces.iter().filter_map(|surface| Some(edge(bodies.get(surface.entity).ok()?.0, surface)));
+    let edges = active.surfaces.iter().filter_map(|surface| Some(edge(awake(surface.entity)?.0, surface)));
     let finest = edges.fold(f32::INFINITY, f32::min);
     if !(finest.is_finite() && finest > 0.0) {
         return;
     }
     let mut widest = 0.0_f32;
     for surface in &mut active.surfaces {
-        let Ok((_, body)) = bodies.get(surface.entity) else { continue };
+        let Some((_, body)) = awake(surface.entity) else { continue };
         let [own, speed] = speeds(body);
         let slack = Watch::slack(f64::from(*fall), f64::from(surface.thickness)) as f32;
         // What it meets may move as fast.
@@ -214,14 +219,14 @@ impl Margin {
 pub(super) fn aim(
     time: Option<Res<Time>>,
     active: Res<ActiveSurfaces>,
-    motions: Res<Motions>,
+    (motions, sleep): (Res<Motions>, Res<Sleep>),
     mut bodies: Query<(&SurfacePositions, &XpbdBody, &mut SweptTarget), With<SweptCollision>>,
 ) {
     let duration = time.map_or(0.0, |time| time.delta_secs_f64()) / f64::from(motions.parts());
     for surface in &active.surfaces {
         let Ok((positions, body, mut target)) = bodies.get_mut(surface.entity) else { continue };
         target.0.clear();
-        if body.check(&surface.topology, positions.0.len()).is_err() {
+        if sleep.is_asleep(surface.entity) || body.check(&surface.topology, positions.0.len()).is_err() {
             continue;
         }
         let own = surface.pose.inverse();
@@ -293,6 +298,7 @@ fn respond(
     time: Option<Res<Time>>,
     settings: Res<XpbdSettings>,
     scene: Scene,
+    (impacts, mut sleep): (Res<SweptImpacts>, ResMut<Sleep>),
     mut response: ResMut<Response>,
     mut diagnostics: ResMut<XpbdDiagnostics>,
 ) {
@@ -308,9 +314,12 @@ fn respond(
     let mut settings = settings.in_range();
     settings.substeps = settings.substeps.div_ceil(parts).max(LEAST_SUBSTEPS.min(settings.substeps));
     let start = Instant::now();
+    sleep.wake_touched(&scene, &impacts);
+    diagnostics.asleep = sleep.count();
     let Response { solver, gatherer, guard, moved, refused, fall, .. } = response;
     gatherer.begin();
-    for surface in &scene.active.surfaces {
+    let awake = scene.active.surfaces.iter().filter(|surface| !sleep.is_asleep(surface.entity));
+    for surface in awake {
         let Ok((positions, Some(body))) = scene.positions.get(surface.entity) else { continue };
         match body.check(&surface.topology, positions.0.len()) {
             Ok(()) => {
@@ -382,6 +391,7 @@ fn respond(
 pub(super) fn write_back(
     active: Res<ActiveSurfaces>,
     motions: Res<Motions>,
+    (time, mut sleep): (Option<Res<Time>>, ResMut<Sleep>),
     mut response: ResMut<Response>,
     mut diagnostics: ResMut<XpbdDiagnostics>,
     mut bodies: Query<(&mut SurfacePositions, &mut XpbdBody, Has<SweptCollision>)>,
@@ -389,6 +399,7 @@ pub(super) fn write_back(
     let response = &mut *response;
     response.stopped_last.clear();
     std::mem::swap(&mut response.stopped, &mut response.stopped_last);
+    let duration = time.map_or(0.0, |time| time.delta_secs_f64()) / f64::from(motions.parts());
     let mut surfaces = active.surfaces.iter();
     for (&entity, solved) in response.moved.iter().zip(&response.solver.bodies) {
         let Some(surface) = surfaces.find(|surface| surface.entity == entity) else { return };
@@ -405,6 +416,8 @@ pub(super) fn write_back(
             diagnostics.refused.push((entity, error));
             continue;
         }
+        let vertices = solved.first..solved.first + surface.topology.vertex_count();
+        sleep.follow(entity, &particles.position[vertices], duration);
         if !is_swept && !response.has_warned_of_speed && is_fast(surface, solved.first, particles) {
             response.has_warned_of_speed = true;
             log::warn!(

@@ -48,6 +48,18 @@ impl Scene<'_, '_> {
         self.swept.contains(entity)
     }
 
+    /// Whether the solver moves a surface, unless it sleeps.
+    pub(super) fn is_body(&self, entity: Entity) -> bool {
+        self.positions.get(entity).is_ok_and(|(_, body)| body.is_some())
+    }
+
+    /// Whether pinned vertices or tethers hold a body.
+    pub(super) fn is_held(&self, entity: Entity) -> bool {
+        let is_pinned = |body: &XpbdBody| body.inverse_masses.iter().any(|&inverse_mass| inverse_mass <= 0.0);
+        let body = self.positions.get(entity).ok().and_then(|(_, body)| body);
+        body.is_some_and(is_pinned) || self.tethers.contains(entity)
+    }
+
     /// Distance from a surface to the nearest other side in the contact store, at most the contact distance.
     pub(super) fn nearest(&self, entity: Entity) -> Option<f64> {
         let distances = self.store.pairs_of(entity).map(|pair| pair.nearest.min(f64::from(pair.contact_distance)));

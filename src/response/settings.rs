@@ -28,11 +28,23 @@ pub struct XpbdSettings {
     /// Default 100: fast enough that stacks do not sink into themselves, and slow enough that an overlap at spawn is
     /// resolved over several substeps.
     pub push_out_speed: f32,
+    /// Bodies sleep once they, and the bodies near them, have crept slower than this for half a second, in world units per
+    /// second: no vertex has gone farther than half of it. They are then not solved until something that moves comes
+    /// near, something that they were near moves or disappears, or the game changes them. 0 or more; with 0, bodies never
+    /// sleep. Default 0.002: slower than a player sees. A body that nothing holds, or that touches something with a
+    /// [`SurfaceReaction`](super::SurfaceReaction), stays awake.
+    pub sleep_speed: f32,
 }
 
 impl Default for XpbdSettings {
     fn default() -> Self {
-        Self { gravity: Vec3::new(0.0, -9.81, 0.0), substeps: 10, iterations: 1, push_out_speed: 100.0 }
+        Self {
+            gravity: Vec3::new(0.0, -9.81, 0.0),
+            substeps: 10,
+            iterations: 1,
+            push_out_speed: 100.0,
+            sleep_speed: 0.002,
+        }
     }
 }
 
@@ -51,6 +63,7 @@ impl XpbdSettings {
             } else {
                 self.push_out_speed.clamp(0.0, f32::MAX)
             },
+            sleep_speed: if self.sleep_speed.is_nan() { default.sleep_speed } else { self.sleep_speed.max(0.0) },
         }
     }
 }

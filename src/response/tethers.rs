@@ -156,6 +156,13 @@ impl XpbdTethers {
         Self::new(tethers)
     }
 
+    /// The number of tethers that have an effect, or `None` if a target moves in this tick.
+    pub(super) fn holding(&self) -> Option<usize> {
+        let is_moving = |[from, to]: &[Place; 2]| from.at != to.at || from.normal != to.normal;
+        let ways = || self.ways.iter().flatten();
+        (!ways().any(is_moving)).then(|| ways().count())
+    }
+
     /// The tethers in a part of a tick that begins and ends at these shares of it, of vertices that have a particle.
     pub(super) fn in_part(
         &self,

@@ -29,6 +29,8 @@ impl Scene {
         app.finish();
         app.cleanup();
         app.world_mut().resource_mut::<CircumsphereSettings>().threads = 1;
+        // Most tests measure how still the solver keeps bodies.
+        app.world_mut().resource_mut::<XpbdSettings>().sleep_speed = 0.0;
         Self { app }
     }
 

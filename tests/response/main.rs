@@ -8,6 +8,7 @@ mod inside;
 mod motion;
 mod rest;
 mod shots;
+mod sleep;
 mod stability;
 mod swept;
 mod truth;

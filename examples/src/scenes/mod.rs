@@ -6,6 +6,7 @@
 pub mod bullet_cloth;
 mod cloth_drop;
 mod energy;
+mod garment;
 mod layers;
 mod level;
 pub mod measure;
@@ -30,8 +31,8 @@ pub use self::{
 use crate::headless::recording::Recorder;
 
 /// The names that [`scene`] accepts.
-pub const SCENES: [&str; 8] =
-    ["cloth_drop", "layers", "soft_tissue", "pile", "skirt", "bullet_cloth", "walking_skirt", "level"];
+pub const SCENES: [&str; 9] =
+    ["cloth_drop", "layers", "soft_tissue", "pile", "skirt", "bullet_cloth", "walking_skirt", "garment", "level"];
 
 /// The scene with that name, or `None`.
 pub fn scene(name: &str, variation: &Variation, recorder: Recorder) -> Option<Scene> {
@@ -43,6 +44,7 @@ pub fn scene(name: &str, variation: &Variation, recorder: Recorder) -> Option<Sc
         "skirt" => skirt::skirt,
         "bullet_cloth" => bullet_cloth::bullet_cloth,
         "walking_skirt" => walking_skirt::walking_skirt,
+        "garment" => garment::garment,
         "level" => level::level,
         _ => return None,
     };
@@ -77,13 +79,14 @@ pub struct Variation {
     pub shape: SurfaceShape,
     /// Settings of detection. The number of threads is 1 by default.
     pub detection: CircumsphereSettings,
+    /// Settings of the response. Bodies do not sleep by default, so that what is measured is the solver.
     pub response: XpbdSettings,
     /// Whether everything that moves has [`SweptCollision`]; true by default.
     pub continuous: bool,
     pub extent: Extent,
     /// Object, target, and speed in `bullet_cloth`.
     pub shot: Shot,
-    /// Walking speed of the character in `walking_skirt`, from 0 to 10 meters per second.
+    /// Walking speed of the character in `walking_skirt` and `garment`, from 0 to 10 meters per second.
     pub walking_speed: f64,
     /// Speed of the ball in `level`, in meters per second.
     pub ball_speed: f64,
@@ -95,7 +98,7 @@ impl Default for Variation {
             method: ContactMethod::default(),
             shape: SurfaceShape::default(),
             detection: CircumsphereSettings { threads: 1, ..CircumsphereSettings::default() },
-            response: XpbdSettings::default(),
+            response: XpbdSettings { sleep_speed: 0.0, ..XpbdSettings::default() },
             continuous: true,
             extent: Extent::default(),
             shot: Shot::default(),

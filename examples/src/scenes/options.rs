@@ -23,6 +23,9 @@ pub struct SceneOptions {
     /// Passes over all constraints per substep
     #[arg(long, value_name = "N", default_value_t = XpbdSettings::default().iterations, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub iterations: u32,
+    /// Let bodies sleep that are slower than this, in meters per second; 0 keeps them awake, to measure how they rest
+    #[arg(long, value_name = "X", default_value_t = 0.0)]
+    pub sleep_speed: f32,
     /// Detect only at the beginning of each tick, without sweeping the motion
     #[arg(long)]
     pub no_continuous: bool,
@@ -36,7 +39,12 @@ pub struct SceneOptions {
 impl SceneOptions {
     pub fn variation(&self) -> Variation {
         let detection = CircumsphereSettings { threads: usize::from(self.threads), ..CircumsphereSettings::default() };
-        let response = XpbdSettings { substeps: self.substeps, iterations: self.iterations, ..XpbdSettings::default() };
+        let response = XpbdSettings {
+            substeps: self.substeps,
+            iterations: self.iterations,
+            sleep_speed: self.sleep_speed,
+            ..XpbdSettings::default()
+        };
         Variation {
             method: self.method.into(),
             detection,

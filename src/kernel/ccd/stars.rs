@@ -232,7 +232,7 @@ mod tests {
             let mut star = Star::new(&mut random, count, turns, is_closed, 0.0);
             assert!(star.is_plain(0.01), "{count}, {turns}");
             star.end.iter_mut().for_each(|position| {
-                *position = DVec3::new(position.y, position.z, position.x) * 1.1 + DVec3::new(3.0, -2.0, 5.0)
+                *position = DVec3::new(position.y, position.z, position.x) * 1.1 + DVec3::new(3.0, -2.0, 5.0);
             });
             assert!(!star.is_plain(0.01), "turned by a third of a full turn, it is not seen from one direction");
             let tilt = glam::DQuat::from_axis_angle(DVec3::new(0.6, 0.0, 0.8), 0.7);

@@ -54,6 +54,8 @@ pub enum CharacterFineness {
     Coarse,
     /// 1,024 vertices.
     Fine,
+    /// 5,000 vertices and 10,000 triangles.
+    Finest,
 }
 
 /// A character that walks at a speed. It stands straight until 0 s, and has its full speed and stride after
@@ -77,6 +79,7 @@ impl Character {
         let (segments, bands) = match fineness {
             CharacterFineness::Coarse => (22, 26),
             CharacterFineness::Fine => (26, 33),
+            CharacterFineness::Finest => (56, 77),
         };
         let rest = skin(segments, bands);
         let leg_shares = rest.positions.iter().map(|position| leg_share(position[1].into())).collect();

@@ -1,0 +1,257 @@
+//! Sleep: bodies at rest are not solved until something touches or moves them.
+//!
+//! Bodies near each other form an island. An island whose bodies have all stayed where they are for
+//! [`CALM_TIME`] falls asleep. To
+//! every other part of the response, and to detection, a sleeping body is a surface that the game does not move. One
+//! reason to wake wakes the whole island.
+
+use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*, query::QueryData};
+use bevy_time::Time;
+use glam::DVec3;
+
+use super::{
+    body::{SurfaceFriction, XpbdBody},
+    forces::{SurfaceForces, SurfaceWind},
+    scene::Scene,
+    settings::XpbdSettings,
+    tethers::XpbdTethers,
+};
+use crate::{
+    detection::SweptImpacts,
+    kernel::pose::Pose,
+    surface::{ActiveSurface, ActiveSurfaces, SurfaceLayers, SurfacePositions},
+};
+
+/// How long all bodies of an island have to stay where they are before it falls asleep, in seconds: longer than a
+/// pendulum lingers where it turns back.
+const CALM_TIME: f64 = 0.5;
+
+/// Everything whose change wakes a body.
+#[derive(QueryData)]
+pub(super) struct Watched {
+    positions: Ref<'static, SurfacePositions>,
+    body: Ref<'static, XpbdBody>,
+    forces: Option<Ref<'static, SurfaceForces>>,
+    wind: Option<Ref<'static, SurfaceWind>>,
+    tethers: Option<Ref<'static, XpbdTethers>>,
+    friction: Option<Ref<'static, SurfaceFriction>>,
+}
+
+/// The state of a body when it fell asleep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Seen {
+    /// The last changes of what is [`Watched`].
+    changes: [Option<Tick>; 6],
+    pose: Pose,
+    thickness: f32,
+    layers: SurfaceLayers,
+}
+
+impl Seen {
+    fn new(surface: &ActiveSurface, item: &WatchedItem<'_, '_>) -> Self {
+        let WatchedItem { positions, body, forces, wind, tethers, friction } = item;
+        let changes = [
+            Some(positions.last_changed()),
+            Some(body.last_changed()),
+            forces.as_ref().map(Ref::last_changed),
+            wind.as_ref().map(Ref::last_changed),
+            tethers.as_ref().map(Ref::last_changed),
+            friction.as_ref().map(Ref::last_changed),
+        ];
+        Self { changes, pose: surface.pose, thickness: surface.thickness, layers: surface.layers }
+    }
+}
+
+/// A body that sleeps.
+#[derive(Debug)]
+struct Asleep {
+    /// The number of its island.
+    island: u32,
+    seen: Seen,
+    /// What it was near, which keeps it where it is.
+    near: Vec<Entity>,
+    /// The number of tethers that held it.
+    tethers: usize,
+}
+
+/// How long a body has stayed where it is.
+#[derive(Debug, Default)]
+struct Calm {
+    /// Where its vertices were when that time began.
+    places: Vec<DVec3>,
+    /// In seconds.
+    time: f64,
+}
+
+/// Which bodies sleep, and how long the others have been calm.
+#[derive(Resource, Debug, Default)]
+pub(super) struct Sleep {
+    asleep: EntityHashMap<Asleep>,
+    calm: EntityHashMap<Calm>,
+    /// The settings of the last tick.
+    settings: XpbdSettings,
+    islands: u32,
+}
+
+impl Sleep {
+    pub(super) fn is_asleep(&self, body: Entity) -> bool {
+        !self.asleep.is_empty() && self.asleep.contains_key(&body)
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.asleep.len()
+    }
+
+    /// Follows the vertices of a body through a tick that lasts `duration` seconds. Bodies that tremble stay where they
+    /// are, bodies that creep do not.
+    pub(super) fn follow(&mut self, body: Entity, vertices: &[DVec3], duration: f64) {
+        let most = f64::from(self.settings.in_range().sleep_speed) * CALM_TIME;
+        let calm = self.calm.entry(body).or_default();
+        let is_near = |(before, now): (&DVec3, &DVec3)| before.distance_squared(*now) < most * most;
+        if calm.places.len() == vertices.len() && calm.places.iter().zip(vertices).all(is_near) {
+            calm.time += duration;
+        } else {
+            calm.places.clear();
+            calm.places.extend_from_slice(vertices);
+            calm.time = 0.0;
+        }
+    }
+
+    fn wake(&mut self, islands: &[u32]) {
+        if !islands.is_empty() {
+            self.asleep.retain(|_, asleep| !islands.contains(&asleep.island));
+        }
+    }
+
+    /// Wakes what something has come near: an awake body, an object that moves, or a new one. Also what its tethers pull
+    /// or no longer hold, and what has lost something that it was near.
+    pub(super) fn wake_touched(&mut self, scene: &Scene<'_, '_>, impacts: &SweptImpacts) {
+        if self.asleep.is_empty() {
+            return;
+        }
+        let moves = |entity: Entity| {
+            let is_awake = |entity| scene.is_body(entity) && !self.asleep.contains_key(&entity);
+            scene.motions.course(entity).is_some() || is_awake(entity)
+        };
+        let swept = impacts.pairs.iter().map(|pair| [pair.a, pair.b]);
+        let stored = scene.store.pairs.iter().map(|pair| [pair.a.entity(), pair.b.entity()]);
+        let touched = swept.chain(stored).flat_map(|[a, b]| [(a, b), (b, a)]);
+        let mut islands: Vec<u32> = touched
+            .filter_map(|(own, other)| Some((self.asleep.get(&own)?, other)))
+            .filter(|(asleep, other)| moves(*other) || !asleep.near.contains(other))
+            .map(|(asleep, _)| asleep.island)
+            .collect();
+        for (&body, asleep) in &self.asleep {
+            let is_gone = |&other: &Entity| scene.store.pairs_between(body, other).next().is_none();
+            let is_pulled = || scene.tethers.get(body).is_ok_and(|tethers| tethers.holding() != Some(asleep.tethers));
+            if asleep.near.iter().any(is_gone) || is_pulled() {
+                islands.push(asleep.island);
+            }
+        }
+        self.wake(&islands);
+    }
+}
+
+/// Wakes bodies that the game has changed, and all if it has changed the settings.
+pub(super) fn wake_changed(
+    settings: Res<XpbdSettings>,
+    active: Res<ActiveSurfaces>,
+    bodies: Query<Watched>,
+    mut sleep: ResMut<Sleep>,
+) {
+    let sleep = &mut *sleep;
+    if sleep.settings != *settings {
+        sleep.settings = *settings;
+        sleep.asleep.clear();
+        sleep.calm.clear();
+    }
+    if sleep.asleep.is_empty() {
+        return;
+    }
+    let mut unchanged = 0;
+    let mut islands = Vec::new();
+    for surface in &active.surfaces {
+        let Some(asleep) = sleep.asleep.get(&surface.entity) else { continue };
+        let is_same = bodies.get(surface.entity).is_ok_and(|item| Seen::new(surface, &item) == asleep.seen);
+        if is_same && !surface.fresh {
+            unchanged += 1;
+        } else {
+            islands.push(asleep.island);
+        }
+    }
+    // Those that are gone wake what they were near in `wake_touched`.
+    if unchanged + islands.len() < sleep.asleep.len() {
+        let here = |body: &Entity| active.surfaces.iter().any(|surface| surface.entity == *body);
+        sleep.asleep.retain(|body, _| here(body));
+    }
+    sleep.wake(&islands);
+}
+
+/// Lets islands fall asleep. Bodies that nothing holds, and bodies whose weight is to be reported, never do.
+pub(super) fn settle(time: Option<Res<Time>>, scene: Scene, watched: Query<Watched>, mut sleep: ResMut<Sleep>) {
+    let sleep = &mut *sleep;
+    if time.is_none_or(|time| time.delta_secs_f64() <= 0.0) {
+        return;
+    }
+    let bodies: Vec<&ActiveSurface> = scene
+        .active
+        .surfaces
+        .iter()
+        .filter(|surface| scene.is_body(surface.entity) && !sleep.is_asleep(surface.entity))
+        .collect();
+    let places: EntityHashMap<usize> = (0..).zip(&bodies).map(|(place, body)| (body.entity, place)).collect();
+    sleep.calm.retain(|body, _| places.contains_key(body));
+    if !sleep.calm.values().any(|calm| calm.time >= CALM_TIME) {
+        return;
+    }
+    let is_calm = |body: Entity| sleep.calm.get(&body).is_some_and(|calm| calm.time >= CALM_TIME);
+    let mut islands: Vec<usize> = (0..bodies.len()).collect();
+    let mut is_restless: Vec<bool> = bodies.iter().map(|body| !is_calm(body.entity)).collect();
+    let mut is_held: Vec<bool> = bodies.iter().map(|body| scene.is_held(body.entity)).collect();
+    for pair in &scene.store.pairs {
+        let [a, b] = [pair.a.entity(), pair.b.entity()];
+        match [a, b].map(|side| places.get(&side).copied()) {
+            [Some(a), Some(b)] => {
+                let [a, b] = [root(&islands, a), root(&islands, b)];
+                islands[a.max(b)] = a.min(b);
+            }
+            [Some(place), None] | [None, Some(place)] => {
+                let other = if a == bodies[place].entity { b } else { a };
+                is_held[place] = true;
+                is_restless[place] |= scene.motions.course(other).is_some() || scene.wants_reaction(other);
+            }
+            [None, None] => {}
+        }
+    }
+    for place in 0..bodies.len() {
+        let island = root(&islands, place);
+        is_restless[island] |= is_restless[place];
+        is_held[island] |= is_held[place];
+    }
+    let first = sleep.islands;
+    for (place, surface) in bodies.iter().enumerate() {
+        let island = root(&islands, place);
+        if is_restless[island] || !is_held[island] {
+            continue;
+        }
+        let Ok(item) = watched.get(surface.entity) else { continue };
+        let near = scene.store.pairs_of(surface.entity).map(|pair| {
+            let [a, b] = [pair.a.entity(), pair.b.entity()];
+            if a == surface.entity { b } else { a }
+        });
+        let island = first.wrapping_add(island as u32);
+        let tethers = item.tethers.as_ref().and_then(|tethers| tethers.holding()).unwrap_or_default();
+        let asleep = Asleep { island, seen: Seen::new(surface, &item), near: near.collect(), tethers };
+        sleep.asleep.insert(surface.entity, asleep);
+        sleep.calm.remove(&surface.entity);
+    }
+    sleep.islands = first.wrapping_add(bodies.len() as u32);
+}
+
+/// The representative of an island, in a union-find forest.
+fn root(islands: &[usize], mut place: usize) -> usize {
+    while islands[place] != place {
+        place = islands[place];
+    }
+    place
+}
