@@ -11,7 +11,7 @@ use glam::Vec3;
 
 use super::reading::{StencilEntry, stencil_side};
 use crate::{
-    detection::{SweptImpact, SweptImpacts, SweptPair},
+    detection::{ImpactReader, SweptImpact, SweptImpacts, SweptPair},
     kernel::{
         ccd::ImpactCause,
         mesh::{
@@ -34,11 +34,12 @@ use crate::{
 /// # bevy_ecs::system::IntoSystem::into_system(stop_in_time);
 /// ```
 #[derive(SystemParam)]
-pub struct SurfaceImpacts<'w> {
+pub struct SurfaceImpacts<'w, 's> {
     found: Res<'w, SweptImpacts>,
+    _reader: Local<'s, ImpactReader>,
 }
 
-impl SurfaceImpacts<'_> {
+impl SurfaceImpacts<'_, '_> {
     /// All impacts, each once, in the order of [`SweptImpacts`].
     pub fn iter(&self) -> impl Iterator<Item = Impact<'_>> {
         self.found.pairs.iter().flat_map(|pair| pair.read(false))

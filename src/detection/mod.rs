@@ -41,6 +41,7 @@ pub use spheres::{
     refit::RefitPlugin,
 };
 pub use state::{SurfaceState, SurfaceStates};
+pub(crate) use swept::{ImpactReader, ImpactsRead, Sweeping};
 pub use swept::{SweptImpact, SweptImpacts, SweptPair, SweptPlugin};
 
 pub use crate::diagnostics::{DetectionDiagnostics, StageDiagnostics};

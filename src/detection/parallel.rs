@@ -27,7 +27,7 @@ fn available_threads(wanted: usize) -> usize {
 }
 
 /// The threads among which kernel functions may distribute their tasks. 0 means all threads of the pool.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Threads(pub(crate) usize);
 
 impl Threads {

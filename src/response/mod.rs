@@ -143,6 +143,7 @@ use bevy_ecs::{
 use bevy_time::Time;
 
 use crate::{
+    detection::ImpactsRead,
     schedule::{DeformableSystems, run_detection},
     surface::SurfacePlugin,
 };
@@ -185,6 +186,8 @@ impl Plugin for XpbdResponsePlugin {
             .init_resource::<respond::Response>()
             .init_resource::<motion::Motions>()
             .init_resource::<sleep::Sleep>();
+        // The guard sweeps bodies by itself.
+        app.init_resource::<ImpactsRead>();
         app.add_systems(
             self.schedule,
             (

@@ -5,77 +5,28 @@
 //! them, like the bodies, and they move to their ends while the solver steps. If one of them moves farther than an edge
 //! near a body, the tick is split into parts with a detection each.
 
+mod course;
+
+use std::sync::Arc;
+
 use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*};
 use bevy_time::Time;
-use glam::{DMat3, DQuat, DVec3, Vec3};
+use glam::{DVec3, Vec3};
 
+use self::course::{Course, Region, Stand, Track};
 use super::{body::XpbdBody, sleep::Sleep};
 use crate::{
-    kernel::{exact::rigid_shape::ShapeGeometry, mesh::bounds::Aabb, pose::Pose},
+    kernel::{
+        exact::rigid_shape::ShapeGeometry,
+        mesh::{bounds::Aabb, topology::SurfaceTopology},
+        pose::Pose,
+    },
     surface::{ActiveSurface, ActiveSurfaces, DeformableSurface, SurfacePositions, SweptTarget},
 };
 
 /// Largest number of parts of a tick. With fewer, no kinematic object moves farther between two detections than the
 /// mean edge of the finest body near it.
 const MOST_PARTS: u32 = 8;
-
-/// State of a surface or shape: its vertices in its own frame, and the pose of that frame. A shape tested by formula has
-/// no vertices.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Stand {
-    pub(super) positions: Vec<Vec3>,
-    pub(super) pose: Pose,
-}
-
-impl Stand {
-    fn set(&mut self, positions: &[Vec3], pose: &Pose) {
-        self.positions.clear();
-        self.positions.extend_from_slice(positions);
-        self.pose = *pose;
-    }
-
-    /// World position of a vertex.
-    pub(super) fn point(&self, vertex: usize) -> DVec3 {
-        self.pose.transform_point(self.positions[vertex].as_dvec3())
-    }
-
-    /// Interpolates between two states.
-    fn become_between(&mut self, from: &Self, to: &Self, share: f64, deforms: bool) {
-        self.positions.clear();
-        if share >= 1.0 {
-            self.set(&to.positions, &to.pose);
-            return;
-        }
-        self.pose = between(&from.pose, &to.pose, share);
-        if deforms {
-            let both = from.positions.iter().zip(&to.positions);
-            self.positions.extend(both.map(|(from, to)| from.lerp(*to, share as f32)));
-        } else {
-            self.positions.extend_from_slice(&to.positions);
-        }
-    }
-}
-
-/// Interpolates between two poses: it rotates about one axis, and translates and scales linearly.
-fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
-    if from.has_bits_of(to) {
-        return *to;
-    }
-    let parts = |pose: &Pose| {
-        let affine = pose.to_affine();
-        let sign = if pose.is_mirrored() { -1.0 } else { 1.0 };
-        let turn = DQuat::from_mat3(&(affine.matrix3 * (sign / pose.scale()))).normalize();
-        (turn, sign * pose.scale(), affine.translation)
-    };
-    let ((turn, scale, place), (last_turn, last_scale, last_place)) = (parts(from), parts(to));
-    if scale * last_scale < 0.0 {
-        return *to;
-    }
-    let scale = scale + (last_scale - scale) * share;
-    let linear = DMat3::from_quat(turn.slerp(last_turn, share)) * scale;
-    let affine = glam::DAffine3 { matrix3: linear, translation: place.lerp(last_place, share) };
-    Pose::from_double_affine(&affine).unwrap_or(*to)
-}
 
 /// The state of an object that the solver does not move, at the end of the last tick.
 #[derive(Debug, Default)]
@@ -84,48 +35,6 @@ struct Trace {
     /// The last change of its positions.
     changed: Option<Tick>,
     tick: u64,
-}
-
-/// The trajectory of one surface or shape in this tick.
-#[derive(Debug)]
-pub(super) struct Course {
-    from: Stand,
-    to: Stand,
-    deforms: bool,
-    /// Whether it belongs to a body. Only the body's pinned vertices then follow it.
-    is_of_pins: bool,
-    /// State at the beginning of the current part.
-    pub(super) now: Stand,
-    /// State at the end of the current part.
-    pub(super) ahead: Stand,
-}
-
-impl Course {
-    fn new(from: Stand, to: Stand, is_of_pins: bool) -> Self {
-        let deforms = from.positions != to.positions;
-        Self { from, to, deforms, is_of_pins, now: Stand::default(), ahead: Stand::default() }
-    }
-
-    /// The state at which detection sees it, or, after detection, at which the game sees it.
-    fn shown(&self, is_on_its_way: bool) -> &Stand {
-        if is_on_its_way { &self.now } else { &self.to }
-    }
-
-    /// Largest displacement relative to something that moves by `common`: over the given points of its own frame, or
-    /// over all of its vertices.
-    fn way(&self, points: Option<&[DVec3]>, common: DVec3) -> f64 {
-        let (from, to) = (&self.from, &self.to);
-        let squared = |from: DVec3, to: DVec3| {
-            (self.to.pose.transform_point(to) - self.from.pose.transform_point(from) - common).length_squared()
-        };
-        let longest = if let Some(points) = points {
-            points.iter().map(|&point| squared(point, point)).fold(0.0, f64::max)
-        } else {
-            let vertices = from.positions.iter().zip(&to.positions);
-            vertices.map(|(from, to)| squared(from.as_dvec3(), to.as_dvec3())).fold(0.0, f64::max)
-        };
-        longest.sqrt()
-    }
 }
 
 /// The trajectories of everything that the solver does not move.
@@ -138,47 +47,19 @@ pub(super) struct Motions {
     part: u32,
     /// Largest displacement of any object near a body within one part, in world units.
     longest: f64,
-}
-
-#[derive(Clone, Copy)]
-struct Region {
-    low: DVec3,
-    high: DVec3,
-}
-
-impl Region {
-    fn around(points: impl Iterator<Item = DVec3>) -> Self {
-        let empty = Self { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
-        points.fold(empty, |Self { low, high }, point| Self { low: low.min(point), high: high.max(point) })
-    }
-
-    fn grown(self, by: f64) -> Self {
-        Self { low: self.low - by, high: self.high + by }
-    }
-
-    fn overlaps(&self, other: &Self) -> bool {
-        self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
-    }
-
-    fn corners(&self) -> [DVec3; 8] {
-        std::array::from_fn(|bits| {
-            let pick = |axis: usize| if bits & (1 << axis) == 0 { self.low[axis] } else { self.high[axis] };
-            DVec3::new(pick(0), pick(1), pick(2))
-        })
-    }
+    /// Sleeping bodies that something comes near, so fast that contacts might not show it in time.
+    approached: Vec<Entity>,
 }
 
 /// Where a body may be in this tick, its mean displacement, and its mean edge.
 struct Reach {
+    entity: Entity,
+    is_asleep: bool,
+    /// The farthest displacement of a vertex.
+    way: f64,
     region: Region,
     motion: DVec3,
     mean_edge: f64,
-}
-
-/// The region that a trajectory may reach, and the points to measure it by if those are not its vertices.
-struct Track {
-    region: Region,
-    points: Option<[DVec3; 8]>,
 }
 
 impl Motions {
@@ -211,6 +92,11 @@ impl Motions {
         self.part + 1 >= self.parts()
     }
 
+    /// Sleeping bodies that something comes near, so fast that contacts might not show it in time.
+    pub(super) fn approached(&self) -> &[Entity] {
+        &self.approached
+    }
+
     /// Records the trajectory of an object if it has moved since the last tick. `positions` is empty for a shape
     /// tested by formula.
     fn follow(&mut self, entity: Entity, positions: &[Vec3], changed: Option<Tick>, pose: &Pose, fresh: bool) {
@@ -234,21 +120,32 @@ impl Motions {
     /// Resets to a tick in which nothing moves.
     fn stand_still(&mut self) {
         self.courses.clear();
+        self.approached.clear();
         (self.parts, self.part, self.longest) = (1, 0, 0.0);
     }
 
     /// Drops trajectories that come near no body, and decides how many parts the tick needs.
     fn plan(&mut self, bodies: &[Reach], track: impl Fn(Entity, &Course) -> Track) {
         let (mut parts, mut longest) = (1, 0.0_f64);
-        self.courses.retain(|&entity, course| {
+        let Self { courses, approached, .. } = self;
+        for sleeper in bodies.iter().filter(|body| body.is_asleep) {
+            let mut fast = bodies.iter().filter(|body| !body.is_asleep && body.way > body.mean_edge);
+            if fast.any(|body| body.region.overlaps(&sleeper.region)) {
+                approached.push(sleeper.entity);
+            }
+        }
+        courses.retain(|&entity, course| {
             if course.is_of_pins {
                 return true;
             }
-            let Track { region, points } = track(entity, course);
+            let track = track(entity, course);
             let mut is_near = false;
-            for body in bodies.iter().filter(|body| body.region.overlaps(&region)) {
+            for body in bodies.iter().filter(|body| body.region.overlaps(&track.region)) {
                 is_near = true;
-                let way = course.way(points.as_ref().map(|points| &points[..]), body.motion);
+                if body.is_asleep {
+                    approached.push(body.entity);
+                }
+                let way = track.way(&body.region, body.motion);
                 longest = longest.max(way);
                 let fits = |count: &u32| way <= f64::from(*count) * body.mean_edge;
                 if body.mean_edge > 0.0 {
@@ -322,7 +219,8 @@ pub(super) fn begin(
             other => {
                 if let Some(body) = other.filter(|_| is_asleep) {
                     // What comes near it wakes it.
-                    bodies.push(reach_of(surface, &positions.0, &body, mean_edge, duration));
+                    let reach = reach_of(surface, &positions.0, &body, mean_edge, duration);
+                    bodies.push(Reach { is_asleep, ..reach });
                 }
                 let changed = positions.last_changed();
                 motions.follow(surface.entity, &positions.0, Some(changed), &surface.pose, surface.fresh);
@@ -339,20 +237,27 @@ pub(super) fn begin(
     }
     let shapes: EntityHashMap<&ShapeGeometry> =
         active.shapes.iter().map(|shape| (shape.entity, &*shape.geometry)).collect();
+    let meshes: EntityHashMap<&Arc<SurfaceTopology>> =
+        active.surfaces.iter().map(|surface| (surface.entity, &surface.topology)).collect();
     let whole = Region::around(bodies.iter().flat_map(|body| [body.region.low, body.region.high]));
     motions.plan(&bodies, |entity, course| {
         let Some(geometry) = shapes.get(&entity) else {
-            let vertices = 0..course.from.positions.len();
-            let ends = vertices.flat_map(|vertex| [course.from.point(vertex), course.to.point(vertex)]);
-            return Track { region: Region::around(ends), points: None };
+            let ends =
+                (0..course.from.positions.len()).map(|vertex| [course.from.point(vertex), course.to.point(vertex)]);
+            return Track::new(ends.collect(), meshes.get(&entity).copied().cloned());
         };
-        let Some(Aabb { min, max }) = geometry.bounds() else {
-            let own = course.to.pose.inverse();
-            return Track { region: whole, points: Some(whole.corners().map(|corner| own.transform_point(corner))) };
-        };
-        let corners = Region { low: min.as_dvec3(), high: max.as_dvec3() }.corners();
-        let ends = [&course.from, &course.to].map(|stand| corners.map(|corner| stand.pose.transform_point(corner)));
-        Track { region: Region::around(ends.into_iter().flatten()), points: Some(corners) }
+        let own = course.to.pose.inverse();
+        let corners = geometry.bounds().map_or_else(
+            || whole.corners().map(|corner| own.transform_point(corner)),
+            |Aabb { min, max }| Region { low: min.as_dvec3(), high: max.as_dvec3() }.corners(),
+        );
+        let ends = corners.map(|corner| [&course.from, &course.to].map(|stand| stand.pose.transform_point(corner)));
+        let mut track = Track::new(ends.to_vec(), None);
+        if geometry.bounds().is_none() {
+            // A half-space is everywhere.
+            track.region = whole;
+        }
+        track
     });
 }
 
@@ -365,7 +270,8 @@ fn reach_of(surface: &ActiveSurface, positions: &[Vec3], body: &XpbdBody, mean_e
     let (sum, count) = body
         .free_vertices()
         .fold((DVec3::ZERO, 0usize), |(sum, count), (velocity, _)| (sum + velocity.as_dvec3(), count + 1));
-    Reach { region, motion: sum * (duration / count.max(1) as f64), mean_edge }
+    let motion = sum * (duration / count.max(1) as f64);
+    Reach { entity: surface.entity, is_asleep: false, way, region, motion, mean_edge }
 }
 
 /// If the transform of a body has moved since its positions were last written, its vertices keep their place in the

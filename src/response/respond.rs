@@ -24,7 +24,7 @@ use super::{
     solver::{Solved, Solver},
 };
 use crate::{
-    detection::SweptImpacts,
+    detection::ImpactsRead,
     kernel::{
         mesh::{ids::VertexId, topology::SurfaceTopology},
         pose::Pose,
@@ -219,9 +219,12 @@ impl Margin {
 pub(super) fn aim(
     time: Option<Res<Time>>,
     active: Res<ActiveSurfaces>,
-    (motions, sleep): (Res<Motions>, Res<Sleep>),
+    (motions, sleep, read): (Res<Motions>, Res<Sleep>, Res<ImpactsRead>),
     mut bodies: Query<(&SurfacePositions, &XpbdBody, &mut SweptTarget), With<SweptCollision>>,
 ) {
+    if !read.0 {
+        return;
+    }
     let duration = time.map_or(0.0, |time| time.delta_secs_f64()) / f64::from(motions.parts());
     for surface in &active.surfaces {
         let Ok((positions, body, mut target)) = bodies.get_mut(surface.entity) else { continue };
@@ -298,7 +301,7 @@ fn respond(
     time: Option<Res<Time>>,
     settings: Res<XpbdSettings>,
     scene: Scene,
-    (impacts, mut sleep): (Res<SweptImpacts>, ResMut<Sleep>),
+    mut sleep: ResMut<Sleep>,
     mut response: ResMut<Response>,
     mut diagnostics: ResMut<XpbdDiagnostics>,
 ) {
@@ -314,7 +317,7 @@ fn respond(
     let mut settings = settings.in_range();
     settings.substeps = settings.substeps.div_ceil(parts).max(LEAST_SUBSTEPS.min(settings.substeps));
     let start = Instant::now();
-    sleep.wake_touched(&scene, &impacts);
+    sleep.wake_touched(&scene);
     diagnostics.asleep = sleep.count();
     let Response { solver, gatherer, guard, moved, refused, fall, .. } = response;
     gatherer.begin();

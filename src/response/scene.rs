@@ -14,8 +14,9 @@ use super::{
 };
 use crate::{
     contacts::ContactStore,
-    detection::SharedList,
+    detection::{SharedList, Threads},
     kernel::{contact::TouchingPair, mesh::feature::FeatureKind, pose::Pose},
+    settings::CircumsphereSettings,
     surface::{ActiveShape, ActiveSurfaces, SurfacePositions, SweptCollision},
 };
 
@@ -29,12 +30,18 @@ pub(super) struct Scene<'w, 's> {
     pub(super) tethers: Query<'w, 's, &'static XpbdTethers>,
     pub(super) winds: Query<'w, 's, &'static SurfaceWind>,
     pub(super) forces: Query<'w, 's, &'static SurfaceForces>,
+    detection: Res<'w, CircumsphereSettings>,
     reactions: Query<'w, 's, (), With<SurfaceReaction>>,
     frictions: Query<'w, 's, &'static SurfaceFriction>,
     swept: Query<'w, 's, (), With<SweptCollision>>,
 }
 
 impl Scene<'_, '_> {
+    /// The threads that may work.
+    pub(super) fn threads(&self) -> Threads {
+        Threads(self.detection.threads)
+    }
+
     pub(super) fn is_any_swept(&self) -> bool {
         !self.swept.is_empty()
     }

@@ -207,9 +207,9 @@ pub struct SelfCollision;
 /// - Solids have their exact shape, except for cylinders and cones, which become inscribed ones with 256 flat sides.
 ///   What starts inside a solid meets it on its way out.
 ///
-/// Detection only finds impacts. It prevents none. With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin),
-/// the component also keeps an [`XpbdBody`](crate::response::XpbdBody) from passing through things: see [what is
-/// guaranteed](crate::response#what-is-guaranteed).
+/// Detection only finds impacts. With [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin), the component also keeps
+/// an [`XpbdBody`](crate::response::XpbdBody) from passing through things, see [what is
+/// guaranteed](crate::response#what-is-guaranteed), and impacts are only looked for if a system reads them.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[require(PreviousPositions, SweptTarget)]
 #[component(on_remove = Self::on_remove)]

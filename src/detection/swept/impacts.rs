@@ -72,10 +72,27 @@ impl SweptPair {
     }
 }
 
+/// Whether anything reads impacts. Without this resource, something may.
+#[derive(Resource, Clone, Copy, Debug, Default)]
+pub(crate) struct ImpactsRead(pub(crate) bool);
+
+/// Exists in every system that reads impacts.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ImpactReader;
+
+impl FromWorld for ImpactReader {
+    fn from_world(world: &mut World) -> Self {
+        world.insert_resource(ImpactsRead(true));
+        Self
+    }
+}
+
 /// The impacts of the last detection, between whatever has [`SweptCollision`](crate::SweptCollision) and other surfaces
 /// and rigid shapes. Pairs that do not meet are left out.
 ///
-/// Most systems read it through [`SurfaceImpacts`](crate::SurfaceImpacts).
+/// Most systems read it through [`SurfaceImpacts`](crate::SurfaceImpacts). With
+/// [`XpbdResponsePlugin`](crate::response::XpbdResponsePlugin), which sweeps bodies by itself, it is only filled if one
+/// does.
 #[derive(Resource, Clone, Debug, Default)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Resource, Clone, Debug, Default))]
 pub struct SweptImpacts {

@@ -8,6 +8,7 @@
 mod impacts;
 mod mover;
 mod path;
+mod sweeping;
 
 use std::{sync::Arc, time::Instant};
 
@@ -15,20 +16,19 @@ use bevy_app::prelude::*;
 use bevy_ecs::{entity::EntityHashMap, prelude::*, query::QueryData};
 use bevy_platform::collections::HashMap;
 
+pub(crate) use self::impacts::{ImpactReader, ImpactsRead};
 pub use self::impacts::{SweptImpact, SweptImpacts, SweptPair};
+pub(crate) use self::sweeping::Sweeping;
 use self::{
     mover::{Mover, Plane},
     path::{Frame, Path, SweptPositions},
 };
-use super::{
-    parallel::{Buffers, append_ranges},
-    state::{SurfaceState, SurfaceStates},
-};
+use super::state::{SurfaceState, SurfaceStates};
 use crate::{
     diagnostics::DetectionDiagnostics,
     kernel::{
         bvh::tree::BoxTree,
-        ccd::{PairImpact, SWEEP_PART, Sweep, SweepLeaves, TreeWork, sort_impacts},
+        ccd::{PairImpact, Sweep, TreeWork},
         exact::rigid_shape::ShapeGeometry,
         mesh::{bounds::Aabb, ids::TriangleId},
         pose::Pose,
@@ -112,10 +112,8 @@ struct SweptBuffers {
     world: Vec<Aabb>,
     tree: BoxTree,
     pairs: Vec<[u32; 2]>,
-    leaves: SweepLeaves,
+    sweeping: Sweeping,
     impacts: Vec<PairImpact>,
-    spare_impacts: Buffers<Vec<PairImpact>>,
-    candidates: Buffers<Vec<[u32; 2]>>,
     /// Impact lists of earlier ticks, for reuse.
     spare: Vec<Vec<SweptImpact>>,
 }
@@ -136,7 +134,7 @@ fn find_impacts(
     mut found: ResMut<SweptImpacts>,
     mut diagnostics: ResMut<DetectionDiagnostics>,
     mut buffers: Local<SweptBuffers>,
-    asking: Query<(), With<SweptCollision>>,
+    (asking, read): (Query<(), With<SweptCollision>>, Option<Res<ImpactsRead>>),
     states: Res<SurfaceStates>,
     mut surfaces: Query<SweptItem>,
 ) {
@@ -146,7 +144,7 @@ fn find_impacts(
     if !found.pairs.is_empty() {
         buffers.spare.extend(found.pairs.drain(..).map(|pair| pair.impacts));
     }
-    if asking.is_empty() {
+    if asking.is_empty() || read.is_some_and(|read| !read.0) {
         buffers.main_sides.clear();
         buffers.shapes.clear();
         return;
@@ -313,18 +311,10 @@ impl SweptBuffers {
         };
         let (a, b) = if is_first_main { (main_side, other_side) } else { (other_side, main_side) };
         let sweep = Sweep { a, b, same_surface: is_self, separation };
-        sweep.collect(&mut self.leaves);
-        self.impacts.clear();
-        let (leaves, candidates) = (&self.leaves, &self.candidates);
-        let count = leaves.len();
-        let work = |part, impacts: &mut Vec<PairImpact>| {
-            candidates.with(|candidates| sweep.append_part(leaves, part, candidates, impacts))
-        };
-        cost.candidates += append_ranges(count, SWEEP_PART, threads, &self.spare_impacts, &mut self.impacts, work);
+        cost.candidates += self.sweeping.run(&sweep, threads, &mut self.impacts);
         if self.impacts.is_empty() {
             return;
         }
-        sort_impacts(&mut self.impacts);
         let part = second.part.unwrap_or_default();
         let impacts = self.impacts.iter().map(|impact| world_impact(impact, part, &own.frame.pose));
         let is_same = |pair: &&mut SweptPair| pair.a == first.entity && pair.b == second.entity;

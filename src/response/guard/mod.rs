@@ -27,14 +27,16 @@ use self::{
 };
 use super::{gather::Gatherer, meeting::MeetingTriangles, particles::Particles, scene::Scene};
 use crate::{
+    detection::{Sweeping, Threads},
     kernel::{
         bvh::tree::BoxTree,
-        ccd::{ImpactCause, PairImpact, SweepBuffers, sweep},
+        ccd::{ImpactCause, PairImpact, Sweep},
         exact::{
             rigid_shape::{ShapeGeometry, boundary_topology},
             triangle_pair::PairProximity,
         },
         mesh::{bounds::Aabb, topology::SurfaceTopology},
+        simd::parallel::Parallel,
     },
     surface::ActiveShape,
 };
@@ -43,6 +45,9 @@ use crate::{
 /// that do so with whole bodies. Impacts that persist are between objects that nothing stops.
 const PROJECTIONS: usize = 12;
 const LAST_ROUNDS: usize = 12;
+
+/// With fewer triangles than this, another thread does not pay off.
+const LEAST_SHARE: usize = 4096;
 
 /// Terminates a list of particles.
 const NO_PARTICLE: u32 = u32::MAX;
@@ -94,7 +99,8 @@ pub(super) struct Guard {
     jammed: Vec<usize>,
     /// Impacts along the current trajectories.
     found: Vec<(MeshPair, PairImpact)>,
-    buffers: SweepBuffers,
+    sweeping: Sweeping,
+    threads: Threads,
     scratch: PairProximity,
     tick: u64,
 }
@@ -103,6 +109,7 @@ impl Guard {
     /// Sweeps everything from the beginning of the tick to the solved positions. Returns the number of impacts.
     pub(super) fn begin(&mut self, particles: &Particles, scene: &Scene<'_, '_>, gatherer: &Gatherer) -> usize {
         self.tick += 1;
+        self.threads = scene.threads();
         self.pairs.clear();
         self.found.clear();
         self.jammed.clear();
@@ -168,16 +175,16 @@ impl Guard {
 
     /// Appends the impacts of pairs with at least one mesh for which `requested` returns true.
     fn find(&mut self, particles: &Particles, gatherer: &Gatherer, requested: impl Fn(&Mesh) -> bool) {
-        let Self { meshes, pairs, found, impacts, buffers, jammed, scratch, .. } = self;
+        let Self { meshes, pairs, found, impacts, sweeping, threads, jammed, scratch, .. } = self;
         for pair in &*pairs {
             let MeshPair { places: [a, b], separation, .. } = *pair;
             let (mesh_a, mesh_b) = (&meshes[a], &meshes[b]);
             if !(requested(mesh_a) || requested(mesh_b)) {
                 continue;
             }
-            impacts.clear();
             let (swept_a, swept_b) = (mesh_a.swept(particles), mesh_b.swept(particles));
-            sweep(&swept_a, &mesh_a.tree, &swept_b, &mesh_b.tree, a == b, separation, buffers, impacts);
+            let sides = ((swept_a, &mesh_a.tree), (swept_b, &mesh_b.tree));
+            sweeping.run(&Sweep { a: sides.0, b: sides.1, same_surface: a == b, separation }, threads.0, impacts);
             let before = found.len();
             let is_round = mesh_a.radius + mesh_b.radius > 0.0;
             let is_leaving = |found: &PairImpact| {
@@ -262,13 +269,14 @@ impl Guard {
             self.gather_shape(particles, scene, shape);
         }
         self.reach(scene);
-        for mesh in &mut self.meshes {
+        let triangles = self.meshes.iter().map(|mesh| mesh.topology.triangles().len()).sum::<usize>();
+        self.threads.run_tasks(self.meshes.iter_mut(), triangles / LEAST_SHARE, |mesh: &mut Mesh| {
             if mesh.stale {
                 mesh.follow_ways(particles);
             } else {
                 mesh.tree.update_reaches(&mesh.reaches);
             }
-        }
+        });
         self.pair_meshes(scene);
     }
 

@@ -5,127 +5,20 @@
 //! every other part of the response, and to detection, a sleeping body is a surface that the game does not move. One
 //! reason to wake wakes the whole island.
 
-use bevy_ecs::{change_detection::Tick, entity::EntityHashMap, prelude::*, query::QueryData};
+mod state;
+
+use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use bevy_time::Time;
-use glam::DVec3;
 
-use super::{
-    body::{SurfaceFriction, XpbdBody},
-    forces::{SurfaceForces, SurfaceWind},
-    scene::Scene,
-    settings::XpbdSettings,
-    tethers::XpbdTethers,
-};
-use crate::{
-    detection::SweptImpacts,
-    kernel::pose::Pose,
-    surface::{ActiveSurface, ActiveSurfaces, SurfaceLayers, SurfacePositions},
-};
-
-/// How long all bodies of an island have to stay where they are before it falls asleep, in seconds: longer than a
-/// pendulum lingers where it turns back.
-const CALM_TIME: f64 = 0.5;
-
-/// Everything whose change wakes a body.
-#[derive(QueryData)]
-pub(super) struct Watched {
-    positions: Ref<'static, SurfacePositions>,
-    body: Ref<'static, XpbdBody>,
-    forces: Option<Ref<'static, SurfaceForces>>,
-    wind: Option<Ref<'static, SurfaceWind>>,
-    tethers: Option<Ref<'static, XpbdTethers>>,
-    friction: Option<Ref<'static, SurfaceFriction>>,
-}
-
-/// The state of a body when it fell asleep.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Seen {
-    /// The last changes of what is [`Watched`].
-    changes: [Option<Tick>; 6],
-    pose: Pose,
-    thickness: f32,
-    layers: SurfaceLayers,
-}
-
-impl Seen {
-    fn new(surface: &ActiveSurface, item: &WatchedItem<'_, '_>) -> Self {
-        let WatchedItem { positions, body, forces, wind, tethers, friction } = item;
-        let changes = [
-            Some(positions.last_changed()),
-            Some(body.last_changed()),
-            forces.as_ref().map(Ref::last_changed),
-            wind.as_ref().map(Ref::last_changed),
-            tethers.as_ref().map(Ref::last_changed),
-            friction.as_ref().map(Ref::last_changed),
-        ];
-        Self { changes, pose: surface.pose, thickness: surface.thickness, layers: surface.layers }
-    }
-}
-
-/// A body that sleeps.
-#[derive(Debug)]
-struct Asleep {
-    /// The number of its island.
-    island: u32,
-    seen: Seen,
-    /// What it was near, which keeps it where it is.
-    near: Vec<Entity>,
-    /// The number of tethers that held it.
-    tethers: usize,
-}
-
-/// How long a body has stayed where it is.
-#[derive(Debug, Default)]
-struct Calm {
-    /// Where its vertices were when that time began.
-    places: Vec<DVec3>,
-    /// In seconds.
-    time: f64,
-}
-
-/// Which bodies sleep, and how long the others have been calm.
-#[derive(Resource, Debug, Default)]
-pub(super) struct Sleep {
-    asleep: EntityHashMap<Asleep>,
-    calm: EntityHashMap<Calm>,
-    /// The settings of the last tick.
-    settings: XpbdSettings,
-    islands: u32,
-}
+pub(super) use self::state::Sleep;
+use self::state::{Asleep, CALM_TIME, Seen, Watched};
+use super::{scene::Scene, settings::XpbdSettings};
+use crate::surface::{ActiveSurface, ActiveSurfaces};
 
 impl Sleep {
-    pub(super) fn is_asleep(&self, body: Entity) -> bool {
-        !self.asleep.is_empty() && self.asleep.contains_key(&body)
-    }
-
-    pub(super) fn count(&self) -> usize {
-        self.asleep.len()
-    }
-
-    /// Follows the vertices of a body through a tick that lasts `duration` seconds. Bodies that tremble stay where they
-    /// are, bodies that creep do not.
-    pub(super) fn follow(&mut self, body: Entity, vertices: &[DVec3], duration: f64) {
-        let most = f64::from(self.settings.in_range().sleep_speed) * CALM_TIME;
-        let calm = self.calm.entry(body).or_default();
-        let is_near = |(before, now): (&DVec3, &DVec3)| before.distance_squared(*now) < most * most;
-        if calm.places.len() == vertices.len() && calm.places.iter().zip(vertices).all(is_near) {
-            calm.time += duration;
-        } else {
-            calm.places.clear();
-            calm.places.extend_from_slice(vertices);
-            calm.time = 0.0;
-        }
-    }
-
-    fn wake(&mut self, islands: &[u32]) {
-        if !islands.is_empty() {
-            self.asleep.retain(|_, asleep| !islands.contains(&asleep.island));
-        }
-    }
-
     /// Wakes what something has come near: an awake body, an object that moves, or a new one. Also what its tethers pull
     /// or no longer hold, and what has lost something that it was near.
-    pub(super) fn wake_touched(&mut self, scene: &Scene<'_, '_>, impacts: &SweptImpacts) {
+    pub(super) fn wake_touched(&mut self, scene: &Scene<'_, '_>) {
         if self.asleep.is_empty() {
             return;
         }
@@ -133,14 +26,15 @@ impl Sleep {
             let is_awake = |entity| scene.is_body(entity) && !self.asleep.contains_key(&entity);
             scene.motions.course(entity).is_some() || is_awake(entity)
         };
-        let swept = impacts.pairs.iter().map(|pair| [pair.a, pair.b]);
         let stored = scene.store.pairs.iter().map(|pair| [pair.a.entity(), pair.b.entity()]);
-        let touched = swept.chain(stored).flat_map(|[a, b]| [(a, b), (b, a)]);
+        let touched = stored.flat_map(|[a, b]| [(a, b), (b, a)]);
         let mut islands: Vec<u32> = touched
             .filter_map(|(own, other)| Some((self.asleep.get(&own)?, other)))
             .filter(|(asleep, other)| moves(*other) || !asleep.near.contains(other))
             .map(|(asleep, _)| asleep.island)
             .collect();
+        let approached = scene.motions.approached().iter().filter_map(|body| self.asleep.get(body));
+        islands.extend(approached.map(|asleep| asleep.island));
         for (&body, asleep) in &self.asleep {
             let is_gone = |&other: &Entity| scene.store.pairs_between(body, other).next().is_none();
             let is_pulled = || scene.tethers.get(body).is_ok_and(|tethers| tethers.holding() != Some(asleep.tethers));

@@ -1,0 +1,31 @@
+//! A sweep of two meshes, distributed over threads.
+
+use crate::{
+    detection::parallel::{Buffers, append_ranges},
+    kernel::ccd::{PairImpact, SWEEP_PART, Sweep, SweepLeaves, sort_impacts},
+};
+
+/// Sweeps meshes on several threads. It keeps its memory.
+#[derive(Default)]
+pub(crate) struct Sweeping {
+    leaves: SweepLeaves,
+    candidates: Buffers<Vec<[u32; 2]>>,
+    spare: Buffers<Vec<PairImpact>>,
+}
+
+impl Sweeping {
+    /// Replaces `impacts` by those of a sweep, in the same order for any number of threads. Returns the number of pairs
+    /// whose boxes overlap.
+    pub(crate) fn run(&mut self, sweep: &Sweep<'_>, threads: usize, impacts: &mut Vec<PairImpact>) -> usize {
+        impacts.clear();
+        let Self { leaves, candidates, spare } = self;
+        sweep.collect(leaves);
+        let leaves = &*leaves;
+        let work = |part, impacts: &mut Vec<PairImpact>| {
+            candidates.with(|candidates| sweep.append_part(leaves, part, candidates, impacts))
+        };
+        let count = append_ranges(leaves.len(), SWEEP_PART, threads, spare, impacts, work);
+        sort_impacts(impacts);
+        count
+    }
+}
