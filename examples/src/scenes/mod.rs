@@ -4,7 +4,7 @@
 //! f64.
 
 pub mod bullet_cloth;
-mod cloth_drop;
+pub mod cloth_drop;
 mod energy;
 mod garment;
 mod layers;
@@ -62,7 +62,7 @@ pub enum Extent {
 }
 
 impl Extent {
-    fn pick<T>(self, small: T, usual: T) -> T {
+    pub fn pick<T>(self, small: T, usual: T) -> T {
         match self {
             Self::Small => small,
             Self::Usual => usual,
