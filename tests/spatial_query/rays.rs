@@ -216,7 +216,8 @@ fn rays_along_axes_through_a_grid_never_slip_through() {
     for (ray, found) in rays.iter().zip(found) {
         let found = found.unwrap_or_else(|| panic!("{ray:?} slips through"));
         assert_eq!(found.distance, 2.0 / -ray.direction.y, "{ray:?}: {found:?}");
-        assert_eq!((found.normal, found.point), (Vec3::Y, ray.origin - Vec3::Y * 2.0), "{ray:?}");
+        assert_eq!(found.normal, Vec3::Y, "{ray:?}");
+        assert!(found.point.distance(ray.origin - Vec3::Y * 2.0) < 1.0e-29, "{ray:?}: {found:?}");
     }
 }
 
@@ -257,7 +258,7 @@ fn all_hits_come_in_order_and_are_those_of_brute_force() {
     let found = query(&mut app, move |query| {
         copy.iter().map(|ray| query.ray_hits(ray.origin, ray.direction, ray.range, &ALL)).collect::<Vec<_>>()
     });
-    let mut counts = [0; 6];
+    let mut counts = [0; 16];
     for (ray, found) in rays.iter().zip(&found) {
         let truth =
             cast(&triangles, ray.origin.as_dvec3(), ray.direction.as_dvec3(), f64::from(ray.range), 1.0e-9);

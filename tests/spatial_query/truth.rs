@@ -50,3 +50,23 @@ pub fn cast(triangles: &[[DVec3; 3]], origin: DVec3, direction: DVec3, range: f6
     found.hits.sort_by(|one, other| one.distance.total_cmp(&other.distance));
     found
 }
+
+/// The point of a triangle that is closest to a point: of its plane if that is inside, otherwise of its edges.
+pub fn closest_on(corners: &[DVec3; 3], point: DVec3) -> DVec3 {
+    let [a, b, c] = *corners;
+    let normal = (b - a).cross(c - a);
+    if let Some(hit) = on_plane(0, corners, point, normal)
+        && hit.barycentric.iter().all(|weight| *weight >= 0.0)
+    {
+        return point + normal * hit.distance;
+    }
+    let on_edge = |from: DVec3, to: DVec3| {
+        let along = to - from;
+        from + along * ((point - from).dot(along) / along.length_squared()).clamp(0.0, 1.0)
+    };
+    let candidates = [on_edge(a, b), on_edge(b, c), on_edge(c, a)];
+    let nearest = candidates
+        .into_iter()
+        .min_by(|one, other| one.distance_squared(point).total_cmp(&other.distance_squared(point)));
+    nearest.expect("a triangle has edges")
+}
