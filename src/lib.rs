@@ -66,9 +66,7 @@ mod spatial_query;
 mod surface;
 
 pub use contacts::*;
-pub use spatial_query::{
-    ClosestPoint, RayHit, ShapeHit, SurfaceOverlap, SurfaceQuery, SurfaceQueryFilter,
-};
+pub use spatial_query::{ClosestPoint, RayHit, ShapeHit, SurfaceOverlap, SurfaceQuery, SurfaceQueryFilter};
 pub use surface::*;
 
 pub use plugins::DeformableCollisionPlugins;
@@ -90,9 +88,10 @@ pub mod prelude {
         settings::{CircumsphereSettings, SphereContactDetail},
         spatial_query::{RayHit, SurfaceQuery, SurfaceQueryFilter},
         surface::{
-            ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason, QueryOnly, RigidShape,
-            SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions,
-            SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
+            ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason, QueryOnly,
+            RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder,
+            SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision,
+            SweptTarget, Teleported,
         },
     };
     pub use parry3d::shape::SharedShape;

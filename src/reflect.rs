@@ -15,9 +15,9 @@ use crate::{
     settings::CircumsphereSettings,
     surface::{
         ActiveSurfaces, Circumspheres, ContactEventsEnabled, ContactMethod, DeformableSurface, EnclosingBalls,
-        PreviousPositions, QueryOnly, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers,
-        SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness,
-        SweptCollision, SweptTarget, Teleported, TriangleCones, TriangleCurvature,
+        PreviousPositions, QueryOnly, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame,
+        SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus,
+        SurfaceThickness, SweptCollision, SweptTarget, Teleported, TriangleCones, TriangleCurvature,
     },
 };
 

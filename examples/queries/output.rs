@@ -51,7 +51,8 @@ fn create(path: &Path, header: [&str; 9]) -> Result<Output, OutputError> {
 }
 
 pub fn write_hits(output: Output, hits: &[Option<RayHit>]) -> Result<(), OutputError> {
-    let row = |hit: &RayHit| Row::new(hit.triangle.map(|triangle| triangle.0), hit.distance, hit.barycentric, hit.normal);
+    let row =
+        |hit: &RayHit| Row::new(hit.triangle.map(|triangle| triangle.0), hit.distance, hit.barycentric, hit.normal);
     write(output, hits.iter().map(|hit| hit.as_ref().map(row)))
 }
 

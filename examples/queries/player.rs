@@ -40,9 +40,8 @@ impl Queries {
     /// Random rays through the box of the first frame, from around it, and points in there, for every frame.
     pub fn around(recording: &Recording) -> Self {
         let points = || recording.frames[0].iter().copied().map(Vec3::from_array);
-        let (min, max) = points().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), point| {
-            (min.min(point), max.max(point))
-        });
+        let (min, max) =
+            points().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), point| (min.min(point), max.max(point)));
         let (center, half) = ((min + max) * 0.5, (max - min) * 0.5);
         let mut random = Random::new(1);
         let mut vector = || Vec3::from_array([0; 3].map(|_| random.signed_unit()));
@@ -87,8 +86,11 @@ pub struct Answers {
 /// Plays the frames that are asked about.
 pub fn play(recording: &Recording, queries: &Queries) -> Result<Answers, TopologyError> {
     let positions = |frame: usize| recording.frames[frame].iter().copied().map(Vec3::from_array).collect::<Vec<_>>();
-    let mut app =
-        headless_app(DeformableCollisionPlugins::new(Update).build(), CircumsphereSettings::default(), Recorder::default());
+    let mut app = headless_app(
+        DeformableCollisionPlugins::new(Update).build(),
+        CircumsphereSettings::default(),
+        Recorder::default(),
+    );
     let surface = DeformableSurface::from_mesh(&positions(0), &recording.triangles)?;
     let entity = app.world_mut().spawn((surface, QueryOnly)).id();
     let rays = by_frame(recording.frames.len(), queries.rays.iter().map(|ray| ray.frame));

@@ -62,9 +62,8 @@ impl Folder {
 fn recording() -> Recording {
     let (first, last) = (torus(0.8, 0.3, 24, 12), torus(1.1, 0.4, 24, 12));
     let frame = |share: f32| {
-        let between = |(from, to): (&[f32; 3], &[f32; 3])| {
-            Vec3::from_array(*from).lerp(Vec3::from_array(*to), share).to_array()
-        };
+        let between =
+            |(from, to): (&[f32; 3], &[f32; 3])| Vec3::from_array(*from).lerp(Vec3::from_array(*to), share).to_array();
         first.positions.iter().zip(&last.positions).map(between).collect()
     };
     Recording { triangles: first.triangles.clone(), frames: [0.0, 0.3, 0.7, 1.0].map(frame).to_vec() }
@@ -115,8 +114,7 @@ fn hits_are_those_of_brute_force_in_the_order_of_the_rays() {
         let frame = random.below(4) as usize;
         let mut vector = |size: f32| Vec3::from_array([0; 3].map(|_| random.signed_unit())) * size;
         let (origin, target) = (vector(3.0), vector(1.0));
-        let (direction, range) =
-            (target - origin, if asked.len() % 3 == 0 { 0.9 } else { f32::INFINITY });
+        let (direction, range) = (target - origin, if asked.len() % 3 == 0 { 0.9 } else { f32::INFINITY });
         let [a, b, c] = origin.to_array();
         let [x, y, z] = direction.to_array();
         writeln!(text, "{frame},{a},{b},{c},{x},{y},{z},{range}").expect("a string takes anything");

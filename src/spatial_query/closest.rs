@@ -169,8 +169,8 @@ fn visit_near(
     let offset = affine.translation - point;
     let (triangles, positions) = (topology.triangles(), state.positions());
     state.query_tree().nearest(pose.inverse().transform_point(point), local(range), |triangle| {
-        let corners = triangles[triangle as usize]
-            .map(|vertex| affine.matrix3 * positions[vertex as usize].as_dvec3() + offset);
+        let corners =
+            triangles[triangle as usize].map(|vertex| affine.matrix3 * positions[vertex as usize].as_dvec3() + offset);
         visit(triangle, closest_on_triangle(&corners, DVec3::ZERO)).map(local)
     });
 }

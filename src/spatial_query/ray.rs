@@ -57,8 +57,7 @@ struct Found {
 impl Found {
     /// Nearer hits come first, then lower surfaces, then lower triangles, and solids last.
     fn is_before(&self, other: &Self) -> bool {
-        self.hit.distance < other.hit.distance
-            || self.hit.distance == other.hit.distance && self.target < other.target
+        self.hit.distance < other.hit.distance || self.hit.distance == other.hit.distance && self.target < other.target
     }
 }
 

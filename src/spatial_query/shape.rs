@@ -10,11 +10,7 @@ use crate::{
         exact::rigid_shape::{ShapeError, ShapeGeometry},
         mesh::bounds::Aabb,
         pose::Pose,
-        query::{
-            box_overlap::box_overlaps_triangle,
-            shape_cast::SolidScratch,
-            solid::closest_on_solid,
-        },
+        query::{box_overlap::box_overlaps_triangle, shape_cast::SolidScratch, solid::closest_on_solid},
     },
     surface::ActiveShape,
 };
@@ -32,11 +28,7 @@ pub(super) struct PosedSolid {
 
 impl PosedSolid {
     /// `None` if the position is not finite.
-    pub(super) fn new(
-        shape: &SharedShape,
-        translation: Vec3,
-        rotation: Quat,
-    ) -> Result<Option<Self>, ShapeError> {
+    pub(super) fn new(shape: &SharedShape, translation: Vec3, rotation: Quat) -> Result<Option<Self>, ShapeError> {
         let geometry = ShapeGeometry::new(shape)?;
         let bounds = geometry.bounds().ok_or(ShapeError::Unsupported)?;
         let rotation = rotation.as_dquat();
@@ -86,8 +78,11 @@ impl SurfaceQuery<'_> {
         });
         self.name_triangles(&mut triangles, &mut found);
         if !self.active.shapes.is_empty()
-            && let Ok(Some(solid)) =
-                PosedSolid::new(&SharedShape::cuboid(half.x as f32, half.y as f32, half.z as f32), Vec3::ZERO, Quat::IDENTITY)
+            && let Ok(Some(solid)) = PosedSolid::new(
+                &SharedShape::cuboid(half.x as f32, half.y as f32, half.z as f32),
+                Vec3::ZERO,
+                Quat::IDENTITY,
+            )
         {
             let pose = DAffine3::from_translation(center);
             self.overlap_solids(&PosedSolid { pose, into: pose.inverse(), ..solid }, filter, &mut found);
@@ -147,12 +142,7 @@ impl SurfaceQuery<'_> {
     }
 
     /// Appends the solids that overlap another one.
-    fn overlap_solids(
-        &self,
-        solid: &PosedSolid,
-        filter: &SurfaceQueryFilter<'_>,
-        found: &mut Vec<SurfaceOverlap>,
-    ) {
+    fn overlap_solids(&self, solid: &PosedSolid, filter: &SurfaceQueryFilter<'_>, found: &mut Vec<SurfaceOverlap>) {
         let shapes = self.active.shapes.iter().filter(|shape| filter.looks_at(shape.entity, shape.query_layers));
         let overlapping = shapes.filter(|shape| overlap(solid, shape));
         found.extend(overlapping.map(|shape| SurfaceOverlap { entity: shape.entity, triangle: None }));
@@ -198,6 +188,7 @@ pub(super) fn lowest(solid: &PosedSolid, half_space: &ActiveShape, normal: DVec3
     let plane = half_space.pose.to_affine().translation;
     let parts = solid.geometry.sweep_parts();
     let height = |point: &Vec3| (solid.pose.transform_point3(point.as_dvec3()) - plane).dot(outward);
-    let lowest = parts.iter().flat_map(|part| part.points.iter().map(move |point| height(point) - f64::from(part.radius)));
+    let lowest =
+        parts.iter().flat_map(|part| part.points.iter().map(move |point| height(point) - f64::from(part.radius)));
     lowest.fold(f64::INFINITY, f64::min)
 }

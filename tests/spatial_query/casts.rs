@@ -5,7 +5,7 @@ use bevy_circumsphere::prelude::*;
 use circumsphere_support::{random::Random, scenes::icosphere};
 use glam::{DVec3, Quat, Vec3};
 use parry3d_f64::{
-    math::{Pose, Rotation},
+    math::Pose,
     query::{ShapeCastOptions, cast_shapes, distance},
     shape::{Ball, Capsule, Cuboid, Shape, Triangle},
 };
@@ -29,7 +29,9 @@ fn first(triangles: &[[DVec3; 3]], pose: &Pose, shape: &dyn Shape, direction: DV
 fn gap(triangles: &[[DVec3; 3]], pose: &Pose, shape: &dyn Shape) -> f64 {
     triangles
         .iter()
-        .map(|&[a, b, c]| distance(pose, shape, &Pose::IDENTITY, &Triangle::new(a, b, c)).expect("parry knows both"))
+        .map(|&[a, b, c]| {
+            distance(pose, shape, &Pose::IDENTITY, &Triangle::new(a, b, c)).expect("parry knows both").distance
+        })
         .fold(f64::INFINITY, f64::min)
 }
 
@@ -57,7 +59,7 @@ fn balls_and_solids_stop_where_parry_says() {
                 query.cast_shape(&shape, translation, rotation, direction, 4.0, &ALL).expect("it is a solid")
             });
             let way = direction.as_dvec3();
-            let turned = Rotation::from_quat(rotation.as_dquat().normalize());
+            let turned = rotation.as_dquat().normalize();
             let at = |distance: f64| Pose::from_parts(translation.as_dvec3() + way * distance, turned);
             let expected = first(&triangles, &at(0.0), &*reference, way);
             let Some(found) = found else {

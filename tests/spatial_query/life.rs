@@ -136,7 +136,8 @@ fn bits(query: &SurfaceQuery, seed: u64) -> Vec<Option<[u32; 9]>> {
         .map(|_| {
             let (origin, target) = (random_vector(&mut random) * 4.0, random_vector(&mut random));
             query.cast_ray(origin, target - origin, f32::INFINITY, &ALL).map(|hit: RayHit| {
-                let numbers = [hit.distance, hit.point.x, hit.point.y, hit.point.z, hit.normal.x, hit.normal.y, hit.normal.z];
+                let numbers =
+                    [hit.distance, hit.point.x, hit.point.y, hit.point.z, hit.normal.x, hit.normal.y, hit.normal.z];
                 let mut bits = [0; 9];
                 for (bits, number) in bits.iter_mut().zip(numbers) {
                     *bits = number.to_bits();

@@ -2,6 +2,7 @@
 
 mod casts;
 mod closest;
+mod cost;
 mod life;
 mod overlaps;
 mod peers;

@@ -10,7 +10,7 @@ use bevy_ecs::prelude::*;
 use circumsphere_support::{random::Random, scenes::icosphere};
 use glam::{DVec3, Quat, Vec3};
 use parry3d_f64::{
-    math::{Pose, Rotation},
+    math::Pose,
     query::distance,
     shape::{Capsule, Cuboid, Cylinder, Shape, Triangle},
 };
@@ -85,7 +85,7 @@ fn balls_and_boxes_overlap_what_brute_force_says() {
 /// By parry: the distance of a shape and a triangle, or -1 if they overlap.
 fn gap(pose: &Pose, shape: &dyn Shape, corners: &[DVec3; 3]) -> f64 {
     let triangle = Triangle::new(corners[0], corners[1], corners[2]);
-    let apart = distance(pose, shape, &Pose::IDENTITY, &triangle).expect("parry knows both");
+    let apart = distance(pose, shape, &Pose::IDENTITY, &triangle).expect("parry knows both").distance;
     if apart > 0.0 { apart } else { -1.0 }
 }
 
@@ -106,7 +106,7 @@ fn solids_overlap_what_parry_says() {
             let found = query(&mut app, move |query| {
                 query.shape_intersections(&shape, translation, rotation, &ALL).expect("it is a solid")
             });
-            let turned = Rotation::from_quat(rotation.as_dquat().normalize());
+            let turned = rotation.as_dquat().normalize();
             let pose = Pose::from_parts(translation.as_dvec3(), turned);
             let gaps = triangles.iter().map(|corners| gap(&pose, &*reference, corners));
             let all = compare(&numbers(&found, entity), gaps, 1.0e-5);
@@ -122,7 +122,8 @@ fn what_is_no_solid_is_refused_and_what_is_no_number_finds_nothing() {
     spawn(&mut app, &icosphere(2, 1.0), ());
     app.update();
     query(&mut app, |query| {
-        let intersections = |shape: &SharedShape, at: Vec3, turn: Quat| query.shape_intersections(shape, at, turn, &ALL);
+        let intersections =
+            |shape: &SharedShape, at: Vec3, turn: Quat| query.shape_intersections(shape, at, turn, &ALL);
         let ball = SharedShape::ball(2.0);
         assert_eq!(intersections(&ball, Vec3::ZERO, Quat::IDENTITY).map(|found| found.len()), Ok(320));
         assert_eq!(intersections(&ball, Vec3::NAN, Quat::IDENTITY), Ok(Vec::new()));

@@ -61,9 +61,8 @@ impl QueriedTree {
     fn made(&self, own: &SurfaceTree, bounds: &TriangleBounds) -> KeptTree {
         let boxes = bounds.triangles();
         let last = mem::take(&mut *self.last.lock().unwrap_or_else(PoisonError::into_inner));
-        let is_same = |topology: &Option<Arc<SurfaceTopology>>| {
-            topology.as_ref().is_some_and(|topology| bounds.is_of(topology))
-        };
+        let is_same =
+            |topology: &Option<Arc<SurfaceTopology>>| topology.as_ref().is_some_and(|topology| bounds.is_of(topology));
         let last = last.filter(|kept| is_same(&kept.topology));
         let copied = || is_same(&own.topology).then(|| own.tree().clone());
         let mut tree = last.map(|kept| kept.tree).or_else(copied).unwrap_or_default();

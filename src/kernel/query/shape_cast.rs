@@ -82,13 +82,16 @@ impl SolidScratch {
     ) -> Option<SolidTriangleHit> {
         let bounds = part.bounds()?;
         let reach = bounds.min.abs().max(bounds.max.abs()).as_dvec3().length();
+        // Where they touch, the direction between them is no longer known, but the last one before is.
+        let mut last_normal = None;
         let mut moved = 0.0;
         for _ in 0..STEPS {
             let at = corners.map(|corner| corner + direction * moved);
             let farthest = at.iter().fold(0.0_f64, |farthest, corner| farthest.max(corner.length()));
             let closest = self.closest(part, &at, 2.0 * (farthest + reach))?;
             let gap = closest.distance - radius;
-            let hit = SolidTriangleHit { distance: moved, point: closest.shape_point, normal: closest.normal };
+            let normal = last_normal.unwrap_or(closest.normal);
+            let hit = SolidTriangleHit { distance: moved, point: closest.shape_point, normal };
             if gap <= ROUNDING * (farthest + reach + radius) {
                 return Some(hit);
             }
@@ -104,7 +107,7 @@ impl SolidScratch {
             if next == moved {
                 return Some(hit);
             }
-            moved = next;
+            (moved, last_normal) = (next, Some(closest.normal));
         }
         // It grazes the triangle, or misses it by next to nothing.
         None

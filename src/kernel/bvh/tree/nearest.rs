@@ -26,10 +26,7 @@ struct RoundedPoint {
 impl RoundedPoint {
     fn new(point: DVec3) -> Self {
         let padding = ROUNDING * point.abs().max_element() + f64::from(f32::MIN_POSITIVE);
-        Self {
-            lower: (point - padding).as_vec3().to_array(),
-            upper: (point + padding).as_vec3().to_array(),
-        }
+        Self { lower: (point - padding).as_vec3().to_array(), upper: (point + padding).as_vec3().to_array() }
     }
 }
 

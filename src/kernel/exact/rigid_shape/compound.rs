@@ -61,7 +61,7 @@ impl Part {
     }
 
     /// The transform from the compound's frame to the part's.
-    pub(super) fn into_frame(&self) -> DAffine3 {
+    pub(super) fn inward_transform(&self) -> DAffine3 {
         let rotation = self.rotation.inverse();
         DAffine3::from_rotation_translation(rotation, rotation * -self.translation)
     }

@@ -167,7 +167,7 @@ impl ShapeGeometry {
         match self {
             Self::Compound(compound) => {
                 for part in compound.parts() {
-                    visit(&part.geometry, &part.into_frame());
+                    visit(&part.geometry, &part.inward_transform());
                 }
             }
             _ => visit(self, &DAffine3::IDENTITY),
