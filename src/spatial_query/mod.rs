@@ -28,7 +28,8 @@ use crate::{detection::SurfaceStates, surface::ActiveSurfaces};
 ///   [`SurfaceOrder`](crate::SurfaceOrder) and registration, and lower triangles before higher ones. Results do not depend
 ///   on threads.
 /// - Several systems may query at the same time. The first query after a surface has moved may have to refit its tree, if
-///   nothing was near the surface in this tick. That takes about as long as a hundred rays.
+///   nothing was near the surface in this tick. That takes time in proportion to its triangles.
+/// - What a response or the game moves after detection is seen there by the next one.
 /// - Surfaces are seen as flat triangles, also [smooth](crate::SurfaceShape::Smooth) ones.
 #[derive(SystemParam)]
 pub struct SurfaceQuery<'w> {

@@ -1,5 +1,7 @@
 //! Where rays meet surfaces and solids.
 
+use std::cell::Cell;
+
 use glam::{DVec3, Vec3};
 
 use super::{RayHit, SurfaceQuery, SurfaceQueryFilter};
@@ -78,28 +80,25 @@ impl SurfaceQuery<'_> {
     ) -> Option<RayHit> {
         let ray = WorldRay::new(origin, direction, max_distance)?;
         let mut nearest: Option<Found> = None;
-        let mut range = ray.range;
+        let range = Cell::new(ray.range);
         let mut offer = |found: Found| {
-            if found.hit.distance <= range && nearest.is_none_or(|nearest| found.is_before(&nearest)) {
+            if found.hit.distance <= range.get() && nearest.is_none_or(|nearest| found.is_before(&nearest)) {
                 nearest = Some(found);
-                range = found.hit.distance;
+                range.set(found.hit.distance);
             }
-            range
         };
         self.states.world_tree().cast(&ray.sweep(), ray.range, |surface| {
             let (entity, state) = self.states.active(surface);
             if !filter.looks_at(entity, state.query_layers()) {
                 return None;
             }
-            // The range may have become shorter since.
-            let mut range = ray.range;
-            cast_at_surface(state, &ray, filter, |triangle, hit| {
-                range = offer(Found { target: Target::Triangle { surface, triangle }, hit });
-                Some(range)
+            cast_at_surface(state, &ray, range.get(), filter, |triangle, hit| {
+                offer(Found { target: Target::Triangle { surface, triangle }, hit });
+                Some(range.get())
             });
-            Some(range)
+            Some(range.get())
         });
-        self.cast_at_solids(&ray, filter, |found| _ = offer(found));
+        self.cast_at_solids(&ray, filter, offer);
         nearest.map(|found| self.ray_hit(&ray, &found))
     }
 
@@ -117,7 +116,7 @@ impl SurfaceQuery<'_> {
         self.states.world_tree().cast(&ray.sweep(), ray.range, |surface| {
             let (entity, state) = self.states.active(surface);
             if filter.looks_at(entity, state.query_layers()) {
-                cast_at_surface(state, &ray, filter, |triangle, hit| {
+                cast_at_surface(state, &ray, ray.range, filter, |triangle, hit| {
                     hits.push(Found { target: Target::Triangle { surface, triangle }, hit });
                     None
                 });
@@ -185,11 +184,12 @@ impl WorldRay {
     }
 }
 
-/// Calls `visit` with the triangles of a surface that the ray hits, also beyond its range. `visit` may return a shorter
+/// Calls `visit` with the triangles of a surface that the ray hits within `range` and perhaps beyond. `visit` may return a shorter
 /// range.
 fn cast_at_surface(
     state: &SurfaceState,
     ray: &WorldRay,
+    range: f64,
     filter: &SurfaceQueryFilter<'_>,
     mut visit: impl FnMut(u32, RayTriangleHit) -> Option<f64>,
 ) {
@@ -198,7 +198,7 @@ fn cast_at_surface(
     let (origin, direction) = (into.transform_point(ray.origin), into.to_affine().matrix3 * ray.direction);
     let Some(watertight) = WatertightRay::new(origin, direction) else { return };
     let (triangles, positions) = (topology.triangles(), state.positions());
-    state.query_tree().cast(&Sweep { origin, direction, half_extents: DVec3::ZERO }, ray.range, |triangle| {
+    state.query_tree().cast(&Sweep { origin, direction, half_extents: DVec3::ZERO }, range, |triangle| {
         let corners = triangles[triangle as usize].map(|vertex| positions[vertex as usize].as_dvec3());
         let hit = watertight.hit(&corners).filter(|hit| !(hit.is_back_face && filter.culls_back_faces));
         hit.and_then(|hit| visit(triangle, hit))

@@ -101,12 +101,11 @@ fn agree(mesh: &Mesh, ticks: usize, rays_per_tick: usize, seed: u64, counts: &mu
     for tick in 0..ticks {
         let mut app = app();
         let far = if tick % 3 == 2 { 1.0e4 } else { 1.0 };
-        let transform = match tick % 4 {
-            0 => Transform::IDENTITY,
-            _ => {
-                let translation = random_vector(&mut random) * far;
-                random_pose(&mut random, translation)
-            }
+        let transform = if tick % 4 == 0 {
+            Transform::IDENTITY
+        } else {
+            let translation = random_vector(&mut random) * far;
+            random_pose(&mut random, translation)
         };
         let entity = moving(&mut app, mesh, transform);
         app.update();

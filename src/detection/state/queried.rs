@@ -11,8 +11,8 @@ use std::{
 use super::{bounds::TriangleBounds, tree::SurfaceTree};
 use crate::kernel::{bvh::tree::BoxTree, mesh::topology::SurfaceTopology};
 
-/// A tree whose boxes have grown by this factor is rebuilt before it is searched. A rebuild takes as long as a thousand
-/// rays.
+/// A tree whose boxes have grown by this factor is rebuilt before it is searched. A rebuild takes several times as long
+/// as a refit, so a moderately decayed tree is searched as it is.
 const MOST_DECAY: f32 = 2.0;
 
 /// For how many changes of the surface an unused tree is kept.
