@@ -62,9 +62,11 @@ mod reflect;
 pub mod response;
 mod schedule;
 mod settings;
+mod spatial_query;
 mod surface;
 
 pub use contacts::*;
+pub use spatial_query::{ClosestPoint, RayHit, ShapeHit, SurfaceOverlap, SurfaceQuery, SurfaceQueryFilter};
 pub use surface::*;
 
 pub use plugins::DeformableCollisionPlugins;
@@ -84,10 +86,12 @@ pub mod prelude {
         plugins::DeformableCollisionPlugins,
         schedule::DeformableSystems,
         settings::{CircumsphereSettings, SphereContactDetail},
+        spatial_query::{RayHit, SurfaceQuery, SurfaceQueryFilter},
         surface::{
-            ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason, RigidShape,
-            SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions,
-            SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
+            ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason, QueryOnly,
+            RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder,
+            SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision,
+            SweptTarget, Teleported,
         },
     };
     pub use parry3d::shape::SharedShape;

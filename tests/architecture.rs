@@ -11,7 +11,7 @@ use petgraph::{algo::tarjan_scc, graphmap::DiGraphMap};
 
 /// The folders of `src/`. Each may import from itself and from those before it. `kernel` is a single folder to the
 /// others.
-const ROOMS: [&str; 11] = [
+const ROOMS: [&str; 12] = [
     "kernel",
     "settings",
     "schedule",
@@ -19,6 +19,7 @@ const ROOMS: [&str; 11] = [
     "surface",
     "detection",
     "contacts",
+    "spatial_query",
     "response",
     "debug",
     "reflect",
@@ -26,7 +27,7 @@ const ROOMS: [&str; 11] = [
 ];
 
 /// The folders of the kernel, with the same rule.
-const KERNEL_ROOMS: [&str; 13] = [
+const KERNEL_ROOMS: [&str; 14] = [
     "capacity",
     "pose",
     "simd",
@@ -36,6 +37,7 @@ const KERNEL_ROOMS: [&str; 13] = [
     "bvh",
     "exact",
     "smooth",
+    "query",
     "spheres",
     "ccd",
     "xpbd",

@@ -70,6 +70,10 @@ fn compute_bounds(
             let crease = (surface.shape == SurfaceShape::Smooth).then(|| settings.crease());
             state.has_moved = state.bounds.update(&positions, &surface.topology, growth, crease, threads);
             state.bounds.update_in_world(&surface.pose);
+            if state.has_moved {
+                state.queried.retire();
+            }
+            (state.one_sided, state.query_layers) = (surface.one_sided, surface.query_layers);
         },
     );
     for (surface, state) in surfaces.iter_mut().zip(states.all_mut()) {

@@ -49,8 +49,10 @@ pub struct ActiveSurface {
     pub thickness: f32,
     /// How it is tested.
     pub method: ContactMethod,
-    /// Which surfaces and shapes it meets.
+    /// Which surfaces and shapes it meets. None if it is [`QueryOnly`](super::QueryOnly).
     pub layers: SurfaceLayers,
+    /// By which layers queries filter it.
+    pub query_layers: SurfaceLayers,
     /// Whether it is tested against itself.
     pub self_collision: bool,
     /// Whether it has an inside.
@@ -118,8 +120,10 @@ pub struct ActiveShape {
     pub(crate) solver_margin: f32,
     /// As for a [surface](ActiveSurface::margin).
     pub margin: f32,
-    /// Which surfaces it meets.
+    /// Which surfaces it meets. None if it is [`QueryOnly`](super::QueryOnly).
     pub layers: SurfaceLayers,
+    /// By which layers queries filter it.
+    pub query_layers: SurfaceLayers,
     /// Whether results of earlier ticks are invalid: the shape is new, was replaced or teleported, or took no part in
     /// the last tick.
     pub fresh: bool,

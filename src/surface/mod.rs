@@ -7,6 +7,7 @@ mod active;
 mod components;
 mod prepare;
 mod quarantine;
+mod query_only;
 mod rigid_shape;
 mod spheres;
 
@@ -21,6 +22,7 @@ pub use components::{
 pub use prepare::SurfacePlugin;
 pub(crate) use prepare::{PendingQuarantines, Transforms};
 pub use quarantine::{QuarantineReason, SurfaceQuarantined};
+pub use query_only::QueryOnly;
 pub use rigid_shape::RigidShape;
 pub(crate) use spheres::SphereSource;
 pub use spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature};

@@ -21,6 +21,7 @@ use super::{
         SurfaceShape, SurfaceStatus, SurfaceThickness, Teleported,
     },
     quarantine::{QuarantineReason, SurfaceQuarantined},
+    query_only::QueryOnly,
     rigid_shape::{PreparedShape, RigidMesh, RigidShape, Solid},
 };
 use crate::{
@@ -80,6 +81,7 @@ struct SurfaceItem {
     registration: &'static Registration,
     order: Option<&'static SurfaceOrder>,
     self_collision: Has<SelfCollision>,
+    query_only: Has<QueryOnly>,
     disabled: Has<SurfaceDisabled>,
     teleported: Has<Teleported>,
     events: Has<ContactEventsEnabled>,
@@ -170,8 +172,9 @@ fn gather_surfaces(
                         pose,
                         thickness,
                         method: *item.method,
-                        layers: *item.layers,
-                        self_collision: item.self_collision,
+                        layers: contact_layers(*item.layers, item.query_only),
+                        query_layers: *item.layers,
+                        self_collision: item.self_collision && !item.query_only,
                         one_sided,
                         shape: *item.shape,
                         rigid: false,
@@ -191,6 +194,11 @@ fn gather_surfaces(
         update_status(item.entity, &mut item.status, next, &mut quarantines);
     }
     diagnostics.finish("prepare", watch, 0, 0);
+}
+
+/// The layers that decide what a surface or shape touches. Belongs to no group, and meets none, if it is only queried.
+fn contact_layers(layers: SurfaceLayers, query_only: bool) -> SurfaceLayers {
+    if query_only { SurfaceLayers { memberships: 0, filters: 0 } } else { layers }
 }
 
 fn validate(item: &mut SurfaceItemItem<'_, '_>, transforms: &Transforms) -> Result<(Pose, f32), QuarantineReason> {
@@ -248,6 +256,7 @@ struct ShapeItem {
     surface_shape: Option<&'static SurfaceShape>,
     registration: &'static Registration,
     order: Option<&'static SurfaceOrder>,
+    query_only: Has<QueryOnly>,
     disabled: Has<SurfaceDisabled>,
     teleported: Has<Teleported>,
     events: Has<ContactEventsEnabled>,
@@ -290,7 +299,8 @@ fn add_shape(
     let pose = transforms.global_pose(item.entity)?;
     let solid = item.shape.0.clone()?;
     let order = order(true, item.order, *item.registration, item.entity);
-    let (entity, layers, events) = (item.entity, *item.layers, item.events);
+    let (entity, query_layers, events) = (item.entity, *item.layers, item.events);
+    let layers = contact_layers(query_layers, item.query_only);
     if let Some(Solid { geometry, parts }) = solid {
         // A half-space is unbounded, so only its pose has to be in range.
         if !is_in_range(geometry.bounds().map_or(0.0, |bounds| largest_coordinate(&bounds)), &pose) {
@@ -305,6 +315,7 @@ fn add_shape(
             solver_margin: 0.0,
             margin: 0.0,
             layers,
+            query_layers,
             fresh,
             events,
             order,
@@ -325,6 +336,7 @@ fn add_shape(
         thickness: 0.0,
         method: ContactMethod::Exact,
         layers,
+        query_layers,
         self_collision: false,
         one_sided: item.sidedness.copied().unwrap_or_default().has_inside(topology),
         shape: item.surface_shape.copied().unwrap_or_default(),

@@ -149,6 +149,11 @@ impl TriangleBounds {
         &self.positions
     }
 
+    /// The triangles. `None` before the first snapshot.
+    pub(in crate::detection) fn topology(&self) -> Option<&Arc<SurfaceTopology>> {
+        self.topology.as_ref()
+    }
+
     /// Whether the snapshot is of a surface with these triangles.
     pub(in crate::detection) fn is_of(&self, topology: &SurfaceTopology) -> bool {
         self.topology.as_ref().is_some_and(|own| std::ptr::eq(&raw const **own, topology))

@@ -4,22 +4,26 @@
 //! The bounds stage copies checked positions once. Later stages index this list and query no positions. Everything here
 //! carries the version of the positions that it was computed from.
 
+use std::sync::OnceLock;
+
 use bevy_ecs::{entity::EntityHashMap, prelude::*};
 use glam::Vec3;
 
-use self::{bounds::TriangleBounds, rows::SurfaceRows, tree::SurfaceTree};
+use self::{bounds::TriangleBounds, queried::QueriedTree, rows::SurfaceRows, tree::SurfaceTree};
 use crate::{
     kernel::{
         bvh::tree::BoxTree,
         capacity,
         mesh::{bounds::Aabb, topology::SurfaceTopology},
         pair::SurfaceSide,
+        pose::Pose,
         smooth::patch::Patch,
     },
-    surface::ActiveSurface,
+    surface::{ActiveSurface, SurfaceLayers},
 };
 
 pub(super) mod bounds;
+pub(super) mod queried;
 pub(super) mod rows;
 pub(super) mod tree;
 
@@ -30,6 +34,11 @@ pub struct SurfaceState {
     pub(super) bounds: TriangleBounds,
     pub(super) tree: SurfaceTree,
     pub(super) rows: SurfaceRows,
+    pub(super) queried: QueriedTree,
+    /// Whether it had an inside in the last detection.
+    pub(super) one_sided: bool,
+    /// By which layers queries filter it.
+    pub(super) query_layers: SurfaceLayers,
     /// Whether positions, triangles, or growth have changed in this detection.
     pub(super) has_moved: bool,
 }
@@ -46,6 +55,33 @@ impl SurfaceState {
     #[must_use]
     pub fn triangle_boxes(&self) -> &[Aabb] {
         self.bounds.triangles()
+    }
+
+    /// The triangles of those positions. `None` before the first detection.
+    #[must_use]
+    pub fn topology(&self) -> Option<&SurfaceTopology> {
+        self.bounds.topology().map(|topology| &**topology)
+    }
+
+    /// Its pose in its last detection. `None` before the first.
+    #[must_use]
+    pub fn pose(&self) -> Option<&Pose> {
+        self.bounds.in_world.as_ref().map(|(pose, _)| pose)
+    }
+
+    /// Whether it had an inside in its last detection.
+    pub(crate) fn is_one_sided(&self) -> bool {
+        self.one_sided
+    }
+
+    /// By which layers queries filter it.
+    pub(crate) fn query_layers(&self) -> SurfaceLayers {
+        self.query_layers
+    }
+
+    /// The tree over the current triangle boxes, brought up to date now if no stage has needed that.
+    pub(crate) fn query_tree(&self) -> &BoxTree {
+        self.queried.tree(&self.tree, &self.bounds)
     }
 
     /// Whether the surface is smooth.
@@ -95,6 +131,8 @@ pub struct SurfaceStates {
     states: Vec<SurfaceState>,
     /// The states of surfaces that took no part in it.
     inactive: EntityHashMap<SurfaceState>,
+    /// The tree over the boxes of the active surfaces in the world, if a query has needed it.
+    in_world: OnceLock<BoxTree>,
 }
 
 impl SurfaceStates {
@@ -105,9 +143,23 @@ impl SurfaceStates {
         place.map_or_else(|| self.inactive.get(&entity), |place| self.states.get(place))
     }
 
+    /// The active surfaces of the last detection, with their states, in their order.
+    pub(crate) fn active(&self, place: u32) -> (Entity, &SurfaceState) {
+        (self.entities[place as usize], &self.states[place as usize])
+    }
+
+    /// The tree over their boxes in the world.
+    pub(crate) fn world_tree(&self) -> &BoxTree {
+        self.in_world.get_or_init(|| {
+            let bounds = |state: &SurfaceState| state.bounds.in_world.map_or(Aabb::EMPTY, |(_, in_world)| in_world);
+            BoxTree::new(&self.states.iter().map(bounds).collect::<Vec<Aabb>>())
+        })
+    }
+
     /// Sorts the states like the active surfaces. Drops the states of surfaces that no longer exist.
     pub(super) fn align(&mut self, surfaces: &[ActiveSurface], exists: impl Fn(Entity) -> bool) {
-        let Self { entities, states, inactive } = self;
+        let Self { entities, states, inactive, in_world } = self;
+        in_world.take();
         let are_aligned = entities.iter().copied().eq(surfaces.iter().map(|surface| surface.entity));
         if !are_aligned {
             inactive.extend(entities.drain(..).zip(states.drain(..)));

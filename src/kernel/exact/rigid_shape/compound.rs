@@ -3,7 +3,7 @@
 //! Every part whose box is in reach is examined by itself. A contact that leads from one part into another is dropped,
 //! or replaced by the way out of the union, see `union`.
 
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3};
 
 use super::{ShapeError, ShapeFoot, ShapeGeometry, ShapeProximity, rounded};
 use crate::kernel::{
@@ -58,6 +58,12 @@ impl Part {
 
     pub(super) fn inward(&self, point: DVec3) -> DVec3 {
         self.rotation.inverse() * (point - self.translation)
+    }
+
+    /// The transform from the compound's frame to the part's.
+    pub(super) fn inward_transform(&self) -> DAffine3 {
+        let rotation = self.rotation.inverse();
+        DAffine3::from_rotation_translation(rotation, rotation * -self.translation)
     }
 
     pub(super) fn outward(&self, point: DVec3) -> DVec3 {

@@ -19,7 +19,7 @@ mod rounded;
 mod sweep;
 mod union;
 
-use glam::{DVec3, Vec3};
+use glam::{DAffine3, DVec3, Vec3};
 
 pub(crate) use self::half_space::{boundary_topology, boundary_triangle};
 pub use self::{
@@ -160,6 +160,18 @@ impl ShapeGeometry {
     #[must_use]
     pub fn signed_distance(&self, point: DVec3) -> f64 {
         self.foot(point).distance
+    }
+
+    /// Calls `visit` with every convex part, and with the transform into its frame.
+    pub(in crate::kernel) fn for_each_part(&self, visit: &mut impl FnMut(&Self, &DAffine3)) {
+        match self {
+            Self::Compound(compound) => {
+                for part in compound.parts() {
+                    visit(&part.geometry, &part.inward_transform());
+                }
+            }
+            _ => visit(self, &DAffine3::IDENTITY),
+        }
     }
 
     /// Whether a feature is a face or a round side, rather than an edge, a rim, or a corner.

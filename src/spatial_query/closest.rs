@@ -1,0 +1,176 @@
+//! The closest point, and what is within a distance.
+
+use glam::{DVec3, Vec3};
+
+use super::{ClosestPoint, SurfaceOverlap, SurfaceQuery, SurfaceQueryFilter};
+use crate::{
+    detection::SurfaceState,
+    kernel::{
+        mesh::{ids::TriangleId, side::rise},
+        query::{
+            closest::{ClosestOnTriangle, closest_on_triangle},
+            solid::closest_on_solid,
+        },
+    },
+};
+
+/// A pose that is a similarity only within its tolerance shortens no length by more than this beyond its scale.
+const LEAST_STRETCH: f64 = 0.995;
+
+/// The closest point of one triangle, relative to the point that was asked for, in the world.
+#[derive(Clone, Copy)]
+struct Found {
+    squared: f64,
+    surface: u32,
+    triangle: u32,
+    closest: ClosestOnTriangle,
+}
+
+impl Found {
+    fn is_before(&self, other: &Self) -> bool {
+        let names = [self, other].map(|found| (found.surface, found.triangle));
+        self.squared < other.squared || self.squared == other.squared && names[0] < names[1]
+    }
+}
+
+impl SurfaceQuery<'_> {
+    /// The closest point of any surface or shape within `max_distance` of a point: in world units, 0 or more, and perhaps
+    /// infinite. Inside a solid, that is the way out, and nothing is closer than the distance to its surface.
+    ///
+    /// `None` if there is none, and if a number is NaN or, except for `max_distance`, infinite.
+    pub fn closest_point(
+        &self,
+        point: Vec3,
+        max_distance: f32,
+        filter: &SurfaceQueryFilter<'_>,
+    ) -> Option<ClosestPoint> {
+        if !(point.is_finite() && max_distance >= 0.0) {
+            return None;
+        }
+        let (point, mut range) = (point.as_dvec3(), f64::from(max_distance));
+        let mut nearest: Option<Found> = None;
+        self.states.world_tree().nearest(point, range, |surface| {
+            let (entity, state) = self.states.active(surface);
+            if filter.looks_at(entity, state.query_layers()) {
+                visit_near(state, point, range, |triangle, closest| {
+                    let squared = closest.point.length_squared();
+                    let found = Found { squared, surface, triangle, closest };
+                    if squared <= range * range && nearest.is_none_or(|nearest| found.is_before(&nearest)) {
+                        nearest = Some(found);
+                        range = range.min(squared.sqrt() * (1.0 + 4.0 * f64::EPSILON));
+                    }
+                    Some(range)
+                });
+            }
+            Some(range)
+        });
+        let mut best = nearest.map(|found| self.on_surface(point, &found));
+        let mut least = nearest.map_or(f64::from(max_distance), |found| found.squared.sqrt());
+        for shape in &self.active.shapes {
+            if !filter.looks_at(shape.entity, shape.query_layers) {
+                continue;
+            }
+            let (distance, closest) = closest_on_solid(&shape.geometry, shape.pose.inverse().transform_point(point));
+            let distance = distance * shape.pose.scale();
+            if distance.abs() < least || best.is_none() && distance.abs() <= least {
+                least = distance.abs();
+                best = Some(ClosestPoint {
+                    entity: shape.entity,
+                    triangle: None,
+                    barycentric: [0.0; 3],
+                    distance: distance as f32,
+                    point: shape.pose.transform_point(closest).as_vec3(),
+                });
+            }
+        }
+        best
+    }
+
+    fn on_surface(&self, point: DVec3, found: &Found) -> ClosestPoint {
+        let (entity, state) = self.states.active(found.surface);
+        let ClosestOnTriangle { point: closest, barycentric, feature } = found.closest;
+        let mut distance = found.squared.sqrt();
+        if let (true, Some(pose), Some(topology)) = (state.is_one_sided(), state.pose(), state.topology()) {
+            // From the closest point, in the surface's own frame.
+            let direction = pose.to_affine().matrix3.inverse() * -closest;
+            if rise(topology, state.positions(), found.triangle as usize, feature, direction) < 0.0 {
+                distance = -distance;
+            }
+        }
+        ClosestPoint {
+            entity,
+            triangle: Some(TriangleId(found.triangle)),
+            barycentric: barycentric.map(|weight| weight as f32),
+            distance: distance as f32,
+            point: (point + closest).as_vec3(),
+        }
+    }
+
+    /// All triangles that come within `radius` of `center`, in world units, and solids that do: see
+    /// [`SurfaceOverlap`]. In the order of surfaces and triangles, solids last.
+    ///
+    /// A ball that is inside a closed surface without reaching a triangle overlaps none of them:
+    /// [`closest_point`](Self::closest_point) tells. Nothing if a number is negative, NaN, or infinite.
+    pub fn ball_intersections(
+        &self,
+        center: Vec3,
+        radius: f32,
+        filter: &SurfaceQueryFilter<'_>,
+    ) -> Vec<SurfaceOverlap> {
+        let mut found = Vec::new();
+        if !(center.is_finite() && radius.is_finite() && radius >= 0.0) {
+            return found;
+        }
+        let (center, range) = (center.as_dvec3(), f64::from(radius));
+        let mut triangles: Vec<(u32, u32)> = Vec::new();
+        self.states.world_tree().nearest(center, range, |surface| {
+            let (entity, state) = self.states.active(surface);
+            if filter.looks_at(entity, state.query_layers()) {
+                visit_near(state, center, range, |triangle, closest| {
+                    if closest.point.length_squared() <= range * range {
+                        triangles.push((surface, triangle));
+                    }
+                    None
+                });
+            }
+            None
+        });
+        self.name_triangles(&mut triangles, &mut found);
+        for shape in self.active.shapes.iter().filter(|shape| filter.looks_at(shape.entity, shape.query_layers)) {
+            let (distance, _) = closest_on_solid(&shape.geometry, shape.pose.inverse().transform_point(center));
+            if distance * shape.pose.scale() <= range {
+                found.push(SurfaceOverlap { entity: shape.entity, triangle: None });
+            }
+        }
+        found
+    }
+
+    /// Sorts triangles and appends them.
+    pub(super) fn name_triangles(&self, triangles: &mut [(u32, u32)], found: &mut Vec<SurfaceOverlap>) {
+        triangles.sort_unstable();
+        found.extend(triangles.iter().map(|&(surface, triangle)| SurfaceOverlap {
+            entity: self.states.active(surface).0,
+            triangle: Some(TriangleId(triangle)),
+        }));
+    }
+}
+
+/// Calls `visit` with triangles of a surface that may be within `range` of a point in the world, and with the closest point
+/// of each relative to that point. `visit` may return a shorter range.
+fn visit_near(
+    state: &SurfaceState,
+    point: DVec3,
+    range: f64,
+    mut visit: impl FnMut(u32, ClosestOnTriangle) -> Option<f64>,
+) {
+    let (Some(pose), Some(topology)) = (state.pose(), state.topology()) else { return };
+    let local = |range: f64| range / (pose.scale() * LEAST_STRETCH);
+    let affine = pose.to_affine();
+    let offset = affine.translation - point;
+    let (triangles, positions) = (topology.triangles(), state.positions());
+    state.query_tree().nearest(pose.inverse().transform_point(point), local(range), |triangle| {
+        let corners =
+            triangles[triangle as usize].map(|vertex| affine.matrix3 * positions[vertex as usize].as_dvec3() + offset);
+        visit(triangle, closest_on_triangle(&corners, DVec3::ZERO)).map(local)
+    });
+}

@@ -1,0 +1,38 @@
+//! Rays, closest points, overlaps, and casts of shapes on surfaces, by the trees that detection keeps.
+//!
+//! Queries read the results of the last detection. They transform themselves into the frame of a surface in f64, search its
+//! tree, and test triangles in the kernel. A tree that no stage has needed is brought up to date by the first query.
+
+mod cast;
+mod closest;
+mod filter;
+mod hits;
+mod ray;
+mod shape;
+
+use bevy_ecs::{prelude::*, system::SystemParam};
+
+pub use self::{
+    filter::SurfaceQueryFilter,
+    hits::{ClosestPoint, RayHit, ShapeHit, SurfaceOverlap},
+};
+use crate::{detection::SurfaceStates, surface::ActiveSurfaces};
+
+/// Queries surfaces and rigid shapes where the last detection saw them. Read it after
+/// [`DeformableSystems::Detect`](crate::DeformableSystems::Detect), or at any time for the state of the last tick. Before
+/// the first detection there is nothing to find.
+///
+/// - Surfaces need no partner and no other component. One that only queries should see has [`QueryOnly`](crate::QueryOnly).
+///   What is disabled, quarantined, or without positions is not found.
+/// - The nearer of several results wins. At equal distances, surfaces come before solids, in the order of
+///   [`SurfaceOrder`](crate::SurfaceOrder) and registration, and lower triangles before higher ones. Results do not depend
+///   on threads.
+/// - Several systems may query at the same time. The first query after a surface has moved may have to refit its tree, if
+///   nothing was near the surface in this tick. That takes time in proportion to its triangles.
+/// - What a response or the game moves after detection is seen there by the next one.
+/// - Surfaces are seen as flat triangles, also [smooth](crate::SurfaceShape::Smooth) ones.
+#[derive(SystemParam)]
+pub struct SurfaceQuery<'w> {
+    states: Res<'w, SurfaceStates>,
+    active: Res<'w, ActiveSurfaces>,
+}
