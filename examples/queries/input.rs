@@ -36,7 +36,7 @@ pub fn read_rays(file: &Path, frames: usize) -> Result<Vec<Ray>, InputError> {
 
 pub fn read_points(file: &Path, frames: usize) -> Result<Vec<Point>, InputError> {
     read(file, &POINT_COLUMNS, |row| {
-        Ok(Point { frame: row.frame(frames)?, point: row.vector(1)?, max_distance: row.distance(4)? })
+        Ok(Point { frame: row.frame(frames)?, position: row.vector(1)?, max_distance: row.distance(4)? })
     })
 }
 

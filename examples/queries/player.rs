@@ -25,7 +25,7 @@ pub struct Ray {
 #[derive(Clone, Copy)]
 pub struct Point {
     pub frame: usize,
-    pub point: Vec3,
+    pub position: Vec3,
     pub max_distance: f32,
 }
 
@@ -51,7 +51,7 @@ impl Queries {
                 let origin = center + vector().normalize_or(Vec3::Y) * 2.0 * half.length();
                 let target = center + vector() * half;
                 queries.rays.push(Ray { frame, origin, direction: target - origin, max_distance: f32::INFINITY });
-                queries.points.push(Point { frame, point: center + vector() * half, max_distance: f32::INFINITY });
+                queries.points.push(Point { frame, position: center + vector() * half, max_distance: f32::INFINITY });
             }
         }
         queries
@@ -117,7 +117,7 @@ pub fn play(recording: &Recording, queries: &Queries) -> Result<Answers, Topolog
             let start = Instant::now();
             let closest: Vec<_> = points
                 .iter()
-                .map(|(number, point)| (*number, query.closest_point(point.point, point.max_distance, &filter)))
+                .map(|(number, point)| (*number, query.closest_point(point.position, point.max_distance, &filter)))
                 .collect();
             (hits, ray_time, closest, start.elapsed())
         };

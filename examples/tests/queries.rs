@@ -137,7 +137,7 @@ fn hits_are_those_of_brute_force_in_the_order_of_the_rays() {
         }
         let values = numbers(row);
         assert!((values[2] - expected).abs() < 1.0e-6, "ray {number}: {row:?}, not {expected}");
-        let [a, b, c] = corners(&recording, frame, values[1] as usize);
+        let [a, b, c] = corners(&recording, frame, row[1].parse().expect("a number of a triangle"));
         let point = a * values[3] + b * values[4] + c * values[5];
         assert!(point.distance(origin + direction * values[2]) < 1.0e-5, "ray {number}: {row:?}");
         let normal = (b - a).cross(c - a).normalize();
@@ -177,7 +177,7 @@ fn closest_points_lie_on_their_triangles_at_their_distance() {
             continue;
         }
         let values = numbers(row);
-        let [a, b, c] = corners(&recording, frame, values[1] as usize);
+        let [a, b, c] = corners(&recording, frame, row[1].parse().expect("a number of a triangle"));
         let on_triangle = a * values[3] + b * values[4] + c * values[5];
         let found = DVec3::new(values[6], values[7], values[8]);
         assert!(on_triangle.distance(found) < 1.0e-6, "point {number}: {row:?}");
