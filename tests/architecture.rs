@@ -26,7 +26,7 @@ const ROOMS: [&str; 11] = [
 ];
 
 /// The folders of the kernel, with the same rule.
-const KERNEL_ROOMS: [&str; 13] = [
+const KERNEL_ROOMS: [&str; 14] = [
     "capacity",
     "pose",
     "simd",
@@ -38,6 +38,7 @@ const KERNEL_ROOMS: [&str; 13] = [
     "smooth",
     "spheres",
     "ccd",
+    "tetrahedra",
     "xpbd",
     "pair_fate",
 ];

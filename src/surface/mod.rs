@@ -9,6 +9,7 @@ mod prepare;
 mod quarantine;
 mod rigid_shape;
 mod spheres;
+mod tetrahedral_body;
 
 pub(crate) use active::SideOrder;
 pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactSide};
@@ -19,8 +20,9 @@ pub use components::{
     SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
 };
 pub use prepare::SurfacePlugin;
-pub(crate) use prepare::{PendingQuarantines, Transforms};
+pub(crate) use prepare::{GatherSurfaces, PendingQuarantines, Transforms};
 pub use quarantine::{QuarantineReason, SurfaceQuarantined};
 pub use rigid_shape::RigidShape;
 pub(crate) use spheres::SphereSource;
 pub use spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature};
+pub use tetrahedral_body::TetrahedralBody;

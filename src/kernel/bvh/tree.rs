@@ -23,6 +23,7 @@ use crate::kernel::{
 };
 
 mod build;
+mod nearest;
 mod refit;
 mod search;
 
