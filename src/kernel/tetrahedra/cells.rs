@@ -80,7 +80,7 @@ fn cell(point: DVec3, size: f64) -> Cell {
 }
 
 fn slot([i, j, k]: Cell, slots: usize) -> usize {
-    let hash =
-        (i as u32).wrapping_mul(73_856_093) ^ (j as u32).wrapping_mul(19_349_663) ^ (k as u32).wrapping_mul(83_492_791);
+    let [i, j, k] = [i, j, k].map(i32::cast_unsigned);
+    let hash = i.wrapping_mul(73_856_093) ^ j.wrapping_mul(19_349_663) ^ k.wrapping_mul(83_492_791);
     (hash % slots as u32) as usize
 }
