@@ -28,6 +28,9 @@ pub mod docs {
     #[doc = include_str!("../docs/rerun.md")]
     pub mod rerun {}
     #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/tetrahedra.md")]
+    pub mod tetrahedra {}
+    #[doc = include_str!("doc_links.md")]
     #[doc = include_str!("../docs/architecture.md")]
     pub mod architecture {}
     #[doc = include_str!("doc_links.md")]
@@ -43,7 +46,7 @@ pub mod geometry {
         mesh::{
             bounds::Aabb,
             feature::{Feature, FeatureKind, FeaturePair},
-            ids::{EdgeId, TriangleId, VertexId},
+            ids::{EdgeId, TetrahedronId, TriangleId, VertexId},
             smooth_normal::CreaseAngle,
             topology::{SurfaceTopology, TopologyReport},
             validation::TopologyError,
@@ -51,6 +54,7 @@ pub mod geometry {
         pair_fate::PairFate,
         pose::{Pose, PoseError},
         spheres::{contacts::SphereContact, curvature::CurvatureEstimator},
+        tetrahedra::topology::{TetrahedraError, TetrahedraReport, TetrahedralTopology},
     };
 }
 /// Pure geometry, for this crate and its own tests, benches, and reports. It may change in any version.
@@ -69,6 +73,7 @@ pub use contacts::*;
 pub use spatial_query::{ClosestPoint, RayHit, ShapeHit, SurfaceOverlap, SurfaceQuery, SurfaceQueryFilter};
 pub use surface::*;
 
+pub use detection::{Containments, TetrahedralContainmentPlugin, VertexContainment};
 pub use plugins::DeformableCollisionPlugins;
 #[cfg(feature = "reflect")]
 pub use reflect::ReflectPlugin;
@@ -82,7 +87,11 @@ pub mod prelude {
             Contact, Impact, SmoothNormals, StencilEntry, SurfaceContactEnd, SurfaceContactStart, SurfaceContacts,
             SurfaceImpacts,
         },
-        geometry::{ContactKey, Feature, FeatureKind, ImpactCause, TopologyError, TriangleId, VertexId},
+        detection::{Containments, TetrahedralContainmentPlugin, VertexContainment},
+        geometry::{
+            ContactKey, Feature, FeatureKind, ImpactCause, TetrahedraError, TetrahedronId, TopologyError, TriangleId,
+            VertexId,
+        },
         plugins::DeformableCollisionPlugins,
         schedule::DeformableSystems,
         settings::{CircumsphereSettings, SphereContactDetail},
@@ -91,7 +100,7 @@ pub mod prelude {
             ContactEventsEnabled, ContactMethod, ContactSide, DeformableSurface, QuarantineReason, QueryOnly,
             RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder,
             SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus, SurfaceThickness, SweptCollision,
-            SweptTarget, Teleported,
+            SweptTarget, Teleported, TetrahedralBody,
         },
     };
     pub use parry3d::shape::SharedShape;

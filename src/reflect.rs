@@ -5,8 +5,8 @@ use bevy_app::prelude::*;
 use crate::{
     contacts::{ContactStore, SurfaceContactEnd, SurfaceContactStart},
     detection::{
-        CandidateTrianglePairs, DetectionDiagnostics, ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs,
-        SphereContacts, SweptImpacts,
+        CandidateTrianglePairs, Containments, DetectionDiagnostics, ExactTrianglePairs, MeetingCaps,
+        OverlappingTrianglePairs, SphereContacts, SweptImpacts,
     },
     response::{
         SurfaceForces, SurfaceFriction, SurfaceReaction, SurfaceWind, XpbdBody, XpbdDiagnostics, XpbdSettings,
@@ -17,7 +17,7 @@ use crate::{
         ActiveSurfaces, Circumspheres, ContactEventsEnabled, ContactMethod, DeformableSurface, EnclosingBalls,
         PreviousPositions, QueryOnly, RigidShape, SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame,
         SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceQuarantined, SurfaceShape, SurfaceStatus,
-        SurfaceThickness, SweptCollision, SweptTarget, Teleported, TriangleCones, TriangleCurvature,
+        SurfaceThickness, SweptCollision, SweptTarget, Teleported, TetrahedralBody, TriangleCones, TriangleCurvature,
     },
 };
 
@@ -39,7 +39,7 @@ impl Plugin for ReflectPlugin {
             // Written by the game.
             CircumsphereSettings, ContactEventsEnabled, ContactMethod, DeformableSurface, QueryOnly, RigidShape, SelfCollision,
             Sidedness, SurfaceDisabled, SurfaceForces, SurfaceFrame, SurfaceFriction, SurfaceLayers, SurfaceOrder,
-            SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, XpbdBody,
+            SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, XpbdBody,
             XpbdSettings, XpbdTethers,
             // Written by the plugins.
             ActiveSurfaces, CandidateTrianglePairs, Circumspheres, ContactStore, DetectionDiagnostics, EnclosingBalls,

@@ -59,7 +59,6 @@ pub enum SurfaceDetectionSystems {
 
 /// The schedule that hosts [`DeformableSystems`], for plugins that add systems to it.
 #[derive(Resource, Clone, Copy)]
-#[cfg_attr(not(feature = "rerun"), expect(dead_code, reason = "only plugins outside the group need it"))]
 pub(crate) struct HostSchedule(pub(crate) InternedScheduleLabel);
 
 /// Sets up the schedule and the sets. Every other plugin of the group depends on it.

@@ -27,7 +27,7 @@ const ROOMS: [&str; 12] = [
 ];
 
 /// The folders of the kernel, with the same rule.
-const KERNEL_ROOMS: [&str; 14] = [
+const KERNEL_ROOMS: [&str; 15] = [
     "capacity",
     "pose",
     "simd",
@@ -40,6 +40,7 @@ const KERNEL_ROOMS: [&str; 14] = [
     "query",
     "spheres",
     "ccd",
+    "tetrahedra",
     "xpbd",
     "pair_fate",
 ];

@@ -16,6 +16,7 @@ mod sides;
 mod spheres;
 mod state;
 mod swept;
+mod tetrahedra;
 
 pub use bounds::BoundsPlugin;
 pub use broad_phase::{
@@ -43,5 +44,6 @@ pub use spheres::{
 pub use state::{SurfaceState, SurfaceStates};
 pub(crate) use swept::{ImpactReader, ImpactsRead, Sweeping};
 pub use swept::{SweptImpact, SweptImpacts, SweptPair, SweptPlugin};
+pub use tetrahedra::{Containments, TetrahedralContainmentPlugin, VertexContainment};
 
 pub use crate::diagnostics::{DetectionDiagnostics, StageDiagnostics};

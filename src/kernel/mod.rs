@@ -1,8 +1,8 @@
 //! Pure geometry, and the arithmetic of the solver: functions take slices and write into buffers that the caller owns. No ECS type.
 //!
 //! Lengths are in the unit of the positions, angles in radians, curvature in 1/length. The rooms in their order, each of which
-//! imports only from those before it: capacity, pose, simd, mesh, contact, pair, bvh, exact, smooth, query, spheres, ccd, xpbd, pair
-//! fate.
+//! imports only from those before it: capacity, pose, simd, mesh, contact, pair, bvh, exact, smooth, query, spheres, ccd, tetrahedra,
+//! xpbd, pair fate.
 //! `tests/architecture.rs` checks it.
 
 pub mod bvh;
@@ -18,4 +18,5 @@ pub mod query;
 pub mod simd;
 pub mod smooth;
 pub mod spheres;
+pub mod tetrahedra;
 pub mod xpbd;

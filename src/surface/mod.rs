@@ -10,6 +10,7 @@ mod quarantine;
 mod query_only;
 mod rigid_shape;
 mod spheres;
+mod tetrahedral_body;
 
 pub(crate) use active::SideOrder;
 pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactSide};
@@ -20,9 +21,10 @@ pub use components::{
     SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
 };
 pub use prepare::SurfacePlugin;
-pub(crate) use prepare::{PendingQuarantines, Transforms};
+pub(crate) use prepare::{GatherSurfaces, PendingQuarantines, Transforms};
 pub use quarantine::{QuarantineReason, SurfaceQuarantined};
 pub use query_only::QueryOnly;
 pub use rigid_shape::RigidShape;
 pub(crate) use spheres::SphereSource;
 pub use spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature};
+pub use tetrahedral_body::TetrahedralBody;

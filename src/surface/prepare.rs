@@ -56,9 +56,14 @@ impl Plugin for SurfacePlugin {
             .init_resource::<NextRegistration>()
             .init_resource::<PendingQuarantines>()
             .init_resource::<DetectionDiagnostics>();
-        app.add_systems(self.schedule, (gather_surfaces, gather_shapes).chain().in_set(DeformableSystems::Prepare));
+        let systems = (gather_surfaces, gather_shapes).chain();
+        app.add_systems(self.schedule, systems.in_set(GatherSurfaces).in_set(DeformableSystems::Prepare));
     }
 }
+
+/// The systems that write [`ActiveSurfaces`].
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct GatherSurfaces;
 
 /// The quarantines of this tick. Sent in `Events`.
 #[derive(Resource, Default)]

@@ -12,3 +12,4 @@ pub mod programs;
 pub mod random;
 pub mod recording;
 pub mod scenes;
+pub mod tetrahedra;

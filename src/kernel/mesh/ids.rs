@@ -29,3 +29,7 @@ element_id! {
     /// An edge of one surface: its index among the unique welded edges, which are sorted by their vertices.
     EdgeId
 }
+element_id! {
+    /// A tetrahedron of one body: its index in the caller's list of tetrahedra.
+    TetrahedronId
+}
