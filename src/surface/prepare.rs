@@ -55,9 +55,14 @@ impl Plugin for SurfacePlugin {
             .init_resource::<NextRegistration>()
             .init_resource::<PendingQuarantines>()
             .init_resource::<DetectionDiagnostics>();
-        app.add_systems(self.schedule, (gather_surfaces, gather_shapes).chain().in_set(DeformableSystems::Prepare));
+        app.configure_sets(self.schedule, GatherSystems.in_set(DeformableSystems::Prepare));
+        app.add_systems(self.schedule, (gather_surfaces, gather_shapes).chain().in_set(GatherSystems));
     }
 }
+
+/// The part of `Prepare` that reads surfaces and shapes.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct GatherSystems;
 
 /// The quarantines of this tick. Sent in `Events`.
 #[derive(Resource, Default)]

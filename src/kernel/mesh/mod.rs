@@ -10,8 +10,12 @@ pub mod feature;
 pub mod ids;
 pub mod motion;
 pub mod side;
+#[cfg(feature = "mesh")]
+pub mod skinning;
 pub mod smooth_normal;
 pub(in crate::kernel) mod surroundings;
 pub mod topology;
 pub mod validation;
+#[cfg(feature = "mesh")]
+pub mod vertex_normals;
 mod weld;
