@@ -77,8 +77,8 @@ pub use settings::{CircumsphereSettings, SphereContactDetail};
 pub mod prelude {
     #[cfg(feature = "mesh")]
     pub use crate::surface::{
-        SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten, SurfaceSettings,
-        WriteSurfaceToMesh,
+        DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten,
+        SurfaceSettings, WriteSurfaceToMesh,
     };
     pub use crate::{
         contacts::{

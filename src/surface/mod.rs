@@ -22,7 +22,7 @@ pub use components::{
 };
 #[cfg(feature = "mesh")]
 pub use mesh::{
-    SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten, SurfaceMeshPlugin,
+    DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten, SurfaceMeshPlugin,
     SurfaceSettings, WriteSurfaceToMesh,
 };
 pub use prepare::SurfacePlugin;

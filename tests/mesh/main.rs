@@ -2,8 +2,8 @@
 //!
 //! `cargo test --features mesh --test mesh`
 
-mod assets;
 mod deformed;
+mod driven;
 mod hierarchy;
 mod layouts;
 mod life_cycle;

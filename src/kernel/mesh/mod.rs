@@ -5,6 +5,8 @@ pub mod barycentric;
 pub mod bounds;
 pub mod corner_rows;
 pub mod curved_edges;
+#[cfg(feature = "mesh")]
+pub mod driven;
 pub(in crate::kernel) mod fans;
 pub mod feature;
 pub mod ids;

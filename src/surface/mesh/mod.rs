@@ -2,6 +2,7 @@
 //! the meshes, skinned and morphed, and writes what the response moved back into the meshes.
 
 mod components;
+mod drive;
 mod error;
 mod hierarchy;
 mod read;
@@ -18,6 +19,7 @@ use self::source::MeshSources;
 use super::prepare::GatherSystems;
 use crate::schedule::DeformableSystems;
 pub use components::{SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceSettings, WriteSurfaceToMesh};
+pub use drive::DrivenMesh;
 pub use error::{SurfaceMeshError, SurfaceMeshNotWritten};
 
 /// Makes surfaces from meshes. Part of [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins) if the feature
@@ -49,7 +51,10 @@ impl Plugin for SurfaceMeshPlugin {
         );
         app.add_systems(
             self.schedule,
-            write::write_meshes.after(DeformableSystems::Writeback).before(DeformableSystems::Events),
+            (write::write_meshes, drive::drive_meshes)
+                .chain()
+                .after(DeformableSystems::Writeback)
+                .before(DeformableSystems::Events),
         );
     }
 }

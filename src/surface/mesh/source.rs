@@ -90,8 +90,7 @@ fn next(version: &mut u64) -> u64 {
 impl MeshSource {
     fn new(mesh: &Mesh, weld_distance: f32, version: &mut u64) -> Result<Self, SurfaceMeshError> {
         let positions = positions_of(mesh)?;
-        let mut triangles = Vec::new();
-        visit_triangles(mesh, positions.len(), |triangle| triangles.push(triangle))?;
+        let triangles = triangles_of(mesh)?;
         let builder = DeformableSurface::builder(positions, &triangles).weld_within(weld_distance);
         let (surface, positions) = builder.build()?;
         let (influences, displacements) = (influences_of(mesh)?, displacements_of(mesh, positions.0.len())?);
@@ -146,12 +145,18 @@ fn extracted(_: MeshAccessError) -> SurfaceMeshError {
     SurfaceMeshError::OnlyInRenderWorld
 }
 
-fn positions_of(mesh: &Mesh) -> Result<&[Vec3], SurfaceMeshError> {
+pub(super) fn positions_of(mesh: &Mesh) -> Result<&[Vec3], SurfaceMeshError> {
     match mesh.try_attribute_option(Mesh::ATTRIBUTE_POSITION).map_err(extracted)? {
         Some(VertexAttributeValues::Float32x3(positions)) => Ok(cast_slice(positions)),
         Some(other) => Err(SurfaceMeshError::PositionFormat(other.into())),
         None => Err(SurfaceMeshError::NoPositions),
     }
+}
+
+pub(super) fn triangles_of(mesh: &Mesh) -> Result<Vec<[u32; 3]>, SurfaceMeshError> {
+    let mut triangles = Vec::new();
+    visit_triangles(mesh, positions_of(mesh)?.len(), |triangle| triangles.push(triangle))?;
+    Ok(triangles)
 }
 
 /// The joints and weights of all vertices. The inner error is one of skinning only.
