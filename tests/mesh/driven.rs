@@ -2,11 +2,7 @@
 
 use bevy_app::prelude::*;
 use bevy_asset::Assets;
-use bevy_circumsphere::{
-    geometry::SurfaceTopology,
-    kernel::mesh::driven::DrivenMap,
-    prelude::*,
-};
+use bevy_circumsphere::{geometry::SurfaceTopology, kernel::mesh::driven::DrivenMap, prelude::*};
 use bevy_ecs::prelude::*;
 use bevy_mesh::{Mesh, Mesh3d, VertexAttributeValues};
 use bevy_transform::components::Transform;

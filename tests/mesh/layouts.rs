@@ -70,12 +70,10 @@ fn lists_give_the_contacts_of_a_surface_made_by_hand() {
         app.update();
         assert_eq!(corners(&app, entity), corners(&expected, by_hand), "{name}");
         assert_eq!(contacts_of(&mut app, entity), expected_contacts, "{name}");
-        let (found, by_hand) = [(&app, entity), (&expected, by_hand)]
-            .map(|(app, entity)| {
-                let surface = app.world().get::<DeformableSurface>(entity).expect("it is a surface");
-                (surface.topology().edges().len(), surface.mean_edge())
-            })
-            .into();
+        let [found, by_hand] = [(&app, entity), (&expected, by_hand)].map(|(app, entity)| {
+            let surface = app.world().get::<DeformableSurface>(entity).expect("it is a surface");
+            (surface.topology().edges().len(), surface.mean_edge())
+        });
         assert_eq!(found, by_hand, "{name}: welded vertices connect");
     }
 }
@@ -106,7 +104,7 @@ fn strips_turn_every_second_triangle_and_leave_out_those_between_rows() {
             ),
         ] {
             let mut app = app();
-            let floor = floor(&mut app);
+            floor(&mut app);
             let mesh = empty(PrimitiveTopology::TriangleStrip)
                 .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions.clone())
                 .with_inserted_indices(indices);
@@ -121,7 +119,6 @@ fn strips_turn_every_second_triangle_and_leave_out_those_between_rows() {
                 (b - a).cross(c - a).y.signum()
             });
             assert!(facing.clone().all(|side| side == facing.clone().next().expect("one")));
-            let _ = floor;
             assert!(contacts_of(&mut app, entity).len() >= 25);
         }
     }

@@ -265,6 +265,7 @@ fn plugins_may_be_added_in_any_order_and_schedule() {
     for fixed in [false, true] {
         for assets_first in [false, true] {
             let mut app = App::new();
+            app.add_plugins(TaskPoolPlugin::default());
             let assets = (AssetPlugin::default(), MeshPlugin);
             if assets_first {
                 app.add_plugins(assets);

@@ -11,7 +11,9 @@ use glam::Vec3;
 
 pub fn app() -> App {
     let mut app = App::new();
-    app.add_plugins((AssetPlugin::default(), MeshPlugin, DeformableCollisionPlugins::new(PostUpdate)));
+    // Bevy's mesh plugin needs the task pools.
+    app.add_plugins((TaskPoolPlugin::default(), AssetPlugin::default(), MeshPlugin));
+    app.add_plugins(DeformableCollisionPlugins::new(PostUpdate));
     app
 }
 
