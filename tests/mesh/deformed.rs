@@ -171,7 +171,7 @@ fn skins_are_where_the_formula_puts_them() {
         figure.animate(&mut app, &mut numbers);
         app.update();
         let found = positions(&app, figure.entity);
-        let rest: Vec<DVec3> = figure.rest.iter().map(Vec3::as_dvec3).collect();
+        let rest: Vec<DVec3> = figure.rest.iter().map(|point| point.as_dvec3()).collect();
         let error = farthest(&found, &figure.skinned(app.world(), &rest));
         assert!(error <= ROUNDING, "tick {tick}: {error}");
         assert!(farthest(&found, &rest) > 0.5, "the skin moves");
@@ -180,7 +180,7 @@ fn skins_are_where_the_formula_puts_them() {
     // A weight that is wrong by a thousandth would be noticed.
     let mut wrong = figure;
     wrong.influences[3].1[0] += 1.0e-3;
-    let rest: Vec<DVec3> = wrong.rest.iter().map(Vec3::as_dvec3).collect();
+    let rest: Vec<DVec3> = wrong.rest.iter().map(|point| point.as_dvec3()).collect();
     assert!(farthest(&positions(&app, wrong.entity), &wrong.skinned(app.world(), &rest)) > 4.0 * ROUNDING);
 }
 
@@ -220,7 +220,7 @@ fn morph_targets_come_before_the_skin() {
     let error = farthest(&found, &figure.skinned(app.world(), &figure.morphed(&weights)));
     assert!(error <= ROUNDING, "{error}");
     // In the other order, or without the targets, it would be elsewhere.
-    let rest: Vec<DVec3> = figure.rest.iter().map(Vec3::as_dvec3).collect();
+    let rest: Vec<DVec3> = figure.rest.iter().map(|point| point.as_dvec3()).collect();
     let skinned_only = figure.skinned(app.world(), &rest);
     let other_order: Vec<DVec3> = skinned_only
         .iter()
@@ -364,7 +364,7 @@ fn compressed_weights_are_those_that_bevy_draws() {
     for (influences, quantized) in figure.influences.iter_mut().zip(quantized) {
         influences.1 = quantized.map(|weight| (f64::from(weight) / 65535.0) as f32);
     }
-    let rest: Vec<DVec3> = figure.rest.iter().map(Vec3::as_dvec3).collect();
+    let rest: Vec<DVec3> = figure.rest.iter().map(|point| point.as_dvec3()).collect();
     let error = farthest(&positions(&app, figure.entity), &figure.skinned(app.world(), &rest));
     assert!(error <= ROUNDING, "{error}");
 }

@@ -155,7 +155,8 @@ fn normals_follow_the_positions() {
 fn a_mesh_that_others_draw_is_not_written_until_the_entity_has_its_own() {
     let mut app = listening();
     let entity = spawn(&mut app, indexed(&sheet()), (THIN, WriteSurfaceToMesh::default()));
-    let drawn = app.world_mut().spawn((Mesh3d(handle(&app, entity)), Transform::default())).id();
+    let mesh = Mesh3d(handle(&app, entity));
+    let drawn = app.world_mut().spawn((mesh, Transform::default())).id();
     settle(&mut app);
     move_vertex(&mut app, entity, 0.5);
     for _ in 0..3 {
@@ -171,7 +172,8 @@ fn a_mesh_that_others_draw_is_not_written_until_the_entity_has_its_own() {
     assert_eq!(attribute(&app, drawn, Mesh::ATTRIBUTE_POSITION), points(&sheet()));
 
     // Two that both want to write.
-    let other = app.world_mut().spawn((Mesh3d(handle(&app, entity)), WriteSurfaceToMesh::default())).id();
+    let mesh = Mesh3d(handle(&app, entity));
+    let other = app.world_mut().spawn((mesh, WriteSurfaceToMesh::default())).id();
     app.update();
     move_vertex(&mut app, entity, 0.75);
     move_vertex(&mut app, other, 0.25);
