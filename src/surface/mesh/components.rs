@@ -38,8 +38,8 @@ use crate::surface::{
 /// otherwise, such as the response, is not undone: see [`WriteSurfaceToMesh`].
 ///
 /// The surface is quarantined with [`QuarantineReason::Mesh`](crate::QuarantineReason::Mesh) while its mesh cannot be
-/// used, and waits while the asset is not loaded. If the `Mesh3d` is removed, so is the surface. If `SurfaceFromMesh` is
-/// removed, the surface stays and no longer follows the mesh.
+/// used, and waits while the asset is not loaded. If the `Mesh3d` is removed, so is the surface. If `SurfaceFromMesh`
+/// is removed, the surface stays and no longer follows the mesh.
 #[derive(Component, Clone, Debug, Default, PartialEq)]
 #[require(MeshLink, SurfaceStatus, Registration)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
@@ -171,9 +171,9 @@ impl SurfaceFromMeshHierarchy {
 #[require(SurfaceFromMesh)]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(Component, Clone, Debug, Default, PartialEq))]
 pub struct WriteSurfaceToMesh {
-    /// Angle between the normals of two faces, in radians, from which their edge is a crease, if the mesh has one vertex
-    /// for each side of the edge. Up to half of it, the edge is smooth. In between, the smoothing fades out. 0 to π.
-    /// Default: 1, or 57°, as in [`CircumsphereSettings`](crate::CircumsphereSettings).
+    /// Angle between the normals of two faces, in radians, from which their edge is a crease, if the mesh has one
+    /// vertex for each side of the edge. Up to half of it, the edge is smooth. In between, the smoothing fades out.
+    /// 0 to π. Default: 1, or 57°, as in [`CircumsphereSettings`](crate::CircumsphereSettings).
     pub crease_angle: f32,
 }
 

@@ -25,15 +25,15 @@ use crate::{
     },
 };
 
-/// Makes the mesh of this entity follow a surface, usually a coarser one that collides in its place. The surface may be
-/// a body of the response, or be moved by the game in any other way.
+/// Makes the mesh of this entity follow a surface, usually a coarser one that collides in its place. The surface may
+/// be a body of the response, or be moved by the game in any other way.
 ///
 /// When both are there for the first time, each vertex of the mesh remembers its place on the nearest triangle of the
 /// surface, and its height over it along the smooth normal. At that time the mesh must fit the surface, as both are
 /// placed in the world. From then on it is written whenever the surface or either pose has changed, between
 /// [`DeformableSystems::Writeback`](crate::DeformableSystems::Writeback) and
-/// [`DeformableSystems::Events`](crate::DeformableSystems::Events), with new normals if it has any. The map is made anew
-/// if the entity gets another mesh or the surface other triangles.
+/// [`DeformableSystems::Events`](crate::DeformableSystems::Events), with new normals if it has any. The map is made
+/// anew if the entity gets another mesh or the surface other triangles.
 ///
 /// The mesh must belong to the entity alone, and must not be skinned or morphed when it is drawn. If it cannot be
 /// written, [`SurfaceMeshNotWritten`](super::SurfaceMeshNotWritten) is sent with the reason.

@@ -1,5 +1,5 @@
-//! Surfaces from Bevy's mesh assets (feature `mesh`): makes them once the assets are loaded, moves them where Bevy draws
-//! the meshes, skinned and morphed, and writes what the response moved back into the meshes.
+//! Surfaces from Bevy's mesh assets (feature `mesh`): makes them once the assets are loaded, moves them where Bevy
+//! draws the meshes, skinned and morphed, and writes what the response moved back into the meshes.
 
 mod components;
 mod drive;
@@ -22,9 +22,9 @@ pub use components::{SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceSettings,
 pub use drive::DrivenMesh;
 pub use error::{SurfaceMeshError, SurfaceMeshNotWritten};
 
-/// Makes surfaces from meshes. Part of [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins) if the feature
-/// `mesh` is on. May be added before or after the plugins that bring the assets. Without these, surfaces from meshes are
-/// quarantined with [`SurfaceMeshError::NoAssets`].
+/// Makes surfaces from meshes. Part of [`DeformableCollisionPlugins`](crate::DeformableCollisionPlugins) if the
+/// feature `mesh` is on. May be added before or after the plugins that bring the assets. Without these, surfaces from
+/// meshes are quarantined with [`SurfaceMeshError::NoAssets`].
 pub struct SurfaceMeshPlugin {
     schedule: InternedScheduleLabel,
 }
