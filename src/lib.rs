@@ -82,6 +82,11 @@ pub use settings::{CircumsphereSettings, SphereContactDetail};
 
 /// What most games need: `use bevy_circumsphere::prelude::*;`.
 pub mod prelude {
+    #[cfg(feature = "mesh")]
+    pub use crate::surface::{
+        DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten,
+        SurfaceSettings, WriteSurfaceToMesh,
+    };
     pub use crate::{
         contacts::{
             Contact, Impact, SmoothNormals, StencilEntry, SurfaceContactEnd, SurfaceContactStart, SurfaceContacts,

@@ -51,6 +51,8 @@ impl PluginGroup for DeformableCollisionPlugins {
             .add(SweptPlugin)
             .add(ContactsPlugin)
             .add(ContactEventsPlugin::new(self.schedule));
+        #[cfg(feature = "mesh")]
+        let plugins = plugins.add(crate::surface::SurfaceMeshPlugin::new(self.schedule));
         #[cfg(feature = "reflect")]
         let plugins = plugins.add(crate::reflect::ReflectPlugin);
         plugins

@@ -47,6 +47,11 @@ impl Plugin for ReflectPlugin {
             SurfaceContactEnd, SurfaceContactStart, SurfaceQuarantined, SurfaceReaction, SurfaceStatus, SweptImpacts, TriangleCones,
             TriangleCurvature, XpbdDiagnostics,
         );
+        #[cfg(feature = "mesh")]
+        register!(app:
+            crate::surface::DrivenMesh, crate::surface::SurfaceFromMesh, crate::surface::SurfaceFromMeshHierarchy,
+            crate::surface::SurfaceMeshNotWritten, crate::surface::WriteSurfaceToMesh,
+        );
         #[cfg(feature = "rerun")]
         register!(app: crate::debug::RerunSettings);
     }

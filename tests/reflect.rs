@@ -53,7 +53,9 @@ fn sources(folder: &Path, found: &mut Vec<(&'static str, String)>) {
     for entry in fs::read_dir(folder).expect("the folder can be listed") {
         let path = entry.expect("its entries can be read").path();
         if path.is_dir() {
-            if cfg!(feature = "rerun") || !path.ends_with("debug") {
+            let is_built = (cfg!(feature = "rerun") || !path.ends_with("debug"))
+                && (cfg!(feature = "mesh") || !path.ends_with("surface/mesh"));
+            if is_built {
                 sources(&path, found);
             }
         } else {

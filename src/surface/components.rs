@@ -45,8 +45,8 @@ use crate::kernel::{
 )]
 #[cfg_attr(feature = "reflect", derive(Reflect), reflect(opaque, Component, Clone, Debug))]
 pub struct DeformableSurface {
-    topology: Arc<SurfaceTopology>,
-    mean_edge: f32,
+    pub(super) topology: Arc<SurfaceTopology>,
+    pub(super) mean_edge: f32,
 }
 
 impl DeformableSurface {

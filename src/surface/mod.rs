@@ -5,6 +5,8 @@
 
 mod active;
 mod components;
+#[cfg(feature = "mesh")]
+mod mesh;
 mod prepare;
 mod quarantine;
 mod query_only;
@@ -19,6 +21,11 @@ pub use components::{
     ContactEventsEnabled, ContactMethod, DeformableSurface, PreviousPositions, SelfCollision, Sidedness,
     SurfaceBuilder, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape,
     SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
+};
+#[cfg(feature = "mesh")]
+pub use mesh::{
+    DrivenMesh, SurfaceFromMesh, SurfaceFromMeshHierarchy, SurfaceMeshError, SurfaceMeshNotWritten, SurfaceMeshPlugin,
+    SurfaceSettings, WriteSurfaceToMesh,
 };
 pub use prepare::SurfacePlugin;
 pub(crate) use prepare::{GatherSurfaces, PendingQuarantines, Transforms};

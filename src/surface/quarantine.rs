@@ -42,6 +42,10 @@ pub enum QuarantineReason {
     /// The shape cannot be used.
     #[error(transparent)]
     Shape(#[from] ShapeError),
+    /// The [mesh](super::mesh::SurfaceFromMesh) cannot be used.
+    #[cfg(feature = "mesh")]
+    #[error(transparent)]
+    Mesh(#[from] super::mesh::SurfaceMeshError),
 }
 
 /// A surface or shape cannot be used and was quarantined. Sent once. When it can be used again, its

@@ -5,13 +5,19 @@ pub mod barycentric;
 pub mod bounds;
 pub mod corner_rows;
 pub mod curved_edges;
+#[cfg(feature = "mesh")]
+pub mod driven;
 pub(in crate::kernel) mod fans;
 pub mod feature;
 pub mod ids;
 pub mod motion;
 pub mod side;
+#[cfg(feature = "mesh")]
+pub mod skinning;
 pub mod smooth_normal;
 pub(in crate::kernel) mod surroundings;
 pub mod topology;
 pub mod validation;
+#[cfg(feature = "mesh")]
+pub mod vertex_normals;
 mod weld;

@@ -57,7 +57,7 @@ impl CreaseAngle {
     }
 
     /// 1 if two faces belong to one curved surface, 0 across a crease, and the cubic Hermite curve in between.
-    fn softness(&self, one: DVec3, other: DVec3) -> f64 {
+    pub(super) fn softness(&self, one: DVec3, other: DVec3) -> f64 {
         let chord = one.distance_squared(other);
         if chord <= self.from {
             1.0
