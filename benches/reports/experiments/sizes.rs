@@ -16,19 +16,16 @@ use circumsphere_examples::{
     scenes::Stage,
 };
 use circumsphere_reports::{
+    cloth_scenes::{DEFORMING, HILLS_FALL, HILLS_THICKNESS, STATIC, cloths_above_hills},
     finding::{Finding, Outcome, figure, percent, table},
     statistics::median,
 };
-use circumsphere_support::scenes::{Diagonals, Mesh, grid};
+use circumsphere_support::scenes::Mesh;
 use glam::Vec3;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::{options::Extent, player::variation, tested::Tested};
-
-/// Size of the paper's scene: deforming vertices and static triangles.
-const DEFORMING: f64 = 3_000.0;
-const STATIC: f64 = 100_000.0;
 
 /// A frame at 60 frames per second, in milliseconds.
 pub const FRAME_MS: f64 = 1_000.0 / 60.0;
@@ -39,13 +36,9 @@ const MULTIPLES: [f64; 8] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
 /// Above this multiple, only one method is measured, because the response takes far longer than a frame.
 const MOST_RESPONSES: f64 = 2.0;
 
-/// Length of a cell of ground and cloth, in meters.
-const CELL: f32 = 0.025;
+const THICKNESS: SurfaceThickness = SurfaceThickness::World(HILLS_THICKNESS);
 
-const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.002);
-
-/// Number of ticks until the cloths lie on the hills, and number of measured ticks after that.
-const FALL: usize = 25;
+/// Number of measured ticks after the cloths have fallen.
 const MEASURED: usize = 9;
 
 /// A size and the median times per tick, on one thread.
@@ -72,7 +65,7 @@ pub struct SizesRow {
 /// Measures one multiple after the other, until detection alone takes longer than a frame with both methods.
 pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<SizesRow> {
     let multiples = extent.pick(&MULTIPLES[..1], &MULTIPLES[..]);
-    let (fall, measured) = extent.pick((3, 3), (FALL, MEASURED));
+    let (fall, measured) = extent.pick((3, 3), (HILLS_FALL, MEASURED));
     progress.set_length(multiples.len() as u64);
     let mut rows: Vec<SizesRow> = Vec::new();
     for &multiple in multiples {
@@ -83,30 +76,6 @@ pub fn measure(extent: Extent, progress: &ProgressBar) -> Vec<SizesRow> {
         }
     }
     rows
-}
-
-/// Builds the ground and the cloths.
-#[expect(clippy::cast_sign_loss, reason = "roots and multiples are not negative")]
-fn meshes(multiple: f64) -> (Mesh, Vec<Mesh>) {
-    let cells = (STATIC * multiple / 2.0).sqrt().round() as usize;
-    let width = cells as f32 * CELL;
-    let mut ground = grid(cells, cells, width, width, Diagonals::Alternating);
-    for position in &mut ground.positions {
-        let wave = |coordinate: f32, length: f32| bevy_math::ops::sin(std::f32::consts::TAU * coordinate / length);
-        position[1] = 0.08 * wave(position[0], 1.1) * wave(position[2], 0.9);
-    }
-    let count = multiple.max(1.0).round() as usize;
-    let side = (DEFORMING * multiple / count as f64).sqrt().round() as usize;
-    let columns = (count as f64).sqrt().ceil() as usize;
-    let cloths = (0..count).map(|number| {
-        let place = |number: usize, of: usize| ((number as f32 + 0.5) / of as f32 - 0.5) * width;
-        let cloth_width = (side - 1) as f32 * CELL;
-        let cloth = grid(side - 1, side - 1, cloth_width, cloth_width, Diagonals::Alternating);
-        // Rotate the cloths relative to the ground, so that no two cells are aligned in the same way.
-        let (x, z) = (place(number % columns, columns), place(number / columns, count.div_ceil(columns)));
-        cloth.rotate([0.0, 1.0, 0.0], 0.3 + number as f32).translate([x, 0.1, z])
-    });
-    (ground, cloths.collect())
 }
 
 /// Results of the measured ticks with a response: median times, the contacts at the end, and the motion.
@@ -141,7 +110,7 @@ fn play(method: Tested, ground: &Mesh, cloths: &[Mesh], fall: usize, measured: u
 }
 
 fn measure_size(multiple: f64, fall: usize, measured: usize) -> Vec<SizesRow> {
-    let (ground, cloths) = meshes(multiple);
+    let (ground, cloths) = cloths_above_hills(multiple);
     let own = play(Tested::Circumsphere, &ground, &cloths, fall, measured);
     let exact = (multiple <= MOST_RESPONSES).then(|| play(Tested::Exact, &ground, &cloths, fall, measured));
     // Each method replays the motion that resulted from its own contacts.

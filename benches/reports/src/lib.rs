@@ -6,6 +6,7 @@
 use std::path::PathBuf;
 
 pub mod bounded;
+pub mod cloth_scenes;
 pub mod drawing;
 pub mod finding;
 pub mod machine;

@@ -4,7 +4,7 @@
 //! f64.
 
 pub mod bullet_cloth;
-mod cloth_drop;
+pub mod cloth_drop;
 mod energy;
 mod layers;
 mod level;
@@ -60,7 +60,7 @@ pub enum Extent {
 }
 
 impl Extent {
-    fn pick<T>(self, small: T, usual: T) -> T {
+    pub fn pick<T>(self, small: T, usual: T) -> T {
         match self {
             Self::Small => small,
             Self::Usual => usual,
