@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 pub mod bounded;
 pub mod cloth_scenes;
+pub mod cloth_truth;
 pub mod drawing;
 pub mod finding;
 pub mod machine;
