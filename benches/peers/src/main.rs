@@ -1,8 +1,9 @@
-//! The parts of obvhs and rapier3d in `examples/compare`, as a program of their own: what it is started with, reads and
-//! prints is described in `examples/compare/peers.rs`.
+//! The parts of obvhs and rapier3d in the program `compare`, as a program of their own. What it is started with, reads,
+//! and prints is described in `benches/reports/compare/peers.rs`, and for whole steps in `steps/rapier.rs` next to it.
 
 mod boxes;
 mod rapier;
+mod steps;
 
 use std::{
     error::Error,
@@ -13,6 +14,7 @@ use std::{
 };
 
 use circumsphere_support::recording::{Recording, read_recording};
+use rapier3d::math::Vector;
 
 /// What a row counts; `None` where it does not.
 #[derive(Clone, Copy, Default)]
@@ -35,6 +37,10 @@ trait Peer {
     fn run(&mut self, before: &[[f32; 3]], now: &[[f32; 3]]) -> Vec<Row>;
 }
 
+fn vector(position: [f32; 3]) -> Vector {
+    Vector::new(position[0], position[1], position[2])
+}
+
 /// Runs `operation` and says how long it took.
 fn timed<T>(operation: impl FnOnce() -> T) -> (Duration, T) {
     let start = Instant::now();
@@ -54,6 +60,11 @@ fn main() -> ExitCode {
 
 fn serve() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let [who, arguments @ ..] = arguments.as_slice()
+        && who == "steps"
+    {
+        return steps::run(arguments);
+    }
     let [who, file, growth, _threads] = arguments.as_slice() else {
         return Err(
             "expected obvhs or rapier, a recording, half the contact distance, and the number of threads".into()

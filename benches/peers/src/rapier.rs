@@ -10,7 +10,7 @@
 use circumsphere_support::recording::Recording;
 use rapier3d::prelude::*;
 
-use super::{Counts, Peer, Row, timed};
+use super::{Counts, Peer, Row, timed, vector};
 
 /// A step so short that nothing moves, after which the contacts can be read.
 const MOMENT: f32 = 1.0e-6;
@@ -24,10 +24,6 @@ pub struct Rapier {
 struct World {
     world: PhysicsWorld,
     body: SoftBodyHandle,
-}
-
-fn vector(position: [f32; 3]) -> Vector {
-    Vector::new(position[0], position[1], position[2])
 }
 
 impl World {
@@ -44,6 +40,7 @@ impl World {
         // Contacts within the skins and no farther.
         world.integration_parameters.normalized_prediction_distance = 0.0;
         world.physics_pipeline.counters.enable();
+        world.configure_thread_pool(1).map_err(|error| error.to_string())?;
         let body = world.insert_soft_body(body);
         world.soft_bodies.get(body).ok_or("rapier refuses the soft body")?;
         Ok(Self { world, body })
