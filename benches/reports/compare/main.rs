@@ -21,6 +21,10 @@
 //! `Circumsphere` define touching differently. parry computes distances in f32 with absolute tolerances, so its
 //! `touching` is close to ours but not exact. rapier's contacts are of another kind: see `benches/peers/src/rapier.rs`.
 //!
+//! Whole steps are another section, see [`steps`]: cloths that fall onto a ball, a mesh of a ball, and hilly ground, moved
+//! by the response and by rapier's soft bodies. The time is that of the whole app update, and of rapier's whole step. At
+//! the end, the f64 reference counts what crosses. `--no-steps` skips it.
+//!
 //! Peers that would add dependencies to the crate are separate programs, see [`peers`]. They are downloaded and
 //! compiled only when they are compared. obvhs and rapier3d are in a package with its own lock file, which takes about
 //! two minutes to build. Embree is called from a C file that links the system's library. The crate's own builds and
@@ -34,10 +38,13 @@ use std::{
 };
 
 use bevy_circumsphere::{ContactMethod, geometry::TopologyError};
-use circumsphere_examples::headless::{
-    self,
-    embedded::{EMBEDDED_NAME, embedded_scene},
-    frames::NoSuchFrames,
+use circumsphere_examples::{
+    headless::{
+        self,
+        embedded::{EMBEDDED_NAME, embedded_scene},
+        frames::NoSuchFrames,
+    },
+    scenes::Extent,
 };
 use circumsphere_reports::BAD_INPUT;
 use circumsphere_reports::machine::{self, Machine};
@@ -53,9 +60,11 @@ use measure::Contestant;
 use options::Options;
 use ours::{Ours, WithPoints};
 use peak_alloc::PeakAlloc;
+use peers::Peer;
 use report::Report;
 use scale::{Scale, Sweep};
 use serde::Serialize;
+use steps::Steps;
 
 mod headline;
 mod input;
@@ -66,6 +75,7 @@ mod parry;
 mod peers;
 mod report;
 mod scale;
+mod steps;
 
 /// Tracks heap usage, for the memory of surfaces and pairs.
 #[global_allocator]
@@ -97,6 +107,7 @@ struct Comparison {
     machine: Machine,
     inputs: Vec<Report>,
     headline: Option<Headline>,
+    steps: Option<Steps>,
     scale: Option<Scale>,
 }
 
@@ -150,6 +161,19 @@ fn compare(options: &Options) -> Result<(), CompareError> {
     if let Some(headline) = &headline {
         let _ = write!(io::stdout(), "{headline}");
     }
+    let steps = (!options.no_steps).then(|| {
+        let progress = spinner();
+        let extent = if options.small_steps { Extent::Small } else { Extent::Usual };
+        let with_rapier = options.peers().contains(&Peer::Rapier);
+        let steps = Steps::measure(extent, &options.thread_counts(), with_rapier, |message| {
+            report_progress(&progress, message);
+        });
+        progress.finish_and_clear();
+        steps
+    });
+    if let Some(steps) = &steps {
+        let _ = write!(io::stdout(), "{steps}");
+    }
     let sweep = if options.scale { Sweep::Long } else { Sweep::Short };
     let scale = (!options.no_scale).then(|| {
         let progress = spinner();
@@ -163,7 +187,7 @@ fn compare(options: &Options) -> Result<(), CompareError> {
     let machine = Machine::new([load, machine::load()]);
     let _ = write!(io::stdout(), "\n{machine}");
     if let Some(path) = &options.json {
-        let text = serde_json::to_string_pretty(&Comparison { machine, inputs, headline, scale })
+        let text = serde_json::to_string_pretty(&Comparison { machine, inputs, headline, steps, scale })
             .expect("numbers and names are JSON");
         fs::write(path, text).map_err(|source| CompareError::Write { path: path.clone(), source })?;
     }
@@ -192,8 +216,7 @@ fn report_progress(progress: &ProgressBar, message: &str) {
 
 fn measure(input: &Input, options: &Options) -> Report {
     let progress = spinner();
-    let mut threads = vec![1, usize::from(options.threads)];
-    threads.dedup();
+    let threads = options.thread_counts();
     report_progress(&progress, "building");
     let mut contestants = parry::contestants(input);
     for method in ContactMethod::ALL {
@@ -205,7 +228,7 @@ fn measure(input: &Input, options: &Options) -> Report {
         }
     }
     report_progress(&progress, "building and starting peers");
-    let (peers, mut faults) = peers::contestants(if options.no_peers { &[] } else { &options.peers }, input, &threads);
+    let (peers, mut faults) = peers::contestants(options.peers(), input, &threads);
     contestants.extend(peers);
     let (log, failed) = measure::play(input, contestants, options.repeat, |message| {
         report_progress(&progress, message);

@@ -21,7 +21,7 @@ pub struct Options {
     /// Number of rounds; contestants that take seconds run in at most seven of them
     #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u32).range(1..))]
     pub repeat: u32,
-    /// Largest number of threads for our methods and Embree, which are also measured on one thread
+    /// Largest number of threads for our methods, Embree, and rapier's whole steps, which are also measured on one thread
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..))]
     pub threads: u16,
     /// Frames to measure, counted from 0, B excluded [default: the first]
@@ -40,6 +40,12 @@ pub struct Options {
     /// Skip the scene of the source paper's headline: 3,000 deforming vertices against 100,000 static triangles
     #[arg(long)]
     pub no_headline: bool,
+    /// Skip whole steps of cloth, with the response: ours and rapier's, unless rapier is not among the peers
+    #[arg(long)]
+    pub no_steps: bool,
+    /// Measure whole steps in small scenes, to check that everything works; the figures mean nothing
+    #[arg(long, conflicts_with = "no_steps")]
+    pub small_steps: bool,
     /// Measure the growth of time and memory up to 1,000,000 triangles instead of 100,000; takes minutes
     #[arg(long)]
     pub scale: bool,
@@ -51,6 +57,20 @@ pub struct Options {
     pub json: Option<PathBuf>,
     #[command(flatten)]
     pub recording: RecordingOptions,
+}
+
+impl Options {
+    /// The peers to compare with.
+    pub fn peers(&self) -> &[Peer] {
+        if self.no_peers { &[] } else { &self.peers }
+    }
+
+    /// The numbers of threads to measure: one, and the largest.
+    pub fn thread_counts(&self) -> Vec<usize> {
+        let mut threads = vec![1, usize::from(self.threads)];
+        threads.dedup();
+        threads
+    }
 }
 
 /// Largest contact distance, in mean edges. Nearly all pairs of triangles touch at far smaller distances. parry cannot

@@ -67,7 +67,7 @@ fn run_builder(command: &mut Command) -> Result<(), String> {
 }
 
 /// Builds the package of Rust peers, which has its own lock file. The first build takes about two minutes.
-fn build_package() -> Result<PathBuf, String> {
+pub fn build_package() -> Result<PathBuf, String> {
     let own = std::env::current_exe().map_err(|error| error.to_string())?;
     // This program is in TARGET/PROFILE/examples.
     let target = own.ancestors().nth(3).ok_or("this program is not in a target folder")?.join("peers");
@@ -114,7 +114,7 @@ impl Drop for Program {
 pub fn contestants(peers: &[Peer], input: &Input, threads: &[usize]) -> (Vec<Box<dyn Contestant>>, Vec<String>) {
     let (mut all, mut faults): (Vec<Box<dyn Contestant>>, _) = (Vec::new(), Vec::new());
     for &peer in peers {
-        // The Rust peers are built without threads.
+        // The Rust peers run on one thread.
         let threads = if peer == Peer::Embree { threads } else { &[1] };
         for &threads in threads {
             match start(peer, input, threads) {

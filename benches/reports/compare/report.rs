@@ -299,6 +299,23 @@ pub fn short(value: f64) -> String {
     }
 }
 
+/// Writes a table of bars, with whether each holds.
+pub fn write_bars(out: &mut Formatter<'_>, bars: &[Bar]) -> fmt::Result {
+    let width = bars.iter().map(|bar| bar.what.chars().count()).max().unwrap_or_default();
+    writeln!(out, "{:width$} {:>18} {:>10} {:>10}", "bar", "", "medians", "minima")?;
+    for bar in bars {
+        let ratio = |ratio: Option<f64>| ratio.map_or_else(|| "-".to_owned(), short);
+        let verdict = match bar.holds {
+            Some(true) => "holds",
+            Some(false) => "does not hold",
+            None => "not measured",
+        };
+        let (of_medians, of_minima) = (ratio(bar.ratio), ratio(bar.least_ratio));
+        writeln!(out, "{:width$} {:>18} {of_medians:>10} {of_minima:>10}  {verdict}", bar.what, bar.limit)?;
+    }
+    Ok(())
+}
+
 impl Display for Report {
     fn fmt(&self, out: &mut Formatter<'_>) -> fmt::Result {
         let frames: Vec<String> = self.frames.iter().map(usize::to_string).collect();
@@ -351,17 +368,8 @@ impl Display for Report {
                 if row.is_unsteady { "  counts vary!" } else { "" }
             )?;
         }
-        writeln!(out, "\n{:48} {:>14} {:>10} {:>10}", "bar", "", "medians", "minima")?;
-        for bar in &self.bars {
-            let ratio = |ratio: Option<f64>| ratio.map_or_else(|| "-".to_owned(), short);
-            let verdict = match bar.holds {
-                Some(true) => "holds",
-                Some(false) => "does not hold",
-                None => "not measured",
-            };
-            let (of_medians, of_minima) = (ratio(bar.ratio), ratio(bar.least_ratio));
-            writeln!(out, "{:48} {:>14} {of_medians:>10} {of_minima:>10}  {verdict}", bar.what, bar.limit)?;
-        }
+        writeln!(out)?;
+        write_bars(out, &self.bars)?;
         if let Some(threads) = self.speedups.first().map(|speedup| speedup.threads) {
             writeln!(
                 out,

@@ -54,7 +54,7 @@ fn everyone_counts_what_the_reference_counts() {
     write_recording(&file, &recording).expect("the sheet can be written");
     let output = Command::new(example_program("compare"))
         .arg(&file)
-        .args(["--repeat", "2", "--peers", "embree", "--no-headline", "--no-scale", "--json"])
+        .args(["--repeat", "2", "--peers", "embree", "--no-headline", "--no-steps", "--no-scale", "--json"])
         .arg(&json)
         .output()
         .expect("the program starts");
@@ -141,6 +141,46 @@ fn everyone_counts_what_the_reference_counts() {
     }
     assert_eq!(input["reference"].as_str().map(|name| name.starts_with("parry Bvh")), Some(true), "{table}");
     assert!(table.contains(input["reference"].as_str().expect("a name")), "{table}");
+}
+
+#[test]
+fn whole_steps_of_our_cloths_cross_nothing() {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let json = folder.path().join("comparison.json");
+    let output = Command::new(example_program("compare"))
+        .args(["--sheet", "8", "--repeat", "1", "--no-peers", "--no-headline", "--small-steps", "--no-scale", "--json"])
+        .arg(&json)
+        .output()
+        .expect("the program starts");
+    let table = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+
+    let text = fs::read_to_string(&json).expect("the program has written its measurements");
+    let comparison: Value = serde_json::from_str(&text).expect("the measurements are JSON");
+    let steps = &comparison["steps"];
+    let scenes = steps["scenes"].as_array().expect("there are scenes");
+    assert_eq!(scenes.len(), 3, "{table}");
+    for scene in scenes {
+        let vertices = scene["vertices"].as_f64().expect("a number");
+        let rows = scene["rows"].as_array().expect("there are rows");
+        let threads: Vec<&Value> = rows.iter().map(|row| &row["threads"]).collect();
+        assert_eq!(threads, [1, 2], "{table}");
+        for row in rows {
+            let number = |name: &str| row[name].as_f64().expect("a number");
+            assert!(
+                row["crossings"].as_object().is_some_and(|counts| counts.values().all(|count| count == 0)),
+                "{table}"
+            );
+            // Every tick has as many substeps, so the median tick has the median share.
+            let share = 1.0e3 * number("median_ms") / (vertices * number("substeps"));
+            assert!((number("per_vertex_and_substep_us") / share - 1.0).abs() < 1.0e-9, "{row}");
+        }
+        assert!(table.contains(scene["scene"].as_str().expect("a name")), "{table}");
+    }
+    // Without rapier, nothing is to compare with.
+    let bars = steps["bars"].as_array().expect("there are bars");
+    assert!(bars.len() == 6 && bars.iter().all(|bar| bar["holds"].is_null()), "{table}");
+    assert_eq!(steps["faults"].as_array().map(Vec::len), Some(0), "{table}");
 }
 
 #[test]
