@@ -28,6 +28,9 @@ pub mod docs {
     #[doc = include_str!("../docs/rerun.md")]
     pub mod rerun {}
     #[doc = include_str!("doc_links.md")]
+    #[doc = include_str!("../docs/thin_walls.md")]
+    pub mod thin_walls {}
+    #[doc = include_str!("doc_links.md")]
     #[doc = include_str!("../docs/architecture.md")]
     pub mod architecture {}
     #[doc = include_str!("doc_links.md")]
@@ -52,6 +55,10 @@ pub mod geometry {
         pose::{Pose, PoseError},
         spheres::{contacts::SphereContact, curvature::CurvatureEstimator},
     };
+
+    /// Turns thin-walled meshes into single-layer sheets with thickness, when assets are made.
+    #[cfg(feature = "thin-wall")]
+    pub use crate::kernel::thin_wall;
 }
 /// Pure geometry, for this crate and its own tests, benches, and reports. It may change in any version.
 #[doc(hidden)]

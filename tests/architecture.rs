@@ -26,7 +26,7 @@ const ROOMS: [&str; 11] = [
 ];
 
 /// The folders of the kernel, with the same rule.
-const KERNEL_ROOMS: [&str; 13] = [
+const KERNEL_ROOMS: [&str; 14] = [
     "capacity",
     "pose",
     "simd",
@@ -40,6 +40,7 @@ const KERNEL_ROOMS: [&str; 13] = [
     "ccd",
     "xpbd",
     "pair_fate",
+    "thin_wall",
 ];
 
 /// The most lines of a file.

@@ -1,7 +1,7 @@
 //! Pure geometry, and the arithmetic of the solver: functions take slices and write into buffers that the caller owns. No ECS type.
 //!
 //! Lengths are in the unit of the positions, angles in radians, curvature in 1/length. The rooms in their order, each of which
-//! imports only from those before it: capacity, pose, simd, mesh, contact, pair, bvh, exact, smooth, spheres, ccd, xpbd, pair fate.
+//! imports only from those before it: capacity, pose, simd, mesh, contact, pair, bvh, exact, smooth, spheres, ccd, xpbd, pair fate, thin wall.
 //! `tests/architecture.rs` checks it.
 
 pub mod bvh;
@@ -16,4 +16,6 @@ pub mod pose;
 pub mod simd;
 pub mod smooth;
 pub mod spheres;
+#[cfg(feature = "thin-wall")]
+pub mod thin_wall;
 pub mod xpbd;

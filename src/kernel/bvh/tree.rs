@@ -23,8 +23,12 @@ use crate::kernel::{
 };
 
 mod build;
+mod nearest;
+mod ray;
 mod refit;
 mod search;
+
+pub use self::ray::Sweep;
 
 /// Boxes per leaf, and children per node.
 pub const LEAF_WIDTH: usize = 8;
