@@ -30,6 +30,8 @@ pub mod docs {
     #[doc = include_str!("doc_links.md")]
     #[doc = include_str!("../docs/tetrahedra.md")]
     pub mod tetrahedra {}
+    #[doc = include_str!("../docs/thin_walls.md")]
+    pub mod thin_walls {}
     #[doc = include_str!("doc_links.md")]
     #[doc = include_str!("../docs/architecture.md")]
     pub mod architecture {}
@@ -56,6 +58,10 @@ pub mod geometry {
         spheres::{contacts::SphereContact, curvature::CurvatureEstimator},
         tetrahedra::topology::{TetrahedraError, TetrahedraReport, TetrahedralTopology},
     };
+
+    /// Turns thin-walled meshes into single-layer sheets with thickness, when assets are made.
+    #[cfg(feature = "thin-wall")]
+    pub use crate::kernel::thin_wall;
 }
 /// Pure geometry, for this crate and its own tests, benches, and reports. It may change in any version.
 #[doc(hidden)]

@@ -27,7 +27,7 @@ const ROOMS: [&str; 12] = [
 ];
 
 /// The folders of the kernel, with the same rule.
-const KERNEL_ROOMS: [&str; 15] = [
+const KERNEL_ROOMS: [&str; 16] = [
     "capacity",
     "pose",
     "simd",
@@ -43,6 +43,7 @@ const KERNEL_ROOMS: [&str; 15] = [
     "tetrahedra",
     "xpbd",
     "pair_fate",
+    "thin_wall",
 ];
 
 /// The most lines of a file.

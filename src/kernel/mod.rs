@@ -2,7 +2,7 @@
 //!
 //! Lengths are in the unit of the positions, angles in radians, curvature in 1/length. The rooms in their order, each of which
 //! imports only from those before it: capacity, pose, simd, mesh, contact, pair, bvh, exact, smooth, query, spheres, ccd, tetrahedra,
-//! xpbd, pair fate.
+//! xpbd, pair fate, thin wall.
 //! `tests/architecture.rs` checks it.
 
 pub mod bvh;
@@ -19,4 +19,6 @@ pub mod simd;
 pub mod smooth;
 pub mod spheres;
 pub mod tetrahedra;
+#[cfg(feature = "thin-wall")]
+pub mod thin_wall;
 pub mod xpbd;

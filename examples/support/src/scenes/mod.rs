@@ -14,6 +14,7 @@ mod figure;
 mod instrument;
 mod level;
 mod moving;
+mod panel;
 mod pile;
 mod points;
 mod revolution;
@@ -46,6 +47,7 @@ pub use level::{
     LEVEL_CELLS, LEVEL_HALF_WIDTH, level_ball, level_ferry, level_ground, level_height, level_heights, level_lift,
 };
 pub use moving::{Fineness, MOVING_SCENES, MovingBody, MovingScene, growing_sheets, moving_scene};
+pub use panel::{Panel, panel};
 pub use pile::{PILE_BODIES, PILE_BODY_REACH, PILE_TRAY_SIZE, pile_body, pile_start, pile_tray, soft_shapes};
 pub use shapes::{Diagonals, cuboid, cylinder_side, grid, icosphere, saddle, sheet_stack, torus, twisted_rod};
 pub use tray::{RIB_HEIGHT, RIB_TOP, RIB_WIDTH, TRAY_THICKNESS, ribbed_tray};

@@ -109,7 +109,11 @@ fn lines(kept: &[f64], random: &mut Random) -> (Vec<f64>, Vec<usize>) {
 
 /// The surface of the filled cells of a lattice with `cells` cells, wound outward. `place` returns the position of a
 /// lattice corner.
-fn boundary(cells: [usize; 3], is_filled: impl Fn([usize; 3]) -> bool, place: impl Fn([usize; 3]) -> [f32; 3]) -> Mesh {
+pub(super) fn boundary(
+    cells: [usize; 3],
+    is_filled: impl Fn([usize; 3]) -> bool,
+    place: impl Fn([usize; 3]) -> [f32; 3],
+) -> Mesh {
     let mut mesh = Mesh::default();
     let mut vertices = BTreeMap::new();
     let all = (0..cells[0]).flat_map(|x| (0..cells[1]).flat_map(move |y| (0..cells[2]).map(move |z| [x, y, z])));

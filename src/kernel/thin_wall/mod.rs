@@ -1,0 +1,184 @@
+//! Turns thin-walled meshes into single-layer sheets with thickness, when assets are made.
+//!
+//! A closed mesh with thin walls costs two layers of triangles, which collide with each other. As a sheet with thickness
+//! it costs one, and nothing is between its sides. [`ThinWalls::find`] pairs the opposite faces of a mesh, moves one side
+//! of each wall to the middle, and drops the other side and the rim. What is not thin stays as it was.
+//!
+//! Faces are paired by closest points with opposed normals, after the shape diameter of Shapira, Shamir, and Cohen-Or
+//! (2008). Walls that meet are joined where their middle surfaces meet. Lengths are in the unit of the positions.
+
+mod body;
+mod depths;
+mod deviation;
+mod pairing;
+mod regions;
+mod seams;
+mod segments;
+mod sheet;
+mod thicken;
+mod walls;
+
+use bevy_math::ops;
+use glam::Vec3;
+
+pub use self::{
+    deviation::Deviation,
+    regions::{LeftOut, LeftOutReason, RegionKind, ThinRegion},
+};
+pub use crate::kernel::mesh::validation::TopologyError;
+
+use self::{
+    body::Body,
+    depths::CornerDepths,
+    pairing::Pairing,
+    regions::Fate,
+    segments::Segments,
+    sheet::Sheet,
+    thicken::Thickened,
+    walls::{NO_WALL, Role, Walls},
+};
+
+/// What counts as a thin wall.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThinWallSettings {
+    /// The largest angle between one side and the reverse of the other, in radians. Default: 30°. Clamped to 0 to 60°.
+    pub opposed_angle: f32,
+    /// Faces that meet at a larger angle are of different walls, in radians. Default: 35°. Clamped to 0 to 90°.
+    pub crease_angle: f32,
+    /// How many times as wide as thick a wall must be. Default: 4. At least 1.
+    pub least_extent: f32,
+    /// The same for walls that are attached to others. Default: 2. At least 1.
+    pub least_rib_extent: f32,
+}
+
+impl Default for ThinWallSettings {
+    fn default() -> Self {
+        Self {
+            opposed_angle: 30_f32.to_radians(),
+            crease_angle: 35_f32.to_radians(),
+            least_extent: 4.0,
+            least_rib_extent: 2.0,
+        }
+    }
+}
+
+impl ThinWallSettings {
+    fn opposed_cosine(&self) -> f64 {
+        f64::from(ops::cos(self.opposed_angle.clamp(0.0, 60_f32.to_radians())))
+    }
+
+    fn crease_cosine(&self) -> f64 {
+        f64::from(ops::cos(self.crease_angle.clamp(0.0, 90_f32.to_radians())))
+    }
+}
+
+/// A mesh with its thin walls replaced by sheets.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ThinWalls {
+    /// The vertex positions: those of the sheets, and those of what is left. The positions of the original if nothing is
+    /// thin.
+    pub positions: Vec<Vec3>,
+    /// Half the thickness at each vertex. 0 at the vertices of what is left.
+    pub half_thickness: Vec<f32>,
+    /// Three vertices for each triangle: first those of the sheets, then those of what is left.
+    pub triangles: Vec<[u32; 3]>,
+    /// The region of each triangle of the sheets, as an index. The triangles after these are what is left.
+    pub sheet_regions: Vec<u32>,
+    /// For each triangle that is left, which one of the original it is, ascending.
+    pub left: Vec<u32>,
+    /// The walls that have become sheets, largest first.
+    pub regions: Vec<ThinRegion>,
+    /// What stays as it was, by reason.
+    pub left_out: Vec<LeftOut>,
+    /// The area of the original.
+    pub area_before: f64,
+    /// The area of walls that are thin, both sides and rims: what is replaced, and what is thin but left.
+    pub thin_area: f64,
+    /// The area that the sheets replace.
+    pub abstracted_area: f64,
+}
+
+impl ThinWalls {
+    /// Finds the thin walls of a mesh, and replaces them by sheets. Vertices at equal positions are one.
+    ///
+    /// Takes closed and open meshes, non-manifold ones, slivers, and duplicates. A closed mesh must be wound outward: one
+    /// that is inside out has no walls.
+    ///
+    /// # Errors
+    /// If there is no triangle, a position is not finite, or a triangle names a vertex that does not exist.
+    pub fn find(
+        positions: &[Vec3],
+        triangles: &[[u32; 3]],
+        settings: &ThinWallSettings,
+    ) -> Result<(Self, Deviation), TopologyError> {
+        let body = Body::new(positions, triangles)?;
+        let pairing = Pairing::new(&body, settings);
+        let segments = Segments::new(&body, &pairing, settings);
+        let is_thin = segments::thin_triangles(&body, &pairing, &segments, settings);
+        let depths = CornerDepths::new(&body, &pairing, &segments, settings, &is_thin);
+        let walls = Walls::new(&body, &pairing, &segments, &depths, &is_thin);
+        let mut sheet = Sheet::new(&body, &segments, &depths, &walls);
+        seams::connect(&mut sheet);
+        let thick = Thickened::new(&sheet);
+        let covered: Vec<u32> = (0..body.triangle_count())
+            .map(|triangle| match walls.roles[triangle] {
+                Role::Rest => deviation::cover(&body, &thick, triangle)
+                    .map_or(NO_WALL, |near| sheet.walls[thick.sources[near as usize] as usize]),
+                _ => NO_WALL,
+            })
+            .collect();
+        let fates = regions::fates(&body, &pairing, &segments, &walls, &is_thin, &covered);
+        let is_replaced: Vec<bool> = fates.iter().map(|fate| matches!(fate, Fate::Replaced { .. })).collect();
+        let deviation = Deviation::measure(&body, &thick, &is_replaced);
+        let (regions, region_of) = regions::regions(&body, &segments, &walls, &sheet, &fates);
+        let left_out = regions::left_out(&body, &fates);
+        let mut found = Self {
+            // The sum of nothing is −0.
+            area_before: body.areas.iter().sum::<f64>() + 0.0,
+            abstracted_area: regions.iter().map(|region| region.area).sum::<f64>() + 0.0,
+            sheet_regions: sheet.walls.iter().map(|&wall| region_of[wall as usize]).collect(),
+            left: (0..body.triangle_count())
+                .filter(|&triangle| !is_replaced[triangle])
+                .map(|triangle| triangle as u32)
+                .collect(),
+            regions,
+            left_out,
+            ..Self::default()
+        };
+        found.thin_area = found.abstracted_area
+            + found.left_out.iter().filter(|left| left.reason.is_thin()).map(|left| left.area).sum::<f64>();
+        found.assemble(positions, triangles, &sheet);
+        Ok((found, deviation))
+    }
+
+    fn assemble(&mut self, positions: &[Vec3], triangles: &[[u32; 3]], sheet: &Sheet) {
+        if sheet.triangles.is_empty() {
+            self.positions = positions.to_vec();
+            self.triangles = triangles.to_vec();
+            self.half_thickness = vec![0.0; positions.len()];
+            return;
+        }
+        const UNUSED: u32 = u32::MAX;
+        let mut add = |corners: [u32; 3], names: &mut Vec<u32>, position: &dyn Fn(usize) -> (Vec3, f32)| {
+            let corners = corners.map(|vertex| {
+                let name = &mut names[vertex as usize];
+                if *name == UNUSED {
+                    *name = self.positions.len() as u32;
+                    let (position, half) = position(vertex as usize);
+                    self.positions.push(position);
+                    self.half_thickness.push(half);
+                }
+                *name
+            });
+            self.triangles.push(corners);
+        };
+        let mut names = vec![UNUSED; sheet.points.len()];
+        for &corners in &sheet.triangles {
+            add(corners, &mut names, &|vertex| (sheet.points[vertex].as_vec3(), sheet.halves[vertex] as f32));
+        }
+        let mut names = vec![UNUSED; positions.len()];
+        for &triangle in &self.left {
+            add(triangles[triangle as usize], &mut names, &|vertex| (positions[vertex], 0.0));
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! Moves the carriers of walls to the middle.
+//!
+//! A vertex goes to where the middle surfaces of all walls around it meet: below each thin face at it, by the depth of
+//! that wall. So walls that meet in an L, T, or X have a common edge there, whichever of their sides carry the sheet, and
+//! the gap that the foot of a rib leaves in the face of its plate is closed.
+
+use glam::{DMat3, DVec3};
+
+use super::{
+    body::Body,
+    depths::{CornerDepths, Depth, corner_angle},
+    segments::{NO_SEGMENT, Segments},
+    walls::{Role, Walls},
+};
+
+/// Directions in which the faces around a vertex say little, relative to the best known one, are left alone: two faces
+/// that meet at less than about 20° are one.
+const LEAST_EIGENVALUE: f64 = 0.03;
+
+/// Faces of a rim hold its vertices in their planes with this weight relative to the faces of walls.
+const RIM_WEIGHT: f64 = 0.25;
+
+/// Faces within this cosine of the plane of the wall's normal are a rim.
+const RIM_COSINE: f64 = 0.5;
+
+/// No vertex moves farther than this many depths.
+const FARTHEST_MOVE: f64 = 3.0;
+
+/// Rotations until a symmetric matrix is diagonal.
+const JACOBI_SWEEPS: usize = 12;
+
+/// A mesh of one layer, with half the thickness at each vertex.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Sheet {
+    pub(super) points: Vec<DVec3>,
+    pub(super) halves: Vec<f64>,
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// The wall of each triangle.
+    pub(super) walls: Vec<u32>,
+    /// The outward normal of the face that each triangle was, towards which it still faces.
+    pub(super) normals: Vec<DVec3>,
+}
+
+/// A plane in which a vertex is wanted: `normal` · move = −`depth`.
+#[derive(Clone, Copy)]
+pub(super) struct Constraint {
+    pub(super) normal: DVec3,
+    pub(super) depth: f64,
+    pub(super) weight: f64,
+}
+
+impl Sheet {
+    pub(super) fn new(body: &Body, segments: &Segments, depths: &CornerDepths, walls: &Walls) -> Self {
+        let vertex_count = body.points.len();
+        let mut constraints: Vec<Vec<Constraint>> = vec![Vec::new(); vertex_count];
+        let mut facing = vec![DVec3::ZERO; vertex_count];
+        for (triangle, role) in walls.roles.iter().enumerate() {
+            if *role == Role::Rest {
+                continue;
+            }
+            for (k, vertex) in body.vertices(triangle).into_iter().enumerate() {
+                let weight = angle_at(body, triangle, k);
+                let normal = body.normals[triangle];
+                constraints[vertex].push(Constraint { normal, depth: depths.of(triangle)[k].depth, weight });
+                if *role == Role::Carrier {
+                    facing[vertex] += normal * weight;
+                }
+            }
+        }
+        for (triangle, role) in walls.roles.iter().enumerate() {
+            let normal = body.normals[triangle];
+            if *role != Role::Rest || segments.of[triangle] != NO_SEGMENT || normal == DVec3::ZERO {
+                continue;
+            }
+            for (k, vertex) in body.vertices(triangle).into_iter().enumerate() {
+                if facing[vertex].normalize_or_zero().dot(normal).abs() < RIM_COSINE {
+                    let weight = RIM_WEIGHT * angle_at(body, triangle, k);
+                    constraints[vertex].push(Constraint { normal, depth: 0.0, weight });
+                }
+            }
+        }
+        let mut sheet = Self::default();
+        let mut moved = vec![None; vertex_count];
+        let mut corners: Vec<(usize, u32, usize, usize, Depth)> = Vec::new();
+        for (triangle, role) in walls.roles.iter().enumerate() {
+            if *role == Role::Carrier {
+                let wall = walls.of_segment[segments.of[triangle] as usize];
+                let place = sheet.triangles.len();
+                sheet.triangles.push([0; 3]);
+                sheet.walls.push(wall);
+                sheet.normals.push(body.normals[triangle]);
+                for (k, vertex) in body.vertices(triangle).into_iter().enumerate() {
+                    corners.push((vertex, wall, place, k, depths.of(triangle)[k]));
+                }
+            }
+        }
+        corners.sort_by_key(|&(vertex, wall, place, k, _)| (vertex, wall, place, k));
+        for around in corners.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            let vertex = around[0].0;
+            let point = *moved[vertex].get_or_insert_with(|| body.points[vertex] + meet(&constraints[vertex]));
+            let half = around.iter().map(|corner| corner.4.half).sum::<f64>() / around.len() as f64;
+            for &(_, _, place, k, _) in around {
+                sheet.triangles[place][k] = sheet.points.len() as u32;
+            }
+            sheet.points.push(point);
+            sheet.halves.push(half);
+        }
+        sheet
+    }
+
+    pub(super) fn corners(&self, triangle: usize) -> [DVec3; 3] {
+        self.triangles[triangle].map(|vertex| self.points[vertex as usize])
+    }
+}
+
+fn angle_at(body: &Body, triangle: usize, k: usize) -> f64 {
+    let corners = &body.facets.corners[triangle];
+    corner_angle(corners[(k + 1) % 3] - corners[k], corners[(k + 2) % 3] - corners[k])
+}
+
+/// The shortest move that goes to all planes, as nearly as possible.
+pub(super) fn meet(constraints: &[Constraint]) -> DVec3 {
+    let mut matrix = DMat3::ZERO;
+    let mut goal = DVec3::ZERO;
+    for &Constraint { normal, depth, weight } in constraints {
+        matrix += DMat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z) * weight;
+        goal -= normal * (depth * weight);
+    }
+    let (values, vectors) = eigen(matrix);
+    let largest = values.max_element();
+    let mut result = DVec3::ZERO;
+    for k in 0..3 {
+        if values[k] > LEAST_EIGENVALUE * largest {
+            result += vectors.col(k) * (vectors.col(k).dot(goal) / values[k]);
+        }
+    }
+    let deepest = constraints.iter().map(|constraint| constraint.depth).fold(0.0, f64::max);
+    result.clamp_length_max(FARTHEST_MOVE * deepest)
+}
+
+/// Eigenvalues and eigenvectors of a symmetric matrix (Jacobi 1846).
+fn eigen(mut matrix: DMat3) -> (DVec3, DMat3) {
+    let mut vectors = DMat3::IDENTITY;
+    for _ in 0..JACOBI_SWEEPS {
+        for (p, q) in [(0, 1), (0, 2), (1, 2)] {
+            let off = matrix.col(q)[p];
+            if off == 0.0 {
+                continue;
+            }
+            let ratio = (matrix.col(q)[q] - matrix.col(p)[p]) / (2.0 * off);
+            let tangent = ratio.signum() / (ratio.abs() + (ratio * ratio + 1.0).sqrt());
+            let cosine = (tangent * tangent + 1.0).sqrt().recip();
+            let sine = tangent * cosine;
+            let mut rotation = DMat3::IDENTITY;
+            rotation.col_mut(p)[p] = cosine;
+            rotation.col_mut(q)[q] = cosine;
+            rotation.col_mut(q)[p] = sine;
+            rotation.col_mut(p)[q] = -sine;
+            matrix = rotation.transpose() * matrix * rotation;
+            vectors *= rotation;
+        }
+    }
+    (DVec3::new(matrix.x_axis.x, matrix.y_axis.y, matrix.z_axis.z), vectors)
+}
