@@ -3,9 +3,9 @@
 //! Gmsh files are ASCII, version 4.1 or 2. Every file is treated as untrusted: nothing is reserved for elements that a
 //! header merely announces, and every error is a [`TetrahedralMeshError`] that names the file and the line.
 //!
-//! These are custom readers. Of the crates, `mshio` 0.4 reads version 4.1 only. It has had no release since 2020 and
-//! stands on the nom 5 of that year, and its errors print bytes instead of a line. `meshio`-like crates for TetGen files do
-//! not exist: `tetgen` and `tritet` are generators.
+//! These are custom readers. Of the crates, `mshio` 0.4 reads version 4.1 only, its errors print bytes instead of a line,
+//! and it depends on nom 5 and num 0.3, which have long had successors. For files of TetGen there is none: `tetgen` and
+//! `tritet` are generators.
 
 mod bodies;
 mod error;
