@@ -42,7 +42,7 @@ impl Plugin for ReflectPlugin {
             SurfacePositions, SurfaceShape, SurfaceThickness, SurfaceWind, SweptCollision, SweptTarget, Teleported, TetrahedralBody, XpbdBody,
             XpbdSettings, XpbdTethers,
             // Written by the plugins.
-            ActiveSurfaces, CandidateTrianglePairs, Circumspheres, ContactStore, DetectionDiagnostics, EnclosingBalls,
+            ActiveSurfaces, CandidateTrianglePairs, Circumspheres, ContactStore, Containments, DetectionDiagnostics, EnclosingBalls,
             ExactTrianglePairs, MeetingCaps, OverlappingTrianglePairs, PreviousPositions, SphereContacts,
             SurfaceContactEnd, SurfaceContactStart, SurfaceQuarantined, SurfaceReaction, SurfaceStatus, SweptImpacts, TriangleCones,
             TriangleCurvature, XpbdDiagnostics,
