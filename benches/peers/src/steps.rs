@@ -2,9 +2,9 @@
 //!
 //! The cloth has the springs of `SoftBodyBuilder::cloth`: along its edges, across both diagonals of a cell, and against
 //! bending from each vertex to the next but one. rapier's other constructor from triangles, `SoftBodyBuilder::trimesh`,
-//! adds shape matching, which holds a body in its shape. All settings are rapier's defaults, except those that make both
-//! libraries do the same: the masses, the contact distance unless the default is asked for, self-contacts, and that
-//! nothing falls asleep.
+//! adds shape matching, which holds a body in its shape. All settings are rapier's defaults, except those that make
+//! both libraries do the same: the masses, the contact distance unless the default is asked for, self-contacts, and
+//! that nothing falls asleep.
 
 use std::{
     error::Error,

@@ -84,8 +84,8 @@ impl ClothScene {
     }
 }
 
-/// Hilly ground and the cloths above it, `multiple` times the size of the source paper's scene. One cloth, or as many of
-/// the paper's size as fit.
+/// Hilly ground and the cloths above it, `multiple` times the size of the source paper's scene. Up to a multiple of 1
+/// there is one cloth, and beyond that there are as many of the paper's size.
 #[expect(clippy::cast_sign_loss, reason = "roots and multiples are not negative")]
 pub fn cloths_above_hills(multiple: f64) -> (Mesh, Vec<Mesh>) {
     let cells = (STATIC * multiple / 2.0).sqrt().round() as usize;

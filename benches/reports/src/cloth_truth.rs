@@ -13,11 +13,11 @@ use crate::cloth_scenes::{ClothScene, Obstacle};
 pub struct Crossings {
     /// Pairs of triangles of the cloth that cross, without neighbors.
     pub with_itself: usize,
-    /// Pairs of a triangle of the cloth and one of the obstacle that cross. Triangles of the cloth that reach into a ball
-    /// without a mesh.
+    /// Pairs of a triangle of the cloth and one of the obstacle that cross. If the obstacle is a ball without a mesh,
+    /// triangles of the cloth that reach into it.
     pub with_obstacle: usize,
-    /// Vertices inside the obstacle or below the ground. Vertices with a coordinate that is not finite count too. Otherwise a
-    /// cloth that has exploded would pass for one that was stopped.
+    /// Vertices inside the obstacle or below the ground. Vertices with a coordinate that is not finite count too.
+    /// Otherwise a cloth that has exploded would pass for one that was stopped.
     pub vertices_inside: usize,
 }
 

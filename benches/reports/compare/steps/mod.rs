@@ -1,8 +1,8 @@
 //! Whole steps, with the response: our ticks and rapier's steps of the same cloths.
 //!
 //! Both get the same mesh, masses, contact distance, and duration of a step, and their own defaults otherwise. On one
-//! thread, rapier also plays with its default thickness of the cloth, which is far larger than ours. A cloth falls for some
-//! ticks, and the ticks after that are measured. Then the f64 reference judges where its vertices are.
+//! thread, rapier also plays with its default thickness of the cloth, which is far larger than ours. A cloth falls for
+//! some ticks, and the ticks after that are measured. Then the f64 reference judges where its vertices are.
 
 mod ours;
 mod rapier;

@@ -1,9 +1,9 @@
 //! rapier's steps, in a program of their own: see `benches/peers/src/steps.rs`.
 //!
-//! It is started with `steps` and seven arguments: a recording of the cloth, the obstacle (`ball:RADIUS`, or a recording),
-//! the thickness or `default`, the mass per area, the number of threads, the number of steps, and a file for the end.
-//! After each step it prints a line with `step`, nanoseconds, and the number of substeps, separated by tabs. Before it
-//! exits, it writes the last positions of the cloth as a recording.
+//! It is started with `steps` and seven arguments: a recording of the cloth, the obstacle (`ball:RADIUS`, or a
+//! recording), the thickness or `default`, the mass per area, the number of threads, the number of steps, and a file for
+//! the end. After each step it prints a line with `step`, nanoseconds, and the number of substeps, separated by tabs.
+//! Before it exits, it writes the last positions of the cloth as a recording.
 
 use std::{
     io::{BufRead, BufReader},
