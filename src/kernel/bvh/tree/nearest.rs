@@ -56,8 +56,12 @@ impl BoxTree {
     /// Calls `visit` with items whose boxes may be within `range` of a point, those in nearer nodes first. `visit` may
     /// return a shorter range for what comes after. Misses no item within the range.
     pub fn nearest(&self, point: DVec3, range: f64, mut visit: impl FnMut(u32) -> Option<f64>) {
-        let rounded = RoundedPoint::new(point);
-        dispatch!(Level::new(), simd => self.nearest_in_lanes(simd, &rounded, range, &mut visit));
+        self.nearest_with(&RoundedPoint::new(point), range, &mut visit);
+    }
+
+    /// Compiled once for each instruction set, not for each caller.
+    fn nearest_with(&self, point: &RoundedPoint, range: f64, visit: &mut dyn FnMut(u32) -> Option<f64>) {
+        dispatch!(Level::new(), simd => self.nearest_in_lanes(simd, point, range, visit));
     }
 
     #[inline(always)]
@@ -66,7 +70,7 @@ impl BoxTree {
         simd: S,
         point: &RoundedPoint,
         range: f64,
-        visit: &mut impl FnMut(u32) -> Option<f64>,
+        visit: &mut dyn FnMut(u32) -> Option<f64>,
     ) {
         let mut end = squared(range);
         let mut stack: ArrayVec<(f32, u32), STACK> = ArrayVec::new();

@@ -119,12 +119,17 @@ impl BoxTree {
     /// direction, nodes that it enters early first. `visit` may return a shorter range for what comes after. Misses no
     /// item within the range.
     pub fn cast(&self, sweep: &Sweep, range: f64, mut visit: impl FnMut(u32) -> Option<f64>) {
+        self.cast_with(sweep, range, &mut visit);
+    }
+
+    /// Compiled once for each instruction set, not for each caller.
+    fn cast_with(&self, sweep: &Sweep, range: f64, visit: &mut dyn FnMut(u32) -> Option<f64>) {
         let Some(ray) = ClippedRay::new(sweep, &self.bounds(), range) else { return };
-        dispatch!(Level::new(), simd => self.cast_in_lanes(simd, &ray, &mut visit));
+        dispatch!(Level::new(), simd => self.cast_in_lanes(simd, &ray, visit));
     }
 
     #[inline(always)]
-    fn cast_in_lanes<S: Simd>(&self, simd: S, ray: &ClippedRay, visit: &mut impl FnMut(u32) -> Option<f64>) {
+    fn cast_in_lanes<S: Simd>(&self, simd: S, ray: &ClippedRay, visit: &mut dyn FnMut(u32) -> Option<f64>) {
         let mut end = ray.parameter(f64::INFINITY);
         let mut stack: ArrayVec<Waiting, STACK> = ArrayVec::new();
         stack.extend((!self.nodes.is_empty()).then_some((0.0, 0)));
