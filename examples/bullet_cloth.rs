@@ -4,7 +4,12 @@
 
 use std::process::ExitCode;
 
-use circumsphere_examples::scenes::{Shot, bullet_cloth::Target, options::SceneOptions, program::run};
+use circumsphere_examples::scenes::{
+    Shot,
+    bullet_cloth::Target,
+    options::{SceneOptions, speed_up_to},
+    program::run,
+};
 use clap::Parser;
 
 /// Shoot an object at a target that should stop it.
@@ -15,7 +20,7 @@ struct Options {
     #[arg(long, value_enum, default_value_t = Shot::default().target)]
     target: Target,
     /// Speed of the object, in thicknesses of 2 mm per tick
-    #[arg(long, value_name = "X", default_value_t = Shot::default().speed, value_parser = speed)]
+    #[arg(long, value_name = "X", default_value_t = Shot::default().speed, value_parser = speed_up_to(FASTEST))]
     speed: f32,
     #[command(flatten)]
     scene: SceneOptions,
@@ -23,11 +28,6 @@ struct Options {
 
 /// Highest speed. Beyond it, single precision cannot resolve the position of the object in flight.
 const FASTEST: f32 = 100_000.0;
-
-fn speed(text: &str) -> Result<f32, String> {
-    let speed = text.parse().map_err(|_| format!("'{text}' is not a number"))?;
-    if (0.0..=FASTEST).contains(&speed) { Ok(speed) } else { Err(format!("expected 0 to {FASTEST}")) }
-}
 
 fn main() -> ExitCode {
     let Options { target, speed, scene } = Options::parse();

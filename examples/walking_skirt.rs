@@ -4,7 +4,11 @@
 
 use std::process::ExitCode;
 
-use circumsphere_examples::scenes::{Variation, options::SceneOptions, program::run_varied};
+use circumsphere_examples::scenes::{
+    Variation,
+    options::{SceneOptions, speed_up_to},
+    program::run_varied,
+};
 use clap::Parser;
 
 /// Let a character walk across the world in a skirt.
@@ -12,15 +16,10 @@ use clap::Parser;
 #[command(name = "walking_skirt", allow_negative_numbers = true)]
 struct Options {
     /// Walking speed, in meters per second, from 0 to 10
-    #[arg(long, value_name = "X", default_value_t = Variation::default().walking_speed, value_parser = speed)]
+    #[arg(long, value_name = "X", default_value_t = Variation::default().walking_speed, value_parser = speed_up_to(10.0))]
     speed: f64,
     #[command(flatten)]
     scene: SceneOptions,
-}
-
-fn speed(text: &str) -> Result<f64, String> {
-    let speed = text.parse().map_err(|_| format!("'{text}' is not a number"))?;
-    if (0.0..=10.0).contains(&speed) { Ok(speed) } else { Err("expected 0 to 10".to_owned()) }
 }
 
 fn main() -> ExitCode {

@@ -3,39 +3,22 @@
 //! Each call is a separate process, so that every number of threads has its own task pool.
 
 use circumsphere_support::{
-    programs::example_program,
+    programs,
     recording::{Recording, write_recording},
     scenes::{BALL_TRIANGLES, CLOTH_TRIANGLES, FRAMES, Mesh, TORUS_TRIANGLES, cuboid, icosphere, merge},
 };
 use circumsphere_truth::{compare, exact_weld, mean_edge_length, touching_pairs_tree};
 use glam::{DVec3, Vec3};
-use std::{
-    fmt::Write,
-    fs,
-    path::Path,
-    process::{Command, Output},
-};
+use std::{fmt::Write, fs, path::Path};
 use tempfile::TempDir;
 
-fn replay(arguments: &[&str]) -> Output {
-    Command::new(example_program("replay")).args(arguments).output().expect("the program starts")
-}
-
 fn succeed(arguments: &[&str]) -> String {
-    let output = replay(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).expect("the table is text")
+    programs::succeed("replay", arguments)
 }
 
 /// The program must exit with code 2 and a message that contains all of `parts`.
 fn refuse(arguments: &[&str], parts: &[&str]) {
-    let output = replay(arguments);
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-    assert!(!message.contains("panicked"), "{arguments:?}: {message}");
-    for part in parts {
-        assert!(message.contains(part), "{arguments:?} does not name {part:?}: {message}");
-    }
+    programs::refuse("replay", arguments, parts);
 }
 
 /// Three moving bodies: two spheres that push into each other, and a box nearby.

@@ -12,6 +12,8 @@ use glam::{DVec3, Vec3};
 
 use crate::{
     kernel::{
+        bvh::tree::BoxTree,
+        ccd::outward_box,
         mesh::{
             ids::{EdgeId, VertexId},
             topology::SurfaceTopology,
@@ -337,15 +339,17 @@ impl XpbdBody {
     ) -> Result<Self, XpbdBodyError> {
         let mut body = Self::new(surface, positions, self.material)?;
         let Some(stood) = self.stood else { return Ok(body) };
-        let states = self.velocities.iter().zip(&self.inverse_masses);
-        let mut old: Vec<(DVec3, (&Vec3, &f32))> =
-            self.written.iter().map(|at| stood.transform_point(at.as_dvec3())).zip(states).collect();
-        old.sort_by(|one, other| one.0.x.total_cmp(&other.0.x));
+        // The game may have changed the number of any of these.
+        let count = self.written.len().min(self.velocities.len()).min(self.inverse_masses.len());
+        let old = self.written[..count].iter().map(|at| stood.transform_point(at.as_dvec3()));
+        let old: Vec<DVec3> = old.collect();
+        let tree = BoxTree::new(&old.iter().map(|&at| outward_box([at])).collect::<Vec<_>>());
         for (vertex, at) in positions.0.iter().enumerate() {
             let at = pose.transform_point(at.as_dvec3());
-            let Some((velocity, inverse_mass)) = nearest(&old, at) else { break };
-            body.velocities[vertex] = *velocity;
-            if *inverse_mass <= 0.0 {
+            let nearest = tree.nearest_item(at, |place| old[place as usize].distance_squared(at));
+            let Some(nearest) = nearest.map(|place| place as usize) else { break };
+            body.velocities[vertex] = self.velocities[nearest];
+            if self.inverse_masses[nearest] <= 0.0 {
                 body.inverse_masses[vertex] = 0.0;
             }
         }
@@ -377,22 +381,6 @@ impl XpbdBody {
         }
         check_material(&self.material)
     }
-}
-
-/// What belongs to the point nearest to `at`. The points are sorted by x.
-fn nearest<T: Copy>(points: &[(DVec3, T)], at: DVec3) -> Option<T> {
-    let (before, after) = points.split_at(points.partition_point(|(point, _)| point.x < at.x));
-    let mut best: Option<(f64, T)> = None;
-    let mut look = |(point, value): &(DVec3, T)| {
-        let squared = point.distance_squared(at);
-        if best.is_none_or(|(least, _)| squared < least) {
-            best = Some((squared, *value));
-        }
-        best.is_some_and(|(least, _)| (point.x - at.x).powi(2) <= least)
-    };
-    let _ = before.iter().rev().all(&mut look);
-    let _ = after.iter().all(&mut look);
-    best.map(|(_, value)| value)
 }
 
 /// Warns once that a body has no volume to keep.

@@ -97,9 +97,16 @@ impl Motions {
         &self.approached
     }
 
-    /// Records the trajectory of an object if it has moved since the last tick. `positions` is empty for a shape
-    /// tested by formula.
-    fn follow(&mut self, entity: Entity, positions: &[Vec3], changed: Option<Tick>, pose: &Pose, fresh: bool) {
+    /// Records the trajectory of an object if it has moved since the last tick. A surface has triangles, positions, and
+    /// the last change of these; a shape that is tested by formula has none.
+    fn follow(
+        &mut self,
+        entity: Entity,
+        mesh: Option<(&Arc<SurfaceTopology>, &[Vec3], Tick)>,
+        pose: &Pose,
+        fresh: bool,
+    ) {
+        let (positions, changed) = mesh.map_or((&[][..], None), |(_, positions, changed)| (positions, Some(changed)));
         let tick = self.tick;
         let trace = self.traces.entry(entity).or_default();
         let is_known = trace.tick + 1 == tick && !fresh && trace.stand.positions.len() == positions.len();
@@ -113,7 +120,8 @@ impl Motions {
         (trace.tick, trace.changed) = (tick, changed);
         if is_known {
             let to = trace.stand.clone();
-            self.courses.insert(entity, Course::new(from, to, false));
+            let topology = mesh.map(|(topology, ..)| Arc::clone(topology));
+            self.courses.insert(entity, Course { topology, ..Course::new(from, to, false) });
         }
     }
 
@@ -223,12 +231,13 @@ pub(super) fn begin(
                     bodies.push(Reach { is_asleep, ..reach });
                 }
                 let changed = positions.last_changed();
-                motions.follow(surface.entity, &positions.0, Some(changed), &surface.pose, surface.fresh);
+                let mesh = (&surface.topology, &*positions.0, changed);
+                motions.follow(surface.entity, Some(mesh), &surface.pose, surface.fresh);
             }
         }
     }
     for shape in &active.shapes {
-        motions.follow(shape.entity, &[], None, &shape.pose, shape.fresh);
+        motions.follow(shape.entity, None, &shape.pose, shape.fresh);
     }
     let tick = motions.tick;
     motions.traces.retain(|_, trace| trace.tick == tick);
@@ -237,14 +246,12 @@ pub(super) fn begin(
     }
     let shapes: EntityHashMap<&ShapeGeometry> =
         active.shapes.iter().map(|shape| (shape.entity, &*shape.geometry)).collect();
-    let meshes: EntityHashMap<&Arc<SurfaceTopology>> =
-        active.surfaces.iter().map(|surface| (surface.entity, &surface.topology)).collect();
     let whole = Region::around(bodies.iter().flat_map(|body| [body.region.low, body.region.high]));
     motions.plan(&bodies, |entity, course| {
         let Some(geometry) = shapes.get(&entity) else {
             let ends =
                 (0..course.from.positions.len()).map(|vertex| [course.from.point(vertex), course.to.point(vertex)]);
-            return Track::new(ends.collect(), meshes.get(&entity).copied().cloned());
+            return Track::new(ends.collect(), course.topology.clone());
         };
         let own = course.to.pose.inverse();
         let corners = geometry.bounds().map_or_else(

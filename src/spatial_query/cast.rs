@@ -6,28 +6,19 @@ use parry3d::shape::{SharedShape, TypedShape};
 use super::{
     ShapeHit, SurfaceQuery, SurfaceQueryFilter,
     shape::{PosedSolid, lowest, overlap},
+    target::{Target, is_motion, line_in},
 };
-use crate::{
-    kernel::{
-        bvh::tree::Sweep,
-        exact::rigid_shape::{ShapeError, ShapeGeometry},
-        mesh::ids::TriangleId,
-        query::{
-            ball_cast::cast_ball,
-            closest::closest_on_triangle,
-            shape_cast::{SolidScratch, SolidTriangleHit},
-            solid::{SolidLine, closest_on_solid},
-        },
+use crate::kernel::{
+    bvh::tree::Sweep,
+    exact::rigid_shape::{ShapeError, ShapeGeometry},
+    mesh::ids::TriangleId,
+    query::{
+        ball_cast::cast_ball,
+        closest::closest_on_triangle,
+        shape_cast::{SolidScratch, SolidTriangleHit},
+        solid::closest_on_solid,
     },
-    surface::ActiveShape,
 };
-
-/// What is hit first.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Target {
-    Triangle { surface: u32, triangle: u32 },
-    Solid(usize),
-}
 
 /// A hit, in the world.
 #[derive(Clone, Copy)]
@@ -47,9 +38,7 @@ struct First {
 
 impl First {
     fn offer(&mut self, next: Found) {
-        let is_before = |found: &Found| {
-            next.distance < found.distance || next.distance == found.distance && next.target < found.target
-        };
+        let is_before = |found: &Found| (next.distance, next.target) < (found.distance, found.target);
         if next.distance <= self.range && self.found.as_ref().is_none_or(is_before) {
             (self.range, self.found) = (next.distance, Some(next));
         }
@@ -86,13 +75,8 @@ impl SurfaceQuery<'_> {
                 first.offer(Found { target, distance, point: center + closest, normal });
             }
         });
-        for (place, shape) in self.shapes(filter) {
-            let (into, scale) = (shape.pose.inverse(), shape.pose.scale());
-            let line = SolidLine {
-                origin: into.transform_point(center),
-                direction: into.to_affine().matrix3 * way,
-                radius: radius / scale,
-            };
+        for (place, shape) in self.solids(filter) {
+            let line = line_in(shape, center, way, radius);
             let Some(span) = line.spans(&shape.geometry).into_iter().find(|span| span.leave >= 0.0) else { continue };
             let distance = span.enter.max(0.0);
             let (_, closest) = closest_on_solid(&shape.geometry, line.origin + line.direction * distance);
@@ -153,7 +137,7 @@ impl SurfaceQuery<'_> {
                 first.offer(found(target, hit));
             }
         });
-        for (place, shape) in self.shapes(filter) {
+        for (place, shape) in self.solids(filter) {
             let target = Target::Solid(place);
             if let ShapeGeometry::HalfSpace { normal } = &*shape.geometry {
                 let outward = shape.pose.transform_direction(*normal);
@@ -188,12 +172,6 @@ impl SurfaceQuery<'_> {
         Ok(first.found.map(|found| self.shape_hit(&found)))
     }
 
-    /// The solids that a filter looks at, with their indices.
-    fn shapes<'a>(&'a self, filter: &'a SurfaceQueryFilter<'_>) -> impl Iterator<Item = (usize, &'a ActiveShape)> {
-        let looks_at = |(_, shape): &(usize, &ActiveShape)| filter.looks_at(shape.entity, shape.query_layers);
-        self.active.shapes.iter().enumerate().filter(looks_at)
-    }
-
     /// Calls `visit` with the triangles that a box may meet on its way, in the frame that `into` leads to from the world.
     fn visit_swept(
         &self,
@@ -204,11 +182,8 @@ impl SurfaceQuery<'_> {
         mut visit: impl FnMut(Target, &[DVec3; 3], &mut First),
     ) {
         self.states.world_tree().cast(sweep, first.range, |surface| {
-            let (entity, state) = self.states.active(surface);
-            let (Some(pose), Some(topology)) = (state.pose(), state.topology()) else { return None };
-            if !filter.looks_at(entity, state.query_layers()) {
-                return None;
-            }
+            let state = self.state(surface, filter)?;
+            let (pose, topology) = (state.pose()?, state.topology()?);
             let inward = pose.inverse().to_affine();
             let [x, y, z] = [inward.matrix3.x_axis, inward.matrix3.y_axis, inward.matrix3.z_axis].map(DVec3::abs);
             let half = sweep.half_extents;
@@ -242,9 +217,4 @@ impl SurfaceQuery<'_> {
             normal: found.normal.as_vec3(),
         }
     }
-}
-
-/// Whether numbers describe a motion.
-fn is_motion(start: Vec3, direction: Vec3, max_distance: f32) -> bool {
-    start.is_finite() && direction.is_finite() && direction != Vec3::ZERO && max_distance >= 0.0
 }

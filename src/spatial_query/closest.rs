@@ -28,8 +28,7 @@ struct Found {
 
 impl Found {
     fn is_before(&self, other: &Self) -> bool {
-        let names = [self, other].map(|found| (found.surface, found.triangle));
-        self.squared < other.squared || self.squared == other.squared && names[0] < names[1]
+        (self.squared, self.surface, self.triangle) < (other.squared, other.surface, other.triangle)
     }
 }
 
@@ -50,8 +49,7 @@ impl SurfaceQuery<'_> {
         let (point, mut range) = (point.as_dvec3(), f64::from(max_distance));
         let mut nearest: Option<Found> = None;
         self.states.world_tree().nearest(point, range, |surface| {
-            let (entity, state) = self.states.active(surface);
-            if filter.looks_at(entity, state.query_layers()) {
+            if let Some(state) = self.state(surface, filter) {
                 visit_near(state, point, range, |triangle, closest| {
                     let squared = closest.point.length_squared();
                     let found = Found { squared, surface, triangle, closest };
@@ -66,10 +64,7 @@ impl SurfaceQuery<'_> {
         });
         let mut best = nearest.map(|found| self.on_surface(point, &found));
         let mut least = nearest.map_or(f64::from(max_distance), |found| found.squared.sqrt());
-        for shape in &self.active.shapes {
-            if !filter.looks_at(shape.entity, shape.query_layers) {
-                continue;
-            }
+        for (_, shape) in self.solids(filter) {
             let (distance, closest) = closest_on_solid(&shape.geometry, shape.pose.inverse().transform_point(point));
             let distance = distance * shape.pose.scale();
             if distance.abs() < least || best.is_none() && distance.abs() <= least {
@@ -124,8 +119,7 @@ impl SurfaceQuery<'_> {
         let (center, range) = (center.as_dvec3(), f64::from(radius));
         let mut triangles: Vec<(u32, u32)> = Vec::new();
         self.states.world_tree().nearest(center, range, |surface| {
-            let (entity, state) = self.states.active(surface);
-            if filter.looks_at(entity, state.query_layers()) {
+            if let Some(state) = self.state(surface, filter) {
                 visit_near(state, center, range, |triangle, closest| {
                     if closest.point.length_squared() <= range * range {
                         triangles.push((surface, triangle));
@@ -136,7 +130,7 @@ impl SurfaceQuery<'_> {
             None
         });
         self.name_triangles(&mut triangles, &mut found);
-        for shape in self.active.shapes.iter().filter(|shape| filter.looks_at(shape.entity, shape.query_layers)) {
+        for (_, shape) in self.solids(filter) {
             let (distance, _) = closest_on_solid(&shape.geometry, shape.pose.inverse().transform_point(center));
             if distance * shape.pose.scale() <= range {
                 found.push(SurfaceOverlap { entity: shape.entity, triangle: None });

@@ -9,6 +9,7 @@ mod filter;
 mod hits;
 mod ray;
 mod shape;
+mod target;
 
 use bevy_ecs::{prelude::*, system::SystemParam};
 

@@ -4,7 +4,10 @@ use std::cell::Cell;
 
 use glam::{DVec3, Vec3};
 
-use super::{RayHit, SurfaceQuery, SurfaceQueryFilter};
+use super::{
+    RayHit, SurfaceQuery, SurfaceQueryFilter,
+    target::{Target, is_motion, line_in},
+};
 use crate::{
     detection::SurfaceState,
     kernel::{
@@ -29,8 +32,7 @@ struct WorldRay {
 impl WorldRay {
     /// `None` if there is nothing to find along it.
     fn new(origin: Vec3, direction: Vec3, max_distance: f32) -> Option<Self> {
-        let is_valid = origin.is_finite() && direction.is_finite() && direction != Vec3::ZERO && max_distance >= 0.0;
-        is_valid.then(|| Self {
+        is_motion(origin, direction, max_distance).then(|| Self {
             origin: origin.as_dvec3(),
             direction: direction.as_dvec3(),
             range: f64::from(max_distance),
@@ -40,13 +42,10 @@ impl WorldRay {
     fn sweep(&self) -> Sweep {
         Sweep { origin: self.origin, direction: self.direction, half_extents: DVec3::ZERO }
     }
-}
 
-/// What is hit, by its index.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Target {
-    Triangle { surface: u32, triangle: u32 },
-    Solid(usize),
+    fn in_frame_of(&self, shape: &ActiveShape) -> SolidLine {
+        line_in(shape, self.origin, self.direction, 0.0)
+    }
 }
 
 /// A hit in the frame of what is hit. Distances along a ray are the same in every frame.
@@ -59,7 +58,7 @@ struct Found {
 impl Found {
     /// Nearer hits come first, then lower surfaces, then lower triangles, and solids last.
     fn is_before(&self, other: &Self) -> bool {
-        self.hit.distance < other.hit.distance || self.hit.distance == other.hit.distance && self.target < other.target
+        (self.hit.distance, self.target) < (other.hit.distance, other.target)
     }
 }
 
@@ -88,11 +87,7 @@ impl SurfaceQuery<'_> {
             }
         };
         self.states.world_tree().cast(&ray.sweep(), ray.range, |surface| {
-            let (entity, state) = self.states.active(surface);
-            if !filter.looks_at(entity, state.query_layers()) {
-                return None;
-            }
-            cast_at_surface(state, &ray, range.get(), filter, |triangle, hit| {
+            cast_at_surface(self.state(surface, filter)?, &ray, range.get(), filter, |triangle, hit| {
                 offer(Found { target: Target::Triangle { surface, triangle }, hit });
                 Some(range.get())
             });
@@ -114,8 +109,7 @@ impl SurfaceQuery<'_> {
         let Some(ray) = WorldRay::new(origin, direction, max_distance) else { return Vec::new() };
         let mut hits: Vec<Found> = Vec::new();
         self.states.world_tree().cast(&ray.sweep(), ray.range, |surface| {
-            let (entity, state) = self.states.active(surface);
-            if filter.looks_at(entity, state.query_layers()) {
+            if let Some(state) = self.state(surface, filter) {
                 cast_at_surface(state, &ray, ray.range, filter, |triangle, hit| {
                     hits.push(Found { target: Target::Triangle { surface, triangle }, hit });
                     None
@@ -131,10 +125,7 @@ impl SurfaceQuery<'_> {
 
     /// Calls `visit` where the ray enters and leaves solids.
     fn cast_at_solids(&self, ray: &WorldRay, filter: &SurfaceQueryFilter<'_>, mut visit: impl FnMut(Found)) {
-        for (place, shape) in self.active.shapes.iter().enumerate() {
-            if !filter.looks_at(shape.entity, shape.query_layers) {
-                continue;
-            }
+        for (place, shape) in self.solids(filter) {
             for span in ray.in_frame_of(shape).spans(&shape.geometry) {
                 for (distance, is_back_face) in [(span.enter, false), (span.leave, true)] {
                     if distance >= 0.0 && distance.is_finite() && !(is_back_face && filter.culls_back_faces) {
@@ -169,17 +160,6 @@ impl SurfaceQuery<'_> {
             point: point.as_vec3(),
             normal: normal.as_vec3(),
             is_back_face: hit.is_back_face,
-        }
-    }
-}
-
-impl WorldRay {
-    fn in_frame_of(&self, shape: &ActiveShape) -> SolidLine {
-        let into = shape.pose.inverse();
-        SolidLine {
-            origin: into.transform_point(self.origin),
-            direction: into.to_affine().matrix3 * self.direction,
-            radius: 0.0,
         }
     }
 }

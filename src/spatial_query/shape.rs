@@ -134,8 +134,9 @@ impl SurfaceQuery<'_> {
         mut visit: impl FnMut(u32, &SurfaceState, &Pose),
     ) {
         self.states.world_tree().query(bounds, |surface| {
-            let (entity, state) = self.states.active(surface);
-            if let Some(pose) = state.pose().filter(|_| filter.looks_at(entity, state.query_layers())) {
+            if let Some(state) = self.state(surface, filter)
+                && let Some(pose) = state.pose()
+            {
                 visit(surface, state, pose);
             }
         });
@@ -143,9 +144,8 @@ impl SurfaceQuery<'_> {
 
     /// Appends the solids that overlap another one.
     fn overlap_solids(&self, solid: &PosedSolid, filter: &SurfaceQueryFilter<'_>, found: &mut Vec<SurfaceOverlap>) {
-        let shapes = self.active.shapes.iter().filter(|shape| filter.looks_at(shape.entity, shape.query_layers));
-        let overlapping = shapes.filter(|shape| overlap(solid, shape));
-        found.extend(overlapping.map(|shape| SurfaceOverlap { entity: shape.entity, triangle: None }));
+        let overlapping = self.solids(filter).filter(|(_, shape)| overlap(solid, shape));
+        found.extend(overlapping.map(|(_, shape)| SurfaceOverlap { entity: shape.entity, triangle: None }));
     }
 }
 

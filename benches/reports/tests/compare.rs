@@ -39,6 +39,22 @@ fn counts<'a>(rows: &'a [Value], kind: &str) -> BTreeMap<(&'a str, &'a str), u64
         .collect()
 }
 
+/// The table that the program prints, and its measurements.
+fn compare(arguments: &[&str]) -> (String, Value) {
+    let folder = tempfile::tempdir().expect("a temporary folder can be made");
+    let json = folder.path().join("comparison.json");
+    let output = Command::new(example_program("compare"))
+        .args(arguments)
+        .arg("--json")
+        .arg(&json)
+        .output()
+        .expect("the program starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = fs::read_to_string(&json).expect("the program has written its measurements");
+    let comparison = serde_json::from_str(&text).expect("the measurements are JSON");
+    (String::from_utf8_lossy(&output.stdout).into_owned(), comparison)
+}
+
 #[test]
 fn everyone_counts_what_the_reference_counts() {
     let states = [0.0, 0.05].map(|phase| crumpled_sheet(TRIANGLES, phase));
@@ -49,20 +65,12 @@ fn everyone_counts_what_the_reference_counts() {
     let distance = DISTANCE_EDGES * mean_edge_length(&positions, &triangles, &weld);
 
     let folder = tempfile::tempdir().expect("a temporary folder can be made");
-    let (file, json) = (folder.path().join("sheet.bin"), folder.path().join("comparison.json"));
+    let file = folder.path().join("sheet.bin");
     let recording = Recording { triangles: triangles.clone(), frames: states.map(|state| state.positions).into() };
     write_recording(&file, &recording).expect("the sheet can be written");
-    let output = Command::new(example_program("compare"))
-        .arg(&file)
-        .args(["--repeat", "2", "--peers", "embree", "--no-headline", "--no-steps", "--no-scale", "--json"])
-        .arg(&json)
-        .output()
-        .expect("the program starts");
-    let table = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-
-    let text = fs::read_to_string(&json).expect("the program has written its measurements");
-    let comparison: Value = serde_json::from_str(&text).expect("the measurements are JSON");
+    let file = file.display().to_string();
+    let (table, comparison) =
+        compare(&[&file, "--repeat", "2", "--peers", "embree", "--no-headline", "--no-steps", "--no-scale"]);
     let input = &comparison["inputs"][0];
     let rows = input["rows"].as_array().expect("there are rows");
     let has_embree = rows.iter().any(|row| row["who"] == "Embree");
@@ -145,18 +153,8 @@ fn everyone_counts_what_the_reference_counts() {
 
 #[test]
 fn whole_steps_of_our_cloths_cross_nothing() {
-    let folder = tempfile::tempdir().expect("a temporary folder can be made");
-    let json = folder.path().join("comparison.json");
-    let output = Command::new(example_program("compare"))
-        .args(["--sheet", "8", "--repeat", "1", "--no-peers", "--no-headline", "--small-steps", "--no-scale", "--json"])
-        .arg(&json)
-        .output()
-        .expect("the program starts");
-    let table = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-
-    let text = fs::read_to_string(&json).expect("the program has written its measurements");
-    let comparison: Value = serde_json::from_str(&text).expect("the measurements are JSON");
+    let (table, comparison) =
+        compare(&["--sheet", "8", "--repeat", "1", "--no-peers", "--no-headline", "--small-steps", "--no-scale"]);
     let steps = &comparison["steps"];
     let scenes = steps["scenes"].as_array().expect("there are scenes");
     assert_eq!(scenes.len(), 3, "{table}");

@@ -79,7 +79,7 @@ pub struct Variation {
     pub shape: SurfaceShape,
     /// Settings of detection. The number of threads is 1 by default.
     pub detection: CircumsphereSettings,
-    /// Settings of the response. Bodies do not sleep by default, so that what is measured is the solver.
+    /// Settings of the response. By default, bodies stay awake, so that measurements show the solver.
     pub response: XpbdSettings,
     /// Whether everything that moves has [`SweptCollision`]; true by default.
     pub continuous: bool,

@@ -1,5 +1,7 @@
 //! The command-line options that all scenes share.
 
+use std::{fmt::Display, str::FromStr};
+
 use bevy_circumsphere::{CircumsphereSettings, response::XpbdSettings};
 use clap::Args;
 
@@ -34,6 +36,17 @@ pub struct SceneOptions {
     pub small: bool,
     #[command(flatten)]
     pub recording: RecordingOptions,
+}
+
+/// Parses a speed from 0 to `most`.
+pub fn speed_up_to<T>(most: T) -> impl Fn(&str) -> Result<T, String> + Clone
+where
+    T: FromStr + PartialOrd + Default + Display + Copy,
+{
+    move |text| {
+        let speed: T = text.parse().map_err(|_| format!("'{text}' is not a number"))?;
+        if (T::default()..=most).contains(&speed) { Ok(speed) } else { Err(format!("expected 0 to {most}")) }
+    }
 }
 
 impl SceneOptions {

@@ -1,6 +1,9 @@
-//! Locates the programs of the examples for tests.
+//! Locates and runs the programs of the examples for tests.
 
-use std::path::PathBuf;
+use std::{
+    path::PathBuf,
+    process::{Command, Output},
+};
 
 /// The program of an example of the package under test. It is next to the folder of the test programs, and building all
 /// tests builds it.
@@ -14,4 +17,39 @@ pub fn example_program(name: &str) -> PathBuf {
     let program = profile.join("examples").join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
     assert!(program.exists(), "{} is missing: build it with `cargo build --example {name}`", program.display());
     program
+}
+
+/// What the program of an example does with arguments.
+///
+/// # Panics
+///
+/// As for [`example_program`].
+pub fn run(name: &str, arguments: &[&str]) -> Output {
+    Command::new(example_program(name)).args(arguments).output().expect("the program starts")
+}
+
+/// What a program prints that must succeed.
+///
+/// # Panics
+///
+/// If it does not.
+pub fn succeed(name: &str, arguments: &[&str]) -> String {
+    let output = run(name, arguments);
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).expect("the table is text")
+}
+
+/// Runs a program that must exit with code 2 and a message that contains all of `parts`.
+///
+/// # Panics
+///
+/// If it does not.
+pub fn refuse(name: &str, arguments: &[&str], parts: &[&str]) {
+    let output = run(name, arguments);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+    assert!(!message.contains("panicked"), "{arguments:?}: {message}");
+    for part in parts {
+        assert!(message.contains(part), "{arguments:?} does not name {part:?}: {message}");
+    }
 }

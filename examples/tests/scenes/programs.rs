@@ -1,14 +1,8 @@
 //! The programs as users call them: one process per number of threads.
 
-use std::process::{Command, Output};
-
-use circumsphere_support::programs::example_program;
+use circumsphere_support::programs;
 
 use crate::scenes::SCENES;
-
-fn program(name: &str, arguments: &[&str]) -> Output {
-    Command::new(example_program(name)).args(arguments).output().expect("the program starts")
-}
 
 /// The value in a row of the table.
 fn row<'a>(table: &'a str, name: &str) -> &'a str {
@@ -20,7 +14,7 @@ fn row<'a>(table: &'a str, name: &str) -> &'a str {
 fn programs_print_a_table_with_the_same_end_for_one_thread_and_two() {
     for name in SCENES {
         let table = |threads: &str| {
-            let output = program(name, &["--small", "--ticks", "20", "--threads", threads]);
+            let output = programs::run(name, &["--small", "--ticks", "20", "--threads", threads]);
             assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
             String::from_utf8(output.stdout).expect("the table is text")
         };
@@ -44,7 +38,7 @@ fn programs_refuse_what_they_cannot_play() {
         ("level", &["--speed", "-1"]),
     ];
     for (name, arguments) in wrong {
-        let output = program(name, arguments);
+        let output = programs::run(name, arguments);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{name} {arguments:?}: {message}");
         assert!(message.contains(arguments[0]) && !message.contains("panicked"), "{name} {arguments:?}: {message}");

@@ -23,6 +23,7 @@ use crate::kernel::{
 };
 
 mod build;
+mod in_order;
 mod nearest;
 mod ray;
 mod refit;

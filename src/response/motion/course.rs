@@ -72,6 +72,8 @@ pub(in crate::response) struct Course {
     pub(super) deforms: bool,
     /// Whether it belongs to a body. Only the body's pinned vertices then follow it.
     pub(super) is_of_pins: bool,
+    /// The triangles, if it is a surface.
+    pub(super) topology: Option<Arc<SurfaceTopology>>,
     /// State at the beginning of the current part.
     pub(in crate::response) now: Stand,
     /// State at the end of the current part.
@@ -81,7 +83,7 @@ pub(in crate::response) struct Course {
 impl Course {
     pub(super) fn new(from: Stand, to: Stand, is_of_pins: bool) -> Self {
         let deforms = from.positions != to.positions;
-        Self { from, to, deforms, is_of_pins, now: Stand::default(), ahead: Stand::default() }
+        Self { from, to, deforms, is_of_pins, topology: None, now: Stand::default(), ahead: Stand::default() }
     }
 
     /// The state at which detection sees it, or, after detection, at which the game sees it.

@@ -1,9 +1,8 @@
 //! Sleep: bodies at rest are not solved until something touches or moves them.
 //!
-//! Bodies near each other form an island. An island whose bodies have all stayed where they are for
-//! [`CALM_TIME`] falls asleep. To
-//! every other part of the response, and to detection, a sleeping body is a surface that the game does not move. One
-//! reason to wake wakes the whole island.
+//! Bodies near each other form an island. An island whose bodies have all stayed where they are for [`CALM_TIME`] falls
+//! asleep. To every other part of the response, and to detection, a sleeping body is a surface that the game does not
+//! move. One reason to wake wakes the whole island.
 
 mod state;
 

@@ -6,14 +6,10 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
-use arrayvec::ArrayVec;
-use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd::{f32x8, prelude::*};
 use glam::DVec3;
 
-use super::{Aabb, BoxTree, Boxes, LEAF_WIDTH, Leaf, STACK, SetLanes};
-
-/// Marks a leaf on the stack.
-const IS_LEAF: u32 = 1 << 31;
+use super::{Aabb, BoxTree, Boxes, in_order::Probe};
 
 /// The rounding error of a position along a clipped ray, relative to the largest coordinate of the tree: half a unit in
 /// the last place for its start, one for each of the two ends of its direction, and two for a direction that is changed
@@ -87,84 +83,39 @@ impl ClippedRay {
         }
         Some(ray)
     }
-
-    /// The parameter at a distance in lengths of the direction, rounded up.
-    fn parameter(&self, distance: f64) -> f32 {
-        let distance = distance.min(self.exit);
-        ((distance - self.start) * self.scale + DOUBLE_ROUNDING * (distance * self.scale).abs()) as f32 * SLACK
-    }
 }
 
-impl Boxes {
-    /// Where the ray enters each of eight boxes, and one bit for each that it meets up to `end`.
+impl Probe for ClippedRay {
+    /// Where the ray enters each of eight boxes.
     #[inline(always)]
-    fn met_by<S: Simd>(&self, simd: S, ray: &ClippedRay, end: f32) -> (f32x8<S>, u32) {
+    fn measure<S: Simd>(&self, simd: S, boxes: &Boxes, end: f32) -> (f32x8<S>, u32) {
         let (mut near, mut far) = (f32x8::splat(simd, 0.0), f32x8::splat(simd, end));
         for axis in 0..3 {
-            let inverse = f32x8::splat(simd, ray.inverse[axis]);
-            let low = (f32x8::from_slice(simd, &self.min[axis]) - ray.lower[axis]) * inverse;
-            let high = (f32x8::from_slice(simd, &self.max[axis]) - ray.upper[axis]) * inverse;
+            let inverse = f32x8::splat(simd, self.inverse[axis]);
+            let low = (f32x8::from_slice(simd, &boxes.min[axis]) - self.lower[axis]) * inverse;
+            let high = (f32x8::from_slice(simd, &boxes.max[axis]) - self.upper[axis]) * inverse;
             near = near.max(low.min(high));
             far = far.min(low.max(high));
         }
         (near, near.simd_le(far * SLACK).to_bitmask() as u32)
     }
-}
 
-/// A node or a leaf that waits, and where the ray enters it.
-type Waiting = (f32, u32);
+    /// The parameter at a distance in lengths of the direction, rounded up.
+    #[inline(always)]
+    fn end(&self, range: f64) -> f32 {
+        let distance = range.min(self.exit);
+        let rounding = DOUBLE_ROUNDING * (distance * self.scale).abs();
+        ((distance - self.start) * self.scale + rounding) as f32 * SLACK * SLACK
+    }
+}
 
 impl BoxTree {
     /// Calls `visit` with items whose boxes a ray, or a box that moves along it, may meet within `range` lengths of its
     /// direction, nodes that it enters early first. `visit` may return a shorter range for what comes after. Misses no
     /// item within the range.
     pub fn cast(&self, sweep: &Sweep, range: f64, mut visit: impl FnMut(u32) -> Option<f64>) {
-        self.cast_with(sweep, range, &mut visit);
-    }
-
-    /// Compiled once for each instruction set, not for each caller.
-    fn cast_with(&self, sweep: &Sweep, range: f64, visit: &mut dyn FnMut(u32) -> Option<f64>) {
-        let Some(ray) = ClippedRay::new(sweep, &self.bounds(), range) else { return };
-        dispatch!(Level::new(), simd => self.cast_in_lanes(simd, &ray, visit));
-    }
-
-    #[inline(always)]
-    fn cast_in_lanes<S: Simd>(&self, simd: S, ray: &ClippedRay, visit: &mut dyn FnMut(u32) -> Option<f64>) {
-        let mut end = ray.parameter(f64::INFINITY);
-        let mut stack: ArrayVec<Waiting, STACK> = ArrayVec::new();
-        stack.extend((!self.nodes.is_empty()).then_some((0.0, 0)));
-        let mut nears = [0.0; LEAF_WIDTH];
-        while let Some((entry, place)) = stack.pop() {
-            if entry > end * SLACK {
-                continue;
-            }
-            if place & IS_LEAF != 0 {
-                let Leaf { boxes, items, count, .. } = &self.leaves[(place & !IS_LEAF) as usize];
-                let (near, met) = boxes.met_by(simd, ray, end);
-                near.store_slice(&mut nears);
-                for lane in SetLanes(met & ((1 << count) - 1)) {
-                    if nears[lane] <= end * SLACK
-                        && let Some(range) = visit(items[lane])
-                    {
-                        end = end.min(ray.parameter(range));
-                    }
-                }
-                continue;
-            }
-            let node = &self.nodes[place as usize];
-            let (near, met) = node.boxes.met_by(simd, ray, end);
-            near.store_slice(&mut nears);
-            let first = stack.len();
-            for lane in SetLanes(met & ((1 << node.child_count) - 1)) {
-                let mark = if node.leaf_children & (1 << lane) != 0 { IS_LEAF } else { 0 };
-                stack.push((nears[lane], node.children[lane] | mark));
-                // The nearest child is on top.
-                let mut place = stack.len() - 1;
-                while place > first && stack[place - 1].0 < stack[place].0 {
-                    stack.swap(place - 1, place);
-                    place -= 1;
-                }
-            }
+        if let Some(ray) = ClippedRay::new(sweep, &self.bounds(), range) {
+            self.visit_in_order(&ray, f64::INFINITY, &mut visit);
         }
     }
 }
