@@ -79,23 +79,23 @@ fn damaged_gmsh_files_name_the_place() {
         ("0 1 0\n", "0 nan 0\n", &["line 17", "not finite"]),
         ("0 1 0\n", "0 1e39 0\n", &["line 17", "not finite"]),
         ("2 6 10 90", "2 7 10 90", &["line 9", "7 nodes are announced", "6"]),
-        ("2 6 10 90", "9 6 10 90", &["line 25", "a dimension", "`$EndNodes`"]),
-        ("3 1 0 4", "3 1 0 99999999999999", &["the tag of a node"]),
+        ("2 6 10 90", "9 6 10 90", &["line 24", "a dimension", "`$EndNodes`"]),
+        ("3 1 0 4", "3 1 0 99999999999999", &["line 15", "the tag of a node"]),
         ("3 1 0 4", "3 1 0 -4", &["line 10", "`-4`"]),
-        ("2 3 1 3\n", "2 4 1 3\n", &["line 27", "4 elements are announced", "3"]),
-        ("3 90 20 30 40", "3 91 20 30 40", &["line 32", "tetrahedron 3", "node 91"]),
-        ("3 90 20 30 40", "3 90 20 30", &["line 32", "tetrahedron 3", "the line ends"]),
-        ("3 90 20 30 40", "3 90 20 30 40 50", &["line 32", "more than 4 nodes"]),
-        ("3 1 4 2", "3 1 11 2", &["line 31", "higher order", "linear"]),
+        ("2 3 1 3\n", "2 4 1 3\n", &["line 26", "4 elements are announced", "3"]),
+        ("3 90 20 30 40", "3 91 20 30 40", &["line 31", "tetrahedron 3", "node 91"]),
+        ("3 90 20 30 40", "3 90 20 30", &["line 31", "tetrahedron 3", "the line ends"]),
+        ("3 90 20 30 40", "3 90 20 30 40 50", &["line 31", "more than 4 nodes"]),
+        ("3 1 4 2", "3 1 11 2", &["line 30", "higher order", "linear"]),
         (
             "3 1 4 2\n2 10 20 30 40\n3 90 20 30 40\n",
             "2 1 2 2\n2 10 20 30\n3 10 20 30\n",
             &["no tetrahedra", "6 vertices", "3 elements"],
         ),
         ("$EndElements\n", "", &["ends early", "line 32", "$EndElements"]),
-        ("$EndElements\n", "$EndElements\n$Nodes\n", &["line 34", "a second section"]),
-        ("$EndElements\n", "1 2 3\n$EndElements\n", &["line 33", "$EndElements was expected"]),
-        ("$EndElements\n", "$EndElements\nstray\n", &["line 34", "`stray`"]),
+        ("$EndElements\n", "$EndElements\n$Nodes\n", &["line 33", "a second section"]),
+        ("$EndElements\n", "1 2 3\n$EndElements\n", &["line 32", "$EndElements was expected"]),
+        ("$EndElements\n", "$EndElements\nstray\n", &["line 33", "`stray`"]),
     ] {
         let message = msh(&damaged(MSH_4, from, to)).expect_err("the file is damaged").to_string();
         for part in ["body.msh"].iter().chain(parts) {
@@ -103,7 +103,7 @@ fn damaged_gmsh_files_name_the_place() {
         }
     }
     for (from, to, parts) in [
-        ("1 2 2 0 1 10", "1 2 99 0 1 10", &["line 14", "99 tags"][..]),
+        ("1 2 2 0 1 10", "1 2 99 0 1 10", &["line 15", "99 tags"][..]),
         ("\r\n6\r\n10", "\r\n99999999999999\r\n10", &["line 12", "`$EndNodes`"]),
     ] {
         let message = msh(&damaged(MSH_2, from, to)).expect_err("the file is damaged").to_string();

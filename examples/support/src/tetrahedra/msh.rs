@@ -123,7 +123,11 @@ impl Contents {
             let in_block: u64 = words.number("the number of nodes")?;
             for node in 0..in_block {
                 let line = lines.expect("the tag of a node")?;
-                let tag = line.words().number("the tag of a node")?;
+                let mut words = line.words();
+                let tag = words.number("the tag of a node")?;
+                if words.count() > 0 {
+                    return Err(line.error(format!("the tag of a node was expected, but more follows after {tag}")));
+                }
                 let vertex = self.positions.len().saturating_add(usize::try_from(node).unwrap_or(usize::MAX));
                 self.add_tag(tag, vertex, &line)?;
             }
