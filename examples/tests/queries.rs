@@ -1,14 +1,13 @@
 //! The program `queries` as users call it: its output, and the errors it reports.
 
 use circumsphere_support::{
-    programs,
+    programs::{self, Folder},
     random::Random,
     recording::{Recording, write_recording},
     scenes::{icosphere, torus},
 };
 use glam::{DVec3, Vec3};
-use std::{fmt::Write, fs};
-use tempfile::TempDir;
+use std::{fmt::Write, fs, path::Path};
 
 fn succeed(arguments: &[&str]) -> String {
     programs::succeed("queries", arguments)
@@ -19,27 +18,11 @@ fn refuse(arguments: &[&str], parts: &[&str]) {
     programs::refuse("queries", arguments, parts);
 }
 
-struct Folder(TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Self(tempfile::tempdir().expect("a temporary folder can be made"))
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.path().join(name).display().to_string()
-    }
-
-    fn with(&self, name: &str, text: &str) -> String {
-        fs::write(self.0.path().join(name), text).expect("a temporary file can be written");
-        self.path(name)
-    }
-
-    fn recording(&self, recording: &Recording) -> String {
-        let path = self.0.path().join("scene.bin");
-        write_recording(&path, recording).expect("the scene can be written");
-        path.display().to_string()
-    }
+/// Writes a recording into a folder and returns its path.
+fn written(folder: &Folder, recording: &Recording) -> String {
+    let path = folder.path("scene.bin");
+    write_recording(Path::new(&path), recording).expect("the scene can be written");
+    path
 }
 
 /// A ring that turns into another one, vertex by vertex.
@@ -105,7 +88,7 @@ fn hits_are_those_of_brute_force_in_the_order_of_the_rays() {
         asked.push((frame, origin.as_dvec3(), direction.as_dvec3(), f64::from(range)));
     }
     let (rays, hits) = (folder.with("rays.csv", &text), folder.path("hits.csv"));
-    let table = succeed(&[&folder.recording(&recording), "--rays", &rays, "--hits", &hits]);
+    let table = succeed(&[&written(&folder, &recording), "--rays", &rays, "--hits", &hits]);
     assert!(table.contains("4 ticks") && table.contains("600"), "{table}");
     let rows = rows(&hits, HIT_HEADER);
     assert_eq!(rows.len(), asked.len());
@@ -145,7 +128,7 @@ fn closest_points_lie_on_their_triangles_at_their_distance() {
         asked.push((frame, Vec3::new(x, y, z).as_dvec3(), range == "inf"));
     }
     let (points, closest) = (folder.with("points.csv", &text), folder.path("closest.csv"));
-    succeed(&[&folder.recording(&recording), "--points", &points, "--closest", &closest]);
+    succeed(&[&written(&folder, &recording), "--points", &points, "--closest", &closest]);
     let rows = rows(&closest, CLOSEST_HEADER);
     assert_eq!(rows.len(), asked.len());
     let mut empty = 0;
@@ -190,7 +173,7 @@ fn the_embedded_scene_runs_without_arguments_and_is_hit() {
 #[test]
 fn bad_input_is_refused_with_its_file_row_and_column() {
     let (folder, recording) = (Folder::new(), recording());
-    let input = folder.recording(&recording);
+    let input = written(&folder, &recording);
     let hits = folder.path("hits.csv");
     let rays = |text: &str, parts: &[&str]| {
         let rays = folder.with("rays.csv", text);
@@ -222,7 +205,7 @@ fn bad_input_is_refused_with_its_file_row_and_column() {
 fn rays_that_are_no_rays_hit_nothing_and_files_without_rows_give_none() {
     let folder = Folder::new();
     let ball = icosphere(2, 1.0);
-    let input = folder.recording(&Recording { triangles: ball.triangles, frames: vec![ball.positions] });
+    let input = written(&folder, &Recording { triangles: ball.triangles, frames: vec![ball.positions] });
     let hits = folder.path("hits.csv");
     let text = format!("{RAY_HEADER}\n0,0,0,0,0,0,0,inf\n0,0,0,3,0,0,-2,inf\n0,0,0,3,0,0,-2,0.5\n");
     succeed(&[&input, "--rays", &folder.with("rays.csv", &text), "--hits", &hits]);

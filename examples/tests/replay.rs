@@ -3,14 +3,13 @@
 //! Each call is a separate process, so that every number of threads has its own task pool.
 
 use circumsphere_support::{
-    programs,
+    programs::{self, Folder},
     recording::{Recording, write_recording},
     scenes::{BALL_TRIANGLES, CLOTH_TRIANGLES, FRAMES, Mesh, TORUS_TRIANGLES, cuboid, icosphere, merge},
 };
 use circumsphere_truth::{compare, exact_weld, mean_edge_length, touching_pairs_tree};
 use glam::{DVec3, Vec3};
 use std::{fmt::Write, fs, path::Path};
-use tempfile::TempDir;
 
 fn succeed(arguments: &[&str]) -> String {
     programs::succeed("replay", arguments)
@@ -37,27 +36,11 @@ fn recording() -> Recording {
     }
 }
 
-struct Folder(TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Self(tempfile::tempdir().expect("a temporary folder can be made"))
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.0.path().join(name).display().to_string()
-    }
-
-    fn with(&self, name: &str, bytes: impl AsRef<[u8]>) -> String {
-        fs::write(self.0.path().join(name), bytes).expect("a temporary file can be written");
-        self.path(name)
-    }
-
-    fn recording(&self) -> String {
-        let path = self.0.path().join("scene.bin");
-        write_recording(&path, &recording()).expect("the scene can be written");
-        path.display().to_string()
-    }
+/// Writes the scene into a folder and returns its path.
+fn written(folder: &Folder) -> String {
+    let path = folder.path("scene.bin");
+    write_recording(Path::new(&path), &recording()).expect("the scene can be written");
+    path
 }
 
 /// Announces eight billion elements in a few bytes.
@@ -117,7 +100,7 @@ fn the_embedded_scene_runs_without_arguments_and_touches() {
 #[test]
 fn pairs_are_those_of_the_reference_for_every_way_to_find_them() {
     let (folder, recording) = (Folder::new(), recording());
-    let (input, pairs) = (folder.recording(), folder.path("pairs.csv"));
+    let (input, pairs) = (written(&folder), folder.path("pairs.csv"));
     let rest = wide(&recording.frames[0]);
     let weld = exact_weld(&rest);
     let distance = 0.3 * mean_edge_length(&rest, &recording.triangles, &weld);
@@ -157,7 +140,7 @@ fn pairs_are_those_of_the_reference_for_every_way_to_find_them() {
 #[test]
 fn files_of_single_frames_equal_one_recording() {
     let (folder, recording) = (Folder::new(), recording());
-    let input = folder.recording();
+    let input = written(&folder);
     let expected = folder.path("expected.csv");
     succeed(&[&input, "--pairs", &expected]);
     let frames = recording.frames.iter().enumerate();
@@ -204,7 +187,7 @@ fn files_of_single_frames_equal_one_recording() {
 #[test]
 fn contacts_lie_on_their_pairs_and_join_the_points_they_state() {
     let (folder, recording) = (Folder::new(), recording());
-    let input = folder.recording();
+    let input = written(&folder);
     for surfaces in ["whole", "components"] {
         let (pairs, contacts) = (folder.path("pairs.csv"), folder.path("contacts.csv"));
         succeed(&[&input, "--surfaces", surfaces, "--pairs", &pairs, "--contacts", &contacts]);
@@ -249,7 +232,7 @@ fn contacts_lie_on_their_pairs_and_join_the_points_they_state() {
 #[test]
 fn smooth_contacts_are_other_contacts_and_balls_refuse_them() {
     let folder = Folder::new();
-    let (input, json) = (folder.recording(), folder.path("report.json"));
+    let (input, json) = (written(&folder), folder.path("report.json"));
     let [flat, smooth] = [&[][..], &["--smooth"][..]].map(|option| {
         let contacts = folder.path("contacts.csv");
         let mut arguments = vec![input.as_str(), "--json", &json, "--contacts", &contacts];
@@ -267,7 +250,7 @@ fn smooth_contacts_are_other_contacts_and_balls_refuse_them() {
 #[test]
 fn json_holds_what_was_asked_and_measured() {
     let folder = Folder::new();
-    let (input, json) = (folder.recording(), folder.path("report.json"));
+    let (input, json) = (written(&folder), folder.path("report.json"));
     for method in ["bounding-sphere", "circumsphere", "exact", "polygon"] {
         let arguments =
             [&input, "--json", &json, "--method", method, "--frames", "1..3", "--repeat", "3", "--threads", "2"];
@@ -308,7 +291,7 @@ fn json_holds_what_was_asked_and_measured() {
 #[test]
 fn contacts_are_the_same_for_any_number_of_threads() {
     let folder = Folder::new();
-    let input = folder.recording();
+    let input = written(&folder);
     for method in ["circumsphere", "exact"] {
         let outputs: Vec<Vec<u8>> = ["1", "2", "5"]
             .iter()
@@ -341,7 +324,7 @@ fn contacts_are_the_same_for_any_number_of_threads() {
 #[test]
 fn bad_files_are_refused_with_their_name_and_the_problem() {
     let folder = Folder::new();
-    let good = fs::read(folder.recording()).expect("the scene was written");
+    let good = fs::read(written(&folder)).expect("the scene was written");
     let header = |words: [u32; 4]| words.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
     let magic = 0x4D53_4851;
     let mut wrong_index = good.clone();
@@ -378,7 +361,7 @@ fn bad_files_are_refused_with_their_name_and_the_problem() {
     let other_face = folder.with("c.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 3 2\n");
     refuse(&[&triangle, &more_vertices], &["b.obj"]);
     refuse(&[&triangle, &other_face], &["c.obj"]);
-    let recording = folder.recording();
+    let recording = written(&folder);
     refuse(&[&recording, &triangle], &["bin"]);
     refuse(&[&recording, &recording], &["bin"]);
 }
@@ -386,7 +369,7 @@ fn bad_files_are_refused_with_their_name_and_the_problem() {
 #[test]
 fn bad_options_are_refused() {
     let folder = Folder::new();
-    let input = folder.recording();
+    let input = written(&folder);
     refuse(&[&input, "--frames", "2..9"], &["2..9", "0..4"]);
     refuse(&[&input, "--frames", "3..3"], &["3..3"]);
     refuse(&[&input, "--frames", "a..b"], &["a"]);

@@ -1,78 +1,44 @@
 //! The program `tetrahedra` as users call it: its files, its table, and the errors it reports.
 
-use std::{
-    fmt::Write,
-    fs,
-    process::{Command, Output},
-};
+use std::{fmt::Write, fs};
 
 use circumsphere_support::{
-    programs::example_program,
+    programs::{self, Folder},
     recording::recordings_folder,
     tetrahedra::{TetrahedralMesh, read_tetrahedral_mesh, tetrahedral_ball, tetrahedral_box},
 };
 use glam::DVec3;
-use tempfile::TempDir;
 
 const HEADER: &str = "vertex_body,vertex,tetrahedron,barycentric_0,barycentric_1,barycentric_2,barycentric_3,depth,\
                       direction_x,direction_y,direction_z";
 
-fn tetrahedra(arguments: &[&str]) -> Output {
-    Command::new(example_program("tetrahedra")).args(arguments).output().expect("the program starts")
-}
-
 fn succeed(arguments: &[&str]) -> String {
-    let output = tetrahedra(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).expect("the table is text")
+    programs::succeed("tetrahedra", arguments)
 }
 
 /// The program must exit with code 2 and a message that contains all of `parts`.
 fn refuse(arguments: &[&str], parts: &[&str]) {
-    let output = tetrahedra(arguments);
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-    assert!(!message.contains("panicked"), "{arguments:?}: {message}");
-    for part in parts {
-        assert!(message.contains(part), "{arguments:?} does not name {part:?}: {message}");
-    }
+    programs::refuse("tetrahedra", arguments, parts);
 }
 
-struct Folder(TempDir);
-
-impl Folder {
-    fn new() -> Self {
-        Self(tempfile::tempdir().expect("a temporary folder can be made"))
+/// Writes a body into a folder and returns its path: Gmsh of version 4.1, with tags from 1.
+fn written(folder: &Folder, name: &str, mesh: &TetrahedralMesh) -> String {
+    let (vertices, elements) = (mesh.positions.len(), mesh.tetrahedra.len());
+    let mut text =
+        format!("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 {vertices} 1 {vertices}\n3 0 0 {vertices}\n");
+    for tag in 1..=vertices {
+        writeln!(text, "{tag}").expect("a string takes it");
     }
-
-    fn path(&self, name: &str) -> String {
-        self.0.path().join(name).display().to_string()
+    for [x, y, z] in &mesh.positions {
+        writeln!(text, "{x} {y} {z}").expect("a string takes it");
     }
-
-    fn with(&self, name: &str, text: &str) -> String {
-        fs::write(self.0.path().join(name), text).expect("a temporary file can be written");
-        self.path(name)
+    writeln!(text, "$EndNodes\n$Elements\n1 {elements} 1 {elements}\n3 0 4 {elements}").expect("a string takes it");
+    for (tag, corners) in (1..).zip(&mesh.tetrahedra) {
+        let [a, b, c, d] = corners.map(|corner| corner + 1);
+        writeln!(text, "{tag} {a} {b} {c} {d}").expect("a string takes it");
     }
-
-    /// Gmsh of version 4.1, with tags from 1.
-    fn mesh(&self, name: &str, mesh: &TetrahedralMesh) -> String {
-        let (vertices, elements) = (mesh.positions.len(), mesh.tetrahedra.len());
-        let mut text =
-            format!("$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 {vertices} 1 {vertices}\n3 0 0 {vertices}\n");
-        for tag in 1..=vertices {
-            writeln!(text, "{tag}").expect("a string takes it");
-        }
-        for [x, y, z] in &mesh.positions {
-            writeln!(text, "{x} {y} {z}").expect("a string takes it");
-        }
-        writeln!(text, "$EndNodes\n$Elements\n1 {elements} 1 {elements}\n3 0 4 {elements}").expect("a string takes it");
-        for (tag, corners) in (1..).zip(&mesh.tetrahedra) {
-            let [a, b, c, d] = corners.map(|corner| corner + 1);
-            writeln!(text, "{tag} {a} {b} {c} {d}").expect("a string takes it");
-        }
-        text.push_str("$EndElements\n");
-        self.with(name, &text)
-    }
+    text.push_str("$EndElements\n");
+    folder.with(name, &text)
 }
 
 struct Row {
@@ -127,7 +93,8 @@ fn the_file_holds_every_vertex_in_the_other_body_once() {
     let folder = Folder::new();
     let (large, small) = (tetrahedral_box([4; 3], [1.0; 3]), tetrahedral_ball(4, 0.5));
     let by = [0.25, -0.125, 0.0];
-    let (first, second, file) = (folder.mesh("a.msh", &large), folder.mesh("b.msh", &small), folder.path("c.csv"));
+    let (first, second, file) =
+        (written(&folder, "a.msh", &large), written(&folder, "b.msh", &small), folder.path("c.csv"));
     let table = succeed(&[&first, &second, "--translate", "0.25,-0.125,0", "--containments", &file]);
     let rows = rows(&file);
     check_rows(&rows, [&large, &small], by);
@@ -149,7 +116,7 @@ fn the_file_holds_every_vertex_in_the_other_body_once() {
 #[test]
 fn bodies_apart_give_a_file_with_a_header_only() {
     let folder = Folder::new();
-    let body = folder.mesh("a.msh", &tetrahedral_box([2; 3], [1.0; 3]));
+    let body = written(&folder, "a.msh", &tetrahedral_box([2; 3], [1.0; 3]));
     let file = folder.path("c.csv");
     succeed(&[&body, &body, "--translate", "-3,0,0", "--containments", &file]);
     assert!(rows(&file).is_empty());
@@ -197,10 +164,10 @@ fn given_bodies_give_valid_rows() {
 #[test]
 fn bad_input_exits_with_2_and_names_the_place() {
     let folder = Folder::new();
-    let good = folder.mesh("a.msh", &tetrahedral_box([1; 3], [1.0; 3]));
+    let good = written(&folder, "a.msh", &tetrahedral_box([1; 3], [1.0; 3]));
     let text = fs::read_to_string(&good).expect("it was written");
     let bad = folder.with("bad.msh", &text.replacen("1 1 2 4 8", "1 1 2 4 80", 1));
-    refuse(&[&good, &bad], &["bad.msh", "line 28", "tetrahedron 1", "node 80"]);
+    refuse(&[&good, &bad], &["bad.msh", "line 27", "tetrahedron 1", "node 80"]);
     let truncated = folder.with("short.msh", &text[..text.len() / 2]);
     refuse(&[&truncated, &good], &["short.msh", "line"]);
     refuse(&[&good, &folder.path("none.msh")], &["none.msh"]);
@@ -211,8 +178,11 @@ fn bad_input_exits_with_2_and_names_the_place() {
     }
     refuse(&[&good, &good, "--translate", "3.4e38,0,0"], &["a.msh"]);
     refuse(&[&good, &good, "--containments", &folder.path("none/c.csv")], &["c.csv"]);
-    let flat =
-        folder.mesh("flat.msh", &TetrahedralMesh { positions: vec![[0.0; 3]; 4], tetrahedra: vec![[0, 1, 2, 3]; 2] });
+    let flat = written(
+        &folder,
+        "flat.msh",
+        &TetrahedralMesh { positions: vec![[0.0; 3]; 4], tetrahedra: vec![[0, 1, 2, 3]; 2] },
+    );
     refuse(&[&flat, &good], &["flat.msh", "no surface"]);
     #[cfg(not(feature = "rerun"))]
     refuse(&[&good, &good, "--rerun", "x.rrd"], &["--features rerun"]);

@@ -1,37 +1,21 @@
 //! The thin-wall program as users call it: its files, its table, and the errors it reports.
 
-use std::{
-    fs,
-    path::Path,
-    process::{Command, Output},
-};
+use std::{fs, path::Path};
 
 use circumsphere_support::{
-    programs::example_program,
+    programs,
     recording::{Recording, read_recording, write_recording},
     scenes::{Mesh, Panel, cuboid, panel},
 };
 use serde_json::Value;
 
-fn thin_wall(arguments: &[&str]) -> Output {
-    Command::new(example_program("thin_wall")).args(arguments).output().expect("the program starts")
-}
-
 fn succeed(arguments: &[&str]) -> String {
-    let output = thin_wall(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).expect("the table is text")
+    programs::succeed("thin_wall", arguments)
 }
 
 /// The program must exit with code 2 and a message that contains all of `parts`.
 fn refuse(arguments: &[&str], parts: &[&str]) {
-    let output = thin_wall(arguments);
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
-    assert!(!message.contains("panicked"), "{arguments:?}: {message}");
-    for part in parts {
-        assert!(message.contains(part), "{arguments:?} does not name {part:?}: {message}");
-    }
+    programs::refuse("thin_wall", arguments, parts);
 }
 
 fn text(path: &Path) -> String {

@@ -1,9 +1,12 @@
 //! Locates and runs the programs of the examples for tests.
 
 use std::{
+    fs,
     path::PathBuf,
     process::{Command, Output},
 };
+
+use tempfile::TempDir;
 
 /// The program of an example of the package under test. It is next to the folder of the test programs, and building all
 /// tests builds it.
@@ -51,5 +54,37 @@ pub fn refuse(name: &str, arguments: &[&str], parts: &[&str]) {
     assert!(!message.contains("panicked"), "{arguments:?}: {message}");
     for part in parts {
         assert!(message.contains(part), "{arguments:?} does not name {part:?}: {message}");
+    }
+}
+
+/// A temporary folder for the files of a test, which is removed when it is dropped.
+pub struct Folder(TempDir);
+
+impl Folder {
+    /// Creates an empty folder.
+    ///
+    /// # Panics
+    ///
+    /// If the system has no room for it.
+    #[expect(clippy::new_without_default, reason = "makes a folder on the disk")]
+    #[must_use]
+    pub fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary folder can be made"))
+    }
+
+    /// The path of a file in the folder, as an argument for a program.
+    #[must_use]
+    pub fn path(&self, name: &str) -> String {
+        self.0.path().join(name).display().to_string()
+    }
+
+    /// Writes a file and returns its path.
+    ///
+    /// # Panics
+    ///
+    /// If it cannot be written.
+    pub fn with(&self, name: &str, bytes: impl AsRef<[u8]>) -> String {
+        fs::write(self.0.path().join(name), bytes).expect("a temporary file can be written");
+        self.path(name)
     }
 }
