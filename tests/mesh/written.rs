@@ -61,7 +61,7 @@ fn a_cloth_that_falls_is_written_until_it_rests() {
     count_changes(&mut app);
     floor(&mut app);
     let mut cloth = sheet();
-    cloth.positions.iter_mut().for_each(|position| position[1] += 0.3);
+    cloth.positions.iter_mut().for_each(|position| position[1] += 0.6);
     let entity = spawn(&mut app, indexed(&cloth), (THIN, WriteSurfaceToMesh::default()));
     let asset = handle(&app, entity);
     app.update();
@@ -77,6 +77,17 @@ fn a_cloth_that_falls_is_written_until_it_rests() {
     assert!(fallen, "it falls");
     let (modified, changed) = changes(&mut app);
     assert!((19..=20).contains(&modified) && (20..=22).contains(&changed), "once a tick: {modified} {changed}");
+    for _ in 0..200 {
+        app.world_mut().resource_mut::<Time>().advance_by(Duration::from_millis(16));
+        app.update();
+    }
+    changes(&mut app);
+    for _ in 0..20 {
+        app.world_mut().resource_mut::<Time>().advance_by(Duration::from_millis(16));
+        app.update();
+    }
+    assert_eq!(changes(&mut app).0, 0, "it sleeps");
+    assert_eq!(attribute(&app, entity, Mesh::ATTRIBUTE_POSITION), positions(&app, entity));
     assert_eq!(handle(&app, entity), asset, "no new asset");
     assert_eq!(app.world().resource::<Assets<Mesh>>().len(), 1);
     for normal in attribute(&app, entity, Mesh::ATTRIBUTE_NORMAL) {
