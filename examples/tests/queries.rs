@@ -194,7 +194,7 @@ fn bad_input_is_refused_with_its_file_row_and_column() {
     let points = folder.with("points.csv", "frame,x,y,z,max_distance\n0,0,0,inf,1\n");
     refuse(&[&input, "--points", &points, "--closest", &hits], &["points.csv", "row 0", "column z", "'inf'"]);
     refuse(&[&input, "--rays", &folder.path("missing.csv"), "--hits", &hits], &["missing.csv"]);
-    let good = folder.with("good.csv", &row("0,0,0,0,0,0,1,inf"));
+    let good = folder.with("good.csv", row("0,0,0,0,0,0,1,inf"));
     refuse(&[&input, "--rays", &good, "--hits", &folder.path("no/such/folder/hits.csv")], &["hits.csv"]);
     refuse(&[&input, "--rays", &good], &["--hits"]);
     refuse(&[&input, "--hits", &hits], &["--rays"]);

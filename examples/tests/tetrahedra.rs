@@ -166,7 +166,7 @@ fn bad_input_exits_with_2_and_names_the_place() {
     let folder = Folder::new();
     let good = written(&folder, "a.msh", &tetrahedral_box([1; 3], [1.0; 3]));
     let text = fs::read_to_string(&good).expect("it was written");
-    let bad = folder.with("bad.msh", &text.replacen("1 1 2 4 8", "1 1 2 4 80", 1));
+    let bad = folder.with("bad.msh", text.replacen("1 1 2 4 8", "1 1 2 4 80", 1));
     refuse(&[&good, &bad], &["bad.msh", "line 27", "tetrahedron 1", "node 80"]);
     let truncated = folder.with("short.msh", &text[..text.len() / 2]);
     refuse(&[&truncated, &good], &["short.msh", "line"]);

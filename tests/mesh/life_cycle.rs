@@ -18,7 +18,9 @@ fn raise(mesh: &mut Mesh, height: f32) {
     let Some(VertexAttributeValues::Float32x3(positions)) = mesh.attribute_mut(Mesh::ATTRIBUTE_POSITION) else {
         panic!("the mesh has positions");
     };
-    positions.iter_mut().for_each(|position| position[1] += height);
+    for position in positions {
+        position[1] += height;
+    }
 }
 
 fn modify(app: &mut App, entity: Entity, modify: impl FnOnce(&mut Mesh)) {

@@ -61,7 +61,9 @@ fn a_cloth_that_falls_is_written_until_it_rests() {
     count_changes(&mut app);
     floor(&mut app);
     let mut cloth = sheet();
-    cloth.positions.iter_mut().for_each(|position| position[1] += 0.6);
+    for position in &mut cloth.positions {
+        position[1] += 0.6;
+    }
     let entity = spawn(&mut app, indexed(&cloth), (THIN, WriteSurfaceToMesh::default()));
     let asset = handle(&app, entity);
     app.update();

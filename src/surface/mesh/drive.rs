@@ -149,10 +149,9 @@ impl DrivenItemItem<'_, '_> {
     ) -> Result<(), SurfaceMeshError> {
         let coarse = surface.topology();
         let id = self.mesh.id();
-        let is_same = |map: &&mut Bound| {
-            map.mesh == id && map.surface == self.options.surface && Arc::ptr_eq(&map.coarse, coarse)
-        };
-        if self.driven.map.as_mut().filter(is_same).is_none() {
+        let is_same =
+            |map: &Bound| map.mesh == id && map.surface == self.options.surface && Arc::ptr_eq(&map.coarse, coarse);
+        if !self.driven.map.as_ref().is_some_and(is_same) {
             // Not loaded yet.
             let Some(mesh) = writer.get(id) else { return Ok(()) };
             let rest = positions_of(mesh)?;

@@ -86,24 +86,36 @@ pub(super) struct Scratch {
     posed: Vec<Vec3>,
 }
 
+/// The changes of mesh assets that Bevy has announced.
+#[derive(SystemParam)]
+pub(super) struct MeshEvents<'w, 's> {
+    events: Option<Res<'w, Messages<AssetEvent<Mesh>>>>,
+    cursor: Local<'s, MessageCursor<AssetEvent<Mesh>>>,
+}
+
+impl MeshEvents<'_, '_> {
+    /// The meshes that were modified since the last call.
+    fn modified(&mut self) -> Vec<AssetId<Mesh>> {
+        let Some(events) = &self.events else { return Vec::new() };
+        let modified = self.cursor.read(events).filter_map(|event| match event {
+            AssetEvent::Modified { id } => Some(*id),
+            _ => None,
+        });
+        modified.collect()
+    }
+}
+
 /// Makes and moves surfaces.
 pub(super) fn read_meshes(
     mut commands: Commands,
     meshes: Option<Res<Assets<Mesh>>>,
-    events: Option<Res<Messages<AssetEvent<Mesh>>>>,
-    mut cursor: Local<MessageCursor<AssetEvent<Mesh>>>,
+    mut events: MeshEvents,
     mut scratch: Local<Scratch>,
     mut sources: ResMut<MeshSources>,
     mut surfaces: Query<MeshItem>,
     deformers: Deformers,
 ) {
-    let modified: Vec<AssetId<Mesh>> = events.map_or_else(Vec::new, |events| {
-        let modified = cursor.read(&events).filter_map(|event| match event {
-            AssetEvent::Modified { id } => Some(*id),
-            _ => None,
-        });
-        modified.collect()
-    });
+    let modified = events.modified();
     if let Some(meshes) = &meshes
         && (meshes.is_changed() || !modified.is_empty())
     {
@@ -259,10 +271,8 @@ pub(super) fn report_failures(
     mut quarantines: ResMut<PendingQuarantines>,
 ) {
     for (entity, name, mut link) in &mut links {
-        if !link.failure.as_ref().is_some_and(|failure| !failure.is_reported) {
-            continue;
-        }
-        if let Some(failure) = &mut link.failure {
+        let failure = link.bypass_change_detection().failure.as_mut();
+        if let Some(failure) = failure.filter(|failure| !failure.is_reported) {
             failure.is_reported = true;
             let name = name.map_or_else(String::new, |name| format!(" ({name})"));
             log::warn!("surface {entity}{name} is quarantined: {}", failure.reason);
