@@ -76,6 +76,8 @@ mod spatial_query;
 mod surface;
 
 pub use contacts::*;
+#[cfg(feature = "picking")]
+pub use spatial_query::SurfacePickingPlugin;
 pub use spatial_query::{ClosestPoint, RayHit, ShapeHit, SurfaceOverlap, SurfaceQuery, SurfaceQueryFilter};
 pub use surface::*;
 

@@ -7,12 +7,16 @@ mod cast;
 mod closest;
 mod filter;
 mod hits;
+#[cfg(feature = "picking")]
+mod picking;
 mod ray;
 mod shape;
 mod target;
 
 use bevy_ecs::{prelude::*, system::SystemParam};
 
+#[cfg(feature = "picking")]
+pub use self::picking::SurfacePickingPlugin;
 pub use self::{
     filter::SurfaceQueryFilter,
     hits::{ClosestPoint, RayHit, ShapeHit, SurfaceOverlap},

@@ -91,6 +91,11 @@ impl Character {
         &self.rest
     }
 
+    /// The skinning weight of the leg for each vertex, from 0 to 1. The rest belongs to the torso.
+    pub fn leg_shares(&self) -> &[f64] {
+        &self.leg_shares
+    }
+
     /// The full walking speed, in meters per second.
     pub const fn speed(&self) -> f64 {
         self.speed

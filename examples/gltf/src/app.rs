@@ -1,0 +1,153 @@
+//! The game.
+
+use std::{path::Path, time::Duration};
+
+use bevy_animation::{
+    AnimationClip, AnimationPlayer, AnimationPlugin, graph::AnimationGraph, graph::AnimationGraphHandle,
+};
+use bevy_app::{AnimationSystems, prelude::*};
+use bevy_asset::{AssetPlugin, AssetServer, Assets, Handle, LoadState};
+use bevy_circumsphere::{
+    prelude::*,
+    response::{XpbdBody, XpbdMaterial, XpbdResponsePlugin, XpbdTethers},
+};
+use bevy_ecs::prelude::*;
+use bevy_gltf::{Gltf, GltfPlugin};
+use bevy_image::ImagePlugin;
+use bevy_mesh::MeshPlugin;
+use bevy_time::{TimePlugin, TimeUpdateStrategy};
+use bevy_transform::TransformPlugin;
+use bevy_world_serialization::{WorldAssetRoot, WorldSerializationPlugin};
+
+/// Distance that a garment keeps from the skin, in meters.
+const CLEARANCE: f32 = 0.004;
+
+/// The height below the upper edge of a garment that is pinned to the skin, in meters, and how far a vertex may get
+/// from its place on the skin: just below, and per meter below that.
+const PINNED: f32 = 0.001;
+const LONGEST: f32 = 0.05;
+const LONGER: f32 = 1.0;
+
+/// Updates after which a file that has not been loaded never will be.
+const PATIENCE: usize = 10_000;
+
+/// Half the contact distance, in meters.
+const THICKNESS: SurfaceThickness = SurfaceThickness::World(0.004);
+
+/// Who plays in the scene.
+#[derive(Resource, Clone, Debug, PartialEq, Eq)]
+pub struct Cast {
+    /// The name of the mesh that wears the garment.
+    pub skin: String,
+    /// The name of the mesh that is a garment. Without it, all meshes move by their animation only.
+    pub garment: Option<String>,
+}
+
+/// The character, once it is loaded.
+#[derive(Resource)]
+struct Loaded(Handle<Gltf>);
+
+/// A game without a window: it animates, then detects and responds, at 60 ticks per second.
+pub fn character_app(folder: &Path, cast: Cast) -> App {
+    let mut app = App::new();
+    app.add_plugins((
+        TaskPoolPlugin::default(),
+        TimePlugin,
+        TransformPlugin,
+        AssetPlugin { file_path: folder.display().to_string(), ..AssetPlugin::default() },
+        WorldSerializationPlugin,
+        MeshPlugin,
+        ImagePlugin::default(),
+        AnimationPlugin,
+        GltfPlugin::default(),
+    ))
+    // After the animations, which Bevy plays in `PostUpdate`.
+    .add_plugins((DeformableCollisionPlugins::new(PostUpdate), XpbdResponsePlugin::new(PostUpdate)))
+    .configure_sets(PostUpdate, DeformableSystems::Prepare.after(AnimationSystems))
+    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::ZERO))
+    .insert_resource(cast)
+    .add_systems(Update, (animate, dress).run_if(resource_exists::<Loaded>));
+    app.finish();
+    app.cleanup();
+    app
+}
+
+/// Loads a glTF file of the app's folder, and spawns its first scene. Time stands still until all of its meshes are
+/// surfaces.
+///
+/// # Errors
+/// If the file cannot be loaded or has no scene, says why.
+pub fn load(app: &mut App, file: &str) -> Result<(), String> {
+    let assets = app.world().resource::<AssetServer>().clone();
+    let handle: Handle<Gltf> = assets.load(file.to_owned());
+    let mut waited = 0;
+    loop {
+        app.update();
+        match assets.get_load_state(&handle) {
+            Some(LoadState::Failed(error)) => return Err(format!("{file}: {error}")),
+            _ if assets.is_loaded_with_dependencies(&handle) => break,
+            _ if waited == PATIENCE => return Err(format!("{file}: it takes too long to load")),
+            _ => waited += 1,
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let gltf = app.world().resource::<Assets<Gltf>>().get(&handle);
+    let scene = gltf.and_then(|gltf| gltf.scenes.first().cloned()).ok_or_else(|| format!("{file}: it has no scene"))?;
+    let surfaces = SurfaceFromMesh::default()
+        .with_settings(SurfaceSettings { thickness: Some(THICKNESS), ..SurfaceSettings::default() });
+    app.world_mut().spawn((WorldAssetRoot(scene), SurfaceFromMeshHierarchy::new(surfaces)));
+    app.insert_resource(Loaded(handle));
+    // One to spawn the scene, one to make surfaces, one to dress.
+    for _ in 0..3 {
+        app.update();
+    }
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_nanos(1_000_000_000 / 60)));
+    Ok(())
+}
+
+/// Plays the first animation of the file.
+fn animate(
+    mut commands: Commands,
+    mut players: Query<(Entity, &mut AnimationPlayer), Added<AnimationPlayer>>,
+    loaded: Res<Loaded>,
+    files: Res<Assets<Gltf>>,
+    mut graphs: ResMut<Assets<AnimationGraph>>,
+) {
+    for (entity, mut player) in &mut players {
+        let clip: Option<Handle<AnimationClip>> =
+            files.get(&loaded.0).and_then(|gltf| gltf.animations.first().cloned());
+        let Some(clip) = clip else { continue };
+        let (graph, walk) = AnimationGraph::from_clip(clip);
+        player.play(walk);
+        commands.entity(entity).insert(AnimationGraphHandle(graphs.add(graph)));
+    }
+}
+
+/// Turns the garment into cloth that the skin wears: its upper edge is pinned, the rest hangs.
+fn dress(
+    mut commands: Commands,
+    cast: Res<Cast>,
+    surfaces: Query<(Entity, &Name, &DeformableSurface, &SurfacePositions, Has<XpbdBody>)>,
+) {
+    let find = |wanted: &str| surfaces.iter().find(|(_, name, ..)| name.as_str() == wanted);
+    let garment = cast.garment.as_ref().and_then(|name| find(name)).filter(|(.., is_body)| !is_body);
+    let (Some((garment, _, cloth, positions, _)), Some((skin, _, surface, skin_positions, _))) =
+        (garment, find(&cast.skin))
+    else {
+        return;
+    };
+    // An error would be one of the surface, which has been accepted.
+    let Ok(body) = XpbdBody::new(cloth, positions, XpbdMaterial::CLOTH) else { return };
+    let (at, skin) = (&positions.0, (skin, (&*skin_positions.0, surface.topology().triangles())));
+    let mut tethers = XpbdTethers::to_surface(skin.0, skin.1, at, f32::INFINITY, -CLEARANCE);
+    let top = at.iter().map(|point| point.y).fold(f32::NEG_INFINITY, f32::max);
+    for tether in &mut tethers.tethers {
+        let below = top - at[tether.vertex.index()].y;
+        if below <= PINNED {
+            (tether.longest, tether.backstop) = (0.0, f32::INFINITY);
+        } else {
+            tether.longest = LONGEST + LONGER * below;
+        }
+    }
+    commands.entity(garment).insert((body, tethers, SelfCollision, SweptCollision, WriteSurfaceToMesh::default()));
+}

@@ -1,0 +1,159 @@
+//! Writes a walking character in a skirt as a binary glTF file.
+
+use std::borrow::Cow;
+
+use bevy_gltf::gltf::binary::{Glb, Header};
+use circumsphere_support::scenes::{Character, CharacterFineness, Mesh, character_skirt};
+use glam::{Mat4, Quat, Vec3};
+use serde_json::{Value, json};
+
+/// Walking speed, in meters per second.
+pub const SPEED: f64 = 3.0;
+
+/// Key frames of the animation per second, with straight lines in between.
+pub const RATE: usize = 60;
+
+/// Duration of the animation, in seconds.
+pub const DURATION: usize = 5;
+
+/// The meshes of the file.
+pub const SKIN: &str = "Skin";
+pub const SKIRT: &str = "Skirt";
+
+/// The rings and segments of the skirt.
+pub const SKIRT_SIZE: (usize, usize) = (20, 48);
+
+/// The character of the file.
+#[must_use]
+pub fn character() -> Character {
+    Character::new(CharacterFineness::Finest, SPEED)
+}
+
+/// Component types of glTF 2.0, section 3.6.2.2.
+const UNSIGNED_BYTE: u32 = 5121;
+const UNSIGNED_SHORT: u32 = 5123;
+const FLOAT: u32 = 5126;
+
+/// The buffer of a file, and what it says about it.
+#[derive(Default)]
+struct Buffer {
+    bytes: Vec<u8>,
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+}
+
+impl Buffer {
+    /// Adds numbers, and returns the index of their accessor. `kind` is its `type`.
+    fn add(&mut self, bytes: &[u8], component: u32, kind: &str, count: usize) -> usize {
+        let offset = self.bytes.len();
+        self.bytes.extend_from_slice(bytes);
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        self.views.push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes.len() }));
+        let view = self.views.len() - 1;
+        self.accessors.push(json!({ "bufferView": view, "componentType": component, "count": count, "type": kind }));
+        self.accessors.len() - 1
+    }
+
+    fn add_floats<const N: usize>(&mut self, values: &[[f32; N]], kind: &str) -> usize {
+        let bytes: Vec<u8> = values.as_flattened().iter().flat_map(|value| value.to_le_bytes()).collect();
+        let accessor = self.add(&bytes, FLOAT, kind, values.len());
+        // Positions and times need their bounds.
+        let bound = |pick: fn(f32, f32) -> f32| -> Vec<f32> {
+            (0..N).map(|axis| values.iter().map(|value| value[axis]).reduce(pick).unwrap_or_default()).collect()
+        };
+        self.accessors[accessor]["min"] = json!(bound(f32::min));
+        self.accessors[accessor]["max"] = json!(bound(f32::max));
+        accessor
+    }
+
+    /// Adds a mesh of one primitive, with the attributes that are given beside positions and normals.
+    fn add_mesh(&mut self, name: &str, mesh: &Mesh, mut attributes: Value) -> Value {
+        attributes["POSITION"] = json!(self.add_floats(&mesh.positions, "VEC3"));
+        attributes["NORMAL"] = json!(self.add_floats(&normals(mesh), "VEC3"));
+        let corners = mesh.triangles.as_flattened();
+        let bytes: Vec<u8> = corners.iter().flat_map(|&corner| (corner as u16).to_le_bytes()).collect();
+        let indices = self.add(&bytes, UNSIGNED_SHORT, "SCALAR", corners.len());
+        json!({ "name": name, "primitives": [{ "attributes": attributes, "indices": indices }] })
+    }
+}
+
+/// The area-weighted normals of a mesh.
+fn normals(mesh: &Mesh) -> Vec<[f32; 3]> {
+    let mut normals = vec![Vec3::ZERO; mesh.positions.len()];
+    for corners in &mesh.triangles {
+        let [a, b, c] = corners.map(|corner| Vec3::from(mesh.positions[corner as usize]));
+        let area = (b - a).cross(c - a);
+        for &corner in corners {
+            normals[corner as usize] += area;
+        }
+    }
+    normals.into_iter().map(|normal| normal.normalize_or(Vec3::Y).to_array()).collect()
+}
+
+/// The character, skinned to the joints `Torso` and `Leg`, an animation of both, and a skirt that stands around the
+/// character at time 0. The same bytes on every platform.
+#[must_use]
+pub fn character_file() -> Vec<u8> {
+    let character = character();
+    let mut buffer = Buffer::default();
+    let shares: Vec<f32> = character.leg_shares().iter().map(|&share| share as f32).collect();
+    let influences: Vec<[f32; 4]> = shares.iter().map(|&share| [1.0 - share, share, 0.0, 0.0]).collect();
+    let joints: Vec<u8> = influences.iter().flat_map(|_| [0, 1, 0, 0]).collect();
+    let attributes = json!({
+        "JOINTS_0": buffer.add(&joints, UNSIGNED_BYTE, "VEC4", influences.len()),
+        "WEIGHTS_0": buffer.add_floats(&influences, "VEC4"),
+    });
+    let skin = buffer.add_mesh(SKIN, character.rest(), attributes);
+    let skirt = buffer.add_mesh(SKIRT, &character_skirt(SKIRT_SIZE.0, SKIRT_SIZE.1), json!({}));
+    let (hip, _) = character.leg_pose(0.0);
+    let bind_poses = [Mat4::IDENTITY, Mat4::from_translation(-Vec3::from(hip))].map(|pose| pose.to_cols_array());
+    let bind_poses = buffer.add_floats(&bind_poses, "MAT4");
+    let times: Vec<f64> = (0..=DURATION * RATE).map(|key| key as f64 / RATE as f64).collect();
+    let input = buffer.add_floats(&times.iter().map(|&time| [time as f32]).collect::<Vec<_>>(), "SCALAR");
+    let torso: Vec<([f32; 3], [f32; 4])> = times.iter().map(|&time| character.torso_pose(time)).collect();
+    let places: Vec<[f32; 3]> = torso.iter().map(|&(place, _)| place).collect();
+    let turns: Vec<[f32; 4]> = torso.iter().map(|&(_, turn)| turn).collect();
+    let swings: Vec<[f32; 4]> = times
+        .iter()
+        .zip(&turns)
+        .map(|(&time, &turn)| {
+            let (_, leg) = character.leg_pose(time);
+            (Quat::from_array(turn).inverse() * Quat::from_array(leg)).normalize().to_array()
+        })
+        .collect();
+    let outputs = [
+        (buffer.add_floats(&places, "VEC3"), 1, "translation"),
+        (buffer.add_floats(&turns, "VEC4"), 1, "rotation"),
+        (buffer.add_floats(&swings, "VEC4"), 2, "rotation"),
+    ];
+    let samplers: Vec<Value> =
+        outputs.iter().map(|&(output, ..)| json!({ "input": input, "output": output })).collect();
+    let channels: Vec<Value> = outputs
+        .iter()
+        .enumerate()
+        .map(|(sampler, &(_, node, path))| json!({ "sampler": sampler, "target": { "node": node, "path": path } }))
+        .collect();
+    let root = json!({
+        "asset": { "version": "2.0", "generator": "bevy_circumsphere" },
+        "scene": 0,
+        "scenes": [{ "name": "Character", "nodes": [0] }],
+        "nodes": [
+            { "name": "Character", "children": [1, 3, 4] },
+            { "name": "Torso", "children": [2] },
+            { "name": "Leg", "translation": hip },
+            { "name": SKIN, "mesh": 0, "skin": 0 },
+            { "name": SKIRT, "mesh": 1 },
+        ],
+        "meshes": [skin, skirt],
+        "skins": [{ "joints": [1, 2], "inverseBindMatrices": bind_poses }],
+        "animations": [{ "name": "Walk", "channels": channels, "samplers": samplers }],
+        "accessors": buffer.accessors,
+        "bufferViews": buffer.views,
+        "buffers": [{ "byteLength": buffer.bytes.len() }],
+    });
+    // The container computes its own length.
+    let header = Header { magic: *b"glTF", version: 2, length: 0 };
+    let json = Cow::Owned(root.to_string().into_bytes());
+    let file = Glb { header, json, bin: Some(Cow::Owned(buffer.bytes)) };
+    file.to_vec().expect("a file of less than 4 gigabytes can be written into memory")
+}

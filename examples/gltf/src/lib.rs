@@ -1,0 +1,9 @@
+//! An animated character from a glTF file in a headless game: Bevy loads and animates it, its meshes are surfaces, and
+//! one of them is a garment.
+
+#![expect(clippy::missing_panics_doc, reason = "not published")]
+
+mod app;
+pub mod file;
+
+pub use app::{Cast, character_app, load};
