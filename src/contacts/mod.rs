@@ -7,6 +7,7 @@ mod events;
 mod gather;
 mod impacts;
 mod reading;
+mod reductions;
 mod sides;
 mod store;
 

@@ -14,6 +14,7 @@ mod pair_fates;
 mod poses;
 mod quarantine;
 mod rebuild;
+mod reductions;
 mod rest;
 mod rigid_shapes;
 mod setup;
