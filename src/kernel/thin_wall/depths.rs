@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::{
-    ThinWallSettings,
     body::Body,
     pairing::{Opposite, Pairing, opposite_plane},
     segments::Segments,
+    settings::ThinWallSettings,
 };
 use crate::kernel::mesh::barycentric::barycentric_of;
 

@@ -8,8 +8,8 @@
 use glam::DVec3;
 
 use super::{
-    ThinWallSettings,
     body::{Body, NO_TRIANGLE},
+    settings::ThinWallSettings,
 };
 
 /// The opposite point lies within this cosine of the inward normal.

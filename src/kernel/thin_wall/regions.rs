@@ -42,9 +42,9 @@ pub struct ThinRegion {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum LeftOutReason {
     /// No face lies opposite within reach, at an angle of no more than
-    /// [`opposed_angle`](super::ThinWallSettings::opposed_angle).
+    /// [`opposed_angle`](super::settings::ThinWallSettings::opposed_angle).
     NoOpposite,
-    /// It is not [`least_extent`](super::ThinWallSettings::least_extent) times as wide as thick.
+    /// It is not [`least_extent`](super::settings::ThinWallSettings::least_extent) times as wide as thick.
     NotThin,
     /// It is thin, but what is opposite it is no part of the same wall.
     OppositeLeft,
