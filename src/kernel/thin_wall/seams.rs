@@ -43,6 +43,21 @@ impl Places {
         Self { of, edges }
     }
 
+    /// The edges of walls: those of only one triangle of a wall, whether or not another wall is attached there.
+    fn wall_borders(&self, sheet: &Sheet) -> Vec<(usize, usize)> {
+        let mut borders = Vec::new();
+        for triangles in self.edges.values() {
+            let wall = |triangle: u32| sheet.walls[triangle as usize];
+            borders.extend(
+                triangles
+                    .iter()
+                    .filter(|&&(own, _)| triangles.iter().filter(|&&(other, _)| wall(other) == wall(own)).count() == 1)
+                    .map(|&(triangle, edge)| (triangle as usize, usize::from(edge))),
+            );
+        }
+        borders
+    }
+
     /// The edges of one triangle only.
     pub(super) fn borders(&self) -> impl Iterator<Item = (usize, usize)> {
         self.edges.values().filter_map(|triangles| match triangles.as_slice() {
@@ -64,7 +79,7 @@ pub(super) fn connect(sheet: &mut Sheet) {
 fn snap(sheet: &mut Sheet) {
     let places = Places::new(sheet);
     let mut is_border = vec![false; sheet.points.len()];
-    for (triangle, edge) in places.borders() {
+    for (triangle, edge) in places.wall_borders(sheet) {
         let corners = sheet.triangles[triangle];
         is_border[corners[edge] as usize] = true;
         is_border[corners[(edge + 1) % 3] as usize] = true;
@@ -116,7 +131,7 @@ fn split(sheet: &mut Sheet) {
     let places = Places::new(sheet);
     let mut is_border = vec![[false; 3]; sheet.triangles.len()];
     let mut passed: BTreeMap<u32, usize> = BTreeMap::new();
-    for (triangle, edge) in places.borders() {
+    for (triangle, edge) in places.wall_borders(sheet) {
         is_border[triangle][edge] = true;
         for vertex in [sheet.triangles[triangle][edge], sheet.triangles[triangle][(edge + 1) % 3]] {
             passed.entry(places.of[vertex as usize]).or_insert(vertex as usize);
