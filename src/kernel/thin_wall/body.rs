@@ -15,7 +15,7 @@ use crate::kernel::{
 
 /// A triangle lower than this many roundings of the largest coordinate has a normal of rounding errors. It takes that
 /// of its neighbor.
-const SLIVER_ROUNDINGS: f64 = 64.0;
+const SLIVER_ROUNDINGS: f64 = 16.0;
 
 /// Distances below this share of the size of the mesh are 0: rounded positions differ by less.
 const ROUNDING_SHARE: f64 = 1.0e-6;

@@ -84,7 +84,7 @@ impl ThinWalls {
         let is_thin = segments::thin_triangles(&body, &pairing, &segments, settings);
         let depths = CornerDepths::new(&body, &pairing, &segments, settings, &is_thin);
         let walls = Walls::new(&body, &pairing, &segments, &depths, &is_thin);
-        let mut sheet = Sheet::new(&body, &segments, &depths, &walls);
+        let mut sheet = Sheet::new(&body, &pairing, &segments, &depths, &walls);
         seams::connect(&mut sheet);
         let thick = Thickened::new(&sheet);
         let covered: Vec<u32> = (0..body.triangle_count())

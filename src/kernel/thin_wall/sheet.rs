@@ -9,6 +9,7 @@ use glam::{DMat3, DVec3};
 use super::{
     body::Body,
     depths::{CornerDepths, Depth, corner_angle},
+    pairing::Pairing,
     segments::{NO_SEGMENT, Segments},
     walls::{Role, Walls},
 };
@@ -50,7 +51,13 @@ pub(super) struct Constraint {
 }
 
 impl Sheet {
-    pub(super) fn new(body: &Body, segments: &Segments, depths: &CornerDepths, walls: &Walls) -> Self {
+    pub(super) fn new(
+        body: &Body,
+        pairing: &Pairing,
+        segments: &Segments,
+        depths: &CornerDepths,
+        walls: &Walls,
+    ) -> Self {
         let vertex_count = body.points.len();
         let mut constraints: Vec<Vec<Constraint>> = vec![Vec::new(); vertex_count];
         let mut facing = vec![DVec3::ZERO; vertex_count];
@@ -58,12 +65,14 @@ impl Sheet {
             if *role == Role::Rest {
                 continue;
             }
+            let middle = middle_normal(body, pairing, triangle);
+            let tilt = middle.dot(body.normals[triangle]);
             for (k, vertex) in body.vertices(triangle).into_iter().enumerate() {
                 let weight = angle_at(body, triangle, k);
-                let normal = body.normals[triangle];
-                constraints[vertex].push(Constraint { normal, depth: depths.of(triangle)[k].depth, weight });
+                let depth = tilt * depths.of(triangle)[k].depth;
+                constraints[vertex].push(Constraint { normal: middle, depth, weight });
                 if *role == Role::Carrier {
-                    facing[vertex] += normal * weight;
+                    facing[vertex] += body.normals[triangle] * weight;
                 }
             }
         }
@@ -111,6 +120,14 @@ impl Sheet {
     pub(super) fn corners(&self, triangle: usize) -> [DVec3; 3] {
         self.triangles[triangle].map(|vertex| self.points[vertex as usize])
     }
+}
+
+/// The normal of the middle surface below a triangle. It differs from that of the triangle where the thickness varies.
+fn middle_normal(body: &Body, pairing: &Pairing, triangle: usize) -> DVec3 {
+    let opposites = pairing.of(triangle).iter().filter_map(|sample| sample.opposite);
+    let opposite: DVec3 = opposites.map(|opposite| body.normals[opposite.triangle as usize]).sum();
+    let normal = body.normals[triangle];
+    (normal - opposite.normalize_or_zero()).normalize_or(normal)
 }
 
 fn angle_at(body: &Body, triangle: usize, k: usize) -> f64 {
