@@ -81,6 +81,19 @@ impl Facets {
         });
         is_blocked
     }
+
+    /// The distance from `from` to the first triangle in a unit direction, if it is within `range`.
+    pub(super) fn first_hit(&self, from: DVec3, direction: DVec3, range: f64) -> Option<f64> {
+        let mut first = None;
+        let sweep = Sweep { origin: from, direction, half_extents: DVec3::ZERO };
+        self.tree.cast(&sweep, range, |triangle| {
+            let along = ray_meets(&self.corners[triangle as usize], from, direction)?;
+            let is_first = (0.0..=first.unwrap_or(range)).contains(&along);
+            first = if is_first { Some(along) } else { first };
+            is_first.then_some(along)
+        });
+        first
+    }
 }
 
 /// Where a line meets a triangle, in lengths of its direction (Möller and Trumbore 1997).

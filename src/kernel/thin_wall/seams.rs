@@ -123,7 +123,7 @@ fn drop_collapsed(sheet: &mut Sheet) {
     let mut kept = is_kept.iter();
     sheet.walls.retain(|_| *kept.next().expect("one for each"));
     let mut kept = is_kept.iter();
-    sheet.normals.retain(|_| *kept.next().expect("one for each"));
+    sheet.faces.retain(|_| *kept.next().expect("one for each"));
 }
 
 /// Splits triangles whose border edges pass border vertices.
@@ -153,12 +153,13 @@ fn split(sheet: &mut Sheet) {
         let between = sheet.points.len() as u32;
         sheet.points.push(sheet.points[vertex]);
         sheet.halves.push(half);
+        sheet.origins.push([sheet.origins[a as usize][0], sheet.origins[b as usize][1]]);
         let [first, second, third] = [edge, (edge + 1) % 3, (edge + 2) % 3].map(|edge| borders[edge]);
         let added = sheet.triangles.len();
         sheet.triangles[triangle] = [a, between, c];
         sheet.triangles.push([between, b, c]);
         sheet.walls.push(sheet.walls[triangle]);
-        sheet.normals.push(sheet.normals[triangle]);
+        sheet.faces.push(sheet.faces[triangle]);
         open.push((triangle, [first, false, third]));
         open.push((added, [first, second, false]));
     }

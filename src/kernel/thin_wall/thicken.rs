@@ -3,9 +3,11 @@
 use glam::DVec3;
 
 use super::{
-    body::Facets,
+    body::{Body, Facets},
+    depths::corner_angle,
     seams::Places,
-    sheet::{Constraint, Sheet, meet},
+    segments::Segments,
+    sheet::{Constraint, FARTHEST_MOVE, FARTHEST_SMOOTH_MOVE, Sheet, meet},
 };
 use crate::kernel::mesh::barycentric::barycentric_of;
 
@@ -20,6 +22,8 @@ pub(super) struct Thickened {
     pub(super) surface: Facets,
     /// For each triangle of the surface, the triangle of the sheet.
     pub(super) sources: Vec<u32>,
+    /// The vertices of the sheet at the border of each strip. The strips are the last triangles of the surface.
+    pub(super) strips: Vec<[u32; 2]>,
     /// The triangles of the sheet.
     middle: Facets,
     halves: Vec<[f64; 3]>,
@@ -28,10 +32,10 @@ pub(super) struct Thickened {
 }
 
 impl Thickened {
-    pub(super) fn new(sheet: &Sheet) -> Self {
+    pub(super) fn new(body: &Body, segments: &Segments, sheet: &Sheet) -> Self {
         let places = Places::new(sheet);
-        let offsets = corner_offsets(sheet, &places);
-        let (mut corners, mut sources) = (Vec::new(), Vec::new());
+        let offsets = corner_offsets(body, segments, sheet, &places);
+        let (mut corners, mut sources, mut strips) = (Vec::new(), Vec::new(), Vec::new());
         for triangle in 0..sheet.triangles.len() {
             let points = sheet.corners(triangle);
             corners.push([0, 1, 2].map(|k| points[k] + offsets[triangle][k][0]));
@@ -46,13 +50,15 @@ impl Thickened {
             corners.push([a[0], a[1], b[1]]);
             corners.push([a[0], b[1], b[0]]);
             sources.extend([triangle as u32; 2]);
+            strips.extend([[edge, (edge + 1) % 3].map(|k| sheet.triangles[triangle][k]); 2]);
         }
         let halves =
             sheet.triangles.iter().map(|corners| corners.map(|vertex| sheet.halves[vertex as usize])).collect();
         Self {
             surface: Facets::new(corners),
             sources,
-            middle: Facets::new((0..sheet.triangles.len()).map(|triangle| sheet.corners(triangle)).collect()),
+            strips,
+            middle: sheet.facets(),
             halves,
             is_border,
             most: sheet.halves.iter().copied().fold(0.0, f64::max),
@@ -74,16 +80,14 @@ impl Thickened {
         let mut is_inside = false;
         self.middle.closest(point, self.most, |triangle, closest| {
             let corners = &self.middle.corners[triangle as usize];
-            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
-            let height = (point - closest).dot(normal).abs();
-            let aside = (point - closest).length_squared() - height * height;
             let weights = barycentric_of(corners, closest);
             let half: f64 = (0..3).map(|k| weights[k] * self.halves[triangle as usize][k]).sum();
             let near_border = (0..3).any(|k| {
                 self.is_border[triangle as usize][k]
                     && distance_to_line(corners[k], corners[(k + 1) % 3], closest) < BORDER_SHARE * half
             });
-            is_inside |= !near_border && height < INSIDE_SHARE * half && aside <= (BORDER_SHARE * half).powi(2);
+            // Beyond a crease, the closest point is on it.
+            is_inside |= !near_border && point.distance_squared(closest) < (INSIDE_SHARE * half).powi(2);
             false
         });
         is_inside
@@ -95,16 +99,24 @@ fn distance_to_line(a: DVec3, b: DVec3, point: DVec3) -> f64 {
 }
 
 /// The unit normal of a triangle of the sheet, on the side of the face that it was.
-fn normal(sheet: &Sheet, triangle: usize) -> DVec3 {
+fn normal(body: &Body, sheet: &Sheet, triangle: usize) -> DVec3 {
     let [a, b, c] = sheet.corners(triangle);
     let normal = (b - a).cross(c - a).normalize_or_zero();
-    if normal == DVec3::ZERO { sheet.normals[triangle] } else { normal }
+    let before = body.normals[sheet.faces[triangle] as usize];
+    if normal == DVec3::ZERO {
+        before
+    } else if normal.dot(before) < 0.0 {
+        // Turned over in its plane, when its corners moved along it.
+        -normal
+    } else {
+        normal
+    }
 }
 
 /// For each corner of each triangle, the way to the two sides: half the thickness from the planes of all triangles of the
 /// fan around it. Where walls end at common edges, they have the same corner, as in a miter joint.
-fn corner_offsets(sheet: &Sheet, places: &Places) -> Vec<[[DVec3; 2]; 3]> {
-    let normals: Vec<DVec3> = (0..sheet.triangles.len()).map(|triangle| normal(sheet, triangle)).collect();
+fn corner_offsets(body: &Body, segments: &Segments, sheet: &Sheet, places: &Places) -> Vec<[[DVec3; 2]; 3]> {
+    let normals: Vec<DVec3> = (0..sheet.triangles.len()).map(|triangle| normal(body, sheet, triangle)).collect();
     let place_count = places.of.iter().map(|&place| place as usize + 1).max().unwrap_or(0);
     let mut around: Vec<Vec<(usize, usize)>> = vec![Vec::new(); place_count];
     for (triangle, corners) in sheet.triangles.iter().enumerate() {
@@ -115,16 +127,21 @@ fn corner_offsets(sheet: &Sheet, places: &Places) -> Vec<[[DVec3; 2]; 3]> {
     let mut offsets = vec![[[DVec3::ZERO; 2]; 3]; sheet.triangles.len()];
     for triangles in &around {
         for fan in fans(sheet, places, triangles) {
+            let segment = |&(place, _): &(usize, f64)| segments.of[sheet.faces[triangles[place].0] as usize];
+            let is_smooth = fan.iter().all(|own| segment(own) == segment(&fan[0]));
+            let farthest = if is_smooth { FARTHEST_SMOOTH_MOVE } else { FARTHEST_MOVE };
             let way = |side: f64| {
                 let constraints: Vec<Constraint> = fan
                     .iter()
                     .map(|&(place, turn)| {
                         let (triangle, k) = triangles[place];
                         let half = sheet.halves[sheet.triangles[triangle][k] as usize];
-                        Constraint { normal: normals[triangle] * (side * turn), depth: half, weight: 1.0 }
+                        let points = sheet.corners(triangle);
+                        let weight = corner_angle(points[(k + 1) % 3] - points[k], points[(k + 2) % 3] - points[k]);
+                        Constraint { normal: normals[triangle] * (side * turn), depth: half, weight }
                     })
                     .collect();
-                -meet(&constraints)
+                -meet(&constraints, farthest)
             };
             let sides = [way(1.0), way(-1.0)];
             for &(place, turn) in &fan {
