@@ -171,6 +171,11 @@ impl Body {
         others.next().filter(|_| is_first(triangle) && others.next().is_none())
     }
 
+    /// Whether an edge is of one triangle only.
+    pub(super) fn is_border(&self, triangle: usize, edge: usize) -> bool {
+        self.topology.triangles_of_edge(EdgeId(self.topology.triangle_edges()[triangle][edge])).len() == 1
+    }
+
     pub(super) fn neighbors(&self, triangle: usize) -> impl Iterator<Item = usize> {
         (0..3).filter_map(move |edge| self.neighbor(triangle, edge))
     }

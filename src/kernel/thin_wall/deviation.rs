@@ -85,11 +85,11 @@ impl Deviation {
                 errors[triangle] = errors[triangle].max(error);
             }
         }
-        let is_at_left = beside_left(body, sheet, is_replaced);
+        let is_rimless = without_rim(body, sheet, is_replaced);
         let strips = thick.surface.corners.len() - thick.strips.len();
         for triangle in 0..thick.surface.corners.len() {
-            // Strips towards what is left are within the original.
-            if triangle >= strips && thick.strips[triangle - strips].iter().all(|&end| is_at_left[end as usize]) {
+            // Strips towards what is left are within the original. An open one has no rim.
+            if triangle >= strips && thick.strips[triangle - strips].iter().all(|&end| is_rimless[end as usize]) {
                 continue;
             }
             let face = sheet.faces[thick.sources[triangle] as usize] as usize;
@@ -107,15 +107,22 @@ impl Deviation {
     }
 }
 
-/// Which vertices of the sheet were at triangles of the body that are left.
-fn beside_left(body: &Body, sheet: &Sheet, is_replaced: &[bool]) -> Vec<bool> {
-    let mut is_left = vec![false; body.points.len()];
+/// Which vertices of the sheet were at triangles of the body that are left, or at its border.
+fn without_rim(body: &Body, sheet: &Sheet, is_replaced: &[bool]) -> Vec<bool> {
+    let mut is_rimless = vec![false; body.points.len()];
     for triangle in (0..is_replaced.len()).filter(|&triangle| !is_replaced[triangle]) {
         for vertex in body.vertices(triangle) {
-            is_left[vertex] = true;
+            is_rimless[vertex] = true;
         }
     }
-    sheet.origins.iter().map(|ends| ends.iter().all(|&end| is_left[end as usize])).collect()
+    for triangle in 0..body.triangle_count() {
+        let vertices = body.vertices(triangle);
+        for edge in (0..3).filter(|&edge| body.is_border(triangle, edge)) {
+            is_rimless[vertices[edge]] = true;
+            is_rimless[vertices[(edge + 1) % 3]] = true;
+        }
+    }
+    sheet.origins.iter().map(|ends| ends.iter().all(|&end| is_rimless[end as usize])).collect()
 }
 
 /// Points all over a triangle, with its corners and the middles of its edges.
