@@ -211,6 +211,15 @@ fn jittered_panels_with_holes_are_replaced() {
 }
 
 #[test]
+fn folded_faces_come_to_an_end() {
+    // Vertices stray into neighboring cells, so triangles turn over and are opposite each other at no distance.
+    for cells in [[24, 18], [60, 45]] {
+        let (walls, _) = find(&Shell { middle: &roof, is_ring: false, cells, jitter: 0.5, ..PLAIN }.mesh());
+        assert!(walls.abstracted_area >= 0.8 * walls.area_before, "{:?}", walls.left_out);
+    }
+}
+
+#[test]
 fn corners_of_boxes_are_mitered() {
     let mut inside = cuboid([0.96, 0.76, 0.56], 3);
     inside.triangles.iter_mut().for_each(|corners| corners.reverse());

@@ -90,6 +90,7 @@ impl Pairing {
                 let opposite = |point| {
                     opposite_plane(body, settings, triangle, point, range)
                         .and_then(|plane| plane.at(point, body.normals[triangle]))
+                        .filter(|opposite| opposite.depth > body.rounding)
                 };
                 samples.extend(lattice(*corners, rows).map(|point| Sample { point, opposite: opposite(point) }));
             }

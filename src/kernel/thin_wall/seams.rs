@@ -172,9 +172,12 @@ fn middle_vertex(sheet: &Sheet, points: &Facets, border: &[usize], ends: [usize;
     let length = way.length();
     let seam = SEAM_SHARE * sheet.halves[ends[0]].min(sheet.halves[ends[1]]);
     let mut best: Option<(f64, usize, f64)> = None;
-    points.closest(from.midpoint(to), 0.5 * length, |other, point| {
+    points.closest(from.midpoint(to), 0.5 * length, |other, _| {
+        let point = sheet.points[border[other as usize]];
         let along = (point - from).dot(way) / (length * length);
-        let is_between = along * length > seam && (1.0 - along) * length > seam;
+        // A seam may be so narrow that an end is beyond it only by rounding.
+        let is_end = point == from || point == to;
+        let is_between = !is_end && along * length > seam && (1.0 - along) * length > seam;
         if is_between && point.distance(from + way * along) <= seam {
             let vertex = border[other as usize];
             let off = (along - 0.5).abs();
