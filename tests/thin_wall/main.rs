@@ -3,6 +3,7 @@
 mod defects;
 mod panels;
 mod recordings;
+mod shells;
 
 use bevy_circumsphere::geometry::thin_wall::{Deviation, ThinWallSettings, ThinWalls};
 use circumsphere_support::scenes::Mesh;

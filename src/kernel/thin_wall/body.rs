@@ -15,7 +15,7 @@ use crate::kernel::{
 
 /// A triangle lower than this many roundings of the largest coordinate has a normal of rounding errors. It takes that
 /// of its neighbor.
-const SLIVER_ROUNDINGS: f64 = 64.0;
+const SLIVER_ROUNDINGS: f64 = 16.0;
 
 /// Distances below this share of the size of the mesh are 0: rounded positions differ by less.
 const ROUNDING_SHARE: f64 = 1.0e-6;
@@ -80,6 +80,19 @@ impl Facets {
             is_blocked.then_some(0.0)
         });
         is_blocked
+    }
+
+    /// The distance from `from` to the first triangle in a unit direction, if it is within `range`.
+    pub(super) fn first_hit(&self, from: DVec3, direction: DVec3, range: f64) -> Option<f64> {
+        let mut first = None;
+        let sweep = Sweep { origin: from, direction, half_extents: DVec3::ZERO };
+        self.tree.cast(&sweep, range, |triangle| {
+            let along = ray_meets(&self.corners[triangle as usize], from, direction)?;
+            let is_first = (0.0..=first.unwrap_or(range)).contains(&along);
+            first = if is_first { Some(along) } else { first };
+            is_first.then_some(along)
+        });
+        first
     }
 }
 
@@ -156,6 +169,11 @@ impl Body {
         let around = self.topology.triangles_of_edge(edge).iter().map(|&triangle| triangle as usize);
         let mut others = around.filter(|&other| other != triangle && is_first(other));
         others.next().filter(|_| is_first(triangle) && others.next().is_none())
+    }
+
+    /// Whether an edge is of one triangle only.
+    pub(super) fn is_border(&self, triangle: usize, edge: usize) -> bool {
+        self.topology.triangles_of_edge(EdgeId(self.topology.triangle_edges()[triangle][edge])).len() == 1
     }
 
     pub(super) fn neighbors(&self, triangle: usize) -> impl Iterator<Item = usize> {

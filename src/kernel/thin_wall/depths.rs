@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::{
-    ThinWallSettings,
     body::Body,
     pairing::{Opposite, Pairing, opposite_plane},
     segments::Segments,
+    settings::ThinWallSettings,
 };
 use crate::kernel::mesh::barycentric::barycentric_of;
 
@@ -55,7 +55,8 @@ impl CornerDepths {
                 continue;
             };
             for k in 0..3 {
-                let is_plausible = |found: &Opposite| found.depth <= MOST_GROWTH * mean.depth;
+                let is_plausible =
+                    |found: &Opposite| found.depth > body.rounding && found.depth <= MOST_GROWTH * mean.depth;
                 let found = PROBES.iter().find_map(|&share| {
                     let probe = corners[k].lerp(center, share);
                     let plane = opposite_plane(body, settings, triangle, probe, pairing.range)?;

@@ -12,65 +12,38 @@ mod depths;
 mod deviation;
 mod pairing;
 mod regions;
+mod rims;
 mod seams;
 mod segments;
+mod settings;
 mod sheet;
 mod thicken;
 mod walls;
 
-use bevy_math::ops;
 use glam::Vec3;
 
 pub use self::{
     deviation::Deviation,
     regions::{LeftOut, LeftOutReason, RegionKind, ThinRegion},
+    settings::ThinWallSettings,
 };
 pub use crate::kernel::mesh::validation::TopologyError;
 
 use self::{
-    body::Body,
-    depths::CornerDepths,
-    pairing::Pairing,
-    regions::Fate,
-    segments::Segments,
-    sheet::Sheet,
-    thicken::Thickened,
-    walls::{NO_WALL, Role, Walls},
+    body::Body, depths::CornerDepths, pairing::Pairing, regions::Fate, segments::Segments, sheet::Sheet,
+    thicken::Thickened, walls::Walls,
 };
 
-/// What counts as a thin wall.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ThinWallSettings {
-    /// The largest angle between one side and the reverse of the other, in radians. Default: 30°. Clamped to 0 to 60°.
-    pub opposed_angle: f32,
-    /// Faces that meet at a larger angle are of different walls, in radians. Default: 35°. Clamped to 0 to 90°.
-    pub crease_angle: f32,
-    /// How many times as wide as thick a wall must be. Default: 4. At least 1.
-    pub least_extent: f32,
-    /// The same for walls that are attached to others. Default: 2. At least 1.
-    pub least_rib_extent: f32,
-}
+/// A sheet farther than this share of its thickness from its wall does not replace it.
+const MOST_DEVIATION: f64 = 0.25;
 
-impl Default for ThinWallSettings {
-    fn default() -> Self {
-        Self {
-            opposed_angle: 30_f32.to_radians(),
-            crease_angle: 35_f32.to_radians(),
-            least_extent: 4.0,
-            least_rib_extent: 2.0,
-        }
-    }
-}
+/// So much of the thin area is replaced in any case, if it can be.
+const LEAST_REPLACED: f64 = 0.9;
 
-impl ThinWallSettings {
-    fn opposed_cosine(&self) -> f64 {
-        f64::from(ops::cos(self.opposed_angle.clamp(0.0, 60_f32.to_radians())))
-    }
-
-    fn crease_cosine(&self) -> f64 {
-        f64::from(ops::cos(self.crease_angle.clamp(0.0, 90_f32.to_radians())))
-    }
-}
+/// The largest share that each of several passes accepts. What is worst is left first, because its neighbors are often
+/// accurate without it.
+const PASSES: [f64; 9] =
+    [0.7, 0.5, 0.4, 0.3, MOST_DEVIATION, MOST_DEVIATION, MOST_DEVIATION, MOST_DEVIATION, MOST_DEVIATION];
 
 /// A mesh with its thin walls replaced by sheets.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -116,20 +89,27 @@ impl ThinWalls {
         let segments = Segments::new(&body, &pairing, settings);
         let is_thin = segments::thin_triangles(&body, &pairing, &segments, settings);
         let depths = CornerDepths::new(&body, &pairing, &segments, settings, &is_thin);
-        let walls = Walls::new(&body, &pairing, &segments, &depths, &is_thin);
-        let mut sheet = Sheet::new(&body, &segments, &depths, &walls);
-        seams::connect(&mut sheet);
-        let thick = Thickened::new(&sheet);
-        let covered: Vec<u32> = (0..body.triangle_count())
-            .map(|triangle| match walls.roles[triangle] {
-                Role::Rest => deviation::cover(&body, &thick, triangle)
-                    .map_or(NO_WALL, |near| sheet.walls[thick.sources[near as usize] as usize]),
-                _ => NO_WALL,
-            })
-            .collect();
-        let fates = regions::fates(&body, &pairing, &segments, &walls, &is_thin, &covered);
-        let is_replaced: Vec<bool> = fates.iter().map(|fate| matches!(fate, Fate::Replaced { .. })).collect();
-        let deviation = Deviation::measure(&body, &thick, &is_replaced);
+        let mut walls = Walls::new(&body, &pairing, &segments, &depths, &is_thin);
+        let mut is_inaccurate = vec![false; body.triangle_count()];
+        let mut passes = PASSES.into_iter();
+        let (sheet, fates, deviation) = loop {
+            let mut sheet = Sheet::new(&body, &pairing, &segments, &depths, &walls);
+            seams::connect(&mut sheet);
+            rims::extend(&body, &walls, &mut sheet);
+            let thick = Thickened::new(&body, &segments, &sheet);
+            let covered = deviation::covered(&body, &sheet, &thick, &walls);
+            let fates = regions::fates(&body, &pairing, &segments, &walls, &is_thin, &is_inaccurate, &covered);
+            let is_replaced: Vec<bool> = fates.iter().copied().map(Fate::is_replaced).collect();
+            let (deviation, errors) = Deviation::measure(&body, &sheet, &thick, &is_replaced);
+            // Passes without anything to leave are skipped.
+            let found =
+                passes.by_ref().map(|most| inaccurate(&body, &fates, &errors, most)).find(|found| !found.is_empty());
+            let Some(found) = found else { break (sheet, fates, deviation) };
+            for triangle in found {
+                is_inaccurate[triangle] = true;
+            }
+            walls.leave(&body, &pairing, &is_inaccurate);
+        };
         let (regions, region_of) = regions::regions(&body, &segments, &walls, &sheet, &fates);
         let left_out = regions::left_out(&body, &fates);
         let mut found = Self {
@@ -138,7 +118,7 @@ impl ThinWalls {
             abstracted_area: regions.iter().map(|region| region.area).sum::<f64>() + 0.0,
             sheet_regions: sheet.walls.iter().map(|&wall| region_of[wall as usize]).collect(),
             left: (0..body.triangle_count())
-                .filter(|&triangle| !is_replaced[triangle])
+                .filter(|&triangle| !fates[triangle].is_replaced())
                 .map(|triangle| triangle as u32)
                 .collect(),
             regions,
@@ -181,4 +161,25 @@ impl ThinWalls {
             add(triangles[triangle as usize], &mut names, &|vertex| (positions[vertex], 0.0));
         }
     }
+}
+
+/// The triangles whose sheet is too far from them, worst first, as many as may be left.
+fn inaccurate(body: &Body, fates: &[Fate], errors: &[f64], most: f64) -> Vec<usize> {
+    let (mut replaced, mut thin) = (0.0, 0.0);
+    for (fate, area) in fates.iter().zip(&body.areas) {
+        match fate {
+            Fate::Replaced { .. } => (replaced, thin) = (replaced + area, thin + area),
+            Fate::Left(reason) => thin += if reason.is_thin() { *area } else { 0.0 },
+        }
+    }
+    let mut found: Vec<usize> =
+        (0..fates.len()).filter(|&triangle| errors[triangle] > most && fates[triangle].is_replaced()).collect();
+    found.sort_by(|&a, &b| errors[b].total_cmp(&errors[a]).then(a.cmp(&b)));
+    let mut room = replaced - LEAST_REPLACED * thin;
+    found.retain(|&triangle| {
+        // What is opposite is left, too.
+        room -= 2.0 * body.areas[triangle];
+        room >= 0.0
+    });
+    found
 }

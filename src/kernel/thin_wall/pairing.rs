@@ -8,8 +8,8 @@
 use glam::DVec3;
 
 use super::{
-    ThinWallSettings,
     body::{Body, NO_TRIANGLE},
+    settings::ThinWallSettings,
 };
 
 /// The opposite point lies within this cosine of the inward normal.
@@ -90,6 +90,7 @@ impl Pairing {
                 let opposite = |point| {
                     opposite_plane(body, settings, triangle, point, range)
                         .and_then(|plane| plane.at(point, body.normals[triangle]))
+                        .filter(|opposite| opposite.depth > body.rounding)
                 };
                 samples.extend(lattice(*corners, rows).map(|point| Sample { point, opposite: opposite(point) }));
             }

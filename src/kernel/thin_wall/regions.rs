@@ -42,21 +42,23 @@ pub struct ThinRegion {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum LeftOutReason {
     /// No face lies opposite within reach, at an angle of no more than
-    /// [`opposed_angle`](super::ThinWallSettings::opposed_angle).
+    /// [`opposed_angle`](super::settings::ThinWallSettings::opposed_angle).
     NoOpposite,
-    /// It is not [`least_extent`](super::ThinWallSettings::least_extent) times as wide as thick.
+    /// It is not [`least_extent`](super::settings::ThinWallSettings::least_extent) times as wide as thick.
     NotThin,
     /// It is thin, but what is opposite it is no part of the same wall.
     OppositeLeft,
     /// It is thin, but its two sides are one smooth face that folds back.
     Folded,
+    /// It is thin, but its sheet would be farther than a quarter of its thickness from it.
+    Inaccurate,
 }
 
 impl LeftOutReason {
     /// Whether the part is thin nevertheless.
     #[must_use]
     pub fn is_thin(self) -> bool {
-        matches!(self, Self::OppositeLeft | Self::Folded)
+        matches!(self, Self::OppositeLeft | Self::Folded | Self::Inaccurate)
     }
 }
 
@@ -67,6 +69,7 @@ impl std::fmt::Display for LeftOutReason {
             Self::NotThin => "not thin: too thick for its width",
             Self::OppositeLeft => "thin, but the opposite face belongs to no wall",
             Self::Folded => "thin, but both sides are one smooth face",
+            Self::Inaccurate => "thin, but no sheet is within a quarter of its thickness",
         })
     }
 }
@@ -87,6 +90,12 @@ pub(super) enum Fate {
     Left(LeftOutReason),
 }
 
+impl Fate {
+    pub(super) fn is_replaced(self) -> bool {
+        matches!(self, Self::Replaced { .. })
+    }
+}
+
 /// The fate of each triangle. `covered` are the walls of rims.
 pub(super) fn fates(
     body: &Body,
@@ -94,6 +103,7 @@ pub(super) fn fates(
     segments: &Segments,
     walls: &Walls,
     is_thin: &[bool],
+    is_inaccurate: &[bool],
     covered: &[u32],
 ) -> Vec<Fate> {
     let mut fates: Vec<Fate> = (0..body.triangle_count())
@@ -105,7 +115,9 @@ pub(super) fn fates(
             if covered[triangle] != NO_WALL {
                 return Fate::Replaced { wall: covered[triangle] };
             }
-            Fate::Left(if is_thin[triangle] {
+            Fate::Left(if is_thin[triangle] && is_inaccurate[triangle] {
+                LeftOutReason::Inaccurate
+            } else if is_thin[triangle] {
                 let folds = pairing
                     .of(triangle)
                     .iter()

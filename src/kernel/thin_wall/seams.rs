@@ -43,6 +43,21 @@ impl Places {
         Self { of, edges }
     }
 
+    /// The edges of walls: those of only one triangle of a wall, whether or not another wall is attached there.
+    fn wall_borders(&self, sheet: &Sheet) -> Vec<(usize, usize)> {
+        let mut borders = Vec::new();
+        for triangles in self.edges.values() {
+            let wall = |triangle: u32| sheet.walls[triangle as usize];
+            borders.extend(
+                triangles
+                    .iter()
+                    .filter(|&&(own, _)| triangles.iter().filter(|&&(other, _)| wall(other) == wall(own)).count() == 1)
+                    .map(|&(triangle, edge)| (triangle as usize, usize::from(edge))),
+            );
+        }
+        borders
+    }
+
     /// The edges of one triangle only.
     pub(super) fn borders(&self) -> impl Iterator<Item = (usize, usize)> {
         self.edges.values().filter_map(|triangles| match triangles.as_slice() {
@@ -64,7 +79,7 @@ pub(super) fn connect(sheet: &mut Sheet) {
 fn snap(sheet: &mut Sheet) {
     let places = Places::new(sheet);
     let mut is_border = vec![false; sheet.points.len()];
-    for (triangle, edge) in places.borders() {
+    for (triangle, edge) in places.wall_borders(sheet) {
         let corners = sheet.triangles[triangle];
         is_border[corners[edge] as usize] = true;
         is_border[corners[(edge + 1) % 3] as usize] = true;
@@ -108,7 +123,7 @@ fn drop_collapsed(sheet: &mut Sheet) {
     let mut kept = is_kept.iter();
     sheet.walls.retain(|_| *kept.next().expect("one for each"));
     let mut kept = is_kept.iter();
-    sheet.normals.retain(|_| *kept.next().expect("one for each"));
+    sheet.faces.retain(|_| *kept.next().expect("one for each"));
 }
 
 /// Splits triangles whose border edges pass border vertices.
@@ -116,7 +131,7 @@ fn split(sheet: &mut Sheet) {
     let places = Places::new(sheet);
     let mut is_border = vec![[false; 3]; sheet.triangles.len()];
     let mut passed: BTreeMap<u32, usize> = BTreeMap::new();
-    for (triangle, edge) in places.borders() {
+    for (triangle, edge) in places.wall_borders(sheet) {
         is_border[triangle][edge] = true;
         for vertex in [sheet.triangles[triangle][edge], sheet.triangles[triangle][(edge + 1) % 3]] {
             passed.entry(places.of[vertex as usize]).or_insert(vertex as usize);
@@ -138,12 +153,13 @@ fn split(sheet: &mut Sheet) {
         let between = sheet.points.len() as u32;
         sheet.points.push(sheet.points[vertex]);
         sheet.halves.push(half);
+        sheet.origins.push([sheet.origins[a as usize][0], sheet.origins[b as usize][1]]);
         let [first, second, third] = [edge, (edge + 1) % 3, (edge + 2) % 3].map(|edge| borders[edge]);
         let added = sheet.triangles.len();
         sheet.triangles[triangle] = [a, between, c];
         sheet.triangles.push([between, b, c]);
         sheet.walls.push(sheet.walls[triangle]);
-        sheet.normals.push(sheet.normals[triangle]);
+        sheet.faces.push(sheet.faces[triangle]);
         open.push((triangle, [first, false, third]));
         open.push((added, [first, second, false]));
     }
@@ -156,9 +172,12 @@ fn middle_vertex(sheet: &Sheet, points: &Facets, border: &[usize], ends: [usize;
     let length = way.length();
     let seam = SEAM_SHARE * sheet.halves[ends[0]].min(sheet.halves[ends[1]]);
     let mut best: Option<(f64, usize, f64)> = None;
-    points.closest(from.midpoint(to), 0.5 * length, |other, point| {
+    points.closest(from.midpoint(to), 0.5 * length, |other, _| {
+        let point = sheet.points[border[other as usize]];
         let along = (point - from).dot(way) / (length * length);
-        let is_between = along * length > seam && (1.0 - along) * length > seam;
+        // A seam may be so narrow that an end is beyond it only by rounding.
+        let is_end = point == from || point == to;
+        let is_between = !is_end && along * length > seam && (1.0 - along) * length > seam;
         if is_between && point.distance(from + way * along) <= seam {
             let vertex = border[other as usize];
             let off = (along - 0.5).abs();

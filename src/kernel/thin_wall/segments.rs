@@ -4,9 +4,9 @@
 use glam::DVec3;
 
 use super::{
-    ThinWallSettings,
     body::{Body, Facets},
     pairing::{Pairing, Sample},
+    settings::ThinWallSettings,
 };
 
 /// Marks a triangle in no segment.

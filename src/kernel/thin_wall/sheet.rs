@@ -7,8 +7,9 @@
 use glam::{DMat3, DVec3};
 
 use super::{
-    body::Body,
+    body::{Body, Facets},
     depths::{CornerDepths, Depth, corner_angle},
+    pairing::Pairing,
     segments::{NO_SEGMENT, Segments},
     walls::{Role, Walls},
 };
@@ -23,8 +24,18 @@ const RIM_WEIGHT: f64 = 0.25;
 /// Faces within this cosine of the plane of the wall's normal are a rim.
 const RIM_COSINE: f64 = 0.5;
 
-/// No vertex moves farther than this many depths.
-const FARTHEST_MOVE: f64 = 3.0;
+/// No vertex moves farther than this many depths where walls meet.
+pub(super) const FARTHEST_MOVE: f64 = 3.0;
+
+/// The same within one smooth face: at its creases, which are less than twice 40°.
+pub(super) const FARTHEST_SMOOTH_MOVE: f64 = 1.3;
+
+/// A vertex that would move farther than this many depths, and miss the planes by more than [`MOST_MISS`] nevertheless,
+/// only moves along their main normal: its planes have no common point, but noise.
+const NEAR_MOVE: f64 = 1.2;
+
+/// See [`NEAR_MOVE`], in depths.
+const MOST_MISS: f64 = 0.15;
 
 /// Rotations until a symmetric matrix is diagonal.
 const JACOBI_SWEEPS: usize = 12;
@@ -37,8 +48,10 @@ pub(super) struct Sheet {
     pub(super) triangles: Vec<[u32; 3]>,
     /// The wall of each triangle.
     pub(super) walls: Vec<u32>,
-    /// The outward normal of the face that each triangle was, towards which it still faces.
-    pub(super) normals: Vec<DVec3>,
+    /// The triangle of the body that each triangle was.
+    pub(super) faces: Vec<u32>,
+    /// The vertex of the body that each vertex was, twice, or the two between which it was added.
+    pub(super) origins: Vec<[u32; 2]>,
 }
 
 /// A plane in which a vertex is wanted: `normal` · move = −`depth`.
@@ -50,24 +63,41 @@ pub(super) struct Constraint {
 }
 
 impl Sheet {
-    pub(super) fn new(body: &Body, segments: &Segments, depths: &CornerDepths, walls: &Walls) -> Self {
+    pub(super) fn new(
+        body: &Body,
+        pairing: &Pairing,
+        segments: &Segments,
+        depths: &CornerDepths,
+        walls: &Walls,
+    ) -> Self {
         let vertex_count = body.points.len();
         let mut constraints: Vec<Vec<Constraint>> = vec![Vec::new(); vertex_count];
         let mut facing = vec![DVec3::ZERO; vertex_count];
-        for (triangle, role) in walls.roles.iter().enumerate() {
+        let mut farthest = vec![FARTHEST_SMOOTH_MOVE; vertex_count];
+        let mut first_segment = vec![NO_SEGMENT; vertex_count];
+        // Walls that are left hold the vertices of their neighbors where they were.
+        for (triangle, role) in walls.intended.iter().enumerate() {
             if *role == Role::Rest {
                 continue;
             }
+            let middle = middle_normal(body, pairing, triangle);
+            let tilt = middle.dot(body.normals[triangle]);
             for (k, vertex) in body.vertices(triangle).into_iter().enumerate() {
                 let weight = angle_at(body, triangle, k);
-                let normal = body.normals[triangle];
-                constraints[vertex].push(Constraint { normal, depth: depths.of(triangle)[k].depth, weight });
+                let depth = tilt * depths.of(triangle)[k].depth;
+                constraints[vertex].push(Constraint { normal: middle, depth, weight });
+                let first = &mut first_segment[vertex];
+                match *first {
+                    NO_SEGMENT => *first = segments.of[triangle],
+                    segment if segment != segments.of[triangle] => farthest[vertex] = FARTHEST_MOVE,
+                    _ => {}
+                }
                 if *role == Role::Carrier {
-                    facing[vertex] += normal * weight;
+                    facing[vertex] += body.normals[triangle] * weight;
                 }
             }
         }
-        for (triangle, role) in walls.roles.iter().enumerate() {
+        for (triangle, role) in walls.intended.iter().enumerate() {
             let normal = body.normals[triangle];
             if *role != Role::Rest || segments.of[triangle] != NO_SEGMENT || normal == DVec3::ZERO {
                 continue;
@@ -88,7 +118,7 @@ impl Sheet {
                 let place = sheet.triangles.len();
                 sheet.triangles.push([0; 3]);
                 sheet.walls.push(wall);
-                sheet.normals.push(body.normals[triangle]);
+                sheet.faces.push(triangle as u32);
                 for (k, vertex) in body.vertices(triangle).into_iter().enumerate() {
                     corners.push((vertex, wall, place, k, depths.of(triangle)[k]));
                 }
@@ -97,13 +127,15 @@ impl Sheet {
         corners.sort_by_key(|&(vertex, wall, place, k, _)| (vertex, wall, place, k));
         for around in corners.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             let vertex = around[0].0;
-            let point = *moved[vertex].get_or_insert_with(|| body.points[vertex] + meet(&constraints[vertex]));
+            let point = *moved[vertex]
+                .get_or_insert_with(|| body.points[vertex] + meet(&constraints[vertex], farthest[vertex]));
             let half = around.iter().map(|corner| corner.4.half).sum::<f64>() / around.len() as f64;
             for &(_, _, place, k, _) in around {
                 sheet.triangles[place][k] = sheet.points.len() as u32;
             }
             sheet.points.push(point);
             sheet.halves.push(half);
+            sheet.origins.push([vertex as u32; 2]);
         }
         sheet
     }
@@ -111,6 +143,19 @@ impl Sheet {
     pub(super) fn corners(&self, triangle: usize) -> [DVec3; 3] {
         self.triangles[triangle].map(|vertex| self.points[vertex as usize])
     }
+
+    /// Its triangles, to search.
+    pub(super) fn facets(&self) -> Facets {
+        Facets::new((0..self.triangles.len()).map(|triangle| self.corners(triangle)).collect())
+    }
+}
+
+/// The normal of the middle surface below a triangle. It differs from that of the triangle where the thickness varies.
+fn middle_normal(body: &Body, pairing: &Pairing, triangle: usize) -> DVec3 {
+    let opposites = pairing.of(triangle).iter().filter_map(|sample| sample.opposite);
+    let opposite: DVec3 = opposites.map(|opposite| body.normals[opposite.triangle as usize]).sum();
+    let normal = body.normals[triangle];
+    (normal - opposite.normalize_or_zero()).normalize_or(normal)
 }
 
 fn angle_at(body: &Body, triangle: usize, k: usize) -> f64 {
@@ -118,8 +163,8 @@ fn angle_at(body: &Body, triangle: usize, k: usize) -> f64 {
     corner_angle(corners[(k + 1) % 3] - corners[k], corners[(k + 2) % 3] - corners[k])
 }
 
-/// The shortest move that goes to all planes, as nearly as possible.
-pub(super) fn meet(constraints: &[Constraint]) -> DVec3 {
+/// The shortest move that goes to all planes, as nearly as possible, no farther than `farthest` times the largest depth.
+pub(super) fn meet(constraints: &[Constraint], farthest: f64) -> DVec3 {
     let mut matrix = DMat3::ZERO;
     let mut goal = DVec3::ZERO;
     for &Constraint { normal, depth, weight } in constraints {
@@ -128,14 +173,23 @@ pub(super) fn meet(constraints: &[Constraint]) -> DVec3 {
     }
     let (values, vectors) = eigen(matrix);
     let largest = values.max_element();
-    let mut result = DVec3::ZERO;
-    for k in 0..3 {
-        if values[k] > LEAST_EIGENVALUE * largest {
-            result += vectors.col(k) * (vectors.col(k).dot(goal) / values[k]);
-        }
-    }
+    let along = |k: usize| vectors.col(k) * (vectors.col(k).dot(goal) / values[k]);
+    let moved: DVec3 = (0..3).filter(|&k| values[k] > LEAST_EIGENVALUE * largest).map(along).sum();
     let deepest = constraints.iter().map(|constraint| constraint.depth).fold(0.0, f64::max);
-    result.clamp_length_max(FARTHEST_MOVE * deepest)
+    if moved.length() > NEAR_MOVE * deepest && miss(constraints, moved) > MOST_MISS * deepest {
+        let main = (0..3).find(|&k| values[k] == largest).filter(|_| largest > 0.0);
+        return main.map_or(DVec3::ZERO, along).clamp_length_max(NEAR_MOVE * deepest);
+    }
+    moved.clamp_length_max(farthest * deepest)
+}
+
+/// By how much a move misses the planes: the root of the mean square.
+fn miss(constraints: &[Constraint], moved: DVec3) -> f64 {
+    let (sum, weights) = constraints.iter().fold((0.0, 0.0), |(sum, weights), constraint| {
+        let off = constraint.normal.dot(moved) + constraint.depth;
+        (sum + constraint.weight * off * off, weights + constraint.weight)
+    });
+    if weights > 0.0 { (sum / weights).sqrt() } else { 0.0 }
 }
 
 /// Eigenvalues and eigenvectors of a symmetric matrix (Jacobi 1846).

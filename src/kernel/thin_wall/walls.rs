@@ -43,6 +43,8 @@ pub(super) struct Walls {
     pub(super) of_segment: Vec<u32>,
     pub(super) count: usize,
     pub(super) roles: Vec<Role>,
+    /// The roles before any wall was left for being inaccurate.
+    pub(super) intended: Vec<Role>,
 }
 
 /// For each thin triangle, the segment opposite most of it.
@@ -187,9 +189,23 @@ impl Walls {
                 if carries { Role::Carrier } else { Role::Opposite }
             })
             .collect();
-        let mut walls = Self { of_segment, count, roles };
+        let mut walls = Self { of_segment, count, roles, intended: Vec::new() };
         walls.drop_lonely(body, pairing);
+        walls.intended.clone_from(&walls.roles);
         walls
+    }
+
+    /// Leaves some triangles, and those opposite them.
+    pub(super) fn leave(&mut self, body: &Body, pairing: &Pairing, is_inaccurate: &[bool]) {
+        for (role, &is_inaccurate) in self.roles.iter_mut().zip(is_inaccurate) {
+            *role = if is_inaccurate { Role::Rest } else { *role };
+        }
+        self.drop_lonely(body, pairing);
+    }
+
+    /// Whether a triangle of a wall has been left.
+    pub(super) fn is_left(&self, triangle: usize) -> bool {
+        self.roles[triangle] == Role::Rest && self.intended[triangle] != Role::Rest
     }
 
     /// Leaves triangles where most of what is opposite them is not of a wall.
