@@ -130,6 +130,7 @@ fn samples(corners: &[DVec3; 3], spacing: f64) -> impl Iterator<Item = DVec3> {
     let [a, b, c] = *corners;
     let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
     let size = (b - a).cross(c - a).length().sqrt().max(0.125 * longest);
+    #[expect(clippy::cast_sign_loss, reason = "at least 1")]
     let rows = ((size / spacing).ceil().max(1.0) as usize).min(MOST_ROWS);
     let corners = [a, b, c];
     lattice(corners, rows).chain(corners).chain([a.midpoint(b), b.midpoint(c), c.midpoint(a)])

@@ -45,6 +45,9 @@ const LEAST_REPLACED: f64 = 0.9;
 const PASSES: [f64; 9] =
     [0.7, 0.5, 0.4, 0.3, MOST_DEVIATION, MOST_DEVIATION, MOST_DEVIATION, MOST_DEVIATION, MOST_DEVIATION];
 
+/// Stands for a vertex that no triangle has named yet.
+const UNUSED: u32 = u32::MAX;
+
 /// A mesh with its thin walls replaced by sheets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ThinWalls {
@@ -138,7 +141,6 @@ impl ThinWalls {
             self.half_thickness = vec![0.0; positions.len()];
             return;
         }
-        const UNUSED: u32 = u32::MAX;
         let mut add = |corners: [u32; 3], names: &mut Vec<u32>, position: &dyn Fn(usize) -> (Vec3, f32)| {
             let corners = corners.map(|vertex| {
                 let name = &mut names[vertex as usize];

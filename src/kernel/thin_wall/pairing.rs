@@ -86,6 +86,7 @@ impl Pairing {
             if body.normals[triangle] != DVec3::ZERO && body.duplicate_of[triangle] == NO_TRIANGLE {
                 let longest = (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).fold(0.0, f64::max);
                 let size = body.areas[triangle].sqrt().max(0.25 * longest);
+                #[expect(clippy::cast_sign_loss, reason = "at least 1")]
                 let rows = ((size / spacing).round().max(1.0) as usize).min(MOST_ROWS);
                 let opposite = |point| {
                     opposite_plane(body, settings, triangle, point, range)
