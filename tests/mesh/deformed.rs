@@ -3,6 +3,8 @@
 //! The shader adds `weight · displacement` of each morph target to a vertex, then multiplies it by the sum of
 //! `weight · joint matrix · inverse bind pose` of its four joints. It does not normalize weights.
 
+#![expect(clippy::cast_sign_loss, reason = "numbers from 0 to 1 have no sign")]
+
 use bevy_app::prelude::*;
 use bevy_asset::Assets;
 use bevy_circumsphere::prelude::*;
@@ -301,14 +303,15 @@ fn nothing_is_written_while_nothing_moves() {
     assert_eq!(changes(&mut app), (0, 0));
 }
 
+#[derive(Resource)]
+struct Height(f32);
+
 #[test]
 fn what_an_animation_sets_before_prepare_is_seen_in_the_same_tick() {
     let mut app = app();
     floor(&mut app);
     let figure = figure(&mut app, 53);
     let root = figure.root;
-    #[derive(Resource)]
-    struct Height(f32);
     app.insert_resource(Height(50.0)).add_systems(
         PostUpdate,
         (move |height: Res<Height>, mut transforms: Query<&mut Transform>| {
