@@ -171,8 +171,8 @@ fn bad_input_exits_with_2_and_names_the_place() {
     let truncated = folder.with("short.msh", &text[..text.len() / 2]);
     refuse(&[&truncated, &good], &["short.msh", "line"]);
     refuse(&[&good, &folder.path("none.msh")], &["none.msh"]);
-    refuse(&[&good], &["second"]);
-    refuse(&["--translate", "1,2,3"], &["second"]);
+    refuse(&[&good], &["SECOND"]);
+    refuse(&["--translate", "1,2,3"], &["FIRST"]);
     for translation in ["1,2", "1,2,3,4", "1,2,x", "inf,0,0", ""] {
         refuse(&[&good, &good, "--translate", translation], &["--translate"]);
     }
