@@ -88,7 +88,7 @@ impl Deviation {
         let is_rimless = without_rim(body, sheet, is_replaced);
         let strips = thick.surface.corners.len() - thick.strips.len();
         for triangle in 0..thick.surface.corners.len() {
-            // Strips towards what is left are within the original. An open one has no rim.
+            // The original encloses the strips towards what is left, and an open original has no rim to compare with.
             if triangle >= strips && thick.strips[triangle - strips].iter().all(|&end| is_rimless[end as usize]) {
                 continue;
             }
