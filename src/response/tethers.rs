@@ -122,7 +122,8 @@ impl XpbdTethers {
     /// Tethers every vertex of a garment to the nearest place on a surface, at its present distance from it. `surface`
     /// has the positions and triangles of the surface that `entity` has, and `garment` the positions of the garment's
     /// vertices, all in world space and in the pose in which the garment fits. `longest` and `backstop` are those of
-    /// every [`Tether`]. A garment whose mesh is closed has to be [`TwoSided`](crate::Sidedness::TwoSided), or it is a solid
+    /// every [`Tether`], and so count from where the garment fits, not from the surface: a garment that may come as near
+    /// as a clearance needs a backstop of the target's `height` less the clearance. A garment whose mesh is closed has to be [`TwoSided`](crate::Sidedness::TwoSided), or it is a solid
     /// with the body inside. Vertices have no tether if a position is not finite, or if there are no triangles.
     #[must_use]
     pub fn to_surface(

@@ -8,7 +8,7 @@ use glam::{Mat4, Quat, Vec3};
 use serde_json::{Value, json};
 
 /// Walking speed, in meters per second.
-pub const SPEED: f64 = 3.0;
+pub const SPEED: f64 = 5.0;
 
 /// Key frames of the animation per second, with straight lines in between.
 pub const RATE: usize = 60;

@@ -115,7 +115,8 @@ fn contacts_are_those_of_the_truth_and_nothing_crosses() {
         }
     }
     println!("{matched:?} pairs matched");
-    assert!(matched.iter().sum::<usize>() > 100, "{matched:?}");
+    // The leg swings against the skirt, and the skirt folds.
+    assert!(matched.iter().all(|&count| count > 50), "{matched:?}");
 }
 
 #[test]
