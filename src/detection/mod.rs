@@ -16,6 +16,8 @@ mod sides;
 mod spheres;
 mod state;
 mod swept;
+
+mod team;
 mod tetrahedra;
 
 pub use bounds::BoundsPlugin;

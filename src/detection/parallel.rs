@@ -130,11 +130,7 @@ pub(super) fn append_parts<T: Results>(
             }
         }
     };
-    ComputeTaskPool::get().scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(async { take_parts() });
-        }
-    });
+    on_threads(threads, &take_parts);
     join_waiting.into_inner().unwrap_or_else(PoisonError::into_inner)();
 }
 
@@ -198,9 +194,15 @@ fn run_tasks<P: Send>(tasks: impl Iterator<Item = P> + Send, count: usize, threa
             work(task);
         }
     };
+    on_threads(threads, &take_tasks);
+}
+
+/// Calls `work` once on each of this many threads. Not generic: a task of the pool is much code, a fifth of this library
+/// if there is one for each closure.
+fn on_threads(threads: usize, work: &(dyn Fn() + Sync)) {
     ComputeTaskPool::get().scope(|scope| {
         for _ in 0..threads {
-            scope.spawn(async { take_tasks() });
+            scope.spawn(async { work() });
         }
     });
 }

@@ -19,7 +19,7 @@ use crate::{
             topology::SurfaceTopology,
         },
         pose::Pose,
-        xpbd::{HingeRests, SpringRests, VolumeRest, bend_at},
+        xpbd::{HingeRests, Slabs, SpringRests, VolumeRest, bend_at},
     },
     surface::{DeformableSurface, SurfacePositions, SweptTarget},
 };
@@ -183,10 +183,12 @@ impl RestShape {
                 hinges.extend(hinge(topology, edge as u32, first, second, &points));
             }
         }
+        let mut slabs = Slabs::default();
+        slabs.split(&points);
         let volume = topology.is_closed().then(|| VolumeRest::new(&points, topology.welded_triangles()));
         Self {
-            springs: SpringRests::new(points.len(), springs.into_iter()),
-            hinges: HingeRests::new(points.len(), hinges.into_iter()),
+            springs: SpringRests::new(points.len(), &slabs, springs.into_iter()),
+            hinges: HingeRests::new(points.len(), &slabs, hinges.into_iter()),
             volume: volume.flatten(),
         }
     }

@@ -4,9 +4,12 @@ use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::particles::Particles;
-use crate::kernel::xpbd::{
-    Contact, Contacts, Evaluation, FeatureKind, FeatureParticles, FoundContacts, ParticleRows, Plane,
-    coloring::{Coloring, NONE},
+use crate::kernel::{
+    simd::parallel::{Team, share},
+    xpbd::{
+        Contact, Contacts, Evaluation, FeatureKind, FeatureParticles, FoundContacts, MovingRows, Plane, Slabs,
+        coloring::{Coloring, NONE},
+    },
 };
 
 /// Sweeps over the contacts in an iteration. A vertex between several contacts is pushed by each of them. In a cloth at
@@ -64,29 +67,73 @@ impl ContactConstraint {
     }
 }
 
-/// All contacts of a tick. Those with static or kinematic particles come first: a symmetric sweep ends with the first
-/// contact, so they have the last word. Otherwise a stack would be pressed into the ground.
+/// Contacts in one slab, or between slabs.
 #[derive(Debug, Default)]
-pub struct SolverContacts {
-    /// Those with a static or kinematic particle, and the others.
-    found: [FoundContacts; 2],
-    colored: [Contacts; 2],
+struct List {
+    found: FoundContacts,
+    colored: Contacts,
     coloring: Coloring,
 }
 
+/// Contacts of one place: those that have a static or kinematic particle, and those that have none.
+type Lists = [List; 2];
+
+const FIRM: usize = 0;
+const LOOSE: usize = 1;
+
+/// All contacts of a tick. Those with static or kinematic particles come first: a symmetric sweep ends with the first
+/// contact, so they have the last word. Otherwise a stack would be pressed into the ground.
+///
+/// Contacts in different slabs have no free particle in common, so slabs are solved at the same time. Then come the
+/// contacts between slabs.
+#[derive(Debug, Default)]
+pub struct SolverContacts {
+    slabs: Slabs,
+    in_slabs: Vec<Lists>,
+    between: Lists,
+}
+
 impl SolverContacts {
-    pub fn clear(&mut self) {
-        self.found.iter_mut().for_each(FoundContacts::clear);
+    /// Forgets all contacts, and splits the space between the particles of all bodies.
+    pub fn begin(&mut self, particles: &Particles) {
+        let Self { slabs, in_slabs, between } = self;
+        slabs.split(&particles.start);
+        in_slabs.resize_with(slabs.count(), Lists::default);
+        in_slabs.as_flattened_mut().iter_mut().chain(between).for_each(|list| list.found.clear());
+    }
+
+    fn lists(&self) -> impl Iterator<Item = &List> {
+        self.in_slabs.as_flattened().iter().chain(&self.between)
+    }
+
+    /// Calls `work` with every list, in any order.
+    fn for_each(&mut self, team: &dyn Team, work: impl Fn(&mut List) + Sync) {
+        share(team, &mut self.in_slabs, |lists| lists.iter_mut().for_each(&work));
+        self.between.iter_mut().for_each(work);
+    }
+
+    /// Calls `work` with the firm or the loose contacts of every slab, and then with those in between, or the other way
+    /// round.
+    fn sweep(&mut self, team: &dyn Team, kind: usize, is_backward: bool, work: impl Fn(&mut Contacts) + Sync) {
+        for is_between in [is_backward, !is_backward] {
+            if is_between {
+                work(&mut self.between[kind].colored);
+            } else if self.in_slabs.iter().any(|lists| !lists[kind].found.is_empty()) {
+                share(team, &mut self.in_slabs, |lists| work(&mut lists[kind].colored));
+            }
+        }
     }
 
     #[must_use]
     pub fn len(&self) -> usize {
-        self.found.iter().map(FoundContacts::len).sum()
+        self.lists().map(|list| list.found.len()).sum()
     }
 
     /// Adds a contact between particles that exist already.
     pub fn push(&mut self, constraint: ContactConstraint, particles: &Particles) {
-        let found = &mut self.found[usize::from(!constraint.is_on_firm_ground(particles))];
+        let kind = if constraint.is_on_firm_ground(particles) { FIRM } else { LOOSE };
+        let slab = self.slabs.common(constraint.parts.particles());
+        let found = &mut self.in_slabs.get_mut(slab).unwrap_or(&mut self.between)[kind].found;
         let (contact, features) = constraint.split();
         let is_free = |particle: u32| particles.is_free(particle);
         match features {
@@ -113,54 +160,56 @@ impl SolverContacts {
         }
     }
 
-    /// Begins a tick.
-    pub fn begin(&mut self, particles: &Particles) {
-        let Self { found, colored, coloring } = self;
+    /// Begins a solution.
+    pub fn begin_solution(&mut self, team: &dyn Team, particles: &Particles) {
         let is_free = |particle: u32| particles.is_free(particle);
-        for (colored, found) in colored.iter_mut().zip(found) {
+        self.for_each(team, |List { found, colored, coloring }| {
             colored.begin(found, &particles.start, is_free, coloring);
-        }
+        });
     }
 
     /// Evaluates all contacts at the unconstrained positions of a substep, and pushes by a share of the last push.
-    pub fn begin_step(&mut self, rows: &mut ParticleRows, evaluation: Evaluation) {
-        self.colored.iter_mut().for_each(|colored| colored.begin_step(rows, evaluation));
-        self.colored.iter_mut().for_each(|colored| colored.push_again(rows));
+    pub fn begin_step(&mut self, team: &dyn Team, rows: MovingRows<'_>, evaluation: Evaluation) {
+        self.for_each(team, |list| list.colored.begin_step(rows, evaluation));
+        for kind in [FIRM, LOOSE] {
+            self.sweep(team, kind, false, |contacts| contacts.push_again(rows));
+        }
     }
 
     /// Pushes the sides of all contacts apart, [`SWEEPS`] times there and back, then applies friction, there and back.
     /// Friction runs after all normal multipliers are final, because they are its limits. If a contact stopped pressing
     /// after its friction was solved, it would release what it holds.
-    pub fn solve(&mut self, rows: &mut ParticleRows) {
-        let [firm, loose] = &mut self.colored;
+    pub fn solve(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
+        let mut there_and_back = |work: fn(&mut Contacts, MovingRows<'_>, bool)| {
+            for (kind, is_backward) in [(FIRM, false), (LOOSE, false), (LOOSE, true), (FIRM, true)] {
+                self.sweep(team, kind, is_backward, |contacts| work(contacts, rows, is_backward));
+            }
+        };
         for _ in 0..SWEEPS {
-            firm.separate(rows, false);
-            loose.separate(rows, false);
-            loose.separate(rows, true);
-            firm.separate(rows, true);
+            there_and_back(Contacts::separate);
         }
-        firm.rub(rows, false);
-        loose.rub(rows, false);
-        loose.rub(rows, true);
-        firm.rub(rows, true);
+        there_and_back(Contacts::rub);
     }
 
     /// Ends a substep, after velocities have been derived.
-    pub fn end_step(&mut self, rows: &mut ParticleRows) {
-        self.colored.iter_mut().for_each(|colored| colored.end_step(rows));
+    pub fn end_step(&mut self, team: &dyn Team, rows: MovingRows<'_>) {
+        for kind in [FIRM, LOOSE] {
+            self.sweep(team, kind, false, |contacts| contacts.end_step(rows));
+        }
     }
 
     /// Calls `add` with the number of every reaction, and with the sum of the contact's multipliers in all substeps.
     pub fn reactions(&mut self, mut add: impl FnMut(u32, DVec3)) {
-        self.colored.iter_mut().for_each(|colored| colored.reactions(&mut add));
+        let Self { in_slabs, between, .. } = self;
+        let lists = in_slabs.as_flattened_mut().iter_mut().chain(between);
+        lists.for_each(|list| list.colored.reactions(&mut add));
     }
 
     /// The number of contacts that may act in this substep, and of those that press.
     #[must_use]
     pub fn counts(&mut self) -> [usize; 2] {
-        self.colored
-            .iter_mut()
-            .map(Contacts::counts)
-            .fold([0; 2], |[acting, pressing], [a, p]| [acting + a, pressing + p])
+        let Self { in_slabs, between, .. } = self;
+        let counts = in_slabs.as_flattened_mut().iter_mut().chain(between).map(|list| list.colored.counts());
+        counts.fold([0; 2], |[acting, pressing], [a, p]| [acting + a, pressing + p])
     }
 }

@@ -80,6 +80,8 @@ pub(super) struct Gatherer {
     known: HashSet<Features4>,
     /// How far each particle would move in the tick if nothing pushed it, for contacts of bodies.
     ahead: Vec<Vec3>,
+    /// Whether each contact of the current pair may act.
+    may_act: Vec<bool>,
     /// The contacts that are not watched: the pair, and the place in it.
     unwatched: Vec<[u32; 2]>,
     /// The particles of all triangles that cross in the current pair.
@@ -178,13 +180,15 @@ impl Gatherer {
             }
             let friction = scene.friction(pair.a.entity(), pair.b.entity());
             self.find_tangled(&mut solver.particles, scene, pair);
-            for (place, record) in (0..).zip(pair.contacts.iter()) {
-                if self.may_act(scene, pair, sides, record, watch) {
+            let may_act = self.watch(scene, pair, sides, watch);
+            for ((place, record), &may_act) in (0..).zip(pair.contacts.iter()).zip(&may_act) {
+                if may_act {
                     self.add_contact(solver, scene, pair, sides, record, friction);
                 } else {
                     self.unwatched.push([pair_place, place]);
                 }
             }
+            self.may_act = may_act;
         }
     }
 

@@ -56,8 +56,8 @@ pub struct XpbdDiagnostics {
     pub gathering: Duration,
     /// Time to solve, and to solve again with contacts that were not expected to act.
     pub solving: Duration,
-    /// How often the tick was solved again with constraints against impacts that were found along the trajectories of
-    /// bodies.
+    /// How often the tick was solved again, with contacts that were not expected to act, or with constraints against
+    /// impacts that were found along the trajectories of bodies.
     pub solved_again: usize,
     /// Impacts along the trajectories of bodies with [`SweptCollision`](crate::SweptCollision) that contacts did not
     /// prevent.
@@ -339,19 +339,22 @@ fn respond(
     }
     refused.clear();
     refused.extend(diagnostics.refused.iter().map(|&(entity, _)| entity));
+    solver.contacts.begin(&solver.particles);
     diagnostics.inside = gatherer.lead_out(solver, &scene);
     gatherer.add_contacts(solver, &scene, Watch { duration, fall: f64::from(*fall) });
     diagnostics.bodies = moved.len();
     diagnostics.gathering += start.elapsed();
     let start = Instant::now();
+    let threads = scene.threads();
     solver.begin();
-    let mut solved = solver.advance(duration, &settings);
+    let mut solved = solver.advance(threads, duration, &settings);
     for _ in 0..MOST_MISSED {
         if !gatherer.add_missed(solver, &scene) {
             break;
         }
         solver.begin_again();
-        solved = solver.advance(duration, &settings);
+        solved = solver.advance(threads, duration, &settings);
+        diagnostics.solved_again += 1;
     }
     diagnostics.contacts = solver.contacts.len();
     diagnostics.solving += start.elapsed();
@@ -371,7 +374,7 @@ fn respond(
         }
         solutions += 1;
         solver.begin_again();
-        solved_again = solver.advance(duration, &settings);
+        solved_again = solver.advance(threads, duration, &settings);
         solver.follow_welds();
         met = guard.look_again(&solver.particles, &scene, gatherer);
     }

@@ -1,14 +1,15 @@
 //! One tick of XPBD with small substeps: predict positions, solve constraints, derive velocities from positions.
 //!
-//! The solver knows particles and constraints, but no entities. Everything runs in one fixed order on one thread, so
-//! the result is the same to the bit for any number of threads in detection.
+//! The solver knows particles and constraints, but no entities. Threads work on slabs of space that have no
+//! particle in common, and that depend on nothing but the scene, so the result is the same to the bit for any number of
+//! threads.
 //!
 //! Stretch and contact constraints are stiff and are solved with symmetric Gauss–Seidel sweeps: forward, then backward.
 //! A sweep in one direction is not a symmetric operator and has some complex eigenvalues. With velocities derived from
 //! positions, such modes gain energy in every substep, which shows as trembling that never decays. With symmetric
 //! sweeps every mode decays.
 
-use std::{ops::Range, sync::Arc};
+use std::sync::Arc;
 
 use glam::{DVec3, Vec3};
 
@@ -19,10 +20,17 @@ use super::{
     reaction::Reactions,
     settings::XpbdSettings,
 };
-use crate::kernel::{
-    mesh::topology::SurfaceTopology,
-    xpbd::{Air, Evaluation, Hinges, ParticleRows, Springs, Tethered, Tethers, Volumes, Winds},
+use crate::{
+    detection::Threads,
+    kernel::{
+        mesh::topology::SurfaceTopology,
+        simd::parallel::{Sequential, Team, share},
+        xpbd::{Air, Evaluation, Hinges, MovingRows, ParticleRows, Springs, Tethered, Tethers, Volumes, Winds},
+    },
 };
+
+/// With fewer particles than this, more than one thread does not pay off.
+const LEAST_SHARED: usize = 1024;
 
 /// The particles and constraints of one body.
 pub(super) struct SolverBody {
@@ -35,74 +43,116 @@ pub(super) struct SolverBody {
     pub(super) scale: f64,
 }
 
-/// Where the constraints of a body are among those of all bodies.
-struct Inner {
-    springs: Range<usize>,
-    hinges: Range<usize>,
-    volume: Option<usize>,
-}
-
-/// The internal constraints of all bodies in a tick.
+/// Internal constraints of a body: those in a slab, or those between slabs.
 #[derive(Default)]
-struct Inners {
+struct Part {
+    /// The number of the body.
+    body: usize,
     springs: Springs,
     hinges: Hinges,
-    volumes: Volumes,
-    of_bodies: Vec<Inner>,
 }
 
-impl Inners {
-    fn begin(&mut self, bodies: &[SolverBody], start: &[DVec3]) {
-        let Self { springs, hinges, volumes, of_bodies } = self;
+impl Part {
+    fn begin(&mut self, (number, body): (usize, &SolverBody), slab: usize, start: &[DVec3]) {
+        let Self { body: of, springs, hinges } = self;
+        *of = number;
         springs.clear();
         hinges.clear();
-        volumes.clear();
-        of_bodies.clear();
-        of_bodies.extend(bodies.iter().map(|body| {
-            let &SolverBody { first, scale, ref rest, ref material, ref topology } = body;
-            let own = (first, topology.vertex_count());
-            let is_kept = material.volume_compliance.is_finite();
-            let volume = rest.volume.as_ref().filter(|_| is_kept);
-            Inner {
-                springs: springs.add(&rest.springs, first, scale, start),
-                hinges: hinges.add(&rest.hinges, first, start),
-                volume: volume.map(|volume| volumes.add(volume, own, scale, start)),
-            }
-        }));
+        springs.add((&body.rest.springs, slab), body.first, body.scale, start);
+        hinges.add((&body.rest.hinges, slab), body.first, start);
     }
 
     fn begin_step(&mut self) {
         self.springs.begin_step();
         self.hinges.begin_step();
+    }
+
+    fn bend(&mut self, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
+        let compliance = bodies[self.body].material.bend_compliance;
+        if compliance.is_finite() {
+            self.hinges.solve(rows, per_step(compliance, step) as f32);
+        }
+    }
+
+    fn stretch(&mut self, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64, is_backward: bool) {
+        let compliance = bodies[self.body].material.stretch_compliance;
+        if compliance.is_finite() {
+            self.springs.solve(rows, per_step(compliance, step) as f32, step as f32, is_backward);
+        }
+    }
+
+    fn damp(&self, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
+        let damped = f64::from(bodies[self.body].material.damping) * step;
+        let share = damped / (1.0 + damped);
+        if share > 0.0 {
+            self.springs.damp(rows, share as f32);
+        }
+    }
+}
+
+/// A compliance that is scaled to the substep.
+fn per_step(compliance: f32, step: f64) -> f64 {
+    f64::from(compliance) / (step * step)
+}
+
+/// The internal constraints of all bodies in a tick. What is in different slabs has no particle in common, so slabs are
+/// solved at the same time. Then comes what is between slabs.
+#[derive(Default)]
+struct Inners {
+    slabs: Vec<Part>,
+    /// One for each body.
+    between: Vec<Part>,
+    volumes: Volumes,
+    /// The volume of each body, if it has one.
+    of_bodies: Vec<Option<usize>>,
+}
+
+impl Inners {
+    fn begin(&mut self, bodies: &[SolverBody], start: &[DVec3]) {
+        let Self { slabs, between, volumes, of_bodies } = self;
+        volumes.clear();
+        of_bodies.clear();
+        slabs.resize_with(bodies.iter().map(|body| body.rest.springs.slabs()).sum(), Part::default);
+        between.resize_with(bodies.len(), Part::default);
+        let mut parts = slabs.iter_mut();
+        for (body, between) in bodies.iter().enumerate().zip(between) {
+            let count = body.1.rest.springs.slabs();
+            parts.by_ref().take(count).enumerate().for_each(|(slab, part)| part.begin(body, slab, start));
+            between.begin(body, count, start);
+            let &SolverBody { first, scale, ref rest, ref material, ref topology } = body.1;
+            let volume = rest.volume.as_ref().filter(|_| material.volume_compliance.is_finite());
+            let own = (first, topology.vertex_count());
+            of_bodies.push(volume.map(|volume| volumes.add(volume, own, scale, start)));
+        }
+    }
+
+    fn begin_step(&mut self) {
+        self.slabs.iter_mut().chain(&mut self.between).for_each(Part::begin_step);
         self.volumes.begin_step();
     }
 
-    fn solve(&mut self, bodies: &[SolverBody], rows: &mut ParticleRows, step: f64) {
-        let Self { springs, hinges, volumes, of_bodies } = self;
-        let per_step = |compliance: f32| f64::from(compliance) / (step * step);
-        for (body, inner) in bodies.iter().zip(of_bodies) {
-            let material = &body.material;
-            if material.bend_compliance.is_finite() {
-                hinges.solve(inner.hinges.clone(), rows, per_step(material.bend_compliance) as f32);
-            }
-            if let Some(volume) = inner.volume {
-                volumes.solve(volume, rows, per_step(material.volume_compliance));
-            }
-            if material.stretch_compliance.is_finite() {
-                let compliance = per_step(material.stretch_compliance) as f32;
-                springs.solve(inner.springs.clone(), rows, compliance, step as f32);
+    fn solve(&mut self, team: &dyn Team, bodies: &[SolverBody], rows: &mut ParticleRows, step: f64) {
+        let Self { slabs, between, volumes, of_bodies } = self;
+        let moving = rows.moving();
+        share(team, slabs, |part| part.bend(bodies, moving, step));
+        between.iter_mut().for_each(|part| part.bend(bodies, moving, step));
+        for (body, volume) in bodies.iter().zip(of_bodies) {
+            if let &mut Some(volume) = volume {
+                volumes.solve(volume, rows, per_step(body.material.volume_compliance, step));
             }
         }
+        let moving = rows.moving();
+        share(team, slabs, |part| part.stretch(bodies, moving, step, false));
+        for part in between {
+            part.stretch(bodies, moving, step, false);
+            part.stretch(bodies, moving, step, true);
+        }
+        share(team, slabs, |part| part.stretch(bodies, moving, step, true));
     }
 
-    fn damp(&self, bodies: &[SolverBody], rows: &mut ParticleRows, step: f64) {
-        for (body, inner) in bodies.iter().zip(&self.of_bodies) {
-            let damped = f64::from(body.material.damping) * step;
-            let share = damped / (1.0 + damped);
-            if share > 0.0 {
-                self.springs.damp(inner.springs.clone(), rows, share as f32);
-            }
-        }
+    fn damp(&mut self, team: &dyn Team, bodies: &[SolverBody], rows: MovingRows<'_>, step: f64) {
+        share(team, &mut self.slabs, |part| part.damp(bodies, rows, step));
+        self.between.iter().for_each(|part| part.damp(bodies, rows, step));
     }
 }
 
@@ -135,7 +185,6 @@ impl Solver {
     pub(super) fn clear(&mut self) {
         self.particles.clear();
         self.bodies.clear();
-        self.contacts.clear();
         self.forces.clear();
         self.tethers.clear();
         self.winds.clear();
@@ -169,13 +218,23 @@ impl Solver {
         velocity[..self.first_velocities.len()].copy_from_slice(&self.first_velocities);
     }
 
-    /// Advances all particles by `duration` seconds, which must be more than 0.
-    pub(super) fn advance(&mut self, duration: f64, settings: &XpbdSettings) -> Solved {
+    /// Advances all particles by `duration` seconds, which must be more than 0. The result is the same for any number of
+    /// threads.
+    pub(super) fn advance(&mut self, threads: Threads, duration: f64, settings: &XpbdSettings) -> Solved {
+        if self.particles.len() < LEAST_SHARED {
+            return self.advance_on(&Sequential, duration, settings);
+        }
+        let mut solved = Solved::default();
+        threads.with_team(&mut |team| solved = self.advance_on(team, duration, settings));
+        solved
+    }
+
+    fn advance_on(&mut self, team: &dyn Team, duration: f64, settings: &XpbdSettings) -> Solved {
         let Self { particles, bodies, contacts, forces, tethers, winds, rows, inners, .. } = self;
         let step = duration / f64::from(settings.substeps);
         let mut solved = Solved::default();
         particles.begin(rows);
-        contacts.begin(particles);
+        contacts.begin_solution(team, particles);
         for substep in 1..=settings.substeps {
             for body in &*bodies {
                 let kept = (1.0 - f64::from(body.material.drag) * step).max(0.0);
@@ -187,16 +246,17 @@ impl Solver {
             rows.predict(step as f32, settings.gravity, share as f32);
             let push_out = (f64::from(settings.push_out_speed) * step) as f32;
             let rate = duration.recip() as f32;
-            contacts.begin_step(rows, Evaluation { step: step as f32, push_out, share: share as f32, rate });
+            let evaluation = Evaluation { step: step as f32, push_out, share: share as f32, rate };
+            contacts.begin_step(team, rows.moving(), evaluation);
             inners.begin_step();
             for _ in 0..settings.iterations {
-                inners.solve(bodies, rows, step);
+                inners.solve(team, bodies, rows, step);
                 tethers.solve(rows, share as f32);
-                contacts.solve(rows);
+                contacts.solve(team, rows.moving());
             }
             rows.update_velocities(step as f32);
-            inners.damp(bodies, rows, step);
-            contacts.end_step(rows);
+            inners.damp(team, bodies, rows.moving(), step);
+            contacts.end_step(team, rows.moving());
             let [acting, pressing] = contacts.counts();
             solved.contact_solves += acting * settings.iterations as usize;
             solved.pressing = pressing;

@@ -11,6 +11,8 @@ mod shots;
 mod sleep;
 mod stability;
 mod swept;
+#[cfg(feature = "parallel")]
+mod threads;
 mod truth;
 mod tumbling;
 mod untangle;

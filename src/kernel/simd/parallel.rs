@@ -2,6 +2,10 @@
 //!
 //! The kernel knows nothing about threads: the caller decides where tasks run. The result is the same anywhere.
 
+use std::sync::{Mutex, PoisonError};
+
+use arrayvec::ArrayVec;
+
 /// Triangles per task, where triangles are processed independently of each other.
 pub(in crate::kernel) const PART: usize = 2048;
 
@@ -12,6 +16,51 @@ pub(in crate::kernel) const LEAST_SHARE: usize = 8192;
 pub trait Parallel {
     /// Calls `work` with every task. More than `count` threads do not pay off.
     fn run_tasks<P: Send>(&self, tasks: impl Iterator<Item = P> + Send, count: usize, work: impl Fn(P) + Sync);
+}
+
+/// The most threads in a [`Team`]. Jobs of microseconds do not gain from more.
+pub const MOST_IN_TEAM: usize = 8;
+
+/// Threads that do many short jobs together, one after the other.
+pub trait Team: Sync {
+    /// The number of threads, from 1 to [`MOST_IN_TEAM`], the calling one included.
+    fn size(&self) -> usize;
+
+    /// Calls `work` once with every number below [`size`](Self::size), each on a thread of its own if one is free. A
+    /// thread has the same number in every job, so what it works on stays in its cache. All calls return before this one
+    /// does.
+    fn run(&self, work: &(dyn Fn(usize) + Sync));
+}
+
+impl Team for Sequential {
+    fn size(&self) -> usize {
+        1
+    }
+
+    fn run(&self, work: &(dyn Fn(usize) + Sync)) {
+        work(0);
+    }
+}
+
+/// Calls `work` with every item.
+pub fn share<T: Send>(team: &dyn Team, items: &mut [T], work: impl Fn(&mut T) + Sync) {
+    let size = team.size().min(items.len());
+    if size <= 1 {
+        return items.iter_mut().for_each(work);
+    }
+    let count = items.len();
+    let mut rest = items;
+    let parts: ArrayVec<Mutex<&mut [T]>, MOST_IN_TEAM> = (0..size)
+        .map(|part| {
+            let length = (part + 1) * count / size - part * count / size;
+            Mutex::new(rest.split_off_mut(..length).unwrap_or_default())
+        })
+        .collect();
+    team.run(&|part| {
+        if let Some(own) = parts.get(part) {
+            own.lock().unwrap_or_else(PoisonError::into_inner).iter_mut().for_each(&work);
+        }
+    });
 }
 
 /// Runs one task after the other on the calling thread.

@@ -8,7 +8,7 @@ use glam::Vec3;
 use super::{
     coloring::NONE,
     contacts::Contact,
-    rows::{Gathered, ParticleRows, Places, Row, gather, scatter, set_lane},
+    rows::{Gathered, MovingRows, Places, SharedRows, gather, scatter_free, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH, stored};
 
@@ -140,10 +140,14 @@ fn weighted_sum<const N: usize, S: Simd>(
 }
 
 #[inline(always)]
-pub(super) fn gather_all<const N: usize, S: Simd>(simd: S, table: &[Row], places: &[Places; N]) -> [Gathered<S>; N] {
+pub(super) fn gather_all<const N: usize, S: Simd>(
+    simd: S,
+    table: SharedRows<'_>,
+    places: &[Places; N],
+) -> [Gathered<S>; N] {
     let mut all = [Gathered { vector: zero(simd), inverse_mass: f32x8::splat(simd, 0.0) }; N];
     for place in 0..N {
-        all[place] = gather(simd, table, &places[place]);
+        all[place] = gather(simd, &table, &places[place]);
     }
     all
 }
@@ -220,21 +224,21 @@ impl Common {
 impl<const N: usize> ActingBlock<N> {
     /// Pushes by a share of the last substep's push. At rest, all of it will be needed again.
     #[inline(always)]
-    pub(super) fn push_again<S: Simd>(&self, simd: S, particles: &mut ParticleRows) {
+    pub(super) fn push_again<S: Simd>(&self, simd: S, rows: MovingRows<'_>) {
         let multiplier = f32x8::from_slice(simd, &self.multiplier);
         if !multiplier.simd_gt(0.0).any_true() {
             return;
         }
-        let moved = gather_all(simd, &particles.displacement, &self.places);
+        let moved = gather_all(simd, rows.displacement, &self.places);
         let weights = load_all(simd, &self.weights);
         let push = VectorLanes::load(simd, &self.normal).scaled(multiplier);
-        self.push(&mut particles.displacement, &moved, &weights, push);
+        self.push(rows.displacement, &moved, &weights, push);
     }
 
     #[inline(always)]
-    pub(super) fn separate<S: Simd>(&mut self, simd: S, particles: &mut ParticleRows) {
+    pub(super) fn separate<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>) {
         let zeros = f32x8::splat(simd, 0.0);
-        let moved = gather_all(simd, &particles.displacement, &self.places);
+        let moved = gather_all(simd, rows.displacement, &self.places);
         let weights = load_all(simd, &self.weights);
         let normal = VectorLanes::load(simd, &self.normal);
         let separation = normal.dot(weighted_sum(simd, &moved, &weights)) + f32x8::from_slice(simd, &self.offset);
@@ -247,11 +251,11 @@ impl<const N: usize> ActingBlock<N> {
             return;
         }
         after.store_slice(&mut self.multiplier);
-        self.push(&mut particles.displacement, &moved, &weights, normal.scaled(change));
+        self.push(rows.displacement, &moved, &weights, normal.scaled(change));
     }
 
     #[inline(always)]
-    pub(super) fn rub<S: Simd>(&mut self, simd: S, particles: &mut ParticleRows) {
+    pub(super) fn rub<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>) {
         let zeros = f32x8::splat(simd, 0.0);
         let multiplier = f32x8::from_slice(simd, &self.multiplier);
         let [most_held, least_held] = load_all(simd, &self.friction);
@@ -261,7 +265,7 @@ impl<const N: usize> ActingBlock<N> {
         if !acts.any_true() {
             return;
         }
-        let moved = gather_all(simd, &particles.displacement, &self.places);
+        let moved = gather_all(simd, rows.displacement, &self.places);
         let weights = load_all(simd, &self.weights);
         let normal = VectorLanes::load(simd, &self.normal);
         let slid = weighted_sum(simd, &moved, &weights) - VectorLanes::load(simd, &self.before);
@@ -275,18 +279,18 @@ impl<const N: usize> ActingBlock<N> {
         let share = length.simd_le(holding).select(f32x8::splat(simd, 1.0), share);
         let held = VectorLanes::select(acts, wanted.scaled(share), held_before);
         held.store(&mut self.sliding);
-        self.push(&mut particles.displacement, &moved, &weights, held - held_before);
+        self.push(rows.displacement, &moved, &weights, held - held_before);
     }
 
     /// Keeps the separation that is left and the push, and removes the separating velocity that a push has added:
     /// contacts do not bounce.
     #[inline(always)]
-    pub(super) fn end_step<S: Simd>(&mut self, simd: S, particles: &mut ParticleRows, common: &mut Common) {
+    pub(super) fn end_step<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, common: &mut Common) {
         let zeros = f32x8::splat(simd, 0.0);
         let weights = load_all(simd, &self.weights);
         let normal = VectorLanes::load(simd, &self.normal);
         let inverse = f32x8::from_slice(simd, &self.inverse);
-        let moved = gather_all(simd, &particles.displacement, &self.places);
+        let moved = gather_all(simd, rows.displacement, &self.places);
         let separation = normal.dot(weighted_sum(simd, &moved, &weights)) + f32x8::from_slice(simd, &self.offset);
         let left = &mut common.left;
         inverse.simd_gt(zeros).select(separation, f32x8::from_slice(simd, left)).store_slice(left);
@@ -298,14 +302,14 @@ impl<const N: usize> ActingBlock<N> {
         if !presses.any_true() {
             return;
         }
-        let speeds = gather_all(simd, &particles.velocity, &self.places);
+        let speeds = gather_all(simd, rows.velocity, &self.places);
         let opening = normal.dot(weighted_sum(simd, &speeds, &weights));
         let surplus = (opening - f32x8::from_slice(simd, &self.most_opening)).max(zeros);
         let change = presses.select(-surplus * inverse, zeros);
         if !change.simd_lt(zeros).any_true() {
             return;
         }
-        self.push(&mut particles.velocity, &speeds, &weights, normal.scaled(change));
+        self.push(rows.velocity, &speeds, &weights, normal.scaled(change));
     }
 
     /// The number of contacts that may act, and of those that press.
@@ -317,13 +321,13 @@ impl<const N: usize> ActingBlock<N> {
     #[inline(always)]
     fn push<S: Simd>(
         &self,
-        table: &mut [Row],
+        table: SharedRows<'_>,
         vectors: &[Gathered<S>; N],
         weights: &[f32x8<S>; N],
         push: VectorLanes<S>,
     ) {
         for place in 0..N {
-            scatter(vectors[place].pushed(push.scaled(weights[place])), table, &self.places[place]);
+            scatter_free(vectors[place].pushed(push.scaled(weights[place])), table, &self.places[place]);
         }
     }
 }

@@ -4,6 +4,7 @@
 //! takes one word per particle. Crates that color graphs want the graph of all conflicts, which is ten times larger than
 //! the mesh, and allocate.
 
+use super::slabs::Slabs;
 use crate::kernel::simd::lanes::WIDTH;
 
 /// Stands for no constraint in a block, and for no particle in a constraint.
@@ -31,16 +32,42 @@ pub struct Rests<const N: usize> {
     /// The value of each at rest.
     pub(super) values: Vec<f64>,
     pub(super) blocks: Vec<Block>,
+    /// The end of the blocks of each slab, and of those between slabs.
+    ends: Vec<usize>,
 }
 
 impl<const N: usize> Rests<N> {
     /// Constraints on the given particles, out of `count`, with their values at rest.
     #[must_use]
-    pub fn new(count: usize, constraints: impl Iterator<Item = ([u32; N], f64)>) -> Self {
-        let (particles, values): (Vec<_>, Vec<_>) = constraints.unzip();
-        let mut blocks = Vec::new();
-        Coloring::default().blocks(count, particles.len(), |place| particles[place as usize], &mut blocks);
-        Self { particles, values, blocks }
+    pub fn new(count: usize, slabs: &Slabs, constraints: impl Iterator<Item = ([u32; N], f64)>) -> Self {
+        let mut constraints: Vec<([u32; N], f64)> = constraints.collect();
+        let slab_of = |(particles, _): &([u32; N], f64)| slabs.common(particles.iter().copied());
+        constraints.sort_by_key(slab_of);
+        let (mut blocks, mut ends, mut coloring) = (Vec::new(), Vec::new(), Coloring::default());
+        for slab in 0..=slabs.count() {
+            let [first, end] =
+                [slab, slab + 1].map(|slab| constraints.partition_point(|constraint| slab_of(constraint) < slab));
+            let particles_of = |place: u32| constraints[first + place as usize].0;
+            let before = blocks.len();
+            coloring.blocks(count, end - first, particles_of, &mut blocks);
+            let own = blocks[before..].as_flattened_mut().iter_mut();
+            own.filter(|number| **number != NONE).for_each(|number| *number += first as u32);
+            ends.push(blocks.len());
+        }
+        let (particles, values) = constraints.into_iter().unzip();
+        Self { particles, values, blocks, ends }
+    }
+
+    /// The blocks in a slab, or between slabs, which is the last.
+    pub(super) fn part(&self, part: usize) -> &[Block] {
+        let first = if part > 0 { self.ends[part - 1] } else { 0 };
+        &self.blocks[first..self.ends[part]]
+    }
+
+    /// The number of slabs.
+    #[must_use]
+    pub fn slabs(&self) -> usize {
+        self.ends.len().saturating_sub(1)
     }
 }
 

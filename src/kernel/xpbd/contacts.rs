@@ -15,7 +15,7 @@ use super::{
     acting::{ActingBlock, Common, Driven, Evaluation, Free, SHALLOW, gather_all, load_all, zero},
     coloring::{Block, Coloring, NONE, in_order, lanes_of},
     features::{FeatureKind, Meeting, edge_edge, vertex_face},
-    rows::{NOBODY, ParticleRows, Places, row_of, set_lane},
+    rows::{MovingRows, NOBODY, Places, row_of, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -100,7 +100,7 @@ pub(super) trait ContactBlock<const N: usize>: Sized {
         &mut self,
         simd: S,
         source: u32,
-        particles: &ParticleRows,
+        rows: MovingRows<'_>,
         evaluation: Evaluation,
     ) -> Option<ActingBlock<N>>;
 }
@@ -108,19 +108,19 @@ pub(super) trait ContactBlock<const N: usize>: Sized {
 /// A list of contacts of any kind.
 pub(super) trait ContactList {
     /// Evaluates the contacts at the unconstrained positions of a substep.
-    fn begin_step(&mut self, particles: &ParticleRows, evaluation: Evaluation);
+    fn begin_step(&mut self, rows: MovingRows<'_>, evaluation: Evaluation);
 
     /// Pushes by a share of the last substep's push.
-    fn push_again(&mut self, particles: &mut ParticleRows);
+    fn push_again(&mut self, rows: MovingRows<'_>);
 
     /// Pushes the sides of the contacts of a batch apart, in order or backward.
-    fn separate(&mut self, batch: usize, particles: &mut ParticleRows, is_backward: bool);
+    fn separate(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool);
 
     /// Applies the friction of a batch, in order or backward.
-    fn rub(&mut self, batch: usize, particles: &mut ParticleRows, is_backward: bool);
+    fn rub(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool);
 
     /// Ends a substep, after velocities have been derived: keeps what is left, and removes bounce.
-    fn end_step(&mut self, particles: &mut ParticleRows);
+    fn end_step(&mut self, rows: MovingRows<'_>);
 
     /// The number of contacts that may act in this substep, and of those that press.
     fn counts(&self) -> [usize; 2];
@@ -196,7 +196,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactBlocks<B, N> {
 }
 
 impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
-    fn begin_step(&mut self, particles: &ParticleRows, evaluation: Evaluation) {
+    fn begin_step(&mut self, rows: MovingRows<'_>, evaluation: Evaluation) {
         let Self { blocks, batches, acting, acting_batches, .. } = self;
         acting.clear();
         acting_batches.clear();
@@ -204,7 +204,7 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
             let mut first = 0;
             for &end in &*batches {
                 for source in first..end {
-                    if let Some(found) = blocks[source].begin_step(simd, source as u32, particles, evaluation) {
+                    if let Some(found) = blocks[source].begin_step(simd, source as u32, rows, evaluation) {
                         acting.push(found);
                     }
                 }
@@ -214,38 +214,38 @@ impl<B: ContactBlock<N>, const N: usize> ContactList for ContactBlocks<B, N> {
         });
     }
 
-    fn push_again(&mut self, particles: &mut ParticleRows) {
+    fn push_again(&mut self, rows: MovingRows<'_>) {
         let Self { acting, .. } = self;
         dispatch!(Level::new(), simd => {
             for block in &*acting {
-                block.push_again(simd, particles);
+                block.push_again(simd, rows);
             }
         });
     }
 
-    fn separate(&mut self, batch: usize, particles: &mut ParticleRows, is_backward: bool) {
+    fn separate(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool) {
         let acting = self.of_batch(batch);
         dispatch!(Level::new(), simd => {
             for place in in_order(acting.len(), is_backward) {
-                acting[place].separate(simd, particles);
+                acting[place].separate(simd, rows);
             }
         });
     }
 
-    fn rub(&mut self, batch: usize, particles: &mut ParticleRows, is_backward: bool) {
+    fn rub(&mut self, batch: usize, rows: MovingRows<'_>, is_backward: bool) {
         let acting = self.of_batch(batch);
         dispatch!(Level::new(), simd => {
             for place in in_order(acting.len(), is_backward) {
-                acting[place].rub(simd, particles);
+                acting[place].rub(simd, rows);
             }
         });
     }
 
-    fn end_step(&mut self, particles: &mut ParticleRows) {
+    fn end_step(&mut self, rows: MovingRows<'_>) {
         let Self { blocks, acting, .. } = self;
         dispatch!(Level::new(), simd => {
             for block in acting {
-                block.end_step(simd, particles, blocks[block.source as usize].common());
+                block.end_step(simd, rows, blocks[block.source as usize].common());
             }
         });
     }
@@ -357,11 +357,11 @@ impl<const ARE_EDGES: bool, const N: usize> ContactBlock<N> for FeatureBlock<ARE
         &mut self,
         simd: S,
         source: u32,
-        particles: &ParticleRows,
+        rows: MovingRows<'_>,
         evaluation: Evaluation,
     ) -> Option<ActingBlock<N>> {
-        let moved = gather_all(simd, &particles.displacement, &self.places);
-        let speeds = gather_all(simd, &particles.velocity, &self.places);
+        let moved = gather_all(simd, rows.displacement, &self.places);
+        let speeds = gather_all(simd, rows.velocity, &self.places);
         let vectors = [moved[0].vector, moved[1].vector, moved[2].vector, moved[3].vector];
         let meeting = self.meet(simd, &vectors);
         let offset = self.offset(simd, &meeting);
@@ -437,11 +437,11 @@ impl<const N: usize> ContactBlock<N> for PlaneBlock<N> {
         &mut self,
         simd: S,
         source: u32,
-        particles: &ParticleRows,
+        rows: MovingRows<'_>,
         evaluation: Evaluation,
     ) -> Option<ActingBlock<N>> {
-        let moved = gather_all(simd, &particles.displacement, &self.places);
-        let speeds = gather_all(simd, &particles.velocity, &self.places);
+        let moved = gather_all(simd, rows.displacement, &self.places);
+        let speeds = gather_all(simd, rows.velocity, &self.places);
         let weights = load_all(simd, &self.weights);
         let normal = VectorLanes::load(simd, &self.common.normal);
         let offset = f32x8::from_slice(simd, &self.offset);

@@ -6,14 +6,12 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
-use std::ops::Range;
-
 use fearless_simd::{Level, dispatch, f32x8, mask32x8, prelude::*};
 use glam::DVec3;
 
 use super::{
     coloring::{Rests, lanes_of},
-    rows::{NOBODY, ParticleRows, Places, gather, row_of, scatter, set_lane},
+    rows::{MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -55,7 +53,7 @@ struct HingeBlock {
     multiplier: [f32; WIDTH],
 }
 
-/// The hinges of all bodies in a tick.
+/// Hinges in a tick, of a body in one slab, or between slabs.
 #[derive(Debug, Default)]
 pub struct Hinges {
     blocks: Vec<HingeBlock>,
@@ -66,10 +64,9 @@ impl Hinges {
         self.blocks.clear();
     }
 
-    /// Adds the hinges of a body whose particles begin with `first`, and returns where they are.
-    pub fn add(&mut self, rests: &HingeRests, first: usize, start: &[DVec3]) -> Range<usize> {
-        let before = self.blocks.len();
-        self.blocks.extend(rests.blocks.iter().map(|numbers| {
+    /// Adds the hinges of a slab of a body whose particles begin with `first`, or those between slabs.
+    pub fn add(&mut self, (rests, slab): (&HingeRests, usize), first: usize, start: &[DVec3]) {
+        self.blocks.extend(rests.part(slab).iter().map(|numbers| {
             let mut block = HingeBlock {
                 corners: [[NOBODY; WIDTH]; 4],
                 start: [VectorRows::ZERO; 3],
@@ -88,7 +85,6 @@ impl Hinges {
             }
             block
         }));
-        before..self.blocks.len()
     }
 
     /// Forgets the Lagrange multipliers of the last substep.
@@ -98,11 +94,11 @@ impl Hinges {
 
     /// Moves the corners of every hinge toward its bend at rest, color after color. `compliance` is scaled to the
     /// substep (`α / h²`).
-    pub fn solve(&mut self, range: Range<usize>, particles: &mut ParticleRows, compliance: f32) {
-        let blocks = &mut self.blocks[range];
+    pub fn solve(&mut self, rows: MovingRows<'_>, compliance: f32) {
+        let blocks = &mut self.blocks;
         dispatch!(Level::new(), simd => {
-            for block in blocks {
-                block.solve(simd, particles, compliance);
+            for block in &mut *blocks {
+                block.solve(simd, rows, compliance);
             }
         });
     }
@@ -161,15 +157,15 @@ fn bend<S: Simd>(simd: S, [edge, left, right]: [VectorLanes<S>; 3]) -> Bend<S> {
 
 impl HingeBlock {
     #[inline(always)]
-    fn solve<S: Simd>(&mut self, simd: S, particles: &mut ParticleRows, compliance: f32) {
+    fn solve<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, compliance: f32) {
         let zero = f32x8::splat(simd, 0.0);
-        let table = &mut particles.displacement;
+        let table = rows.displacement;
         let places = &self.corners;
         let corners = [
-            gather(simd, table, &places[0]),
-            gather(simd, table, &places[1]),
-            gather(simd, table, &places[2]),
-            gather(simd, table, &places[3]),
+            gather(simd, &table, &places[0]),
+            gather(simd, &table, &places[1]),
+            gather(simd, &table, &places[2]),
+            gather(simd, &table, &places[3]),
         ];
         let [edge, left, right] = &self.start;
         let origin = corners[0].vector;
@@ -198,7 +194,7 @@ impl HingeBlock {
                 bend.gradients[corner].scaled(change),
                 VectorLanes { x: zero, y: zero, z: zero },
             );
-            scatter(corners[corner].pushed(push), table, &places[corner]);
+            scatter_free(corners[corner].pushed(push), table, &places[corner]);
         }
     }
 }

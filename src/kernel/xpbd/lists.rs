@@ -7,7 +7,7 @@ use super::{
     coloring::{Coloring, in_order},
     contacts::{Contact, ContactBlocks, ContactList, FeatureBlock, FeatureParticles, Plane, PlaneBlock},
     features::FeatureKind,
-    rows::ParticleRows,
+    rows::MovingRows,
 };
 
 /// The number of contacts that are colored together.
@@ -167,28 +167,28 @@ impl Contacts {
     }
 
     /// Evaluates all contacts at the unconstrained positions of a substep.
-    pub fn begin_step(&mut self, particles: &ParticleRows, evaluation: Evaluation) {
-        self.lists().into_iter().for_each(|list| list.begin_step(particles, evaluation));
+    pub fn begin_step(&mut self, rows: MovingRows<'_>, evaluation: Evaluation) {
+        self.lists().into_iter().for_each(|list| list.begin_step(rows, evaluation));
     }
 
     /// Pushes by a share of the last substep's push.
-    pub fn push_again(&mut self, particles: &mut ParticleRows) {
-        self.lists().into_iter().for_each(|list| list.push_again(particles));
+    pub fn push_again(&mut self, rows: MovingRows<'_>) {
+        self.lists().into_iter().for_each(|list| list.push_again(rows));
     }
 
     /// Pushes the sides of all contacts apart to their target separations, in order, or backward.
-    pub fn separate(&mut self, particles: &mut ParticleRows, is_backward: bool) {
-        self.visit(is_backward, |list, batch| list.separate(batch, particles, is_backward));
+    pub fn separate(&mut self, rows: MovingRows<'_>, is_backward: bool) {
+        self.visit(is_backward, |list, batch| list.separate(batch, rows, is_backward));
     }
 
     /// Holds the sides of all contacts along the surface, within the limits of friction, in order, or backward.
-    pub fn rub(&mut self, particles: &mut ParticleRows, is_backward: bool) {
-        self.visit(is_backward, |list, batch| list.rub(batch, particles, is_backward));
+    pub fn rub(&mut self, rows: MovingRows<'_>, is_backward: bool) {
+        self.visit(is_backward, |list, batch| list.rub(batch, rows, is_backward));
     }
 
     /// Ends a substep, after velocities have been derived: keeps what is left, and removes bounce.
-    pub fn end_step(&mut self, particles: &mut ParticleRows) {
-        self.lists().into_iter().for_each(|list| list.end_step(particles));
+    pub fn end_step(&mut self, rows: MovingRows<'_>) {
+        self.lists().into_iter().for_each(|list| list.end_step(rows));
     }
 
     /// Calls `add` with the number of every contact that asks for its impulse, and with the sum of its multipliers in all
@@ -210,7 +210,7 @@ mod tests {
     use circumsphere_support::random::Random;
 
     use super::*;
-    use crate::kernel::xpbd::{Placed, coloring::NONE};
+    use crate::kernel::xpbd::{ParticleRows, Placed, coloring::NONE};
 
     const EVALUATION: Evaluation = Evaluation { step: 0.01, push_out: 1.0, share: 1.0, rate: 100.0 };
 
@@ -223,13 +223,13 @@ mod tests {
         let is_free = |particle: u32| placed[particle as usize].inverse_mass > 0.0;
         contacts.begin(&found, start, is_free, &mut Coloring::default());
         rows.predict(EVALUATION.step, glam::Vec3::ZERO, 1.0);
-        contacts.begin_step(&rows, EVALUATION);
-        contacts.push_again(&mut rows);
-        contacts.separate(&mut rows, false);
-        contacts.separate(&mut rows, true);
-        contacts.rub(&mut rows, false);
+        contacts.begin_step(rows.moving(), EVALUATION);
+        contacts.push_again(rows.moving());
+        contacts.separate(rows.moving(), false);
+        contacts.separate(rows.moving(), true);
+        contacts.rub(rows.moving(), false);
         rows.update_velocities(EVALUATION.step);
-        contacts.end_step(&mut rows);
+        contacts.end_step(rows.moving());
         std::array::from_fn(|particle| rows.state(particle))
     }
 

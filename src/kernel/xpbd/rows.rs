@@ -2,10 +2,12 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
+use std::cell::Cell;
+
 use fearless_simd::{f32x4, f32x8, prelude::*};
 use glam::{DVec3, Vec3, Vec4};
 
-use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH, columns, rows};
+use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH, columns, rows, stored};
 
 /// A vector of a particle, followed by one over its mass.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -43,14 +45,75 @@ pub(super) struct Gathered<S: Simd> {
     pub(super) inverse_mass: f32x8<S>,
 }
 
+/// A table of rows.
+pub(super) trait Rows {
+    fn row(&self, place: u32) -> Row;
+}
+
+impl Rows for [Row] {
+    #[inline(always)]
+    fn row(&self, place: u32) -> Row {
+        self[place as usize]
+    }
+}
+
+/// Rows that several threads may move.
+#[derive(Clone, Copy)]
+pub(super) struct SharedRows<'a>(&'a [Cell<Row>]);
+
+#[expect(unsafe_code, reason = "an atomic row costs more than its arithmetic")]
+// SAFETY: while several threads have the rows, those of kinematic particles are only read: `scatter_free` leaves them
+// out, and nothing else writes. Each thread solves constraints in other slabs, which have no free particle in common, so
+// a row of one is read and written by one thread only. What is between slabs is solved by a thread alone.
+unsafe impl Sync for SharedRows<'_> {}
+
+impl<'a> SharedRows<'a> {
+    pub(super) fn new(rows: &'a mut [Row]) -> Self {
+        Self(Cell::from_mut(rows).as_slice_of_cells())
+    }
+
+    #[inline(always)]
+    fn set<S: Simd>(self, place: u32, vector: f32x4<S>) {
+        let mut row = Row::default();
+        vector.store_slice(&mut row.0);
+        self.0[place as usize].set(row);
+    }
+}
+
+impl Rows for SharedRows<'_> {
+    #[inline(always)]
+    fn row(&self, place: u32) -> Row {
+        self.0[place as usize].get()
+    }
+}
+
 #[inline(always)]
-pub(super) fn gather<S: Simd>(simd: S, table: &[Row], places: &Places) -> Gathered<S> {
+pub(super) fn gather<S: Simd>(simd: S, table: &(impl Rows + ?Sized), places: &Places) -> Gathered<S> {
     let mut part = [f32x4::splat(simd, 0.0); WIDTH];
     for lane in 0..WIDTH {
-        part[lane] = f32x4::from_slice(simd, &table[places[lane] as usize].0);
+        part[lane] = f32x4::from_slice(simd, &table.row(places[lane]).0);
     }
     let [x, y, z, inverse_mass] = columns(part);
     Gathered { vector: VectorLanes { x, y, z }, inverse_mass }
+}
+
+/// Writes those particles that are free.
+#[inline(always)]
+pub(super) fn scatter_free<S: Simd>(gathered: Gathered<S>, table: SharedRows<'_>, places: &Places) {
+    let VectorLanes { x, y, z } = gathered.vector;
+    let part = rows([x, y, z, gathered.inverse_mass]);
+    if gathered.inverse_mass.simd_gt(0.0).all_true() {
+        for lane in 0..WIDTH {
+            table.set(places[lane], part[lane]);
+        }
+        return;
+    }
+    let inverse_mass = stored(gathered.inverse_mass);
+    for lane in 0..WIDTH {
+        if inverse_mass[lane] > 0.0 {
+            table.set(places[lane], part[lane]);
+        }
+    }
 }
 
 #[inline(always)]
@@ -96,7 +159,21 @@ pub struct ParticleRows {
     driven: Vec<(u32, Vec3)>,
 }
 
+/// The tables while constraints move particles, on any number of threads.
+#[derive(Clone, Copy)]
+pub struct MovingRows<'a> {
+    pub(super) displacement: SharedRows<'a>,
+    pub(super) previous: &'a [Row],
+    pub(super) velocity: SharedRows<'a>,
+}
+
 impl ParticleRows {
+    /// For constraints.
+    pub fn moving(&mut self) -> MovingRows<'_> {
+        let Self { displacement, previous, velocity, .. } = self;
+        MovingRows { displacement: SharedRows::new(displacement), previous, velocity: SharedRows::new(velocity) }
+    }
+
     /// Begins a tick.
     pub fn begin(&mut self, particles: impl Iterator<Item = Placed>) {
         let Self { displacement, previous, velocity, driven } = self;

@@ -2,14 +2,12 @@
 
 #![expect(clippy::inline_always, reason = "only inlined code is compiled for the dispatched instruction set")]
 
-use std::ops::Range;
-
 use fearless_simd::{Level, dispatch, f32x8, prelude::*};
 use glam::DVec3;
 
 use super::{
-    coloring::{Rests, lanes_of},
-    rows::{NOBODY, ParticleRows, Places, gather, row_of, scatter, set_lane},
+    coloring::{Rests, in_order, lanes_of},
+    rows::{MovingRows, NOBODY, Places, gather, row_of, scatter_free, set_lane},
 };
 use crate::kernel::simd::lanes::{VectorLanes, VectorRows, WIDTH};
 
@@ -30,7 +28,7 @@ struct SpringBlock {
     multiplier: [f32; WIDTH],
 }
 
-/// The springs of all bodies in a tick.
+/// Springs in a tick, of a body in one slab, or between slabs.
 #[derive(Debug, Default)]
 pub struct Springs {
     blocks: Vec<SpringBlock>,
@@ -41,11 +39,10 @@ impl Springs {
         self.blocks.clear();
     }
 
-    /// Adds the springs of a body whose particles begin with `first`, and returns where they are. `scale` is the world
-    /// length of a unit of the rest lengths.
-    pub fn add(&mut self, rests: &SpringRests, first: usize, scale: f64, start: &[DVec3]) -> Range<usize> {
-        let before = self.blocks.len();
-        self.blocks.extend(rests.blocks.iter().map(|numbers| {
+    /// Adds the springs of a slab of a body whose particles begin with `first`, or those between slabs. `scale` is the
+    /// world length of a unit of the rest lengths.
+    pub fn add(&mut self, (rests, slab): (&SpringRests, usize), first: usize, scale: f64, start: &[DVec3]) {
+        self.blocks.extend(rests.part(slab).iter().map(|numbers| {
             let mut block = SpringBlock {
                 ends: [[NOBODY; WIDTH]; 2],
                 start: VectorRows::ZERO,
@@ -60,7 +57,6 @@ impl Springs {
             }
             block
         }));
-        before..self.blocks.len()
     }
 
     /// Forgets the Lagrange multipliers of the last substep.
@@ -68,27 +64,23 @@ impl Springs {
         self.blocks.iter_mut().for_each(|block| block.multiplier = [0.0; WIDTH]);
     }
 
-    /// Moves both ends of every spring toward its rest length, color after color and back: a symmetric sweep.
-    /// `compliance` is scaled to the substep (`α / h²`), and `step` is its duration in seconds. The error that existed
+    /// Moves both ends of every spring toward its rest length, color after color, in order or backward. `compliance` is scaled to the substep (`α / h²`), and `step` is its duration in seconds. The error that existed
     /// at the beginning of the substep is removed at [`RECOVERY`].
-    pub fn solve(&mut self, range: Range<usize>, particles: &mut ParticleRows, compliance: f32, step: f32) {
-        let blocks = &mut self.blocks[range];
+    pub fn solve(&mut self, rows: MovingRows<'_>, compliance: f32, step: f32, is_backward: bool) {
+        let blocks = &mut self.blocks;
         dispatch!(Level::new(), simd => {
-            for block in &mut *blocks {
-                block.solve(simd, particles, compliance, step);
-            }
-            for block in blocks.iter_mut().rev() {
-                block.solve(simd, particles, compliance, step);
+            for place in in_order(blocks.len(), is_backward) {
+                blocks[place].solve(simd, rows, compliance, step);
             }
         });
     }
 
     /// Removes a share of the relative velocity along the springs. Momentum is preserved.
-    pub fn damp(&self, range: Range<usize>, particles: &mut ParticleRows, share: f32) {
-        let blocks = &self.blocks[range];
+    pub fn damp(&self, rows: MovingRows<'_>, share: f32) {
+        let blocks = &self.blocks;
         dispatch!(Level::new(), simd => {
             for block in blocks {
-                block.damp(simd, particles, share);
+                block.damp(simd, rows, share);
             }
         });
     }
@@ -96,10 +88,10 @@ impl Springs {
 
 impl SpringBlock {
     #[inline(always)]
-    fn solve<S: Simd>(&mut self, simd: S, particles: &mut ParticleRows, compliance: f32, step: f32) {
+    fn solve<S: Simd>(&mut self, simd: S, rows: MovingRows<'_>, compliance: f32, step: f32) {
         let zero = f32x8::splat(simd, 0.0);
-        let ParticleRows { displacement, previous, .. } = particles;
-        let [a, b] = [gather(simd, displacement, &self.ends[0]), gather(simd, displacement, &self.ends[1])];
+        let MovingRows { displacement, previous, .. } = rows;
+        let [a, b] = [gather(simd, &displacement, &self.ends[0]), gather(simd, &displacement, &self.ends[1])];
         let start = VectorLanes::load(simd, &self.start);
         let rest = f32x8::from_slice(simd, &self.length);
         let multiplier = f32x8::from_slice(simd, &self.multiplier);
@@ -124,31 +116,31 @@ impl SpringBlock {
         let change = is_solved.select(change, zero);
         (multiplier + change).store_slice(&mut self.multiplier);
         let push = between.scaled(is_solved.select(change / length, zero));
-        scatter(a.pushed(push), displacement, &self.ends[0]);
-        scatter(b.pushed(push.negated()), displacement, &self.ends[1]);
+        scatter_free(a.pushed(push), displacement, &self.ends[0]);
+        scatter_free(b.pushed(push.negated()), displacement, &self.ends[1]);
     }
 
     #[inline(always)]
-    fn damp<S: Simd>(&self, simd: S, particles: &mut ParticleRows, share: f32) {
+    fn damp<S: Simd>(&self, simd: S, rows: MovingRows<'_>, share: f32) {
         let zero = f32x8::splat(simd, 0.0);
-        let ParticleRows { displacement, velocity, .. } = particles;
-        let [a, b] = [gather(simd, displacement, &self.ends[0]), gather(simd, displacement, &self.ends[1])];
+        let MovingRows { displacement, velocity, .. } = rows;
+        let [a, b] = [gather(simd, &displacement, &self.ends[0]), gather(simd, &displacement, &self.ends[1])];
         let between = VectorLanes::load(simd, &self.start).plus(a.vector - b.vector);
-        let [a, b] = [gather(simd, velocity, &self.ends[0]), gather(simd, velocity, &self.ends[1])];
+        let [a, b] = [gather(simd, &velocity, &self.ends[0]), gather(simd, &velocity, &self.ends[1])];
         let squared = between.dot(between);
         let divisor = squared * (a.inverse_mass + b.inverse_mass);
         let opening = between.dot(a.vector - b.vector);
         let change = divisor.simd_gt(zero).select(opening * -share / divisor, zero);
         let push = between.scaled(change);
-        scatter(a.pushed(push), velocity, &self.ends[0]);
-        scatter(b.pushed(push.negated()), velocity, &self.ends[1]);
+        scatter_free(a.pushed(push), velocity, &self.ends[0]);
+        scatter_free(b.pushed(push.negated()), velocity, &self.ends[1]);
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::xpbd::Placed;
+    use crate::kernel::xpbd::{ParticleRows, Placed, slabs::Slabs};
 
     #[test]
     fn a_spring_makes_up_for_its_step_at_once_and_for_what_was_before_at_a_pace() {
@@ -161,10 +153,12 @@ mod tests {
             particles.predict(step as f32, glam::Vec3::ZERO, 1.0);
             let start = [DVec3::ZERO, DVec3::X * before];
             let mut springs = Springs::default();
-            let range = springs.add(&SpringRests::new(2, [([0, 1], length)].into_iter()), 0, 1.0, &start);
+            let mut slabs = Slabs::default();
+            slabs.split(&start);
+            let rests = SpringRests::new(2, &slabs, [([0, 1], length)].into_iter());
+            springs.add((&rests, 0), 0, 1.0, &start);
             // Only one way: on the way back, nothing is missing, or the pace has been used up.
-            let blocks = &mut springs.blocks[range];
-            dispatch!(Level::new(), simd => blocks[0].solve(simd, &mut particles, 0.0, step as f32));
+            springs.solve(particles.moving(), 0.0, step as f32, false);
             let [a, b] = [0, 1].map(|particle| start[particle] + particles.state(particle)[0]);
             // The center of mass stays in place, with masses of 1 and 1/3.
             let expected = (start[1] + DVec3::X * added) / 3.0;

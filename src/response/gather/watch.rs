@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::{Gatherer, Side};
 use crate::{
     contacts::StoredPair,
-    kernel::{contact::CompactContact, mesh::topology::SurfaceTopology},
+    kernel::{contact::CompactContact, mesh::topology::SurfaceTopology, simd::parallel::Parallel},
     response::{particles::Particles, record::weights_of, scene::Scene, solver::Solver},
 };
 
@@ -21,6 +21,9 @@ const SHALLOW: f64 = 0.75;
 
 /// Depth, in contact distances, at which a contact that was not watched has to be.
 const MISSED: f64 = 0.25;
+
+/// Contacts per task: another thread does not pay off for fewer.
+const PART: usize = 2048;
 
 /// The tick for which contacts are chosen.
 #[derive(Clone, Copy, Debug)]
@@ -39,8 +42,28 @@ impl Watch {
 }
 
 impl Gatherer {
+    /// Whether each contact of a pair may act in the tick.
+    pub(super) fn watch(
+        &mut self,
+        scene: &Scene<'_, '_>,
+        pair: &StoredPair,
+        sides: [Side<'_>; 2],
+        watch: Watch,
+    ) -> Vec<bool> {
+        let mut may_act = std::mem::take(&mut self.may_act);
+        may_act.clear();
+        may_act.resize(pair.contacts.len(), false);
+        let parts = pair.contacts.chunks(PART).zip(may_act.chunks_mut(PART));
+        scene.threads().run_tasks(parts, pair.contacts.len().div_ceil(PART), |(records, may_act)| {
+            for (record, may_act) in records.iter().zip(may_act) {
+                *may_act = self.may_act(scene, pair, sides, record, watch);
+            }
+        });
+        may_act
+    }
+
     /// Whether a contact may act in the tick.
-    pub(super) fn may_act(
+    fn may_act(
         &self,
         scene: &Scene<'_, '_>,
         pair: &StoredPair,

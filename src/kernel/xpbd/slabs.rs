@@ -1,0 +1,96 @@
+//! Splits space into slabs, so that threads can work on what is in different slabs at the same time.
+
+use glam::DVec3;
+
+/// The most slabs; a power of two, as all numbers of slabs.
+const MOST: usize = 8;
+
+/// Points per slab. With fewer, too much lies between slabs.
+const LEAST: usize = 512;
+
+/// The resolution in which slabs share points equally.
+const BINS: usize = 256;
+
+/// Which slab every point is in. Depends on nothing but the points.
+#[derive(Clone, Debug, Default)]
+pub struct Slabs {
+    of_points: Vec<u8>,
+    count: usize,
+}
+
+impl Slabs {
+    /// Splits space between these points, across the longest side of their bounds.
+    pub fn split(&mut self, points: &[DVec3]) {
+        let Self { of_points, count } = self;
+        *count = 1 << (points.len() / LEAST).clamp(1, MOST).ilog2();
+        of_points.clear();
+        of_points.resize(points.len(), 0);
+        if *count == 1 {
+            return;
+        }
+        let (low, high) = points
+            .iter()
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), point| (low.min(*point), high.max(*point)));
+        let axis = (high - low).max_position();
+        let per_bin = BINS as f64 / (high - low)[axis];
+        let bin_of = |point: &DVec3| ((point[axis] - low[axis]) * per_bin).min(BINS as f64 - 1.0) as usize;
+        let mut sizes = [0_usize; BINS];
+        points.iter().for_each(|point| sizes[bin_of(point)] += 1);
+        let (mut before, mut slabs) = (0, [0; BINS]);
+        for (slab, size) in slabs.iter_mut().zip(sizes) {
+            *slab = ((before + size / 2) * *count / points.len()) as u8;
+            before += size;
+        }
+        of_points.iter_mut().zip(points).for_each(|(slab, point)| *slab = slabs[bin_of(point)]);
+    }
+
+    /// The number of slabs.
+    #[must_use]
+    pub const fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The slab that all of these points are in, or else the number of slabs. Points that were not there when space was
+    /// split do not count.
+    pub fn common(&self, points: impl Iterator<Item = u32>) -> usize {
+        let mut slabs = points.filter_map(|point| self.of_points.get(point as usize));
+        let Some(&first) = slabs.next() else { return self.count };
+        if slabs.all(|&other| other == first) { usize::from(first) } else { self.count }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slabs_are_of_equal_size_and_do_not_mix() {
+        // 64 by 64 points, the first coordinate in a random order.
+        let points: Vec<DVec3> = (0..4096_u32)
+            .map(|point| DVec3::new(0.01 * f64::from(point * 37 % 64), 0.0, 0.005 * f64::from(point / 64)) + 1.0e3)
+            .collect();
+        let mut slabs = Slabs::default();
+        slabs.split(&points);
+        assert_eq!(slabs.count(), 8);
+        let mut sizes = [0; 8];
+        for (point, place) in points.iter().zip(0..) {
+            let slab = slabs.common([place].into_iter());
+            sizes[slab] += 1;
+            assert_eq!(slab, ((point.x - 1.0e3) / 0.01).round() as usize / 8, "{point}");
+        }
+        assert_eq!(sizes, [512; 8]);
+        assert_eq!(slabs.common([0, 64].into_iter()), slabs.common([0].into_iter()));
+        assert_eq!(slabs.common([0, 32].into_iter()), 8);
+        assert_eq!(slabs.common([9999, 0].into_iter()), slabs.common([0].into_iter()));
+        assert_eq!(slabs.common([9999].into_iter()), 8);
+    }
+
+    #[test]
+    fn few_points_and_points_at_one_place_are_in_one_slab() {
+        for points in [vec![DVec3::X; 3], vec![DVec3::ONE; 5000], Vec::new()] {
+            let mut slabs = Slabs::default();
+            slabs.split(&points);
+            assert!((1..points.len() as u32).all(|point| slabs.common([0, point].into_iter()) < slabs.count()));
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! A solution does not depend on how many threads share it.
+
+use bevy_circumsphere::{CircumsphereSettings, prelude::*, response::*};
+use bevy_tasks::{ComputeTaskPool, TaskPoolBuilder};
+use circumsphere_support::scenes::{Diagonals, grid, icosphere};
+use glam::Vec3;
+
+use crate::harness::Scene;
+
+/// The threads of the pool. The calling thread works too.
+const POOL_THREADS: usize = 3;
+
+/// A pinned cloth of several slabs that falls on a ball, its own folds, and a soft ball, after some ticks, and the most
+/// contacts that pressed in one.
+fn fallen(threads: usize) -> (Vec<[u32; 3]>, usize) {
+    let mut scene = Scene::new();
+    scene.app.world_mut().resource_mut::<CircumsphereSettings>().threads = threads;
+    let thickness = SurfaceThickness::World(0.003);
+    scene.add_obstacle(&icosphere(3, 0.3), thickness);
+    let cloth =
+        grid(64, 48, 1.6, 1.2, Diagonals::Alternating).rotate([0.0, 1.0, 0.0], 0.3).translate([0.05, 0.31, 0.0]);
+    let pinned = |mut body: XpbdBody| {
+        body.inverse_masses[0] = 0.0;
+        body.inverse_masses[40] = 0.0;
+        body
+    };
+    let cloth = scene.add_changed(&cloth, XpbdMaterial::CLOTH, pinned, (thickness, SelfCollision));
+    let ball = icosphere(3, 0.1).translate([0.1, 0.45, 0.05]);
+    let ball = scene.add(&ball, XpbdMaterial::SOFT, thickness);
+    let mut pressing = 0;
+    for _ in 0..40 {
+        scene.run(1);
+        pressing = pressing.max(scene.diagnostics().pressing);
+    }
+    let at = [cloth, ball].map(|body| scene.positions(body).to_vec());
+    (at.concat().into_iter().map(|at: Vec3| at.to_array().map(f32::to_bits)).collect(), pressing)
+}
+
+#[test]
+fn a_solution_is_the_same_to_the_last_bit_for_any_number_of_threads() {
+    let pool = ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(POOL_THREADS).build());
+    assert!(pool.thread_num() > 1, "the task pool has one thread, so there is nothing to compare");
+    let (alone, pressing) = fallen(1);
+    assert!(pressing > 500, "only {pressing} contacts press");
+    for threads in [2, 3, 0] {
+        assert!(fallen(threads).0 == alone, "{threads} threads");
+    }
+}
