@@ -4,6 +4,7 @@
 //! is quarantined with a reason, and the others go on.
 
 mod active;
+mod checked;
 mod components;
 #[cfg(feature = "mesh")]
 mod mesh;
@@ -12,15 +13,16 @@ mod quarantine;
 mod query_only;
 mod rigid_shape;
 mod spheres;
+mod swept;
 mod tetrahedral_body;
 
 pub(crate) use active::SideOrder;
 pub use active::{ActiveShape, ActiveSurface, ActiveSurfaces, ContactSide};
-pub(crate) use components::{CheckedPositions, first_non_finite};
+pub(crate) use checked::{CheckedPositions, first_non_finite};
 pub use components::{
-    ContactEventsEnabled, ContactMethod, DeformableSurface, PreviousPositions, SelfCollision, Sidedness,
-    SurfaceBuilder, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape,
-    SurfaceStatus, SurfaceThickness, SweptCollision, SweptTarget, Teleported,
+    ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceBuilder, SurfaceDisabled,
+    SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape, SurfaceStatus, SurfaceThickness,
+    Teleported,
 };
 #[cfg(feature = "mesh")]
 pub use mesh::{
@@ -34,4 +36,5 @@ pub use query_only::QueryOnly;
 pub use rigid_shape::RigidShape;
 pub(crate) use spheres::SphereSource;
 pub use spheres::{Circumspheres, EnclosingBalls, TriangleCones, TriangleCurvature};
+pub use swept::{PreviousPositions, SweptCollision, SweptTarget};
 pub use tetrahedral_body::TetrahedralBody;

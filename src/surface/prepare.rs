@@ -15,10 +15,11 @@ use glam::{DAffine3, Vec3};
 
 use super::{
     active::{ActiveShape, ActiveSurface, ActiveSurfaces, SideOrder},
+    checked::{CheckedPositions, NextRegistration, Registration},
     components::{
-        CheckedPositions, ContactEventsEnabled, ContactMethod, DeformableSurface, NextRegistration, Registration,
-        SelfCollision, Sidedness, SurfaceDisabled, SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions,
-        SurfaceShape, SurfaceStatus, SurfaceThickness, Teleported,
+        ContactEventsEnabled, ContactMethod, DeformableSurface, SelfCollision, Sidedness, SurfaceDisabled,
+        SurfaceFrame, SurfaceLayers, SurfaceOrder, SurfacePositions, SurfaceShape, SurfaceStatus, SurfaceThickness,
+        Teleported,
     },
     quarantine::{QuarantineReason, SurfaceQuarantined},
     query_only::QueryOnly,

@@ -12,7 +12,7 @@ use bevy_reflect::prelude::*;
 use super::SurfaceMeshError;
 use crate::surface::{
     ContactEventsEnabled, ContactMethod, SelfCollision, Sidedness, SurfaceLayers, SurfaceShape, SurfaceStatus,
-    SurfaceThickness, SweptCollision, components::Registration,
+    SurfaceThickness, SweptCollision, checked::Registration,
 };
 
 /// Makes the entity a [`DeformableSurface`](crate::DeformableSurface) from its
